@@ -1,4 +1,4 @@
-"""Plain arrays: `.npy` files and headerless `raw` ones, mapped into memory so that a crop reads only its part."""
+"""Read plain arrays: `.npy` files and headerless `raw` ones, mapped into memory so that a crop reads only its part."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from renderer.readers.common import (
 from renderer.scene import ArraySource, RawSource
 from renderer.volume import Array
 
-# Of numpy's arrays of all versions; a volume has fewer.
+# The largest number of axes in any version of numpy; a volume has fewer.
 _MAX_AXES = 32
 
 
 def read_npy(path: Path, time: int | None, component: int | None) -> Image:
-    """A `.npy` array [z, y, x] (or [y, x]), spacing 1, origin 0.
+    """Read a `.npy` array [z, y, x] (or [y, x]), with spacing 1 and origin 0.
 
     A fourth axis is the first with `time: k` ([t, z, y, x]) and the last with `component: k` ([z, y, x, c]); five axes
-    are [t, z, y, x, c]. Pickled objects are never loaded. Raises InputError for foreign, truncated and other
-    than numeric files.
+        are [t, z, y, x, c]. Pickled objects are never loaded. Raises InputError for files that are foreign, truncated
+        or not numeric.
     """
     where = str(path)
     values = _map_npy(path)
@@ -63,7 +63,8 @@ def read_npy(path: Path, time: int | None, component: int | None) -> Image:
 
 
 def read_array(source: ArraySource) -> Image:
-    """Return the array of a scene that is made in Python, origin 0; a read-only view, so that it is never changed."""
+    """Return the array of a scene that is made in Python, with origin 0; a read-only view, so that it is never
+    changed."""
     values = source.values.view()
     values.flags.writeable = False
     return Image(values, np.diag([*source.spacing, 1.0]))
@@ -93,7 +94,7 @@ def _map_npy(path: Path) -> Array:
     except OSError as error:
         raise unreadable_error(path, error) from error
     except (ValueError, TypeError, SyntaxError, TokenError, EOFError, MemoryError, RecursionError) as error:
-        # Of numpy's header parser, and of Python's, whose words are of a program's text.
+        # Errors of numpy's header parser and of Python's own, whose texts concern program code.
         raise InputError(
             "cannot read the header",
             where=where,
@@ -124,7 +125,8 @@ def _map_npy(path: Path) -> Array:
 
 
 def read_raw(source: RawSource) -> Image:
-    """Headerless voxels, x fastest, origin 0; raises InputError when the file's size does not fit the declaration."""
+    """Read headerless voxels, x fastest, with origin 0; raises InputError if the file's size does not fit the
+    declaration."""
     path, where = require_exists(source.file), str(source.file)
     try:
         dtype = np.dtype(source.dtype).newbyteorder("<" if source.byte_order == "little" else ">")
@@ -155,7 +157,8 @@ def read_raw(source: RawSource) -> Image:
 
 
 def _fitting_declarations(source: RawSource, found_bytes: int, num_bytes: int, dtype: np.dtype[Any]) -> str | None:
-    """Declarations that would fit and differ in one thing: the length of an axis, the type's size or the offset."""
+    """Return declarations that would fit and differ in one thing: the length of an axis, the type's size or the
+    offset."""
     fits = []
     for axis in range(3):
         other = dtype.itemsize * math.prod(source.shape[:axis] + source.shape[axis + 1 :])

@@ -1,4 +1,4 @@
-"""What every reader needs: the product they share and the checks that hold for all formats."""
+"""The result type that all readers share, and the checks that hold for all formats."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from renderer.errors import InputError, closest_match
 from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH
 from renderer.volume import Array, Float64, MappedFile, iter_slabs
 
-# No volume above this is read, whatever its header says: a corrupt header must not take the machine's memory.
+# Larger volumes are refused, whatever their header says: a corrupt header must not exhaust the machine's memory.
 MAX_VOLUME_BYTES = 2**40
 
-# Voxels of so many bytes stay in their file where that has them as they are to be. Fewer are copied: they cost little,
-# and need no file that stays as it is.
+# From this size on, voxels stay in their file if it stores them ready for use. Smaller volumes are copied: that is
+# cheap, and the file may change.
 _MIN_MAPPED_BYTES = 64 << 20
 
-# Integers beyond 2^53 are rounded when they are drawn; so many steps at least remain of the range of a volume.
+# Integers beyond 2^53 are rounded when they are drawn; at least this many steps of a volume's range remain.
 _NUM_STEPS = 2**16
 
-# Compressed files are looked through in pieces of this many bytes.
+# Compressed files are checked in pieces of this many bytes.
 _PIECE = 2**20
 
 LPS_FROM_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
@@ -35,12 +35,12 @@ LPS_FROM_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 @dataclass(frozen=True)
 class Image:
-    """What a reader returns: voxels as they came and where they are.
+    """The result of a reader: voxels as stored, and their place in the world.
 
     values: [z, y, x] of one time step and one component, an integer or float dtype in any byte order and memory layout,
         possibly mapped from a file.
     world_from_index: float64 [4, 4], (x, y, z) voxel index to world.
-    note: what to say of how they were read.
+    note: a remark on how they were read.
     """
 
     values: Array
@@ -49,22 +49,23 @@ class Image:
 
 
 def describe_shape(shape_xyz: tuple[int, ...]) -> str:
-    """`256 x 256 x 128`; axes of one after the third are left out."""
+    """Return `256 x 256 x 128`, without axes of length one after the third."""
     num = max(3, *(k + 1 for k, n in enumerate(shape_xyz) if n != 1), 0)
     return " x ".join(str(n) for n in shape_xyz[:num])
 
 
 def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLike) -> Float64:
-    """float64 [4, 4]: `direction @ diag(spacing)` and the origin; the columns of `direction` are the index axes."""
+    """Return float64 [4, 4]: `direction @ diag(spacing)` and the origin; the columns of `direction` are the index
+    axes."""
     world_from_index = np.eye(4)
-    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused as such later
+    with np.errstate(over="ignore", invalid="ignore"):  # check_axes refuses what is not finite
         world_from_index[:3, :3] = np.asarray(direction, np.float64) * np.asarray(spacing, np.float64)
     world_from_index[:3, 3] = origin
     return world_from_index
 
 
 def has_volume(world_from_index: Float64) -> bool:
-    """Whether the affine is finite and its index axes span space, judged without regard to their lengths."""
+    """Return whether the affine is finite and its index axes span space, whatever their lengths."""
     if not np.isfinite(world_from_index).all():
         return False
     if not np.abs(world_from_index[:3, :3]).max(axis=0).all():
@@ -104,33 +105,35 @@ def _in_words(world_from_index: Float64) -> str:
 
 
 def spacing_of(world_from_index: Float64) -> tuple[float, float, float]:
-    """The lengths of the index axes, however long or short."""
+    """Return the lengths of the index axes, however long or short."""
     largest, unit = _directions(world_from_index)
     x, y, z = (largest * np.linalg.norm(unit, axis=0)).tolist()
     return x, y, z
 
 
 def with_spacing(world_from_index: Float64, spacing: tuple[float, float, float]) -> Float64:
-    """float64 [4, 4]: the affine, whose axes have a direction each, with these lengths of them; the origin stays."""
+    """Return the affine, float64 [4, 4], with these lengths of its axes; directions and origin stay."""
     _, axes = _directions(world_from_index)
     return affine(spacing, world_from_index[:3, 3], axes / np.linalg.norm(axes, axis=0))
 
 
 def _directions(world_from_index: Float64) -> tuple[Float64, Float64]:
-    """float64 [3], the largest component of each index axis, and [3, 3], the axes divided by it, whose squares neither
-    overflow nor vanish."""
+    """Return the largest component of each index axis, float64 [3], and the axes divided by it, [3, 3].
+
+    The squares of the divided axes neither overflow nor vanish.
+    """
     largest = np.abs(world_from_index[:3, :3]).max(axis=0)
     return largest, world_from_index[:3, :3] / largest
 
 
 def stays_mapped(num_bytes: int) -> bool:
-    """Whether so many bytes of voxels are left in their file."""
+    """Return whether this many bytes of voxels are left in their file."""
     return num_bytes >= _MIN_MAPPED_BYTES
 
 
 def check_integer_resolution(values: Array, source: MappedFile | None, where: str) -> None:
-    """Raise InputError for 64-bit integers that lie so close together that float64, in which they are classified, would
-    round their differences away."""
+    """Raise InputError for 64-bit integers whose differences float64, in which they are classified, would round
+    away."""
     if values.dtype.kind not in "iu" or values.dtype.itemsize < 8:
         return
     ends = [(int(slab.min()), int(slab.max())) for slab in iter_slabs(values, source)]
@@ -168,7 +171,7 @@ def check_dtype(dtype: np.dtype[np.void] | npt.DTypeLike, where: str) -> None:
 
 
 def check_size(shape_xyz: tuple[int, ...], dtype: npt.DTypeLike, where: str) -> int:
-    """The bytes that the voxels take; raises InputError when there are none or more than MAX_VOLUME_BYTES."""
+    """Return the number of bytes of the voxels; raises InputError for none and for more than MAX_VOLUME_BYTES."""
     num_bytes = np.dtype(dtype).itemsize
     for n in shape_xyz:
         num_bytes *= int(n)
@@ -187,12 +190,12 @@ def check_size(shape_xyz: tuple[int, ...], dtype: npt.DTypeLike, where: str) -> 
 
 @dataclass(frozen=True)
 class StoredVoxels:
-    """Where a file keeps its voxels: from byte `offset` on, as they are or compressed by deflate (gzip or zlib).
+    """Where a file stores its voxels: from byte `offset` on, plain or compressed by deflate (gzip or zlib).
 
-    byte_order: "<" or ">" of voxels that lie there one behind the other, and as they are, or "|" where that is not
-        said; None where it is for their reader to find them.
-    is_text: whether they are written as text, a digit or more and what separates them.
-    num_compressed: the bytes that are compressed, where the header says; its reader looks at no more of them.
+    byte_order: "<" or ">" of plain voxels stored without gaps, "|" if the header does not give it; None if only the
+        format's library can find them.
+    is_text: whether they are numbers in text, at least a digit and a separator each.
+    num_compressed: the number of compressed bytes, if the header gives it; the format's library reads no more.
     """
 
     file: Path
@@ -204,7 +207,7 @@ class StoredVoxels:
 
 
 def check_text(stored: StoredVoxels, num_values: int, shape_xyz: tuple[int, ...]) -> None:
-    """Raise InputError unless the file has room for so many values as text, before memory is taken for them."""
+    """Raise InputError unless the file has room for this many values as text; called before memory is allocated."""
     found_bytes, needed = stored.file.stat().st_size - stored.offset, 2 * num_values - 1
     if found_bytes < needed:
         raise InputError(
@@ -217,10 +220,10 @@ def check_text(stored: StoredVoxels, num_values: int, shape_xyz: tuple[int, ...]
 
 
 def check_stored(stored: StoredVoxels, num_bytes: int, shape_xyz: tuple[int, ...]) -> None:
-    """Raise InputError unless `num_bytes` of voxels are there and sound, before memory is taken for them.
+    """Raise InputError unless the file has `num_bytes` of intact voxels; called before memory is allocated.
 
-    A compressed stream is decompressed once for this and its checksum compared: SimpleITK and nibabel hand out the
-    voxels of a damaged stream without a word.
+    A compressed stream is decompressed once to compare its checksum: SimpleITK and nibabel silently return the voxels
+        of a damaged stream.
     """
     found_bytes = stored.file.stat().st_size - stored.offset
     if stored.num_compressed is not None and found_bytes < stored.num_compressed:
@@ -252,8 +255,10 @@ def check_stored(stored: StoredVoxels, num_bytes: int, shape_xyz: tuple[int, ...
 
 
 def check_no_excess_voxels(stored: StoredVoxels, num_bytes: int, shape_xyz: tuple[int, ...]) -> None:
-    """Raise InputError where behind `num_bytes` of voxels, which are neither compressed nor text, the file has more of
-    them: as many as make one axis longer. Less than that may be a line break, or fill up a block."""
+    """Raise InputError if plain voxels continue after `num_bytes`, by at least as many as make one axis longer.
+
+    Fewer bytes may be a line break or the rest of a block.
+    """
     found_bytes = stored.file.stat().st_size - stored.offset
     if found_bytes - num_bytes < min(num_bytes // n for n in shape_xyz[:3]):
         return
@@ -272,9 +277,9 @@ def check_no_excess_voxels(stored: StoredVoxels, num_bytes: int, shape_xyz: tupl
 
 
 def _inflated_size(stored: StoredVoxels, enough: int) -> int:
-    """The bytes in the gzip members or the zlib stream at `offset`, as many members as are needed for `enough`.
+    """Return the number of bytes in the zlib stream or the gzip members at `offset`; stop when `enough` are found.
 
-    Raises zlib.error for damage and a wrong checksum, EOFError when the stream breaks off.
+    Raises zlib.error for damage and a wrong checksum, EOFError if the stream breaks off.
     """
     total = 0
     with stored.file.open("rb") as file:
@@ -296,7 +301,7 @@ def _inflated_size(stored: StoredVoxels, enough: int) -> int:
 
 
 def _pieces(file: BinaryIO, num_bytes: int | None) -> Iterator[bytes]:
-    """What follows in a file, `num_bytes` of it at most."""
+    """Yield the rest of a file in pieces, `num_bytes` of it at most."""
     left = math.inf if num_bytes is None else num_bytes
     while data := file.read(int(min(_PIECE, left))):
         left -= len(data)
@@ -304,9 +309,9 @@ def _pieces(file: BinaryIO, num_bytes: int | None) -> Iterator[bytes]:
 
 
 def select_index(key: str, wanted: int | None, count: int, where: str) -> int:
-    """Which of `count` time steps or components to read; `key` is the scene's word for it.
+    """Return which of `count` time steps or components to read; `key` is the scene's key for it.
 
-    Raises InputError when there are several and none was asked for, or the one asked for is not there.
+    Raises InputError if one of several has to be chosen, or the chosen one does not exist.
     """
     plural = {"time": "time steps", "component": "components"}[key]
     if wanted is None and count > 1:
@@ -327,7 +332,7 @@ def select_index(key: str, wanted: int | None, count: int, where: str) -> int:
 
 
 def require_exists(path: Path) -> Path:
-    """The path itself; raises InputError when nothing is there or it may not be read."""
+    """Return the path; raises InputError if it does not exist or may not be read."""
     if path.exists():
         if not os.access(path, os.R_OK):
             raise InputError("no permission to read this", where=str(path))
@@ -344,6 +349,6 @@ def require_exists(path: Path) -> Path:
 
 
 def unreadable_error(path: Path, error: Exception) -> InputError:
-    """An operating system's or a library's complaint as an InputError, in one line."""
+    """Return the error of an operating system or a library as an InputError, on one line."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return InputError("cannot read this file", where=str(path), got=" ".join(text.split()) or type(error).__name__)

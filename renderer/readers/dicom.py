@@ -1,8 +1,7 @@
-"""A folder with one DICOM series, a slice per file, placed by the positions that the slices state.
+"""Read a folder with one DICOM series, a slice per file, placed by the positions in the slices.
 
-The series is found by SimpleITK's GDCM, each slice read on its own, so that a message can name its file. The third axis
-of the volume is the step from slice to slice, not the normal of the slices: a tilted gantry gives a sheared volume,
-drawn where it is.
+SimpleITK's GDCM finds the series; each slice is read by itself, so that a message can name its file. The third axis of
+the volume is the step from slice to slice, not the normal of the slices: a tilted gantry gives a sheared volume.
 """
 
 from __future__ import annotations
@@ -31,8 +30,8 @@ from renderer.readers.itk import (
 )
 from renderer.volume import Array, Float64
 
-# Slices may lie this part of the spacing away from even steps. Positions are written with few digits and gantries are
-# not perfect; a missing slice is off by a whole step.
+# Slices may be off by this part of the spacing: positions have few digits, and gantries are not perfect. A missing
+# slice is off by a whole step.
 _UNEVEN = 0.05
 
 _DESCRIPTION = "0008|103e"
@@ -52,11 +51,11 @@ class _Slice:
 
 
 def read_dicom(folder: Path, time: int | None, component: int | None, *, has_spacing_override: bool = False) -> Image:
-    """The one series in `folder`, slices in ascending order along their normal.
+    """Read the only series in `folder`, slices in ascending order along their normal.
 
-    has_spacing_override: others take the place of what the files say of lengths, which so may be anything. Values are
-    those after the rescale slope and intercept of each slice. Raises InputError when there is no series or several,
-    when slices differ in size or orientation, and when they are missing, doubled or unevenly spaced.
+    has_spacing_override: the scene gives the spacing, so that lengths in the files are not checked. Values are those
+        after each slice's rescale slope and intercept. Raises InputError for no series or several, and for slices that
+        differ in size or orientation, are missing, double or unevenly spaced.
     """
     with quiet_simpleitk() as sitk:
         files = _series_files(sitk, folder)
@@ -115,10 +114,10 @@ def _series_files(sitk: Any, folder: Path) -> list[Path]:
 
 
 def _check_none_left_out(folder: Path, names: set[str]) -> None:
-    """Raise InputError for a file that the search for series passed over and that should be a slice: it is damaged.
+    """Raise InputError for a damaged slice that the search for series passed over.
 
-    At either end of the stack nothing else would tell. Reports and plans are DICOM files too, without pixels; what is
-    no DICOM file, but is named as the slices are, was one.
+    At either end of the stack nothing else would show it. Reports and plans are DICOM files without pixels. A file that
+    is not DICOM but is named like the slices was one.
     """
     shapes = {_shape(name) for name in names}
     for path in sorted(folder.iterdir()):
@@ -137,7 +136,7 @@ def _check_none_left_out(folder: Path, names: set[str]) -> None:
 
 
 def _shape(name: str) -> str:
-    """A name with each number in it by one sign."""
+    """Return a name with each number replaced by one sign."""
     return re.sub("[0-9]+", "#", name)
 
 
@@ -154,7 +153,7 @@ def _require_header(sitk: Any, path: Path) -> None:
 
 
 def _name_series(sitk: Any, uid: str, files: tuple[str, ...]) -> str:
-    """`"T1 sagittal", 40 files from N2D_0171.dcm`."""
+    """Return `"T1 sagittal", 40 files from N2D_0171.dcm`."""
     first = path_from_itk_name(files[0])
     reader = open_itk(sitk, first)
     description = reader.GetMetaData(_DESCRIPTION).strip() if reader.HasMetaDataKey(_DESCRIPTION) else ""
@@ -223,7 +222,7 @@ def _numbers(values: Float64) -> str:
 
 
 def _even_step(slices: list[_Slice], folder: Path) -> Float64:
-    """float64 [3]: from slice to slice; raises InputError when that is not the same everywhere."""
+    """Return the step from slice to slice, float64 [3]; raises InputError if it is not the same everywhere."""
     positions = np.array([part.position for part in slices])
     gaps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     usual = float(np.median(gaps))

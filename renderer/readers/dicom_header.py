@@ -1,4 +1,4 @@
-"""What a DICOM header says of lengths and grey levels, where SimpleITK's GDCM would go on without a word."""
+"""Check lengths and grey levels in DICOM headers that SimpleITK's GDCM would silently misread."""
 
 from __future__ import annotations
 
@@ -13,32 +13,32 @@ from typing import Any
 from renderer.errors import InputError
 from renderer.scene import printable_text
 
-# Where a file says how far apart pixels are, down and across: PixelSpacing and, for some kinds of images,
-# ImagerPixelSpacing, NominalScannedPixelSpacing and ImagePlanePixelSpacing.
+# Fields with the distances of pixels, down and across: PixelSpacing and, for some kinds of images, ImagerPixelSpacing,
+# NominalScannedPixelSpacing and ImagePlanePixelSpacing.
 _PIXEL_SPACING = "0028|0030"
 _IN_PLANE = (_PIXEL_SPACING, "0018|1164", "0018|2010", "3002|0011")
-# And how far apart frames are: SpacingBetweenSlices, GridFrameOffsetVector.
+# Fields with the distance of frames: SpacingBetweenSlices, GridFrameOffsetVector.
 _BETWEEN_SLICES, _FRAME_OFFSETS = "0018|0088", "3004|000c"
-# Files of many frames say both in the Pixel Measures Sequence (0028,9110), which SimpleITK does not show.
+# Multi-frame files have both in the Pixel Measures Sequence (0028,9110), which SimpleITK does not show.
 _PIXEL_MEASURES = b"\x28\x00\x10\x91"
 
 _PHOTOMETRIC, _LIGHT_IS_LOW = "0028|0004", "MONOCHROME1"
-# (0028,0004) in the three ways in which values are written: explicit and implicit, and in big-endian order.
+# (0028,0004) in three encodings: explicit, implicit and big-endian.
 _MONOCHROME_1 = re.compile(
     rb"(\x28\x00\x04\x00(?:CS\x0c\x00|\x0c\x00\x00\x00)|\x00\x28\x00\x04CS\x00\x0c)" + _LIGHT_IS_LOW.encode()
 )
 
 
 def is_dicom(reader: Any) -> bool:
-    """Whether a SimpleITK reader reads DICOM: other formats may have copies of its fields."""
+    """Return whether a SimpleITK reader reads DICOM: other formats may have copies of its fields."""
     return bool(reader.GetImageIO() == "GDCMImageIO")
 
 
 def dicom_spacing(reader: Any, path: Path, *, has_spacing_override: bool) -> tuple[float, ...]:
-    """The spacing that SimpleITK has found in a DICOM file, along each of its axes.
+    """Return the spacing that SimpleITK found in a DICOM file, along each of its axes.
 
-    has_spacing_override: others take their place; they are 1 where the file does not say them. Raises InputError, else,
-    where it does not: GDCM would take 1.
+    has_spacing_override: the scene gives the spacing; lengths that the file does not give are 1. Otherwise raises
+        InputError for such lengths, which GDCM would take for 1.
     """
     spacing: tuple[float, ...] = reader.GetSpacing()
     found = _missing_spacing(reader, path, spacing)
@@ -56,7 +56,7 @@ def dicom_spacing(reader: Any, path: Path, *, has_spacing_override: bool) -> tup
 
 
 def _missing_spacing(reader: Any, path: Path, spacing: tuple[float, ...]) -> str | None:
-    """What there is in place of lengths that the file would have to say; None where it says them."""
+    """Return what the file has in place of the lengths that it must give; None if it gives them."""
     in_plane = [_lengths(reader, key)[::-1] for key in _IN_PLANE]
     is_said = any(len(pair) == 2 and all(map(_is_close, pair, spacing)) for pair in in_plane)
     is_stack = len(spacing) > 2 and reader.GetSize()[2] > 1
@@ -75,7 +75,7 @@ def _missing_spacing(reader: Any, path: Path, spacing: tuple[float, ...]) -> str
 
 
 def _lengths(reader: Any, key: str) -> list[float]:
-    """The numbers of a field, if each is a length; else none."""
+    """Return the numbers of a field, or an empty list unless each is a length."""
     try:
         numbers = [float(word) for word in reader.GetMetaData(key).split("\\")] if reader.HasMetaDataKey(key) else []
     except ValueError:
@@ -89,11 +89,10 @@ def _is_close(said: float, found: float) -> bool:
 
 @contextmanager
 def without_photometric_inversion(reader: Any, path: Path) -> Iterator[None]:
-    """Within the block the reader of a DICOM file of MONOCHROME1, where low values are light, reads them as they are.
+    """Read the stored values of a DICOM file of MONOCHROME1, where low values are light, within the block.
 
-    SimpleITK would subtract them from the largest, and Hounsfield units would no longer be what slope and intercept
-    make of the stored ones. It reads a copy, which says MONOCHROME2. Raises InputError where the file does not have
-    the word where it is looked for.
+    SimpleITK would subtract them from the largest value, and Hounsfield units would be wrong. It reads a copy of the
+    file marked as MONOCHROME2 instead. Raises InputError if the mark is not found in the file.
     """
     is_named = is_dicom(reader) and reader.HasMetaDataKey(_PHOTOMETRIC)
     if not (is_named and reader.GetMetaData(_PHOTOMETRIC).strip() == _LIGHT_IS_LOW):

@@ -1,7 +1,7 @@
-"""Where the voxels of a NRRD, MetaImage, VTK or DICOM file are: the few header fields that say so.
+"""Find the voxels of NRRD, MetaImage, VTK and DICOM files from a few header fields.
 
-SimpleITK reads these formats; it reports a missing data file as an unreadable header, takes the memory that a header
-asks for before it looks at the file, and fills up truncated slices. These functions find the data first.
+SimpleITK reads these formats, but it reports a missing data file as an unreadable header, allocates the memory that a
+header asks for before it opens the data, and pads truncated slices. So these functions find and check the data first.
 
 NRRD: http://teem.sourceforge.net/nrrd/format.html. MetaImage: https://itk.org/Wiki/ITK/MetaIO/Documentation.
 """
@@ -22,33 +22,33 @@ from renderer.errors import InputError
 from renderer.readers.common import StoredVoxels, require_exists
 from renderer.scene import format_value, printable_text
 
-# No header comes near this, even if it lists a file for each slice; a file without the end-of-header mark is not read
-# whole in search of it.
+# No header comes near this size, even with a file for each slice; it bounds the search for the end of a header.
 _MAX_HEADER_BYTES = 2**22
 
-# The line of NRRD, or MetaImage, behind which data files are listed, each on a line.
+# The line before a list of data files, in NRRD and MetaImage.
 _LIST = re.compile(
     rb"^(data ?file:|ElementDataFile[ \t]*=)[ \t]*LIST([ \t]+[0-9]{1,2})?[ \t]*\r?\n", re.IGNORECASE | re.MULTILINE
 )
 _LIST_BEGINS = re.compile(r"data ?file:\s*LIST", re.IGNORECASE)
-# Data files with numbers: `slice%03d.raw 1 60 1`, from the first to the last in steps. The libraries hand it to printf
-# as it stands, so that no more than this is let through.
+# Numbered data files: `slice%03d.raw 1 60 1`, first, last and step. The libraries pass the pattern to printf, so
+# nothing else is accepted.
 _NUMBERED = re.compile(r"([^%\s]*%0?[0-9]{0,2}d[^%\s]*)\s+([0-9]{1,9})\s+([0-9]{1,9})\s+([1-9][0-9]{0,8})")
 
 _META_LENGTHS = re.compile(rb"^[ \t]*(ElementSpacing|ElementSize)[ \t]*=", re.MULTILINE)
-# Of NRRD's axes; unknown ones, in the order of the axes, are taken for such.
+# Kinds of spatial axes in NRRD; unknown kinds count as spatial, in the order of the axes.
 _KINDS_OF_SPACE = ("domain", "space", "???", "none")
 
 _DECIMAL = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
-_MOST_DIMENSIONS = 10  # of MetaImage, and of what SimpleITK reads of NRRD
+_MAX_DIMENSIONS = 10  # in MetaImage, and in SimpleITK's NRRD
 # Bytes in a line of a NRRD header, and in the path of the file. Teem, the reader in SimpleITK, copies both into error
-# messages of a fixed size: with SimpleITK 2.5.7 lines from 994 bytes on and paths from 1036 bytes on ended the process.
-_LONGEST_NRRD = 900
+# messages of a fixed size: with SimpleITK 2.5.7, lines from 994 bytes on and paths from 1036 bytes on ended the
+# process.
+_MAX_NRRD_BYTES = 900
 _NRRD_DIMENSION = re.compile(r"dimension: (.*)", re.IGNORECASE)
-_FLATTEST = 1e-6  # the volume of what axes of length 1 span
+_MIN_UNIT_VOLUME = 1e-6  # the volume of what axes of length 1 span
 
-# DICOM in little-endian order (PS3.5): the tag (7fe0,0010) of the pixels; type and undefined length of pixels that are
-# compressed in fragments; the item that ends the fragments.
+# DICOM in little-endian order (PS3.5): the tag (7fe0,0010) of the pixels; the type and undefined length of compressed
+# pixels; the item that ends their fragments.
 PIXEL_DATA = b"\xe0\x7f\x10\x00"
 _ENCAPSULATED = b"OB\x00\x00\xff\xff\xff\xff"
 _SEQUENCE_END = b"\xfe\xff\xdd\xe0"
@@ -58,25 +58,25 @@ Stored = StoredVoxels | list[StoredVoxels]  # of all, or of each slice where eac
 
 
 def check_nrrd_header(path: Path) -> None:
-    """Raise InputError for a NRRD file, whatever its suffix, whose header or path may end the process that reads it.
+    """Raise InputError for a NRRD file, of any suffix, whose header or path may crash SimpleITK.
 
-    These are long lines, also of comments and of lists of data files, long paths, and more dimensions than 10. Other
+    That are long lines, also of comments and of lists of data files, long paths, and more than 10 dimensions. Other
     formats are left to their readers.
     """
     with path.open(encoding="latin-1") as file:  # a character for each byte; lines end as teem has it, also at \r
         if file.read(4) != "NRRD":
             return
         num_bytes = len(os.fsencode(path))
-        if num_bytes > _LONGEST_NRRD:
+        if num_bytes > _MAX_NRRD_BYTES:
             raise InputError(
                 "the path of this NRRD file is too long",
                 where=str(path),
                 got=f"{num_bytes} bytes",
-                expected=f"at most {_LONGEST_NRRD} bytes",
+                expected=f"at most {_MAX_NRRD_BYTES} bytes",
                 hint="move the file, or name it from a folder near it",
             )
         is_list = False
-        for number, line in enumerate(iter(partial(file.readline, _LONGEST_NRRD + 1), ""), 1):
+        for number, line in enumerate(iter(partial(file.readline, _MAX_NRRD_BYTES + 1), ""), 1):
             if line == "\n" and not is_list:  # names are listed up to the end of the file
                 return
             _check_nrrd_line(line.removesuffix("\n"), f"{path}:{number}")
@@ -84,30 +84,31 @@ def check_nrrd_header(path: Path) -> None:
 
 
 def _check_nrrd_line(line: str, where: str) -> None:
-    if len(line) > _LONGEST_NRRD:
+    if len(line) > _MAX_NRRD_BYTES:
         raise InputError(
             "a line of this NRRD header is too long",
             where=where,
             got=format_value(line),
-            expected=f"at most {_LONGEST_NRRD} bytes",
+            expected=f"at most {_MAX_NRRD_BYTES} bytes",
             hint="shorten or remove that line",
         )
     match = _NRRD_DIMENSION.match(line)
     dimension = match[1].strip() if match is not None else "1"
-    if not (dimension.isdecimal() and 1 <= int(dimension) <= _MOST_DIMENSIONS):
+    if not (dimension.isdecimal() and 1 <= int(dimension) <= _MAX_DIMENSIONS):
         raise InputError(
             "this NRRD header has a dimension that cannot be read",
             where=where,
             got=printable_text(dimension),
-            expected=f"a whole number from 1 to {_MOST_DIMENSIONS}",
+            expected=f"a whole number from 1 to {_MAX_DIMENSIONS}",
             hint="correct that line, or save the file again",
         )
 
 
 def nrrd_voxels(path: Path) -> Stored | None:
-    """The data of a NRRD file; None when they are compressed behind lines of text, which their reader checks.
+    """Return where the voxels of a NRRD file are; None if they are compressed after skipped lines, which SimpleITK
+    checks.
 
-    Raises InputError for a data file that is not there, for bzip2, and as `check_nrrd_header`.
+    Raises InputError for a missing data file, for bzip2, and as `check_nrrd_header`.
     """
     check_nrrd_header(path)
     header, offset = _split(_head(path))
@@ -138,9 +139,9 @@ def nrrd_voxels(path: Path) -> Stored | None:
 
 
 def missing_spacing_note(path: Path) -> str | None:
-    """What to say of a NRRD or MetaImage file that does not say how large its voxels are, which are taken for 1.
+    """Return a note for a NRRD or MetaImage file without voxel sizes, which are then 1; else None.
 
-    Raises InputError for NRRD's NaN where an axis of space has its length: its reader takes 1 for this.
+    Raises InputError if NRRD has NaN as the length of a spatial axis: SimpleITK takes it for 1.
     """
     if path.suffix.lower() in (".nrrd", ".nhdr"):
         fields = _fields(_without_list(_split(_head(path))[0])[0], ":")
@@ -163,15 +164,14 @@ def missing_spacing_note(path: Path) -> str | None:
 
 
 def metaimage_voxels(path: Path) -> Stored:
-    """The data of a MetaImage file.
+    """Return where the voxels of a MetaImage file are.
 
-    Raises InputError for a damaged header, for one that its reader would take for another, and for a data file that is
-    not there.
+    Raises InputError for a damaged header, for one that SimpleITK would misread, and for a missing data file.
     """
     head = _head(path)
     start = head.find(b"\n", head.find(b"ElementDataFile")) + 1
     _, listed = _without_list(head)
-    listed = list(map(str.rstrip, listed))  # as their reader has them
+    listed = list(map(str.rstrip, listed))  # as SimpleITK reads them
     fields = _fields(head[:start] if start else head, "=")
     missing = [key for key in ("NDims", "DimSize", "ElementType", "ElementDataFile") if key.lower() not in fields]
     if missing:
@@ -189,11 +189,11 @@ def metaimage_voxels(path: Path) -> Stored:
     is_text = fields.get("binarydata", "True").lower() not in ("true", "1")
     skipped = int(float(fields.get("headersize", "0").split()[0]))
     order = None if compressed or is_text else {"false": "<", "true": ">", "0": "<", "1": ">"}.get(is_big, "|")
-    if skipped:  # voxels that are a part of a file
+    if skipped:  # the voxels are a part of the file
         order = None
     num_compressed = int(float(fields.get("compresseddatasize", "0").split()[0])) if compressed else 0
     is_local = name.upper() == "LOCAL"
-    _check_place(path, start if is_local else None, skipped, compressed and not num_compressed, compressed)
+    _check_voxel_offset(path, start if is_local else None, skipped, compressed and not num_compressed, compressed)
     make = partial(StoredVoxels, compressed=compressed, byte_order=order, is_text=is_text)
     make = partial(make, num_compressed=num_compressed or None)
     if is_local:
@@ -202,11 +202,11 @@ def metaimage_voxels(path: Path) -> Stored:
     return _detached(path, _plain_list(name, fields["ndims"]), listed, each, is_pattern="%" in name)
 
 
-def _check_place(path: Path, start: int | None, skipped: int, is_open: bool, compressed: bool) -> None:
-    """Raise InputError where the reader of MetaImage would look for voxels elsewhere than they are.
+def _check_voxel_offset(path: Path, start: int | None, skipped: int, is_open: bool, compressed: bool) -> None:
+    """Raise InputError if SimpleITK would read the voxels of a MetaImage file from the wrong place.
 
-    start: where they begin in the file of the header itself; None where they are in another. skipped: HeaderSize.
-    is_open: whether nothing says how long the compressed voxels are; they are then taken for a whole file.
+    start: where they begin in the header's own file; None if they are in another file. skipped: HeaderSize. is_open:
+        compressed voxels without a length, which are taken for a whole file.
     """
     if start is not None and skipped not in (0, start, -1):
         raise InputError(
@@ -235,7 +235,7 @@ def _check_place(path: Path, start: int | None, skipped: int, is_open: bool, com
 
 
 def _check_scale(fields: dict[str, str], path: Path) -> None:
-    """Raise InputError where a MetaImage header asks for other values than the file has: its reader leaves them."""
+    """Raise InputError if a MetaImage header asks for scaled values, which SimpleITK ignores."""
     for key, neutral in (("ElementToIntensityFunctionSlope", 1), ("ElementToIntensityFunctionOffset", 0)):
         text = fields.get(key.lower(), str(neutral))
         if not _DECIMAL.fullmatch(text) or float(text) != neutral:
@@ -249,9 +249,9 @@ def _check_scale(fields: dict[str, str], path: Path) -> None:
 
 
 def _check_numbers(header: bytes, path: Path) -> None:
-    """Raise InputError unless a MetaImage header has the numbers that its reader needs, as many as it takes.
+    """Raise InputError unless a MetaImage header has all numbers that SimpleITK needs.
 
-    The reader takes what is missing from the lines below, reads what is no number as 0, and reports on the terminal.
+    SimpleITK takes missing numbers from the lines below, reads other words as 0, and writes to the terminal.
     """
     values = _words(header)
 
@@ -273,7 +273,7 @@ def _check_numbers(header: bytes, path: Path) -> None:
     def is_finite(found: list[float]) -> bool:
         return all(map(math.isfinite, found))
 
-    require("NDims", 1, "2, 3 or 4", lambda found: found[0] in range(1, _MOST_DIMENSIONS + 1))
+    require("NDims", 1, "2, 3 or 4", lambda found: found[0] in range(1, _MAX_DIMENSIONS + 1))
     n = int(float(values["ndims"][0]))
     require("HeaderSize", 1, "a whole number, or -1", lambda found: found[0] >= -1 and found[0].is_integer())
     require("CompressedDataSize", 1, "a whole number", lambda found: found[0] >= 0 and found[0].is_integer())
@@ -287,7 +287,7 @@ def _check_numbers(header: bytes, path: Path) -> None:
 
 
 def _words(header: bytes) -> dict[str, list[str]]:
-    """The words behind each key of MetaImage's, in lower case; they may go on in the lines below."""
+    """Return the words of each MetaImage key, in lower case; they may continue on the lines below."""
     fields: dict[str, list[str]] = {}
     words = fields.setdefault("", [])
     for line in _text(header).splitlines():
@@ -299,17 +299,17 @@ def _words(header: bytes) -> dict[str, list[str]]:
 
 
 def _are_independent(numbers: list[float]) -> bool:
-    """Whether the rows of a square matrix are finite and span space, whatever their lengths."""
+    """Return whether the rows of a square matrix are finite and span space, whatever their lengths."""
     rows = np.reshape(numbers, (math.isqrt(len(numbers)), -1))
     largest = np.abs(rows).max(axis=1, keepdims=True)
     if not (np.isfinite(largest).all() and largest.all()):
         return False
     rows = rows / largest  # so that their squares neither overflow nor vanish
-    return abs(float(np.linalg.det(rows / np.linalg.norm(rows, axis=1, keepdims=True)))) > _FLATTEST
+    return abs(float(np.linalg.det(rows / np.linalg.norm(rows, axis=1, keepdims=True)))) > _MIN_UNIT_VOLUME
 
 
 def vtk_voxels(path: Path) -> StoredVoxels:
-    """The data of VTK's legacy file; they come after the line with a lookup table, where there is one."""
+    """Return where the voxels of a legacy VTK file are: after the line with a lookup table, if any."""
     head = _head(path)
     start = head.find(b"\n", head.find(b"LOOKUP_TABLE")) + 1 if b"LOOKUP_TABLE" in head else 0
     kind = [*head.split(b"\n", 3), b"", b"", b""][2]
@@ -317,16 +317,16 @@ def vtk_voxels(path: Path) -> StoredVoxels:
 
 
 def has_dicom_magic(path: Path) -> bool:
-    """Whether a file begins as one of DICOM does, by a preamble of 128 bytes and a mark."""
+    """Return whether a file begins like DICOM, with a preamble of 128 bytes and a mark."""
     with path.open("rb") as file:
         return file.read(132)[128:] == b"DICM"
 
 
 def check_dicom_pixels(path: Path, num_bytes: int) -> None:
-    """Raise InputError when a DICOM file ends before its pixels do: most versions of GDCM fill up with zeros.
+    """Raise InputError if a DICOM file ends before its pixels do: most versions of GDCM pad them with zeros.
 
-    num_bytes: of the decoded pixels. Files whose pixel element cannot be found, those in big-endian order or deflated
-    as a whole, are left to their reader.
+    num_bytes: of the decoded pixels. Files without a visible pixel element, big-endian or deflated as a whole, are left
+        to SimpleITK.
     """
     data = path.read_bytes()
     begin = data.find(PIXEL_DATA)
@@ -344,19 +344,19 @@ def _head(path: Path) -> bytes:
 
 
 def _text(header: bytes) -> str:
-    """As names of files are decoded: whatever bytes they have."""
+    """Return a header as text, decoded as file names are, whatever its bytes."""
     return os.fsdecode(header)
 
 
 def _split(head: bytes) -> tuple[bytes, int]:
-    """The header, which ends at the first empty line, and where the data begin."""
+    """Return the header, which ends at the first empty line, and where the data begin."""
     ends = [(at, at + len(mark)) for mark in (b"\n\n", b"\r\n\r\n") if (at := head.find(mark)) >= 0]
     end, begin = min(ends, default=(len(head), len(head)))
     return head[:end], begin
 
 
 def _fields(header: bytes, mark: str) -> dict[str, str]:
-    """`key: value` or `key = value` lines, keys in lower case."""
+    """Return `key: value` or `key = value` lines, keys in lower case."""
     fields = {}
     for line in _text(header).splitlines():
         key, found, value = line.partition(mark)
@@ -366,7 +366,7 @@ def _fields(header: bytes, mark: str) -> dict[str, str]:
 
 
 def _without_list(header: bytes) -> tuple[bytes, list[str]]:
-    """What comes before a list of data files, and their names, up to an empty line or the end."""
+    """Return the header up to a list of data files, and their names, up to an empty line or the end."""
     match = _LIST.search(header)
     if match is None:
         return header, []
@@ -375,7 +375,7 @@ def _without_list(header: bytes) -> tuple[bytes, list[str]]:
 
 
 def _plain_list(name: str, num_axes: str) -> str:
-    """`LIST` for a list that says of what its files are, if that is slices; other names as they are."""
+    """Return `LIST` for a list that states that its files are slices; other names unchanged."""
     found = re.fullmatch(r"LIST\s+([0-9]{1,2})", name)
     return "LIST" if found and num_axes.strip() == str(int(found[1]) + 1) else name
 
@@ -383,10 +383,10 @@ def _plain_list(name: str, num_axes: str) -> str:
 def _detached(
     header: Path, name: str, listed: list[str], each: Callable[[Path], StoredVoxels], *, is_pattern: bool
 ) -> Stored:
-    """What a header's `name` of data files stands for; `listed` are the names below it, `each` one of such files.
+    """Return the data files that `name` stands for: one file, the `listed` names below it, or a numbered pattern.
 
-    is_pattern: whether its reader takes the name for one with numbers. Raises InputError for a file that is not there,
-    and for names that its reader could not be trusted with.
+    each: makes the StoredVoxels of one file. is_pattern: whether SimpleITK takes the name for a pattern. Raises
+        InputError for missing files, and for names that are unsafe to pass on.
     """
     numbered = _NUMBERED.fullmatch(name)
     if name == "LIST" and listed:

@@ -1,8 +1,8 @@
-"""NRRD, MetaImage and whatever else SimpleITK recognises, with spacing, origin and direction in LPS.
+"""Read NRRD, MetaImage and whatever else SimpleITK recognises, with spacing, origin and direction in LPS.
 
-SimpleITK brings every format to LPS, including NRRD's other spaces. The voxels stay in its buffer: the array that comes
-back is a view of it and keeps it alive. Of large volumes that are not compressed it reads the header only; the voxels
-are mapped from the file.
+SimpleITK converts every format to LPS, including NRRD's other spaces. The voxels stay in its buffer: the returned array
+is a view that keeps it alive. Of large uncompressed volumes SimpleITK reads only the header; the voxels are mapped from
+the file.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ from renderer.readers.sniff import UnknownFormatError
 from renderer.scene import format_value
 from renderer.volume import Array
 
-# What no sentence has, but conditions of a program that were not met, and its own exceptions.
+# Marks of failed conditions and exceptions of a program, which no sentence has.
 _CODE = re.compile(r"::|\(\)|bad_alloc")
 
 _BITS_ALLOCATED, _SERIES = "0028|0100", "0020|000e"
 
-# Formats of which it is known where in the file the voxels are.
+# Formats whose voxels can be located in the file.
 _VOXEL_LOCATORS: dict[str, Callable[[Path], Stored | None]] = {
     ".nrrd": nrrd_voxels,
     ".nhdr": nrrd_voxels,
@@ -63,10 +63,10 @@ _VOXEL_LOCATORS: dict[str, Callable[[Path], Stored | None]] = {
 
 @contextmanager
 def quiet_simpleitk() -> Iterator[Any]:
-    """The SimpleITK module, imported on first use, its warnings kept off the terminal within the block."""
+    """Yield the SimpleITK module, imported on first use, with its warnings kept off the terminal."""
     import SimpleITK
 
-    sitk: Any = SimpleITK  # it has no types
+    sitk: Any = SimpleITK  # untyped
     shown = sitk.ProcessObject.GetGlobalWarningDisplay()
     sitk.ProcessObject.SetGlobalWarningDisplay(False)
     try:
@@ -77,7 +77,7 @@ def quiet_simpleitk() -> Iterator[Any]:
 
 @contextmanager
 def _silent() -> Iterator[None]:
-    """Keep what libraries of SimpleITK write to the terminal by themselves, as HDF5 and MetaIO do, off it."""
+    """Keep output of SimpleITK's libraries, such as HDF5 and MetaIO, off the terminal."""
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError):  # there is none, or there are too many open files
             shown = os.dup(2)
@@ -90,10 +90,10 @@ def _silent() -> Iterator[None]:
 
 
 def read_itk(path: Path, time: int | None, component: int | None, *, has_spacing_override: bool = False) -> Image:
-    """The volume in one file.
+    """Read the volume in one file.
 
-    has_spacing_override: others take the place of what a DICOM file says of lengths, which so may be anything. Raises
-    InputError for unknown, truncated and broken files, and when `time` or `component` do not fit.
+    has_spacing_override: the scene gives the spacing, so that lengths in a DICOM file are not checked. Raises
+        InputError for unknown, truncated and broken files, and if `time` or `component` do not fit.
     """
     voxels = _VOXEL_LOCATORS[path.suffix.lower()](path) if path.suffix.lower() in _VOXEL_LOCATORS else None
     unsaid = missing_spacing_note(path)
@@ -106,7 +106,7 @@ def read_itk(path: Path, time: int | None, component: int | None, *, has_spacing
             _check_slices(voxels, num_bytes, size, dtype, path)
         elif voxels is not None:
             _check_whole(voxels, num_bytes, size, dtype)
-            if voxels.byte_order is not None:  # they are alone in the file, as they are
+            if voxels.byte_order is not None:  # nothing but plain voxels follows
                 check_no_excess_voxels(voxels, num_bytes, size)
         if len(size) > 4:
             raise InputError("the volume has too many axes", where=str(path), got=str(len(size)), expected="2 to 4")
@@ -116,7 +116,7 @@ def read_itk(path: Path, time: int | None, component: int | None, *, has_spacing
             else reader.GetSpacing()
         )
         world_from_index = _world_from_index(reader, spacing)
-        check_axes(world_from_index, str(path))  # of which SimpleITK says no more than some numbers
+        check_axes(world_from_index, str(path))  # SimpleITK would only report some numbers
         step = select_index("time", time, size[3] if len(size) == 4 else 1, str(path))
         channel = select_index("component", component, num_components, str(path))
         if isinstance(voxels, StoredVoxels) and _can_be_mapped(voxels, num_bytes, num_components, dtype):
@@ -137,13 +137,13 @@ def read_itk(path: Path, time: int | None, component: int | None, *, has_spacing
 
 
 def _one_of_a_series(sitk: Any, reader: Any, path: Path) -> str | None:
-    """What to say of a file with one slice of a DICOM series of which its folder has more."""
+    """Return a note for a file with one of several slices of a DICOM series in its folder; else None."""
     if not (is_dicom(reader) and reader.HasMetaDataKey(_SERIES)):
         return None
     try:
         uid = reader.GetMetaData(_SERIES).strip()
         files = sitk.ImageSeriesReader.GetGDCMSeriesFileNames(itk_name(path.parent), uid)
-    except (RuntimeError, TypeError):  # for another file, of which nothing was asked; for a name that is no text
+    except (RuntimeError, TypeError):  # about another file; a name that is not text
         return None
     if len(files) < 2:
         return None
@@ -151,7 +151,7 @@ def _one_of_a_series(sitk: Any, reader: Any, path: Path) -> str | None:
 
 
 def _check_whole(voxels: StoredVoxels, num_bytes: int, size: tuple[int, ...], dtype: np.dtype[Any]) -> None:
-    """Raise InputError unless a file has all of its voxels, before memory is taken for them."""
+    """Raise InputError unless a file has all of its voxels; called before memory is allocated."""
     if voxels.is_text:
         check_text(voxels, num_bytes // dtype.itemsize, size)
     else:
@@ -161,8 +161,10 @@ def _check_whole(voxels: StoredVoxels, num_bytes: int, size: tuple[int, ...], dt
 def _check_slices(
     files: list[StoredVoxels], num_bytes: int, size: tuple[int, ...], dtype: np.dtype[Any], path: Path
 ) -> None:
-    """Raise InputError unless each step of the last axis has a file, and that is whole. NRRD's reader has counted them;
-    there the last axis may be that of components."""
+    """Raise InputError unless each step of the last axis has a complete file.
+
+    SimpleITK has counted those of NRRD, where the last axis may hold components.
+    """
     if len(files) != size[-1] and path.suffix.lower() not in (".nrrd", ".nhdr"):
         raise InputError(
             f"this header names too {'few' if len(files) < size[-1] else 'many'} data files",
@@ -175,15 +177,15 @@ def _check_slices(
 
 
 def _can_be_mapped(voxels: StoredVoxels, num_bytes: int, num_components: int, dtype: np.dtype[Any]) -> bool:
-    """Whether these are many voxels, and are in their file as an array has them."""
+    """Return whether the voxels are large enough to map, and stored as an array has them."""
     is_known = voxels.byte_order in ("<", ">") or (voxels.byte_order == "|" and dtype.itemsize == 1)
     return stays_mapped(num_bytes) and num_components == 1 and is_known
 
 
 def itk_name(path: Path) -> str:
-    """The name by which SimpleITK opens a file or folder, which has its names in UTF-8 whatever the locale.
+    """Return the name by which SimpleITK opens a file or folder: in UTF-8, whatever the locale.
 
-    Raises InputError for a name that is not: SimpleITK ends the process that hands it one.
+    Raises InputError for a name that is not UTF-8: SimpleITK would end the process.
     """
     try:
         return os.fsencode(path).decode("utf-8")
@@ -199,7 +201,7 @@ def itk_name(path: Path) -> str:
 
 
 def path_from_itk_name(name: str) -> Path:
-    """The path for which SimpleITK has this name."""
+    """Return the path for one of SimpleITK's names."""
     return Path(os.fsdecode(name.encode("utf-8", "surrogateescape")))
 
 
@@ -212,7 +214,7 @@ def _is_utf8(name: bytes) -> bool:
 
 
 def open_itk(sitk: Any, path: Path) -> Any:
-    """A SimpleITK reader that has read the header of `path`; raises InputError when it is of no known format."""
+    """Return a SimpleITK reader that has read the header of `path`; raises InputError for an unknown format."""
     name = itk_name(path)
     check_nrrd_header(path)
     with _silent():
@@ -239,7 +241,7 @@ def open_itk(sitk: Any, path: Path) -> Any:
 
 
 def read_image(reader: Any, path: Path) -> Any:
-    """The SimpleITK image; raises InputError when its voxels cannot be read."""
+    """Return the SimpleITK image; raises InputError if its voxels cannot be read."""
     try:
         with without_photometric_inversion(reader, path), _silent():
             return reader.Execute()
@@ -255,7 +257,7 @@ def read_image(reader: Any, path: Path) -> Any:
 
 
 def pixel_dtype(sitk: Any, reader: Any, path: Path) -> np.dtype[Any]:
-    """The numpy dtype of one component; raises InputError for complex, label and other types."""
+    """Return the numpy dtype of one component; raises InputError for complex, label and other types."""
     name = sitk.GetPixelIDValueAsString(reader.GetPixelID())
     match = re.fullmatch(r"(?:vector of )?(\d+)-bit (unsigned integer|signed integer|float)", name)
     if match is None:
@@ -265,8 +267,8 @@ def pixel_dtype(sitk: Any, reader: Any, path: Path) -> np.dtype[Any]:
     return np.dtype({"u": "uint", "s": "int", "f": "float"}[match[2][0]] + match[1])
 
 
-class _Kept:
-    """A numpy view of a SimpleITK image, and the image, which owns the memory."""
+class _OwnedView:
+    """A numpy view of a SimpleITK image, with the image, which owns the memory."""
 
     def __init__(self, view: Array, image: Any) -> None:
         self.__array_interface__ = view.__array_interface__
@@ -274,16 +276,15 @@ class _Kept:
 
 
 def array_view(sitk: Any, image: Any) -> Array:
-    """The voxels of a SimpleITK image as [z, y, x] or [y, x] (several components last), without a copy."""
-    return np.asarray(_Kept(sitk.GetArrayViewFromImage(image), image))
+    """Return the voxels of a SimpleITK image as [z, y, x] or [y, x] (several components last), without a copy."""
+    return np.asarray(_OwnedView(sitk.GetArrayViewFromImage(image), image))
 
 
 def shorten_itk_error(message: str) -> str | None:
-    """The last statement of one of SimpleITK's messages, which open with source files, addresses and call chains.
+    """Return the last statement of a SimpleITK message, without source files, addresses and call chains.
 
-    The innermost cause is the last line, apart from the system's last error, which is often another's;
-    `[nrrd] function:` and `ITK ERROR: class(address):` in front of it say nothing to a user, and nor does a line of a
-    program's code, in place of which there is None.
+    The innermost cause is the last line, apart from the system's last error, which is often unrelated. Prefixes such as
+    `[nrrd] function:` and `ITK ERROR: class(address):` are removed. None for a line of program code.
     """
     lines = [line.strip() for line in message.splitlines() if line.strip() and not line.startswith("Reason:")]
     last = lines[-1] if lines else "no reason given"
@@ -292,7 +293,7 @@ def shorten_itk_error(message: str) -> str | None:
 
 
 def _world_from_index(reader: Any, lengths: tuple[float, ...]) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """[4, 4] from the spacing and a header of 2 to 4 dimensions: a plane lies at z = 0, a time axis is left out."""
+    """Return the affine [4, 4] of a header of 2 to 4 dimensions: a plane lies at z = 0, a time axis is left out."""
     n = reader.GetDimension()
     spatial = min(n, 3)
     spacing, origin, direction = np.ones(3), np.zeros(3), np.eye(3)

@@ -1,11 +1,11 @@
-"""NIfTI-1 and NIfTI-2, single files (.nii, .nii.gz) and pairs (.hdr with .img), through nibabel.
+"""Read NIfTI-1 and NIfTI-2, single files (.nii, .nii.gz) and pairs (.hdr with .img), with nibabel.
 
-SimpleITK is not asked: it refuses sheared affines, may prefer the qform to a sheared sform, and fills a truncated file
-with zeros without a word. nibabel gives the affine of the header as it is.
+SimpleITK refuses sheared affines, may prefer the qform to a sheared sform, and silently pads a truncated file with
+zeros. nibabel returns the affine of the header unchanged.
 
-The affine is the sform when it is set and invertible, else the qform, else the voxel sizes alone, the first voxel being
-at the origin; RAS becomes LPS by negating x and y. Axes after z are time (the fourth) and component (the fifth), as the
-standard has them.
+The affine is the sform if it is set and invertible, else the qform, else the voxel sizes alone, with the first voxel at
+the origin. RAS becomes LPS by negating x and y. Axes after z are time (the fourth) and component (the fifth), as in the
+standard.
 """
 
 from __future__ import annotations
@@ -38,17 +38,18 @@ from renderer.readers.common import (
 )
 from renderer.volume import Array, Float64
 
-# The lengths of the headers of NIfTI-1 and NIfTI-2, by which they begin.
+# The lengths of NIfTI-1 and NIfTI-2 headers, which are their first number.
 _NIFTI_1_BYTES, _NIFTI_2_BYTES = 348, 540
-# Extensions of a header hold reports, colours and names. In a compressed file a thousandth of this is enough for this.
+# Header extensions hold reports, colours and names, and are smaller than this. A compressed file a thousandth of this
+# size can claim as much.
 _MAX_OFFSET = 2**26
 
 
 def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
-    """The volume in a NIfTI file, scaled by the header's slope and intercept where it has them.
+    """Read the volume in a NIfTI file, scaled by the header's slope and intercept, if any.
 
-    Scaled values are float32 when the stored ones have at most 16 bits or are float32, else float64. Raises InputError
-    for truncated and foreign files, and when `time` or `component` do not fit.
+    Scaled values are float32 if the stored ones have at most 16 bits or are float32, else float64. Raises InputError
+    for truncated and foreign files, and if `time` or `component` do not fit.
     """
     image = _open(path)
     proxy, where = image.dataobj, str(path)
@@ -86,13 +87,14 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
         values = values[fields[channel]]
     try:
         ras_from_index = _ras_from_index(image.header)
-    except ValueError as error:  # a quaternion that is no rotation
+    except ValueError as error:  # the quaternion is not a rotation
         raise unreadable_error(path, error) from error
     return Image(_scaled(values, float(proxy.slope), float(proxy.inter)), LPS_FROM_RAS @ ras_from_index)
 
 
 def _checked_data_file(image: Any, path: Path, num_bytes: int, shape: tuple[int, ...]) -> Path:
-    """Where the voxels are, which is another file for pairs; raises InputError unless they are whole."""
+    """Return the file with the voxels, which differs from the header's for pairs; raises InputError unless it is
+    complete."""
     data_file = Path(image.file_map["image"].filename)
     if not data_file.is_file():
         raise InputError(
@@ -107,7 +109,7 @@ def _checked_data_file(image: Any, path: Path, num_bytes: int, shape: tuple[int,
 
 @contextmanager
 def _quiet(logger: logging.Logger) -> Iterator[None]:
-    """Keep what nibabel says about a header, and repairs, off the terminal within the block."""
+    """Keep nibabel's remarks on a header, and on its repairs, off the terminal."""
     level = logger.level
     logger.setLevel(logging.CRITICAL + 1)
     try:
@@ -117,8 +119,11 @@ def _quiet(logger: logging.Logger) -> Iterator[None]:
 
 
 def _check_offset(path: Path) -> None:
-    """Raise InputError where the voxels of a single file begin within its header, nowhere, or, in a compressed one,
-    very far behind the header: nibabel keeps what is between in memory. Pairs and other files are left to it."""
+    """Raise InputError if the voxels of a single file begin inside its header or nowhere or, if compressed, far behind
+    it.
+
+    nibabel keeps the bytes in between in memory. Pairs and other files are left to nibabel.
+    """
     head, compressed = _head(path)
     for order in "<>" if len(head) >= _NIFTI_1_BYTES else "":
         num_header_bytes = struct.unpack_from(order + "i", head)[0]
@@ -152,7 +157,7 @@ def _misplaced(path: Path, offset: float, least: int) -> InputError:
 
 
 def _head(path: Path) -> tuple[bytes, bool]:
-    """The first bytes of a file, as many as a header has at most, and whether it is compressed."""
+    """Return the first bytes of a file, at most those of a header, and whether it is compressed."""
     try:
         with gzip.open(path) as file:
             return file.read(_NIFTI_2_BYTES), True
@@ -176,8 +181,10 @@ def _open(path: Path) -> Any:
             expected="a header of NIfTI-1 or NIfTI-2, whose type of voxels and axes are known",
         ) from error
     except (EOFError, ValueError, zlib.error) as error:
-        told = unreadable_error(path, error)
-        raise InputError(told.what, where=told.where, got=told.got, hint="the file is truncated or damaged") from error
+        shown = unreadable_error(path, error)
+        raise InputError(
+            shown.what, where=shown.where, got=shown.got, hint="the file is truncated or damaged"
+        ) from error
     except OSError as error:
         raise unreadable_error(path, error) from error
     if not isinstance(image, nib.Nifti1Pair):
@@ -195,7 +202,7 @@ def _open(path: Path) -> Any:
 
 
 def _stored_values(proxy: Any, data_file: Path, last: tuple[int, int]) -> Array:
-    """[z, y, x] of one time step and component as they are stored, nothing else being read from the file."""
+    """Return the stored values [z, y, x] of one time step and component, and read nothing else from the file."""
     import nibabel
 
     nib: Any = nibabel
@@ -213,7 +220,7 @@ def _scaled(values: Array, slope: float, intercept: float) -> Array:
         return values
     exact_in_single = values.dtype.itemsize <= 2 or values.dtype.newbyteorder("=") == np.float32
     scaled = np.empty(values.shape, np.float32 if exact_in_single else np.float64)
-    with np.errstate(over="ignore", invalid="ignore"):  # what is too large is infinite, and refused as such later
+    with np.errstate(over="ignore", invalid="ignore"):  # too large values become infinite, and are refused later
         for plane, target in zip(values, scaled, strict=True):  # the float64 product needs no second volume
             target[...] = plane.astype(np.float64) * slope + intercept
     return scaled
@@ -224,7 +231,7 @@ def _ras_from_index(header: Any) -> Float64:
         return np.array(header.get_sform(), np.float64)
     if header["qform_code"] > 0 and has_volume(header.get_qform()):
         return np.array(header.get_qform(), np.float64)
-    # Method 1 of the standard: x = pixdim[1] i and so on. nibabel, for Analyze's sake, would mirror it.
+    # Method 1 of the standard: x = pixdim[1] i and so on. nibabel, compatible with Analyze, would mirror it.
     sizes = np.ones(3)
     num_axes = min(3, int(header["dim"][0]))
     sizes[:num_axes] = header["pixdim"][1 : num_axes + 1]

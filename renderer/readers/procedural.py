@@ -1,8 +1,8 @@
-"""Volumes made from a formula: they need no file and carry the demo and the tests.
+"""Make volumes from formulas, for the demo and the tests, without a file.
 
-All are uint8 with the origin at the centre of voxel (0, 0, 0), like a file without a place. They are the same bytes on
-every machine: only correctly rounded operations and integer random numbers go into `engine_block`, and the one formula
-with sines, `marschner_lobb`, is rounded to 8 bits.
+All are uint8, with the origin at the centre of voxel (0, 0, 0). They are the same bytes on every machine:
+`engine_block` uses only correctly rounded operations and integer random numbers, and `marschner_lobb`, the only formula
+with sines, is rounded to 8 bits.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ _BLUR_VOXELS = 1.6
 
 
 def procedural_affine(source: ProceduralSource) -> Float64:
-    """float64 [4, 4]: the spacing on the diagonal."""
+    """Return float64 [4, 4]: the spacing on the diagonal."""
     return np.diag([*source.spacing, 1.0])
 
 
 def procedural_values(source: ProceduralSource) -> Array:
-    """uint8 [z, y, x]. Raises InputError for a name that is not in PROCEDURAL_NAMES."""
+    """Return uint8 [z, y, x]. Raises InputError for a name that is not in PROCEDURAL_NAMES."""
     makers: dict[str, Callable[[ProceduralSource], Array]] = {
         "engine_block": _engine_block,
         "constant": _constant,
@@ -58,14 +58,14 @@ def _constant(source: ProceduralSource) -> Array:
 
 
 def _single_voxel(source: ProceduralSource) -> Array:
-    """One voxel at index n // 2 of each axis."""
+    """Return a volume with one voxel set, at index n // 2 of each axis."""
     values = np.zeros(source.shape[::-1], np.uint8)
     values[tuple(n // 2 for n in values.shape)] = SINGLE_VOXEL_VALUE
     return values
 
 
 def _marschner_lobb(source: ProceduralSource) -> Array:
-    """The reconstruction test signal, sampled over [-1, 1]^3 with both ends, [0, 1] stretched over 0 to 255.
+    """Return the reconstruction test signal over [-1, 1]^3, both ends included, with [0, 1] stretched over 0 to 255.
 
     S. R. Marschner, R. J. Lobb, "An Evaluation of Reconstruction Filters for Volume Rendering", Visualization 1994,
     equation 3, with f_M = 6 and alpha = 0.25: `rho = (1 - sin(pi z / 2) + alpha (1 + rho_r(r))) / (2 (1 + alpha))`,
@@ -84,7 +84,7 @@ def _marschner_lobb(source: ProceduralSource) -> Array:
 
 
 def _row_blocks(source: ProceduralSource) -> list[slice]:
-    """The rows of a plane in blocks of at most _SLAB_VOXELS voxels, or of one row."""
+    """Return the rows of a plane in blocks of at most _SLAB_VOXELS voxels, or of one row."""
     num_x, num_y, _ = source.shape
     num_rows = max(1, _SLAB_VOXELS // num_x)
     return [slice(begin, begin + num_rows) for begin in range(0, num_y, num_rows)]
@@ -110,7 +110,7 @@ def _box(material: int, centre: tuple[float, float, float], half: tuple[float, f
 
 
 def _bar(material: int, axis: int, centre: tuple[float, float], radius: float, ends: tuple[float, float]) -> _Part:
-    """`centre` in the two axes other than `axis`, in ascending order."""
+    """Return a bar; `centre` is in the two axes other than `axis`, in ascending order."""
     low, high = [c - radius for c in centre], [c + radius for c in centre]
     low.insert(axis, ends[0])
     high.insert(axis, ends[1])
@@ -118,7 +118,8 @@ def _bar(material: int, axis: int, centre: tuple[float, float], radius: float, e
 
 
 def _engine_parts() -> Iterator[_Part]:
-    """Two cylinders in a finned light-metal block and what runs in them; pipe, filter and pulley tell sides apart."""
+    """Yield two cylinders in a finned light-metal block with their moving parts; pipe, filter and pulley mark the
+    sides."""
     yield from _casing()
     for x, piston_z in ((-0.4, 0.1), (0.4, -0.1)):
         yield from _cylinder(x, piston_z)
@@ -149,7 +150,7 @@ def _casing() -> Iterator[_Part]:
 
 
 def _cylinder(x: float, piston_z: float) -> Iterator[_Part]:
-    """Water jacket, liner, piston with rings and pin, connecting rod, two valves and the spark plug."""
+    """Yield water jacket, liner, piston with rings and pin, connecting rod, two valves and the spark plug."""
     yield _bar(_COOLANT, 2, (x, 0), 0.385, (-0.12, 0.22))
     yield _bar(_ALUMINIUM, 2, (x, 0), 0.335, (-0.12, 0.22))
     yield _bar(_IRON, 2, (x, 0), 0.31, (-0.2, 0.26))
@@ -170,7 +171,7 @@ def _cylinder(x: float, piston_z: float) -> Iterator[_Part]:
 
 
 def _crankshaft() -> Iterator[_Part]:
-    """Journals, two offset throws with their webs and counterweights, and a pulley at one end."""
+    """Yield journals, two offset throws with their webs and counterweights, and a pulley at one end."""
     for low, high in ((-0.97, -0.52), (-0.28, 0.28), (0.52, 0.9)):
         yield _bar(_STEEL, 0, (0, -0.25), 0.05, (low, high))
     for x, lift in ((-0.4, 0.08), (0.4, -0.08)):
@@ -182,7 +183,8 @@ def _crankshaft() -> Iterator[_Part]:
 
 
 def _engine_block(source: ProceduralSource) -> Array:
-    """The phantom, as large as fits, centred, round in world units, with blurred edges and noise from the seed."""
+    """Return the phantom, centred and as large as fits, round in world units, with blurred edges and noise from the
+    seed."""
     shape, spacing = np.array(source.shape), np.array(source.spacing)
     unit = float(np.min(shape * spacing / [2.0, 2.0, 1.0])) * 0.98  # world units in a model unit
     x, y, z = (
@@ -210,9 +212,9 @@ def _engine_block(source: ProceduralSource) -> Array:
 
 
 def _noise(seed: int, first_bytes: Sequence[int], num: int) -> Array:
-    """float32 [num], noise of standard deviation _NOISE: three uniform bytes add up to something close to normal.
+    """Return float32 [num], noise of standard deviation _NOISE: the sum of three uniform bytes is close to normal.
 
-    first_bytes: from where on in the random bits of the seed the first, second and third ones are.
+    first_bytes: where the three bytes begin in the seed's random bits.
     """
     deviation = math.sqrt(3 * (256**2 - 1) / 12)
     centred = np.full(num, -3 * 127.5, np.float32)
@@ -223,8 +225,7 @@ def _noise(seed: int, first_bytes: Sequence[int], num: int) -> Array:
 
 
 def _random_bytes(seed: int, first: int, num: int) -> Array:
-    """uint8 [num]: raw bits, because those of a seed are the same in every version of numpy, unlike the distributions
-    made of them."""
+    """Return uint8 [num] of raw random bits, which are the same in every version of numpy, unlike its distributions."""
     word, skipped = divmod(first, 8)
     random = np.random.PCG64(seed)
     random.advance(word)
@@ -233,7 +234,7 @@ def _random_bytes(seed: int, first: int, num: int) -> Array:
 
 
 def _paint(field: Array, part: _Part, axes: tuple[Array, Array, Array], blur: np.float32) -> None:
-    """Lay a part over a slab, float32 [z, y, x]; coverage falls from 1 to 0 over `blur` across its surface."""
+    """Draw a part into a slab, float32 [z, y, x]; coverage falls from 1 to 0 over `blur` across its surface."""
     window, near = [], []
     for coordinates, low, high in zip(axes, part.low, part.high, strict=True):
         begin, end = np.searchsorted(coordinates, [low - blur, high + blur])
@@ -241,7 +242,7 @@ def _paint(field: Array, part: _Part, axes: tuple[Array, Array, Array], blur: np
         near.append(coordinates[begin:end] - np.float32((low + high) / 2))
     x, y, z = near[0], near[1][:, np.newaxis], near[2][:, np.newaxis, np.newaxis]
     half = [np.float32((high - low) / 2) for low, high in zip(part.low, part.high, strict=True)]
-    # Signed distances to the surface (exact on faces, smaller than the truth beyond edges), negative inside.
+    # Signed distances to the surface (exact on faces, too small beyond edges), negative inside.
     faces = [abs(c) - h for c, h in zip((x, y, z), half, strict=True)]
     if part.axis is not None:
         end_face = faces.pop(part.axis)

@@ -1,4 +1,4 @@
-"""From a VolumeSpec to a Volume: one reader per family of formats, and what they have in common afterwards."""
+"""Read the volume that a `VolumeSpec` describes: one reader for each family of formats, and the steps common to all."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ Ranges = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
 
 
 def read_volume(spec: VolumeSpec, on_mapped: MappedCallback | None = None) -> Volume:
-    """The volume that `spec` describes, cropped, checked and read-only.
+    """Return the volume that `spec` describes, cropped, checked and read-only.
 
-    A crop moves the affine along, so that voxels stay where they are in the world. on_mapped: told of many
-    voxels that are mapped from their file, whether they stay there or not. Raises InputError for everything
-    that can be wrong with a file or with what is asked of it, a lack of memory included.
+    A crop moves the affine along, so that voxels keep their place in the world. on_mapped: called with large arrays
+    that are mapped from their file, whether they stay mapped or not. Raises InputError for every problem with a file or
+    with the part of it that is requested, lack of memory included.
     """
     source = spec.source
     name = _name(source)
@@ -53,13 +53,13 @@ def read_volume(spec: VolumeSpec, on_mapped: MappedCallback | None = None) -> Vo
         mapped = backing_file(image.values) if stays_mapped(image.values.nbytes) else None
         if mapped is not None and on_mapped is not None:
             on_mapped(mapped, image.values)
-        settled = _native_contiguous(image.values)
-        del image  # with what it was read into
-        file = backing_file(settled)
-        values, num_nonfinite, nonfinite_fill_value = _replace_nonfinite(settled, file, spec.nonfinite, first, name)
-        if mapped is not None:  # and where it was copied
+        contiguous = _native_contiguous(image.values)
+        del image  # frees the memory that it was read into
+        file = backing_file(contiguous)
+        values, num_nonfinite, nonfinite_fill_value = _replace_nonfinite(contiguous, file, spec.nonfinite, first, name)
+        if mapped is not None:  # checked for copies, too
             mapped.require_unchanged()
-        file = file if values is settled else None
+        file = file if values is contiguous else None
         check_integer_resolution(values, file, name)
         made = make_volume(values, world_from_index, name, file, num_nonfinite, nonfinite_fill_value)
         return replace(made, file_spacing=replaced, note=note)
@@ -78,10 +78,10 @@ def _name(source: FileSource | RawSource | ProceduralSource | ArraySource) -> st
 
 
 def _load(spec: VolumeSpec, name: str) -> Image:
-    """Hand the source to its reader, imported only then."""
+    """Return the image from the reader of the source, which is imported on first use."""
     source = spec.source
     if isinstance(source, FileSource):
-        # What a file says wrongly of lengths is no error where others take their place.
+        # Wrong lengths in the file do not matter if the scene gives a spacing.
         return _load_file(require_exists(source.file), spec.time, spec.component, source.spacing is not None)
     select_index("time", spec.time, 1, name)
     select_index("component", spec.component, 1, name)
@@ -99,7 +99,7 @@ def _load(spec: VolumeSpec, name: str) -> Image:
 
 
 def _load_file(path: Path, time: int | None, component: int | None, has_spacing_override: bool) -> Image:
-    """Dispatch by name; SimpleITK recognises the rest by content."""
+    """Choose the reader by the file's name; SimpleITK recognises other formats by content."""
     name = path.name.lower()
     if path.is_dir():
         return _load_folder(path, time, component, has_spacing_override)
@@ -145,7 +145,7 @@ def _load_folder(folder: Path, time: int | None, component: int | None, has_spac
 
 
 def crop_image(image: Image, ranges: Ranges, where: str) -> Image:
-    """The voxels in half-open `ranges` for x, y, z, at the same place in the world; the values are a view.
+    """Return the voxels in half-open `ranges` for x, y, z, at the same place in the world; the values are a view.
 
     Raises InputError for ranges that are empty or reach outside the volume.
     """
@@ -164,8 +164,11 @@ def crop_image(image: Image, ranges: Ranges, where: str) -> Image:
 
 
 def _native_contiguous(values: Array) -> Array:
-    """The values in native byte order and C order: in memory of their own size, no part of an array; or, where they are
-    many and a file has them as they are to be, mapped from it."""
+    """Return the values in native byte order and C order.
+
+    Large arrays that are stored that way in a file stay mapped. Others get their own memory, which is not part of a
+    larger array.
+    """
     is_mapped = isinstance(values, np.memmap)
     if is_mapped and stays_mapped(values.nbytes) and values.flags.c_contiguous and values.dtype.isnative:
         return np.asarray(values)
@@ -181,14 +184,13 @@ def _native_contiguous(values: Array) -> Array:
 def _replace_nonfinite(
     values: Array,
     file: MappedFile | None,
-    instead: Literal["error", "lowest"] | float,
+    replacement: Literal["error", "lowest"] | float,
     first_xyz: tuple[int, ...],
     where: str,
 ) -> tuple[Array, int, float]:
-    """The values; how many NaN and infinities there were, refused or replaced by the lowest finite value or a number;
-    and this. All is looked at a slice at a time.
+    """Return the values, the number of NaN and infinities that were replaced, and the value that replaced them.
 
-    Those that are mapped from a file are copied where any is replaced.
+    Values that are mapped from a file are copied before any is replaced. Raises InputError if none may be replaced.
     """
     if values.dtype.kind != "f":
         return values, 0, 0.0
@@ -201,13 +203,13 @@ def _replace_nonfinite(
             if first_bad is None:
                 y, x = np.argwhere(~finite)[0]
                 first_bad = (int(x) + first_xyz[0], int(y) + first_xyz[1], z + first_xyz[2])
-        if instead == "lowest" and num_good:
+        if replacement == "lowest" and num_good:
             lowest = min(lowest, float(plane.min(where=finite, initial=np.inf)))
     if not num_bad:
         return values, 0, 0.0
     if num_bad == values.size:
         raise InputError("no voxel is finite: all are NaN or infinite", where=where)
-    if instead == "error":
+    if replacement == "error":
         raise InputError(
             f"{num_bad} of {values.size} voxels are NaN or infinite",
             where=where,
@@ -215,7 +217,7 @@ def _replace_nonfinite(
             expected="finite values",
             hint="`nonfinite: lowest` replaces them with the lowest finite value",
         )
-    number = lowest if instead == "lowest" else instead
+    number = lowest if replacement == "lowest" else replacement
     largest = float(np.finfo(values.dtype).max)
     if abs(number) > largest:
         raise InputError(

@@ -1,4 +1,4 @@
-"""The order of slices that have a file each, by the numbers in their names, and whether that is one whole stack."""
+"""Order slices in separate files by the numbers in their names, and check that they make up one stack."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from renderer.errors import InputError
 
 
 def sort_slices(folder: Path, files: list[Path]) -> list[Path]:
-    """The files in natural order, `2.tif` before `10.tif`.
+    """Return the files in natural order, `2.tif` before `10.tif`.
 
-    Raises InputError unless their names are the same but for numbers of which one goes on from file to file in even
-    steps: else slices are missing, or there are several stacks.
+    Raises InputError unless the names differ only in numbers, of which one increases from file to file in even steps:
+        otherwise slices are missing, or there are several stacks.
     """
     files = sorted(files, key=_natural)
     shapes = [re.sub("[0-9]+", "#", file.name.lower()) for file in files]
@@ -36,7 +36,7 @@ def sort_slices(folder: Path, files: list[Path]) -> list[Path]:
 
 
 def _natural(path: Path) -> tuple[list[tuple[int, int, str]], str]:
-    """A sort key in which runs of digits count as numbers; the name itself breaks ties such as `1.tif` and `01.tif`."""
+    """Return a sort key in which runs of digits count as numbers; the name breaks ties such as `1.tif` and `01.tif`."""
     parts = re.split("([0-9]+)", path.name.lower())
     return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts], path.name
 

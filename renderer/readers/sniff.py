@@ -1,6 +1,6 @@
-"""What shows at a glance: that a file or folder cannot be a volume. Its first bytes are read, and no library is loaded.
+"""Reject files and folders that cannot be a volume, from their first bytes and without loading a library.
 
-Everything that is refused here the readers refuse, too; they know far more.
+The readers reject all of these, too, and know far more.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ KNOWN_FORMATS = "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.
 
 
 class UnknownFormatError(InputError):
-    """A file that is no volume with a header, as far as is known: its voxels may have none, or it may be damaged."""
+    """A file in no known format with a header: it may have no header, or be damaged."""
 
     def __init__(self, path: Path, *, is_empty: bool) -> None:
         super().__init__(
@@ -26,7 +26,7 @@ class UnknownFormatError(InputError):
         )
 
 
-# How files of these names begin.
+# The first bytes of files with these suffixes.
 _SIGNATURES = {
     ".nrrd": (b"NRRD",),
     ".nhdr": (b"NRRD",),
@@ -34,13 +34,13 @@ _SIGNATURES = {
     ".tif": (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"),
     ".tiff": (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"),
 }
-# Formats whose headers are text: MetaImage, and VTK's, which SimpleITK reads.
+# Formats with text headers: MetaImage, and VTK's, which SimpleITK reads.
 _TEXT_FORMATS = (".mha", ".mhd", ".vtk")
 _FIRST_BYTES = 1024
 
 
 def require_volume_file(path: Path) -> None:
-    """Raise InputError if `path`, a file with a header or a folder that is there, shows that it cannot be a volume."""
+    """Raise InputError if `path`, an existing file with a header or a folder, cannot be a volume."""
     if not os.access(path, os.R_OK):
         raise InputError("no permission to read this", where=str(path))
     if path.is_dir():
@@ -63,9 +63,9 @@ def require_volume_file(path: Path) -> None:
 
 
 def _may_be_slice(path: Path) -> bool:
-    """Whether something in a folder can be a DICOM file, of any name, or a TIFF file.
+    """Return whether a folder's entry can be a TIFF file or a DICOM file, which may have any name.
 
-    Numbers in their first bytes have zeros, with a mark or without. What cannot be looked at is left to the readers.
+    The numbers in their first bytes contain zeros. Entries that cannot be opened are left to the readers.
     """
     if path.suffix.lower() in (".tif", ".tiff"):
         return True

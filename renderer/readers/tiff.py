@@ -1,10 +1,11 @@
-"""TIFF: one file with a slice per page, or a folder with a slice per file in natural order (`2.tif` before `10.tif`).
+"""Read TIFF: one file with a slice per page, or a folder with a slice per file in natural order (`2.tif` before
+`10.tif`).
 
-Plain strips and tiles of one sample a pixel are read here, other pixels by SimpleITK. It is not asked about anything
+Plain strips and tiles of one sample a pixel are read here, other pixels by SimpleITK. SimpleITK is used for nothing
 else: it reads a truncated file as a shorter stack and 16-bit floats as integers, and knows no spacing along z. The
-directories of the file say all of that (TIFF revision 6.0; BigTIFF), as do the descriptions that ImageJ and OME writers
-put into the first page. Spacing along z is taken from there, and is otherwise that along x: a resolution is often just
-that of a screen, and slices as thick as pixels keep the shape of things.
+directories of the file have all of that (TIFF revision 6.0; BigTIFF), as have the descriptions that ImageJ and OME
+write into the first page. Spacing along z is taken from there, and otherwise equals that along x: a resolution is often
+just that of a screen, and slices as thick as pixels keep proportions.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from renderer.volume import Array, Float64
 
 SUFFIXES = (".tif", ".tiff")
 
-# By their numbers in the field: those that libtiff has wherever it is built, and names of others.
+# Compressions that every build of libtiff has, by number, and the names of others.
 _COMMON_COMPRESSIONS = (1, 5, 7, 8, 32773, 32946)
 _COMPRESSIONS = {
     6: "old-style JPEG",
@@ -54,9 +55,9 @@ _COMPRESSIONS = {
 
 
 def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacing_override: bool = False) -> Image:
-    """The stack in one file; hyperstacks of ImageJ and OME choose by `time` and `component` (the channel).
+    """Read the stack in one file; `time` and `component` (the channel) choose in hyperstacks of ImageJ and OME.
 
-    has_spacing_override: others take the place of what the file says of lengths, which so may be anything.
+    has_spacing_override: the scene gives the spacing, so that lengths in the file are not checked.
     Raises InputError for truncated, foreign and inconsistent files.
     """
     where = str(path)
@@ -89,10 +90,10 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
 def read_tiff_folder(
     folder: Path, files: list[Path], component: int | None, *, has_spacing_override: bool = False
 ) -> Image:
-    """One slice from each of `files`, which are sorted by their names here; raises InputError when the slices differ,
-    and when the names do not tell of one whole stack.
+    """Read one slice from each of `files`, sorted by their names.
 
-    has_spacing_override: as of `read_tiff`.
+    has_spacing_override: as in `read_tiff`. Raises InputError if the slices differ or their names do not make up one
+        stack.
     """
     files = sort_slices(folder, files)
     values, first = None, None
@@ -120,7 +121,7 @@ def read_tiff_folder(
             check_dtype(first.dtype, str(file))
             check_size((*first.size, len(files), num_samples), first.dtype, str(folder))
         plane = _decoded(file, order, pages, str(file)).reshape(*first.size[::-1], num_samples)[..., channel]
-        if values is None:  # memory is taken for slices such as one that is there
+        if values is None:  # allocated only after one slice has been read
             values = np.empty((len(files), *plane.shape), first.dtype)
         values[index] = plane
     assert values is not None, "called without files"
@@ -129,7 +130,7 @@ def read_tiff_folder(
 
 
 def _decoded(path: Path, order: str, pages: list[Page], where: str) -> Array:
-    """[page, y, x] or [page, y, x, sample]."""
+    """Return the pixels [page, y, x] or [page, y, x, sample]."""
     first = pages[0]
     num_samples, num_tiled = first.number(SAMPLES, 1), sum(page.has_tiles for page in pages)
     if first.number(COMPRESSION, 1) == 1 and num_samples == 1 and first.number(BITS, 1) == 8 * first.dtype.itemsize:
@@ -156,9 +157,9 @@ def _decoded(path: Path, order: str, pages: list[Page], where: str) -> Array:
 
 
 def _plain_strips(path: Path, order: str, pages: list[Page]) -> Array:
-    """[page, y, x], uncompressed, in native byte order; no more is read than a page has, whatever its strips have.
+    """Return uncompressed strips as [page, y, x] in native byte order; bytes beyond a page's size are not read.
 
-    Raises InputError for a file that becomes shorter meanwhile.
+    Raises InputError if the file becomes shorter during reading.
     """
     first = pages[0]
     is_native = np.dtype(order + first.dtype.str[1:]).isnative
@@ -181,9 +182,9 @@ def _plain_strips(path: Path, order: str, pages: list[Page]) -> Array:
 
 
 def _plain_tiles(path: Path, order: str, pages: list[Page]) -> Array:
-    """[page, y, x], uncompressed, in native byte order; what tiles have beyond the edges is left out.
+    """Return uncompressed tiles as [page, y, x] in native byte order, without the parts beyond the edges.
 
-    Raises InputError unless each page has the tiles that it needs, and the file has all of their bytes.
+    Raises InputError unless each page has all its tiles, and the file all of their bytes.
     """
     first = pages[0]
     stored = np.dtype(order + first.dtype.str[1:])
@@ -215,7 +216,7 @@ def _plain_tiles(path: Path, order: str, pages: list[Page]) -> Array:
 
 
 def _unknown_compression(where: str, page: Page, reason: str | None) -> InputError:
-    """Of a compression that SimpleITK's libraries have or have not, as they were built."""
+    """Return the error for a compression that this build of SimpleITK may lack."""
     number = page.number(COMPRESSION, 1)
     name = _COMPRESSIONS.get(number)
     return InputError(
@@ -243,7 +244,7 @@ def _text(page: Page) -> str:
 
 
 def _world_from_index(first: Page, where: str, has_spacing_override: bool) -> Float64:
-    """Return the affine of a stack, without a unit where lengths make no sense and `has_spacing_override` is set."""
+    """Return the affine of a stack, with spacing 1 if its lengths make no sense and `has_spacing_override` is set."""
     try:
         spacing = _spacing(first, where)
     except InputError:
@@ -256,8 +257,8 @@ def _world_from_index(first: Page, where: str, has_spacing_override: bool) -> Fl
 
 
 def _spacing(first: Page, where: str) -> list[float]:
-    """Along x, y, z: in mm where the resolution is per inch or cm, in the description's unit where that has one, else
-    1."""
+    """Return the spacing along x, y, z: in mm if the resolution is per inch or cm, else in the description's unit,
+    else 1."""
     description = _text(first)
     sizes: list[float | None] = [below / above if above and below else None for above, below in first.resolution]
     spacing: list[float | None] = [None, None, None]

@@ -1,7 +1,7 @@
-"""The descriptions that ImageJ and OME writers put into the first page of a TIFF file: axes and spacing.
+"""Read axes and spacing from the descriptions that ImageJ and OME write into the first page of a TIFF file.
 
-ImageJ's is lines of `key=value`. OME's is XML, of which a few attributes are looked for as text: nothing of it is
-parsed, expanded or nested.
+ImageJ's is lines of `key=value`. OME's is XML, in which a few attributes are searched as text: nothing is parsed,
+expanded or nested.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ _SHOWN_CHARACTERS = 40
 
 _PIXELS = re.compile(r"<(?:\w+:)?Pixels\b[^<>]*>")
 
-# Of OME's units of length (OME 2016-06, UnitsLength) those that can be converted. `pixel` and `reference frame` stand
-# for no length, and are units of their own, as is what is no unit of OME's; without any it is µm.
+# OME's units of length (OME 2016-06, UnitsLength) that can be converted. `pixel`, `reference frame` and unknown units
+# cannot; without a unit it is µm.
 _PREFIXES = {"Y": 24, "Z": 21, "E": 18, "P": 15, "T": 12, "G": 9, "M": 6, "k": 3, "h": 2, "da": 1, "": 0, "d": -1}
 _PREFIXES |= {"c": -2, "m": -3, "µ": -6, "n": -9, "p": -12, "f": -15, "a": -18, "z": -21, "y": -24}
 _INCH = Fraction(254, 10_000)
@@ -41,10 +41,10 @@ _OTHERS = {
 _METRES = {f"{prefix}m": Fraction(10) ** power for prefix, power in _PREFIXES.items()} | _OTHERS
 _METRES = {unicodedata.normalize("NFKC", unit): metres for unit, metres in _METRES.items()}
 
-# The unit of the resolution by its number in the field, and how many mm it has.
+# The units of the resolution by number, and their lengths in mm.
 _UNITS_OF_TAG = {2: "inch", 3: "cm"}
 MM_PER_UNIT = {2: 25.4, 3: 10.0}
-# How ImageJ's users spell units; pixels are none.
+# Spellings of units in ImageJ; pixels are not a unit.
 _MICRON = unicodedata.normalize("NFKC", "µm")
 _NAMES_OF_UNITS = dict.fromkeys(("um", _MICRON, "micron", "microns", "micrometer", "micrometers"), _MICRON)
 _NAMES_OF_UNITS |= dict.fromkeys(("in", "inch", "inches"), "inch") | dict.fromkeys(("pixel", "pixels"), "")
@@ -52,19 +52,19 @@ _NAMES_OF_UNITS |= dict.fromkeys(("cm", "centimeter", "centimeters"), "cm")
 
 
 def is_imagej(description: str) -> bool:
-    """Whether ImageJ wrote it."""
+    """Return whether ImageJ wrote the description."""
     return description.startswith("ImageJ=")
 
 
 def is_ome(description: str) -> bool:
-    """Whether it is OME's XML."""
+    """Return whether the description is OME's XML."""
     return "<OME" in description
 
 
 def hyperstack(description: str, num_pages: int, where: str) -> tuple[str, list[int]]:
-    """The axes of the pages from slowest to fastest, a permutation of `TZC`, and how many there are of each.
+    """Return the axes of the pages from slowest to fastest, a permutation of `TZC`, and the length of each.
 
-    Raises InputError when the description has other pages than there are, or no numbers where they belong.
+    Raises InputError if the description does not fit the number of pages, or has no numbers where they belong.
     """
     if is_imagej(description):
         axes = "TZC"
@@ -91,12 +91,12 @@ def hyperstack(description: str, num_pages: int, where: str) -> tuple[str, list[
 
 
 def imagej_spacing(description: str, sizes: list[float | None], tag: int | None, where: str) -> list[float | None]:
-    """Along x, y and z, in the unit that ImageJ's description names, or in mm where the resolution is per inch or cm;
-    None where it is not said.
+    """Return the spacing along x, y and z; None for an axis without one.
 
-    sizes: of x and y, by the resolution. tag: the number of its unit, None where that field is not there. Sizes per cm
-    beside a unit of µm are converted, as ImageJ does. Raises InputError for other units beside inch and cm, which
-    ImageJ takes for the unit of x and y and others do not, and when a spacing is no number.
+    Lengths are in the unit of ImageJ's description, or in mm if the resolution is per inch or cm.
+    sizes: of x and y, from the resolution. tag: the number of its unit; None if that field is missing. Sizes per cm
+        with a unit of µm are converted, as ImageJ does. Raises InputError for other units with inch and cm, which
+        ImageJ, but no other program, takes for the unit of x and y, and for a spacing that is not a number.
     """
     step = _imagej_step(description, where)
     units = {axis: _imagej_unit(description, key) for axis, key in zip("xyz", ("unit", "yunit", "zunit"), strict=True)}
@@ -123,7 +123,7 @@ def imagej_spacing(description: str, sizes: list[float | None], tag: int | None,
 
 
 def _imagej_unit(description: str, key: str) -> str:
-    """The unit of a line of ImageJ's, by one of its names; empty where it is none, or pixels."""
+    """Return the unit of an ImageJ line, by one name for all spellings; empty for pixels and for no unit."""
     found = re.search(rf"^{key}=(.*)$", description, re.M)
     text = re.sub(r"\\u([0-9a-fA-F]{4})", lambda code: chr(int(code[1], 16)), found[1]) if found else ""
     name = unicodedata.normalize("NFKC", text.replace("\ufffdm", "µm").strip())
@@ -131,18 +131,18 @@ def _imagej_unit(description: str, key: str) -> str:
 
 
 def _imagej_step(description: str, where: str) -> float | None:
-    """The spacing along z that ImageJ wrote, of either sign, or None; raises InputError when it is no number.
+    """Return the spacing along z that ImageJ wrote, of either sign, or None; raises InputError if it is not a number.
 
-    Words such as NaN say that it is not known.
+    Words such as NaN mean that it is unknown.
     """
     found = re.search(r"^spacing=([0-9.eE+-]+)", description, re.M)
     return _number(found[1], "spacing", where) if found else None
 
 
 def ome_spacing(description: str, where: str) -> list[float | None]:
-    """Along x, y and z, in the unit of the first that is said; None where it is not said, as by words.
+    """Return the spacing along x, y and z in the unit of the first one; None for an axis without one.
 
-    Raises InputError when one is no number, and for units of which none can be had from the other.
+    Raises InputError for a spacing that is not a number, and for units that cannot be converted to each other.
     """
     pixels = _PIXELS.search(description)
     attributes = pixels[0] if pixels else description
@@ -163,15 +163,15 @@ def ome_spacing(description: str, where: str) -> list[float | None]:
 
 
 def _unit(attributes: str, axis: str) -> str:
-    """The unit of a PhysicalSize, in one of the ways in which Unicode spells it."""
+    """Return the unit of a PhysicalSize, in one of its Unicode spellings."""
     found = re.search(rf'\bPhysicalSize{axis}Unit="([^"]*)"', attributes)
-    # A file in Latin 1 was read as UTF-8: what stands for its one letter that is not ASCII.
+    # A Latin-1 file read as UTF-8 has a replacement character for its only letter outside ASCII.
     text = html.unescape(found[1]).replace("\ufffdm", "µm").replace("\ufffd", "Å") if found else "µm"
     return unicodedata.normalize("NFKC", text.strip())
 
 
 def _converted(size: float, unit: str, into: str) -> float:
-    """A size in another unit, rounded once; infinite beyond all numbers."""
+    """Return a size in another unit, rounded once; infinite if it overflows."""
     if unit == into:
         return size
     try:
@@ -191,13 +191,13 @@ def _size(description: str, axis: str, where: str) -> int:
 
 
 def _shown(text: str) -> str:
-    """On one line, and no longer than a line; letters that are not ASCII as Python has them, but for those of units."""
+    """Return text for one line of a message; letters outside ASCII are escaped, except those of units."""
     short = text[:_SHOWN_CHARACTERS]
     return (short if short in _METRES else ascii(short)[1:-1]) + "..." * (len(text) > _SHOWN_CHARACTERS)
 
 
 def _number(text: str, key: str, where: str, *, is_count: bool = False) -> float:
-    """What `text`, the value of `key`, says: finite, and whole and positive where it counts pages."""
+    """Return the number that `text`, the value of `key`, spells: finite, and whole and positive if it counts pages."""
     value = float(text) if _NUMBER.fullmatch(text) else math.nan
     if math.isfinite(value) and (not is_count or (value.is_integer() and 1 <= value <= _MAX_COUNT)):
         return value

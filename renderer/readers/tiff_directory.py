@@ -1,7 +1,7 @@
-"""The directories of a TIFF file, one for each page: which bytes of the file are its pixels, and what they mean.
+"""Read the directories of a TIFF file, one for each page: where its pixels are, and what they mean.
 
-TIFF revision 6.0, and BigTIFF. Only the fields that are needed are read, of most of them one value only, and all of
-them together are little more than the file has: what a damaged file claims takes neither memory nor time.
+TIFF revision 6.0, and BigTIFF. Only the fields that are needed are read, most of them for one value, and all together
+are little more than the file itself: the claims of a damaged file cost neither memory nor time.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy.typing as npt
 from renderer.errors import InputError
 from renderer.readers.common import describe_shape, unreadable_error
 
-# The fields that are read, by tag. Of the first ones one number is needed, ...
+# Tags of the fields that are read. These have one number, ...
 SAMPLES, COMPRESSION, RESOLUTION_UNIT, BITS = 277, 259, 296, 258
 _SUBFILE, _WIDTH, _HEIGHT, _PHOTOMETRIC, _ORIENTATION = 254, 256, 257, 262, 274
 TILE_WIDTH, TILE_HEIGHT = 322, 323
@@ -27,7 +27,7 @@ _STRIPS, _STRIP_BYTES, _TILES, _TILE_BYTES = 273, 279, 324, 325
 # ... and these are looked at on the first page alone: a fraction each and a text.
 _X_RESOLUTION, _Y_RESOLUTION, _DESCRIPTION = 282, 283, 270
 
-# What all pages must share. SimpleITK relies on it: it writes beyond its memory when some are marked as previews.
+# All pages must share these. SimpleITK relies on it: it writes beyond its memory if some pages are marked as previews.
 _FORM = (_ROWS_PER_STRIP, TILE_WIDTH, TILE_HEIGHT, _PLANAR, _PREDICTOR)
 _SHARED = (_SUBFILE, BITS, COMPRESSION, _PHOTOMETRIC, _ORIENTATION, SAMPLES, *_FORM)
 
@@ -36,29 +36,29 @@ _LISTS = frozenset((_STRIPS, _STRIP_BYTES, _TILES, _TILE_BYTES))
 _FRACTIONS = frozenset((_X_RESOLUTION, _Y_RESOLUTION))
 _NEEDED = _SINGLE | _LISTS | _FRACTIONS | {_DESCRIPTION}
 
-# TIFF field types: ASCII; RATIONAL; BYTE, SHORT, LONG and BigTIFF's LONG8. Others carry nothing needed here.
+# TIFF field types: ASCII; RATIONAL; BYTE, SHORT, LONG and BigTIFF's LONG8. No other type is needed.
 _ASCII, _RATIONAL, _INTEGERS = 2, 5, {1: "u1", 3: "u2", 4: "u4", 16: "u8"}
 _ITEM_BYTES = {1: 1, _ASCII: 1, 3: 2, 4: 4, _RATIONAL: 8, 16: 8}
 _KINDS = {1: "u", 2: "i", 3: "f", 4: "u"}  # by sample format; 4 is "undefined", which readers take for unsigned
 _BITS_OF_KINDS = {"u": (8, 16, 32, 64), "i": (8, 16, 32, 64), "f": (16, 32, 64)}
 
 # Pages share few bytes of their directories: at most the lengths of their strips, which take no more bytes than the
-# places, which they cannot share. What is read in all is thus below this many times the file; damaged directories that
-# overlap, or share long lists, are more.
-_MOST_READ = 2
-# Tags have 16 bits, and none comes twice in a directory.
+# offsets, which pages cannot share. So a sound file needs fewer bytes than this multiple of its size; damaged
+# directories that overlap, or share long lists, need more.
+_MAX_READ_RATIO = 2
+# Tags have 16 bits, and none occurs twice in a directory.
 _MAX_ENTRIES = 2**16 - 1
 
-_NO_PLACES = np.zeros(0, np.uint8)
+_NO_OFFSETS = np.zeros(0, np.uint8)
 
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """What one directory says.
+    """The content of one directory.
 
-    numbers: the first value of each field of numbers that is there, by tag.
-    offsets, lengths: unsigned integers [n] in any byte order, where in the file each strip or tile is and its bytes.
-    resolution: (numerator, denominator) of pixels per unit along x and y, zeros where it is not said.
+    numbers: the first value of each field of numbers, by tag.
+    offsets, lengths: unsigned integers [n] in any byte order: the place and the bytes of each strip or tile.
+    resolution: (numerator, denominator) of pixels per unit along x and y; zeros if missing.
     description: of the first page; empty on others.
     """
 
@@ -70,7 +70,7 @@ class Page:
     description: bytes
 
     def number(self, tag: int, default: int) -> int:
-        """The value of a field, or the default that TIFF has for it."""
+        """Return the value of a field, or TIFF's default for it."""
         return self.numbers.get(tag, default)
 
     @property
@@ -80,17 +80,18 @@ class Page:
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """Of one sample, decoded; samples that are no number of 8, 16, 32 or 64 bits are opaque bytes (kind V)."""
+        """The dtype of one decoded sample; opaque bytes (kind V) for samples that are not numbers of 8, 16, 32 or 64
+        bits."""
         bits, kind = max(8, self.number(BITS, 1)), _KINDS.get(self.number(_SAMPLE_FORMAT, 1), "V")
         return np.dtype(f"{kind if bits in _BITS_OF_KINDS.get(kind, ()) else 'V'}{-(-bits // 8)}")
 
     @property
     def num_plain_bytes(self) -> int:
-        """The bytes that all samples of the page take when they are not compressed."""
+        """The number of bytes of all samples of the page without compression."""
         return self.size[0] * self.size[1] * self.number(SAMPLES, 1) * self.number(BITS, 1) // 8
 
     def difference(self, other: Page) -> str | None:
-        """What sets the page apart from `other`, in words, or None when both can be slices of one volume."""
+        """Return how the page differs from `other`, in words; None if both can be slices of one volume."""
         if self.size != other.size or self.dtype != other.dtype:
             return f"{describe_shape(self.size)} {self.dtype.name}"
         odd = [tag for tag in _SHARED if self.number(tag, 0) != other.number(tag, 0)]
@@ -98,10 +99,10 @@ class Page:
 
 
 def read_pages(path: Path) -> tuple[str, list[Page]]:
-    """The byte order, `<` or `>`, and all pages, one at least, each with pixels that are within the file.
+    """Return the byte order, `<` or `>`, and all pages, at least one, with pixels inside the file.
 
-    Raises InputError for a file that is no TIFF file, that ends before what its directories point to, or whose
-    directories cannot be.
+    Raises InputError for a file that is not TIFF, that ends before the data of its directories, or whose directories
+    are damaged.
     """
     num_file_bytes = path.stat().st_size
     pages: list[Page] = []
@@ -144,7 +145,7 @@ def read_pages(path: Path) -> tuple[str, list[Page]]:
 
 
 class _Directories:
-    """An open file, and how much of it was read. Methods raise EOFError for what lies beyond the end of the file."""
+    """An open file, and the number of bytes read. Methods raise EOFError beyond the end of the file."""
 
     def __init__(self, path: Path, file: BinaryIO, order: str, is_big: bool, num_file_bytes: int) -> None:
         self._path, self._file, self._order, self._num_file_bytes = path, file, order, num_file_bytes
@@ -152,11 +153,11 @@ class _Directories:
         self._count, self._entry, self._pointer = ("Q", "HHQ8s", "Q") if is_big else ("H", "HHI4s", "I")
 
     def first(self) -> int:
-        """Where the first directory is (0: there is none)."""
+        """Return the offset of the first directory; 0 for none."""
         return self._number(8 if self._is_big else 4, self._pointer)
 
     def page(self, offset: int, pages: list[Page]) -> tuple[Page, int]:
-        """The directory at `offset`, which comes after `pages`, and where the next one is (0: there is none)."""
+        """Return the directory at `offset`, which follows `pages`, and the offset of the next one; 0 for none."""
         num_entries = self._number(offset, self._count)
         if num_entries > _MAX_ENTRIES:
             raise InputError(
@@ -176,17 +177,17 @@ class _Directories:
         numbers, lists, fractions, description = self._fields(entries, pages)
         if pages and numbers == pages[0].numbers:
             numbers = pages[0].numbers  # many pages take little memory
-        offsets = lists.get(_STRIPS, lists.get(_TILES, _NO_PLACES))
-        lengths = lists.get(_STRIP_BYTES, lists.get(_TILE_BYTES, _NO_PLACES))
-        num_places = min(len(offsets), len(lengths))
+        offsets = lists.get(_STRIPS, lists.get(_TILES, _NO_OFFSETS))
+        lengths = lists.get(_STRIP_BYTES, lists.get(_TILE_BYTES, _NO_OFFSETS))
+        num_offsets = min(len(offsets), len(lengths))
         resolution = fractions.get(_X_RESOLUTION, (0, 0)), fractions.get(_Y_RESOLUTION, (0, 0))
-        page = Page(numbers, offsets[:num_places], lengths[:num_places], _TILES in lists, resolution, description)
+        page = Page(numbers, offsets[:num_offsets], lengths[:num_offsets], _TILES in lists, resolution, description)
         return page, self._number(begin + num_bytes, self._pointer)
 
     def _fields(
         self, entries: dict[int, tuple[int, int, bytes]], pages: list[Page]
     ) -> tuple[dict[int, int], dict[int, npt.NDArray[np.unsignedinteger[Any]]], dict[int, tuple[int, int]], bytes]:
-        """Single numbers, lists of numbers and fractions by tag, and the description."""
+        """Return single numbers, lists of numbers and fractions by tag, and the description."""
         numbers, lists, fractions, description = {}, {}, {}, b""
         for tag, (kind, count, inline) in entries.items():
             if tag == _DESCRIPTION and kind == _ASCII and not pages:
@@ -216,21 +217,21 @@ class _Directories:
             )
 
     def _require_there(self, kind: int, count: int, inline: bytes) -> None:
-        """Also of fields that are not needed: nothing else tells of a file that ends among their values."""
+        """Check fields that are not needed, too: nothing else shows that a file ends inside their values."""
         num_bytes = _ITEM_BYTES.get(kind, 0) * count
-        if num_bytes > len(inline) and self._place(inline) + num_bytes > self._num_file_bytes:
+        if num_bytes > len(inline) and self._pointer_value(inline) + num_bytes > self._num_file_bytes:
             raise EOFError
 
     def _values(self, kind: int, count: int, inline: bytes, num_wanted: int) -> bytes:
-        """The first `num_wanted` of a field's `count` values, which are in its entry where they have room there."""
+        """Return the first `num_wanted` of a field's `count` values, which are inside its entry if they fit there."""
         num_bytes = _ITEM_BYTES[kind] * num_wanted
         return (
             inline[:num_bytes]
             if _ITEM_BYTES[kind] * count <= len(inline)
-            else self._read(self._place(inline), num_bytes)
+            else self._read(self._pointer_value(inline), num_bytes)
         )
 
-    def _place(self, inline: bytes) -> int:
+    def _pointer_value(self, inline: bytes) -> int:
         return int(struct.unpack(self._order + self._pointer, inline)[0])
 
     def _number(self, place: int, code: str) -> int:
@@ -240,7 +241,7 @@ class _Directories:
         if place + num_bytes > self._num_file_bytes:
             raise EOFError
         self._num_read += num_bytes
-        if self._num_read > _MOST_READ * self._num_file_bytes:
+        if self._num_read > _MAX_READ_RATIO * self._num_file_bytes:
             raise InputError(
                 "the directories of this TIFF file overlap",
                 where=str(self._path),
@@ -256,7 +257,7 @@ class _Directories:
 
 
 def _check_complete(path: Path, pages: list[Page], num_file_bytes: int) -> None:
-    """Raise InputError unless every page has pixels, all within the file."""
+    """Raise InputError unless every page has pixels, all inside the file."""
     if not pages or not all(len(page.offsets) and min(*page.size, page.number(SAMPLES, 1)) > 0 for page in pages):
         raise InputError("this TIFF file holds no image", where=str(path), hint="the file is truncated or damaged")
     end = max(_end(page, num_file_bytes) for page in pages)
@@ -279,7 +280,7 @@ def _check_complete(path: Path, pages: list[Page], num_file_bytes: int) -> None:
 
 
 def _end(page: Page, num_file_bytes: int) -> int:
-    """Where the last of the page's strips or tiles ends; any that is beyond the end of the file, where one is."""
+    """Return where the page's last strip or tile ends; if any ends beyond the file, the end of such a one."""
     most = num_file_bytes + 1  # so that sums do not overflow
     places, sizes = (np.minimum(values, most, dtype=np.uint64) for values in (page.offsets, page.lengths))
     last = int(np.argmax(places + sizes))
