@@ -1,7 +1,7 @@
-"""Volume files to a `Volume`: one reader for each family of formats.
+"""Read volume files: one reader for each family of formats.
 
 In: a `VolumeSpec`. Out: `Volume`, cropped, checked and finite, in LPS world coordinates where the format has them.
-Headers are checked before a library reads them and before memory is taken.
+Headers are checked before a library reads them and before memory is allocated.
 """
 
 import lazy_loader

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from renderer.errors import Problem, SceneError
-from renderer.scene import schema
+from renderer.scene import schema, spec
 from renderer.scene.limits import proportion_problems
 from renderer.scene.message_text import format_value
 from renderer.scene.parse_camera import CAMERA_SECTION, direction_field
@@ -23,32 +23,11 @@ from renderer.scene.parse_output import OUTPUT_SECTION, check_frame_field
 from renderer.scene.parse_transfer import TRANSFER_FUNCTION_SECTION
 from renderer.scene.parse_volume import volume_field_type
 from renderer.scene.schema import INVALID, TreeNode
-from renderer.scene.spec import (
-    AccuracyGoal,
-    ArraySource,
-    ColormapSpec,
-    ErrorSpec,
-    FileSource,
-    KeyframePath,
-    OutputSpec,
-    ProceduralSource,
-    PyramidSpec,
-    RawSource,
-    RockerPath,
-    Scene,
-    ShadingSpec,
-    SplatBudget,
-    SplatSpec,
-    TimeBudget,
-    TransferSpec,
-    TurntablePath,
-    VolumeSpec,
-)
 
 VERSION = 1
 
 
-def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> Scene:
+def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> spec.Scene:
     """Return the scene that `tree` describes.
 
     base: the folder that volume files are relative to; they are kept as `base / file`, the output file as given.
@@ -75,7 +54,7 @@ _MISPLACED_KEY_HINTS = {
 }
 
 
-def _scene_field_type(base: Path, is_single_frame: bool) -> schema.FieldType[Scene]:
+def _scene_field_type(base: Path, is_single_frame: bool) -> schema.FieldType[spec.Scene]:
     table: schema.FieldTable = {
         "version": _VERSION,
         "volume": volume_field_type(base),
@@ -106,11 +85,11 @@ def _parse_version(node: TreeNode) -> int:
 _VERSION = schema.FieldType(str(VERSION), _parse_version)
 
 
-def _build_scene(node: TreeNode, given: dict[str, Any], is_single_frame: bool) -> Scene:
+def _build_scene(node: TreeNode, given: dict[str, Any], is_single_frame: bool) -> spec.Scene:
     check_scheduled_frames(node.child("error"), given)
     if not is_single_frame:
         check_frame_field(node.child("output"), given)
-    scene = Scene(**given)
+    scene = spec.Scene(**given)
     if not node.problems:  # with several values at once, only those that are right by themselves
         node.problems.extend(proportion_problems(scene))
     return scene
@@ -122,12 +101,12 @@ _SHADING = schema.section_field(
         "diffuse": schema.number_field(minimum=0, maximum=1),
         "light": direction_field("[x, y, z], not all 0: from the object to the light"),
     },
-    lambda node, given: ShadingSpec(**given),
+    lambda node, given: spec.ShadingSpec(**given),
 )
 
 _PYRAMID = schema.section_field(
     {"average": schema.choice_field("extinction", "opacity"), "precision": schema.choice_field("half", "single")},
-    lambda node, given: PyramidSpec(**given),
+    lambda node, given: spec.PyramidSpec(**given),
 )
 
 
@@ -150,11 +129,11 @@ _PROFILE = schema.sequence_field(
 )
 
 
-def _build_splat(node: TreeNode, given: dict[str, Any]) -> SplatSpec:
+def _build_splat(node: TreeNode, given: dict[str, Any]) -> spec.SplatSpec:
     """Build the section. A section with any key asks for splats, so an empty one has no effect."""
     if not given:
-        return Scene.splat
-    footprint = given.get("footprint", SplatSpec.footprint)
+        return spec.Scene.splat
+    footprint = given.get("footprint", spec.SplatSpec.footprint)
     hints = _unused_splat_keys(footprint)
     for key in schema.valid_keys(given, *hints):
         if "footprint" in given:
@@ -164,8 +143,8 @@ def _build_splat(node: TreeNode, given: dict[str, Any]) -> SplatSpec:
             node.key(key).add_problem("needs footprint: gouraud", hint=hint)
     profile = given.get("profile", INVALID)
     if isinstance(profile, tuple) and all(isinstance(pair, tuple) and INVALID not in pair for pair in profile):
-        _check_profile(node.child("profile"), profile, given.get("radial", SplatSpec.radial))
-    return SplatSpec(**given)
+        _check_profile(node.child("profile"), profile, given.get("radial", spec.SplatSpec.radial))
+    return spec.SplatSpec(**given)
 
 
 def _unused_splat_keys(footprint: str) -> dict[str, str]:
@@ -212,11 +191,11 @@ _SPLAT = schema.section_field(
 
 # Back to plain data
 
-_SOURCE_KEYS: dict[type, str] = {RawSource: "raw", ProceduralSource: "procedural", ArraySource: "array"}
-_PATH_TYPES = {TurntablePath: "turntable", RockerPath: "rocker", KeyframePath: "keyframes"}
+_SOURCE_KEYS: dict[type, str] = {spec.RawSource: "raw", spec.ProceduralSource: "procedural", spec.ArraySource: "array"}
+_PATH_TYPES = {spec.TurntablePath: "turntable", spec.RockerPath: "rocker", spec.KeyframePath: "keyframes"}
 
 
-def scene_to_dict(scene: Scene) -> dict[str, Any]:
+def scene_to_dict(scene: spec.Scene) -> dict[str, Any]:
     """Return the scene as plain data for JSON or YAML, with every default written out.
 
     `parse_scene` makes the same scene from it: with any `base` if the volume's file is an absolute path, else in the
@@ -226,9 +205,9 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
     return {key: tree[key] for key in ("version", *tree) if key in tree}
 
 
-def spec_to_dict(spec: Any) -> dict[str, Any]:
+def spec_to_dict(value: Any) -> dict[str, Any]:
     """Return a part of a scene, such as a CameraSpec or a TransferSpec, as plain data; as `scene_to_dict`."""
-    return _plain_dataclass(spec)
+    return _plain_dataclass(value)
 
 
 def _plain(value: Any) -> Any:
@@ -236,25 +215,27 @@ def _plain(value: Any) -> Any:
         return [_plain(item) for item in value]
     if isinstance(value, Path):
         return str(value)
-    if isinstance(value, ArraySource):
+    if isinstance(value, spec.ArraySource):
         return {"shape": list(value.shape), "dtype": str(value.values.dtype), "spacing": list(value.spacing)}
     return _plain_dataclass(value) if is_dataclass(value) else value
 
 
 def _plain_dataclass(value: Any) -> dict[str, Any]:
     plain = _plain_fields(value)
-    if isinstance(value, VolumeSpec):
+    if isinstance(value, spec.VolumeSpec):
         source: dict[str, Any] = plain.pop("source")
-        return (source if isinstance(value.source, FileSource) else {_SOURCE_KEYS[type(value.source)]: source}) | plain
-    if isinstance(value, TransferSpec):
+        return (
+            source if isinstance(value.source, spec.FileSource) else {_SOURCE_KEYS[type(value.source)]: source}
+        ) | plain
+    if isinstance(value, spec.TransferSpec):
         mapping = plain.pop("mapping")
-        has_colormap = isinstance(value.mapping, ColormapSpec)
+        has_colormap = isinstance(value.mapping, spec.ColormapSpec)
         return ({"colormap": mapping.pop("name")} | mapping if has_colormap else {"points": mapping}) | plain
-    if isinstance(value, ErrorSpec):
+    if isinstance(value, spec.ErrorSpec):
         return schedule_to_dict(value) | {key: plain[key] for key in plain if key not in ("tolerance", "goal")}
-    if isinstance(value, SplatSpec):
+    if isinstance(value, spec.SplatSpec):
         return {key: item for key, item in plain.items() if key not in _unused_splat_keys(value.footprint)}
-    if isinstance(value, OutputSpec):
+    if isinstance(value, spec.OutputSpec):
         return plain | {"background": plain.get("background", "transparent")}
     return {"type": _PATH_TYPES[type(value)]} | plain if type(value) in _PATH_TYPES else plain
 
@@ -267,15 +248,15 @@ def _plain_fields(value: Any) -> dict[str, Any]:
 
 def splat_section_without_defaults(plain: Mapping[str, Any]) -> dict[str, Any]:
     """Return a `splat` section of `scene_to_dict` without defaults, which another footprint may not have."""
-    defaults = _plain_fields(SplatSpec())
+    defaults = _plain_fields(spec.SplatSpec())
     return {key: value for key, value in plain.items() if key == "footprint" or repr(defaults.get(key)) != repr(value)}
 
 
-def schedule_to_dict(error: ErrorSpec) -> dict[str, Any]:
+def schedule_to_dict(error: spec.ErrorSpec) -> dict[str, Any]:
     """Return the key of the `error` section that sets the accuracy, with its value."""
     goal = error.goal
-    if isinstance(goal, AccuracyGoal):
+    if isinstance(goal, spec.AccuracyGoal):
         return {goal.metric: goal.value}
-    name = {SplatBudget: "splats", TimeBudget: "seconds"}.get(type(goal), "tolerance")
+    name = {spec.SplatBudget: "splats", spec.TimeBudget: "seconds"}.get(type(goal), "tolerance")
     (frame, first), *more = by_frame = error.tolerance if goal is None else goal.by_frame
     return {name: first if frame == 0 and not more else dict(by_frame)}  # keys become text in JSON, and are read so

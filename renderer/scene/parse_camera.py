@@ -6,19 +6,9 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
-from renderer.scene import schema
+from renderer.scene import schema, spec
 from renderer.scene.message_text import format_value, join_words
 from renderer.scene.schema import INVALID, TreeNode
-from renderer.scene.spec import (
-    MAX_WORLD_LENGTH,
-    MIN_WORLD_LENGTH,
-    CameraSpec,
-    Keyframe,
-    KeyframePath,
-    RockerPath,
-    TurntablePath,
-    Vector,
-)
 
 MAX_FRAMES = 10**6
 FRAME_NUMBER_FIELD = schema.integer_field(minimum=0, maximum=MAX_FRAMES - 1)
@@ -29,7 +19,7 @@ MAX_ANGLE = 1e6
 MIN_FIELD_OF_VIEW, MAX_FIELD_OF_VIEW = 0.001, 179.9
 MIN_ZOOM, MAX_ZOOM = 1e-6, 1e6
 
-AXES: dict[str, Vector] = {
+AXES: dict[str, spec.Vector] = {
     "x": (1.0, 0.0, 0.0),
     "y": (0.0, 1.0, 0.0),
     "z": (0.0, 0.0, 1.0),
@@ -39,13 +29,17 @@ AXES: dict[str, Vector] = {
 }
 
 
-def direction_field(expected: str) -> schema.FieldType[Vector]:
+def direction_field(expected: str) -> schema.FieldType[spec.Vector]:
     """Return the type of three coordinates that are not all (nearly) 0."""
 
-    def parse(node: TreeNode) -> Vector:
+    def parse(node: TreeNode) -> spec.Vector:
         vector = numbers.read(node)
-        if isinstance(vector, tuple) and INVALID not in vector and all(abs(part) < MIN_WORLD_LENGTH for part in vector):
-            hint = None if not any(vector) else f"a component of at least {MIN_WORLD_LENGTH:g}"
+        if (
+            isinstance(vector, tuple)
+            and INVALID not in vector
+            and all(abs(part) < spec.MIN_WORLD_LENGTH for part in vector)
+        ):
+            hint = None if not any(vector) else f"a component of at least {spec.MIN_WORLD_LENGTH:g}"
             return field.reject(node, "no direction", hint=hint)
         return vector  # type: ignore[return-value]  # three, or INVALID
 
@@ -58,7 +52,7 @@ _AXIS_WORDS = "x, y, z, -x, -y, -z or a direction [x, y, z], not all 0"
 _AXIS_NUMBERS = direction_field(_AXIS_WORDS)
 
 
-def _parse_axis(node: TreeNode) -> Vector:
+def _parse_axis(node: TreeNode) -> spec.Vector:
     if isinstance(node.value, (list, tuple)):
         return _AXIS_NUMBERS.read(node)
     axis = AXES.get(node.value) if isinstance(node.value, str) else None
@@ -76,13 +70,13 @@ _KEY_FIELDS: schema.FieldTable = {
     "zoom": schema.number_field(minimum=MIN_ZOOM, maximum=MAX_ZOOM),
 }
 _KEY = schema.section_field(
-    _KEY_FIELDS, lambda node, given: Keyframe(**given), required=("frame", "azimuth", "elevation")
+    _KEY_FIELDS, lambda node, given: spec.Keyframe(**given), required=("frame", "azimuth", "elevation")
 )
 
-_PATHS: dict[str, type[TurntablePath | RockerPath | KeyframePath]] = {
-    "turntable": TurntablePath,
-    "rocker": RockerPath,
-    "keyframes": KeyframePath,
+_PATHS: dict[str, type[spec.TurntablePath | spec.RockerPath | spec.KeyframePath]] = {
+    "turntable": spec.TurntablePath,
+    "rocker": spec.RockerPath,
+    "keyframes": spec.KeyframePath,
 }
 _COMMON: dict[str, schema.FieldType[Any]] = {
     "type": schema.choice_field(*_PATHS),
@@ -153,8 +147,8 @@ _FIELDS: schema.FieldTable = {
     "field_of_view": schema.number_field(minimum=MIN_FIELD_OF_VIEW, maximum=MAX_FIELD_OF_VIEW),
     "target": _TARGET,
     "distance": schema.LENGTH_FIELD,
-    "near": schema.number_field(minimum=0, maximum=MAX_WORLD_LENGTH),
+    "near": schema.number_field(minimum=0, maximum=spec.MAX_WORLD_LENGTH),
     "path": _PATH,
 }
 
-CAMERA_SECTION = schema.section_field(_FIELDS, lambda node, given: CameraSpec(**given), required=("path",))
+CAMERA_SECTION = schema.section_field(_FIELDS, lambda node, given: spec.CameraSpec(**given), required=("path",))

@@ -117,7 +117,8 @@ def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
             expected = "either points, or colormap with range and opacity"
             node.key(key).add_problem(f"contradicts {node.path}.points", expected=expected)
         points = given["points"] if isinstance(given["points"], tuple) else ()
-        _check_points(node.child("points"), points)
+        pairs = [(getattr(point, "value", INVALID), getattr(point, "opacity", INVALID)) for point in points]
+        _check_points(node.child("points"), pairs, "value")
         return TransferSpec(points, unit)
     if not of_colormap:
         node.add_problem("no colors and opacities", expected="points, or colormap with range and opacity")
@@ -131,11 +132,6 @@ def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     return TransferSpec(ColormapSpec(name, value_range, opacity), unit)
 
 
-def _check_points(node: TreeNode, points: tuple[Any, ...]) -> None:
-    _check_order(node, [getattr(point, "value", INVALID) for point in points], "value")
-    _check_visible(node, [getattr(point, "opacity", INVALID) for point in points])
-
-
 def _check_colormap(node: TreeNode, given: dict[str, Any]) -> None:
     low_high = given.get("range", INVALID)
     if isinstance(low_high, tuple) and INVALID not in low_high and low_high[0] >= low_high[1]:
@@ -143,9 +139,15 @@ def _check_colormap(node: TreeNode, given: dict[str, Any]) -> None:
         _VALUE_RANGE.reject(node.child("range"), "not ascending", got=format_value(low_high), hint=hint)
     pairs = given.get("opacity", INVALID)
     if isinstance(pairs, tuple):
-        place = node.child("opacity")
-        _check_order(place, [pair[0] if isinstance(pair, tuple) else INVALID for pair in pairs], 0)
-        _check_visible(place, [pair[1] if isinstance(pair, tuple) else INVALID for pair in pairs])
+        pairs = [pair if isinstance(pair, tuple) else (INVALID, INVALID) for pair in pairs]
+        _check_points(node.child("opacity"), pairs, 0)
+
+
+def _check_points(node: TreeNode, points: list[tuple[Any, Any]], value_key: object) -> None:
+    """Check the values and opacities of points."""
+    _check_order(node, [value for value, _ in points], value_key)
+    if points and all(opacity == 0 for _, opacity in points):
+        node.add_problem("nothing is visible: every opacity is 0", expected="an opacity greater than 0")
 
 
 def _check_order(node: TreeNode, values: list[Any], key: object) -> None:
@@ -162,11 +164,6 @@ def _check_order(node: TreeNode, values: list[Any], key: object) -> None:
             )
         elif value == before and index > 1 and values[index - 2] == value:
             place.add_problem("a third point at the same value", got=format_value(value), hint="two points make a step")
-
-
-def _check_visible(node: TreeNode, opacities: list[Any]) -> None:
-    if opacities and all(opacity == 0 for opacity in opacities):
-        node.add_problem("nothing is visible: every opacity is 0", expected="an opacity greater than 0")
 
 
 TRANSFER_FUNCTION_SECTION = schema.section_field(_FIELDS, _build_transfer)

@@ -6,18 +6,9 @@ import math
 from pathlib import Path
 from typing import Any
 
-from renderer.scene import schema
+from renderer.scene import schema, spec
 from renderer.scene.message_text import did_you_mean, format_value
 from renderer.scene.schema import INVALID, TreeNode
-from renderer.scene.spec import (
-    MAX_WORLD_LENGTH,
-    MIN_WORLD_LENGTH,
-    PROCEDURAL_NAMES,
-    FileSource,
-    ProceduralSource,
-    RawSource,
-    VolumeSpec,
-)
 
 ITEM_SIZES = {f"{kind}{8 * size}": size for size in (1, 2, 4, 8) for kind in ("uint", "int")}
 ITEM_SIZES |= {f"float{8 * size}": size for size in (2, 4, 8)}
@@ -62,7 +53,7 @@ def _triple(item: schema.FieldType[Any], words: str) -> schema.FieldType[Any]:
 
 
 _SHAPE = _triple(schema.integer_field(minimum=1, maximum=MAX_AXIS), f"three whole numbers from 1 to {MAX_AXIS}")
-_SPACING = _triple(schema.LENGTH_FIELD, f"three lengths from {MIN_WORLD_LENGTH:g} to {MAX_WORLD_LENGTH:g}")
+_SPACING = _triple(schema.LENGTH_FIELD, f"three lengths from {spec.MIN_WORLD_LENGTH:g} to {spec.MAX_WORLD_LENGTH:g}")
 _SUBSET_INDEX = schema.integer_field(minimum=0, maximum=10**6)  # a time step or a component, counted from 0
 _CROP = schema.sequence_field(
     schema.sequence_field(
@@ -75,7 +66,7 @@ _CROP = schema.sequence_field(
 )
 
 
-def volume_field_type(base: Path) -> schema.FieldType[VolumeSpec]:
+def volume_field_type(base: Path) -> schema.FieldType[spec.VolumeSpec]:
     """Return the type of `volume`; its files are relative to the folder `base`."""
     raw: schema.FieldTable = {
         "file": _file_field_type(base, folder=False),
@@ -86,7 +77,7 @@ def volume_field_type(base: Path) -> schema.FieldType[VolumeSpec]:
         "offset": schema.integer_field(minimum=0, maximum=2**40),
     }
     procedural: schema.FieldTable = {
-        "name": schema.choice_field(*PROCEDURAL_NAMES),
+        "name": schema.choice_field(*spec.PROCEDURAL_NAMES),
         "shape": _SHAPE,
         "seed": schema.integer_field(minimum=0, maximum=2**32 - 1),
         "spacing": _SPACING,
@@ -104,16 +95,16 @@ def volume_field_type(base: Path) -> schema.FieldType[VolumeSpec]:
     return schema.section_field(table, _build_volume)
 
 
-def _build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
+def _build_volume(node: TreeNode, given: dict[str, Any]) -> spec.VolumeSpec:
     sources = [key for key in ("file", "raw", "procedural") if key in given]
     if not sources:
         node.add_problem("no voxels", expected="one of file, raw and procedural")
     for extra in sources[1:]:
         node.key(extra).add_problem(f"contradicts {node.path}.{sources[0]}", expected="one source of voxels")
     own = given.get("raw", given.get("procedural"))
-    source = FileSource(given["file"], given.get("spacing")) if "file" in given else own
+    source = spec.FileSource(given["file"], given.get("spacing")) if "file" in given else own
     rest = {key: value for key, value in given.items() if key not in (*sources, "spacing")}
-    if isinstance(source, (RawSource, ProceduralSource)):
+    if isinstance(source, (spec.RawSource, spec.ProceduralSource)):
         if "spacing" in given:
             what, place = f"a {sources[0]} volume has its own spacing", f"{node.path}.{sources[0]}.spacing"
             node.key("spacing").add_problem(what, hint=f"give {place} instead")
@@ -123,18 +114,18 @@ def _build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
             )
     if "crop" in given:
         _check_crop(node.child("crop"), given["crop"], getattr(source, "shape", None))
-    return VolumeSpec(source=source, **rest)  # type: ignore[arg-type]  # an INVALID source never leaves parse_scene
+    return spec.VolumeSpec(source=source, **rest)  # type: ignore[arg-type]  # an INVALID source never leaves parse_scene
 
 
-def _build_procedural(node: TreeNode, given: dict[str, Any]) -> ProceduralSource:
+def _build_procedural(node: TreeNode, given: dict[str, Any]) -> spec.ProceduralSource:
     if schema.valid_keys(given, "shape"):
         _check_total(node.child("shape"), given["shape"])
-    return ProceduralSource(**given)
+    return spec.ProceduralSource(**given)
 
 
-def _build_raw(node: TreeNode, given: dict[str, Any]) -> RawSource:
+def _build_raw(node: TreeNode, given: dict[str, Any]) -> spec.RawSource:
     if not (schema.valid_keys(given, "shape") and _check_total(node.child("shape"), given["shape"])):
-        return RawSource(**given)
+        return spec.RawSource(**given)
     if len(schema.valid_keys(given, "file", "dtype")) == 2 and isinstance(given.get("offset", 0), int):
         shape, offset = given["shape"], given.get("offset", 0)
         expected = offset + math.prod(shape) * ITEM_SIZES[given["dtype"]]
@@ -149,7 +140,7 @@ def _build_raw(node: TreeNode, given: dict[str, Any]) -> RawSource:
                 if found > expected
                 else "the file is cut short, or the shape or the dtype is not its own",
             )
-    return RawSource(**given)
+    return spec.RawSource(**given)
 
 
 def _check_total(node: TreeNode, shape: tuple[Any, ...]) -> bool:

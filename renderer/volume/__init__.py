@@ -1,7 +1,7 @@
 """A scalar volume and its place in the world.
 
 In: voxels [z, y, x] and an affine. Out: `Volume`, read-only. Voxels of large files stay in their file
-(`MappedFile`) and are read as they are needed.
+(`MappedFile`) and are read when they are used.
 """
 
 import lazy_loader

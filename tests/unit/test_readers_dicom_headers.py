@@ -107,7 +107,7 @@ def test_frames_of_which_functional_groups_say_the_lengths(tmp_path: Path) -> No
     sitk.WriteImage(image, str(tmp_path / "a.dcm"))
     np.testing.assert_array_equal(read(tmp_path / "a.dcm").spacing, [0.5, 0.25, 7])
     change(tmp_path / "a.dcm", b"\x28\x00\x10\x91", b"\x28\x00\x11\x91")
-    with pytest.raises(InputError, match="does not say how large its voxels are"):
+    with pytest.raises(InputError, match="does not give its voxel size"):
         read(tmp_path / "a.dcm")
 
 
@@ -120,7 +120,7 @@ def test_frames_whose_distance_is_not_said(tmp_path: Path) -> None:
     rows, orientation = b"\x28\x00\x10\x00", b"\x20\x00\x0d\x00"
     data = data.replace(rows, b"\x28\x00\x08\x00\x02\x00\x00\x003 " + rows, 1)  # the number of frames
     (tmp_path / "frames.dcm").write_bytes(data)
-    with pytest.raises(InputError, match="does not say how large its voxels are") as error:
+    with pytest.raises(InputError, match="does not give its voxel size") as error:
         read(tmp_path / "frames.dcm")
     assert error.value.got == "3 frames without SpacingBetweenSlices or functional groups"
     np.testing.assert_array_equal(read(tmp_path / "frames.dcm", (0.5, 0.25, 7)).spacing, [0.5, 0.25, 7])
