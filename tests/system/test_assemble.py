@@ -16,7 +16,7 @@ from small_scene import small_scene
 
 from hsplat_cli import main
 from hsplat_cli.films.assemble import assembly, merged_sidecar as merged
-from renderer.film import bytes_digest, encode_png, join_png_chunks, output_lock as place, png_chunks
+from renderer.film import bytes_digest, encode_png, join_png_chunks, locked_output, png_chunks
 from renderer.versions import package_versions
 
 SCENE = small_scene(frames=7)
@@ -255,7 +255,7 @@ def test_a_film_that_is_gone_before_this_job_had_its_place(monkeypatch: pytest.M
     @contextlib.contextmanager
     def taken(*arguments: Any) -> Iterator[Path]:
         Path("film.mp4").unlink()
-        with place.locked_output(*arguments) as folder:
+        with locked_output(*arguments) as folder:
             yield folder
 
     monkeypatch.setattr(assembly, "locked_output", taken)
