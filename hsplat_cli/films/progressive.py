@@ -1,6 +1,6 @@
 """The passes of a film that refines while time remains: complete films, each more exact than the one before.
 
-The first pass has few cells and is finished soon. Its frames and some trial frames tell what drawing costs here; each
+The first pass has few cells and is finished soon. Its frames and some trial frames show what drawing costs here; each
 following pass takes 8 times as long, and the last one is what the scene requests. So all passes together take little
 longer than the last one alone.
 """
@@ -41,7 +41,7 @@ from renderer.study import FilmPlan
 _FIRST_PASS_FACTOR = 1.3
 # How many times longer each pass takes than the one before, and how many times at least, to be worth it.
 _PASS_FACTOR, _MIN_PASS_FACTOR = 8.0, 3.0
-# Trial frames, which tell what more cells cost, take up to this fraction of a frame of the last pass, and seconds.
+# Trial frames, which show what more cells cost, take up to this fraction of a frame of the last pass, and seconds.
 _TRIAL_FRACTION, _MAX_TRIAL_S = 0.1, 0.5
 # A pass may be predicted to take this fraction of the remaining time.
 _SAFE_FRACTION = 0.9
@@ -87,6 +87,7 @@ class Refiner:
 
     deadline: by `perf_counter`.
     passes: the records of the passes so far, for the sidecar.
+    comparison: takes the frames of each pass.
     accepted: the plan by which the last pass turned out to be what the scene requests; None otherwise.
     """
 
@@ -96,7 +97,7 @@ class Refiner:
         self._estimator, self._frames, self._error = estimator, job.frames, job.scene.error
         self._noun, self._rasterizer = job.scene.splat.primitive_name, rasterizer
         self._deadline, self._reporter = deadline, reporter
-        self._comparison = _PassComparison(job.frames, math.prod(picture_shape(job.scene.output)))
+        self.comparison = PassComparison(job.frames, math.prod(picture_shape(job.scene.output)))
         self.passes: list[dict[str, Any]] = []
         self.accepted: FilmPlan | None = None
 
@@ -142,33 +143,33 @@ class Refiner:
         if self.passes and time.perf_counter() > self._deadline:
             raise DeadlineReached
 
-    def add_frame(self, number: int, image: npt.NDArray[np.uint8]) -> None:
-        """Compare a frame of this pass, uint8 [h, w, c], with that of the pass before."""
-        self._comparison.add_frame(number, image)
-
     def finish_pass(self, frames: Sequence[Record], frame_seconds: float, seconds: float, total: float) -> str:
         """Record a pass and return a line about it.
 
         frame_seconds: predicted, in the mean. seconds: what the pass took. total: seconds since the start of the job.
         """
         predicted_seconds = frame_seconds * len(frames)
-        difference = self._comparison.finish_pass()
+        change = self.comparison.finish_pass()
+        tolerances, cells = (min_max(frame[key] for frame in frames) for key in ("tolerance", "cells"))
         self.passes.append(
             {
-                "tolerance": min_max(frame["tolerance"] for frame in frames),
-                "cells": min_max(frame["cells"] for frame in frames),
+                "tolerance": tolerances,
+                "cells": cells,
                 "predicted_seconds": predicted_seconds,
                 "seconds": seconds,
                 "after_seconds": total,
-                "difference": difference.record() if difference else None,
+                "difference": change,
             }
         )
-        return (
-            f"pass {len(self.passes)}: tolerance {range_text(self.passes[-1]['tolerance'])}, "
-            f"{pluralize_range([frame['splats'] for frame in frames], self._noun)} a frame, "
-            f"{seconds:.1f} s (predicted: {predicted_seconds:.1f} s)"
-            f"{f', {difference}' if difference else ''}"
-        )
+        facts = [
+            f"pass {len(self.passes)}: tolerance {range_text(tolerances)}",
+            f"{pluralize_range([frame['splats'] for frame in frames], self._noun)} a frame",
+            f"{seconds:.1f} s (predicted: {predicted_seconds:.1f} s)",
+        ]
+        if change is not None:
+            psnr_db = change["psnr_db"]
+            facts.append("nothing changed" if psnr_db is None else f"{psnr_db:.1f} dB from the pass before")
+        return ", ".join(facts)
 
     def _may_skip_first_pass(self, first: float) -> bool:
         """Return whether the last pass may have so few cells that a first pass of `first` seconds a frame is useless.
@@ -262,27 +263,7 @@ def _stopwatch() -> Stopwatch:
     return Stopwatch(time.perf_counter)
 
 
-@dataclass(frozen=True)
-class _PassDifference:
-    """How much a pass changed the pictures. rmse: over all pixels and channels of `num_frames` frames, in [0, 1]."""
-
-    rmse: float
-    num_frames: int
-
-    def __str__(self) -> str:
-        return "nothing changed" if self.rmse == 0 else f"{self.psnr_db:.1f} dB from the pass before"
-
-    @property
-    def psnr_db(self) -> float:
-        """Infinite where nothing changed."""
-        return math.inf if self.rmse == 0 else -20 * math.log10(self.rmse)
-
-    def record(self) -> dict[str, Any]:
-        """Return plain data for JSON, which has no infinity."""
-        return {"rmse": self.rmse, "psnr_db": self.psnr_db if self.rmse > 0 else None, "frames": self.num_frames}
-
-
-class _PassComparison:
+class PassComparison:
     """Compares each pass with the one before, on frames that are spread over the film."""
 
     def __init__(self, frames: Sequence[int], frame_bytes: int) -> None:
@@ -292,6 +273,7 @@ class _PassComparison:
         self._squares: list[float] = []
 
     def add_frame(self, number: int, image: npt.NDArray[np.uint8]) -> None:
+        """Compare a frame of this pass, uint8 [h, w, c], with that of the pass before."""
         if number not in self._compared_frames:
             return
         if number in self._before:
@@ -299,7 +281,13 @@ class _PassComparison:
             self._squares.append(float(np.mean(change * change, dtype=np.float64)))
         self._before[number] = image
 
-    def finish_pass(self) -> _PassDifference | None:
-        """Return what the pass that has ended changed; None for the first."""
+    def finish_pass(self) -> dict[str, Any] | None:
+        """Return the root mean square change of pixels and channels in [0, 1], for JSON; None for the first pass.
+
+        `psnr_db` is None where nothing changed, because JSON has no infinity.
+        """
         squares, self._squares = self._squares, []
-        return _PassDifference(math.sqrt(math.fsum(squares) / len(squares)), len(squares)) if squares else None
+        if not squares:
+            return None
+        rmse = math.sqrt(math.fsum(squares) / len(squares))
+        return {"rmse": rmse, "psnr_db": -20 * math.log10(rmse) if rmse > 0 else None, "frames": len(squares)}

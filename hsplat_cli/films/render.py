@@ -219,5 +219,5 @@ def _store(
         film.write(number, drawn.picture.pixels)
     record = with_seconds(record, encode=time.perf_counter() - before)
     if refiner is not None:
-        refiner.add_frame(number, drawn.picture.pixels)
+        refiner.comparison.add_frame(number, drawn.picture.pixels)
     return record
