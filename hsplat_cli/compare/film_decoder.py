@@ -45,7 +45,7 @@ def decode_film(path: Path) -> Iterator[Iterator[Pixels]]:
     """The frames of a film, one after the other: uint8 [h, w, 3], of a GIF [h, w, 4].
 
     However the block ends, ffmpeg has ended too. Raises InputError where the file is no MP4 or GIF, is cut off or
-    cannot be decoded to its end, or has frames of more than MAX_PIXELS; RenderError where there is no ffmpeg.
+    cannot be decoded to its end, or has frames of more than MAX_PIXELS; RenderError where ffmpeg is missing.
     """
     _require_complete(path)
     with contextlib.ExitStack() as stack:

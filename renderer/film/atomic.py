@@ -109,16 +109,16 @@ def output_error(error: OSError, path: Path) -> HsplatError:
     if isinstance(error, (NotADirectoryError, FileExistsError)) or error.errno == errno.ELOOP:
         broken = next((parent for parent in path.parents if parent.is_symlink() and not parent.exists()), None)
         if broken is not None:
-            return InputError("the folder of the output is a link that leads nowhere", where=where, got=str(broken))
+            return InputError("the output folder is a broken link", where=where, got=str(broken))
         if error.errno != errno.ELOOP:  # which a link elsewhere in the path may cause, too
             file = next((parent for parent in path.parents if parent.is_file()), path.parent)
-            return InputError("the folder of the output is a file", where=where, got=str(file))
+            return InputError("the output folder is a file", where=where, got=str(file))
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return RenderError("the disk is full", where=where, hint="free some space, or write to another disk")
     if _is_kernel_filesystem(path):
-        return RenderError("no files can be made here", where=where, hint=_ANOTHER_FOLDER)
+        return RenderError("files cannot be created here", where=where, hint=_ANOTHER_FOLDER)
     if isinstance(error, FileNotFoundError):
-        return RenderError("the folder of the output is gone", where=where, hint="it was there when the work began")
+        return RenderError("the output folder has vanished", where=where, hint="it existed when the work began")
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
         return RenderError("no permission to write here", where=where, hint=_ANOTHER_FOLDER)
     return RenderError("the output cannot be written", where=where, got=error.strerror or str(error))

@@ -114,8 +114,8 @@ class FrameCheckpoint:
             del self.records[number]
             with translate_os_errors(path):
                 self._checkpoint_path(number, "json").unlink(missing_ok=True)
-            hint = "the same command draws it again"
-            raise RenderError("a frame that was kept cannot be decoded", where=str(path), hint=hint) from error
+            hint = "run the same command again to redraw it"
+            raise RenderError("a checkpoint frame cannot be decoded", where=str(path), hint=hint) from error
 
     def retain(self, predicate: Callable[[Record], bool]) -> None:
         """Keep the frames whose record satisfies the predicate. The others are drawn again."""

@@ -157,7 +157,7 @@ def find_ffmpeg(output: Path) -> str:
         return str(imageio_ffmpeg.get_ffmpeg_exe())
     except RuntimeError as error:
         raise RenderError(
-            "there is no ffmpeg",
+            "ffmpeg is missing",
             where=str(output),
-            hint="install imageio-ffmpeg from a wheel, which contains it, or name one in IMAGEIO_FFMPEG_EXE",
+            hint="install imageio-ffmpeg from a wheel, which contains it, or set IMAGEIO_FFMPEG_EXE to its path",
         ) from error

@@ -1,4 +1,4 @@
-"""The files that a job reads: none of its outputs may replace one of them."""
+"""Find the files that a job reads, and refuse outputs that would overwrite one of them."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from renderer.errors import InputError
 from renderer.scene import ArraySource, FileSource, ProceduralSource, VolumeSpec
 
 _TIFF, _NRRD, _METAIMAGE = (".tif", ".tiff"), (".nrrd", ".nhdr"), (".mha", ".mhd")
-# How pictures, films and sidecars begin, which may lie among the slices of a volume; that of MP4 is behind a length.
+# The first bytes of pictures, films and sidecars, which may lie among the slices of a volume; MP4 has a length before.
 _OUTPUTS, _MP4 = (b"\x89PNG", b"GIF8", b"{"), b"ftyp"
 
 
 def require_no_input(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
-    """Raise InputError where an output is there and is the same file as one of the inputs, by whatever links.
+    """Raise InputError if an existing output is the same file as one of the inputs, through any links.
 
-    inputs: not looked at where no output is there.
+    inputs: not read if no output exists.
     """
     there: dict[tuple[int, int] | None, Path] = {mark: path for path in outputs if (mark := _mark(path)) is not None}
     if not there:
@@ -27,7 +27,7 @@ def require_no_input(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
         output = there.get(_mark(path))
         if output is not None:
             raise InputError(
-                "this output is an input, too, and would take its place",
+                "this output would overwrite an input",
                 where=str(output),
                 got=f"the input {path}",
                 expected="a file that is not read",
@@ -36,12 +36,12 @@ def require_no_input(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
 
 
 def volume_files(volume: VolumeSpec) -> Iterator[Path]:
-    """Yield the files of a volume, as far as they are known, with a header's data files and a folder's slices."""
+    """Yield the known files of a volume, with the data files of a header and the slices of a folder."""
     source = volume.source
     if isinstance(source, (ProceduralSource, ArraySource)):
         return
     yield source.file
-    with contextlib.suppress(OSError):  # said by its reader
+    with contextlib.suppress(OSError):  # its reader reports it
         if source.file.is_dir():
             entries = list(source.file.iterdir())
             tiffs = [entry for entry in entries if entry.suffix.lower() in _TIFF]
@@ -61,14 +61,14 @@ def header_data_files(header: Path) -> list[Path]:
 
     try:
         stored = nrrd_voxels(header) if suffix in _NRRD else metaimage_voxels(header)
-    except (InputError, OSError):  # said by its reader, when its turn comes
+    except (InputError, OSError):  # its reader reports it later
         return []
     files = stored if isinstance(stored, list) else [stored] if stored else []
     return [each.file.resolve() for each in files]
 
 
 def _mark(path: Path) -> tuple[int, int] | None:
-    """What a file has in common with all links to it; None where there is none."""
+    """Return what a file shares with all links to it; None if it does not exist."""
     try:
         status = os.stat(path)
     except (OSError, ValueError):

@@ -83,10 +83,10 @@ def require_folder_if_exists(folder: Path) -> None:
         mode = folder.lstat().st_mode
         if not stat.S_ISDIR(mode):
             raise InputError(
-                "something else has the name of the folder for frames of a film that is not whole",
+                "something else has the name of the folder for unfinished frames",
                 where=str(folder),
                 got="a link" if stat.S_ISLNK(mode) else "a file",
-                hint="give it another name, or the film another --output",
+                hint="rename it, or choose another --output",
             )
 
 
@@ -135,7 +135,7 @@ def _require_regular(file: Path) -> None:
     if not stat.S_ISREG(mode):
         kinds = ((stat.S_ISLNK, "a link"), (stat.S_ISDIR, "a folder"))
         got = next((kind for is_of, kind in kinds if is_of(mode)), "a device or a pipe")
-        raise InputError("something else has the name of a lock file", where=str(file), got=got, hint="remove it")
+        raise InputError("something else has the name of the lock file", where=str(file), got=got, hint="remove it")
 
 
 def _copy_folder_permissions(descriptor: int, folder: Path) -> None:
@@ -159,7 +159,7 @@ def _acquire_slots(descriptor: int, slots: Sequence[int], output: Path) -> None:
                 "another job is writing this output",
                 where=str(output),
                 got=_read_owner(descriptor),
-                hint="wait until it is done, or give this one another output",
+                hint="wait until it has finished, or choose another output",
             )
     _write_owner(descriptor)
     with contextlib.suppress(OSError):  # the file system has no locks

@@ -74,8 +74,8 @@ def require_finite(image: npt.NDArray[np.floating[Any]]) -> None:
     bad = np.argwhere(~finite.all(axis=2))
     row, column = bad[0]
     raise RenderError(
-        "the picture has pixels that are not numbers",
+        "the picture has pixels that are not finite numbers",
         got=f"{len(bad)} of {image.shape[0] * image.shape[1]} pixels, the first at row {row}, column {column}: "
         f"{image[row, column].tolist()}",
-        hint="this is a fault of hsplat or of the graphics driver; please report it with the scene file",
+        hint="this is a bug in hsplat or in the graphics driver; please report it with the scene file",
     )

@@ -60,11 +60,11 @@ def prepare_stage(
     volume = read_volume(scene.volume) if volume is None else volume
     if fingerprint is not None and volume.fingerprint != fingerprint:
         raise InputError(
-            "the film was made of another volume",
+            "the film was made from another volume",
             where=recorded_in or None,
             got=f"the fingerprint {volume.fingerprint} of {volume.name}",
             expected=fingerprint,
-            hint="if the volume was moved, --volume names it; another one can be drawn with a scene of its own",
+            hint="if the volume was moved, name it with --volume; draw another volume with another scene",
         )
     extent = volume_extent(volume)
     raise_problems([*volume_problems(extent, volume.name), *camera_problems(camera, size, extent)])

@@ -1,4 +1,4 @@
-"""What a sidecar tells of a film and of its frames, as plain data for JSON."""
+"""Describe a film and its frames as plain data, for the sidecar."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def film_record(stage: Stage, frames: Sequence[Record], made_by: str) -> dict[st
 
 
 def visibility_notes(frames: Sequence[Record]) -> list[str]:
-    """Return what the user should know about the pictures: that nothing shows on them, or on some."""
+    """Return notes for the user if nothing is visible on some or all pictures."""
     if all(frame["cells"] == 0 for frame in frames):
         return [
             "nothing is visible: the transfer function hides every voxel; `hsplat info` shows which values there are"

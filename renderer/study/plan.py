@@ -1,4 +1,4 @@
-"""From what a scene asks for (cells, seconds, an accuracy) to the tolerances of its frames."""
+"""Plan the tolerances of a film's frames from the goal of its scene: cells, seconds or an accuracy."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ BEST_EFFORT_HINT = "with --best-effort it is good enough"
 class FilmPlan:
     """How frames get their tolerances: from the schedule of the stage's scene, without a goal, or from a controller.
 
-    shortfall: what was asked for and cannot be had; what is drawn then is the best there is.
+    shortfall: the goal that cannot be reached; the film is then drawn as well as possible.
     is_unfinished: finer passes follow.
-    is_timing_dependent: its tolerances depend on how quick the machine was.
+    is_timing_dependent: its tolerances depend on the speed of the machine.
     found: the result of the search for an accuracy.
     """
 
@@ -62,11 +62,11 @@ def make_plan(
     search: Callable[[Stage, MetricTarget], ToleranceSearchResult],
     on_step: Callable[[], None] = lambda: None,
 ) -> FilmPlan:
-    """Find what the goal of the scene takes, if it has one.
+    """Resolve the goal of the stage's scene, if it has one.
 
     rasterizer: for goals of accuracy and of time.
     search: finds the tolerance of an accuracy; called for goals of accuracy.
-    on_step: called now and then in a long search; what it raises goes through.
+    on_step: called before each trial drawing; what it raises ends the search.
     """
     stage = estimator.stage
     goal = stage.scene.error.goal
@@ -89,7 +89,7 @@ def make_plan(
 
 
 def _plan_accuracy(stage: Stage, goal: AccuracyGoal, found: ToleranceSearchResult) -> FilmPlan:
-    """FilmPlan one tolerance for the whole film; 0 where none is good enough."""
+    """Plan one tolerance for the whole film; 0 if none is good enough."""
     shortfall = None
     if found.tolerance is None:
         hint = f"the film is drawn at tolerance 0, and {BEST_EFFORT_HINT}"

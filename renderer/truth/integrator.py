@@ -151,7 +151,7 @@ def converged_image(
     raise RenderError(
         f"the ray integral does not converge in {max_refinements} halvings of its step",
         where=volume.name,
-        got=f"a change of {changes[-1]:.3g} at a step of {steps[-1]:.3g} voxels; {of_how_many} have not settled",
+        got=f"a change of {changes[-1]:.3g} at a step of {steps[-1]:.3g} voxels; {of_how_many} have not converged",
         expected=f"a change below {tolerance:g}{in_a_row}",
         hint="ask for a larger tolerance",
     )

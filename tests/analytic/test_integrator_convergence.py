@@ -116,7 +116,7 @@ def test_a_truth_that_does_not_settle_in_the_halvings_allowed(
     images = [integrate(noise, COLORFUL, view, step_voxels=step, shading=shading) for step in (0.5, 0.25)]
     change = np.abs(images[1] - images[0]).max()
     assert got.startswith(f"  got: a change of {change:.3g} at a step of 0.25 voxels; ")
-    assert got.endswith(" of 30 pixels have not settled")
+    assert got.endswith(" of 30 pixels have not converged")
 
 
 def test_progress_is_the_share_of_the_rays_known_to_be_needed(monkeypatch: pytest.MonkeyPatch) -> None:

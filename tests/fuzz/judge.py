@@ -186,7 +186,7 @@ def _judge_picture(scene: Scene, case: Case, rasterizer: GLRasterizer, verdict: 
     stage = make_plan(LODCostEstimator(stage), [number], rasterizer, Reporter(is_quiet=True)).stage
     (frame,) = render_frames(stage, [number], rasterizer, clock=time.perf_counter)
     if not np.isfinite(frame.radiance).all():
-        raise WrongError("the picture has pixels that are not numbers")
+        raise WrongError("the picture has pixels that are not finite numbers")
     if isinstance(scene.error.goal, SplatBudget):
         _require_finest(stage, frame, scheduled_value(scene.error.goal.by_frame, number))
     view = view_of(stage, number)

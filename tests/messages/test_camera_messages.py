@@ -64,7 +64,7 @@ def test_an_integral_that_does_not_settle() -> None:
         converged_image(volume, empty, make_view(CAMERA, 0, ORIGIN, 9.0, (2, 1)), tolerance=0.0)
     assert str(caught.value) == (
         "cube.nrrd: the ray integral does not converge in 12 halvings of its step\n"
-        "  got: a change of 0 at a step of 0.000244 voxels; 2 of 2 pixels have not settled\n"
+        "  got: a change of 0 at a step of 0.000244 voxels; 2 of 2 pixels have not converged\n"
         "  expected: a change below 0\n"
         "  hint: ask for a larger tolerance"
     )

@@ -30,7 +30,7 @@ REFUSED = {
     "a folder that is a file": (
         ["--output", "/scans/walnut.raw/deeper/film.mp4"],
         2,
-        "/scans/walnut.raw/deeper/film.mp4: the folder of the output is a file\n  got: /scans/walnut.raw\n",
+        "/scans/walnut.raw/deeper/film.mp4: the output folder is a file\n  got: /scans/walnut.raw\n",
     ),
     "an output that is a folder": (
         ["--output", "/scans/folder.mp4"],
@@ -45,28 +45,28 @@ REFUSED = {
     "a folder that is a link to nothing": (
         ["--output", "/scans/link/deeper/film.mp4"],
         2,
-        "/scans/link/deeper/film.mp4: the folder of the output is a link that leads nowhere\n  got: /scans/link\n",
+        "/scans/link/deeper/film.mp4: the output folder is a broken link\n  got: /scans/link\n",
     ),
     "a folder that is a link to itself": (
         ["--output", "/scans/circle/film.mp4"],
         2,
-        "/scans/circle/film.mp4: the folder of the output is a link that leads nowhere\n  got: /scans/circle\n",
+        "/scans/circle/film.mp4: the output folder is a broken link\n  got: /scans/circle\n",
     ),
     "where there are no files": (
         ["--output", "/proc/film.mp4"],
         1,
-        "/proc/film.mp4: no files can be made here\n  hint: choose another folder for the output\n",
+        "/proc/film.mp4: files cannot be created here\n  hint: choose another folder for the output\n",
     ),
     "where there are no folders": (
         ["--output", "/proc/new/film.mp4"],
         1,
-        "/proc/new/film.mp4: no files can be made here\n  hint: choose another folder for the output\n",
+        "/proc/new/film.mp4: files cannot be created here\n  hint: choose another folder for the output\n",
     ),
     "a name that frames need": (
         ["--output", "/scans/taken.mp4"],
         2,
-        "/scans/taken.mp4.unfinished: something else has the name of the folder for frames of a film that is not "
-        "whole\n  got: a file\n  hint: give it another name, or the film another --output\n",
+        "/scans/taken.mp4.unfinished: something else has the name of the folder for unfinished frames\n"
+        "  got: a file\n  hint: rename it, or choose another --output\n",
     ),
     "a sidecar that is a folder": (
         ["--output", "/scans/film.gif"],

@@ -389,7 +389,7 @@ def test_reports(refused: Refused) -> None:
         )
     assert stat.S_ISFIFO(os.stat("link.xml").st_mode)
     assert refused("golden", "actual", "--junit", f"{FIRST}/report.xml") == (
-        f"{FIRST}/report.xml: the folder of the output is a file\n  got: {FIRST}\n"
+        f"{FIRST}/report.xml: the output folder is a file\n  got: {FIRST}\n"
     )
 
 

@@ -227,7 +227,7 @@ def test_a_file_of_somebody_else(golden: Command, scene_folder: Path) -> None:
 
 def test_a_folder_that_is_a_file(golden: Command) -> None:
     Path("goldens").touch()
-    assert golden() == (2, "", "goldens/golden.json: the folder of the output is a file\n  got: goldens\n")
+    assert golden() == (2, "", "goldens/golden.json: the output folder is a file\n  got: goldens\n")
 
 
 REFUSED: list[tuple[dict[str, Any], str]] = [

@@ -24,7 +24,7 @@ from renderer.scene import OutputSpec
             "out/film.mp4: no permission to write here\n  hint: choose another folder for the output",
         ),
         (errno.EISDIR, "out/film.mp4: the output is a folder\n  expected: the name of a file"),
-        (errno.ENOTDIR, "out/film.mp4: the folder of the output is a file\n  got: out"),
+        (errno.ENOTDIR, "out/film.mp4: the output folder is a file\n  got: out"),
         (errno.EIO, "out/film.mp4: the output cannot be written\n  got: Input/output error"),
     ],
 )
@@ -37,7 +37,7 @@ def test_the_file_that_stands_for_a_folder_is_named(tmp_path: Path) -> None:
     path = tmp_path / "file" / "deeper" / "film.mp4"
     with pytest.raises(HsplatError) as caught:
         require_writable(path)
-    assert str(caught.value) == f"{path}: the folder of the output is a file\n  got: {tmp_path / 'file'}"
+    assert str(caught.value) == f"{path}: the output folder is a file\n  got: {tmp_path / 'file'}"
 
 
 def fail_with(script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
@@ -82,8 +82,8 @@ def test_ffmpeg_is_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     with pytest.raises(HsplatError) as caught, open_film(OutputSpec(path), [0]):
         pytest.fail("found out too late")
     assert str(caught.value) == (
-        f"{path}: there is no ffmpeg\n"
-        "  hint: install imageio-ffmpeg from a wheel, which contains it, or name one in IMAGEIO_FFMPEG_EXE"
+        f"{path}: ffmpeg is missing\n"
+        "  hint: install imageio-ffmpeg from a wheel, which contains it, or set IMAGEIO_FFMPEG_EXE to its path"
     )
 
 
@@ -93,7 +93,7 @@ def test_pixels_that_are_not_numbers() -> None:
     with pytest.raises(HsplatError) as caught:
         quantize(image, None)
     assert str(caught.value) == (
-        "the picture has pixels that are not numbers\n"
+        "the picture has pixels that are not finite numbers\n"
         "  got: 2 of 20 pixels, the first at row 2, column 3: [0.0, nan, 0.0, 0.0]\n"
-        "  hint: this is a fault of hsplat or of the graphics driver; please report it with the scene file"
+        "  hint: this is a bug in hsplat or in the graphics driver; please report it with the scene file"
     )

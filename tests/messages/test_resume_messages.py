@@ -122,8 +122,8 @@ def test_a_kept_frame_that_no_decoder_takes(render: Render) -> None:
         1,
         "4 of 6 frames are already finished\n"
         "3 of 6 frames are kept; the same command resumes there\n"
-        "film.mp4.unfinished/000001.png: a frame that was kept cannot be decoded\n"
-        "  hint: the same command draws it again\n",
+        "film.mp4.unfinished/000001.png: a checkpoint frame cannot be decoded\n"
+        "  hint: run the same command again to redraw it\n",
     )
     assert render("--output", "film.mp4") == (0, "3 of 6 frames are already finished\n")
 
@@ -132,9 +132,9 @@ def test_a_folder_that_is_none(render: Render) -> None:
     Path("film.mp4.unfinished").touch()
     assert render("--output", "film.mp4") == (
         2,
-        "film.mp4.unfinished: something else has the name of the folder for frames of a film that is not whole\n"
+        "film.mp4.unfinished: something else has the name of the folder for unfinished frames\n"
         "  got: a file\n"
-        "  hint: give it another name, or the film another --output\n",
+        "  hint: rename it, or choose another --output\n",
     )
 
 
@@ -151,7 +151,7 @@ def test_an_output_folder_that_vanishes(render: Render, output: str) -> None:
     place = "out/3.png" if output == "{frame}.png" else folder / "000003.png"
     assert render("--output", f"out/{output}") == (
         1,
-        f"{place}: the folder of the output is gone\n  hint: it was there when the work began\n",
+        f"{place}: the output folder has vanished\n  hint: it existed when the work began\n",
     )
     assert not Path("out").exists()
 

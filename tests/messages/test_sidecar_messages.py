@@ -311,10 +311,10 @@ def test_another_volume(sidecar: Path, scene_folder: Path, capsys: pytest.Captur
     assert main.run(["check", "film.mp4.json", "--volume", "other.npy"]) == 0
     text = refused(capsys, "render", "--volume", "other.npy", "--quiet")
     first, got, *rest = text.replace(str(scene_folder), "/scans").splitlines()
-    assert first == "film.mp4.json: volume.fingerprint: the film was made of another volume"
+    assert first == "film.mp4.json: volume.fingerprint: the film was made from another volume"
     assert got.startswith("  got: the fingerprint ")
     assert got.endswith(" of /scans/other.npy")
     assert rest == [
         f"  expected: {fingerprint}",
-        "  hint: if the volume was moved, --volume names it; another one can be drawn with a scene of its own",
+        "  hint: if the volume was moved, name it with --volume; draw another volume with another scene",
     ]

@@ -193,9 +193,7 @@ def test_usage(arguments: list[str], text: str, capsys: pytest.CaptureFixture[st
 
 def test_a_folder_that_is_a_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["turntable", "scan.npy", "-o", "notes.txt/films"]) == 2
-    assert capsys.readouterr().err == (
-        "notes.txt/films/scan.yaml: the folder of the output is a file\n  got: notes.txt\n"
-    )
+    assert capsys.readouterr().err == ("notes.txt/films/scan.yaml: the output folder is a file\n  got: notes.txt\n")
 
 
 @pytest.mark.parametrize("command", ["init", "info"])
@@ -241,7 +239,7 @@ def test_a_name_that_is_too_long(arguments: list[str], capsys: pytest.CaptureFix
 
 def test_init_into_a_folder_that_is_a_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["init", "no/where.npy", "--output", "notes.txt/scene.yaml"]) == 2
-    assert capsys.readouterr().err == "notes.txt/scene.yaml: the folder of the output is a file\n  got: notes.txt\n"
+    assert capsys.readouterr().err == "notes.txt/scene.yaml: the output folder is a file\n  got: notes.txt\n"
 
 
 @pytest.mark.parametrize("arguments", [["init"], ["init", "--output", "a.yaml"], ["turntable", "-o", "films"]])

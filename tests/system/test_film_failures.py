@@ -148,7 +148,7 @@ def test_a_folder_that_takes_no_files_is_told_at_once(
 def test_a_file_in_the_place_of_a_folder_is_told_at_once(tmp_path: Path, name: str) -> None:
     (tmp_path / "file").touch()
     for path in (tmp_path / "file" / name, tmp_path / "file" / "deeper" / name):
-        with pytest.raises(InputError, match="the folder of the output is a file"), open_film(OutputSpec(path), [0]):
+        with pytest.raises(InputError, match="the output folder is a file"), open_film(OutputSpec(path), [0]):
             pytest.fail("found out too late")
 
 

@@ -63,7 +63,7 @@ def refused(capsys: pytest.CaptureFixture[str], output: str, source: str, *argum
     before = contents()
     assert main.run([*arguments]) == 2
     assert capsys.readouterr().err == (
-        f"{output}: this output is an input, too, and would take its place\n"
+        f"{output}: this output would overwrite an input\n"
         f"  got: the input {source}\n"
         "  expected: a file that is not read\n"
         "  hint: give the output another name or folder\n"
@@ -132,6 +132,6 @@ def test_scenes_and_reports(capsys) -> None:
     refused(capsys, "page/index.html", scan, "paper", str(SCENES), "--volume", "scan.nrrd", "--output", "page")
     before = contents()
     assert main.run(["turntable", "scan.nrrd", "-o", "films", "--quiet"]) == 2
-    assert "films/scan.mp4: this output is an input, too, and would take its place" in capsys.readouterr().err
+    assert "films/scan.mp4: this output would overwrite an input" in capsys.readouterr().err
     assert before.items() <= contents().items()
     assert not Path("films/scan.yaml").exists()

@@ -133,7 +133,7 @@ def test_a_second_job_on_the_same_output(output: str, capsys: pytest.CaptureFixt
             assert capsys.readouterr().err == (
                 f"out/{output}: another job is writing this output\n"
                 f"  got: process {first.pid} on {os.uname().nodename}\n"
-                "  hint: wait until it is done, or give this one another output\n"
+                "  hint: wait until it has finished, or choose another output\n"
             )
         first.send_signal(signal.SIGKILL)
         first.communicate()

@@ -309,7 +309,7 @@ def test_a_folder_that_is_a_file(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError) as caught:
         require_writable_files(file / "below")
-    assert str(caught.value) == f"{file}/below/measure.csv: the folder of the output is a file\n  got: {file}"
+    assert str(caught.value) == f"{file}/below/measure.csv: the output folder is a file\n  got: {file}"
     assert list(tmp_path.iterdir()) == [file]
 
 

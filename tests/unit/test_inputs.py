@@ -53,7 +53,7 @@ def test_an_output_that_is_an_input(link: str) -> None:
     with pytest.raises(InputError) as error:
         require_no_input([Path("other.mp4"), output], volume_files(VolumeSpec(RawSource(scan, (2, 2, 2), "uint8"))))
     assert str(error.value) == (
-        f"{output}: this output is an input, too, and would take its place\n"
+        f"{output}: this output would overwrite an input\n"
         "  got: the input in/scan.raw\n"
         "  expected: a file that is not read\n"
         "  hint: give the output another name or folder"

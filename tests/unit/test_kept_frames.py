@@ -209,7 +209,7 @@ def test_a_picture_whose_body_is_damaged(tmp_path: Path, folder: Path, is_checks
     (folder / "000001.json").write_text(json.dumps(data))
     kept = reopened(folder, output)
     if is_checksum_right:
-        with pytest.raises(RenderError, match="a frame that was kept cannot be decoded"):
+        with pytest.raises(RenderError, match="a checkpoint frame cannot be decoded"):
             kept.picture(1)
     assert set(kept.records) == {0}
     assert set(reopened(folder, output).records) == {0}
@@ -306,7 +306,7 @@ def test_all_that_a_film_kept_is_forgotten(folder: Path, tmp_path: Path) -> None
 def test_a_folder_that_vanishes(folder: Path, output: OutputSpec) -> None:
     kept = keep(folder, output, 0)
     shutil.rmtree(folder)
-    with pytest.raises(RenderError, match="the folder of the output is gone"):
+    with pytest.raises(RenderError, match="the output folder has vanished"):
         kept.save_frame(1, png(1), record(1))
     assert not folder.exists()
     remove_checkpoint_frames(folder, output, NUMBERS)
@@ -315,7 +315,7 @@ def test_a_folder_that_vanishes(folder: Path, output: OutputSpec) -> None:
 def test_a_picture_that_vanishes(folder: Path, output: OutputSpec) -> None:
     kept = keep(folder, output, 0)
     picture_of(folder, output, 0).unlink()
-    with pytest.raises(RenderError, match="gone"):
+    with pytest.raises(RenderError, match="vanished"):
         kept.picture(0)
 
 

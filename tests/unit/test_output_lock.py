@@ -145,7 +145,7 @@ def test_places_that_overlap(folder: Path, theirs: Sequence[int], ours: Sequence
             take(folder, ours)
         assert str(caught.value) == (
             f"film.mp4: another job is writing this output\n  got: process {process.pid} on {os.uname().nodename}\n"
-            "  hint: wait until it is done, or give this one another output"
+            "  hint: wait until it has finished, or choose another output"
         )
         assert process.poll() is None
         assert (folder / "lock").is_file()
@@ -312,8 +312,8 @@ def test_something_else_under_the_name_of_the_folder(folder: Path, kind: str) ->
     with pytest.raises(InputError) as caught:
         take(folder, [0])
     assert str(caught.value) == (
-        f"{folder}: something else has the name of the folder for frames of a film that is not whole\n"
-        f"  got: {kind}\n  hint: give it another name, or the film another --output"
+        f"{folder}: something else has the name of the folder for unfinished frames\n"
+        f"  got: {kind}\n  hint: rename it, or choose another --output"
     )
     assert list(target.iterdir()) == []
 
@@ -326,7 +326,7 @@ def test_a_link_under_the_name_of_the_lock(folder: Path) -> None:
     with pytest.raises(InputError) as caught:
         take(folder, [0])
     assert str(caught.value) == (
-        f"{folder / 'lock'}: something else has the name of a lock file\n  got: a link\n  hint: remove it"
+        f"{folder / 'lock'}: something else has the name of the lock file\n  got: a link\n  hint: remove it"
     )
     assert (folder.parent / "precious").read_bytes() == b"content"
 
@@ -344,7 +344,7 @@ def test_something_else_under_the_name_of_a_lock_file(kind: str, make: Callable[
     with pytest.raises(InputError) as caught, exclusive_lock(tmp_path / "lock", never):
         pytest.fail("that is no file")
     assert str(caught.value) == (
-        f"{tmp_path / 'lock'}: something else has the name of a lock file\n  got: {kind}\n  hint: remove it"
+        f"{tmp_path / 'lock'}: something else has the name of the lock file\n  got: {kind}\n  hint: remove it"
     )
     assert [path.name for path in tmp_path.iterdir()] == ["lock"]
 
@@ -367,7 +367,10 @@ def test_a_folder_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.Monkey
     """It is told, and not tried again and again."""
     link = tmp_path / "link"
     link.symlink_to(tmp_path / "absent" / "scratch")
-    with pytest.raises(InputError, match="a link that leads nowhere"), lock_slots(link / "a", [0], link / "film.mp4"):
+    with (
+        pytest.raises(InputError, match="the output folder is a broken link"),
+        lock_slots(link / "a", [0], link / "film.mp4"),
+    ):
         pytest.fail("there is no such folder")
     with pytest.raises(HsplatError), lock_slots(Path("/proc/absent/a"), [0], Path("/proc/absent/film.mp4")):
         pytest.fail("there is no such folder")
@@ -375,5 +378,5 @@ def test_a_folder_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.Monkey
     gone.mkdir()
     monkeypatch.chdir(gone)
     gone.rmdir()
-    with pytest.raises(RenderError, match="is gone"), lock_slots(Path("a"), [0], Path("film.mp4")):
+    with pytest.raises(RenderError, match="has vanished"), lock_slots(Path("a"), [0], Path("film.mp4")):
         pytest.fail("there is no such folder")
