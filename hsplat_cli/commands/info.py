@@ -123,17 +123,15 @@ def _numbers(values: list[float], between: str = ", ") -> str:
     return between.join(_number(round(value, 9)) for value in values)
 
 
-def _replaced_spacing_text(spacing: list[float] | None) -> str:
-    return "" if spacing is None else f", in place of {_numbers(spacing, ' x ')}"
-
-
 def _describe_facts(facts: dict[str, Any], marks: str) -> str:
+    file_spacing = facts["replaced_spacing"]
+    replaced = "" if file_spacing is None else f", in place of {_numbers(file_spacing, ' x ')}"
     lines = [
         facts["name"],
         f"  shape        {_numbers(facts['shape'], ' x ')} voxels (x, y, z)",
         f"  type         {facts['dtype']}, {_memory_text(facts['bytes'])}"
         + (", which stay in the file" if facts["stays_in_file"] else " in memory"),
-        f"  spacing      {_numbers(facts['spacing'], ' x ')}{_replaced_spacing_text(facts['replaced_spacing'])}",
+        f"  spacing      {_numbers(facts['spacing'], ' x ')}{replaced}",
         f"  world size   {_numbers(facts['world_size'], ' x ')}",
         f"  origin       {_numbers(facts['origin'])} (centre of the first voxel)",
         f"  direction    {facts['direction']}",

@@ -20,7 +20,7 @@ from hsplat_cli.films.film import DrawnPass, Film, finish_film
 from hsplat_cli.films.goals import make_plan
 from hsplat_cli.films.progressive import DeadlineReached, Refinement, Refiner
 from hsplat_cli.films.resume import PreparedFilm, prepare_film, report_resumable, resume_checkpoint
-from hsplat_cli.films.sidecar_record import recorded_drivers, with_seconds
+from hsplat_cli.films.sidecar_record import with_seconds
 from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import Reporter, counted, deferrable_interrupts
 from renderer.film import (
@@ -194,7 +194,8 @@ class _FilmRenderer:
                     bar.advance(counted(record["splats"], job.scene.splat.primitive_name))
         if film is None:
             finishing()
-        drivers = list(dict.fromkeys([*recorded_drivers(records), *drawer.drivers])) or [self._executor.renderer_name]
+        elsewhere = [record["gl"] for record in records if "gl" in record]
+        drivers = list(dict.fromkeys([*elsewhere, *drawer.drivers])) or [self._executor.renderer_name]
         return DrawnPass(records, [*notes, *drawer.notes], drivers)
 
 

@@ -49,11 +49,6 @@ def with_digests(frames: Sequence[Record], output: OutputSpec) -> list[Record]:
     return found
 
 
-def recorded_drivers(frames: Sequence[Record]) -> list[str]:
-    """Return the devices and drivers of frames that were drawn elsewhere, as OpenGL names them, each once."""
-    return list(dict.fromkeys(frame["gl"] for frame in frames if "gl" in frame))
-
-
 def frame_seconds(frame: Record) -> float:
     """Return the seconds from the start of a frame until the encoder had it."""
     return float(sum(frame["seconds"].values()))

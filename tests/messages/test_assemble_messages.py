@@ -138,18 +138,18 @@ parts/frames.0-2.json: 1 of its pictures is missing
     assert main.run(["assemble", "parts", "--output", "film.mp4", "--quiet"]) == 0
 
 
-def test_pictures_of_which_nothing_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_frames_without_a_digest(capsys: pytest.CaptureFixture[str]) -> None:
     """They may be any film's."""
     change("parts/frames.0-2.json", lambda data: data["frames"][1].pop("digest"))
     change("parts/frames.3-5.json", lambda data: [frame.pop("digest") for frame in data["frames"]])
     assert (
         refused(capsys, "parts", "--output", "film.mp4")
         == """\
-parts/frames.0-2.json: the record does not say whether its pictures are those that were drawn
-  got: no digest of frame 1
+parts/frames.0-2.json: frames.1: an incomplete record of a frame
+  expected: digest, tolerance, cells, splats and seconds, as this version writes them
   hint: hsplat render parts/frames.0-2.json --force draws them again
-parts/frames.3-5.json: the record does not say whether its pictures are those that were drawn
-  got: no digest of frame 3 and 2 more
+parts/frames.3-5.json: frames.0: an incomplete record of a frame
+  expected: digest, tolerance, cells, splats and seconds, as this version writes them
   hint: hsplat render parts/frames.3-5.json --force draws them again
 """
     )
@@ -201,7 +201,8 @@ other.json: not the sidecar of numbered frames
 film.mp4.json: the sidecar of a film in one file
   expected: {expected}
 parts/frames.0-2.json: frames.1: an incomplete record of a frame
-  expected: tolerance, cells, splats and seconds, as this version writes them
+  expected: digest, tolerance, cells, splats and seconds, as this version writes them
+  hint: hsplat render parts/frames.0-2.json --force draws them again
 parts/frames.3-5.json: scene.camera.path.frames: not the length of this path
   got: 4
   expected: a whole number greater than 5, the last frame

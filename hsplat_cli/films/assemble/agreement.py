@@ -159,14 +159,11 @@ def file_problems(picked: Sequence[PickedFrame], shape: tuple[int, int, int]) ->
     shape: the expected (height, width, channels).
     """
     missing: dict[Path, list[PickedFrame]] = {}
-    without_digest: dict[Path, list[PickedFrame]] = {}
-    by_digest = {frame.record["digest"]: frame.number for frame in picked if "digest" in frame.record}
+    by_digest = {frame.record["digest"]: frame.number for frame in picked}
     for frame in picked:
         content = _content(frame.file)
         if content is None:
             missing.setdefault(frame.part.path, []).append(frame)
-        elif "digest" not in frame.record:
-            without_digest.setdefault(frame.part.path, []).append(frame)
         elif why := _picture_problem(content, frame, shape, by_digest):
             hint = f"remove it, and {shlex.join(['hsplat', 'render', str(frame.part.path)])} draws it again"
             yield Problem("", f"not the picture of frame {frame.number}", got=why, hint=hint, location=str(frame.file))
@@ -176,14 +173,6 @@ def file_problems(picked: Sequence[PickedFrame], shape: tuple[int, int, int]) ->
             f"{len(frames)} of its pictures {'is' if len(frames) == 1 else 'are'} missing",
             got=f"no {frames[0].file}" + f" and {len(frames) - 1} more" * (len(frames) > 1),
             hint=f"{shlex.join(['hsplat', 'render', str(path)])} draws them again",
-            location=str(path),
-        )
-    for path, frames in without_digest.items():
-        yield Problem(
-            "",
-            "the record does not say whether its pictures are those that were drawn",
-            got=f"no digest of frame {frames[0].number}" + f" and {len(frames) - 1} more" * (len(frames) > 1),
-            hint=f"{shlex.join(['hsplat', 'render', str(path), '--force'])} draws them again",
             location=str(path),
         )
 

@@ -70,8 +70,7 @@ def _is_up_to_date(
     recorded = read_recorded_film(sidecar, output)
     if recorded is None or not recorded.is_up_to_date(fingerprint, output, [frame.number for frame in picked]):
         return False
-    digests = [record.get("digest") for record in recorded.frames]
-    return None not in digests and digests == [frame.record.get("digest") for frame in picked]
+    return [record.get("digest") for record in recorded.frames] == [frame.record["digest"] for frame in picked]
 
 
 def _encode(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -113,7 +114,7 @@ def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Pa
         return
     data = json.loads(content)
     wrong = [*sidecar.problems, *_file_problems(sidecar)] or [
-        *_record_problems(data),
+        *_record_problems(data, path),
         *part_problems(data),
         *_path_problems(sidecar),
     ]
@@ -140,12 +141,13 @@ def _file_problems(sidecar: Sidecar) -> list[Problem]:
     return problems
 
 
-def _record_problems(data: Mapping[str, Any]) -> Iterator[Problem]:
+def _record_problems(data: Mapping[str, Any], path: Path) -> Iterator[Problem]:
     """Yield a problem of the first incomplete frame; others may be incomplete for the same reason."""
     for index, record in enumerate(data["frames"]):
-        if not is_frame_record(record, has_digest=False):
-            expected = "tolerance, cells, splats and seconds, as this version writes them"
-            yield Problem(f"frames.{index}", "an incomplete record of a frame", expected=expected)
+        if not is_frame_record(record):
+            expected = "digest, tolerance, cells, splats and seconds, as this version writes them"
+            hint = f"{shlex.join(['hsplat', 'render', str(path), '--force'])} draws them again"
+            yield Problem(f"frames.{index}", "an incomplete record of a frame", expected=expected, hint=hint)
             return
 
 
