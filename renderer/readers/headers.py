@@ -54,7 +54,7 @@ _ENCAPSULATED = b"OB\x00\x00\xff\xff\xff\xff"
 _SEQUENCE_END = b"\xfe\xff\xdd\xe0"
 
 
-Stored = StoredVoxels | list[StoredVoxels]  # of all, or of each slice where each has a file of its own
+Stored = StoredVoxels | list[StoredVoxels]  # the whole volume, or one item for each slice file
 
 
 def check_nrrd_header(path: Path) -> None:

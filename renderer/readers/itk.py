@@ -79,7 +79,7 @@ def quiet_simpleitk() -> Iterator[Any]:
 def _silent() -> Iterator[None]:
     """Keep output of SimpleITK's libraries, such as HDF5 and MetaIO, off the terminal."""
     with contextlib.ExitStack() as stack:
-        with contextlib.suppress(OSError):  # there is none, or there are too many open files
+        with contextlib.suppress(OSError):  # stderr is closed, or too many files are open
             shown = os.dup(2)
             stack.callback(os.close, shown)
             nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -96,7 +96,7 @@ def read_itk(path: Path, time: int | None, component: int | None, *, has_spacing
         InputError for unknown, truncated and broken files, and if `time` or `component` do not fit.
     """
     voxels = _VOXEL_LOCATORS[path.suffix.lower()](path) if path.suffix.lower() in _VOXEL_LOCATORS else None
-    unsaid = missing_spacing_note(path)
+    spacing_note = missing_spacing_note(path)
     with quiet_simpleitk() as sitk:
         reader = open_itk(sitk, path)
         size, num_components = reader.GetSize(), reader.GetNumberOfComponents()
@@ -132,7 +132,7 @@ def read_itk(path: Path, time: int | None, component: int | None, *, has_spacing
             if num_components > 1:
                 values = values[..., channel]
         note = _one_of_a_series(sitk, reader, path) if values.ndim == 2 or len(values) == 1 else None
-        note = note if has_spacing_override else unsaid or note
+        note = note if has_spacing_override else spacing_note or note
     return Image(values if values.ndim == 3 else values[np.newaxis], world_from_index, note)
 
 

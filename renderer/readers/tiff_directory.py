@@ -24,7 +24,7 @@ TILE_WIDTH, TILE_HEIGHT = 322, 323
 _ROWS_PER_STRIP, _PLANAR, _PREDICTOR, _SAMPLE_FORMAT = 278, 284, 317, 339
 # ... of these all numbers, ...
 _STRIPS, _STRIP_BYTES, _TILES, _TILE_BYTES = 273, 279, 324, 325
-# ... and these are looked at on the first page alone: a fraction each and a text.
+# ... and these are read on the first page only: fractions and a text.
 _X_RESOLUTION, _Y_RESOLUTION, _DESCRIPTION = 282, 283, 270
 
 # All pages must share these. SimpleITK relies on it: it writes beyond its memory if some pages are marked as previews.

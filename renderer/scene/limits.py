@@ -11,7 +11,7 @@ volume's centre and to half its diagonal, its *radius*, in float32, with eyes up
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -44,18 +44,17 @@ class Extent:
     finest: float
     coarsest: float
 
-    @classmethod
-    def of(cls, shape: tuple[int, int, int], spacing: Vector, centre: Vector) -> Extent:
-        """Return the extent of voxels: their numbers and sides along the index axes x, y, z."""
-        diagonal = math.hypot(*(num * side for num, side in zip(shape, spacing, strict=True)))
-        return cls(centre, diagonal / 2, min(spacing), max(spacing))
+
+def _extent(shape: Sequence[int], spacing: Sequence[float], centre: Sequence[float]) -> Extent:
+    """Return the extent of voxels: their numbers and sides along the index axes x, y, z."""
+    diagonal = math.hypot(*(num * side for num, side in zip(shape, spacing, strict=True)))
+    x, y, z = centre
+    return Extent((x, y, z), diagonal / 2, min(spacing), max(spacing))
 
 
 def volume_extent(volume: Volume) -> Extent:
     """Return the extent of a volume."""
-    x, y, z = volume.spacing.tolist()
-    centre_x, centre_y, centre_z = volume.centre.tolist()
-    return Extent.of(volume.shape_xyz, (x, y, z), (centre_x, centre_y, centre_z))
+    return _extent(volume.shape_xyz, volume.spacing.tolist(), volume.centre.tolist())
 
 
 def proportion_problems(scene: Scene) -> Iterator[Problem]:
@@ -69,7 +68,7 @@ def proportion_problems(scene: Scene) -> Iterator[Problem]:
     first_end = scene.volume.crop or tuple((0, num) for num in source.shape)
     shape = tuple(end - first for first, end in first_end)
     centre = tuple(0.5 * (first + end - 1) * side for (first, end), side in zip(first_end, source.spacing, strict=True))
-    extent = Extent.of(shape, source.spacing, centre)  # type: ignore[arg-type]  # three of each
+    extent = _extent(shape, source.spacing, centre)
     name = "raw" if isinstance(source, RawSource) else "procedural"
     yield from volume_problems(extent, f"volume.{name}.spacing")
     yield from camera_problems(scene.camera, scene.output.size, extent)

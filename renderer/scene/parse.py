@@ -90,7 +90,7 @@ def _build_scene(node: TreeNode, given: dict[str, Any], is_single_frame: bool) -
     if not is_single_frame:
         check_frame_field(node.child("output"), given)
     scene = spec.Scene(**given)
-    if not node.problems:  # with several values at once, only those that are right by themselves
+    if not node.problems:  # values are compared only if each is correct
         node.problems.extend(proportion_problems(scene))
     return scene
 

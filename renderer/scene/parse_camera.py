@@ -117,14 +117,18 @@ def _parse_path(node: TreeNode) -> Any:
     return _PATHS[name](**{key: value for key, value in given.items() if key != "type"})
 
 
+def check_frame_in_path(node: TreeNode, frame: Any, num_frames: Any) -> None:
+    """Check that a frame, at `node`, is before the end of the path; INVALID numbers are skipped."""
+    if isinstance(frame, int) and isinstance(num_frames, int) and frame >= num_frames:
+        expected = f"a frame from 0 to {num_frames - 1}"
+        node.add_problem("after the last frame", got=format_value(frame), expected=expected)
+
+
 def _check_keys(node: TreeNode, keys: Any, num_frames: Any) -> None:
     """Check that keyframes ascend and lie in the path."""
     frames = [getattr(key, "frame", INVALID) for key in keys] if isinstance(keys, tuple) else []
     for index, frame in enumerate(frames):
-        if isinstance(frame, int) and isinstance(num_frames, int) and frame >= num_frames:
-            node.child(index).child("frame").add_problem(
-                "after the last frame", got=format_value(frame), expected=f"a frame from 0 to {num_frames - 1}"
-            )
+        check_frame_in_path(node.child(index).child("frame"), frame, num_frames)
     for index, (before, frame) in enumerate(pairwise(frames), start=1):
         if isinstance(frame, int) and isinstance(before, int) and frame <= before:
             node.child(index).child("frame").add_problem(

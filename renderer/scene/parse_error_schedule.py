@@ -9,7 +9,7 @@ from typing import Any
 
 from renderer.scene import schema
 from renderer.scene.message_text import format_value, join_words
-from renderer.scene.parse_camera import FRAME_NUMBER_FIELD
+from renderer.scene.parse_camera import FRAME_NUMBER_FIELD, check_frame_in_path
 from renderer.scene.schema import INVALID, TreeNode
 from renderer.scene.spec import MIN_TOLERANCE, AccuracyGoal, ByFrame, ErrorSpec, SplatBudget, TimeBudget
 
@@ -167,12 +167,9 @@ def check_scheduled_frames(node: TreeNode, given: Mapping[str, Any]) -> None:
     """Check that the camera's path has all scheduled frames; `given` holds the sections of the whole scene."""
     num_frames = getattr(getattr(given["camera"], "path", None), "frames", None)
     error = given.get("error")
-    if not isinstance(num_frames, int) or not isinstance(error, ErrorSpec):
+    if not isinstance(error, ErrorSpec):
         return
     name = {SplatBudget: "splats", TimeBudget: "seconds"}.get(type(error.goal), "tolerance")
     by_frame = getattr(error.goal, "by_frame", error.tolerance)
     for frame, _ in by_frame if isinstance(by_frame, tuple) else ():
-        if frame >= num_frames:
-            node.child(name).key(frame).add_problem(
-                "after the last frame", got=format_value(frame), expected=f"a frame from 0 to {num_frames - 1}"
-            )
+        check_frame_in_path(node.child(name).key(frame), frame, num_frames)

@@ -135,7 +135,7 @@ def label_mapping(
             calibrate_layer_depth(sample, Layer("", knots, OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)), unit, sample.diagonal
         )
         steps = [(at, common if value != outside else 0.0) for value in values for at in between[value]]
-        is_table = colormap is None and values[0] >= 0 and values[-1] <= 255  # then every label has an entry of its own
+        is_table = colormap is None and values[0] >= 0 and values[-1] <= 255  # every label has its own entry
         span = (0.0, 255.0) if is_table else (values[0], values[-1])
         return ColormapSpec(colormap or _MANY_LABELS_COLORMAP, span, _drop_redundant_points(steps)), (), unit
     layers = _layers(sample, [regions[value] for value in shown])

@@ -110,7 +110,7 @@ def _label_suggestion(volume: Volume, sample: VoxelSample, values: Sequence[floa
 
 # Outlying labels are smaller than this, and not negative.
 _MAX_OUTLYING_LABEL = 2**16
-# Of volumes in files; splats of larger ones would take several times as much.
+# The largest volume in a file that is drawn with splats, which need several times its memory.
 _MAX_BYTES_FOR_SPLATS = 1 << 30
 
 # Fields have a smaller ratio of second to first differences. Floats are more often computed than measured.

@@ -1,4 +1,4 @@
-"""Voxels that are no numbers hide nothing, and do not change what the others are taken for."""
+"""The value that stands for NaN and infinities hides nothing, and does not change the suggestion."""
 
 from __future__ import annotations
 

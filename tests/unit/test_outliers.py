@@ -1,4 +1,4 @@
-"""Values far from all others: that they are found, that the others are taken for what they are, and what is no such."""
+"""Outliers and nodata values are found and hidden, and do not change what the other values are taken for."""
 
 from __future__ import annotations
 
