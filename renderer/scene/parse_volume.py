@@ -92,7 +92,8 @@ def volume_field_type(base: Path) -> schema.FieldType[spec.VolumeSpec]:
         "crop": _CROP,
         "nonfinite": _NONFINITE,
     }
-    return schema.section_field(table, _build_volume)
+    hint = "an array in memory, of a film that was made in Python: save it with numpy.save, and name that file"
+    return schema.section_field(table, _build_volume, misplaced_hints={"array": hint})
 
 
 def _build_volume(node: TreeNode, given: dict[str, Any]) -> spec.VolumeSpec:

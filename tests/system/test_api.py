@@ -146,6 +146,16 @@ def test_arrays_are_never_changed(change: Any) -> None:
     np.testing.assert_array_equal(array, before)
 
 
+def test_the_film_of_an_array_is_not_drawn_again(capfd: pytest.CaptureFixture[str]) -> None:
+    """Its sidecar tells what the array was, and the command what to do about it."""
+    film = renderer.render(renderer.suggest_scene(blob(), size=(16, 16), output="film.gif"), frames=[0])
+    told = sidecar_of(film.sidecar)["scene"]["volume"]["array"]
+    assert told == {"shape": [16, 14, 12], "dtype": "float32", "spacing": [1.0, 1.0, 1.0]}
+    assert main.run(["render", str(film.sidecar), "--quiet"]) == 2
+    assert "scene.volume.array: unknown key" in (message := capfd.readouterr().err)
+    assert "hint: an array in memory, of a film that was made in Python: save it with numpy.save" in message
+
+
 def test_spacing_stretches_an_array() -> None:
     """By twice along x: the same as twice the voxels of a field that is constant along it."""
     array = np.zeros((9, 9, 9), np.uint8)
