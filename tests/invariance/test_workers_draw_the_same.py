@@ -31,13 +31,3 @@ def test_the_same_bytes(
         assert one.picture.pixels.tobytes() == other.picture.pixels.tobytes()
         assert one.record.keys() == other.record.keys()
         assert one.record | {"seconds": 0} == other.record | {"seconds": 0}
-
-
-def test_only_files_are_sent(rasterizer: GLRasterizer) -> None:
-    """Where nobody needs the pixels; they can still be had."""
-    stage = stage_of_kind("transparent")
-    expected = list(LocalExecutor(stage, rasterizer).draw(NUMBERS[:2]))
-    with open_pool(stage, 1, threads_per_worker=1, with_pixels=False) as pool:
-        for one, other in zip(pool.draw(NUMBERS[:2]), expected, strict=True):
-            assert one.picture.png == other.picture.png
-            assert one.picture.pixels.tobytes() == other.picture.pixels.tobytes()

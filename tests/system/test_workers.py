@@ -292,7 +292,7 @@ def test_leaving_at_once(stage: Stage, mark: str) -> None:
 
 def test_the_stage_moves(stage: Stage) -> None:
     """To memory that all of them map."""
-    with open_pool(stage, 2, threads_per_worker=1, with_pixels=False) as pool:
+    with open_pool(stage, 2, threads_per_worker=1) as pool:
         assert wait_until(lambda: pool.is_ready, 60)
         list(pool.draw(range(8)))
         memory = ours()

@@ -36,7 +36,6 @@ def open_pool(
     num_workers: int,
     *,
     threads_per_worker: int,
-    with_pixels: bool = True,
     program: Sequence[str] = PROGRAM,
     hang_policy: HangPolicy = _HANG_POLICY,
 ) -> Iterator[Pool]:
@@ -44,9 +43,8 @@ def open_pool(
 
     The stage moves to shared memory: callers go on with `Pool.stage` and drop theirs.
 
-    num_workers: with 0, call `Pool.start` before `Pool.draw`. threads_per_worker: of Mesa's software renderer; the
-    variable LP_NUM_THREADS takes precedence. with_pixels: send the pixels of each picture beside its PNG file, to save
-    decoding. program: the module that workers run, and its arguments.
+    threads_per_worker: of Mesa's software renderer; the variable LP_NUM_THREADS takes precedence. program: the module
+    that workers run, and its arguments.
 
     Raises RenderError where the memory or the processes cannot be had. `Pool.is_ready` and `Pool.draw` raise what a
     worker failed with, and RenderError where a frame could not be drawn in spite of several attempts.
@@ -55,7 +53,7 @@ def open_pool(
         shared = stack.enter_context(closing(SharedStage(stage)))
         del stage
         child_processes = stack.enter_context(ChildProcesses())
-        pool = Pool(shared, child_processes, tuple(program), threads_per_worker, with_pixels, hang_policy)
+        pool = Pool(shared, child_processes, tuple(program), threads_per_worker, hang_policy)
         stack.callback(pool.close)
         pool.start(num_workers)
         yield pool
@@ -73,13 +71,11 @@ class Pool:
         child_processes: ChildProcesses,
         program: Sequence[str],
         threads_per_worker: int,
-        with_pixels: bool,
         hang_policy: HangPolicy,
     ) -> None:
         self.stage = shared.stage
         self._descriptor, self._child_processes, self._program = shared.descriptor, child_processes, program
         self._environment = worker_environment(threads_per_worker)
-        self._with_pixels = with_pixels
         self._workers: list[WorkerProcess] = []
         self._schedule = FrameSchedule[WorkerProcess]()
         self._selector = selectors.DefaultSelector()
@@ -136,7 +132,7 @@ class Pool:
     def _assign_tasks(self) -> None:
         while assigned := self._schedule.assign([worker for worker in self._workers if worker.is_ready]):
             worker, task = assigned
-            worker.send(Message({"draw": task.number, "pixels": self._with_pixels}))
+            worker.send(Message({"draw": task.number}))
 
     def _poll_messages(self, seconds: float | None) -> None:
         """Wait this long for messages of workers, and handle them; with None, until the next check for hung workers."""
@@ -176,9 +172,7 @@ class Pool:
         else:
             raise error_from_plain(content)
 
-    def _picture(self, png: bytes, pixels: bytes | None = None) -> Picture:
-        if pixels is None:
-            return Picture(png=png)
+    def _picture(self, png: bytes, pixels: bytes) -> Picture:
         output = self.stage.scene.output
         width, height = output.size
         shape = height, width, 4 if output.background is None else 3

@@ -1,7 +1,7 @@
 """Draws frames for a pool: `hsplat_cli.executors.workers.worker SOCKET STAGE`, two file descriptors.
 
-It sends that it is ready, and answers each `{"draw": number, "pixels": bool}` with the frame's record, its PNG file
-and, on request, its pixels. A lost context or an error is its last message.
+It sends that it is ready, and answers each `{"draw": number}` with the frame's record, its PNG file and its pixels,
+which saves decoding. A lost context or an error is its last message.
 """
 
 from __future__ import annotations
@@ -41,12 +41,10 @@ def _serve(end: socket.socket, descriptor: int) -> None:
     with open_rasterizer(needs_opengl=stage.scene.needs_opengl) as rasterizer:
         _warm_up(stage, rasterizer)
         send(end, Message({"ready": rasterizer.renderer_name}))
-        drawer = LocalExecutor(stage, rasterizer)
+        executor = LocalExecutor(stage, rasterizer)
         while True:
-            order = receive(end).content
-            drawn = _drawn(drawer, order["draw"])
-            pixels = (drawn.picture.pixels.tobytes(),) if order["pixels"] else ()
-            send(end, Message({"drawn": drawn.record}, (drawn.picture.png, *pixels)))
+            result = _draw(executor, receive(end).content["draw"])
+            send(end, Message({"drawn": result.record}, (result.picture.png, result.picture.pixels.tobytes())))
 
 
 def _warm_up(stage: Stage, rasterizer: Rasterizer) -> None:
@@ -56,14 +54,14 @@ def _warm_up(stage: Stage, rasterizer: Rasterizer) -> None:
     draw_frame(stage, make_draw_list(stage, lod, 0, watch), rasterizer, watch)
 
 
-def _drawn(drawer: LocalExecutor, number: int) -> FrameResult:
+def _draw(executor: LocalExecutor, number: int) -> FrameResult:
     try:
-        (drawn,) = drawer.draw([number])
+        (result,) = executor.draw([number])
     except MemoryError as error:
         raise RenderError(
             "there is not enough memory to draw it", where=f"frame {number}", hint="fewer workers need less"
         ) from error
-    return drawn
+    return result
 
 
 if __name__ == "__main__":
