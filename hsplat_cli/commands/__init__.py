@@ -1,4 +1,4 @@
-"""The commands of `hsplat`, one file each, named as the command.
+"""The commands of `hsplat`, one file each, named as the command; `options.py` has the options that they share.
 
-Each reads its options, calls one room, and prints what came of it. `hsplat_cli.main` imports them when they are called.
+Each reads its options, calls one room, and prints the outcome. `hsplat_cli.main` imports a command when it is called.
 """

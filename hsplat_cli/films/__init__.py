@@ -1,7 +1,7 @@
-"""A job to a film: resumed, refined, assembled.
+"""Render a job to a film, resume or refine it, or assemble a film from parts.
 
-In: `Job` and executor options. Out: the film, its frames and its sidecar. Unfinished films resume where they stopped; a
-film that is up to date is not drawn again.
+In: a `Job` and an `ExecutorSpec`, or parts. Out: a `Film`: its file, its sidecar and the records of its frames.
+Unfinished films resume where they stopped. A film that is up to date is not drawn again.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""From what a scene requests (splats, seconds, an accuracy) to the tolerances that give it, and whether it was met."""
+"""Find the tolerances that meet what a scene requests (splats, seconds, an accuracy), and check that they did."""
 
 from __future__ import annotations
 

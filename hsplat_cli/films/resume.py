@@ -181,7 +181,7 @@ def _fingerprint_job(job: Job, volume: Volume, driver: str) -> tuple[Job, JobFin
 def resume_checkpoint(
     prepared: PreparedFilm, plan: FilmPlan, folder: Path, reporter: Reporter, *, force: bool
 ) -> FrameCheckpoint:
-    """Return the job's finished frames that equal what would be drawn; say which, and why others do not.
+    """Return the job's finished frames that equal what would be drawn; report which, and why others do not.
 
     None are used with `force`. The sidecar of another film stays until this film has its own, even while frames of
     this film replace its frames: this film may be made from it, and its digests expose the mixture.
@@ -213,7 +213,7 @@ def _matches_plan(plan: FilmPlan, record: Record) -> bool:
 def report_resumable(
     checkpoint: FrameCheckpoint, prepared: PreparedFilm, folder: Path, reporter: Reporter, *, force: bool
 ) -> None:
-    """Say, when the work ends early, which frames are kept and which command resumes."""
+    """Report, when the work ends early, which frames are kept and which command resumes."""
     job = prepared.job
     if checkpoint.records and folder.is_dir():
         command = "the same command"

@@ -60,7 +60,7 @@ class WrittenScene:
 
 
 class Manifest:
-    """turntable.json of a folder, while no other process changes it."""
+    """The content of turntable.json in a folder, while no other process changes it."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

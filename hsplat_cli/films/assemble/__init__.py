@@ -1,1 +1,1 @@
-"""`hsplat assemble`: one film of frames that several jobs have drawn."""
+"""Assemble one film from frames that several jobs drew, for `hsplat assemble`."""
