@@ -1,7 +1,7 @@
-"""The errors a user can meet: one root, one child for each exit code, and the scene file's list of complaints.
+"""The errors that users see: one root, one child for each exit code, and the list of problems in a scene file.
 
-The low layer states the fact; the layer above adds the place (a file, a line). Only `hsplat_cli` prints them and exits.
-`assert` is for the program's own invariants and never for input.
+A low layer states the fact, and the layer above adds the location (a file, a line). Only `hsplat_cli` prints errors and
+exits. `assert` is for the program's own invariants, never for input.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 
 class HsplatError(Exception):
-    """Root of all errors that are shown to a user.
+    """The root of all errors that are shown to a user.
 
     Parameters
     ----------
-    what: one sentence, what is wrong.
-    where: a file, a place in it, or a part of the scene.
-    got, expected: what was found and what would have been right.
+    what: one sentence that says what is wrong.
+    where: a file, a location in it, or a part of the scene.
+    got, expected: what was found, and what would have been right.
     hint: what to do about it.
     """
 
@@ -44,26 +44,26 @@ class InputError(HsplatError):
 
 
 class OutputLockedError(InputError):
-    """Another job is writing the same output, of which nothing was touched."""
+    """Another job is writing the same output. Nothing was changed."""
 
 
 class RenderError(HsplatError):
-    """The input was right and the render failed: no GL, no disk, no encoder (exit code 1)."""
+    """The input was right but rendering failed: no OpenGL, no disk space, no encoder (exit code 1)."""
 
 
 class ContextLostError(RenderError):
-    """OpenGL failed while something was drawn, which with another context may succeed."""
+    """OpenGL failed while drawing. With a new context it may succeed."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One complaint about a scene.
+    """One mistake in a scene.
 
     Parameters
     ----------
     path: the dotted key, list items by number: `transfer_function.points.2.value`; empty for the scene as a whole.
     what, got, expected, hint: as in HsplatError.
-    at_key: the mistake is that the key is there at all, not its value.
+    at_key: whether the key itself is the mistake, not its value.
     location: where that is written (`scene.yaml:14:13`); known only to the layer that read the file.
     """
 
@@ -81,8 +81,7 @@ class Problem:
 
 
 class SceneError(InputError):
-    """Everything that is wrong with a scene, all at once; `problems` is ordered as in the scene's schema, or by place
-    once the places are known."""
+    """All problems of a scene at once, in the order of the schema, or by location once that is known."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = tuple(problems)
@@ -92,22 +91,22 @@ class SceneError(InputError):
 def format_message(
     what: str, *, where: str | None = None, got: str | None = None, expected: str | None = None, hint: str | None = None
 ) -> str:
-    """The text of a message: `where: what` and one indented line for each further part that there is."""
+    """Return the text of a message: `where: what`, and one indented line for each further part."""
     lines = [what if where is None else f"{where}: {what}"]
     lines += [f"  {name}: {text}" for name, text in (("got", got), ("expected", expected), ("hint", hint)) if text]
     return "\n".join(lines)
 
 
 def closest_match(name: str, names: Iterable[str]) -> str | None:
-    """The one of `names` that `name` was probably meant to be, or None."""
+    """Return the one of `names` that is spelled most like `name`, or None if none is close."""
     return next(iter(difflib.get_close_matches(name, list(names), n=1, cutoff=0.6)), None)
 
 
 def require_package(package: str, *, extra: str) -> None:
-    """Raise InputError if an optional package, by the name under which it is imported, is not installed.
+    """Raise InputError if an optional package, by its import name, is not installed.
 
-    To be called where the work begins, and not only where the package is used at its end.
-    extra: that which brings it, of those in `pyproject.toml`.
+    Call it where the work begins, not where the package is used at its end.
+    extra: the extra in `pyproject.toml` that installs it.
     """
     if importlib.util.find_spec(package) is None:
         raise InputError(f"the package {package} is not installed", hint=f"pip install 'hsplat[{extra}]'")

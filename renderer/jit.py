@@ -1,7 +1,7 @@
-"""The one way in which this program compiles a loop: cached on disk, without the GIL, arithmetic kept as written.
+"""Compile loops with numba: cached on disk, without the GIL, with arithmetic as written.
 
-numba looks at a function's own file to see whether its cache is stale, not at the files of what it calls. The cache is
-therefore kept in a folder named by all sources together: an edit anywhere compiles everything again, once.
+numba checks only a function's own file to see whether its cache is stale, not the files of the functions it calls. The
+cache is therefore in a folder named by a digest of all sources: an edit anywhere compiles everything again, once.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from numba.extending import intrinsic
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
-_config: Any = numba.config  # its attributes are made at run time
+_config: Any = numba.config  # its attributes are defined at run time
 _cgutils: Any = cgutils  # has no types
 _IndexDataCacheFile: Any = caching.IndexDataCacheFile
 
-# A folder of the cache; where none of its version has run for 30 days, it goes when another one is made.
+# The cache folder of sources that nobody has run for 30 days is removed when another one is created.
 _PREFIX, _MAX_UNUSED_S = "kernels-", 30 * 86400.0
 
 
 def _cache_folder() -> Path | None:
-    """A writable folder for this version of the sources: beside them, or in the user's home; None if there is none."""
+    """Return a writable folder for these sources, beside them or in the user's home, or None."""
     here = Path(__file__).resolve().parent
     digest = hashlib.blake2b(numba.__version__.encode(), digest_size=8)
     for source in sorted(here.rglob("*.py")):
@@ -42,8 +42,8 @@ def _cache_folder() -> Path | None:
             folder = base.expanduser() / f"{_PREFIX}{digest.hexdigest()}"
             is_new = not folder.is_dir()
             folder.mkdir(parents=True, exist_ok=True)
-            os.utime(folder)  # that it is in use
-        except (OSError, RuntimeError):  # the latter: there is no home
+            os.utime(folder)  # marks it as in use
+        except (OSError, RuntimeError):  # RuntimeError: no home folder
             continue
         if os.access(folder, os.W_OK):
             if is_new:
@@ -53,7 +53,7 @@ def _cache_folder() -> Path | None:
 
 
 def _remove_unused(folder: Path) -> None:
-    """Remove the caches of other versions beside a folder that nobody has used for long."""
+    """Remove the caches of other sources beside a folder that have not been used for long."""
     now = folder.stat().st_mtime
     for other in folder.parent.glob(f"{_PREFIX}*"):
         with contextlib.suppress(OSError):
@@ -67,14 +67,14 @@ if _FOLDER is not None:
 
 
 def has_cached_kernels() -> bool:
-    """Whether kernels of these sources are in the cache; if not, the first calls take as long as compiling does."""
+    """Return whether compiled loops of these sources are in the cache. If not, the first calls compile them."""
     return _FOLDER is not None and any(_FOLDER.rglob("*.nbi"))
 
 
 class _KernelFiles(_IndexDataCacheFile):  # type: ignore[misc]  # numba has no types
-    """Name the file of a compiled loop after its signature.
+    """A cache that names the file of a compiled loop after its signature.
 
-    Numba gives files the next free number. Two processes that compile the same loop for different types at the same
+    numba gives files the next free number. Two processes that compile the same loop for different types at the same
     time choose the same number, and the machine code for one type is then loaded for the other.
     """
 
@@ -87,10 +87,10 @@ class _KernelFiles(_IndexDataCacheFile):  # type: ignore[misc]  # numba has no t
 
 
 def jit(function: Function) -> Function:
-    """Compile with numba; the type of the function is kept, which numba's own decorator does not do for mypy.
+    """Compile a function with numba. mypy still sees its type, which numba's own decorator hides.
 
-    Where no folder for the cache can be written, as in a container with a read-only file system, every process compiles
-    for itself.
+    Without a writable folder for the cache, as in a container with a read-only file system, every process compiles for
+    itself.
     """
     compiled: Any = numba.njit(cache=_FOLDER is not None, nogil=True, error_model="numpy")(function)
     if _FOLDER is not None:
@@ -102,7 +102,7 @@ def jit(function: Function) -> Function:
 
 @intrinsic
 def _fma(_: Any, x: Any, y: Any, z: Any) -> Any:
-    """LLVM's instruction, which a processor without one computes step by step to the same end."""
+    """LLVM's instruction; a processor without it computes the same result step by step."""
     if not (x == y == z and isinstance(x, types.Float)):
         return None
     return x(x, x, x), lambda _context, builder, _signature, arguments: builder.fma(*arguments)
@@ -114,7 +114,7 @@ fma = cast(Callable[[np.float32, np.float32, np.float32], np.float32], _fma)
 
 @intrinsic
 def _prefetch(_: Any, address: Any) -> Any:
-    """LLVM's hint; 3 and 1 ask for it in the first cache, as data."""
+    """LLVM's hint; 3 and 1 ask for data in the first-level cache."""
 
     def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         pointer, number = ir.PointerType(ir.IntType(8)), ir.IntType(32)
@@ -126,5 +126,5 @@ def _prefetch(_: Any, address: Any) -> Any:
     return types.void(types.int64), generate
 
 
-# Say that what is at an address, if there is something, is read soon; in compiled loops only.
+# Hints that the memory at an address, if any, is read soon; in compiled loops only.
 prefetch = cast(Callable[[int], None], _prefetch)

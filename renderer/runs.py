@@ -1,4 +1,4 @@
-"""Runs of following numbers, as of frames."""
+"""Group consecutive numbers, such as frames, into ranges."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 
 def consecutive_ranges(numbers: Iterable[int]) -> list[tuple[int, int]]:
-    """Ascending numbers as half-open ranges without a gap: of each its first number, and one past its last."""
+    """Return ascending numbers as half-open ranges (first, end) without gaps."""
     found: list[tuple[int, int]] = []
     for number in numbers:
         if found and found[-1][1] == number:

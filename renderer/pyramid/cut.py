@@ -167,6 +167,7 @@ def _fill_voxels(
     cells: Int32,
     depths: Float32,
 ) -> None:
+    table, scalars, curve, is_opacity, lighting, _ = classifier
     num, is_counted_only = 0, len(cells) == 0
     for i in range(len(parents)):
         count = 0
@@ -174,7 +175,7 @@ def _fill_voxels(
             x, y, z = 2 * parents[i, 0] + (k & 1), 2 * parents[i, 1] + (k >> 1 & 1), 2 * parents[i, 2] + (k >> 2)
             if x >= raw.shape[2] or y >= raw.shape[1] or z >= raw.shape[0]:
                 continue
-            red, green, blue, depth = classify_voxel(raw, classifier, z, y, x)
+            red, green, blue, depth = classify_voxel(raw, table, scalars, curve, is_opacity, lighting, z, y, x)
             if depth > 0:
                 count += 1
                 if not is_counted_only:

@@ -170,13 +170,16 @@ def _classify_block(
     raw: RawVoxels, classifier: Classifier, starts: UInt64, extents: UInt64, g: int, out: Float32
 ) -> None:
     """Classify the real voxels of a block into `out` [512, 4]."""
+    table, scalars, curve, is_opacity, lighting, _ = classifier
     x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
     for z in range(extents[g, 2]):
         for y in range(extents[g, 1]):
             row = VOXEL_OFFSET_Z[z] + VOXEL_OFFSET_Y[y]
             for x in range(extents[g, 0]):
                 at = row + VOXEL_OFFSET_X[x]
-                out[at, 0], out[at, 1], out[at, 2], out[at, 3] = classify_voxel(raw, classifier, z0 + z, y0 + y, x0 + x)
+                out[at, 0], out[at, 1], out[at, 2], out[at, 3] = classify_voxel(
+                    raw, table, scalars, curve, is_opacity, lighting, z0 + z, y0 + y, x0 + x
+                )
 
 
 @jit

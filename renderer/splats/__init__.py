@@ -1,7 +1,7 @@
-"""The cells of a cut to splats.
+"""The cells of a cut as splats.
 
-In: `Cut`. Out: `SplatBatch`: centres, sizes, colours and optical depths, and the footprint that spreads each over
-pixels: Gaussian without ripple, or Gouraud-shaded triangles (Laur and Hanrahan 1991).
+In: `Cut`, and the scene's footprint. Out: `SplatBatch` of centres, sizes, colours and optical depths, with the
+footprint that spreads each over pixels: Gaussian without ripple, or Gouraud-shaded triangles (Laur and Hanrahan 1991).
 """
 
 import lazy_loader

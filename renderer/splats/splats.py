@@ -1,12 +1,12 @@
-"""Splats: what a cut looks like to a rasteriser, before any view is chosen.
+"""Turn the cells of a cut into splats, as a rasteriser takes them before a view is chosen.
 
-A cell becomes an ellipsoid: a Gaussian of `sigma` cells along each of the cell's three edges. Seen from anywhere, the
-ray integrals of that Gaussian are its footprint, a weight in optical depth whose integral over the plane perpendicular
-to the ray is `tau * cell volume` (the *optical area* below); a pixel's alpha is `1 - exp(-tau w)`. The paper's rule
-for doubling a cell, `1 - a_2 = (1 - a_1)^2`, is that of optical depths (Laur and Hanrahan 1991, section 3).
+A cell becomes an ellipsoid: a Gaussian of `sigma` cells along each of the cell's three edges. From any direction, the
+ray integrals of that Gaussian are its footprint, a weight in optical depth. The footprint's integral over the plane
+perpendicular to the ray is `tau * cell volume`, the *optical area* below. A pixel's alpha is `1 - exp(-tau w)`. The
+paper's rule for doubling a cell, `1 - a_2 = (1 - a_1)^2`, is that of optical depths (Laur, Hanrahan 1991, section 3).
 
-Lengths are in model units: relative to the volume's centre and to half its diagonal, taken in float64, so that neither
-a volume's size nor its place in the world costs precision in float32.
+Lengths are in model units: relative to the volume's centre and to half its diagonal, taken in float64. So neither a
+volume's size nor its place in the world costs precision in float32.
 """
 
 from __future__ import annotations
@@ -24,24 +24,26 @@ from renderer.scene import SplatSpec
 
 Float64 = npt.NDArray[np.float64]
 
-# The Gaussian footprint ends at this many of its standard deviations; what lies outside is about 0.2 % of the whole.
+# The Gaussian footprint ends at this many standard deviations. About 0.2 % of it lie outside.
 GAUSSIAN_CUTOFF = 3.2
 
 
 @dataclass(frozen=True)
 class GaussianFootprint:
-    """Weight `exp(-decay q) (c0 + c1 q + c2 q^2) - rim`, q the square of the distance in standard deviations, up to
-    `cutoff`, where it is 0: a step there, small as it is, would be seen when the rims of a row of splats that one looks
-    along cross a pixel's centre together.
+    """A Gaussian footprint without ripple.
 
-    Plain Gaussians on a lattice ripple: seen along an axis by `4 exp(-2 pi^2 sigma^2)`, 3 % at 0.5 cells and 11 % at
-    0.425; and wide ones blur. Here a Gaussian of variance `s^2` loses its spectrum at the two lowest frequencies of the
-    lattice, `exp(-2 pi^2 s^2 f^2) (1 - f^2) (1 - f^2 / 2)` with f per cell. Its variance is then `s^2 + 3 / (4 pi^2)`,
-    and in space, with `a = 1 / (4 pi^2 s^2)` and `u = r^2 / s^2`, the factor on the Gaussian `exp(-u / 2)` is
+    The weight is `exp(-decay q) (c0 + c1 q + c2 q^2) - rim`, with q the squared distance in standard deviations, up to
+    `cutoff`, where it is 0. A step there, however small, would be visible where the rims of a row of splats cross a
+    pixel's centre together.
+
+    Plain Gaussians on a regular grid ripple: along an axis by `4 exp(-2 pi^2 sigma^2)`, 3 % at 0.5 cells and 11 % at
+    0.425. Wide ones blur. Here a Gaussian of variance `s^2` loses its spectrum at the two lowest frequencies of the
+    grid, `exp(-2 pi^2 s^2 f^2) (1 - f^2) (1 - f^2 / 2)` with f per cell. Its variance is then `s^2 + 3 / (4 pi^2)`, and
+    in space, with `a = 1 / (4 pi^2 s^2)` and `u = r^2 / s^2`, the factor on the Gaussian `exp(-u / 2)` is
     `1 + 3/2 a (u - 2) + 1/2 a^2 (u^2 - 8 u + 8)`, which is nowhere negative for s > 0.26.
 
-    min_sigma_px: footprints are widened to this standard deviation. Sampled at pixels, the energy of one at 0.5 varies
-    with its place by 3.9 % at most.
+    min_sigma_px: footprints are widened to this standard deviation. Sampled at pixels, the energy of a footprint of 0.5
+    pixels varies with its position by at most 3.9 %.
     """
 
     decay: float
@@ -52,7 +54,7 @@ class GaussianFootprint:
 
     @classmethod
     def from_sigma(cls, sigma: float) -> GaussianFootprint:
-        """For lattices whose cell is `1 / sigma` standard deviations wide; its integral over what is drawn is 1."""
+        """Return the footprint for cells `1 / sigma` standard deviations wide; its integral up to the cutoff is 1."""
         s2 = sigma**2 - 3 / (4 * math.pi**2)
         a, ratio = 1 / (4 * math.pi**2 * s2), sigma**2 / s2
         decay = ratio / 2
@@ -69,14 +71,14 @@ class GaussianFootprint:
 
 @dataclass(frozen=True)
 class GouraudFootprint:
-    """The paper's footprint: triangles about a centre, opacities linear in each (Laur and Hanrahan 1991, section 4).
+    """The paper's footprint: triangles around a centre, linear weights (Laur and Hanrahan 1991, section 4).
 
     vertices: float64 [v, 2], in standard deviations; vertex 0 is the centre.
     weights: float64 [v], footprint weight at each vertex; linear in the triangles, they integrate to 1.
     triangles: int32 [t, 3].
-    min_sigma_px: footprints are widened to this standard deviation; wider than Gaussians, for the mesh's kinks alias.
+    min_sigma_px: footprints are widened to this standard deviation, more than Gaussians: the mesh's kinks alias.
 
-    On the image the vertices lie at `centre + root @ vertex`, in pixels with row 0 at the top, `root` being the lower
+    On the image the vertices lie at `centre + root @ vertex`, in pixels with row 0 at the top; `root` is the lower
     triangular root (Cholesky) of the footprint's covariance.
     """
 
@@ -95,10 +97,10 @@ class GouraudFootprint:
 class SplatBatch:
     """Splats in the order of their cut.
 
-    vertices: float32 [n, 8], laid out as the device reads them: centre [3] in model units and world axes, optical
-        areas [4] (tau c V, tau V) in model units squared, the integral of the footprint; and the number of the shape.
+    vertices: float32 [n, 8], in the layout of the device: centre [3] in model units and world axes; optical areas [4],
+        (tau c V, tau V) in model units squared, the integral of the footprint; and the index of the shape.
     axes: float64 [num_shapes, 3, 3], columns: the Gaussian's standard deviation along each edge of the cell, a vector
-        in model units, world axes; the covariance is `axes @ axes.T`.
+        in model units and world axes. The covariance is `axes @ axes.T`.
     origin: float64 [3], world position of the model's origin.
     model_unit: world length of a model unit.
     footprint: gaussian or gouraud.
@@ -111,11 +113,11 @@ class SplatBatch:
     footprint: GaussianFootprint | GouraudFootprint
 
     def __post_init__(self) -> None:
-        """Refuse what is not a number here: drawn, such splats would vanish, or take half the image with them."""
+        """Raise RenderError for splats that are not finite: drawn, they would vanish, or spoil half the image."""
         if len(self.vertices) and not (np.isfinite(self.vertices.min()) and np.isfinite(self.vertices.max())):
             bad = np.flatnonzero(~np.isfinite(self.vertices).all(axis=1))
             raise RenderError(
-                "splats that are not numbers",
+                "splats that are not finite",
                 got=f"{len(bad)} of {len(self.vertices)} splats, the first is number {bad[0]}: "
                 f"{self.vertices[bad[0]].tolist()}",
                 expected="finite centres and optical areas",
@@ -142,7 +144,7 @@ class SplatBatch:
 
 
 def make_splats(cut: Cut, spec: SplatSpec) -> SplatBatch:
-    """One splat for each cell of the cut."""
+    """Return one splat for each cell of the cut. Raises RenderError for splats that are not finite."""
     volume = cut.volume
     edges = volume.world_from_index[:3, :3]
     shape = np.array(volume.shape_xyz)
@@ -155,7 +157,7 @@ def make_splats(cut: Cut, spec: SplatSpec) -> SplatBatch:
     number_of_code[used] = np.arange(len(used))
     extents_of_shape = _extents_of_codes(used, shape)
     num_voxels = np.prod(extents_of_shape, axis=1, dtype=np.float64)
-    if not spec.opacity_correction:  # the opacity of one voxel, whatever the cell's side
+    if not spec.opacity_correction:  # the opacity of one voxel at any side of the cell
         num_voxels /= np.cbrt(num_voxels)
     vertices = np.empty((len(cut), 8), np.float32)
     _fill_vertices(
@@ -182,8 +184,11 @@ def _fill_vertices(
     area_of_shape: Float64,
     vertices: npt.NDArray[np.float32],
 ) -> None:
-    """SplatBatch.vertices of every cell: from its first voxel, `shift_of_shape` [m, 3] leads to its centre relative to
-    the volume's, in voxels; `area_of_shape` [m] is the optical area for a depth of 1."""
+    """Write SplatBatch.vertices of every cell.
+
+    shift_of_shape: [m, 3], from the cell's first voxel to its centre relative to the volume's, in voxels.
+    area_of_shape: [m], optical area for a depth of 1.
+    """
     for i in range(len(cells)):
         shape, level = shapes[i], levels[i]
         x = np.float64(np.int64(cells[i, 0]) << level) + shift_of_shape[shape, 0]
@@ -197,7 +202,7 @@ def _fill_vertices(
 
 
 def _shape_codes(cut: Cut) -> npt.NDArray[np.uint16]:
-    """uint16 [n]: `8 level + bits`, a bit set for each of x, y, z along which the volume's border cuts the cell."""
+    """uint16 [n]: `8 level + bits`, with a bit for each of x, y, z along which the volume's border cuts the cell."""
     codes = cut.levels.astype(np.uint16) * np.uint16(8)
     for axis, num in enumerate(cut.volume.shape_xyz):
         last = np.array([(num - 1) >> level if num & ((1 << level) - 1) else -1 for level in range(64)])
@@ -213,7 +218,7 @@ def _extents_of_codes(codes: npt.NDArray[np.int64], shape: npt.NDArray[np.int64]
 
 
 def make_footprint(spec: SplatSpec) -> GaussianFootprint | GouraudFootprint:
-    """The footprint of a scene; the paper's is scaled to the Gaussian's second moment and to integral 1."""
+    """Return the footprint of a scene; the paper's is scaled to the Gaussian's second moment and to integral 1."""
     if spec.footprint == "gaussian":
         return GaussianFootprint.from_sigma(spec.sigma)
     angle = 2 * math.pi * np.arange(spec.angular) / spec.angular
@@ -240,9 +245,9 @@ def _triangulate_disc(angular: int, radial: int) -> npt.NDArray[np.int32]:
 
 
 def _moments(vertices: Float64, weights: Float64, triangles: npt.NDArray[np.int32]) -> tuple[float, float]:
-    """Integral of the piecewise linear weight, and its variance along an axis times that integral.
+    """Return the integral of the piecewise linear weight, and its variance along an axis times that integral.
 
-    The rule with the centroid and three more points is exact for the cubic integrand (Strang and Fix 1973).
+    The quadrature rule with the centroid and three more points is exact for the cubic integrand (Strang and Fix 1973).
     """
     corners, values = vertices[triangles], weights[triangles]
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]

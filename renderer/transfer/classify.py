@@ -87,24 +87,30 @@ def make_classifier(
 
 
 @jit
-def classify_voxel(raw: RawVoxels, classifier: Classifier, z: int, y: int, x: int) -> Channels:
-    """Return the four channels of one voxel, lit if the scene has shading."""
-    table, curve = classifier.table, classifier.curve
-    r, g, b, a = _classify_unlit(raw, table, curve, classifier.is_opacity, z, y, x)
-    light = _lighting_factor(raw, classifier.scalars, classifier.lighting, z, y, x) if a > 0 else 1.0
-    return r * light, g * light, b * light, a
-
-
-# numba drops the branch of an argument that is None, not of an attribute.
-@jit
-def _classify_unlit(
-    raw: RawVoxels, table: Float32 | None, curve: PiecewiseLinear | None, is_opacity: bool, z: int, y: int, x: int
+def classify_voxel(
+    raw: RawVoxels,
+    table: Float32 | None,
+    scalars: Float64 | None,
+    curve: PiecewiseLinear | None,
+    is_opacity: bool,
+    lighting: VoxelLighting | None,
+    z: int,
+    y: int,
+    x: int,
 ) -> Channels:
+    """Return the four channels of one voxel, lit if the scene has shading.
+
+    Loops unpack the Classifier once: unpacking it here would count references for every voxel. Besides, numba drops the
+    branch of an argument that is None, not of an attribute.
+    """
     if table is not None:
         pattern = raw[z, y, x]
         r, g, b, a = table[pattern, 0], table[pattern, 1], table[pattern, 2], table[pattern, 3]
     if curve is not None:
         r, g, b, a = classify_scalar(float(raw[z, y, x]), curve, is_opacity)
+    if lighting is not None:
+        light = _lighting_factor(raw, scalars, lighting, z, y, x) if a > 0 else 1.0
+        r, g, b = r * light, g * light, b * light
     return r, g, b, a
 
 
@@ -127,15 +133,11 @@ def scalar_at(raw: RawVoxels, by_pattern: Any, z: int, y: int, x: int) -> Any:
 
 
 @jit
-def _lighting_factor(
-    raw: RawVoxels, scalars: Float64 | None, lighting: VoxelLighting | None, z: int, y: int, x: int
-) -> float:
-    """Return the factor on the colour: by Lambert's law, ambient where the gradient is 0, 1 without lighting.
+def _lighting_factor(raw: RawVoxels, scalars: Float64 | None, lighting: VoxelLighting, z: int, y: int, x: int) -> float:
+    """Return the factor on the colour, by Lambert's law; ambient where the gradient is 0.
 
     Derivatives along the index axes are central, one-sided at the border, 0 across one voxel.
     """
-    if lighting is None:
-        return 1.0
     z0, y0, x0 = max(z - 1, 0), max(y - 1, 0), max(x - 1, 0)
     z1, y1, x1 = min(z + 1, raw.shape[0] - 1), min(y + 1, raw.shape[1] - 1), min(x + 1, raw.shape[2] - 1)
     x_low, x_high = scalar_at(raw, scalars, z, y, x0), scalar_at(raw, scalars, z, y, x1)

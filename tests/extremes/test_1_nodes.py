@@ -158,7 +158,7 @@ def voxel_channels(of: Volume, transfer: TransferFunction, *, opacity: bool) -> 
     classifier, raw = make_classifier(of, transfer, None, opacity=opacity), raw_voxels(of)
     channels = np.empty((*of.values.shape, 4), np.float32)
     for z, y, x in np.ndindex(*of.values.shape):
-        channels[z, y, x] = classify_voxel(raw, classifier, z, y, x)
+        channels[z, y, x] = classify_voxel(raw, *classifier[:5], z, y, x)
     return channels
 
 

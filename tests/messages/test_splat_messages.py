@@ -19,7 +19,7 @@ def test_splats_that_are_not_numbers() -> None:
     with pytest.raises(RenderError) as caught:
         replace(batch, vertices=vertices)
     assert str(caught.value) == (
-        "splats that are not numbers\n"
+        "splats that are not finite\n"
         "  got: 1 of 2 splats, the first is number 1: [1.0, 0.0, nan, 0.0, 0.0, 0.0, 0.0, 0.0]\n"
         "  expected: finite centres and optical areas\n"
         "  hint: this is a fault of hsplat; please report it with the scene file"

@@ -50,7 +50,7 @@ def worst_classified(by: TransferFunction, values: Array) -> float:
     classifier, raw = make_classifier(of, by, None, opacity=False), raw_voxels(of)
     worst, exact = 0.0, exactly(by)
     for x, scalar in enumerate(of.values[0, 0]):
-        got = classify_voxel(raw, classifier, 0, 0, x)
+        got = classify_voxel(raw, *classifier[:5], 0, 0, x)
         worst = max(worst, *(abs(float(Fraction(float(a)) - b)) for a, b in zip(got, exact(scalar), strict=True)))
     return worst / by.max_extinction
 
