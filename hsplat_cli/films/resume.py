@@ -87,10 +87,10 @@ class RecordedFilm:
         if not has_frame_files(output) and not output.file.exists():
             return change and f"does not exist, and its sidecar describes another film: {change}"
         if change is not None:
-            return f"is drawn again: the existing file is another film: {change}"
+            return f"is another film and is drawn again: {change}"
         if not self.is_complete:
-            return "is drawn again: the existing film is less than what was requested"
-        return "is drawn again: the existing file is not the one that its sidecar describes"
+            return "is less than what was requested and is drawn again"
+        return "is not the file that its sidecar describes and is drawn again"
 
 
 def read_recorded_film(sidecar: Path, output: OutputSpec) -> RecordedFilm | None:
@@ -196,10 +196,10 @@ def resume_checkpoint(
         reporter.status(f"{_num_frames_text(checkpoint, job)} already finished")
     if checkpoint.former_fingerprint is not None:
         why = describe_mismatch(checkpoint.former_fingerprint, checkpoint.fingerprint)
-        reporter.status(f"{_redrawn_text(checkpoint.num_outdated)}: of another film: {why}")
+        reporter.status(f"{_redrawn_text(checkpoint.num_outdated, 'of another film')}: {why}")
     if checkpoint.num_dropped:
-        why = "not drawn on a time budget" if plan.is_timing_dependent else "drawn at other tolerances"
-        reporter.status(f"{_redrawn_text(checkpoint.num_dropped)}: {why}")
+        which = "not drawn on a time budget" if plan.is_timing_dependent else "drawn at other tolerances"
+        reporter.status(_redrawn_text(checkpoint.num_dropped, which))
     return checkpoint
 
 
@@ -228,8 +228,8 @@ def _num_frames_text(checkpoint: FrameCheckpoint, job: Job) -> str:
     return f"{num} of {counted(len(job.frames), 'frame')} {'is' if num == 1 else 'are'}"
 
 
-def _redrawn_text(num: int) -> str:
-    return f"{counted(num, 'existing frame')} {'is' if num == 1 else 'are'} drawn again"
+def _redrawn_text(num: int, which: str) -> str:
+    return f"{counted(num, 'existing frame')} {which} {'is' if num == 1 else 'are'} drawn again"
 
 
 def _removal_hint(job: Job, fingerprint: JobFingerprint) -> str:

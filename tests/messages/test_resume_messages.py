@@ -82,11 +82,11 @@ def test_a_life_of_a_film(render: Render, output: str) -> None:
     assert render("--output", output) == (130, f"{again}hsplat: interrupted\n")
     render.at_frame(9, interrupt)
     why = "scene.error.tolerance was 0.1"
-    changed = f"5 existing frames are drawn again: of another film: {why}\n"
+    changed = f"5 existing frames of another film are drawn again: {why}\n"
     assert render("--output", output, "--set", "error.tolerance=0.2") == (0, changed)
     up_to_date = f"{output} is up to date; --force draws it again\n"
     assert render("--output", output, "--set", "error.tolerance=0.2") == (0, up_to_date)
-    anew = f"{output} is drawn again: the existing file is another film: scene.error.tolerance was 0.2\n"
+    anew = f"{output} is another film and is drawn again: scene.error.tolerance was 0.2\n"
     assert render("--output", output, "--set", "error.tolerance=0.3") == (0, anew)
 
 

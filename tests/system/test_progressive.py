@@ -377,7 +377,7 @@ def test_another_scene_is_drawn_anew(
     assert render(*before, "--output", output) == 0
     changed = ["--output", output, "--set", "camera.path.elevation=10", "--progressive"]
     assert main.run(["render", "scene.yaml", *changed]) == 0
-    what = f"{output} is drawn again: the existing file is another film: scene.camera.path.elevation was 20"
+    what = f"{output} is another film and is drawn again: scene.camera.path.elevation was 20"
     assert said(capsys) == [what]
     assert main.run(["render", "scene.yaml", *changed]) == 0
     assert said(capsys) == [f"{output} is up to date; --force draws it again"]

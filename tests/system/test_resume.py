@@ -92,7 +92,7 @@ def test_a_changed_scene_starts_afresh(
     capsys.readouterr()
     render(output, *options)
     assert draws.taken() == [0, 1, 2, 3, 4]
-    assert said(capsys)[0] == f"3 existing frames are drawn again: of another film: {why}"
+    assert said(capsys)[0] == f"3 existing frames of another film are drawn again: {why}"
     assert made() == expected
     assert_clean()
 
@@ -121,7 +121,7 @@ def test_other_makers_start_afresh(
         "version": "versions.numpy was ",
         "sources": "sources was ",
     }
-    told = said(capsys)[0].removeprefix("3 existing frames are drawn again: of another film: ")
+    told = said(capsys)[0].removeprefix("3 existing frames of another film are drawn again: ")
     assert told.startswith(beginning[what])
     assert_clean()
 

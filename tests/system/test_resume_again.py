@@ -130,7 +130,7 @@ def test_a_part_of_a_film_whose_goal_was_one_of_the_whole(
     assert said(capsys) == ["out/part/{frame}.png is up to date; --force draws it again"]
     assert main.run(["render", "scene.yaml", *given, *part]) == 0
     name = goal[1:].partition(":")[0]
-    what = "out/part/{frame}.png is drawn again: the existing file is another film"
+    what = "out/part/{frame}.png is another film and is drawn again"
     assert said(capsys)[0].startswith(f"{what}: scene.error.{name} was nothing; scene.error.tolerance was ")
     assert draws.taken() == [1, 2]
 
@@ -162,7 +162,7 @@ def test_a_goal_that_nobody_knows_to_be_met(
     assert "measured" not in after["schedule"]
     said(capsys)
     render("film.mp4", *given)
-    assert said(capsys)[0].startswith("out/film.mp4 is drawn again: the existing file is another film: scene.error.")
+    assert said(capsys)[0].startswith("out/film.mp4 is another film and is drawn again: scene.error.")
 
 
 def test_frames_that_were_kept_for_the_same_goal(draws: Draws) -> None:
@@ -235,7 +235,7 @@ def test_frames_that_were_kept_but_drawn_at_other_tolerances(draws: Draws, capsy
         path.write_text(json.dumps(data), encoding="utf-8")
     said(capsys)
     again("film.mp4.json")
-    anew = "2 existing frames are drawn again: drawn at other tolerances"
+    anew = "2 existing frames drawn at other tolerances are drawn again"
     assert said(capsys)[-2:] == ["1 of 5 frames is already finished", anew]
     assert draws.taken() == [1, 2, 3, 4]
     assert made() == expected
@@ -252,7 +252,7 @@ def test_a_frame_that_was_kept_but_not_drawn_in_its_time(draws: Draws, capsys: p
     draws.taken()
     said(capsys)
     render("film.mp4", *given)
-    assert "1 existing frame is drawn again: not drawn on a time budget" in said(capsys)
+    assert "1 existing frame not drawn on a time budget is drawn again" in said(capsys)
     assert draws.taken() == [0, 1, 2, 3, 4]
 
 
@@ -261,12 +261,12 @@ def test_what_differs_where_tolerances_are_given_by_frame(capsys: pytest.Capture
     render("film.mp4", *by_frame)
     said(capsys)
     render("film.mp4", *by_frame, "--set", "camera.path.elevation=10")
-    what = "out/film.mp4 is drawn again: the existing file is another film"
+    what = "out/film.mp4 is another film and is drawn again"
     assert said(capsys)[0] == f"{what}: scene.camera.path.elevation was 20"
 
 
 def of_another(what: str) -> list[str]:
-    return [f"out/film.mp4 is drawn again: the existing file is another film: {what}"]
+    return [f"out/film.mp4 is another film and is drawn again: {what}"]
 
 
 def test_why_a_film_of_the_same_frames_is_drawn_anew(capsys: pytest.CaptureFixture[str]) -> None:
@@ -283,7 +283,7 @@ def test_why_a_film_of_the_same_frames_is_drawn_anew(capsys: pytest.CaptureFixtu
     with Path("out/film.mp4").open("ab") as film:
         film.write(b"more")
     render("film.mp4", "--frames", "0:2")
-    assert said(capsys) == ["out/film.mp4 is drawn again: the existing file is not the one that its sidecar describes"]
+    assert said(capsys) == ["out/film.mp4 is not the file that its sidecar describes and is drawn again"]
     Path("out/film.mp4").unlink()
     render("film.mp4", "--frames", "0:2")
     assert said(capsys) == []
@@ -305,7 +305,7 @@ def test_why_where_a_sidecar_was_changed(capsys: pytest.CaptureFixture[str]) -> 
     assert said(capsys) == of_another("its scene is not recorded")
     change("film.mp4.json", lambda data: data["schedule"].update(met=False))
     render("film.mp4", "--set", "error.tolerance=0.7")
-    assert said(capsys) == ["out/film.mp4 is drawn again: the existing film is less than what was requested"]
+    assert said(capsys) == ["out/film.mp4 is less than what was requested and is drawn again"]
 
 
 def test_why_kept_frames_are_drawn_anew(draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
@@ -314,5 +314,5 @@ def test_why_kept_frames_are_drawn_anew(draws: Draws, capsys: pytest.CaptureFixt
     cause_file.unlink()
     said(capsys)
     render("film.mp4", "--set", "error.tolerance=0.7")
-    what = "3 existing frames are drawn again: of another film"
+    what = "3 existing frames of another film are drawn again"
     assert said(capsys) == [f"{what}: its scene is not recorded"]

@@ -212,7 +212,7 @@ def test_other_options_of_its_own_scene(capfd: pytest.CaptureFixture[str]) -> No
     capfd.readouterr()
     assert turntable("in/uint8.npy", "-o", "out", "--frames", "4", "--size", "32") == 0
     said = capfd.readouterr().err
-    assert "out/uint8.mp4 is drawn again: the existing file is another film" in said
+    assert "out/uint8.mp4 is another film and is drawn again" in said
     assert "another scene" not in said
     (record,) = report()
     assert (record["status"], record["frames"]) == ("done", 4)
