@@ -191,7 +191,7 @@ def test_a_film_never_takes_the_place_of_a_volume(output: str) -> None:
     )
     Path("scene.yaml").write_text(text, encoding="utf-8")
     for scene in ("scene.yaml", renderer.load_scene("scene.yaml")):
-        with pytest.raises(renderer.InputError, match="this output is an input"):
+        with pytest.raises(renderer.InputError, match="would overwrite an input"):
             renderer.render(scene, output=output)
     assert Path("film.gif").read_bytes() == content
     assert sorted(os.listdir()) == ["film.gif", "link.gif", "scene.yaml"]
