@@ -82,10 +82,10 @@ def make_plan(
     assert rasterizer is not None
     least = min(scheduled_value(goal.by_frame, frame) for frame in frames)
     calibrate_costs(estimator, frames[0], _MAX_TRIAL_FRACTION * least, rasterizer, clock=clock, on_step=on_step)
-    pacer = BudgetController(estimator, lambda frame: scheduled_value(goal.by_frame, frame))
-    draw_list, _ = pacer.choose(frames[0], Stopwatch(clock))
+    controller = BudgetController(estimator, lambda frame: scheduled_value(goal.by_frame, frame))
+    draw_list, _ = controller.choose(frames[0], Stopwatch(clock))
     draw_list.upload(rasterizer)
-    return FilmPlan(stage, pacer, is_timing_dependent=True)
+    return FilmPlan(stage, controller, is_timing_dependent=True)
 
 
 def _plan_accuracy(stage: Stage, goal: AccuracyGoal, found: ToleranceSearchResult) -> FilmPlan:

@@ -90,12 +90,14 @@ def _swapped(shot: Shot, first: int, second: int) -> Pixels:
 
 
 def _in_order(shot: Shot, change: Callable[[Order], Order]) -> Pixels:
-    return shot.drawn(replace(shot.pose, orders=[(share, change(order)) for share, order in shot.pose.orders])).image
+    return shot.drawn(
+        replace(shot.draw_list, orders=[(share, change(order)) for share, order in shot.draw_list.orders])
+    ).image
 
 
 def _overlapping_pairs(shot: Shot) -> Iterator[tuple[int, int]]:
     """Splats whose centres are seen within a standard deviation of each other, the next ones in the order."""
-    order = shot.pose.orders[0][1]
+    order = shot.draw_list.orders[0][1]
     across = shot.splats.centers.astype(np.float64) @ shot.view.axes[:2].T
     sigma = np.linalg.norm(shot.splats.axes, axis=(1, 2))[shot.splats.shapes] / math.sqrt(3)
     for place in _random(shot).permutation(len(order))[:TRIES]:
@@ -107,12 +109,12 @@ def _overlapping_pairs(shot: Shot) -> Iterator[tuple[int, int]]:
 
 def _some_splats(shot: Shot) -> list[int]:
     """Random ones that are drawn."""
-    return _random(shot).permutation(shot.pose.orders[0][1])[:TRIES].tolist()
+    return _random(shot).permutation(shot.draw_list.orders[0][1])[:TRIES].tolist()
 
 
 def _levels_by_number(shot: Shot) -> list[int]:
     """Those in the picture, but not if it is the only one: the one with the fewest splats first."""
-    levels, counts = np.unique(shot.cut.levels[shot.pose.orders[0][1]], return_counts=True)
+    levels, counts = np.unique(shot.cut.levels[shot.draw_list.orders[0][1]], return_counts=True)
     return levels[counts.argsort(kind="stable")].tolist() if len(levels) > 1 else []
 
 
@@ -192,7 +194,7 @@ def _shifted_by(pixels: float) -> Callable[[Shot], Pixels]:
 
 def _frame_repeated(shot: Shot) -> Pixels:
     frames = shot.stage.scene.camera.path.frames
-    return shot.drawn(shot.posed(shot.stage, frame=(shot.subject.frame - 1) % frames)).image
+    return shot.drawn(shot.make_draw_list(shot.stage, frame=(shot.subject.frame - 1) % frames)).image
 
 
 # Scene
@@ -200,7 +202,7 @@ def _frame_repeated(shot: Shot) -> Pixels:
 
 def _coarser(shot: Shot) -> Pixels | None:
     """Every tenth part of the tolerance is a step."""
-    return shot.drawn(shot.posed(shot.stage, tolerance=shot.tolerance * 1.1)).image if shot.tolerance else None
+    return shot.drawn(shot.make_draw_list(shot.stage, tolerance=shot.tolerance * 1.1)).image if shot.tolerance else None
 
 
 def _grey_point(shot: Shot) -> Pixels | None:
@@ -217,7 +219,7 @@ def _grey_point(shot: Shot) -> Pixels | None:
         ControlPoint(point.value, (grey, grey, grey), point.opacity) if point is spoilt else point for point in points
     )
     changed = replace(scene, transfer_function=replace(scene.transfer_function, mapping=others))
-    return shot.drawn(shot.posed(shot.staged(changed))).image
+    return shot.drawn(shot.make_draw_list(shot.staged(changed))).image
 
 
 # Picture

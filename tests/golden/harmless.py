@@ -65,13 +65,13 @@ class _Reference(NothingLasting):
 
 
 def _in_float64(shot: Shot) -> Pixels | None:
-    if len(shot.pose.orders[0][1]) > MOST_SPLATS_OF_REFERENCE:
+    if len(shot.draw_list.orders[0][1]) > MOST_SPLATS_OF_REFERENCE:
         return None
-    return shot.drawn(shot.pose, _Reference()).image  # type: ignore[arg-type]
+    return shot.drawn(shot.draw_list, _Reference()).image  # type: ignore[arg-type]
 
 
 HARMLESS = (
-    Harmless("drawn again", "exact", lambda shot: shot.drawn(shot.pose).image),
+    Harmless("drawn again", "exact", lambda shot: shot.drawn(shot.draw_list).image),
     Harmless("0.1 % of values rounded otherwise", "same-machine", _rounded_otherwise(0.001)),
     Harmless("5 % of values rounded otherwise", "cross-driver", _rounded_otherwise(0.05)),
     Harmless("20 % of values rounded otherwise", "cross-driver", _rounded_otherwise(0.2)),

@@ -87,7 +87,7 @@ class Shot:
         self.subject, self.rasterizer = subject, rasterizer
         self.stage = self.staged(subject.scene)
         self.tolerance = tolerance_at(self.stage.scene.error, subject.frame)
-        self.pose = self.posed(self.stage)
+        self.draw_list = self.make_draw_list(self.stage)
 
     def __str__(self) -> str:
         return self.subject.name
@@ -95,7 +95,7 @@ class Shot:
     @cached_property
     def frame(self) -> Frame:
         """As the product draws it."""
-        return self.drawn(self.pose)
+        return self.drawn(self.draw_list)
 
     @property
     def golden(self) -> Pixels:
@@ -111,34 +111,34 @@ class Shot:
     @property
     def splats(self) -> SplatBatch:
         """All that the cut has."""
-        splats = self.pose.lod.batch
+        splats = self.draw_list.lod.batch
         assert isinstance(splats, SplatBatch)
         return splats
 
     @property
     def view(self) -> View:
         """Where the camera is."""
-        return self.pose.view
+        return self.draw_list.view
 
     def staged(self, scene: Scene) -> Stage:
         """Another scene's stage, which serves coarser cuts, too."""
         return prepare_stage(scene, clock=time.perf_counter, num_threads=1)
 
-    def posed(self, stage: Stage, *, tolerance: float | None = None, frame: int | None = None) -> DrawList:
+    def make_draw_list(self, stage: Stage, *, tolerance: float | None = None, frame: int | None = None) -> DrawList:
         """A frame of a stage, this one unless it is said."""
         lod = make_primitive(stage).make_lod(self.tolerance if tolerance is None else tolerance, _stopwatch().lap)
         return make_draw_list(stage, lod, self.subject.frame if frame is None else frame, _stopwatch())
 
     def with_splats(self, splats: SplatBatch) -> DrawList:
         """The same pose of other splats."""
-        lod = self.pose.lod
+        lod = self.draw_list.lod
         assert isinstance(lod, SplatLOD)
         return self.seen_from(self.view, replace(lod, batch=splats))
 
     def seen_from(self, view: View, lod: LOD | None = None) -> DrawList:
         """The same detail, sorted for another view."""
-        lod = self.pose.lod if lod is None else lod
-        return replace(self.pose, lod=lod, view=view, orders=lod.orders(view))
+        lod = self.draw_list.lod if lod is None else lod
+        return replace(self.draw_list, lod=lod, view=view, orders=lod.orders(view))
 
     def drawn(self, draw_list: DrawList, rasterizer: Rasterizer | None = None) -> Frame:
         """By the product's own last step."""

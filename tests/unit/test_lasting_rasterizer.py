@@ -133,8 +133,8 @@ def test_frames_on_a_budget_of_time(stage: Stage, rasterizer: GLRasterizer) -> N
     with RecoveringRasterizer(failing_at({0, 6, 9})) as lasting:
         estimator = LODCostEstimator(stage)
         calibrate_costs(estimator, 0, 0.0, lasting, clock=time.perf_counter)
-        pacer = BudgetController(estimator, lambda frame: 0.01)
-        found = list(LocalExecutor(stage, lasting, pacer).draw(range(8)))
+        controller = BudgetController(estimator, lambda frame: 0.01)
+        found = list(LocalExecutor(stage, lasting, controller).draw(range(8)))
         assert lasting.notes == ["OpenGL's context was lost 3 times, and what it had was drawn again"]
     tolerances = {drawn.number: drawn.record["tolerance"] for drawn in found}
     assert list(tolerances) == list(range(8))

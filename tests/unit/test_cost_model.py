@@ -137,7 +137,7 @@ def test_trials_alone_predict_frames() -> None:
 # Loads
 
 
-def pose_of(batch: SplatBatch, *shares: float, size: tuple[int, int] = (64, 48)) -> DrawList:
+def draw_list_of(batch: SplatBatch, *shares: float, size: tuple[int, int] = (64, 48)) -> DrawList:
     view = look("orthographic", size=size, azimuth=0.0, elevation=0.0)
     nothing = np.empty(0, np.uint8)
     volume: object = None
@@ -165,7 +165,7 @@ def test_what_a_frame_draws_against_a_count() -> None:
     centers = rng.uniform(-0.35, 0.35, (50, 3))
     sigma = 1.6 / scale_px
     batch = place_splats(centers, sigma)
-    load = workload_of(pose_of(batch, 1.0))
+    load = workload_of(draw_list_of(batch, 1.0))
     assert load.num_splats == 50 and load.num_written == 1
     count = covered_pixels(batch, batch.footprint.cutoff * 1.6, size)
     # A square of 10 x 10 pixels has as many centres in it, give or take half a row and half a column.
@@ -179,13 +179,16 @@ def test_a_few_large_cells_among_many_small_ones_are_all_counted() -> None:
     axes = np.where(np.arange(len(centers)) < 20, 0.08, 0.002)[:, None, None] * np.eye(3)
     batch = place_splats(centers, axes)
     large, small = place_splats(centers[:20], axes[:20]), place_splats(centers[20:], axes[20:])
-    total, *parts = (workload_of(pose_of(each, 1.0)).num_pixels for each in (batch, large, small))
+    total, *parts = (workload_of(draw_list_of(each, 1.0)).num_pixels for each in (batch, large, small))
     assert total == pytest.approx(sum(parts), rel=0.01)
 
 
 def test_every_order_is_drawn() -> None:
     batch = place_splats(np.random.default_rng(5).uniform(-0.3, 0.3, (20, 3)), 0.05)
-    one, three = workload_of(pose_of(batch, 1.0)), workload_of(pose_of(batch, 0.5, 0.3, 0.2), is_written=False)
+    one, three = (
+        workload_of(draw_list_of(batch, 1.0)),
+        workload_of(draw_list_of(batch, 0.5, 0.3, 0.2), is_written=False),
+    )
     assert three.num_splats == 3 * one.num_splats
     assert three.num_pixels == pytest.approx(3 * one.num_pixels)
     assert (one.num_written, three.num_written) == (1, 0)
@@ -193,4 +196,4 @@ def test_every_order_is_drawn() -> None:
 
 def test_what_is_out_of_view_costs_nothing() -> None:
     batch = place_splats([[50.0, 0, 0]], 0.05)
-    assert workload_of(pose_of(batch, 1.0)) == Workload(0, 0.0, 1)
+    assert workload_of(draw_list_of(batch, 1.0)) == Workload(0, 0.0, 1)

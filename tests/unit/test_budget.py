@@ -55,10 +55,10 @@ def film(
     """Seconds, tolerances and cells of the frames."""
     estimator = LODCostEstimator(stage)
     calibrate_costs(estimator, 0, 0.3 * seconds_of(0), machine, clock=machine.clock)
-    pacer = BudgetController(estimator, seconds_of)
+    controller = BudgetController(estimator, seconds_of)
     taken, tolerances, cells = [], [], []
     start = machine.now
-    for frame in render_frames(stage, range(NUM_FRAMES), machine, clock=machine.clock, controller=pacer):
+    for frame in render_frames(stage, range(NUM_FRAMES), machine, clock=machine.clock, controller=controller):
         machine.now += writing
         taken.append(machine.now - start)
         tolerances.append(frame.tolerance)
@@ -131,9 +131,9 @@ def test_a_prediction_is_of_the_whole_frame(stage: Stage) -> None:
     machine = SimulatedMachine()
     estimator = LODCostEstimator(stage)
     calibrate_costs(estimator, 0, 0.01, machine, clock=machine.clock)
-    pacer = BudgetController(estimator, lambda frame: 0.03)
+    controller = BudgetController(estimator, lambda frame: 0.03)
     predicted, taken, start = [], [], machine.now
-    for frame in render_frames(stage, range(20), machine, clock=machine.clock, controller=pacer):
+    for frame in render_frames(stage, range(20), machine, clock=machine.clock, controller=controller):
         machine.now += 5e-3
         predicted.append(frame.predicted_seconds)
         taken.append(machine.now - start)
@@ -164,7 +164,7 @@ def test_a_cut_is_chosen_before_the_first_frame(stage: Stage) -> None:
     machine = SimulatedMachine()
     estimator = LODCostEstimator(stage)
     calibrate_costs(estimator, 7, 0.01, machine, clock=machine.clock)
-    pacer = BudgetController(estimator, lambda frame: 0.03)
-    pacer.choose(7, Stopwatch(machine.clock))
-    (frame,) = render_frames(stage, [7], machine, clock=machine.clock, controller=pacer)
+    controller = BudgetController(estimator, lambda frame: 0.03)
+    controller.choose(7, Stopwatch(machine.clock))
+    (frame,) = render_frames(stage, [7], machine, clock=machine.clock, controller=controller)
     assert "cut" not in frame.seconds

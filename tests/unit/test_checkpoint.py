@@ -61,10 +61,10 @@ def reopened(folder: Path, output: OutputSpec, cause: dict[str, Any] = CAUSE, **
 
 
 def keep(folder: Path, output: OutputSpec, *numbers: int, cause: dict[str, Any] = CAUSE) -> FrameCheckpoint:
-    kept = reopened(folder, output, cause)
+    checkpoint = reopened(folder, output, cause)
     for number in numbers:
-        kept.save_frame(number, png(number), record(number))
-    return kept
+        checkpoint.save_frame(number, png(number), record(number))
+    return checkpoint
 
 
 def picture_of(folder: Path, output: OutputSpec, number: int) -> Path:
@@ -109,9 +109,9 @@ def test_a_record_that_ends_anywhere(folder: Path, output: OutputSpec) -> None:
 def test_a_record_of_garbage(folder: Path, output: OutputSpec, garbage: bytes) -> None:
     keep(folder, output, 0, 1)
     (folder / "000001.json").write_bytes(garbage)
-    kept = reopened(folder, output)
-    assert set(kept.records) == {0}
-    kept.save_frame(1, png(1), record(1))
+    checkpoint = reopened(folder, output)
+    assert set(checkpoint.records) == {0}
+    checkpoint.save_frame(1, png(1), record(1))
     assert set(reopened(folder, output).records) == {0, 1}
 
 
@@ -174,12 +174,12 @@ def test_a_picture_of_another_size(folder: Path, output: OutputSpec) -> None:
     keep(folder, output, 0, 1, 2, 3)
     shapes = {0: (6, 4, 3), 1: (4, 6, 4), 2: (4, 5, 3)}
     for number, shape in shapes.items():
-        picture, told = picture_of(folder, output, number), folder / f"00000{number}.json"
+        picture, recorded = picture_of(folder, output, number), folder / f"00000{number}.json"
         content = encode_png(np.zeros(shape, np.uint8))
         picture.write_bytes(content)
-        data = json.loads(told.read_bytes())
+        data = json.loads(recorded.read_bytes())
         data["record"]["digest"] = bytes_digest(content)
-        told.write_text(json.dumps(data))
+        recorded.write_text(json.dumps(data))
     assert set(reopened(folder, output).records) == {3}
 
 
@@ -207,34 +207,34 @@ def test_a_picture_whose_body_is_damaged(tmp_path: Path, folder: Path, is_checks
     data = json.loads((folder / "000001.json").read_bytes())
     data["record"]["digest"] = bytes_digest(content)
     (folder / "000001.json").write_text(json.dumps(data))
-    kept = reopened(folder, output)
+    checkpoint = reopened(folder, output)
     if is_checksum_right:
         with pytest.raises(RenderError, match="a checkpoint frame cannot be decoded"):
-            kept.picture(1)
-    assert set(kept.records) == {0}
+            checkpoint.picture(1)
+    assert set(checkpoint.records) == {0}
     assert set(reopened(folder, output).records) == {0}
 
 
 def test_another_cause(folder: Path, output: OutputSpec) -> None:
     keep(folder, output, 0, 1, 2)
     other = CAUSE | {"versions": {"numpy": "2.1"}}
-    kept = reopened(folder, output, other)
-    assert kept.records == {}
-    assert kept.former_fingerprint == {"scene": {"size": [6, 4]}, "versions": {"numpy": "2.0"}}
-    assert kept.num_outdated == 3
+    checkpoint = reopened(folder, output, other)
+    assert checkpoint.records == {}
+    assert checkpoint.former_fingerprint == {"scene": {"size": [6, 4]}, "versions": {"numpy": "2.0"}}
+    assert checkpoint.num_outdated == 3
     assert list(folder.iterdir()) == []
-    kept.save_frame(1, png(1), record(1))
+    checkpoint.save_frame(1, png(1), record(1))
     again = reopened(folder, output, other)
     assert (set(again.records), again.former_fingerprint, again.num_outdated) == ({1}, None, 0)
 
 
 def test_a_cause_that_is_not_known_any_more(folder: Path, output: OutputSpec) -> None:
     keep(folder, output, 0, 1)
-    (told,) = folder.glob("cause-*.json")
-    told.unlink()
+    (recorded,) = folder.glob("cause-*.json")
+    recorded.unlink()
     assert set(reopened(folder, output).records) == {0, 1}
-    kept = reopened(folder, output, {"versions": {"numpy": "2.1"}})
-    assert (kept.records, kept.former_fingerprint, kept.num_outdated) == ({}, {}, 2)
+    checkpoint = reopened(folder, output, {"versions": {"numpy": "2.1"}})
+    assert (checkpoint.records, checkpoint.former_fingerprint, checkpoint.num_outdated) == ({}, {}, 2)
 
 
 def test_a_long_cause_is_kept_once(folder: Path, output: OutputSpec) -> None:
@@ -248,8 +248,8 @@ def test_a_long_cause_is_kept_once(folder: Path, output: OutputSpec) -> None:
 
 def test_afresh(folder: Path, output: OutputSpec) -> None:
     keep(folder, output, 0, 1, 2)
-    kept = reopened(folder, output, discard_existing=True)
-    assert (kept.records, kept.former_fingerprint, kept.num_outdated) == ({}, None, 0)
+    checkpoint = reopened(folder, output, discard_existing=True)
+    assert (checkpoint.records, checkpoint.former_fingerprint, checkpoint.num_outdated) == ({}, None, 0)
     assert list(folder.iterdir()) == []
     assert reopened(folder, output).records == {}
 
@@ -304,24 +304,24 @@ def test_all_that_a_film_kept_is_forgotten(folder: Path, tmp_path: Path) -> None
 
 
 def test_a_folder_that_vanishes(folder: Path, output: OutputSpec) -> None:
-    kept = keep(folder, output, 0)
+    checkpoint = keep(folder, output, 0)
     shutil.rmtree(folder)
     with pytest.raises(RenderError, match="the output folder has vanished"):
-        kept.save_frame(1, png(1), record(1))
+        checkpoint.save_frame(1, png(1), record(1))
     assert not folder.exists()
     remove_checkpoint_frames(folder, output, NUMBERS)
 
 
 def test_a_picture_that_vanishes(folder: Path, output: OutputSpec) -> None:
-    kept = keep(folder, output, 0)
+    checkpoint = keep(folder, output, 0)
     picture_of(folder, output, 0).unlink()
     with pytest.raises(RenderError, match="vanished"):
-        kept.picture(0)
+        checkpoint.picture(0)
 
 
 @pytest.mark.parametrize("suffix", [".png", ".json"])
 def test_a_full_disk(folder: Path, output: OutputSpec, monkeypatch: pytest.MonkeyPatch, suffix: str) -> None:
-    kept = keep(folder, output, 0)
+    checkpoint = keep(folder, output, 0)
     write = Path.write_bytes
 
     def full(path: Path, content: bytes) -> int:
@@ -333,29 +333,29 @@ def test_a_full_disk(folder: Path, output: OutputSpec, monkeypatch: pytest.Monke
     with monkeypatch.context() as patch:
         patch.setattr(Path, "write_bytes", full)
         with pytest.raises(RenderError, match="the disk is full"):
-            kept.save_frame(1, png(1), record(1))
-    assert set(kept.records) == {0}
+            checkpoint.save_frame(1, png(1), record(1))
+    assert set(checkpoint.records) == {0}
     assert set(reopened(folder, output).records) == {0}
     assert not [path for path in folder.iterdir() if staging._PARTIAL_TAG in path.name]
-    kept.save_frame(1, png(1), record(1))
+    checkpoint.save_frame(1, png(1), record(1))
     assert set(reopened(folder, output).records) == {0, 1}
 
 
 def test_frames_that_another_place_tells_of(folder: Path, output: OutputSpec) -> None:
-    told = list(keep(folder, output, 0, 1, 2).records.values())
+    recorded = list(keep(folder, output, 0, 1, 2).records.values())
     for path in folder.glob("*.json"):
         path.unlink()
     picture_of(folder, output, 1).write_bytes(b"changed")
-    kept = reopened(folder, output)
-    assert kept.records == {}
-    kept.adopt_records(told)
-    assert set(kept.records) == {0, 2}
+    checkpoint = reopened(folder, output)
+    assert checkpoint.records == {}
+    checkpoint.adopt_records(recorded)
+    assert set(checkpoint.records) == {0, 2}
 
 
 def test_frames_that_are_not_wanted_after_all(folder: Path, output: OutputSpec) -> None:
-    kept = keep(folder, output, 0, 1, 2)
-    kept.retain(lambda told: told["frame"] == 1)
-    assert set(kept.records) == {1}
+    checkpoint = keep(folder, output, 0, 1, 2)
+    checkpoint.retain(lambda recorded: recorded["frame"] == 1)
+    assert set(checkpoint.records) == {1}
 
 
 def test_digests_of_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -403,10 +403,10 @@ def test_a_kill_between_any_two_steps(
             before.save_frame(2, png(2), record(2))
         except Killed:
             pass
-    kept = reopened(folder, output)
-    assert 0 in kept.records
-    for number in kept.records:
-        assert kept.picture(number).png == png(number)
+    checkpoint = reopened(folder, output)
+    assert 0 in checkpoint.records
+    for number in checkpoint.records:
+        assert checkpoint.picture(number).png == png(number)
     staging.remove_temporaries(folder)
     remove_checkpoint_frames(folder, output, NUMBERS)
     assert list(folder.iterdir()) == []

@@ -33,10 +33,10 @@ def film(stage: Stage, machine: SimulatedMachine, seconds: float) -> tuple[list[
     """Seconds and tolerances of the frames."""
     estimator = LODCostEstimator(stage)
     calibrate_costs(estimator, 0, 0.3 * seconds, machine, clock=machine.clock)
-    pacer = BudgetController(estimator, lambda frame: seconds)
+    controller = BudgetController(estimator, lambda frame: seconds)
     taken, tolerances = [], []
     start = machine.now
-    for frame in render_frames(stage, range(NUM_FRAMES), machine, clock=machine.clock, controller=pacer):
+    for frame in render_frames(stage, range(NUM_FRAMES), machine, clock=machine.clock, controller=controller):
         machine.now += WRITING_S
         taken.append(machine.now - start)
         tolerances.append(frame.tolerance)
@@ -97,9 +97,9 @@ def test_predictions_hold_for_a_film(stage: Stage) -> None:
     machine = SimulatedMachine()
     estimator = LODCostEstimator(stage)
     calibrate_costs(estimator, 0, 0.01, machine, clock=machine.clock)
-    pacer = BudgetController(estimator, lambda frame: 0.04)
+    controller = BudgetController(estimator, lambda frame: 0.04)
     predicted, taken, start = [], [], machine.now
-    for frame in render_frames(stage, range(20), machine, clock=machine.clock, controller=pacer):
+    for frame in render_frames(stage, range(20), machine, clock=machine.clock, controller=controller):
         machine.now += WRITING_S
         predicted.append(frame.predicted_seconds)
         taken.append(machine.now - start)
