@@ -5,6 +5,5 @@ from .histogram import (
     rebin as rebin,
     suggest_ranges as suggest_ranges,
 )
-from .nonfinite import suggest_nonfinite_fill as suggest_nonfinite_fill
 from .suggestion import Suggestion as Suggestion, suggest as suggest
 from .volume_suggestion import VolumeSuggestion as VolumeSuggestion, suggest_for as suggest_for

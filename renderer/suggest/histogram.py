@@ -112,10 +112,8 @@ def _statistics_and_outliers(dtype: np.dtype[Any], chunks: Chunks) -> tuple[Stat
     for chunk in chunks():
         if is_counted:  # wraps around to the right unsigned number, whatever the type
             index = (chunk - dtype.type(minimum)).view(f"u{dtype.itemsize}").astype(np.int64)
-        elif extent == 0.0:
-            index = np.zeros(chunk.shape, np.int64)
-        else:
-            index = ((chunk * scale - low) / (extent / MAX_BINS)).astype(np.int64)
+        else:  # a constant volume has the index 0
+            index = ((chunk * scale - low) / (extent / MAX_BINS or 1.0)).astype(np.int64)
         counts += np.bincount(np.minimum(index, len(bins) - 1), minlength=len(bins))
         key_counts += ordered_keys.count(chunk)
     percentiles, split = _by_rank(key_counts, ordered_keys, chunks)

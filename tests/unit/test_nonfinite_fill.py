@@ -14,7 +14,8 @@ from hsplat_cli.scenes import FilmOptions, suggest_scene
 from hsplat_cli.terminal import Reporter
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
-from renderer.suggest import compute_statistics, suggest, suggest_nonfinite_fill
+from renderer.suggest import compute_statistics, suggest
+from renderer.suggest.nonfinite import suggest_nonfinite_fill
 
 Array = npt.NDArray[Any]
 
