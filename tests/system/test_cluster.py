@@ -21,7 +21,7 @@ from processes import wait_until
 import renderer
 from hsplat_cli import main
 from hsplat_cli.executors import LocalExecutor
-from hsplat_cli.executors.cluster import cluster_executor as cluster_drawer
+from hsplat_cli.executors.cluster import cluster_executor
 from hsplat_cli.executors.cluster.cluster_executor import open_cluster_executor
 from hsplat_cli.terminal import Reporter
 from renderer.draw import GLRasterizer
@@ -64,21 +64,21 @@ def client() -> Iterator[Client]:
 @pytest.fixture(scope="module")
 def expected(stage: Stage, rasterizer: GLRasterizer) -> list[bytes]:
     """The files of all frames."""
-    return [drawn.picture.png for drawn in LocalExecutor(stage, rasterizer).draw(range(NUM_FRAMES))]
+    return [result.picture.png for result in LocalExecutor(stage, rasterizer).draw(range(NUM_FRAMES))]
 
 
 def draw(
     client: Client, stage: Stage, on_frame: Callable[[int], None] = lambda number: None
 ) -> tuple[list[bytes], list[str]]:
     """The files of all frames, and notes."""
-    with open_cluster_executor(client, "tcp://here:1", FilmPlan(stage), Reporter(), max_wait_s=30.0) as drawer:
+    with open_cluster_executor(client, "tcp://here:1", FilmPlan(stage), Reporter(), max_wait_s=30.0) as executor:
         files = []
-        for number, drawn in enumerate(drawer.draw(range(NUM_FRAMES))):
-            assert drawn.number == drawn.record["frame"] == number
-            files.append(drawn.picture.png)
+        for number, result in enumerate(executor.draw(range(NUM_FRAMES))):
+            assert result.number == result.record["frame"] == number
+            files.append(result.picture.png)
             on_frame(number)
-        assert len(drawer.drivers) == 1
-        return files, drawer.notes
+        assert len(executor.drivers) == 1
+        return files, executor.notes
 
 
 def worker_pids(client: Client) -> list[int]:
@@ -86,7 +86,7 @@ def worker_pids(client: Client) -> list[int]:
 
 
 def test_the_same_bytes_and_nothing_left(client: Client, stage: Stage, expected: list[bytes]) -> None:
-    def studio_threads() -> list[str]:
+    def hsplat_threads() -> list[str]:
         """Those of hsplat's in a worker: sent as it stands, for workers do not find this file."""
         import threading
 
@@ -96,7 +96,7 @@ def test_the_same_bytes_and_nothing_left(client: Client, stage: Stage, expected:
     assert files == expected
     assert notes == []
     for _ in range(100):  # dask forgets in the background
-        left = [name for names in client.run(studio_threads).values() for name in names]
+        left = [name for names in client.run(hsplat_threads).values() for name in names]
         if not left:
             break
         time.sleep(0.1)
@@ -157,16 +157,16 @@ def test_a_worker_with_other_sources_is_refused(
 def error_of(client: Client, stage: Stage) -> HsplatError:
     """Of a film that begins with the frame that things happen at."""
     with (
-        open_cluster_executor(client, "tcp://here:1", FilmPlan(stage), Reporter(), max_wait_s=30.0) as drawer,
+        open_cluster_executor(client, "tcp://here:1", FilmPlan(stage), Reporter(), max_wait_s=30.0) as executor,
         pytest.raises(HsplatError) as caught,
     ):
-        list(drawer.draw(range(faulty.FRAME, NUM_FRAMES)))
+        list(executor.draw(range(faulty.FRAME, NUM_FRAMES)))
     return caught.value
 
 
 def test_a_frame_that_kills_each_worker(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     """There are as many as it may kill: Dask does not replace all of those that die as soon as they are there."""
-    monkeypatch.setattr(cluster_drawer, "draw_on_worker", faulty.kill_always)
+    monkeypatch.setattr(cluster_executor, "draw_on_worker", faulty.kill_always)
     with (
         LocalCluster(n_workers=3, threads_per_worker=1, memory_limit=0, dashboard_address=":0") as cluster,
         Client(cluster, set_as_default=False) as client,
@@ -179,14 +179,14 @@ def test_a_frame_that_kills_each_worker(stage: Stage, monkeypatch: pytest.Monkey
 
 def test_a_frame_that_is_wrong(client: Client, stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     """What is told is what a worker said."""
-    monkeypatch.setattr(cluster_drawer, "draw_on_worker", faulty.input_error)
+    monkeypatch.setattr(cluster_executor, "draw_on_worker", faulty.input_error)
     error = error_of(client, stage)
     text = "scene.yaml: a bad frame\n  got: this\n  expected: that\n  hint: another"
     assert (type(error), str(error)) == (InputError, text)
 
 
 def test_a_frame_that_nobody_can_draw(client: Client, stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster_drawer, "draw_on_worker", faulty.out_of_memory)
+    monkeypatch.setattr(cluster_executor, "draw_on_worker", faulty.out_of_memory)
     error = error_of(client, stage)
     assert type(error) is RenderError
     assert (error.what, error.got) == (f"frame {faulty.FRAME} cannot be drawn", "MemoryError: all of it is taken")
@@ -197,10 +197,10 @@ def test_nobody_is_there(stage: Stage) -> None:
     with (
         LocalCluster(n_workers=0, dashboard_address=":0") as cluster,
         Client(cluster, set_as_default=False) as client,
-        open_cluster_executor(client, "tcp://here:1", FilmPlan(stage), Reporter(), max_wait_s=0.5) as drawer,
+        open_cluster_executor(client, "tcp://here:1", FilmPlan(stage), Reporter(), max_wait_s=0.5) as executor,
         pytest.raises(RenderError) as caught,
     ):
-        next(drawer.draw([0]))
+        next(executor.draw([0]))
     assert str(caught.value) == (
         "--scheduler tcp://here:1: the cluster has no workers\n"
         "  got: none for 0.5 s\n"

@@ -308,9 +308,9 @@ def test_one_process_lets_go_of_what_the_others_draw() -> None:
     once = [weakref.ref(thing) for thing in (stage, stage.bricks, stage.volume)]
     with RecoveringRasterizer() as rasterizer:
         plan, most = FilmPlan(stage), 5000  # frames take milliseconds, and workers a second or so
-        with Executor(ExecutorSpec(workers=2), rasterizer, None, Reporter()).for_plan(plan, most) as drawer:
+        with Executor(ExecutorSpec(workers=2), rasterizer, None, Reporter()).for_plan(plan, most) as executor:
             del plan, stage
-            drawing = drawer.draw(range(most))
+            drawing = executor.draw(range(most))
             for drawn in drawing:
                 number = drawn.number
                 gc.collect()
@@ -318,5 +318,5 @@ def test_one_process_lets_go_of_what_the_others_draw() -> None:
                     break
             assert [found() for found in once] == [None, None, None]
             assert next(drawing).number == number + 1 < most
-            assert drawer.plan.stage.bricks is not None
+            assert executor.plan.stage.bricks is not None
             drawing.close()

@@ -36,7 +36,7 @@ class Client:
         pass
 
 
-def roster_of(answers: dict[str, Any]) -> WorkerRegistry:
+def registry_of(answers: dict[str, Any]) -> WorkerRegistry:
     return WorkerRegistry(Client(answers), ADDRESS, 30.0, Reporter())  # type: ignore[arg-type]
 
 
@@ -55,12 +55,12 @@ def test_what_a_worker_tells() -> None:
     ids=["version", "sources", "older", "none"],
 )
 def test_workers_with_another_hsplat_are_refused(other: Any, told: str) -> None:
-    found = roster_of({"a": SAME, "b": other})
+    found = registry_of({"a": SAME, "b": other})
     found.update_workers()
     assert found.usable_workers == {"a"}
     assert found.notes == [f"workers that could not draw were not used: 1 x {told}"]
     with pytest.raises(RenderError) as caught:
-        roster_of({"b": other, "c": other}).update_workers()
+        registry_of({"b": other, "c": other}).update_workers()
     assert str(caught.value) == (
         f"--scheduler {ADDRESS}: no worker of the cluster can draw this film\n"
         f"  got: 2 x {told}\n"
@@ -73,7 +73,7 @@ def test_that_it_waits_is_said_at_once(monkeypatch: pytest.MonkeyPatch, capsys: 
     monkeypatch.setattr(registry, "_CHECK_INTERVAL_S", 0.0)
     answers: dict[str, Any] = {}
     waits = "waiting 30 s for one; `dask worker ADDRESS` starts one\n"
-    found = roster_of(answers)
+    found = registry_of(answers)
     found.update_workers()
     assert capsys.readouterr() == ("", f"the cluster has no workers: {waits}")
     found.update_workers()
@@ -91,7 +91,7 @@ def test_that_it_waits_is_said_at_once(monkeypatch: pytest.MonkeyPatch, capsys: 
 def test_who_is_in_doubt_is_looked_at_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """At once, whenever all were to be looked at."""
     monkeypatch.setattr(registry, "_CHECK_INTERVAL_S", 3600.0)
-    found = roster_of({"a": SAME, "b": SAME})
+    found = registry_of({"a": SAME, "b": SAME})
     found.update_workers()
     found.recheck("a")
     assert found.usable_workers == {"b"}

@@ -11,7 +11,7 @@ import pytest
 from distributed import KilledWorker
 from film_stages import PLAIN, stage_of
 
-from hsplat_cli.executors.cluster import cluster_executor as drawer
+from hsplat_cli.executors.cluster import cluster_executor
 from hsplat_cli.executors.cluster.cluster_executor import ClusterExecutor
 from renderer.errors import RenderError
 from renderer.study import FilmPlan
@@ -55,7 +55,7 @@ class Future:
 
 
 class Cluster:
-    """The scheduler and the roster of one worker, in whose place another one comes when it is lost or dismissed.
+    """The scheduler and the registry of one worker, in whose place another one comes when it is lost or dismissed.
 
     does: what happens when a worker, counted from 1, is at a frame. num_threads: a worker is at so many frames; it
     dies at any of them before it has drawn the first.
@@ -120,7 +120,7 @@ class Cluster:
 
 @pytest.fixture(autouse=True)
 def _at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(drawer, "_POLL_INTERVAL_S", 0.0)
+    monkeypatch.setattr(cluster_executor, "_POLL_INTERVAL_S", 0.0)
 
 
 def drawn(cluster: Cluster, numbers: Sequence[int]) -> list[int]:

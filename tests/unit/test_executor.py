@@ -73,13 +73,13 @@ def who(seconds: float, pool: Pool, *, num: int = 10, must: bool = False) -> tup
     """A letter for each frame, `a` or `p`, and the notes."""
     local, plan = Local(seconds), FilmPlan("in memory")  # type: ignore[arg-type]
     with mock.patch.object(executor, "LocalExecutor", return_value=local):
-        drawer = executor._GrowingExecutor(plan, local, pool.call, needs_pool=must)  # type: ignore[arg-type]
-        frames = list(drawer.draw(range(100, 100 + num)))
+        growing = executor._GrowingExecutor(plan, local, pool.call, needs_pool=must)  # type: ignore[arg-type]
+        frames = list(growing.draw(range(100, 100 + num)))
     assert [frame.number for frame in frames] == list(range(100, 100 + num))
-    assert drawer.drivers == (("here", "there") if pool.is_called and pool.fails != "start" else ("here",))
+    assert growing.drivers == (("here", "there") if pool.is_called and pool.fails != "start" else ("here",))
     who_drew = "".join(frame.record["by"][0] for frame in frames)
-    assert drawer.plan.stage == ("shared" if "p" in who_drew else "in memory")
-    return who_drew, drawer.notes
+    assert growing.plan.stage == ("shared" if "p" in who_drew else "in memory")
+    return who_drew, growing.notes
 
 
 def test_a_short_film_needs_nobody() -> None:
