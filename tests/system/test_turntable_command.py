@@ -199,7 +199,7 @@ def test_a_scene_that_was_edited_is_not_lost(capfd: pytest.CaptureFixture[str]) 
     film = Path("out/uint8.mp4").read_bytes()
     capfd.readouterr()
     assert turntable("in/uint8.npy", "in/signed.npy", "-o", "out", *SMALL) == 1
-    assert "out/uint8.yaml: there is another scene of this name" in capfd.readouterr().err
+    assert "out/uint8.yaml: another scene of this name exists" in capfd.readouterr().err
     assert [record["status"] for record in report()] == ["failed", "done"]
     assert scene.read_text(encoding="utf-8") == edited
     assert Path("out/uint8.mp4").read_bytes() == film
