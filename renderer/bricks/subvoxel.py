@@ -48,11 +48,11 @@ from renderer.bricks.kernels import BRICK_SIZE, HALO, PADDED_BRICK_SIZE, fill_pa
 from renderer.jit import jit
 from renderer.transfer import (
     LARGEST_EXPONENT,
-    PiecewiseLinear,
     RawVoxels,
     TransferFunction,
+    TransferTable,
     evaluate_segment,
-    make_piecewise_linear,
+    make_transfer_table,
 )
 
 Float64 = npt.NDArray[np.float64]
@@ -75,7 +75,7 @@ def make_channel_curve(
     opacity: bool,
     brightest: float,
     volume_range: tuple[float, float],
-) -> PiecewiseLinear:
+) -> TransferTable:
     """Return the table of (tau c, tau) times the finest spacing, or of the (a c, a) of such a depth, simplified.
 
     brightest: a factor on colours. The table's scale makes differences finite, also those of the volume's scalars.
@@ -90,10 +90,10 @@ def make_channel_curve(
     is_hidden[1:-1] = transfer.values[2:] == transfer.values[:-2]
     values, points = transfer.values[~is_hidden], points[~is_hidden]
     chosen = _simplify(values * scale, points, SIMPLIFICATION_TOLERANCE * float(points.max()))
-    return make_piecewise_linear(values[chosen], points[chosen], scale)
+    return make_transfer_table(values[chosen], points[chosen], scale)
 
 
-def make_scalar_curve(volume_range: tuple[float, float]) -> PiecewiseLinear:
+def make_scalar_curve(volume_range: tuple[float, float]) -> TransferTable:
     """Return the table of scalars as the only channel, in shares of the volume's range; none is an end of the table."""
     low, high = volume_range
     scale = math.ldexp(1.0, min(0, LARGEST_EXPONENT - 1 - math.frexp(max(abs(low), abs(high)))[1]))
@@ -102,7 +102,7 @@ def make_scalar_curve(volume_range: tuple[float, float]) -> PiecewiseLinear:
     points[:, 3] = -1.0, 2.0
     # Unscaled control values might overflow.
     scaled = np.array([low * scale - width, high * scale + width])
-    return make_piecewise_linear(scaled, points)._replace(scale=scale)
+    return make_transfer_table(scaled, points)._replace(scale=scale)
 
 
 def _simplify(values: Float64, points: Float64, tolerance: float) -> npt.NDArray[np.int64]:
@@ -130,7 +130,7 @@ def _simplify(values: Float64, points: Float64, tolerance: float) -> npt.NDArray
 def measure_subvoxel_variation(
     raw: RawVoxels,
     scalars: Float64 | None,
-    curve: PiecewiseLinear,
+    curve: TransferTable,
     bricks: Int32,
     variation: Float64,
     step_errors: Float64,

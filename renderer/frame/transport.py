@@ -24,7 +24,7 @@ from renderer.bricks import BrickLevel, Bricks
 from renderer.frame.stage import Stage
 from renderer.pyramid import Level, Pyramid
 from renderer.scene import SPEC_TYPES
-from renderer.transfer import Classifier, PiecewiseLinear, PiecewiseTransfer, TransferFunction, VoxelLighting
+from renderer.transfer import Classifier, PiecewiseTransfer, TransferFunction, TransferTable, VoxelLighting
 from renderer.view import OrderBlending
 from renderer.volume import MappedCallback, MappedFile, Volume
 
@@ -36,7 +36,7 @@ _LENGTH = struct.Struct("<Q")
 # Every type in a stage, by name. A scene is rebuilt field by field, not parsed from plain data: the schedule of a
 # resolved goal need not be one that a user may write.
 _STAGE_TYPES = (
-    Stage, Volume, MappedFile, Pyramid, Level, Classifier, PiecewiseLinear, VoxelLighting, OrderBlending, Bricks,
+    Stage, Volume, MappedFile, Pyramid, Level, Classifier, TransferTable, VoxelLighting, OrderBlending, Bricks,
     BrickLevel, PiecewiseTransfer, TransferFunction,
 )  # fmt: skip
 _TYPES_BY_NAME: dict[str, type[Any]] = {kind.__name__: kind for kind in (*_STAGE_TYPES, *SPEC_TYPES)}

@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import jit
-from renderer.transfer import Classifier, PiecewiseLinear, RawVoxels, classify_scalar, classify_voxel, scalar_at
+from renderer.transfer import Classifier, RawVoxels, TransferTable, classify_scalar, classify_voxel, scalar_at
 
 Array = npt.NDArray[Any]
 Float32 = npt.NDArray[np.float32]
@@ -59,7 +59,7 @@ def build_channel_level(
     raw: RawVoxels,
     classifier: Classifier,
     packed_table: PackedChannels | None,
-    curve: PiecewiseLinear | None,
+    curve: TransferTable | None,
     starts: UInt64,
     extents: UInt64,
     voxels: Float32,
@@ -196,7 +196,7 @@ def _look_up_block(raw: RawVoxels, table: PackedChannels, starts: UInt64, g: int
 @jit
 def _evaluate_block(
     raw: RawVoxels,
-    curve: PiecewiseLinear,
+    curve: TransferTable,
     is_opacity: bool,
     starts: UInt64,
     g: int,

@@ -12,11 +12,11 @@ from .piecewise import (
     GUIDE_SIZE as GUIDE_SIZE,
     MAX_NORMALIZED_SCALAR as MAX_NORMALIZED_SCALAR,
     Channels as Channels,
-    PiecewiseLinear as PiecewiseLinear,
     PiecewiseTransfer as PiecewiseTransfer,
+    TransferTable as TransferTable,
     evaluate_segment as evaluate_segment,
-    make_piecewise_linear as make_piecewise_linear,
     make_piecewise_transfer as make_piecewise_transfer,
+    make_transfer_table as make_transfer_table,
     normalize_scalar as normalize_scalar,
     range_width as range_width,
 )

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from renderer.jit import jit
 from renderer.scene import ShadingSpec
-from renderer.transfer.piecewise import Channels, PiecewiseLinear, evaluate
+from renderer.transfer.piecewise import Channels, TransferTable, evaluate
 from renderer.transfer.shading import lambert_factor, toward_light
 from renderer.transfer.transfer_function import TransferFunction
 from renderer.transfer.visibility import VISIBILITY_THRESHOLD, visibility_breakpoints
@@ -52,7 +52,7 @@ class Classifier(NamedTuple):
 
     table: Float32 | None
     scalars: Float64 | None
-    curve: PiecewiseLinear | None
+    curve: TransferTable | None
     is_opacity: bool
     lighting: VoxelLighting | None
     breakpoints: Float64
@@ -91,7 +91,7 @@ def classify_voxel(
     raw: RawVoxels,
     table: Float32 | None,
     scalars: Float64 | None,
-    curve: PiecewiseLinear | None,
+    curve: TransferTable | None,
     is_opacity: bool,
     lighting: VoxelLighting | None,
     z: int,
@@ -115,7 +115,7 @@ def classify_voxel(
 
 
 @jit
-def classify_scalar(scalar: float, curve: PiecewiseLinear, is_opacity: bool) -> Channels:
+def classify_scalar(scalar: float, curve: TransferTable, is_opacity: bool) -> Channels:
     """Return the four channels of a scalar, unlit."""
     r, g, b, weight = evaluate(curve, scalar)
     if is_opacity:

@@ -1,6 +1,6 @@
 """The one table of a transfer function: four channels, linear in the scalar between control points.
 
-`PiecewiseLinear` is exact, in float64: voxels, nodes and sub-voxel variation are classified by it. `PiecewiseTransfer`
+`TransferTable` is exact, in float64: voxels, nodes and sub-voxel variation are classified by it. `PiecewiseTransfer`
 is the same table in float32, by the normalized scalars of texels: bricks are drawn by it.
 """
 
@@ -30,7 +30,7 @@ _MAX_UNSCALED_WIDTH = 2.0**1000
 _MIN_SEGMENT_WIDTH = 2.0**-80
 
 
-class PiecewiseLinear(NamedTuple):
+class TransferTable(NamedTuple):
     """Four channels as a function of a scalar: linear between control values, constant outside.
 
     Two control points at one value are a step, whose value belongs to the upper side.
@@ -51,7 +51,7 @@ class PiecewiseLinear(NamedTuple):
     buckets_per_unit: float
 
 
-def make_piecewise_linear(values: Float64, channels: Float64, scale: float = 1.0) -> PiecewiseLinear:
+def make_transfer_table(values: Float64, channels: Float64, scale: float = 1.0) -> TransferTable:
     """Return the table through `channels` [n, 4] at control values [n]."""
     scaled = values * scale
     starts, lows = np.concatenate([scaled[:1], scaled]), np.concatenate([channels[:1], channels])
@@ -67,11 +67,11 @@ def make_piecewise_linear(values: Float64, channels: Float64, scale: float = 1.0
     bounds[0] = -np.inf  # a scalar below the first control value is clamped into the first bucket
     guide = np.searchsorted(scaled, bounds, side="right").astype(np.uint64)
     rows = np.column_stack([starts, widths, lows, rises])
-    return PiecewiseLinear(np.ascontiguousarray(values), rows, scale, guide, buckets_per_unit)
+    return TransferTable(np.ascontiguousarray(values), rows, scale, guide, buckets_per_unit)
 
 
 @jit
-def evaluate(curve: PiecewiseLinear, scalar: float) -> Channels:
+def evaluate(curve: TransferTable, scalar: float) -> Channels:
     """Return the four channels of a scalar."""
     values, guide = curve.values, curve.guide
     inside = min(max(scalar, values[0]), values[len(values) - 1]) * curve.scale
@@ -113,7 +113,7 @@ class PiecewiseTransfer:
     guide: npt.NDArray[np.int32]
 
 
-def make_piecewise_transfer(curve: PiecewiseLinear, first: float, last: float) -> PiecewiseTransfer:
+def make_piecewise_transfer(curve: TransferTable, first: float, last: float) -> PiecewiseTransfer:
     """Return the table of scalars normalized to the range from `first` to `last`."""
     width, factor = range_width(first, last)
     knots = np.array([normalize_scalar(float(value), first, width, factor) for value in curve.values], np.float32)

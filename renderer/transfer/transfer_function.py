@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene import ColormapSpec, TransferSpec, colormap_points
-from renderer.transfer.piecewise import PiecewiseLinear, make_piecewise_linear
+from renderer.transfer.piecewise import TransferTable, make_transfer_table
 
 Float64 = npt.NDArray[np.float64]
 
@@ -52,10 +52,10 @@ class TransferFunction:
         """The largest extinction anywhere; 1 / world unit."""
         return float(self.extinctions.max())
 
-    def curve(self, finest_spacing: float = 1.0) -> PiecewiseLinear:
+    def curve(self, finest_spacing: float = 1.0) -> TransferTable:
         """Return the table of (r, g, b, extinction times `finest_spacing`)."""
         scale = math.ldexp(1.0, min(0, LARGEST_EXPONENT - _binary_exponent(self.values)))
-        curve = make_piecewise_linear(self.values, np.column_stack([self.colors, self.extinctions]), scale)
+        curve = make_transfer_table(self.values, np.column_stack([self.colors, self.extinctions]), scale)
         curve.rows[:, [5, 9]] *= finest_spacing
         return curve
 

@@ -33,7 +33,7 @@ from renderer.bricks.subvoxel import (
     squared_difference,
     squared_distance,
 )
-from renderer.transfer import PiecewiseLinear, TransferFunction, make_classifier, raw_voxels
+from renderer.transfer import TransferFunction, TransferTable, make_classifier, raw_voxels
 from renderer.truth import integrate
 from renderer.view import View, visible_bricks
 from renderer.volume import Volume, make_volume
@@ -48,16 +48,16 @@ THINNED = 4 * SIMPLIFICATION_TOLERANCE
 NUM_MIDPOINTS = 20000
 
 
-def curve_of(transfer: TransferFunction, low: float, high: float, *, opacity: bool = False) -> PiecewiseLinear:
+def curve_of(transfer: TransferFunction, low: float, high: float, *, opacity: bool = False) -> TransferTable:
     return make_channel_curve(transfer, 1.0, opacity, 1.0, (low, high))
 
 
-def control_points(curve: PiecewiseLinear) -> tuple[Float64, Float64]:
+def control_points(curve: TransferTable) -> tuple[Float64, Float64]:
     """Scaled control values [n] and the channels at them [n, 4]."""
     return curve.rows[1:, 0].copy(), curve.rows[1:, 2:6]
 
 
-def found(line: PiecewiseLinear, low: float, high: float) -> tuple[float, float]:
+def found(line: TransferTable, low: float, high: float) -> tuple[float, float]:
     """D^2 and width^2."""
     first = int(np.searchsorted(control_points(line)[0], low * line.scale, side="right"))
     return squared_distance(low * line.scale, high * line.scale, first, control_points(line)[0], line.rows)
@@ -153,7 +153,7 @@ def test_a_colormap_needs_few_control_values() -> None:
 
 
 def in_bricks(
-    volume: Volume, transfer: TransferFunction, line: PiecewiseLinear, parts: int = 1
+    volume: Volume, transfer: TransferFunction, line: TransferTable, parts: int = 1
 ) -> tuple[Float64, Float64, Float64]:
     """[z, y, x] each: the largest D or J of each brick, its step errors and its differences."""
     shape = tuple(-(-n // BRICK_SIZE) for n in volume.values.shape)
