@@ -22,10 +22,10 @@ CHILD = """
 import json, sys, threading, time
 from pathlib import Path
 import numpy as np
-from renderer.scene.scene_file import load_scene
-from renderer.frame.pipeline import prepare, render_frames
-from renderer.draw.gl.raster import GLRasterizer
-from renderer.volume.volume import make_volume
+from renderer.scene import load_scene
+from renderer.frame import prepare_stage, render_frames
+from renderer.draw import GLRasterizer
+from renderer.volume import make_volume
 
 def anonymous_bytes():
     with open("/proc/self/status") as status:
@@ -47,10 +47,10 @@ with GLRasterizer() as rasterizer:
         (frame,) = render_frames(stage, [0], rasterizer, clock=time.perf_counter)
         return frame
     tiny = make_volume(np.arange(64000, dtype=np.uint8).reshape(40, 40, 40) % 200, np.eye(4), "tiny")
-    draw(prepare(scene, clock=time.perf_counter, num_threads=2, volume=tiny))  # kernels and shaders are there now
+    draw(prepare_stage(scene, clock=time.perf_counter, num_threads=2, volume=tiny))  # kernels and shaders are there now
     before, peak = anonymous_bytes(), Peak()
     peak.start()
-    stage = prepare(scene, clock=time.perf_counter, num_threads=2)
+    stage = prepare_stage(scene, clock=time.perf_counter, num_threads=2)
     after_build = peak.most
     frame = draw(stage)
     peak.is_over = True

@@ -79,7 +79,7 @@ def test_bricks_alone(capsys: pytest.CaptureFixture[str]) -> None:
     said = capsys.readouterr().out
     assert "T: no other setting of the same program is as fast and as exact.\n" in said and "note: the int" not in said
     measure(*options, "--corrections", "off")
-    note = "note: the integrated footprint has no opacity correction that could be off; it is measured as it is\n"
+    note = "note: the integrated footprint has no opacity correction to switch off; it is measured as it is\n"
     assert note in capsys.readouterr().out
 
 
@@ -138,8 +138,8 @@ def test_a_peer_is_measured_beside(monkeypatch: pytest.MonkeyPatch, capsys: pyte
     assert own > 0 and peer is None
     assert data["machine"]["peer"] == {"name": "vtk", **describe_vtk()}
     assert (
-        "note: VTK's frames are of 8 bits and are compared as they are, hsplat's before they are rounded to that; the "
-        "rounding alone limits a picture to about 59 dB where the volume is seen\n"
+        "note: VTK's frames have 8 bits, and hsplat's are compared before they are rounded to that; the rounding alone "
+        "limits a picture to about 59 dB where the volume is visible\n"
     ) in capsys.readouterr().out
 
 

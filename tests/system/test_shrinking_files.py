@@ -84,7 +84,7 @@ HSPLAT, WORKER = "hsplat_cli", "hsplat_cli.executors.workers.worker"
         ("integrated", "1", HSPLAT, "pyramid.work"),
         ("integrated", "1", HSPLAT, "bricks.work"),
         ("integrated", "1", HSPLAT, "texels.scalar_texels"),
-        ("gaussian", "1", HSPLAT, "cut._joined"),
+        ("gaussian", "1", HSPLAT, "cut._join_leaves"),
         ("integrated", "2", HSPLAT, "pyramid.work"),
         ("integrated", "2", WORKER, "texels.scalar_texels"),
     ],
