@@ -17,7 +17,7 @@ from hsplat_cli.executors.rasterizers import open_recovering_rasterizer
 from hsplat_cli.executors.workers.pool import Pool, open_pool
 from hsplat_cli.terminal import Reporter
 from renderer.cores import num_cores
-from renderer.draw import RecoveringRasterizer, is_software, most_bytes
+from renderer.draw import RecoveringRasterizer, is_software, max_brick_bytes
 from renderer.errors import RenderError
 from renderer.frame import Stage
 from renderer.scene import AccuracyGoal, Scene
@@ -145,7 +145,7 @@ class _GrowingExecutor:
         del frames  # and the stage with it
         assert self._pool is not None
         self.plan = replace(self.plan, stage=self._pool.stage)
-        self._rasterizer.forget()
+        self._rasterizer.evict_bricks()
         yield from self._pool.draw(numbers[num_drawn:])
 
     def _has_workers(self, seconds_left: float) -> bool:
@@ -169,7 +169,7 @@ class _GrowingExecutor:
 def _default_num_workers(renderer_name: str, stage: Stage) -> int:
     """Return one for each core where cores draw, and at most as many as there is memory for."""
     most = num_cores() if is_software(renderer_name) else min(num_cores(), _MAX_WORKERS_PER_DEVICE)
-    each = _WORKER_BYTES + (most_bytes(stage.bricks, lit=stage.scene.shading is not None) if stage.bricks else 0)
+    each = _WORKER_BYTES + (max_brick_bytes(stage.bricks, lit=stage.scene.shading is not None) if stage.bricks else 0)
     return max(1, int(min(most, _free_bytes() / 2 / each)))
 
 

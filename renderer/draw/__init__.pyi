@@ -1,4 +1,4 @@
-from .brick_memory import most_bytes as most_bytes
+from .brick_cache import max_brick_bytes as max_brick_bytes
 from .cpu.raster import CPURasterizer as CPURasterizer
 from .gl.raster import GLRasterizer as GLRasterizer, is_software as is_software
 from .overlay import CellEdges as CellEdges, make_brick_edges as make_brick_edges, make_cell_edges as make_cell_edges

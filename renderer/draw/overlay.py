@@ -1,8 +1,8 @@
-"""The cells of a cut as lines: what `overlay: octree` draws, before any view is chosen.
+"""Make the lines of `overlay: octree`: the edges of the cells or bricks of a cut.
 
-The twelve edges of every cell, or brick of cells, at its true extent, where the volume's border cuts it, too. Cells of
-one level share most of their edges; each is there once, or lines that many cells share would be heavier than others.
-Coarse levels come first, so that fine cells are drawn over coarse ones.
+A cell has twelve edges, at its true extent, which the volume's border may cut. Cells of one level share most of their
+edges: each is drawn once, because shared lines would be heavier than others. Coarse levels come first, so that fine
+cells are drawn over coarse ones.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from renderer.volume import Volume
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
-# Colours by level, the finest first and the last for all levels beyond: from orange to blue in even steps of lightness
-# (CIE L* 62 to 41) and hue, as saturated as sRGB allows. None is brighter or darker, so that the contrast to black and
-# to white is at least 3 (WCAG 2.2, 1.4.11, for graphics), but for 2.97 of level 0 to white.
+# Colours by level, the finest first, the last for all levels beyond: from orange to blue in even steps of lightness
+# (CIE L* 62 to 41) and hue, as saturated as sRGB allows. The contrast to black and to white is at least 3 (WCAG 2.2,
+# 1.4.11, for graphics), except 2.97 of level 0 to white.
 LEVEL_COLORS = (
     "#ed730c", "#f95b30", "#fe414c", "#fb2767", "#f01483",
     "#dc1e9f", "#be33b8", "#9446cd", "#5354dc", "#055ebf",
@@ -31,9 +31,9 @@ LEVEL_COLORS = (
 
 @dataclass(frozen=True)
 class CellEdges:
-    """Edges, coarse levels first, and within a level in the order of their axis and place.
+    """The edges of cells: coarse levels first, within a level sorted by axis and position.
 
-    vertices: float32 [n, 7], laid out as the device reads them: start [3] and end [3] in model units and world axes,
+    vertices: float32 [n, 7], as the device reads them: start [3] and end [3] in model units and world axes,
         and the level of the cell.
     voxel_side: the shortest side of a voxel, or of a brick of voxels, model units.
     origin: float64 [3], world position of the model's origin.
@@ -50,19 +50,19 @@ class CellEdges:
 
 
 def make_cell_edges(cut: Cut) -> CellEdges:
-    """All edges of the cells of a cut; model units are those of `renderer.splats.splats`."""
+    """Return the edges of the cells of a cut; model units are those of `renderer.splats.splats`."""
     return _make_edges(cut.levels, cut.cells, cut.volume)
 
 
 def make_brick_edges(cut: BrickCut) -> CellEdges:
-    """All edges of the bricks of a cut, in the colours of their cells."""
+    """Return the edges of the bricks of a cut, in the colours of their cells' levels."""
     return _make_edges(cut.levels, cut.cells, cut.volume, levels_above=BRICK_LEVELS)
 
 
 def _make_edges(
     levels: npt.NDArray[np.uint8], boxes: npt.NDArray[np.int32], volume: Volume, *, levels_above: int = 0
 ) -> CellEdges:
-    """Of boxes (x, y, z, in their own width) that are nodes so many levels above the cells of these levels."""
+    """Return the edges of boxes (x, y, z, in units of their own width), `levels_above` the levels of their cells."""
     edges, shape = volume.world_from_index[:3, :3], np.array(volume.shape_xyz)
     length = 0.5 * float(np.linalg.norm(edges * shape))
     parts = [np.empty((0, 7), np.float32)]
@@ -81,19 +81,19 @@ def _make_edges(
 
 
 def level_colors() -> Float64:
-    """float64 [num_levels, 3]: LEVEL_COLORS as numbers from 0 to 1."""
+    """Return LEVEL_COLORS as numbers from 0 to 1: float64 [num_levels, 3]."""
     return np.array([list(bytes.fromhex(color[1:])) for color in LEVEL_COLORS]) / 255
 
 
 def _edge_starts(cells: Int64, num_corners: Int64, axis: int) -> Int64:
-    """int64 [n]: where edges along an axis begin, each place once and in ascending order.
+    """Return the corners where edges along an axis start, once each and ascending: int64 [n].
 
-    Places are numbered on the lattice of the cells' corners, x fastest; cells are int64 [m, 3] in units of their width.
+    The corners of all cells are numbered, x fastest. cells: int64 [m, 3], in units of their width.
     """
     strides = np.array([1, num_corners[0], num_corners[0] * num_corners[1]])
     side, other_side = np.delete(strides, axis)
-    places = np.sort(((cells @ strides)[:, None] + [0, side, other_side, side + other_side]).reshape(-1))
-    return np.asarray(places[np.concatenate([[True], places[1:] != places[:-1]])])
+    corners = np.sort(((cells @ strides)[:, None] + [0, side, other_side, side + other_side]).reshape(-1))
+    return np.asarray(corners[np.concatenate([[True], corners[1:] != corners[:-1]])])
 
 
 @jit
@@ -106,12 +106,12 @@ def _fill_edges(
     model_from_index: Float64,
     vertices: npt.NDArray[np.float32],
 ) -> None:
-    """Both ends of each edge, held to the volume."""
+    """Write both ends of each edge, clamped to the volume."""
     corner = np.empty(3)
     for i in range(len(starts)):
-        place = starts[i]
+        corner_number = starts[i]
         for end in range(2):
-            rest = place
+            rest = corner_number
             for k in range(3):
                 index = rest % num_corners[k] + (end if k == axis else 0)
                 corner[k] = min(index << level, shape[k]) - 0.5 * shape[k]

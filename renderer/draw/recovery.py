@@ -1,9 +1,8 @@
-"""A rasteriser that outlives its GL context: what was lost with one is drawn again with another."""
+"""Continue after a GL context is lost: draw the image again with a new context."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from types import TracebackType
 from typing import TypeVar
 
 import numpy as np
@@ -35,11 +34,11 @@ def open_rasterizer(*, needs_opengl: bool, num_threads: int) -> GLRasterizer | C
 
 
 class RecoveringRasterizer:
-    """A GLRasterizer, and another one when its context is lost; to be used as that is.
+    """A rasteriser that makes another one when its context is lost; used like a GLRasterizer.
 
-    A picture whose context is lost is drawn once more, and is the same bytes, for none depends on those before it.
-    Raises ContextLostError where that context is lost, too, where there is none to be had, or only one of another
-    device or driver, which would draw other bytes. make: a new one.
+    An image whose context was lost is drawn again, to the same bytes, because no image depends on those before it.
+    Raises ContextLostError where the new context is lost, too, where none can be made, or only one of another device or
+    driver, which would draw other bytes. make: returns a new rasteriser.
     """
 
     def __init__(self, make: Callable[[], GLRasterizer | CPURasterizer] = GLRasterizer) -> None:
@@ -49,9 +48,7 @@ class RecoveringRasterizer:
     def __enter__(self) -> RecoveringRasterizer:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.release()
 
     def release(self) -> None:
@@ -60,27 +57,27 @@ class RecoveringRasterizer:
 
     @property
     def notes(self) -> Sequence[str]:
-        """What the user should know."""
+        """Notes for the user."""
         times = "once" if self._num_lost == 1 else f"{self._num_lost} times"
         return [f"OpenGL's context was lost {times}, and what it had was drawn again"] * (self._num_lost > 0)
 
-    def forget(self) -> None:
+    def evict_bricks(self) -> None:
         """As in GLRasterizer."""
-        self._current.forget()
+        self._current.evict_bricks()
 
     def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """As in GLRasterizer."""
-        return self._draw(lambda gl: gl.upload(batch, order, view))
+        return self._with_recovery(lambda gl: gl.upload(batch, order, view))
 
     def rasterize(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         """As in GLRasterizer."""
-        return self._draw(lambda gl: gl.rasterize(batch, order, view))
+        return self._with_recovery(lambda gl: gl.rasterize(batch, order, view))
 
     def rasterize_edges(self, edges: CellEdges, view: View) -> Image:
         """As in GLRasterizer."""
-        return self._draw(lambda gl: gl.rasterize_edges(edges, view))
+        return self._with_recovery(lambda gl: gl.rasterize_edges(edges, view))
 
-    def _draw(self, draw: Callable[[GLRasterizer | CPURasterizer], Result]) -> Result:
+    def _with_recovery(self, draw: Callable[[GLRasterizer | CPURasterizer], Result]) -> Result:
         try:
             return draw(self._current)
         except ContextLostError as error:
@@ -88,8 +85,8 @@ class RecoveringRasterizer:
         return draw(self._current)
 
     def _recreate(self, lost: ContextLostError) -> None:
-        """Put another one in the place of the current one; raises what was lost where there is none of its kind."""
-        self._current.release()  # first: there may be no room for two
+        """Make another rasteriser of the same kind; raises `lost` where that is impossible."""
+        self._current.release()  # first, because memory may not suffice for two
         try:
             self._current = self._make()
         except RenderError:

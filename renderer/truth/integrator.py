@@ -166,7 +166,7 @@ def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tupl
     length along each ray to the plane at depth `view.near`, below 0 if that comes first.
     """
     width, height = view.size
-    point = view.in_view(point_world)
+    point = view.view_from_world(point_world)
     depth = max(0.0, -point[2])
     row, column = np.divmod(pixels, width)
     x = (column + 0.5 - width / 2) / view.scale_px

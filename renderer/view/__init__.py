@@ -1,7 +1,7 @@
 """The camera, its path, and what it sees in which order.
 
-In: `CameraSpec`, bounds of what is visible. Out: `View` for each frame, framed so that nothing is clipped; splats and
-bricks projected into it (Zwicker et al. 2001), back to front or front to back.
+In: `CameraSpec`, the bounds of what is visible. Out: a `View` for each frame, framed so that nothing is clipped; the
+splats and bricks that it sees, in order (Laur and Hanrahan 1991), with their place on the image (Zwicker et al. 2001).
 """
 
 import lazy_loader

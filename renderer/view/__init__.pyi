@@ -1,4 +1,5 @@
 from .brick_projection import (
+    RaySetup as RaySetup,
     ray_setup as ray_setup,
     screen_rectangles as screen_rectangles,
     visible_bricks as visible_bricks,
@@ -14,6 +15,8 @@ from .framing import (
 from .order_blending import OrderBlending as OrderBlending, make_order_blending as make_order_blending
 from .paths import iter_camera_axes as iter_camera_axes, make_view as make_view
 from .splat_projection import (
+    CLIPPED_SIGMAS as CLIPPED_SIGMAS,
+    CULLED_SIGMAS as CULLED_SIGMAS,
     SLOPE_LIMIT as SLOPE_LIMIT,
     ModelView as ModelView,
     Region as Region,

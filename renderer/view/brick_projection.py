@@ -1,14 +1,14 @@
-"""Bricks in a view: which are seen in which order, where on the image, and the rays that meet them.
+"""Project bricks into a view: which are visible in which order, where on the image, and the rays that meet them.
 
-Rays are told in index space, relative to the volume's centre, as they are in `renderer.truth.integrator`: each begins
-on the plane through that centre that faces the camera, which keeps its digits in float32 however far the eye is; in
-perspective at the eye itself where that is near, for rays of wide views meet the plane far away. Origins and directions
-are linear in the pixel.
+Rays are in index space, relative to the volume's centre. Each begins on the plane through that centre that faces the
+camera: there its origin keeps its digits in float32, however far away the eye is. In perspective rays begin at the eye
+itself where that is near, because rays of wide views meet the plane far away. Origins and directions are linear in the
+pixel's position.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,38 +16,40 @@ import numpy.typing as npt
 from renderer.bricks import BRICK_LEVELS, BrickBatch
 from renderer.jit import jit
 from renderer.view.camera import View
+from renderer.view.splat_projection import ModelView, model_view
 from renderer.view.visibility import box_order
 from renderer.volume import Volume
 
 Float64 = npt.NDArray[np.float64]
 
-# What a corner must have of depth, in model units, to be divided by it; a box with one that has not is cut.
+# The least depth of a corner, in model units, by which its position is divided; a box with a lesser one is cut.
 _MIN_DEPTH = 1e-6
-# Of eyes at which rays begin, in model units from the volume's centre.
+# Eyes nearer to the volume's centre than this, in model units, are where rays begin.
 _NEAR_EYE_DISTANCE = 2.0
 
 
-@dataclass(frozen=True)
-class RaySetup:
-    """Rays by pixel: with (x, y) the place of a pixel's centre relative to the image's centre, in pixels, y downwards,
+class RaySetup(NamedTuple):
+    """The rays of a view. With (x, y) the position of a pixel's centre in pixels, y downwards, relative to `center_px`:
 
         origin = origins @ (1, x, y)        direction = directions @ (1, x, y)
 
     origins: float64 [3, 3], index space relative to the volume's centre. directions: float64 [3, 3], index units per
-        model unit of depth in perspective, of length otherwise.
-    slope_per_px: a ray has `sqrt(1 + slope_per_px^2 (x^2 + y^2))` of length for each unit of depth.
+        model unit of depth in perspective, per model unit of length otherwise.
+    slope_per_px: a ray's length per unit of depth is `sqrt(1 + slope_per_px^2 (x^2 + y^2))`.
     start: where the near plane is, in model units along the direction.
+    center_px: (x, y) of the image's centre.
     """
 
     origins: Float64
     directions: Float64
     slope_per_px: float
     start: float
+    center_px: tuple[float, float]
 
 
 def ray_setup(volume: Volume, length: float, view: View) -> RaySetup:
-    """The rays of a view; `length` is that of a model unit."""
-    centre = view.in_view(volume.centre) / length
+    """Return the rays of a view; `length` is the world length of a model unit."""
+    centre = view.view_from_world(volume.centre) / length
     index_from_view = np.linalg.inv(volume.world_from_index[:3, :3] / length) @ view.axes.T
     is_near = view.projection == "perspective" and np.linalg.norm(centre) < _NEAR_EYE_DISTANCE
     depth = 0.0 if is_near else max(0.0, -float(centre[2]))
@@ -64,66 +66,49 @@ def ray_setup(volume: Volume, length: float, view: View) -> RaySetup:
     return RaySetup(
         index_from_view @ np.column_stack([begin, across]),
         index_from_view @ np.hstack([forward, turn]),
-        slope,
-        view.near / length - depth,
+        float(slope),
+        float(view.near / length - depth),
+        (view.size[0] / 2, view.size[1] / 2),
     )
 
 
 def visible_bricks(batch: BrickBatch, view: View) -> npt.NDArray[np.uint32]:
-    """uint32 [k]: the bricks that may touch the image, front to back, exactly."""
+    """Return the bricks that may touch the image, in their exact order front to back: uint32 [k]."""
     cut = batch.cut
     rectangles = screen_rectangles(batch, np.arange(len(cut), dtype=np.uint32), view)
     order = box_order(cut.levels + np.uint8(BRICK_LEVELS), cut.cells, cut.volume, view)[::-1]
-    seen = (rectangles[:, 0] < rectangles[:, 2]) & (rectangles[:, 1] < rectangles[:, 3])
-    return order[seen[order]].astype(np.uint32)
+    is_visible = (rectangles[:, 0] < rectangles[:, 2]) & (rectangles[:, 1] < rectangles[:, 3])
+    return order[is_visible[order]].astype(np.uint32)
 
 
 def screen_rectangles(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Float64:
-    """float64 [n, 4]: left, top, right and bottom of rectangles of the image, in pixels, around the boxes of bricks.
+    """Return rectangles around the visible bounds of bricks: float64 [n, 4], left, top, right and bottom, in pixels.
 
-    To the image belongs what the last nodes of the coarsest lattice are beyond it. Empty, with right <= left or
-    bottom <= top, where a box is not in it; the whole of it where the eye plane cuts a box.
+    They are clipped to the image, enlarged by what the coarsest pixel grid has beyond its edges. They are empty (right
+    <= left or bottom <= top) where the bounds are not in the image, and the whole of it where the eye plane cuts them.
     """
-    boxes, volume, length = batch.cut.visible_bounds[order], batch.cut.volume, batch.model_unit
-    view_from_index = view.axes @ volume.world_from_index[:3, :3] / length
-    centre = view.in_view(volume.centre) / length
-    rectangles = np.empty((len(boxes), 4))
-    perspective = view.projection == "perspective"
-    scale_px = view.scale_px if perspective else view.scale_px * length
-    width, height = view.size
+    volume, camera = batch.cut.volume, model_view(batch, view)
+    view_from_index = view.axes @ volume.world_from_index[:3, :3] / batch.model_unit
+    camera = camera._replace(view_from_model=np.column_stack([view_from_index, camera.view_from_model[:, 3]]))
+    rectangles = np.empty((len(order), 4))
     beyond = batch.screen_sampling.strides[0] - 1
-    _project_bounds(
-        boxes, volume.centre_index, view_from_index, centre, perspective, scale_px, width / 2, height / 2,
-        float(width + beyond), float(height + beyond), view.near / length, rectangles,
-    )  # fmt: skip
+    _project_bounds(batch.cut.visible_bounds[order] - volume.centre_index, camera, beyond, rectangles)
     return rectangles
 
 
 @jit
-def _project_bounds(
-    boxes: Float64,
-    centre_index: Float64,
-    view_from_index: Float64,
-    centre: Float64,
-    perspective: bool,
-    scale_px: float,
-    center_column: float,
-    center_row: float,
-    width: float,
-    height: float,
-    near: float,
-    rectangles: Float64,
-) -> None:
-    for i in range(len(boxes)):
+def _project_bounds(bounds: Float64, camera: ModelView, beyond: int, rectangles: Float64) -> None:
+    """Write the rectangles of bounds [n, 2, 3] in model coordinates, clipped `beyond` pixels outside of the image."""
+    r, perspective, near = camera.view_from_model, camera.perspective, camera.near
+    width, height = float(camera.size[0] + beyond), float(camera.size[1] + beyond)
+    for i in range(len(bounds)):
         left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
         num_behind, is_cut = 0, False
         for corner in range(8):
-            x = boxes[i, corner & 1, 0] - centre_index[0]
-            y = boxes[i, corner >> 1 & 1, 1] - centre_index[1]
-            z = boxes[i, corner >> 2, 2] - centre_index[2]
-            view_x = centre[0] + view_from_index[0, 0] * x + view_from_index[0, 1] * y + view_from_index[0, 2] * z
-            view_y = centre[1] + view_from_index[1, 0] * x + view_from_index[1, 1] * y + view_from_index[1, 2] * z
-            depth = -(centre[2] + view_from_index[2, 0] * x + view_from_index[2, 1] * y + view_from_index[2, 2] * z)
+            x, y, z = bounds[i, corner & 1, 0], bounds[i, corner >> 1 & 1, 1], bounds[i, corner >> 2, 2]
+            view_x = r[0, 3] + r[0, 0] * x + r[0, 1] * y + r[0, 2] * z
+            view_y = r[1, 3] + r[1, 0] * x + r[1, 1] * y + r[1, 2] * z
+            depth = -(r[2, 3] + r[2, 0] * x + r[2, 1] * y + r[2, 2] * z)
             if depth <= near:
                 num_behind += 1
             if perspective:
@@ -131,7 +116,7 @@ def _project_bounds(
                     is_cut = True
                     continue
                 view_x, view_y = view_x / depth, view_y / depth
-            column, row = center_column + scale_px * view_x, center_row - scale_px * view_y
+            column, row = camera.size[0] / 2 + camera.scale_px * view_x, camera.size[1] / 2 - camera.scale_px * view_y
             left, right = min(left, column), max(right, column)
             top, bottom = min(top, row), max(bottom, row)
         if num_behind == 8:

@@ -1,4 +1,4 @@
-"""A camera for one frame: where the eye is and how the world lands on pixels."""
+"""The camera of one frame: where the eye is, and how the world projects to pixels."""
 
 from __future__ import annotations
 
@@ -13,21 +13,20 @@ Float64 = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class View:
-    """A right-handed camera that looks along -z of its view space, x to the right and y up; image row 0 is the top.
+    """A right-handed camera that looks along -z of its view space, x to the right and y up. Image row 0 is the top.
 
-    axes: float64 [3, 3], orthonormal; its rows are the view's x, y and z in the world: right, up, and away from what is
-        looked at.
+    axes: float64 [3, 3], orthonormal; its rows are the view's x, y and z in the world: right, up, and backward.
     target: float64 [3], a world position on the optical axis. distance: from it to the eye, along the view's z.
     projection: perspective or orthographic.
     scale_px: perspective: focal length in pixels; orthographic: pixels per world unit.
     size: (width, height) in pixels.
     near: world distance from the eye plane within which nothing is drawn, >= 0.
 
-    A view-space point (x, y, z) lands on column `width / 2 + scale_px * x / w`, row `height / 2 - scale_px * y / w`, in
-    pixels from the top left corner of the image, with w = -z in perspective and 1 otherwise.
+    A view-space point (x, y, z) projects to column `width / 2 + scale_px * x / w` and row `height / 2 - scale_px * y /
+    w`, in pixels from the top left corner of the image, with w = -z in perspective and 1 otherwise.
 
-    Target and distance stay apart because their sum rounds: far from the world's origin, or from the volume, an eye in
-    world coordinates would be worth few digits, while the target's distance from a volume beside it is exact.
+    Target and distance are separate because their sum would be rounded: far from the world's origin, or from the
+    volume, an eye in world coordinates has few digits, while the offset of a volume from the target beside it is exact.
     """
 
     axes: Float64
@@ -38,16 +37,16 @@ class View:
     size: tuple[int, int]
     near: float = 0.0
 
-    def in_view(self, points_world: Float64) -> Float64:
-        """float64 [..., 3]: view-space positions of world positions [..., 3]; differences come first."""
+    def view_from_world(self, points_world: Float64) -> Float64:
+        """Transform world positions [..., 3] to view space: float64 [..., 3]. Differences are taken first."""
         return np.asarray((points_world - self.target) @ self.axes.T - (0.0, 0.0, self.distance))
 
     @property
     def eye(self) -> Float64:
-        """float64 [3]: the eye in world coordinates (orthographic: a point on the eye plane)."""
+        """The eye in world coordinates (orthographic: a point on the eye plane): float64 [3]."""
         return np.asarray(self.target + self.distance * self.axes[2])
 
     @property
     def forward(self) -> Float64:
-        """float64 [3]: unit viewing direction in world coordinates."""
+        """The unit viewing direction in world coordinates: float64 [3]."""
         return np.asarray(-self.axes[2])

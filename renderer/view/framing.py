@@ -1,10 +1,10 @@
-"""Automatic framing: the camera distance at which a cloud of points fills the frame over a whole path.
+"""Frame what is visible: find the camera distance at which a cloud of points fills the image over a whole path.
 
 With (x, y, z) the coordinates of a point about the target along (right, up, direction), a perspective camera at
 distance d sees the point inside half-angles whose tangents are m_x, m_y when |x| <= m_x (d - z) and |y| <= m_y (d - z).
 Each of these says that d is at least a *linear* function of the point: z + x / m_x, z - x / m_x, and so on. The
-smallest distance is therefore the largest value of a few linear functions over the cloud: exact, without iteration.
-Orthographic, where half the frame's height shows d tan(field of view / 2), the functions only lose their z.
+smallest distance is therefore the largest value of a few linear functions over the cloud: exact, without iteration. In
+orthographic projection, where half the frame's height shows d tan(field of view / 2), the functions have no z.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from renderer.volume import Volume
 
 Int64 = npt.NDArray[np.int64]
 
-# Left free along every side, as a share of half the frame's smaller side: a footprint reaches beyond its cell's centre.
+# The margin along every side, relative to half the frame's smaller side: a footprint extends beyond its cell's centre.
 MARGIN = 0.03
-# A cell narrower than this on the image is finer than the narrowest footprint that is drawn.
+# A cell narrower than this on the image is finer than the narrowest footprint.
 SMALLEST_CELL_PX = 0.5
-# Products formed at once: 16 MB of float64 whatever the number of points and frames; frames looked at together, of a
-# turntable of a million frames a third of a degree; and poses held at once.
+# Bounds of memory: products at a time (16 MB of float64), frames in a run (a third of a degree of a turntable of a
+# million frames), and poses at a time.
 _MAX_PRODUCTS = 2_000_000
 _MAX_RUN = 1024
 _MAX_POSES = 1 << 16
@@ -38,11 +38,11 @@ _MAX_POSES = 1 << 16
 def fit_distance(
     camera: CameraSpec, points_world: Float64, target: Vector, size: tuple[int, int], frames: Sequence[int]
 ) -> float:
-    """The smallest distance at which all points lie inside the frame less its margin, at every one of the frames.
+    """Return the smallest distance at which all points are inside the frame without its margin, at all of the frames.
 
     points_world: float64 [n, 3]. All points are then also at a depth of `camera.near` or more; orthographic cameras
-    with wide fields of view stand further off for that than the frame alone would ask. The zoom of keyframes is left
-    out: it is a magnification that was asked for. Raises InputError when there is nothing to frame.
+    with wide fields of view are farther away for that than the frame needs. The zoom of keyframes is ignored: it
+    magnifies on purpose. Raises InputError when there is nothing to frame.
     """
     offsets = points_world - np.asarray(target, np.float64)
     if offsets.size == 0:
@@ -74,23 +74,24 @@ def fit_distance(
 
 
 def _pose_chunks(path: CameraPath, frames: Sequence[int]) -> Iterator[CameraPoses]:
-    """The poses of some frames, in parts of bounded size."""
+    """Yield the poses of some frames, in chunks of bounded size."""
     for first in range(0, len(frames), _MAX_POSES):
         yield camera_poses(path, frames[first : first + _MAX_POSES])
 
 
 def visible_centre(points_world: Float64) -> Vector:
-    """The middle of the bounding box of float64 [n, 3] points, n > 0."""
+    """Return the middle of the bounding box of points, float64 [n, 3], n > 0."""
     x, y, z = (points_world.min(axis=0) + points_world.max(axis=0)) / 2
     return float(x), float(y), float(z)
 
 
 def _largest_product(points: Float64, normals: Float64, least: float) -> float:
-    """The largest scalar product of any of [n, 3] points with any of [m, 3] normals, or `least` if that is larger.
+    """Return the largest scalar product of points [n, 3] with normals [m, 3], or `least` if that is larger.
 
-    Neighbouring normals of a path are alike. With r the length of the longest point and d the distance of a run of
-    normals from one among them, a point's product with any of the run is within `d r` of that with the one: only points
-    within `2 d r` of the best there can be best for another, and runs that cannot reach `least` are left out.
+    Neighbouring normals of a path are similar. With r the length of the longest point and d the largest distance of a
+    run of normals from its middle one, a point's product with any of the run is within `d r` of that with the middle
+    one: only points within `2 d r` of the best there can be the best for another, and runs that cannot reach `least`
+    are skipped.
     """
     radius = float(np.sqrt((points**2).sum(axis=1).max()))
     rows = min(_MAX_RUN, max(1, _MAX_PRODUCTS // len(points)))
@@ -108,10 +109,10 @@ def _largest_product(points: Float64, normals: Float64, least: float) -> float:
 
 
 def visible_points(pyramid: Pyramid) -> Float64:
-    """float64 [n, 3]: world positions of corners of visible cells, with the same extremes in every direction as all of
-    them; the corners of the whole volume where nothing is visible.
+    """Return world positions of corners of visible cells that have the extremes of all in every direction.
 
-    The cells are 1/128 of the volume or smaller, down to two voxels (`Pyramid.occupied`).
+    float64 [n, 3]; the corners of the whole volume where nothing is visible. The cells are 1/128 of the volume or
+    smaller, down to two voxels (`Pyramid.occupied`).
     """
     volume, level = pyramid.volume, pyramid.occupied_level
     shape = np.array(volume.shape_xyz)
@@ -119,7 +120,7 @@ def visible_points(pyramid: Pyramid) -> Float64:
     if not rows.any():
         corners = np.stack(np.meshgrid(*([-0.5, n - 0.5] for n in shape), indexing="ij"), axis=-1).reshape(-1, 3)
         return _to_world(volume, corners)
-    # Of all corners on a line along x only the first and the last can be extreme; up to four rows of cells share one.
+    # Only the first and the last corner on a line along x can be extreme; up to four rows of cells share a corner.
     num = pyramid.occupied.shape[2]
     row_first = np.where(rows, pyramid.occupied.argmax(axis=2), num)
     row_last = np.where(rows, num - pyramid.occupied[..., ::-1].argmax(axis=2), 0)
@@ -130,7 +131,7 @@ def visible_points(pyramid: Pyramid) -> Float64:
 
 
 def _extreme_around_corners(extreme: np.ufunc, of_rows: Int64, outside: int) -> Int64:
-    """[nz + 1, ny + 1] at the corners of [nz, ny] rows: the extreme of the four around each."""
+    """Return the extremes of the four rows around each corner: [nz + 1, ny + 1], from [nz, ny] rows."""
     padded = np.pad(of_rows, 1, constant_values=outside)
     in_y = extreme(padded[:, 1:], padded[:, :-1])
     return np.asarray(extreme(in_y[1:], in_y[:-1]), np.int64)
@@ -139,7 +140,7 @@ def _extreme_around_corners(extreme: np.ufunc, of_rows: Int64, outside: int) -> 
 def finest_useful_level(
     volume: Volume, points_world: Float64, camera: CameraSpec, target: Vector, distance: float, size: tuple[int, int]
 ) -> int:
-    """The finest level of which some cell is wider than SMALLEST_CELL_PX on some frame; 0 if an eye may be among them.
+    """Return the finest level with a cell wider than SMALLEST_CELL_PX on some frame; 0 if an eye may be among them.
 
     A bound: the longest diagonal of a voxel, at the smallest depth and the steepest angle of the points' bounding box.
     """
@@ -166,10 +167,9 @@ def finest_useful_level(
 def smallest_voxel_px(
     volume: Volume, camera: CameraSpec, target: Vector, distance: float, size: tuple[int, int]
 ) -> float:
-    """How many pixels wide a length of the finest spacing at the volume's centre is on the frame where it is narrowest.
+    """Return the width of the finest spacing at the volume's centre, in pixels, on the frame where it is narrowest.
 
-    Of an eye nearer to the centre than half of the volume's diagonal it counts as that far: most of what such an eye
-    sees is.
+    An eye nearer to the centre than half of the volume's diagonal counts as that far away: so is most of what it sees.
     """
     spacing, focal_px = volume.finest_spacing, focal_length_px(camera, size)
     offset = volume.centre - np.asarray(target, np.float64)

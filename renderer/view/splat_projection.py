@@ -1,10 +1,10 @@
-"""A view in model units, and which splats it sees in which order: what both rasterisers start from."""
+"""Transform a view to model units, and find the splats that it sees, in their order."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -18,21 +18,22 @@ from renderer.view.visibility import box_order, depth_order
 
 Float64 = npt.NDArray[np.float64]
 
-# Slopes x / depth are held to this multiple of those at the image's edges when a footprint is projected: the affine
+# Slopes x / depth are clamped to this multiple of those at the image's edges when a footprint is projected: the affine
 # approximation of perspective (Zwicker et al. 2001, "EWA Splatting") diverges for splats beside the eye.
 SLOPE_LIMIT = 1.3
 
-# The near plane changes splats whose centre is less than so many standard deviations beyond it, and leaves nothing of
-# those whose centre is so many before it; both as in shaders/project.glsl.
+# The near plane cuts splats whose centre is less than CLIPPED_SIGMAS standard deviations behind it, and leaves nothing
+# of those whose centre is CULLED_SIGMAS or more in front of it.
 CLIPPED_SIGMAS, CULLED_SIGMAS = 5.0, 4.0
 
-# Splats whose footprints are looked at, about, to know those of all: their mean is right within a few per cent.
+# The size of the sample from which means over all footprints are estimated, within a few per cent.
 FOOTPRINT_SAMPLE = 4096
 
 
-@dataclass(frozen=True)
-class ModelView:
-    """view_from_model: float64 [3, 4], rotation and translation, model units.
+class ModelView(NamedTuple):
+    """A view in model units.
+
+    view_from_model: float64 [3, 4], rotation and translation, model units.
     scale_px: focal length in pixels (perspective), pixels per model unit (orthographic).
     near: model units.
     slope_limit: float64 [2], bound on |x| / depth and |y| / depth where footprints are linearised.
@@ -47,7 +48,7 @@ class ModelView:
 
 
 class Model(Protocol):
-    """What has model units: its origin in the world, float64 [3], and the world length of a unit."""
+    """Something with model units: its origin in the world, float64 [3], and the world length of a unit."""
 
     @property
     def origin(self) -> Float64: ...
@@ -56,23 +57,23 @@ class Model(Protocol):
 
 
 def model_view(model: Model, view: View) -> ModelView:
-    """The view as model units see it; differences are taken in float64."""
-    translation = view.in_view(model.origin) / model.model_unit
+    """Return the view in the units of a model. Differences are taken in float64."""
+    translation = view.view_from_world(model.origin) / model.model_unit
     perspective = view.projection == "perspective"
     scale_px = view.scale_px if perspective else view.scale_px * model.model_unit
     return ModelView(
         np.column_stack([view.axes, translation]),
         perspective,
-        scale_px,
+        float(scale_px),
         view.size,
-        view.near / model.model_unit,
+        float(view.near / model.model_unit),
         SLOPE_LIMIT * np.array(view.size) / 2 / view.scale_px,
     )
 
 
 @dataclass(frozen=True)
 class Region:
-    """A rectangle of pixels: its first column and row, and how many of both; may be empty."""
+    """A rectangle of pixels, which may be empty: its first column and row, and the numbers of both."""
 
     left: int
     top: int
@@ -81,16 +82,16 @@ class Region:
 
     @property
     def num_pixels(self) -> int:
-        """How many pixels it holds."""
+        """The number of pixels."""
         return self.width * self.height
 
 
 def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
-    """A rectangle of the image outside of which the batch leaves nothing.
+    """Return a rectangle of the image that holds all footprints of the batch.
 
-    All centres lie in a ball about the model's origin, at depths from `nearest` on. A centre at (x, z) lands as far as
-    `scale |x / z - x0 / z0| <= scale radius sqrt(1 + (x0 / z0)^2) / nearest` from the origin's image, and its footprint
-    reaches as far again as its cutoff under the steepest slope.
+    All centres lie in a ball about the model's origin, at depths of `nearest` or more. The image of a centre at (x, z)
+    is at most `scale |x / z - x0 / z0| <= scale radius sqrt(1 + (x0 / z0)^2) / nearest` from that of the origin, and
+    its footprint extends by its cutoff under the steepest slope.
     """
     size = np.array(camera.size)
     centers = batch.centers
@@ -100,13 +101,13 @@ def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
     nearest, slopes, limit = 1.0, np.zeros(2), np.zeros(2)
     if camera.perspective:
         nearest = origin[2] - radius
-        if nearest - camera.near <= 5 * sigma:  # what the near plane cuts may be anywhere
+        if nearest - camera.near <= CLIPPED_SIGMAS * sigma:  # a splat that the near plane cuts may be anywhere
             return Region(0, 0, *camera.size)
         slopes, limit = origin[:2] / origin[2], camera.slope_limit
     magnification = camera.scale_px / nearest
     center_px = size / 2 + camera.scale_px * (slopes if camera.perspective else origin[:2])
     model_px = magnification * (radius * np.hypot(1, slopes) + batch.footprint.cutoff * sigma * np.hypot(1, limit))
-    reach_px = model_px + batch.footprint.cutoff * batch.footprint.min_sigma_px + 2  # rounding, and whole pixels
+    reach_px = model_px + batch.footprint.cutoff * batch.footprint.min_sigma_px + 2  # for rounding and whole pixels
     low = np.clip(np.floor(center_px - reach_px), 0, size).astype(int)
     high = np.clip(np.ceil(center_px + reach_px), 0, size).astype(int)
     return Region(int(low[0]), int(low[1]), *(int(n) for n in high - low))
@@ -115,10 +116,10 @@ def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
 def mean_footprint_area_px(
     batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView, region: Region
 ) -> float:
-    """How many of the region's pixels a footprint of `batch[order]` covers in the mean; neither may be empty.
+    """Estimate the mean number of the region's pixels under a footprint of `batch[order]`; neither may be empty.
 
-    An estimate, from a sample: ellipses with the two longest of the splat's axes, as they appear at the image's centre
-    at the depth of the splat, or at the near plane if that is farther.
+    A sample of the splats counts as ellipses with the two longest of the splat's axes, as they appear at the image's
+    centre at the depth of the splat, or at the near plane if that is farther.
     """
     vertices = batch.vertices[order[:: max(1, len(order) // FOOTPRINT_SAMPLE)]]
     axes = np.linalg.svd(batch.axes, compute_uv=False)[vertices[:, 7].astype(np.int64), :2]
@@ -132,10 +133,10 @@ def mean_footprint_area_px(
 
 
 def total_square_area_px(batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView) -> float:
-    """How many of the image's pixels the squares around the footprints of `batch[order]` have in all.
+    """Estimate the total number of the image's pixels in the squares around the footprints of `batch[order]`.
 
-    An estimate of what a rasteriser has to look at: the coarsest cells, which are the first of a batch, are looked at
-    one by one, and of the others a sample. Squares are those of balls of each splat's longest axis.
+    These are the pixels that a rasteriser has to test. All of the coarsest cells, which are the first of a batch,
+    count, and a sample of the others. A splat counts as a ball of its longest axis.
     """
     is_coarse = order < FOOTPRINT_SAMPLE
     others = order[~is_coarse]
@@ -148,7 +149,7 @@ def total_square_area_px(batch: SplatBatch, order: npt.NDArray[np.uint32], camer
 
 
 def _square_areas_px(batch: SplatBatch, splats: npt.NDArray[np.uint32], camera: ModelView) -> Float64:
-    """float64 [n]: of each of these splats."""
+    """Return the number of pixels in the square around each of these splats: float64 [n]."""
     vertices = batch.vertices[splats]
     in_view = vertices[:, :3] @ camera.view_from_model[:, :3].T + camera.view_from_model[:, 3]
     scale_px: Float64 | float = camera.scale_px
@@ -162,43 +163,47 @@ def _square_areas_px(batch: SplatBatch, splats: npt.NDArray[np.uint32], camera: 
 
 
 def longest_sigma(batch: SplatBatch) -> Float64:
-    """float64 [num_shapes]: the largest standard deviation of each shape in any direction, model units."""
+    """Return the largest standard deviation of each shape in any direction, in model units: float64 [num_shapes]."""
     return np.asarray(np.linalg.norm(batch.axes, ord=2, axis=(1, 2)), np.float64)
 
 
 def visible_order(
     batch: SplatBatch, cut: Cut, view: View, order: str, *, along: Float64 | None = None
 ) -> npt.NDArray[np.uint32]:
-    """uint32 [k]: the splats that can touch the image, back to front; only for `boxes` must the cut have its cells.
+    """Return the splats that can touch the image, back to front: uint32 [k].
 
-    along: float64 [3], the world direction to sort along if not the view's.
+    order: as in the scene; only for `boxes` must the cut have its cells. along: float64 [3], the world direction to
+    sort along if not the view's.
     """
     camera = model_view(batch, view)
     sigmas = longest_sigma(batch)
-    depths, seen = np.empty(len(batch), np.float32), np.empty(len(batch), np.bool_)
-    half_width, half_height = (0.5 * n + batch.footprint.cutoff * batch.footprint.min_sigma_px + 1 for n in camera.size)
+    depths, is_visible = np.empty(len(batch), np.float32), np.empty(len(batch), np.bool_)
+    reach_px = batch.footprint.cutoff * batch.footprint.min_sigma_px + 1
+    half_size = 0.5 * camera.size[0] + reach_px, 0.5 * camera.size[1] + reach_px
     _compute_depths_and_cull(
-        batch.vertices, sigmas, batch.footprint.cutoff, camera.view_from_model, camera.perspective,
-        camera.scale_px, half_width, half_height, camera.slope_limit, camera.near,
-        view.forward if along is None else along, depths, seen,
+        batch.vertices, sigmas, batch.footprint.cutoff, camera, half_size,
+        view.forward if along is None else along, depths, is_visible,
     )  # fmt: skip
     if order == "boxes":
-        assert len(cut) == len(batch), "boxes without their cells"
+        assert len(cut) == len(batch), "the order of boxes needs the cells of the cut"
         back_to_front = box_order(cut.levels, cut.cells, cut.volume, view)
-        return back_to_front[seen[back_to_front]].astype(np.uint32)
-    indices = np.flatnonzero(seen).astype(np.uint32)
+        return back_to_front[is_visible[back_to_front]].astype(np.uint32)
+    indices = np.flatnonzero(is_visible).astype(np.uint32)
     return indices[depth_order(depths[indices])]
 
 
 def visible_orders(
-    batch: SplatBatch, cut: Cut, view: View, order: str, turning: OrderBlending
+    batch: SplatBatch, cut: Cut, view: View, order: str, blending: OrderBlending
 ) -> list[tuple[float, npt.NDArray[np.uint32]]]:
-    """As `visible_order`, but without a jump between views by depth: orders, and the share of the picture of each."""
+    """Return the orders of splats that are blended, with their weights, so that no view causes a jump.
+
+    Each is as `visible_order` returns it. There is one only, unless the order is by depth.
+    """
     if order != "depth":
         return [(1.0, visible_order(batch, cut, view, order))]
     return [
-        (each.share, visible_order(batch, cut, view, order, along=each.direction))
-        for each in sort_directions(turning, view.forward)
+        (each.weight, visible_order(batch, cut, view, order, along=each.direction))
+        for each in sort_directions(blending, view.forward)
     ]
 
 
@@ -207,25 +212,22 @@ def _compute_depths_and_cull(
     vertices: npt.NDArray[np.float32],
     sigmas: Float64,
     cutoff: float,
-    view_from_model: Float64,
-    perspective: bool,
-    scale: float,
-    half_width: float,
-    half_height: float,
-    slope_limit: Float64,
-    near: float,
+    camera: ModelView,
+    half_size: tuple[float, float],
     along: Float64,
     depths: npt.NDArray[np.float32],
-    seen: npt.NDArray[np.bool_],
+    is_visible: npt.NDArray[np.bool_],
 ) -> None:
-    """Depth of every centre in the direction `along`, and whether its footprint can meet the image (conservative).
+    """Write the depth of every centre along a direction, and whether its footprint can meet the image (conservative).
 
-    A splat that the near plane cuts is drawn elsewhere than its centre would be: it counts as in the image. Depths from
-    the eye would lose their order to float32 where the eye is far away.
+    half_size: of the image and the narrowest footprints, in pixels. A splat that the near plane cuts is not drawn where
+    its centre is: it counts as in the image. Depths are from the model's origin; those from a distant eye would lose
+    their order to float32.
     """
-    r = view_from_model
+    r, scale, near, (half_width, half_height) = camera.view_from_model, camera.scale_px, camera.near, half_size
     # Pixels times depth that a ball of radius 1 reaches, its image being linearised at no more than the slope limit.
-    side, top = scale * np.sqrt(1 + slope_limit[0] ** 2), scale * np.sqrt(1 + slope_limit[1] ** 2)
+    side = scale * np.sqrt(1 + camera.slope_limit[0] ** 2)
+    top = scale * np.sqrt(1 + camera.slope_limit[1] ** 2)
     for i in range(len(vertices)):
         cx, cy, cz = vertices[i, 0], vertices[i, 1], vertices[i, 2]
         x = abs(r[0, 0] * cx + r[0, 1] * cy + r[0, 2] * cz + r[0, 3])
@@ -234,11 +236,11 @@ def _compute_depths_and_cull(
         depths[i] = along[0] * cx + along[1] * cy + along[2] * cz
         sigma = sigmas[int(vertices[i, 7])]
         radius = cutoff * sigma
-        if perspective:
+        if camera.perspective:
             inside = (x * scale - depth * half_width <= radius * side) and (
                 y * scale - depth * half_height <= radius * top
             )
         else:
             inside = (x - radius) * scale <= half_width and (y - radius) * scale <= half_height
         is_cut = depth - CLIPPED_SIGMAS * sigma < near
-        seen[i] = (inside or is_cut) and depth + CULLED_SIGMAS * sigma > near
+        is_visible[i] = (inside or is_cut) and depth + CULLED_SIGMAS * sigma > near

@@ -1,8 +1,8 @@
-"""In which order splats are composited: back to front, ties by the cell's place in the cut.
+"""Sort splats and bricks back to front; ties are broken by the cell's place in the cut.
 
-Two orders. `depth` sorts the cells' centres by view depth, which is what splats that overlap need. `boxes` is the exact
-visibility order of the octree's cells taken as boxes (the paper's traversal): right for footprints that stay inside
-their cells, but overlapping ones show seams along the planes between large cells seen edge-on.
+`depth_order` sorts by depth, which splats that overlap need. `box_order` is the exact visibility order of the octree's
+cells as boxes (the traversal of Laur and Hanrahan 1991): right for bricks and for footprints inside their cells.
+Overlapping footprints show seams along the planes between large cells seen edge-on.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from renderer.jit import jit
 from renderer.view.camera import View
 from renderer.volume import Volume
 
-# Three passes over a 32-bit key, with counters that stay in the first-level cache.
+# Three passes over a 32-bit key; the counters stay in the first-level cache.
 RADIX_BITS = 11
 NUM_PASSES = 3
 NUM_DIGITS = 1 << RADIX_BITS
 
 
 def depth_order(depths: npt.NDArray[np.float32]) -> npt.NDArray[np.uint32]:
-    """uint32 [n]: indices by descending depth (float32 [n], any sign, no NaN), equal depths in ascending index."""
+    """Return the order of descending depths (float32 [n], no NaN), equal ones by ascending index: uint32 [n]."""
     order = np.empty(len(depths), np.uint32)
     _radix_sort(depths.view(np.uint32), order)
     return order
@@ -29,7 +29,7 @@ def depth_order(depths: npt.NDArray[np.float32]) -> npt.NDArray[np.uint32]:
 
 @jit
 def _radix_sort(bits: npt.NDArray[np.uint32], order: npt.NDArray[np.uint32]) -> None:
-    """Stable order of float32 given by their bits, descending; least significant digit first, keys with indices."""
+    """Write the stable descending order of float32 given by their bits: radix sort, least significant digit first."""
     num = len(bits)
     pairs, other = np.empty(num, np.uint64), np.empty(num, np.uint64)
     starts = np.zeros((NUM_PASSES, NUM_DIGITS), np.uint32)
@@ -59,14 +59,13 @@ def _radix_sort(bits: npt.NDArray[np.uint32], order: npt.NDArray[np.uint32]) -> 
 def box_order(
     levels: npt.NDArray[np.uint8], cells: npt.NDArray[np.int32], volume: Volume, view: View
 ) -> npt.NDArray[np.int64]:
-    """int64 [n]: nodes of the octree back to front as boxes, exact for any eye in perspective, and in parallel
-    projection.
+    """Return nodes of the octree back to front as boxes, exactly, in perspective or parallel projection: int64 [n].
 
     levels: [n], of the nodes. cells: [n, 3], x, y, z in units of the node's own width, 2^level voxels.
 
-    At a node of the octree, a child may hide another only if fewer of the node's three splitting planes lie between
-    it and the eye. That number, 0 to 3, is one base-4 digit of the cell's key, the root's split first; it is a sum over
-    the axes, so that three tables by coordinate give every key. Digits of splits inside the cell are cleared.
+    A child of a node may hide another child only if fewer of the node's three splitting planes lie between it and the
+    eye. That number, 0 to 3, is one base-4 digit of the cell's key, the root's first. It is a sum over the axes, so
+    that three tables by coordinate give every key. The digits of splits inside the cell are cleared.
     """
     index_from_world = np.linalg.inv(volume.world_from_index[:3, :3])
     if view.projection == "perspective":
@@ -87,7 +86,7 @@ def box_order(
 
 @jit
 def _split_plane_digits(eye: float, num: int, num_levels: int) -> npt.NDArray[np.uint64]:
-    """uint64 [num]: by index along an axis, two bits a level, 1 where its split lies between it and the eye."""
+    """Return the digits by index along an axis: uint64 [num], two bits a level, 1 where the split hides the index."""
     digits = np.zeros(num, np.uint64)
     for index in range(num):
         for level in range(num_levels):

@@ -67,7 +67,7 @@ def thin_splat(center: Float64, axes: Float64, spec: SplatSpec, view: View) -> S
 
 def energy_error(gl: GLRasterizer, batch: SplatBatch, view: View) -> float:
     """Relative difference of the sum of a picture's optical depths from what the splat's optical area asks for."""
-    in_view = view.in_view(batch.origin + batch.centers[0])
+    in_view = view.view_from_world(batch.origin + batch.centers[0])
     per_px, slant = 1.0 / view.scale_px, 1.0
     if view.projection == "perspective":
         per_px *= -in_view[2]

@@ -75,7 +75,7 @@ def _require_depth_orders(cut: Cut, orders: list[Order], at: Float64, view: View
     """Back to front by the centres `at` [n, 3] along the view, or along directions next to it, where neighbours on the
     lattice are at almost the same depth."""
     edges = cut.volume.world_from_index[:3, :3]
-    if len(turned) != len(orders) or any(each.share != share for each, (share, _) in zip(turned, orders, strict=True)):
+    if len(turned) != len(orders) or any(each.weight != share for each, (share, _) in zip(turned, orders, strict=True)):
         raise WrongError(f"{len(orders)} orders, {len(turned)} directions")
     # As far as the views around this one; and by what keeps the order of level steps, and makes them level.
     most = math.sin(FADE_ANGLE) + 2 * MIN_SLOPE if len(turned) > 1 else 0.0

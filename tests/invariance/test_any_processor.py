@@ -15,7 +15,7 @@ import hashlib
 import numpy as np
 from brickwork import AFFINES, LIT, batch_of, bricks_of, hills, ordered, placed, random_cut, transfer_of, view_of
 from renderer.bricks.sampling import ScreenSampling
-from renderer.draw.cpu.bricks import CPUBrickRenderer
+from renderer.draw import CPURasterizer
 
 volume = placed(hills((30, 40, 50), 9.0), AFFINES["oblique"])
 transfer = transfer_of((0, (0.9, 0.2, 0.1), 0.0), (0.4, (0.1, 0.5, 1.0), 0.3), (0.4, (1.0, 1.0, 1.0), 2.0))
@@ -24,8 +24,8 @@ for shading in (None, LIT):
     sampling = ScreenSampling((4, 1), 0.02, 0.01)
     batch = batch_of(random_cut(bricks, 3), bricks, step=0.3, shading=shading, screen_sampling=sampling)
     view = view_of(volume, "perspective", (60, 50))
-    drawer = CPUBrickRenderer(1)
-    image = drawer.draw(batch, ordered(batch.cut, view), view)
+    drawer = CPURasterizer(num_threads=1)
+    image = drawer.rasterize(batch, ordered(batch.cut, view), view)
     assert image[..., 3].max() > 0.9
     print(hashlib.sha256(image.tobytes()).hexdigest())
     drawer.release()

@@ -13,7 +13,7 @@ import pytest
 from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, placed, random_cut, transfer_of, view_of
 
 from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch
-from renderer.draw import GLRasterizer, brick_atlas
+from renderer.draw import GLRasterizer, brick_cache
 from renderer.draw.gl.raster import BrickBackend
 from renderer.scene import ShadingSpec
 from renderer.scene.parse_camera import MAX_FIELD_OF_VIEW
@@ -39,7 +39,7 @@ def test_what_was_drawn_before_changes_nothing(
 ) -> None:
     batches, view, other = subject(shading)
     if most_bytes is not None:
-        monkeypatch.setattr(brick_atlas, "MOST_BYTES", most_bytes)
+        monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", most_bytes)
 
     def draw(gl: GLRasterizer, batch: BrickBatch) -> bytes:
         return gl.rasterize(batch, ordered(batch.cut, view), view).tobytes()
@@ -88,7 +88,7 @@ def test_more_than_there_is_room_for_is_not_brought(
     monkeypatch: pytest.MonkeyPatch, brick_backend: BrickBackend
 ) -> None:
     """It comes and goes as it is drawn."""
-    monkeypatch.setattr(brick_atlas, "MOST_BYTES", 1 << 10)
+    monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", 1 << 10)
     batches, view, _ = subject(ShadingSpec())
     with GLRasterizer(brick_backend=brick_backend) as gl:
         assert not gl.upload(batches[0], ordered(batches[0].cut, view), view)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from splatting import cut_of, in_order, look, place_splats, volume_of
+from splatting import camera_pose, cut_of, in_order, look, place_splats, volume_of
 
 from renderer.draw import GLRasterizer
 from renderer.draw.compositing import MEAN_LAYERS, MIN_CHUNK_SPLATS, splats_per_chunk
@@ -36,7 +36,6 @@ from renderer.view import (
     visible_orders,
 )
 from renderer.view.order_blending import FADE_ANGLE, MIN_WEIGHT, NEIGHBOURS, SortDirection, sort_directions
-from renderer.view.paths import camera_pose
 from renderer.view.splat_projection import visible_order
 
 Float64 = npt.NDArray[np.float64]
@@ -117,8 +116,8 @@ def turns(elevation: float, edges: Float64 = IDENTITY) -> list[list[SortDirectio
 def test_few_views_have_several_orders_and_shares_add_up(elevation: float) -> None:
     mixtures = turns(elevation)
     for mixture in mixtures:
-        assert sum(each.share for each in mixture) == pytest.approx(1, abs=1e-15)
-        assert min(each.share for each in mixture) > 0
+        assert sum(each.weight for each in mixture) == pytest.approx(1, abs=1e-15)
+        assert min(each.weight for each in mixture) > 0
     assert np.mean([len(mixture) > 1 for mixture in mixtures]) < 0.12
 
 
@@ -135,7 +134,7 @@ def test_the_share_in_which_a_neighbour_comes_first_changes_evenly(elevation: fl
     steps = NEIGHBOURS @ edges.T
     steps /= np.linalg.norm(steps, axis=1, keepdims=True)
     shares = np.array(
-        [sum(each.share * (steps @ each.direction > 0) for each in mixture) for mixture in turns(elevation, edges)]
+        [sum(each.weight * (steps @ each.direction > 0) for each in mixture) for mixture in turns(elevation, edges)]
     )
     changes = np.abs(np.diff(shares, axis=0))
     assert changes.max() < 1.35 * STEP / np.degrees(2 * FADE_ANGLE) + MIN_WEIGHT
@@ -147,7 +146,7 @@ def test_a_camera_that_stands_still_sorts_along_its_view() -> None:
     forward = -camera_pose(path, 0).direction
     (only,) = sort_directions(turning, forward)
     np.testing.assert_array_equal(only.direction, forward)
-    assert only.share == 1.0
+    assert only.weight == 1.0
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])

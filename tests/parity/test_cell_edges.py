@@ -97,7 +97,7 @@ def draw_reference(edges: CellEdges, view: View) -> np.ndarray:
         ends = []
         for k in (0, 3):
             world = edges.origin + edges.model_unit * vertex[k : k + 3]
-            ends.append(view.in_view(world))
+            ends.append(view.view_from_world(world))
         nearest = max(view.near, 1e-5 * edges.model_unit) if is_perspective else view.near
         ends.sort(key=lambda point: point[2])  # the farther one first
         far, close = ends

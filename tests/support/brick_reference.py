@@ -105,7 +105,7 @@ def _rays(volume: Volume, view: View, columns: Int64, rows: Int64) -> _Rays:
     """
     x = (columns.ravel() + 0.5 - view.size[0] / 2) / view.scale_px
     y = (view.size[1] / 2 - rows.ravel() - 0.5) / view.scale_px
-    centre = view.in_view(volume.centre)
+    centre = view.view_from_world(volume.centre)
     depth = max(0.0, -centre[2])
     if view.projection == "perspective":
         directions = np.stack([x, y, np.full_like(x, -1.0)], axis=1)

@@ -177,7 +177,7 @@ def centers(voxels: Field, cells: Cells) -> Float64:
 def _footprints(voxels: Field, cells: Cells, spec: SplatSpec, view: View, profile: _Profile) -> _Footprints:
     """Every cell's Gaussian, cut by the near plane, on the image."""
     edges = voxels.volume.world_from_index[:3, :3]
-    to_away = np.diag([1.0, 1.0, -1.0]) @ np.column_stack([view.axes, view.in_view(np.zeros(3))])
+    to_away = np.diag([1.0, 1.0, -1.0]) @ np.column_stack([view.axes, view.view_from_world(np.zeros(3))])
     mean = centers(voxels, cells) @ to_away[:, :3].T + to_away[:, 3]
     axes = to_away[:, :3] @ (edges * (spec.sigma * cells.extent)[:, None, :])
     covariance = axes @ axes.transpose(0, 2, 1)

@@ -13,6 +13,7 @@ from renderer.scene import CameraSpec, ControlPoint, ErrorSpec, PyramidSpec, Spl
 from renderer.splats import SplatBatch, make_footprint, make_splats
 from renderer.transfer import make_transfer_function
 from renderer.view import View, make_view
+from renderer.view.paths import CameraPath, CameraPoses, camera_poses
 from renderer.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
@@ -32,6 +33,12 @@ def look(
     """A camera on its sphere around the target."""
     camera = CameraSpec(TurntablePath(1, azimuth, elevation), projection, field_of_view, near=near)  # type: ignore[arg-type]
     return make_view(camera, 0, tuple(target), distance, size)  # type: ignore[arg-type]
+
+
+def camera_pose(path: CameraPath, frame: int) -> CameraPoses:
+    """The pose at one frame: direction, right and up [3], and one zoom."""
+    poses = camera_poses(path, [frame])
+    return CameraPoses(poses.direction[0], poses.right[0], poses.up[0], poses.zoom[0])
 
 
 def point_at(view: View, column: float, row: float, depth: float) -> Float64:

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from renderer.draw import brick_atlas
+from renderer.draw import brick_cache
 
 ROOT = Path(__file__).resolve().parents[2]
 
 # Memory that is not a file's (decision 001 in docs/decisions): while bricks are built of a volume; and on the device,
 # which is this machine's memory, too, where the renderer is software, with what passes on the way there.
-MOST_BYTES, MOST_BYTES_PER_VOXEL = 64 << 20, 1 / 8
-MOST_BYTES_OF_DEVICE = 2 * brick_atlas.MOST_BYTES + (64 << 20)
+MAX_ATLAS_BYTES, MOST_BYTES_PER_VOXEL = 64 << 20, 1 / 8
+MOST_BYTES_OF_DEVICE = 2 * brick_cache.MAX_ATLAS_BYTES + (64 << 20)
 
 CHILD = """
 import json, sys, threading, time
@@ -90,6 +90,6 @@ def test_memory_while_a_large_volume_is_drawn(tmp_path: Path) -> None:
     found = json.loads(child.stdout)
     assert found["is_mapped"]
     assert found["cells"] > 50 and found["mean"] > 10  # it is a picture
-    most = MOST_BYTES + MOST_BYTES_PER_VOXEL * n**3
+    most = MAX_ATLAS_BYTES + MOST_BYTES_PER_VOXEL * n**3
     assert found["build"] <= most < n**3
     assert found["all"] <= most + MOST_BYTES_OF_DEVICE

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from renderer.bricks import PADDED_BRICK_SIZE
-from renderer.draw import brick_atlas
+from renderer.draw import brick_cache
 from renderer.draw.gl.atlas import GLAtlas
 from renderer.errors import ContextLostError, InputError, RenderError
 
@@ -59,10 +59,10 @@ def test_a_device_with_little_memory_holds_fewer_bricks() -> None:
     assert atlas.size == (128, 128, 64)  # 16 MiB; what was too large is given back
     assert device.used == 16 << 20
     assert atlas.max_slots == 7 * 7 * 3
-    first = atlas.place(np.arange(147), zeros)
+    first = atlas.upload(np.arange(147), zeros)
     assert len(np.unique(atlas.corners(first), axis=0)) == 147
     atlas.reserve(1000)  # is not tried again
-    assert np.array_equal(atlas.place(np.arange(147), pytest.fail), first)
+    assert np.array_equal(atlas.upload(np.arange(147), pytest.fail), first)
 
 
 def test_a_device_without_memory_for_a_batch() -> None:
@@ -92,7 +92,7 @@ def test_a_device_with_small_textures() -> None:
 
 
 def test_little_room_by_choice_is_room_for_some(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(brick_atlas, "MOST_BYTES", 1 << 10)
+    monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", 1 << 10)
     assert GLAtlas(Device(1 << 30), 4, 4000).max_slots == 27
 
 
@@ -127,12 +127,12 @@ def test_bricks_that_could_not_be_made_are_not_there() -> None:
         return zeros(keys)
 
     with pytest.raises(InputError):
-        atlas.place(np.arange(600), fail_late)
+        atlas.upload(np.arange(600), fail_late)
     asked = []
 
     def note(keys: Any) -> Any:
         asked.extend(keys.tolist())
         return zeros(keys)
 
-    atlas.place(np.arange(600), note)
+    atlas.upload(np.arange(600), note)
     assert asked == list(range(256, 600))

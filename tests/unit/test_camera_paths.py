@@ -7,23 +7,24 @@ import math
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
+from splatting import camera_pose
 
 from renderer.scene import CameraSpec, KeyframePath, RockerPath, TurntablePath
 from renderer.scene.spec import Keyframe
 from renderer.view import make_view
-from renderer.view.paths import CameraPath, Pose, camera_pose
+from renderer.view.paths import CameraPath, CameraPoses
 
 # Sines, cosines and a 3 x 3 product of float64: a few units in the last place.
 EXACT = 1e-14
 
 
-def angles_of(pose: Pose) -> tuple[float, float]:
+def angles_of(pose: CameraPoses) -> tuple[float, float]:
     """Azimuth and elevation in degrees of a pose about +z, from `right`, which also knows them at the poles."""
     azimuth = math.degrees(math.atan2(pose.right[1], pose.right[0]))
     return azimuth, math.degrees(math.asin(max(-1.0, min(1.0, pose.direction[2]))))
 
 
-def assert_orthonormal(pose: Pose) -> None:
+def assert_orthonormal(pose: CameraPoses) -> None:
     frame = np.array([pose.right, pose.up, pose.direction])
     np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=EXACT)
     np.testing.assert_allclose(np.cross(pose.right, pose.up), pose.direction, atol=EXACT)
@@ -191,7 +192,7 @@ def test_one_key_stands_still() -> None:
 def landing(view_of: CameraSpec, point: np.ndarray, distance: float, size: tuple[int, int]) -> tuple[float, float]:
     """Column and row in pixels at which a world point lands, by the definition in View."""
     view = make_view(view_of, 0, (1.0, 2.0, 3.0), distance, size)
-    x, y, z = view.in_view(point)
+    x, y, z = view.view_from_world(point)
     w = -z if view.projection == "perspective" else 1.0
     return size[0] / 2 + view.scale_px * x / w, size[1] / 2 - view.scale_px * y / w
 

@@ -153,7 +153,7 @@ def covered_pixels(batch: SplatBatch, radius_px: float, size: tuple[int, int]) -
     columns, rows = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
     total = 0
     for center in batch.vertices[:, :3] * batch.model_unit + batch.origin:
-        x, y, _ = view.in_view(center) * view.scale_px
+        x, y, _ = view.view_from_world(center) * view.scale_px
         reach_px = np.maximum(abs(columns - size[0] / 2 - x), abs(rows - size[1] / 2 + y))
         total += int((reach_px < radius_px).sum())
     return total

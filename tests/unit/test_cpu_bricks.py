@@ -13,13 +13,12 @@ from brick_reference import _are_alike, _between
 from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, placed, transfer_of, view_of
 
 from renderer.bricks import PADDED_BRICK_SIZE
-from renderer.draw import GLRasterizer, brick_atlas, is_software, subsampling as lattices
-from renderer.draw.brick_atlas import brick_bytes
-from renderer.draw.cpu.atlas import CPUAtlas, max_atlas_bytes
-from renderer.draw.cpu.bricks import CPUBrickRenderer
-from renderer.draw.cpu.march import _inside, bin_bricks, draw_tiles
-from renderer.draw.cpu.sample import opacity
-from renderer.draw.subsampling import interpolated, refined
+from renderer.draw import CPURasterizer, GLRasterizer, brick_cache, is_software, subsampling as lattices
+from renderer.draw.brick_cache import brick_bytes, max_slots_in_memory
+from renderer.draw.cpu.atlas import CPUAtlas
+from renderer.draw.cpu.march import _clamp_to_brick, bin_bricks, draw_tiles
+from renderer.draw.cpu.sample import opacity_of_depth
+from renderer.draw.subsampling import refine_grid, upsample
 from renderer.jit import fma, jit
 from renderer.threads import ThreadPool
 
@@ -44,19 +43,19 @@ def test_fma_rounds_once() -> None:
 
 def test_opacities_keep_their_digits() -> None:
     depths = np.concatenate([np.logspace(-37, 2, 20_000), np.linspace(0.4, 0.6, 2001)]).astype(np.float32)
-    got = np.array([opacity(x) for x in depths], np.float64)
+    got = np.array([opacity_of_depth(x) for x in depths], np.float64)
     expected = -np.expm1(-depths.astype(np.float64))
     assert np.abs(got / expected - 1).max() < 3e-7
-    assert opacity(np.float32(0.0)) == 0.0
-    assert opacity(np.float32(np.inf)) == 1.0
+    assert opacity_of_depth(np.float32(0.0)) == 0.0
+    assert opacity_of_depth(np.float32(np.inf)) == 1.0
     assert got.max() <= 1.0
 
 
 def test_places_stay_in_the_brick() -> None:
     """Where rounding, or what is no number, would lead beyond its texels."""
     for place in (-math.inf, -1.0, 0.0, 8.5, PADDED_BRICK_SIZE - 1.0, 1e300, math.inf, math.nan):
-        assert 0 < _inside(place) < PADDED_BRICK_SIZE - 1
-    assert _inside(8.5) == 8.5
+        assert 0 < _clamp_to_brick(place) < PADDED_BRICK_SIZE - 1
+    assert _clamp_to_brick(8.5) == 8.5
 
 
 def test_boxes_come_to_all_tiles_that_they_lie_over() -> None:
@@ -85,7 +84,7 @@ def test_lattices_are_refined_as_the_reference_does(factor: int, spread: float) 
     nodes = rng.random((7, 9, 4)).astype(np.float32)
     nodes[:4, :5] = 0.25 + 0.01 * rng.random((4, 5, 4))
     size = 8 * factor - 1, 6 * factor + 1
-    image, is_drawn = refined(nodes, factor, spread, size, ThreadPool())
+    image, is_drawn = refine_grid(nodes, factor, spread, size, ThreadPool())
     columns, rows = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
     is_alike = _are_alike(nodes.astype(np.float64), spread)[rows // factor, columns // factor]
     expected = ~is_alike & ((columns % factor != 0) | (rows % factor != 0))
@@ -102,8 +101,8 @@ def test_threads_do_not_change_what_lies_between_nodes(monkeypatch: pytest.Monke
     pictures = []
     for num in (1, 3):
         threads = ThreadPool(num)
-        image, is_drawn = refined(nodes, 4, 0.5, size, threads)
-        pictures.append([each.tobytes() for each in (image, is_drawn, interpolated(nodes, 4, size, threads))])
+        image, is_drawn = refine_grid(nodes, 4, 0.5, size, threads)
+        pictures.append([each.tobytes() for each in (image, is_drawn, upsample(nodes, 4, size, threads))])
         threads.release()
     assert pictures[0] == pictures[1]
 
@@ -117,15 +116,15 @@ def brick(keys: Any) -> Any:
 
 
 def content(atlas: CPUAtlas, keys: Any) -> list[float]:
-    places = atlas.place(np.asarray(keys), pytest.fail)
-    return [float(atlas.texels[first]) for first in atlas.texel_offsets(places)]
+    slots = atlas.upload(np.asarray(keys), pytest.fail)
+    return [float(atlas.texels[first]) for first in atlas.texel_offsets(slots)]
 
 
 def test_bricks_stay_where_they_are_when_there_are_more() -> None:
     """A copy would take memory that nobody reckons with."""
     atlas = CPUAtlas(1, 1000)
     atlas.reserve(10)
-    atlas.place(np.arange(10), brick)
+    atlas.upload(np.arange(10), brick)
     texels = atlas.texels
     atlas.reserve(500)
     assert atlas.texels is texels
@@ -138,19 +137,19 @@ def test_bricks_stay_where_they_are_when_there_are_more() -> None:
 
 
 def test_bricks_that_were_drawn_longest_ago_go_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(brick_atlas, "MOST_BYTES", 4 * brick_bytes(1))
-    assert max_atlas_bytes(1, 1000) == 4 * brick_bytes(1)
-    assert max_atlas_bytes(1, 3) == 3 * brick_bytes(1)
+    monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", 4 * brick_bytes(1))
+    assert max_slots_in_memory(1, 1000) == 4
+    assert max_slots_in_memory(1, 3) == 3
     atlas = CPUAtlas(1, 1000)
     atlas.reserve(1000)
     for keys in ([1, 2], [3, 4], [1], [7, 8]):
-        atlas.place(np.array(keys), brick)
+        atlas.upload(np.array(keys), lambda missing, keys=np.array(keys): brick(keys[missing]))
     assert [atlas.num_missing(np.array([key])) for key in (1, 2, 3, 4, 7, 8)] == [0, 1, 1, 0, 0, 0]
     assert content(atlas, [8, 1, 7]) == [8, 1, 7]
 
 
 def test_an_atlas_with_room_for_less_than_a_brick_has_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(brick_atlas, "MOST_BYTES", 1)
+    monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", 1)
     assert CPUAtlas(4, 10).max_slots == 1
 
 
@@ -185,7 +184,7 @@ def test_loops_are_compiled_once_for_any_number_of_threads() -> None:
     view = view_of(bricks.volume, "perspective", (640, 480))
     batch = batch_of(level_cut(bricks, 0), bricks)
     for num_threads in (1, 3):
-        drawer = CPUBrickRenderer(num_threads)
-        drawer.draw(batch, ordered(batch.cut, view), view)
+        drawer = CPURasterizer(num_threads=num_threads)
+        drawer.rasterize(batch, ordered(batch.cut, view), view)
         drawer.release()
     assert {tiles.layout for tiles, *_ in cast(Any, draw_tiles).signatures} == {"C"}

@@ -55,7 +55,7 @@ def excess(camera: CameraSpec, points: Float64, target: Vector, distance: float,
     worst = -np.inf
     for frame in range(camera.path.frames):
         view = make_view(camera, frame, target, distance, size)
-        x, y, z = view.in_view(points).T
+        x, y, z = view.view_from_world(points).T
         w = -z if view.projection == "perspective" else np.ones_like(z)
         sides = [
             np.abs(x) * view.scale_px - (width / 2 - margin) * w,
@@ -159,7 +159,7 @@ def test_how_wide_a_voxel_is(projection: str, path: CameraPath) -> None:
     widths_px = []
     for frame in range(path.frames):
         view = make_view(camera, frame, target, distance, size)
-        depth = -float(view.in_view(volume.centre)[2]) if projection == "perspective" else 1.0
+        depth = -float(view.view_from_world(volume.centre)[2]) if projection == "perspective" else 1.0
         widths_px.append(1.5 * view.scale_px / depth)
     assert smallest_voxel_px(volume, camera, target, distance, size) == pytest.approx(min(widths_px))
 

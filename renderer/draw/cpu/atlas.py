@@ -1,19 +1,18 @@
-"""Bricks in memory, one after the other, for loops on the processor."""
+"""Bricks in memory, one after the other, for compiled loops."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from renderer.bricks import PADDED_BRICK_SIZE
-from renderer.draw import brick_atlas
-from renderer.draw.brick_atlas import Atlas, Float32, Int64, brick_bytes
+from renderer.draw.brick_cache import Atlas, Float32, Int64, max_slots_in_memory
 
 
 class CPUAtlas(Atlas):
-    """As in Atlas. texels: float32 [places * PADDED_BRICK_SIZE^3 * num_channels].
+    """An atlas in memory. texels: float32 [slots * PADDED_BRICK_SIZE^3 * num_channels].
 
-    is_planar: a brick has one channel after the other, and not one texel after the other: of scalars with gradients
-    the scalars are looked up more often.
+    is_planar: a brick stores one channel after the other, and not one texel after the other. Scalars are read more
+    often than their gradients.
     """
 
     def __init__(self, num_channels: int, num_keys: int, *, is_planar: bool = False) -> None:
@@ -23,34 +22,24 @@ class CPUAtlas(Atlas):
 
     @property
     def max_slots(self) -> int:
-        """How many bricks there may be."""
-        return _max_slots(self.num_channels, len(self._places))
+        """The number of bricks that the atlas may hold."""
+        return max_slots_in_memory(self.num_channels, len(self._slot_from_key))
 
-    def texel_offsets(self, places: Int64) -> Int64:
-        """int64 [n]: where in `texels` places begin, apron and all."""
-        return places * (PADDED_BRICK_SIZE**3 * self.num_channels)
+    def texel_offsets(self, slots: Int64) -> Int64:
+        """Return where the bricks in these slots begin in `texels`, halo included: int64 [n]."""
+        return slots * (PADDED_BRICK_SIZE**3 * self.num_channels)
 
     def release(self) -> None:
-        """Give the memory back."""
+        """Free the memory."""
         self.texels = np.empty(0, np.float32)
         self._resize(0)
 
     def _grow(self, num: int) -> None:
-        """As many as there may be, at once: they take no memory until they are used, where making room later would take
-        twice as much for as long as a copy takes."""
+        """Make all slots at once: unused ones take no memory, and growing later would need a copy of all texels."""
         self.texels = np.empty(self.max_slots * PADDED_BRICK_SIZE**3 * self.num_channels, np.float32)
         self._resize(self.max_slots)
 
-    def _write(self, places: Int64, content: Float32) -> None:
+    def _write(self, slots: Int64, texels: Float32) -> None:
         if self._is_planar and self.num_channels > 1:
-            content = np.moveaxis(content, -1, 1)
-        self.texels.reshape(-1, PADDED_BRICK_SIZE**3 * self.num_channels)[places] = content.reshape(len(places), -1)
-
-
-def max_atlas_bytes(num_channels: int, num_keys: int) -> int:
-    """What an atlas takes at most of that many bricks."""
-    return _max_slots(num_channels, num_keys) * brick_bytes(num_channels)
-
-
-def _max_slots(num_channels: int, num_keys: int) -> int:
-    return min(num_keys, max(1, brick_atlas.MOST_BYTES // brick_bytes(num_channels)))
+            texels = np.moveaxis(texels, -1, 1)
+        self.texels.reshape(-1, PADDED_BRICK_SIZE**3 * self.num_channels)[slots] = texels.reshape(len(slots), -1)

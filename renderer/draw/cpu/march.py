@@ -1,9 +1,9 @@
-"""The compiled half of `renderer.draw.cpu.bricks`: a grid of pixels, tile by tile, box by box, pixel by pixel.
+"""March rays through bricks, compiled: a pixel grid, tile by tile, brick by brick, pixel by pixel.
 
-A tile's pixels stay in the processor's cache while all boxes over it are drawn, front to back, and no two threads write
-to one pixel, so that pictures do not depend on their number. Rays, and where they meet boxes, are float64; what lies
-between is float32. Nothing is computed but by IEEE's sums, products, quotients and roots, and by `fma`, which rounds
-once: what rays take up is the same bytes on every machine.
+The pixels of a tile stay in the processor's cache while all bricks over it are drawn, front to back. No two threads
+write to one pixel, so that images do not depend on the number of threads. Rays, and where they meet bricks, are
+float64; samples are float32. The loops use only sums, products, quotients and roots of IEEE 754, and `fma`, which
+rounds once: the result is the same bytes on every machine.
 """
 
 from __future__ import annotations
@@ -14,62 +14,50 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks import DITHER, JITTER_PER_PX, PADDED_BRICK_SIZE
+from renderer.bricks import DITHER, HALO, JITTER_PER_PX, PADDED_BRICK_SIZE
+from renderer.draw.constants import MAX_SAMPLE_CELL, MAX_SAMPLES, MIN_SAMPLE_CELL
 from renderer.draw.cpu.sample import (
     PIECE_FLOATS,
     TEXELS_PER_BRICK,
     Field,
+    Float3,
     Float32,
     Int32,
-    Shares,
+    Optics,
     bucket,
     cell_at,
     evaluate_piece,
     light_factor,
-    opacity,
+    opacity_of_depth,
     sample_rgba,
-    scalar_at,
+    sample_scalar,
 )
 from renderer.jit import fma, jit, prefetch
+from renderer.view import RaySetup
 
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 Vector = tuple[float, float, float]
 Window = tuple[int, int, int, int]  # left, top, right and bottom, half-open
-BrickGeometry = tuple[Vector, Vector, Vector, float, float, float]
-Ray = tuple[Vector, Vector, Vector, float, float, float]
-RaySamples = tuple[int, np.float32, Shares, Shares]
 
-# Parts of a way through a brick, at most; `1 / n` is looked up.
-_MAX_SAMPLES = 4095
-_RECIPROCALS = np.concatenate([[1.0], 1 / np.arange(1, _MAX_SAMPLES + 1)])
-# Where samples are, in texels of a brick: between the centres of the first and the last, whatever is rounded.
-_MIN_TEXEL, _MAX_TEXEL = 0.25, PADDED_BRICK_SIZE - 1.25
-# Bytes that come to a cache together.
-_LINE = 64
-# Numbers of a ray, as `_ray_at` has them.
-_RAY_FLOATS = 12
+# `1 / n` is read from a table.
+_RECIPROCALS = np.concatenate([[1.0], 1 / np.arange(1, MAX_SAMPLES + 1)])
+# From cells of a brick to the index of the texel at or below.
+_TEXEL_OFFSET = HALO - 0.5
+_MIN_TEXEL, _MAX_TEXEL = MIN_SAMPLE_CELL + _TEXEL_OFFSET, MAX_SAMPLE_CELL + _TEXEL_OFFSET
+_CACHE_LINE_BYTES = 64
+_RAY_FLOATS = 12  # as in `_ray_at`
 
 _0: np.float32 = np.float32(0.0)
 _1: np.float32 = np.float32(1.0)
 
 
-class Rays(NamedTuple):
-    """Origins, directions, slope_per_px and start as in RaySetup; center_px: (x, y) of the image's centre."""
-
-    origins: Float64
-    directions: Float64
-    slope_per_px: float
-    start: float
-    center_px: tuple[float, float]
-
-
-class Boxes(NamedTuple):
-    """Bricks of a picture, front to back; index space relative to the volume's centre.
+class BrickArrays(NamedTuple):
+    """Bricks front to back, in index space relative to the volume's centre.
 
     bounds, corners, cells_per_voxel, steps, is_mean: as in BrickView.
-    firsts: int64 [n], where the brick begins in the texels of its kind.
+    texel_offsets: int64 [n], where the brick begins in the texels of its kind.
     """
 
     bounds: Float64
@@ -80,13 +68,49 @@ class Boxes(NamedTuple):
     texel_offsets: Int64
 
 
+class TileBins(NamedTuple):
+    """The bricks over each tile: those of tile k are `numbers[starts[k] : starts[k + 1]]`, in their order.
+
+    side: of a tile, in pixels of the grid. rectangles: int64 [n, 4], left, top, right and bottom of each brick,
+    half-open, in pixels of the grid and inside it. starts: int64 [tiles + 1]. numbers: int64.
+    """
+
+    side: int
+    rectangles: Int64
+    starts: Int64
+    numbers: Int64
+
+
+class _Geometry(NamedTuple):
+    """A brick: lowest and highest corner of its visible bounds; lowest corner of its first cell; cells per voxel;
+    samples per length; where rays start; where its texels begin."""
+
+    low: Vector
+    high: Vector
+    corner: Vector
+    scale: float
+    samples_per_length: float
+    start: float
+    texel_offset: int
+
+
+class _Ray(NamedTuple):
+    """A pixel's ray. inverse: of the direction, 0 where that is 0. length: of the direction, dithered. rounding_offset:
+    1/2 plus the jitter. length_per_depth: in model units."""
+
+    origin: Vector
+    direction: Vector
+    inverse: Vector
+    length: float
+    rounding_offset: float
+    length_per_depth: float
+
+
 @jit
 def bin_bricks(rectangles: Int64, side: int, num_columns: int, starts: Int64, numbers: Int64) -> int:
-    """Which boxes lie over which tiles: those of tile k are `numbers[starts[k] : starts[k + 1]]`, in their order.
+    """Write `starts` and `numbers` as in TileBins, and return how many numbers they need.
 
-    rectangles: int64 [n, 4], left, top, right and bottom, half-open, in nodes of the lattice, inside of it. side: of a
-    tile, in nodes. num_columns: of tiles. starts: int64 [tiles + 1] and numbers: int64, both written. How many numbers
-    there are is returned; where there is no room for them, they are not written.
+    num_columns: of tiles. The numbers are not written where there is no room for all of them.
     """
     starts[:] = 0
     for i in range(len(rectangles)):
@@ -105,7 +129,7 @@ def bin_bricks(rectangles: Int64, side: int, num_columns: int, starts: Int64, nu
             for column in range(left, right):
                 tile = row * num_columns + column
                 numbers[starts[tile]] = i
-                starts[tile] += 1  # in the end where the next tile's begin
+                starts[tile] += 1  # in the end, where the next tile's begin
     starts[1:] = starts[:-1].copy()
     starts[0] = 0
     return num
@@ -113,7 +137,7 @@ def bin_bricks(rectangles: Int64, side: int, num_columns: int, starts: Int64, nu
 
 @jit
 def _tile_window(rectangle: Int64, side: int) -> Window:
-    """Of tiles, which a rectangle of nodes lies over."""
+    """Return the tiles that a rectangle of pixels overlaps."""
     left, top, right, bottom = rectangle
     if left >= right or top >= bottom:
         return 0, 0, 0, 0
@@ -123,103 +147,87 @@ def _tile_window(rectangle: Int64, side: int) -> Window:
 @jit
 def draw_tiles(
     tiles: Int64,
-    side: int,
+    bins: TileBins,
     stride: int,
-    opaque: np.float32,
-    rays: Rays,
-    boxes: Boxes,
-    rectangles: Int64,
-    starts: Int64,
-    numbers: Int64,
+    rays: RaySetup,
+    bricks: BrickArrays,
     field: Field,
     is_drawn: Bools,
     image: Float32,
 ) -> None:
-    """Draw boxes behind what is in some tiles of `image`, float32 [rows, columns, 4], premultiplied RGBA, whose nodes
-    are every `stride`-th pixel along both axes.
+    """Composite bricks under some tiles of `image`, float32 [rows, columns, 4], premultiplied RGBA.
 
-    tiles: int64 [k], their numbers, row by row. side: of a tile, in nodes. opaque: the alpha behind which nothing is
-    drawn. rectangles, starts, numbers: as in `bin_bricks`. is_drawn: [rows, columns], which nodes are.
+    tiles: int64 [k], their numbers, row by row. stride: the pixels of the grid are every `stride`-th pixel along both
+    axes. is_drawn: [rows, columns], the pixels of the grid that are drawn.
 
-    No place of an array is checked (numba does not). What keeps them inside: rectangles are clipped to the lattice, and
-    windows to the tile; samples are held to the brick (`_inside`), from which the last one is off by float32's rounding
-    at most, less than a quarter of a texel; u is finite, so that the search ends at the last piece.
+    Numba checks no array index. These keep them valid: rectangles are clipped to the grid, and windows to the tile;
+    samples are clamped to the brick (`_clamp_to_brick`), and float32 rounds the last one by less than a quarter of a
+    texel; scalars are finite, so that the search ends at the last piece.
     """
     num_rows, num_columns = is_drawn.shape
+    side, rectangles, starts, numbers = bins.side, bins.rectangles, bins.starts, bins.numbers
     tiles_in_row = -(-num_columns // side)
     pixel_rays = np.empty((side * side, _RAY_FLOATS))
-    light = (field.light[0], field.light[1], field.light[2], field.ambient, field.diffuse)
-    of_scalars, of_means = field.scalars.ctypes.data, field.means.ctypes.data
+    scalar_address, mean_address = field.scalars.ctypes.data, field.means.ctypes.data
     for tile in tiles:
         top, left = tile // tiles_in_row * side, tile % tiles_in_row * side
         bottom, right = min(top + side, num_rows), min(left + side, num_columns)
-        _aim(
-            rays.origins, rays.directions, rays.center_px, rays.slope_per_px, stride, (left, top, right, bottom),
-            is_drawn, pixel_rays,
-        )  # fmt: skip
+        _set_up_rays(rays, stride, (left, top, right, bottom), is_drawn, pixel_rays)
         for place in range(starts[tile], starts[tile + 1]):
             if stride > 1 and place + 1 < starts[tile + 1]:
-                box = numbers[place + 1]
-                size, texels = (4 * 4, of_means) if boxes.is_mean[box] else (4, of_scalars)
-                geometry = _brick_geometry(
-                    boxes.bounds, boxes.corners, boxes.cells_per_voxel, boxes.steps, box, rays.start
-                )
-                _prefetch_brick(geometry, texels + 4 * boxes.texel_offsets[box], size)
-            box = numbers[place]
+                brick = numbers[place + 1]
+                geometry = _geometry(bricks, brick, rays.start)
+                if bricks.is_mean[brick]:
+                    _prefetch_brick(geometry, mean_address, 4 * 4)
+                else:
+                    _prefetch_brick(geometry, scalar_address, 4)
+            brick = numbers[place]
             window = (
-                max(left, rectangles[box, 0]), max(top, rectangles[box, 1]),
-                min(right, rectangles[box, 2]), min(bottom, rectangles[box, 3]),
+                max(left, rectangles[brick, 0]), max(top, rectangles[brick, 1]),
+                min(right, rectangles[brick, 2]), min(bottom, rectangles[brick, 3]),
             )  # fmt: skip
             frame = (left, top, right - left)
-            geometry = _brick_geometry(boxes.bounds, boxes.corners, boxes.cells_per_voxel, boxes.steps, box, rays.start)
-            if boxes.is_mean[box]:
-                _draw_means(
-                    window, frame, geometry, opaque, field.spacings_per_model_unit, boxes.texel_offsets[box],
-                        field.means,
-                    pixel_rays, is_drawn, image,
-                )  # fmt: skip
+            geometry = _geometry(bricks, brick, rays.start)
+            if bricks.is_mean[brick]:
+                _draw_means(window, frame, geometry, field.optics, field.means, pixel_rays, is_drawn, image)
             else:
                 _draw_scalars(
-                    window, frame, geometry, opaque, field.spacings_per_model_unit, boxes.texel_offsets[box],
-                        field.scalars,
-                    field.pieces, field.guide, field.is_lit, light, pixel_rays, is_drawn, image,
+                    window, frame, geometry, field.optics, field.scalars, field.pieces, field.guide,
+                    pixel_rays, is_drawn, image,
                 )  # fmt: skip
 
 
 @jit
-def _prefetch_brick(geometry: BrickGeometry, texels: int, size: int) -> None:
-    """Have what a box shows of its brick brought to the cache while another box is drawn: where few pixels are, each
-    texel is looked up a few times only, and half of the time would be waiting. texels: where the brick begins, size:
-    of a texel, bytes."""
-    low, high, corner, scale, _, _ = geometry
+def _prefetch_brick(geometry: _Geometry, address: int, texel_bytes: int) -> None:
+    """Load the visible texels of a brick into the cache while another brick is drawn.
+
+    Where few pixels are drawn, each texel is read a few times only, and half of the time would be waiting. address:
+    that of all texels.
+    """
+    low, high, corner, scale = geometry.low, geometry.high, geometry.corner, geometry.scale
     first_row, last_row = _texel_range(low[1], high[1], corner[1], scale)
     first_plane, last_plane = _texel_range(low[2], high[2], corner[2], scale)
-    row = PADDED_BRICK_SIZE * size
+    row_bytes = PADDED_BRICK_SIZE * texel_bytes
     for plane in range(first_plane, last_plane + 1):
-        begin = texels + plane * PADDED_BRICK_SIZE * row
-        for address in range(begin + first_row * row, begin + (last_row + 1) * row, _LINE):
-            prefetch(address)
+        begin = address + 4 * geometry.texel_offset + plane * PADDED_BRICK_SIZE * row_bytes
+        for line in range(begin + first_row * row_bytes, begin + (last_row + 1) * row_bytes, _CACHE_LINE_BYTES):
+            prefetch(line)
 
 
 @jit
 def _texel_range(low: float, high: float, corner: float, scale: float) -> tuple[int, int]:
-    """The first and the last texel along an axis of what lies between two places."""
-    return int((low - corner) * scale + 0.5), min(int((high - corner) * scale + 1.5), PADDED_BRICK_SIZE - 1)
+    """Return the first and last texel along an axis between two positions."""
+    return (
+        int((low - corner) * scale + _TEXEL_OFFSET),
+        min(int((high - corner) * scale + _TEXEL_OFFSET + 1), PADDED_BRICK_SIZE - 1),
+    )
 
 
 @jit
-def _aim(
-    origins: Float64,
-    directions: Float64,
-    center_px: tuple[float, float],
-    slope_per_px: float,
-    stride: int,
-    tile: Window,
-    is_drawn: Bools,
-    pixel_rays: Float64,
-) -> None:
-    """The rays of a tile, row by row: float64 [pixels, _RAY_FLOATS], which has what `_line` takes."""
+def _set_up_rays(rays: RaySetup, stride: int, tile: Window, is_drawn: Bools, pixel_rays: Float64) -> None:
+    """Write the rays of a tile, row by row: float64 [pixels, _RAY_FLOATS], as `_ray_at` reads them."""
     left, top, right, bottom = tile
+    origins, directions, slope_per_px, center_px = rays.origins, rays.directions, rays.slope_per_px, rays.center_px
     number = 0
     for row in range(top, bottom):
         for column in range(left, right):
@@ -233,42 +241,37 @@ def _aim(
                     pixel_rays[number, 3 + axis] = speed
                     pixel_rays[number, 6 + axis] = 1 / speed if speed != 0.0 else 0.0
                     square += speed * speed
-                phase = _phase(column * stride, row * stride)
-                pixel_rays[number, 9] = math.sqrt(square) * (1 + DITHER * (phase - 0.5))
-                pixel_rays[number, 10] = 0.5 + phase
+                jitter = _jitter(column * stride, row * stride)
+                pixel_rays[number, 9] = math.sqrt(square) * (1 + DITHER * (jitter - 0.5))
+                pixel_rays[number, 10] = 0.5 + jitter
                 pixel_rays[number, 11] = math.sqrt(1 + slope_per_px**2 * (x * x + y * y))
             number += 1
 
 
 @jit
-def _phase(column: int, row: int) -> float:
-    """Of a pixel, from 0 to 1: as in `brick_batch`."""
+def _jitter(column: int, row: int) -> float:
+    """Return the jitter of a pixel, from 0 to 1, as in `renderer.bricks.sampling`."""
     whole = (column * JITTER_PER_PX[0] + row * JITTER_PER_PX[1]) & 0xFFFFFFFF
     return (whole >> 8) / 16777216.0
 
 
 @jit
-def _brick_geometry(
-    bounds: Float64, corners: Float64, cells_per_voxel: Float64, steps: Float64, box: int, start: float
-) -> BrickGeometry:
-    """Of a box: lowest and highest corner, lowest corner of the brick, cells in a voxel, parts of a length, and where
-    rays begin."""
-    scale = cells_per_voxel[box]
-    return (
-        (bounds[box, 0, 0], bounds[box, 0, 1], bounds[box, 0, 2]),
-        (bounds[box, 1, 0], bounds[box, 1, 1], bounds[box, 1, 2]),
-        (corners[box, 0], corners[box, 1], corners[box, 2]),
+def _geometry(bricks: BrickArrays, brick: int, start: float) -> _Geometry:
+    bounds, corners, scale = bricks.bounds, bricks.corners, bricks.cells_per_voxel[brick]
+    return _Geometry(
+        (bounds[brick, 0, 0], bounds[brick, 0, 1], bounds[brick, 0, 2]),
+        (bounds[brick, 1, 0], bounds[brick, 1, 1], bounds[brick, 1, 2]),
+        (corners[brick, 0], corners[brick, 1], corners[brick, 2]),
         scale,
-        scale / steps[box],
+        scale / bricks.steps[brick],
         start,
+        bricks.texel_offsets[brick],
     )
 
 
 @jit
-def _ray_at(pixel_rays: Float64, number: int) -> Ray:
-    """Origin and direction; the inverse of the direction, 0 where it is; its length and 1/2, both with the pixel's
-    phase, for the number of parts; length for each unit of depth."""
-    return (
+def _ray_at(pixel_rays: Float64, number: int) -> _Ray:
+    return _Ray(
         (pixel_rays[number, 0], pixel_rays[number, 1], pixel_rays[number, 2]),
         (pixel_rays[number, 3], pixel_rays[number, 4], pixel_rays[number, 5]),
         (pixel_rays[number, 6], pixel_rays[number, 7], pixel_rays[number, 8]),
@@ -279,32 +282,34 @@ def _ray_at(pixel_rays: Float64, number: int) -> Ray:
 
 
 @jit
-def _line(geometry: BrickGeometry, ray: Ray) -> RaySamples:
-    """A ray's way through a box: the number of its parts, 0 where it passes by, and the length of each; where in the
-    brick the first one's middle is, in texels, and how far from there the next one is."""
-    low, high, corner, scale, samples_per_length, start = geometry
-    origin, direction, inverse, length, rounding_offset, way = ray
-    enter, leave = start, math.inf
-    enter, leave = _between(enter, leave, origin[0], inverse[0], low[0], high[0])
-    enter, leave = _between(enter, leave, origin[1], inverse[1], low[1], high[1])
-    enter, leave = _between(enter, leave, origin[2], inverse[2], low[2], high[2])
+def _clip_ray(geometry: _Geometry, ray: _Ray) -> tuple[int, np.float32, Float3, Float3]:
+    """Return a ray's samples in a brick: their number, 0 where the ray misses it; the length of a segment, in model
+    units; the first sample, in texels, and the step to the next one."""
+    low, high, corner, scale = geometry.low, geometry.high, geometry.corner, geometry.scale
+    origin, direction, inverse = ray.origin, ray.direction, ray.inverse
+    enter, leave = geometry.start, math.inf
+    enter, leave = _clip_slab(enter, leave, origin[0], inverse[0], low[0], high[0])
+    enter, leave = _clip_slab(enter, leave, origin[1], inverse[1], low[1], high[1])
+    enter, leave = _clip_slab(enter, leave, origin[2], inverse[2], low[2], high[2])
     if not leave > enter:
         return 0, _0, (_0, _0, _0), (_0, _0, _0)
-    num = max(1, min(int((leave - enter) * samples_per_length * length + rounding_offset), _MAX_SAMPLES))
+    num = int((leave - enter) * geometry.samples_per_length * ray.length + ray.rounding_offset)
+    num = max(1, min(num, MAX_SAMPLES))
     num += num & 3 == 0
-    part = (leave - enter) * _RECIPROCALS[num]
-    begin, end = enter + 0.5 * part, leave - 0.5 * part
-    fewer = _RECIPROCALS[num - 1]
-    x, step_x = _first_and_step(origin[0], direction[0], begin, end, corner[0], scale, fewer)
-    y, step_y = _first_and_step(origin[1], direction[1], begin, end, corner[1], scale, fewer)
-    z, step_z = _first_and_step(origin[2], direction[2], begin, end, corner[2], scale, fewer)
-    return num, np.float32(part * way), (x, y, z), (step_x, step_y, step_z)
+    segment = (leave - enter) * _RECIPROCALS[num]
+    begin, end = enter + 0.5 * segment, leave - 0.5 * segment
+    per_interval = _RECIPROCALS[num - 1]
+    x, step_x = _first_and_step(origin[0], direction[0], begin, end, corner[0], scale, per_interval)
+    y, step_y = _first_and_step(origin[1], direction[1], begin, end, corner[1], scale, per_interval)
+    z, step_z = _first_and_step(origin[2], direction[2], begin, end, corner[2], scale, per_interval)
+    return num, np.float32(segment * ray.length_per_depth), (x, y, z), (step_x, step_y, step_z)
 
 
 @jit
-def _between(enter: float, leave: float, origin: float, inverse: float, low: float, high: float) -> tuple[float, float]:
-    """The way from `enter` to `leave` as far as it is between two planes across an axis; a ray within a plane belongs
-    to what is above it."""
+def _clip_slab(
+    enter: float, leave: float, origin: float, inverse: float, low: float, high: float
+) -> tuple[float, float]:
+    """Clip a ray to what lies between two planes across an axis; a ray in a plane belongs to what is above it."""
     if inverse == 0.0:
         return (enter, leave) if low <= origin < high else (enter, -math.inf)
     one, other = (low - origin) * inverse, (high - origin) * inverse
@@ -315,72 +320,68 @@ def _between(enter: float, leave: float, origin: float, inverse: float, low: flo
 
 @jit
 def _first_and_step(
-    origin: float, direction: float, begin: float, end: float, corner: float, scale: float, fewer: float
+    origin: float, direction: float, begin: float, end: float, corner: float, scale: float, per_interval: float
 ) -> tuple[np.float32, np.float32]:
-    """Along an axis, in texels of the brick: where the first sample is, and how far the next one is from there."""
-    first = (origin + begin * direction - corner) * scale + 0.5
-    last = (origin + end * direction - corner) * scale + 0.5
-    first, last = _inside(first), _inside(last)
-    return np.float32(first), np.float32((last - first) * fewer)
+    """Return the first sample along an axis, in texels of the brick, and the step to the next one."""
+    first = _clamp_to_brick((origin + begin * direction - corner) * scale + _TEXEL_OFFSET)
+    last = _clamp_to_brick((origin + end * direction - corner) * scale + _TEXEL_OFFSET)
+    return np.float32(first), np.float32((last - first) * per_interval)
 
 
 @jit
-def _inside(place: float) -> float:
-    """A place where there are texels around; what is no number is brought there, too."""
-    place = place if place > _MIN_TEXEL else _MIN_TEXEL
-    return place if place < _MAX_TEXEL else _MAX_TEXEL
+def _clamp_to_brick(position: float) -> float:
+    """Clamp a position to where a brick has texels; NaN becomes the lowest one."""
+    position = position if position > _MIN_TEXEL else _MIN_TEXEL
+    return position if position < _MAX_TEXEL else _MAX_TEXEL
 
 
 @jit
 def _draw_scalars(
     window: Window,
     frame: tuple[int, int, int],
-    geometry: BrickGeometry,
-    opaque: np.float32,
-    spacings_per_model_unit: np.float32,
-    first: int,
+    geometry: _Geometry,
+    optics: Optics,
     texels: Float32,
     pieces: Float32,
     guide: Int32,
-    is_lit: bool,
-    light: tuple[np.float32, ...],
     pixel_rays: Float64,
     is_drawn: Bools,
     image: Float32,
 ) -> None:
-    """What rays take up in the brick of scalars that begins at `first`, behind the pixels of a window.
+    """Composite a brick of scalars under the pixels of a window.
 
-    frame: left and top of the tile whose rays `pixel_rays` has, and its width. Arrays are arguments, and everything but
-    single places of them happens here: numba counts arrays that are handed on, up to 15 % of the time.
+    frame: left and top of the tile whose rays are in `pixel_rays`, and its width. Arrays are arguments, and only single
+    elements of them go on from here: numba counts references to arrays in tuples, which takes up to 15 % of the time.
     """
     left, top, right, bottom = window
+    first = geometry.texel_offset
     for row in range(top, bottom):
         for column in range(left, right):
             before = image[row, column, 3]
-            if not is_drawn[row, column] or before > opaque:
+            if not is_drawn[row, column] or before > optics.termination_alpha:
                 continue
             ray = _ray_at(pixel_rays, (row - frame[1]) * frame[2] + column - frame[0])
-            num, way, place, step = _line(geometry, ray)
+            num, segment_length, place, step = _clip_ray(geometry, ray)
             red = green = blue = alpha = _0
             for number in range(num):
                 at, shares = cell_at(np.float32(number), place, step)
-                scalar = scalar_at(texels, first + at, shares)
+                scalar = sample_scalar(texels, first + at, shares)
                 piece_offset = np.uint64(guide[bucket(scalar)] * PIECE_FLOATS)
                 while scalar >= pieces[piece_offset]:
                     piece_offset += np.uint64(PIECE_FLOATS)
                 tau, r, g, b = evaluate_piece(pieces, piece_offset, scalar)
                 if tau > _0:
-                    weight = (_1 - alpha) * opacity(tau * spacings_per_model_unit * way)
+                    weight = (_1 - alpha) * opacity_of_depth(tau * optics.spacings_per_model_unit * segment_length)
                     alpha += weight
-                    if is_lit:
+                    if optics.is_lit:
                         weight *= light_factor(
-                            scalar_at(texels, first + at + TEXELS_PER_BRICK, shares),
-                            scalar_at(texels, first + at + 2 * TEXELS_PER_BRICK, shares),
-                            scalar_at(texels, first + at + 3 * TEXELS_PER_BRICK, shares),
-                            light,
+                            sample_scalar(texels, first + at + TEXELS_PER_BRICK, shares),
+                            sample_scalar(texels, first + at + 2 * TEXELS_PER_BRICK, shares),
+                            sample_scalar(texels, first + at + 3 * TEXELS_PER_BRICK, shares),
+                            optics.light,
                         )
                     red, green, blue = fma(weight, r, red), fma(weight, g, green), fma(weight, b, blue)
-                    if alpha > opaque:
+                    if alpha > optics.termination_alpha:
                         break
             if alpha > _0:
                 _composite_under(image, row, column, before, red, green, blue, alpha)
@@ -390,34 +391,33 @@ def _draw_scalars(
 def _draw_means(
     window: Window,
     frame: tuple[int, int, int],
-    geometry: BrickGeometry,
-    opaque: np.float32,
-    spacings_per_model_unit: np.float32,
-    first: int,
+    geometry: _Geometry,
+    optics: Optics,
     texels: Float32,
     pixel_rays: Float64,
     is_drawn: Bools,
     image: Float32,
 ) -> None:
-    """As `_draw_scalars`, of a brick of means."""
+    """Composite a brick of means under the pixels of a window; arguments as in `_draw_scalars`."""
     left, top, right, bottom = window
+    first = geometry.texel_offset
     for row in range(top, bottom):
         for column in range(left, right):
             before = image[row, column, 3]
-            if not is_drawn[row, column] or before > opaque:
+            if not is_drawn[row, column] or before > optics.termination_alpha:
                 continue
             ray = _ray_at(pixel_rays, (row - frame[1]) * frame[2] + column - frame[0])
-            num, way, place, step = _line(geometry, ray)
+            num, segment_length, place, step = _clip_ray(geometry, ray)
             red = green = blue = alpha = _0
             for number in range(num):
                 at, shares = cell_at(np.float32(number), place, step)
                 r, g, b, tau = sample_rgba(texels, first + 4 * at, shares)
                 if tau > _0:
-                    weight = (_1 - alpha) * opacity(tau * spacings_per_model_unit * way)
+                    weight = (_1 - alpha) * opacity_of_depth(tau * optics.spacings_per_model_unit * segment_length)
                     alpha += weight
                     weight /= tau
                     red, green, blue = fma(weight, r, red), fma(weight, g, green), fma(weight, b, blue)
-                    if alpha > opaque:
+                    if alpha > optics.termination_alpha:
                         break
             if alpha > _0:
                 _composite_under(image, row, column, before, red, green, blue, alpha)
@@ -434,8 +434,9 @@ def _composite_under(
     blue: np.float32,
     alpha: np.float32,
 ) -> None:
-    left = _1 - before
-    image[row, column, 0] = fma(left, red, image[row, column, 0])
-    image[row, column, 1] = fma(left, green, image[row, column, 1])
-    image[row, column, 2] = fma(left, blue, image[row, column, 2])
-    image[row, column, 3] = fma(left, alpha, before)
+    """Composite a colour under a pixel, whose alpha is `before`."""
+    transmittance = _1 - before
+    image[row, column, 0] = fma(transmittance, red, image[row, column, 0])
+    image[row, column, 1] = fma(transmittance, green, image[row, column, 1])
+    image[row, column, 2] = fma(transmittance, blue, image[row, column, 2])
+    image[row, column, 3] = fma(transmittance, alpha, before)

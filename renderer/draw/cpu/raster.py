@@ -1,54 +1,158 @@
-"""Rasterise without OpenGL what needs none: bricks, by the compiled loops of `cpu_bricks`."""
+"""Rasterise bricks without OpenGL, by compiled loops.
+
+    pixel grid -> its tiles, with the bricks over each -> bricks front to back, on several threads
+    -> the next, finer grid, where neighbouring pixels differ
+
+The picture is the one that `renderer.draw.gl.bricks` draws. On the CPU these loops are faster than Mesa's llvmpipe,
+whose shaders process eight or sixteen pixels in step: all of them wait for the slowest, and where few pixels are drawn
+most lanes are idle.
+"""
 
 from __future__ import annotations
 
-from types import TracebackType
+from functools import partial
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import BrickBatch
-from renderer.draw.cpu.bricks import CPUBrickRenderer
-from renderer.draw.gl.raster import CPU_RENDERER_NAME, Image
+from renderer.draw.brick_cache import BrickCache
+from renderer.draw.brick_view import BrickView
+from renderer.draw.constants import RECTANGLE_ROUNDING_PX
+from renderer.draw.cpu.atlas import CPUAtlas
+from renderer.draw.cpu.march import BrickArrays, Float64, Int64, TileBins, bin_bricks, draw_tiles
+from renderer.draw.cpu.sample import Field, Float32, Optics
 from renderer.draw.overlay import CellEdges
+from renderer.draw.subsampling import grid_size, refine_grid, upsample
+from renderer.scene import ShadingSpec
 from renderer.splats import SplatBatch
-from renderer.view import View
+from renderer.threads import ThreadPool
+from renderer.transfer import toward_light
+from renderer.view import RaySetup, View, ray_setup
+
+CPU_RENDERER_NAME = "no OpenGL: drawn on the processor"
+
+# Pixels along the sides of a tile, without and with subsampling. Tiles of 16 draw each brick more often, and the rays
+# of tiles of 64 do not fit into the cache.
+TILE_SIDE, SUBSAMPLED_TILE_SIDE = 32, 16
+# Each task draws neighbouring tiles, which have bricks in common.
+_TASKS_PER_THREAD = 4
 
 
 class CPURasterizer:
-    """As GLRasterizer, for scenes that do not need OpenGL (`Scene.needs_opengl`): it has nothing but bricks."""
+    """A rasteriser of bricks, for scenes that do not need OpenGL (`Scene.needs_opengl`); used like a GLRasterizer.
+
+    The images do not depend on the number of threads. Use as a context manager, or call `release`.
+    """
 
     renderer_name = CPU_RENDERER_NAME
 
     def __init__(self, *, num_threads: int = 2) -> None:
-        self._bricks = CPUBrickRenderer(num_threads)
+        self._threads = ThreadPool(num_threads)
+        self._cache = BrickCache(partial(CPUAtlas, is_planar=True), CPUAtlas, self._threads)
 
     def __enter__(self) -> CPURasterizer:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.release()
 
     def release(self) -> None:
-        """As in GLRasterizer."""
-        self._bricks.release()
+        """Free the bricks, and end the threads."""
+        self.evict_bricks()
+        self._threads.release()
 
-    def forget(self) -> None:
-        """As in GLRasterizer."""
-        self._bricks.forget()
+    def evict_bricks(self) -> None:
+        """Free the memory of all bricks."""
+        self._cache.evict_bricks()
 
     def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
-        """As in GLRasterizer."""
+        """Compute the texels of the bricks `batch[order]`, and return whether any was missing."""
         assert isinstance(batch, BrickBatch)
-        return self._bricks.upload(batch, order, view)
+        return self._cache.upload(batch, order, view)
 
-    def rasterize(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
-        """As in GLRasterizer."""
+    def rasterize(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Float32:
+        """Composite `batch[order]`, front to back: float32 [height, width, 4], premultiplied RGBA over nothing."""
         assert isinstance(batch, BrickBatch)
-        return self._bricks.draw(batch, order, view)
+        brick_view = self._cache.begin_frame(batch, order, view)
+        sampling = batch.screen_sampling
+        columns, rows = grid_size(view.size, sampling.strides[0])
+        image, is_drawn = np.zeros((rows, columns, 4), np.float32), np.ones((rows, columns), np.bool_)
+        self._draw_bricks(brick_view, sampling.strides[0], is_drawn, image)
+        for coarse, stride in pairwise(sampling.strides):
+            image, is_drawn = refine_grid(
+                image, coarse // stride, sampling.difference_threshold, grid_size(view.size, stride), self._threads
+            )
+            self._draw_bricks(brick_view, stride, is_drawn, image)
+        return image if sampling.strides[-1] == 1 else upsample(image, sampling.strides[-1], view.size, self._threads)
 
-    def rasterize_edges(self, edges: CellEdges, view: View) -> Image:
-        """What such scenes do not have; never called."""
+    def rasterize_edges(self, edges: CellEdges, view: View) -> Float32:
+        """Never called: the scenes that this rasteriser draws have no lines."""
         raise AssertionError("lines need OpenGL")
+
+    def _draw_bricks(self, brick_view: BrickView, stride: int, is_drawn: npt.NDArray[np.bool_], image: Float32) -> None:
+        """Draw groups of bricks that have slots at once, each group behind those before."""
+        start = 0
+        while start < len(brick_view.order):
+            end = self._cache.end_of_group(brick_view, start, len(brick_view.order))
+            self._draw_group(brick_view, slice(start, end), stride, is_drawn, image)
+            start = end
+
+    def _draw_group(
+        self, brick_view: BrickView, group: slice, stride: int, is_drawn: npt.NDArray[np.bool_], image: Float32
+    ) -> None:
+        """Composite a group of bricks under the image."""
+        texel_offsets = np.empty(group.stop - group.start, np.int64)
+        for atlas, chosen, slots in self._cache.upload_group(brick_view, group):
+            texel_offsets[chosen] = atlas.texel_offsets(slots)
+        bricks = BrickArrays(
+            brick_view.bounds[group],
+            brick_view.corners[group],
+            brick_view.cells_per_voxel[group],
+            brick_view.steps[group],
+            brick_view.is_mean[group],
+            texel_offsets,
+        )
+        batch, field = brick_view.batch, self._field(brick_view.batch)
+        bins = _bin_bricks(brick_view.rectangles_px[group], stride, (is_drawn.shape[1], is_drawn.shape[0]))
+        tiles = np.flatnonzero(bins.starts[1:] > bins.starts[:-1])
+        rays: RaySetup = ray_setup(batch.cut.volume, batch.model_unit, brick_view.view)
+
+        def draw(some: Int64) -> None:
+            draw_tiles(some, bins, stride, rays, bricks, field, is_drawn, image)
+
+        num_tasks = min(len(tiles), _TASKS_PER_THREAD * self._threads.num) if self._threads.num > 1 else 1
+        self._threads.map(draw, np.array_split(tiles, max(1, num_tasks)))
+
+    def _field(self, batch: BrickBatch) -> Field:
+        shading = batch.shading or ShadingSpec()
+        x, y, z = toward_light(shading).astype(np.float32)
+        optics = Optics(
+            np.float32(batch.screen_sampling.termination_alpha),
+            np.float32(batch.spacings_per_model_unit),
+            batch.shading is not None,
+            (x, y, z, np.float32(shading.ambient), np.float32(shading.diffuse)),
+        )
+        scalars, means = self._cache.atlases
+        pieces = batch.bricks.pieces
+        return Field(scalars.texels, means.texels, pieces.rows.reshape(-1), pieces.guide, optics)
+
+
+def _bin_bricks(rectangles_px: Float64, stride: int, shape: tuple[int, int]) -> TileBins:
+    """Find the pixels and tiles of a grid, with this many columns and rows, that rectangles [n, 4] cover.
+
+    Pixels that rounding may have moved out of a rectangle count as inside. Grid pixel 0 is the centre of pixel 0.
+    """
+    side = TILE_SIDE if stride == 1 else SUBSAMPLED_TILE_SIDE
+    most = np.array(shape)
+    low = np.clip(np.ceil((rectangles_px[:, :2] - 0.5 - RECTANGLE_ROUNDING_PX) / stride), 0, most)
+    high = np.clip(np.floor((rectangles_px[:, 2:] - 0.5 + RECTANGLE_ROUNDING_PX) / stride) + 1, low, most)
+    rectangles = np.hstack([low, high]).astype(np.int64)
+    columns, rows = (-(-n // side) for n in shape)
+    starts, numbers = np.empty(columns * rows + 1, np.int64), np.empty(8 * len(rectangles), np.int64)
+    num = bin_bricks(rectangles, side, columns, starts, numbers)
+    if num > len(numbers):
+        numbers = np.empty(num, np.int64)
+        bin_bricks(rectangles, side, columns, starts, numbers)
+    return TileBins(side, rectangles, starts, numbers)

@@ -1,6 +1,6 @@
-"""What the compiled loops of `cpu_bricks_kernel` look up in a brick: between its texels, and in the transfer function.
+"""Sample the field of a brick and classify the samples, compiled.
 
-Functions of a few lines, which the compiler puts where they are called. Arrays are their arguments.
+The functions are short, and the compiler inlines them. Arrays are their arguments: `renderer.draw.cpu.march` says why.
 """
 
 from __future__ import annotations
@@ -12,62 +12,72 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import PADDED_BRICK_SIZE
+from renderer.draw.constants import OPACITY_SERIES
 from renderer.jit import fma, jit
 from renderer.transfer import GUIDE_SIZE, lambert_factor
 
 Float32 = npt.NDArray[np.float32]
 Int32 = npt.NDArray[np.int32]
 Color = tuple[np.float32, np.float32, np.float32, np.float32]
-Shares = tuple[np.float32, np.float32, np.float32]
+Float3 = tuple[np.float32, np.float32, np.float32]
 
-# Floats of a piece of the transfer function: end, origin, (r, g, b, tau) there, and their slopes.
+# The floats of a piece of the transfer function: end, origin, (r, g, b, tau) at the origin, and their slopes.
 PIECE_FLOATS = 10
-# Texels of a brick.
 TEXELS_PER_BRICK = PADDED_BRICK_SIZE**3
 
 _GUIDE_SIZE, _LAST_BUCKET = np.float32(GUIDE_SIZE), np.float32(GUIDE_SIZE - 1)
-# From one texel of a brick to the next along y and z.
+# From one texel of a brick to the next along y and along z.
 _ROW_STRIDE, _PLANE_STRIDE = PADDED_BRICK_SIZE, PADDED_BRICK_SIZE**2
 
 _0: np.float32 = np.float32(0.0)
 _1: np.float32 = np.float32(1.0)
 _HALF: np.float32 = np.float32(0.5)
-_LOG2_E, _LN_2, _MOST_DEPTH = np.float32(1 / math.log(2)), np.float32(math.log(2)), np.float32(40.0)
+_LOG2_E, _LN_2, _MAX_DEPTH = np.float32(1 / math.log(2)), np.float32(math.log(2)), np.float32(40.0)
 _POWERS_OF_HALF = (2.0 ** -np.arange(64.0)).astype(np.float32)
+_A, _B, _C, _D = (np.float32(coefficient) for coefficient in OPACITY_SERIES)
+
+
+class Optics(NamedTuple):
+    """The numbers that all samples share.
+
+    termination_alpha, spacings_per_model_unit: as in ScreenSampling and BrickBatch.
+    light: unit vector to the light (x, y, z), ambient and diffuse; used if `is_lit`.
+    """
+
+    termination_alpha: np.float32
+    spacings_per_model_unit: np.float32
+    is_lit: bool
+    light: tuple[np.float32, np.float32, np.float32, np.float32, np.float32]
 
 
 class Field(NamedTuple):
-    """What is looked up.
+    """The texels of all bricks, and how they are classified.
 
-    scalars: float32, of each brick [PADDED_BRICK_SIZE^3], or with light [4, PADDED_BRICK_SIZE^3] with the gradient.
-    means: of each [PADDED_BRICK_SIZE^3, 4]. spacings_per_model_unit: as in BrickBatch.
-    pieces: float32 [pieces * PIECE_FLOATS]. guide: int32 [GUIDE_SIZE]. Both as in PiecewiseTransfer.
+    scalars: float32, of each brick [PADDED_BRICK_SIZE^3]; with shading [4, PADDED_BRICK_SIZE^3], with the gradient.
+    means: float32, of each brick [PADDED_BRICK_SIZE^3, 4]. pieces: float32 [pieces * PIECE_FLOATS]. guide: int32
+    [GUIDE_SIZE]. Both as in PiecewiseTransfer.
     """
 
     scalars: Float32
     means: Float32
-    spacings_per_model_unit: np.float32
     pieces: Float32
     guide: Int32
-    is_lit: bool
-    light: tuple[np.float32, np.float32, np.float32]
-    ambient: np.float32
-    diffuse: np.float32
+    optics: Optics
 
 
 @jit
 def bucket(scalar: np.float32) -> np.uint64:
-    """Of the guide; what is no number has the first."""
-    place = scalar * _GUIDE_SIZE
-    place = place if place > _0 else _0
-    place = place if place < _LAST_BUCKET else _LAST_BUCKET
-    number: np.uint64 = np.uint64(np.int32(place))
+    """Return the bucket of the guide that a scalar falls into; NaN falls into the first one."""
+    position = scalar * _GUIDE_SIZE
+    position = position if position > _0 else _0
+    position = position if position < _LAST_BUCKET else _LAST_BUCKET
+    number: np.uint64 = np.uint64(np.int32(position))
     return number
 
 
 @jit
 def evaluate_piece(pieces: Float32, row: np.uint64, scalar: np.float32) -> Color:
-    """(tau, r, g, b) of a scalar in the piece that has this row."""
+    """Return (tau, r, g, b) of a scalar in the piece that begins at `row`."""
     offset = scalar - pieces[row + np.uint64(1)]
     return (
         fma(offset, pieces[row + np.uint64(9)], pieces[row + np.uint64(5)]),
@@ -78,9 +88,9 @@ def evaluate_piece(pieces: Float32, row: np.uint64, scalar: np.float32) -> Color
 
 
 @jit
-def cell_at(number: np.float32, place: Shares, step: Shares) -> tuple[int, Shares]:
-    """Of a sample by its number: the texel of the brick at or below it, and how far it is beyond that."""
-    x, y, z = fma(number, step[0], place[0]), fma(number, step[1], place[1]), fma(number, step[2], place[2])
+def cell_at(number: np.float32, first: Float3, step: Float3) -> tuple[int, Float3]:
+    """Return the texel of the brick at or below a sample, by its number, and how far the sample is from it."""
+    x, y, z = fma(number, step[0], first[0]), fma(number, step[1], first[1]), fma(number, step[2], first[2])
     i, j, k = np.int32(x), np.int32(y), np.int32(z)
     return np.int64((k * PADDED_BRICK_SIZE + j) * PADDED_BRICK_SIZE + i), (
         x - np.float32(i),
@@ -95,8 +105,8 @@ def _lerp(share: np.float32, one: np.float32, other: np.float32) -> np.float32:
 
 
 @jit
-def scalar_at(texels: Float32, at: int, shares: Shares) -> np.float32:
-    """Between eight texels, the lowest of which is `at`."""
+def sample_scalar(texels: Float32, at: int, shares: Float3) -> np.float32:
+    """Interpolate between eight texels, the lowest of which is `at`."""
     low = np.uint64(at)
     high = low + np.uint64(_PLANE_STRIDE)
     u, v, w = shares
@@ -115,9 +125,9 @@ def scalar_at(texels: Float32, at: int, shares: Shares) -> np.float32:
 
 @jit
 def light_factor(x: np.float32, y: np.float32, z: np.float32, light: tuple[np.float32, ...]) -> np.float32:
-    """What a colour is multiplied by where the gradient is (x, y, z), of any length: Lambert's law.
+    """Return the factor on the colour where the gradient is (x, y, z), of any length: Lambert's law.
 
-    light: to the light, of unit length; ambient and diffuse.
+    light: as in Optics.
     """
     largest = max(abs(x), abs(y), abs(z))
     if not largest > _0:
@@ -127,15 +137,15 @@ def light_factor(x: np.float32, y: np.float32, z: np.float32, light: tuple[np.fl
 
 
 @jit
-def opacity(x: np.float32) -> np.float32:
-    """1 - exp(-x) of x >= 0, relative error below 3e-7, as in shaders/opacity.glsl; 2^-n is looked up."""
+def opacity_of_depth(x: np.float32) -> np.float32:
+    """Return 1 - exp(-x) of x >= 0, relative error below 3e-7; 2^-n is read from a table."""
     if x < _HALF:
-        series = fma(x, np.float32(-0.00680757), np.float32(0.04104245))
-        series = fma(-x, series, np.float32(0.16656359))
-        series = fma(-x, series, np.float32(0.49999463))
+        series = fma(x, -_D, _C)
+        series = fma(-x, series, _B)
+        series = fma(-x, series, _A)
         small: np.float32 = x * fma(-x, series, _1)
         return small
-    if not x < _MOST_DEPTH:
+    if not x < _MAX_DEPTH:
         return _1
     n = np.int32(fma(x, _LOG2_E, _HALF))
     r = fma(np.float32(n), _LN_2, -x)
@@ -148,8 +158,8 @@ def opacity(x: np.float32) -> np.float32:
 
 
 @jit
-def sample_rgba(texels: Float32, at: int, shares: Shares) -> Color:
-    """Four channels between eight texels, the lowest of which begins at `at`."""
+def sample_rgba(texels: Float32, at: int, shares: Float3) -> Color:
+    """Interpolate four channels between eight texels, the lowest of which begins at `at`."""
     low = np.uint64(at)
     high = low + np.uint64(4 * _PLANE_STRIDE)
     u, v, w = shares
@@ -164,7 +174,7 @@ def sample_rgba(texels: Float32, at: int, shares: Shares) -> Color:
 
 @jit
 def _lerp_texels_rgba(share: np.float32, texels: Float32, at: np.uint64) -> Color:
-    """Between a texel and the next one along x."""
+    """Interpolate four channels between a texel and the next one along x."""
     return (
         _lerp(share, texels[at], texels[at + np.uint64(4)]),
         _lerp(share, texels[at + np.uint64(1)], texels[at + np.uint64(5)]),

@@ -1,15 +1,13 @@
-"""Rasterise with OpenGL: splats and edges; bricks are drawn by `gl_bricks`, in the context that is made here.
+"""Rasterise splats and edges with OpenGL; `renderer.draw.gl.bricks` draws bricks in the context that is made here.
 
-A headless EGL context (any GPU's driver, or Mesa's llvmpipe) and a float32 RGBA target. Splats come sorted back to
-front and are streamed to the device in batches of bounded size, so that neither their number nor the driver's limits on
-buffers matter:
+The context is headless EGL (any GPU's driver, or Mesa's llvmpipe), the target float32 RGBA. Splats are sorted back to
+front and uploaded in batches of bounded size, so that neither their number nor the driver's limits on buffers matter:
 
     batch of splats -> vertex buffer -> points, quads (larger than the driver's points) or triangle fans
                     -> fragment alpha -> blended "over", premultiplied, in float32 -> read back once a frame
 
-The edges of an overlay come in batches, too, one quad each, and make a picture of their own.
-
-Rows are drawn upside down, so that what is read back has row 0 at the top.
+The edges of an overlay are uploaded in batches, too, one quad each, and drawn to an image of their own. Rows are drawn
+upside down, so that the image that is read back has row 0 at the top.
 """
 
 from __future__ import annotations
@@ -17,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from types import TracebackType
 from typing import Any, Literal
 
 import moderngl
@@ -26,184 +23,185 @@ import numpy.typing as npt
 
 from renderer.bricks import BrickBatch
 from renderer.draw.compositing import MIN_CHUNK_SPLATS, composite_over, splats_per_chunk
-from renderer.draw.cpu.bricks import CPUBrickRenderer
+from renderer.draw.cpu.raster import CPU_RENDERER_NAME, CPURasterizer
 from renderer.draw.gl.bricks import GLBrickRenderer
-from renderer.draw.gl.shaders import load_shader
+from renderer.draw.gl.programs import (
+    EDGE_VERTEX,
+    MAX_SHAPES,
+    MESH_VERTEX,
+    MIN_LINE_DEPTH,
+    SPLAT_VERTEX,
+    load_shader,
+    vertex_content,
+)
 from renderer.draw.overlay import CellEdges, level_colors
 from renderer.errors import ContextLostError, RenderError
 from renderer.splats import GaussianFootprint, GouraudFootprint, SplatBatch
-from renderer.view import ModelView, Region, View, covered_region, longest_sigma, mean_footprint_area_px, model_view
+from renderer.view import (
+    CLIPPED_SIGMAS,
+    ModelView,
+    Region,
+    View,
+    covered_region,
+    longest_sigma,
+    mean_footprint_area_px,
+    model_view,
+)
 
 Image = npt.NDArray[np.float32]
 BrickBackend = Literal["device", "processor"]
-Draw = Callable[[npt.NDArray[np.uint32]], None]  # draws these splats of a batch, back to front
+DrawSplats = Callable[[npt.NDArray[np.uint32]], None]  # draws these splats of a batch, back to front
 
-# Splats on the device at a time: 9 MiB of vertices.
-BATCH_SIZE = 1 << 18
-
-# CellEdges.vertices; as many edges at a time as fill the buffer of the splats
-EDGE_FORMAT, EDGE_NAMES, EDGE_BYTES = "3f 3f 1f/i", ("start", "end", "level"), 28
+# Splats on the device at a time: 8 MiB of vertices. Edges use the same buffer.
+BATCH_SIZE, VERTEX_BYTES = 1 << 18, SPLAT_VERTEX.itemsize
 
 # Where cells have a side of s model units and of p pixels, up to 2 / s of them lie behind one another, and the lines of
-# one layer cover about 2 / p of the image: a solid fog. So a line's opacity is LINE_COVER * s * p, which bounds what a
-# region adds up to whatever the size of its cells, and never more than LINE_OPACITY. Cells under MIN_SIDE_PX have no
-# lines.
+# one layer cover about 2 / p of the image: together they are a fog. Therefore a line's opacity is LINE_COVER * s * p,
+# at most LINE_OPACITY, which bounds the total for cells of any size. Cells under MIN_SIDE_PX have no lines.
 LINE_COVER, LINE_OPACITY, MIN_SIDE_PX = 0.75, 0.8, 3.0
 
-# What the shader's uniform block holds, 48 bytes each; GL guarantees 16 KiB.
-MAX_SHAPES = 256
-
-# SplatBatch.vertices
-VERTEX_FORMAT, VERTEX_NAMES, VERTEX_BYTES = "3f 4f 1f", ("center", "areas", "shape"), 32
-
-# EGL devices tried before giving up; a machine has one for each GPU and one for the software renderer.
+# EGL devices that are tried; a machine has one for each GPU and one for the software renderer.
 MAX_EGL_DEVICES = 9
 
-CPU_RENDERER_NAME = "no OpenGL: drawn on the processor"
-# Parts of names of what draws on the processor: of drivers in GL_RENDERER.
+# Parts of the names (GL_RENDERER) of drivers that draw on the CPU.
 _SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swrast", "SwiftShader", CPU_RENDERER_NAME)
 
 EGL_PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
 
 
 class GLRasterizer:
-    """A GL context with its programs; reusable for any number of frames, of any size.
+    """A GL context with its programs, for any number of frames of any size.
 
-    num_threads: of loops on the processor, on which bricks are drawn where the driver would do so, too, and slower;
-    brick_backend: otherwise, for tests.
-    Use as a context manager, or call `release`. Raises RenderError where no context can be made, and ContextLostError
-    where it is lost while it draws: then it is of no more use, and `raster_lasting` takes another one.
+    Where the driver draws on the CPU, CPURasterizer draws bricks instead, because it is faster. num_threads: threads of
+    its loops. brick_backend: draws bricks, for tests. Use as a context manager, or call `release`. Raises RenderError
+    where no context can be made, and ContextLostError where the context is lost while it draws; then the rasteriser
+    cannot be used any more, and RecoveringRasterizer makes another one.
     """
 
     def __init__(self, *, num_threads: int = 2, brick_backend: BrickBackend | None = None) -> None:
         self._context = _create_context()
         info = self._context.info
-        self._renderer_name = f"{info['GL_RENDERER']}, GL {info['GL_VERSION']}"  # a lost context tells nothing
+        self._renderer_name = f"{info['GL_RENDERER']}, GL {info['GL_VERSION']}"  # a lost context has no info
         self._largest_point_px = float(info["GL_POINT_SIZE_RANGE"][1])
-        with self._errors_as_context_loss():
+        with self._drawing():
             self._splat_buffer = self._context.buffer(reserve=BATCH_SIZE * VERTEX_BYTES, dynamic=True)
             self._shape_buffer = self._context.buffer(reserve=MAX_SHAPES * 48, dynamic=True)
         self._programs: dict[tuple[str, str], Any] = {}
         self._target: Any = None
-        self._bricks: GLBrickRenderer | CPUBrickRenderer
+        self._bricks: GLBrickRenderer | CPURasterizer
         if brick_backend == "device" or (brick_backend is None and not is_software(self._renderer_name)):
             self._bricks = GLBrickRenderer(self._context, self._program, self._largest_point_px, num_threads)
         else:
-            self._bricks = CPUBrickRenderer(num_threads)
+            self._bricks = CPURasterizer(num_threads=num_threads)
 
     def __enter__(self) -> GLRasterizer:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.release()
 
     def release(self) -> None:
-        """Give back the context and all that lives in it."""
+        """Free the context and all that it holds."""
         self._bricks.release()
         self._context.release()
 
     @property
     def renderer_name(self) -> str:
-        """Device and driver, as GL names them."""
+        """The names of device and driver, from GL."""
         return self._renderer_name
 
     def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
-        """Bring what a picture shares with later ones to the device; whether any of it was not there.
+        """Upload the bricks `batch[order]` to the device, and return whether any was missing.
 
-        Those are bricks. Splats go up with every picture.
+        Splats are uploaded with every image: nothing is done for them.
         """
         if isinstance(batch, SplatBatch):
             return False
-        with self._errors_as_context_loss(), self._context:
-            is_new = self._bricks.upload(batch, order, view)
-            self._require_no_error()
-        return is_new
+        with self._drawing():
+            return self._bricks.upload(batch, order, view)
 
     def rasterize(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         """Composite `batch[order]`, splats back to front and bricks front to back.
 
         Returns float32 [height, width, 4], premultiplied RGBA over nothing.
         """
-        with self._errors_as_context_loss():
+        with self._drawing():
             if isinstance(batch, SplatBatch):
                 return self._rasterize_splats(batch, order, view)
-            with self._context:
-                image = self._bricks.draw(batch, order, view)
-                self._require_no_error()
-            return image
+            return self._bricks.rasterize(batch, order, view)
 
-    def forget(self) -> None:
-        """Let go of the bricks, of which there may be many, until some are drawn again."""
+    def evict_bricks(self) -> None:
+        """Free the memory of all bricks."""
         with self._context:
-            self._bricks.forget()
-
-    def rasterize_edges(self, edges: CellEdges, view: View) -> Image:
-        """Lines along the edges, one over the other in their order: as `rasterize`, float32 [height, width, 4]."""
-        with self._errors_as_context_loss():
-            return self._rasterize_edges(edges, view)
+            self._bricks.evict_bricks()
 
     @contextmanager
-    def _errors_as_context_loss(self) -> Iterator[None]:
-        """What cannot be made on the device fails as the drawing does: a lost context makes nothing any more."""
+    def _drawing(self) -> Iterator[None]:
+        """Make the context current, and raise ContextLostError for what fails in it.
+
+        GL itself does not raise where a device is reset or runs out of memory: it goes on, and images are wrong.
+        """
         try:
-            yield
+            with self._context:  # another one may have been made since
+                yield
+                got = self._context.error
         except moderngl.Error as error:
             raise self._context_lost_error(str(error)) from error
+        if got != "GL_NO_ERROR":
+            raise self._context_lost_error(got)
 
     def _context_lost_error(self, got: str) -> ContextLostError:
         return ContextLostError("OpenGL failed to draw, or its context was lost", where=self.renderer_name, got=got)
 
     def _rasterize_splats(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         camera = model_view(batch, view)
-        draw = self._prepared(batch, camera)
+        draw = self._prepare_splats(batch, camera)
         if len(order) <= MIN_CHUNK_SPLATS:
-            return self._chunk(draw, order, view.size, Region(0, 0, *view.size))
+            return self._rasterize_chunk(draw, order, view.size, Region(0, 0, *view.size))
         region = covered_region(batch, camera)
         image = np.zeros((view.size[1], view.size[0], 4), np.float32)
         if region.num_pixels == 0:
             return image
         num_at_once = splats_per_chunk(region.num_pixels, mean_footprint_area_px(batch, order, camera, region))
         if len(order) <= num_at_once:
-            return self._chunk(draw, order, view.size, Region(0, 0, *view.size))
+            return self._rasterize_chunk(draw, order, view.size, Region(0, 0, *view.size))
         covered = np.zeros((region.height, region.width, 4))
         for first in range(0, len(order), num_at_once):
-            composite_over(self._chunk(draw, order[first : first + num_at_once], view.size, region), covered)
+            composite_over(self._rasterize_chunk(draw, order[first : first + num_at_once], view.size, region), covered)
         image[region.top : region.top + region.height, region.left : region.left + region.width] = covered
         return image
 
-    def _prepared(self, batch: SplatBatch, camera: ModelView) -> Draw:
-        """Shapes and a program with its uniforms on the device, and what draws some of the splats with them."""
+    def _prepare_splats(self, batch: SplatBatch, camera: ModelView) -> DrawSplats:
+        """Upload shapes and uniforms, and return the function that draws some of the splats with them."""
         is_gaussian = isinstance(batch.footprint, GaussianFootprint)
         name = "gaussian" if is_gaussian else "gouraud"
-        with self._context:
-            self._shape_buffer.write(_shape_block(batch, camera))
-            self._shape_buffer.bind_to_uniform_block(0)
-            program = self._program(
-                f"project.glsl opacity.glsl {name}_vertex.glsl", f"opacity.glsl {name}_fragment.glsl"
-            )
-            _set_camera(program, camera)
-            program["near_beyond_origin"] = camera.near + float(camera.view_from_model[2, 3])
-            program["slope_limit"] = tuple(camera.slope_limit)
-            for uniform in ("min_sigma_px", *(("cutoff", "decay", "coefficients", "rim") if is_gaussian else ())):
-                program[uniform] = getattr(batch.footprint, uniform)
-        return (
-            partial(self._draw_gaussians, program, batch, camera)
-            if is_gaussian
-            else partial(self._draw_fans, program, batch)
-        )
+        self._shape_buffer.write(_shape_block(batch, camera))
+        self._shape_buffer.bind_to_uniform_block(0)
+        program = self._program(f"project.glsl opacity.glsl {name}_vertex.glsl", f"opacity.glsl {name}_fragment.glsl")
+        _set_camera(program, camera)
+        program["near_beyond_origin"] = camera.near + float(camera.view_from_model[2, 3])
+        program["slope_limit"] = tuple(camera.slope_limit)
+        for uniform in ("min_sigma_px", *(("cutoff", "decay", "coefficients", "rim") if is_gaussian else ())):
+            program[uniform] = getattr(batch.footprint, uniform)
+        if is_gaussian:
+            return partial(self._draw_gaussians, program, batch, camera)
+        return partial(self._draw_fans, program, batch)
 
-    def _chunk(self, draw: Draw, order: npt.NDArray[np.uint32], size: tuple[int, int], region: Region) -> Image:
-        """The region of the picture of some splats, over nothing, blended in float32."""
-        with self._picture(size, region) as image:
+    def _rasterize_chunk(
+        self, draw: DrawSplats, order: npt.NDArray[np.uint32], size: tuple[int, int], region: Region
+    ) -> Image:
+        """Draw a region of the image of some splats, over nothing, blended in float32."""
+        with self._render_region(size, region) as image:
             for first in range(0, len(order), BATCH_SIZE):
                 draw(order[first : first + BATCH_SIZE])
         return image
 
-    def _rasterize_edges(self, edges: CellEdges, view: View) -> Image:
-        with self._picture(view.size, Region(0, 0, *view.size)) as image:
-            camera = model_view(edges, view)
+    def rasterize_edges(self, edges: CellEdges, view: View) -> Image:
+        """Draw lines along the edges, one over the other in their order: float32 [height, width, 4], as `rasterize`."""
+        camera = model_view(edges, view)
+        vertices = edges.vertices[: _num_large_enough(edges, camera)]
+        num_at_once = BATCH_SIZE * VERTEX_BYTES // EDGE_VERTEX.itemsize
+        with self._drawing():
             program = self._program("line_vertex.glsl", "line_fragment.glsl")
             _set_camera(program, camera)
             program["near_depth"] = camera.near
@@ -212,53 +210,44 @@ class GLRasterizer:
             program["opacity"] = LINE_OPACITY
             program["min_side_px"] = MIN_SIDE_PX
             program["level_colors"].write(level_colors().astype(np.float32))
-            lines = self._context.vertex_array(program, [(self._splat_buffer, EDGE_FORMAT, *EDGE_NAMES)])
-            num_at_once = BATCH_SIZE * VERTEX_BYTES // EDGE_BYTES
-            vertices = edges.vertices[: _num_large_enough(edges, camera)]
-            for first in range(0, len(vertices), num_at_once):
-                batch = vertices[first : first + num_at_once]
-                self._splat_buffer.orphan()
-                self._splat_buffer.write(batch)
-                lines.render(moderngl.TRIANGLES, vertices=6, instances=len(batch))
-            lines.release()
+            with self._render_region(view.size, Region(0, 0, *view.size)) as image:
+                lines = self._context.vertex_array(program, [vertex_content(self._splat_buffer, EDGE_VERTEX, "/i")])
+                for first in range(0, len(vertices), num_at_once):
+                    batch = vertices[first : first + num_at_once]
+                    self._splat_buffer.orphan()
+                    self._splat_buffer.write(batch)
+                    lines.render(moderngl.TRIANGLES, vertices=6, instances=len(batch))
+                lines.release()
         return image
 
     @contextmanager
-    def _picture(self, size: tuple[int, int], region: Region) -> Iterator[Image]:
-        """Of an image of (width, height) the region, in which is, in the end, what was drawn meanwhile."""
+    def _render_region(self, size: tuple[int, int], region: Region) -> Iterator[Image]:
+        """Clear a region of an image of (width, height), and read it back at the end of the `with` block."""
         image = np.empty((region.height, region.width, 4), np.float32)
-        place = (region.left, region.top, region.width, region.height)
-        with self._context:  # another one may have been made since
-            self._context.enable_only(moderngl.BLEND | moderngl.PROGRAM_POINT_SIZE)
-            self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
-            target = self._target_of_size(size)
-            target.use()
-            target.clear(0.0, 0.0, 0.0, 0.0, viewport=place)
-            yield image
-            if image.size:
-                target.read_into(image, viewport=place, components=4, dtype="f4")
-            self._require_no_error()
-
-    def _require_no_error(self) -> None:
-        """Nothing raises where a device is reset or runs out of memory: GL goes on, and its pictures are rubbish."""
-        error = self._context.error
-        if error != "GL_NO_ERROR":
-            raise self._context_lost_error(error)
+        viewport = (region.left, region.top, region.width, region.height)
+        self._context.enable_only(moderngl.BLEND | moderngl.PROGRAM_POINT_SIZE)
+        self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
+        target = self._target_of_size(size)
+        target.use()
+        target.clear(0.0, 0.0, 0.0, 0.0, viewport=viewport)
+        yield image
+        if image.size:
+            target.read_into(image, viewport=viewport, components=4, dtype="f4")
 
     def _draw_gaussians(
         self, program: Any, batch: SplatBatch, camera: ModelView, order: npt.NDArray[np.uint32]
     ) -> None:
-        """Points, and in their place in the order quads where the driver's points are too small."""
+        """Draw splats as points, and as quads where the driver's points are too small, in their order."""
         vertices = batch.vertices.take(order, axis=0)
         self._splat_buffer.orphan()
         self._splat_buffer.write(vertices)
         is_large = _size_bound_px(batch, vertices, camera) > self._largest_point_px
         run_starts = np.concatenate([[0], np.flatnonzero(np.diff(is_large)) + 1])
         run_ends = np.append(run_starts[1:], len(order))
-        points = self._vertex_array(program, self._splat_buffer)
+        points = self._context.vertex_array(program, [vertex_content(self._splat_buffer, SPLAT_VERTEX)])
         large = np.repeat(vertices[is_large], 6, axis=0)
         with self._temporary_buffer(large) as quad_buffer:
-            quads = self._vertex_array(program, quad_buffer)
+            quads = self._context.vertex_array(program, [vertex_content(quad_buffer, SPLAT_VERTEX)])
             num_quads = 0
             for start, end in zip(run_starts, run_ends, strict=True):
                 num = int(end - start)
@@ -272,7 +261,7 @@ class GLRasterizer:
         points.release()
 
     def _draw_fans(self, program: Any, batch: SplatBatch, order: npt.NDArray[np.uint32]) -> None:
-        """The paper's footprints: one instance of the mesh for each splat."""
+        """Draw Gouraud footprints: one instance of the mesh for each splat."""
         footprint = batch.footprint
         assert isinstance(footprint, GouraudFootprint)
         self._splat_buffer.orphan()
@@ -280,15 +269,15 @@ class GLRasterizer:
         mesh = np.column_stack([footprint.vertices, footprint.weights]).astype(np.float32)
         with self._temporary_buffer(mesh) as mesh_buffer, self._temporary_buffer(footprint.triangles) as triangles:
             content = [
-                (mesh_buffer, "2f 1f", "mesh_vertex", "mesh_weight"),
-                (self._splat_buffer, VERTEX_FORMAT + "/i", *VERTEX_NAMES),
+                vertex_content(mesh_buffer, MESH_VERTEX),
+                vertex_content(self._splat_buffer, SPLAT_VERTEX, "/i"),
             ]
             fans = self._context.vertex_array(program, content, index_buffer=triangles, index_element_size=4)
             fans.render(moderngl.TRIANGLES, instances=len(order))
             fans.release()
 
     def _program(self, vertex_files: str, fragment_files: str) -> Any:
-        """A program from its files, compiled at its first use."""
+        """Return the program from these files; it is compiled at its first use."""
         key = vertex_files, fragment_files
         if key not in self._programs:
             self._programs[key] = self._context.program(
@@ -296,12 +285,9 @@ class GLRasterizer:
             )
         return self._programs[key]
 
-    def _vertex_array(self, program: Any, buffer: Any) -> Any:
-        return self._context.vertex_array(program, [(buffer, VERTEX_FORMAT, *VERTEX_NAMES)])
-
     @contextmanager
     def _temporary_buffer(self, data: npt.NDArray[Any]) -> Iterator[Any]:
-        """A buffer for one draw; GL has no empty buffers, so one of no data holds four bytes."""
+        """Make a buffer for one draw call; GL has no empty buffers, so that one without data has four bytes."""
         buffer = self._context.buffer(data if data.size else bytes(4))
         try:
             yield buffer
@@ -309,7 +295,7 @@ class GLRasterizer:
             buffer.release()
 
     def _target_of_size(self, size: tuple[int, int]) -> Any:
-        """A float32 RGBA framebuffer of (width, height), kept while the size stays."""
+        """Return a float32 RGBA framebuffer of (width, height), which is reused for images of one size."""
         if self._target is None or self._target.size != size:
             if self._target is not None:
                 self._target.color_attachments[0].release()
@@ -318,29 +304,29 @@ class GLRasterizer:
             try:
                 self._target = self._context.framebuffer([self._context.renderbuffer(size, 4, dtype="f4")])
             except moderngl.Error as error:
-                raise ContextLostError(  # which of the two, nobody can tell
+                raise ContextLostError(  # the two cannot be told apart
                     "the device has no room for a picture of this size, or its context was lost",
                     where=self.renderer_name,
                     got=f"{size[0]} x {size[1]} pixels of 16 bytes",
                     hint="choose a smaller output.size",
                 ) from error
-            _ = self._context.error  # moderngl binds the target before once more, which is gone
+            _ = self._context.error  # moderngl binds the previous target again, which is gone
         return self._target
 
 
 def is_software(renderer_name: str) -> bool:
-    """Whether what has this name draws on the processor."""
+    """Return whether a renderer with this name draws on the CPU."""
     return any(name in renderer_name for name in _SOFTWARE_RENDERERS)
 
 
 def _create_context() -> Any:
-    """A headless context on the first EGL device that gives one: a GPU may be there and not be ours to use."""
+    """Make a headless context on the first EGL device that allows it: users may lack permission for a GPU."""
     failures = []
     for device in range(MAX_EGL_DEVICES):
         settings: dict[str, Any] = {"backend": "egl", "device_index": device}
         try:
             return moderngl.create_context(require=330, standalone=True, **settings)
-        except Exception as error:  # the loader raises plain Exceptions, one for each step that can fail
+        except Exception as error:  # the loader raises plain Exceptions
             failures.append(error)
     raise RenderError(
         "no OpenGL 3.3 context could be made",
@@ -352,15 +338,15 @@ def _create_context() -> Any:
 
 
 def _num_large_enough(edges: CellEdges, camera: ModelView) -> int:
-    """How many of the edges, coarse levels first, may be of cells of MIN_SIDE_PX; the model's radius is 1."""
+    """Return how many of the first edges may belong to cells of MIN_SIDE_PX or more; the model's radius is 1."""
     eye_distance = float(np.linalg.norm(camera.view_from_model[:, 3]))
-    nearest = max(eye_distance - 1, camera.near, 1e-5) if camera.perspective else 1.0
+    nearest = max(eye_distance - 1, camera.near, MIN_LINE_DEPTH) if camera.perspective else 1.0
     sides_px = edges.voxel_side * np.exp2(edges.vertices[:, 6]) * (camera.scale_px / nearest)
     return int(np.count_nonzero(sides_px >= MIN_SIDE_PX))
 
 
 def _set_camera(program: Any, camera: ModelView) -> None:
-    """The uniforms of every program."""
+    """Set the uniforms that the programs of splats and lines share."""
     to_depth = np.diag([1.0, 1.0, -1.0]) @ camera.view_from_model
     program["view_rotation"] = tuple(to_depth[:, :3].T.ravel())  # GL matrices are column by column
     program["view_translation"] = tuple(to_depth[:, 3])
@@ -370,20 +356,20 @@ def _set_camera(program: Any, camera: ModelView) -> None:
 
 
 def _shape_block(batch: SplatBatch, camera: ModelView) -> bytes:
-    """The uniform block of the shapes: right, up and depth rows of their axes, each padded to four floats."""
+    """Return the uniform block of shapes: right, up and depth rows of their axes, each padded to four floats."""
     rows = np.zeros((MAX_SHAPES, 3, 4), np.float32)
     rows[: len(batch.axes), :, :3] = np.diag([1.0, 1.0, -1.0]) @ camera.view_from_model[:, :3] @ batch.axes
     return rows.tobytes()
 
 
 def _size_bound_px(batch: SplatBatch, vertices: npt.NDArray[np.float32], camera: ModelView) -> npt.NDArray[np.float64]:
-    """float64 [n]: no footprint's square is larger than this; infinite where the near plane may cut the splat."""
+    """Bound the sides of the footprints' squares: float64 [n]; infinite where the near plane may cut the splat."""
     sigma = longest_sigma(batch)[vertices[:, 7].astype(np.int64)]
     if not camera.perspective:
         sigma_px = sigma * camera.scale_px
     else:
         depth = -(vertices[:, :3] @ camera.view_from_model[2, :3] + camera.view_from_model[2, 3])
         steepest = np.sqrt(1 + np.sum(camera.slope_limit**2))
-        safe = depth - camera.near > 5 * sigma
+        safe = depth - camera.near > CLIPPED_SIGMAS * sigma
         sigma_px = np.divide(sigma * (camera.scale_px * steepest), depth, out=np.full(len(sigma), np.inf), where=safe)
     return 2 * batch.footprint.cutoff * np.maximum(sigma_px, batch.footprint.min_sigma_px) + 1

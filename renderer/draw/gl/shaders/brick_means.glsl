@@ -1,4 +1,4 @@
-// (tau c, tau) at a place of the atlas of means.
+// Return (tau c, tau) at a position in the atlas of means.
 uniform sampler3D atlas;
 uniform float spacings_per_model_unit;  // 1 / model unit for 1 / finest spacing
 

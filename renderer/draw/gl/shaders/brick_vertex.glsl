@@ -1,13 +1,13 @@
-// One point, or one quad of two triangles where the driver's points are too small, over the rectangle of a brick's box.
+// One point, or one quad of two triangles where the driver's points are too small, over a brick's rectangle.
 
 uniform bool quads;
-uniform float stride_px;         // between the nodes of the lattice that is drawn
-uniform vec2 num_nodes;          // along both axes
+uniform float stride_px;         // between the pixels of the grid
+uniform vec2 grid_size;          // its columns and rows
 
 in vec4 rectangle_px;            // left, top, right, bottom
 in vec3 box_low;                 // index coordinates relative to the volume's centre
 in vec3 box_high;
-in vec3 first_corner;            // of the brick, there too
+in vec3 first_corner;            // of the brick, in the same coordinates
 in vec3 first_texel;             // of the brick's first cell in its atlas
 in vec2 steps;                   // cells per voxel; step in cells
 
@@ -17,30 +17,27 @@ flat out vec3 brick_corner;
 flat out vec3 brick_texel;
 flat out vec2 brick_steps;
 
-// Of a rectangle's edges: what float32 leaves of a pixel on an image of 16384.
-const float ROUNDING_PX = 2e-3;
-
 void main() {
     brick_low = box_low;
     brick_high = box_high;
     brick_corner = first_corner;
     brick_texel = first_texel;
     brick_steps = steps;
-    // The nodes inside, and those that rounding may have put outside. Node 0 is the centre of pixel 0.
-    vec2 low = clamp(ceil((rectangle_px.xy - 0.5 - ROUNDING_PX) / stride_px), vec2(0.0), num_nodes);
-    vec2 high = clamp(floor((rectangle_px.zw - 0.5 + ROUNDING_PX) / stride_px) + 1.0, low, num_nodes);
+    // The grid's pixels inside, and those that rounding may have moved outside. Pixel 0 is that of the image.
+    vec2 low = clamp(ceil((rectangle_px.xy - 0.5 - RECTANGLE_ROUNDING_PX) / stride_px), vec2(0.0), grid_size);
+    vec2 high = clamp(floor((rectangle_px.zw - 0.5 + RECTANGLE_ROUNDING_PX) / stride_px) + 1.0, low, grid_size);
     if (any(equal(low, high))) {
         gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
         gl_PointSize = 1.0;
         return;
     }
-    // GL drops a point whose centre leaves the image: it stays inside, where its square still covers the rectangle.
+    // GL drops a point whose centre is outside the image: it stays inside, where its square still covers the rectangle.
     gl_PointSize = max(high.x - low.x, high.y - low.y);
-    vec2 place = min(low + 0.5 * gl_PointSize, num_nodes - 0.5);
+    vec2 center = min(low + 0.5 * gl_PointSize, grid_size - 0.5);
     if (quads) {
         int corner = gl_VertexID % 6;
         vec2 side = vec2(corner == 1 || corner == 2 || corner == 4, corner == 2 || corner == 4 || corner == 5);
-        place = mix(low, high, side);
+        center = mix(low, high, side);
     }
-    gl_Position = vec4(2.0 * place / num_nodes - 1.0, 0.0, 1.0);
+    gl_Position = vec4(2.0 * center / grid_size - 1.0, 0.0, 1.0);
 }

@@ -1,4 +1,4 @@
-// Alpha of a Gaussian footprint at a pixel's centre, premultiplied (splats.GaussianFootprint).
+// Premultiplied colour of a Gaussian footprint at a pixel's centre (splats.GaussianFootprint).
 
 uniform float cutoff;
 uniform float decay;
@@ -16,6 +16,6 @@ void main() {
     float square = dot(deviations, deviations);
     if (square > cutoff * cutoff) discard;
     float weight = exp(-decay * square) * (coefficients.x + square * (coefficients.y + square * coefficients.z));
-    float alpha = opacity_of_depth(splat_color_depth.w * max(weight - rim, 0.0));  // rounding may pass 0
+    float alpha = opacity_of_depth(splat_color_depth.w * max(weight - rim, 0.0));  // rounding may make it negative
     color = vec4(splat_color_depth.rgb * alpha, alpha);
 }

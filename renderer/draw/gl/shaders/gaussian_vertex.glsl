@@ -21,7 +21,7 @@ void main() {
     splat_inverse = vec3(1.0, -root.y / root.z, root.x / root.z) / root.x;
     splat_color_depth = vec4(areas.rgb / areas.w, footprint.unit_depth);
 
-    // Half a pixel more, so that rounding of the corners loses no pixel.
+    // Half a pixel more, so that rounding the corners loses no pixel.
     vec2 reach_px = cutoff * vec2(root.x, length(root.yz)) + 0.5;
     vec2 low = splat_px - reach_px, high = splat_px + reach_px;
     if (any(lessThan(high, vec2(0.0))) || any(greaterThan(low, size_px))) return;
@@ -31,8 +31,8 @@ void main() {
         vec2 side = vec2(corner == 1 || corner == 2 || corner == 4, corner == 2 || corner == 4 || corner == 5);
         at_px = clamp(mix(low, high, side), vec2(0.0), size_px);
     } else {
-        // GL drops a point whose centre leaves the image: it is moved to the border, where its square still covers all
-        // of the footprint that is inside.
+        // GL drops a point whose centre is outside the image: it moves to the border, where its square still covers the
+        // visible part of the footprint.
         at_px = clamp(splat_px, vec2(0.0), size_px);
         gl_PointSize = 2.0 * max(reach_px.x, reach_px.y);
     }

@@ -1,4 +1,4 @@
-// A vertex of the paper's footprint: its opacity is computed here and interpolated over the triangles by the hardware.
+// A vertex of the Gouraud footprint: its opacity is computed here and interpolated over the triangles (Laur 1991).
 
 in vec2 mesh_vertex;             // standard deviations
 in float mesh_weight;

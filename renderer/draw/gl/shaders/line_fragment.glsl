@@ -1,7 +1,7 @@
 // A line one pixel wide: its opacity falls linearly to 0 at one pixel from its centre, round at the ends.
 
-uniform float min_side_px;     // smaller cells are not drawn
-uniform float opacity;           // the most that a line has
+uniform float min_side_px;       // smaller cells have no lines
+uniform float opacity;           // the largest of a line
 
 flat in vec4 line_px;
 flat in vec2 line_side_px;

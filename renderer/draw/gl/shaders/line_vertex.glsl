@@ -1,4 +1,4 @@
-// One edge of a cell as a quad of two triangles around the part of it that is seen: no driver draws GL's lines alike.
+// One edge of a cell as a quad of two triangles around its visible part: drivers draw GL's own lines differently.
 // Lengths are model units, image coordinates are pixels with row 0 at the top. The depth axis points away from the eye.
 
 uniform mat3 view_rotation;      // model to (right, up, depth)
@@ -9,7 +9,7 @@ uniform vec2 size_px;
 uniform float near_depth;
 uniform float voxel_side;
 uniform float cover;             // opacity of a cell's lines, by its side in pixels times that in model units
-uniform vec3 level_colors[10];   // cell_edges.LEVEL_COLORS
+uniform vec3 level_colors[NUM_LEVEL_COLORS];
 
 in vec3 start;
 in vec3 end;
@@ -21,10 +21,8 @@ flat out vec4 line_color_cover;  // colour, opacity by the side in pixels
 
 // Half the width of a line and of the slope of its coverage, and a little for rounding.
 const float REACH_PX = 1.5;
-// What is nearer than this to the eye plane cannot be divided by its depth.
-const float MIN_DEPTH = 1e-5;
 
-vec2 shares = vec2(0.0, 1.0);    // of the way from start to end, what is left of the edge
+vec2 shares = vec2(0.0, 1.0);    // the visible part of the way from start to end
 
 // Cut away the part of the edge in which a function that is linear along it is negative (Liang and Barsky 1984).
 void clip(float at_start, float at_end) {
@@ -41,9 +39,9 @@ void main() {
     line_color_cover = vec4(0.0);
 
     vec3 a = view_rotation * start + view_translation, b = view_rotation * end + view_translation;
-    float nearest = perspective ? max(near_depth, MIN_DEPTH) : near_depth;
+    float nearest = perspective ? max(near_depth, MIN_LINE_DEPTH) : near_depth;
     clip(a.z - nearest, b.z - nearest);
-    // Beside the image, too: coordinates far outside would cost precision inside.
+    // Clip to the image, too: coordinates far outside would cost precision inside.
     vec2 room = (0.5 * size_px + REACH_PX) / scale_px;
     vec2 limit_a = perspective ? room * a.z : room, limit_b = perspective ? room * b.z : room;
     clip(limit_a.x - a.x, limit_b.x - b.x);
@@ -60,7 +58,7 @@ void main() {
 
     line_px = vec4(p_px, q_px);
     line_side_px = side * magnification;
-    line_color_cover = vec4(level_colors[min(int(level), 9)], cover * side);
+    line_color_cover = vec4(level_colors[min(int(level), NUM_LEVEL_COLORS - 1)], cover * side);
     vec2 along = q_px - p_px;
     along = dot(along, along) > 0.0 ? normalize(along) * REACH_PX : vec2(REACH_PX, 0.0);
     vec2 across = vec2(-along.y, along.x);

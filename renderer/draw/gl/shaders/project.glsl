@@ -1,9 +1,9 @@
-// A splat's Gaussian to its footprint on the image (Zwicker et al. 2001, "EWA Splatting": affine about the centre).
+// Project a splat's Gaussian to its footprint on the image, affinely about its centre (Zwicker et al. 2001, "EWA
+// Splatting").
 // Lengths are model units, image coordinates are pixels with row 0 at the top. The depth axis points away from the eye.
 
-const int MAX_SHAPES = 256;
 layout(std140) uniform Shapes {
-    // Three vectors a shape: right, up and depth components of the standard deviations along the cell's three edges.
+    // Three vectors for each shape: right, up and depth components of the standard deviations along the cell's three edges.
     vec4 shape_rows[3 * MAX_SHAPES];
 };
 uniform mat3 view_rotation;      // model to (right, up, depth)
@@ -15,12 +15,10 @@ uniform float near_beyond_origin; // depth of the near plane behind the model's 
 uniform vec2 slope_limit;
 uniform float min_sigma_px;      // smallest standard deviation of a footprint
 
-// Stands for no length at all: its square is still a number above 0.
+// Stands for a length of 0: its square is still above 0.
 const float MIN_LENGTH = 1e-18;
-// Less leaves nothing to be seen, and below 1.2e-38 devices may take it for 0 and divide by it.
+// Smaller areas are invisible, and below 1.2e-38 devices may round them to 0 and divide by that.
 const float MIN_AREA = 1e-37;
-// Opaque, and its product with a weight of 0 is 0.
-const float MAX_OPTICAL_DEPTH = 1e30;
 
 in vec3 center;
 in vec4 areas;
@@ -57,12 +55,12 @@ Footprint project() {
     vec3 position = from_origin + view_translation;
     float mass = 1.0;
 
-    // What lies before the near plane is cut off: the rest of the Gaussian has the moments of a truncated normal.
-    // Its depth beyond the model's origin is taken, which keeps its digits where the eye is far away.
+    // The near plane cuts the Gaussian: the rest has the moments of a truncated normal. Depths are from the model's
+    // origin, which keeps their digits where the eye is far away.
     float sigma = max(length(away), MIN_LENGTH);
     float a = (near_beyond_origin - from_origin.z) / sigma;
-    if (a > 4.0) return result;
-    if (a > -5.0) {
+    if (a > CULLED_SIGMAS) return result;
+    if (a > -CLIPPED_SIGMAS) {
         // mass = erfc(a / sqrt 2) / 2; hazard = pdf(a) / mass, without cancellation on either side.
         float scaled = scaled_erfc(abs(a) * 0.70710678);
         float bell = exp(-0.5 * a * a);
@@ -117,7 +115,8 @@ Footprint project() {
         result.root = unit_px * vec3(side, xy / side, sqrt(large) * short_side / side);
     }
     float by_area = mass * stretch * (magnification / result.root.x) * (magnification / result.root.z);
-    result.unit_depth = min(areas.w * by_area, MAX_OPTICAL_DEPTH);
+    // Finite, so that its product with a weight of 0 is 0.
+    result.unit_depth = min(areas.w * by_area, LARGE_FLOAT32);
     result.visible = true;
     return result;
 }

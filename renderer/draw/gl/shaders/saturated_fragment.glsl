@@ -1,4 +1,4 @@
-// Leaves its depth at pixels that nothing behind can change any more.
+// Write a near depth at pixels that nothing behind can change any more.
 uniform sampler2D image;
 uniform float termination_transmittance;
 

@@ -1,0 +1,231 @@
+"""Keep bricks where they are drawn, in slots of atlases, and evict those that were drawn longest ago.
+
+An atlas grows to what a film needs, up to MAX_ATLAS_BYTES. The size of a volume is therefore no limit: with less memory
+bricks are uploaded more often. One atlas holds the scalars of level 0, another the means of the levels above.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from functools import partial
+from typing import Generic, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.bricks import (
+    MAX_CACHE_BYTES,
+    MIN_BRICKS_PER_THREAD,
+    PADDED_BRICK_SIZE,
+    BrickBatch,
+    Bricks,
+    MeanCache,
+    mean_texels,
+    scalar_texels,
+)
+from renderer.draw.brick_view import BrickView, make_brick_view
+from renderer.threads import ThreadPool
+from renderer.view import View
+
+Bools = npt.NDArray[np.bool_]
+Float32 = npt.NDArray[np.float32]
+Int64 = npt.NDArray[np.int64]
+
+MAX_ATLAS_BYTES = 256 << 20
+# Bricks whose texels are in memory at a time before they are uploaded.
+_UPLOAD_BATCH = 256
+
+
+class Atlas(ABC):
+    """Slots for bricks of one kind. Keys are numbers from 0 up, below `num_keys`, that the caller gives to bricks.
+
+    num_channels: 1 or 4, float32.
+    """
+
+    def __init__(self, num_channels: int, num_keys: int) -> None:
+        self.num_channels = num_channels
+        self._slot_from_key = np.full(num_keys, -1, np.int64)  # -1: not in the atlas
+        self._key_from_slot = np.empty(0, np.int64)  # -1: free
+        self._last_used = np.empty(0, np.int64)
+        self._use_counter = 0
+
+    @property
+    @abstractmethod
+    def max_slots(self) -> int:
+        """The number of bricks that the atlas may hold."""
+
+    @abstractmethod
+    def _grow(self, num: int) -> None:
+        """Make `num` slots, or `max_slots` if that is less, and call `_resize` with their number."""
+
+    @abstractmethod
+    def _write(self, slots: Int64, texels: Float32) -> None:
+        """Write the texels of bricks to their slots."""
+
+    @abstractmethod
+    def release(self) -> None:
+        """Free the memory."""
+
+    def reserve(self, num: int) -> None:
+        """Make at least `num` slots, or `max_slots` if that is less; bricks stay where there are enough."""
+        if min(num, self.max_slots) > len(self._key_from_slot):
+            self._grow(num)
+
+    def num_missing(self, keys: Int64) -> int:
+        """Return how many of these bricks are not in the atlas."""
+        return int(np.count_nonzero(self._slot_from_key[keys] < 0))
+
+    def upload(self, keys: Int64, make_texels: Callable[[Int64], Float32]) -> Int64:
+        """Upload the bricks that are missing, and return the slots of all: int64 [n].
+
+        keys: int64 [n], all different, at most as many as there are slots. make_texels: returns the texels of missing
+        bricks, float32 [m, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE(, 4)], from their indices in `keys`.
+        Where it raises, the bricks that were written before stay, and the others are not in the atlas.
+        """
+        self._use_counter += 1
+        slots = self._slot_from_key[keys]
+        missing = np.flatnonzero(slots < 0)
+        self._last_used[slots[slots >= 0]] = self._use_counter  # first, so that none of them is evicted
+        if len(missing):
+            free = np.argsort(self._last_used, kind="stable")[: len(missing)]
+            evicted = self._key_from_slot[free]
+            self._slot_from_key[evicted[evicted >= 0]] = -1
+            self._key_from_slot[free] = -1
+            for first in range(0, len(missing), _UPLOAD_BATCH):
+                part, into = missing[first : first + _UPLOAD_BATCH], free[first : first + _UPLOAD_BATCH]
+                self._write(into, make_texels(part))
+                self._slot_from_key[keys[part]], self._key_from_slot[into] = into, keys[part]
+                self._last_used[into] = self._use_counter
+        return self._slot_from_key[keys]
+
+    def _resize(self, num: int) -> None:
+        """Note that there are `num` slots now, all of them free."""
+        self._slot_from_key[:] = -1
+        self._key_from_slot, self._last_used = np.full(num, -1, np.int64), np.zeros(num, np.int64)
+
+
+A = TypeVar("A", bound=Atlas)
+
+
+class BrickCache(Generic[A]):
+    """The bricks of one volume, in an atlas of scalars and one of means.
+
+    make_scalar_atlas, make_mean_atlas: make an atlas for a number of channels and a number of keys. threads: compute
+    the texels of bricks.
+    """
+
+    def __init__(
+        self,
+        make_scalar_atlas: Callable[[int, int], A],
+        make_mean_atlas: Callable[[int, int], A],
+        threads: ThreadPool,
+    ) -> None:
+        self._make_scalar_atlas, self._make_mean_atlas, self._threads = make_scalar_atlas, make_mean_atlas, threads
+        self._bricks: Bricks | None = None
+        self.atlases: tuple[A, ...] = ()  # of scalars and of means
+        self._means = MeanCache(threads)
+        self._brick_view: BrickView | None = None  # the last one: it may be uploaded and then drawn
+
+    def upload(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+        """Upload the bricks `batch[order]`, and return whether any of them was missing.
+
+        Do nothing where there are not enough slots: then bricks are uploaded while they are drawn.
+        """
+        brick_view = self._prepare(batch, order, view)
+        keys = [(atlas, brick_view.keys[is_chosen]) for atlas, is_chosen in self._parts(brick_view)]
+        if any(len(of_atlas) > atlas.max_slots for atlas, of_atlas in keys):
+            return False
+        if not any(atlas.num_missing(of_atlas) for atlas, of_atlas in keys):
+            return False
+        self._means.begin(is_enabled=False)
+        self.upload_group(brick_view, slice(0, len(order)))
+        return True
+
+    def begin_frame(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickView:
+        """Return the bricks `batch[order]` as they are drawn, front to back."""
+        brick_view = self._prepare(batch, order, view)
+        is_enough = int(np.count_nonzero(brick_view.is_mean)) <= self.atlases[1].max_slots
+        self._means.begin(is_enabled=not is_enough)
+        return brick_view
+
+    def upload_group(self, brick_view: BrickView, group: slice) -> list[tuple[A, Int64, Int64]]:
+        """Upload a group that ends at `end_of_group` or before.
+
+        Return, for scalars and for means, the atlas, which bricks of the group it holds, int64 [n], and their slots.
+        """
+        uploaded = []
+        for atlas, is_chosen in self._parts(brick_view):
+            chosen = np.flatnonzero(is_chosen[group])
+            make_texels = partial(self._make_texels, brick_view, chosen + group.start)
+            uploaded.append((atlas, chosen, atlas.upload(brick_view.keys[group][chosen], make_texels)))
+        return uploaded
+
+    def end_of_group(self, brick_view: BrickView, start: int, max_bricks: int) -> int:
+        """Return where a group ends that begins at `start`: at most `max_bricks`, all of which have slots at once."""
+        part = slice(start, start + max_bricks)
+        fits = [np.cumsum(is_chosen[part]) <= atlas.max_slots for atlas, is_chosen in self._parts(brick_view)]
+        return start + int(np.count_nonzero(fits[0] & fits[1]))
+
+    def evict_bricks(self) -> None:
+        """Free the memory of all bricks."""
+        for atlas in self.atlases:
+            atlas.release()
+        self.atlases, self._bricks, self._brick_view, self._means = (), None, None, MeanCache(self._threads)
+
+    def _prepare(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickView:
+        """Invalidate the bricks of another volume, and reserve slots for all bricks of a frame if possible."""
+        num_channels = 4 if batch.shading else 1
+        if self._bricks is not batch.bricks or self.atlases[0].num_channels != num_channels:
+            self.evict_bricks()
+            num_scalars, num_means = _num_keys(batch.bricks)
+            self.atlases = self._make_scalar_atlas(num_channels, num_scalars), self._make_mean_atlas(4, num_means)
+            self._bricks = batch.bricks
+        last = self._brick_view
+        if last is None or not (last.batch is batch and last.order is order and last.view is view):
+            last = self._brick_view = make_brick_view(batch, order, view)
+        for atlas, is_chosen in self._parts(last):
+            atlas.reserve(int(np.count_nonzero(is_chosen)))
+        return last
+
+    def _parts(self, brick_view: BrickView) -> list[tuple[A, Bools]]:
+        """Return the atlases of scalars and of means, and which bricks each holds."""
+        return list(zip(self.atlases, (~brick_view.is_mean, brick_view.is_mean), strict=True))
+
+    def _make_texels(self, brick_view: BrickView, numbers: Int64, missing: Int64) -> Float32:
+        """Compute the texels of the bricks `numbers[missing]`, which belong in one atlas."""
+        chosen = brick_view.order[numbers[missing]]
+        batch, levels, cells = brick_view.batch, brick_view.batch.cut.levels[chosen], brick_view.batch.cut.cells[chosen]
+        if levels[0] == 0:
+            make = partial(scalar_texels, batch.bricks, lit=batch.shading is not None)
+            return self._threads.map_concatenated(make, cells, MIN_BRICKS_PER_THREAD)
+        texels = np.empty((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
+        for level in np.unique(levels).tolist():
+            texels[levels == level] = mean_texels(batch.bricks, level, cells[levels == level], self._means)
+        return texels
+
+
+def brick_bytes(num_channels: int) -> int:
+    """Return the bytes of a brick."""
+    return 4 * num_channels * PADDED_BRICK_SIZE**3
+
+
+def max_slots_in_memory(num_channels: int, num_keys: int) -> int:
+    """Return the number of slots that an atlas in memory may have."""
+    return min(num_keys, max(1, MAX_ATLAS_BYTES // brick_bytes(num_channels)))
+
+
+def max_brick_bytes(bricks: Bricks, *, lit: bool) -> int:
+    """Return the most bytes that bricks take in a process that draws on the CPU: atlases and recomputed means."""
+    num_scalars, num_means = _num_keys(bricks)
+    scalar_channels = 4 if lit else 1
+    scalars = max_slots_in_memory(scalar_channels, num_scalars) * brick_bytes(scalar_channels)
+    means = max_slots_in_memory(4, num_means) * brick_bytes(4)
+    return scalars + means + min(MAX_CACHE_BYTES, means)
+
+
+def _num_keys(bricks: Bricks) -> tuple[int, int]:
+    """Return the number of bricks on level 0, and on all levels above."""
+    num_scalars, *num_means = (math.prod(level.visible_bounds.shape[:3]) for level in bricks.levels)
+    return num_scalars, sum(num_means)
