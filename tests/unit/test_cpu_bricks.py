@@ -142,8 +142,8 @@ def test_bricks_that_were_drawn_longest_ago_go_first(monkeypatch: pytest.MonkeyP
     assert max_slots_in_memory(1, 3) == 3
     atlas = CPUAtlas(1, 1000)
     atlas.reserve(1000)
-    for keys in ([1, 2], [3, 4], [1], [7, 8]):
-        atlas.upload(np.array(keys), lambda missing, keys=np.array(keys): brick(keys[missing]))
+    for keys in map(np.array, ([1, 2], [3, 4], [1], [7, 8])):
+        atlas.upload(keys, lambda missing, keys=keys: brick(keys[missing]))
     assert [atlas.num_missing(np.array([key])) for key in (1, 2, 3, 4, 7, 8)] == [0, 1, 1, 0, 0, 0]
     assert content(atlas, [8, 1, 7]) == [8, 1, 7]
 
