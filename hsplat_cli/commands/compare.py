@@ -72,10 +72,9 @@ def compare(
 
         reports = ReportFiles(json_file, junit_file, html_file)
         drawing = SceneOptions(frames, overrides, volume, workers)
-        comparison = compare_frames(
-            golden, actual, reports, drawing, level=level, limits=limits, quiet=reporter.is_quiet
-        )
-    if not comparison.passes:
+        comparison = compare_frames(golden, actual, reports, drawing, level=level, limits=limits, reporter=reporter)
+    if comparison.passes:
+        reporter.line(comparison_table(comparison))
+    else:
         reporter.result(comparison_table(comparison))
         context.exit(1)
-    reporter.line(comparison_table(comparison))

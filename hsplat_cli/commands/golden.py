@@ -55,10 +55,8 @@ def golden(
         job = load_reproducible_job(scene, overrides=overrides, volume=volume)
         numbers = None if frames is None else parse_frames(frames, job.scene.camera.path.frames, job.frames)
         reporter.announce_compilation()
-        golden_options = GoldenOptions(
-            folder, numbers, recorded_date, update=update, prune=prune, yes=yes, quiet=reporter.is_quiet
-        )
-        update_goldens(job, golden_options, ExecutorSpec(workers), _confirm_overwrite)
+        golden_options = GoldenOptions(folder, numbers, recorded_date, update=update, prune=prune, yes=yes)
+        update_goldens(job, golden_options, ExecutorSpec(workers), reporter, _confirm_overwrite)
 
 
 def _confirm_overwrite() -> bool:

@@ -1,4 +1,4 @@
-"""Two names, of whatever frames they stand for, to what came of comparing them: for the command line and for tests."""
+"""Compare frames given by two paths, for the command line and for tests."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from hsplat_cli.compare.golden.provenance import PROVENANCE_FILE
 from hsplat_cli.compare.judge import require_packages
 from hsplat_cli.compare.outcome import Comparison
 from hsplat_cli.compare.rules import load_rules
-from hsplat_cli.compare.run import PairSource, ReportFiles, run_comparison
+from hsplat_cli.compare.run import ReportFiles, run_comparison
 from hsplat_cli.compare.scene_pairs import SceneOptions, open_scene_pairs
 from hsplat_cli.compare.text_reports import comparison_table
+from hsplat_cli.terminal import Reporter
 from renderer.errors import HsplatError, InputError
 
 # A scene, or the sidecar of a film.
@@ -29,16 +30,15 @@ def compare_frames(
     *,
     level: str | None,
     limits: Sequence[str],
-    quiet: bool,
+    reporter: Reporter,
     option_names: tuple[str, str] = ("--level", "--limit"),
 ) -> Comparison:
-    """What came of a comparison, with its reports written.
+    """Compare two paths and write the reports.
 
-    golden, actual: as `open_pairs` takes them; or a scene, or the sidecar of a film, and the folder of its goldens.
-    drawing: how the scene is drawn. level, limits: as `--level` and `--limit` give them, or else what `option_names`
-    names. quiet: do not show how far the work is.
+    golden, actual: as in `open_pairs`; or a scene, or the sidecar of a film, and the folder of its goldens.
+    drawing: how the scene is drawn. level, limits: as for `--level` and `--limit`, or the `option_names`.
 
-    Raises HsplatError where they cannot be compared.
+    Raises HsplatError if they cannot be compared.
     """
     reports.require_names((golden, actual, golden / PROVENANCE_FILE, actual / PROVENANCE_FILE))
     with _failure_reported(reports, golden, actual):
@@ -47,36 +47,35 @@ def compare_frames(
         rules = load_rules(folder or golden, level, limits, option_names)
         require_packages(rules)
         if folder is None and drawing.given:
-            raise InputError("of no use where no scene is drawn", where=drawing.given[0], got=f"{golden} and {actual}")
-        opened: contextlib.AbstractContextManager[PairSource]
+            raise InputError("has no use unless a scene is drawn", where=drawing.given[0], got=f"{golden} and {actual}")
         if folder is None:
             opened, names = open_pairs(golden, actual), (str(golden), str(actual))
         else:
-            opened = open_scene_pairs(golden, folder, drawing, rules, quiet=quiet)
+            opened = open_scene_pairs(golden, folder, drawing, rules, reporter)
             names = (str(folder), f"{golden}, drawn now")
         with opened as pairs:
-            return run_comparison(pairs, rules, golden=names[0], actual=names[1], reports=reports, quiet=quiet)
+            return run_comparison(pairs, rules, reports, reporter, golden=names[0], actual=names[1])
 
 
 @contextlib.contextmanager
 def _failure_reported(reports: ReportFiles, golden: Path, actual: Path) -> Iterator[None]:
-    """What keeps frames from being compared stands in the reports, too."""
+    """Write an exception of the block to the reports, too."""
     try:
         yield
     except Exception as error:
         why = str(error) if isinstance(error, HsplatError) else f"{type(error).__name__}: {error}"
-        with contextlib.suppress(HsplatError):  # a report that cannot be written either must not hide the reason
+        with contextlib.suppress(HsplatError):  # a report that cannot be written must not hide the reason
             reports.write_failure(str(golden), str(actual), why)
         raise
 
 
 def _goldens_folder(golden: Path, actual: Path) -> Path | None:
-    """The folder of a scene's goldens, where there is a scene. Raises InputError where it is not in its place."""
+    """Return the folder of goldens if `golden` is a scene. Raises InputError if `actual` is the scene."""
     if golden.suffix.lower() in _SCENE_SUFFIXES and not os.path.isdir(golden):
         return actual
     if actual.suffix.lower() in _SCENE_SUFFIXES and not os.path.isdir(actual):
         hint = f"hsplat compare {actual} {golden}"
-        raise InputError("the scene comes first, and then the folder of its goldens", where=str(actual), hint=hint)
+        raise InputError("the scene must come first, then the folder of its goldens", where=str(actual), hint=hint)
     return None
 
 
@@ -88,11 +87,11 @@ def require_match(
     limits: Mapping[str, float | None] | None = None,
     html: str | Path | None = None,
 ) -> None:
-    """Raise AssertionError, with the table of `hsplat compare`, where frames differ by more than they may.
+    """Raise AssertionError, with the table of `hsplat compare`, if frames differ by more than they may.
 
-    As the fixture of `pytest_plugin` describes it.
+    The arguments are those of the fixture in `pytest_plugin`.
     """
-    __tracebackhide__ = True  # for pytest: what has failed is the line of the test
+    __tracebackhide__ = True  # pytest shows the line of the test
     overrides = [f"{figure}={'none' if limit is None else limit}" for figure, limit in (limits or {}).items()]
     reports = ReportFiles(html=None if html is None else Path(html))
     try:
@@ -103,11 +102,11 @@ def require_match(
             SceneOptions(),
             level=level,
             limits=overrides,
-            quiet=True,
+            reporter=Reporter(is_quiet=True),
             option_names=("level", "limits"),
         )
     except HsplatError as error:
-        raise error.with_traceback(None) from None  # a test shows what is wrong, and not where it was found out
+        raise error.with_traceback(None) from None  # the traceback would only show this package
     if not comparison.passes:
         page = "" if html is None else f"\nthe frames: {html}"
         raise AssertionError(f"{golden} and {actual} do not match\n{comparison_table(comparison)}{page}")

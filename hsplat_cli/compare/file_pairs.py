@@ -1,21 +1,21 @@
-"""Which frames belong together: those of two pictures, folders, templates or films."""
+"""Pair the frames of two pictures, folders, templates or films."""
 
 from __future__ import annotations
 
 import contextlib
 import re
 import unicodedata
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from hsplat_cli.compare.film_decoder import count_film_frames, decode_film
 from hsplat_cli.compare.ignored_files import ignored_by_template_notes, ignored_in_folder_notes
-from hsplat_cli.compare.pair import Pair, Pixels
+from hsplat_cli.compare.pair import Pair, Pairs
 from hsplat_cli.compare.picture_file import decode_picture, file_content, is_picture, read_picture
 from hsplat_cli.terminal import counted
 from renderer.errors import InputError
-from renderer.film import ANY_FRAME_FIELD, frame_path
+from renderer.film import ANY_FRAME_FIELD, Pixels, frame_path
 from renderer.scene import FRAME_FIELD, is_same_file, join_words, nearest_file_hint
 
 FILM_SUFFIXES = (".mp4", ".gif")
@@ -26,36 +26,13 @@ _MAX_NAMED = 3
 _MAX_ERRORS_SHOWN = 10
 
 
-@dataclass(frozen=True)
-class FilePairs:
-    """Pairs of frames, one of which is in memory at a time. To be gone through once.
-
-    names: of all of them, in their order. notes: what the user should know about them.
-    """
-
-    names: Sequence[str]
-    notes: Sequence[str]
-    _read: Callable[[], Iterator[Pair]]
-
-    @property
-    def facts(self) -> Mapping[str, tuple[str, str]]:
-        """None: files do not tell what made them."""
-        return {}
-
-    def __iter__(self) -> Iterator[Pair]:
-        """Raises InputError where a frame cannot be read."""
-        return self._read()
-
-
 @contextlib.contextmanager
-def open_pairs(golden: Path, actual: Path) -> Iterator[FilePairs]:
-    """The pairs of what two names stand for, at least one.
+def open_pairs(golden: Path, actual: Path) -> Iterator[Pairs]:
+    """Pair the frames of two paths. Raises InputError if nothing can be compared.
 
-    That is, on both sides: a PNG picture; a folder, whose PNG files are taken by their names; a template such as
-    `frames/{frame:04}.png`, the files of which are taken by their numbers, or, together with a folder, by their names;
-    or a film, whose frames are taken by their index.
-
-    Raises InputError where there is nothing to compare.
+    Each path is a PNG picture; a folder, whose PNG files are paired by name; a template such as
+    `frames/{frame:04}.png`, whose files are paired by number, or by name with those of a folder; or a film, whose
+    frames are paired by index.
     """
     kinds = _kind(golden), _kind(actual)
     in_folders = set(kinds) <= {_FOLDER, _TEMPLATE}
@@ -85,7 +62,7 @@ def _kind(path: Path) -> str:
         return _TEMPLATE
     suffix = path.suffix.lower()
     if not is_there and path.is_symlink():
-        raise InputError("a link that leads nowhere", where=str(path), got=str(path.readlink()))
+        raise InputError("a broken link", where=str(path), got=str(path.readlink()))
     if not is_there:
         raise InputError("no such file or folder", where=str(path), hint=nearest_file_hint(path))
     if suffix in FILM_SUFFIXES:
@@ -93,15 +70,12 @@ def _kind(path: Path) -> str:
     if suffix == ".png":
         return _PICTURE
     raise InputError(
-        "not to be compared", where=str(path), got=f"a file in {suffix or 'no format'}", expected=_EXPECTED
+        "cannot be compared", where=str(path), got=f"a file in {suffix or 'no format'}", expected=_EXPECTED
     )
 
 
-# Files
-
-
 def _files_by_pair(golden: Path, actual: Path, kinds: tuple[str, str]) -> Sequence[dict[str, Path]]:
-    """Files of both sides, by the name of the pair that they are of."""
+    """Return the files of both sides by the name of their pair."""
     if kinds == (_TEMPLATE, _TEMPLATE):
         return [
             {frame_path(golden, number).name: path for number, path in _template_files(template).items()}
@@ -121,14 +95,14 @@ def _in_folder(folder: Path) -> dict[str, Path]:
         raise InputError(
             "no PNG files in this folder",
             where=str(folder),
-            got="nothing at all" if not paths else "1 other file" if len(paths) == 1 else f"{len(paths)} other files",
-            hint=f"there are some in {below}" if below else None,
+            got=counted(len(paths), "other file") if paths else "an empty folder",
+            hint=f"{below} has some" if below else None,
         )
     return found
 
 
 def _template_files(template: Path) -> dict[int, Path]:
-    """Those files of a template's folder that are called as it calls a frame, by the frame's number."""
+    """Return the files that match a template, by frame number."""
     name, pattern = Path(template.name), _pattern(template)
     found = {}
     for path in _entries(template.parent):
@@ -141,18 +115,18 @@ def _template_files(template: Path) -> dict[int, Path]:
 
 
 def _pattern(template: Path) -> re.Pattern[str]:
-    """Of the names of its files, whatever number of digits they have."""
+    """Return a pattern of the template's file names, with any number of digits."""
     name = template.name
     rest, num_fields = FRAME_FIELD.subn("", str(template))
     if num_fields != 1 or not FRAME_FIELD.search(name) or "{" in rest or "}" in rest:
         expected = "one {frame} or {frame:04}, in the name of the files, and no other braces"
-        raise InputError("not a legal template", where=str(template), expected=expected)
+        raise InputError("not a valid template", where=str(template), expected=expected)
     before, after = (re.escape(part) for part in FRAME_FIELD.sub("\0", name).split("\0"))
     return re.compile(f"{before}([0-9]+){after}", re.DOTALL)
 
 
 def _ignored_notes(side: Path, found: Mapping[str, Path]) -> Iterator[str]:
-    """Notes on what is no part of one side, though somebody may think so."""
+    """Return notes on pictures that are not compared although they look like frames."""
     if side.is_dir():
         return ignored_in_folder_notes(side, _entries(side))
     return ignored_by_template_notes(side, _pattern(side), frozenset(found.values()), _entries(side.parent))
@@ -165,7 +139,7 @@ def _entries(folder: Path) -> list[Path]:
         raise InputError(f"cannot be read: {error.strerror}", where=str(folder)) from error
 
 
-def _file_pairs(goldens: Mapping[str, Path], actuals: Mapping[str, Path], golden: Path, actual: Path) -> FilePairs:
+def _file_pairs(goldens: Mapping[str, Path], actuals: Mapping[str, Path], golden: Path, actual: Path) -> Pairs:
     names = sorted({**goldens, **actuals}, key=natural_sort_key)
     both = [name for name in names if name in goldens and name in actuals]
     if not both:
@@ -174,7 +148,7 @@ def _file_pairs(goldens: Mapping[str, Path], actuals: Mapping[str, Path], golden
             where=str(actual),
             got=_first_names(sorted(actuals, key=natural_sort_key)),
             expected=f"{_first_names(sorted(goldens, key=natural_sort_key))}, as in {golden}",
-            hint="they look alike, but the accents are other code points"
+            hint="they look alike, but their accents are different code points"
             if _differ_in_normalization(goldens, actuals)
             else None,
         )
@@ -191,12 +165,12 @@ def _file_pairs(goldens: Mapping[str, Path], actuals: Mapping[str, Path], golden
             except InputError as error:
                 unreadable.append(error)
                 continue
-            if not unreadable:  # else there is no comparison, and the others are read to tell of all at once
+            if not unreadable:  # after an error the others are read only to report all errors at once
                 yield Pair(name, *pictures, numbers.get(name))
         if unreadable:
             raise _combined_error(unreadable)
 
-    return FilePairs(names, _link_notes(one), read)
+    return Pairs(names, read, _link_notes(one))
 
 
 def _combined_error(errors: Sequence[InputError]) -> InputError:
@@ -215,72 +189,67 @@ def _first_names(names: Sequence[str]) -> str:
 
 
 def _differ_in_normalization(goldens: Iterable[str], actuals: Iterable[str]) -> bool:
-    """Whether names are the same but for how Unicode composes letters, as some systems of files change it."""
+    """Return whether names differ only in Unicode normalization, which some file systems change."""
     composed, others = ({unicodedata.normalize("NFC", name) for name in names} for names in (goldens, actuals))
     return bool(composed & others)
 
 
 def _same_files_error(actual: Path) -> InputError:
-    hint = "nothing is compared with itself, also not through links"
+    hint = "files are not compared with themselves, or with links to themselves"
     return InputError("GOLDEN and ACTUAL are the same files", where=str(actual), hint=hint)
 
 
 def _link_notes(names: Sequence[str]) -> list[str]:
-    """A note on frames that are the goldens themselves, where others are not."""
+    """Return a note on frames that are links to their goldens."""
     if not names:
         return []
     words = "1 frame of ACTUAL is a link" if len(names) == 1 else f"{len(names)} frames of ACTUAL are links"
-    return [f"{words} to the golden, which is compared with itself: {_first_names(names)}"]
+    return [f"{words} to the golden: {_first_names(names)}"]
 
 
 def _pictures(golden: Path | None, actual: Path | None) -> tuple[Pixels | None, Pixels | None]:
-    """Files of the same bytes are decoded once, which also tells whether they can be."""
+    """Read both pictures; files with equal bytes are decoded once."""
     if golden is None or actual is None:
-        return read_picture(golden) if golden is not None else None, read_picture(
-            actual
-        ) if actual is not None else None
+        return (None if golden is None else read_picture(golden)), (None if actual is None else read_picture(actual))
     content, other = file_content(golden), file_content(actual)
     picture = decode_picture(content, golden)
     return picture, picture if other == content else decode_picture(other, actual)
 
 
 def natural_sort_key(name: str) -> tuple[list[str | int], str]:
-    """To sort by: `frame-2.png` before `frame-10.png`."""
+    """Return a sort key that puts `frame-2.png` before `frame-10.png`."""
     parts: list[str | int] = list(re.split("([0-9]+)", name))
     parts[1::2] = [int(digits) for digits in parts[1::2]]
     return parts, name
 
 
 def frame_numbers(names: Sequence[str]) -> Mapping[str, int]:
-    """The numbers of frames whose names differ in their last number and nowhere else; none where they differ more."""
+    """Return the last number in each name; empty unless the names differ in it alone."""
     found = {name: re.fullmatch("(.*?)([0-9]+)([^0-9]*)", name, re.DOTALL) for name in names}
     patterns = {(match[1], match[3]) if match else None for match in found.values()}
     numbers = {name: int(match[2]) for name, match in found.items() if match}
     return numbers if len(patterns) == 1 and len(set(numbers.values())) == len(names) else {}
 
 
-# Films
-
-
 @contextlib.contextmanager
-def _open_films(golden: Path, actual: Path) -> Iterator[FilePairs]:
+def _open_films(golden: Path, actual: Path) -> Iterator[Pairs]:
     if is_same_file(golden, actual):
         raise _same_files_error(actual)
     num_goldens, num_actuals = count_film_frames(golden), count_film_frames(actual)
     if num_goldens != num_actuals:
         raise InputError(
-            "films of different numbers of frames",
+            "films with different numbers of frames",
             where=str(actual),
             got=counted(num_actuals, "frame"),
             expected=f"{counted(num_goldens, 'frame')}, as in {golden}",
         )
     if num_goldens == 0:
-        raise InputError("a film without a frame", where=str(golden))
+        raise InputError("a film without frames", where=str(golden))
     names = [f"frame {number}" for number in range(num_goldens)]
     notes = (
-        f"{golden.suffix.lower()} films are lossy, and what their encoders do changes with the version: "
+        f"{golden.suffix.lower()} films are lossy, and the result depends on the encoder's version: "
         "PNG frames are better goldens",
-        "only the pictures of films are compared, not how long each is shown",
+        "only the pictures of films are compared, not their timing",
     )
     with decode_film(golden) as goldens, decode_film(actual) as actuals:
 
@@ -288,4 +257,4 @@ def _open_films(golden: Path, actual: Path) -> Iterator[FilePairs]:
             for number, (name, picture, other) in enumerate(zip(names, goldens, actuals, strict=True)):
                 yield Pair(name, picture, other, number)
 
-        yield FilePairs(names, notes, read)
+        yield Pairs(names, read, notes)

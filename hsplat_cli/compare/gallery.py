@@ -1,4 +1,4 @@
-"""The pictures of the worst frames, of as many frames as there may be, for the page."""
+"""Keep the pictures of the worst frames for the page."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from hsplat_cli.compare.outcome import Outcome
-from hsplat_cli.compare.pair import Pair, Pixels
+from hsplat_cli.compare.pair import Pair
+from renderer.film import Pixels
 from renderer.study import FrameDifference
 
-# The longest side of a picture. Three of them fit side by side on a wide screen without being scaled down there, which
-# would blend a single wrong pixel with those around it.
+# Longest side of a picture. Three fit side by side on a wide screen without scaling, which would blend a single wrong
+# pixel with its neighbours.
 PICTURE_PX = 512
-# The longest side of what is shown enlarged: what is around the pixel that is most off.
+# Longest side of the enlarged crop around the pixel with the largest error.
 CROP_PX = 48
-# How many of the frames that pass, but are not the same, are shown where none fails.
+# Number of frames shown, of those that pass but are not the same, if no frame fails.
 NUM_PASSING_SHOWN = 6
 
 _Levels = npt.NDArray[np.float32]
@@ -25,10 +26,10 @@ _Levels = npt.NDArray[np.float32]
 
 @dataclass(frozen=True)
 class ImageTriple:
-    """golden, actual: uint8 [h, w, 3 or 4]; None where one side has no such frame.
+    """Golden and actual picture, uint8 [h, w, 3 or 4], None for a side without the frame, and their difference.
 
-    difference: uint8 [h, w, 3]: red, the levels by which the most different channel of a pixel is brighter than in the
-    golden, and blue, those by which it is darker, rounded up; green is 0. None where nothing can be compared.
+    difference: uint8 [h, w, 3]: red and blue are the levels, rounded up, by which the most different channel of a pixel
+    is brighter or darker than in the golden; green is 0. None if nothing can be compared.
     """
 
     golden: Pixels | None
@@ -38,13 +39,13 @@ class ImageTriple:
 
 @dataclass(frozen=True)
 class GalleryFrame:
-    """A frame that is shown.
+    """A frame on the page.
 
-    whole: at most PICTURE_PX wide and high. pixels_per_side: how many of the frame's pixels a pixel of it is wide and
-    high; golden and actual have their means, the difference the largest of them.
-    worst: (x, y) of the frame's pixel that is most off, the first of them; None where nothing can be compared.
-    detail: what is around that pixel, CROP_PX wide and high, or as far as the frame goes; None where the frame is
-    little larger, or nothing can be compared. corner: (x, y) of the detail's first pixel.
+    overview: at most PICTURE_PX wide and high. pixels_per_side: side of the block of frame pixels behind each of its
+    pixels; golden and actual show the block's mean, the difference its largest error.
+    worst: (x, y) of the first frame pixel with the largest error; None if nothing can be compared.
+    crop: CROP_PX pixels around the worst one, within the frame; None for a small frame or if nothing can be compared.
+    corner: (x, y) of the crop's first pixel.
     """
 
     outcome: Outcome
@@ -56,7 +57,7 @@ class GalleryFrame:
 
 
 class Gallery:
-    """Looks at every frame and keeps the pictures of the worst `most` ones, of those that are not the same."""
+    """Collects the pictures of the worst `max_frames` frames, of those that are not the same."""
 
     def __init__(self, max_frames: int = 24) -> None:
         self._max_frames = max_frames
@@ -64,23 +65,20 @@ class Gallery:
         self._num_added = 0
 
     def add(self, outcome: Outcome, pair: Pair) -> None:
-        """Frames of one rank go by the order in which they are seen."""
-        place = (*outcome.rank, self._num_added)
+        """Add a frame; of equal ranks the earlier one comes first."""
+        rank = (*outcome.rank, self._num_added)
         self._num_added += 1
-        if outcome.status == "same" or (len(self._frames) == self._max_frames and place > self._frames[-1][0]):
+        if outcome.status == "same" or (len(self._frames) == self._max_frames and rank > self._frames[-1][0]):
             return
-        bisect.insort(
-            self._frames, (place, _make_gallery_frame(outcome, pair))
-        )  # places are unique: exhibits are never compared
+        # Ranks are unique, so that frames are never compared.
+        bisect.insort(self._frames, (rank, _make_gallery_frame(outcome, pair)))
         del self._frames[self._max_frames :]
 
     @property
     def gallery_frames(self) -> list[GalleryFrame]:
-        """Those that fail, worst first; where none does, the NUM_PASSING_SHOWN that came nearest to it."""
-        gallery_frames = [gallery_frame for _, gallery_frame in self._frames]
-        return [
-            gallery_frame for gallery_frame in gallery_frames if not gallery_frame.outcome.passes
-        ] or gallery_frames[:NUM_PASSING_SHOWN]
+        """The failing frames, worst first; if none fails, the NUM_PASSING_SHOWN closest to their limits."""
+        frames = [frame for _, frame in self._frames]
+        return [frame for frame in frames if not frame.outcome.passes] or frames[:NUM_PASSING_SHOWN]
 
 
 def _make_gallery_frame(outcome: Outcome, pair: Pair) -> GalleryFrame:
@@ -96,14 +94,14 @@ def _make_gallery_frame(outcome: Outcome, pair: Pair) -> GalleryFrame:
     if max(levels.shape) <= 2 * CROP_PX:
         return GalleryFrame(outcome, overview, side, (x, y))
     rows, columns = (_crop_range(place, length) for place, length in zip((y, x), levels.shape, strict=True))
-    # Copies: a view would keep all of a large frame in memory.
+    # A view would keep the whole frame in memory.
     around = golden[rows, columns].copy(), actual[rows, columns].copy()
     crop = ImageTriple(*around, _difference_picture(levels[rows, columns]))
     return GalleryFrame(outcome, overview, side, (x, y), crop, (columns.start, rows.start))
 
 
 def _crop_range(place: int, length: int) -> slice:
-    """CROP_PX of a length, or all of it, as nearly around a place as they are inside."""
+    """Return CROP_PX positions around a place, moved to lie within the length."""
     start = min(max(place - CROP_PX // 2, 0), max(length - CROP_PX, 0))
     return slice(start, min(start + CROP_PX, length))
 
@@ -116,14 +114,14 @@ def _difference_picture(levels: _Levels) -> Pixels:
 
 
 def _largest(levels: _Levels, side: int) -> _Levels:
-    """Of blocks of `side` x `side` pixels, the one that is furthest from 0, with its sign."""
+    """Return the value furthest from 0 of each block of `side` x `side` pixels."""
     blocks = _blocks(levels[..., None], side)
     highest, lowest = blocks.max(axis=(1, 3))[..., 0], blocks.min(axis=(1, 3))[..., 0]
     return np.asarray(np.where(highest >= -lowest, highest, lowest), np.float32)
 
 
 def _means(picture: Pixels, side: int) -> Pixels:
-    """Over blocks of `side` x `side` pixels; colours count as much as they are opaque."""
+    """Return the mean of each block of `side` x `side` pixels, with colours weighted by alpha."""
     if side == 1:
         return picture
     values = picture.astype(np.float32)
@@ -136,7 +134,7 @@ def _means(picture: Pixels, side: int) -> Pixels:
 
 
 def _blocks(values: _Levels, side: int) -> _Levels:
-    """[h, side, w, side, c] of [height, width, c]; what is missing of the last ones is as at the border."""
+    """Return [h, side, w, side, c] of [height, width, c], padded by its border."""
     height, width, channels = values.shape
     padded = np.pad(values, ((0, -height % side), (0, -width % side), (0, 0)), mode="edge")
     return padded.reshape(padded.shape[0] // side, side, padded.shape[1] // side, side, channels)

@@ -1,4 +1,4 @@
-"""Pictures that look like frames and are not compared: who forgets them should be told."""
+"""Write notes on pictures that look like frames and are not compared."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _MAX_NAMED = 3
 
 
 def ignored_in_folder_notes(folder: Path, entries: Collection[Path]) -> Iterator[str]:
-    """On what is in a folder besides the PNG files that are compared: pictures in other formats, folders of frames."""
+    """Return notes on pictures in other formats and on subfolders with PNG files."""
     visible = sorted(path for path in entries if not path.name.startswith("."))
     others = [path.name for path in visible if path.suffix.lower() in _OTHER_SUFFIXES]
     if others:
-        yield f"not compared, for they are no PNG files: {_some(others)} in {printable(str(folder))}"
+        yield f"not compared, because they are not PNG files: {_some(others)} in {printable(str(folder))}"
     below = [path.name for path in visible if _has_pictures(path)]
     if below:
-        yield f"not compared, for subfolders are left out: PNG files in {_some(below)} in {printable(str(folder))}"
+        yield f"not compared, because subfolders are ignored: PNG files in {_some(below)} in {printable(str(folder))}"
 
 
 def _has_pictures(path: Path) -> bool:
@@ -33,15 +33,15 @@ def _has_pictures(path: Path) -> bool:
 
 
 def ignored_by_template_notes(
-    template: Path, pattern: re.Pattern[str], taken: Collection[Path], entries: Collection[Path]
+    template: Path, pattern: re.Pattern[str], matched: Collection[Path], entries: Collection[Path]
 ) -> Iterator[str]:
-    """On files that only the number of their digits keeps a template from taking.
+    """Return a note on files that a template ignores only because of the number of digits.
 
-    pattern: of names, with any number of digits. taken: those that the template takes.
+    pattern: matches names with any number of digits. matched: the files of the template.
     """
-    others = sorted(path.name for path in entries if pattern.fullmatch(path.name) and path not in taken)
+    others = sorted(path.name for path in entries if pattern.fullmatch(path.name) and path not in matched)
     if others:
-        yield f"not compared, for {printable(template.name)} would have other digits in the name: {_some(others)}"
+        yield f"not compared, because {printable(template.name)} has another number of digits: {_some(others)}"
 
 
 def _some(names: list[str]) -> str:

@@ -1,4 +1,4 @@
-"""The verdict on a pair of frames: the same, close enough, or what is wrong with it."""
+"""Compare pairs of frames with their limits."""
 
 from __future__ import annotations
 
@@ -8,33 +8,34 @@ import numpy as np
 
 from hsplat_cli.compare.figure_format import figure_text
 from hsplat_cli.compare.outcome import Outcome, Status
-from hsplat_cli.compare.pair import Pair, Pixels
+from hsplat_cli.compare.pair import Pair
 from hsplat_cli.compare.rules import Rules
 from renderer.errors import InputError, require_package
+from renderer.film import Pixels
 from renderer.study import COMPARISON_METRICS, FrameDifference, Limits, exceeded_limits, severity
 
-# The figures that another package computes, and the extra that brings it.
+# Metrics that need another package: its name and the extra that installs it.
 _PACKAGES = {"flip": ("flip_evaluator", "compare"), "ssim": ("skimage", "measure")}
 
 _KINDS = {3: "RGB", 4: "RGBA"}
 
 
-def judge(pairs: Iterable[Pair], rules: Rules, see: Callable[[Outcome, Pair], None]) -> list[Outcome]:
-    """What came of each pair, in their order; `see` is called with each as soon as it is known.
+def compare_pairs(pairs: Iterable[Pair], rules: Rules, on_outcome: Callable[[Outcome, Pair], None]) -> list[Outcome]:
+    """Compare each pair, and call `on_outcome` with each outcome as soon as it is known.
 
-    Raises InputError where a limited figure cannot be taken, for a package that is missing before the first pair.
+    Raises InputError if a limited metric cannot be computed; if a package is missing, before the first pair.
     """
     require_packages(rules)
     outcomes = []
     for pair in pairs:
         outcome = compare_pair(pair, rules.limits_for(pair.name))
-        see(outcome, pair)
+        on_outcome(outcome, pair)
         outcomes.append(outcome)
     return outcomes
 
 
 def require_packages(rules: Rules) -> None:
-    """Raise InputError where a package is missing that a limit of any frame needs."""
+    """Raise InputError if a package is missing that the limit of any frame needs."""
     limited = {figure for name in ("", *rules.frames) for figure in rules.limits_for(name)}
     for figure, (package, extra) in _PACKAGES.items():
         if figure in limited:
@@ -42,7 +43,7 @@ def require_packages(rules: Rules) -> None:
 
 
 def compare_pair(pair: Pair, limits: Limits) -> Outcome:
-    """What came of one pair. Raises InputError where a limited figure cannot be taken."""
+    """Compare one pair. Raises InputError if a limited metric cannot be computed."""
     if pair.golden is None or pair.actual is None:
         status: Status = "missing" if pair.actual is None or pair.is_golden_missing else "extra"
         side = "ACTUAL" if pair.actual is None else "GOLDEN"
@@ -71,7 +72,7 @@ def _difference_outcome(pair: Pair, difference: FrameDifference, limits: Limits)
     figures = difference.metrics(limits)
     for name in limits:
         if name not in figures:
-            hint = f"take the limit away for this frame: {name}: none"
+            hint = f"remove the limit for this frame: {name}: none"
             raise InputError(f"too small a picture for {COMPARISON_METRICS[name].label}", where=pair.name, hint=hint)
     over = exceeded_limits(figures, limits)
     worst = max(limits, key=lambda name: severity(figures, {name: limits[name]}))
@@ -80,7 +81,7 @@ def _difference_outcome(pair: Pair, difference: FrameDifference, limits: Limits)
     if difference.largest() == 0:
         text = "the same picture: only colours at an alpha of 0 differ"
     elif not over:
-        text = f"within the limits, the nearest of which is {text}"
+        text = f"within the limits; the closest is {text}"
     return Outcome(
         pair.name,
         "different" if over else "close",

@@ -1,4 +1,4 @@
-"""What came of a comparison: of each frame, and of all of them. What the reports are written from."""
+"""The outcome of a comparison, for each frame and for all frames."""
 
 from __future__ import annotations
 
@@ -9,21 +9,19 @@ from typing import Literal
 
 from renderer.study import Limits, severity
 
-# `same`: pixel by pixel. `close`: within the limits. The others fail.
+# `same`: equal pixels. `close`: within the limits. All others fail.
 Status = Literal["same", "close", "different", "missing", "extra", "other size", "other channels"]
 PASSES: frozenset[Status] = frozenset({"same", "close"})
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Of one pair of frames.
+    """The outcome of one pair of frames.
 
-    name: of the pair, as the files have it, or `frame 12` of a film.
-    why: one sentence; every number in it with its figure, its unit and its limit.
-    figures: by name, as `renderer.study.comparison.COMPARISON_METRICS`; none where there is nothing to compare.
-    limits: that this frame had. exceeded: figures that are over theirs, the first of them the reason.
-    bias: mean signed error of each channel, in levels, actual minus golden.
-    number: of the frame, where its name tells.
+    name: as in Pair. why: one sentence; every number in it has its metric, its unit and its limit.
+    figures: errors by the names of COMPARISON_METRICS; empty if nothing can be compared.
+    limits: of this frame. exceeded: metrics over their limits, the reason first.
+    bias: mean signed error of each channel, in levels, actual minus golden. number: of the frame, if its name has one.
     """
 
     name: str
@@ -37,29 +35,28 @@ class Outcome:
 
     @property
     def passes(self) -> bool:
-        """Whether the frame is as it should be."""
+        """Whether the frame is within its limits."""
         return self.status in PASSES
 
     @property
     def severity(self) -> float:
-        """To sort by, worst first: how many times over its limit it is, infinite where there is no pair."""
+        """The largest error as a multiple of its limit; infinite without a comparable pair."""
         if self.status in ("same", "close", "different"):
             return severity(self.figures, self.limits)
         return math.inf
 
     @property
     def rank(self) -> tuple[bool, float]:
-        """To sort by, worst first: what fails before what passes, then by severity."""
+        """Sort key, worst first: failing frames before passing ones, then by severity."""
         return (self.passes, -self.severity)
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Of all pairs, at least one of them, in the order of their names.
+    """The outcome of all pairs, at least one, in the order of their names.
 
-    golden, actual: what was compared, in words for reports. level: name of the strictness. notes: what the user should
-    know. facts: about both sides, such as the driver, by name: (golden, actual). other_limits: than the level's, in
-    words as `Rules.other_limits`.
+    golden, actual: what was compared, as text. level: name of the strictness. notes: for the user. facts: both sides of
+    a fact such as the driver, by its name: (golden, actual). other_limits: as in `Rules.other_limits`.
     """
 
     golden: str
@@ -72,24 +69,15 @@ class Comparison:
 
     @property
     def strictness(self) -> str:
-        """The level, which is not named without the limits that are other ones."""
+        """The level, with the limits that replace its own."""
         return f"{self.level} (with other limits: {'; '.join(self.other_limits)})" if self.other_limits else self.level
 
     @property
     def passes(self) -> bool:
-        """Whether every frame does."""
+        """Whether every frame passes."""
         return all(outcome.passes for outcome in self.outcomes)
 
     @property
     def worst_first(self) -> list[Outcome]:
-        """By `Outcome.rank`, equals in the order of their names."""
+        """The outcomes by `Outcome.rank`, equal ones in the order of their names."""
         return sorted(self.outcomes, key=lambda outcome: outcome.rank)
-
-
-@dataclass(frozen=True)
-class Failure:
-    """Of what could not be compared. golden, actual: as they were given. why: in one line or several."""
-
-    golden: str
-    actual: str
-    why: str

@@ -1,21 +1,19 @@
-"""Two frames that belong together."""
+"""Pairs of frames to compare."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
-import numpy as np
-import numpy.typing as npt
-
-Pixels = npt.NDArray[np.uint8]
+from renderer.film import Pixels
 
 
 @dataclass(frozen=True)
 class Pair:
-    """name: as in Outcome. golden, actual: uint8 [h, w, 3 or 4], straight alpha; None where one side has no such frame.
+    """A golden frame and the actual one: uint8 [h, w, 3 or 4], straight alpha; None for a side without this frame.
 
-    number: of the frame, where its name tells, for the curve over the loop.
-    is_golden_missing: that there is no golden, though it is known that there was one.
+    name: of the file, or `frame 12` of a film. number: of the frame, if its name contains one. is_golden_missing: the
+    golden is absent although it is recorded.
     """
 
     name: str
@@ -23,3 +21,17 @@ class Pair:
     actual: Pixels | None
     number: int | None = None
     is_golden_missing: bool = False
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """All pairs of a comparison, of which iteration reads one at a time.
+
+    read: returns an iterator over the pairs, in the order of `names`; it raises InputError if a frame cannot be read.
+    notes, facts: as in Comparison.
+    """
+
+    names: Sequence[str]
+    read: Callable[[], Iterator[Pair]]
+    notes: Sequence[str] = ()
+    facts: Mapping[str, tuple[str, str]] = field(default_factory=dict)

@@ -1,7 +1,7 @@
-"""PNG files to arrays, strictly: what a decoder repairs or leaves out would not be compared.
+"""Read PNG files strictly, without the repairs and omissions of a decoder, which would go uncompared.
 
-Stored values are compared. Gamma, colour spaces and profiles (gAMA, sRGB, cHRM, iCCP) are not looked at, and no picture
-is converted into another kind; interlaced ones are read as any other.
+Stored values are compared. Gamma, colour spaces and profiles (gAMA, sRGB, cHRM, iCCP) are ignored, and no picture is
+converted. Interlaced pictures are supported.
 """
 
 from __future__ import annotations
@@ -20,21 +20,20 @@ from renderer.errors import InputError
 from renderer.film import Pixels, join_png_chunks, png_chunks
 from renderer.scene import nearest_file_hint, read_bounded
 
-# A file says how large its picture is in its first bytes, and is believed up to here: 8192 x 4096, which with alpha
-# take 2 GB to compare.
+# The header's size is checked before memory is allocated. 8192 x 4096 pixels with alpha take 2 GB to compare.
 MAX_PIXELS = 2**25
-# Such a picture with alpha, not compressed at all, and as much again.
+# Twice such a picture with alpha, uncompressed.
 MAX_FILE_BYTES = 2**28
 
 _SUFFIX = ".png"
 _EXPECTED = "a PNG file, 8-bit RGB or RGBA"
 _COLOR_TYPES = {0: "grey", 2: "RGB", 3: "palette", 4: "grey with alpha", 6: "RGBA"}
 _CHANNELS = {2: 3, 6: 4}
-# What makes of three channels another picture than they hold, or of a file more pictures than one.
+# They change the picture that the channels hold, or add pictures.
 _REFUSED_CHUNKS = {b"tRNS": "a transparent colour (tRNS)", b"acTL": "an animation (APNG)"}
-# Other ones may be skipped if their names begin with a small letter (ISO/IEC 15948, 5.4).
+# Others may be skipped if their names begin with a lower-case letter (ISO/IEC 15948, 5.4).
 _KNOWN_CHUNKS = (b"IHDR", b"PLTE", b"IDAT", b"IEND")
-# First column and row, and steps, of the parts of an interlaced picture (ISO/IEC 15948, 8.2).
+# First column and row, and steps, of the passes of an interlaced picture (ISO/IEC 15948, 8.2).
 _ADAM7_PASSES = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
 _BLOCK = 2**20
 
@@ -50,43 +49,43 @@ _LFS_POINTER = b"version https://git-lfs.github.com/"
 
 
 def is_picture(name: str) -> bool:
-    """Whether a file of this name is taken for a PNG; not if it is hidden, as a shell's `*.png` has it."""
+    """Return whether a name matches `*.png`, in any case; hidden files do not."""
     return name.lower().endswith(_SUFFIX) and not name.startswith(".")
 
 
 def read_picture(path: Path) -> Pixels:
-    """The picture in a PNG file: uint8 [h, w, 3] or, with straight alpha, [h, w, 4].
+    """Read a PNG file: uint8 [h, w, 3] or, with straight alpha, [h, w, 4].
 
-    Raises InputError for anything else: another format under this name, 16 bits, a palette, grey, a file that is cut
-    off or damaged, more than MAX_PIXELS.
+    Raises InputError for anything else: another format, 16 bits, a palette, grey, a file that is cut off or damaged,
+    more than MAX_PIXELS.
     """
     return decode_picture(file_content(path), path)
 
 
 def file_content(path: Path) -> bytes:
-    """What is in a file of at most MAX_FILE_BYTES. Raises InputError."""
+    """Read a file of at most MAX_FILE_BYTES. Raises InputError."""
     require_file(path, _EXPECTED)
     return read_bounded(path, MAX_FILE_BYTES, "a picture or film")
 
 
 def require_file(path: Path, expected: str) -> None:
-    """Raise InputError unless it is a file: opening a pipe would wait for somebody to write."""
+    """Raise InputError unless the path is a regular file: opening a pipe would block."""
     try:
         mode = path.stat().st_mode
     except FileNotFoundError as error:
         if path.is_symlink():
-            raise InputError("a link that leads nowhere", where=str(path), got=str(path.readlink())) from error
+            raise InputError("a broken link", where=str(path), got=str(path.readlink())) from error
         raise InputError("no such file", where=str(path), hint=nearest_file_hint(path)) from error
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else None
         raise InputError(f"cannot be read: {reason or error}", where=str(path)) from error
     if not stat.S_ISREG(mode):
-        got = "a folder" if stat.S_ISDIR(mode) else "something that is no file"
+        got = "a folder" if stat.S_ISDIR(mode) else "a special file"
         raise InputError("not a file", where=str(path), got=got, expected=expected)
 
 
 def decode_picture(content: bytes, path: Path) -> Pixels:
-    """The picture in the content of the file `path`; as `read_picture`."""
+    """Decode the content of the file `path`, as `read_picture`."""
     try:
         chunks = png_chunks(content)
     except ValueError as error:
@@ -95,11 +94,11 @@ def decode_picture(content: bytes, path: Path) -> Pixels:
     data = b"".join(content for name, content in chunks if name == b"IDAT")
     if not _is_complete(data, header):
         raise _damaged_error(path)
-    # Nothing else in the file is looked at: what a decoder made of it would be another picture, or cost more.
+    # Other chunks could change the picture or its cost.
     plain = join_png_chunks([chunks[0], (b"IDAT", data), chunks[-1]])
     try:
         pixels = np.asarray(imageio.v3.imread(plain, extension=_SUFFIX, plugin="pillow"))
-    except (OSError, SyntaxError, ValueError) as error:  # SyntaxError is how Pillow says that a PNG is broken
+    except (OSError, SyntaxError, ValueError) as error:  # Pillow raises SyntaxError for a broken PNG
         raise _damaged_error(path) from error
     if pixels.shape != (header.height, header.width, header.channels) or pixels.dtype != np.uint8:
         raise _damaged_error(path)
@@ -114,7 +113,7 @@ class _Header(NamedTuple):
 
 
 def _parse_header(chunks: Sequence[tuple[bytes, bytes]], path: Path) -> _Header:
-    """What a file says of its picture, if such a one may be read. Raises InputError."""
+    """Parse the header. Raises InputError if the picture is not supported."""
     content, names = chunks[0][1], [name for name, _ in chunks]
     strange = [name for name in names if name[:1].isupper() and name not in _KNOWN_CHUNKS]
     if len(content) != 13 or names.count(b"IHDR") > 1 or strange:
@@ -132,13 +131,13 @@ def _parse_header(chunks: Sequence[tuple[bytes, bytes]], path: Path) -> _Header:
             where=str(path),
             got=" with ".join([f"{depth}-bit {_COLOR_TYPES[color_type]}", *extras]),
             expected="8-bit RGB or RGBA",
-            hint="stored values are compared and nothing is converted: save it as 8-bit RGB or RGBA",
+            hint="stored values are compared without conversion: save it as 8-bit RGB or RGBA",
         )
     return _Header(width, height, _CHANNELS[color_type], interlace == 1)
 
 
 def _is_complete(data: bytes, header: _Header) -> bool:
-    """Whether compressed rows are as many bytes as the picture takes, which decoders do not insist on."""
+    """Return whether the data has exactly as many bytes as the picture, which decoders do not check."""
     expected = 0
     for x, y, dx, dy in _ADAM7_PASSES if header.is_interlaced else ((0, 0, 1, 1),):
         columns, rows = -(-(header.width - x) // dx), -(-(header.height - y) // dy)
@@ -168,4 +167,4 @@ def _unreadable_error(reason: str, content: bytes, path: Path) -> InputError:
 
 
 def _damaged_error(path: Path) -> InputError:
-    return InputError("the PNG file is damaged", where=str(path), got="what cannot be decoded", expected=_EXPECTED)
+    return InputError("the PNG file is damaged", where=str(path), got="data that cannot be decoded", expected=_EXPECTED)

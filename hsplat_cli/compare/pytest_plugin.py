@@ -1,6 +1,6 @@
-"""A fixture for pytest that compares frames as `hsplat compare` does.
+"""A pytest fixture that compares frames as `hsplat compare` does.
 
-It is there in every run of pytest where hsplat is installed, and so imports nothing before it is used.
+pytest loads it wherever hsplat is installed, so it imports the rest only when it is used.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import pytest
 
 
 class AssertFramesMatch(Protocol):
-    """What the fixture is."""
+    """The type of the fixture."""
 
     def __call__(
         self,
@@ -28,17 +28,15 @@ class AssertFramesMatch(Protocol):
 
 @pytest.fixture(scope="session")
 def assert_frames_match() -> AssertFramesMatch:
-    """A function that fails the test, with a table, where frames differ by more than they may.
+    """Return a function that fails the test, with a table, if frames differ by more than they may.
 
-    golden, actual: as on the command line: images, folders, templates or films, or a scene and the folder of its
-    goldens.
-    level: of the strictness, in the place of a file of limits beside the goldens. limits: other ones, by figure; None
-    takes one away.
-    html: a page of the frames that differ most is written to this .html file, whether they match or not.
+    golden, actual: as on the command line: images, folders, templates or films, or a scene and its folder of goldens.
+    level: replaces the file of limits beside the goldens. limits: by metric; None removes one.
+    html: an .html file for a page of the worst frames, written in any case.
 
-    Raises AssertionError where frames differ, and InputError where they cannot be compared.
+    The function raises AssertionError if frames differ, and InputError if they cannot be compared.
     """
-    # Imported here: who has installed hsplat and tests something else does not wait for numpy.
+    # Imported here: other test suites should not wait for numpy.
     from hsplat_cli.compare.api import require_match
 
     return require_match

@@ -1,4 +1,4 @@
-"""What frames may differ by: a level of strictness, and what a file beside the goldens and the command line change.
+"""Read the limits of a comparison: a strictness level, changed by a file beside the goldens and the command line.
 
 The file is called `compare.yaml`:
 
@@ -7,9 +7,8 @@ The file is called `compare.yaml`:
     frames:
       frame-0007.png: {largest: 8, flip: 0.02}
 
-Each limit is that of the level, unless `limits` names the figure, unless the frame does, unless the command line does;
-`none` takes it away. A level that the command line gives is meant as it stands: it takes the place of the whole file.
-Frames of a film are called `frame 7`.
+A limit of the command line overrides that of the frame, which overrides `limits`, which overrides the level; `none`
+removes a limit. A level on the command line replaces the whole file. Frames of a film are called `frame 7`.
 """
 
 from __future__ import annotations
@@ -48,15 +47,15 @@ LIMITS_FILE = "compare.yaml"
 _MISSPELLED_FILE = "compare.yml"
 DEFAULT_LEVEL = "same-machine"
 
-LimitChanges = Mapping[str, float | None]  # of limits, by the figure's name; None takes one away
+LimitChanges = Mapping[str, float | None]  # by the metric's name; None removes a limit
 
 
 @dataclass(frozen=True)
 class Rules:
-    """The limits of every frame.
+    """The limits of all frames.
 
-    level: of LEVELS. limits: changes for all frames. frames: for some, by name. overrides: for all, in spite of those.
-    file: where frames are named, and places: where in it, for messages. notes: what the user should know.
+    level: of STRICTNESS_LEVELS. limits: changes for all frames. frames: changes for some, by name. overrides: changes
+    for all frames, applied last. file: that names frames. places: of the names in the file. notes: for the user.
     """
 
     level: str = DEFAULT_LEVEL
@@ -68,16 +67,16 @@ class Rules:
     notes: Sequence[str] = ()
 
     def limits_for(self, name: str) -> Limits:
-        """Of a frame, in the order of COMPARISON_METRICS; at least one."""
+        """Return the limits of a frame, at least one, in the order of COMPARISON_METRICS."""
         changed = {**STRICTNESS_LEVELS[self.level].limits, **self.limits, **self.frames.get(name, {}), **self.overrides}
         return {figure: limit for figure in COMPARISON_METRICS if (limit := changed.get(figure)) is not None}
 
     @property
     def other_limits(self) -> list[str]:
-        """What is other than the level has it, and who says so: `largest 200, flip none by golden/compare.yaml`."""
+        """Limits that differ from the level's, with their source: `largest 200, flip none by golden/compare.yaml`."""
         of_level = STRICTNESS_LEVELS[self.level].limits
         by_file = {figure: limit for figure, limit in self.limits.items() if figure not in self.overrides}
-        told = []
+        descriptions = []
         for changes, source in ((by_file, self.file), (self.overrides, "option")):
             others = [
                 f"{figure} {'none' if limit is None else number_text(limit)}"
@@ -85,14 +84,14 @@ class Rules:
                 if limit != of_level.get(figure)
             ]
             if others:
-                told.append(f"{', '.join(others)} by {source}")
+                descriptions.append(f"{', '.join(others)} by {source}")
         num_frames = sum(self.limits_for(name) != self.limits_for("") for name in self.frames)
         if num_frames:
-            told.append(f"those of {counted(num_frames, 'frame')} by {self.file}")
-        return told
+            descriptions.append(f"those of {counted(num_frames, 'frame')} by {self.file}")
+        return descriptions
 
     def require_frames(self, names: Iterable[str]) -> None:
-        """Raise SceneError for the frames with limits of their own that are neither among these nor pictures beside."""
+        """Raise SceneError if limits name a frame that is neither compared nor a picture beside the file."""
         compared = set(names)
         strange = [name for name in self.frames if name not in compared and not self._is_golden_beside(name)]
         if strange:
@@ -114,12 +113,12 @@ def load_rules(
     overrides: Sequence[str] = (),
     option_names: tuple[str, str] = ("--level", "--limit"),
 ) -> Rules:
-    """The rules for goldens, from the file beside them, if there is one, and from the command line.
+    """Load the rules from the file beside the goldens, if it exists, and from the command line.
 
-    golden: a folder, in which it is looked for, or a file, beside which. level: that of the command line.
-    overrides: `FIGURE=VALUE`. option_names: what says which level and which overrides, for messages.
+    golden: a folder that may hold the file, or a file beside it. level: of the command line. overrides: `FIGURE=VALUE`.
+    option_names: of level and overrides, for messages.
 
-    Raises InputError where the file cannot be read, and SceneError with all that is wrong in it or the command line.
+    Raises InputError if the file cannot be read, and SceneError with all problems in it or the command line.
     """
     problems: list[Problem] = []
     if level is not None:
@@ -135,20 +134,20 @@ def load_rules(
     rules = replace(from_file if level is None else _rules_of_level(from_file, level), overrides=changes)
     for name in ("", *rules.frames):
         if not rules.limits_for(name):
-            hint = "a comparison without limits would pass whatever there is"
-            raise InputError("no figure has a limit any more", where=rules.places.get(name), hint=hint)
+            hint = "a comparison without limits would always pass"
+            raise InputError("no metric has a limit", where=rules.places.get(name), hint=hint)
     return rules
 
 
 def _rules_of_level(from_file: Rules, level: str) -> Rules:
-    """Rules of a level that is asked for."""
+    """Replace the rules of the file by a level."""
     if not (from_file.limits or from_file.frames):
         return Rules(level)
-    return Rules(level, notes=[f"the level {level} is asked for: what {from_file.file} says does not hold"])
+    return Rules(level, notes=[f"the level {level} replaces the limits of {from_file.file}"])
 
 
 def _limit(figure: Metric) -> FieldType[Any]:
-    """A number within what the figure can be, or `none`, which is read as None."""
+    """Return the field of a limit: a number in the metric's range, or `none`, read as None."""
     plain = number_field(minimum=0, maximum=255 if figure.unit == "levels" else 1)
 
     def parse(node: TreeNode) -> float | None:
@@ -160,7 +159,7 @@ def _limit(figure: Metric) -> FieldType[Any]:
         return value
 
     words = " ".join(filter(None, (plain.expected, figure.unit)))
-    kind: FieldType[Any] = FieldType(f"{words}, or none", parse, empty_hint="none takes a limit away")
+    kind: FieldType[Any] = FieldType(f"{words}, or none", parse, empty_hint="none removes a limit")
     return kind
 
 
@@ -184,7 +183,7 @@ _FRAMES: FieldType[dict[str, Any]] = FieldType("a mapping of frames to their lim
 
 
 def _override(text: str, option_names: str, problems: list[Problem]) -> dict[str, float | None]:
-    """What `FIGURE=VALUE` changes."""
+    """Parse `FIGURE=VALUE`."""
     name, equals, value = (part.strip() for part in text.partition("="))
     found: list[Problem] = []
     if equals:
@@ -224,12 +223,12 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
 def _names_in(folder: Path) -> list[str]:
     try:
         return os.listdir(folder)
-    except OSError:  # whoever looks for frames there tells of it
+    except OSError:  # reported when the frames are read
         return []
 
 
 def _with_places(tree: YamlTree, found: Sequence[Problem], path: Path, lines: Sequence[str]) -> list[Problem]:
-    """What is wrong in a file, in its order, with places and the lines themselves."""
+    """Add places and lines to the problems of a file, and sort them by place."""
     marked = list(tree.problems)
     for problem in found:
         place = tree.locations[problem.path]

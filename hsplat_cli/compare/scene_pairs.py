@@ -1,4 +1,4 @@
-"""A scene against its goldens: it is drawn again, and what has changed since is told."""
+"""Pair a scene's goldens with the same frames rendered now, and note what has changed since."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from hsplat_cli.compare.golden.provenance import (
     is_golden_file_name,
     read_provenance,
 )
-from hsplat_cli.compare.golden.render import RenderedFrames, load_reproducible_job, rendered_frames
-from hsplat_cli.compare.pair import Pair
+from hsplat_cli.compare.golden.render import load_reproducible_job, rendered_frames
+from hsplat_cli.compare.pair import Pair, Pairs
 from hsplat_cli.compare.picture_file import is_picture, read_picture
 from hsplat_cli.compare.rules import Rules
 from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import Job
-from hsplat_cli.terminal import counted, first_few, parse_frames, report_first_run
+from hsplat_cli.terminal import Reporter, counted, first_few, parse_frames
 from renderer.errors import InputError
 from renderer.film import file_matches_digest
 
@@ -31,41 +31,21 @@ _SHOWN_DIGITS = 8
 _MAX_NAMES = 3
 
 
-@dataclass(frozen=True)
-class ScenePairs:
-    """Goldens and the same frames drawn now: pairs one at a time, as often as they are asked for.
-
-    facts, notes: as in Comparison.
-    """
-
-    folder: Path
-    goldens: Sequence[Golden]
-    drawing: RenderedFrames
-    facts: Mapping[str, tuple[str, str]]
-    notes: Sequence[str]
-
-    @property
-    def names(self) -> Sequence[str]:
-        """Of all pairs: those of the goldens' files."""
-        return [golden.file for golden in self.goldens]
-
-    def __iter__(self) -> Iterator[Pair]:
-        """By number; without a golden where the file is not there, and without the other where the scene has no such
-        frame any more. Raises InputError."""
-        for golden in self.goldens:
-            path, source = self.folder / golden.file, self.drawing.files.get(golden.frame)
-            yield Pair(
-                golden.file,
-                read_picture(path) if path.exists() else None,
-                None if source is None else read_picture(source),
-                golden.frame,
-                is_golden_missing=not path.exists(),
-            )
+def _read_pairs(folder: Path, goldens: Sequence[Golden], files: Mapping[int, Path]) -> Iterator[Pair]:
+    for golden in goldens:
+        path, source = folder / golden.file, files.get(golden.frame)
+        yield Pair(
+            golden.file,
+            read_picture(path) if path.exists() else None,
+            None if source is None else read_picture(source),
+            golden.frame,
+            is_golden_missing=not path.exists(),
+        )
 
 
 @dataclass(frozen=True)
 class SceneOptions:
-    """How a scene is drawn, as the options of the command line say it."""
+    """The options of the command line for rendering a scene."""
 
     frames: str | None = None
     overrides: Sequence[str] = ()
@@ -74,20 +54,19 @@ class SceneOptions:
 
     @property
     def given(self) -> list[str]:
-        """The options that are there."""
+        """Names of the options with a value."""
         values = {"--frames": self.frames, "--set": self.overrides, "--volume": self.volume, "--workers": self.workers}
         return [option for option, value in values.items() if value]
 
 
 @contextlib.contextmanager
 def open_scene_pairs(
-    scene: Path, folder: Path, options: SceneOptions, rules: Rules, *, quiet: bool
-) -> Iterator[ScenePairs]:
-    """Draw the frames of a scene, or of a film's sidecar, of which a folder has goldens, or some of them.
+    scene: Path, folder: Path, options: SceneOptions, rules: Rules, reporter: Reporter
+) -> Iterator[Pairs]:
+    """Render the frames of a scene, or of a film's sidecar, that have goldens in a folder. Pictures last for the block.
 
-    The pictures are gone after the block. Raises InputError where the folder has no goldens, none of these frames, or
-    goldens that its golden.json does not tell of, SceneError where `rules` are of frames that are not there, and what
-    reading the scene and drawing raise.
+    Raises InputError if the folder has none of these goldens, or goldens that golden.json does not list; SceneError if
+    `rules` name frames that do not exist; and the errors of reading the scene and rendering.
     """
     provenance = _require_provenance(folder)
     unlisted = _unlisted_pictures(folder, provenance.goldens)
@@ -97,16 +76,18 @@ def open_scene_pairs(
     numbers = [golden.frame for golden in goldens if golden.frame in drawable]
     if not numbers:
         raise InputError(
-            "the scene has none of the frames of which there are goldens",
+            "the scene has none of the frames that have goldens",
             where=str(scene),
             got=f"{counted(len(job.frames), 'frame')} up to frame {job.frames[-1]}",
-            expected=f"such as frame {goldens[0].frame}, which is in {folder / PROVENANCE_FILE}",
+            expected=f"frame {goldens[0].frame} or others listed in {folder / PROVENANCE_FILE}",
         )
-    rules.require_frames([golden.file for golden in goldens])  # before it takes time
-    report_first_run(quiet=quiet)
-    with rendered_frames(job, numbers, ExecutorSpec(options.workers), quiet=quiet) as drawing:
-        notes = [*_notes(provenance.origin, drawing.origin), *_file_notes(folder, goldens, unlisted), *drawing.notes]
-        yield ScenePairs(folder, goldens, drawing, _facts(provenance, drawing.origin), notes)
+    rules.require_frames([golden.file for golden in goldens])  # before rendering
+    reporter.announce_compilation()
+    with rendered_frames(job, numbers, ExecutorSpec(options.workers), reporter) as rendered:
+        notes = [*_notes(provenance.origin, rendered.origin), *_file_notes(folder, goldens, unlisted), *rendered.notes]
+        names = [golden.file for golden in goldens]
+        facts = _facts(provenance, rendered.origin)
+        yield Pairs(names, lambda: _read_pairs(folder, goldens, rendered.files), notes, facts)
 
 
 def _require_provenance(folder: Path) -> Provenance:
@@ -120,21 +101,21 @@ def _require_provenance(folder: Path) -> Provenance:
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", where=str(folder)) from error
     raise InputError(
-        f"no {PROVENANCE_FILE} in this folder says which frames of a scene are golden",
+        f"no {PROVENANCE_FILE} in this folder",
         where=str(folder),
-        got=f"{num} PNG file{'s' * (num != 1)}",
+        got=counted(num, "PNG file"),
         hint=f"{_MAKE.format(folder)}; a folder of frames is compared with another folder",
     )
 
 
-_MAKE = "`hsplat golden SCENE {}` draws goldens, and writes down what from"
+_MAKE = "`hsplat golden SCENE {}` renders goldens and records their origin"
 
 
 def _unlisted_pictures(folder: Path, goldens: Sequence[Golden]) -> Sequence[str]:
-    """Pictures in the folder that golden.json does not tell of, none of which has the name of a golden.
+    """Return pictures in the folder that golden.json does not list.
 
-    Raises InputError where some are: no update leaves such a file, so golden.json has lost them, and what is not
-    compared cannot pass; and where the folder cannot be looked into.
+    Raises InputError if one is named like a golden, because golden.json is then incomplete, or if the folder cannot be
+    read.
     """
     try:
         names = {path.name for path in folder.iterdir() if is_picture(path.name)}
@@ -144,44 +125,41 @@ def _unlisted_pictures(folder: Path, goldens: Sequence[Golden]) -> Sequence[str]
     lost = [name for name in others if is_golden_file_name(name)]
     if lost:
         raise InputError(
-            f"{PROVENANCE_FILE} does not tell of all goldens in this folder",
+            f"{PROVENANCE_FILE} does not list all goldens in this folder",
             where=str(folder),
             got=_some(lost),
-            hint=f"restore {PROVENANCE_FILE}; or move what is not golden away",
+            hint=f"restore {PROVENANCE_FILE}, or move pictures that are not golden elsewhere",
         )
     return others
 
 
 def _select_goldens(goldens: Sequence[Golden], frames: str | None, job: Job, folder: Path) -> Sequence[Golden]:
-    """Those that are in this range of frames. Raises InputError where there are none."""
+    """Return the goldens in a range of frames. Raises InputError if there are none."""
     if frames is None:
         return goldens
-    asked = frozenset(parse_frames(frames, job.scene.camera.path.frames))
-    picked = [golden for golden in goldens if golden.frame in asked]
+    requested = frozenset(parse_frames(frames, job.scene.camera.path.frames))
+    picked = [golden for golden in goldens if golden.frame in requested]
     if not picked:
         numbers = _some([golden.frame for golden in goldens])
         raise InputError(
-            "there are no goldens of these frames",
+            "no goldens of these frames",
             where="--frames",
             got=frames,
-            expected=f"frames of which {folder / PROVENANCE_FILE} tells: {numbers}",
+            expected=f"frames listed in {folder / PROVENANCE_FILE}: {numbers}",
         )
     return picked
 
 
-# What has changed
-
-
 def _notes(provenance: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
     if provenance["volume"]["fingerprint"] != now["volume"]["fingerprint"]:
-        yield f"another volume: {_volume(now)}; the goldens are of {_volume(provenance)}"
+        yield f"another volume: {_volume(now)}; the goldens show {_volume(provenance)}"
     scene = describe_changes(provenance, now, "scene")
     if scene:
-        yield f"the scene has changed since the goldens were drawn: {scene}"
+        yield f"the scene has changed since the goldens were rendered: {scene}"
 
 
 def _file_notes(folder: Path, goldens: Sequence[Golden], unlisted: Sequence[str]) -> Iterator[str]:
-    """On goldens that are not there, or are not the files that were written, and on pictures that are no goldens."""
+    """Return notes on missing and changed goldens, and on other pictures."""
     gone = [golden.file for golden in goldens if not (folder / golden.file).exists()]
     others = [
         golden.file
@@ -202,7 +180,7 @@ def _some(items: Sequence[object]) -> str:
 
 
 def _facts(provenance: Provenance, now: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
-    """About the goldens and about now: the driver, the volume, versions of what is there on both sides."""
+    """Return driver, volume and common versions, of the goldens and of now."""
     origin = provenance.origin
     versions = {
         name: (origin["versions"][name], version)

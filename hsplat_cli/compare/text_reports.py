@@ -1,6 +1,6 @@
-"""What came of a comparison as text for the terminal, as JSON and as JUnit XML; worst first in all of them.
+"""Report a comparison as text for the terminal, as JSON and as JUnit XML, worst frames first.
 
-The same comparison gives the same text. Names are shown as `printable` has them, but in JSON as they are.
+Equal comparisons give equal text. Unprintable characters are escaped, except in JSON.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from typing import Any
 from xml.etree import ElementTree
 
 from hsplat_cli.compare.figure_format import figure_text, printable
-from hsplat_cli.compare.outcome import Comparison, Failure, Outcome, Status
-from hsplat_cli.terminal import counted
+from hsplat_cli.compare.outcome import Comparison, Outcome, Status
+from hsplat_cli.terminal import counted, format_table
 from renderer.study import COMPARISON_METRICS
 
-# The worst of those that fail; a terminal shows them at once. All are in the files.
+# Only the worst failing frames are printed, so that they fit on a screen; files have all frames.
 MAX_ROWS = 20
 
 _ORDER: tuple[Status, ...] = ("different", "missing", "extra", "other size", "other channels", "same", "close")
@@ -31,25 +31,14 @@ _DRIVER = "driver"
 _LOOSEST = "cross-driver"
 
 
-# The terminal
-
-
 def comparison_table(comparison: Comparison) -> str:
-    """A line for each of the worst frames that fail, with the reason, then a summary and what else is to be known."""
+    """Return a line for each of the worst failing frames, with the reason, then a summary and notes."""
     failing = [outcome for outcome in comparison.worst_first if not outcome.passes]
-    lines = list(_table(failing[:MAX_ROWS]))
+    rows = [("frame", "status", "reason"), *((printable(o.name), o.status, _reason(o)) for o in failing[:MAX_ROWS])]
+    lines = [format_table(rows)] if failing else []
     if len(failing) > MAX_ROWS:
         lines.append(f"... and {counted(len(failing) - MAX_ROWS, 'more frame')} that fail; --json FILE has all of them")
     return "\n".join([*lines, *([""] if lines else []), *_summary(comparison), *_remarks(comparison)])
-
-
-def _table(failing: list[Outcome]) -> Iterator[str]:
-    if not failing:
-        return
-    rows = [("frame", "status", "reason"), *((printable(each.name), each.status, _reason(each)) for each in failing)]
-    widths = [max(len(row[column]) for row in rows) for column in range(2)]
-    for name, status, reason in rows:
-        yield f"{name.ljust(widths[0])}  {status.ljust(widths[1])}  {reason}"
 
 
 def _reason(outcome: Outcome) -> str:
@@ -82,14 +71,11 @@ def _remarks(comparison: Comparison) -> Iterator[str]:
             yield f"{printable(name)}: {printable(actual)}; of the goldens: {printable(golden)}"
     drivers = comparison.facts.get(_DRIVER)
     if drivers is not None and drivers[0] != drivers[1] and comparison.level != _LOOSEST:
-        yield f"hint: with another driver small differences are to be expected, for which there is --level {_LOOSEST}"
-
-
-# JSON
+        yield f"hint: another driver causes small differences; --level {_LOOSEST} allows for them"
 
 
 def comparison_json(comparison: Comparison) -> str:
-    """An object with `passes`, `counts` by status, and `frames`; figures and limits are in the units of `figures`."""
+    """Return an object with `passes`, `counts` by status, `frames`, and the units of their errors in `figures`."""
     used = {name for outcome in comparison.outcomes for name in outcome.limits}
     data = {
         "passes": comparison.passes,
@@ -110,13 +96,13 @@ def comparison_json(comparison: Comparison) -> str:
     return _json_text(data)
 
 
-def failure_json(failure: Failure) -> str:
-    """An object with `passes`, which is false, and `error` instead of what came of the frames."""
-    return _json_text({"passes": False, "golden": failure.golden, "actual": failure.actual, "error": failure.why})
+def failure_json(golden: str, actual: str, why: str) -> str:
+    """Return an object with `passes: false` and `error`, for frames that cannot be compared."""
+    return _json_text({"passes": False, "golden": golden, "actual": actual, "error": why})
 
 
 def _json_text(data: dict[str, Any]) -> str:
-    # ASCII, so that also names with bytes that are no UTF-8 have a form.
+    # ASCII can represent names with invalid UTF-8.
     return f"{json.dumps(data, indent=2, allow_nan=False)}\n"
 
 
@@ -134,16 +120,11 @@ def _record(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-# JUnit
-
-
 def comparison_junit(comparison: Comparison) -> str:
-    """A test suite with a test case for each frame, as Jenkins, GitLab and others read it."""
+    """Return a test suite with a test case for each frame, as Jenkins, GitLab and others read it."""
     num_failing = sum(not outcome.passes for outcome in comparison.outcomes)
-    counts = {"tests": str(len(comparison.outcomes)), "failures": str(num_failing), "errors": "0"}
-    root = ElementTree.Element("testsuites", {"name": "hsplat compare", **counts})
     name = f"{printable(comparison.golden)} at {printable(comparison.strictness)}"
-    suite = ElementTree.SubElement(root, "testsuite", {"name": name, **counts, "skipped": "0"})
+    root, suite = _new_suite(name, len(comparison.outcomes), num_failing, 0)
     _add_facts(suite, comparison)
     for outcome in comparison.worst_first:
         case = ElementTree.SubElement(
@@ -159,7 +140,7 @@ def comparison_junit(comparison: Comparison) -> str:
 
 
 def _add_facts(suite: ElementTree.Element, comparison: Comparison) -> None:
-    """As properties, which come first in a suite; the driver of the goldens is called `golden driver`."""
+    """Add the facts as properties, which come first in a suite, such as `golden driver`."""
     if not comparison.facts:
         return
     properties = ElementTree.SubElement(suite, "properties")
@@ -169,16 +150,20 @@ def _add_facts(suite: ElementTree.Element, comparison: Comparison) -> None:
             ElementTree.SubElement(properties, "property", {"name": name, "value": printable(value)})
 
 
-def failure_junit(failure: Failure) -> str:
-    """A test suite with one test case, which is an error: CI systems take no report at all for nothing wrong."""
-    counts = {"tests": "1", "failures": "0", "errors": "1"}
+def _new_suite(name: str, num_tests: int, num_failures: int, num_errors: int) -> tuple[ElementTree.Element, Any]:
+    counts = {"tests": str(num_tests), "failures": str(num_failures), "errors": str(num_errors)}
     root = ElementTree.Element("testsuites", {"name": "hsplat compare", **counts})
-    name = printable(failure.golden)
-    suite = ElementTree.SubElement(root, "testsuite", {"name": name, **counts, "skipped": "0"})
+    return root, ElementTree.SubElement(root, "testsuite", {"name": name, **counts, "skipped": "0"})
+
+
+def failure_junit(golden: str, actual: str, why: str) -> str:
+    """Return a test suite with one error, for frames that cannot be compared; CI systems ignore a missing report."""
+    name = printable(golden)
+    root, suite = _new_suite(name, 1, 0, 1)
     case = ElementTree.SubElement(suite, "testcase", {"classname": name, "name": "could not be compared"})
-    lines = [printable(line) for line in failure.why.split("\n")]
+    lines = [printable(line) for line in why.split("\n")]
     error = ElementTree.SubElement(case, "error", {"message": lines[0], "type": "not compared"})
-    error.text = "\n".join([*lines, f"golden: {name}", f"actual: {printable(failure.actual)}"])
+    error.text = "\n".join([*lines, f"golden: {name}", f"actual: {printable(actual)}"])
     return _xml_text(root)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import io
+import math
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -78,8 +79,9 @@ def require_page_packages() -> None:
 def render_page(template: str, *, title: str, **values: object) -> str:
     """Return the page of a template of this package; every value but Markup is escaped.
 
-    values: the template's variables; a missing one raises jinja2.UndefinedError. Templates have two filters:
-    `data_uri`, of uint8 pixels, and `svg(name, alt)`, of a matplotlib figure inside `plot_style`.
+    values: the template's variables; a missing one raises jinja2.UndefinedError. Templates have the
+    filters `data_uri` for uint8 pixels, `sort_key` for numbers, and `svg(name, alt)` for matplotlib figures, inside
+    `plot_style`.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -91,7 +93,7 @@ def render_page(template: str, *, title: str, **values: object) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"data_uri": png_data_uri, "svg": figure_to_svg}
+    environment.filters |= {"data_uri": png_data_uri, "sort_key": sort_key, "svg": figure_to_svg}
     return environment.get_template(template).render(title=title, palette=PALETTE, **values)
 
 
@@ -130,6 +132,11 @@ def figure_to_svg(figure: Figure, name: str, alt: str) -> Markup:
 def png_data_uri(pixels: npt.NDArray[np.uint8]) -> str:
     """Return `data:image/png;base64,...` of uint8 [h, w, 3] or, with straight alpha, [h, w, 4]."""
     return f"data:image/png;base64,{base64.b64encode(encode_png(pixels)).decode('ascii')}"
+
+
+def sort_key(value: float | None) -> str:
+    """Return a number as JavaScript spells it; empty for None and NaN, which sort last."""
+    return "" if value is None or math.isnan(value) else repr(float(value)).replace("inf", "Infinity")
 
 
 def format_facts(mapping: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -23,7 +23,7 @@ from hsplat_cli.reports.costs import (
     pareto_fronts,
     program_of,
 )
-from hsplat_cli.reports.html import figure_to_svg, format_facts, plot_style, png_data_uri, render_page
+from hsplat_cli.reports.html import figure_to_svg, format_facts, plot_style, png_data_uri, render_page, sort_key
 from hsplat_cli.reports.number_format import ABSENT, bytes_text, count_text, metric_text, ms_text, ratio_text
 from hsplat_cli.reports.plots import (
     SPLATS_AXIS,
@@ -310,10 +310,7 @@ def _front_cell(on_time: bool, on_splats: bool) -> Cell:
 
 
 def _number(value: float | None, text: str) -> Cell:
-    """Return a cell that sorts by a number as JavaScript spells it; without one it sorts last."""
-    if value is None or math.isnan(value):
-        return Cell(text)
-    return Cell(text, repr(value).replace("inf", "Infinity"))
+    return Cell(text, sort_key(value))
 
 
 def _stage_times_table(measurements: Sequence[Measurement]) -> StudyTable:

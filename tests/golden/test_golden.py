@@ -18,9 +18,9 @@ import pytest
 from golden_cases import CASES, FOLDER, FRAMES, Case
 
 from hsplat_cli.compare.golden.provenance import read_provenance
-from hsplat_cli.compare.pair import Pixels
 from hsplat_cli.compare.picture_file import read_picture
 from renderer.draw import GLRasterizer
+from renderer.film import Pixels
 from renderer.frame import primitives
 from renderer.pyramid import Cut
 from renderer.scene import SplatSpec

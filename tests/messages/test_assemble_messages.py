@@ -298,7 +298,7 @@ def test_names_of_pictures_that_no_scene_may_have(capsys: pytest.CaptureFixture[
         change(f"parts/frames.{part}.json", lambda data, name=name: data["scene"]["output"].update(file=name))
     expected = "one {frame} or {frame:04}, in the name of the file, and no other braces"
     assert refused(capsys, "parts", "--output", "film.mp4") == "".join(
-        f"parts/frames.{part}.json: scene.output.file: not a legal template\n  got: '{name}'\n  expected: {expected}\n"
+        f"parts/frames.{part}.json: scene.output.file: not a valid template\n  got: '{name}'\n  expected: {expected}\n"
         for part, name in zip(("0-2", "3-5", "6-8"), names, strict=True)
     )
 

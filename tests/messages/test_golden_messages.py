@@ -103,21 +103,21 @@ def test_what_an_update_changes() -> None:
   densest: {COMPARISON_METRICS["densest"].label}
   p99: {COMPARISON_METRICS["p99"].label}
   bias: {COMPARISON_METRICS["bias"].label}
-to be removed, for nobody asks for it: frame-0007.png
-not asked for, and left as they are (--prune removes them): frame-0008.png
-what has changed since they were drawn: gl was 'llvmpipe'; versions.numpy was '2.1.0'"""
+to be removed, because not requested: frame-0007.png
+not requested, and kept (--prune removes them): frame-0008.png
+changed since they were rendered: gl was 'llvmpipe'; versions.numpy was '2.1.0'"""
     )
 
 
 @pytest.mark.parametrize(
     ("after", "removed", "text"),
     [
-        (provenance(0, versions={}), (), "no pixel of 1 frame changes\nwhat has changed since they were drawn: "
+        (provenance(0, versions={}), (), "no pixel of 1 frame changes\nchanged since they were rendered: "
          "versions.numpy was '2.1.0'"),
         (provenance(0, 1), (), "no pixel of 1 frame changes\n"
-         "golden.json changes: the files are others than it tells of"),
+         "golden.json changes: the files differ from those it lists"),
         (provenance(0), provenance(*range(1, 8)).goldens, "no pixel of 1 frame changes\n"
-         "to be removed, for nobody asks for them: frame-0001.png, frame-0002.png, frame-0003.png, frame-0004.png, "
+         "to be removed, because not requested: frame-0001.png, frame-0002.png, frame-0003.png, frame-0004.png, "
          "frame-0005.png and 2 more"),
     ],
 )  # fmt: skip
@@ -127,13 +127,13 @@ def test_an_update_without_pixels(after: Provenance, removed: tuple[Golden, ...]
 
 
 def test_a_life_of_goldens(golden: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert golden() == (0, "goldens: 2 goldens\nwhat they were drawn from: goldens/golden.json\n", "")
+    assert golden() == (0, "goldens: 2 goldens\norigin: goldens/golden.json\n", "")
     assert golden() == (
         2,
         "",
-        "goldens: there are goldens already\n"
+        "goldens: the folder has goldens\n"
         "  got: 2 frames\n"
-        "  hint: --update says what has changed, and writes it over them; `hsplat compare SCENE FOLDER` compares\n",
+        "  hint: --update shows what has changed and overwrites them; `hsplat compare SCENE FOLDER` compares\n",
     )
     assert golden("--update") == (0, "goldens: nothing changes\n", "")
     dark = np.zeros((32, 32, 3), np.uint8)
@@ -152,7 +152,7 @@ def test_a_life_of_goldens(golden: Command, monkeypatch: pytest.MonkeyPatch) -> 
     assert golden("--update")[2] == err.replace("the standard input is not a terminal", "CI is set in the environment")
     code, out, err = golden("--update", "--yes")
     assert (code, out.startswith(changed), err) == (0, True, "")
-    assert out.endswith("\ngoldens: 1 of 2 goldens written\nwhat they were drawn from: goldens/golden.json\n")
+    assert out.endswith("\ngoldens: 1 of 2 goldens written\norigin: goldens/golden.json\n")
 
 
 @pytest.mark.parametrize(("answer", "code", "end"), [("y", 0, "golden.json\n"), ("n", 1, "nothing was written\n")])
@@ -186,12 +186,12 @@ def test_the_question(golden: Command, answer: str, code: int, end: str, monkeyp
         ),
         (
             ["--set", "error={seconds: 1}"],
-            "scene.yaml: error.seconds: frames on a budget of time are others each time, and cannot be golden\n"
+            "scene.yaml: error.seconds: frames within a time budget differ from run to run, and cannot be golden\n"
             "  hint: render a film, and give the JSON file beside it in place of the scene: it has tolerances\n",
         ),
         (
             ["--set", "error={psnr: 30}"],
-            "scene.yaml: error.psnr: what is drawn for an accuracy depends on which frames are drawn, and cannot be"
+            "scene.yaml: error.psnr: frames for an accuracy depend on the other frames, and cannot be"
             " golden\n"
             "  hint: render a film, and give the JSON file beside it in place of the scene: it has tolerances\n",
         ),
@@ -207,9 +207,9 @@ def test_an_update_of_some_frames_of_another_scene(golden: Command) -> None:
     assert golden("--update", "--yes", "--quiet", "--frames", "0", "--set", "error.tolerance=0.2") == (
         2,
         "",
-        "goldens: goldens would stay that were not drawn from what golden.json would say\n"
+        "goldens: goldens of another origin would stay, and golden.json has one origin for all\n"
         "  got: scene.error.tolerance was 0.1\n"
-        "  hint: update all frames; or --prune removes the others: frame-0001.png\n",
+        "  hint: update all frames, or remove the others by --prune: frame-0001.png\n",
     )
 
 
@@ -220,8 +220,8 @@ def test_a_file_of_somebody_else(golden: Command, scene_folder: Path) -> None:
     assert golden() == (
         2,
         "",
-        "goldens/frame-0000.png: a golden would take the place of a file of which no golden.json tells\n"
-        "  got: 2 such files\n  hint: move it away, or choose another folder\n",
+        "goldens/frame-0000.png: a golden would overwrite a file that golden.json does not list\n"
+        "  got: 2 such files\n  hint: move it elsewhere, or choose another folder\n",
     )
 
 
@@ -295,27 +295,26 @@ def test_a_golden_json_that_was_cut_off(keep: Callable[..., None], capsys: pytes
 COMPARE: list[tuple[list[str], str]] = [
     (
         ["nowhere"],
-        "nowhere: no such folder\n  hint: `hsplat golden SCENE nowhere` draws goldens, and writes down what from\n",
+        "nowhere: no such folder\n  hint: `hsplat golden SCENE nowhere` renders goldens and records their origin\n",
     ),
     (
         ["scan.nrrd"],
         "scan.nrrd: not a folder of goldens\n"
-        "  hint: `hsplat golden SCENE scan.nrrd` draws goldens, and writes down what from\n",
+        "  hint: `hsplat golden SCENE scan.nrrd` renders goldens and records their origin\n",
     ),
     (
         ["frames"],
-        "frames: no golden.json in this folder says which frames of a scene are golden\n  got: 2 PNG files\n"
-        "  hint: `hsplat golden SCENE frames` draws goldens, and writes down what from; a folder of frames is compared"
+        "frames: no golden.json in this folder\n  got: 2 PNG files\n"
+        "  hint: `hsplat golden SCENE frames` renders goldens and records their origin; a folder of frames is compared"
         " with another folder\n",
     ),
     (
         ["goldens", "--frames", "5"],
-        "--frames: there are no goldens of these frames\n  got: 5\n"
-        "  expected: frames of which goldens/golden.json tells: 0, 1\n",
+        "--frames: no goldens of these frames\n  got: 5\n  expected: frames listed in goldens/golden.json: 0, 1\n",
     ),
     (
         ["goldens", "--json", "goldens/golden.json"],
-        "--json goldens/golden.json: a report would be written over what is compared\n",
+        "--json goldens/golden.json: a report would overwrite an input of the comparison\n",
     ),
 ]
 
@@ -337,12 +336,12 @@ def test_what_cannot_be_compared(
     [
         (
             ["goldens", "scene.yaml"],
-            "scene.yaml: the scene comes first, and then the folder of its goldens\n"
+            "scene.yaml: the scene must come first, then the folder of its goldens\n"
             "  hint: hsplat compare scene.yaml goldens\n",
         ),
         (
             ["frames", "frames2", "--set", "a=1", "--workers", "2"],
-            "--set: of no use where no scene is drawn\n  got: frames and frames2\n",
+            "--set: has no use unless a scene is drawn\n  got: frames and frames2\n",
         ),
     ],
 )
@@ -359,9 +358,9 @@ def test_goldens_that_golden_json_has_lost(keep: Callable[..., None], capsys: py
         Path(f"goldens/frame-000{number}.png").touch()
     assert main.run(["compare", "scene.yaml", "goldens"]) == 2
     assert capsys.readouterr().err == (
-        "goldens: golden.json does not tell of all goldens in this folder\n"
+        "goldens: golden.json does not list all goldens in this folder\n"
         "  got: frame-0002.png, frame-0003.png, frame-0004.png and 1 more\n"
-        "  hint: restore golden.json; or move what is not golden away\n"
+        "  hint: restore golden.json, or move pictures that are not golden elsewhere\n"
     )
 
 
@@ -369,7 +368,7 @@ def test_a_scene_that_has_none_of_the_frames(keep: Callable[..., None], capsys: 
     keep(frames=[{"frame": 200, "file": "frame-0200.png", "digest": DIGEST}])
     assert main.run(["compare", "scene.yaml", "goldens"]) == 2
     assert capsys.readouterr().err == (
-        "scene.yaml: the scene has none of the frames of which there are goldens\n"
+        "scene.yaml: the scene has none of the frames that have goldens\n"
         "  got: 120 frames up to frame 119\n"
-        "  expected: such as frame 200, which is in goldens/golden.json\n"
+        "  expected: frame 200 or others listed in goldens/golden.json\n"
     )

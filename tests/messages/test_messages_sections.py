@@ -295,7 +295,7 @@ scene.yaml:20:9: output.file: frames need a number in their names
         "file: engine.mp4",
         'file: "{frame}-{frame:04}.png"',
         """\
-scene.yaml:20:9: output.file: not a legal template
+scene.yaml:20:9: output.file: not a valid template
     | file: "{frame}-{frame:04}.png"
     |       ^
   got: '{frame}-{frame:04}.png'

@@ -119,9 +119,9 @@ def test_films(capsys: pytest.CaptureFixture[str]) -> None:
         assert compare(str(film), copy) == 0
         assert capsys.readouterr().out == (
             "6 frames pass at same-machine: 6 the same\n"
-            f"note: .{suffix} films are lossy, and what their encoders do changes with the version: "
+            f"note: .{suffix} films are lossy, and the result depends on the encoder's version: "
             "PNG frames are better goldens\n"
-            "note: only the pictures of films are compared, not how long each is shown\n"
+            "note: only the pictures of films are compared, not their timing\n"
         )
         assert compare(str(film), str(other), "--json", f"{suffix}.json") == 1
         assert "frame 4" in capsys.readouterr().out.splitlines()[1]

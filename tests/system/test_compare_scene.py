@@ -13,6 +13,7 @@ from small_scene import small_scene
 from hsplat_cli import main
 from hsplat_cli.compare import scene_pairs
 from hsplat_cli.compare.rules import Rules
+from hsplat_cli.terminal import Reporter
 from renderer.film import encode_png
 
 SCENE = small_scene(shape="16, 16, 8", frames=4)
@@ -76,7 +77,7 @@ def test_a_changed_scene_fails_and_is_told_of() -> None:
     assert (code, statuses(data)) == (1, {1: "different", 2: "different"})
     assert len(data["notes"]) == 1
     assert data["notes"][0].startswith(
-        "the scene has changed since the goldens were drawn: scene.transfer_function.points was ["
+        "the scene has changed since the goldens were rendered: scene.transfer_function.points was ["
     )
 
 
@@ -88,7 +89,7 @@ def test_another_volume_is_said_first() -> None:
     fingerprint = json.loads((FOLDER / "golden.json").read_bytes())["volume"]["fingerprint"]
     goldens = f"procedural engine_block, 16 x 16 x 8 uint8, fingerprint {fingerprint[:8]}"
     assert volume.startswith("another volume: scan.npy, 16 x 16 x 8 uint8, fingerprint ")
-    assert volume.endswith(f"; the goldens are of {goldens}")
+    assert volume.endswith(f"; the goldens show {goldens}")
     assert "scene.error.tolerance was 0.1" in scene
     assert data["facts"]["volume"]["golden"] == goldens
 
@@ -179,8 +180,8 @@ def test_limits_of_no_frame_are_found_before_anything_is_drawn(
 
 def test_pairs_may_be_gone_through_again() -> None:
     with scene_pairs.open_scene_pairs(
-        Path("scene.yaml"), FOLDER, scene_pairs.SceneOptions("::2"), Rules(), quiet=True
+        Path("scene.yaml"), FOLDER, scene_pairs.SceneOptions("::2"), Rules(), Reporter(is_quiet=True)
     ) as pairs:
         for _ in range(2):
-            assert [(pair.name, pair.number) for pair in pairs] == [("frame-0000.png", 0), ("frame-0002.png", 2)]
+            assert [(pair.name, pair.number) for pair in pairs.read()] == [("frame-0000.png", 0), ("frame-0002.png", 2)]
         assert list(pairs.names) == ["frame-0000.png", "frame-0002.png"]

@@ -71,7 +71,7 @@ def test_the_first_goldens(capsys: pytest.CaptureFixture[str]) -> None:
     assert data["scene"]["error"]["tolerance"] == 0.1, "defaults are written out"
     assert "file" not in data["scene"]["output"]
     assert [(frame["file"], frame["date"]) for frame in data["frames"]] == [(name, "2026-11-21") for name in NAMES]
-    assert capsys.readouterr().out == "goldens: 4 goldens\nwhat they were drawn from: goldens/golden.json\n"
+    assert capsys.readouterr().out == "goldens: 4 goldens\norigin: goldens/golden.json\n"
 
 
 def test_they_are_the_frames_of_render() -> None:
@@ -103,7 +103,7 @@ def test_progress_is_shown_and_nothing_else_of_the_inner_film(capsys: pytest.Cap
 def test_some_frames(frames: str, numbers: list[int], capsys: pytest.CaptureFixture[str]) -> None:
     assert golden("--frames", frames) == 0
     num = "2 goldens" if len(numbers) == 2 else "1 golden"
-    assert capsys.readouterr().out == f"goldens: {num}\nwhat they were drawn from: goldens/golden.json\n"
+    assert capsys.readouterr().out == f"goldens: {num}\norigin: goldens/golden.json\n"
     assert [frame["frame"] for frame in told()["frames"]] == numbers
     assert sorted(FOLDER.glob("*.png")) == [FOLDER / NAMES[number] for number in numbers]
 
@@ -140,7 +140,7 @@ def test_an_update_that_is_wanted(capsys: pytest.CaptureFixture[str], monkeypatc
     assert [frame for frame in told()["frames"] if "date" in frame] == []
     out = capsys.readouterr().out
     assert out.startswith("4 of 4 frames change:\n  levels, worst first   largest   densest       p99      bias\n")
-    assert "what has changed since they were drawn: scene.transfer_function.points was [" in out
+    assert "changed since they were rendered: scene.transfer_function.points was [" in out
 
 
 def test_an_update_that_is_not_wanted(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -198,11 +198,11 @@ def test_goldens_that_nobody_asks_for(capsys: pytest.CaptureFixture[str]) -> Non
     before = files()
     capsys.readouterr()
     assert golden("--update", "--frames", ":2") == 0
-    told_of = "not asked for, and left as they are (--prune removes them): frame-0002.png, frame-0003.png\n"
+    told_of = "not requested, and kept (--prune removes them): frame-0002.png, frame-0003.png\n"
     assert capsys.readouterr().out == f"goldens: nothing changes\n{told_of}"
     assert files() == before
     assert golden("--update", "--prune", "--yes", "--frames", ":2") == 0
-    assert "to be removed, for nobody asks for them: frame-0002.png, frame-0003.png\n" in capsys.readouterr().out
+    assert "to be removed, because not requested: frame-0002.png, frame-0003.png\n" in capsys.readouterr().out
     assert sorted(files()) == ["compare.yaml", "frame-0000.png", "frame-0001.png", "frame-0009.png", "golden.json"]
     assert files()["frame-0009.png"] == before["frame-0009.png"]
 
@@ -212,7 +212,7 @@ def test_limits_of_goldens_that_go(capsys: pytest.CaptureFixture[str]) -> None:
     limits = "frames:\n  frame-0000.png: {largest: 9}\n  frame-0003.png: {largest: 9}\n"
     (FOLDER / "compare.yaml").write_text(limits, encoding="utf-8")
     assert golden("--update", "--prune", "--yes", "--frames", ":2") == 0
-    told_of = "goldens/compare.yaml names them, too, and `hsplat compare` will refuse that: frame-0003.png\n"
+    told_of = "goldens/compare.yaml still names removed goldens, which `hsplat compare` refuses: frame-0003.png\n"
     assert told_of in capsys.readouterr().out
 
 
@@ -407,9 +407,9 @@ def test_no_place_for_frames(capsys: pytest.CaptureFixture[str], monkeypatch: py
     monkeypatch.setattr(tempfile, "tempdir", "nowhere")
     assert main.run(["golden", "scene.yaml", "goldens"]) == 1
     assert capsys.readouterr().err == (
-        "no folder for frames can be made\n"
+        "cannot create a temporary folder for frames\n"
         "  got: No such file or directory\n"
-        "  hint: the environment variable TMPDIR names another place\n"
+        "  hint: set the environment variable TMPDIR to another folder\n"
     )
 
 

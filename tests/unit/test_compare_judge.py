@@ -10,11 +10,12 @@ import pytest
 from png_files import noise, smooth
 
 from hsplat_cli.compare.figure_format import figure_text
-from hsplat_cli.compare.judge import compare_pair, judge
+from hsplat_cli.compare.judge import compare_pair, compare_pairs
 from hsplat_cli.compare.outcome import Comparison, Outcome
-from hsplat_cli.compare.pair import Pair, Pixels
+from hsplat_cli.compare.pair import Pair
 from hsplat_cli.compare.rules import Rules
 from renderer.errors import InputError
+from renderer.film import Pixels
 from renderer.study import STRICTNESS_LEVELS
 
 LIMITS = {"largest": 2.0, "p99": 1.0, "densest": 1.0, "bias": 0.5}
@@ -43,7 +44,7 @@ def test_the_same_pixels() -> None:
 def test_within_all_limits() -> None:
     outcome = verdict(changed(2, slice(1), slice(1)))
     assert outcome.status == "close" and outcome.passes
-    assert outcome.why == "within the limits, the nearest of which is largest error of a channel 2 levels, at most 2"
+    assert outcome.why == "within the limits; the closest is largest error of a channel 2 levels, at most 2"
     assert outcome.figures == {"largest": 2, "p99": 0, "densest": 2 / 64, "bias": 2 / 256}
     assert outcome.exceeded == []
     assert outcome.severity == 1
@@ -95,7 +96,7 @@ def test_a_hole_is_worse_than_many_roundings() -> None:
     hole[8:14, 8:14] = 9
     pairs = [*(Pair(f"rounded {number}", golden, rounded) for number in range(3)), Pair("hole", golden, hole)]
     for level in ("exact", "same-machine"):
-        outcomes = judge(pairs, Rules(level), lambda outcome, pair: None)
+        outcomes = compare_pairs(pairs, Rules(level), lambda outcome, pair: None)
         comparison = Comparison("golden", "actual", level, [*outcomes, verdict(None)])
         assert not any(outcome.passes for outcome in outcomes)
         worst = [outcome.name for outcome in comparison.worst_first]
@@ -150,7 +151,7 @@ def test_colours_that_nobody_sees_are_no_difference() -> None:
 def test_every_level_judges(level: str) -> None:
     see: list[tuple[str, str]] = []
     pairs = [Pair("same", smooth(), smooth()), Pair("other", smooth(), smooth(0.5)), Pair("gone", smooth(), None)]
-    outcomes = judge(pairs, Rules(level), lambda outcome, pair: see.append((outcome.status, pair.name)))
+    outcomes = compare_pairs(pairs, Rules(level), lambda outcome, pair: see.append((outcome.status, pair.name)))
     assert see == [("same", "same"), ("different", "other"), ("missing", "gone")]
     assert [outcome.status for outcome in outcomes] == ["same", "different", "missing"]
     assert set(outcomes[1].figures) == set(STRICTNESS_LEVELS[level].limits)
@@ -183,8 +184,8 @@ def test_packages_are_asked_for_before_the_first_pair(monkeypatch: pytest.Monkey
         (Rules("exact", frames={"a.png": {"ssim": 0.9}}), "skimage"),
     ):
         with pytest.raises(InputError, match=f"the package {package} is not installed"):
-            judge(pairs(), rules, lambda outcome, pair: None)  # type: ignore[arg-type]
-    assert len(judge([Pair("a", GREY, GREY)], Rules("exact"), lambda outcome, pair: None)) == 1
+            compare_pairs(pairs(), rules, lambda outcome, pair: None)  # type: ignore[arg-type]
+    assert len(compare_pairs([Pair("a", GREY, GREY)], Rules("exact"), lambda outcome, pair: None)) == 1
 
 
 @pytest.mark.parametrize(

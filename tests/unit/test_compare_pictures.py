@@ -81,14 +81,14 @@ def test_too_little_data_in_chunks_that_are_whole(tmp_path: Path) -> None:
     rows = unfiltered(RGB)
     for missing in (1, 28, len(rows) - 1):
         assert refused(tmp_path, png_file(9, 13, rows[:-missing])) == (
-            "the PNG file is damaged: what cannot be decoded"
+            "the PNG file is damaged: data that cannot be decoded"
         )
     data = zlib.compress(rows)
     header = struct.pack(">IIBBBBB", 9, 13, 8, 2, 0, 0, 0)
     for cut in (1, 7, 60, len(data)):
         chunks = chunk(b"IHDR", header) + chunk(b"IDAT", data[:-cut]) + chunk(b"IEND", b"")
         if cut > 6:  # what is cut before is the checksum of the data, of which the chunk has one of its own
-            assert refused(tmp_path, SIGNATURE + chunks) == "the PNG file is damaged: what cannot be decoded"
+            assert refused(tmp_path, SIGNATURE + chunks) == "the PNG file is damaged: data that cannot be decoded"
     assert refused(tmp_path, SIGNATURE + chunk(b"IHDR", header) + chunk(b"IEND", b""))
 
 
@@ -126,7 +126,7 @@ def test_chunks_that_must_not_be_there(tmp_path: Path) -> None:
     second_header = struct.pack(">IIBBBBB", 100_000, 100_000, 8, 2, 0, 0, 0)
     for more in ([(b"IHDR", second_header)], [(b"ABCD", b"")]):
         content = png_file(9, 13, unfiltered(RGB), more=more)
-        assert refused(tmp_path, content) == "the PNG file is damaged: what cannot be decoded"
+        assert refused(tmp_path, content) == "the PNG file is damaged: data that cannot be decoded"
 
 
 def test_data_in_many_chunks(tmp_path: Path) -> None:
@@ -158,7 +158,7 @@ def test_more_pieces_than_any_encoder_makes(tmp_path: Path) -> None:
 
 
 def test_no_pixels(tmp_path: Path) -> None:
-    assert refused(tmp_path, png_file(0, 4, b"")) == "the PNG file is damaged: what cannot be decoded"
+    assert refused(tmp_path, png_file(0, 4, b"")) == "the PNG file is damaged: data that cannot be decoded"
 
 
 @pytest.mark.parametrize(
@@ -181,8 +181,8 @@ def test_what_is_no_file(tmp_path: Path) -> None:
     (tmp_path / "link.png").symlink_to("nowhere")
     for name, words in (
         ("folder.png", "not a file: a folder"),
-        ("pipe.png", "not a file: something that is no file"),
-        ("link.png", "a link that leads nowhere: nowhere"),
+        ("pipe.png", "not a file: a special file"),
+        ("link.png", "a broken link: nowhere"),
         ("absent.png", "no such file: None"),
     ):
         with pytest.raises(InputError) as caught:

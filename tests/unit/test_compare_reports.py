@@ -20,7 +20,7 @@ LIMITS = {"largest": 1.0, "flip": 0.01}
 
 
 def close(name: str, largest: float = 1.0) -> Outcome:
-    why = f"within the limits, the nearest of which is largest error of a channel {largest:g} level, at most 1"
+    why = f"within the limits; the closest is largest error of a channel {largest:g} level, at most 1"
     return Outcome(name, "close", why, {"largest": largest, "flip": 0.0}, LIMITS, (), (0.0, 0.0, 0.001))
 
 
@@ -56,7 +56,7 @@ def test_a_table_is_short_when_all_is_well() -> None:
     )
     assert text == (
         "120 frames pass at same-machine: 118 the same, 2 close\n"
-        "  y.png: within the limits, the nearest of which is largest error of a channel 1 level, at most 1"
+        "  y.png: within the limits; the closest is largest error of a channel 1 level, at most 1"
     )
 
 
@@ -94,7 +94,7 @@ def test_notes_are_told_always_and_facts_where_it_fails() -> None:
         "note: films are lossy",
         "note: in two\\nlines",
         "driver: llvmpipe 2; of the goldens: llvmpipe 1",
-        "hint: with another driver small differences are to be expected, for which there is --level cross-driver",
+        "hint: another driver causes small differences; --level cross-driver allows for them",
     ]
     outcome = Comparison("golden", "actual", "cross-driver", [missing("a.png")], facts=facts)
     assert "hint" not in comparison_table(outcome)

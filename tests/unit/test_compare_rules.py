@@ -61,7 +61,7 @@ def test_a_level_that_is_asked_for_takes_the_place_of_the_file(tmp_path: Path) -
     rules = load_rules(tmp_path, "exact")
     assert rules.limits_for("a.png") == rules.limits_for("b.png") == STRICTNESS_LEVELS["exact"].limits
     assert rules.other_limits == []
-    assert rules.notes == [f"the level exact is asked for: what {tmp_path / 'compare.yaml'} says does not hold"]
+    assert rules.notes == [f"the level exact replaces the limits of {tmp_path / 'compare.yaml'}"]
     rules = load_rules(tmp_path, "exact", ["largest=4"])
     assert rules.limits_for("a.png") == {"largest": 4}
     assert rules.other_limits == ["largest 4 by option"]
@@ -132,7 +132,7 @@ def test_something_stays_limited(tmp_path: Path, where: str) -> None:
     if where != "overrides":
         write(tmp_path, f"limits: {flow}" if where == "limits" else f"frames: {{a.png: {flow}}}")
     overrides = [f"{name}=none" for name in none] if where == "overrides" else []
-    with pytest.raises(InputError, match="no figure has a limit any more"):
+    with pytest.raises(InputError, match="no metric has a limit"):
         load_rules(tmp_path, overrides=overrides)
     rules = load_rules(tmp_path, overrides=[*overrides, "ssim=0.9"])
     assert rules.limits_for("a.png") == {"ssim": 0.9}

@@ -21,7 +21,8 @@ from hsplat_cli.compare.error_plot import plot_errors
 from hsplat_cli.compare.figure_format import limit_text, limits_text, share_text, signed_text, value_text
 from hsplat_cli.compare.gallery import CROP_PX, NUM_PASSING_SHOWN, PICTURE_PX, Gallery, GalleryFrame
 from hsplat_cli.compare.outcome import Comparison, Outcome, Status
-from hsplat_cli.compare.pair import Pair, Pixels
+from hsplat_cli.compare.pair import Pair
+from renderer.film import Pixels
 
 EVIL = "</script><b onclick='x'>\"&{{ 7 * 7 }}"
 LIMITS = {"largest": 1.0, "p99": 0.0}
@@ -158,7 +159,7 @@ def test_what_was_compared_comes_first_and_differences_stand_out() -> None:
     page = Page(text)
     assert "compared goldens frames driver llvmpipe 15 llvmpipe 17 hsplat 0.1.0 0.1.0" in page.prose
     assert '<td class="text differs">llvmpipe 17</td>' in text and text.count('class="text differs"') == 1
-    order = ["<h1>", "llvmpipe 15", "the driver differs", "The error over the loop", "The worst frames", "All frames"]
+    order = ["<h1>", "llvmpipe 15", "the driver differs", "The error over the frames", "The worst frames", "All frames"]
     body = text[text.index("<body>") :]
     assert [body.index(words) for words in order] == sorted(body.index(words) for words in order)
 
@@ -185,7 +186,7 @@ def test_figures_have_value_unit_and_limit() -> None:
 def test_a_frame_without_a_pair_shows_the_picture_that_there_is() -> None:
     page = Page(text_of("only missing"))
     assert page.values("alt") == ["golden of a"]
-    assert "there is no such frame" in page.words and "nothing to compare" in page.words
+    assert "no such actual frame" in page.words and "nothing to compare" in page.words
     assert page.tags["input"] == 3  # the amplifications: nothing to flip
 
 
@@ -216,6 +217,11 @@ def test_differences_are_amplified_as_far_as_they_can_be_told_apart(levels: int,
 # ------------------------------------------------------------------------------------------------------------- curve
 
 
+def svg_of(comparison: Comparison) -> str:
+    (svg,) = re.findall(r'(?s)<svg viewBox="[^"]*" role="img".*?</svg>', comparison_page(comparison, Gallery()))
+    return svg
+
+
 def points_of(svg: str) -> list[list[tuple[float, float]]]:
     """Of each curve."""
     paths = re.findall(r'<path d="([^"]*)" class="points"', svg)
@@ -225,29 +231,26 @@ def points_of(svg: str) -> list[list[tuple[float, float]]]:
 def test_the_curve_has_a_point_for_each_frame_and_a_mark_for_each_failure() -> None:
     cases = [off_by(levels, f"f{number}", number) for number, levels in enumerate([0, 1, 10, 100, 1] * 4, start=30)]
     comparison, _ = shown(*cases, absent("missing", "f50", 50))
-    curve = plot_errors(comparison)
-    assert curve is not None and curve.has_frame_numbers
-    assert [len(points) for points in points_of(curve.svg)] == [20, 20]
-    assert curve.svg.count('class="cross"') == 9 and curve.svg.count("<title>") == 9
-    largest = points_of(curve.svg)[0]
+    svg = svg_of(comparison)
+    assert "frame number" in svg
+    assert [len(points) for points in points_of(svg)] == [20, 20]
+    assert svg.count('class="cross"') == 9 and svg.count("<title>") == 9
+    largest = points_of(svg)[0]
     assert [x for x, _ in largest] == sorted({x for x, _ in largest})
     none, limit, ten, hundred, _ = (y for _, y in largest[:5])
     assert none > limit > ten > hundred
     assert ten - hundred == pytest.approx(limit - ten, abs=0.11)  # both are a decade; written to a tenth
-    assert f"M62 {limit:.1f}H850" in curve.svg  # the line of the limit
+    assert f"M62 {limit:.1f}H850" in svg  # the line of the limit
 
 
 def test_the_curve_breaks_where_there_is_nothing_to_compare() -> None:
     comparison, _ = shown(off_by(1, "a", 1), absent("missing", "b", 2), off_by(1, "c", 3))
-    curve = plot_errors(comparison)
-    assert curve is not None
-    (line, *_) = re.findall(r'<path d="([^"]*)" class="curve"', curve.svg)
+    (line, *_) = re.findall(r'<path d="([^"]*)" class="curve"', svg_of(comparison))
     assert line.count("M") == 2 and line.count("L") == 0
 
 
 def test_frames_without_numbers_stand_in_their_order() -> None:
-    curve = plot_errors(shown(off_by(1, "a"), off_by(1, "b"))[0])
-    assert curve is not None and not curve.has_frame_numbers and "place of the frame" in curve.svg
+    assert "place of the frame" in svg_of(shown(off_by(1, "a"), off_by(1, "b"))[0])
 
 
 def test_an_error_where_none_is_allowed_lies_over_the_limit_as_far_as_it_is_large() -> None:
@@ -255,13 +258,13 @@ def test_an_error_where_none_is_allowed_lies_over_the_limit_as_far_as_it_is_larg
         Outcome(f"{levels}", "different", "", {"largest": 1.0, "p99": levels}, LIMITS, ["p99"])
         for levels in (1.0, 9.0, 99.0)
     ]
-    curve = plot_errors(Comparison("g", "a", "same-machine", outcomes))
-    assert curve is not None
-    ((_, limit), *_), ((_, one), (_, nine), (_, all_of_99)) = points_of(curve.svg)
+    ((_, limit), *_), ((_, one), (_, nine), (_, all_of_99)) = points_of(
+        svg_of(Comparison("g", "a", "same-machine", outcomes))
+    )
     assert limit > one > nine > all_of_99
     assert nine - all_of_99 == pytest.approx(limit - nine, abs=0.11)  # 10 and 100 times the limit
     page = comparison_page(Comparison("g", "a", "same-machine", outcomes), Gallery())
-    assert "where no error is allowed, one of n levels, or of n hundredths in FLIP and SSIM, counts as 1 + n" in page
+    assert "with a limit of no error, an error of n levels, or of n hundredths in FLIP and SSIM, counts as 1" in page
 
 
 def test_nothing_to_plot() -> None:
@@ -435,7 +438,7 @@ def test_the_page_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
         (limits_text("largest", [4, 4]), "largest error of a channel, at most 4 levels"),
         (limits_text("largest", [1]), "largest error of a channel, at most 1 level"),
         (limits_text("flip", [0.1]), "mean FLIP, at most 0.1"),
-        (limits_text("flip", [0.1, 0.2]), "mean FLIP, each frame with a limit of its own"),
+        (limits_text("flip", [0.1, 0.2]), "mean FLIP, limits differ between frames"),
     ],
 )
 def test_texts(text: str, expected: str) -> None:

@@ -117,7 +117,7 @@ def test_goldens_of_another_scene_cannot_stay(desk: Desk) -> None:
     desk.plan(GREY).require_one_origin(desk.folder)
     desk.plan(GREY, GREY, tolerance=0.2).require_one_origin(desk.folder)
     desk.plan(GREY, tolerance=0.2, prune=True).require_one_origin(desk.folder)
-    with pytest.raises(InputError, match="goldens would stay"):
+    with pytest.raises(InputError, match="goldens of another origin would stay"):
         desk.plan(GREY, tolerance=0.2).require_one_origin(desk.folder)
 
 
@@ -173,7 +173,7 @@ def test_colours_that_cannot_be_seen(desk: Desk) -> None:
     (desk.folder / "frame-0001.png").write_bytes(encode_png(clear))
     lines = list(describe_update(desk.plan(lighter(1), clear + np.uint8([7, 7, 7, 0]))))
     assert [line.split()[:2] for line in lines[2:4]] == [["frame-0000.png", "1"], ["frame-0001.png", "0"]]
-    assert lines[4] == "  0 in all: only colours at an alpha of 0 differ"
+    assert lines[4] == "  0 everywhere: only colours at an alpha of 0 differ"
 
 
 def test_many_changes_are_not_all_listed(desk: Desk) -> None:

@@ -1,1 +1,1 @@
-"""`hsplat golden`: frames that a scene is to go on giving, and the file that says where they come from."""
+"""Keep golden frames of a scene, and the file that records their origin (`hsplat golden`)."""

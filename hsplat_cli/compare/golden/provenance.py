@@ -1,7 +1,7 @@
-"""golden.json: which frames a folder of goldens has, and what they were drawn from.
+"""Read and write golden.json: the frames in a folder of goldens, and their origin.
 
-It tells no times: the same goldens give the same bytes. Anybody may have changed it since, so all of it is checked:
-also that nothing in it disturbs a terminal, and that no name leads out of the folder.
+It has no times, so equal goldens give equal bytes. Others may have edited it, so everything is checked, also that texts
+are safe to print and that file names stay in the folder.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ from renderer.scene import (
 PROVENANCE_FILE = "golden.json"
 FORMAT = "hsplat golden 1"
 
-# A million goldens have some 120 bytes each.
+# A million goldens, about 120 bytes each.
 MAX_PROVENANCE_BYTES = 2**27
 
-# Of an origin, in the order of their weight.
+# The parts of an origin, the most important first.
 _PARTS = ("volume", "gl", "scene", "versions")
 
 _MAX_LINE_LENGTH = 200
@@ -54,10 +54,7 @@ _DIGEST = re.compile("[0-9a-f]{32}")
 
 @dataclass(frozen=True)
 class Golden:
-    """A golden frame: its number, the name of its file, and the digest of that, as `renderer.film.checkpoint` has it.
-
-    date: of its picture, as whoever drew it gave it.
-    """
+    """A golden frame. digest: of its file, from `renderer.film.file_digest`. date: given by the user."""
 
     frame: int
     file: str
@@ -67,10 +64,9 @@ class Golden:
 
 @dataclass(frozen=True)
 class Provenance:
-    """What golden.json tells.
+    """The content of golden.json.
 
-    origin: what the frames were drawn from, as plain data: `volume`, `gl`, `scene`, `versions`.
-    goldens: ascending, at least one.
+    origin: what the frames were rendered from: `volume`, `gl`, `scene`, `versions`. goldens: ascending, at least one.
     """
 
     origin: Mapping[str, Any]
@@ -78,19 +74,19 @@ class Provenance:
 
 
 def golden_file_name(frame: int, num_frames: int) -> str:
-    """`frame-0007.png`; with so many digits that the files of the whole path are in the order of their names."""
+    """Return `frame-0007.png`, with enough digits to sort the files of the whole path by name."""
     return f"frame-{frame:0{max(4, len(str(num_frames - 1)))}}.png"
 
 
 def is_golden_file_name(name: str) -> bool:
-    """Whether a file is called as `golden_file_name` calls one, for whatever frame."""
+    """Return whether `golden_file_name` may return this name."""
     return _GOLDEN_FILE.fullmatch(name) is not None
 
 
 def origin_from_sidecar(sidecar: Mapping[str, Any]) -> dict[str, Any]:
-    """The origin of frames, of what the JSON file beside them tells; where the volume lies is left out.
+    """Return the origin of frames from the sidecar beside them.
 
-    So are the name, rate and quality of a film: goldens are PNG files.
+    It leaves out where the volume lies, and the name, rate and quality of a film: goldens are PNG files.
     """
     cause, volume = sidecar["cause"]["of"], sidecar["volume"]
     section = {key: value for key, value in sidecar["scene"]["volume"].items() if key != "file"}
@@ -119,9 +115,9 @@ def _is_single_line(text: str) -> bool:
 
 
 def describe_changes(before: Mapping[str, Any], now: Mapping[str, Any], *parts: str) -> str:
-    """`scene.error.tolerance was 0.2`: the first few keys in which two origins differ, or of these parts of them.
+    """Describe the first few differences of two origins, or of some parts: `scene.error.tolerance was 0.2`.
 
-    What a volume is called makes no difference.
+    The name of the volume is ignored.
     """
     named = parts or _PARTS
     return describe_differences(_without_name(before, named), _without_name(now, named))
@@ -135,7 +131,7 @@ def _without_name(origin: Mapping[str, Any], parts: Sequence[str]) -> dict[str, 
 
 
 def provenance_bytes(provenance: Provenance) -> bytes:
-    """The content of golden.json: a golden on each line, so that a diff shows which ones have changed."""
+    """Return the content of golden.json, with a line for each golden, for readable diffs."""
     head = json.dumps({"format": FORMAT, **provenance.origin}, indent=2, allow_nan=False)
     records = (
         {key: value for key, value in asdict(golden).items() if value is not None} for golden in provenance.goldens
@@ -148,7 +144,7 @@ _END = "\n}"
 
 
 def parse_date(text: str | None) -> str | None:
-    """What `--date` gives: any text of one line. Raises InputError."""
+    """Check the value of `--date`, any text of one line. Raises InputError."""
     if text is not None and not _is_single_line(text):
         expected = f"one line of at most {_MAX_LINE_LENGTH} characters, such as 2026-11-21"
         raise InputError("not a date that can be recorded", where="--date", got=format_value(text), expected=expected)
@@ -156,7 +152,7 @@ def parse_date(text: str | None) -> str | None:
 
 
 def read_provenance(folder: Path) -> Provenance:
-    """What the golden.json in a folder tells. Raises InputError, SceneError with all that is wrong in it."""
+    """Read golden.json in a folder. Raises InputError, or SceneError with all its problems."""
     path = folder / PROVENANCE_FILE
     if os.path.exists(path) and not os.path.isfile(path):
         raise InputError("not a file", where=str(path))
@@ -200,7 +196,7 @@ def _parse_versions(node: TreeNode) -> dict[str, str]:
 
 
 def _parse_goldens(node: TreeNode) -> tuple[Golden, ...]:
-    """Of those that are wrong the first is told: the others may be wrong for the same reason."""
+    """Parse all goldens; only the first wrong one is reported, because the others may have the same cause."""
     if not isinstance(node.value, list) or not node.value:
         return _GOLDENS.reject(node, "no golden frames")
     found: list[Golden] = []

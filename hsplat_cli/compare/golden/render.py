@@ -1,4 +1,4 @@
-"""The frames of a scene as files, for the moment: drawn in the one way of the program, as `hsplat render` does it."""
+"""Render frames of a scene to temporary files, as `hsplat render` does."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _TEMPLATE = Path("frame-{frame}.png")
 
 @dataclass(frozen=True)
 class RenderedFrames:
-    """Frames that were drawn. files: by number. origin: as in Provenance. notes: what the user should know."""
+    """Rendered frames. files: by number. origin: as in Provenance. notes: for the user."""
 
     files: Mapping[int, Path]
     origin: Mapping[str, Any]
@@ -30,10 +30,9 @@ class RenderedFrames:
 
 
 def load_reproducible_job(scene: Path, *, overrides: Sequence[str] = (), volume: Path | None = None) -> Job:
-    """The job of a scene or of a film's sidecar, with all frames that it has, as `load_job`.
+    """Load the job of a scene, or of a film's sidecar, with all frames.
 
-    Raises InputError where a frame is not the same each time and whatever other frames are drawn, or too large to be
-    read again.
+    Raises InputError if frames depend on the machine's speed or on other frames, or are too large to be read again.
     """
     job = load_job(scene, overrides=overrides, volume=volume, output=_TEMPLATE, draws="nothing")
     _require_reproducible(job.scene, scene)
@@ -47,9 +46,9 @@ def load_reproducible_job(scene: Path, *, overrides: Sequence[str] = (), volume:
 def _require_reproducible(scene: Scene, path: Path) -> None:
     goal = scene.error.goal
     if isinstance(goal, TimeBudget):
-        what, where = "frames on a budget of time are others each time", "error.seconds"
+        what, where = "frames within a time budget differ from run to run", "error.seconds"
     elif isinstance(goal, AccuracyGoal):
-        what, where = "what is drawn for an accuracy depends on which frames are drawn", f"error.{goal.metric}"
+        what, where = "frames for an accuracy depend on the other frames", f"error.{goal.metric}"
     else:
         return
     raise InputError(
@@ -61,20 +60,17 @@ def _require_reproducible(scene: Scene, path: Path) -> None:
 
 @contextlib.contextmanager
 def rendered_frames(
-    job: Job, frames: Sequence[int], executor: ExecutorSpec, *, quiet: bool
+    job: Job, frames: Sequence[int], executor: ExecutorSpec, reporter: Reporter
 ) -> Iterator[RenderedFrames]:
-    """These frames of a job of `load_reproducible_job`, in a folder that is gone after the block. Raises HsplatError.
-
-    Nothing is said but how far the work is, and not even that when `quiet`.
-    """
-    # Imported here: who compares files needs neither numba nor GL.
+    """Render frames of a job of `load_reproducible_job` to a folder that lasts for the block. Raises HsplatError."""
+    # Imported here: comparing files needs neither numba nor GL.
     from hsplat_cli.films import render_film
 
     with _temporary_folder() as folder:
         output = replace(job.scene.output, file=folder / _TEMPLATE)
         job = replace(job, scene=replace(job.scene, output=output), frames=frames)
-        film = render_film(job, executor, Reporter(quiet), is_auxiliary=True)
-        assert film.shortfall is None, "there is no goal that could be missed"
+        film = render_film(job, executor, reporter, is_auxiliary=True)
+        assert film.shortfall is None, "a reproducible job has no goal to miss"
         files = {frame: folder / _TEMPLATE.name.format(frame=frame) for frame in frames}
         yield RenderedFrames(files, origin_from_sidecar(film.record), film.notes)
 
@@ -84,7 +80,9 @@ def _temporary_folder() -> Iterator[Path]:
     try:
         folder = tempfile.TemporaryDirectory(prefix="hsplat-golden-")
     except OSError as error:
-        hint = "the environment variable TMPDIR names another place"
-        raise RenderError("no folder for frames can be made", got=error.strerror or str(error), hint=hint) from error
+        hint = "set the environment variable TMPDIR to another folder"
+        raise RenderError(
+            "cannot create a temporary folder for frames", got=error.strerror or str(error), hint=hint
+        ) from error
     with folder as name:
         yield Path(name)

@@ -1,9 +1,8 @@
-"""Goldens are written: the first ones, or others in their place once the user has seen what changes.
+"""Write goldens: the first ones, or new ones after the user has seen what changes.
 
-Files change together at the end, in an order in which a kill at any moment leaves what the next update repairs:
-goldens that go are removed first, then golden.json tells of the new ones, then these get their names. So golden.json
-may tell of a golden that is not there or not what it should be, but there is never one that it does not tell of, which
-no update would touch.
+All files change together at the end, in an order that survives a kill at any moment: removed goldens first, then
+golden.json, then the new goldens. After a kill golden.json may list a missing or outdated golden, which the next update
+repairs, but it never misses one, which no update would touch.
 """
 
 from __future__ import annotations
@@ -25,23 +24,20 @@ from hsplat_cli.compare.golden.provenance import (
 )
 from hsplat_cli.compare.golden.render import RenderedFrames, rendered_frames
 from hsplat_cli.compare.golden.update_plan import GoldenUpdate, describe_update, plan_update, unrequested_lines
+from hsplat_cli.compare.rules import LIMITS_FILE
 from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import Job
-from hsplat_cli.terminal import counted, deferrable_interrupts
+from hsplat_cli.terminal import Reporter, counted, deferrable_interrupts
 from renderer.errors import InputError
 from renderer.film import lock_slots, staged_files, translate_os_errors
 from renderer.scene import MAX_SCENE_BYTES
 
 _STAGING_FOLDER = "golden.unfinished"
-_LIMITS = "compare.yaml"  # read by `hsplat compare`, which goldens do without
 
 
 @dataclass(frozen=True)
 class GoldenOptions:
-    """What the user asks for: goldens of these frames in this folder. The rest is as on the command line.
-
-    frames: None for those that are golden already, or where there are none for all that the scene has.
-    """
+    """The options of `hsplat golden`. frames: None for those that are golden already, or for all frames at first."""
 
     folder: Path
     frames: Sequence[int] | None = None
@@ -49,51 +45,52 @@ class GoldenOptions:
     update: bool = False
     prune: bool = False
     yes: bool = False
-    quiet: bool = False
 
 
-def update_goldens(job: Job, golden_options: GoldenOptions, executor: ExecutorSpec, ask: Callable[[], bool]) -> None:
-    """Draw the frames and keep them; where there are goldens already, only once `ask` says so.
+def update_goldens(
+    job: Job, golden_options: GoldenOptions, executor: ExecutorSpec, reporter: Reporter, ask: Callable[[], bool]
+) -> None:
+    """Render the frames and keep them; existing goldens change only if `ask` returns True.
 
-    Raises InputError where there are goldens and nobody wants an update, other files of their names, or goldens that
-    would stay though the scene is another; what drawing and writing raise; and click's Exit with 1 where the user does
-    not want what changes.
+    Raises InputError if goldens exist and no update is requested, if other files have their names, or if goldens of
+    another scene would stay; the errors of rendering and writing; and click's Exit with 1 if the user declines.
     """
     folder = golden_options.folder
     with lock_slots(folder / _STAGING_FOLDER, [0], folder / PROVENANCE_FILE):
         provenance = read_provenance(folder) if os.path.lexists(folder / PROVENANCE_FILE) else None
         if provenance is not None and not golden_options.update:
             raise InputError(
-                "there are goldens already",
+                "the folder has goldens",
                 where=str(folder),
                 got=counted(len(provenance.goldens), "frame"),
-                hint="--update says what has changed, and writes it over them; `hsplat compare SCENE FOLDER` compares",
+                hint="--update shows what has changed and overwrites them; `hsplat compare SCENE FOLDER` compares",
             )
         frames = golden_options.frames or _default_frames(provenance, job.frames)
         names = _names(frames, provenance, job.scene.camera.path.frames)
         _require_free(folder, names.values(), provenance)
-        with rendered_frames(job, frames, executor, quiet=golden_options.quiet) as drawing:
-            plan = plan_update(folder, provenance, names, drawing, date=golden_options.date, prune=golden_options.prune)
+        with rendered_frames(job, frames, executor, reporter) as rendered:
+            plan = plan_update(
+                folder, provenance, names, rendered, date=golden_options.date, prune=golden_options.prune
+            )
             plan.require_one_origin(folder)
             must_ask = provenance is not None and plan.changes_anything and not golden_options.yes
-            if must_ask or not golden_options.quiet:
-                _tell(_report(plan, drawing, folder))
+            for line in _report(plan, rendered, folder):
+                (reporter.result if must_ask else reporter.line)(line)
             if not plan.changes_anything:
                 return
             if must_ask and not ask():
-                _tell(["nothing was written"])
+                reporter.result("nothing was written")
                 raise click.exceptions.Exit(1)
             _apply(plan, folder)
-    if not golden_options.quiet:
-        num_written, num_all = len(plan.sources), len(plan.after.goldens)
-        goldens = counted(num_all, "golden")
-        num = goldens if num_written == num_all else f"{num_written} of {goldens} written"
-        _tell([f"{folder}: {num}", f"what they were drawn from: {folder / PROVENANCE_FILE}"])
+    num_written, goldens = len(plan.sources), counted(len(plan.after.goldens), "golden")
+    written = goldens if num_written == len(plan.after.goldens) else f"{num_written} of {goldens} written"
+    reporter.line(f"{folder}: {written}")
+    reporter.line(f"origin: {folder / PROVENANCE_FILE}")
 
 
-def _report(plan: GoldenUpdate, drawing: RenderedFrames, folder: Path) -> Iterator[str]:
-    """What there is to say before anything is written."""
-    yield from (f"note: {note}" for note in drawing.notes)
+def _report(plan: GoldenUpdate, rendered: RenderedFrames, folder: Path) -> Iterator[str]:
+    """Return the lines to print before anything is written."""
+    yield from (f"note: {note}" for note in rendered.notes)
     if not plan.changes_anything:
         yield f"{folder}: nothing changes"
         yield from unrequested_lines(plan)
@@ -103,15 +100,15 @@ def _report(plan: GoldenUpdate, drawing: RenderedFrames, folder: Path) -> Iterat
 
 
 def _stale_limit_notes(removed: Sequence[Golden], folder: Path) -> Iterator[str]:
-    """What is said about goldens that go, and that the file of limits still names."""
-    path = folder / _LIMITS
+    """Return a line on removed goldens that the file of limits still names."""
+    path = folder / LIMITS_FILE
     if not path.is_file():
         return
     with translate_os_errors(path), path.open("rb") as file:
         content = file.read(MAX_SCENE_BYTES)
     named = [golden.file for golden in removed if golden.file.encode() in content]
     if named:
-        yield f"{path} names them, too, and `hsplat compare` will refuse that: {', '.join(named)}"
+        yield f"{path} still names removed goldens, which `hsplat compare` refuses: {', '.join(named)}"
 
 
 def _apply(plan: GoldenUpdate, folder: Path) -> None:
@@ -127,31 +124,26 @@ def _apply(plan: GoldenUpdate, folder: Path) -> None:
                 (folder / golden.file).unlink(missing_ok=True)
 
 
-def _tell(lines: Iterable[str]) -> None:
-    for line in lines:
-        click.echo(line)
-
-
 def _default_frames(provenance: Provenance | None, drawable: Sequence[int]) -> Sequence[int]:
-    """Those that are golden and that the scene still has; all that it has where there are none."""
+    """Return the golden frames that the scene still has, or all its frames if none is golden."""
     golden = frozenset() if provenance is None else frozenset(each.frame for each in provenance.goldens)
     return [frame for frame in drawable if frame in golden] or drawable
 
 
 def _names(frames: Sequence[int], provenance: Provenance | None, num_frames: int) -> dict[int, str]:
-    """Of the files of these frames; a golden that is there keeps the name that it has."""
+    """Return the file name of each frame; an existing golden keeps its name."""
     listed = {} if provenance is None else {golden.frame: golden.file for golden in provenance.goldens}
     return {frame: listed.get(frame) or golden_file_name(frame, num_frames) for frame in frames}
 
 
 def _require_free(folder: Path, names: Iterable[str], provenance: Provenance | None) -> None:
-    """Raise InputError where a golden would take the place of a file of somebody else."""
+    """Raise InputError if a golden would overwrite a file that is no golden."""
     own = set() if provenance is None else {golden.file for golden in provenance.goldens}
     foreign = [name for name in names if name not in own and os.path.lexists(folder / name)]
     if foreign:
         raise InputError(
-            f"a golden would take the place of a file of which no {PROVENANCE_FILE} tells",
+            f"a golden would overwrite a file that {PROVENANCE_FILE} does not list",
             where=str(folder / foreign[0]),
             got=f"{len(foreign)} such files" if len(foreign) > 1 else None,
-            hint="move it away, or choose another folder",
+            hint="move it elsewhere, or choose another folder",
         )

@@ -1,4 +1,4 @@
-"""What becomes of a folder of goldens when a scene is drawn again: new ones, others, the same, and nobody's."""
+"""Plan the update of a folder of goldens from newly rendered frames."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ import numpy as np
 from hsplat_cli.compare.golden.provenance import PROVENANCE_FILE, Golden, Provenance, describe_changes
 from hsplat_cli.compare.golden.render import RenderedFrames
 from hsplat_cli.compare.picture_file import read_picture
-from hsplat_cli.terminal import counted, first_few
+from hsplat_cli.terminal import counted, first_few, format_table
 from renderer.errors import InputError
 from renderer.film import file_digest, translate_os_errors
 from renderer.study import COMPARISON_METRICS, FrameDifference
 
-# Those that need no more than numpy; the worst is the one whose first figure is, then by the next.
+# Metrics that need only numpy; changes are sorted by the first, then by the next.
 _FIGURES = ("largest", "densest", "p99", "bias")
 _MAX_LINES = 20
 _MAX_NAMES = 5
@@ -25,10 +25,10 @@ _MAX_NAMES = 5
 
 @dataclass(frozen=True)
 class GoldenChange:
-    """A golden that is to be written.
+    """A golden to write.
 
-    why: that it is new, or cannot be compared with the one that is there: `is new`.
-    figures: how far it is from the one that is there, by the names of COMPARISON_METRICS; none with a `why`.
+    why: `is new`, or why it cannot be compared with the existing one. figures: errors against the existing one, by the
+    names of COMPARISON_METRICS; empty with a `why`.
     """
 
     file: str
@@ -38,11 +38,12 @@ class GoldenChange:
 
 @dataclass(frozen=True)
 class GoldenUpdate:
-    """before, after: what golden.json tells; nothing before the first goldens.
+    """The update of a folder.
 
-    sources: where the pictures that are to be written are, by the names that they get.
-    changes: of the same files, worst first. removed: goldens that go; unasked: those that nobody asks for, and stay.
-    num_asked: frames that were drawn.
+    before, after: content of golden.json; no `before` for the first goldens.
+    sources: rendered picture of each golden to write, by its file name. changes: of the same files, worst first.
+    removed: goldens to remove. unrequested: goldens that are kept although their frames are not requested.
+    num_requested: number of rendered frames.
     """
 
     before: Provenance | None
@@ -55,26 +56,21 @@ class GoldenUpdate:
 
     @property
     def changes_anything(self) -> bool:
-        """Whether there is something to write.
-
-        Where no picture changes, another date, version or driver is nothing: goldens were drawn when golden.json says,
-        and by what.
-        """
+        """Whether anything is written. A new date, version or driver alone is not: the pictures' origin stays."""
         return bool(self.changes or self._scene_changes()) or self._previous_goldens != self.after.goldens
 
     def require_one_origin(self, folder: Path) -> None:
-        """Raise InputError where goldens stay that were drawn from another scene or volume than golden.json would say:
-        it has one origin for all of them."""
+        """Raise InputError if goldens of another scene or volume would stay: golden.json has one origin for all."""
         if self.unrequested and (other := self._scene_changes()):
             raise InputError(
-                f"goldens would stay that were not drawn from what {PROVENANCE_FILE} would say",
+                f"goldens of another origin would stay, and {PROVENANCE_FILE} has one origin for all",
                 where=str(folder),
                 got=other,
-                hint=f"update all frames; or --prune removes the others: {_names(self.unrequested)}",
+                hint=f"update all frames, or remove the others by --prune: {_names(self.unrequested)}",
             )
 
     def _scene_changes(self) -> str:
-        """In what the scene or the volume is not what it was."""
+        """Describe changes of the scene or the volume."""
         return "" if self.before is None else describe_changes(self.before.origin, self.after.origin, "volume", "scene")
 
     @property
@@ -86,21 +82,22 @@ def plan_update(
     folder: Path,
     before: Provenance | None,
     names: Mapping[int, str],
-    drawing: RenderedFrames,
+    rendered: RenderedFrames,
     *,
     date: str | None,
     prune: bool,
 ) -> GoldenUpdate:
-    """What is to be done so that `folder` has the frames that were drawn.
+    """Plan to give `folder` the rendered frames.
 
-    names: of the files of all frames that are asked for. date: of those whose pictures change; the others keep theirs.
-    prune: remove goldens of other frames.
+    names: file names of all requested frames. date: of changed pictures; the others keep theirs. prune: remove goldens
+    of other frames.
     """
     listed = {} if before is None else {golden.frame: golden for golden in before.goldens}
     found = {
-        frame: _change(folder / name, drawing.files[frame], is_new=frame not in listed) for frame, name in names.items()
+        frame: _compare(folder / name, rendered.files[frame], is_new=frame not in listed)
+        for frame, name in names.items()
     }
-    sources = {names[frame]: drawing.files[frame] for frame, change in found.items() if change is not None}
+    sources = {names[frame]: rendered.files[frame] for frame, change in found.items() if change is not None}
     goldens = []
     for frame, name in names.items():
         source = sources.get(name, folder / name)
@@ -112,17 +109,17 @@ def plan_update(
     unrequested = [golden for golden in others if stays[golden]]
     removed = [golden for golden in others if not stays[golden]]
     listed_after = tuple(sorted([*goldens, *unrequested], key=lambda golden: golden.frame))
-    after = Provenance(drawing.origin, listed_after)
+    after = Provenance(rendered.origin, listed_after)
     worst_first = sorted(
         (change for change in found.values() if change is not None), key=_change_sort_key, reverse=True
     )
     return GoldenUpdate(before, after, sources, worst_first, removed, unrequested, len(names))
 
 
-def _change(path: Path, source: Path, *, is_new: bool) -> GoldenChange | None:
-    """What distinguishes a picture that was drawn from the golden that is there; None if no pixel does."""
+def _compare(path: Path, source: Path, *, is_new: bool) -> GoldenChange | None:
+    """Compare a rendered picture with the existing golden; return None if all pixels are equal."""
     if is_new or not os.path.lexists(path):
-        return GoldenChange(path.name, "is new" if is_new else "is not there any more")
+        return GoldenChange(path.name, "is new" if is_new else "is missing")
     try:
         golden = read_picture(path)
     except InputError as error:
@@ -144,12 +141,9 @@ def _change_sort_key(change: GoldenChange) -> tuple[bool, list[float]]:
     return bool(change.why), [change.figures.get(name, 0.0) for name in _FIGURES]
 
 
-# In words
-
-
 def describe_update(plan: GoldenUpdate) -> Iterator[str]:
-    """Lines for the terminal: what changes and how much, what goes, what stays, and what may be the cause."""
-    assert plan.before is not None, "first goldens are no change"
+    """Return lines for the terminal: changes and their size, removed and kept goldens, and the probable cause."""
+    assert plan.before is not None, "first goldens are not an update"
     num_changes, num_requested = len(plan.changes), plan.num_requested
     frames = counted(num_requested, "frame")
     if num_changes:
@@ -158,19 +152,19 @@ def describe_update(plan: GoldenUpdate) -> Iterator[str]:
     else:
         yield f"no pixel of {frames} changes"
     if plan.removed:
-        yield f"to be removed, for nobody asks for {_them(plan.removed)}: {_names(plan.removed)}"
+        yield f"to be removed, because not requested: {_names(plan.removed)}"
     yield from unrequested_lines(plan)
     if not (num_changes or plan.removed) and plan.before.goldens != plan.after.goldens:
-        yield f"{PROVENANCE_FILE} changes: the files are others than it tells of"
+        yield f"{PROVENANCE_FILE} changes: the files differ from those it lists"
     cause = describe_changes(plan.before.origin, plan.after.origin)
     if cause:
-        yield f"what has changed since they were drawn: {cause}"
+        yield f"changed since they were rendered: {cause}"
 
 
 def unrequested_lines(plan: GoldenUpdate) -> Iterator[str]:
-    """What is said about goldens that nobody asks for and that stay, if there are any."""
+    """Return a line on goldens that are not requested and stay."""
     if plan.unrequested:
-        yield f"not asked for, and left as they are (--prune removes them): {_names(plan.unrequested)}"
+        yield f"not requested, and kept (--prune removes them): {_names(plan.unrequested)}"
 
 
 def _lines_of(all_changes: Sequence[GoldenChange]) -> Iterator[str]:
@@ -178,22 +172,17 @@ def _lines_of(all_changes: Sequence[GoldenChange]) -> Iterator[str]:
     yield from (f"  {change.file} {change.why}" for change in shown if change.why)
     measured = [change for change in shown if change.figures]
     if measured:
-        rows = [_FIGURES, *([f"{change.figures[name]:.3g}" for name in _FIGURES] for change in measured)]
-        files = ["levels, worst first", *(change.file for change in measured)]
-        width = max(map(len, files))
-        for file, row in zip(files, rows, strict=True):
-            yield f"  {file:<{width}}" + "".join(f"  {cell:>8}" for cell in row)
+        header = ["levels, worst first", *(f"{name:>8}" for name in _FIGURES)]
+        rows = [[change.file, *(f"{change.figures[name]:.3g}" for name in _FIGURES)] for change in measured]
+        table = format_table([header, *rows], right_aligned=range(1, len(header)))
+        yield from (f"  {line}" for line in table.splitlines())
     if len(all_changes) > len(shown):
         yield f"  and {len(all_changes) - len(shown)} more, none of which changes more"
     if not all(any(change.figures.values()) for change in measured):
-        yield "  0 in all: only colours at an alpha of 0 differ"
+        yield "  0 everywhere: only colours at an alpha of 0 differ"
     if measured:
         yield from (f"  {name}: {COMPARISON_METRICS[name].label}" for name in _FIGURES)
 
 
 def _names(goldens: Sequence[Golden]) -> str:
     return first_few([golden.file for golden in goldens], _MAX_NAMES)
-
-
-def _them(goldens: Sequence[Golden]) -> str:
-    return "it" if len(goldens) == 1 else "them"
