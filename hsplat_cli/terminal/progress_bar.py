@@ -29,9 +29,9 @@ class Progress:
 
 
 @contextlib.contextmanager
-def progress(steps: int | Sequence[float], *, label: str, quiet: bool, unit: str = "frames") -> Iterator[Progress]:
-    """Show how many of the steps are finished and the time remaining; nothing when `quiet`. As `Reporter.progress`."""
-    if quiet:
+def open_progress(steps: int | Sequence[float], *, label: str, unit: str, is_quiet: bool) -> Iterator[Progress]:
+    """Show progress on the standard error stream, or nothing when quiet; the rest is as in `Reporter.progress`."""
+    if is_quiet:
         yield Progress()
     elif not sys.stderr.isatty():
         yield ProgressLines(steps, label, sys.stderr, time.monotonic, unit)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import click
 
-from hsplat_cli.terminal.progress_bar import Progress, progress
+from hsplat_cli.terminal.progress_bar import Progress, open_progress
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Reporter:
         steps: the number of steps of equal cost, whose rate is shown, too; or the predicted work of each step, at
             least 0, in any unit. unit: what a step is, in the plural.
         """
-        return progress(steps, label=label, unit=unit, quiet=self.is_quiet)
+        return open_progress(steps, label=label, unit=unit, is_quiet=self.is_quiet)
 
     def announce_compilation(self) -> None:
         """Print a status if this run has to compile the kernels, which takes some seconds."""
