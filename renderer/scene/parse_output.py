@@ -32,7 +32,7 @@ def _parse_file(node: TreeNode) -> Path:
     rest, num_fields = FRAME_FIELD.subn("", node.value)
     if num_fields > 1 or "{" in rest or "}" in rest or (num_fields and not FRAME_FIELD.search(name)):
         expected = "one {frame} or {frame:04}, in the name of the file, and no other braces"
-        return OUTPUT_FILE_FIELD.reject(node, "not a legal template", expected=expected)
+        return OUTPUT_FILE_FIELD.reject(node, "not a valid template", expected=expected)
     if suffix != ".png" and num_fields:
         what = f"a film and frames at once: {suffix} with a frame number"
         return OUTPUT_FILE_FIELD.reject(node, what)

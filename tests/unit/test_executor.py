@@ -32,7 +32,7 @@ class Local:
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
 
-    def forget(self) -> None:
+    def evict_bricks(self) -> None:
         pass
 
     def draw(self, numbers: Sequence[int]) -> Generator[FrameResult, None, None]:

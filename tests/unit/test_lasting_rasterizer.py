@@ -6,6 +6,7 @@ import ctypes
 import itertools
 import time
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -31,13 +32,16 @@ class _Failing(GLRasterizer):
     """fails: whether GL has an error after the next picture."""
 
     def __init__(self, fails: Iterator[bool]) -> None:
+        self._fails: Iterator[bool] = iter(())
         super().__init__()
         self._fails = fails
 
-    def _require_no_error(self) -> None:
-        if next(self._fails):
-            ctypes.CDLL("libGL.so.1").glEnable(NO_CAPABILITY)
-        super()._require_no_error()
+    @contextmanager
+    def _drawing(self) -> Iterator[None]:
+        with super()._drawing():
+            yield
+            if next(self._fails, False):
+                ctypes.CDLL("libGL.so.1").glEnable(NO_CAPABILITY)
 
 
 def failing_at(pictures: Iterable[int]) -> Callable[[], GLRasterizer]:

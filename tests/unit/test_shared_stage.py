@@ -34,9 +34,9 @@ def test_whoever_writes_writes_for_itself(stage: Stage) -> None:
     """Nobody does; the mapping is one that could, so that arrays are as they were to compiled code."""
     with closing(SharedStage(stage)) as shared:
         other = map_stage(shared.descriptor)
-    assert stage.order_blending.around.flags.writeable
-    shared.stage.order_blending.around[:] = 7.0
-    assert np.array_equal(other.order_blending.around, stage.order_blending.around)
+    assert stage.order_blending.nearby_from_sphere.flags.writeable
+    shared.stage.order_blending.nearby_from_sphere[:] = 7.0
+    assert np.array_equal(other.order_blending.nearby_from_sphere, stage.order_blending.nearby_from_sphere)
 
 
 def test_it_has_no_name(stage: Stage) -> None:

@@ -70,7 +70,12 @@ def test_every_array_begins_where_vectors_may() -> None:
     )
     stage = deserialize_stage(memoryview(content))
     first = content.ctypes.data
-    arrays = [stage.volume.values, stage.volume.world_from_index, stage.order_blending.around, stage.pyramid.occupied]
+    arrays = [
+        stage.volume.values,
+        stage.volume.world_from_index,
+        stage.order_blending.nearby_from_sphere,
+        stage.pyramid.occupied,
+    ]
     arrays += [array for level in stage.pyramid.levels for array in (level.means, level.errors, level.masks)]
     assert {(array.ctypes.data - first) % ALIGNMENT for array in arrays if array.size} == {0}
 
