@@ -17,6 +17,7 @@ from renderer.study import METRICS, Measurement
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.transforms import BboxBase
 
 _MARKERS = "osD^vP<>"
 _PEER_MARKERS = "x+1234"
@@ -74,6 +75,7 @@ def tradeoff_figure(measurements: Sequence[Measurement], axis: CostAxis) -> Figu
     _draw_series(axes, measurements, axis, _psnr, with_quartiles=True)
     _format_axes(axes, axis, "PSNR, dB", many_ticks=True)
     _add_legend(figure, axes)
+    _remove_overlapping_labels(figure, axes)
     return figure
 
 
@@ -211,10 +213,21 @@ def _label_front(axes: Axes, measurements: Sequence[Measurement], axis: CostAxis
         axes.annotate(
             text,
             (axis.cost(measurements[i]), _psnr(measurements[i])),
-            (-5, 4),
+            (-5, 4) if tool == OWN else (0, 7),
             textcoords="offset points",
-            ha="right",
+            ha="right" if tool == OWN else "center",
             fontsize=_LABEL_PT,
             color=LIGHT_PALETTE["ink" if tool == OWN else "muted"],
             zorder=5,
         )
+
+
+def _remove_overlapping_labels(figure: Figure, axes: Axes) -> None:
+    figure.draw_without_rendering()  # computes the layout, on which the sizes of labels depend
+    boxes: list[BboxBase] = []
+    for label in list(axes.texts):
+        box = label.get_window_extent()
+        if any(box.overlaps(other) for other in boxes):
+            label.remove()
+        else:
+            boxes.append(box)

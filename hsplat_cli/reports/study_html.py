@@ -157,7 +157,7 @@ def _tradeoff_caption(measurements: Sequence[Measurement], axis: CostAxis) -> st
         common, _ = short_labels([measurements[i].setting.label for i in front if i in shown])
         words += [f"{common} ({'hsplat' if tool == OWN else 'VTK'})"] if common else []
     parts = ["Higher and further to the left is better."]
-    parts += [f"Labels at the points of a front: {', '.join(words)}."] if words else []
+    parts += [f"Labels at the points of a front, where they fit: {', '.join(words)}."] if words else []
     parts += ["Settings with bricks are not in this plot."] if axis is SPLATS_AXIS and has_bricks(measurements) else []
     parts += ["Bars reach from the first to the third quartile of the time."] if axis.quartiles else []
     exact = sum(m.overall.everywhere.psnr == math.inf for m in measurements if axis.cost(m) > 0)

@@ -169,6 +169,6 @@ def test_vtk_missing(measure, monkeypatch: pytest.MonkeyPatch) -> None:  # type:
 def test_vtk_has_another_light(measure) -> None:  # type: ignore[no-untyped-def]
     assert measure("--peer", "vtk", "--set", "shading={ambient: 0.3, diffuse: 0.7}") == (
         2,
-        "shading: VTK cannot be compared on a scene with shading: its light is another model\n"
+        "shading: VTK cannot be compared on a scene with shading: its lighting model differs\n"
         "  hint: measure without the peer, or without shading\n",
     )

@@ -250,7 +250,7 @@ def test_the_value_of_the_border(
     elif dtype == "float32":
         assert 40.1 <= border_value(dtype, held, values, extinctions) < 41
     else:
-        with pytest.raises(InputError, match="hides no value"):
+        with pytest.raises(InputError, match="has no transparent value"):
             border_value(dtype, held, values, extinctions)
 
 
@@ -258,8 +258,8 @@ def test_what_is_said_where_no_value_is_hidden() -> None:
     with pytest.raises(InputError) as caught:
         border_value("uint8", [3, 90], [0, 255], [0.5, 1])
     assert str(caught.value) == (
-        "scan: the transfer function hides no value, so that the volume cannot be given the transparent border that a "
-        "comparison with VTK needs\n"
+        "scan: the transfer function has no transparent value, which a comparison with VTK needs for "
+        "the volume's border\n"
         "  expected: an opacity of 0 at some value of type uint8\n"
         "  hint: measure without the peer"
     )
@@ -292,7 +292,7 @@ def test_what_is_said_of_shading() -> None:
     with pytest.raises(InputError) as caught:
         check_vtk(replace(scene(), shading=ShadingSpec()))
     assert str(caught.value) == (
-        "shading: VTK cannot be compared on a scene with shading: its light is another model\n"
+        "shading: VTK cannot be compared on a scene with shading: its lighting model differs\n"
         "  hint: measure without the peer, or without shading"
     )
 

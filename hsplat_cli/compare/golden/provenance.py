@@ -106,7 +106,7 @@ def origin_from_sidecar(sidecar: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def to_single_line(text: str) -> str:
-    """Text that may come from anywhere, such as the name of a file, as a line for terminals and reports."""
+    """Return any text, such as a file name, as one printable line of limited length."""
     return printable_text(text) or format_value(text)
 
 
@@ -173,9 +173,6 @@ def read_provenance(folder: Path) -> Provenance:
     volume = given["volume"] | {"shape": list(given["volume"]["shape"])}
     origin = {"volume": volume} | {part: given[part] for part in _PARTS if part != "volume"}
     return Provenance(origin, given["frames"])
-
-
-# What it may say
 
 
 def _parse_line(node: TreeNode) -> str:

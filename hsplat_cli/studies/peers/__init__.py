@@ -1,1 +1,1 @@
-"""Other renderers, put on the same scene, camera and truth as hsplat."""
+"""Measure other renderers on the same scene, camera and truth."""

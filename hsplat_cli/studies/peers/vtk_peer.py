@@ -1,10 +1,10 @@
-"""VTK's volume mappers on hsplat's scene: the same voxels, transfer function, cameras and truth.
+"""Measure VTK's volume mappers on hsplat's scene: the same voxels, transfer function, cameras and truth.
 
-VTK draws in a process of its own (`vtk_worker.py`), so that its GL context and its faults stay out of this one. It is
-given lengths in units of the finest spacing and the origin at the volume's centre, because it computes in float32.
+VTK draws in a separate process (`vtk_worker.py`), which isolates its GL context and its faults. Lengths are in units of
+the finest spacing, with the origin at the volume's centre, because VTK computes in float32.
 
-What is VTK's and shows in its figures: look-up tables in place of the transfer function, 15 bits of opacity in the
-fixed-point mapper, and frames of 8 bits, which alone are 59 dB on the pixels that a volume covers.
+VTK's results include the errors of its look-up tables for the transfer function, of 15 bits of opacity in the
+fixed-point mapper, and of 8-bit frames, which alone limit the PSNR to 59 dB on the pixels that a volume covers.
 """
 
 from __future__ import annotations
@@ -43,26 +43,26 @@ from renderer.transfer import TransferFunction
 from renderer.view import View
 from renderer.volume import Array, Float64, Volume, make_volume
 
-# Sample distances, in units of the finest spacing, and the part of the pixels that are drawn, 1 of n x n.
+# Sample distances, in units of the finest spacing; one of n x n pixels is drawn.
 _SAMPLE_DISTANCES = (0.5, 1.0, 2.0, 4.0)
 _IMAGE_REDUCTIONS = {"gpu": (1, 2), "fixed point": (1, 2, 4)}
 
-# What both mappers draw as it is; the rest they convert, in ways of their own, or refuse.
+# Both mappers draw these types without conversion.
 _NATIVE_DTYPES = ("int8", "uint8", "int16", "uint16", "float32")
 
-# VTK is linear in the opacity where hsplat is in the extinction: between points so close in optical depth the two
-# differ by 0.02^2 / 8 = 5e-5.
+# VTK interpolates opacity, hsplat extinction. Between points this close in optical depth the two differ by
+# 0.02^2 / 8 = 5e-5.
 _DEPTH_BETWEEN_POINTS = 0.02
-# How wide VTK's ramps are that stand for a step, in parts of the transfer function's range: less than its tables show.
+# Width of the ramp that replaces a step, as a share of the transfer function's range: below the table's resolution.
 _STEP_WIDTH = 1e-6
 
 _SCRIPT = Path(__file__).with_name("vtk_worker.py")
-# The worker's standard error stream: a pipe that nobody reads would stop it when full.
+# File of the worker's standard error stream: a pipe that is not read would block it when full.
 _ERRORS = "errors.txt"
 
-# VTK's near plane must be in front of the eye; this part of the far plane's depth keeps float32 depths apart.
+# Smallest depth of the near plane, as a share of the far plane's: float32 depths stay distinct.
 _NEAREST_PART = 1e-4
-# A worker that has not finished a frame, or told what VTK it has, for so long is taken for dead.
+# A worker that takes longer for a frame, or to start, is ended.
 _FRAME_TIMEOUT_S = 600.0
 _START_TIMEOUT_S = 120.0
 _EXIT_TIMEOUT_S = 10.0
@@ -71,7 +71,7 @@ _TERMINAL_COLOR = re.compile(r"\x1b\[[0-9;]*m")
 
 
 def vtk_settings() -> tuple[Setting, ...]:
-    """Both mappers from fine to coarse: steps along the ray, in units of the finest spacing, on ever fewer pixels."""
+    """Return the settings of both mappers from fine to coarse: steps along the ray, and fewer pixels."""
     return tuple(
         Setting(
             f"vtk {mapper}",
@@ -85,18 +85,18 @@ def vtk_settings() -> tuple[Setting, ...]:
 
 
 def check_vtk(scene: Scene) -> None:
-    """Raise InputError where VTK is not installed, or would draw another thing than the scene asks for."""
+    """Raise InputError if VTK is not installed, or cannot draw the scene."""
     require_package("vtk", extra="vtk")
     if scene.shading is not None:
         raise InputError(
-            "VTK cannot be compared on a scene with shading: its light is another model",
+            "VTK cannot be compared on a scene with shading: its lighting model differs",
             where="shading",
             hint="measure without the peer, or without shading",
         )
 
 
 def describe_vtk() -> dict[str, str]:
-    """VTK's `version`, and the `driver` that it draws with. Raises RenderError where it has none, dies or hangs."""
+    """Return VTK's `version` and `driver`. Raises RenderError if it fails to start, dies or hangs."""
     try:
         done = subprocess.run(
             [sys.executable, str(_SCRIPT)],
@@ -115,12 +115,11 @@ def describe_vtk() -> dict[str, str]:
 
 
 def with_transparent_border(volume: Volume, transfer: TransferFunction) -> Volume:
-    """The volume with its outermost layer of voxels set to a value that is not seen.
+    """Return the volume with its outermost layer of voxels set to a transparent value.
 
-    VTK's volume ends at the outer voxel centres, hsplat's half a voxel further out; with such a border that makes no
-    difference. The value is the lowest of the volume where that is transparent, else the highest, else the transparent
-    one nearest to what the volume holds. Raises InputError where its type has none or nothing would be left, and
-    where the volume's file was changed.
+    VTK's volume ends at the outer voxel centres, hsplat's half a voxel further out; such a border hides the difference.
+    The value is the volume's minimum if that is transparent, else its maximum, else the closest transparent value.
+    Raises InputError if the type has none, nothing would be left, or the volume's file was changed.
     """
     if min(volume.shape_xyz) < 3:
         raise InputError(
@@ -132,8 +131,7 @@ def with_transparent_border(volume: Volume, transfer: TransferFunction) -> Volum
     value = _transparent_value(volume.values, transfer)
     if value is None:
         raise InputError(
-            "the transfer function hides no value, so that the volume cannot be given the transparent border that a "
-            "comparison with VTK needs",
+            "the transfer function has no transparent value, which a comparison with VTK needs for the volume's border",
             where=volume.name,
             expected=f"an opacity of 0 at some value of type {volume.values.dtype}",
             hint="measure without the peer",
@@ -146,9 +144,9 @@ def with_transparent_border(volume: Volume, transfer: TransferFunction) -> Volum
 
 
 def _transparent_value(values: Array, transfer: TransferFunction) -> Any:
-    """A scalar of the type of the values that has no extinction, or None.
+    """Return the transparent scalar of the values' type that is closest to them, or None.
 
-    Where there is one at all, one of the ends of a stretch of such values is, rounded into the type to either side.
+    If any exists, one end of a transparent interval, rounded to either side, is one.
     """
     dtype = values.dtype
     lowest, highest = values.min(), values.max()
@@ -160,7 +158,7 @@ def _transparent_value(values: Array, transfer: TransferFunction) -> Any:
         largest = np.finfo(dtype).max
         near = np.clip(transfer.values, -float(largest), float(largest)).astype(dtype)
         rounded = np.concatenate([near, np.nextafter(near, -largest), np.nextafter(near, largest)])
-    halves = rounded.astype(np.float64) / 2  # differences of whole ones may be infinite
+    halves = rounded.astype(np.float64) / 2  # full differences may overflow
     distance = np.maximum(np.maximum(float(lowest) / 2 - halves, halves - float(highest) / 2), 0)
     candidates = np.concatenate([np.array([lowest, highest], dtype), rounded[np.argsort(distance, kind="stable")]])
     hidden = candidates[transfer.classify(candidates)[1] == 0]
@@ -177,15 +175,13 @@ def measure_vtk(
     settings: Sequence[Setting],
     repeats: int,
 ) -> Iterator[Measurement]:
-    """Each of the settings, as soon as it is measured.
+    """Measure each setting, and yield it at once.
 
-    volume: has a transparent border, and the truths were made from it. background: None is black.
-    views, truths: one for each frame.
-    settings: of `vtk_settings()`.
-    repeats: passes over the frames that are timed, drawing and reading back, after a first one that warms up and gives
-        the pictures: the order in which hsplat's own are measured.
+    volume: with a transparent border, as in the truths. background: None is black. views, truths: one for each frame.
+    settings: of `vtk_settings()`. repeats: timed passes over the frames, drawing and reading back, after a first pass
+    that warms up and gives the pictures, as for hsplat.
 
-    Raises RenderError when VTK fails, dies or hangs. Closing the iterator ends its process.
+    Raises RenderError if VTK fails, dies or hangs. Closing the iterator ends its process.
     """
     with _folder(volume, transfer, views, background) as folder, _worker(folder) as worker:
         for setting in settings:
@@ -219,7 +215,7 @@ def measure_vtk(
 def _folder(
     volume: Volume, transfer: TransferFunction, views: Sequence[View], background: Color | None
 ) -> Iterator[Path]:
-    """What the worker reads, in a folder that is gone after the block."""
+    """Write the worker's input to a folder that lasts for the block."""
     finest = volume.finest_spacing
     voxels, lowest, half_span = _convert_voxels(volume.values)
     points = _points(transfer, finest)
@@ -240,29 +236,29 @@ def _folder(
 
 
 def _convert_voxels(values: Array) -> tuple[Array, float, float]:
-    """Voxels as VTK draws them, and the (lowest, half the span) for which they are `(value - lowest) / span`.
+    """Return voxels that VTK can draw, and (lowest, half span) such that they are `(value - lowest) / span`.
 
-    Types that it has no texture for become float32 in [0, 1], so that values far from 0 keep their differences. All is
-    reckoned in halves, because the span of float64 may be infinite.
+    Other types become float32 in [0, 1], which keeps small differences of large values. The span is halved, because
+    that of float64 may overflow.
     """
     if values.dtype.name in _NATIVE_DTYPES:
         return values, 0.0, 0.5
     lowest, highest = float(values.min()), float(values.max())
     half_span = highest / 2 - lowest / 2 or 0.5
     scaled = np.empty(values.shape, np.float32)
-    for layer, of in zip(scaled, values, strict=True):  # layer by layer: there may be no memory for all in float64
-        layer[...] = (of.astype(np.float64) / 2 - lowest / 2) / half_span
+    for layer, source in zip(scaled, values, strict=True):  # layer by layer, to save memory
+        layer[...] = (source.astype(np.float64) / 2 - lowest / 2) / half_span
     return scaled, lowest, half_span
 
 
 def _points(transfer: TransferFunction, unit: float) -> Float64:
-    """float64 [n, 5]: value, colour and opacity per `unit` of length, values ascending, between which VTK is linear."""
+    """Return float64 [n, 5], value, colour and opacity per `unit` of length, by value; VTK interpolates linearly."""
     values = transfer.values.copy()
     width = _STEP_WIDTH * ((values[-1] - values[0]) or max(abs(values[0]), 1.0))
     is_step = values[:-1] == values[1:]
     values[:-1][is_step] -= width
     depth = transfer.extinctions * unit
-    # Where each new point lies in the sequence of old ones: 0, 0.25, 0.5, 0.75, 1, 2, ...
+    # Position of each new point among the old ones: 0, 0.25, 0.5, 0.75, 1, 2, ...
     counts = np.maximum(np.ceil(np.abs(np.diff(depth)) / _DEPTH_BETWEEN_POINTS), 1).astype(int)
     at = np.concatenate([*(k + np.arange(count) / count for k, count in enumerate(counts)), [len(values) - 1]])
     columns = [np.interp(at, np.arange(len(values)), column) for column in (values, *transfer.colors.T, depth)]
@@ -271,7 +267,7 @@ def _points(transfer: TransferFunction, unit: float) -> Float64:
 
 
 def _image_geometry(volume: Volume) -> dict[str, Any]:
-    """Where the voxels lie: spacing along the image's axes, and float [4][4] from there to the world of the job."""
+    """Return the spacing along the image's axes, and the matrix [4][4] from there to the world of the job."""
     finest = volume.finest_spacing
     world_from_image = np.eye(4)
     world_from_image[:3, :3] = volume.world_from_index[:3, :3] / volume.spacing
@@ -280,7 +276,7 @@ def _image_geometry(volume: Volume) -> dict[str, Any]:
 
 
 def _camera(volume: Volume, view: View) -> dict[str, Any]:
-    """A View in VTK's words, in the world of the job."""
+    """Convert a View to VTK's camera parameters, in the world of the job."""
     finest = volume.finest_spacing
     eye = (view.eye - volume.centre) / finest
     half_extent = np.abs(volume.world_from_index[:3, :3]) @ np.array(volume.shape_xyz) / 2 / finest
@@ -288,7 +284,7 @@ def _camera(volume: Volume, view: View) -> dict[str, Any]:
     farthest = max(depth + reach, 1.0)
     nearest = max(depth - reach, view.near / finest, farthest * _NEAREST_PART)
     width, height = view.size
-    half_height = height / 2 / view.scale_px  # of the picture: as a tangent in perspective, as a length otherwise
+    half_height = height / 2 / view.scale_px  # a tangent in perspective, else a length
     if view.projection == "orthographic":
         lens = {"half_height": half_height / finest}
     else:
@@ -305,7 +301,7 @@ def _camera(volume: Volume, view: View) -> dict[str, Any]:
 
 @contextmanager
 def _worker(folder: Path) -> Iterator[_Worker]:
-    """VTK's process, which has ended after the block."""
+    """Start VTK's process, which ends with the block."""
     with (folder / _ERRORS).open("wb") as stream:
         process = subprocess.Popen(
             [sys.executable, str(_SCRIPT), str(folder)],
@@ -322,13 +318,13 @@ def _worker(folder: Path) -> Iterator[_Worker]:
 
 
 class _Worker:
-    """One order at a time."""
+    """VTK's process, which answers one request at a time."""
 
     def __init__(self, process: subprocess.Popen[str], folder: Path) -> None:
         self._process, self._folder = process, folder
 
     def draw(self, setting: dict[str, Any], camera: int) -> float:
-        """Draw a frame, once, and return the seconds that it took."""
+        """Draw a frame once, and return the seconds."""
         assert self._process.stdin is not None and self._process.stdout is not None
         hung = threading.Event()
 
@@ -351,12 +347,12 @@ class _Worker:
         return float(json.loads(answer)["seconds"])
 
     def picture(self) -> FloatImage:
-        """That which was drawn last."""
+        """Return the last picture drawn: float64 [h, w, 3]."""
         return np.asarray(np.load(self._folder / "picture.npy", allow_pickle=False) / 255.0)
 
     def _failure(self, setting: dict[str, Any], *, hung: bool) -> RenderError:
         with suppress(subprocess.TimeoutExpired):
-            self._process.wait(_EXIT_TIMEOUT_S)  # its answers have ended, it is about to
+            self._process.wait(_EXIT_TIMEOUT_S)  # its output has closed, so it is ending
         ending = f"no answer for {_FRAME_TIMEOUT_S:g} s" if hung else f"exit status {self._process.returncode}"
         stderr = (self._folder / _ERRORS).read_text(encoding="utf-8", errors="replace")
         where = f"vtk {setting['mapper']}, step {setting['sample_distance']:g}"
@@ -364,6 +360,6 @@ class _Worker:
 
 
 def _vtk_error(what: str, where: str, ending: str, stderr: str) -> RenderError:
-    """How its process ended, and the last of the words that it left on its standard error stream."""
+    """Return an error with the process's end and the last lines of its standard error stream."""
     last = [line for line in _TERMINAL_COLOR.sub("", stderr).splitlines() if line.strip()][-_NUM_LAST_LINES:]
     return RenderError(what, where=where, got="\n    ".join([ending, *last]), hint="measure without the peer")

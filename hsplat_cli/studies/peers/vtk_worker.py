@@ -1,13 +1,13 @@
-"""Draws with VTK, in a process of its own: `python vtk_worker.py FOLDER`; without FOLDER it tells what VTK that is.
+"""Draw with VTK in a separate process: `python vtk_worker.py FOLDER`. Without FOLDER, print VTK's version and driver.
 
-Imports nothing of hsplat; `hsplat_cli.studies.peers.vtk_peer` is the other side. FOLDER holds
+Imports nothing of hsplat; `hsplat_cli.studies.peers.vtk_peer` starts it. FOLDER holds
 
-    job.json       the scene, lengths in a unit of its own
-    voxels.npy     [z, y, x], of a type that VTK draws as it is
+    job.json       the scene, in its own unit of length
+    voxels.npy     [z, y, x], of a type that VTK draws without conversion
 
-Each line on the standard input stream orders one frame, `{"setting": {...}, "camera": 0}`. It is written to
-`picture.npy`, uint8 [h, w, 3], row 0 at the top, and answered by `{"seconds": 0.5}`, those of drawing it. Between the
-orders nothing runs here, and when they end so does the process. The first frame of a setting compiles and uploads.
+Each line on the standard input stream requests one frame, `{"setting": {...}, "camera": 0}`. The worker writes it to
+`picture.npy`, uint8 [h, w, 3], row 0 at the top, and answers with the seconds of drawing it, `{"seconds": 0.5}`. It
+does nothing between requests, and ends with them. The first frame of a setting compiles and uploads.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 import vtkmodules.vtkRenderingOpenGL2
-import vtkmodules.vtkRenderingVolumeOpenGL2  # noqa: F401  imported so that VTK finds its OpenGL classes
+import vtkmodules.vtkRenderingVolumeOpenGL2  # noqa: F401  registers VTK's OpenGL classes
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkCommand, vtkLogger, vtkOutputWindow, vtkUnsignedCharArray, vtkVersion
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPiecewiseFunction
@@ -42,7 +42,7 @@ Json = dict[str, Any]
 
 
 def main(folder: Path, requests: Iterable[str], answers: IO[str]) -> None:
-    """Draw what is ordered."""
+    """Answer requests until they end."""
     job: Json = json.loads((folder / "job.json").read_text(encoding="utf-8"))
     image = _make_image(np.load(folder / "voxels.npy", allow_pickle=False), job["spacing"])
     volume_property = _make_property(job)
@@ -52,7 +52,7 @@ def main(folder: Path, requests: Iterable[str], answers: IO[str]) -> None:
         request = json.loads(line)
         if request["setting"] != current:
             if window is not None:
-                window.Finalize()  # gives its memory on the device back
+                window.Finalize()  # frees its memory on the device
             current = request["setting"]
             window, renderer = _make_window(
                 job, _make_volume(job, volume_property, _make_mapper(request["setting"], image))
@@ -64,7 +64,7 @@ def main(folder: Path, requests: Iterable[str], answers: IO[str]) -> None:
 
 
 def describe() -> dict[str, str]:
-    """VTK's version, and the GL renderer that its windows are drawn with."""
+    """Return VTK's version and the name of its GL renderer."""
     window = vtkRenderWindow()
     window.SetOffScreenRendering(1)
     window.Render()
@@ -82,7 +82,7 @@ def _make_image(voxels: npt.NDArray[Any], spacing: list[float]) -> Any:
 
 
 def _make_property(job: Json) -> Any:
-    """The transfer function; opacities are per unit of length."""
+    """Return the transfer function, with opacities per unit of length."""
     color, opacity = vtkColorTransferFunction(), vtkPiecewiseFunction()
     for value, red, green, blue, alpha in job["points"]:
         color.AddRGBPoint(value, red, green, blue)
@@ -97,7 +97,7 @@ def _make_property(job: Json) -> Any:
 
 
 def _make_mapper(setting: Json, image: Any) -> Any:
-    """Nothing adapts itself to the time that a frame takes, and no noise hides the steps."""
+    """Return a mapper that does not adapt to the time of a frame, and adds no jitter."""
     kinds = {"gpu": vtkOpenGLGPUVolumeRayCastMapper, "fixed point": vtkFixedPointVolumeRayCastMapper}
     mapper: Any = kinds[setting["mapper"]]()
     if setting["mapper"] == "gpu":
@@ -147,32 +147,31 @@ def _set_camera(window: Any, renderer: Any, view: Json) -> None:
 
 
 def _draw(window: Any, renderer: Any) -> tuple[npt.NDArray[np.uint8], float]:
-    """The picture, and the seconds that it took to draw it and to read it back."""
+    """Return the picture, and the seconds of drawing and reading it back."""
     width, height = window.GetSize()
     pixels = vtkUnsignedCharArray()
     renderer.GetActiveCamera().Modified()
     start = time.perf_counter()
     window.Render()
-    # Not by vtkWindowToImageFilter, which would draw the frame a second time.
+    # vtkWindowToImageFilter would draw the frame a second time.
     window.GetPixelData(0, 0, width - 1, height - 1, 0, pixels, 0)
     seconds = time.perf_counter() - start
     return vtk_to_numpy(pixels).reshape(height, width, 3)[::-1], seconds
 
 
 def _fail_on_errors() -> None:
-    """VTK writes down what goes wrong and goes on with a black picture: here that is the end, and no warning is heard,
-    as that there is no screen."""
+    """End the process on an error of VTK, which otherwise continues with a black picture; suppress warnings."""
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
 
     def fail(_source: object, _event: str) -> None:
         sys.stderr.flush()
-        os._exit(1)  # an exception would end in VTK's own code, which ignores it
+        os._exit(1)  # VTK's code would ignore an exception
 
     vtkOutputWindow.GetInstance().AddObserver(vtkCommand.ErrorEvent, fail)
 
 
 if __name__ == "__main__":
-    # The answers get a stream that nothing else writes to: drivers like to print.
+    # Answers use a separate stream, because drivers print to the standard output stream.
     with open(os.dup(1), "w", encoding="utf-8") as stream:
         os.dup2(2, 1)
         _fail_on_errors()
