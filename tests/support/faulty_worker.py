@@ -9,16 +9,15 @@ import ctypes
 import itertools
 import os
 import signal
-import socket
 import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 from hsplat_cli.executors import FrameResult, LocalExecutor
 from hsplat_cli.executors.workers import worker
-from hsplat_cli.executors.workers.messages import Message
 from renderer.errors import InputError, RenderError
 
 FRAME = 3  # the one that things happen at
@@ -164,15 +163,15 @@ def stop_at_first_start(folder: Path) -> None:
 
 def stop_half_way_once(folder: Path) -> None:
     """In the midst of a message."""
-    whole_send = worker.send
+    whole_send = Connection.send
 
-    def send(end: socket.socket, message: Message) -> None:
-        if message.buffers and first(folder, "stopped"):
-            end.sendall(b"\x10\0\0\0[")  # the first of 16 bytes
+    def send(connection: Connection, message: object) -> None:
+        if isinstance(message, FrameResult) and first(folder, "stopped"):
+            os.write(connection.fileno(), b"\0\0\0\x10\x80")  # the first of 16 bytes
             os.kill(os.getpid(), signal.SIGSTOP)
-        whole_send(end, message)
+        whole_send(connection, message)
 
-    worker.send = send  # type: ignore[attr-defined]
+    Connection.send = send  # type: ignore[method-assign]
 
 
 START_FAULTS = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 from collections.abc import Iterator
+from queue import SimpleQueue
 
 import pytest
 
@@ -20,7 +21,7 @@ def worker() -> Iterator[WorkerProcess]:
     """It is not ready, and will not be."""
     with open(os.devnull, "rb") as nothing, ChildProcesses() as child_processes:
         program, environment = ("children", "wait"), dict(os.environ)
-        found = WorkerProcess(child_processes, program, nothing.fileno(), environment, PATIENCE)
+        found = WorkerProcess(child_processes, program, nothing.fileno(), environment, PATIENCE, SimpleQueue())
         yield found
         found.kill()
         found.close()
@@ -53,7 +54,7 @@ def test_processor_time_begins_it_anew(worker: WorkerProcess, times: list[int | 
 
 def test_so_does_a_message(worker: WorkerProcess, times: list[int | None]) -> None:
     assert not hangs_after(worker, 3)
-    worker.receive()
+    worker.note_message()
     assert not hangs_after(worker, 2)
     assert hangs_after(worker, 1)
 

@@ -14,7 +14,7 @@ import pytest
 from film_stages import INTEGRATED, PLAIN
 from volume_files import write_volume
 
-from hsplat_cli.executors.workers.shared_stage import SharedStage, map_stage
+from hsplat_cli.executors.workers.shared_stage import map_stage, share_stage
 from renderer.bricks import make_bricks, mean_texels, scalar_texels
 from renderer.draw import GLRasterizer
 from renderer.errors import InputError
@@ -255,14 +255,12 @@ def test_bricks_that_are_made_later(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("everything_mapped")
 def test_workers_see_another_file(tmp_path: Path) -> None:
-    shared = SharedStage(film(tmp_path / "v.raw", INTEGRATED))
-    try:
+    descriptor = share_stage(film(tmp_path / "v.raw", INTEGRATED))
+    with os.fdopen(descriptor):
         message = swap(tmp_path / "v.raw")
         with pytest.raises(InputError) as raised:
-            map_stage(shared.descriptor)
+            map_stage(descriptor)
         assert str(raised.value) == message
-    finally:
-        shared.close()
 
 
 @pytest.mark.usefixtures("everything_mapped")
@@ -289,10 +287,9 @@ def test_workers_map_the_file_themselves(tmp_path: Path) -> None:
     num_shared = sum(len(piece) for piece in serialize_stage(stage, without_files=False))
     num_alone = sum(len(piece) for piece in serialize_stage(stage, without_files=True))
     assert num_shared < stage.volume.values.nbytes / 2 and num_alone > stage.volume.values.nbytes
-    shared = SharedStage(stage)
-    try:
-        other = map_stage(shared.descriptor)
-        for there in (shared.stage, other):
+    descriptor = share_stage(stage)
+    with os.fdopen(descriptor):
+        for there in (map_stage(descriptor), map_stage(descriptor)):
             assert there.volume.source == stage.volume.source
             assert there.bricks is not None
             for volume in (there.volume, there.bricks.volume):
@@ -303,6 +300,4 @@ def test_workers_map_the_file_themselves(tmp_path: Path) -> None:
         assert alone.volume.source is None
         np.testing.assert_array_equal(alone.volume.values, noise((100, 90, 80)) * 2)
         with pytest.raises(InputError, match="became shorter while it was in use"):
-            map_stage(shared.descriptor)
-    finally:
-        shared.close()
+            map_stage(descriptor)

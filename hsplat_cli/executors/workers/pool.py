@@ -7,22 +7,20 @@ system has a /proc, which macOS has not.
 
 from __future__ import annotations
 
-import selectors
+import os
 import time
 from collections import Counter
-from collections.abc import Generator, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
-
-import numpy as np
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
+from queue import Empty, SimpleQueue
 
 from hsplat_cli.executors.frame_result import FrameResult
 from hsplat_cli.executors.schedule import MAX_LOSSES, FrameSchedule, Task
 from hsplat_cli.executors.workers.child_processes import ChildProcesses
-from hsplat_cli.executors.workers.messages import Message, error_from_plain
-from hsplat_cli.executors.workers.process import HangPolicy, WorkerProcess, worker_environment
-from hsplat_cli.executors.workers.shared_stage import SharedStage
-from renderer.errors import HsplatError, RenderError
-from renderer.film import Picture
+from hsplat_cli.executors.workers.process import HangPolicy, Message, Messages, WorkerProcess
+from hsplat_cli.executors.workers.shared_stage import map_stage, share_stage
+from renderer.errors import ContextLostError, HsplatError, RenderError
 from renderer.frame import Stage
 
 PROGRAM = ("hsplat_cli.executors.workers.worker",)
@@ -49,11 +47,14 @@ def open_pool(
     Raises RenderError where the memory or the processes cannot be had. `Pool.is_ready` and `Pool.draw` raise what a
     worker failed with, and RenderError where a frame could not be drawn in spite of several attempts.
     """
+    environment = {"LP_NUM_THREADS": str(threads_per_worker)} | os.environ
     with ExitStack() as stack:
-        shared = stack.enter_context(closing(SharedStage(stage)))
+        descriptor = share_stage(stage)
+        stack.callback(os.close, descriptor)
         del stage
         child_processes = stack.enter_context(ChildProcesses())
-        pool = Pool(shared, child_processes, tuple(program), threads_per_worker, hang_policy)
+        start_worker = partial(WorkerProcess, child_processes, program, descriptor, environment, hang_policy)
+        pool = Pool(map_stage(descriptor), start_worker, hang_policy)
         stack.callback(pool.close)
         pool.start(num_workers)
         yield pool
@@ -66,19 +67,12 @@ class Pool:
     """
 
     def __init__(
-        self,
-        shared: SharedStage,
-        child_processes: ChildProcesses,
-        program: Sequence[str],
-        threads_per_worker: int,
-        hang_policy: HangPolicy,
+        self, stage: Stage, start_worker: Callable[[Messages], WorkerProcess], hang_policy: HangPolicy
     ) -> None:
-        self.stage = shared.stage
-        self._descriptor, self._child_processes, self._program = shared.descriptor, child_processes, program
-        self._environment = worker_environment(threads_per_worker)
+        self.stage, self._start_worker = stage, start_worker
         self._workers: list[WorkerProcess] = []
+        self._messages: Messages = SimpleQueue()
         self._schedule = FrameSchedule[WorkerProcess]()
-        self._selector = selectors.DefaultSelector()
         self._renderer_names: dict[str, None] = {}  # a set that keeps its order
         self._num_failed_starts = 0
         self._losses: Counter[tuple[str, bool]] = Counter()  # by how workers were lost, and whether with frames
@@ -101,7 +95,7 @@ class Pool:
     @property
     def is_ready(self) -> bool:
         """Whether any worker can draw; it does not wait."""
-        self._poll_messages(0)
+        self._handle_next_message(may_wait=False)
         return any(worker.is_ready for worker in self._workers)
 
     def draw(self, numbers: Sequence[int]) -> Generator[FrameResult, None, None]:
@@ -109,16 +103,12 @@ class Pool:
 
         May be closed before its end.
         """
-        return self._schedule.draw(numbers, self._assign_tasks, lambda: self._poll_messages(None))
+        return self._schedule.draw(numbers, self._assign_tasks, lambda: self._handle_next_message(may_wait=True))
 
     def start(self, num_workers: int) -> None:
         """Start this number of workers more."""
         for _ in range(num_workers):
-            worker = WorkerProcess(
-                self._child_processes, self._program, self._descriptor, self._environment, self._hang_policy
-            )
-            self._workers.append(worker)
-            self._selector.register(worker, selectors.EVENT_READ)
+            self._workers.append(self._start_worker(self._messages))
 
     def close(self) -> None:
         """End all workers, whatever they do."""
@@ -127,25 +117,17 @@ class Pool:
         for worker in self._workers:
             worker.close()
         self._workers.clear()
-        self._selector.close()
 
     def _assign_tasks(self) -> None:
         while assigned := self._schedule.assign([worker for worker in self._workers if worker.is_ready]):
             worker, task = assigned
-            worker.send(Message({"draw": task.number}))
+            worker.send(task.number)
 
-    def _poll_messages(self, seconds: float | None) -> None:
-        """Wait this long for messages of workers, and handle them; with None, until the next check for hung workers."""
+    def _handle_next_message(self, *, may_wait: bool) -> None:
+        """Handle a message of a worker, if there is one before the next check for hung workers is due."""
         until_check = max(0.0, self._next_check - time.monotonic())
-        for key, _ in self._selector.select(until_check if seconds is None else seconds):
-            worker: WorkerProcess = key.fileobj  # type: ignore[assignment]
-            try:
-                message = worker.receive()
-            except EOFError:
-                self._replace_worker(worker, None)
-            else:
-                if message is not None:
-                    self._handle_message(worker, message)
+        with suppress(Empty):
+            self._handle_message(*self._messages.get(timeout=until_check if may_wait else 0.0))
         if time.monotonic() >= self._next_check:
             self._end_hung_workers()
 
@@ -158,29 +140,25 @@ class Pool:
         self._next_check = time.monotonic() + self._hang_policy.check_interval_s
 
     def _handle_message(self, worker: WorkerProcess, message: Message) -> None:
-        ((kind, content),) = message.content.items()
-        if kind == "ready":
-            worker.renderer_name = content
-            self._renderer_names[content] = None
+        if worker not in self._workers:  # it was replaced
+            return
+        worker.note_message()
+        if isinstance(message, str):
+            worker.renderer_name = message
+            self._renderer_names[message] = None
             self._num_failed_starts = 0
-        elif kind == "drawn":
-            task = self._schedule.tasks[worker][0]
-            self._schedule.finish(worker, task, FrameResult(task.number, self._picture(*message.buffers), content))
-        elif kind == "lost":
+        elif isinstance(message, FrameResult):
+            self._schedule.finish(worker, self._schedule.tasks[worker][0], message)
+        elif message is None:
+            self._replace_worker(worker, None)
+        elif isinstance(message, ContextLostError):
             worker.kill()
-            self._replace_worker(worker, error_from_plain(content))
+            self._replace_worker(worker, message)
         else:
-            raise error_from_plain(content)
-
-    def _picture(self, png: bytes, pixels: bytes) -> Picture:
-        output = self.stage.scene.output
-        width, height = output.size
-        shape = height, width, 4 if output.background is None else 3
-        return Picture(np.frombuffer(pixels, np.uint8).reshape(shape), png)
+            raise message
 
     def _replace_worker(self, worker: WorkerProcess, error: HsplatError | None) -> None:
         """Replace a worker that has died, or fails with an error, and give its frames to others."""
-        self._selector.unregister(worker)
         self._workers.remove(worker)
         worker.close()
         may_be_chance = error is not None or worker.was_killed

@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import socket
 import subprocess
+import threading
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from multiprocessing.connection import Pipe
 from pathlib import Path
+from queue import SimpleQueue
+from typing import TypeAlias
 
+from hsplat_cli.executors.frame_result import FrameResult
 from hsplat_cli.executors.workers.child_processes import ChildProcesses
-from hsplat_cli.executors.workers.messages import Message, receive_available, send
-from renderer.errors import RenderError
+from renderer.errors import HsplatError, RenderError
 from renderer.film import StreamTail
 
 # Lines of a worker's standard error stream that a message shows.
 _NUM_LAST_LINES = 5
 
-# A process that has closed its socket is about to end; else it is killed. A killed process may never end, where the
+# A process that has closed its connection is about to end; else it is killed. A killed process may never end, where the
 # kernel waits for a device or a file system.
 _EXIT_TIMEOUT_S, _KILL_TIMEOUT_S = 1.0, 5.0
+
+
+# The name of its renderer when a worker is ready, a frame, an error as the last message; None is the end of all.
+Message: TypeAlias = str | FrameResult | HsplatError | None
+Messages: TypeAlias = "SimpleQueue[tuple[WorkerProcess, Message]]"
 
 
 @dataclass(frozen=True)
@@ -44,66 +51,67 @@ class HangPolicy:
 class WorkerProcess:
     """A worker, from its start on.
 
-    renderer_name: of its OpenGL context, once it is ready.
+    messages: gets each message of the worker, with the worker; None when its connection has ended.
+    renderer_name: of its rasteriser, once it is ready.
     """
 
     def __init__(
         self,
         child_processes: ChildProcesses,
         program: Sequence[str],
-        descriptor: int,
+        stage_descriptor: int,
         environment: Mapping[str, str],
         hang_policy: HangPolicy,
+        messages: Messages,
     ) -> None:
         self.renderer_name: str | None = None
         self._hang_policy, self._num_idle_checks = hang_policy, 0
         self._processor_time: int | None = None
         self._killed_at: float | None = None
-        self._socket, other = socket.socketpair()
-        self._child_processes = child_processes
+        self._child_processes, self._messages = child_processes, messages
+        self._connection, other = Pipe()
         module, *arguments = program
+        descriptors = [other.fileno(), stage_descriptor]
         with other:
-            numbers = [str(other.fileno()), str(descriptor)]
             try:
                 self._process = child_processes.start(
                     module,
-                    [*arguments, *numbers],
-                    pass_fds=[other.fileno(), descriptor],
+                    [*arguments, *map(str, descriptors)],
+                    pass_fds=descriptors,
                     env=environment,
                     stdout=subprocess.DEVNULL,
                     stderr=subprocess.PIPE,
                 )
             except OSError as error:
-                self._socket.close()
+                self._connection.close()
                 raise RenderError("a process that draws cannot be started", got=str(error)) from error
         assert self._process.stderr is not None
         self._stderr_tail = StreamTail(self._process.stderr)
-        self._incoming = receive_available(self._socket)
-
-    def fileno(self) -> int:
-        """Return the descriptor to wait for messages with."""
-        return self._socket.fileno()
+        self._receiver = threading.Thread(target=self._receive, daemon=True)
+        self._receiver.start()
 
     @property
     def is_ready(self) -> bool:
         """Whether it can draw."""
         return self.renderer_name is not None
 
-    def send(self, message: Message) -> None:
-        """Send a message, which does not wait for a few of them; that it has died shows when its messages end."""
+    def send(self, number: int) -> None:
+        """Send the number of a frame to draw; that the worker has died shows when its messages end."""
         with suppress(OSError):
-            send(self._socket, message)
+            self._connection.send(number)
 
-    def receive(self) -> Message | None:
-        """Return the next message that it has sent; None for only part of one.
-
-        Raises EOFError where it has ended.
-        """
-        self._num_idle_checks = 0
+    def _receive(self) -> None:
         try:
-            return next(self._incoming)
-        except OSError as error:  # it ended with a task unread
-            raise EOFError from error
+            while True:
+                self._messages.put((self, self._connection.recv()))
+        except (EOFError, OSError):  # it has ended
+            pass
+        finally:
+            self._messages.put((self, None))
+
+    def note_message(self) -> None:
+        """Note that it has sent something, and does not hang."""
+        self._num_idle_checks = 0
 
     def check_progress(self, *, has_work: bool) -> None:
         """Note whether it has used the processor since the last check; without a /proc it is taken to have."""
@@ -129,7 +137,9 @@ class WorkerProcess:
         if self._killed_at is not None:
             self._ends_within(self._killed_at + _KILL_TIMEOUT_S - time.monotonic())
         self._child_processes.end_child(self._process)
-        self._socket.close()
+        self._receiver.join(_EXIT_TIMEOUT_S)
+        if not self._receiver.is_alive():
+            self._connection.close()
 
     def _ends_within(self, seconds: float) -> bool:
         try:
@@ -165,11 +175,6 @@ class WorkerProcess:
             if is_for_memory
             else None,
         )
-
-
-def worker_environment(threads_per_worker: int) -> dict[str, str]:
-    """Return our environment, with this number of threads for Mesa's software renderer unless the user has set it."""
-    return {"LP_NUM_THREADS": str(threads_per_worker)} | os.environ
 
 
 def _processor_time(process: int) -> int | None:

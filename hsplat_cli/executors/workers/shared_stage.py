@@ -5,34 +5,31 @@ from __future__ import annotations
 import mmap
 import os
 import tempfile
+from typing import IO
 
 from hsplat_cli.scenes import guard_mapping
 from renderer.errors import RenderError
 from renderer.frame import Stage, deserialize_stage, serialize_stage
 
-# The most that some systems write at once.
-_MAX_WRITE_BYTES = 1 << 30
 
+def share_stage(stage: Stage) -> int:
+    """Write a stage to shared memory and return its file descriptor, which other processes can inherit and map.
 
-class SharedStage:
-    """A stage that other processes map by an inherited file descriptor; to be closed.
-
-    stage: the stage, with arrays in the shared memory. Callers that use it, and drop the original, have the volume in
-    memory once. Voxels that are mapped from a file stay there.
+    Voxels that are mapped from a file stay there. Raises RenderError where there is not enough memory.
     """
-
-    def __init__(self, stage: Stage) -> None:
-        self.descriptor = _anonymous_file()
-        try:
-            _write(self.descriptor, stage)
-            self.stage = map_stage(self.descriptor)
-        except BaseException:
-            self.close()
-            raise
-
-    def close(self) -> None:
-        """Close the descriptor; mapped stages stay."""
-        os.close(self.descriptor)
+    try:
+        with _anonymous_file() as file:
+            # Written, because mapped memory that has no room would be a signal that kills.
+            for piece in serialize_stage(stage, without_files=False):
+                file.write(piece)
+            file.flush()
+            return os.dup(file.fileno())
+    except OSError as error:
+        raise RenderError(
+            "the volume cannot be shared with the processes that draw",
+            got=error.strerror or str(error),
+            hint="--workers 1 needs less memory",
+        ) from error
 
 
 def map_stage(descriptor: int) -> Stage:
@@ -43,31 +40,8 @@ def map_stage(descriptor: int) -> Stage:
     return deserialize_stage(memoryview(mmap.mmap(descriptor, 0, access=mmap.ACCESS_COPY)), guard_mapping)
 
 
-def _anonymous_file() -> int:
+def _anonymous_file() -> IO[bytes]:
     """Open a file without a name, in memory where the system can, else on disk."""
-    try:
-        if hasattr(os, "memfd_create"):
-            return os.memfd_create("hsplat-stage", os.MFD_CLOEXEC)
-        with tempfile.TemporaryFile(prefix="hsplat-") as file:
-            return os.dup(file.fileno())
-    except OSError as error:
-        raise _out_of_memory_error(error) from error
-
-
-def _write(descriptor: int, stage: Stage) -> None:
-    """Write a stage. Mapped memory that has no room would be a signal that kills; here it is an error."""
-    try:
-        for piece in serialize_stage(stage, without_files=False):
-            rest = piece
-            while rest:
-                rest = rest[os.write(descriptor, rest[:_MAX_WRITE_BYTES]) :]
-    except OSError as error:
-        raise _out_of_memory_error(error) from error
-
-
-def _out_of_memory_error(error: OSError) -> RenderError:
-    return RenderError(
-        "the volume cannot be shared with the processes that draw",
-        got=error.strerror or str(error),
-        hint="--workers 1 needs less memory",
-    )
+    if hasattr(os, "memfd_create"):
+        return open(os.memfd_create("hsplat-stage", os.MFD_CLOEXEC), "wb")
+    return tempfile.TemporaryFile(prefix="hsplat-")

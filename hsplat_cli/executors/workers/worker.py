@@ -1,50 +1,45 @@
-"""Draws frames for a pool: `hsplat_cli.executors.workers.worker SOCKET STAGE`, two file descriptors.
+"""Draws frames for a pool: `hsplat_cli.executors.workers.worker CONNECTION STAGE`, two file descriptors.
 
-It sends that it is ready, and answers each `{"draw": number}` with the frame's record, its PNG file and its pixels,
-which saves decoding. A lost context or an error is its last message.
+It sends the name of its renderer when it is ready, and answers each frame number with a `FrameResult` that has pixels
+and PNG file. A lost context or another error is its last message.
 """
 
 from __future__ import annotations
 
 import math
 import os
-import socket
 import sys
 import time
 from collections.abc import Sequence
+from multiprocessing.connection import Connection
 
 from hsplat_cli.executors.frame_result import FrameResult, LocalExecutor
 from hsplat_cli.executors.rasterizers import open_rasterizer
-from hsplat_cli.executors.workers.messages import Message, error_to_plain, receive, send
 from hsplat_cli.executors.workers.shared_stage import map_stage
-from renderer.errors import ContextLostError, HsplatError, RenderError
+from renderer.errors import HsplatError, RenderError
 from renderer.frame import Rasterizer, Stage, Stopwatch, draw_frame, make_draw_list, make_primitive
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Draw until the pool closes the socket."""
-    end, descriptor = socket.socket(fileno=int(arguments[0])), int(arguments[1])
-    with end:
+    """Draw until the pool closes the connection."""
+    with Connection(int(arguments[0])) as connection:
         try:
-            _serve(end, descriptor)
+            _serve(connection, int(arguments[1]))
         except EOFError:
             pass
-        except ContextLostError as error:
-            send(end, Message({"lost": error_to_plain(error)}))
         except HsplatError as error:
-            send(end, Message({"error": error_to_plain(error)}))
+            connection.send(error)
 
 
-def _serve(end: socket.socket, descriptor: int) -> None:
+def _serve(connection: Connection, descriptor: int) -> None:
     stage = map_stage(descriptor)
     os.close(descriptor)
     with open_rasterizer(needs_opengl=stage.scene.needs_opengl) as rasterizer:
         _warm_up(stage, rasterizer)
-        send(end, Message({"ready": rasterizer.renderer_name}))
+        connection.send(rasterizer.renderer_name)
         executor = LocalExecutor(stage, rasterizer)
         while True:
-            result = _draw(executor, receive(end).content["draw"])
-            send(end, Message({"drawn": result.record}, (result.picture.png, result.picture.pixels.tobytes())))
+            connection.send(_draw(executor, connection.recv()))
 
 
 def _warm_up(stage: Stage, rasterizer: Rasterizer) -> None:
@@ -57,6 +52,7 @@ def _warm_up(stage: Stage, rasterizer: Rasterizer) -> None:
 def _draw(executor: LocalExecutor, number: int) -> FrameResult:
     try:
         (result,) = executor.draw([number])
+        _ = result.picture.png  # encoded here, and not by the one process that receives all frames
     except MemoryError as error:
         raise RenderError(
             "there is not enough memory to draw it", where=f"frame {number}", hint="fewer workers need less"
