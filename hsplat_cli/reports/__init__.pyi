@@ -1,5 +1,6 @@
 from .html import (
     SERIES_COLORS as SERIES_COLORS,
+    Chart as Chart,
     format_facts as format_facts,
     plot_style as plot_style,
     png_data_uri as png_data_uri,

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from renderer.study import Measurement, Setting, cost_at_psnr, pareto_front
 
 OWN = "hsplat"
 PEER = "vtk"
+PROGRAM_NAMES = {OWN: "hsplat", PEER: "VTK"}
+
+CostOf = Callable[[Measurement], float]
 
 # The rows of the table of costs, in dB; it begins lower if no measurement reaches the first.
 _FIRST_DB = 25
@@ -31,13 +34,6 @@ def has_splats(measurements: Sequence[Measurement]) -> bool:
     return any(m.num_splats is not None for m in measurements)
 
 
-def cells_title(measurements: Sequence[Measurement]) -> str:
-    """Return what a column of `num_cells` counts: `cells`, `bricks` or `bricks or cells`, by the footprints."""
-    if not has_bricks(measurements):
-        return "cells"
-    return "bricks or cells" if has_splats(measurements) else "bricks"
-
-
 def group_by_series(measurements: Sequence[Measurement]) -> dict[str, list[int]]:
     """Return the indices of the measurements of each series, in the order of the measurements."""
     members: dict[str, list[int]] = {}
@@ -46,20 +42,29 @@ def group_by_series(measurements: Sequence[Measurement]) -> dict[str, list[int]]
     return members
 
 
-def time_front(measurements: Sequence[Measurement], tool: str) -> list[int]:
-    """Return the Pareto front of time and PSNR among a tool's measurements, by rising time, as indices."""
-    return _front(measurements, [m.frame_seconds if program_of(m) == tool else math.nan for m in measurements])
+def cost_in_time(measurement: Measurement) -> float:
+    """Return the seconds of a frame."""
+    return measurement.frame_seconds
 
 
-def splats_front(measurements: Sequence[Measurement]) -> list[int]:
-    """Return the Pareto front of the number of splats and PSNR, by rising number, as indices."""
-    return _front(measurements, [math.nan if m.num_splats is None else m.num_splats for m in measurements])
+def cost_in_splats(measurement: Measurement) -> float:
+    """Return the number of splats of a frame; NaN without any."""
+    return math.nan if measurement.num_splats is None else measurement.num_splats
 
 
-def pareto_fronts(measurements: Sequence[Measurement]) -> tuple[frozenset[int], frozenset[int]]:
-    """Return the indices on the Pareto fronts of time, one for each tool, and those on the front of splats."""
-    time = frozenset(time_front(measurements, OWN)) | frozenset(time_front(measurements, PEER))
-    return time, frozenset(splats_front(measurements))
+def pareto_fronts(measurements: Sequence[Measurement], cost: CostOf) -> dict[str, list[int]]:
+    """Return the Pareto front of a cost and PSNR for each program, by rising cost, as indices."""
+    return {
+        program: _front(measurements, [cost(m) if program_of(m) == program else math.nan for m in measurements])
+        for program in (OWN, PEER)
+    }
+
+
+def on_pareto_fronts(measurements: Sequence[Measurement]) -> list[tuple[bool, bool]]:
+    """Return for each measurement whether it is on a front of time, and whether on one of splats."""
+    fronts = [pareto_fronts(measurements, cost) for cost in (cost_in_time, cost_in_splats)]
+    time, splats = ({i for front in of_programs.values() for i in front} for of_programs in fronts)
+    return [(i in time, i in splats) for i in range(len(measurements))]
 
 
 def _front(measurements: Sequence[Measurement], costs: Sequence[float]) -> list[int]:
@@ -115,18 +120,17 @@ def _levels(measurements: Sequence[Measurement]) -> range:
 
 
 def _cost_at_psnr(wanted: float, own: Sequence[Measurement], peers: Sequence[Measurement]) -> CostAtPsnr:
-    with_splats = [(m, m.num_splats) for m in own if m.num_splats is not None]
     enough = [m for m in own if m.overall.everywhere.psnr >= wanted]
     return CostAtPsnr(
         wanted,
-        _cost(own, [m.frame_seconds for m in own], wanted),
-        _cost([m for m, _ in with_splats], [count for _, count in with_splats], wanted) if with_splats else None,
-        min(enough, key=lambda m: m.frame_seconds).setting if enough else None,
-        _cost(peers, [m.frame_seconds for m in peers], wanted) if peers else None,
+        _cost(own, cost_in_time, wanted),
+        _cost(own, cost_in_splats, wanted) if has_splats(own) else None,
+        min(enough, key=cost_in_time).setting if enough else None,
+        _cost(peers, cost_in_time, wanted) if peers else None,
     )
 
 
-def _cost(measurements: Sequence[Measurement], costs: Sequence[float], wanted: float) -> Cost:
-    psnrs = [m.overall.everywhere.psnr for m in measurements]
+def _cost(measurements: Sequence[Measurement], cost: CostOf, wanted: float) -> Cost:
+    psnrs, costs = [m.overall.everywhere.psnr for m in measurements], [cost(m) for m in measurements]
     front = _front(measurements, costs)
     return Cost(cost_at_psnr(psnrs, costs, wanted), bool(front) and psnrs[front[0]] > wanted)

@@ -12,6 +12,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -68,6 +69,15 @@ _STYLE: dict[str, Any] = {
     "ytick.labelcolor": LIGHT_PALETTE["ink"],
     "legend.frameon": False,
 }
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A plot with its caption. alt: describes it to readers who cannot see it; by default as the caption does."""
+
+    plot: Figure
+    caption: str
+    alt: str = ""
 
 
 def require_page_packages() -> None:

@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hsplat_cli.reports.costs import OWN, PEER, group_by_series, program_of, splats_front, time_front
+from hsplat_cli.reports.costs import (
+    OWN,
+    PEER,
+    PROGRAM_NAMES,
+    CostOf,
+    cost_in_splats,
+    group_by_series,
+    pareto_fronts,
+    program_of,
+)
 from hsplat_cli.reports.html import LIGHT_PALETTE, SERIES_COLORS
 from renderer.study import METRICS, Measurement
 
@@ -27,29 +36,19 @@ _WIDTH_IN = 8.0
 
 @dataclass(frozen=True)
 class CostAxis:
-    """A logarithmic axis of cost.
-
-    cost: that of a measurement, NaN without one. quartiles: of the cost. fronts: the Pareto front of each tool.
-    """
+    """A logarithmic axis of cost. cost: that of a measurement, NaN without one. quartiles: of the cost."""
 
     title: str
-    cost: Callable[[Measurement], float]
-    quartiles: Callable[[Measurement], tuple[float, float]] | None
-    fronts: Callable[[Sequence[Measurement]], dict[str, list[int]]]
+    cost: CostOf
+    quartiles: Callable[[Measurement], tuple[float, float]] | None = None
 
 
 TIME_AXIS = CostAxis(
     "time of a frame, ms",
     lambda m: 1000 * m.frame_seconds,
     lambda m: (1000 * m.frame_seconds_spread[0], 1000 * m.frame_seconds_spread[1]),
-    lambda measurements: {tool: time_front(measurements, tool) for tool in (OWN, PEER)},
 )
-SPLATS_AXIS = CostAxis(
-    "splats of a frame",
-    lambda m: math.nan if m.num_splats is None else m.num_splats,
-    None,
-    lambda measurements: {OWN: splats_front(measurements)},
-)
+SPLATS_AXIS = CostAxis("splats of a frame", cost_in_splats)
 
 
 def _psnr(measurement: Measurement) -> float:
@@ -61,17 +60,21 @@ def plottable(measurements: Sequence[Measurement], axis: CostAxis) -> list[int]:
     return [i for i, m in enumerate(measurements) if 0 < axis.cost(m) < math.inf and math.isfinite(_psnr(m))]
 
 
+def plottable_fronts(measurements: Sequence[Measurement], axis: CostAxis) -> dict[str, list[Measurement]]:
+    """Return the plottable measurements on the Pareto front of each program."""
+    shown = set(plottable(measurements, axis))
+    fronts = pareto_fronts(measurements, axis.cost)
+    return {program: [measurements[i] for i in front if i in shown] for program, front in fronts.items()}
+
+
 def tradeoff_figure(measurements: Sequence[Measurement], axis: CostAxis) -> Figure:
     """Plot the PSNR of all plottable measurements over their cost, with labels at the points of the fronts."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(_WIDTH_IN, 5.2), layout="constrained")
     axes = figure.subplots()
-    shown = set(plottable(measurements, axis))
-    fronts = {tool: [i for i in front if i in shown] for tool, front in axis.fronts(measurements).items()}
-    _draw_fronts(axes, measurements, axis, fronts)
-    for tool, front in fronts.items():
-        _label_front(axes, measurements, axis, tool, front)
+    for program, front in plottable_fronts(measurements, axis).items():
+        _draw_front(axes, program, front, axis)
     _draw_series(axes, measurements, axis, _psnr, with_quartiles=True)
     _format_axes(axes, axis, "PSNR, dB", many_ticks=True)
     _add_legend(figure, axes)
@@ -86,7 +89,7 @@ def metrics_figure(measurements: Sequence[Measurement]) -> Figure:
     figure = Figure(figsize=(_WIDTH_IN, 6.8), layout="constrained")
     panels = (("psnr", "on_volume"), ("ssim", "everywhere"), ("flip", "everywhere"), ("delta_e_share", "everywhere"))
     for axes, (name, pixels) in zip(figure.subplots(2, 2).flat, panels, strict=True):
-        metric = next(metric for metric in METRICS if metric.name == name)
+        metric = METRICS[name]
         title = f"{metric.label}{' on the volume' if pixels == 'on_volume' else ''}"
         scale = 100 if name.endswith("_share") else 1
 
@@ -106,17 +109,26 @@ def metrics_figure(measurements: Sequence[Measurement]) -> Figure:
     return figure
 
 
-def _draw_fronts(axes: Axes, measurements: Sequence[Measurement], axis: CostAxis, fronts: dict[str, list[int]]) -> None:
-    """Draw straight lines, as `cost_at_psnr` interpolates the logarithm of the cost over PSNR."""
-    styles: dict[str, dict[str, Any]] = {
-        OWN: {"color": LIGHT_PALETTE["front"], "linewidth": 9.0, "solid_capstyle": "round", "zorder": 1.0},
-        PEER: {"color": LIGHT_PALETTE["muted"], "linewidth": 1.4, "linestyle": "--", "zorder": 1.5},
-    }
-    names = {OWN: "Pareto front of hsplat", PEER: "Pareto front of VTK"}
-    for tool, front in fronts.items():
-        if front:
-            costs, psnrs = [axis.cost(measurements[i]) for i in front], [_psnr(measurements[i]) for i in front]
-            axes.plot(costs, psnrs, label=names[tool], **styles[tool])
+def _draw_front(axes: Axes, program: str, front: Sequence[Measurement], axis: CostAxis) -> None:
+    """Draw straight lines, as `cost_at_psnr` interpolates the logarithm of the cost over PSNR, and label their points.
+
+    Labels lie on the side of the front where nothing else does: no setting is both faster and more exact.
+    """
+    if not front:
+        return
+    costs, psnrs = [axis.cost(m) for m in front], [_psnr(m) for m in front]
+    line: dict[str, Any]
+    label: dict[str, Any]
+    if program == OWN:
+        line = {"color": LIGHT_PALETTE["front"], "linewidth": 9.0, "solid_capstyle": "round", "zorder": 1.0}
+        label = {"xytext": (-5, 4), "ha": "right", "color": LIGHT_PALETTE["ink"]}
+    else:
+        line = {"color": LIGHT_PALETTE["muted"], "linewidth": 1.4, "linestyle": "--", "zorder": 1.5}
+        label = {"xytext": (0, 7), "ha": "center", "color": LIGHT_PALETTE["muted"]}
+    axes.plot(costs, psnrs, label=f"Pareto front of {PROGRAM_NAMES[program]}", **line)
+    _, texts = short_labels([m.setting.label for m in front])
+    for text, cost, psnr in zip(texts, costs, psnrs, strict=True):
+        axes.annotate(text, (cost, psnr), textcoords="offset points", fontsize=_LABEL_PT, zorder=5, **label)
 
 
 def _draw_series(
@@ -128,37 +140,25 @@ def _draw_series(
     with_quartiles: bool,
 ) -> None:
     counts = {OWN: itertools.count(), PEER: itertools.count()}
-    for series, members in group_by_series(measurements).items():
-        tool = program_of(measurements[members[0]])
-        style = _series_style(tool, next(counts[tool]))
-        name: str | None = series
-        for curve in _curves(measurements, members):
-            shown = [
-                m for m in (measurements[i] for i in curve) if 0 < axis.cost(m) < math.inf and math.isfinite(value(m))
-            ]
-            if not shown:
-                continue
-            costs, values = np.array([axis.cost(m) for m in shown]), [value(m) for m in shown]
-            if with_quartiles and axis.quartiles:
-                low, high = np.array([axis.quartiles(m) for m in shown]).T
-                # Rounding may put a quartile on the wrong side of the median.
-                bars = np.maximum([costs - low, high - costs], 0)
-                axes.errorbar(costs, values, xerr=bars, fmt="none", ecolor=style["color"], elinewidth=1.0, capsize=2.5)
-            axes.plot(costs, values, label=name, **style)
-            name = None  # one legend entry for all curves
+    for series, numbers in group_by_series(measurements).items():
+        members = [measurements[i] for i in numbers]
+        program = program_of(members[0])
+        style = _series_style(program, next(counts[program]))
+        shown = [m for m in members if 0 < axis.cost(m) < math.inf and math.isfinite(value(m))]
+        if not shown:
+            continue
+        costs, values = np.array([axis.cost(m) for m in shown]), [value(m) for m in shown]
+        if with_quartiles and axis.quartiles:
+            low, high = np.array([axis.quartiles(m) for m in shown]).T
+            # Rounding may put a quartile on the wrong side of the median.
+            bars = np.maximum([costs - low, high - costs], 0)
+            axes.errorbar(costs, values, xerr=bars, fmt="none", ecolor=style["color"], elinewidth=1.0, capsize=2.5)
+        axes.plot(costs, values, label=series, **style)
 
 
-def _curves(measurements: Sequence[Measurement], members: Sequence[int]) -> list[list[int]]:
-    """Split a series into curves, one for each image reduction of the peer."""
-    curves: dict[object, list[int]] = {}
-    for i in members:
-        curves.setdefault(measurements[i].setting.options.get("image_reduction"), []).append(i)
-    return list(curves.values())
-
-
-def _series_style(tool: str, number: int) -> dict[str, Any]:
-    """Return the style of a tool's series with this number."""
-    if tool == PEER:
+def _series_style(program: str, number: int) -> dict[str, Any]:
+    """Return the style of a program's series with this number."""
+    if program == PEER:
         style = {"color": LIGHT_PALETTE["ink"], "marker": _PEER_MARKERS[number % len(_PEER_MARKERS)]}
         return style | {"markersize": 7.0, "linewidth": 0.7, "linestyle": ":", "zorder": 2.5}
     shift = number // len(SERIES_COLORS)  # the same colours again, with other markers
@@ -167,7 +167,7 @@ def _series_style(tool: str, number: int) -> dict[str, Any]:
 
 
 def _format_axes(axes: Axes, axis: CostAxis, title: str, *, many_ticks: bool) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     axes.set_xscale("log")
     low, high = axes.get_xlim()
@@ -177,7 +177,7 @@ def _format_axes(axes: Axes, axis: CostAxis, title: str, *, many_ticks: bool) ->
     decades = math.log10(high / low) / (4 if many_ticks else 1.5)
     subs = (1.0, 2.0, 5.0) if decades < 1 else (1.0, 3.0) if decades < 1.5 or not many_ticks else (1.0,)
     axes.xaxis.set_major_locator(LogLocator(subs=subs))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: tick_text(value)))
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:,.10g}".replace(",", " "))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel(axis.title)
     axes.set_ylabel(title)
@@ -192,34 +192,11 @@ def _add_legend(figure: Figure, axes: Axes) -> None:
         figure.legend(handles, names, loc="outside upper left", ncols=max(1, min(3, int(_WIDTH_IN / column_in))))
 
 
-def tick_text(value: float) -> str:
-    """Format a tick: `0.5`, `20`, `5000`, `20 k`, `1 M`."""
-    for unit, name in ((1e9, " G"), (1e6, " M"), (1e3, " k")):
-        if value >= max(unit, 1e4):
-            return f"{value / unit:g}{name}"
-    return f"{value:g}"
-
-
 def short_labels(labels: Sequence[str]) -> tuple[str, list[str]]:
     """Return the words that all labels begin with, and the labels without them: "tolerance", ["0.1", "0.05"]."""
     columns = zip(*(label.split(" ")[:-1] for label in labels), strict=False)
     common = [words[0] for words in itertools.takewhile(lambda words: len(set(words)) == 1, columns)]
     return " ".join(common), [" ".join(label.split(" ")[len(common) :]) for label in labels]
-
-
-def _label_front(axes: Axes, measurements: Sequence[Measurement], axis: CostAxis, tool: str, front: list[int]) -> None:
-    """Label each point on the side of its front where nothing lies: no setting is both faster and more exact."""
-    for i, text in zip(front, short_labels([measurements[i].setting.label for i in front])[1], strict=True):
-        axes.annotate(
-            text,
-            (axis.cost(measurements[i]), _psnr(measurements[i])),
-            (-5, 4) if tool == OWN else (0, 7),
-            textcoords="offset points",
-            ha="right" if tool == OWN else "center",
-            fontsize=_LABEL_PT,
-            color=LIGHT_PALETTE["ink" if tool == OWN else "muted"],
-            zorder=5,
-        )
 
 
 def _remove_overlapping_labels(figure: Figure, axes: Axes) -> None:

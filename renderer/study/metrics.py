@@ -52,15 +52,18 @@ class Metric:
         return value >= limit if self.higher_is_better else value <= limit
 
 
-METRICS = (
-    Metric("rmse", "RMSE"),
-    Metric("max_error", "largest error"),
-    Metric("psnr", "PSNR", "dB", higher_is_better=True),
-    Metric("ssim", "SSIM", higher_is_better=True),
-    Metric("flip", "FLIP"),
-    Metric("flip_p99", "FLIP, 99th percentile"),
-    Metric("delta_e_share", "pixels with Delta-E over 2.3"),
-)
+METRICS = {
+    metric.name: metric
+    for metric in (
+        Metric("rmse", "RMSE"),
+        Metric("max_error", "largest error"),
+        Metric("psnr", "PSNR", "dB", higher_is_better=True),
+        Metric("ssim", "SSIM", higher_is_better=True),
+        Metric("flip", "FLIP"),
+        Metric("flip_p99", "FLIP, 99th percentile"),
+        Metric("delta_e_share", "pixels with Delta-E over 2.3"),
+    )
+}
 
 
 @dataclass(frozen=True)

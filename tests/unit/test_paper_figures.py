@@ -197,7 +197,7 @@ def test_octrees_at_falling_error(trees: octrees.Octrees) -> None:
     assert [octree.tolerance for octree in trees.octrees] == [8, 4, 1, 0.25]
     assert [octree.num_cells for octree in trees.octrees] == sorted(octree.num_cells for octree in trees.octrees)
     assert trees.octrees[-1].num_cells > 300
-    assert trees.rows[0].pictures[-1].pixels.tolist() != trees.rows[1].pictures[-1].pixels.tolist()
+    assert trees.rows[0].pictures[-1][0].tolist() != trees.rows[1].pictures[-1][0].tolist()
 
 
 def test_every_cell_is_counted_in_one_block_or_in_all_that_it_covers(figure_renderer: FigureRenderer) -> None:

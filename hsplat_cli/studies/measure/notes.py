@@ -52,7 +52,7 @@ def monotonicity_notes(measurements: Sequence[Measurement]) -> list[str]:
     notes = []
     for name, points in series.items():
         points.sort(key=lambda point: -float(point.setting.options["tolerance"]))
-        for metric in METRICS:
+        for metric in METRICS.values():
             if metric.name not in _MIN_SETBACK:
                 continue
             values = [float(getattr(point.overall.everywhere, metric.name)) for point in points]

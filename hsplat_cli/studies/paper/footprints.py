@@ -3,25 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.reports import SERIES_COLORS
+from hsplat_cli.reports import SERIES_COLORS, Chart
 from hsplat_cli.studies.paper.figure_renderer import FigureRenderer, transfer_of, with_splat
-from hsplat_cli.studies.paper.paper_figure import (
-    CaptionedPicture,
-    Chart,
-    Claim,
-    FigureTable,
-    PaperFigure,
-    PictureRow,
-    new_plot,
-    new_plots,
-)
+from hsplat_cli.studies.paper.paper_figure import Claim, FigureTable, PaperFigure, PictureRow, new_plot, new_plots
 from hsplat_cli.terminal import counted
 from renderer.errors import InputError
 from renderer.film import Pixels
@@ -33,6 +23,8 @@ Float64 = npt.NDArray[np.float64]
 
 # Angular and radial subdivisions.
 SUBDIVISIONS = ((4, 1), (6, 2), (8, 3), (12, 5), (16, 8), (32, 16))
+# Indices of those in the plot.
+SHOWN_FANS = (0, 2, 5)
 # The integral of fans with at least this many triangles must be exact to this share.
 MIN_TRIANGLES, MAX_INTEGRAL_ERROR = 40, 0.05
 # Share of the peak by which the finest fan may deviate from the smooth profile.
@@ -78,16 +70,20 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
         "One splat, drawn as a fan of Gouraud-shaded triangles around its centre, at several angular and radial "
         "subdivisions. The vertices have the opacities of a smooth profile; the hardware interpolates between them.",
         check_claims(numbers),
-        rows=(PictureRow("The same splat", tuple(CaptionedPicture(item.picture, _caption(item)) for item in drawn)),),
+        rows=(PictureRow("The same splat", [(item.picture, _caption(item)) for item in drawn]),),
         charts=(_profiles(numbers), _meshes(scene)),
         tables=(
             FigureTable(
                 "Error against the smooth profile, over all pixels",
-                ("footprint", "triangles", "largest deviation, of the peak", "error of the integral"),
-                tuple(
-                    (item.name, f"{item.num_triangles or '-'}", f"{item.deviation:.2%}", f"{item.integral_error:+.2%}")
+                [
+                    {
+                        "footprint": item.name,
+                        "triangles": f"{item.num_triangles or '-'}",
+                        "largest deviation, of the peak": f"{item.deviation:.2%}",
+                        "error of the integral": f"{item.integral_error:+.2%}",
+                    }
                     for item in drawn
-                ),
+                ],
             ),
         ),
         notes=(
@@ -181,10 +177,7 @@ def _caption(item: FootprintError) -> str:
 
 def _profiles(numbers: FootprintErrors) -> Chart:
     plot, axes = new_plot("distance from the centre, standard deviations", "alpha")
-    shown: Sequence[FootprintError] = [
-        fan for fan in numbers.fans if fan.name in ("fan 4 x 1", "fan 8 x 3", "fan 32 x 16")
-    ]
-    for color, fan in zip(SERIES_COLORS, shown, strict=False):
+    for color, fan in zip(SERIES_COLORS, (numbers.fans[k] for k in SHOWN_FANS), strict=False):
         axes.fill_between(fan.radii, fan.alphas[:, 1], fan.alphas[:, 2], color=color, alpha=0.2, linewidth=0)
         axes.plot(fan.radii, fan.alphas[:, 0], color=color, label=_caption(fan))
     axes.plot(
@@ -194,8 +187,8 @@ def _profiles(numbers: FootprintErrors) -> Chart:
     axes.legend()
     return Chart(
         plot,
-        "Alpha over the distance from the centre, for three fans, the Gaussian and the smooth profile",
         "Alpha over the distance from the centre: mean over all directions, and range",
+        "Alpha over the distance from the centre, for three fans, the Gaussian and the smooth profile",
     )
 
 
@@ -208,4 +201,4 @@ def _meshes(scene: Scene) -> Chart:
         axes.set_title(f"{angular} x {radial}")
         axes.set_aspect("equal")
         axes.set_axis_off()
-    return Chart(plot, "The triangles of the fans", "The triangles, angular x radial subdivisions, all at one scale")
+    return Chart(plot, "The triangles of the fans, angular x radial subdivisions, all at one scale")

@@ -7,19 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.reports import SERIES_COLORS
+from hsplat_cli.reports import SERIES_COLORS, Chart
 from hsplat_cli.studies.paper.figure_renderer import FigureRenderer, transfer_of, with_error, with_splat
-from hsplat_cli.studies.paper.paper_figure import (
-    CaptionedPicture,
-    Chart,
-    Claim,
-    FigureTable,
-    PaperFigure,
-    PictureRow,
-    new_plot,
-)
+from hsplat_cli.studies.paper.paper_figure import Claim, FigureTable, PaperFigure, PictureRow, new_plot
 from hsplat_cli.terminal import counted
 from renderer.errors import InputError
+from renderer.film import Pixels
 from renderer.frame import Stage, view_of
 from renderer.scene import Scene
 from renderer.study import over_background
@@ -145,7 +138,7 @@ def check_claims(levels: LevelErrors) -> tuple[Claim, ...]:
 
 def _draw_levels(
     stage: Stage, inside: npt.NDArray[np.bool_], figure_renderer: FigureRenderer
-) -> tuple[tuple[LevelError, ...], tuple[CaptionedPicture, ...]]:
+) -> tuple[tuple[LevelError, ...], list[tuple[Pixels, str]]]:
     background = stage.scene.output.background
     first, distances, pictures = None, [], []
     for level in range(stage.pyramid.num_levels + 1):
@@ -163,34 +156,25 @@ def _draw_levels(
                 float(np.sqrt(np.mean(difference**2))),
             )
         )
-        pictures.append(CaptionedPicture(frame.image, f"level {level}: {counted(frame.num_cells, 'cell')}"))
-    return tuple(distances), tuple(pictures)
+        pictures.append((frame.image, f"level {level}: {counted(frame.num_cells, 'cell')}"))
+    return tuple(distances), pictures
 
 
 def _table(caption: str, distances: tuple[LevelError, ...]) -> FigureTable:
     return FigureTable(
         caption,
-        (
-            "level",
-            "cells",
-            "mean alpha inside",
-            "error against level 0",
-            "RMSE inside",
-            "largest inside",
-            "RMSE of all pixels",
-        ),
-        tuple(
-            (
-                f"{distance.level}",
-                f"{distance.num_cells}",
-                f"{distance.mean_alpha:.4f}",
-                f"{distance.mean_alpha - distances[0].mean_alpha:+.4f}",
-                f"{distance.rmse:.4f}",
-                f"{distance.largest:.4f}",
-                f"{distance.rmse_everywhere:.4f}",
-            )
+        [
+            {
+                "level": f"{distance.level}",
+                "cells": f"{distance.num_cells}",
+                "mean alpha inside": f"{distance.mean_alpha:.4f}",
+                "error against level 0": f"{distance.mean_alpha - distances[0].mean_alpha:+.4f}",
+                "RMSE inside": f"{distance.rmse:.4f}",
+                "largest inside": f"{distance.largest:.4f}",
+                "RMSE of all pixels": f"{distance.rmse_everywhere:.4f}",
+            }
             for distance in distances
-        ),
+        ],
     )
 
 
@@ -200,15 +184,7 @@ def _chart(levels: LevelErrors) -> Chart:
         (levels.corrected, SERIES_COLORS[0], "with correction"),
         (levels.uncorrected, SERIES_COLORS[1], "without"),
     ):
-        axes.plot(
-            [distance.level for distance in distances],
-            [distance.mean_alpha for distance in distances],
-            "o-",
-            color=color,
-            label=label,
-        )
+        axes.plot([distance.mean_alpha for distance in distances], "o-", color=color, label=label)
     axes.set_ylim(0, 1)
     axes.legend()
-    return Chart(
-        plot, "Mean alpha over the level, with and without correction", "Mean alpha of the inside, for each level"
-    )
+    return Chart(plot, "Mean alpha of the inside for each level, with and without correction")

@@ -9,17 +9,9 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.reports import SERIES_COLORS, short_count_text
+from hsplat_cli.reports import SERIES_COLORS, Chart, short_count_text
 from hsplat_cli.studies.paper.figure_renderer import FigureRenderer, transfer_of, with_error
-from hsplat_cli.studies.paper.paper_figure import (
-    CaptionedPicture,
-    Chart,
-    Claim,
-    FigureTable,
-    PaperFigure,
-    PictureRow,
-    new_plot,
-)
+from hsplat_cli.studies.paper.paper_figure import Claim, FigureTable, PaperFigure, PictureRow, new_plot
 from hsplat_cli.terminal import counted
 from renderer.errors import InputError
 from renderer.frame import Stage, finest_level_at
@@ -131,11 +123,11 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> Octrees:
                 float(cells_per_block[blocks_by_variation[-quarter:]].mean()),
             )
         )
-        overlaid.append(CaptionedPicture(with_lines.image, f"tolerance {tolerance:g}: {counted(len(cut), 'cell')}"))
-        plain.append(CaptionedPicture(without.image, f"{octrees[-1].psnr_db:.1f} dB"))
+        overlaid.append((with_lines.image, f"tolerance {tolerance:g}: {counted(len(cut), 'cell')}"))
+        plain.append((without.image, f"{octrees[-1].psnr_db:.1f} dB"))
     rows = (
-        PictureRow("The cells", tuple(overlaid)),
-        PictureRow("The pictures, against the ray integral", tuple(plain)),
+        PictureRow("The cells", overlaid),
+        PictureRow("The pictures, against the ray integral", plain),
     )
     return Octrees(tuple(octrees), rows)
 
@@ -195,30 +187,20 @@ def _cells_in_blocks(cut: Cut, shape: tuple[int, ...]) -> Float64:
 
 
 def _table(numbers: Octrees) -> FigureTable:
-    levels = range(len(numbers.octrees[0].cells_by_level))
     return FigureTable(
         "Cells by level",
-        (
-            "tolerance",
-            *(f"level {level}" for level in levels),
-            "all",
-            "PSNR, dB",
-            "low variation",
-            "high variation",
-            "ratio",
-        ),
-        tuple(
-            (
-                f"{octree.tolerance:g}",
-                *map(str, octree.cells_by_level),
-                f"{octree.num_cells}",
-                f"{octree.psnr_db:.2f}",
-                f"{octree.cells_low_variation:.2f}",
-                f"{octree.cells_high_variation:.1f}",
-                f"{octree.cell_ratio:.1f}",
-            )
+        [
+            {
+                "tolerance": f"{octree.tolerance:g}",
+                **{f"level {level}": f"{num}" for level, num in enumerate(octree.cells_by_level)},
+                "all": f"{octree.num_cells}",
+                "PSNR, dB": f"{octree.psnr_db:.2f}",
+                "low variation": f"{octree.cells_low_variation:.2f}",
+                "high variation": f"{octree.cells_high_variation:.1f}",
+                "ratio": f"{octree.cell_ratio:.1f}",
+            }
             for octree in numbers.octrees
-        ),
+        ],
     )
 
 
@@ -230,4 +212,4 @@ def _chart(numbers: Octrees) -> Chart:
         axes.semilogy(levels, counts, "o-", color=color, label=f"tolerance {octree.tolerance:g}")
     axes.yaxis.set_major_formatter(lambda count, _: short_count_text(count))
     axes.legend()
-    return Chart(plot, "Cells over the level, for each tolerance", "Cells of each level, at each tolerance")
+    return Chart(plot, "Cells of each level, at each tolerance")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hsplat_cli.reports import SERIES_COLORS
+from hsplat_cli.reports import SERIES_COLORS, Chart
 from hsplat_cli.studies.paper.figure_renderer import (
     SATURATED_ALPHA,
     FigureRenderer,
@@ -16,17 +16,10 @@ from hsplat_cli.studies.paper.figure_renderer import (
     with_error,
     with_splat,
 )
-from hsplat_cli.studies.paper.paper_figure import (
-    CaptionedPicture,
-    Chart,
-    Claim,
-    FigureTable,
-    PaperFigure,
-    PictureRow,
-    new_plot,
-)
+from hsplat_cli.studies.paper.paper_figure import Claim, FigureTable, PaperFigure, PictureRow, new_plot
 from hsplat_cli.terminal import counted
 from renderer.errors import InputError
+from renderer.film import Pixels
 from renderer.frame import Frame
 from renderer.scene import MAX_LEVEL, ProceduralSource, Scene
 
@@ -80,7 +73,7 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> SplatSeries:
             expected="volume.procedural: {name: constant, shape: [1, 1, 1]}",
         )
     length = source.shape[0] * source.spacing[0]
-    rows: dict[str, list[CaptionedPicture]] = {"With correction": [], "Without": [], "The voxels themselves": []}
+    rows: dict[str, list[tuple[Pixels, str]]] = {"With correction": [], "Without": [], "The voxels themselves": []}
     corrected, uncorrected, totals, opacity = [], [], [], 0.0
     for side in SIDES:
         cube = replace(source, shape=(side, side, side), spacing=(length / side, length / side, length / side))
@@ -100,8 +93,8 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> SplatSeries:
         uncorrected.append(_middle(without))
         totals.append(_total_depth(splat) / _total_depth(voxels))
         for row, frame in zip(rows.values(), (splat, without, voxels), strict=True):
-            row.append(CaptionedPicture(frame.image, f"{side}^3 voxels: alpha {_middle(frame):.3f}"))
-    shown = tuple(PictureRow(title, tuple(pictures)) for title, pictures in rows.items())
+            row.append((frame.image, f"{side}^3 voxels: alpha {_middle(frame):.3f}"))
+    shown = tuple(PictureRow(title, pictures) for title, pictures in rows.items())
     return SplatSeries(opacity, tuple(corrected), tuple(uncorrected), tuple(totals), shown)
 
 
@@ -167,17 +160,16 @@ def _table(splats: SplatSeries) -> FigureTable:
     columns = (SIDES, splats.corrected, ratios, splats.uncorrected, splats.totals)
     return FigureTable(
         "Alpha in the middle of the splat, and the optical depth of the whole picture relative to that of the voxels",
-        (
-            "voxels a side",
-            "with correction",
-            "exponent of (1 - alpha of one voxel)",
-            "without correction",
-            "whole picture",
-        ),
-        tuple(
-            (f"{side}", f"{with_correction:.4f}", f"{ratio:.3f}", f"{without:.4f}", f"{total:.4f}")
+        [
+            {
+                "voxels a side": f"{side}",
+                "with correction": f"{with_correction:.4f}",
+                "exponent of (1 - alpha of one voxel)": f"{ratio:.3f}",
+                "without correction": f"{without:.4f}",
+                "whole picture": f"{total:.4f}",
+            }
             for side, with_correction, ratio, without, total in zip(*columns, strict=True)
-        ),
+        ],
     )
 
 
@@ -189,6 +181,4 @@ def _chart(splats: SplatSeries) -> Chart:
     axes.plot(SIDES, splats.uncorrected, "x", color=SERIES_COLORS[1], label="without")
     axes.set_xticks(SIDES, [str(side) for side in SIDES])
     axes.legend()
-    return Chart(
-        plot, "Alpha over the number of voxels, with and without correction", "Alpha over the number of voxels"
-    )
+    return Chart(plot, "Alpha over the number of voxels, with and without correction")

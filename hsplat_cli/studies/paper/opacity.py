@@ -7,18 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.reports import SERIES_COLORS
+from hsplat_cli.reports import SERIES_COLORS, Chart
 from hsplat_cli.studies.paper.figure_renderer import SATURATED_ALPHA, FigureRenderer, with_error, with_splat
-from hsplat_cli.studies.paper.paper_figure import (
-    CaptionedPicture,
-    Chart,
-    Claim,
-    FigureTable,
-    PaperFigure,
-    PictureRow,
-    new_plot,
-)
+from hsplat_cli.studies.paper.paper_figure import Claim, FigureTable, PaperFigure, PictureRow, new_plot
 from renderer.errors import InputError
+from renderer.film import Pixels
 from renderer.frame import Stage, view_of
 from renderer.scene import ProceduralSource, Scene
 
@@ -98,7 +91,7 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> Slab:
     depth = source.shape[1]
     levels = range(depth.bit_length())
     alphas = np.empty((2, len(OPACITIES), len(levels)))
-    pictures: tuple[list[CaptionedPicture], list[CaptionedPicture]] = ([], [])
+    pictures: tuple[list[tuple[Pixels, str]], ...] = ([], [])
     for i, opacity in enumerate(OPACITIES):
         mapping = tuple(replace(point, opacity=opacity) for point in points)
         stage = figure_renderer.stage(
@@ -112,9 +105,9 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> Slab:
                 alphas[k, i, level] = frame.radiance[..., 3][middle].mean(dtype=np.float64)
                 if opacity == SHOWN_OPACITY:
                     caption = f"level {level}: alpha {alphas[k, i, level]:.3f}"
-                    pictures[k].append(CaptionedPicture(frame.image, caption))
+                    pictures[k].append((frame.image, caption))
     rows = tuple(
-        PictureRow(f"Voxels of opacity {SHOWN_OPACITY:g}, {word} correction", tuple(row))
+        PictureRow(f"Voxels of opacity {SHOWN_OPACITY:g}, {word} correction", row)
         for word, row in zip(("with", "without"), pictures, strict=True)
     )
     return Slab(OPACITIES, depth, alphas[0], alphas[1], rows)
@@ -172,16 +165,17 @@ def _middle(stage: Stage, depth: int) -> tuple[slice, slice]:
 
 
 def _table(slab: Slab, caption: str, alphas: Float64, *, corrected: bool) -> FigureTable:
-    levels = range(slab.num_levels)
-    header = ("opacity of a voxel", *(f"level {level}" for level in levels), "largest error against the closed form")
     off = np.abs(alphas - slab.expected(corrected=corrected)).max(axis=1)
     return FigureTable(
         f"{caption}: alpha of the slab",
-        header,
-        tuple(
-            (f"{opacity:g}", *(f"{alpha:.4f}" for alpha in row), f"{worst:.4f}")
+        [
+            {
+                "opacity of a voxel": f"{opacity:g}",
+                **{f"level {level}": f"{alpha:.4f}" for level, alpha in enumerate(row)},
+                "largest error against the closed form": f"{worst:.4f}",
+            }
             for opacity, row, worst in zip(slab.opacities, alphas, off, strict=True)
-        ),
+        ],
     )
 
 
@@ -197,7 +191,6 @@ def _chart(slab: Slab) -> Chart:
     axes.legend()
     return Chart(
         plot,
-        "Opacity of a cell over the opacity of its voxels, for each level, measured and closed form",
         "Opacity of one cell over that of its voxels: drawn with correction (dots), without (crosses), and "
         "1 - (1 - a)^(2^k) (lines)",
     )

@@ -1,10 +1,12 @@
-"""The parts of a figure on the page of `hsplat paper`, and empty plots for its charts."""
+"""Describe a figure on the page of `hsplat paper`, and make empty plots for its charts."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from hsplat_cli.reports import Chart
 from renderer.film import Pixels
 
 if TYPE_CHECKING:
@@ -28,37 +30,19 @@ class Claim:
 
 
 @dataclass(frozen=True)
-class CaptionedPicture:
-    """A picture, uint8 [h, w, 3] or, with straight alpha, [h, w, 4]."""
-
-    pixels: Pixels
-    caption: str
-
-
-@dataclass(frozen=True)
 class PictureRow:
-    """Pictures shown side by side."""
+    """Pictures side by side, uint8 [h, w, 3] or, with straight alpha, [h, w, 4], each with its caption."""
 
     title: str
-    pictures: tuple[CaptionedPicture, ...]
-
-
-@dataclass(frozen=True)
-class Chart:
-    """A plot; `alt` describes it to readers who cannot see it."""
-
-    plot: Figure
-    alt: str
-    caption: str
+    pictures: Sequence[tuple[Pixels, str]]
 
 
 @dataclass(frozen=True)
 class FigureTable:
-    """A table of text; the first cell of each line is its heading."""
+    """A table of text: each line maps headings to cells; its first cell is its heading."""
 
     caption: str
-    header: tuple[str, ...]
-    lines: tuple[tuple[str, ...], ...]
+    lines: Sequence[Mapping[str, str]]
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from hsplat_cli.studies.paper.figure_renderer import FigureRenderer, with_error
-from hsplat_cli.studies.paper.paper_figure import CaptionedPicture, Claim, FigureTable, PaperFigure, PictureRow
+from hsplat_cli.studies.paper.paper_figure import Claim, FigureTable, PaperFigure, PictureRow
 from hsplat_cli.terminal import counted
 from renderer.frame import Stage
 from renderer.scene import Scene
@@ -108,11 +108,11 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> Refinement:
             compute_metric("psnr", rgb[-1], truth),
         )
         drawings.append(drawing)
-        pictures.append(CaptionedPicture(frame.image, f"{name}: {drawing.seconds:.2f} s, {drawing.psnr_db:.1f} dB"))
-        differences.append(CaptionedPicture(difference_picture(rgb[-1], truth), name))
+        pictures.append((frame.image, f"{name}: {drawing.seconds:.2f} s, {drawing.psnr_db:.1f} dB"))
+        differences.append((difference_picture(rgb[-1], truth), name))
     rows = (
-        PictureRow("The pictures", tuple(pictures)),
-        PictureRow(f"Their differences from the ray integral, times {DIFFERENCE_GAIN:g}", tuple(differences)),
+        PictureRow("The pictures", pictures),
+        PictureRow(f"Their differences from the ray integral, times {DIFFERENCE_GAIN:g}", differences),
     )
     return Refinement(tuple(drawings), compute_metric("psnr", rgb[1], rgb[2]), rows)
 
@@ -171,16 +171,15 @@ def _frame_seconds_at(stage: Stage, tolerance: float, figure_renderer: FigureRen
 def _table(numbers: Refinement) -> FigureTable:
     return FigureTable(
         "The three frames",
-        ("", "tolerance", "splats", "frame, s", "cut, s", "PSNR, dB"),
-        tuple(
-            (
-                drawing.name,
-                f"{drawing.tolerance:g}",
-                f"{drawing.num_splats}",
-                f"{drawing.seconds:.3f}",
-                f"{drawing.cut_seconds:.3f}",
-                f"{drawing.psnr_db:.2f}",
-            )
+        [
+            {
+                "": drawing.name,
+                "tolerance": f"{drawing.tolerance:g}",
+                "splats": f"{drawing.num_splats}",
+                "frame, s": f"{drawing.seconds:.3f}",
+                "cut, s": f"{drawing.cut_seconds:.3f}",
+                "PSNR, dB": f"{drawing.psnr_db:.2f}",
+            }
             for drawing in numbers.drawings
-        ),
+        ],
     )

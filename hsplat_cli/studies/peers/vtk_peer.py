@@ -74,8 +74,8 @@ def vtk_settings() -> tuple[Setting, ...]:
     """Return the settings of both mappers from fine to coarse: steps along the ray, and fewer pixels."""
     return tuple(
         Setting(
-            f"vtk {mapper}",
-            f"step {distance:g}" + (f", 1/{reduction**2} px" if reduction > 1 else ""),
+            f"vtk {mapper}" + (f", 1/{reduction**2} px" if reduction > 1 else ""),
+            f"step {distance:g}",
             {"tool": "vtk", "mapper": mapper, "sample_distance": distance, "image_reduction": reduction},
         )
         for mapper, reductions in _IMAGE_REDUCTIONS.items()
