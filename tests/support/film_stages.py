@@ -1,4 +1,4 @@
-"""Stages of small films, one for each kind of data in a stage: what a process that draws must have."""
+"""Stages of small films, one for each kind of data that a process needs to draw."""
 
 from __future__ import annotations
 
@@ -40,10 +40,9 @@ PLAIN = Scene(
     camera=CameraSpec(TurntablePath(8, elevation=20.0)),
     output=OutputSpec(Path("film.mp4"), (40, 30)),
     error=ErrorSpec(((0, 0.05),)),
-    splat=SplatSpec("gaussian"),
 )
-
-INTEGRATED = replace(PLAIN, splat=SplatSpec(footprint="integrated"))
+SPLATS = replace(PLAIN, splat=SplatSpec("gaussian"))
+LIT = replace(PLAIN, shading=ShadingSpec())
 
 KEYS = (Keyframe(0, 0.0, 0.0), Keyframe(3, 40.0, 30.0, 2.0), Keyframe(6, -20.0, 80.0))
 
@@ -52,11 +51,11 @@ SCENES = {
     "tolerance by frame": replace(PLAIN, error=ErrorSpec(((0, 0.5), (3, 0.5), (7, 0.01)))),
     "every voxel": replace(PLAIN, error=ErrorSpec(((0, 0.0),))),
     "transparent": replace(PLAIN, output=OutputSpec(Path("{frame}.png"), (40, 30), background=None)),
-    "gouraud": replace(PLAIN, splat=SplatSpec(footprint="gouraud")),
-    "integrated": INTEGRATED,
-    "boxes": replace(PLAIN, splat=SplatSpec(order="boxes")),
+    "gaussian": SPLATS,
+    "gouraud": replace(PLAIN, splat=SplatSpec("gouraud")),
+    "boxes": replace(SPLATS, splat=SplatSpec("gaussian", order="boxes")),
     "overlay": replace(PLAIN, overlay="octree"),
-    "shading": replace(PLAIN, shading=ShadingSpec()),
+    "shading": LIT,
     "means of opacity": replace(PLAIN, pyramid=PyramidSpec("opacity", "single"), error=ErrorSpec(((0, 0.02),), "rms")),
     "errors of scalars": replace(PLAIN, error=ErrorSpec(((0, 9.0),), "rms", "scalar", finest_level=1)),
     "keyframes": replace(PLAIN, camera=CameraSpec(KeyframePath(8, KEYS, False), "orthographic", target=(15, 14, 9))),
@@ -69,12 +68,12 @@ SCENES = {
 
 
 def stage_of(scene: Scene, volume: Volume | None = None) -> Stage:
-    """The stage of a scene, on one thread."""
+    """Prepare the stage of a scene, on one thread."""
     return prepare_stage(scene, clock=itertools.count().__next__, num_threads=1, volume=volume)
 
 
 def waves(dtype: str) -> Volume:
-    """A sheared volume with values from 0 to 255."""
+    """Return a sheared volume with values from 0 to 255."""
     z, y, x = np.indices((18, 22, 26))
     values = 127.5 + 127.5 * np.sin(x / 3.0) * np.cos(y / 4.0) * np.sin(z / 5.0 + x / 7.0)
     world_from_index = np.eye(4)
@@ -82,18 +81,16 @@ def waves(dtype: str) -> Volume:
     return make_volume(values.astype(dtype), world_from_index, "waves")
 
 
-LIT = replace(PLAIN, shading=ShadingSpec())
-
-# By what is special about them: a scene, and the type of a volume that is drawn in place of the scene's.
+# A scene, and the type of a volume that is drawn in place of the scene's.
 KINDS: dict[str, tuple[Scene, str | None]] = {name: (scene, None) for name, scene in SCENES.items()} | {
     "float32": (PLAIN, "float32"),
     "float32, shading": (LIT, "float32"),
-    "float32, integrated, shading": (replace(INTEGRATED, shading=ShadingSpec()), "float32"),
+    "float32, splats, shading": (replace(SPLATS, shading=ShadingSpec()), "float32"),
     "int16": (PLAIN, "int16"),
 }
 
 
 def stage_of_kind(kind: str) -> Stage:
-    """One of KINDS."""
+    """Prepare the stage of one of KINDS."""
     scene, dtype = KINDS[kind]
     return stage_of(scene, None if dtype is None else waves(dtype))

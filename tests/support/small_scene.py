@@ -1,4 +1,4 @@
-"""The scene of the tests that run whole commands: a made-up engine block, small enough to be drawn in no time."""
+"""The scene of the tests that run whole commands: a procedural engine block that is drawn in a moment."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ def small_scene(
     frames: int = 5,
     size: str = "32, 32",
     error: str | None = None,
-    footprint: str | None = "gaussian",
+    footprint: str | None = None,
 ) -> str:
-    """YAML of a turntable that goes to film.mp4. error: its section, such as `tolerance: 0.1`; none by default.
+    """Return the YAML of a turntable that is written to film.mp4.
 
-    footprint: None for a scene that does not say; splats by default, whose numbers many tests ask for.
+    error: the contents of that section, such as `tolerance: 0.1`. Without error and footprint the scene has neither
+    section, and is drawn at the defaults.
     """
     sections = "" if error is None else f"error: {{{error}}}\n"
     sections += "" if footprint is None else f"splat: {{footprint: {footprint}}}\n"

@@ -21,7 +21,8 @@ from renderer.frame import Frame
 
 NUM_FRAMES = 4
 
-SCENE = small_scene(shape="96, 96, 64", frames=4, size="48, 32", error="tolerance: 0")
+# Splats, of which a small volume has enough that coarse passes are much faster; test_render_integrated refines bricks.
+SCENE = small_scene(shape="96, 96, 64", frames=4, size="48, 32", error="tolerance: 0", footprint="gaussian")
 
 
 @pytest.fixture(autouse=True)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from faulty_worker import DRAW_FAULTS, FRAME, GL_FAULTS, LONG_S, START_FAULTS
-from film_stages import INTEGRATED, PLAIN, stage_of, waves
+from film_stages import PLAIN, stage_of, waves
 from processes import MARK, holders_of_shared_memory, marked, new_mark, wait_until
 
 from hsplat_cli.executors import ExecutorSpec, LocalExecutor
@@ -303,7 +303,7 @@ def test_the_stage_moves(stage: Stage) -> None:
 
 def test_one_process_lets_go_of_what_the_others_draw() -> None:
     """The volume is in memory once, and there are no bricks here, when workers have taken over."""
-    stage = stage_of(INTEGRATED, waves("float32"))
+    stage = stage_of(PLAIN, waves("float32"))
     assert stage.bricks is not None
     once = [weakref.ref(thing) for thing in (stage, stage.bricks, stage.volume)]
     with RecoveringRasterizer() as rasterizer:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from film_stages import INTEGRATED, stage_of, waves
+from film_stages import PLAIN, stage_of, waves
 from splatting import look
 
 from renderer.bricks import BRICK_SIZE, Bricks, ScreenSampling, brick_cut_sizes, num_bricks_at
@@ -40,7 +40,7 @@ def stage(request: pytest.FixtureRequest) -> Stage:
         "rms": ErrorSpec(((0, 0.1),), "rms"),
         "scalar": ErrorSpec(((0, 9.0),), "rms", "scalar"),
     }[request.param]
-    return stage_of(replace(INTEGRATED, error=error), lumps())
+    return stage_of(replace(PLAIN, error=error), lumps())
 
 
 @pytest.fixture
@@ -84,7 +84,7 @@ def test_the_finest_cut_of_so_many_bricks(stage: Stage, primitive: BrickPrimitiv
 
 def test_nothing_to_see() -> None:
     points = (ControlPoint(0.0, (1.0, 1.0, 1.0), 0.0),)
-    scene = replace(INTEGRATED, transfer_function=TransferSpec(points))
+    scene = replace(PLAIN, transfer_function=TransferSpec(points))
     primitive = make_primitive(stage_of(scene, waves("uint8")))
     assert primitive.tolerance_for_cells(3) == 0.0 and primitive.num_cells(0.0) == 0 and primitive.work(0.0) == 0.0
 
@@ -92,7 +92,7 @@ def test_nothing_to_see() -> None:
 @pytest.mark.parametrize("tolerance", [0.3, 0.0])
 def test_no_brick_has_cells_that_are_finer_than_asked_for(tolerance: float) -> None:
     """And the lines of the overlay are in the colours of their cells."""
-    scene = replace(INTEGRATED, error=ErrorSpec(((0, tolerance),), finest_level=1), overlay="octree")
+    scene = replace(PLAIN, error=ErrorSpec(((0, tolerance),), finest_level=1), overlay="octree")
     lod = make_primitive(stage_of(scene, lumps())).make_lod(tolerance, lambda name: None)
     assert isinstance(lod, BrickLOD) and lod.edges is not None
     assert lod.batch.cut.levels.min() == 1
@@ -146,7 +146,7 @@ def counted(lod: BrickLOD, view: View) -> float:
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 def test_samples_are_as_many_as_are_counted(projection: str, tolerance: float) -> None:
     """Pixels are counted by their centres, and in perspective a brick is not as wide at its back as at its front."""
-    stage = stage_of(INTEGRATED, lumps())
+    stage = stage_of(PLAIN, lumps())
     lod = make_primitive(stage).make_lod(tolerance, lambda name: None)
     assert isinstance(lod, BrickLOD)
     target = stage.volume.centre
@@ -160,7 +160,7 @@ def test_samples_are_as_many_as_are_counted(projection: str, tolerance: float) -
 
 def test_pixels_that_are_spared_cost_less() -> None:
     """And the more the more of them; but looking at all pixels of a lattice that differ is not for nothing."""
-    stage = stage_of(INTEGRATED, lumps())
+    stage = stage_of(PLAIN, lumps())
     lod = make_primitive(stage).make_lod(0.1, lambda name: None)
     assert isinstance(lod, BrickLOD)
     view = look(target=tuple(stage.volume.centre), distance=150.0)
@@ -176,7 +176,7 @@ def test_pixels_that_are_spared_cost_less() -> None:
 
 
 def test_what_is_out_of_view_takes_no_samples() -> None:
-    stage = stage_of(INTEGRATED, lumps())
+    stage = stage_of(PLAIN, lumps())
     lod = make_primitive(stage).make_lod(0.1, lambda name: None)
     view = look(target=(1e4, 0.0, 0.0), distance=10.0)
     assert lod.workload(lod.orders(view), view) == (0, 0.0)
@@ -184,7 +184,7 @@ def test_what_is_out_of_view_takes_no_samples() -> None:
 
 def test_bricks_around_the_eye_are_held_to_the_picture() -> None:
     """Their projection means nothing; no ray is longer in one than its diagonal."""
-    stage = stage_of(INTEGRATED, lumps())
+    stage = stage_of(PLAIN, lumps())
     lod = make_primitive(stage).make_lod(0.1, lambda name: None)
     assert isinstance(lod, BrickLOD)
     view = look(target=tuple(stage.volume.centre), distance=1e-3, size=(40, 30))

@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from film_stages import INTEGRATED, stage_of
+from film_stages import PLAIN, stage_of
 
 from renderer.frame import BudgetController, LODCostEstimator, Stage, calibrate_costs, render_frames
 from renderer.scene import CameraSpec, ErrorSpec, OutputSpec, ProceduralSource, TimeBudget, TurntablePath, VolumeSpec
@@ -20,10 +20,10 @@ WRITING_S = 2e-3
 def stage() -> Stage:
     return stage_of(
         replace(
-            INTEGRATED,
+            PLAIN,
             volume=VolumeSpec(ProceduralSource("engine_block", (64, 64, 40))),
             camera=CameraSpec(TurntablePath(NUM_FRAMES, start=10.0, elevation=20.0)),
-            output=OutputSpec(INTEGRATED.output.file, size=(200, 160)),
+            output=OutputSpec(PLAIN.output.file, size=(200, 160)),
             error=ErrorSpec(goal=TimeBudget(((0, 1.0),))),
         )
     )

@@ -14,7 +14,7 @@ from typing import Any
 
 import moderngl
 import pytest
-from film_stages import PLAIN, SCENES, stage_of
+from film_stages import PLAIN, SCENES, SPLATS, stage_of
 from small_scene import small_scene
 
 from hsplat_cli import main
@@ -69,7 +69,7 @@ def pngs(stage: Stage, rasterizer: GLRasterizer | RecoveringRasterizer) -> list[
     return [drawn.picture.png for drawn in LocalExecutor(stage, rasterizer).draw(range(8))]
 
 
-@pytest.mark.parametrize("kind", ["plain", "overlay", "gouraud", "integrated"])
+@pytest.mark.parametrize("kind", ["plain", "gaussian", "overlay", "gouraud"])
 def test_the_film_is_the_same(rasterizer: GLRasterizer, kind: str) -> None:
     stage = stage_of(SCENES[kind])
     with RecoveringRasterizer(failing_at({0, 4})) as lasting:
@@ -77,10 +77,9 @@ def test_the_film_is_the_same(rasterizer: GLRasterizer, kind: str) -> None:
         assert lasting.notes == ["OpenGL's context was lost 2 times, and what it had was drawn again"]
 
 
-def test_a_context_that_refuses_is_lost(
-    stage: Stage, rasterizer: GLRasterizer, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_context_that_refuses_is_lost(rasterizer: GLRasterizer, monkeypatch: pytest.MonkeyPatch) -> None:
     """A lost one may be noticed in the midst of a picture, where something is to be made."""
+    stage = stage_of(SPLATS)
     whole_buffer = moderngl.Context.buffer
     calls = itertools.count()
 
@@ -99,7 +98,7 @@ def test_a_context_that_refuses_is_lost(
 @pytest.mark.parametrize(("step", "refused"), [("texture3d", 0), ("texture", 1), ("framebuffer", 1), ("buffer", 2)])
 def test_bricks_are_uploaded_again(monkeypatch: pytest.MonkeyPatch, step: str, refused: int) -> None:
     """Atlas, table, target and boxes go with their context, whichever is to be made when it is found lost."""
-    stage = stage_of(SCENES["integrated"])
+    stage = stage_of(PLAIN)
     on_device = partial(GLRasterizer, brick_backend="device")
     with on_device() as gl:
         expected = pngs(stage, gl)

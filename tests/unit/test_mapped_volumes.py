@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from film_stages import INTEGRATED, PLAIN
+from film_stages import PLAIN, SPLATS
 from volume_files import write_volume
 
 from hsplat_cli.executors.workers.shared_stage import map_stage, share_stage
@@ -214,7 +214,7 @@ def film(path: Path, scene: Scene, shape: tuple[int, int, int] = (20, 28, 32)) -
 
 @pytest.mark.usefixtures("everything_mapped")
 @pytest.mark.parametrize("change", [shrink, grow, write, remove, swap])
-@pytest.mark.parametrize("scene", [PLAIN, INTEGRATED], ids=["splats", "bricks"])
+@pytest.mark.parametrize("scene", [SPLATS, PLAIN], ids=["splats", "bricks"])
 def test_between_build_and_frame(
     scene: Scene, change: Callable[[Path], str], tmp_path: Path, rasterizer: GLRasterizer
 ) -> None:
@@ -243,7 +243,7 @@ def test_during_a_build(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("everything_mapped")
 def test_bricks_that_are_made_later(tmp_path: Path) -> None:
-    stage = film(tmp_path / "v.raw", INTEGRATED, (40, 40, 40))
+    stage = film(tmp_path / "v.raw", PLAIN, (40, 40, 40))
     assert stage.bricks is not None
     shrink(tmp_path / "v.raw")
     first = np.zeros((1, 3), np.int32)
@@ -255,7 +255,7 @@ def test_bricks_that_are_made_later(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("everything_mapped")
 def test_workers_see_another_file(tmp_path: Path) -> None:
-    descriptor = share_stage(film(tmp_path / "v.raw", INTEGRATED))
+    descriptor = share_stage(film(tmp_path / "v.raw", PLAIN))
     with os.fdopen(descriptor):
         message = swap(tmp_path / "v.raw")
         with pytest.raises(InputError) as raised:
@@ -266,7 +266,7 @@ def test_workers_see_another_file(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("everything_mapped")
 def test_voxels_that_go_while_they_are_sent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """They are read when all pieces are there, which is after the last look of those who made the pieces."""
-    stage = film(tmp_path / "v.raw", INTEGRATED, (100, 90, 80))
+    stage = film(tmp_path / "v.raw", PLAIN, (100, 90, 80))
     assert deserialize_stage(memoryview(bytearray(serialized_stage(stage)))).volume.source is None
     join = np.concatenate
 
@@ -283,7 +283,7 @@ def test_voxels_that_go_while_they_are_sent(tmp_path: Path, monkeypatch: pytest.
 @pytest.mark.usefixtures("everything_mapped")
 def test_workers_map_the_file_themselves(tmp_path: Path) -> None:
     """What they share does not grow with the voxels; whoever has no files gets them all."""
-    stage = film(tmp_path / "v.raw", INTEGRATED, (100, 90, 80))
+    stage = film(tmp_path / "v.raw", PLAIN, (100, 90, 80))
     num_shared = sum(len(piece) for piece in serialize_stage(stage, without_files=False))
     num_alone = sum(len(piece) for piece in serialize_stage(stage, without_files=True))
     assert num_shared < stage.volume.values.nbytes / 2 and num_alone > stage.volume.values.nbytes

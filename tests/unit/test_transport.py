@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from film_stages import KINDS, PLAIN, stage_of, stage_of_kind, waves
+from film_stages import KINDS, SPLATS, stage_of, stage_of_kind, waves
 
 from renderer.frame import Stage, deserialize_stage, serialize_stage
 from renderer.frame.transport import ALIGNMENT
@@ -45,7 +45,7 @@ def assert_same(one: Any, other: Any) -> None:
 
 @pytest.fixture(scope="module")
 def plain() -> Stage:
-    return stage_of(PLAIN)
+    return stage_of(SPLATS)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -82,7 +82,7 @@ def test_every_array_begins_where_vectors_may() -> None:
 
 def test_a_volume_is_there_once() -> None:
     """A stage has it, and so has its pyramid."""
-    stage = stage_of(PLAIN, waves("float64"))
+    stage = stage_of(SPLATS, waves("float64"))
     num_bytes = sum(len(piece) for piece in serialize_stage(stage, without_files=False))
     assert stage.volume.values.nbytes < num_bytes < stage.volume.values.nbytes + stage.pyramid.num_bytes + 2**15
 
@@ -90,15 +90,15 @@ def test_a_volume_is_there_once() -> None:
 def test_a_schedule_that_nobody_could_write(plain: Stage) -> None:
     """A budget of splats that some frames can have all of: tolerance 0 beside others."""
     tolerances = {frame: 0.0 if frame < 3 else 0.1 / frame for frame in range(8)}
-    scene = with_tolerances(replace(PLAIN, error=replace(PLAIN.error, goal=SplatBudget(((0, 9.0),)))), tolerances)
+    scene = with_tolerances(replace(SPLATS, error=replace(SPLATS.error, goal=SplatBudget(((0, 9.0),)))), tolerances)
     stage = replace(plain, scene=scene)
     assert_same(stage, there_and_back(stage))
 
 
 def test_names_of_files_that_are_no_text(plain: Stage) -> None:
     """As another system's disk may have them."""
-    output = replace(PLAIN.output, file=Path(os.fsdecode(b"f\xff\xfelm.mp4")))
-    stage = replace(plain, scene=replace(PLAIN, output=output))
+    output = replace(SPLATS.output, file=Path(os.fsdecode(b"f\xff\xfelm.mp4")))
+    stage = replace(plain, scene=replace(SPLATS, output=output))
     back = there_and_back(stage).scene.output.file
     assert os.fsencode(back) == b"f\xff\xfelm.mp4"
 
