@@ -12,10 +12,10 @@ from hsplat_cli.terminal import Reporter, counted
 from renderer.film import first_output_paths, require_folder_if_exists, require_writable_dry_run, unfinished_folder
 from renderer.readers import require_volume_file
 from renderer.scene import (
-    AccuracyGoal,
     ArraySource,
     ByFrame,
     FileSource,
+    MetricTarget,
     ProceduralSource,
     RawSource,
     RockerPath,
@@ -93,7 +93,7 @@ def _schedule(scene: Scene) -> str:
     error, goal = scene.error, scene.error.goal
     if goal is None:
         wanted = f"tolerance {_schedule_text(error.tolerance)}"
-    elif isinstance(goal, AccuracyGoal):
+    elif isinstance(goal, MetricTarget):
         wanted = f"{goal.metric} {goal.value:g}" + " dB" * (goal.metric == "psnr")
     elif isinstance(goal, SplatBudget):
         num = _schedule_text(goal.by_frame)

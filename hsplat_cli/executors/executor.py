@@ -20,7 +20,7 @@ from renderer.cores import num_cores
 from renderer.draw import RecoveringRasterizer, is_software, max_brick_bytes
 from renderer.errors import RenderError
 from renderer.frame import Stage
-from renderer.scene import AccuracyGoal, Scene
+from renderer.scene import MetricTarget, Scene
 from renderer.study import FilmPlan
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def open_executor(spec: ExecutorSpec, scene: Scene, reporter: Reporter) -> Itera
         client = rasterizer = None
         if spec.scheduler is not None:
             client = stack.enter_context(connect(spec.scheduler, spec.workers))
-        if client is None or isinstance(scene.error.goal, AccuracyGoal):  # the search runs here
+        if client is None or isinstance(scene.error.goal, MetricTarget):  # the search runs here
             rasterizer = stack.enter_context(open_recovering_rasterizer(needs_opengl=scene.needs_opengl))
         yield Executor(spec, rasterizer, client, reporter)
 

@@ -33,7 +33,7 @@ from renderer.frame import (
     find_finest_in_time,
     workload_of,
 )
-from renderer.scene import AccuracyGoal, SplatBudget, TimeBudget, scheduled_value, tolerance_at, with_tolerances
+from renderer.scene import MetricTarget, SplatBudget, TimeBudget, scheduled_value, tolerance_at, with_tolerances
 from renderer.study import FilmPlan
 
 # The first pass may take this many times as long as the first frame that shows anything. With few cells the pixels
@@ -177,7 +177,7 @@ class Refiner:
         Decided without the cut of the last pass, which may take long. A search for an accuracy always takes long.
         """
         goal, frames = self._error.goal, self._frames
-        if isinstance(goal, AccuracyGoal):
+        if isinstance(goal, MetricTarget):
             return False
         per_splat = self._estimator.log.model.per_splat
         max_cells = _MIN_PASS_FACTOR * first / per_splat if per_splat > 0 else math.inf

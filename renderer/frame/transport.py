@@ -23,7 +23,7 @@ import numpy.typing as npt
 from renderer.bricks import BrickLevel, Bricks
 from renderer.frame.stage import Stage
 from renderer.pyramid import Level, Pyramid
-from renderer.scene import SPEC_TYPES
+from renderer.scene import spec_types
 from renderer.transfer import Classifier, PiecewiseTransfer, TransferFunction, TransferTable, VoxelLighting
 from renderer.view import OrderBlending
 from renderer.volume import MappedCallback, MappedFile, Volume
@@ -39,7 +39,7 @@ _STAGE_TYPES = (
     Stage, Volume, MappedFile, Pyramid, Level, Classifier, TransferTable, VoxelLighting, OrderBlending, Bricks,
     BrickLevel, PiecewiseTransfer, TransferFunction,
 )  # fmt: skip
-_TYPES_BY_NAME: dict[str, type[Any]] = {kind.__name__: kind for kind in (*_STAGE_TYPES, *SPEC_TYPES)}
+_TYPES_BY_NAME: dict[str, type[Any]] = {kind.__name__: kind for kind in (*_STAGE_TYPES, *spec_types())}
 
 
 def serialize_stage(stage: Stage, *, without_files: bool) -> Iterator[memoryview]:

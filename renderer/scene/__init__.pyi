@@ -1,9 +1,28 @@
+from .camera_section import (
+    FRAME_NUMBER_FIELD as FRAME_NUMBER_FIELD,
+    MAX_FRAMES as MAX_FRAMES,
+    CameraSpec as CameraSpec,
+    Keyframe as Keyframe,
+    KeyframePath as KeyframePath,
+    RockerPath as RockerPath,
+    TurntablePath as TurntablePath,
+)
 from .colormaps import (
     colormap_points as colormap_points,
     is_colormap as is_colormap,
     nearest_colormap as nearest_colormap,
 )
 from .editor import SceneEditor as SceneEditor
+from .error_section import (
+    ERROR_SECTION as ERROR_SECTION,
+    MAX_LEVEL as MAX_LEVEL,
+    MIN_TOLERANCE as MIN_TOLERANCE,
+    ByFrame as ByFrame,
+    ErrorSpec as ErrorSpec,
+    SplatBudget as SplatBudget,
+    TimeBudget as TimeBudget,
+    schedule_to_dict as schedule_to_dict,
+)
 from .input_file import (
     MAX_SCENE_BYTES as MAX_SCENE_BYTES,
     MAX_SIDECAR_BYTES as MAX_SIDECAR_BYTES,
@@ -29,16 +48,18 @@ from .message_text import (
     printable_text as printable_text,
 )
 from .metric_target import MetricTarget as MetricTarget
+from .output_section import (
+    FRAME_FIELD as FRAME_FIELD,
+    OUTPUT_FILE_FIELD as OUTPUT_FILE_FIELD,
+    OUTPUT_SECTION as OUTPUT_SECTION,
+    OutputSpec as OutputSpec,
+)
 from .parse import (
     parse_scene as parse_scene,
     scene_to_dict as scene_to_dict,
-    schedule_to_dict as schedule_to_dict,
     spec_to_dict as spec_to_dict,
     splat_section_without_defaults as splat_section_without_defaults,
 )
-from .parse_camera import FRAME_NUMBER_FIELD as FRAME_NUMBER_FIELD, MAX_FRAMES as MAX_FRAMES
-from .parse_error_schedule import ERROR_SECTION as ERROR_SECTION, MAX_LEVEL as MAX_LEVEL
-from .parse_output import OUTPUT_FILE_FIELD as OUTPUT_FILE_FIELD, OUTPUT_SECTION as OUTPUT_SECTION
 from .scene_file import load_scene as load_scene, parse_scene_content as parse_scene_content
 from .schedule import (
     is_film_wide_goal as is_film_wide_goal,
@@ -54,11 +75,15 @@ from .schema import (
     BOOLEAN_FIELD as BOOLEAN_FIELD,
     INVALID as INVALID,
     MAPPING_FIELD as MAPPING_FIELD,
+    MAX_WORLD_LENGTH as MAX_WORLD_LENGTH,
+    MIN_WORLD_LENGTH as MIN_WORLD_LENGTH,
     TEXT_FIELD as TEXT_FIELD,
     TILDE_HINT as TILDE_HINT,
+    Color as Color,
     FieldTable as FieldTable,
     FieldType as FieldType,
     TreeNode as TreeNode,
+    Vector as Vector,
     choice_field as choice_field,
     has_unexpanded_tilde as has_unexpanded_tilde,
     integer_field as integer_field,
@@ -69,35 +94,23 @@ from .schema import (
     valid_keys as valid_keys,
 )
 from .spec import (
-    FRAME_FIELD as FRAME_FIELD,
-    MAX_WORLD_LENGTH as MAX_WORLD_LENGTH,
-    MIN_TOLERANCE as MIN_TOLERANCE,
-    MIN_WORLD_LENGTH as MIN_WORLD_LENGTH,
-    PROCEDURAL_NAMES as PROCEDURAL_NAMES,
-    SPEC_TYPES as SPEC_TYPES,
-    AccuracyGoal as AccuracyGoal,
-    ArraySource as ArraySource,
-    ByFrame as ByFrame,
-    CameraSpec as CameraSpec,
-    Color as Color,
-    ColormapSpec as ColormapSpec,
-    ControlPoint as ControlPoint,
-    ErrorSpec as ErrorSpec,
-    FileSource as FileSource,
-    KeyframePath as KeyframePath,
-    OutputSpec as OutputSpec,
-    ProceduralSource as ProceduralSource,
     PyramidSpec as PyramidSpec,
-    RawSource as RawSource,
-    RockerPath as RockerPath,
     Scene as Scene,
     ShadingSpec as ShadingSpec,
-    SplatBudget as SplatBudget,
-    SplatSpec as SplatSpec,
-    TimeBudget as TimeBudget,
+    spec_types as spec_types,
+)
+from .splat_section import SplatSpec as SplatSpec
+from .transfer_section import (
+    ColormapSpec as ColormapSpec,
+    ControlPoint as ControlPoint,
     TransferSpec as TransferSpec,
-    TurntablePath as TurntablePath,
-    Vector as Vector,
+)
+from .volume_section import (
+    PROCEDURAL_NAMES as PROCEDURAL_NAMES,
+    ArraySource as ArraySource,
+    FileSource as FileSource,
+    ProceduralSource as ProceduralSource,
+    RawSource as RawSource,
     VolumeSpec as VolumeSpec,
 )
 from .yaml_tree import (

@@ -16,7 +16,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from renderer.errors import Problem, SceneError
-from renderer.scene.spec import CameraSpec, FileSource, KeyframePath, RawSource, Scene, Vector
+from renderer.scene.camera_section import CameraSpec, KeyframePath
+from renderer.scene.schema import Vector
+from renderer.scene.spec import Scene
+from renderer.scene.volume_section import FileSource, RawSource
 
 if TYPE_CHECKING:
     from renderer.volume import Volume

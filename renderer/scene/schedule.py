@@ -9,7 +9,9 @@ from dataclasses import replace
 from itertools import pairwise, zip_longest
 from operator import itemgetter
 
-from renderer.scene.spec import AccuracyGoal, ByFrame, ErrorSpec, Scene, TimeBudget
+from renderer.scene.error_section import ByFrame, ErrorSpec, TimeBudget
+from renderer.scene.metric_target import MetricTarget
+from renderer.scene.spec import Scene
 
 
 def tolerance_at(error: ErrorSpec, frame: int) -> float:
@@ -42,7 +44,7 @@ def scheduled_value(by_frame: ByFrame, frame: int) -> float:
 
 def is_film_wide_goal(error: ErrorSpec) -> bool:
     """Return whether the goal concerns all frames together, so that a part of them cannot tell whether it is met."""
-    return isinstance(error.goal, (AccuracyGoal, TimeBudget))
+    return isinstance(error.goal, (MetricTarget, TimeBudget))
 
 
 def with_draw_order(scene: Scene) -> Scene:

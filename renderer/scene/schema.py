@@ -11,14 +11,21 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from dataclasses import MISSING, dataclass, fields, replace
+from pathlib import Path
+from typing import Annotated, Any, Generic, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from renderer.errors import Problem, closest_match
 from renderer.scene.message_text import did_you_mean, format_value, join_keys, join_words
-from renderer.scene.spec import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH
 
 T = TypeVar("T")
+
+Vector = tuple[float, float, float]
+Color = tuple[float, float, float]
+
+# Bounds of spacings and of all lengths in a scene: an atom in light years is longer, the universe in picometres
+# shorter. Squares, cubes and products of such lengths are far from float64's limits.
+MIN_WORLD_LENGTH, MAX_WORLD_LENGTH = 1e-30, 1e30
 
 
 class _Invalid:
@@ -36,32 +43,27 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d{1,20},\d{1,20}", re.ASCII)
 class TreeNode:
     """A value, its dotted path, and the list of the problems in the whole tree.
 
-    is_key: the value is the last key of the path itself, and problems concern that key.
+    base: the folder that files in the tree are relative to. is_key: the value is the last key of the path itself, and
+    problems concern that key.
     """
 
     value: object
     path: str
     problems: list[Problem]
+    base: Path = Path()
     is_key: bool = False
 
     def child(self, key: object, value: object = None) -> TreeNode:
         """Return the node of the value at `key` below this one."""
-        return TreeNode(value, join_keys(self.path, key), self.problems)
+        return TreeNode(value, join_keys(self.path, key), self.problems, self.base)
 
     def key(self, key: object) -> TreeNode:
         """Return the node of the key `key` itself, for problems with its presence."""
-        return TreeNode(key, join_keys(self.path, key), self.problems, is_key=True)
+        return replace(self.child(key, key), is_key=True)
 
-    def add_problem(
-        self,
-        what: str,
-        *,
-        got: str | None = None,
-        expected: str | None = None,
-        hint: str | None = None,
-    ) -> None:
-        """Add a problem with this value or key."""
-        self.problems.append(Problem(self.path, what, got=got, expected=expected, hint=hint, at_key=self.is_key))
+    def add_problem(self, what: str, **parts: str | None) -> None:
+        """Add a problem with this value or key; `parts` are `got`, `expected` and `hint`."""
+        self.problems.append(Problem(self.path, what, at_key=self.is_key, **parts))
 
 
 @dataclass(frozen=True)
@@ -81,22 +83,13 @@ class FieldType(Generic[T]):
             return self.reject(node, "no value", hint=self.empty_hint)
         return self.parse(node)
 
-    def reject(
-        self,
-        node: TreeNode,
-        what: str,
-        *,
-        got: str | None = None,
-        expected: str | None = None,
-        hint: str | None = None,
-    ) -> T:
+    def reject(self, node: TreeNode, what: str, **parts: str | None) -> T:
         """Add a problem with a value that is not of this type, and return INVALID.
 
-        got: the value itself by default; empty to leave it out.
+        parts: as in `TreeNode.add_problem`. `got` is the value itself by default, and empty to leave it out.
         """
-        if got is None and node.value is not None:
-            got = format_value(node.value)
-        node.add_problem(what, got=got, expected=expected or self.expected, hint=hint)
+        got = None if node.value is None else format_value(node.value)
+        node.add_problem(what, **{"got": got, "expected": self.expected} | parts)
         invalid: T = INVALID
         return invalid
 
@@ -115,42 +108,18 @@ def has_unexpanded_tilde(name: str) -> bool:
 # Scalars
 
 
-@dataclass(frozen=True)
-class _Range:
-    """Bounds of a number: `minimum` and `maximum` belong to the range, `above` and `below` do not."""
-
-    minimum: float | None = None
-    maximum: float | None = None
-    above: float | None = None
-    below: float | None = None
-
-    def __contains__(self, value: float) -> bool:
-        return (
-            (self.minimum is None or value >= self.minimum)
-            and (self.maximum is None or value <= self.maximum)
-            and (self.above is None or value > self.above)
-            and (self.below is None or value < self.below)
-        )
-
-    def __str__(self) -> str:
-        if self.minimum is not None and self.maximum is not None:
-            return f" from {format_value(self.minimum)} to {format_value(self.maximum)}"
-        parts = {
-            "of at least": self.minimum,
-            "greater than": self.above,
-            "less than": self.below,
-            "at most": self.maximum,
-        }
-        words = [f"{word} {format_value(bound)}" for word, bound in parts.items() if bound is not None]
-        return f" {join_words(words, 'and')}" if words else ""
-
-
-def number_field(**bounds: float) -> FieldType[float]:
-    """Return the type of a finite number; `minimum` and `maximum` are allowed, `above` and `below` are not.
+def number_field(
+    *,
+    minimum: float = -math.inf,
+    maximum: float = math.inf,
+    above: float = -math.inf,
+    zero_hint: str | None = None,
+) -> FieldType[float]:
+    """Return the type of a finite number; `minimum` and `maximum` are allowed, `above` is not.
 
     Text that spells a number is taken as one, because YAML 1.1 reads `1e-3` as text.
+    zero_hint: for a 0 that is out of range.
     """
-    allowed = _Range(**bounds)
 
     def parse(node: TreeNode) -> float:
         value = _as_float(node.value)
@@ -161,23 +130,34 @@ def number_field(**bounds: float) -> FieldType[float]:
         if isinstance(node.value, str) and underflows(node.value):
             hint = "the smallest number above 0 is 5e-324; for zero write 0"
             return field.reject(node, "too small a number to tell from 0", hint=hint)
-        return value if value in allowed else field.reject(node, "out of range")
+        if minimum <= value <= maximum and value > above:
+            return value
+        return field.reject(node, "out of range", hint=None if value else zero_hint)
 
-    field = FieldType(f"a number{allowed}", parse)
+    field = FieldType("a number" + _range_words(minimum, above, maximum), parse)
     return field
 
 
-def integer_field(*, minimum: int, maximum: int) -> FieldType[int]:
+def _range_words(minimum: float, above: float, maximum: float) -> str:
+    if math.isfinite(minimum) and math.isfinite(maximum):
+        return f" from {format_value(minimum)} to {format_value(maximum)}"
+    parts = {"of at least": minimum, "greater than": above, "at most": maximum}
+    words = [f"{word} {format_value(bound)}" for word, bound in parts.items() if math.isfinite(bound)]
+    return f" {join_words(words, 'and')}" if words else ""
+
+
+def integer_field(*, minimum: int, maximum: int, zero_hint: str | None = None) -> FieldType[int]:
     """Return the type of a whole number; `1e3` and `120.0` are whole, and so is text that spells one."""
-    allowed = _Range(minimum, maximum)
 
     def parse(node: TreeNode) -> int:
         value = parse_whole_number(node.value)
         if value is None:
             return field.reject(node, "not a whole number", hint=_decimal_point_hint(node.value))
-        return value if value in allowed else field.reject(node, "out of range")
+        if minimum <= value <= maximum:
+            return value
+        return field.reject(node, "out of range", hint=zero_hint if value == 0 else None)
 
-    field = FieldType(f"a whole number{allowed}", parse)
+    field = FieldType(f"a whole number from {minimum} to {maximum}", parse)
     return field
 
 
@@ -246,6 +226,23 @@ def choice_field(*names: str, aliases: Mapping[str, str] | None = None) -> Field
     return field
 
 
+def word_or(words: Mapping[str, Any], other: FieldType[Any], expected: str) -> FieldType[Any]:
+    """Return the type of one of `words`, each with its value, or of a value of another type."""
+
+    def parse(node: TreeNode) -> Any:
+        if isinstance(node.value, str) and node.value in words:
+            return words[node.value]
+        found: list[Problem] = []
+        value = other.parse(replace(node, problems=found))
+        for problem in found:
+            hint = problem.hint or did_you_mean(node.value, words)
+            is_whole = problem.path == node.path
+            node.problems.append(replace(problem, expected=expected, hint=hint) if is_whole else problem)
+        return value
+
+    return FieldType(expected, parse, other.empty_hint)
+
+
 # Lists and mappings
 
 
@@ -280,6 +277,40 @@ def section_field(
         return build(node, read_fields(node, table, required=required, misplaced_hints=misplaced_hints))
 
     return FieldType(_mapping_with(table, required), read)
+
+
+def dataclass_field(
+    cls: Callable[..., T], check: Callable[[TreeNode, dict[str, Any]], object] | None = None
+) -> FieldType[T]:
+    """Return the type of a mapping whose keys are the fields of a dataclass; `check` compares the given values."""
+
+    def build(node: TreeNode, given: dict[str, Any]) -> T:
+        if check is not None:
+            check(node, given)
+        return cls(**given)
+
+    return section_field(field_table(cls), build, required=required_keys(cls))
+
+
+def field_table(cls: Any) -> dict[str, FieldType[Any]]:
+    """Return the types of a dataclass's fields: those of annotations, choices of a Literal, and booleans.
+
+    Fields of other types are left out.
+    """
+    table: dict[str, FieldType[Any]] = {}
+    for name, hint in get_type_hints(cls, include_extras=True).items():
+        if get_origin(hint) is Annotated:
+            table[name] = hint.__metadata__[0]
+        elif get_origin(hint) is Literal:
+            table[name] = choice_field(*get_args(hint))
+        elif hint is bool:
+            table[name] = BOOLEAN_FIELD
+    return table
+
+
+def required_keys(cls: Any) -> list[str]:
+    """Return the names of a dataclass's fields that have no default."""
+    return [field.name for field in fields(cls) if field.default is MISSING]
 
 
 def _mapping_with(table: FieldTable, required: Collection[str]) -> str:

@@ -18,7 +18,6 @@ from renderer.frame import (
     calibrate_costs,
 )
 from renderer.scene import (
-    AccuracyGoal,
     MetricTarget,
     Scene,
     SplatBudget,
@@ -72,8 +71,8 @@ def make_plan(
     goal = stage.scene.error.goal
     if goal is None:
         return FilmPlan(stage)
-    if isinstance(goal, AccuracyGoal):
-        return _plan_accuracy(stage, goal, search(stage, MetricTarget(goal.metric, goal.value)))
+    if isinstance(goal, MetricTarget):
+        return _plan_accuracy(stage, goal, search(stage, goal))
     if isinstance(goal, SplatBudget):
         tolerances = {
             frame: estimator.primitive.tolerance_for_cells(scheduled_value(goal.by_frame, frame)) for frame in frames
@@ -88,7 +87,7 @@ def make_plan(
     return FilmPlan(stage, controller, is_timing_dependent=True)
 
 
-def _plan_accuracy(stage: Stage, goal: AccuracyGoal, found: ToleranceSearchResult) -> FilmPlan:
+def _plan_accuracy(stage: Stage, goal: MetricTarget, found: ToleranceSearchResult) -> FilmPlan:
     """Plan one tolerance for the whole film; 0 if none is good enough."""
     shortfall = None
     if found.tolerance is None:

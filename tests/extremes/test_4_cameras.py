@@ -34,9 +34,8 @@ from renderer.scene import (
     Vector,
     VolumeSpec,
 )
+from renderer.scene.camera_section import MAX_ZOOM, MIN_FIELD_OF_VIEW, Keyframe
 from renderer.scene.parse import parse_scene
-from renderer.scene.parse_camera import MAX_ZOOM, MIN_FIELD_OF_VIEW
-from renderer.scene.spec import Keyframe
 from renderer.splats import make_splats
 from renderer.transfer import make_transfer_function
 from renderer.truth import integrate

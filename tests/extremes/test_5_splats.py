@@ -29,7 +29,7 @@ from renderer.scene import (
     TurntablePath,
     Vector,
 )
-from renderer.scene.spec import Keyframe
+from renderer.scene.camera_section import Keyframe
 from renderer.splats import SplatBatch, make_splats
 from renderer.transfer import make_transfer_function
 from renderer.view import OrderBlending, View, iter_camera_axes, make_order_blending, make_view, visible_orders

@@ -16,8 +16,8 @@ from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch
 from renderer.draw import GLRasterizer, brick_cache
 from renderer.draw.gl.raster import BrickBackend
 from renderer.scene import ShadingSpec
-from renderer.scene.parse_camera import MAX_FIELD_OF_VIEW
-from renderer.scene.parse_output import MAX_SIDE
+from renderer.scene.camera_section import MAX_FIELD_OF_VIEW
+from renderer.scene.output_section import MAX_SIDE
 from renderer.view import View
 
 

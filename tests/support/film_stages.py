@@ -25,7 +25,7 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
 )
-from renderer.scene.spec import Keyframe
+from renderer.scene.camera_section import Keyframe
 from renderer.volume import Volume, make_volume
 
 POINTS = (

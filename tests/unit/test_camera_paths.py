@@ -10,7 +10,7 @@ from hypothesis import given, strategies as st
 from splatting import camera_pose
 
 from renderer.scene import CameraSpec, KeyframePath, RockerPath, TurntablePath
-from renderer.scene.spec import Keyframe
+from renderer.scene.camera_section import Keyframe
 from renderer.view import make_view
 from renderer.view.paths import CameraPath, CameraPoses
 

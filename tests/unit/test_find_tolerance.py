@@ -15,7 +15,6 @@ import pytest
 from renderer.draw import CellEdges
 from renderer.frame import Stage, make_primitive, prepare_stage
 from renderer.scene import (
-    AccuracyGoal,
     CameraSpec,
     ControlPoint,
     ErrorSpec,
@@ -50,7 +49,7 @@ def stage() -> Stage:
         transfer_function=TransferSpec(points, 1.0),
         camera=CameraSpec(TurntablePath(NUM_FRAMES, elevation=20.0)),
         output=OutputSpec(Path("unused.mp4"), size=SHAPE[::-1]),
-        error=ErrorSpec(goal=AccuracyGoal("psnr", 30.0)),
+        error=ErrorSpec(goal=MetricTarget("psnr", 30.0)),
         splat=SplatSpec("gaussian"),
         overlay="octree",
     )

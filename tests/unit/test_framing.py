@@ -28,7 +28,7 @@ from renderer.scene import (
     Vector,
     VolumeSpec,
 )
-from renderer.scene.spec import Keyframe
+from renderer.scene.camera_section import Keyframe
 from renderer.transfer import TransferFunction
 from renderer.view import fit_distance, make_view, smallest_voxel_px, visible_centre, visible_points
 from renderer.view.framing import MARGIN

@@ -23,7 +23,7 @@ import sys
 from pathlib import Path
 from renderer.errors import InputError
 from renderer.readers.read import read_volume
-from renderer.scene.spec import FileSource, VolumeSpec
+from renderer.scene import FileSource, VolumeSpec
 for name in sys.argv[1:]:
     try:
         print(int(read_volume(VolumeSpec(FileSource(Path(name)))).values.sum()))

@@ -18,7 +18,6 @@ from renderer.scene import (
     MAX_LEVEL,
     MIN_WORLD_LENGTH,
     PROCEDURAL_NAMES,
-    AccuracyGoal,
     ByFrame,
     CameraSpec,
     ColormapSpec,
@@ -26,6 +25,7 @@ from renderer.scene import (
     ErrorSpec,
     FileSource,
     KeyframePath,
+    MetricTarget,
     OutputSpec,
     ProceduralSource,
     PyramidSpec,
@@ -41,10 +41,10 @@ from renderer.scene import (
     VolumeSpec,
     scene_to_dict,
 )
+from renderer.scene.camera_section import Keyframe
+from renderer.scene.error_section import LONGEST_S, MAX_PSNR_DB, MAX_SPLATS, MIN_SECONDS
 from renderer.scene.limits import proportion_problems
 from renderer.scene.parse import parse_scene
-from renderer.scene.parse_error_schedule import LONGEST_S, MAX_PSNR_DB, MAX_SPLATS, MIN_SECONDS
-from renderer.scene.spec import Keyframe
 
 HERE = Path(__file__).resolve()
 FILE_BYTES = HERE.stat().st_size
@@ -139,8 +139,8 @@ def errors(frames: int) -> st.SearchStrategy[ErrorSpec]:
     goal = st.one_of(
         st.builds(SplatBudget, by_frame(frames, st.integers(1, MAX_SPLATS))),
         st.builds(TimeBudget, by_frame(frames, finite(MIN_SECONDS, LONGEST_S))),
-        st.builds(AccuracyGoal, st.just("psnr"), finite(1e-6, MAX_PSNR_DB)),
-        st.builds(AccuracyGoal, st.just("rmse"), finite(1e-6, 1)),
+        st.builds(MetricTarget, st.just("psnr"), finite(1e-6, MAX_PSNR_DB)),
+        st.builds(MetricTarget, st.just("rmse"), finite(1e-6, 1)),
     )
     measures = st.sampled_from([("optical", "classified"), ("rms", "classified"), ("rms", "scalar")])
     levels = st.integers(0, MAX_LEVEL)
@@ -312,7 +312,7 @@ SPOILT = [
         volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9))),
         transfer_function=TransferSpec((ControlPoint(0, (0, 0, 0), 1),)),
         camera=CameraSpec(TurntablePath(9)),
-        error=ErrorSpec(goal=AccuracyGoal("psnr", 30.0)),
+        error=ErrorSpec(goal=MetricTarget("psnr", 30.0)),
         splat=SplatSpec(order="unmixed"),
         output=OutputSpec(Path("a.gif")),
     ),

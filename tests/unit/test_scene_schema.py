@@ -25,7 +25,7 @@ from renderer.scene import (
     splat_section_without_defaults,
 )
 from renderer.scene.parse import parse_scene
-from renderer.scene.parse_volume import MAX_VOXELS
+from renderer.scene.volume_section import MAX_VOXELS
 
 HERE = Path(__file__).resolve()
 

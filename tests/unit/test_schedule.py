@@ -12,10 +12,10 @@ from hypothesis import given, settings, strategies as st
 
 from renderer.scene import (
     MIN_TOLERANCE,
-    AccuracyGoal,
     CameraSpec,
     ControlPoint,
     ErrorSpec,
+    MetricTarget,
     OutputSpec,
     ProceduralSource,
     Scene,
@@ -41,7 +41,7 @@ SCENE = Scene(
     error=ErrorSpec(goal=SplatBudget(((0, 1000),)), finest_level=1),
     output=OutputSpec(Path("film.mp4")),
 )
-GOALS = (SplatBudget(((0, 1000), (9, 5))), TimeBudget(((0, 0.5),)), AccuracyGoal("psnr", 30), AccuracyGoal("rmse", 0.1))
+GOALS = (SplatBudget(((0, 1000), (9, 5))), TimeBudget(((0, 0.5),)), MetricTarget("psnr", 30), MetricTarget("rmse", 0.1))
 
 TOLERANCE = st.floats(MIN_TOLERANCE, sys.float_info.max)
 
@@ -93,7 +93,7 @@ def test_the_least_tolerance() -> None:
 
 
 @pytest.mark.parametrize("goal", GOALS, ids=lambda goal: type(goal).__name__)
-def test_a_goal_may_come_to_any_tolerance(goal: SplatBudget | TimeBudget | AccuracyGoal) -> None:
+def test_a_goal_may_come_to_any_tolerance(goal: SplatBudget | TimeBudget | MetricTarget) -> None:
     error = ErrorSpec(goal=goal)
     assert min_tolerance(error) == 0.0
     with pytest.raises(AssertionError, match="to be resolved first"):

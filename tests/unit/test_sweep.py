@@ -14,10 +14,10 @@ import pytest
 from renderer.draw import CellEdges
 from renderer.frame import Stage, make_primitive, prepare_stage
 from renderer.scene import (
-    AccuracyGoal,
     CameraSpec,
     ControlPoint,
     ErrorSpec,
+    MetricTarget,
     OutputSpec,
     ProceduralSource,
     Scene,
@@ -210,7 +210,7 @@ def test_the_scenes_own_tolerance_is_among_those_that_are_chosen(stage: Stage) -
 
 def test_a_scene_without_a_tolerance_of_its_own_adds_none(stage: Stage) -> None:
     """Where one has to be found for a goal, the field holds no more than the default."""
-    goal = ErrorSpec(tolerance=((0, 0.123),), goal=AccuracyGoal("psnr", 30.0))
+    goal = ErrorSpec(tolerance=((0, 0.123),), goal=MetricTarget("psnr", 30.0))
     plan = plan_sweep(replace(stage.scene, error=goal), lambda _: stage, [goal], [SplatSpec()], None)
     assert 0.123 not in [p.tolerance for p in plan] and len(plan) > 2
     assert {p.scene.error.goal for p in plan} == {None}

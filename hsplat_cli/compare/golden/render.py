@@ -15,7 +15,7 @@ from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import Job, load_job
 from hsplat_cli.terminal import Reporter
 from renderer.errors import InputError, RenderError
-from renderer.scene import AccuracyGoal, Scene, TimeBudget
+from renderer.scene import MetricTarget, Scene, TimeBudget
 
 _TEMPLATE = Path("frame-{frame}.png")
 
@@ -47,7 +47,7 @@ def _require_reproducible(scene: Scene, path: Path) -> None:
     goal = scene.error.goal
     if isinstance(goal, TimeBudget):
         what, where = "frames within a time budget differ from run to run", "error.seconds"
-    elif isinstance(goal, AccuracyGoal):
+    elif isinstance(goal, MetricTarget):
         what, where = "frames for an accuracy depend on the other frames", f"error.{goal.metric}"
     else:
         return

@@ -1,16 +1,16 @@
-"""Parse the scene's `transfer_function`: colours, control points and colormaps."""
+"""The scene's `transfer_function`: colours, control points and colormaps."""
 
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Annotated, Any
 
 from renderer.scene import schema
 from renderer.scene.colormaps import is_colormap, nearest_colormap
 from renderer.scene.message_text import did_you_mean, format_value
-from renderer.scene.schema import INVALID, TreeNode
-from renderer.scene.spec import Color, ColormapSpec, ControlPoint, TransferSpec
+from renderer.scene.schema import INVALID, Color, TreeNode
 
 COLOR_NAMES = {
     "black": "#000000",
@@ -84,8 +84,36 @@ def _parse_colormap(node: TreeNode) -> str:
 
 _COLORMAP = schema.FieldType("a name such as viridis, gray, cividis_r or crameri:batlow", _parse_colormap)
 
-_POINT_FIELDS: schema.FieldTable = {"value": schema.number_field(), "color": COLOR_FIELD, "opacity": _PART}
-_POINT = schema.section_field(_POINT_FIELDS, lambda node, given: ControlPoint(**given), required=tuple(_POINT_FIELDS))
+
+@dataclass(frozen=True)
+class ControlPoint:
+    """Colour and opacity (in [0, 1], per `TransferSpec.unit`) at a scalar value, in data units."""
+
+    value: Annotated[float, schema.number_field()]
+    color: Annotated[Color, COLOR_FIELD]
+    opacity: Annotated[float, _PART]
+
+
+@dataclass(frozen=True)
+class ColormapSpec:
+    """A named colormap stretched over `range`, with opacity points (value, opacity)."""
+
+    name: str
+    range: tuple[float, float]
+    opacity: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class TransferSpec:
+    """Scalar to colour and extinction: either control points, values not descending, or a colormap.
+
+    `unit` is the world length that opacities refer to; None means the volume's finest spacing.
+    """
+
+    mapping: tuple[ControlPoint, ...] | ColormapSpec
+    unit: float | None = None
+
+
 _VALUE_RANGE = schema.sequence_field(schema.number_field(), "[low, high]: two numbers, low less than high", count=2)
 
 
@@ -101,7 +129,9 @@ _OPACITY_POINT = schema.FieldType("[value, opacity]: a number, and a number from
 
 _FIELDS: schema.FieldTable = {
     "unit": schema.LENGTH_FIELD,
-    "points": schema.sequence_field(_POINT, "a list of {value: ..., color: ..., opacity: ...}, one or more"),
+    "points": schema.sequence_field(
+        schema.dataclass_field(ControlPoint), "a list of {value: ..., color: ..., opacity: ...}, one or more"
+    ),
     "colormap": _COLORMAP,
     "range": _VALUE_RANGE,
     "opacity": schema.sequence_field(_OPACITY_POINT, "a list of [value, opacity], one or more"),

@@ -1,16 +1,20 @@
-"""Parse the scene's `output`: the file, its size, and what each format allows."""
+"""The scene's `output`: the file, its size, and what each format allows."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Annotated, Any
 
 from renderer.scene import schema
 from renderer.scene.message_text import format_value
-from renderer.scene.parse_transfer import COLOR_FIELD
-from renderer.scene.schema import INVALID, TreeNode
-from renderer.scene.spec import FRAME_FIELD, OutputSpec
+from renderer.scene.schema import INVALID, Color, TreeNode
+from renderer.scene.transfer_section import COLOR_FIELD
+
+# The frame number in file names, padded with zeros to at most nine digits, so that names sort in frame order.
+FRAME_FIELD = re.compile(r"\{frame(:0[1-9]d?)?\}")
 
 MAX_SIDE = 16384
 
@@ -46,22 +50,25 @@ _SIZE = schema.sequence_field(
     f"[width, height]: two whole numbers from 1 to {MAX_SIDE}",
     count=2,
 )
-_BACKGROUND = schema.FieldType(
-    COLOR_FIELD.expected + ", or transparent",
-    lambda node: None if node.value == "transparent" else COLOR_FIELD.read(node),
-    COLOR_FIELD.empty_hint,
-)
-
-_FIELDS: schema.FieldTable = {
-    "file": OUTPUT_FILE_FIELD,
-    "size": _SIZE,
-    "frames_per_second": schema.number_field(minimum=0.01, maximum=1000),
-    "background": _BACKGROUND,
-    "quality": schema.number_field(minimum=0, maximum=10),
-}
+_BACKGROUND = schema.word_or({"transparent": None}, COLOR_FIELD, COLOR_FIELD.expected + ", or transparent")
 
 
-def _build_output(node: TreeNode, given: dict[str, Any]) -> OutputSpec:
+@dataclass(frozen=True)
+class OutputSpec:
+    """The file, its size and its encoding.
+
+    file: ends in .mp4 or .gif, or is a template of PNG frames such as `frames/{frame:04}.png` or, for one frame, a PNG.
+        background: None is transparent (PNG, straight alpha). quality: 0 (smallest) to 10 (best), for MP4.
+    """
+
+    file: Annotated[Path, OUTPUT_FILE_FIELD]
+    size: Annotated[tuple[int, int], _SIZE] = (512, 512)
+    frames_per_second: Annotated[float, schema.number_field(minimum=0.01, maximum=1000)] = 30.0
+    background: Annotated[Color | None, _BACKGROUND] = (0.0, 0.0, 0.0)
+    quality: Annotated[float, schema.number_field(minimum=0, maximum=10)] = 8.0
+
+
+def _check_output(node: TreeNode, given: dict[str, Any]) -> None:
     file, size = given["file"], given.get("size", OutputSpec.size)
     suffix = file.suffix.lower() if isinstance(file, Path) else None
     if suffix in (".mp4", ".gif") and given.get("background", INVALID) is None:
@@ -84,10 +91,9 @@ def _build_output(node: TreeNode, given: dict[str, Any]) -> OutputSpec:
             got=format_value(given["frames_per_second"]),
             expected=f"at most {MAX_GIF_RATE}: viewers slow down faster ones",
         )
-    return OutputSpec(**given)
 
 
-OUTPUT_SECTION = schema.section_field(_FIELDS, _build_output, required=("file",))
+OUTPUT_SECTION = schema.dataclass_field(OutputSpec, _check_output)
 
 
 def check_frame_field(node: TreeNode, given: Mapping[str, Any]) -> None:

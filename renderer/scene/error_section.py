@@ -1,0 +1,195 @@
+"""The scene's `error`: a tolerance, or a goal that determines it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+from renderer.scene import schema
+from renderer.scene.camera_section import FRAME_NUMBER_FIELD, check_frame_in_path
+from renderer.scene.message_text import format_value, join_words
+from renderer.scene.metric_target import MetricTarget
+from renderer.scene.schema import INVALID, TreeNode
+
+# The smallest tolerance besides 0: smaller numbers have fewer digits, which interpolation would lose.
+MIN_TOLERANCE = 1e-300
+
+# Cells of this level are wider than any volume: voxel indices along an axis are int32.
+MAX_LEVEL = 30
+
+# More cells than any volume has voxels.
+MAX_SPLATS = 10**12
+
+# A frame takes longer than the first; the second is a day.
+MIN_SECONDS, LONGEST_S = 1e-4, 86400.0
+
+MAX_PSNR_DB = 200.0
+
+
+# (frame, value) in ascending frame order. One entry is constant; between two entries the value's logarithm is linear.
+ByFrame = tuple[tuple[int, float], ...]
+
+
+@dataclass(frozen=True)
+class SplatBudget:
+    """The finest cut of at most this many cells, or bricks."""
+
+    by_frame: ByFrame
+
+
+@dataclass(frozen=True)
+class TimeBudget:
+    """The finest cut that this machine draws, rounds and encodes in this many seconds a frame."""
+
+    by_frame: ByFrame
+
+
+@dataclass(frozen=True)
+class ErrorSpec:
+    """The error schedule: a tolerance by frame or, with a `goal`, one that is found for it.
+
+    goal: a `MetricTarget` asks for the coarsest tolerance, one for the whole film, that reaches it. finest_level: cells
+        smaller than `2^finest_level` voxels are not drawn, whatever their error.
+    """
+
+    tolerance: ByFrame = ((0, 0.1),)
+    measure: Literal["optical", "rms"] = "optical"
+    of: Literal["classified", "scalar"] = "classified"
+    finest_level: Annotated[int, schema.integer_field(minimum=0, maximum=MAX_LEVEL)] = 0
+    goal: SplatBudget | TimeBudget | MetricTarget | None = None
+
+
+def schedule_to_dict(error: ErrorSpec) -> dict[str, Any]:
+    """Return the key of the `error` section that sets the accuracy, with its value."""
+    goal = error.goal
+    if isinstance(goal, MetricTarget):
+        return {goal.metric: goal.value}
+    (frame, first), *more = by_frame = error.tolerance if goal is None else goal.by_frame
+    value = first if frame == 0 and not more else dict(by_frame)  # keys become text in JSON, and are read so
+    return {_schedule_key(error): value}
+
+
+def _schedule_key(error: ErrorSpec) -> str:
+    return {SplatBudget: "splats", TimeBudget: "seconds"}.get(type(error.goal), "tolerance")
+
+
+def _by_frame(item: schema.FieldType[Any], example: str) -> schema.FieldType[ByFrame]:
+    """Return the type of a constant, or of values by frame in ascending order."""
+
+    def parse(node: TreeNode) -> ByFrame:
+        if not isinstance(node.value, Mapping):
+            return ((0, item.read(node)),)
+        if not node.value:
+            return field.reject(node, "empty", got="")
+        found: list[tuple[int, float]] = []
+        for key, written in node.value.items():
+            frame = FRAME_NUMBER_FIELD.read(node.key(key))  # text, too: JSON has no other keys
+            at = item.read(node.child(key, written))
+            if frame is not INVALID:
+                _require_ascending(node.key(key), frame, found)
+                found.append((frame, at))
+        return tuple(found) or INVALID
+
+    field = schema.FieldType(f"{item.expected}, or by frame, such as {example}", parse)
+    return field
+
+
+def _require_ascending(key: TreeNode, frame: int, found: list[tuple[int, float]]) -> None:
+    last = found[-1][0] if found else -1
+    if frame == last:
+        key.add_problem("the same frame twice", got=format_value(frame))
+    elif frame < last:
+        key.add_problem("frames out of order", got=f"{frame} after {last}", expected="frames in ascending order")
+
+
+def _parse_tolerance(node: TreeNode) -> ByFrame:
+    by_frame = _TOLERANCES.read(node)
+    if isinstance(node.value, Mapping) and by_frame is not INVALID:
+        for (start, before), (end, after) in pairwise(by_frame):
+            if INVALID not in (before, after) and (before == 0) != (after == 0) and end - start > 1:
+                node.child(start if before == 0 else end).add_problem(
+                    "0 in a tolerance by frame, with frames between it and another",
+                    got=format_value({start: before, end: after}),
+                    expected="a number greater than 0",
+                    hint="it is interpolated in the logarithm; "
+                    f"{format_value({start: before, end - 1: before, end: after})} goes from one to the other at once",
+                )
+    return by_frame
+
+
+def _parse_number(node: TreeNode) -> float:
+    value = schema.number_field(minimum=0).parse(node)
+    if value is not INVALID and 0 < value < MIN_TOLERANCE:
+        expected = f"0, or a number of at least {format_value(MIN_TOLERANCE)}"
+        return _TOLERANCE.reject(node, "out of range", expected=expected)
+    return value
+
+
+_TOLERANCE = schema.FieldType(schema.number_field(minimum=0).expected, _parse_number)
+_TOLERANCES = _by_frame(_TOLERANCE, "{0: 0.5, 60: 0.02}")
+_SPLATS_HINT = "1 is the whole volume as one splat; tolerance: 0 has no limit"
+_SECONDS_HINT = "it is the time for each frame; the quickest is splats: 1"
+_PSNR_HINT = "it is in decibels, the more the better: at 30 flaws are seen, at 40 hardly any"
+_RMSE_HINT = "nothing is as exact as that; tolerance: 0 draws every voxel"
+
+# An `error` has one of these keys.
+_SCHEDULES: dict[str, schema.FieldType[Any]] = {
+    "tolerance": replace(_TOLERANCES, parse=_parse_tolerance),
+    "splats": _by_frame(
+        schema.integer_field(minimum=1, maximum=MAX_SPLATS, zero_hint=_SPLATS_HINT), "{0: 1000, 60: 100000}"
+    ),
+    "seconds": _by_frame(
+        schema.number_field(minimum=MIN_SECONDS, maximum=LONGEST_S, zero_hint=_SECONDS_HINT), "{0: 0.1, 60: 2}"
+    ),
+    "psnr": schema.number_field(above=0, maximum=MAX_PSNR_DB, zero_hint=_PSNR_HINT),
+    "rmse": schema.number_field(above=0, maximum=1, zero_hint=_RMSE_HINT),
+}
+# The goals that these are, but for the tolerance.
+_GOALS: dict[str, Any] = {
+    "splats": SplatBudget,
+    "seconds": TimeBudget,
+    "psnr": partial(MetricTarget, "psnr"),
+    "rmse": partial(MetricTarget, "rmse"),
+}
+
+
+def _build_error(node: TreeNode, given: dict[str, Any]) -> ErrorSpec:
+    if given.get("of") == "scalar" and given.get("measure", ErrorSpec.measure) == "optical":
+        node.child("of").add_problem(
+            "contradicts measure: optical",
+            got=format_value("scalar"),
+            expected="classified",
+            hint="the error of the scalar needs measure: rms",
+        )
+    written = node.value if isinstance(node.value, Mapping) else {}
+    schedules = [key for key in given if key in _SCHEDULES and key in written]  # misspelt ones are given, too
+    for other in schedules[1:]:
+        node.key(other).add_problem(
+            f"a second schedule beside {schedules[0]}",
+            expected=f"one of {join_words(_SCHEDULES)}",
+            hint=f"leave one out, as --set error.{schedules[0]}=null does",
+        )
+    rest = {key: value for key, value in given.items() if key not in _SCHEDULES}
+    if not schedules:
+        return ErrorSpec(**rest)
+    name = schedules[0]
+    if name in _GOALS:
+        return ErrorSpec(**rest, goal=_GOALS[name](given[name]))
+    return ErrorSpec(**rest, tolerance=given[name])
+
+
+ERROR_SECTION = schema.section_field(_SCHEDULES | schema.field_table(ErrorSpec), _build_error)
+
+
+def check_scheduled_frames(node: TreeNode, given: Mapping[str, Any]) -> None:
+    """Check that the camera's path has all scheduled frames; `given` holds the sections of the whole scene."""
+    num_frames = getattr(getattr(given["camera"], "path", None), "frames", None)
+    error = given.get("error")
+    if not isinstance(error, ErrorSpec):
+        return
+    by_frame = getattr(error.goal, "by_frame", error.tolerance)
+    for frame, _ in by_frame if isinstance(by_frame, tuple) else ():
+        check_frame_in_path(node.child(_schedule_key(error)).key(frame), frame, num_frames)

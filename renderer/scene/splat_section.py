@@ -1,0 +1,102 @@
+"""The scene's `splat`: what is drawn for a cell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Any, Literal, get_args
+
+from renderer.scene import schema
+from renderer.scene.message_text import format_value
+from renderer.scene.schema import INVALID, TreeNode
+
+Footprint = Literal["gaussian", "gouraud", "integrated"]
+_GOURAUD_KEYS = ("angular", "radial", "profile")
+_HINTS_GOURAUD = dict.fromkeys(_GOURAUD_KEYS, "only footprint: gouraud has it")
+_HINTS_INTEGRATED = _HINTS_GOURAUD | {
+    "sigma": "it draws the field itself, which no footprint blurs",
+    "opacity_correction": "it integrates opacity along each ray, which includes the correction",
+    "order": "bricks do not overlap, so their only order is exact",
+}
+_ALIASES = {"box": "integrated", "boxes": "integrated", "bricks": "integrated", "integral": "integrated"}
+_WEIGHT = schema.number_field(minimum=0, maximum=1)
+# Weights are divided by the largest one.
+MIN_PROFILE_WEIGHT = 1e-6
+_PROFILE_WORDS = "a list of [radius, weight], both from 0 to 1, with radius ascending from 0 to 1"
+_PROFILE = schema.sequence_field(
+    schema.sequence_field(_WEIGHT, "[radius, weight], both from 0 to 1", count=2), _PROFILE_WORDS
+)
+
+
+@dataclass(frozen=True)
+class SplatSpec:
+    """What is drawn, and how.
+
+    footprint: `integrated`, the default of a scene, integrates the field through bricks of cells in their exact order
+        and has no other settings; a section that sets anything asks for splats. sigma: the standard deviation of the
+        footprint in cells. angular, radial, profile: the shape of the `gouraud` footprint; `profile` holds pairs of
+        radius and weight, both in [0, 1], with the radius from 0 to 1.
+    """
+
+    footprint: Annotated[Footprint, schema.choice_field(*get_args(Footprint), aliases=_ALIASES)] = "gaussian"
+    sigma: Annotated[float, schema.number_field(minimum=0.38, maximum=2)] = 0.425
+    angular: Annotated[int, schema.integer_field(minimum=3, maximum=64)] = 8
+    radial: Annotated[int, schema.integer_field(minimum=1, maximum=32)] = 3
+    profile: Annotated[tuple[tuple[float, float], ...], _PROFILE] = ((0.0, 1.0), (0.5, 0.6), (1.0, 0.0))
+    opacity_correction: bool = True
+    order: Literal["depth", "unmixed", "boxes"] = "depth"
+
+    @property
+    def primitive_name(self) -> str:
+        """What is drawn, in the singular, for messages."""
+        return "brick" if self.footprint == "integrated" else "splat"
+
+
+def _build_splat(node: TreeNode, given: dict[str, Any]) -> SplatSpec:
+    """Build the section. A section with any key asks for splats, so an empty one has no effect."""
+    if not given:
+        return SplatSpec("integrated")
+    footprint = given.get("footprint", SplatSpec.footprint)
+    hints = unused_splat_keys(footprint)
+    for key in schema.valid_keys(given, *hints):
+        if "footprint" in given:
+            node.key(key).add_problem(f"contradicts footprint: {footprint}", hint=hints[key])
+        else:  # nobody has written what it contradicts
+            hint = f"this section gives no footprint, so it is {footprint}, which has no {key}"
+            node.key(key).add_problem("needs footprint: gouraud", hint=hint)
+    profile = given.get("profile", INVALID)
+    if isinstance(profile, tuple) and all(isinstance(pair, tuple) and INVALID not in pair for pair in profile):
+        _check_profile(node.child("profile"), profile, given.get("radial", SplatSpec.radial))
+    return SplatSpec(**given)
+
+
+def unused_splat_keys(footprint: str) -> dict[str, str]:
+    """Return the keys that mean nothing for a footprint, with a hint for each."""
+    return {"gaussian": _HINTS_GOURAUD, "integrated": _HINTS_INTEGRATED}.get(footprint, {})
+
+
+def _check_profile(node: TreeNode, profile: tuple[tuple[float, float], ...], num_rings: int) -> None:
+    radii = [radius for radius, _ in profile]
+    if radii[0] != 0 or radii[-1] != 1 or radii != sorted(set(radii)):
+        node.add_problem("radius does not ascend from 0 to 1", got=format_value(radii), expected=_PROFILE_WORDS)
+    elif all(weight == 0 for _, weight in profile):
+        node.add_problem("every weight is 0", expected="a weight greater than 0")
+    elif isinstance(num_rings, int) and max(_profile_at_rings(profile, num_rings)) < MIN_PROFILE_WEIGHT:
+        node.add_problem(
+            "no weight at the radii that the footprint has",
+            got=format_value(profile),
+            expected=f"a weight of at least {MIN_PROFILE_WEIGHT:g} at one of the radii k / {num_rings}",
+            hint="a larger splat.radial has more radii",
+        )
+
+
+def _profile_at_rings(profile: tuple[tuple[float, float], ...], num_rings: int) -> Iterator[float]:
+    """Yield the profile, linear between its points, at the radii k / num_rings from 0 to 1."""
+    for ring in range(num_rings + 1):
+        radius = ring / num_rings
+        (first, before), (end, after) = next(pair for pair in pairwise(profile) if radius <= pair[1][0])
+        yield before + (after - before) * ((radius - first) / (end - first))
+
+
+SPLAT_SECTION = schema.section_field(schema.field_table(SplatSpec), _build_splat)

@@ -1,0 +1,253 @@
+"""The scene's `volume`: the source of the voxels, checked as far as possible without reading them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from renderer.scene import schema
+from renderer.scene.message_text import did_you_mean, format_value
+from renderer.scene.schema import TreeNode
+
+# The volumes of `renderer.readers.procedural`; here, so that names are checked without numpy.
+PROCEDURAL_NAMES = ("engine_block", "constant", "single_voxel", "marschner_lobb")
+
+ITEM_SIZES = {f"{kind}{8 * size}": size for size in (1, 2, 4, 8) for kind in ("uint", "int")}
+ITEM_SIZES |= {f"float{8 * size}": size for size in (2, 4, 8)}
+_ALIASES = {
+    "byte": "uint8",
+    "uchar": "uint8",
+    "char": "int8",
+    "ushort": "uint16",
+    "short": "int16",
+    "uint": "uint32",
+    "int": "int32",
+    "half": "float16",
+    "float": "float32",
+    "double": "float64",
+}
+
+# 2**16 voxels along an axis and 2**36 (4096 cubed) in total keep all indices and byte counts within 64 bits, with room
+# for node numbers. Any volume that fits in memory is accepted.
+MAX_AXIS = 2**16
+MAX_VOXELS = 2**36
+
+_HEADERLESS = (".raw", ".bin", ".dat")
+
+
+def _triple(item: schema.FieldType[Any], words: str) -> schema.FieldType[Any]:
+    return schema.sequence_field(item, f"[x, y, z]: {words}", count=3)
+
+
+_SHAPE = _triple(schema.integer_field(minimum=1, maximum=MAX_AXIS), f"three whole numbers from 1 to {MAX_AXIS}")
+_SPACING = _triple(
+    schema.LENGTH_FIELD, f"three lengths from {schema.MIN_WORLD_LENGTH:g} to {schema.MAX_WORLD_LENGTH:g}"
+)
+_SUBSET_INDEX = schema.integer_field(minimum=0, maximum=10**6)  # a time step or a component, counted from 0
+_CROP = schema.sequence_field(
+    schema.sequence_field(
+        schema.integer_field(minimum=0, maximum=MAX_AXIS),
+        "[first, end]: whole numbers with first less than end",
+        count=2,
+    ),
+    "[[x first, x end], [y first, y end], [z first, z end]]: voxel numbers from 0, each end one past the last",
+    count=3,
+)
+_NONFINITE = schema.word_or(
+    {"error": "error", "lowest": "lowest"}, schema.number_field(), "error, lowest or a finite number"
+)
+
+
+def _file_field(expected: str, *, folder: bool) -> schema.FieldType[Path]:
+    """Return the type of an existing file (or folder), relative to the node's base."""
+
+    def parse(node: TreeNode) -> Path:
+        if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
+            return field.reject(node, "not a file name")
+        path = node.base / node.value
+        got = str(path) if str(path).isprintable() else repr(str(path))
+        try:
+            is_file, is_folder, is_other = path.is_file(), path.is_dir(), path.exists()
+        except OSError as error:  # a folder without permission, a name that is too long
+            return field.reject(node, f"cannot be read: {error.strerror}", got=format_value(str(path)))
+        if folder and is_file and path.suffix.lower() in _HEADERLESS:
+            hint = "give volume.raw: {file: ..., shape: [...], dtype: ...} instead"
+            return field.reject(node, "a file without a header", got=got, hint=hint)
+        if is_folder and not folder:
+            return field.reject(node, "a folder", got=got)
+        if is_file or is_folder:
+            return path
+        if is_other:
+            return field.reject(node, "neither a file nor a folder", got=got, hint="write a pipe's content to a file")
+        return field.reject(node, "no such file", got=got, hint=_missing_file_hint(path))
+
+    field = schema.FieldType(expected, parse)
+    return field
+
+
+def _missing_file_hint(path: Path) -> str | None:
+    """Return a hint for a missing file."""
+    try:
+        others = sorted(entry.name for entry in path.parent.iterdir() if entry.suffix not in (".yaml", ".yml"))
+    except (OSError, ValueError):
+        return schema.TILDE_HINT if "~" in path.parts else "its folder is not there, either"
+    return did_you_mean(path.name, others)
+
+
+# Numbers of voxels and their sides, along x, y, z.
+Shape = Annotated[tuple[int, int, int], _SHAPE]
+Spacing = Annotated[schema.Vector, _SPACING]
+
+
+@dataclass(frozen=True)
+class FileSource:
+    """A volume in a format that describes itself: a file, or a folder (DICOM series or TIFF stack).
+
+    `spacing` replaces the lengths in the file; directions and origin are kept.
+    """
+
+    file: Path
+    spacing: schema.Vector | None = None
+
+
+@dataclass(frozen=True)
+class RawSource:
+    """Headerless voxels, x fastest; `dtype` is a numpy name without byte order, `offset` the bytes to skip."""
+
+    file: Annotated[Path, _file_field("a file of voxels without a header", folder=False)]
+    shape: Shape
+    dtype: Annotated[str, schema.choice_field(*ITEM_SIZES, aliases=_ALIASES)]
+    byte_order: Literal["little", "big"] = "little"
+    spacing: Spacing = (1.0, 1.0, 1.0)
+    offset: Annotated[int, schema.integer_field(minimum=0, maximum=2**40)] = 0
+
+
+@dataclass(frozen=True)
+class ProceduralSource:
+    """A volume made from a formula."""
+
+    name: Annotated[str, schema.choice_field(*PROCEDURAL_NAMES)]
+    shape: Shape
+    seed: Annotated[int, schema.integer_field(minimum=0, maximum=2**32 - 1)] = 1
+    spacing: Spacing = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class ArraySource:
+    """Voxels in memory, of a scene that is made in Python: a numpy array [z, y, x], which is never written to."""
+
+    values: Any
+    spacing: schema.Vector = (1.0, 1.0, 1.0)
+
+    @property
+    def name(self) -> str:
+        """What to call it in messages."""
+        return "the array"
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of voxels along x, y, z."""
+        return tuple(self.values.shape[::-1])
+
+
+@dataclass(frozen=True)
+class VolumeSpec:
+    """The source of the voxels and the part to use; `crop` holds half-open voxel ranges (first, one past the last)
+    for x, y, z."""
+
+    source: FileSource | RawSource | ProceduralSource | ArraySource
+    time: Annotated[int | None, _SUBSET_INDEX] = None
+    component: Annotated[int | None, _SUBSET_INDEX] = None
+    crop: Annotated[tuple[tuple[int, int], tuple[int, int], tuple[int, int]] | None, _CROP] = None
+    nonfinite: Annotated[Literal["error", "lowest"] | float, _NONFINITE] = "error"
+
+
+def _build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
+    sources = [key for key in _SOURCES if key in given]
+    if not sources:
+        node.add_problem("no voxels", expected="one of file, raw and procedural")
+    for extra in sources[1:]:
+        node.key(extra).add_problem(f"contradicts {node.path}.{sources[0]}", expected="one source of voxels")
+    own = given.get("raw", given.get("procedural"))
+    source = FileSource(given["file"], given.get("spacing")) if "file" in given else own
+    rest = {key: value for key, value in given.items() if key not in (*sources, "spacing")}
+    if isinstance(source, (RawSource, ProceduralSource)):
+        if "spacing" in given:
+            what, place = f"a {sources[0]} volume has its own spacing", f"{node.path}.{sources[0]}.spacing"
+            node.key("spacing").add_problem(what, hint=f"give {place} instead")
+        for key in schema.valid_keys(given, "time", "component"):
+            node.key(key).add_problem(
+                f"a {sources[0]} volume has neither time steps nor components", hint="remove the key"
+            )
+    if "crop" in given:
+        _check_crop(node.child("crop"), given["crop"], getattr(source, "shape", None))
+    return VolumeSpec(source=source, **rest)  # type: ignore[arg-type]  # an INVALID source never leaves parse_scene
+
+
+def _check_procedural(node: TreeNode, given: dict[str, Any]) -> None:
+    if schema.valid_keys(given, "shape"):
+        _check_total(node.child("shape"), given["shape"])
+
+
+def _check_raw(node: TreeNode, given: dict[str, Any]) -> None:
+    if not (schema.valid_keys(given, "shape") and _check_total(node.child("shape"), given["shape"])):
+        return
+    shape, offset = given["shape"], given.get("offset", 0)
+    if len(schema.valid_keys(given, "file", "dtype")) < 2 or not isinstance(offset, int):
+        return
+    expected = offset + math.prod(shape) * ITEM_SIZES[given["dtype"]]
+    found = given["file"].stat().st_size
+    if found != expected:
+        node.child("file").add_problem(
+            "wrong size",
+            got=f"{found} bytes",
+            expected=f"{expected} bytes: {' x '.join(map(str, shape))} voxels of {given['dtype']}"
+            + (f" after {offset} bytes" if offset else ""),
+            hint=f"if the file begins with a header, set offset: {found - expected + offset}"
+            if found > expected
+            else "the file is cut short, or the shape or the dtype is not its own",
+        )
+
+
+def _check_total(node: TreeNode, shape: tuple[Any, ...]) -> bool:
+    """Return whether these are three axis lengths of a volume of legal size."""
+    if not all(isinstance(length, int) for length in shape):
+        return False
+    total: int = math.prod(shape)
+    if total > MAX_VOXELS:
+        node.add_problem("too many voxels", got=f"{total}", expected=f"at most {MAX_VOXELS} (4096 x 4096 x 4096)")
+    return total <= MAX_VOXELS
+
+
+def _check_crop(node: TreeNode, crop: Any, shape: Any) -> None:
+    """Check that ranges hold a voxel and lie in the volume, if its shape is known."""
+    for index, pair in enumerate(crop if isinstance(crop, tuple) else ()):
+        if not (isinstance(pair, tuple) and all(isinstance(end, int) for end in pair)):
+            continue
+        place = node.child(index)
+        first, end = pair
+        if first >= end:
+            place.add_problem(
+                "an empty range", got=format_value(pair), expected="[first, end] with first less than end"
+            )
+        elif isinstance(shape, tuple) and isinstance(shape[index], int) and end > shape[index]:
+            place.add_problem(
+                "outside the volume", got=format_value(pair), expected=f"an end of at most {shape[index]}"
+            )
+
+
+_ARRAY_HINT = "an array in memory, of a film that was made in Python: save it with numpy.save, and name that file"
+_SOURCES: dict[str, schema.FieldType[Any]] = {
+    "file": _file_field(
+        "an NRRD, MetaImage, NIfTI, TIFF or .npy file, or a folder of DICOM or TIFF slices", folder=True
+    ),
+    "raw": schema.dataclass_field(RawSource, _check_raw),
+    "procedural": schema.dataclass_field(ProceduralSource, _check_procedural),
+}
+VOLUME_SECTION = schema.section_field(
+    _SOURCES | {"spacing": _SPACING} | schema.field_table(VolumeSpec),
+    _build_volume,
+    misplaced_hints={"array": _ARRAY_HINT},
+)
