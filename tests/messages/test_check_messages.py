@@ -189,7 +189,7 @@ def test_a_key_without_its_section(key: str, scene_folder: Path, capsys: pytest.
         ("{tolerance: {0: 2, 5: 1, 12: 0.02, 23: 0.02}}", "tolerance 2 to 0.02"),
         ("{tolerance: {0: 2, 12: 2}}", "tolerance 2"),
         ("{tolerance: {0: 2, 5: 1, 12: 3, 13: 1, 23: 2}}", "tolerance 1 to 3"),
-        ("{splats: {0: 9, 5: 1, 12: 9}}", "at most 9 to 1 to 9 splats"),
+        ("{splats: {0: 9, 5: 1, 12: 9}}", "at most 9 to 1 to 9 bricks"),
     ],
 )
 def test_a_schedule_is_told_with_its_turns(

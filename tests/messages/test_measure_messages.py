@@ -125,17 +125,17 @@ def test_a_picture_too_small_for_ssim(measure) -> None:  # type: ignore[no-untyp
 
 
 def test_an_accuracy_beyond_full_resolution(measure) -> None:  # type: ignore[no-untyped-def]
-    code, said = measure("--want", "psnr=150")
+    code, said = measure("--want", "psnr=200")
     assert code == 1
     lines = said.splitlines()
-    assert lines[0] == "--want psnr=150: the requested accuracy is beyond full resolution"
+    assert lines[0] == "--want psnr=200: the requested accuracy is beyond full resolution"
     assert (
         lines[1].startswith("  got: psnr ")
         and "dB on frame " in lines[1]
-        and lines[1].endswith(" splats at tolerance 0")
+        and lines[1].endswith(" brick at tolerance 0")
     )
     hint = "  hint: want less; docs/footprints.md says what limits it"
-    assert lines[2:] == ["  expected: psnr 150.00 dB", hint]
+    assert lines[2:] == ["  expected: psnr 200.00 dB", hint]
 
 
 def test_a_truth_that_does_not_converge(measure) -> None:  # type: ignore[no-untyped-def]

@@ -85,7 +85,7 @@ def test_several_wrong_options_at_once(render: Render) -> None:
     assert render.fails("--set", "camera.distnace=3", "--volume", "scan.nrdd", "--output", "a.png") == (
         2,
         "--set camera.distnace=3: camera.distnace: unknown key\n"
-        "  expected: projection, field_of_view, target, distance, near or path\n"
+        "  expected: path, projection, field_of_view, target, distance or near\n"
         "  hint: did you mean distance?\n"
         "--volume scan.nrdd: volume.file: no such file\n"
         "  got: /scans/scan.nrdd\n"
@@ -196,7 +196,7 @@ def test_a_picture_too_large_for_the_device(render: Render, monkeypatch: pytest.
 
     monkeypatch.setattr(stages, "make_view", huge)
     monkeypatch.setattr(GLRasterizer, "renderer_name", "llvmpipe")
-    assert render.fails(*CONSTANT) == (
+    assert render.fails(*CONSTANT, "--set", "splat.footprint=gaussian") == (
         1,
         "llvmpipe: the device has no room for a picture of this size, or its context was lost\n"
         "  got: 1000000 x 8 pixels of 16 bytes\n"
