@@ -24,7 +24,9 @@ from renderer.cores import num_cores, num_drawing_threads
 from renderer.draw import RecoveringRasterizer, open_rasterizer
 from renderer.errors import InputError, SceneError
 from renderer.film import (
+    Picture,
     encode_png,
+    film_notes,
     frame_path,
     locked_output,
     open_film,
@@ -264,13 +266,13 @@ def render(
         require_encoder(made.output)
         plan = _plan(made, numbers, rasterizer)
         records = []
-        with open_film(made.output, numbers, staging_folder=folder) as writer:
+        with open_film(made.output, numbers, staging_folder=folder) as write:
             drawn = render_frames(plan.stage, numbers, rasterizer, clock=perf_counter, controller=plan.controller)
             for frame in drawn:
-                writer.write(frame.number, frame.image)
+                write(frame.number, Picture(frame.image))
                 records.append(frame_record(frame))
         read = plan.stage.volume.note
-        notes = [*([read] if read else []), *writer.notes, *rasterizer.notes, *visibility_notes(records)]
+        notes = [*([read] if read else []), *film_notes(made.output), *rasterizer.notes, *visibility_notes(records)]
         missed = {} if plan.shortfall is None else {"shortfall": str(plan.shortfall)}
         schedule = {"asked": schedule_to_dict(made.error), "met": not missed, **missed}
         content = film_record(plan.stage, records, rasterizer.renderer_name) | {"schedule": schedule, "notes": notes}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from hsplat_cli.films.fingerprint import JobFingerprint, fingerprint_record
 from hsplat_cli.films.goals import shortfall_of
@@ -14,7 +14,6 @@ from hsplat_cli.films.sidecar_record import (
     rerender_notes,
     schedule_record,
     summary_parts,
-    with_digests,
 )
 from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import Reporter
@@ -61,19 +60,18 @@ class Film:
         reporter.line(f"how it was made: {self.sidecar}")
 
 
-@dataclass(frozen=True)
-class DrawnPass:
-    """What drawing a film gave.
+class DrawnPass(NamedTuple):
+    """A pass whose frames are drawn and in the film.
 
-    file_notes: notes on the file. drivers: devices and drivers, as OpenGL names them. seconds: since the start of the
-    job. num_resumed: frames that an earlier job had drawn. passes: records of the passes of a progressive film so far.
+    notes: what the user should know. drivers: devices and drivers, as OpenGL names them. seconds: since the start of
+    the job. num_resumed: frames that an earlier job had drawn. passes: records of the passes of a progressive film.
     """
 
     frames: Sequence[Record]
-    file_notes: Sequence[str]
+    notes: Sequence[str]
     drivers: Sequence[str]
-    seconds: float = 0.0
-    num_resumed: int = 0
+    seconds: float
+    num_resumed: int
     passes: Sequence[Record] = ()
 
 
@@ -85,10 +83,10 @@ def finish_film(job: Job, plan: FilmPlan, drawn: DrawnPass, fingerprint: JobFing
     requested. Frames in files have digests in any case, because frames of another film may replace them one by one.
     """
     output, driver = job.scene.output, " and ".join(drawn.drivers)
-    frames, shortfall = with_digests(drawn.frames, output), shortfall_of(job, plan, drawn.frames)
+    frames, shortfall = drawn.frames, shortfall_of(job, plan, drawn.frames)
     schedule = schedule_record(job, plan, frames, shortfall)
     notes = [
-        *drawn.file_notes,
+        *drawn.notes,
         *driver_notes(drawn.drivers),
         *rerender_notes(job, driver),
         *visibility_notes(frames),

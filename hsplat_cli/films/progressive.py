@@ -17,11 +17,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from hsplat_cli.films.film import DrawnPass
 from hsplat_cli.films.goals import make_plan
 from hsplat_cli.films.sidecar_record import min_max, range_text
 from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import Reporter, pluralize_range
-from renderer.film import Record, picture_shape
+from renderer.film import picture_shape
 from renderer.frame import (
     BudgetController,
     LODCostEstimator,
@@ -143,11 +144,12 @@ class Refiner:
         if self.passes and time.perf_counter() > self._deadline:
             raise DeadlineReached
 
-    def finish_pass(self, frames: Sequence[Record], frame_seconds: float, seconds: float, total: float) -> str:
+    def finish_pass(self, drawn: DrawnPass, frame_seconds: float, seconds: float) -> str:
         """Record a pass and return a line about it.
 
-        frame_seconds: predicted, in the mean. seconds: what the pass took. total: seconds since the start of the job.
+        frame_seconds: predicted, in the mean. seconds: what the pass took.
         """
+        frames = drawn.frames
         predicted_seconds = frame_seconds * len(frames)
         change = self.comparison.finish_pass()
         tolerances, cells = (min_max(frame[key] for frame in frames) for key in ("tolerance", "cells"))
@@ -157,7 +159,7 @@ class Refiner:
                 "cells": cells,
                 "predicted_seconds": predicted_seconds,
                 "seconds": seconds,
-                "after_seconds": total,
+                "after_seconds": drawn.seconds,
                 "difference": change,
             }
         )

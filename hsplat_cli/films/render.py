@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -24,9 +24,10 @@ from hsplat_cli.films.sidecar_record import with_seconds
 from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import Reporter, counted, deferrable_interrupts
 from renderer.film import (
-    FilmWriter,
     FrameCheckpoint,
     Record,
+    bytes_digest,
+    film_notes,
     has_frame_files,
     locked_output,
     open_film,
@@ -97,15 +98,14 @@ class _FilmRenderer:
         plan = make_plan(LODCostEstimator(prepared.stage), job.frames, self._executor.rasterizer, reporter)
         prepared = replace(prepared, stage=None)  # its volume may move
         checkpoint = resume_checkpoint(prepared, plan, self._folder, reporter, force=force)
-        num_resumed = len(checkpoint.records)
+        num_missing = len(job.frames) - len(checkpoint.records)
         label = "drawing" if self._is_auxiliary else job.scene.output.file.name
         with deferrable_interrupts() as defer_interrupts:
             try:
-                with self._executor.for_plan(plan, len(job.frames) - num_resumed) as drawer:
+                with self._executor.for_plan(plan, num_missing) as drawer:
                     del plan  # its volume may move
                     drawn = self._draw(job, drawer, label, defer_interrupts, checkpoint)
                     plan = drawer.plan
-                drawn = replace(drawn, seconds=time.perf_counter() - self._start, num_resumed=num_resumed)
                 film = finish_film(job, plan, drawn, prepared.fingerprint, self._folder)
             except BaseException:
                 if not self._is_auxiliary:
@@ -128,9 +128,8 @@ class _FilmRenderer:
                 with deferrable_interrupts() as defer_interrupts:
                     with self._executor.for_plan(plan, len(job.frames)) as drawer:
                         drawn = self._draw(job, drawer, label, defer_interrupts, refiner=refiner)
-                    now = time.perf_counter()
-                    summary = refiner.finish_pass(drawn.frames, frame_seconds, now - start, now - self._start)
-                    drawn = replace(drawn, seconds=now - self._start, passes=refiner.passes)
+                    summary = refiner.finish_pass(drawn, frame_seconds, time.perf_counter() - start)
+                    drawn = drawn._replace(passes=refiner.passes)
                     film = self._finish(prepared, plan, drawn)
                     self._reporter.line(summary)
             if refiner.accepted is not None:
@@ -168,21 +167,38 @@ class _FilmRenderer:
 
         finishing: called before files get their final names.
         """
-        output = job.scene.output
-        missing = [number for number in job.frames if checkpoint is None or number not in checkpoint.records]
+        output, finished = job.scene.output, checkpoint.records if checkpoint else {}
+        missing = [number for number in job.frames if number not in finished]
         is_missing = frozenset(missing).__contains__
+        has_film = checkpoint is None or not has_frame_files(output)  # frame files are those of the checkpoint
         records: list[Record] = []
-        notes: Sequence[str] = ()
         with contextlib.ExitStack() as stack:
-            film = None
-            if checkpoint is None or not has_frame_files(output):
-                film = stack.enter_context(
-                    open_film(output, job.frames, staging_folder=self._folder, before_rename=finishing)
-                )
-                notes = film.notes
+            film = open_film(output, job.frames, staging_folder=self._folder, before_rename=finishing)
+            write = stack.enter_context(film) if has_film else None
             bar = stack.enter_context(self._reporter.progress(len(missing), label=label))
             drawing = stack.enter_context(contextlib.closing(drawer.draw(missing)))
-            store = partial(_store, checkpoint, refiner, film)
+
+            def store(number: int, drawn: FrameResult | None) -> Record:
+                """Store a frame that was drawn, or take that of the checkpoint for the film; return its record."""
+                before = time.perf_counter()
+                if drawn is None:
+                    assert checkpoint is not None
+                    if write is None:
+                        return finished[number]
+                    record, picture = finished[number], checkpoint.picture(number)
+                else:
+                    record, picture = drawn.record, drawn.picture
+                    if checkpoint is not None:
+                        record = checkpoint.save_frame(number, picture.png, record)
+                    elif has_frame_files(output):
+                        record = {**record, "digest": bytes_digest(picture.png)}
+                if write is not None:
+                    write(number, picture)
+                record = with_seconds(record, encode=time.perf_counter() - before)
+                if refiner is not None:
+                    refiner.comparison.add_frame(number, picture.pixels)
+                return record
+
             tasks = (partial(store, n, next(drawing) if is_missing(n) else None) for n in job.frames)
             # On a time budget each frame is stored before the next one is drawn: both count.
             run = run_sequentially if drawer.plan.is_timing_dependent else run_overlapped
@@ -192,33 +208,9 @@ class _FilmRenderer:
                     refiner.require_time()
                 if is_missing(record["frame"]):
                     bar.advance(counted(record["splats"], job.scene.splat.primitive_name))
-        if film is None:
+        if not has_film:
             finishing()
         elsewhere = [record["gl"] for record in records if "gl" in record]
         drivers = list(dict.fromkeys([*elsewhere, *drawer.drivers])) or [self._executor.renderer_name]
-        return DrawnPass(records, [*notes, *drawer.notes], drivers)
-
-
-def _store(
-    checkpoint: FrameCheckpoint | None,
-    refiner: Refiner | None,
-    film: FilmWriter | None,
-    number: int,
-    drawn: FrameResult | None,
-) -> Record:
-    """Store a frame that was drawn, or take that of the checkpoint for the film; return its record."""
-    before = time.perf_counter()
-    if drawn is None:
-        assert checkpoint is not None
-        record = checkpoint.records[number]
-        if film is None:
-            return record
-        film.write(number, checkpoint.picture(number).pixels)
-        return with_seconds(record, encode=time.perf_counter() - before)
-    record = drawn.record if checkpoint is None else checkpoint.save_frame(number, drawn.picture.png, drawn.record)
-    if film is not None:
-        film.write(number, drawn.picture.pixels)
-    record = with_seconds(record, encode=time.perf_counter() - before)
-    if refiner is not None:
-        refiner.comparison.add_frame(number, drawn.picture.pixels)
-    return record
+        notes = [*(film_notes(output) if has_film else ()), *drawer.notes]
+        return DrawnPass(records, notes, drivers, time.perf_counter() - self._start, len(job.frames) - len(missing))

@@ -10,15 +10,8 @@ from typing import TYPE_CHECKING, Any
 from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import counted, pluralize_range
 from renderer.errors import RenderError
-from renderer.film import Record, file_digest, frame_path, has_frame_files, translate_os_errors
-from renderer.scene import (
-    OutputSpec,
-    TimeBudget,
-    format_value,
-    printable_text,
-    schedule_to_dict,
-    scheduled_value,
-)
+from renderer.film import Record
+from renderer.scene import TimeBudget, format_value, printable_text, schedule_to_dict, scheduled_value
 from renderer.study import FilmPlan
 from renderer.versions import package_versions, sources_digest
 
@@ -35,18 +28,6 @@ TIME_BUDGET_MARGIN = 0.2
 def with_seconds(record: Record, **seconds: float) -> Record:
     """Return a frame's record with the seconds of further steps."""
     return {**record, "seconds": {**record["seconds"], **seconds}}
-
-
-def with_digests(frames: Sequence[Record], output: OutputSpec) -> list[Record]:
-    """Return the records of existing frames, with the digests of their files where frames have files."""
-    if not has_frame_files(output):
-        return [*frames]
-    found: list[Record] = []
-    for frame in frames:
-        path = frame_path(output.file, frame["frame"])
-        with translate_os_errors(path):
-            found.append(frame if "digest" in frame else {**frame, "digest": file_digest(path)})
-    return found
 
 
 def frame_seconds(frame: Record) -> float:

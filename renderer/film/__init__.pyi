@@ -51,4 +51,9 @@ from .png import (
 from .quantization import quantize as quantize, require_finite as require_finite
 from .sidecar import write_sidecar as write_sidecar
 from .stream_tail import StreamTail as StreamTail
-from .writer import FilmWriter as FilmWriter, open_film as open_film, require_encoder as require_encoder
+from .writer import (
+    WriteFrame as WriteFrame,
+    film_notes as film_notes,
+    open_film as open_film,
+    require_encoder as require_encoder,
+)

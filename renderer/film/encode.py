@@ -7,7 +7,7 @@ import errno
 import os
 import signal
 import subprocess
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 
@@ -67,66 +67,45 @@ def gif_delay_cs(frames_per_second: float) -> int:
 @contextlib.contextmanager
 def open_encoder(
     size: tuple[int, int], frames_per_second: Fraction, options: Sequence[str], file: Path, output: Path
-) -> Iterator[Encoder]:
-    """Run ffmpeg, and yield an encoder whose pictures it writes to `file`, which is complete after the block.
+) -> Iterator[Callable[[npt.NDArray[np.uint8]], None]]:
+    """Run ffmpeg, and yield a function that encodes a picture, uint8 [h, w, 3]; `file` is complete after the block.
 
     size: (width, height) of the pictures. output: the final name of the file, for messages.
 
     Raises RenderError with the end of ffmpeg's messages if it cannot start, stops early or fails. However the block
     ends, ffmpeg has ended too.
     """
-    command = [find_ffmpeg(output), *_arguments(size, frames_per_second, options, file)]
-    encoder = Encoder(_start(command, output), output)
+    process = _start([find_ffmpeg(output), *_arguments(size, frames_per_second, options, file)], output)
+    assert process.stdin is not None and process.stderr is not None
+    pictures, stderr_tail = process.stdin, StreamTail(process.stderr)
+
+    def write(image: npt.NDArray[np.uint8]) -> None:
+        try:
+            pictures.write(image.tobytes())
+            pictures.flush()
+        except OSError as error:
+            what = "ffmpeg stopped before the film was complete"
+            raise _failure(what, process.wait(), stderr_tail.lines(), output) from error
+
     try:
-        yield encoder
-        encoder.finish()
+        yield write
+        pictures.close()
+        if status := process.wait():
+            raise _failure("ffmpeg could not complete the film", status, stderr_tail.lines(), output)
     finally:
-        encoder.kill()
-
-
-class Encoder:
-    """A running ffmpeg; made by `open_encoder`."""
-
-    def __init__(self, process: subprocess.Popen[bytes], output: Path) -> None:
-        assert process.stdin is not None
-        assert process.stderr is not None
-        self._process, self._pictures, self._output = process, process.stdin, output
-        self._stderr_tail = StreamTail(process.stderr)
-
-    def write(self, image: npt.NDArray[np.uint8]) -> None:
-        """Encode one picture, uint8 [h, w, 3]."""
-        try:
-            self._pictures.write(image.tobytes())
-            self._pictures.flush()
-        except OSError as error:
-            raise self._failure("ffmpeg stopped before the film was complete") from error
-
-    def finish(self) -> None:
-        """End the stream of pictures, and wait until ffmpeg has completed its file."""
-        try:
-            self._pictures.close()
-        except OSError as error:
-            raise self._failure("ffmpeg stopped before the film was complete") from error
-        if self._process.wait() != 0:
-            raise self._failure("ffmpeg could not complete the film")
-
-    def kill(self) -> None:
-        """End ffmpeg, if it still runs."""
-        self._process.kill()
-        self._process.wait()
+        process.kill()
+        process.wait()
         with contextlib.suppress(OSError):  # what is still buffered is lost
-            self._pictures.close()
-
-    def _failure(self, what: str) -> HsplatError:
-        status = self._process.wait()
-        words = "\n    ".join(self._stderr_tail.lines())  # aligned in a message
-        if os.strerror(errno.ENOSPC) in words:
-            return output_error(OSError(errno.ENOSPC, words), self._output)
-        return RenderError(what, where=str(self._output), got=words or f"{_exit_description(status)} and no message")
+            pictures.close()
 
 
-def _exit_description(status: int) -> str:
-    return f"signal {signal.Signals(-status).name}" if -status in set(signal.Signals) else f"exit status {status}"
+def _failure(what: str, status: int, lines: Sequence[str], output: Path) -> HsplatError:
+    """Return the error for a failure of ffmpeg with this exit status, which printed these lines."""
+    words = "\n    ".join(lines)  # aligned in a message
+    if os.strerror(errno.ENOSPC) in words:
+        return output_error(OSError(errno.ENOSPC, words), output)
+    exit_text = f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
+    return RenderError(what, where=str(output), got=words or f"{exit_text} and no message")
 
 
 def _arguments(size: tuple[int, int], rate: Fraction, options: Sequence[str], file: Path) -> list[str]:

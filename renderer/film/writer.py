@@ -7,48 +7,13 @@ from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
-from renderer.film.atomic import require_writable, staging, translate_os_errors
+from renderer.film.atomic import staging, translate_os_errors
 from renderer.film.encode import find_ffmpeg, gif_delay_cs, gif_options, mp4_options, open_encoder
 from renderer.film.names import frame_path, has_frame_files, picture_shape
-from renderer.film.png import encode_png
+from renderer.film.picture import Picture
 from renderer.scene import OutputSpec
 
-Image = npt.NDArray[np.uint8]
-
-
-class FilmWriter:
-    """Takes the frames of one film in order; made by `open_film`.
-
-    put: writes a frame. notes: what the user should know about the files, such as a frame rate that differs from the
-    one asked for.
-    """
-
-    def __init__(
-        self, output: OutputSpec, frames: Sequence[int], put: Callable[[int, Image], object], notes: Sequence[str] = ()
-    ) -> None:
-        self._shape, self._put = picture_shape(output), put
-        self._frames, self._num_written = tuple(frames), 0
-        self.notes = tuple(notes)
-
-    def write(self, frame: int, image: Image) -> None:
-        """Write the next frame: uint8 [h, w, 3], with a transparent background [h, w, 4] with straight alpha.
-
-        Raises RenderError if it cannot be written or the encoder fails.
-        """
-        assert not self.is_complete, f"frame {frame} is one too many"
-        assert frame == self._frames[self._num_written], f"frame {frame} came, not {self._frames[self._num_written]}"
-        assert image.dtype == np.uint8, image.dtype
-        assert image.shape == self._shape, f"{image.shape}, not {self._shape}"
-        self._put(frame, image)
-        self._num_written += 1
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether all frames were written."""
-        return self._num_written == len(self._frames)
+WriteFrame = Callable[[int, Picture], None]
 
 
 def require_encoder(output: OutputSpec) -> None:
@@ -64,60 +29,72 @@ def open_film(
     *,
     staging_folder: Path | None = None,
     before_rename: Callable[[], None] = lambda: None,
-) -> Iterator[FilmWriter]:
-    """Yield a writer for `frames`, all of which must be written, in this order.
+) -> Iterator[WriteFrame]:
+    """Yield a function that writes the next frame; it takes the frame's number and picture.
 
-    Files get their final names at the end of the block, one by one, when all are complete. If the block raises,
-    KeyboardInterrupt included, nothing is left. Whether the output can be written is tried at once. Raises InputError
-    if its name cannot be a file, RenderError if it cannot be written.
+    All frames must be written, in this order. Files get their final names at the end of the block, one by one, when all
+    are complete. If the block raises, KeyboardInterrupt included, nothing is left. Raises InputError if the name of
+    the output cannot be a file, RenderError if it cannot be written or the encoder fails.
 
     staging_folder: on the same disk, for incomplete files; None for beside the output.
     before_rename: called when everything is written, before files get their final names.
     """
     open_writer = _open_pngs if has_frame_files(output) else _open_video
+    remaining = iter(frames)
     with staging(staging_folder) as stage:
-        if has_frame_files(output) and frames:
-            require_writable(frame_path(output.file, frames[0]), staging_folder)
-        with open_writer(output, frames, stage) as writer:
-            yield writer
-            assert writer.is_complete, "frames are missing"
+        with open_writer(output, stage) as write:
+
+            def write_next(frame: int, picture: Picture) -> None:
+                assert frame == next(remaining, None), f"frame {frame} is not the next one"
+                write(frame, picture)
+
+            yield write_next
+            assert next(remaining, None) is None, "frames are missing"
         before_rename()
 
 
 @contextlib.contextmanager
-def _open_pngs(output: OutputSpec, frames: Sequence[int], stage: Callable[[Path], Path]) -> Iterator[FilmWriter]:
-    assert len({frame_path(output.file, frame) for frame in frames}) == len(frames), "frames share a file"
-
-    def put(frame: int, image: Image) -> None:
-        path, content = frame_path(output.file, frame), encode_png(image)
+def _open_pngs(output: OutputSpec, stage: Callable[[Path], Path]) -> Iterator[WriteFrame]:
+    def write(frame: int, picture: Picture) -> None:
+        path = frame_path(output.file, frame)
         with translate_os_errors(path):
-            stage(path).write_bytes(content)
+            stage(path).write_bytes(picture.png)
 
-    yield FilmWriter(output, frames, put)
+    yield write
 
 
 @contextlib.contextmanager
-def _open_video(output: OutputSpec, frames: Sequence[int], stage: Callable[[Path], Path]) -> Iterator[FilmWriter]:
+def _open_video(output: OutputSpec, stage: Callable[[Path], Path]) -> Iterator[WriteFrame]:
     assert output.background is not None, "only PNG can be transparent"
-    rate, options, notes = _gif(output) if output.file.suffix.lower() == ".gif" else _mp4(output)
-    with open_encoder(output.size, rate, options, stage(output.file), output.file) as encoder:
-        yield FilmWriter(output, frames, lambda _, image: encoder.write(image), notes)
+    if _is_gif(output):
+        options = gif_options()
+    else:
+        assert all(length % 2 == 0 for length in output.size), f"{output.size}: yuv420p needs even sizes"
+        options = mp4_options(output.quality)
+    with open_encoder(output.size, _frame_rate(output), options, stage(output.file), output.file) as encode:
+
+        def write(_: int, picture: Picture) -> None:
+            assert picture.pixels.shape == picture_shape(output), f"{picture.pixels.shape}, not {picture_shape(output)}"
+            encode(picture.pixels)
+
+        yield write
 
 
-def _mp4(output: OutputSpec) -> tuple[Fraction, list[str], list[str]]:
-    """Return the frame rate, ffmpeg's options and notes."""
-    assert output.file.suffix.lower() == ".mp4", output.file
-    assert all(length % 2 == 0 for length in output.size), f"{output.size}: yuv420p needs even sizes"
+def film_notes(output: OutputSpec) -> list[str]:
+    """Return a note where a GIF cannot have the frame rate that was requested."""
+    rate = _frame_rate(output)
+    if not _is_gif(output) or abs(rate - output.frames_per_second) < 0.005:
+        return []
+    shown = f"{float(rate):.2f} frames per second, not {output.frames_per_second:g}"
+    return [f"a GIF shows each frame for whole hundredths of a second: {shown}"]
+
+
+def _is_gif(output: OutputSpec) -> bool:
+    return output.file.suffix.lower() == ".gif"
+
+
+def _frame_rate(output: OutputSpec) -> Fraction:
+    if _is_gif(output):
+        return Fraction(100, gif_delay_cs(output.frames_per_second))
     # A few decimals are enough to find television's fractions of 1001; rates with two decimals stay exact.
-    return Fraction(output.frames_per_second).limit_denominator(1001), mp4_options(output.quality), []
-
-
-def _gif(output: OutputSpec) -> tuple[Fraction, list[str], list[str]]:
-    """Return the frame rate, ffmpeg's options and notes."""
-    rate = Fraction(100, gif_delay_cs(output.frames_per_second))
-    same = abs(rate - output.frames_per_second) < 0.005
-    note = (
-        f"a GIF shows each frame for whole hundredths of a second: {float(rate):.2f} frames per second, "
-        f"not {output.frames_per_second:g}"
-    )
-    return rate, gif_options(), [] if same else [note]
+    return Fraction(output.frames_per_second).limit_denominator(1001)

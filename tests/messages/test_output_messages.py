@@ -48,9 +48,9 @@ def fail_with(script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> s
     monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(program))
     with (
         pytest.raises(HsplatError) as caught,
-        open_encoder((8, 8), Fraction(30), [], tmp_path / "temporary", Path("film.mp4")) as encoder,
+        open_encoder((8, 8), Fraction(30), [], tmp_path / "temporary", Path("film.mp4")) as encode,
     ):
-        encoder.write(np.zeros((8, 8, 3), np.uint8))
+        encode(np.zeros((8, 8, 3), np.uint8))
     return str(caught.value)
 
 

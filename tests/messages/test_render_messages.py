@@ -1,10 +1,14 @@
-"""What a user reads when `hsplat render` cannot do what was asked, with which exit code; and nothing is left lying."""
+"""What a user reads when `hsplat render` refuses a job or cannot finish it, and which files it leaves then."""
 
 from __future__ import annotations
 
 import dataclasses
 import errno
+import json
 import os
+import shutil
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,174 +17,167 @@ import numpy as np
 import pytest
 
 from hsplat_cli import main
+from hsplat_cli.executors import frame_result
+from hsplat_cli.films import describe_differences
 from renderer.draw import GLRasterizer
-from renderer.frame import stage as stages
+from renderer.film import bytes_digest, join_png_chunks, png_chunks
+from renderer.frame import Frame, stage as stages
 from renderer.view import View, make_view
-
-SMALL = ["--set", "camera.path.frames=6", "--set", "output.size=[32, 32]", "--set", "volume.procedural.shape=[8, 8, 8]"]
-CONSTANT = ["--set", "volume.procedural.name=constant"]
-
-
-class Render:
-    """Runs `hsplat render` on a small variant of SCENE."""
-
-    def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        self._folder, self._capsys = folder, capsys
-
-    def fails(self, *arguments: str) -> tuple[int, str]:
-        """Exit code and what was said, with /scans for the current folder; no file may have come or changed."""
-        before = self.files()
-        outcome = self.run(*arguments)
-        assert self.files() == before
-        return outcome
-
-    def run(self, *arguments: str) -> tuple[int, str]:
-        """Exit code and what was said, with /scans for the current folder."""
-        code = main.run(["render", "scene.yaml", *SMALL, "--quiet", *arguments])
-        said = self._capsys.readouterr()
-        assert said.out == ""
-        return code, said.err.replace(str(self._folder), "/scans")
-
-    def files(self) -> dict[Path, bytes]:
-        return {path: path.read_bytes() for path in self._folder.rglob("*") if path.is_file()}
-
-
-@pytest.fixture
-def render(scene_folder: Path, capsys: pytest.CaptureFixture[str]) -> Render:
-    return Render(scene_folder, capsys)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (
-            "1-3",
-            "--frames: not a range of frames\n  got: '1-3'\n"
-            "  expected: A:B or A:B:STEP or one number; this path has the frames 0 to 5\n",
-        ),
-        (
-            "6",
-            "--frames: no frame is in this range\n  got: '6'\n"
-            "  expected: A:B or A:B:STEP or one number; this path has the frames 0 to 5\n",
-        ),
-        (
-            "4:2",
-            "--frames: no frame is in this range\n  got: '4:2'\n"
-            "  expected: A:B or A:B:STEP or one number; this path has the frames 0 to 5\n",
-        ),
-        ("::-1", "--frames: frames go forward\n  got: '::-1'\n  expected: a step of at least 1\n"),
-        (
-            "9" * 5000,
-            f"--frames: not a range of frames\n  got: '{'9' * 56}...\n"
-            "  expected: A:B or A:B:STEP or one number; this path has the frames 0 to 5\n",
-        ),
-    ],
-    ids=["no range", "too large", "empty", "backward", "huge"],
-)
-def test_frames(render: Render, text: str, message: str) -> None:
-    assert render.fails("--frames", text) == (2, message)
-
-
-def test_several_wrong_options_at_once(render: Render) -> None:
-    assert render.fails("--set", "camera.distnace=3", "--volume", "scan.nrdd", "--output", "a.png") == (
-        2,
-        "--set camera.distnace=3: camera.distnace: unknown key\n"
-        "  expected: path, projection, field_of_view, target, distance or near\n"
-        "  hint: did you mean distance?\n"
-        "--volume scan.nrdd: volume.file: no such file\n"
-        "  got: /scans/scan.nrdd\n"
-        "  expected: an NRRD, MetaImage, NIfTI, TIFF or .npy file, or a folder of DICOM or TIFF slices\n"
-        "  hint: did you mean scan.nrrd?\n"
-        "--output a.png: output.file: frames need a number in their names\n"
-        "  got: 'a.png'\n"
-        "  expected: a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one frame (--frames 7), still.png\n"
-        "  hint: write a-{frame:04}.png\n",
-    )
-
-
-def test_a_pipe_for_a_volume(render: Render, scene_folder: Path) -> None:
-    os.mkfifo(scene_folder / "pipe.nrrd")
-    assert render.fails("--volume", "pipe.nrrd") == (
-        2,
-        "--volume pipe.nrrd: volume.file: neither a file nor a folder\n"
-        "  got: /scans/pipe.nrrd\n"
-        "  expected: an NRRD, MetaImage, NIfTI, TIFF or .npy file, or a folder of DICOM or TIFF slices\n"
-        "  hint: write a pipe's content to a file\n",
-    )
-
-
-@pytest.mark.parametrize("output", ["film.mp4", "film.gif", "{frame}.png"])
-def test_a_volume_that_is_cut_short(render: Render, output: str) -> None:
-    np.save("scan.npy", np.zeros((8, 9, 10), np.float32))
-    content = Path("scan.npy").read_bytes()
-    Path("scan.npy").write_bytes(content[:-100])
-    assert render.fails("--volume", "scan.npy", "--output", output) == (
-        2,
-        "/scans/scan.npy: the file is shorter than its header says\n"
-        "  got: 2780 bytes of voxels\n"
-        "  expected: 2880 bytes (8 x 9 x 10 values of float32)\n"
-        "  hint: the file is truncated\n",
-    )
-
-
-def test_voxels_that_are_not_numbers(render: Render) -> None:
-    values = np.zeros((3, 4, 5), np.float32)
-    values[1, 2, 3], values[2, 0, 0] = np.nan, np.inf
-    np.save("scan.npy", values)
-    assert render.fails("--volume", "scan.npy") == (
-        2,
-        "/scans/scan.npy: 2 of 60 voxels are NaN or infinite\n"
-        "  got: the first at voxel x, y, z = 3, 2, 1\n"
-        "  expected: finite values\n"
-        "  hint: `nonfinite: lowest` replaces them with the lowest finite value\n",
-    )
-
-
-def test_a_folder_in_the_place_of_the_film(render: Render, scene_folder: Path) -> None:
-    (scene_folder / "film.mp4").mkdir()
-    assert render.fails("--output", "film.mp4") == (
-        2,
-        "film.mp4: the output is a folder\n  expected: the name of a file\n",
-    )
-
+from tests.messages.conftest import SCENE
+from tests.support.transcripts import Case, cases
 
 FULL = "the disk is full\n  hint: free some space, or write to another disk\n"
 
 
-def test_a_disk_that_is_full_while_frames_are_written(render: Render, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(path: Path, content: bytes) -> int:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+@pytest.fixture(autouse=True)
+def folder(scene_folder: Path) -> Path:
+    """Make the scene of six small frames the one in the current folder, with volumes that have a fault."""
+    text = SCENE
+    for old, new in (("64, 64, 32", "8, 8, 8"), ("frames: 120", "frames: 6"), ("[512, 512]", "[32, 32]")):
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    Path("scene.yaml").write_text(text, encoding="utf-8")
+    os.mkfifo("pipe.nrrd")
+    np.save("short.npy", np.zeros((8, 9, 10), np.float32))
+    Path("short.npy").write_bytes(Path("short.npy").read_bytes()[:-100])
+    values = np.zeros((3, 4, 5), np.float32)
+    values[1, 2, 3], values[2, 0, 0] = np.nan, np.inf
+    np.save("nan.npy", values)
+    Path("folder.mp4").mkdir()
+    return scene_folder
 
-    monkeypatch.setattr(Path, "write_bytes", refuse)
-    assert render.fails(*CONSTANT, "--output", "{frame}.png") == (1, f"0.png: {FULL}")
+
+@cases("render.txt")
+def test_messages(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
+    """A job that is refused leaves no file."""
+    before = sorted(Path().rglob("*"))
+    case.check(capsys)
+    assert sorted(path for path in Path().rglob("*") if path.name != "film.mp4.unfinished") == before
+
+
+def test_a_range_of_many_digits(capsys: pytest.CaptureFixture[str]) -> None:
+    assert render(capsys, "--frames", "9" * 5000) == (
+        2,
+        f"--frames: not a range of frames\n  got: '{'9' * 56}...\n"
+        "  expected: A:B or A:B:STEP or one number; this path has the frames 0 to 5\n",
+    )
+
+
+def render(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
+    """Run `hsplat render`, and return the exit code and the error stream without the lines that show progress."""
+    code = main.run(["render", "scene.yaml", *arguments])
+    lines = capsys.readouterr().err.splitlines(keepends=True)
+    return code, "".join(line for line in lines if "frames/s" not in line and "compiling" not in line)
+
+
+def at_frame(monkeypatch: pytest.MonkeyPatch, number: int, happens: Callable[[], None]) -> None:
+    """Call `happens` before each following job has drawn this frame."""
+    original = frame_result.render_frames
+
+    def watched(*arguments: Any, **options: Any) -> Iterator[Frame]:
+        for frame in original(*arguments, **options):
+            if frame.number == number:
+                happens()
+            yield frame
+
+    monkeypatch.setattr(frame_result, "render_frames", watched)
+
+
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+@pytest.mark.parametrize("suffix", ["png", "json"])
+def test_a_disk_that_is_full(
+    output: str, suffix: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """At a frame, or at its record."""
+    write = Path.write_bytes
+
+    def full(path: Path, content: bytes) -> int:
+        if path.name.startswith((f".000003.{suffix}.partial", f".3.{suffix}.partial")):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        return write(path, content)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    folder = "frames.unfinished" if output == "{frame}.png" else f"{output}.unfinished"
+    place = "3.png" if output == "{frame}.png" and suffix == "png" else f"{folder}/000003.{suffix}"
+    kept = "3 of 6 frames are kept; the same command resumes there\n"
+    assert render(capsys, "--output", output) == (1, f"{kept}{place}: {FULL}")
+    assert not Path("film.mp4").exists()
+    assert not [path for path in Path().rglob("*") if "partial" in path.name]
 
 
 @pytest.mark.parametrize("output", ["film.mp4", "film.gif"])
-def test_a_disk_that_is_full_while_a_film_is_written(
-    render: Render,
-    scene_folder: Path,
+def test_a_disk_that_is_full_while_a_film_is_encoded(
+    output: str,
     monkeypatch: pytest.MonkeyPatch,
     tmp_path_factory: pytest.TempPathFactory,
-    output: str,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     program = tmp_path_factory.mktemp("bin") / "ffmpeg"
     program.write_text("#!/bin/sh\ncat > /dev/null\necho 'No space left on device' >&2\nexit 1\n")
     program.chmod(0o755)
     monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(program))
-    before = render.files()
-    assert render.run(*CONSTANT, "--output", output) == (1, f"{output}: {FULL}")
-    kept = {Path(f"{output}.unfinished/00000{i}.{suffix}") for i in range(6) for suffix in ("json", "png")}
-    kept |= {path.relative_to(scene_folder) for path in scene_folder.glob("*.unfinished/cause-*.json")}
-    assert {path.relative_to(scene_folder) for path in render.files().keys() - before.keys()} == kept
+    before = {*Path().rglob("*.*")}
+    kept = "6 of 6 frames are kept; the same command resumes there\n"
+    assert render(capsys, "--output", output) == (1, f"{kept}{output}: {FULL}")
+    left = {path for path in {*Path().rglob("*.*")} - before if not path.match("*.unfinished/cause-*.json")}
+    frames = {Path(f"{output}.unfinished/00000{i}.{suffix}") for i in range(6) for suffix in ("json", "png")}
+    assert left == {*frames, Path(f"{output}.unfinished")}
 
 
-def test_no_opengl(render: Render, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
+def test_an_output_folder_that_vanishes(
+    output: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = Path("out", "frames.unfinished" if output == "{frame}.png" else f"{output}.unfinished")
+
+    def vanish() -> None:
+        while not (folder / "000002.json").exists():  # frames are kept by a thread behind the drawing
+            time.sleep(0.001)
+        shutil.rmtree("out")
+
+    at_frame(monkeypatch, 3, vanish)
+    place = "out/3.png" if output == "{frame}.png" else folder / "000003.png"
+    assert render(capsys, "--output", f"out/{output}") == (
+        1,
+        f"{place}: the output folder has vanished\n  hint: it existed when the work began\n",
+    )
+    assert not Path("out").exists()
+
+
+def test_a_checkpoint_frame_that_cannot_be_decoded(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its record agrees with it. The next run draws it again."""
+
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        at_frame(patch, 4, interrupt)
+        assert render(capsys, "--output", "film.mp4")[0] == 130
+    picture, record = (Path(f"film.mp4.unfinished/000001.{suffix}") for suffix in ("png", "json"))
+    chunks = [(name, b"" if name == b"IDAT" else data) for name, data in png_chunks(picture.read_bytes())]
+    picture.write_bytes(join_png_chunks(chunks))
+    data = json.loads(record.read_bytes())
+    data["record"]["digest"] = bytes_digest(picture.read_bytes())
+    record.write_text(json.dumps(data), encoding="utf-8")
+    assert render(capsys, "--output", "film.mp4") == (
+        1,
+        "4 of 6 frames are already finished\n"
+        "3 of 6 frames are kept; the same command resumes there\n"
+        "film.mp4.unfinished/000001.png: a checkpoint frame cannot be decoded\n"
+        "  hint: run the same command again to redraw it\n",
+    )
+    assert render(capsys, "--output", "film.mp4") == (0, "3 of 6 frames are already finished\n")
+
+
+def test_no_opengl(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     def refuse(**options: object) -> None:
         raise Exception("libEGL.so not loaded")  # what its loader raises
 
     monkeypatch.setattr(moderngl, "create_context", refuse)
     for needs_it in ("splat={footprint: gaussian}", "overlay=octree"):
-        assert render.fails("--set", needs_it) == (
+        assert render(capsys, "--set", needs_it) == (
             1,
             "no OpenGL 3.3 context could be made\n"
             "  got: libEGL.so not loaded\n"
@@ -190,15 +187,35 @@ def test_no_opengl(render: Render, monkeypatch: pytest.MonkeyPatch) -> None:
         )
 
 
-def test_a_picture_too_large_for_the_device(render: Render, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_picture_too_large_for_the_device(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     def huge(*arguments: Any) -> View:  # beyond what a scene may ask for, so that every device refuses it
         return dataclasses.replace(make_view(*arguments), size=(10**6, 8))
 
     monkeypatch.setattr(stages, "make_view", huge)
     monkeypatch.setattr(GLRasterizer, "renderer_name", "llvmpipe")
-    assert render.fails(*CONSTANT, "--set", "splat.footprint=gaussian") == (
+    splats = ["--set", "volume.procedural.name=constant", "--set", "splat={footprint: gaussian}"]
+    assert render(capsys, *splats) == (
         1,
         "llvmpipe: the device has no room for a picture of this size, or its context was lost\n"
         "  got: 1000000 x 8 pixels of 16 bytes\n"
         "  hint: choose a smaller output.size\n",
     )
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "text"),
+    [
+        ({"a": {"b": 1}}, {"a": {"b": 2}}, "a.b was 1"),
+        ({"a": {}}, {"a": {"b": {"c": 2}}}, "a.b was nothing"),
+        ({"a": {"b": [1, 2.0]}}, {"a": {}}, "a.b was [1, 2]"),
+        ({"a": [0] * 100}, {"a": 1}, f"a was [{'0, ' * 18}0,..."),
+        (dict.fromkeys("abcde", 1), dict.fromkeys("abcde", 2), "a was 1; b was 1; c was 1 and 2 more"),
+        ({"\x1b[31m": "\x1b[0m"}, {}, "'\\x1b[31m' was '\\x1b[0m'"),
+        ({"a": {"b": {"deep": [[[[[[]]]]]]}}}, {"a": {"b": 1}}, "a.b was {deep: [[...]]}"),
+        ({"a": float("nan")}, {"a": 1}, "a was .nan"),
+    ],
+)
+def test_what_differs_between_two_fingerprints(before: dict[str, Any], now: dict[str, Any], text: str) -> None:
+    assert describe_differences(before, now) == text

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from renderer.film import encode_png, open_film
+from renderer.film import Picture, encode_png, open_film
 from renderer.scene import OutputSpec
 
 Pixels = npt.NDArray[np.uint8]
@@ -65,7 +65,7 @@ def write_frames(folder: Path, pictures: Sequence[Pixels], name: str = "frame-{:
 
 def write_film(path: Path, pictures: Sequence[Pixels]) -> Path:
     height, width = pictures[0].shape[:2]
-    with open_film(OutputSpec(path, size=(width, height)), range(len(pictures))) as film:
-        for number, picture in enumerate(pictures):
-            film.write(number, picture)
+    with open_film(OutputSpec(path, size=(width, height)), range(len(pictures))) as write:
+        for number, pixels in enumerate(pictures):
+            write(number, Picture(pixels))
     return path

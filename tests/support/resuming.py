@@ -11,7 +11,7 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.executors import frame_result as drawn
+from hsplat_cli.executors import frame_result
 from renderer.frame import Frame
 
 NUM_FRAMES = 5
@@ -38,7 +38,7 @@ class Draws:
 
 def watched_draws(monkeypatch: pytest.MonkeyPatch) -> Draws:
     """From now on."""
-    found, original = Draws(), drawn.render_frames
+    found, original = Draws(), frame_result.render_frames
 
     def watched(*arguments: Any, **options: Any) -> Iterator[Frame]:
         for frame in original(*arguments, **options):
@@ -47,7 +47,7 @@ def watched_draws(monkeypatch: pytest.MonkeyPatch) -> Draws:
             found.numbers.append(frame.number)
             yield frame
 
-    monkeypatch.setattr(drawn, "render_frames", watched)
+    monkeypatch.setattr(frame_result, "render_frames", watched)
     return found
 
 

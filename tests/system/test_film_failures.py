@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from renderer.errors import HsplatError, InputError, RenderError
-from renderer.film import open_film, write_staged
+from renderer.film import Picture, open_film, write_staged
 from renderer.film.atomic import staging
 from renderer.film.encode import gif_options, mp4_options, open_encoder
 from renderer.scene import OutputSpec
@@ -19,9 +19,9 @@ PICTURE = np.zeros((64, 64, 3), np.uint8)
 
 
 def write_film(path: Path, num_frames: int = 3, stop: BaseException | None = None) -> None:
-    with open_film(OutputSpec(path, size=(64, 64)), range(num_frames)) as film:
+    with open_film(OutputSpec(path, size=(64, 64)), range(num_frames)) as write:
         for frame in range(num_frames):
-            film.write(frame, PICTURE)
+            write(frame, Picture(PICTURE))
             if stop:
                 raise stop
 
@@ -45,11 +45,11 @@ def fake_ffmpeg(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Mo
     return install
 
 
-@pytest.mark.parametrize("suffix", ["mp4", "gif"])
+@pytest.mark.parametrize("name", ["film.mp4", "film.gif", "{frame}.png"])
 @pytest.mark.parametrize("stop", [ValueError("stop"), KeyboardInterrupt()], ids=["error", "ctrl-c"])
-def test_leaving_the_block_leaves_nothing(tmp_path: Path, suffix: str, stop: BaseException) -> None:
+def test_leaving_the_block_leaves_nothing(tmp_path: Path, name: str, stop: BaseException) -> None:
     with pytest.raises(type(stop)):
-        write_film(tmp_path / f"film.{suffix}", stop=stop)
+        write_film(tmp_path / name, stop=stop)
     assert not list(tmp_path.iterdir())
     assert_no_child_process()
 
@@ -96,9 +96,9 @@ def test_an_encoder_that_hangs_is_ended(tmp_path: Path, fake_ffmpeg: Callable[[s
 @pytest.mark.parametrize("options", [mp4_options(8), gif_options()], ids=["mp4", "gif"])
 def test_a_full_disk_under_ffmpeg(options: list[str], tmp_path: Path) -> None:
     def encode() -> None:
-        with open_encoder((64, 64), Fraction(30), options, Path("/dev/full"), tmp_path / "film") as encoder:
+        with open_encoder((64, 64), Fraction(30), options, Path("/dev/full"), tmp_path / "film") as encode_picture:
             for _ in range(30):
-                encoder.write(PICTURE)
+                encode_picture(PICTURE)
 
     with pytest.raises(RenderError, match="the disk is full"):
         encode()
@@ -128,7 +128,7 @@ def test_a_rename_that_fails(
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("name", ["film.mp4", "film.gif", "{frame}.png"])
+@pytest.mark.parametrize("name", ["film.mp4", "film.gif"])
 @pytest.mark.parametrize(
     ("error", "kind"),
     [(PermissionError(errno.EACCES, "Permission denied"), RenderError), (OSError(36, "x"), RenderError)],
@@ -144,10 +144,9 @@ def test_a_folder_that_takes_no_files_is_told_at_once(
         pytest.fail("found out too late")
 
 
-@pytest.mark.parametrize("name", ["film.mp4", "film.gif", "{frame}.png"])
-def test_a_file_in_the_place_of_a_folder_is_told_at_once(tmp_path: Path, name: str) -> None:
+def test_a_file_in_the_place_of_a_folder_is_told_at_once(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    for path in (tmp_path / "file" / name, tmp_path / "file" / "deeper" / name):
+    for path in (tmp_path / "file" / "film.mp4", tmp_path / "file" / "deeper" / "film.mp4"):
         with pytest.raises(InputError, match="the output folder is a file"), open_film(OutputSpec(path), [0]):
             pytest.fail("found out too late")
 
@@ -187,15 +186,21 @@ def test_odd_sizes_are_a_fault_of_the_program(tmp_path: Path) -> None:
 
 
 def test_odd_sizes_are_fine_in_a_gif(tmp_path: Path) -> None:
-    with open_film(OutputSpec(tmp_path / "a.gif", size=(63, 65)), [0]) as film:
-        film.write(0, np.zeros((65, 63, 3), np.uint8))
+    with open_film(OutputSpec(tmp_path / "a.gif", size=(63, 65)), [0]) as write:
+        write(0, Picture(np.zeros((65, 63, 3), np.uint8)))
     assert (tmp_path / "a.gif").is_file()
 
 
-def test_missing_frames_leave_no_film(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("frame", "size", "message"),
+    [(0, (64, 64), "missing"), (1, (64, 64), "frame 1 is not the next one"), (0, (64, 62), "not")],
+)
+def test_other_frames_are_a_fault_of_the_program(
+    tmp_path: Path, frame: int, size: tuple[int, int], message: str
+) -> None:
     with (
-        pytest.raises(AssertionError, match="missing"),
-        open_film(OutputSpec(tmp_path / "a.mp4", size=(64, 64)), range(2)) as film,
+        pytest.raises(AssertionError, match=message),
+        open_film(OutputSpec(tmp_path / "a.mp4", size=size), range(2)) as write,
     ):
-        film.write(0, PICTURE)
+        write(frame, Picture(PICTURE))
     assert not list(tmp_path.iterdir())

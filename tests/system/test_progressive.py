@@ -15,7 +15,7 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.executors import frame_result as drawn
+from hsplat_cli.executors import frame_result
 from renderer.film import file_digest
 from renderer.frame import Frame
 
@@ -54,7 +54,7 @@ def on_frame(monkeypatch: pytest.MonkeyPatch) -> Callable[[Hook], None]:
     """Sets what is called with the number of the pass and each frame, before it is written."""
 
     def set_hook(hook: Hook) -> None:
-        original, num_passes = drawn.render_frames, 0
+        original, num_passes = frame_result.render_frames, 0
 
         def watched(*arguments: Any, **options: Any) -> Iterator[Frame]:
             nonlocal num_passes
@@ -63,7 +63,7 @@ def on_frame(monkeypatch: pytest.MonkeyPatch) -> Callable[[Hook], None]:
                 hook(num_passes, frame)
                 yield frame
 
-        monkeypatch.setattr(drawn, "render_frames", watched)
+        monkeypatch.setattr(frame_result, "render_frames", watched)
 
     return set_hook
 

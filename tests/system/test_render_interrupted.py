@@ -16,7 +16,7 @@ import imageio.v3 as imageio
 import pytest
 
 from hsplat_cli import main
-from hsplat_cli.executors import frame_result as drawn
+from hsplat_cli.executors import frame_result
 
 CODE = Path(main.__file__).parents[1]
 
@@ -54,7 +54,7 @@ class Interrupted:
     """Stands in for the frame loop and has a signal sent to this process at the third frame."""
 
     def __init__(self, number: signal.Signals) -> None:
-        self._number, self._render_frames = number, drawn.render_frames
+        self._number, self._render_frames = number, frame_result.render_frames
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
         for frame in self._render_frames(*arguments, **options):
@@ -68,7 +68,7 @@ class Interrupted:
 def test_in_the_middle(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], number: signal.Signals, name: str
 ) -> None:
-    monkeypatch.setattr(drawn, "render_frames", Interrupted(number))
+    monkeypatch.setattr(frame_result, "render_frames", Interrupted(number))
     code = main.run(["render", "scene.yaml", "--output", f"out/{name}", "--set", "camera.path.frames=6"])
     assert code == 130
     *_, kept, last = capsys.readouterr().err.splitlines()

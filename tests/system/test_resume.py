@@ -27,7 +27,7 @@ from resuming import (
 )
 
 from hsplat_cli import main
-from hsplat_cli.films import fingerprint as cause
+from hsplat_cli.films import fingerprint
 from renderer.draw import GLRasterizer
 from renderer.film import bytes_digest, encode_png
 
@@ -110,9 +110,9 @@ def test_other_makers_start_afresh(
     elif what == "driver":
         monkeypatch.setattr(GLRasterizer, "renderer_name", "another")
     elif what == "version":
-        monkeypatch.setattr(cause, "package_versions", lambda: {"numpy": "9.0"})
+        monkeypatch.setattr(fingerprint, "package_versions", lambda: {"numpy": "9.0"})
     else:
-        monkeypatch.setattr(cause, "sources_digest", lambda: "0")
+        monkeypatch.setattr(fingerprint, "sources_digest", lambda: "0")
     render("film.mp4", "--volume", "scan.npy")
     assert draws.taken() == [0, 1, 2, 3, 4]
     beginning = {

@@ -25,7 +25,7 @@ from resuming import (
 )
 
 from hsplat_cli import main
-from hsplat_cli.films import fingerprint as cause
+from hsplat_cli.films import fingerprint
 from renderer.draw import GLRasterizer
 
 
@@ -148,9 +148,9 @@ def test_a_goal_that_nobody_knows_to_be_met(
     if what == "driver":
         monkeypatch.setattr(GLRasterizer, "renderer_name", "another")
     elif what == "version":
-        monkeypatch.setattr(cause, "package_versions", lambda: {"numpy": "9.0"})
+        monkeypatch.setattr(fingerprint, "package_versions", lambda: {"numpy": "9.0"})
     elif what == "sources":
-        monkeypatch.setattr(cause, "sources_digest", lambda: "0")
+        monkeypatch.setattr(fingerprint, "sources_digest", lambda: "0")
     else:
         change("film.mp4.json", lambda data: data["scene"]["error"].update(tolerance=0.7))
     Path("out/film.mp4").unlink()
@@ -190,7 +190,7 @@ def test_a_film_that_another_program_makes_again_in_its_place(
     """What it is made from stays until it is whole, though its frames go one by one."""
     render("{frame}.png")
     expected = made()
-    monkeypatch.setattr(cause, "sources_digest", lambda: "0")
+    monkeypatch.setattr(fingerprint, "sources_digest", lambda: "0")
     for at, options in ((1, []), (3, []), (2, ["--force"]), (4, [])):
         draws.stop_at = at
         again("frames.json", *options, code=130)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from hsplat_cli.films.assemble.agreement import PickedFrame, file_problems, film_problems, pick_frames
@@ -16,14 +16,12 @@ from hsplat_cli.terminal import Reporter, counted, deferrable_interrupts
 from renderer.errors import InputError, SceneError
 from renderer.film import (
     Picture,
-    frame_path,
-    has_frame_files,
+    film_notes,
     locked_output,
     open_film,
     picture_shape,
     require_encoder,
     sidecar_path_of_file,
-    staged_files,
     translate_os_errors,
     write_sidecar,
 )
@@ -50,8 +48,8 @@ def assemble_film(
         if problems := [*problems, *file_problems(picked, picture_shape(output))]:
             raise SceneError(problems)
         require_encoder(output)
-        write = _copy if has_frame_files(output) else _encode
-        notes = [*write(picked, output, folder, defer_interrupts, reporter), *part_notes(picked)]
+        _write(picked, output, folder, defer_interrupts, reporter)
+        notes = [*film_notes(output), *part_notes(picked)]
         record = merged_record(picked, output, time.perf_counter() - start) | {"notes": notes}
         if fingerprint is not None:
             record |= fingerprint_record(fingerprint, output)
@@ -73,39 +71,21 @@ def _is_up_to_date(
     return [record.get("digest") for record in recorded.frames] == [frame.record["digest"] for frame in picked]
 
 
-def _encode(
+def _write(
     picked: Sequence[PickedFrame], output: OutputSpec, folder: Path, finishing: Callable[[], None], reporter: Reporter
-) -> Sequence[str]:
-    """Encode the film from the pictures; return notes about it."""
+) -> None:
+    """Encode the film from the pictures, or copy them to the names of the output."""
     numbers = [frame.number for frame in picked]
-    with open_film(output, numbers, staging_folder=folder, before_rename=finishing) as film:
-        for frame, content in _read_frames(picked, output, reporter):
-            try:
-                pixels = Picture(png=content).pixels
-            except ValueError as error:
-                hint = "remove it, and the command that drew it draws it again"
-                raise InputError("a frame that cannot be decoded", where=str(frame.file), hint=hint) from error
-            film.write(frame.number, pixels)
-    return film.notes
-
-
-def _copy(
-    picked: Sequence[PickedFrame], output: OutputSpec, folder: Path, finishing: Callable[[], None], reporter: Reporter
-) -> Sequence[str]:
-    """Copy the files to the names of the output, all at the end; no notes."""
-    with staged_files(folder) as write:
-        for frame, content in _read_frames(picked, output, reporter):
-            write(frame_path(output.file, frame.number), content)
-        finishing()
-    return ()
-
-
-def _read_frames(
-    picked: Sequence[PickedFrame], output: OutputSpec, reporter: Reporter
-) -> Iterator[tuple[PickedFrame, bytes]]:
-    with reporter.progress(len(picked), label=output.file.name) as bar:
+    with (
+        open_film(output, numbers, staging_folder=folder, before_rename=finishing) as write,
+        reporter.progress(len(picked), label=output.file.name) as bar,
+    ):
         for frame in picked:
             with translate_os_errors(frame.file):
                 content = frame.file.read_bytes()
-            yield frame, content
+            try:
+                write(frame.number, Picture(png=content))
+            except ValueError as error:
+                hint = "remove it, and the command that drew it draws it again"
+                raise InputError("a frame that cannot be decoded", where=str(frame.file), hint=hint) from error
             bar.advance()
