@@ -54,5 +54,5 @@ from .truths import (
     TruthCache as TruthCache,
     compute_truth as compute_truth,
     is_loop as is_loop,
-    spread_frames as spread_frames,
+    spread_evenly as spread_evenly,
 )

@@ -8,6 +8,7 @@ that one and the one before.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -15,7 +16,7 @@ from renderer.frame import Clock, Rasterizer, Stage, make_primitive, render_fram
 from renderer.pyramid import Pyramid, root_error
 from renderer.scene import MIN_TOLERANCE, MetricTarget, with_tolerance
 from renderer.study.metrics import compute_metric, over_background
-from renderer.study.truths import Truth, extreme_coverage_frames, is_loop, round_to_float32, spread_frames
+from renderer.study.truths import Truth, extreme_coverage_frames, is_loop, round_to_float32, spread_evenly
 
 # Probe frames besides those with the smallest and the largest picture; as many check frames lie between them.
 _NUM_PROBES = 4
@@ -101,8 +102,8 @@ def _frames_to_try(
     """Return the probes, the largest and usually worst picture first, and the checks, half-way between probes."""
     path = stage.scene.camera.path
     closed = is_loop(path) and len(frames) == path.frames
-    between = spread_frames(frames, 2 * _NUM_PROBES, is_loop=closed)
-    surveyed = spread_frames(frames, _MAX_SURVEYED_FRAMES, is_loop=closed)
+    between = spread_evenly(frames, 2 * _NUM_PROBES, is_loop=closed)
+    surveyed = spread_evenly(frames, _MAX_SURVEYED_FRAMES, is_loop=closed)
     work = make_primitive(stage).work
     coarse = next((tolerance for tolerance in candidates if work(tolerance) >= _COARSE_CELLS), 0.0)
     smallest, largest = extreme_coverage_frames(stage, surveyed, coarse, rasterizer, clock=clock)
@@ -191,22 +192,12 @@ def find_coarsest_passing(is_good: Callable[[float], bool], candidates: Iterable
     before = None
     for tolerance in candidates:
         if is_good(tolerance):
-            return tolerance if before is None else _bisect(is_good, before, tolerance)
+            if before is None:
+                return tolerance
+            between = two_digit_numbers(before, tolerance)
+            return between[bisect_left(between, True, 1, len(between) - 1, key=is_good)]
         before = tolerance
     return 0.0 if is_good(0.0) else None
-
-
-def _bisect(is_good: Callable[[float], bool], bad: float, good: float) -> float:
-    """Return a good tolerance whose coarser neighbour of two digits is bad, between a coarse one and a good one."""
-    between = two_digit_numbers(bad, good)
-    first_bad, last_good = 0, len(between) - 1  # indices of `bad` and `good` in the falling list
-    while last_good - first_bad > 1:
-        middle = (first_bad + last_good) // 2
-        if is_good(between[middle]):
-            last_good = middle
-        else:
-            first_bad = middle
-    return between[last_good]
 
 
 def round_tolerances(pyramid: Pyramid) -> Iterator[float]:
@@ -224,15 +215,15 @@ def round_tolerances(pyramid: Pyramid) -> Iterator[float]:
     yield from tolerances[num_above - 1 :]
 
 
-def distinct_tolerances(pyramid: Pyramid, work: Work) -> Iterator[float]:
+def distinct_tolerances(pyramid: Pyramid, work: Work, growth: float = _MIN_DISTINCT_GROWTH) -> Iterator[float]:
     """Yield the round tolerances at which clearly more is drawn than at the one before, until nearly all is drawn."""
     before, everything = 0.0, work(MIN_TOLERANCE)  # below any error that a pyramid can hold
     for tolerance in round_tolerances(pyramid):
         amount = work(tolerance)
-        if amount > _MIN_DISTINCT_GROWTH * before:
+        if amount > growth * before:
             yield tolerance
             before = amount
-        if _MIN_DISTINCT_GROWTH * before >= everything:
+        if growth * before >= everything:
             return
 
 
@@ -241,20 +232,10 @@ def spread_tolerances(pyramid: Pyramid, work: Work, most: int) -> tuple[float, .
     if root_error(pyramid) == 0:
         return 1.0, 0.0
     everything = work(0.0)
-    fewest = max(_MIN_CELLS, _MIN_CELL_SHARE * everything)
-    found: list[float] = []
-    before = 0.0
-    for tolerance in round_tolerances(pyramid):
-        amount = work(tolerance)
-        if amount > _NEARLY_ALL * everything:
-            break
-        if amount >= fewest and amount >= _MIN_GROWTH * before:
-            found.append(tolerance)
-            before = amount
-    num = min(len(found), most - 1)
-    if num < len(found):  # evenly spread, with the first and the last
-        found = [found[round(i * (len(found) - 1) / (num - 1))] for i in range(num)]
-    return (*found, 0.0)
+    fewest, nearly_all = max(_MIN_CELLS, _MIN_CELL_SHARE * everything), _NEARLY_ALL * everything
+    distinct = distinct_tolerances(pyramid, work, _MIN_GROWTH)
+    found = [tolerance for tolerance in distinct if fewest <= work(tolerance) <= nearly_all]
+    return (*spread_evenly(found, most - 1, is_loop=False), 0.0)
 
 
 def two_digit_numbers(coarsest: float, finest: float) -> list[float]:

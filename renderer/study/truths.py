@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,8 @@ from renderer.scene import KeyframePath, RockerPath, TurntablePath, with_toleran
 from renderer.study.metrics import FloatImage, Mask, over_background
 from renderer.transfer import make_transfer_function
 from renderer.truth import Convergence, Progress, converged_image
+
+T = TypeVar("T")
 
 # The convergence of a truth in every channel: a thousandth of the RMSE of a picture with 40 dB.
 TRUTH_TOLERANCE = 1e-5
@@ -87,11 +90,11 @@ def is_loop(path: TurntablePath | RockerPath | KeyframePath) -> bool:
     return not isinstance(path, KeyframePath) or path.loop
 
 
-def spread_frames(frames: Sequence[int], num: int, *, is_loop: bool) -> list[int]:
-    """Return at most `num` evenly spread frames: around a loop, or with both ends of another path."""
-    num = min(num, len(frames))
-    span = len(frames) if is_loop or num == 1 else len(frames) - 1
-    return [frames[i * span // (num if is_loop or num == 1 else num - 1)] for i in range(num)]
+def spread_evenly(items: Sequence[T], num: int, *, is_loop: bool) -> list[T]:
+    """Return at most `num` evenly spread items, such as frames: around a loop, or with the first and the last."""
+    num = min(num, len(items))
+    span = len(items) if is_loop or num == 1 else len(items) - 1
+    return [items[i * span // (num if is_loop or num == 1 else num - 1)] for i in range(num)]
 
 
 def extreme_coverage_frames(

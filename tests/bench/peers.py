@@ -8,12 +8,13 @@ process each, one after the other: what a frame of some accuracy takes, as the f
 from __future__ import annotations
 
 import argparse
+import json
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from kept_study import kept_study
+from hsplat_cli.main import run
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = Path(__file__).with_name("scenes")
@@ -54,8 +55,13 @@ def main() -> None:
 
 def study_of(scene: Path, data: Path, folder: Path) -> dict[str, Any]:
     """The JSON of a study, measured now unless it is there; its volume has the scene's name up to the first _."""
-    volume = data / f"{scene.stem.partition('_')[0]}.nhdr"
-    return kept_study(scene, volume, folder, ["--frames", "0:1", "--tolerances", TOLERANCES, *OPTIONS])
+    path = folder / "measure.json"
+    if not path.exists():
+        volume = data / f"{scene.stem.partition('_')[0]}.nhdr"
+        arguments = ["measure", str(scene), "--output", str(folder), "--volume", str(volume)]
+        assert run([*arguments, "--frames", "0:1", "--tolerances", TOLERANCES, *OPTIONS]) == 0
+    study: dict[str, Any] = json.loads(path.read_text("utf-8"))
+    return study
 
 
 WHAT_LIMITS_IT = (

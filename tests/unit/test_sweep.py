@@ -27,7 +27,7 @@ from renderer.scene import (
     VolumeSpec,
 )
 from renderer.splats import SplatBatch
-from renderer.study import Truth, measure_accuracy, measure_setting, plan_sweep, pool_accuracies, spread_frames
+from renderer.study import Truth, measure_accuracy, measure_setting, plan_sweep, pool_accuracies, spread_evenly
 from renderer.study.truths import extreme_coverage_frames
 from renderer.truth import Convergence
 from renderer.view import View
@@ -230,7 +230,7 @@ def test_a_scene_without_a_tolerance_of_its_own_adds_none(stage: Stage) -> None:
     ],
 )
 def test_frames_spread_over_a_path(frames: range | list[int], num: int, is_loop: bool, found: list[int]) -> None:
-    assert spread_frames(frames, num, is_loop=is_loop) == found
+    assert spread_evenly(frames, num, is_loop=is_loop) == found
 
 
 class Growing(NothingLasting):

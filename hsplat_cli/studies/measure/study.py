@@ -38,7 +38,7 @@ from renderer.study import (
     plan_sweep,
     require_measuring_packages,
     splat_setting,
-    spread_frames,
+    spread_evenly,
 )
 from renderer.transfer import make_transfer_function
 from renderer.view import View
@@ -83,7 +83,7 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
         machine["peer"] = {"name": request.peer, **describe_vtk()}
     volume = _volume(request)
     path = scene.camera.path
-    frames = request.frames or spread_frames(range(path.frames), _NUM_FRAMES, is_loop=is_loop(path))
+    frames = request.frames or spread_evenly(range(path.frames), _NUM_FRAMES, is_loop=is_loop(path))
     stage = stage_at_any_tolerance(scene, volume)
     views = [view_of(stage, frame) for frame in frames]
     truths, records = find_truths(stage, frames, request.truth_tolerance, reporter)

@@ -9,23 +9,23 @@ fixed-point mapper, and of 8-bit frames, which alone limit the PSNR to 59 dB on 
 
 from __future__ import annotations
 
-import json
 import math
 import re
 import subprocess
 import sys
 import tempfile
-import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError, RenderError, require_package
-from renderer.film import translate_os_errors
 from renderer.scene import Color, Scene
 from renderer.study import (
     Accuracy,
@@ -57,8 +57,6 @@ _DEPTH_BETWEEN_POINTS = 0.02
 _STEP_WIDTH = 1e-6
 
 _SCRIPT = Path(__file__).with_name("vtk_worker.py")
-# File of the worker's standard error stream: a pipe that is not read would block it when full.
-_ERRORS = "errors.txt"
 
 # Smallest depth of the near plane, as a share of the far plane's: float32 depths stay distinct.
 _NEAREST_PART = 1e-4
@@ -97,21 +95,8 @@ def check_vtk(scene: Scene) -> None:
 
 def describe_vtk() -> dict[str, str]:
     """Return VTK's `version` and `driver`. Raises RenderError if it fails to start, dies or hangs."""
-    try:
-        done = subprocess.run(
-            [sys.executable, str(_SCRIPT)],
-            check=True,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            encoding="utf-8",
-            errors="replace",
-            timeout=_START_TIMEOUT_S,
-        )
-    except subprocess.TimeoutExpired as error:
-        raise _vtk_error("VTK does not start", "--peer vtk", f"no answer for {error.timeout:g} s", "") from error
-    except subprocess.CalledProcessError as error:
-        raise _vtk_error("VTK does not start", "--peer vtk", f"exit status {error.returncode}", error.stderr) from error
-    return dict(json.loads(done.stdout))
+    with _start_worker() as worker:
+        return worker.description()
 
 
 def with_transparent_border(volume: Volume, transfer: TransferFunction) -> Volume:
@@ -183,17 +168,29 @@ def measure_vtk(
 
     Raises RenderError if VTK fails, dies or hangs. Closing the iterator ends its process.
     """
-    with _folder(volume, transfer, views, background) as folder, _worker(folder) as worker:
+    voxels, lowest, half_span = _convert_voxels(volume.values)
+    points = _points(transfer, volume.finest_spacing)
+    points[:, 0] = (points[:, 0] / 2 - lowest / 2) / half_span
+    job = {
+        **_image_geometry(volume),
+        "shape": voxels.shape,
+        "dtype": voxels.dtype,
+        "points": points.tolist(),
+        "background": background or (0.0, 0.0, 0.0),
+        "cameras": [_camera(volume, view) for view in views],
+    }
+    with _start_worker() as worker:
+        worker.description()
+        worker.send_scene(job, voxels)
+        del voxels
         for setting in settings:
-            options = dict(setting.options)
             accuracies: list[Accuracy] = []
             small: list[npt.NDArray[np.uint8]] = []
             for k, truth in enumerate(truths):
-                worker.draw(options, k)
-                picture = worker.picture()
+                picture, _ = worker.draw(setting, k)
                 accuracies.append(measure_accuracy(picture, truth.picture, truth.on_volume))
                 small = small or [thumbnail(picture), difference_thumbnail(picture, truth.picture)]
-            passes = [[worker.draw(options, k) for k in range(len(truths))] for _ in range(repeats)]
+            passes = [[worker.draw(setting, k)[1] for k in range(len(truths))] for _ in range(repeats)]
             times = zip(*passes, strict=True)
             yield Measurement(
                 setting=setting,
@@ -209,30 +206,6 @@ def measure_vtk(
                 picture=small[0],
                 difference=small[1],
             )
-
-
-@contextmanager
-def _folder(
-    volume: Volume, transfer: TransferFunction, views: Sequence[View], background: Color | None
-) -> Iterator[Path]:
-    """Write the worker's input to a folder that lasts for the block."""
-    finest = volume.finest_spacing
-    voxels, lowest, half_span = _convert_voxels(volume.values)
-    points = _points(transfer, finest)
-    points[:, 0] = (points[:, 0] / 2 - lowest / 2) / half_span
-    job = {
-        **_image_geometry(volume),
-        "points": points.tolist(),
-        "background": background or (0.0, 0.0, 0.0),
-        "cameras": [_camera(volume, view) for view in views],
-    }
-    with tempfile.TemporaryDirectory(prefix="hsplat-vtk-") as name:
-        folder = Path(name)
-        with translate_os_errors(folder):
-            (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
-            np.save(folder / "voxels.npy", voxels, allow_pickle=False)
-        del voxels
-        yield folder
 
 
 def _convert_voxels(values: Array) -> tuple[Array, float, float]:
@@ -300,66 +273,63 @@ def _camera(volume: Volume, view: View) -> dict[str, Any]:
 
 
 @contextmanager
-def _worker(folder: Path) -> Iterator[_Worker]:
+def _start_worker() -> Iterator[_Worker]:
     """Start VTK's process, which ends with the block."""
-    with (folder / _ERRORS).open("wb") as stream:
-        process = subprocess.Popen(
-            [sys.executable, str(_SCRIPT), str(folder)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=stream,
-            encoding="utf-8",
-        )
-    try:
-        yield _Worker(process, folder)
-    finally:
-        process.kill()
-        process.communicate()  # waits and closes the pipes
-
-
-class _Worker:
-    """VTK's process, which answers one request at a time."""
-
-    def __init__(self, process: subprocess.Popen[str], folder: Path) -> None:
-        self._process, self._folder = process, folder
-
-    def draw(self, setting: dict[str, Any], camera: int) -> float:
-        """Draw a frame once, and return the seconds."""
-        assert self._process.stdin is not None and self._process.stdout is not None
-        hung = threading.Event()
-
-        def give_up() -> None:
-            hung.set()
-            self._process.kill()
-
-        silence = threading.Timer(_FRAME_TIMEOUT_S, give_up)
-        silence.start()
+    ours, theirs = Pipe()
+    with ours, tempfile.TemporaryFile() as output:
+        with theirs:
+            process = subprocess.Popen(
+                [sys.executable, str(_SCRIPT), str(theirs.fileno())],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                pass_fds=[theirs.fileno()],
+            )
         try:
-            self._process.stdin.write(json.dumps({"setting": setting, "camera": camera}) + "\n")
-            self._process.stdin.flush()
-            answer = self._process.stdout.readline()
-        except OSError:  # a broken pipe
-            answer = ""
+            yield _Worker(process, ours, output)
         finally:
-            silence.cancel()
-        if not answer.endswith("\n"):
-            raise self._failure(setting, hung=hung.is_set())
-        return float(json.loads(answer)["seconds"])
-
-    def picture(self) -> FloatImage:
-        """Return the last picture drawn: float64 [h, w, 3]."""
-        return np.asarray(np.load(self._folder / "picture.npy", allow_pickle=False) / 255.0)
-
-    def _failure(self, setting: dict[str, Any], *, hung: bool) -> RenderError:
-        with suppress(subprocess.TimeoutExpired):
-            self._process.wait(_EXIT_TIMEOUT_S)  # its output has closed, so it is ending
-        ending = f"no answer for {_FRAME_TIMEOUT_S:g} s" if hung else f"exit status {self._process.returncode}"
-        stderr = (self._folder / _ERRORS).read_text(encoding="utf-8", errors="replace")
-        where = f"vtk {setting['mapper']}, step {setting['sample_distance']:g}"
-        return _vtk_error("VTK failed to draw a frame", where, ending, stderr)
+            process.kill()
+            process.wait()
 
 
-def _vtk_error(what: str, where: str, ending: str, stderr: str) -> RenderError:
-    """Return an error with the process's end and the last lines of its standard error stream."""
-    last = [line for line in _TERMINAL_COLOR.sub("", stderr).splitlines() if line.strip()][-_NUM_LAST_LINES:]
-    return RenderError(what, where=where, got="\n    ".join([ending, *last]), hint="measure without the peer")
+@dataclass(frozen=True)
+class _Worker:
+    """VTK's process, which answers one request at a time. output: what it prints."""
+
+    process: subprocess.Popen[bytes]
+    connection: Connection[Any, Any]
+    output: IO[bytes]
+
+    def description(self) -> dict[str, str]:
+        """Wait until the process has started, and return VTK's `version` and `driver`."""
+        description: dict[str, str] = self._answer("VTK does not start", "--peer vtk", _START_TIMEOUT_S)
+        return description
+
+    def send_scene(self, job: dict[str, Any], voxels: Array) -> None:
+        """Send the scene that `draw` draws."""
+        with suppress(OSError):  # `draw` reports a process that has ended
+            self.connection.send(job)
+            self.connection.send_bytes(np.ascontiguousarray(voxels).reshape(-1).data)
+
+    def draw(self, setting: Setting, camera: int) -> tuple[FloatImage, float]:
+        """Draw a frame; return the picture, float64 [h, w, 3], and the seconds."""
+        with suppress(OSError):
+            self.connection.send((setting.options, camera))
+        where = f"{setting.series}, {setting.label}"
+        pixels, seconds = self._answer("VTK failed to draw a frame", where, _FRAME_TIMEOUT_S)
+        return pixels / 255.0, seconds
+
+    def _answer(self, what: str, where: str, timeout_s: float) -> Any:
+        """Return the next answer. Raises RenderError with the last lines of the output if the process ends or hangs."""
+        try:
+            if self.connection.poll(timeout_s):
+                return self.connection.recv()
+            ending = f"no answer for {timeout_s:g} s"
+        except (EOFError, OSError):
+            with suppress(subprocess.TimeoutExpired):
+                self.process.wait(_EXIT_TIMEOUT_S)  # its end of the pipe has closed, so it is ending
+            ending = f"exit status {self.process.returncode}"
+        self.output.seek(0)
+        text = _TERMINAL_COLOR.sub("", self.output.read().decode(errors="replace"))
+        last = [line for line in text.splitlines() if line.strip()][-_NUM_LAST_LINES:]
+        raise RenderError(what, where=where, got="\n    ".join([ending, *last]), hint="measure without the peer")

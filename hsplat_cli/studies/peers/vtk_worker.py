@@ -1,24 +1,20 @@
-"""Draw with VTK in a separate process: `python vtk_worker.py FOLDER`. Without FOLDER, print VTK's version and driver.
+"""Draw with VTK in a separate process: `python vtk_worker.py DESCRIPTOR`, the file descriptor of a connection.
 
-Imports nothing of hsplat; `hsplat_cli.studies.peers.vtk_peer` starts it. FOLDER holds
-
-    job.json       the scene, in its own unit of length
-    voxels.npy     [z, y, x], of a type that VTK draws without conversion
-
-Each line on the standard input stream requests one frame, `{"setting": {...}, "camera": 0}`. The worker writes it to
-`picture.npy`, uint8 [h, w, 3], row 0 at the top, and answers with the seconds of drawing it, `{"seconds": 0.5}`. It
-does nothing between requests, and ends with them. The first frame of a setting compiles and uploads.
+Imports nothing of hsplat; `hsplat_cli.studies.peers.vtk_peer` starts it. The worker first sends VTK's version and
+driver. It receives the scene in its own unit of length, a dict, then its voxels, the bytes of [z, y, x] of a type that
+VTK draws without conversion. Each further request is a pair: the options of a setting, and the number of a camera. It
+is answered with the picture, uint8 [h, w, 3], row 0 at the top, and the seconds of drawing it. The worker does nothing
+between requests, and ends with them. The first frame of a setting compiles and uploads.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 import time
-from collections.abc import Iterable
-from pathlib import Path
-from typing import IO, Any
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -41,26 +37,24 @@ from vtkmodules.vtkRenderingVolumeOpenGL2 import vtkOpenGLGPUVolumeRayCastMapper
 Json = dict[str, Any]
 
 
-def main(folder: Path, requests: Iterable[str], answers: IO[str]) -> None:
-    """Answer requests until they end."""
-    job: Json = json.loads((folder / "job.json").read_text(encoding="utf-8"))
-    image = _make_image(np.load(folder / "voxels.npy", allow_pickle=False), job["spacing"])
+def main(connection: Connection[Any, Any]) -> None:
+    """Answer requests until the connection closes, which raises EOFError."""
+    connection.send(describe())
+    job: Json = connection.recv()
+    voxels = np.frombuffer(connection.recv_bytes(), job["dtype"]).reshape(job["shape"])
+    image = _make_image(voxels, job["spacing"])
     volume_property = _make_property(job)
     current: Json | None = None
     window = renderer = None
-    for line in requests:
-        request = json.loads(line)
-        if request["setting"] != current:
+    while True:
+        setting, camera = connection.recv()
+        if setting != current:
             if window is not None:
                 window.Finalize()  # frees its memory on the device
-            current = request["setting"]
-            window, renderer = _make_window(
-                job, _make_volume(job, volume_property, _make_mapper(request["setting"], image))
-            )
-        _set_camera(window, renderer, job["cameras"][request["camera"]])
-        picture, seconds = _draw(window, renderer)
-        np.save(folder / "picture.npy", picture, allow_pickle=False)
-        print(json.dumps({"seconds": seconds}), file=answers, flush=True)
+            current = setting
+            window, renderer = _make_window(job, _make_volume(job, volume_property, _make_mapper(setting, image)))
+        _set_camera(window, renderer, job["cameras"][camera])
+        connection.send(_draw(window, renderer))
 
 
 def describe() -> dict[str, str]:
@@ -171,11 +165,6 @@ def _fail_on_errors() -> None:
 
 
 if __name__ == "__main__":
-    # Answers use a separate stream, because drivers print to the standard output stream.
-    with open(os.dup(1), "w", encoding="utf-8") as stream:
-        os.dup2(2, 1)
-        _fail_on_errors()
-        if len(sys.argv) > 1:
-            main(Path(sys.argv[1]), sys.stdin, stream)
-        else:
-            print(json.dumps(describe()), file=stream)
+    _fail_on_errors()
+    with suppress(EOFError):
+        main(Connection(int(sys.argv[1])))

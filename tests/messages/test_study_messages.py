@@ -1,0 +1,80 @@
+"""What `hsplat measure`, `hsplat paper` and scenes with an accuracy print when they cannot do what was asked."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hsplat_cli import main
+from hsplat_cli.commands.paper import SCENES
+from hsplat_cli.studies.measure.notes import scene_notes
+from renderer.scene import load_scene
+from tests.support.transcripts import Case, cases
+
+SMALLER = {"frames: 120": "frames: 6", "[512, 512]": "[32, 32]", "[64, 64, 32]": "[8, 8, 8]"}
+
+
+@pytest.fixture(autouse=True)
+def folder(scene_folder: Path) -> Path:
+    """Fill the current folder with a small scene of bricks and, in `figures`, the scenes of `hsplat paper`."""
+    scene = scene_folder / "scene.yaml"
+    text = scene.read_text("utf-8")
+    for old, new in SMALLER.items():
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    text = re.sub(r"footprint: \w+", "footprint: integrated", text)
+    scene.write_text(text, "utf-8")
+    shutil.copytree(SCENES, scene_folder / "figures")
+    for name in ("empty", "one"):
+        (scene_folder / name).mkdir()
+    shutil.copy(SCENES / "3_one_splat.yaml", scene_folder / "one")
+    return scene_folder
+
+
+@pytest.fixture
+def _writes_nothing(folder: Path) -> Iterator[None]:
+    before = sorted(folder.rglob("*"))
+    yield
+    assert sorted(folder.rglob("*")) == before
+
+
+@pytest.mark.usefixtures("_writes_nothing")
+@cases("studies.txt")
+def test_messages(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
+    case.check(capsys)
+
+
+@cases("accuracy.txt")
+def test_messages_about_accuracy(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
+    case.check(capsys)
+
+
+@pytest.mark.usefixtures("_writes_nothing")
+def test_vtk_that_is_missing_is_reported(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    find_spec = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name, *rest: None if name.startswith("vtk") else find_spec(name, *rest)
+    )
+    assert main.run(["measure", "scene.yaml", "--quiet", "--peer", "vtk"]) == 2
+    assert capsys.readouterr().err == "the package vtk is not installed\n  hint: pip install 'hsplat[vtk]'\n"
+
+
+@pytest.mark.parametrize(
+    ("schedule", "notes"),
+    [
+        ("tolerance=0.1", []),
+        (
+            "tolerance={0: 0.5, 3: 0.02}",
+            ["the scene changes its tolerance over the film; here each tolerance is measured by itself"],
+        ),
+        ("psnr=38", ["the scene asks for error.psnr, not for a tolerance; here each tolerance is measured by itself"]),
+    ],
+)
+def test_a_study_notes_what_it_does_not_measure(schedule: str, notes: list[str]) -> None:
+    scene = load_scene(Path("scene.yaml"), overrides=["error.tolerance=null", f"error.{schedule}"])
+    assert scene_notes(scene, has_transparent_border=False) == notes
