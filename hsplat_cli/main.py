@@ -21,19 +21,19 @@ import click
 
 from renderer.errors import HsplatError, InputError, closest_match, format_message
 
-# The module and summary of each command, which is the function of the same name. A module is imported only when its
-# command is called, so help is quick.
+# The summary of each command, a function of the same name in a file of the same name. It is imported only when it is
+# called, so help is quick.
 COMMANDS = {
-    "render": ("hsplat_cli.commands.render", "Render a scene to a film or to numbered frames."),
-    "assemble": ("hsplat_cli.commands.assemble", "Make one film of frames that were drawn in parts."),
-    "check": ("hsplat_cli.commands.check", "Check a scene file and list everything that is wrong with it."),
-    "init": ("hsplat_cli.commands.init", "Write a scene file for a volume, to start from."),
-    "turntable": ("hsplat_cli.commands.turntable", "Render turntables of volumes without a scene file."),
-    "measure": ("hsplat_cli.commands.measure", "Measure what a scene costs and how near to the truth it comes."),
-    "paper": ("hsplat_cli.commands.paper", "Reproduce the figures of Laur and Hanrahan 1991 on one page."),
-    "golden": ("hsplat_cli.commands.golden", "Keep frames of a scene to compare later ones with."),
-    "compare": ("hsplat_cli.commands.compare", "Compare frames with golden ones; exit with 1 where they differ."),
-    "info": ("hsplat_cli.commands.info", "Describe a volume: shape, place, values and histogram."),
+    "render": "Render a scene to a film or to numbered frames.",
+    "assemble": "Make one film of frames that were drawn in parts.",
+    "check": "Check a scene file and list everything that is wrong with it.",
+    "init": "Write a scene file for a volume, to start from.",
+    "turntable": "Render turntables of volumes without a scene file.",
+    "measure": "Measure what a scene costs and how near to the truth it comes.",
+    "paper": "Reproduce the figures of Laur and Hanrahan 1991 on one page.",
+    "golden": "Keep frames of a scene to compare later ones with.",
+    "compare": "Compare frames with golden ones; exit with 1 where they differ.",
+    "info": "Describe a volume: shape, place, values and histogram.",
 }
 
 
@@ -50,7 +50,7 @@ class LazyGroup(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
-        command = getattr(importlib.import_module(COMMANDS[cmd_name][0]), cmd_name)
+        command = getattr(importlib.import_module(f"hsplat_cli.commands.{cmd_name}"), cmd_name)
         assert isinstance(command, click.Command), cmd_name
         return command
 
@@ -68,24 +68,21 @@ class LazyGroup(click.Group):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
-            formatter.write_dl([(name, summary) for name, (_, summary) in COMMANDS.items()])
+            formatter.write_dl(list(COMMANDS.items()))
 
 
-def _version(context: click.Context, _: click.Parameter, wanted: bool) -> None:
-    if not wanted or context.resilient_parsing:
-        return
-    from importlib import metadata
+def _print_version(context: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted and not context.resilient_parsing:
+        from renderer.versions import package_versions
 
-    try:
-        version = metadata.version("hsplat")
-    except metadata.PackageNotFoundError:
-        version = "(not installed)"
-    click.echo(f"hsplat {version}")
-    context.exit()
+        click.echo(f"hsplat {package_versions()['hsplat']}")
+        context.exit()
 
 
 @click.command(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("--version", is_flag=True, is_eager=True, expose_value=False, help="Show the version.", callback=_version)
+@click.option(
+    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version, help="Show the version."
+)
 def hsplat() -> None:
     """Film loops from scalar volumes by hierarchical splatting."""
 
@@ -152,20 +149,12 @@ def _print_error(text: str) -> None:
 
 def _is_out_of_memory(error: BaseException) -> bool:
     """Return whether memory or address space ran out, which libraries and threads report as errors of other kinds."""
-    chain: list[BaseException] = []
-    each: BaseException | None = error
-    while each is not None and each not in chain:
-        chain.append(each)
-        each = each.__cause__ or each.__context__
-    return any(
-        isinstance(one, MemoryError)
-        or (isinstance(one, OSError) and one.errno == errno.ENOMEM)
-        or (
-            isinstance(one, (OSError, ImportError, RuntimeError))
-            and any(text in str(one) for text in _OUT_OF_MEMORY_TEXTS)
-        )
-        for one in chain
+    has_code = isinstance(error, OSError) and error.errno == errno.ENOMEM
+    has_text = isinstance(error, (OSError, ImportError, RuntimeError)) and any(
+        text in str(error) for text in _OUT_OF_MEMORY_TEXTS
     )
+    earlier = error.__cause__ or error.__context__
+    return isinstance(error, MemoryError) or has_code or has_text or bool(earlier and _is_out_of_memory(earlier))
 
 
 def _address_space_hint() -> str | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from renderer.errors import InputError
 from renderer.scene import format_value
@@ -28,30 +29,21 @@ def parse_frames(text: str | None, num_frames: int, recorded: Sequence[int] | No
     if text is None:
         return range(num_frames) if recorded is None else recorded
     expected = f"A:B or A:B:STEP or one number; this path has the frames 0 to {num_frames - 1}"
-    parts = _parts(text)
-    if not 1 <= len(parts) <= 3 or parts == [None]:
-        raise InputError("not a range of frames", where="--frames", got=format_value(text), expected=expected)
-    if len(parts) == 1 and parts[0] is not None:
-        number = parts[0]
-        is_there = -num_frames <= number < num_frames
-        picked = range(num_frames)[number : number + 1 or None] if is_there else range(0)
-    else:
-        step = parts[2] if len(parts) == 3 else None
-        if step is not None and step < 1:
-            raise InputError(
-                "frames go forward", where="--frames", got=format_value(text), expected="a step of at least 1"
-            )
-        picked = range(num_frames)[slice(*parts)]
+    error = partial(InputError, where="--frames", got=format_value(text))
+    match _parts(text):
+        case [int(number)]:
+            picked = range(num_frames)[number : number + 1 or None]
+        case [_, _, int(step)] if step < 1:
+            raise error("frames go forward", expected="a step of at least 1")
+        case [_, _] | [_, _, _] as parts:
+            picked = range(num_frames)[slice(*parts)]
+        case _:
+            raise error("not a range of frames", expected=expected)
     if not picked:
-        raise InputError("no frame is in this range", where="--frames", got=format_value(text), expected=expected)
-    missing = next(iter(sorted({*picked}.difference(picked if recorded is None else recorded))), None)
-    if recorded is not None and missing is not None:
-        raise InputError(
-            f"frame {missing} is not in the film",
-            where="--frames",
-            got=format_value(text),
-            expected=f"frames of {_as_slice(recorded)}",
-        )
+        raise error("no frame is in this range", expected=expected)
+    missing = set(picked).difference(picked if recorded is None else recorded)
+    if recorded is not None and missing:
+        raise error(f"frame {min(missing)} is not in the film", expected=f"frames of {_as_slice(recorded)}")
     return picked
 
 
@@ -67,6 +59,6 @@ def _as_slice(frames: Sequence[int]) -> str:
     """Return `0:118:3`, or a list where no slice gives these frames."""
     step = frames[1] - frames[0] if len(frames) > 1 else 1
     steady = range(frames[0], frames[-1] + 1, step)
-    if len(steady) != len(frames) or any(a != b for a, b in zip(steady, frames, strict=True)):
+    if list(steady) != list(frames):
         return format_value(frames)
     return ":".join(map(str, (steady.start, steady.stop, step)[: 3 if step > 1 else 2]))

@@ -1,15 +1,11 @@
-"""Shows how far the work is, on the standard error stream: a bar on a terminal, elsewhere a line now and then."""
+"""Shows how far the work is: in one line on a terminal, elsewhere by a line now and then."""
 
 from __future__ import annotations
 
-import contextlib
-import sys
+import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, TextIO
-
-if TYPE_CHECKING:
-    from tqdm import tqdm
+from typing import TextIO
 
 # A line is due after this part of the work or this time, whichever comes first, but never sooner than the least time:
 # a short film prints a few lines, a long one does not look dead, and neither floods a log.
@@ -17,87 +13,63 @@ _LINE_EVERY_FRACTION = 0.1
 _MAX_LINE_INTERVAL_S = 60.0
 _MIN_LINE_INTERVAL_S = 2.0
 
-# With steps of unequal work, steps per second would mean nothing.
-_WEIGHTED_BAR_FORMAT = "{desc}: {percentage:3.0f}%|{bar}| [{elapsed}<{remaining}{postfix}]"
+_TERMINAL_INTERVAL_S = 0.1
+_BAR_WIDTH = 20
 
 
 class Progress:
-    """Counts finished steps; this one shows nothing."""
+    """Counts finished steps, and shows them in a stream, if there is one; to be closed.
 
-    def advance(self, note: str = "") -> None:
-        """Count one step more. note: a few words about it."""
-
-
-@contextlib.contextmanager
-def open_progress(steps: int | Sequence[float], *, label: str, unit: str, is_quiet: bool) -> Iterator[Progress]:
-    """Show progress on the standard error stream, or nothing when quiet; the rest is as in `Reporter.progress`."""
-    if is_quiet:
-        yield Progress()
-    elif not sys.stderr.isatty():
-        yield ProgressLines(steps, label, sys.stderr, time.monotonic, unit)
-    else:
-        # Imported only where a bar is drawn: a plain log does not need it.
-        from tqdm import tqdm
-
-        kind: dict[str, Any] = {"total": steps, "desc": label, "unit": f" {unit}"}
-        if not isinstance(steps, int):
-            # Without smoothing: steps differ, so the rate of the last ones says little.
-            kind = {"total": sum(steps), "bar_format": _WEIGHTED_BAR_FORMAT, "smoothing": 0}
-        with tqdm(**kind, file=sys.stderr, dynamic_ncols=True) as bar:
-            yield _Bar(bar, steps, label, unit)
-
-
-class _Bar(Progress):
-    def __init__(self, bar: tqdm[Any], steps: int | Sequence[float], label: str, unit: str) -> None:
-        self._bar, self._steps, self._label, self._unit = bar, steps, label, unit
-        self._num_finished = 0
-        self._describe()
-
-    def advance(self, note: str = "") -> None:
-        self._bar.set_postfix_str(note, refresh=False)
-        self._bar.update(1 if isinstance(self._steps, int) else self._steps[self._num_finished])
-        self._num_finished += 1
-        self._describe()
-
-    def _describe(self) -> None:
-        if not isinstance(self._steps, int):
-            self._bar.set_description_str(f"{self._label} {self._num_finished}/{len(self._steps)} {self._unit}")
-
-
-class ProgressLines(Progress):
-    """Progress as lines of text. clock: returns seconds; the rest is as in `Reporter.progress`."""
+    clock: returns seconds. The rest is as in `Reporter.progress`.
+    """
 
     def __init__(
         self,
         steps: int | Sequence[float],
         label: str,
-        stream: TextIO,
-        clock: Callable[[], float],
+        stream: TextIO | None,
+        clock: Callable[[], float] = time.monotonic,
         unit: str = "frames",
     ) -> None:
         self._has_rate = isinstance(steps, int)
         self._work = [1.0] * steps if isinstance(steps, int) else list(steps)
         self._label, self._stream, self._clock, self._unit = label, stream, clock, unit
+        self._is_terminal = stream is not None and stream.isatty()
         self._total_work = sum(self._work)
         self._num_finished, self._finished_work, self._work_at_line = 0, 0.0, 0.0
         self._start = self._time_of_line = clock()
         self._first = (self._start, 0.0)  # when the first step was finished, and its work
+        if self._is_terminal:
+            self._show(self._start, "")
 
     def advance(self, note: str = "") -> None:
-        """Count one step more, and print a line if one is due."""
+        """Count one step more, and show it if that is due. note: a few words about it."""
         self._finished_work += self._work[self._num_finished]
         self._num_finished += 1
         now = self._clock()
         if self._num_finished == 1:
             self._first = (now, self._finished_work)
-        if not self._is_due(now):
-            return
+        if self._is_due(now):
+            self._show(now, note)
+
+    def close(self) -> None:
+        """Leave the line of a terminal."""
+        if self._is_terminal:
+            print(file=self._stream, flush=True)
+
+    def _show(self, now: float, note: str) -> None:
         self._work_at_line, self._time_of_line = self._finished_work, now
-        print(f"{self._label}: {', '.join(self._parts(now, note))}", file=self._stream, flush=True)
+        text = ", ".join(self._parts(now, note))
+        if self._is_terminal:
+            part, width = self._finished_part(0.0), shutil.get_terminal_size().columns - 1
+            text = f"{self._label}: {part:4.0%} [{'#' * int(_BAR_WIDTH * part):<{_BAR_WIDTH}}] {text}"
+            print(f"\r{text[:width]:<{width}}", end="", file=self._stream, flush=True)
+        elif self._stream is not None:
+            print(f"{self._label}: {text}", file=self._stream, flush=True)
 
     def _parts(self, now: float, note: str) -> Iterator[str]:
         yield f"{self._num_finished}/{len(self._work)} {self._unit}"
-        if self._has_rate:
+        if self._has_rate and self._num_finished:
             yield f"{self._num_finished / max(now - self._start, 1e-9):.2f} {self._unit}/s"
         # The first step includes the start: the rate is that of the later ones, once there are some.
         since, before = self._first if self._finished_work > self._first[1] else (self._start, 0.0)
@@ -107,12 +79,16 @@ class ProgressLines(Progress):
         if note:
             yield note
 
+    def _finished_part(self, since: float) -> float:
+        """Return the part of the work that was finished after this amount of it."""
+        return (self._finished_work - since) / max(self._total_work, 1e-9)
+
     def _is_due(self, now: float) -> bool:
-        if self._num_finished == len(self._work):
-            return True
         waited = now - self._time_of_line
-        part = (self._finished_work - self._work_at_line) / max(self._total_work, 1e-9)
-        return waited >= _MIN_LINE_INTERVAL_S and (part >= _LINE_EVERY_FRACTION or waited >= _MAX_LINE_INTERVAL_S)
+        if self._num_finished == len(self._work) or (self._is_terminal and waited >= _TERMINAL_INTERVAL_S):
+            return True
+        is_much = self._finished_part(self._work_at_line) >= _LINE_EVERY_FRACTION
+        return waited >= _MIN_LINE_INTERVAL_S and (is_much or waited >= _MAX_LINE_INTERVAL_S)
 
 
 def format_duration(seconds: float) -> str:

@@ -5,13 +5,14 @@ Results and lines go to the standard output stream, all else to the standard err
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Collection, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass
 
 import click
 
-from hsplat_cli.terminal.progress_bar import Progress, open_progress
+from hsplat_cli.terminal.progress_bar import Progress
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class Reporter:
         steps: the number of steps of equal cost, whose rate is shown, too; or the predicted work of each step, at
             least 0, in any unit. unit: what a step is, in the plural.
         """
-        return open_progress(steps, label=label, unit=unit, is_quiet=self.is_quiet)
+        return closing(Progress(steps, label, None if self.is_quiet else sys.stderr, unit=unit))
 
     def announce_compilation(self) -> None:
         """Print a status if this run has to compile the kernels, which takes some seconds."""

@@ -1,32 +1,32 @@
-"""Progress: lines that neither flood a log nor stop, a bar on a terminal, silence on request."""
+"""Progress: lines that neither flood a log nor stop, one line on a terminal, silence on request."""
 
 import io
-import subprocess
 import sys
 
 import pytest
 
 from hsplat_cli.terminal import Reporter
-from hsplat_cli.terminal.progress_bar import ProgressLines, format_duration
+from hsplat_cli.terminal.progress_bar import Progress, format_duration
 
 
-class Clock:
-    """Seconds that pass when told."""
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
 
-    def __init__(self) -> None:
-        self.now = 100.0
 
-    def __call__(self) -> float:
-        return self.now
+def shown(steps: int | list[float], seconds: list[float], stream: io.StringIO, unit: str = "frames") -> str:
+    """Return what is shown of steps that take these seconds; the note of each is its duration."""
+    now = [100.0]
+    progress = Progress(steps, "engine.mp4", stream, lambda: now[0], unit)
+    for each in seconds:
+        now[0] += each
+        progress.advance(f"{each} s" if unit == "settings" else "")
+    progress.close()
+    return stream.getvalue()
 
 
 def lines_of(total: int, seconds_a_frame: float) -> list[str]:
-    clock, stream = Clock(), io.StringIO()
-    lines = ProgressLines(total, "engine.mp4", stream, clock)
-    for _ in range(total):
-        clock.now += seconds_a_frame
-        lines.advance()
-    return stream.getvalue().splitlines()
+    return shown(total, [seconds_a_frame] * total, io.StringIO()).splitlines()
 
 
 def test_a_line_for_each_tenth() -> None:
@@ -36,52 +36,44 @@ def test_a_line_for_each_tenth() -> None:
     assert lines[-1] == "engine.mp4: 120/120 frames, 4.00 frames/s"
 
 
-def test_the_start_is_not_counted_as_if_each_frame_had_one() -> None:
-    clock, stream = Clock(), io.StringIO()
-    lines = ProgressLines(20, "engine.mp4", stream, clock)
-    for seconds in (10, 2):
-        clock.now += seconds
-        lines.advance()
-    assert stream.getvalue().splitlines() == ["engine.mp4: 2/20 frames, 0.17 frames/s, 0:36 left"]
+def test_the_time_left_does_not_count_the_start_for_each_frame() -> None:
+    assert shown(20, [10, 2], io.StringIO()) == "engine.mp4: 2/20 frames, 0.17 frames/s, 0:36 left\n"
 
 
-def test_never_more_than_one_in_two_seconds() -> None:
+def test_a_fast_film_prints_at_most_a_line_in_two_seconds() -> None:
     assert len(lines_of(total=120, seconds_a_frame=0.05)) == 3
     assert len(lines_of(total=120, seconds_a_frame=0.0001)) == 1
 
 
-def test_a_slow_film_shows_life_every_minute() -> None:
+def test_a_slow_film_prints_a_line_every_minute() -> None:
     lines = lines_of(total=1000, seconds_a_frame=20)
     assert lines[0] == "engine.mp4: 3/1000 frames, 0.05 frames/s, 5:32:20 left"
     assert len(lines) == 334
 
 
-def test_the_note_stands_at_the_end() -> None:
-    stream = io.StringIO()
-    ProgressLines(1, "film", stream, Clock()).advance("147 k splats")
-    assert stream.getvalue().endswith(", 147 k splats\n")
-
-
-def test_steps_of_unequal_work() -> None:
-    """The time remaining follows the work, the count the steps; there is no rate."""
-    clock, stream = Clock(), io.StringIO()
-    lines = ProgressLines([1.0, 3.0, 16.0], "measure", stream, clock, "settings")
-    for seconds in (3, 9, 40):
-        clock.now += seconds
-        lines.advance(f"{seconds} s")
-    assert stream.getvalue().splitlines() == [
-        "measure: 2/3 settings, 0:48 left, 9 s",  # the first step was too small a part of the work for a line
-        "measure: 3/3 settings, 40 s",
+def test_steps_of_unequal_work_have_a_time_left_and_no_rate() -> None:
+    assert shown([1.0, 3.0, 16.0], [3, 9, 40], io.StringIO(), "settings").splitlines() == [
+        "engine.mp4: 2/3 settings, 0:48 left, 9 s",  # the first step was too small a part of the work for a line
+        "engine.mp4: 3/3 settings, 40 s",
     ]
 
 
-def test_work_of_nothing_has_no_time() -> None:
-    clock, stream = Clock(), io.StringIO()
-    lines = ProgressLines([0.0, 0.0], "measure", stream, clock, "settings")
-    for _ in range(2):
-        clock.now += 100
-        lines.advance()
-    assert stream.getvalue().splitlines() == ["measure: 1/2 settings", "measure: 2/2 settings"]
+@pytest.mark.parametrize("stream", [io.StringIO(), Terminal()])
+def test_steps_without_work_have_no_time_left(stream: io.StringIO) -> None:
+    text = shown([0.0, 0.0], [100, 100], stream)
+    assert "1/2 frames" in text and "2/2 frames" in text and "left" not in text
+
+
+def test_a_terminal_has_one_line_that_is_rewritten(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "61")
+    start, *lines = shown([1.0, 3.0], [5, 10], Terminal(), "settings").rstrip("\n").split("\r")
+    assert start == ""
+    assert lines == [
+        f"engine.mp4:   0% [{20 * ' '}] 0/2 settings".ljust(60),
+        f"engine.mp4:  25% [{'#####':20}] 1/2 settings, 0:15 left, 5 s"[:60],
+        f"engine.mp4: 100% [{20 * '#'}] 2/2 settings, 10 s".ljust(60),
+    ]
+    assert len(shown(1000, [0.001] * 1000, Terminal()).split("\r")) < 15
 
 
 @pytest.mark.parametrize(
@@ -92,48 +84,15 @@ def test_durations(seconds: float, text: str) -> None:
     assert format_duration(seconds) == text
 
 
-def test_quiet_is_silent(capsys: pytest.CaptureFixture[str]) -> None:
-    with Reporter(is_quiet=True).progress(2, label="film") as bar:
-        bar.advance("a note")
-        bar.advance()
-    assert capsys.readouterr() == ("", "")
-
-
-def test_lines_go_to_the_error_stream(capsys: pytest.CaptureFixture[str]) -> None:
-    with Reporter(is_quiet=False).progress(1, label="film") as bar:
-        bar.advance()
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.startswith("film: 1/1 frames, ")
-
-
-def test_a_terminal_gets_a_bar(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with Reporter(is_quiet=False).progress(2, label="film") as bar:
-        bar.advance("a note")
-        bar.advance()
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert "film: 100%" in err
-    assert "frames/s" in err
-
-
-def test_a_terminal_gets_a_bar_of_the_work(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with Reporter(is_quiet=False).progress([1.0, 3.0], label="measure", unit="settings") as bar:
-        bar.advance("tolerance 1")
-        bar.advance("tolerance 0.1")
-    _, err = capsys.readouterr()
-    assert "measure 0/2 settings:   0%" in err
-    assert "measure 1/2 settings:  25%" in err
-    assert "measure 2/2 settings: 100%" in err
-    assert "tolerance 0.1]" in err
-
-
-def test_tqdm_is_not_imported_without_a_terminal() -> None:
-    code = (
-        "import sys; from hsplat_cli.terminal import Reporter\n"
-        "with Reporter(is_quiet=False).progress(1, label='film') as bar: bar.advance()\n"
-        "assert 'tqdm' not in sys.modules"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True, stderr=subprocess.PIPE)
+@pytest.mark.parametrize("is_quiet", [True, False])
+def test_progress_goes_to_the_error_stream_or_nowhere(
+    is_quiet: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for is_terminal in (False, True):
+        monkeypatch.setattr(sys.stderr, "isatty", lambda is_terminal=is_terminal: is_terminal)
+        with Reporter(is_quiet).progress(1, label="film") as bar:
+            bar.advance("a note")
+        out, err = capsys.readouterr()
+        assert out == ""
+        assert ("1/1 frames" in err and ", a note" in err) != is_quiet
+        assert bool(err) != is_quiet
