@@ -5,11 +5,11 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hsplat_cli.executors.cluster.cluster_executor import open_cluster_executor
+from hsplat_cli.executors.cluster.cluster_executor import ClusterExecutor
 from hsplat_cli.executors.cluster.connection import connect
 from hsplat_cli.executors.frame_result import FrameExecutor, FrameResult, LocalExecutor
 from hsplat_cli.executors.options import ExecutorSpec
@@ -51,17 +51,14 @@ def open_executor(spec: ExecutorSpec, scene: Scene, reporter: Reporter) -> Itera
         yield Executor(spec, rasterizer, client, reporter)
 
 
+@dataclass(frozen=True)
 class Executor:
     """What can draw films; made by `open_executor`. rasterizer: of this process, where it draws anything."""
 
-    def __init__(
-        self,
-        spec: ExecutorSpec,
-        rasterizer: RecoveringRasterizer | None,
-        client: Client | None,
-        reporter: Reporter,
-    ) -> None:
-        self._spec, self.rasterizer, self._client, self._reporter = spec, rasterizer, client, reporter
+    _spec: ExecutorSpec
+    rasterizer: RecoveringRasterizer | None
+    _client: Client | None
+    _reporter: Reporter
 
     @property
     def renderer_name(self) -> str:
@@ -80,7 +77,8 @@ class Executor:
         """
         if self._client is not None:
             assert self._spec.scheduler is not None
-            with open_cluster_executor(self._client, self._spec.scheduler, plan, self._reporter) as cluster:
+            cluster = ClusterExecutor(self._client, self._spec.scheduler, plan, self._reporter)
+            with contextlib.closing(cluster):
                 yield cluster
             return
         assert self.rasterizer is not None

@@ -18,14 +18,6 @@ ADDRESSES = "the address of a Dask scheduler such as tcp://node7:8786, or local 
 _ADDRESS = re.compile(r"(?:(?:tcp|tls)://)?(?:\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
 
 
-def require_address(address: str) -> None:
-    """Raise InputError for what cannot be the address of a scheduler, or where Dask is not installed."""
-    found = _ADDRESS.fullmatch(address)
-    if address != LOCAL and not (found and 0 < int(found[1]) < 2**16):
-        raise InputError("not an address", where="--scheduler", got=format_value(address), expected=ADDRESSES)
-    require_package("distributed", extra="cluster")
-
-
 @dataclass(frozen=True)
 class ExecutorSpec:
     """What draws. workers: number of processes, None for the fastest. scheduler: address of a cluster's, or `local`."""
@@ -34,13 +26,11 @@ class ExecutorSpec:
     scheduler: str | None = None
 
 
-workers_option = option_group(
-    click.option(
-        "--workers",
-        type=click.IntRange(min=1),
-        metavar="N",
-        help="Draw with N processes; as many as is fastest by default.",
-    )
+workers_option = click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Draw with N processes; as many as are fastest by default.",
 )
 executor_options = option_group(
     workers_option,
@@ -51,11 +41,16 @@ executor_options = option_group(
 
 
 def require_executor(spec: ExecutorSpec) -> None:
-    """Raise InputError for a wrong address, and for options that exclude each other."""
-    if spec.scheduler is not None:
-        require_address(spec.scheduler)
-        if spec.workers is not None and spec.scheduler != LOCAL:
-            raise InputError("the workers are those of the scheduler", where="--workers")
+    """Raise InputError for a wrong address, options that exclude each other, or where Dask is not installed."""
+    address = spec.scheduler
+    if address is None:
+        return
+    found = _ADDRESS.fullmatch(address)
+    if address != LOCAL and not (found and 0 < int(found[1]) < 2**16):
+        raise InputError("not an address", where="--scheduler", got=format_value(address), expected=ADDRESSES)
+    require_package("distributed", extra="cluster")
+    if spec.workers is not None and address != LOCAL:
+        raise InputError("the workers are those of the scheduler", where="--workers")
 
 
 def require_executor_for(spec: ExecutorSpec, scene: Scene, *, progressive: bool = False) -> None:

@@ -6,9 +6,8 @@ frame after frame, and the number of frames under way is bounded. Workers may co
 
 from __future__ import annotations
 
-import contextlib
 import queue
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Sequence
 from concurrent.futures import CancelledError
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -27,7 +26,6 @@ from renderer.versions import package_versions
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-MAX_WAIT_S = 60.0
 # Workers are looked for when no frame is finished for this long.
 _POLL_INTERVAL_S = 0.5
 # A picture that does not come within this time makes the client look whether its worker is still there.
@@ -36,35 +34,20 @@ _FETCH_TIMEOUT_S = 2.0
 _FINISHED_STATUSES = ("finished", "lost")
 
 
-@contextlib.contextmanager
-def open_cluster_executor(
-    client: Client, address: str, plan: FilmPlan, reporter: Reporter, *, max_wait_s: float = MAX_WAIT_S
-) -> Iterator[ClusterExecutor]:
-    """Draw a plan, whose goal is resolved, on the cluster of a scheduler, at the tolerances of its schedule.
-
-    address: of the scheduler, for messages. max_wait_s: the longest time without any worker.
-
-    Raises RenderError, in the block, where workers are missing or cannot draw.
-    """
-    executor = ClusterExecutor(WorkerRegistry(client, address, max_wait_s, reporter), client, plan)
-    try:
-        yield executor
-    finally:
-        executor.release()
-
-
 class ClusterExecutor:
-    """A FrameExecutor; made by `open_cluster_executor`."""
+    """A FrameExecutor that draws a plan, whose goal is resolved, at the tolerances of its schedule; to be closed.
 
-    def __init__(self, registry: WorkerRegistry, client: Client, plan: FilmPlan) -> None:
+    address: of the scheduler, for messages. `draw` raises RenderError where workers are missing or cannot draw.
+    """
+
+    def __init__(self, client: Client, address: str, plan: FilmPlan, reporter: Reporter) -> None:
         self.plan = plan
-        self._registry, self._client = registry, client
+        self._client, self._registry = client, WorkerRegistry(client, address, reporter)
         self._stage_data: Future | None = None
         self._worker_versions: list[dict[str, Any]] = []  # each once
         self._num_redrawn = 0
         self._schedule = FrameSchedule[str]()
-        # Workers, their tasks, and the keys of their futures; a task that was taken back has another future, or none.
-        self._finished: queue.SimpleQueue[tuple[str, Task, str]] = queue.SimpleQueue()
+        self._finished: queue.SimpleQueue[tuple[str, Task, Future]] = queue.SimpleQueue()
 
     @property
     def drivers(self) -> tuple[str, ...]:
@@ -74,13 +57,11 @@ class ClusterExecutor:
     @property
     def notes(self) -> list[str]:
         """As in FrameExecutor: which versions drew, where they differ from those here, and what went wrong."""
-        here = package_versions()
-        seen = {name: sorted({versions[name] for versions in self._worker_versions}) for name in here}
-        mixed = [
-            f"{name} {' and '.join(found)}, which is {here[name]} here"
-            for name, found in seen.items()
-            if found not in ([], [here[name]])
-        ]
+        mixed = []
+        for name, here in package_versions().items():
+            found = sorted({versions[name] for versions in self._worker_versions} or {here})
+            if found != [here]:
+                mixed.append(f"{name} {' and '.join(found)}, which is {here} here")
         notes = [f"bytes may differ from frame to frame, drawn by different workers: {'; '.join(mixed)}"] * bool(mixed)
         again = f"{self._num_redrawn} frame{'s were' if self._num_redrawn > 1 else ' was'} drawn again by other workers"
         return [*notes, *self._registry.notes, *[again] * bool(self._num_redrawn)]
@@ -92,7 +73,7 @@ class ClusterExecutor:
         """
         return self._schedule.draw(numbers, self._assign_tasks, self._receive)
 
-    def release(self) -> None:
+    def close(self) -> None:
         """Let the workers free the stage."""
         self._stage_data = None
 
@@ -112,7 +93,7 @@ class ClusterExecutor:
             future.add_done_callback(partial(self._on_done, worker, task))
 
     def _on_done(self, worker: str, task: Task, future: Future) -> None:
-        self._finished.put((worker, task, future.key))
+        self._finished.put((worker, task, future))
 
     def _scatter_stage(self, worker: str) -> Future | None:
         """Send the stage to one worker, if it is still there; others get it from it, and from each other."""
@@ -125,11 +106,10 @@ class ClusterExecutor:
     def _receive(self) -> None:
         """Wait a moment for a frame that its worker has drawn, or failed on."""
         try:
-            worker, task, key = self._finished.get(timeout=_POLL_INTERVAL_S)
+            worker, task, future = self._finished.get(timeout=_POLL_INTERVAL_S)
         except queue.Empty:
             return
-        future = task.handle
-        if future is None or future.key != key:
+        if task.handle is not future:  # the task was taken back
             return
         error = future.exception() if future.status == "error" else None
         if error is not None and not _is_killed_worker(error):

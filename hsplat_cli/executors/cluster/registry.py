@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.executors.cluster.worker import describe_worker
@@ -15,20 +17,23 @@ if TYPE_CHECKING:
 
 # Time between two looks for workers.
 _CHECK_INTERVAL_S = 1.0
+# The longest time without any worker.
+_MAX_WAIT_S = 60.0
 _HINT = "`dask worker ADDRESS` starts one"
 
 
 class WorkerRegistry:
     """The workers of a cluster that can draw, as `usable_workers`, by their addresses.
 
-    address: of the scheduler, for messages. max_wait_s: the longest time without any worker at all.
+    address: of the scheduler, for messages.
     """
 
-    def __init__(self, client: Client, address: str, max_wait_s: float, reporter: Reporter) -> None:
-        self._client, self._address, self._max_wait_s = client, address, max_wait_s
+    def __init__(self, client: Client, address: str, reporter: Reporter) -> None:
+        self._client, self._reporter = client, reporter
+        self._error = partial(RenderError, where=f"--scheduler {address}")
         self._here = describe_worker()
         self._excluded: dict[str, str] = {}  # why, by address
-        self._had_any, self._is_reported, self._reporter = False, False, reporter
+        self._missing_text, self._is_reported = "the cluster has no workers", False
         self._next_check = self._last_seen = time.monotonic()
         self.usable_workers: set[str] = set()
         self._require_hsplat_in_scheduler()
@@ -48,86 +53,67 @@ class WorkerRegistry:
 
         Raises RenderError where none that can draw is left.
         """
-        if time.monotonic() < self._next_check:
+        now = time.monotonic()
+        if now < self._next_check:
             return
         present = set(self._ask(self._client.nthreads))
-        self._next_check = time.monotonic() + _CHECK_INTERVAL_S
+        self._next_check = now + _CHECK_INTERVAL_S
         self.usable_workers &= present
-        new = present - self.usable_workers - self._excluded.keys()
-        if new:
+        if new := present - self.usable_workers - self._excluded.keys():
             self._check_new_workers(new)
         if present:
-            self._had_any, self._last_seen, self._is_reported = True, time.monotonic(), False
-        elif time.monotonic() > self._last_seen + self._max_wait_s:
-            raise RenderError(
-                self._what,
-                where=f"--scheduler {self._address}",
-                got=f"none for {self._max_wait_s:g} s",
-                hint=_HINT,
-            )
+            self._missing_text, self._is_reported = "the cluster has no workers left", False
+            self._last_seen = time.monotonic()
+        elif now > self._last_seen + _MAX_WAIT_S:
+            raise self._error(self._missing_text, got=f"none for {_MAX_WAIT_S:g} s", hint=_HINT)
         elif not self._is_reported:
             self._is_reported = True
-            self._reporter.status(f"{self._what}: waiting {self._max_wait_s:g} s for one; {_HINT}")
+            self._reporter.status(f"{self._missing_text}: waiting {_MAX_WAIT_S:g} s for one; {_HINT}")
         if present and present <= self._excluded.keys():
-            raise RenderError(
+            raise self._error(
                 "no worker of the cluster can draw this film",
-                where=f"--scheduler {self._address}",
-                got=_reason_counts_text([self._excluded[worker] for worker in present]),
+                got=_count_reasons(self._excluded[worker] for worker in present),
                 expected=f"hsplat {self._here['hsplat']} of the same sources, and OpenGL, as here",
             )
 
     @property
-    def _what(self) -> str:
-        return f"the cluster has no workers{' left' if self._had_any else ''}"
-
-    @property
     def notes(self) -> list[str]:
         """Return what the user should know."""
-        if not self._excluded:
-            return []
-        return [f"workers that could not draw were not used: {_reason_counts_text(list(self._excluded.values()))}"]
+        excluded = _count_reasons(self._excluded.values())
+        return [f"workers that could not draw were not used: {excluded}"] if excluded else []
 
     def _check_new_workers(self, workers: set[str]) -> None:
         # Not a task: a worker without the module of a task's function would end.
         answers = self._ask(lambda: self._client.run(describe_worker, workers=sorted(workers), on_error="return"))
         for worker, answer in answers.items():
-            if isinstance(answer, dict):
-                other = self._version_mismatch(answer)
-                if other is None:
-                    self.usable_workers.add(worker)
-                else:
-                    self._excluded[worker] = other
-            elif _is_missing(answer):
-                self._excluded[worker] = f"without hsplat ({answer})"
-            elif not isinstance(answer, OSError):  # that one is gone again
-                self._excluded[worker] = str(answer)
-
-    def _version_mismatch(self, answer: dict[str, Any]) -> str | None:
-        """Return the hsplat of a worker if its pictures may differ from those of the one here."""
-        if answer["hsplat"] != self._here["hsplat"]:
-            return f"hsplat {answer['hsplat']}"
-        # A changed checkout has the version of its release.
-        if answer.get("sources") != self._here["sources"]:
-            return f"hsplat {answer['hsplat']} of other sources"
-        return None
+            if not isinstance(answer, dict):
+                if _is_missing(answer):
+                    self._excluded[worker] = f"without hsplat ({answer})"
+                elif not isinstance(answer, OSError):  # that one is gone again
+                    self._excluded[worker] = str(answer)
+            elif answer["hsplat"] != self._here["hsplat"]:
+                self._excluded[worker] = f"hsplat {answer['hsplat']}"
+            elif answer.get("sources") != self._here["sources"]:  # a changed checkout has the version of its release
+                self._excluded[worker] = f"hsplat {answer['hsplat']} of other sources"
+            else:
+                self.usable_workers.add(worker)
 
     def _require_hsplat_in_scheduler(self) -> None:
         try:
             self._ask(lambda: self._client.run_on_scheduler(describe_worker))
         except ImportError as error:
-            raise RenderError(
+            raise self._error(
                 "the scheduler needs hsplat, too, to pass tasks on to workers",
-                where=f"--scheduler {self._address}",
                 got=str(error),
                 hint=f"install hsplat {self._here['hsplat']} in its environment",
             ) from error
 
-    def _ask(self, question: Any) -> Any:
+    def _ask(self, question: Callable[[], Any]) -> Any:
         """Return the scheduler's answer; raises RenderError where it does not answer any more."""
         try:
             return question()
         except OSError as error:  # of Dask's, too
-            raise RenderError("the scheduler no longer answers", where=f"--scheduler {self._address}") from error
+            raise self._error("the scheduler no longer answers") from error
 
 
 def _is_missing(answer: object) -> bool:
@@ -135,6 +121,6 @@ def _is_missing(answer: object) -> bool:
     return isinstance(answer, ImportError) or "ModuleNotFoundError" in str(answer) or "ImportError" in str(answer)
 
 
-def _reason_counts_text(reasons: list[str]) -> str:
+def _count_reasons(reasons: Iterable[str]) -> str:
     """Return `2 x hsplat 0.1.0; 1 x without hsplat`."""
     return "; ".join(f"{num} x {why}" for why, num in sorted(Counter(reasons).items()))
