@@ -1,9 +1,10 @@
 """Takes a fresh checkout to a first film or a test run: `python3 -m hsplat_cli.bootstrap demo` or `test`.
 
-1. Checks for Python's venv and, for the tests, OpenGL without a screen. On Debian and its relatives root installs what
-   is missing; other users get the line that an administrator has to run.
+1. Checks for Python's venv. On Debian and its relatives root installs what is missing; other users get the line that an
+   administrator has to run.
 2. Makes `.venv` and installs hsplat into it as a wheel, unless it has these sources already.
-3. Renders the demo to `demo.mp4`, or runs the tests, both with the installed wheel and not the checkout.
+3. For the tests, checks for OpenGL without a screen, as in step 1.
+4. Renders the demo to `demo.mp4`, or runs the tests, both with the installed wheel and not the checkout.
 
 Uses the standard library alone. It must parse and explain itself on a Python that is too old for hsplat, down to 3.6:
 no newer syntax, and annotations that need a newer Python in quotes.
@@ -18,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Callable  # noqa: UP035  for an old Python
 
 ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
@@ -25,6 +27,14 @@ INSTALL_RECORD = VENV / "hsplat-bootstrap.json"  # only this module writes it
 SOURCES = ("pyproject.toml", "README.md", "LICENSE", "hsplat_cli", "renderer")
 MIN_PYTHON = (3, 10)
 GL_PACKAGES = ("libegl1", "libgl1", "libgl1-mesa-dri")
+GL_PROBE = """
+from renderer.draw import GLRasterizer
+from renderer.errors import RenderError
+try:
+    GLRasterizer().release()
+except RenderError as error:
+    raise SystemExit(error.got)
+"""
 
 
 class SetupError(Exception):
@@ -39,11 +49,12 @@ def main(arguments: "list[str]") -> int:
     try:
         require_python(sys.version_info[:2], sys.executable)
         require_checkout()
-        require_system_packages(needs_opengl=arguments == ["test"])
+        require_packages(find_venv_problem, f"python{version_text(sys.version_info[:2])}-venv")
         if arguments == ["demo"]:
             install("")
             return demo()
         install("[test]")
+        require_packages(find_opengl_problem, *GL_PACKAGES)
         return test()
     except (SetupError, OSError) as error:  # OSError: a full disk, a checkout that cannot be written
         print(f"hsplat: {error}", file=sys.stderr)
@@ -86,16 +97,14 @@ def require_checkout() -> None:
         raise SetupError(f"{ROOT} is not a checkout of hsplat: it has no pyproject.toml.")
 
 
-def require_system_packages(*, needs_opengl: bool) -> None:
-    """Install what is missing and pip cannot install; raise SetupError with instructions where that is not possible."""
-    problems = find_system_problems(needs_opengl=needs_opengl)
-    if not problems:
+def require_packages(find_problem: "Callable[[], str]", *packages: str) -> None:
+    """Install these Debian packages if there is a problem; raise SetupError with instructions if that is impossible."""
+    problem = find_problem()
+    if not problem:
         return
-    packages = [package for _, names in problems for package in names]
     if not shutil.which("apt-get"):
-        found = "".join(f"\n  {problem}" for problem, _ in problems)
         raise SetupError(
-            f"this machine lacks something that pip cannot install:{found}\n"
+            f"this machine lacks something that pip cannot install:\n  {problem}\n"
             f"On Debian and Ubuntu the packages are {' '.join(packages)}; install their like."
         )
     command = ["apt-get", "install", "-y", "--no-install-recommends", *packages]
@@ -110,48 +119,48 @@ def require_system_packages(*, needs_opengl: bool) -> None:
     run("apt-get", "update", DEBIAN_FRONTEND="noninteractive")
     if run(*command, DEBIAN_FRONTEND="noninteractive") != 0:
         raise SetupError(f"`{' '.join(command)}` failed; its reason is above.")
-    remaining = find_system_problems(needs_opengl=needs_opengl)
-    if remaining:
-        raise SetupError("the packages are installed, and still: " + "; ".join(problem for problem, _ in remaining))
+    problem = find_problem()
+    if problem:
+        raise SetupError(f"the packages are installed, and still: {problem}")
 
 
-def find_system_problems(*, needs_opengl: bool) -> "list[tuple[str, tuple[str, ...]]]":
-    """Return what is missing, each with the Debian packages that provide it."""
-    problems: list[tuple[str, tuple[str, ...]]] = []
-    if importlib.util.find_spec("venv") is None or importlib.util.find_spec("ensurepip") is None:
-        version = version_text(sys.version_info[:2])
-        problems.append((f"Python {version} without its venv module", (f"python{version}-venv",)))
-    if not needs_opengl:
-        return problems
-    probe = Path(__file__).with_name("gl_probe.py")
-    # In a new process: it finds libraries that were just installed, and a driver may crash.
-    result = subprocess.run([sys.executable, str(probe)], stderr=subprocess.PIPE, check=False)
-    if result.returncode != 0:
-        # Drivers may print before the probe does.
-        words = result.stderr.decode("utf-8", "replace").strip().splitlines() or [f"exit status {result.returncode}"]
-        problems.append((f"OpenGL without a screen: {words[-1]}", GL_PACKAGES))
-    return problems
+def find_venv_problem() -> str:
+    """Return what is missing to make `.venv`, or an empty string."""
+    if importlib.util.find_spec("venv") is not None and importlib.util.find_spec("ensurepip") is not None:
+        return ""
+    return f"Python {version_text(sys.version_info[:2])} without its venv module"
+
+
+def find_opengl_problem() -> str:
+    """Return what is missing for OpenGL without a screen, or an empty string; `.venv` must be there."""
+    # Isolated, so that it imports the installed wheel. A driver may crash.
+    command = [str(VENV / "bin" / "python"), "-I", "-c", GL_PROBE]
+    result = subprocess.run(command, stderr=subprocess.PIPE, check=False)
+    if result.returncode == 0:
+        return ""
+    words = result.stderr.decode("utf-8", "replace").strip().splitlines() or [f"exit status {result.returncode}"]
+    return f"OpenGL without a screen: {words[-1]}"
 
 
 def install(extra: str) -> None:
     """Install a wheel of these sources with the `extra` (such as `[test]`) and its libraries into `.venv`."""
     python = f"{version_text(sys.version_info[:2])} of {sys.base_prefix}"
-    wanted = {"python": python, "sources": digest(), "extra": extra}
     present = read_install_record()
     if VENV.exists() and present is None:
         raise SetupError(f"{VENV} is there and was not made by this command. Move it away, then run this again.")
     if present is None or present.get("python") != python or not is_python_usable():
         make_venv()
         present = {}
-    # An installation for the tests can also render the demo.
-    if present.get("sources") == wanted["sources"] and present.get("extra") in (extra, "[test]"):
-        return
-    # While pip runs, only the Python is known.
-    write_install_record({"python": python})
-    say("installing hsplat and its libraries into .venv")
     with tempfile.TemporaryDirectory(prefix="hsplat-") as folder:
         # A copy: building leaves folders beside the sources, and the next build would take stale files from them.
         copy_sources(Path(folder))
+        wanted = {"python": python, "sources": digest(Path(folder)), "extra": extra}
+        # An installation for the tests can also render the demo.
+        if present.get("sources") == wanted["sources"] and present.get("extra") in (extra, "[test]"):
+            return
+        # While pip runs, only the Python is known.
+        write_install_record({"python": python})
+        say("installing hsplat and its libraries into .venv")
         if run(VENV / "bin" / "python", "-m", "pip", "install", folder + extra, PIP_USER="0") != 0:
             raise SetupError("pip could not install hsplat; its reason is above.")
     write_install_record(wanted)
@@ -179,15 +188,13 @@ def is_python_usable() -> bool:
         return False
 
 
-def digest() -> str:
-    """Return a digest of the names and contents of all that goes into the wheel."""
+def digest(folder: Path) -> str:
+    """Return a digest of the names and contents of all files in a folder."""
     result = hashlib.sha256()
-    for name in SOURCES:
-        for path in sorted([ROOT / name, *(ROOT / name).rglob("*")]):
-            if path.is_file() and "__pycache__" not in path.parts:
-                content = path.read_bytes()
-                result.update(f"{path.relative_to(ROOT)}\0{len(content)}\0".encode())
-                result.update(content)
+    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+        content = path.read_bytes()
+        result.update(f"{path.relative_to(folder)}\0{len(content)}\0".encode())
+        result.update(content)
     return result.hexdigest()
 
 

@@ -8,4 +8,4 @@ from .options import (
     workers_option as workers_option,
 )
 from .rasterizers import open_rasterizer as open_rasterizer
-from .workers.child_processes import ChildProcesses as ChildProcesses
+from .workers.child_processes import ChildProcesses as ChildProcesses, describe_exit as describe_exit

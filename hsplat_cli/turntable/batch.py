@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.executors import ChildProcesses
+from hsplat_cli.executors import ChildProcesses, describe_exit
 from hsplat_cli.scenes import as_arguments, volume_file
 from hsplat_cli.terminal import Reporter, counted
 from hsplat_cli.turntable.manifest import (
@@ -97,7 +97,10 @@ def _make_in_process(request: FilmRequest, options: Mapping[str, Any]) -> FilmRe
             return record
     # The process ended before it could print a record.
     error = RenderError(
-        "the process that made this film ended early", where=str(volume_file(request.volume)), got=_exit_text(process)
+        "the process that made this film ended early",
+        where=str(volume_file(request.volume)),
+        got=describe_exit(process.returncode),
+        hint="where memory runs out the system sends this signal" if process.returncode == -signal.SIGKILL else None,
     )
     seconds = {"seconds": round(time.perf_counter() - start, 3)}
     return request.record("failed") | {"exit_code": process.returncode, "error": str(error)} | seconds
@@ -112,11 +115,3 @@ def _terminate(process: subprocess.Popen[bytes]) -> None:
             return
     process.kill()
     process.wait()
-
-
-def _exit_text(process: subprocess.Popen[bytes]) -> str:
-    code = process.returncode
-    if code >= 0:
-        return f"exit code {code}"
-    name = signal.Signals(-code).name if -code in set(signal.Signals) else str(-code)
-    return f"killed by {name}" + (", perhaps for want of memory" if -code == signal.SIGKILL else "")

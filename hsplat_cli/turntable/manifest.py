@@ -11,7 +11,6 @@ import json
 import os
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -40,23 +39,9 @@ _COLUMNS |= {"bricks": "splats", "seconds": "seconds", "film": "film"}
 _NUMBER_COLUMNS = (3, 4, 5)
 
 _TEXT_KEYS = ("volume", "scene", "film", "status")  # that each record has
-VOLUME_KEY, _DIGESTS_KEY = "scene_of", "scene_digests"
+# The volume's path relative to the folder, without links, and the digests of what its scene's file may contain.
+VOLUME_KEY, DIGESTS_KEY = "scene_of", "scene_digests"
 _MAX_BYTES = 2**26  # some 500 bytes a film
-
-
-@dataclass(frozen=True)
-class WrittenScene:
-    """A scene that this program wrote.
-
-    volume: its path relative to the folder, without links. digests: of what the file may contain.
-    """
-
-    volume: str
-    digests: Sequence[str]
-
-    def as_record(self) -> FilmRecord:
-        """Return the part of a record that describes it."""
-        return {VOLUME_KEY: self.volume, _DIGESTS_KEY: list(self.digests)}
 
 
 class Manifest:
@@ -66,14 +51,9 @@ class Manifest:
         self._folder = folder
         self._records, self._other_keys = _read(folder)
 
-    def record_of(self, scene: Path) -> FilmRecord | None:
-        """Return the record of the film of a scene."""
-        return self._records.get(scene.name)
-
-    def written_scene(self, scene: Path) -> WrittenScene | None:
-        """Return what this program wrote to a scene file, if that is known."""
-        record = self._records.get(scene.name, {})
-        return WrittenScene(record[VOLUME_KEY], record[_DIGESTS_KEY]) if _DIGESTS_KEY in record else None
+    def record_of(self, scene: Path) -> FilmRecord:
+        """Return the record of the film of a scene; it is empty if there is none."""
+        return self._records.get(scene.name, {})
 
     def update(self, *records: FilmRecord) -> None:
         """Write records of films in place of their former ones, and keep what is known of their scenes.
@@ -88,7 +68,7 @@ class Manifest:
         for record in changed:
             name = Path(record["scene"]).name
             former = self._records.pop(name, {})
-            keys = (VOLUME_KEY, _DIGESTS_KEY) if _DIGESTS_KEY in former.keys() - record.keys() else ()
+            keys = (VOLUME_KEY, DIGESTS_KEY) if DIGESTS_KEY in former.keys() - record.keys() else ()
             self._records[name] = record | {key: former[key] for key in keys}
         # In ASCII even names with bytes that are no UTF-8 have a form.
         content = json.dumps({"films": [*self._records.values()]} | self._other_keys, indent=2, allow_nan=False)
@@ -105,39 +85,35 @@ class Manifest:
         if VOLUME_KEY not in record or os.path.exists(self._folder / name):  # no error for impossible names
             return True
         volume = os.path.join(os.path.realpath(self._folder), record[VOLUME_KEY])
-        return _DIGESTS_KEY not in record and os.path.exists(volume)
-
-
-class _LockWait:
-    """Waits while another process holds the lock: reports that after a moment, and raises RenderError in the end."""
-
-    def __init__(self, file: Path, timeout_s: float) -> None:
-        self._file, self._timeout_s, self._since = file, timeout_s, time.perf_counter()
-        self._holder: str | None = None
-        self._is_reported = False
-
-    def __call__(self, holder: str | None) -> None:
-        if holder != self._holder:  # many commands take turns, so the wait starts again
-            self._holder, self._since = holder, time.perf_counter()
-        waited = time.perf_counter() - self._since
-        if waited >= self._timeout_s:
-            hint = "end that process, or let it finish; the same command makes only what is missing"
-            raise RenderError("another process is changing this file", where=str(self._file), got=holder, hint=hint)
-        if waited >= _NOTICE_DELAY_S and not self._is_reported:
-            self._is_reported = True
-            Reporter().warning(f"{self._file}: waiting for {holder or 'another process'}")
-        time.sleep(_POLL_INTERVAL_S)
+        return DIGESTS_KEY not in record and os.path.exists(volume)
 
 
 @contextlib.contextmanager
 def open_manifest(folder: Path, lock_timeout_s: float = LOCK_TIMEOUT_S) -> Iterator[Manifest]:
     """Lock turntable.json of a folder, which is made where it is missing; processes on all machines wait.
 
-    lock_timeout_s: how long to wait for one process. Raises InputError and RenderError.
+    lock_timeout_s: how long to wait for one process, which is reported after a moment. Raises InputError and
+    RenderError.
     """
-    with translate_os_errors(folder / MANIFEST_FILE):
+    file = folder / MANIFEST_FILE
+    waiting_since: dict[str | None, float] = {}  # for the present holder alone: many commands take turns
+    is_reported = False
+
+    def wait(holder: str | None) -> None:
+        nonlocal is_reported
+        if holder not in waiting_since:
+            waiting_since.clear()
+        waited = time.perf_counter() - waiting_since.setdefault(holder, time.perf_counter())
+        if waited >= lock_timeout_s:
+            hint = "end that process, or let it finish; the same command makes only what is missing"
+            raise RenderError("another process is changing this file", where=str(file), got=holder, hint=hint)
+        if waited >= _NOTICE_DELAY_S and not is_reported:
+            is_reported = True
+            Reporter().warning(f"{file}: waiting for {holder or 'another process'}")
+        time.sleep(_POLL_INTERVAL_S)
+
+    with translate_os_errors(file):
         folder.mkdir(parents=True, exist_ok=True)
-    wait = _LockWait(folder / MANIFEST_FILE, lock_timeout_s)
     with exclusive_lock(folder / f".{MANIFEST_FILE}.lock", wait):
         yield Manifest(folder)
 
@@ -166,14 +142,10 @@ def _is_record(record: Any) -> bool:
     """Return whether a record can be written again, and the keys that are used are as they were written."""
     if not isinstance(record, dict) or not _is_writable(record):
         return False
-    digests = record.get(_DIGESTS_KEY, [])
-    return (
-        all(isinstance(record.get(key), str) for key in _TEXT_KEYS)
-        and (_DIGESTS_KEY not in record or VOLUME_KEY in record)
-        and isinstance(record.get(VOLUME_KEY, ""), str)
-        and isinstance(digests, list)
-        and all(isinstance(digest, str) for digest in digests)
-    )
+    scene_keys = [VOLUME_KEY] if record.keys() & {VOLUME_KEY, DIGESTS_KEY} else []
+    digests = record.get(DIGESTS_KEY, [])
+    texts = [record.get(key) for key in (*_TEXT_KEYS, *scene_keys)]
+    return isinstance(digests, list) and all(isinstance(text, str) for text in (*texts, *digests))
 
 
 def _is_writable(data: Any) -> bool:

@@ -14,13 +14,13 @@ from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import FilmOptions, Job, SuggestedScene, expand_pattern, suggest_scene, volume_file
 from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable.manifest import (
+    DIGESTS_KEY,
     FINISHED,
     NOT_STARTED,
     STARTED,
     VOLUME_KEY,
     FilmRecord,
     Manifest,
-    WrittenScene,
     open_manifest,
     update_manifest,
 )
@@ -139,13 +139,12 @@ def write_scene(request: FilmRequest, suggested: SuggestedScene) -> None:
         digests, record = [bytes_digest(content)], request.record(STARTED)
         if existing == content:
             former = manifest.record_of(request.scene)
-            record = former if former is not None and former["status"] == FINISHED else record
+            record = former if former.get("status") == FINISHED else record
         elif existing is not None:
-            written = manifest.written_scene(request.scene)
-            digest = bytes_digest(existing)
-            digests += [digest] if written is not None and digest in written.digests else []
+            known = manifest.record_of(request.scene).get(DIGESTS_KEY, [])
+            digests += [digest for digest in [bytes_digest(existing)] if digest in known]
         # Written first, with both digests: if this process is killed, either file is known.
-        manifest.update(record | WrittenScene(request.volume_path, digests).as_record())
+        manifest.update(record | {VOLUME_KEY: request.volume_path, DIGESTS_KEY: digests})
         if existing != content:
             write_staged(request.scene, content)
 
@@ -162,18 +161,18 @@ def _read_existing(request: FilmRequest, content: bytes, manifest: Manifest) -> 
         existing = scene.read_bytes() if scene.exists() else None
     if existing is None or existing == content or request.force:
         return existing
-    written = manifest.written_scene(scene)
-    if written is None or bytes_digest(existing) not in written.digests:
+    record = manifest.record_of(scene)
+    if bytes_digest(existing) not in record.get(DIGESTS_KEY, []):
         raise InputError(
             "another scene of this name exists, perhaps one that was edited",
             where=str(scene),
             hint=f"`hsplat render {scene}` renders it; --force overwrites it",
         )
-    if written.volume != request.volume_path:
+    if record[VOLUME_KEY] != request.volume_path:
         raise InputError(
             "a film of another volume has this name",
             where=str(scene),
-            got=f"that of {os.path.relpath(os.path.join(os.path.realpath(scene.parent), written.volume))}",
+            got=f"that of {os.path.relpath(os.path.join(os.path.realpath(scene.parent), record[VOLUME_KEY]))}",
             hint="give this one another --output, or both to one command, which gives them different names; "
             "--force overwrites it",
         )

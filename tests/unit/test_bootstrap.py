@@ -1,22 +1,22 @@
-"""From a fresh checkout to an installed wheel, without touching this machine."""
+"""`bootstrap` takes a fresh checkout to an installed wheel; these tests change nothing on this machine."""
 
 import ast
 import os
 import shutil
-import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from hsplat_cli import bootstrap, gl_probe
+from hsplat_cli import bootstrap
 
-GL_PROBLEM = ("OpenGL without a screen: libEGL.so.1 is not there", bootstrap.GL_PACKAGES)
+GL_PROBLEM = "OpenGL without a screen: libEGL.so.1 is not there"
 
 
 @pytest.fixture
 def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A small checkout, in the place of the real one."""
+    """Return a small checkout that stands in for the real one."""
     for package in ("hsplat_cli", "renderer"):
         (tmp_path / package / "__pycache__").mkdir(parents=True)
         (tmp_path / package / "__init__.py").write_text("")
@@ -25,14 +25,14 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name, value in (
         ("ROOT", tmp_path),
         ("VENV", tmp_path / ".venv"),
-        ("INSTALL_RECORD", tmp_path / ".venv" / "mark.json"),
+        ("INSTALL_RECORD", tmp_path / ".venv" / "record.json"),
     ):
         monkeypatch.setattr(bootstrap, name, value)
     return tmp_path
 
 
 class Runs:
-    """Stands in for `bootstrap.run`: remembers the commands, and has them end with `status`."""
+    """Stands in for `bootstrap.run`: records the commands, which end with `status`."""
 
     def __init__(self) -> None:
         self.commands: list[str] = []
@@ -40,6 +40,7 @@ class Runs:
 
     def __call__(self, *command: object, **variables: str) -> int:
         self.commands.append(" ".join(str(word) for word in command))
+        self.variables = variables
         return self.status
 
     def num_with(self, words: str) -> int:
@@ -54,18 +55,19 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> Runs:
 
 
 @pytest.fixture
-def problems(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, tuple[str, ...]]]:
-    """What the machine lacks, as long as the test says so, and it has apt-get."""
-    problems = [GL_PROBLEM]
-    monkeypatch.setattr(bootstrap, "find_system_problems", lambda needs_opengl: list(problems))
+def require_opengl(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Return a function that requires OpenGL, which the machine lacks after these checks, too; it has apt-get."""
     monkeypatch.setattr(shutil, "which", lambda name: f"/usr/bin/{name}")
-    return problems
+
+    def require(*problems: str) -> None:
+        left = iter(problems)
+        bootstrap.require_packages(lambda: next(left), *bootstrap.GL_PACKAGES)
+
+    return require
 
 
-@pytest.mark.parametrize("module", [bootstrap, gl_probe])
-def test_an_old_python_can_read_it(module: object) -> None:
-    source = Path(module.__file__).read_text()  # type: ignore[attr-defined]
-    tree = ast.parse(source, feature_version=(3, 6))
+def test_an_old_python_can_read_the_module() -> None:
+    tree = ast.parse(Path(bootstrap.__file__).read_text(), feature_version=(3, 6))
     imports = [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
     names = {
         name
@@ -81,7 +83,7 @@ def test_an_old_python_can_read_it(module: object) -> None:
             assert annotation is None or isinstance(annotation, ast.Name | ast.Constant), ast.dump(annotation)
 
 
-def test_an_old_python_is_told_so() -> None:
+def test_an_old_python_is_an_error() -> None:
     with pytest.raises(bootstrap.SetupError) as caught:
         bootstrap.require_python((3, 8), "/usr/bin/python3")
     assert str(caught.value) == (
@@ -91,24 +93,30 @@ def test_an_old_python_is_told_so() -> None:
     bootstrap.require_python((3, 10), "/usr/bin/python3")
 
 
-@pytest.mark.parametrize("arguments", [[], ["help"], ["demo", "test"]])
-def test_other_commands_are_refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert bootstrap.main(arguments) == 2
-    assert capsys.readouterr().err == "usage: python3 -m hsplat_cli.bootstrap demo|test\n"
+def test_other_commands_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in ([], ["help"], ["demo", "test"]):
+        assert bootstrap.main(arguments) == 2
+        assert capsys.readouterr().err == "usage: python3 -m hsplat_cli.bootstrap demo|test\n"
 
 
-def test_only_the_tests_need_opengl(monkeypatch: pytest.MonkeyPatch) -> None:
-    refused = subprocess.CompletedProcess([], 1, stderr=b"libEGL.so.1 is not there")
-    monkeypatch.setattr(subprocess, "run", lambda *_, **__: refused)
-    assert bootstrap.find_system_problems(needs_opengl=True) == [GL_PROBLEM]
-    assert bootstrap.find_system_problems(needs_opengl=False) == []
+def test_opengl_works_where_the_tests_run_and_its_absence_is_found(checkout: Path) -> None:
+    (checkout / ".venv" / "bin").mkdir(parents=True)
+    program, code = checkout / ".venv" / "bin" / "python", Path(bootstrap.__file__).parents[1]
+    here = f"#!/bin/sh\nshift; PYTHONPATH={code} {{}} exec {sys.executable} \"$@\""  # without -I: no wheel is installed
+    program.write_text(here.format(""))
+    program.chmod(0o755)
+    assert bootstrap.find_opengl_problem() == ""
+    program.write_text(here.format("__EGL_VENDOR_LIBRARY_FILENAMES=/nowhere"))
+    assert bootstrap.find_opengl_problem().startswith("OpenGL without a screen: ")
+    assert "Error" not in bootstrap.find_opengl_problem()
 
 
-@pytest.mark.usefixtures("problems")
-def test_an_ordinary_user_gets_the_line(runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_ordinary_user_gets_the_line(
+    runs: Runs, require_opengl: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(os, "geteuid", lambda: 1000)
     with pytest.raises(bootstrap.SetupError) as caught:
-        bootstrap.require_system_packages(needs_opengl=True)
+        require_opengl(GL_PROBLEM)
     assert str(caught.value) == (
         "some packages are missing. An administrator has to run this line once:\n\n"
         "  apt-get update && apt-get install -y --no-install-recommends libegl1 libgl1 libgl1-mesa-dri\n\n"
@@ -117,40 +125,36 @@ def test_an_ordinary_user_gets_the_line(runs: Runs, monkeypatch: pytest.MonkeyPa
     assert runs.commands == []
 
 
-def test_root_installs(
-    runs: Runs, problems: list[tuple[str, tuple[str, ...]]], monkeypatch: pytest.MonkeyPatch
+def test_root_installs_what_is_missing(
+    runs: Runs, require_opengl: Callable[..., None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def run(*command: str, **variables: str) -> int:
-        assert variables == {"DEBIAN_FRONTEND": "noninteractive"}
-        if "install" in command:
-            problems.clear()
-        return runs(*command)
-
     monkeypatch.setattr(os, "geteuid", lambda: 0)
-    monkeypatch.setattr(bootstrap, "run", run)
-    bootstrap.require_system_packages(needs_opengl=True)
+    require_opengl(GL_PROBLEM, "")
     assert runs.commands == [
         "apt-get update",
         "apt-get install -y --no-install-recommends libegl1 libgl1 libgl1-mesa-dri",
     ]
-    bootstrap.require_system_packages(needs_opengl=True)
+    assert runs.variables == {"DEBIAN_FRONTEND": "noninteractive"}
+    require_opengl("")
     assert len(runs.commands) == 2
 
 
-@pytest.mark.usefixtures("problems")
 @pytest.mark.parametrize(("status", "message"), [(100, "failed; its reason is above"), (0, "installed, and still")])
-def test_packages_that_do_not_help(runs: Runs, monkeypatch: pytest.MonkeyPatch, status: int, message: str) -> None:
+def test_packages_that_do_not_help_are_an_error(
+    runs: Runs, require_opengl: Callable[..., None], monkeypatch: pytest.MonkeyPatch, status: int, message: str
+) -> None:
     monkeypatch.setattr(os, "geteuid", lambda: 0)
     runs.status = status
     with pytest.raises(bootstrap.SetupError, match=message):
-        bootstrap.require_system_packages(needs_opengl=True)
+        require_opengl(GL_PROBLEM, GL_PROBLEM)
 
 
-@pytest.mark.usefixtures("problems")
-def test_a_machine_without_apt(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_machine_without_apt_is_an_error(
+    require_opengl: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(shutil, "which", lambda name: None)
     with pytest.raises(bootstrap.SetupError) as caught:
-        bootstrap.require_system_packages(needs_opengl=True)
+        require_opengl(GL_PROBLEM)
     assert str(caught.value) == (
         "this machine lacks something that pip cannot install:\n"
         "  OpenGL without a screen: libEGL.so.1 is not there\n"
@@ -158,27 +162,14 @@ def test_a_machine_without_apt(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-def test_installs_once(checkout: Path, runs: Runs) -> None:
-    bootstrap.install("")
-    assert runs.num_with("-m venv") == 1
-    assert runs.num_with("pip install") == 1
-    bootstrap.install("")
-    assert runs.num_with("-m venv") == 1
-    assert runs.num_with("pip install") == 1
-
-
-def test_changed_sources_are_installed_again(checkout: Path, runs: Runs) -> None:
-    bootstrap.install("")
-    (checkout / "renderer" / "new.py").write_text("")
-    bootstrap.install("")
-    assert runs.num_with("-m venv") == 1
-    assert runs.num_with("pip install") == 2
-
-
-def test_the_libraries_of_the_tests_are_added_once(checkout: Path, runs: Runs) -> None:
-    for extra in ("", "[test]", "", "[test]"):
+def test_only_changed_sources_and_more_libraries_are_installed(checkout: Path, runs: Runs) -> None:
+    for extra, change in (("", ""), ("", ""), ("[test]", ""), ("", ""), ("", "new.py"), ("[test]", "")):
+        if change:
+            (checkout / "renderer" / change).write_text("")
         bootstrap.install(extra)
-    assert [command.endswith("[test]") for command in runs.commands if "pip install" in command] == [False, True]
+    assert runs.num_with("-m venv") == 1
+    installs = [command for command in runs.commands if "pip install" in command]
+    assert [command.endswith("[test]") for command in installs] == [False, True, False, True]
 
 
 def test_another_python_gets_a_new_venv(checkout: Path, runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -190,7 +181,7 @@ def test_another_python_gets_a_new_venv(checkout: Path, runs: Runs, monkeypatch:
     assert not (checkout / ".venv" / "old").exists()
 
 
-def test_an_installation_that_failed_is_done_again(checkout: Path, runs: Runs) -> None:
+def test_an_installation_that_failed_is_repeated(checkout: Path, runs: Runs) -> None:
     bootstrap.install("")
     (checkout / "renderer" / "__init__.py").write_text("changed")
     runs.status = 1
@@ -202,7 +193,7 @@ def test_an_installation_that_failed_is_done_again(checkout: Path, runs: Runs) -
     assert runs.commands[-1].split()[1:4] == ["-m", "pip", "install"]
 
 
-def test_a_venv_of_somebody_else_is_left_alone(checkout: Path, runs: Runs) -> None:
+def test_a_foreign_venv_is_left_alone(checkout: Path, runs: Runs) -> None:
     (checkout / ".venv").mkdir()
     (checkout / ".venv" / "theirs").touch()
     with pytest.raises(bootstrap.SetupError, match="was not made by this command"):
@@ -211,9 +202,9 @@ def test_a_venv_of_somebody_else_is_left_alone(checkout: Path, runs: Runs) -> No
     assert runs.commands == []
 
 
-def test_a_mark_that_was_cut_off_is_no_obstacle(checkout: Path, runs: Runs) -> None:
+def test_a_record_that_was_cut_off_is_ignored(checkout: Path, runs: Runs) -> None:
     (checkout / ".venv").mkdir()
-    (checkout / ".venv" / "mark.json").write_text('{"pyth')
+    (checkout / ".venv" / "record.json").write_text('{"pyth')
     bootstrap.install("")
     assert runs.num_with("pip install") == 1
 
@@ -234,12 +225,6 @@ def test_other_code_cannot_come_before_the_wheel(monkeypatch: pytest.MonkeyPatch
     assert bootstrap.run(sys.executable, "-c", code, ADDED="1") == 7
 
 
-def test_a_program_that_is_not_there(tmp_path: Path) -> None:
+def test_a_missing_program_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(bootstrap.SetupError, match="cannot be run: No such file or directory"):
         bootstrap.run(tmp_path / "absent")
-
-
-def test_gl_works_where_the_tests_run() -> None:
-    # The rasteriser needs it; if this fails, so does everything that draws.
-    result = subprocess.run([sys.executable, gl_probe.__file__], capture_output=True, text=True, check=False)
-    assert (result.returncode, result.stderr) == (0, "")

@@ -20,7 +20,6 @@ import subprocess
 import sys
 import threading
 from collections.abc import Mapping, Sequence
-from types import TracebackType
 from typing import IO
 
 # Linux's number for "send this signal and not SIGIO", which `fcntl` knows by name only there.
@@ -36,9 +35,7 @@ class ChildProcesses:
     def __enter__(self) -> ChildProcesses:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.end_all()
 
     def start(
@@ -86,6 +83,13 @@ class ChildProcesses:
         """End all children, without waiting for them."""
         for child in list(self._ends):
             self.end_child(child)
+
+
+def describe_exit(status: int) -> str:
+    """Return `exit status 1` or `signal SIGKILL`. status: as in `subprocess.Popen.returncode`."""
+    if status >= 0:
+        return f"exit status {status}"
+    return f"signal {signal.Signals(-status).name if -status in set(signal.Signals) else -status}"
 
 
 def exit_with_parent(descriptor: int) -> None:

@@ -15,7 +15,7 @@ from queue import SimpleQueue
 from typing import TypeAlias
 
 from hsplat_cli.executors.frame_result import FrameResult
-from hsplat_cli.executors.workers.child_processes import ChildProcesses
+from hsplat_cli.executors.workers.child_processes import ChildProcesses, describe_exit
 from renderer.errors import HsplatError, RenderError
 from renderer.film import StreamTail
 
@@ -160,20 +160,19 @@ class WorkerProcess:
 
     def exit_error(self) -> RenderError:
         """Return how it ended, after `close`, and what it printed last."""
-        status = self._process.returncode
+        status, hint = self._process.returncode, None
         if self.is_hung:
             how = self._hang_policy.hang_text
         elif status is None:
             how = "it does not end, though it was killed"
         else:
-            how = f"signal {_signal_name(-status)}" if status < 0 else f"exit status {status}"
-        is_for_memory = status == -signal.SIGKILL and not self.is_hung
+            how = describe_exit(status)
+            if status == -signal.SIGKILL:
+                hint = "where memory runs out the system sends this signal: fewer workers need less"
         return RenderError(
             f"a process that draws has {'hung' if self.is_hung or self.is_still_alive else 'died'}",
             got="\n    ".join([how, *self._stderr_tail.lines()[-_NUM_LAST_LINES:]]),
-            hint="where memory runs out the system sends this signal: fewer workers need less"
-            if is_for_memory
-            else None,
+            hint=hint,
         )
 
 
@@ -185,10 +184,3 @@ def _processor_time(process: int) -> int | None:
         return None
     fields = text.rpartition(")")[2].split()  # after the program's name, which may hold anything; proc_pid_stat(5)
     return int(fields[11]) + int(fields[12])
-
-
-def _signal_name(number: int) -> str:
-    try:
-        return signal.Signals(number).name
-    except ValueError:  # a real-time signal
-        return str(number)
