@@ -9,7 +9,13 @@ import click
 from hsplat_cli.commands.options import FILE, frames_option, scene_argument, set_option, volume_option
 from hsplat_cli.scenes import load_job
 from hsplat_cli.terminal import Reporter, counted
-from renderer.film import first_output_paths, require_folder_if_exists, require_writable_dry_run, unfinished_folder
+from renderer.film import (
+    first_output_paths,
+    has_frame_files,
+    require_folder_if_exists,
+    require_writable_dry_run,
+    unfinished_folder,
+)
 from renderer.readers import require_volume_file
 from renderer.scene import (
     ArraySource,
@@ -18,10 +24,9 @@ from renderer.scene import (
     MetricTarget,
     ProceduralSource,
     RawSource,
-    RockerPath,
     Scene,
     SplatBudget,
-    TurntablePath,
+    scene_to_dict,
 )
 
 # The number of values of a schedule that are listed.
@@ -55,20 +60,18 @@ def check(
 
 
 def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
-    output, num_in_all = scene.output, scene.camera.path.frames
-    frames = counted(num_in_all, "frame")
-    if num_frames < num_in_all:
+    output, path = scene.output, scene_to_dict(scene)["camera"]["path"]
+    frames = counted(scene.camera.path.frames, "frame")
+    if num_frames < scene.camera.path.frames:
         frames = f"{num_frames} of {frames}"
-    seconds = num_frames / output.frames_per_second
-    is_film = output.file.suffix.lower() != ".png"
     rate = "1 frame" if output.frames_per_second == 1 else f"{output.frames_per_second:g} frames"
-    film = f", {seconds:.3g} s at {rate} per second" if is_film else ""
+    film = f", {num_frames / output.frames_per_second:.3g} s at {rate} per second"
     width, height = output.size
     return [
         ("volume", _source(scene.volume.source)),
-        ("camera", f"{_path(scene)}, {frames}"),
+        ("camera", f"{path['type']}, {frames}"),
         ("error", _schedule(scene)),
-        ("output", f"{output.file}, {width} x {height}{film}"),
+        ("output", f"{output.file}, {width} x {height}{'' if has_frame_files(output) else film}"),
     ]
 
 
@@ -80,13 +83,6 @@ def _source(source: FileSource | RawSource | ProceduralSource | ArraySource) -> 
     if isinstance(source, RawSource):
         return f"{source.file}, {shape} of {source.dtype}"
     return f"{source.name}, {shape}"
-
-
-def _path(scene: Scene) -> str:
-    path = scene.camera.path
-    if isinstance(path, TurntablePath):
-        return "turntable"
-    return "rocker" if isinstance(path, RockerPath) else "keyframes"
 
 
 def _schedule(scene: Scene) -> str:

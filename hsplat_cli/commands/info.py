@@ -190,10 +190,8 @@ def _histogram(facts: dict[str, Any], marks: str) -> list[str]:
         label = {_ROWS - 1: str(fullest), 0: "1"}.get(row, "")
         bars = "".join(marks[level] for level in np.clip(heights - row * steps, 0, steps))
         lines.append(f"    {label:>{margin}} {bars}".rstrip())
-    low, high = facts["minimum"], facts["maximum"]
-    left, middle, right = _number(low), _number(low / 2 + high / 2), _number(high)
-    axis = (
-        f"{left}{middle:>{max(len(middle) + 1, (len(heights) + len(middle)) // 2 - len(left))}}" if high > low else ""
-    )
-    lines.append(" " * (margin + 5) + axis + f"{right:>{max(len(right) + 1, len(heights) - len(axis))}}".rstrip())
+    low, high, width = facts["minimum"], facts["maximum"], len(heights)
+    left, middle = (_number(low), _number(low / 2 + high / 2)) if high > low else ("", "")
+    third = width // 3
+    lines.append(f"{'':{margin + 5}}{left:<{third}}{middle:^{width - 2 * third}}{_number(high):>{third}}")
     return lines

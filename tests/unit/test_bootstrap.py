@@ -102,7 +102,7 @@ def test_other_commands_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
 def test_opengl_works_where_the_tests_run_and_its_absence_is_found(checkout: Path) -> None:
     (checkout / ".venv" / "bin").mkdir(parents=True)
     program, code = checkout / ".venv" / "bin" / "python", Path(bootstrap.__file__).parents[1]
-    here = f"#!/bin/sh\nshift; PYTHONPATH={code} {{}} exec {sys.executable} \"$@\""  # without -I: no wheel is installed
+    here = f'#!/bin/sh\nshift; PYTHONPATH={code} {{}} exec {sys.executable} "$@"'  # without -I: no wheel is installed
     program.write_text(here.format(""))
     program.chmod(0o755)
     assert bootstrap.find_opengl_problem() == ""
