@@ -1,16 +1,14 @@
-"""A worker with something wrong, to be the `program` of a pool: `faulty_worker NAME FOLDER SOCKET STAGE`.
+"""A worker with a fault, the `program` of a pool: `faulty_worker NAME FOLDER CONNECTION STAGE`.
 
-FOLDER is where workers of one test tell each other what has happened already.
+In FOLDER the workers of one test record what has happened.
 """
 
 from __future__ import annotations
 
 import ctypes
-import itertools
 import os
 import signal
 import sys
-import threading
 import time
 from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection
@@ -20,12 +18,12 @@ from hsplat_cli.executors import FrameResult, LocalExecutor
 from hsplat_cli.executors.workers import worker
 from renderer.errors import InputError, RenderError
 
-FRAME = 3  # the one that things happen at
-LONG_S = 2.0  # what it may take
+FRAME = 3  # where the fault happens
+LONG_S = 2.0
 
 
 def main(name: str, folder: Path, rest: Sequence[str]) -> None:
-    """Be a worker in which the fault happens."""
+    """Run a worker with this fault."""
     if name in START_FAULTS:
         START_FAULTS[name](folder)
     whole_draw = LocalExecutor.draw
@@ -43,7 +41,7 @@ def main(name: str, folder: Path, rest: Sequence[str]) -> None:
 
 
 def first(folder: Path, name: str) -> bool:
-    """Whether nobody has asked that before."""
+    """Return whether this is the first call with this name in the folder."""
     try:
         (folder / name).mkdir()
     except FileExistsError:
@@ -51,30 +49,29 @@ def first(folder: Path, name: str) -> bool:
     return True
 
 
-def kill_once(folder: Path, number: int) -> None:
+def talk_and_kill_once(folder: Path, number: int) -> None:
+    """Print more than any pipe holds, and die once."""
+    for _ in range(50):
+        os.write(2, b"a driver's chatter\n" * 1000)
+        os.write(1, b"a driver's chatter\n" * 1000)
     if number == FRAME and first(folder, "killed"):
         os.kill(os.getpid(), signal.SIGKILL)
 
 
 def kill_often(folder: Path, number: int) -> None:
-    """Each worker dies at its fourth frame."""
+    """Die at the fourth frame of each worker."""
     if not any(first(folder, f"{os.getpid()} {k}") for k in range(3)):
         os.kill(os.getpid(), signal.SIGSEGV)
 
 
 def kill_always(folder: Path, number: int) -> None:
     if number == FRAME:
+        print("first words\n\n  the driver has given up", file=sys.stderr, flush=True)
         os.kill(os.getpid(), signal.SIGKILL)
 
 
-def exit_always(folder: Path, number: int) -> None:
-    if number == FRAME:
-        print("first words\n\n  the driver has given up", file=sys.stderr, flush=True)
-        os._exit(7)
-
-
 def hang_up_once(folder: Path, number: int) -> None:
-    """Closes its socket and lives on."""
+    """Close the connection and live on."""
     if number == FRAME and first(folder, "hung up"):
         os.closerange(3, 64)
         time.sleep(600)
@@ -85,32 +82,12 @@ def stop_once(folder: Path, number: int) -> None:
         os.kill(os.getpid(), signal.SIGSTOP)
 
 
-def stop_always(folder: Path, number: int) -> None:
-    if number == FRAME:
-        print("the driver waits", file=sys.stderr, flush=True)
-        os.kill(os.getpid(), signal.SIGSTOP)
-
-
-def dead_lock_once(folder: Path, number: int) -> None:
-    if number == FRAME and first(folder, "locked"):
-        lock = threading.Lock()
-        with lock:
-            lock.acquire()
-
-
 def take_long_once(folder: Path, number: int) -> None:
-    """Of the processor's time."""
+    """Take some seconds of processor time."""
     if number == FRAME and first(folder, "long"):
         end = time.process_time() + LONG_S
         while time.process_time() < end:
             pass
-
-
-def talk(folder: Path, number: int) -> None:
-    """More than any pipe holds."""
-    for _ in range(50):
-        os.write(2, b"a driver's chatter\n" * 1000)
-        os.write(1, b"a driver's chatter\n" * 1000)
 
 
 def input_error(folder: Path, number: int) -> None:
@@ -121,19 +98,6 @@ def input_error(folder: Path, number: int) -> None:
 def out_of_memory(folder: Path, number: int) -> None:
     if number == FRAME:
         raise MemoryError
-
-
-def slow_first(folder: Path, number: int) -> None:
-    """Frame 0 takes until no other has been drawn for a while."""
-    (folder / f"frame {number}").mkdir()
-    if number == 0:
-        counts = (len(list(folder.iterdir())) for _ in itertools.count() if not time.sleep(0.5))
-        before = 0
-        for count in counts:
-            if count == before:
-                break
-            before = count
-        (folder / "slow frame").mkdir()
 
 
 def no_gl(folder: Path) -> None:
@@ -162,7 +126,7 @@ def stop_at_first_start(folder: Path) -> None:
 
 
 def stop_half_way_once(folder: Path) -> None:
-    """In the midst of a message."""
+    """Stop in the middle of a message."""
     whole_send = Connection.send
 
     def send(connection: Connection, message: object) -> None:
@@ -181,23 +145,11 @@ START_FAULTS = {
 DRAW_FAULTS = {
     fault.__name__: fault
     for fault in (
-        kill_once,
-        kill_often,
-        kill_always,
-        exit_always,
-        hang_up_once,
-        stop_once,
-        stop_always,
-        dead_lock_once,
-        take_long_once,
-        talk,
-        input_error,
-        out_of_memory,
-        slow_first,
+        talk_and_kill_once, kill_often, kill_always, hang_up_once, stop_once, take_long_once, input_error, out_of_memory
     )
-}
+}  # fmt: skip
 
-# Whether GL has an error to tell of after a frame.
+# Whether OpenGL reports an error after a frame.
 GL_FAULTS = {
     "gl_error_once": lambda folder, number: number == FRAME and first(folder, "lost"),
     "gl_error_always": lambda folder, number: number == FRAME,

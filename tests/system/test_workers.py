@@ -1,4 +1,4 @@
-"""Several processes draw what one draws, whatever happens to them, and nothing of them is left."""
+"""Several processes draw the same frames as one, whatever happens to them, and leave nothing behind."""
 
 from __future__ import annotations
 
@@ -28,11 +28,10 @@ from renderer.study import FilmPlan
 
 NUMBERS = [0, 1, 2, 3, 4, 5, 6, 7, 2, 1]  # some twice, and backwards
 
-# What a process that was killed may take to be gone.
+# How long a killed process may take to end.
 SOON_S = 1.0
 
-# With workers that hang.
-LITTLE, MUCH = HangPolicy(check_interval_s=0.05, max_idle_checks=20), HangPolicy()
+ONE_SECOND = HangPolicy(check_interval_s=0.05, max_idle_checks=20)
 
 
 @pytest.fixture(scope="module")
@@ -42,12 +41,12 @@ def stage() -> Stage:
 
 @pytest.fixture(scope="module")
 def expected(stage: Stage, rasterizer: GLRasterizer) -> list[bytes]:
-    return [drawn.picture.png for drawn in LocalExecutor(stage, rasterizer).draw(NUMBERS)]
+    return [result.picture.png for result in LocalExecutor(stage, rasterizer).draw(NUMBERS)]
 
 
 @pytest.fixture(autouse=True)
 def mark(monkeypatch: pytest.MonkeyPatch) -> str:
-    """Of all children of the test."""
+    """Mark all children of the test."""
     name = new_mark()
     monkeypatch.setenv(MARK, name)
     return name
@@ -55,13 +54,13 @@ def mark(monkeypatch: pytest.MonkeyPatch) -> str:
 
 @pytest.fixture(autouse=True)
 def _nothing_is_left(mark: str) -> Iterator[None]:
-    """After every test of this file: no process, and no memory that this one does not map alone."""
+    """Require after every test that no process is left, and no memory that another process maps."""
     yield
     assert marked(mark) == set()
-    assert all(holders == {str(os.getpid())} for holders in ours().values())
+    assert all(holders == {str(os.getpid())} for holders in own_memory().values())
 
 
-def ours() -> dict[int, set[str]]:
+def own_memory() -> dict[int, set[str]]:
     return {inode: by for inode, by in holders_of_shared_memory().items() if str(os.getpid()) in by}
 
 
@@ -71,7 +70,7 @@ def faulty(name: str, folder: Path) -> Sequence[str]:
 
 
 def draw_all(pool: Pool) -> list[bytes]:
-    return [drawn.picture.png for drawn in pool.draw(NUMBERS)]
+    return [result.picture.png for result in pool.draw(NUMBERS)]
 
 
 ONE, AGAIN = "1 of the processes that draw", ", and what it had was drawn again"
@@ -80,22 +79,29 @@ ONE, AGAIN = "1 of the processes that draw", ", and what it had was drawn again"
 @pytest.mark.parametrize(
     ("fault", "notes"),
     [
-        ("kill_once", [f"{ONE} died and was replaced{AGAIN}"]),
+        ("talk_and_kill_once", [f"{ONE} died and was replaced{AGAIN}"]),
         ("hang_up_once", [f"{ONE} died and was replaced{AGAIN}"]),
-        ("talk", []),
         ("gl_error_once", [f"{ONE} lost OpenGL's context and was replaced{AGAIN}"]),
         ("die_at_first_start", [f"{ONE} died and was replaced"]),
+        ("stop_once", [f"{ONE} hung (no processor time for 1 s) and was replaced{AGAIN}"]),
+        ("stop_half_way_once", [f"{ONE} hung (no processor time for 1 s) and was replaced{AGAIN}"]),
+        ("stop_at_first_start", [f"{ONE} hung (no processor time for 1 s) and was replaced"]),
+        ("take_long_once", []),
     ],
 )
-def test_what_can_be_done_again_is(
+def test_frames_of_a_lost_worker_are_drawn_again(
     stage: Stage, expected: list[bytes], tmp_path: Path, fault: str, notes: list[str]
 ) -> None:
-    with open_pool(stage, 2, threads_per_worker=1, program=faulty(fault, tmp_path)) as pool:
+    assert ONE_SECOND.check_interval_s * ONE_SECOND.max_idle_checks < LONG_S
+    policy = ONE_SECOND if "stop" in fault or "long" in fault else HangPolicy()
+    num_workers = 1 if fault in ("stop_half_way_once", "stop_at_first_start") else 2
+    program = faulty(fault, tmp_path)
+    with open_pool(stage, num_workers, threads_per_worker=1, program=program, hang_policy=policy) as pool:
         assert draw_all(pool) == expected
         assert pool.notes == notes
 
 
-def test_workers_that_die_often(stage: Stage, expected: list[bytes], tmp_path: Path) -> None:
+def test_workers_that_die_often_leave_no_descriptor(stage: Stage, expected: list[bytes], tmp_path: Path) -> None:
     with open_pool(stage, 1, threads_per_worker=1, program=faulty("kill_often", tmp_path)) as pool:
         gc.collect()  # what tests before have left
         before = len(os.listdir("/proc/self/fd"))
@@ -105,30 +111,14 @@ def test_workers_that_die_often(stage: Stage, expected: list[bytes], tmp_path: P
         assert pool.notes == ["3 of the processes that draw died and were replaced, and what they had was drawn again"]
 
 
-@pytest.mark.parametrize(
-    ("fault", "num_workers", "again"),
-    [
-        ("stop_once", 2, AGAIN),
-        ("dead_lock_once", 2, AGAIN),
-        ("stop_half_way_once", 1, AGAIN),
-        ("stop_at_first_start", 1, ""),
-    ],
-)
-def test_who_hangs_is_replaced(
-    stage: Stage, expected: list[bytes], tmp_path: Path, fault: str, num_workers: int, again: str
-) -> None:
-    program = faulty(fault, tmp_path)
-    with open_pool(stage, num_workers, threads_per_worker=1, program=program, hang_policy=LITTLE) as pool:
-        assert draw_all(pool) == expected
-        assert pool.notes == [f"{ONE} hung (no processor time for 1 s) and was replaced{again}"]
-
-
-def test_who_hangs_and_cannot_be_killed_is_left(
+def test_a_hung_worker_that_cannot_be_killed_is_left(
     stage: Stage, expected: list[bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mark: str
 ) -> None:
-    """As one is that waits for a device in the kernel; here nobody kills it before the end of the block."""
+    """A process that waits for a device in the kernel is like that; here the kill has no effect."""
+    monkeypatch.setattr(process, "_EXIT_TIMEOUT_S", 0.1)
     monkeypatch.setattr(process, "_KILL_TIMEOUT_S", 0.1)
-    with open_pool(stage, 2, threads_per_worker=1, program=faulty("stop_once", tmp_path), hang_policy=LITTLE) as pool:
+    program = faulty("stop_once", tmp_path)
+    with open_pool(stage, 2, threads_per_worker=1, program=program, hang_policy=ONE_SECOND) as pool:
         with monkeypatch.context() as patch:
             patch.setattr(subprocess.Popen, "kill", lambda _: None)
             assert draw_all(pool) == expected
@@ -136,24 +126,15 @@ def test_who_hangs_and_cannot_be_killed_is_left(
     assert wait_until(lambda: marked(mark) == set(), SOON_S)
 
 
-def test_who_takes_long_is_waited_for(stage: Stage, expected: list[bytes], tmp_path: Path) -> None:
-    assert LITTLE.check_interval_s * LITTLE.max_idle_checks < LONG_S
-    with open_pool(
-        stage, 2, threads_per_worker=1, program=faulty("take_long_once", tmp_path), hang_policy=LITTLE
-    ) as pool:
-        assert draw_all(pool) == expected
-        assert pool.notes == []
-
-
-def test_killed_from_outside(stage: Stage, expected: list[bytes], mark: str) -> None:
-    """All workers at once, in the midst of a film, and once more while nobody draws."""
+def test_a_pool_whose_workers_are_all_killed_draws_the_same(stage: Stage, expected: list[bytes], mark: str) -> None:
+    """They are killed in the middle of a film, which is then left, and again while nothing is drawn."""
     with open_pool(stage, 2, threads_per_worker=1) as pool:
-        files = []
-        for drawn in pool.draw(NUMBERS):
-            if len(files) == 2:
+        frames = pool.draw(NUMBERS * 8)
+        for number in range(len(NUMBERS)):
+            assert next(frames).picture.png == expected[number]
+            if number == 2:
                 kill(marked(mark))
-            files.append(drawn.picture.png)
-        assert files == expected
+        frames.close()
         kill(marked(mark))
         assert draw_all(pool) == expected
 
@@ -164,11 +145,7 @@ def kill(processes: set[int]) -> None:
         os.kill(number, signal.SIGKILL)
 
 
-def error_of(stage: Stage, name: str, folder: Path, patience: HangPolicy = MUCH) -> HsplatError:
-    with open_pool(stage, 2, threads_per_worker=1, program=faulty(name, folder), hang_policy=patience) as pool:
-        with pytest.raises(HsplatError) as raised:
-            draw_all(pool)
-        return raised.value
+MEMORY_HINT = "  hint: where memory runs out the system sends this signal: fewer workers need less"
 
 
 @pytest.mark.parametrize(
@@ -178,22 +155,10 @@ def error_of(stage: Stage, name: str, folder: Path, patience: HangPolicy = MUCH)
             "kill_always",
             RenderError,
             f"frame {FRAME}: a process that draws has died, 3 times at the same frame\n"
-            "  got: signal SIGKILL\n"
-            "  hint: where memory runs out the system sends this signal: fewer workers need less",
+            f"  got: signal SIGKILL\n    first words\n    the driver has given up\n{MEMORY_HINT}",
         ),
-        (
-            "exit_always",
-            RenderError,
-            f"frame {FRAME}: a process that draws has died, 3 times at the same frame\n"
-            "  got: exit status 7\n"
-            "    first words\n"
-            "    the driver has given up",
-        ),
-        (
-            "input_error",
-            InputError,
-            "scene.yaml: a bad frame\n  got: this\n  expected: that\n  hint: another",
-        ),
+        ("die_at_start", RenderError, f"a process that draws has died\n  got: signal SIGKILL\n{MEMORY_HINT}"),
+        ("input_error", InputError, "scene.yaml: a bad frame\n  got: this\n  expected: that\n  hint: another"),
         (
             "out_of_memory",
             RenderError,
@@ -205,36 +170,28 @@ def error_of(stage: Stage, name: str, folder: Path, patience: HangPolicy = MUCH)
             "no OpenGL 3.3 context could be made\n  got: nothing\n  expected: a driver\n  hint: install one",
         ),
         (
-            "die_at_start",
+            "gl_error_always",
             RenderError,
-            "a process that draws has died\n"
-            "  got: signal SIGKILL\n"
-            "  hint: where memory runs out the system sends this signal: fewer workers need less",
+            f"{{renderer}}, frame {FRAME}: OpenGL failed to draw, or its context was lost, 3 times at the same frame\n"
+            "  got: GL_INVALID_ENUM",
         ),
     ],
 )
-def test_what_cannot_is_an_error(stage: Stage, tmp_path: Path, fault: str, kind: type[HsplatError], text: str) -> None:
+def test_what_fails_again_and_again_is_an_error(
+    stage: Stage, rasterizer: GLRasterizer, tmp_path: Path, fault: str, kind: type[HsplatError], text: str
+) -> None:
     error = error_of(stage, fault, tmp_path)
-    assert (type(error), str(error)) == (kind, text)
+    assert (type(error), str(error)) == (kind, text.replace("{renderer}", rasterizer.renderer_name))
 
 
-def test_a_context_that_is_lost_again_and_again(stage: Stage, rasterizer: GLRasterizer, tmp_path: Path) -> None:
-    error = error_of(stage, "gl_error_always", tmp_path)
-    assert str(error) == (
-        f"{rasterizer.renderer_name}, frame {FRAME}: OpenGL failed to draw, or its context was lost, "
-        "3 times at the same frame\n  got: GL_INVALID_ENUM"
-    )
+def error_of(stage: Stage, name: str, folder: Path) -> HsplatError:
+    with open_pool(stage, 2, threads_per_worker=1, program=faulty(name, folder)) as pool:
+        with pytest.raises(HsplatError) as raised:
+            draw_all(pool)
+        return raised.value
 
 
-def test_who_hangs_again_and_again(stage: Stage, tmp_path: Path) -> None:
-    assert str(error_of(stage, "stop_always", tmp_path, LITTLE)) == (
-        f"frame {FRAME}: a process that draws has hung, 3 times at the same frame\n"
-        "  got: no processor time for 1 s\n    the driver waits"
-    )
-
-
-def test_a_program_that_does_not_start(stage: Stage, tmp_path: Path) -> None:
-    """Its last words are told."""
+def test_a_program_that_does_not_start_is_an_error_with_its_last_lines(stage: Stage, tmp_path: Path) -> None:
     error = error_of(stage, "fail_to_start", tmp_path)
     assert error.what == "a process that draws has died"
     assert error.got is not None
@@ -242,7 +199,7 @@ def test_a_program_that_does_not_start(stage: Stage, tmp_path: Path) -> None:
     assert (lines[0], lines[-1]) == ("exit status 1", "    ImportError: there is no such library")
 
 
-def test_no_python(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_python_is_an_error(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.executable", "/nowhere/python")
     with (
         pytest.raises(RenderError, match="a process that draws cannot be started"),
@@ -251,68 +208,46 @@ def test_no_python(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
         pass
 
 
-def test_a_slow_frame_does_not_let_the_others_run_away(stage: Stage, tmp_path: Path) -> None:
-    """Every worker draws at most four frames ahead of the one that is waited for."""
-    with open_pool(stage, 2, threads_per_worker=1, program=faulty("slow_first", tmp_path)) as pool:
-        frames = pool.draw([*range(8), *range(100, 150)])
-        assert next(frames).number == 0
-        # Those after the slow one may have been begun by now.
-        assert len(list(tmp_path.glob("frame *"))) <= 8 + 2
-
-
-def test_a_run_that_is_left_is_forgotten(stage: Stage, expected: list[bytes], mark: str) -> None:
-    with open_pool(stage, 2, threads_per_worker=1) as pool:
-        frames = pool.draw(list(range(8)) * 10)
-        next(frames)
-        frames.close()  # type: ignore[attr-defined]
-        assert draw_all(pool) == expected
-
-
-@pytest.mark.parametrize("error", [LookupError, KeyboardInterrupt])
-def test_leaving_by_an_error_ends_all(stage: Stage, mark: str, error: type[BaseException]) -> None:
+def test_an_interrupt_ends_all_workers(stage: Stage, mark: str) -> None:
     def leave() -> None:
         with open_pool(stage, 2, threads_per_worker=1) as pool:
-            for drawn in pool.draw(range(8)):
-                if drawn.number == 2:
-                    assert len(marked(mark)) == 2
-                    raise error
+            next(pool.draw(range(8)))
+            assert len(marked(mark)) == 2
+            raise KeyboardInterrupt
 
-    with pytest.raises(error):
+    with pytest.raises(KeyboardInterrupt):
         leave()
     assert marked(mark) == set()
 
 
-def test_leaving_at_once(stage: Stage, mark: str) -> None:
-    """Before anybody is ready."""
+def test_a_pool_can_be_left_before_a_worker_is_ready(stage: Stage, mark: str) -> None:
     with open_pool(stage, 2, threads_per_worker=1) as pool:
-        assert len(marked(mark)) == 2 or wait_until(lambda: len(marked(mark)) == 2, SOON_S)
+        assert wait_until(lambda: len(marked(mark)) == 2, SOON_S)
         assert pool.drivers == ()
     assert marked(mark) == set()
 
 
-def test_the_stage_moves(stage: Stage) -> None:
-    """To memory that all of them map."""
+def test_the_stage_moves_to_memory_that_all_workers_map(stage: Stage) -> None:
     with open_pool(stage, 2, threads_per_worker=1) as pool:
         assert wait_until(lambda: pool.is_ready, 60)
         list(pool.draw(range(8)))
-        memory = ours()
-        assert len(memory) >= 1 and max(len(by) for by in memory.values()) == 3
+        assert max(len(by) for by in own_memory().values()) == 3
         assert (pool.stage.volume.values == stage.volume.values).all()
         assert len(pool.drivers) == 1
 
 
-def test_one_process_lets_go_of_what_the_others_draw() -> None:
-    """The volume is in memory once, and there are no bricks here, when workers have taken over."""
+def test_this_process_frees_what_workers_have_taken_over() -> None:
+    """The volume is in memory once, and there are no bricks here, when workers draw."""
     stage = stage_of(PLAIN, waves("float32"))
     assert stage.bricks is not None
     once = [weakref.ref(thing) for thing in (stage, stage.bricks, stage.volume)]
     with RecoveringRasterizer() as rasterizer:
-        plan, most = FilmPlan(stage), 5000  # frames take milliseconds, and workers a second or so
+        plan, most = FilmPlan(stage), 5000  # frames take milliseconds, and workers about a second to start
         with Executor(ExecutorSpec(workers=2), rasterizer, None, Reporter()).for_plan(plan, most) as executor:
             del plan, stage
             drawing = executor.draw(range(most))
-            for drawn in drawing:
-                number = drawn.number
+            for result in drawing:
+                number = result.number
                 gc.collect()
                 if not any(found() for found in once):
                     break
