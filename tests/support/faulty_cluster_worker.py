@@ -25,9 +25,3 @@ def input_error(stage_data: SerializedStage, number: int) -> tuple[bytes, dict[s
     if number == FRAME:
         raise InputError("a bad frame", where="scene.yaml", got="this", expected="that", hint="another")
     return draw_on_worker(stage_data, number)
-
-
-def out_of_memory(stage_data: SerializedStage, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
-    if number == FRAME:
-        raise MemoryError("all of it is taken")
-    return draw_on_worker(stage_data, number)

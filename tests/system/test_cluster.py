@@ -1,8 +1,7 @@
-"""Films drawn on a Dask cluster: the same bytes as here, whoever draws, and whoever dies meanwhile."""
+"""A Dask cluster draws the same bytes as this process, also when workers die."""
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
 import shutil
@@ -11,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import faulty_cluster_worker as faulty
@@ -21,8 +21,8 @@ from processes import wait_until
 import renderer
 from hsplat_cli import main
 from hsplat_cli.executors import LocalExecutor
-from hsplat_cli.executors.cluster import cluster_executor
-from hsplat_cli.executors.cluster.cluster_executor import open_cluster_executor
+from hsplat_cli.executors.cluster import cluster_executor, registry
+from hsplat_cli.executors.cluster.cluster_executor import ClusterExecutor
 from hsplat_cli.terminal import Reporter
 from renderer.draw import GLRasterizer
 from renderer.errors import HsplatError, InputError, RenderError
@@ -53,7 +53,7 @@ def stage() -> Stage:
 
 @pytest.fixture(scope="module")
 def client() -> Iterator[Client]:
-    """Of two workers, of two threads each, that are replaced when they die."""
+    """Start a cluster of two workers with two threads each, which are replaced when they die."""
     with (
         LocalCluster(n_workers=2, threads_per_worker=2, memory_limit=0, dashboard_address=":0") as cluster,
         Client(cluster, set_as_default=False) as client,
@@ -63,15 +63,15 @@ def client() -> Iterator[Client]:
 
 @pytest.fixture(scope="module")
 def expected(stage: Stage, rasterizer: GLRasterizer) -> list[bytes]:
-    """The files of all frames."""
+    """Return the files of all frames."""
     return [result.picture.png for result in LocalExecutor(stage, rasterizer).draw(range(NUM_FRAMES))]
 
 
 def draw(
     client: Client, stage: Stage, on_frame: Callable[[int], None] = lambda number: None
 ) -> tuple[list[bytes], list[str]]:
-    """The files of all frames, and notes."""
-    with open_cluster_executor(client, "tcp://here:1", FilmPlan(stage), Reporter(), max_wait_s=30.0) as executor:
+    """Return the files of all frames, and notes."""
+    with closing(ClusterExecutor(client, "tcp://here:1", FilmPlan(stage), Reporter())) as executor:
         files = []
         for number, result in enumerate(executor.draw(range(NUM_FRAMES))):
             assert result.number == result.record["frame"] == number
@@ -87,7 +87,7 @@ def worker_pids(client: Client) -> list[int]:
 
 def test_the_same_bytes_and_nothing_left(client: Client, stage: Stage, expected: list[bytes]) -> None:
     def hsplat_threads() -> list[str]:
-        """Those of hsplat's in a worker: sent as it stands, for workers do not find this file."""
+        """Return the threads of hsplat in a worker. It is sent by value, because workers do not find this file."""
         import threading
 
         return [thread.name for thread in threading.enumerate() if thread.name.startswith("hsplat")]
@@ -104,25 +104,21 @@ def test_the_same_bytes_and_nothing_left(client: Client, stage: Stage, expected:
     assert set(client.run(lambda: os.environ["LP_NUM_THREADS"]).values()) == {"2"}
 
 
-@pytest.mark.parametrize("num", [1, 2])
-def test_frames_of_workers_that_die_are_drawn_again(
-    num: int, client: Client, stage: Stage, expected: list[bytes]
-) -> None:
-    """Of all of them, too: then the stage is sent again."""
+def test_frames_of_workers_that_die_are_drawn_again(client: Client, stage: Stage, expected: list[bytes]) -> None:
+    """First one dies, later all: then the stage is sent again."""
 
     def kill(number: int) -> None:
-        if number == 5:
-            for pid in worker_pids(client)[:num]:
-                os.kill(pid, signal.SIGKILL)
+        for pid in worker_pids(client)[: {5: 1, 12: 2}.get(number, 0)]:
+            os.kill(pid, signal.SIGKILL)
 
     files, (note,) = draw(client, stage, kill)
     assert files == expected
     assert note.endswith(" drawn again by other workers")
 
 
-@contextlib.contextmanager
+@contextmanager
 def another_checkout(client: Client, folder: Path) -> Iterator[None]:
-    """One worker more meanwhile, whose hsplat has the same version and, in one shader, another comment."""
+    """Add a worker whose hsplat has the same version and, in one shader, another comment."""
 
     def is_there() -> bool:
         return bool(client.run_on_scheduler(lambda dask_scheduler: "another" in dask_scheduler.aliases))
@@ -155,17 +151,15 @@ def test_a_worker_with_other_sources_is_refused(
 
 
 def error_of(client: Client, stage: Stage) -> HsplatError:
-    """Of a film that begins with the frame that things happen at."""
-    with (
-        open_cluster_executor(client, "tcp://here:1", FilmPlan(stage), Reporter(), max_wait_s=30.0) as executor,
-        pytest.raises(HsplatError) as caught,
-    ):
-        list(executor.draw(range(faulty.FRAME, NUM_FRAMES)))
-    return caught.value
+    """Return the error of a film that begins with the frame at which the fault happens."""
+    with closing(ClusterExecutor(client, "tcp://here:1", FilmPlan(stage), Reporter())) as executor:
+        with pytest.raises(HsplatError) as caught:
+            list(executor.draw(range(faulty.FRAME, NUM_FRAMES)))
+        return caught.value
 
 
 def test_a_frame_that_kills_each_worker(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    """There are as many as it may kill: Dask does not replace all of those that die as soon as they are there."""
+    """Three workers are enough: Dask does not replace all of those that die as soon as they start."""
     monkeypatch.setattr(cluster_executor, "draw_on_worker", faulty.kill_always)
     with (
         LocalCluster(n_workers=3, threads_per_worker=1, memory_limit=0, dashboard_address=":0") as cluster,
@@ -177,31 +171,23 @@ def test_a_frame_that_kills_each_worker(stage: Stage, monkeypatch: pytest.Monkey
     assert error.got is not None and re.fullmatch(r"no longer there(?:[:,] tcp://[\d.]+:\d+){3}", error.got)
 
 
-def test_a_frame_that_is_wrong(client: Client, stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is told is what a worker said."""
+def test_the_error_of_a_worker_is_that_of_the_film(
+    client: Client, stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(cluster_executor, "draw_on_worker", faulty.input_error)
     error = error_of(client, stage)
     text = "scene.yaml: a bad frame\n  got: this\n  expected: that\n  hint: another"
     assert (type(error), str(error)) == (InputError, text)
 
 
-def test_a_frame_that_nobody_can_draw(client: Client, stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster_executor, "draw_on_worker", faulty.out_of_memory)
-    error = error_of(client, stage)
-    assert type(error) is RenderError
-    assert (error.what, error.got) == (f"frame {faulty.FRAME} cannot be drawn", "MemoryError: all of it is taken")
-    assert error.where in client.nthreads()
-
-
-def test_nobody_is_there(stage: Stage) -> None:
+def test_a_cluster_without_workers_is_an_error(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "_MAX_WAIT_S", 0.5)
     with (
         LocalCluster(n_workers=0, dashboard_address=":0") as cluster,
         Client(cluster, set_as_default=False) as client,
-        open_cluster_executor(client, "tcp://here:1", FilmPlan(stage), Reporter(), max_wait_s=0.5) as executor,
-        pytest.raises(RenderError) as caught,
     ):
-        next(executor.draw([0]))
-    assert str(caught.value) == (
+        error = error_of(client, stage)
+    assert str(error) == (
         "--scheduler tcp://here:1: the cluster has no workers\n"
         "  got: none for 0.5 s\n"
         "  hint: `dask worker ADDRESS` starts one"

@@ -1,4 +1,4 @@
-"""How often a frame is given to another worker: until several have failed on it, or were lost at it, and no more."""
+"""A frame is given to other workers until several have failed on it, or were lost at it."""
 
 from __future__ import annotations
 
@@ -6,20 +6,22 @@ import itertools
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError
 from typing import Any
+from unittest import mock
 
 import pytest
 from distributed import KilledWorker
-from film_stages import PLAIN, stage_of
+from film_stages import INTEGRATED, stage_of
 
 from hsplat_cli.executors.cluster import cluster_executor
 from hsplat_cli.executors.cluster.cluster_executor import ClusterExecutor
+from hsplat_cli.terminal import Reporter
 from renderer.errors import RenderError
 from renderer.study import FilmPlan
 
 # What a worker does at a frame besides drawing it.
 DIE, FAIL, DIE_WITH_PICTURE, KILLED = "die", "fail", "die with the picture", "is killed, says Dask"
 
-# Of a test that does not end.
+# More calls than this are a test that does not end.
 MANY = 200
 
 LOST = (
@@ -27,10 +29,11 @@ LOST = (
     "  got: no longer there: worker 1, worker 2, worker 3\n"
     "  hint: their logs may say why; Dask ends workers that exceed their memory limit"
 )
+LOST_LATER = LOST.replace("worker 1, worker 2, worker 3", "worker 2, worker 3, worker 4")
 
 
 class Future:
-    """A frame that a worker has, or the stage."""
+    """Stands in for a frame that a worker has, or for the stage."""
 
     def __init__(self, key: str, number: int = 0) -> None:
         self.key, self.number, self.status = key, number, "pending"
@@ -55,10 +58,10 @@ class Future:
 
 
 class Cluster:
-    """The scheduler and the registry of one worker, in whose place another one comes when it is lost or dismissed.
+    """A scheduler and a registry of one worker, which is replaced when it is lost or excluded.
 
-    does: what happens when a worker, counted from 1, is at a frame. num_threads: a worker is at so many frames; it
-    dies at any of them before it has drawn the first.
+    does: returns what a worker, counted from 1, does at a frame. num_threads: the number of frames that a worker draws
+    at once; it dies at any of them before it has drawn the first.
     """
 
     notes: Sequence[str] = ()
@@ -87,7 +90,7 @@ class Cluster:
         return future
 
     def update_workers(self) -> None:
-        """The worker is done with its first frame, if it has any."""
+        """Let the worker finish its first frame, if it has any."""
         self._num_looks += 1
         assert self._num_looks < MANY
         if not self._tasks:
@@ -118,79 +121,38 @@ class Cluster:
             self._start()
 
 
-@pytest.fixture(autouse=True)
-def _at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster_executor, "_POLL_INTERVAL_S", 0.0)
+def draw(does: Callable[[int, int], str | None], numbers: Sequence[int], num_threads: int = 1) -> list[int]:
+    cluster = Cluster(does, num_threads)
+    with mock.patch.multiple(cluster_executor, _POLL_INTERVAL_S=0.0, WorkerRegistry=lambda *_: cluster):
+        executor = ClusterExecutor(cluster, "", FilmPlan(stage_of(INTEGRATED)), Reporter())  # type: ignore[arg-type]
+        return [result.number for result in executor.draw(numbers)]
 
 
-def drawn(cluster: Cluster, numbers: Sequence[int]) -> list[int]:
-    found = ClusterExecutor(cluster, cluster, FilmPlan(stage_of(PLAIN))).draw(numbers)  # type: ignore[arg-type]
-    return [frame.number for frame in found]
-
-
-@pytest.mark.parametrize("how", [DIE, KILLED])
-def test_a_frame_that_kills_each_worker(how: str) -> None:
-    """That one is told, and not those that waited behind it."""
-    cluster = Cluster(lambda worker, number: how if number == 12 else None)
+@pytest.mark.parametrize(
+    ("number", "how", "num_threads", "text"),
+    [
+        (12, DIE, 1, f"frame 12: {LOST}"),
+        (12, KILLED, 1, f"frame 12: {LOST}"),
+        # The first worker was lost at this frame or at its neighbour: then both are drawn alone.
+        (11, DIE, 2, f"frame 11: {LOST_LATER}"),
+        (10, DIE_WITH_PICTURE, 1, f"frame 10: {LOST_LATER}"),
+        (12, FAIL, 1, "worker 3: frame 12 cannot be drawn\n  got: ValueError: not this one"),
+    ],
+)
+def test_a_frame_that_each_worker_fails_on_is_an_error(number: int, how: str, num_threads: int, text: str) -> None:
+    """The error names this frame, and not those that waited behind it."""
     with pytest.raises(RenderError) as caught:
-        drawn(cluster, range(10, 18))
-    assert str(caught.value) == f"frame 12: {LOST}"
+        draw(lambda _, each: how if each == number else None, range(10, 18), num_threads)
+    assert str(caught.value) == text
 
 
-def test_a_frame_that_kills_workers_that_are_at_the_one_before_it() -> None:
-    """Which of the two it was is not known; then they are drawn one by one."""
-    cluster = Cluster(lambda worker, number: DIE if number == 11 else None, num_threads=2)
-    with pytest.raises(RenderError) as caught:
-        drawn(cluster, range(10, 18))
-    last = LOST.replace("worker 1, worker 2, worker 3", "worker 2, worker 3, worker 4")
-    assert str(caught.value) == f"frame 11: {last}"
-
-
-def test_a_picture_that_never_comes() -> None:
-    cluster = Cluster(lambda worker, number: DIE_WITH_PICTURE)
-    with pytest.raises(RenderError) as caught:
-        drawn(cluster, [7])
-    assert str(caught.value) == f"frame 7: {LOST}"
-
-
-@pytest.mark.parametrize("how", [DIE, KILLED])
-def test_workers_that_die_at_different_frames(how: str) -> None:
-    """Each frame has cost two of them when it is drawn by the third, and has waited for its turn at two more."""
+def test_only_failures_at_the_frame_itself_count() -> None:
+    """Frame 1 waits behind frame 0 at two workers that die, frame 2 at two more, and then two cannot draw it."""
     met: list[int] = []
 
-    def does(worker: int, number: int) -> str | None:
+    def does(_: int, number: int) -> str | None:
         met.append(number)
-        return how if met.count(number) < 3 else None
+        is_early = met.count(number) < 3
+        return (DIE if number < 2 else FAIL if number == 2 else None) if is_early else None
 
-    assert drawn(Cluster(does), range(4)) == [0, 1, 2, 3]
-
-
-@pytest.mark.parametrize("how", [DIE, KILLED])
-def test_a_frame_that_waited_at_workers_that_died_may_fail_as_often_as_another(how: str) -> None:
-    """Frame 1 waits behind frame 0 at two of them, frame 2 at two more, and then a worker cannot draw it."""
-    met: list[int] = []
-
-    def does(worker: int, number: int) -> str | None:
-        met.append(number)
-        if number < 2:
-            return how if met.count(number) < 3 else None
-        return FAIL if number == 2 and met.count(2) < 3 else None
-
-    assert drawn(Cluster(does), range(4)) == [0, 1, 2, 3]
-
-
-def test_a_frame_that_waited_at_workers_that_failed_may_fail_as_often_as_another() -> None:
-    met: list[int] = []
-
-    def does(worker: int, number: int) -> str | None:
-        met.append(number)
-        return FAIL if met.count(number) < 3 else None
-
-    assert drawn(Cluster(does), range(4)) == [0, 1, 2, 3]
-
-
-def test_a_frame_that_each_worker_fails_on() -> None:
-    cluster = Cluster(lambda worker, number: FAIL if number == 12 else None)
-    with pytest.raises(RenderError) as caught:
-        drawn(cluster, range(10, 18))
-    assert str(caught.value) == "worker 3: frame 12 cannot be drawn\n  got: ValueError: not this one"
+    assert draw(does, range(4)) == [0, 1, 2, 3]
