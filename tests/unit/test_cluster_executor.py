@@ -10,7 +10,7 @@ from unittest import mock
 
 import pytest
 from distributed import KilledWorker
-from film_stages import INTEGRATED, stage_of
+from film_stages import PLAIN, stage_of
 
 from hsplat_cli.executors.cluster import cluster_executor
 from hsplat_cli.executors.cluster.cluster_executor import ClusterExecutor
@@ -124,7 +124,7 @@ class Cluster:
 def draw(does: Callable[[int, int], str | None], numbers: Sequence[int], num_threads: int = 1) -> list[int]:
     cluster = Cluster(does, num_threads)
     with mock.patch.multiple(cluster_executor, _POLL_INTERVAL_S=0.0, WorkerRegistry=lambda *_: cluster):
-        executor = ClusterExecutor(cluster, "", FilmPlan(stage_of(INTEGRATED)), Reporter())  # type: ignore[arg-type]
+        executor = ClusterExecutor(cluster, "", FilmPlan(stage_of(PLAIN)), Reporter())  # type: ignore[arg-type]
         return [result.number for result in executor.draw(numbers)]
 
 
