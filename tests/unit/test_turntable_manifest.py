@@ -315,8 +315,6 @@ def test_an_edited_scene_is_never_known(tmp_path: Path) -> None:
     write_scene(order(tmp_path, force=True), scene("two"))
     assert file.read_text() == "two"
 
-    assert (tmp_path / "out" / "scan.yaml").read_text() == "two"
-
 
 def test_a_film_is_done_until_its_scene_changes(tmp_path: Path) -> None:
     folder = tmp_path / "out"
