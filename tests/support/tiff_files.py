@@ -1,11 +1,13 @@
-"""TIFF files of one page, field by field, so that any of them can be damaged; and where a TIFF file has its fields."""
+"""Write TIFF files: stacks by tifffile, and one page field by field, so that any of them can be damaged."""
 
 from __future__ import annotations
 
+import io
 import struct
 
 import numpy as np
 import numpy.typing as npt
+import tifffile
 
 BYTE, ASCII, SHORT, LONG, RATIONAL = 1, 2, 3, 4, 5
 WIDTH, HEIGHT, BITS, COMPRESSION, DESCRIPTION = 256, 257, 258, 259, 270
@@ -57,3 +59,35 @@ def field_places(data: bytes) -> npt.NDArray[np.int64]:
             places += range(place, place + num_bytes) if num_bytes > 4 else ()
         offset = struct.unpack_from("<I", data, end)[0]
     return np.array(places)
+
+
+def tiff_bytes(
+    pages: npt.NDArray[np.generic],
+    order: str = "<",
+    *,
+    description: str = "",
+    resolution: tuple[int, tuple[int, int], tuple[int, int]] | None = None,
+    big: bool = False,
+    tile: tuple[int, int] | None = None,
+) -> bytes:
+    """Return an uncompressed TIFF file of [page, y, x], in one strip a page or in tiles.
+
+    resolution: TIFF's number of the unit, pixels per unit in x and in y.
+    """
+    out = io.BytesIO()
+    unit, *per_unit = resolution or (1, (1, 1), (1, 1))
+    layout = {"tile": tile} if tile else {"rowsperstrip": pages.shape[1]}
+    tifffile.imwrite(
+        out,
+        pages,
+        byteorder=order,
+        bigtiff=big,
+        photometric="minisblack",
+        metadata=None,
+        software=False,
+        description=description.encode() or None,
+        resolution=per_unit,
+        resolutionunit=unit,
+        **layout,
+    )
+    return out.getvalue()

@@ -1,4 +1,4 @@
-"""TIFF: files built byte by byte for what SimpleITK does not write, stacks in folders, hyperstacks, spacing."""
+"""TIFF that tifffile writes: every type, stacks in folders, tiles, hyperstacks, spacing."""
 
 from __future__ import annotations
 
@@ -12,76 +12,29 @@ import SimpleITK as sitk  # noqa: N813
 from renderer.errors import InputError
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
+from tests.support.tiff_files import SHORT, tiff_bytes
 
 DTYPES = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float16", "float32", "float64")
-FORMATS = {"u": 1, "i": 2, "f": 3}
-SHORT, LONG, RATIONAL, ASCII = 3, 4, 5, 2
-
-
-def tiff_bytes(pages: np.ndarray, order: str = "<", description: str = "", resolution: tuple = (), big: bool = False):
-    """An uncompressed TIFF of [page, y, x], one strip a page; `resolution` is (unit, pixels per unit in x, in y)."""
-    pages = pages.astype(pages.dtype.newbyteorder(order))
-    pointer = "Q" if big else "I"
-    out = bytearray(b"II" if order == "<" else b"MM")
-    out += struct.pack(order + "HHHQ", 43, 8, 0, 16) if big else struct.pack(order + "HI", 42, 8)
-    for number, page in enumerate(pages):
-        height, width = page.shape
-        text = description.encode() + b"\0" if description and number == 0 else b""
-        entries = [
-            (256, SHORT, 1, [width]),
-            (257, SHORT, 1, [height]),
-            (258, SHORT, 1, [8 * pages.dtype.itemsize]),
-            (259, SHORT, 1, [1]),
-            (262, SHORT, 1, [1]),
-            *([(270, ASCII, len(text), text)] if text else []),
-            (273, LONG, 1, ["data"]),
-            (277, SHORT, 1, [1]),
-            (278, SHORT, 1, [height]),
-            (279, LONG, 1, [page.nbytes]),
-            *([(282, RATIONAL, 1, resolution[1]), (283, RATIONAL, 1, resolution[2])] if resolution else []),
-            *([(296, SHORT, 1, [resolution[0]])] if resolution else []),
-            (339, SHORT, 1, [FORMATS[pages.dtype.kind]]),
-        ]
-        inline_size = 8 if big else 4
-        size = (8 + 20 * len(entries) + 8) if big else (2 + 12 * len(entries) + 4)
-        extra = bytearray()
-        after = len(out) + size
-
-        def body(value, kind, after=after, extra=extra, inline_size=inline_size):
-            if kind == ASCII:
-                packed = value
-            elif kind == RATIONAL:
-                packed = struct.pack(order + "II", *value)
-            else:
-                packed = struct.pack(order + ("H" if kind == SHORT else "I"), *value)
-            if len(packed) <= inline_size:
-                return packed.ljust(inline_size, b"\0")
-            place = struct.pack(order + pointer, after + len(extra))
-            extra.extend(packed + b"\0" * (len(packed) % 2))
-            return place
-
-        num_extra = sum(
-            len(v) + len(v) % 2 if kind == ASCII and len(v) > inline_size else 8 if kind == RATIONAL and not big else 0
-            for _, kind, _, v in entries
-        )
-        data_at = after + num_extra
-        out += struct.pack(order + ("Q" if big else "H"), len(entries))
-        for tag, kind, count, value in entries:
-            packed = body([data_at] if value == ["data"] else value, kind)
-            out += struct.pack(order + ("HHQ" if big else "HHI"), tag, kind, count) + packed
-        following = data_at + page.nbytes + page.nbytes % 2
-        out += struct.pack(order + pointer, following if number < len(pages) - 1 else 0) + extra
-        assert len(out) == data_at
-        out += page.tobytes() + b"\0" * (page.nbytes % 2)
-    return bytes(out)
 
 
 def ramp(dtype: str, shape: tuple[int, ...] = (3, 4, 5)) -> np.ndarray:
     return np.arange(np.prod(shape)).reshape(shape).astype(dtype)
 
 
-def read(path: Path, **choice):
-    return read_volume(VolumeSpec(FileSource(path), **choice))
+def read(path: Path, spacing: tuple | None = None, **choice):
+    return read_volume(VolumeSpec(FileSource(path, spacing), **choice))
+
+
+def assert_sizes_cannot_be_compared(path: Path, got: str, expected: str) -> None:
+    with pytest.raises(InputError) as error:
+        read(path)
+    assert str(error.value) == (
+        f"{path}: the voxel sizes in this TIFF file are in units that cannot be compared\n"
+        f"  got: {got}\n"
+        f"  expected: one unit for all, or {expected}\n"
+        "  hint: `spacing: [x, y, z]` replaces the spacing in the file"
+    )
+    np.testing.assert_array_equal(read(path, (1.0, 2.0, 3.0)).spacing, [1, 2, 3])
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
@@ -185,16 +138,7 @@ def test_units_of_imagej(tmp_path, tag, per_unit, lines, expected):
 def test_units_of_imagej_that_disagree(tmp_path, tag, lines, got):
     data = tiff_bytes(ramp("uint16"), description=IMAGEJ + lines, resolution=(tag, (10, 1), (10, 1)))
     (tmp_path / "a.tif").write_bytes(data)
-    with pytest.raises(InputError) as error:
-        read(tmp_path / "a.tif")
-    assert str(error.value) == (
-        f"{tmp_path / 'a.tif'}: the voxel sizes in this TIFF file are in units that cannot be compared\n"
-        f"  got: {got}\n"
-        "  expected: one unit for all, or pixels per cm and unit=um\n"
-        "  hint: `spacing: [x, y, z]` replaces the spacing in the file"
-    )
-    told = read_volume(VolumeSpec(FileSource(tmp_path / "a.tif", (1.0, 2.0, 3.0))))
-    np.testing.assert_array_equal(told.spacing, [1, 2, 3])
+    assert_sizes_cannot_be_compared(tmp_path / "a.tif", got, "pixels per cm and unit=um")
 
 
 def ome_sizes(**attributes: str) -> str:
@@ -238,16 +182,8 @@ def test_an_ome_unit_in_latin_1(tmp_path):
 def test_ome_units_that_cannot_be_compared(tmp_path, unit):
     sizes = ome_sizes(X="0.1", Y="0.2", Z="3", ZUnit=unit)
     (tmp_path / "a.tif").write_bytes(tiff_bytes(ramp("uint16"), description=sizes))
-    with pytest.raises(InputError) as error:
-        read(tmp_path / "a.tif")
-    assert str(error.value) == (
-        f"{tmp_path / 'a.tif'}: the voxel sizes in this TIFF file are in units that cannot be compared\n"
-        f"  got: PhysicalSizeX=0.1 \u03bcm, PhysicalSizeY=0.2 \u03bcm, PhysicalSizeZ=3 {unit}\n"
-        "  expected: one unit for all, or units of length such as nm, µm and mm\n"
-        "  hint: `spacing: [x, y, z]` replaces the spacing in the file"
-    )
-    told = read_volume(VolumeSpec(FileSource(tmp_path / "a.tif", (1.0, 2.0, 3.0))))
-    np.testing.assert_array_equal(told.spacing, [1, 2, 3])
+    got = f"PhysicalSizeX=0.1 \u03bcm, PhysicalSizeY=0.2 \u03bcm, PhysicalSizeZ=3 {unit}"
+    assert_sizes_cannot_be_compared(tmp_path / "a.tif", got, "units of length such as nm, µm and mm")
 
 
 def test_an_ome_size_beyond_all_numbers(tmp_path):
@@ -260,8 +196,7 @@ def test_an_ome_size_beyond_all_numbers(tmp_path):
 def test_a_spacing_of_slices_in_a_folder(tmp_path):
     for k in range(3):
         (tmp_path / f"{k}.tif").write_bytes(tiff_bytes(np.full((1, 4, 5), k, np.uint16)))
-    told = read_volume(VolumeSpec(FileSource(tmp_path, (0.5, 0.5, 2.0))))
-    np.testing.assert_array_equal(told.spacing, [0.5, 0.5, 2])
+    np.testing.assert_array_equal(read(tmp_path, (0.5, 0.5, 2.0)).spacing, [0.5, 0.5, 2])
 
 
 @pytest.mark.parametrize(
@@ -285,3 +220,61 @@ def test_hyperstacks(tmp_path, order, description):
         read(tmp_path / "a.tif", component=0)
     with pytest.raises(InputError, match="the volume has 2 components"):
         read(tmp_path / "a.tif", time=0)
+
+
+# Tiles
+
+TILE = 32, 16  # rows, columns; TIFF asks for multiples of 16
+TILED = np.random.default_rng(0).integers(0, 2000, (3, 45, 40))
+
+
+@pytest.mark.parametrize(
+    ("dtype", "order"), [("uint8", "<"), ("int16", ">"), ("uint32", "<"), ("float16", ">"), ("float64", "<")]
+)
+def test_tiles(tmp_path, dtype, order):
+    values = TILED.astype(dtype)
+    (tmp_path / "a.tif").write_bytes(tiff_bytes(values, order, tile=TILE))
+    volume = read(tmp_path / "a.tif")
+    assert volume.values.dtype == np.dtype(dtype)
+    np.testing.assert_array_equal(volume.values, values)
+
+
+def test_slices_of_tiles_in_a_folder(tmp_path):
+    values = TILED.astype(np.uint16)
+    for k in range(3):
+        (tmp_path / f"{k}.tif").write_bytes(tiff_bytes(values[k : k + 1], tile=TILE))
+    np.testing.assert_array_equal(read(tmp_path).values, values)
+
+
+COUNTS = struct.pack("<6H", *[1024] * 6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "got"),
+    [
+        (
+            [struct.pack("<2HI", *field) for field in ((324, 4, 6), (324, 4, 5), (325, 3, 6), (325, 3, 5))],
+            "5 tiles, 1024 bytes the smallest",
+        ),
+        ([COUNTS, struct.pack("<H", 1023) + COUNTS[2:]], "6 tiles, 1023 bytes the smallest"),
+        ([struct.pack("<2H2I", 322, 4, 1, 16), struct.pack("<2H2I", 322, 4, 1, 0)], None),
+        ([struct.pack("<2H2I", 323, 4, 1, 32), struct.pack("<2H2I", 323, 4, 1, 4096)], None),
+    ],
+    ids=["left out", "short", "no width", "height"],
+)
+def test_tiles_that_do_not_make_up_the_pages(tmp_path, changes, got):
+    data = tiff_bytes(TILED.astype(np.uint16), tile=TILE)
+    for old, new in zip(changes[::2], changes[1::2], strict=True):
+        assert data.count(old) == 3
+        data = data.replace(old, new)
+    (tmp_path / "a.tif").write_bytes(data)
+    with pytest.raises(InputError) as error:
+        read(tmp_path / "a.tif")
+    first = f"{tmp_path / 'a.tif'}: the tiles of this TIFF file do not make up its pages\n"
+    assert str(error.value).startswith(first)
+    if got is not None:
+        assert str(error.value) == (
+            f"{first}  got: {got}; a file of {len(data)} bytes\n"
+            "  expected: 6 tiles of 16 x 32 pixels, 1024 bytes each, on each of 3 pages\n"
+            "  hint: the file is damaged"
+        )
