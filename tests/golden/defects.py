@@ -1,5 +1,8 @@
-"""Faults that a comparison of frames has to find, each injected where it would arise: in the scene, the cut, the
-splats, their order or the view, and into the picture only where the picture is what is wrong."""
+"""Faults that a comparison of frames has to find.
+
+Each is injected where it would arise: in the scene, the cut, the splats or bricks, their order or the view; and into
+the picture where only the picture is wrong.
+"""
 
 from __future__ import annotations
 
@@ -12,23 +15,25 @@ import numpy as np
 import numpy.typing as npt
 from subjects import Pixels, Shot
 
+from renderer.bricks import BrickBatch
 from renderer.film import quantize
 from renderer.scene import ControlPoint
 from renderer.splats import GaussianFootprint, SplatBatch
 from renderer.study import FrameDifference
+from renderer.view import screen_rectangles
 
 Order = npt.NDArray[np.uint32]
 
 # A pixel that is off by one level may have been rounded; what is off by more is a fault that can be seen.
 SEEN_LEVELS = 2.0
 
-# Of splats, or pairs of them, one after the other until one is seen.
+# Cells, or pairs of them, that are tried until one is seen.
 TRIES = 40
 
 
 @dataclass(frozen=True)
 class Defect:
-    """name: what is wrong. inject: the picture of a shot with it; None where there is nothing to spoil."""
+    """A fault. inject: draws a shot with it, and returns None where there is nothing to spoil."""
 
     name: str
     inject: Callable[[Shot], Pixels | None]
@@ -38,7 +43,7 @@ class Defect:
 
 
 def _first_seen(shot: Shot, pictures: Iterable[Pixels]) -> Pixels | None:
-    """The first picture in which the defect can be seen, which so is no more of one than need be; or the worst."""
+    """Return the first picture in which the defect can be seen, or the worst one."""
     worst, most = None, -1.0
     for picture in pictures:
         levels = FrameDifference(shot.golden, picture).largest()
@@ -52,19 +57,20 @@ def _first_seen(shot: Shot, pictures: Iterable[Pixels]) -> Pixels | None:
 # Order
 
 
-def _one_splat_missing(shot: Shot) -> Pixels | None:
-    numbers = np.arange(len(shot.splats))
-    return _first_seen(shot, (_without(shot, numbers == splat) for splat in _some_splats(shot)))
+def _one_missing(shot: Shot) -> Pixels | None:
+    return _first_seen(shot, (_without(shot, np.arange(len(shot.batch)) == cell) for cell in _some_cells(shot)))
 
 
 def _level_missing(shot: Shot) -> Pixels | None:
     return _first_seen(shot, (_without(shot, shot.cut.levels == level) for level in _levels_by_number(shot)))
 
 
-def _brick_missing(shot: Shot) -> Pixels | None:
-    """Of 8 x 8 x 8 voxels."""
-    bricks = (shot.cut.cells << shot.cut.levels[:, None].astype(np.int32)) >> 3
-    inside = ((bricks == bricks[splat]).all(axis=1) for splat in _some_splats(shot))
+def _block_missing(shot: Shot) -> Pixels | None:
+    """Lose all splats in 8 x 8 x 8 voxels."""
+    if isinstance(shot.batch, BrickBatch):
+        return None
+    blocks = (shot.cut.cells << shot.cut.levels[:, None].astype(np.int32)) >> 3
+    inside = ((blocks == blocks[splat]).all(axis=1) for splat in _some_cells(shot))
     return _first_seen(shot, (_without(shot, lost) for lost in inside))
 
 
@@ -72,7 +78,7 @@ def _two_swapped(shot: Shot) -> Pixels | None:
     return _first_seen(shot, (_swapped(shot, *pair) for pair in _overlapping_pairs(shot)))
 
 
-def _front_to_back(shot: Shot) -> Pixels:
+def _reversed(shot: Shot) -> Pixels:
     return _in_order(shot, lambda order: np.ascontiguousarray(order[::-1]))
 
 
@@ -90,104 +96,155 @@ def _swapped(shot: Shot, first: int, second: int) -> Pixels:
 
 
 def _in_order(shot: Shot, change: Callable[[Order], Order]) -> Pixels:
-    return shot.drawn(
-        replace(shot.draw_list, orders=[(share, change(order)) for share, order in shot.draw_list.orders])
-    ).image
+    orders = [(share, change(order)) for share, order in shot.draw_list.orders]
+    return shot.drawn(replace(shot.draw_list, orders=orders)).image
 
 
 def _overlapping_pairs(shot: Shot) -> Iterator[tuple[int, int]]:
-    """Splats whose centres are seen within a standard deviation of each other, the next ones in the order."""
-    order = shot.draw_list.orders[0][1]
-    across = shot.splats.centers.astype(np.float64) @ shot.view.axes[:2].T
-    sigma = np.linalg.norm(shot.splats.axes, axis=(1, 2))[shot.splats.shapes] / math.sqrt(3)
+    """Yield cells and the next one in the order that covers about the same pixels."""
+    order = shot.order
+    if isinstance(shot.batch, BrickBatch):
+        rectangles = screen_rectangles(shot.batch, order, shot.view)
+        centers, reach = (rectangles[:, :2] + rectangles[:, 2:]) / 2, np.ptp(rectangles.reshape(-1, 2, 2), axis=1) / 2
+    else:
+        centers = (shot.batch.centers.astype(np.float64) @ shot.view.axes[:2].T)[order]
+        sigma = np.linalg.norm(shot.batch.axes, axis=(1, 2))[shot.batch.shapes] / math.sqrt(3)
+        reach = np.repeat(sigma[order, None], 2, axis=1)
     for place in _random(shot).permutation(len(order))[:TRIES]:
-        first, later = order[place], order[place + 1 :]
-        near = np.linalg.norm(across[later] - across[first], axis=1) < np.minimum(sigma[later], sigma[first])
+        later = slice(place + 1, None)
+        near = (np.abs(centers[later] - centers[place]) < np.minimum(reach[later], reach[place])).all(axis=1)
         if near.any():
-            yield int(first), int(later[near.argmax()])
+            yield int(order[place]), int(order[later][near.argmax()])
 
 
-def _some_splats(shot: Shot) -> list[int]:
-    """Random ones that are drawn."""
-    return _random(shot).permutation(shot.draw_list.orders[0][1])[:TRIES].tolist()
+def _some_cells(shot: Shot) -> list[int]:
+    """Return random splats or bricks that are drawn."""
+    return _random(shot).permutation(shot.order)[:TRIES].tolist()
 
 
 def _levels_by_number(shot: Shot) -> list[int]:
-    """Those in the picture, but not if it is the only one: the one with the fewest splats first."""
-    levels, counts = np.unique(shot.cut.levels[shot.draw_list.orders[0][1]], return_counts=True)
+    """Return the levels in the picture, the one with the fewest cells first; none if there is only one."""
+    levels, counts = np.unique(shot.cut.levels[shot.order], return_counts=True)
     return levels[counts.argsort(kind="stable")].tolist() if len(levels) > 1 else []
 
 
-# Splats
+# Splats and bricks
 
 
 def _uncorrected_level(shot: Shot) -> Pixels | None:
-    """Cells of one level are as opaque as a voxel."""
+    """Make the splats of one level as opaque as those of voxels."""
 
     def uncorrected(level: int) -> Pixels:
         factors = np.where(shot.cut.levels == level, np.float32(0.5**level), np.float32(1))
-        return _drawn_of(shot, _scaled(shot.splats, slice(3, 7), factors[:, None]))
+        return shot.drawn_of(_scaled(shot.batch, slice(3, 7), factors[:, None]))
 
+    if isinstance(shot.batch, BrickBatch):
+        return None
     return _first_seen(shot, (uncorrected(level) for level in _levels_by_number(shot) if level > 0))
 
 
 def _red_too_strong(shot: Shot) -> Pixels:
-    return _drawn_of(shot, _scaled(shot.splats, slice(3, 4), 1.01))
+    """Emit 1 % more red: the picture over nothing is linear in it."""
+    return quantize(shot.frame.radiance * np.float32([1.01, 1, 1, 1]), shot.stage.scene.output.background)
+
+
+class _DenserBricks(BrickBatch):
+    """Bricks with optical depths that are 1 % too large."""
+
+    @property
+    def spacings_per_model_unit(self) -> float:
+        return 1.01 * super().spacings_per_model_unit
 
 
 def _too_dense(shot: Shot) -> Pixels:
-    return _drawn_of(shot, _scaled(shot.splats, slice(3, 7), 1.01))
+    if isinstance(shot.batch, BrickBatch):
+        return shot.drawn_of(_DenserBricks(**vars(shot.batch)))
+    return shot.drawn_of(_scaled(shot.batch, slice(3, 7), 1.01))
 
 
-def _wider(shot: Shot) -> Pixels:
-    return _drawn_of(shot, replace(shot.splats, axes=shot.splats.axes * 1.01))
+def _wider(shot: Shot) -> Pixels | None:
+    if isinstance(shot.batch, BrickBatch):
+        return None
+    return shot.drawn_of(replace(shot.batch, axes=shot.batch.axes * 1.01))
 
 
 def _ending_in_a_step(shot: Shot) -> Pixels | None:
-    """Of 0.2 % of their middle, with the integral that they should have."""
-    footprint = shot.splats.footprint
-    if not isinstance(footprint, GaussianFootprint):
+    """End footprints in a step of 0.2 % of their middle, with the same integral."""
+    if isinstance(shot.batch, BrickBatch) or not isinstance(shot.batch.footprint, GaussianFootprint):
         return None
+    footprint = shot.batch.footprint
     c0, c1, c2 = np.divide(footprint.coefficients, 1 + footprint.rim * math.pi * footprint.cutoff**2).tolist()
-    return _drawn_of(shot, replace(shot.splats, footprint=replace(footprint, coefficients=(c0, c1, c2), rim=0.0)))
+    return shot.drawn_of(replace(shot.batch, footprint=replace(footprint, coefficients=(c0, c1, c2), rim=0.0)))
 
 
-def _mirrored(shot: Shot) -> Pixels:
-    return _drawn_of(shot, _scaled(shot.splats, slice(0, 1), -1))
-
-
-def _half_a_voxel_off(shot: Shot) -> Pixels:
-    step = shot.stage.volume.world_from_index[:3, 0]
-    return _drawn_of(shot, replace(shot.splats, origin=shot.splats.origin + step / 2))
-
-
-def _scaled(splats: SplatBatch, columns: slice, factor: Any) -> SplatBatch:
+def _scaled(splats: SplatBatch | BrickBatch, columns: slice, factor: Any) -> SplatBatch:
+    assert isinstance(splats, SplatBatch)
     vertices = splats.vertices.copy()
     vertices[:, columns] *= np.asarray(factor, np.float32)
     return replace(splats, vertices=vertices)
 
 
-def _drawn_of(shot: Shot, splats: SplatBatch) -> Pixels:
-    return shot.drawn(shot.with_splats(splats)).image
+def _gaps(shot: Shot) -> Pixels | None:
+    """Leave a tenth of a voxel free between bricks."""
+    if not isinstance(shot.batch, BrickBatch):
+        return None
+    low, high = shot.batch.cut.visible_bounds.transpose(1, 0, 2)
+    bounds = np.stack([np.minimum(low + 0.05, (low + high) / 2), np.maximum(high - 0.05, (low + high) / 2)], axis=1)
+    return shot.drawn_of(replace(shot.batch, cut=replace(shot.batch.cut, visible_bounds=bounds)))
 
 
-# View
+def _long_steps(shot: Shot) -> Pixels | None:
+    """Take half as many samples along rays."""
+    if not isinstance(shot.batch, BrickBatch):
+        return None
+    return shot.drawn_of(replace(shot.batch, steps=2 * shot.batch.steps))
+
+
+def _subsampled(shot: Shot) -> Pixels | None:
+    """Interpolate pixels that differ by up to a tenth."""
+    return _sampled(shot, strides=(4, 1), difference_threshold=0.1)
+
+
+def _ended_early(shot: Shot) -> Pixels | None:
+    """End rays at a transmittance of 10 %."""
+    return _sampled(shot, termination_transmittance=0.1)
+
+
+def _sampled(shot: Shot, **changes: Any) -> Pixels | None:
+    if not isinstance(shot.batch, BrickBatch):
+        return None
+    return shot.drawn_of(replace(shot.batch, screen_sampling=replace(shot.batch.screen_sampling, **changes)))
+
+
+# Volume and view
+
+
+def _mirrored(shot: Shot) -> Pixels:
+    volume = shot.stage.volume
+    mirrored = replace(volume, values=np.ascontiguousarray(volume.values[:, :, ::-1]))
+    return shot.drawn(shot.make_draw_list(shot.staged(shot.stage.scene, mirrored))).image
+
+
+def _half_a_voxel_off(shot: Shot) -> Pixels:
+    """Move the camera by half a voxel the other way."""
+    step = shot.stage.volume.world_from_index[:3, 0]
+    return shot.seen_from(replace(shot.view, target=shot.view.target - step / 2))
 
 
 def _camera_off(shot: Shot) -> Pixels:
-    """Turned about the target by 0.1 degree."""
+    """Turn the camera about the target by 0.1 degree."""
     angle = math.radians(0.1)
     turn = np.array([[math.cos(angle), 0, math.sin(angle)], [0, 1, 0], [-math.sin(angle), 0, math.cos(angle)]])
-    return shot.drawn(shot.seen_from(replace(shot.view, axes=turn @ shot.view.axes))).image
+    return shot.seen_from(replace(shot.view, axes=turn @ shot.view.axes))
 
 
 def _shifted_by(pixels: float) -> Callable[[Shot], Pixels]:
-    """To the left, as far as what lies at the target's distance is concerned."""
+    """Shift to the left what lies at the target's distance."""
 
     def shifted(shot: Shot) -> Pixels:
         view = shot.view
         step = pixels / view.scale_px * (view.distance if view.projection == "perspective" else 1.0)
-        return shot.drawn(shot.seen_from(replace(view, target=view.target + step * view.axes[0]))).image
+        return shot.seen_from(replace(view, target=view.target + step * view.axes[0]))
 
     return shifted
 
@@ -201,12 +258,11 @@ def _frame_repeated(shot: Shot) -> Pixels:
 
 
 def _coarser(shot: Shot) -> Pixels | None:
-    """Every tenth part of the tolerance is a step."""
     return shot.drawn(shot.make_draw_list(shot.stage, tolerance=shot.tolerance * 1.1)).image if shot.tolerance else None
 
 
 def _grey_point(shot: Shot) -> Pixels | None:
-    """The most colourful of the transfer function's points that shows anything."""
+    """Take the colour from the most colourful point of the transfer function that shows anything."""
     scene = shot.stage.scene
     points = scene.transfer_function.mapping
     if not isinstance(points, tuple):
@@ -234,12 +290,11 @@ def _alpha_lost(shot: Shot) -> Pixels | None:
 
 
 def _premultiplied(shot: Shot) -> Pixels | None:
-    """What should be straight alpha."""
     return _colors(shot, lambda color: color * (shot.golden[..., 3:] / 255)) if _is_transparent(shot) else None
 
 
 def _wrong_gamma(shot: Shot) -> Pixels:
-    """sRGB's curve is undone, and a power of 2.2 applied."""
+    """Undo sRGB's curve, and apply a power of 2.2."""
 
     def through(color: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         value = color / 255
@@ -254,7 +309,6 @@ def _blue_for_red(shot: Shot) -> Pixels:
 
 
 def _rounded_down(shot: Shot) -> Pixels | None:
-    """In place of rounding to the nearest level."""
     if _is_transparent(shot):
         return None
     radiance = shot.frame.radiance.copy()
@@ -263,7 +317,6 @@ def _rounded_down(shot: Shot) -> Pixels | None:
 
 
 def _other_background(shot: Shot) -> Pixels | None:
-    """By a level."""
     background = shot.stage.scene.output.background
     if background is None:
         return None
@@ -283,7 +336,7 @@ def _black_tile(shot: Shot) -> Pixels:
 
 
 def _noise_cluster(levels: int) -> Callable[[Shot], Pixels]:
-    """Within 8 x 8 pixels, of up to so many levels."""
+    """Move values in 8 x 8 pixels by up to this many levels."""
 
     def noisy(square: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
         rng = np.random.default_rng(levels)
@@ -297,7 +350,7 @@ def _one_pixel_off(levels: int) -> Callable[[Shot], Pixels]:
 
 
 def _in_a_square(shot: Shot, side: int, change: Callable[[npt.NDArray[np.int64]], npt.NDArray[np.int64]]) -> Pixels:
-    """Somewhere in what is seen of the volume, colours only."""
+    """Change the colours of a random square in which the volume shows."""
     picture = shot.golden.copy()
     height, width = picture.shape[:2]
     row, column = _random(shot).choice(np.argwhere(_shows(shot)))
@@ -322,7 +375,7 @@ def _is_transparent(shot: Shot) -> bool:
 
 
 def _shows(shot: Shot) -> npt.NDArray[np.bool_]:
-    """bool [h, w]: where a good deal of the volume is."""
+    """bool [h, w]: where the picture is at least half as opaque as anywhere."""
     alpha = shot.frame.radiance[..., 3]
     return alpha >= 0.5 * alpha.max()
 
@@ -332,16 +385,20 @@ def _random(shot: Shot) -> np.random.Generator:
 
 
 DEFECTS = (
-    Defect("one splat missing", _one_splat_missing),
-    Defect("two overlapping splats swapped", _two_swapped),
-    Defect("all splats front to back", _front_to_back),
+    Defect("one splat or brick missing", _one_missing),
+    Defect("two overlapping ones swapped", _two_swapped),
+    Defect("all in reverse order", _reversed),
     Defect("one level of cells missing", _level_missing),
-    Defect("one brick of 8 x 8 x 8 voxels missing", _brick_missing),
+    Defect("8 x 8 x 8 voxels missing", _block_missing),
     Defect("no opacity correction in one level", _uncorrected_level),
     Defect("red 1 % too strong", _red_too_strong),
     Defect("optical depths 1 % too large", _too_dense),
     Defect("footprints 1 % wider", _wider),
     Defect("footprints that end in a step", _ending_in_a_step),
+    Defect("gaps of 0.1 voxel between bricks", _gaps),
+    Defect("steps twice as long", _long_steps),
+    Defect("pixels interpolated that differ", _subsampled),
+    Defect("rays that end at a transmittance of 10 %", _ended_early),
     Defect("volume mirrored", _mirrored),
     Defect("volume half a voxel off", _half_a_voxel_off),
     Defect("camera off by 0.1 degree", _camera_off),

@@ -1,4 +1,4 @@
-"""Changes of a picture that are nobody's fault: what a comparison of frames must let pass."""
+"""Changes of a picture that a comparison of frames must accept."""
 
 from __future__ import annotations
 
@@ -13,21 +13,23 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from brick_reference import rasterize_bricks_reference
 from splat_reference import rasterize_reference
-from subjects import SUBJECTS, Pixels, Shot
+from subjects import BRICKS, SPLATS, Pixels, Shot
 
-from renderer.draw import GLRasterizer
+from renderer.bricks import BrickBatch
+from renderer.draw import CPURasterizer, GLRasterizer
 from renderer.splats import SplatBatch
 from renderer.view import View
 from tests.support.machines import NothingLasting
 
-# The reference draws one splat after the other: some ten thousand take half a minute.
-MOST_SPLATS_OF_REFERENCE = 12_000
+# The references take half a minute for this many splats, or pixels of bricks.
+MAX_REFERENCE_SPLATS, MAX_REFERENCE_PIXELS = 12_000, 128 * 128
 
 
 @dataclass(frozen=True)
 class Harmless:
-    """name: what is other. level: the strictest at which it has to pass. make: the picture, or None."""
+    """A change. level: the strictest at which it has to pass. make: draws it, or returns None."""
 
     name: str
     level: str
@@ -39,15 +41,19 @@ class Harmless:
 
 @dataclass(frozen=True)
 class Machine:
-    """Another way to draw the same, in a process of its own. environment: what makes it so."""
+    """Another way to draw the same, in a process of its own.
+
+    level: the strictest at which it has to pass. environment: of the process. opengl: draw bricks by OpenGL.
+    """
 
     name: str
     level: str
     environment: Mapping[str, str] = field(default_factory=dict)
+    opengl: bool = False
 
 
 def _rounded_otherwise(share: float) -> Callable[[Shot], Pixels]:
-    """A share of all values, one level up or down."""
+    """Move a share of all values one level up or down."""
 
     def rounded(shot: Shot) -> Pixels:
         rng = np.random.default_rng(round(1 / share))
@@ -58,16 +64,22 @@ def _rounded_otherwise(share: float) -> Callable[[Shot], Pixels]:
 
 
 class _Reference(NothingLasting):
-    """Draws as `splat_reference`."""
+    """Draws in float64."""
 
-    def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:
+    def rasterize(
+        self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View
+    ) -> npt.NDArray[np.float32]:
+        if isinstance(batch, BrickBatch):
+            return rasterize_bricks_reference(batch, order, view).astype(np.float32)
         return rasterize_reference(batch, order, view).astype(np.float32)
 
 
 def _in_float64(shot: Shot) -> Pixels | None:
-    if len(shot.draw_list.orders[0][1]) > MOST_SPLATS_OF_REFERENCE:
-        return None
-    return shot.drawn(shot.draw_list, _Reference()).image  # type: ignore[arg-type]
+    if isinstance(shot.batch, BrickBatch):
+        is_quick = shot.golden.size <= MAX_REFERENCE_PIXELS * shot.golden.shape[2]
+    else:
+        is_quick = len(shot.order) <= MAX_REFERENCE_SPLATS
+    return shot.drawn(shot.draw_list, _Reference()).image if is_quick else None  # type: ignore[arg-type]
 
 
 HARMLESS = (
@@ -78,7 +90,7 @@ HARMLESS = (
     Harmless("the reference, in float64", "cross-driver", _in_float64),
 )
 
-MACHINES = (
+SPLAT_MACHINES = (
     Machine("one thread", "exact", {"LP_NUM_THREADS": "1"}),
     Machine("four threads", "exact", {"LP_NUM_THREADS": "4"}),
     Machine("vectors of 128 bits", "same-machine", {"LP_NATIVE_VECTOR_WIDTH": "128"}),
@@ -88,36 +100,51 @@ MACHINES = (
     Machine("softpipe", "cross-driver", {"GALLIUM_DRIVER": "softpipe"}),
 )
 
+# numba's baseline processor has neither AVX nor fused multiplication and addition.
+_BASELINE = {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": ""}
+BRICK_MACHINES = (
+    Machine("one thread", "exact", {"NUM_THREADS": "1"}),
+    Machine("four threads", "exact", {"NUM_THREADS": "4"}),
+    Machine("a processor without AVX", "same-machine", _BASELINE),
+    Machine("llvmpipe", "cross-driver", opengl=True),
+    Machine("llvmpipe, vectors of 512 bits", "cross-driver", {"LP_NATIVE_VECTOR_WIDTH": "512"}, opengl=True),
+    Machine("llvmpipe without AVX", "cross-driver", {"GALLIUM_OVERRIDE_CPU_CAPS": "sse2"}, opengl=True),
+    Machine("softpipe", "cross-driver", {"GALLIUM_DRIVER": "softpipe"}, opengl=True),
+)
+
 
 @dataclass(frozen=True)
 class Drawn:
-    """by: the device and driver, as GL names them. pictures: of the subjects, by name."""
+    """The pictures of the subjects, by name. by: the device and driver, as it names itself."""
 
     by: str
     pictures: Mapping[str, Pixels]
 
 
-def drawn_by(machine: Machine) -> Drawn:
-    """All subjects, in a process that has the machine's environment. Raises CalledProcessError where it fails."""
+def drawn_by(machine: Machine, primitive: str) -> Drawn:
+    """Draw all subjects in a process that has the machine's environment. Raises CalledProcessError where it fails."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "pictures.npz"
-        command = [sys.executable, __file__, str(file)]
+        command = [sys.executable, __file__, str(file), primitive, *["--opengl"] * machine.opengl]
         subprocess.run(command, check=True, env={**os.environ, "PYTHONPATH": _path(), **machine.environment})
         with np.load(file) as arrays:
             return Drawn(json.loads(str(arrays["by"])), {name: arrays[name] for name in arrays.files if name != "by"})
 
 
 def _path() -> str:
-    """Where this process looks for modules, so that a child finds the same ones."""
+    """Return where this process looks for modules, for a child to find the same ones."""
     return os.pathsep.join(entry for entry in sys.path if entry)
 
 
-def _main(file: Path) -> None:
-    with GLRasterizer() as rasterizer:
-        pictures = {subject.name: Shot(subject, rasterizer).golden for subject in SUBJECTS}
-        by = np.array(json.dumps(rasterizer.renderer_name))
+def _main(file: Path, primitive: str, *opengl: str) -> None:
+    num_threads = int(os.environ.get("NUM_THREADS", "2"))
+    with GLRasterizer() as gl, CPURasterizer(num_threads=num_threads) as cpu:
+        of_bricks = gl if opengl else cpu
+        subjects = SPLATS if primitive == "splats" else BRICKS
+        pictures = {subject.name: Shot(subject, gl, of_bricks).golden for subject in subjects}
+        by = np.array(json.dumps(gl.renderer_name if primitive == "splats" else of_bricks.renderer_name))
     np.savez(file, by=by, **pictures)  # type: ignore[arg-type]
 
 
 if __name__ == "__main__":
-    _main(Path(sys.argv[1]))
+    _main(Path(sys.argv[1]), *sys.argv[2:])

@@ -1,4 +1,4 @@
-"""Every figure of a comparison on every change of a frame: what must pass, and what must not."""
+"""Compute every figure of a comparison for every change of a frame, harmless ones and defects."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Measured:
 
 
 def harmless_changes(shot: Shot) -> Iterator[Measured]:
-    """Those that need no other process."""
+    """Measure the harmless changes that need no other process."""
     for change in HARMLESS:
         picture = change.make(shot)
         if picture is not None:
@@ -53,16 +53,16 @@ def harmless_changes(shot: Shot) -> Iterator[Measured]:
 
 
 def defects(shot: Shot) -> Iterator[Measured]:
-    """Those that there can be in this shot, and that change it."""
+    """Measure the defects that change this shot."""
     for defect in DEFECTS:
         picture = defect.inject(shot)
         if picture is not None and not np.array_equal(picture, shot.golden):
             yield _measured(shot, defect.name, picture, None)
 
 
-def on_machine(shots: Sequence[Shot], machine: Machine) -> tuple[str, list[Measured]]:
-    """Who drew there, as GL names it, and all shots."""
-    drawn = drawn_by(machine)
+def on_machine(shots: Sequence[Shot], machine: Machine, primitive: str) -> tuple[str, list[Measured]]:
+    """Return the name of the machine's device and driver, and the measurements of all shots."""
+    drawn = drawn_by(machine, primitive)
     return drawn.by, [_measured(shot, machine.name, drawn.pictures[str(shot)], machine.level) for shot in shots]
 
 

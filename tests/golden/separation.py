@@ -1,7 +1,8 @@
 """Measure how far changes that a comparison must accept are from those that it must reject.
 
-`python tests/golden/separation.py [FILE]` measures every figure on both, for several scenes, and writes
-docs/benchmarks/goldens.md. The limits of renderer/study/comparison.py come from it.
+`python tests/golden/separation.py bricks` measures every figure on both, for several scenes drawn with bricks, and
+writes that part of docs/benchmarks/goldens.md; `splats` does the same for splats. The limits of
+renderer/study/comparison.py come from it.
 
 Drivers that a machine has beside its own are named with what makes a program load them:
 
@@ -15,20 +16,21 @@ import json
 import shlex
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 FOLDER = Path(__file__).resolve().parent
 ROOT = FOLDER.parents[1]
-sys.path[:0] = [str(ROOT), str(FOLDER)]
+sys.path[:0] = [str(ROOT), str(FOLDER), str(ROOT / "tests" / "support")]
 
 from defects import SEEN_LEVELS  # noqa: E402
-from harmless import MACHINES, Machine  # noqa: E402
+from harmless import BRICK_MACHINES, SPLAT_MACHINES, Machine  # noqa: E402
 from measured import Measured, defects, harmless_changes, on_machine  # noqa: E402
-from subjects import SUBJECTS, Shot  # noqa: E402
+from subjects import BRICKS, SPLATS, Shot, Subject  # noqa: E402
 from windows import WINDOWS  # noqa: E402
 
-from renderer.draw import GLRasterizer  # noqa: E402
+from renderer.draw import CPURasterizer, GLRasterizer  # noqa: E402
 from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS  # noqa: E402
 from renderer.versions import commit  # noqa: E402
 
@@ -37,87 +39,93 @@ SAME, CROSS = "same-machine", "cross-driver"
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("file", nargs="?", type=Path, default=ROOT / "docs" / "benchmarks" / "goldens.md")
+    parser.add_argument("primitive", choices=PARTS)
     parser.add_argument("--driver", action="append", default=[], type=_driver, metavar="NAME: KEY=VALUE ...")
-    parser.add_argument("--measured", type=Path, help="keep what is measured here; where it is kept, measure nothing")
+    parser.add_argument("--measured", type=Path, help="a file that keeps the measurements; if it exists, it is read")
     arguments = parser.parse_args()
-    if arguments.measured is not None and arguments.measured.exists():
-        kept = json.loads(arguments.measured.read_text(encoding="utf-8"))
-        rows, drawn_by, measured_at = [Measured(**row) for row in kept["rows"]], kept["drawn_by"], kept["commit"]
+    kept: dict[str, Any]
+    if arguments.measured is None or not arguments.measured.exists():
+        rows, names = _measure(arguments.primitive, arguments.driver)
+        kept = {"rows": [asdict(row) for row in rows], "drawn_by": names, "commit": commit()}
     else:
-        measured_at = commit()
-        rows, drawn_by = _measure([*MACHINES, *arguments.driver])
-        if arguments.measured is not None:
-            kept = {"rows": [asdict(row) for row in rows], "drawn_by": drawn_by, "commit": measured_at}
-            arguments.measured.write_text(json.dumps(kept), encoding="utf-8")
-    arguments.file.write_text(page(rows, drawn_by, measured_at), encoding="utf-8")
+        kept = json.loads(arguments.measured.read_text(encoding="utf-8"))
+    if arguments.measured is not None:
+        arguments.measured.write_text(json.dumps(kept), encoding="utf-8")
+    rows = [Measured(**row) for row in kept["rows"]]
+    text = part(arguments.primitive, rows, kept["drawn_by"], kept["commit"])
+    file = ROOT / "docs" / "benchmarks" / "goldens.md"
+    file.write_text(replace_part(file.read_text(encoding="utf-8"), arguments.primitive, text), encoding="utf-8")
 
 
-def _measure(others: Sequence[Machine]) -> tuple[list[Measured], dict[str, str]]:
-    """All changes of all subjects, and the drivers by machine."""
+def replace_part(page: str, primitive: str, text: str) -> str:
+    """Return the page with another text of a part, which extends to the next heading of its level."""
+    title = f"## {PARTS[primitive].title}\n"
+    before, after = page.split(title)
+    _, mark, rest = after.partition("\n## ")
+    return f"{before}{title}\n{text}{mark}{rest}"
+
+
+def _measure(primitive: str, drivers: Sequence[Machine]) -> tuple[list[Measured], dict[str, str]]:
+    """Measure all changes of all subjects; return them, and the names of devices and drivers by machine."""
     rows: list[Measured] = []
-    with GLRasterizer() as rasterizer:
-        drawn_by = {"this machine": rasterizer.renderer_name}
-        shots = [Shot(subject, rasterizer) for subject in SUBJECTS]
+    with GLRasterizer() as gl, CPURasterizer() as cpu:
+        names = {"this machine": gl.renderer_name if primitive == "splats" else cpu.renderer_name}
+        shots = [Shot(subject, gl, cpu) for subject in PARTS[primitive].subjects]
         for shot in shots:
             for row in (*harmless_changes(shot), *defects(shot)):
-                _say(row)
+                _print(row)
                 rows.append(row)
-        for machine in others:
-            drawn_by[machine.name], on_it = on_machine(shots, machine)
+        for machine in (*PARTS[primitive].machines, *drivers):
+            names[machine.name], on_it = on_machine(shots, machine, primitive)
             for row in on_it:
-                _say(row)
+                _print(row)
             rows += on_it
-    return rows, drawn_by
+    return rows, names
 
 
 def _driver(text: str) -> Machine:
     name, _, settings = text.partition(": ")
     pairs = [entry.partition("=") for entry in shlex.split(settings)]
-    return Machine(name, CROSS, {key: value for key, _, value in pairs})
+    return Machine(name, CROSS, {key: value for key, _, value in pairs}, opengl=True)
 
 
-def _say(row: Measured) -> None:
+def _print(row: Measured) -> None:
     figures = " ".join(f"{name} {value:.4g}" for name, value in row.figures.items())
     print(f"{row.subject}, {row.change}: {figures}", flush=True)
 
 
-def page(rows: Sequence[Measured], drawn_by: dict[str, str], measured_at: str) -> str:
-    """Return the text of docs/benchmarks/goldens.md."""
+def part(primitive: str, rows: Sequence[Measured], drawn_by: dict[str, str], measured_at: str) -> str:
+    """Return the text of one part of docs/benchmarks/goldens.md."""
     return "\n".join(
         [
-            INTRODUCTION,
+            PARTS[primitive].introduction,
             *_limits(rows),
-            *_harmless(rows, drawn_by),
+            *_harmless(rows, drawn_by, PARTS[primitive]),
             *_defects(rows),
             *_unseen(rows),
             *_windows(rows),
-            *_everything(rows),
-            f"`python tests/golden/separation.py` measured this at commit {measured_at} on {drawn_by['this machine']}.",
+            *_everything(rows, PARTS[primitive]),
+            f"`python tests/golden/separation.py {primitive}` measured this at commit {measured_at} on "
+            f"{drawn_by['this machine']}.",
             "",
         ]
     )
 
 
-INTRODUCTION = """# Golden frames: what the levels of strictness accept, and what they find
+@dataclass(frozen=True)
+class Part:
+    """The part of the page on one primitive. harmless: how other machines are simulated."""
 
-Footprint: splats (`gaussian`; one scene `gouraud`), which are not the default. Bricks are not calibrated here. Measure
-again when figures, limits or the drawing of splats change, and with another version of Mesa.
-
-[Golden frames](../golden-frames.md) says what the figures and the levels are. This page measures every figure on
-changes that must pass and on defects that must not, in frames of several kinds. The limits in
-`renderer/study/comparison.py` are chosen from these tables. Levels are of 255.
-
-Defects are injected where they would arise: into the scene, the cut, the splats, their order or the view, and into
-the pixels where only the picture is wrong. For a defect that has a place, such as one splat missing, the first
-visible one of a random sequence is taken. Visible means that it moves some pixel by 2 levels. Defects that move no
-pixel by that much are faint and counted separately, because rounding does as much in places.
-"""
+    title: str
+    introduction: str
+    harmless: str
+    subjects: Sequence[Subject]
+    machines: Sequence[Machine]
 
 
 def _limits(rows: Sequence[Measured]) -> list[str]:
     """Return, for each figure, the worst change that must pass, the limit, and the defects over it."""
-    lines = ["## The limits", ""]
+    lines = ["### The limits", ""]
     seen = [row for row in rows if row.is_defect and row.is_seen]
     for level, strictest in ((SAME, ("exact", SAME)), (CROSS, ("exact", SAME, CROSS))):
         harmless = [row for row in rows if row.passes_at in strictest]
@@ -134,7 +142,7 @@ def _limits(rows: Sequence[Measured]) -> list[str]:
             cells[-1] += [str(sum(row.over(level) == [name] for row in seen))]
         found = sum(bool(row.over(level)) for row in seen)
         header = ["figure", "worst that must pass", "which is", "limit", "defects over it", "least of them", "which is"]
-        lines += [f"### {level}", "", f"{found} of {len(seen)} visible defects are found.", ""]
+        lines += [f"#### {level}", "", f"{found} of {len(seen)} visible defects are found.", ""]
         lines += _table([*header, "found by no other figure"], cells)
     return lines
 
@@ -144,7 +152,7 @@ def _worst(name: str, rows: Sequence[Measured]) -> Measured:
     return (min if COMPARISON_METRICS[name].higher_is_better else max)(rows, key=lambda row: row.figures[name])
 
 
-def _harmless(rows: Sequence[Measured], drawn_by: dict[str, str]) -> list[str]:
+def _harmless(rows: Sequence[Measured], drawn_by: dict[str, str], of_part: Part) -> list[str]:
     lines = []
     for change, group in _by_change(row for row in rows if not row.is_defect):
         worst = [_figure(_worst(name, group), name) for name in COMPARISON_METRICS]
@@ -157,13 +165,7 @@ def _harmless(rows: Sequence[Measured], drawn_by: dict[str, str]) -> list[str]:
         *(f"worst `{name}`" for name in COMPARISON_METRICS),
         *(f"pass `{x}`" for x in STRICTNESS_LEVELS),
     ]
-    return ["## What must pass", "", HARMLESS_TEXT, "", *_table(header, lines)]
-
-
-HARMLESS_TEXT = """Machines other than this one are simulated by child processes with another environment:
-`LP_NUM_THREADS`, `LP_NATIVE_VECTOR_WIDTH`, `GALLIUM_OVERRIDE_CPU_CAPS`, `GALLIUM_DRIVER`, or the libraries of another
-Mesa, as Linux distributions package it, unpacked to a folder. Other rounding is simulated: random values move up or
-down by a level. The reference draws only frames with few splats."""
+    return ["### What must pass", "", of_part.harmless, "", *_table(header, lines)]
 
 
 def _defects(rows: Sequence[Measured]) -> list[str]:
@@ -181,7 +183,7 @@ def _defects(rows: Sequence[Measured]) -> list[str]:
         f"faint ones at `{CROSS}`",
         *(f"least `{name}`" for name in COMPARISON_METRICS),
     ]
-    return ["## What must not pass", "", *_table(header, lines)]
+    return ["### What must not pass", "", *_table(header, lines)]
 
 
 def _found(rows: Sequence[Measured], level: str) -> str:
@@ -203,7 +205,7 @@ def _unseen(rows: Sequence[Measured]) -> list[str]:
         num_faint = len(unseen) - num_seen
         what = f"{num_seen} visible defects and, after them, {num_faint} faint ones, of {len(defects)} in all."
         cells = [[row[1], row[0], *row[2:]] for row in map(_all_figures, unseen)]
-        lines += [f"## What `{level}` cannot see", "", what, "", *_table(["defect", "frame", *_FIGURE_HEADERS], cells)]
+        lines += [f"### What `{level}` cannot see", "", what, "", *_table(["defect", "frame", *_FIGURE_HEADERS], cells)]
     return lines
 
 
@@ -232,23 +234,23 @@ def _windows(rows: Sequence[Measured]) -> list[str]:
     header = ["in the worst window", f"worst that must pass at `{SAME}`", f"{len(faint)} faint defects over {ROOM:g} x"]
     header += [f"worst that must pass at `{CROSS}`", f"{len(seen)} defects over {ROOM:g} x"]
     header += [f"{len(quiet)} that `largest` does not find"]
-    return ["## Which window", "", WINDOW_TEXT, "", *_table(header, lines)]
+    return ["### Which window", "", WINDOW_TEXT, "", *_table(header, lines)]
 
 
 WINDOW_TEXT = """Which figure of a window should be limited, and how large should the window be? A defect is found
 with room when its figure is that many times the worst that must pass. The mean error of the worst channel over 8 x 8
-pixels finds the most across drivers. Larger windows miss small clusters. In smaller windows, and with squared
-errors, single pixels dominate. Signs cancel where a cluster is noise. The figure is a mean of one channel, so it is
-the same with and without alpha."""
+pixels is the one that is limited. Larger windows miss small clusters. In smaller windows, and with squared errors,
+single pixels dominate. Signs cancel where a cluster is noise. The figure is a mean of one channel, so it is the same
+with and without alpha."""
 
 ROOM = 1.5
 
 
-def _everything(rows: Sequence[Measured]) -> list[str]:
-    lines = ["## Everything", ""]
-    for subject in SUBJECTS:
+def _everything(rows: Sequence[Measured], of_part: Part) -> list[str]:
+    lines = ["### Everything", ""]
+    for subject in of_part.subjects:
         own = [_all_figures(row)[1:] for row in rows if row.subject == subject.name]
-        lines += [f"### {subject.name}: {subject.what}", "", *_table(["change", *_FIGURE_HEADERS], own)]
+        lines += [f"#### {subject.name}: {subject.what}", "", *_table(["change", *_FIGURE_HEADERS], own)]
     return lines
 
 
@@ -273,6 +275,31 @@ def _figure(row: Measured, name: str) -> str:
 
 def _number(value: float) -> str:
     return f"{value:.3g}"
+
+
+PARTS = {
+    "bricks": Part(
+        "Bricks",
+        """The default footprint, drawn on the processor as it is without a GPU.
+""",
+        """Another number of threads, and a processor without AVX and fused multiplication and addition, are
+simulated by child processes. The rows of OpenGL draw the same bricks by shaders, as a GPU does. Other rounding is
+simulated: random values move up or down by a level. The reference draws only small frames.""",
+        BRICKS,
+        BRICK_MACHINES,
+    ),
+    "splats": Part(
+        "Splats",
+        """The footprint `gaussian`; one scene has `gouraud`.
+""",
+        """Machines other than this one are simulated by child processes with another environment:
+`LP_NUM_THREADS`, `LP_NATIVE_VECTOR_WIDTH`, `GALLIUM_OVERRIDE_CPU_CAPS`, `GALLIUM_DRIVER`, or the libraries of another
+Mesa, as Linux distributions package it, unpacked to a folder. Other rounding is simulated: random values move up or
+down by a level. The reference draws only frames with few splats.""",
+        SPLATS,
+        SPLAT_MACHINES,
+    ),
+}
 
 
 if __name__ == "__main__":

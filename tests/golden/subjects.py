@@ -1,4 +1,4 @@
-"""Frames of several scenes, ready to be drawn: what the figures of a comparison are measured on."""
+"""Frames of several scenes, ready to be drawn, on which the figures of a comparison are measured."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from golden_cases import SCENE
 
+from renderer.bricks import BrickBatch, BrickCut
+from renderer.draw import CPURasterizer, GLRasterizer
 from renderer.frame import (
     Frame,
     Rasterizer,
@@ -23,11 +25,12 @@ from renderer.frame import (
     prepare_stage,
 )
 from renderer.frame.frame import DrawList
-from renderer.frame.primitives import LOD, SplatLOD
+from renderer.frame.primitives import LOD
 from renderer.pyramid import Cut, cut_pyramid
 from renderer.scene import Scene, load_scene, tolerance_at
 from renderer.splats import SplatBatch
 from renderer.view import View
+from renderer.volume import Volume
 
 CONFIGS = SCENE.parents[2] / "configs"
 
@@ -36,7 +39,7 @@ Pixels = npt.NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Subject:
-    """A frame of a scene file with changes, as `--set` takes them. what: it is, in a few words."""
+    """A frame of a scene file with changes, as `--set` takes them. what: a short description."""
 
     name: str
     what: str
@@ -46,7 +49,7 @@ class Subject:
 
     @property
     def scene(self) -> Scene:
-        """As the command would have it."""
+        """The scene as the command reads it."""
         return load_scene(self.file, overrides=self.changes, is_single_frame=True)
 
 
@@ -58,7 +61,7 @@ _SOLID = (
     " opacity: 0.9}, {value: 255, color: '#f0e0c0', opacity: 1}]}"
 )
 
-SUBJECTS = (
+SPLATS = (
     Subject("turntable", "glass and steel, fine, 96 x 96", SCENE, frame=4),
     Subject("coarse", "the same as few large cells, 96 x 96", SCENE, (_COARSE,)),
     Subject("transparent", "the same without a background, 96 x 96", SCENE, (_TRANSPARENT,)),
@@ -79,13 +82,24 @@ SUBJECTS = (
         _SPLATS,), frame=11),
 )  # fmt: skip
 
+# The same frames with the default footprint.
+BRICKS = tuple(
+    replace(subject, name=f"bricks_{subject.name}", changes=(*subject.changes, "splat=null"))
+    for subject in SPLATS
+    if subject.name != "gouraud"
+)
+
 
 class Shot:
-    """The frame of a subject on its stage, and what it looks like when it is drawn rightly."""
+    """The frame of a subject on its stage, and its correct picture.
 
-    def __init__(self, subject: Subject, rasterizer: Rasterizer) -> None:
-        self.subject, self.rasterizer = subject, rasterizer
+    gl: draws splats. of_bricks: draws bricks.
+    """
+
+    def __init__(self, subject: Subject, gl: GLRasterizer, of_bricks: GLRasterizer | CPURasterizer) -> None:
+        self.subject = subject
         self.stage = self.staged(subject.scene)
+        self.rasterizer: Rasterizer = gl if self.stage.bricks is None else of_bricks
         self.tolerance = tolerance_at(self.stage.scene.error, subject.frame)
         self.draw_list = self.make_draw_list(self.stage)
 
@@ -94,7 +108,7 @@ class Shot:
 
     @cached_property
     def frame(self) -> Frame:
-        """As the product draws it."""
+        """The frame as the product draws it."""
         return self.drawn(self.draw_list)
 
     @property
@@ -102,46 +116,49 @@ class Shot:
         """uint8 [h, w, 3 or 4]."""
         return self.frame.image
 
-    @cached_property
-    def cut(self) -> Cut:
-        """What the splats were made of, cell by cell."""
-        finest_level = finest_level_at(self.stage, self.tolerance)
-        return cut_pyramid(self.stage.pyramid, self.tolerance, finest_level=finest_level)
+    @property
+    def batch(self) -> SplatBatch | BrickBatch:
+        """All splats or bricks of the cut."""
+        return self.draw_list.lod.batch
 
     @property
-    def splats(self) -> SplatBatch:
-        """All that the cut has."""
-        splats = self.draw_list.lod.batch
-        assert isinstance(splats, SplatBatch)
-        return splats
+    def order(self) -> npt.NDArray[np.uint32]:
+        """Those that are visible, as they are drawn."""
+        return self.draw_list.orders[0][1]
+
+    @cached_property
+    def cut(self) -> Cut | BrickCut:
+        """The cells that the splats were made of, or the bricks."""
+        if isinstance(self.batch, BrickBatch):
+            return self.batch.cut
+        finest_level = finest_level_at(self.stage, self.tolerance)
+        return cut_pyramid(self.stage.pyramid, self.tolerance, finest_level=finest_level)
 
     @property
     def view(self) -> View:
         """Where the camera is."""
         return self.draw_list.view
 
-    def staged(self, scene: Scene) -> Stage:
-        """Another scene's stage, which serves coarser cuts, too."""
-        return prepare_stage(scene, clock=time.perf_counter, num_threads=1)
+    def staged(self, scene: Scene, volume: Volume | None = None) -> Stage:
+        """Return the stage of a scene, or of the scene with another volume."""
+        return prepare_stage(scene, clock=time.perf_counter, num_threads=1, volume=volume)
 
     def make_draw_list(self, stage: Stage, *, tolerance: float | None = None, frame: int | None = None) -> DrawList:
-        """A frame of a stage, this one unless it is said."""
+        """Prepare a frame on a stage, by default at the tolerance and of the number of the subject."""
         lod = make_primitive(stage).make_lod(self.tolerance if tolerance is None else tolerance, _stopwatch().lap)
         return make_draw_list(stage, lod, self.subject.frame if frame is None else frame, _stopwatch())
 
-    def with_splats(self, splats: SplatBatch) -> DrawList:
-        """The same pose of other splats."""
-        lod = self.draw_list.lod
-        assert isinstance(lod, SplatLOD)
-        return self.seen_from(self.view, replace(lod, batch=splats))
+    def drawn_of(self, batch: SplatBatch | BrickBatch) -> Pixels:
+        """Draw other splats or bricks from the same view."""
+        return self.seen_from(self.view, replace(self.draw_list.lod, batch=batch))
 
-    def seen_from(self, view: View, lod: LOD | None = None) -> DrawList:
-        """The same detail, sorted for another view."""
+    def seen_from(self, view: View, lod: LOD | None = None) -> Pixels:
+        """Draw a level of detail, by default this frame's, from another view."""
         lod = self.draw_list.lod if lod is None else lod
-        return replace(self.draw_list, lod=lod, view=view, orders=lod.orders(view))
+        return self.drawn(replace(self.draw_list, lod=lod, view=view, orders=lod.orders(view))).image
 
     def drawn(self, draw_list: DrawList, rasterizer: Rasterizer | None = None) -> Frame:
-        """By the product's own last step."""
+        """Draw a frame by the product's own last step."""
         return draw_frame(self.stage, draw_list, self.rasterizer if rasterizer is None else rasterizer, _stopwatch())
 
 

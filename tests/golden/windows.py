@@ -1,4 +1,4 @@
-"""What else the densest window could be: candidates for the figure `densest`, of which one was chosen."""
+"""Candidates for the figure `densest`, of which one was chosen."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Float64 = npt.NDArray[np.float64]
 
 
 def _means(values: Float64, side: int) -> Float64:
-    """[..., c]: means of a picture [h, w, c] in all squares of so many pixels."""
+    """[..., c]: means of a picture [h, w, c] in all squares with sides of `side` pixels."""
     height, width = (min(side, length) for length in values.shape[:2])
     sums = np.pad(values.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0), (0, 0)))
     windows = sums[height:, width:] - sums[:-height, width:] - sums[height:, :-width] + sums[:-height, :-width]
