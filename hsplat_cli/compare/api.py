@@ -8,11 +8,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from hsplat_cli.compare.file_pairs import open_pairs
+from hsplat_cli.compare.gallery import Gallery
 from hsplat_cli.compare.golden.provenance import PROVENANCE_FILE
-from hsplat_cli.compare.judge import require_packages
-from hsplat_cli.compare.outcome import Comparison
-from hsplat_cli.compare.rules import load_rules
-from hsplat_cli.compare.run import ReportFiles, run_comparison
+from hsplat_cli.compare.outcome import Comparison, compare_pair
+from hsplat_cli.compare.pair import Pairs
+from hsplat_cli.compare.report_files import ReportFiles
+from hsplat_cli.compare.rules import Rules, load_rules
 from hsplat_cli.compare.scene_pairs import SceneOptions, open_scene_pairs
 from hsplat_cli.compare.text_reports import comparison_table
 from hsplat_cli.terminal import Reporter
@@ -43,18 +44,22 @@ def compare_frames(
     reports.require_names((golden, actual, golden / PROVENANCE_FILE, actual / PROVENANCE_FILE))
     with _failure_reported(reports, golden, actual):
         reports.prepare()
-        folder = _goldens_folder(golden, actual)
-        rules = load_rules(folder or golden, level, limits, option_names)
-        require_packages(rules)
-        if folder is None and drawing.given:
+        draws = _is_scene(golden)
+        if not draws and _is_scene(actual):
+            hint = f"hsplat compare {actual} {golden}"
+            raise InputError("the scene must come first, then the folder of its goldens", where=str(actual), hint=hint)
+        rules = load_rules(actual if draws else golden, level, limits, option_names)
+        if draws:
+            with open_scene_pairs(golden, actual, drawing, rules, reporter) as pairs:
+                return _compare(pairs, rules, reports, reporter, (str(actual), f"{golden}, drawn now"))
+        if drawing.given:
             raise InputError("has no use unless a scene is drawn", where=drawing.given[0], got=f"{golden} and {actual}")
-        if folder is None:
-            opened, names = open_pairs(golden, actual), (str(golden), str(actual))
-        else:
-            opened = open_scene_pairs(golden, folder, drawing, rules, reporter)
-            names = (str(folder), f"{golden}, drawn now")
-        with opened as pairs:
-            return run_comparison(pairs, rules, reports, reporter, golden=names[0], actual=names[1])
+        with open_pairs(golden, actual) as pairs:
+            return _compare(pairs, rules, reports, reporter, (str(golden), str(actual)))
+
+
+def _is_scene(path: Path) -> bool:
+    return path.suffix.lower() in _SCENE_SUFFIXES and not os.path.isdir(path)
 
 
 @contextlib.contextmanager
@@ -69,14 +74,23 @@ def _failure_reported(reports: ReportFiles, golden: Path, actual: Path) -> Itera
         raise
 
 
-def _goldens_folder(golden: Path, actual: Path) -> Path | None:
-    """Return the folder of goldens if `golden` is a scene. Raises InputError if `actual` is the scene."""
-    if golden.suffix.lower() in _SCENE_SUFFIXES and not os.path.isdir(golden):
-        return actual
-    if actual.suffix.lower() in _SCENE_SUFFIXES and not os.path.isdir(actual):
-        hint = f"hsplat compare {actual} {golden}"
-        raise InputError("the scene must come first, then the folder of its goldens", where=str(actual), hint=hint)
-    return None
+def _compare(
+    pairs: Pairs, rules: Rules, reports: ReportFiles, reporter: Reporter, names: tuple[str, str]
+) -> Comparison:
+    """Compare all pairs and write the reports; names: of both sides."""
+    rules.require_frames(pairs.names)
+    gallery, outcomes = Gallery(), []
+    with reporter.progress(len(pairs.names), label="comparing") as bar:
+        for pair in pairs.pairs:
+            outcomes.append(compare_pair(pair, rules.limits_for(pair.name)))
+            if reports.html is not None:
+                gallery.add(outcomes[-1], pair)
+            bar.advance()
+    comparison = Comparison(
+        *names, rules.level, outcomes, [*pairs.notes, *rules.notes], pairs.facts, rules.other_limits
+    )
+    reports.write(comparison, gallery)
+    return comparison
 
 
 def require_match(
@@ -93,12 +107,11 @@ def require_match(
     """
     __tracebackhide__ = True  # pytest shows the line of the test
     overrides = [f"{figure}={'none' if limit is None else limit}" for figure, limit in (limits or {}).items()]
-    reports = ReportFiles(html=None if html is None else Path(html))
     try:
         comparison = compare_frames(
             Path(golden),
             Path(actual),
-            reports,
+            ReportFiles(html=None if html is None else Path(html)),
             SceneOptions(),
             level=level,
             limits=overrides,

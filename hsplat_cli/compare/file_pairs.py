@@ -5,20 +5,20 @@ from __future__ import annotations
 import contextlib
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+from hsplat_cli.compare.figure_format import printable
 from hsplat_cli.compare.film_decoder import count_film_frames, decode_film
-from hsplat_cli.compare.ignored_files import ignored_by_template_notes, ignored_in_folder_notes
 from hsplat_cli.compare.pair import Pair, Pairs
 from hsplat_cli.compare.picture_file import decode_picture, file_content, is_picture, read_picture
-from hsplat_cli.terminal import counted
+from hsplat_cli.terminal import counted, first_few
 from renderer.errors import InputError
 from renderer.film import ANY_FRAME_FIELD, Pixels, frame_path
-from renderer.scene import FRAME_FIELD, is_same_file, join_words, nearest_file_hint
+from renderer.scene import FRAME_FIELD, is_same_file, nearest_file_hint
 
-FILM_SUFFIXES = (".mp4", ".gif")
+_FILM_SUFFIXES = (".mp4", ".gif")
+_OTHER_SUFFIXES = (".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
 
 _FOLDER, _TEMPLATE, _PICTURE = "a folder", "a template of frames", "a PNG picture"
 _EXPECTED = "two folders or templates of PNG files, two PNG pictures, or two films in one format, MP4 or GIF"
@@ -41,8 +41,8 @@ def open_pairs(golden: Path, actual: Path) -> Iterator[Pairs]:
         raise InputError("GOLDEN and ACTUAL are of different kinds", got=got, expected=_EXPECTED)
     if in_folders:
         goldens, actuals = _files_by_pair(golden, actual, kinds)
-        pairs = _file_pairs(goldens, actuals, golden, actual)
-        yield replace(pairs, notes=[*pairs.notes, *_ignored_notes(golden, goldens), *_ignored_notes(actual, actuals)])
+        notes = [*_ignored_notes(golden, goldens.values()), *_ignored_notes(actual, actuals.values())]
+        yield _file_pairs(goldens, actuals, golden, actual, notes)
     elif kinds[0] == _PICTURE:
         yield _file_pairs({golden.name: golden}, {golden.name: actual}, golden, actual)
     else:
@@ -65,7 +65,7 @@ def _kind(path: Path) -> str:
         raise InputError("a broken link", where=str(path), got=str(path.readlink()))
     if not is_there:
         raise InputError("no such file or folder", where=str(path), hint=nearest_file_hint(path))
-    if suffix in FILM_SUFFIXES:
+    if suffix in _FILM_SUFFIXES:
         return f"a film in {suffix}"
     if suffix == ".png":
         return _PICTURE
@@ -91,12 +91,12 @@ def _in_folder(folder: Path) -> dict[str, Path]:
     paths = _entries(folder)
     found = {path.name: path for path in paths if is_picture(path.name)}
     if not found:
-        below = next(iter(sorted(str(path.parent) for path in folder.glob("*/*") if is_picture(path.name))), None)
+        folders = list(filter(_has_pictures, paths))
         raise InputError(
             "no PNG files in this folder",
             where=str(folder),
             got=counted(len(paths), "other file") if paths else "an empty folder",
-            hint=f"{below} has some" if below else None,
+            hint=f"{folders[0]} has some" if folders else None,
         )
     return found
 
@@ -125,52 +125,76 @@ def _pattern(template: Path) -> re.Pattern[str]:
     return re.compile(f"{before}([0-9]+){after}", re.DOTALL)
 
 
-def _ignored_notes(side: Path, found: Mapping[str, Path]) -> Iterator[str]:
+def _ignored_notes(side: Path, compared: Collection[Path]) -> Iterator[str]:
     """Return notes on pictures that are not compared although they look like frames."""
-    if side.is_dir():
-        return ignored_in_folder_notes(side, _entries(side))
-    return ignored_by_template_notes(side, _pattern(side), frozenset(found.values()), _entries(side.parent))
+    if not side.is_dir():
+        pattern = _pattern(side)
+        others = [path for path in _entries(side.parent) if pattern.fullmatch(path.name) and path not in compared]
+        if others:
+            yield f"not compared, because {printable(side.name)} has another number of digits: {_some(others)}"
+        return
+    visible = [path for path in _entries(side) if not path.name.startswith(".")]
+    others = [path for path in visible if path.suffix.lower() in _OTHER_SUFFIXES]
+    if others:
+        yield f"not compared, because they are not PNG files: {_some(others)} in {printable(str(side))}"
+    folders = [path for path in visible if _has_pictures(path)]
+    if folders:
+        yield f"not compared, because subfolders are ignored: PNG files in {_some(folders)} in {printable(str(side))}"
+
+
+def _has_pictures(path: Path) -> bool:
+    try:
+        return path.is_dir() and any(is_picture(below.name) for below in path.iterdir())
+    except OSError:
+        return False
+
+
+def _some(paths: Iterable[Path]) -> str:
+    return first_few([printable(path.name) for path in paths], _MAX_NAMED)
 
 
 def _entries(folder: Path) -> list[Path]:
     try:
-        return list(folder.iterdir())
+        return sorted(folder.iterdir())
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", where=str(folder)) from error
 
 
-def _file_pairs(goldens: Mapping[str, Path], actuals: Mapping[str, Path], golden: Path, actual: Path) -> Pairs:
+def _file_pairs(
+    goldens: Mapping[str, Path], actuals: Mapping[str, Path], golden: Path, actual: Path, notes: Sequence[str] = ()
+) -> Pairs:
     names = sorted({**goldens, **actuals}, key=natural_sort_key)
     both = [name for name in names if name in goldens and name in actuals]
     if not both:
+        hint = "they look alike, but their accents are different code points"
         raise InputError(
             "no frame of ACTUAL has the name of a golden",
             where=str(actual),
-            got=_first_names(sorted(actuals, key=natural_sort_key)),
-            expected=f"{_first_names(sorted(goldens, key=natural_sort_key))}, as in {golden}",
-            hint="they look alike, but their accents are different code points"
-            if _differ_in_normalization(goldens, actuals)
-            else None,
+            got=_first_names(actuals),
+            expected=f"{_first_names(goldens)}, as in {golden}",
+            hint=hint if _differ_in_normalization(goldens, actuals) else None,
         )
-    one = [name for name in both if is_same_file(goldens[name], actuals[name])]
-    if len(one) == len(both):
+    links = [name for name in both if is_same_file(goldens[name], actuals[name])]
+    if len(links) == len(both):
         raise _same_files_error(actual)
-    numbers = frame_numbers(names)
+    if links:
+        words = "1 frame of ACTUAL is a link" if len(links) == 1 else f"{len(links)} frames of ACTUAL are links"
+        notes = [f"{words} to the golden: {_first_names(links)}", *notes]
+    return Pairs(names, _read_pairs(names, goldens, actuals), notes)
 
-    def read() -> Iterator[Pair]:
-        unreadable: list[InputError] = []
-        for name in names:
-            try:
-                pictures = _pictures(goldens.get(name), actuals.get(name))
-            except InputError as error:
-                unreadable.append(error)
-                continue
-            if not unreadable:  # after an error the others are read only to report all errors at once
-                yield Pair(name, *pictures, numbers.get(name))
-        if unreadable:
-            raise _combined_error(unreadable)
 
-    return Pairs(names, read, _link_notes(one))
+def _read_pairs(names: Sequence[str], goldens: Mapping[str, Path], actuals: Mapping[str, Path]) -> Iterator[Pair]:
+    unreadable: list[InputError] = []
+    for name in names:
+        try:
+            pictures = _pictures(goldens.get(name), actuals.get(name))
+        except InputError as error:
+            unreadable.append(error)
+            continue
+        if not unreadable:  # after an error the others are read only to report all errors at once
+            yield Pair(name, *pictures)
+    if unreadable:
+        raise _combined_error(unreadable)
 
 
 def _combined_error(errors: Sequence[InputError]) -> InputError:
@@ -181,11 +205,8 @@ def _combined_error(errors: Sequence[InputError]) -> InputError:
     return InputError("\n".join([*map(str, errors[:_MAX_ERRORS_SHOWN]), *more]))
 
 
-def _first_names(names: Sequence[str]) -> str:
-    most = [repr(name) for name in names[:_MAX_NAMED]]
-    return (
-        join_words(most, "and") if len(most) == len(names) else f"{', '.join(most)} and {len(names) - len(most)} more"
-    )
+def _first_names(names: Iterable[str]) -> str:
+    return first_few(list(map(repr, sorted(names, key=natural_sort_key))), _MAX_NAMED)
 
 
 def _differ_in_normalization(goldens: Iterable[str], actuals: Iterable[str]) -> bool:
@@ -197,14 +218,6 @@ def _differ_in_normalization(goldens: Iterable[str], actuals: Iterable[str]) -> 
 def _same_files_error(actual: Path) -> InputError:
     hint = "files are not compared with themselves, or with links to themselves"
     return InputError("GOLDEN and ACTUAL are the same files", where=str(actual), hint=hint)
-
-
-def _link_notes(names: Sequence[str]) -> list[str]:
-    """Return a note on frames that are links to their goldens."""
-    if not names:
-        return []
-    words = "1 frame of ACTUAL is a link" if len(names) == 1 else f"{len(names)} frames of ACTUAL are links"
-    return [f"{words} to the golden: {_first_names(names)}"]
 
 
 def _pictures(golden: Path | None, actual: Path | None) -> tuple[Pixels | None, Pixels | None]:
@@ -221,14 +234,6 @@ def natural_sort_key(name: str) -> tuple[list[str | int], str]:
     parts: list[str | int] = list(re.split("([0-9]+)", name))
     parts[1::2] = [int(digits) for digits in parts[1::2]]
     return parts, name
-
-
-def frame_numbers(names: Sequence[str]) -> Mapping[str, int]:
-    """Return the last number in each name; empty unless the names differ in it alone."""
-    found = {name: re.fullmatch("(.*?)([0-9]+)([^0-9]*)", name, re.DOTALL) for name in names}
-    patterns = {(match[1], match[3]) if match else None for match in found.values()}
-    numbers = {name: int(match[2]) for name, match in found.items() if match}
-    return numbers if len(patterns) == 1 and len(set(numbers.values())) == len(names) else {}
 
 
 @contextlib.contextmanager
@@ -252,9 +257,4 @@ def _open_films(golden: Path, actual: Path) -> Iterator[Pairs]:
         "only the pictures of films are compared, not their timing",
     )
     with decode_film(golden) as goldens, decode_film(actual) as actuals:
-
-        def read() -> Iterator[Pair]:
-            for number, (name, picture, other) in enumerate(zip(names, goldens, actuals, strict=True)):
-                yield Pair(name, picture, other, number)
-
-        yield Pairs(names, read, notes)
+        yield Pairs(names, map(Pair, names, goldens, actuals), notes)

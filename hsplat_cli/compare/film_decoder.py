@@ -47,22 +47,19 @@ def decode_film(path: Path) -> Iterator[Iterator[Pixels]]:
         try:
             stderr_file = stack.enter_context(tempfile.TemporaryFile())
             # In its own session, so that Ctrl-C reaches only this process, which ends ffmpeg.
-            process = subprocess.Popen(
-                _command(path),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=stderr_file,
-                start_new_session=True,
+            process = stack.enter_context(
+                subprocess.Popen(
+                    _command(path),
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.PIPE,
+                    stderr=stderr_file,
+                    start_new_session=True,
+                )
             )
         except (OSError, subprocess.SubprocessError) as error:
             raise InputError("ffmpeg cannot be started", where=str(path), got=str(error)) from error
-        assert process.stdout is not None
-        try:
-            yield _frames(process, process.stdout, stderr_file, path)
-        finally:
-            process.kill()
-            process.wait()
-            process.stdout.close()
+        stack.callback(process.kill)
+        yield _frames(process, stderr_file, path)
 
 
 def _command(path: Path) -> list[str]:
@@ -75,10 +72,9 @@ def _command(path: Path) -> list[str]:
     return [find_ffmpeg(path), *general, *source, "-fps_mode", "passthrough", *sink]
 
 
-def _frames(
-    process: subprocess.Popen[bytes], stream: IO[bytes], stderr_file: IO[bytes], path: Path
-) -> Iterator[Pixels]:
-    is_whole = True
+def _frames(process: subprocess.Popen[bytes], stderr_file: IO[bytes], path: Path) -> Iterator[Pixels]:
+    stream, is_whole = process.stdout, True
+    assert stream is not None
     while is_whole and (shape := _read_pam_header(stream)) is not None:
         content = stream.read(math.prod(shape))
         is_whole = len(content) == math.prod(shape)

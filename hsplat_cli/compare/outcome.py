@@ -1,17 +1,26 @@
-"""The outcome of a comparison, for each frame and for all frames."""
+"""Compare pairs of frames with their limits."""
 
 from __future__ import annotations
 
 import math
+import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
-from renderer.study import Limits, severity
+import numpy as np
+
+from hsplat_cli.compare.figure_format import figure_text
+from hsplat_cli.compare.pair import Pair
+from renderer.errors import InputError
+from renderer.study import COMPARISON_METRICS, FrameDifference, Limits, exceeded_limits, severity
 
 # `same`: equal pixels. `close`: within the limits. All others fail.
 Status = Literal["same", "close", "different", "missing", "extra", "other size", "other channels"]
-PASSES: frozenset[Status] = frozenset({"same", "close"})
+_PASSES = ("same", "close")
+_KINDS = {3: "RGB", 4: "RGBA"}
 
 
 @dataclass(frozen=True)
@@ -19,31 +28,29 @@ class Outcome:
     """The outcome of one pair of frames.
 
     name: as in Pair. why: one sentence; every number in it has its metric, its unit and its limit.
-    figures: errors by the names of COMPARISON_METRICS; empty if nothing can be compared.
-    limits: of this frame. exceeded: metrics over their limits, the reason first.
-    bias: mean signed error of each channel, in levels, actual minus golden. number: of the frame, if its name has one.
+    limits: of this frame. figures: errors by the names of COMPARISON_METRICS; empty if nothing can be compared.
+    exceeded: metrics over their limits, the reason first.
+    bias: mean signed error of each channel, in levels, actual minus golden.
     """
 
     name: str
     status: Status
     why: str
-    figures: Mapping[str, float] = field(default_factory=dict)
     limits: Limits = field(default_factory=dict)
+    figures: Mapping[str, float] = field(default_factory=dict)
     exceeded: Sequence[str] = ()
     bias: Sequence[float] = ()
-    number: int | None = None
 
     @property
     def passes(self) -> bool:
         """Whether the frame is within its limits."""
-        return self.status in PASSES
+        return self.status in _PASSES
 
     @property
     def severity(self) -> float:
         """The largest error as a multiple of its limit; infinite without a comparable pair."""
-        if self.status in ("same", "close", "different"):
-            return severity(self.figures, self.limits)
-        return math.inf
+        is_comparable = self.passes or self.status == "different"
+        return severity(self.figures, self.limits) if is_comparable else math.inf
 
     @property
     def rank(self) -> tuple[bool, float]:
@@ -73,11 +80,67 @@ class Comparison:
         return f"{self.level} (with other limits: {'; '.join(self.other_limits)})" if self.other_limits else self.level
 
     @property
+    def num_failing(self) -> int:
+        """The number of frames that fail."""
+        return sum(not outcome.passes for outcome in self.outcomes)
+
+    @property
     def passes(self) -> bool:
         """Whether every frame passes."""
-        return all(outcome.passes for outcome in self.outcomes)
+        return self.num_failing == 0
+
+    @cached_property
+    def counts(self) -> Mapping[str, int]:
+        """The number of outcomes of each status."""
+        return Counter(outcome.status for outcome in self.outcomes)
 
     @property
     def worst_first(self) -> list[Outcome]:
         """The outcomes by `Outcome.rank`, equal ones in the order of their names."""
         return sorted(self.outcomes, key=lambda outcome: outcome.rank)
+
+    @cached_property
+    def frame_numbers(self) -> Mapping[str, int]:
+        """The last number in each frame's name; empty unless the names differ in it alone."""
+        names = [outcome.name for outcome in self.outcomes]
+        found = {name: re.fullmatch("(.*?)([0-9]+)([^0-9]*)", name, re.DOTALL) for name in names}
+        patterns = {(match[1], match[3]) if match else None for match in found.values()}
+        numbers = {name: int(match[2]) for name, match in found.items() if match}
+        return numbers if len(patterns) == 1 and len(set(numbers.values())) == len(names) else {}
+
+
+def compare_pair(pair: Pair, limits: Limits) -> Outcome:
+    """Compare one pair. Raises InputError if a limited metric cannot be computed."""
+    golden, actual = pair.golden, pair.actual
+    if golden is None or actual is None:
+        status: Status = "missing" if actual is None or pair.is_golden_missing else "extra"
+        return Outcome(pair.name, status, f"{'ACTUAL' if actual is None else 'GOLDEN'} has no such frame", limits)
+    (height, width, channels), (actual_height, actual_width, actual_channels) = golden.shape, actual.shape
+    if (height, width) != (actual_height, actual_width):
+        why = f"{actual_width} x {actual_height} pixels, the golden has {width} x {height}"
+        return Outcome(pair.name, "other size", why, limits)
+    if channels != actual_channels:
+        change = "lost" if channels == 4 else "new"
+        why = f"{_KINDS[actual_channels]}, the golden is {_KINDS[channels]}: alpha is {change}"
+        return Outcome(pair.name, "other channels", why, limits)
+    if golden is actual or np.array_equal(golden, actual):
+        figures = {name: float(COMPARISON_METRICS[name].higher_is_better) for name in limits}
+        return Outcome(pair.name, "same", "the same pixels", limits, figures, bias=(0.0,) * channels)
+    return _compare_pixels(pair.name, FrameDifference(golden, actual), limits)
+
+
+def _compare_pixels(frame: str, difference: FrameDifference, limits: Limits) -> Outcome:
+    figures = difference.metrics(limits)
+    for name in limits:
+        if name not in figures:
+            hint = f"remove the limit for this frame: {name}: none"
+            raise InputError(f"too small a picture for {COMPARISON_METRICS[name].label}", where=frame, hint=hint)
+    exceeded = exceeded_limits(figures, limits)
+    worst = exceeded[0] if exceeded else max(limits, key=lambda name: severity(figures, {name: limits[name]}))
+    why = figure_text(worst, figures[worst], limits[worst])
+    if difference.largest() == 0:
+        why = "the same picture: only colours at an alpha of 0 differ"
+    elif not exceeded:
+        why = f"within the limits; the closest is {why}"
+    status: Status = "different" if exceeded else "close"
+    return Outcome(frame, status, why, limits, figures, exceeded, difference.bias)

@@ -35,7 +35,6 @@ _REFUSED_CHUNKS = {b"tRNS": "a transparent colour (tRNS)", b"acTL": "an animatio
 _KNOWN_CHUNKS = (b"IHDR", b"PLTE", b"IDAT", b"IEND")
 # First column and row, and steps, of the passes of an interlaced picture (ISO/IEC 15948, 8.2).
 _ADAM7_PASSES = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
-_BLOCK = 2**20
 
 _OTHER_FILES = (
     (b"\xff\xd8\xff", "a JPEG file"),
@@ -142,13 +141,9 @@ def _is_complete(data: bytes, header: _Header) -> bool:
     for x, y, dx, dy in _ADAM7_PASSES if header.is_interlaced else ((0, 0, 1, 1),):
         columns, rows = -(-(header.width - x) // dx), -(-(header.height - y) // dy)
         expected += rows * (1 + columns * header.channels) if columns > 0 else 0
-    unpacker, found = zlib.decompressobj(), 0
+    unpacker = zlib.decompressobj()
     try:
-        while not unpacker.eof and found <= expected:
-            piece = unpacker.decompress(data, _BLOCK)
-            if not piece and not unpacker.eof:
-                return False
-            data, found = unpacker.unconsumed_tail, found + len(piece)
+        found = len(unpacker.decompress(data, expected + 1))  # one more, to detect the end
     except zlib.error:
         return False
     return unpacker.eof and found == expected

@@ -5,29 +5,13 @@ pytest loads it wherever hsplat is installed, so it imports the rest only when i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Protocol
+from collections.abc import Callable
 
 import pytest
 
 
-class AssertFramesMatch(Protocol):
-    """The type of the fixture."""
-
-    def __call__(
-        self,
-        golden: str | Path,
-        actual: str | Path,
-        *,
-        level: str | None = None,
-        limits: Mapping[str, float | None] | None = None,
-        html: str | Path | None = None,
-    ) -> None: ...
-
-
 @pytest.fixture(scope="session")
-def assert_frames_match() -> AssertFramesMatch:
+def assert_frames_match() -> Callable[..., None]:
     """Return a function that fails the test, with a table, if frames differ by more than they may.
 
     golden, actual: as on the command line: images, folders, templates or films, or a scene and its folder of goldens.

@@ -14,7 +14,7 @@ removes a limit. A level on the command line replaces the whole file. Frames of 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -22,12 +22,11 @@ from typing import Any
 from hsplat_cli.compare.figure_format import number_text
 from hsplat_cli.compare.picture_file import is_picture, require_file
 from hsplat_cli.terminal import counted
-from renderer.errors import InputError, Problem, SceneError
+from renderer.errors import InputError, Problem, SceneError, require_package
 from renderer.scene import (
     MAX_SCENE_BYTES,
     FieldType,
     TreeNode,
-    YamlTree,
     choice_field,
     did_you_mean,
     format_location,
@@ -46,6 +45,8 @@ from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS, Limits, Metric
 LIMITS_FILE = "compare.yaml"
 _MISSPELLED_FILE = "compare.yml"
 DEFAULT_LEVEL = "same-machine"
+# Metrics that need another package: its name and the extra that installs it.
+_PACKAGES = {"flip": ("flip_evaluator", "compare"), "ssim": ("skimage", "measure")}
 
 LimitChanges = Mapping[str, float | None]  # by the metric's name; None removes a limit
 
@@ -62,7 +63,7 @@ class Rules:
     limits: LimitChanges = field(default_factory=dict)
     frames: Mapping[str, LimitChanges] = field(default_factory=dict)
     overrides: LimitChanges = field(default_factory=dict)
-    file: Path | None = None
+    file: Path = Path(LIMITS_FILE)
     places: Mapping[str, str] = field(default_factory=dict)
     notes: Sequence[str] = ()
 
@@ -90,21 +91,15 @@ class Rules:
             descriptions.append(f"those of {counted(num_frames, 'frame')} by {self.file}")
         return descriptions
 
-    def require_frames(self, names: Iterable[str]) -> None:
+    def require_frames(self, names: Collection[str]) -> None:
         """Raise SceneError if limits name a frame that is neither compared nor a picture beside the file."""
-        compared = set(names)
-        strange = [name for name in self.frames if name not in compared and not self._is_golden_beside(name)]
-        if strange:
-            hints = {name: did_you_mean(name, compared) for name in strange}
-            raise SceneError(
-                [
-                    Problem("", "no such frame", format_value(name), hint=hints[name], location=self.places.get(name))
-                    for name in strange
-                ]
-            )
-
-    def _is_golden_beside(self, name: str) -> bool:
-        return self.file is not None and is_picture(name) and os.path.lexists(self.file.parent / name)
+        problems = [
+            Problem("", "no such frame", format_value(name), hint=did_you_mean(name, names), location=place)
+            for name, place in self.places.items()
+            if name not in names and not (is_picture(name) and os.path.lexists(self.file.parent / name))
+        ]
+        if problems:
+            raise SceneError(problems)
 
 
 def load_rules(
@@ -122,28 +117,26 @@ def load_rules(
     """
     problems: list[Problem] = []
     if level is not None:
-        found: list[Problem] = []
-        _LEVEL.read(TreeNode(level, "", found))
-        problems += [replace(problem, location=f"{option_names[0]} {level}") for problem in found]
+        _read_option(_LEVEL, level, f"{option_names[0]} {level}", problems)
     changes: dict[str, float | None] = {}
     for text in overrides:
-        changes.update(_override(text, option_names[1], problems))
-    from_file = _rules_of_file(golden if os.path.isdir(golden) else golden.parent, problems)
+        changes.update(_parse_override(text, option_names[1], problems))
+    rules = _rules_of_file(golden if os.path.isdir(golden) else golden.parent, problems)
     if problems:
         raise SceneError(problems)
-    rules = replace(from_file if level is None else _rules_of_level(from_file, level), overrides=changes)
+    if level is not None:
+        is_replaced = rules.limits or rules.frames
+        rules = Rules(level, notes=[f"the level {level} replaces the limits of {rules.file}"] if is_replaced else [])
+    rules = replace(rules, overrides=changes)
     for name in ("", *rules.frames):
-        if not rules.limits_for(name):
+        limits = rules.limits_for(name)
+        if not limits:
             hint = "a comparison without limits would always pass"
             raise InputError("no metric has a limit", where=rules.places.get(name), hint=hint)
+        for figure, (package, extra) in _PACKAGES.items():
+            if figure in limits:
+                require_package(package, extra=extra)
     return rules
-
-
-def _rules_of_level(from_file: Rules, level: str) -> Rules:
-    """Replace the rules of the file by a level."""
-    if not (from_file.limits or from_file.frames):
-        return Rules(level)
-    return Rules(level, notes=[f"the level {level} replaces the limits of {from_file.file}"])
 
 
 def _limit(figure: Metric) -> FieldType[Any]:
@@ -182,25 +175,30 @@ def _parse_frames(node: TreeNode) -> dict[str, Any]:
 _FRAMES: FieldType[dict[str, Any]] = FieldType("a mapping of frames to their limits", _parse_frames)
 
 
-def _override(text: str, option_names: str, problems: list[Problem]) -> dict[str, float | None]:
+def _read_option(kind: FieldType[Any], value: object, location: str, problems: list[Problem]) -> Any:
+    found: list[Problem] = []
+    result = kind.read(TreeNode(value, "", found))
+    problems += [replace(problem, location=location) for problem in found]
+    return result
+
+
+def _parse_override(text: str, option_name: str, problems: list[Problem]) -> dict[str, float | None]:
     """Parse `FIGURE=VALUE`."""
     name, equals, value = (part.strip() for part in text.partition("="))
-    found: list[Problem] = []
+    location = f"{option_name} {text}"
     if equals:
-        changes = _LIMITS.read(TreeNode({name: value or None}, "", found))
-    else:
-        changes, found = {}, [Problem("", "not a limit", expected=f"{option_names} FIGURE=VALUE, such as largest=4")]
-    problems += [replace(problem, location=f"{option_names} {text}") for problem in found]
-    return changes
+        changes: dict[str, float | None] = _read_option(_LIMITS, {name: value or None}, location, problems)
+        return changes
+    expected = f"{option_name} FIGURE=VALUE, such as largest=4"
+    problems.append(Problem("", "not a limit", expected=expected, location=location))
+    return {}
 
 
 def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
     path = folder / LIMITS_FILE
-    mistaken = [
-        name for name in _names_in(folder) if name.lower() in (LIMITS_FILE, _MISSPELLED_FILE) and name != LIMITS_FILE
-    ]
-    if mistaken:
-        raise InputError("not read under this name", where=str(folder / min(mistaken)), hint=f"call it {LIMITS_FILE}")
+    for name in _names_in(folder):
+        if name.lower() in (LIMITS_FILE, _MISSPELLED_FILE) and name != LIMITS_FILE:
+            raise InputError("not read under this name", where=str(folder / name), hint=f"call it {LIMITS_FILE}")
     if not os.path.lexists(path):
         return Rules()
     require_file(path, "a file of limits")
@@ -209,7 +207,14 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
     found: list[Problem] = []
     table = {"level": _LEVEL, "limits": _LIMITS, "frames": _FRAMES}
     given = read_fields(TreeNode({} if tree.data is None else tree.data, "", found), table)
-    problems += _with_places(tree, found, path, lines)
+    marked = list(tree.problems)
+    for problem in found:
+        place = tree.locations[problem.path]
+        marked.append((place.key if problem.at_key else place.value, problem))
+    problems += [
+        replace(problem, location=format_location(path, mark), what=problem.what + source_excerpt(lines, mark))
+        for mark, problem in sorted(marked, key=lambda item: item[0])
+    ]
     frames = given["frames"] if valid_keys(given, "frames") else {}
     return Rules(
         given.get("level", DEFAULT_LEVEL),
@@ -222,18 +227,7 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
 
 def _names_in(folder: Path) -> list[str]:
     try:
-        return os.listdir(folder)
+        return sorted(os.listdir(folder))
     except OSError:  # reported when the frames are read
         return []
 
-
-def _with_places(tree: YamlTree, found: Sequence[Problem], path: Path, lines: Sequence[str]) -> list[Problem]:
-    """Add places and lines to the problems of a file, and sort them by place."""
-    marked = list(tree.problems)
-    for problem in found:
-        place = tree.locations[problem.path]
-        marked.append((place.key if problem.at_key else place.value, problem))
-    return [
-        replace(problem, location=format_location(path, mark), what=problem.what + source_excerpt(lines, mark))
-        for mark, problem in sorted(marked, key=lambda item: item[0])
-    ]

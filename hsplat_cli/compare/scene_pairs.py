@@ -31,18 +31,6 @@ _SHOWN_DIGITS = 8
 _MAX_NAMES = 3
 
 
-def _read_pairs(folder: Path, goldens: Sequence[Golden], files: Mapping[int, Path]) -> Iterator[Pair]:
-    for golden in goldens:
-        path, source = folder / golden.file, files.get(golden.frame)
-        yield Pair(
-            golden.file,
-            read_picture(path) if path.exists() else None,
-            None if source is None else read_picture(source),
-            golden.frame,
-            is_golden_missing=not path.exists(),
-        )
-
-
 @dataclass(frozen=True)
 class SceneOptions:
     """The options of the command line for rendering a scene."""
@@ -68,8 +56,7 @@ def open_scene_pairs(
     Raises InputError if the folder has none of these goldens, or goldens that golden.json does not list; SceneError if
     `rules` name frames that do not exist; and the errors of reading the scene and rendering.
     """
-    provenance = _require_provenance(folder)
-    unlisted = _unlisted_pictures(folder, provenance.goldens)
+    provenance, unlisted = _read_folder(folder)
     job = load_reproducible_job(scene, overrides=options.overrides, volume=options.volume)
     goldens = _select_goldens(provenance.goldens, options.frames, job, folder)
     drawable = frozenset(job.frames)
@@ -81,48 +68,46 @@ def open_scene_pairs(
             got=f"{counted(len(job.frames), 'frame')} up to frame {job.frames[-1]}",
             expected=f"frame {goldens[0].frame} or others listed in {folder / PROVENANCE_FILE}",
         )
-    rules.require_frames([golden.file for golden in goldens])  # before rendering
+    names = [golden.file for golden in goldens]
+    rules.require_frames(names)  # before rendering
     reporter.announce_compilation()
     with rendered_frames(job, numbers, ExecutorSpec(options.workers), reporter) as rendered:
-        notes = [*_notes(provenance.origin, rendered.origin), *_file_notes(folder, goldens, unlisted), *rendered.notes]
-        names = [golden.file for golden in goldens]
-        facts = _facts(provenance, rendered.origin)
-        yield Pairs(names, lambda: _read_pairs(folder, goldens, rendered.files), notes, facts)
+        before, now = provenance.origin, rendered.origin
+        notes = [*_notes(before, now), *_file_notes(folder, goldens, unlisted), *rendered.notes]
+        yield Pairs(names, _read_pairs(folder, goldens, rendered.files), notes, _facts(before, now))
 
 
-def _require_provenance(folder: Path) -> Provenance:
-    try:
-        if (folder / PROVENANCE_FILE).exists():
-            return read_provenance(folder)
-        num = sum(is_picture(path.name) for path in folder.iterdir())
-    except (FileNotFoundError, NotADirectoryError) as error:
-        what = "not a folder of goldens" if folder.exists() else "no such folder"
-        raise InputError(what, where=str(folder), hint=_MAKE.format(folder)) from error
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", where=str(folder)) from error
-    raise InputError(
-        f"no {PROVENANCE_FILE} in this folder",
-        where=str(folder),
-        got=counted(num, "PNG file"),
-        hint=f"{_MAKE.format(folder)}; a folder of frames is compared with another folder",
-    )
+def _read_pairs(folder: Path, goldens: Sequence[Golden], files: Mapping[int, Path]) -> Iterator[Pair]:
+    for golden in goldens:
+        path, source = folder / golden.file, files.get(golden.frame)
+        picture = read_picture(path) if path.exists() else None
+        actual = None if source is None else read_picture(source)
+        yield Pair(golden.file, picture, actual, is_golden_missing=picture is None)
 
 
-_MAKE = "`hsplat golden SCENE {}` renders goldens and records their origin"
+def _read_folder(folder: Path) -> tuple[Provenance, Sequence[str]]:
+    """Return the content of golden.json, and the pictures in the folder that it does not list.
 
-
-def _unlisted_pictures(folder: Path, goldens: Sequence[Golden]) -> Sequence[str]:
-    """Return pictures in the folder that golden.json does not list.
-
-    Raises InputError if one is named like a golden, because golden.json is then incomplete, or if the folder cannot be
-    read.
+    Raises InputError if the folder has no golden.json, or a picture named like a golden that it does not list.
     """
+    hint = f"`hsplat golden SCENE {folder}` renders goldens and records their origin"
     try:
         names = {path.name for path in folder.iterdir() if is_picture(path.name)}
+    except (FileNotFoundError, NotADirectoryError) as error:
+        what = "not a folder of goldens" if folder.exists() else "no such folder"
+        raise InputError(what, where=str(folder), hint=hint) from error
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", where=str(folder)) from error
-    others = sorted(names - {golden.file for golden in goldens})
-    lost = [name for name in others if is_golden_file_name(name)]
+    if not (folder / PROVENANCE_FILE).exists():
+        raise InputError(
+            f"no {PROVENANCE_FILE} in this folder",
+            where=str(folder),
+            got=counted(len(names), "PNG file"),
+            hint=f"{hint}; a folder of frames is compared with another folder",
+        )
+    provenance = read_provenance(folder)
+    unlisted = sorted(names - {golden.file for golden in provenance.goldens})
+    lost = list(filter(is_golden_file_name, unlisted))
     if lost:
         raise InputError(
             f"{PROVENANCE_FILE} does not list all goldens in this folder",
@@ -130,7 +115,7 @@ def _unlisted_pictures(folder: Path, goldens: Sequence[Golden]) -> Sequence[str]
             got=_some(lost),
             hint=f"restore {PROVENANCE_FILE}, or move pictures that are not golden elsewhere",
         )
-    return others
+    return provenance, unlisted
 
 
 def _select_goldens(goldens: Sequence[Golden], frames: str | None, job: Job, folder: Path) -> Sequence[Golden]:
@@ -161,33 +146,25 @@ def _notes(provenance: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[st
 def _file_notes(folder: Path, goldens: Sequence[Golden], unlisted: Sequence[str]) -> Iterator[str]:
     """Return notes on missing and changed goldens, and on other pictures."""
     gone = [golden.file for golden in goldens if not (folder / golden.file).exists()]
-    others = [
-        golden.file
-        for golden in goldens
-        if (folder / golden.file).exists() and not file_matches_digest(folder / golden.file, golden.digest)
-    ]
+    kept = [golden for golden in goldens if golden.file not in gone]
+    changed = [golden.file for golden in kept if not file_matches_digest(folder / golden.file, golden.digest)]
     if gone:
         yield f"missing goldens that {PROVENANCE_FILE} lists: {_some(gone)}"
-    if others:
-        yield f"changed by hand or by an interrupted update since {PROVENANCE_FILE} was written: {_some(others)}"
+    if changed:
+        yield f"changed by hand or by an interrupted update since {PROVENANCE_FILE} was written: {_some(changed)}"
     if unlisted:
-        names = [printable(name) for name in unlisted]
-        yield f"not compared, because {PROVENANCE_FILE} does not list them: {_some(names)}"
+        yield f"not compared, because {PROVENANCE_FILE} does not list them: {_some(list(map(printable, unlisted)))}"
 
 
 def _some(items: Sequence[object]) -> str:
     return first_few(items, _MAX_NAMES)
 
 
-def _facts(provenance: Provenance, now: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
+def _facts(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
     """Return driver, volume and common versions, of the goldens and of now."""
-    origin = provenance.origin
-    versions = {
-        name: (origin["versions"][name], version)
-        for name, version in now["versions"].items()
-        if name in origin["versions"]
-    }
-    return {"driver": (origin["gl"], now["gl"]), "volume": (_volume(origin), _volume(now)), **versions}
+    common = before["versions"].keys() & now["versions"]
+    versions = {name: (before["versions"][name], now["versions"][name]) for name in sorted(common)}
+    return {"driver": (before["gl"], now["gl"]), "volume": (_volume(before), _volume(now)), **versions}
 
 
 def _volume(origin: Mapping[str, Any]) -> str:

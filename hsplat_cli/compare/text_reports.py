@@ -6,10 +6,9 @@ Equal comparisons give equal text. Unprintable characters are escaped, except in
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Iterator
-from typing import Any
-from xml.etree import ElementTree
+from typing import Any, get_args
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from hsplat_cli.compare.figure_format import figure_text, printable
 from hsplat_cli.compare.outcome import Comparison, Outcome, Status
@@ -19,12 +18,14 @@ from renderer.study import COMPARISON_METRICS
 # Only the worst failing frames are printed, so that they fit on a screen; files have all frames.
 MAX_ROWS = 20
 
-_ORDER: tuple[Status, ...] = ("different", "missing", "extra", "other size", "other channels", "same", "close")
-_WORDS = {
-    "same": "the same",
+_WORDS: dict[Status, str] = {
+    "different": "different",
+    "missing": "missing",
     "extra": "not among the goldens",
     "other size": "of another size",
     "other channels": "with other channels",
+    "same": "the same",
+    "close": "close",
 }
 
 _DRIVER = "driver"
@@ -38,7 +39,7 @@ def comparison_table(comparison: Comparison) -> str:
     lines = [format_table(rows)] if failing else []
     if len(failing) > MAX_ROWS:
         lines.append(f"... and {counted(len(failing) - MAX_ROWS, 'more frame')} that fail; --json FILE has all of them")
-    return "\n".join([*lines, *([""] if lines else []), *_summary(comparison), *_remarks(comparison)])
+    return "\n".join([*lines, *([""] if lines else []), printable(summary(comparison)), *_remarks(comparison)])
 
 
 def _reason(outcome: Outcome) -> str:
@@ -48,30 +49,27 @@ def _reason(outcome: Outcome) -> str:
     return f"{outcome.why}; {counted(more, 'more figure')} over {'its limit' if more == 1 else 'their limits'}"
 
 
-def _summary(comparison: Comparison) -> Iterator[str]:
-    counts = Counter(outcome.status for outcome in comparison.outcomes)
-    parts = ", ".join(f"{counts[status]} {_WORDS.get(status, status)}" for status in _ORDER if counts[status])
-    num, num_failing = len(comparison.outcomes), sum(not outcome.passes for outcome in comparison.outcomes)
+def summary(comparison: Comparison) -> str:
+    """Return the verdict in one line: `3 of 48 frames fail: 2 different, 1 missing, 45 the same`."""
+    counts, num, num_failing = comparison.counts, len(comparison.outcomes), comparison.num_failing
+    parts = ", ".join(f"{counts[status]} {words}" for status, words in _WORDS.items() if counts[status])
     if num_failing:
-        yield f"{num_failing} of {counted(num, 'frame')} {'fails' if num_failing == 1 else 'fail'}: {parts}"
-        return
-    verb = "passes" if num == 1 else "pass"
-    yield f"{counted(num, 'frame')} {verb} at {printable(comparison.strictness)}: {parts}"
-    worst = comparison.worst_first[0]
-    if worst.status == "close":
-        yield f"  {printable(worst.name)}: {worst.why}"
+        return f"{num_failing} of {counted(num, 'frame')} {'fails' if num_failing == 1 else 'fail'}: {parts}"
+    return f"{counted(num, 'frame')} {'passes' if num == 1 else 'pass'} at {comparison.strictness}: {parts}"
 
 
 def _remarks(comparison: Comparison) -> Iterator[str]:
+    worst = comparison.worst_first[0]
+    if worst.status == "close":
+        yield f"  {printable(worst.name)}: {worst.why}"
     yield from (f"note: {printable(note)}" for note in comparison.notes)
     if comparison.passes:
         return
     for name, (golden, actual) in comparison.facts.items():
         if golden != actual:
             yield f"{printable(name)}: {printable(actual)}; of the goldens: {printable(golden)}"
-    drivers = comparison.facts.get(_DRIVER)
-    if drivers is not None and drivers[0] != drivers[1] and comparison.level != _LOOSEST:
-        yield f"hint: another driver causes small differences; --level {_LOOSEST} allows for them"
+            if name == _DRIVER and comparison.level != _LOOSEST:
+                yield f"hint: another driver causes small differences; --level {_LOOSEST} allows for them"
 
 
 def comparison_json(comparison: Comparison) -> str:
@@ -83,7 +81,7 @@ def comparison_json(comparison: Comparison) -> str:
         "actual": comparison.actual,
         "level": comparison.level,
         "other_limits": list(comparison.other_limits),
-        "counts": {status: sum(each.status == status for each in comparison.outcomes) for status in _ORDER},
+        "counts": {status: comparison.counts[status] for status in get_args(Status)},
         "notes": list(comparison.notes),
         "facts": {name: {"golden": golden, "actual": actual} for name, (golden, actual) in comparison.facts.items()},
         "figures": {
@@ -91,7 +89,10 @@ def comparison_json(comparison: Comparison) -> str:
             for figure in COMPARISON_METRICS.values()
             if figure.name in used
         },
-        "frames": [_record(outcome) for outcome in comparison.worst_first],
+        "frames": [
+            {**vars(outcome), "number": comparison.frame_numbers.get(outcome.name), "passes": outcome.passes}
+            for outcome in comparison.worst_first
+        ],
     }
     return _json_text(data)
 
@@ -106,70 +107,47 @@ def _json_text(data: dict[str, Any]) -> str:
     return f"{json.dumps(data, indent=2, allow_nan=False)}\n"
 
 
-def _record(outcome: Outcome) -> dict[str, Any]:
-    return {
-        "name": outcome.name,
-        "number": outcome.number,
-        "status": outcome.status,
-        "passes": outcome.passes,
-        "why": outcome.why,
-        "figures": dict(outcome.figures),
-        "limits": dict(outcome.limits),
-        "exceeded": list(outcome.exceeded),
-        "bias": list(outcome.bias),
-    }
-
-
 def comparison_junit(comparison: Comparison) -> str:
     """Return a test suite with a test case for each frame, as Jenkins, GitLab and others read it."""
-    num_failing = sum(not outcome.passes for outcome in comparison.outcomes)
-    name = f"{printable(comparison.golden)} at {printable(comparison.strictness)}"
-    root, suite = _new_suite(name, len(comparison.outcomes), num_failing, 0)
-    _add_facts(suite, comparison)
+    golden = printable(comparison.golden)
+    name = f"{golden} at {printable(comparison.strictness)}"
+    root, suite = _new_suite(name, len(comparison.outcomes), comparison.num_failing, 0)
+    if comparison.facts:
+        properties = SubElement(suite, "properties")  # these come first
+        for fact, sides in comparison.facts.items():
+            for side, value in zip(("golden", "actual"), sides, strict=True):
+                SubElement(properties, "property", name=printable(f"{side} {fact}"), value=printable(value))
     for outcome in comparison.worst_first:
-        case = ElementTree.SubElement(
-            suite, "testcase", {"classname": printable(comparison.golden), "name": printable(outcome.name)}
-        )
+        case = SubElement(suite, "testcase", classname=golden, name=printable(outcome.name))
         if not outcome.passes:
             message = f"{outcome.status}: {_reason(outcome)}"
-            failure = ElementTree.SubElement(case, "failure", {"message": message, "type": outcome.status})
+            failure = SubElement(case, "failure", message=message, type=outcome.status)
             failure.text = "\n".join(_details(comparison, outcome))
     if comparison.notes:
-        ElementTree.SubElement(suite, "system-out").text = "\n".join(map(printable, comparison.notes))
+        SubElement(suite, "system-out").text = "\n".join(map(printable, comparison.notes))
     return _xml_text(root)
 
 
-def _add_facts(suite: ElementTree.Element, comparison: Comparison) -> None:
-    """Add the facts as properties, which come first in a suite, such as `golden driver`."""
-    if not comparison.facts:
-        return
-    properties = ElementTree.SubElement(suite, "properties")
-    for fact, sides in comparison.facts.items():
-        for side, value in zip(("golden", "actual"), sides, strict=True):
-            name = printable(f"{side} {fact}")
-            ElementTree.SubElement(properties, "property", {"name": name, "value": printable(value)})
-
-
-def _new_suite(name: str, num_tests: int, num_failures: int, num_errors: int) -> tuple[ElementTree.Element, Any]:
+def _new_suite(name: str, num_tests: int, num_failures: int, num_errors: int) -> tuple[Element, Element]:
     counts = {"tests": str(num_tests), "failures": str(num_failures), "errors": str(num_errors)}
-    root = ElementTree.Element("testsuites", {"name": "hsplat compare", **counts})
-    return root, ElementTree.SubElement(root, "testsuite", {"name": name, **counts, "skipped": "0"})
+    root = Element("testsuites", {"name": "hsplat compare", **counts})
+    return root, SubElement(root, "testsuite", {"name": name, **counts, "skipped": "0"})
 
 
 def failure_junit(golden: str, actual: str, why: str) -> str:
     """Return a test suite with one error, for frames that cannot be compared; CI systems ignore a missing report."""
     name = printable(golden)
     root, suite = _new_suite(name, 1, 0, 1)
-    case = ElementTree.SubElement(suite, "testcase", {"classname": name, "name": "could not be compared"})
+    case = SubElement(suite, "testcase", classname=name, name="could not be compared")
     lines = [printable(line) for line in why.split("\n")]
-    error = ElementTree.SubElement(case, "error", {"message": lines[0], "type": "not compared"})
+    error = SubElement(case, "error", message=lines[0], type="not compared")
     error.text = "\n".join([*lines, f"golden: {name}", f"actual: {printable(actual)}"])
     return _xml_text(root)
 
 
-def _xml_text(root: ElementTree.Element) -> str:
-    ElementTree.indent(root)
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
+def _xml_text(root: Element) -> str:
+    indent(root)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{tostring(root, encoding="unicode")}\n'
 
 
 def _details(comparison: Comparison, outcome: Outcome) -> Iterator[str]:

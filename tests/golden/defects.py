@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from subjects import Pixels, Shot
+from subjects import Pixels, Shot, shifted
 
 from renderer.bricks import BrickBatch
 from renderer.film import quantize
@@ -238,17 +239,6 @@ def _camera_off(shot: Shot) -> Pixels:
     return shot.seen_from(replace(shot.view, axes=turn @ shot.view.axes))
 
 
-def _shifted_by(pixels: float) -> Callable[[Shot], Pixels]:
-    """Shift to the left what lies at the target's distance."""
-
-    def shifted(shot: Shot) -> Pixels:
-        view = shot.view
-        step = pixels / view.scale_px * (view.distance if view.projection == "perspective" else 1.0)
-        return shot.seen_from(replace(view, target=view.target + step * view.axes[0]))
-
-    return shifted
-
-
 def _frame_repeated(shot: Shot) -> Pixels:
     frames = shot.stage.scene.camera.path.frames
     return shot.drawn(shot.make_draw_list(shot.stage, frame=(shot.subject.frame - 1) % frames)).image
@@ -402,8 +392,8 @@ DEFECTS = (
     Defect("volume mirrored", _mirrored),
     Defect("volume half a voxel off", _half_a_voxel_off),
     Defect("camera off by 0.1 degree", _camera_off),
-    Defect("shifted by 0.1 px", _shifted_by(0.1)),
-    Defect("shifted by 0.25 px", _shifted_by(0.25)),
+    Defect("shifted by 0.1 px", partial(shifted, pixels=0.1)),
+    Defect("shifted by 0.25 px", partial(shifted, pixels=0.25)),
     Defect("one frame repeated", _frame_repeated),
     Defect("tolerance 10 % coarser", _coarser),
     Defect("a grey for a colour of the transfer function", _grey_point),

@@ -1,8 +1,8 @@
 """The table of golden frames: what each one changes in scene.yaml, and what it protects.
 
-The test compares them with what the scene gives now, `regenerate.py` draws them anew; both do it by the program's own
-commands, `hsplat compare` and `hsplat golden`. Each case has a folder of its own in `frames`, in which golden.json says
-what its frames were drawn from.
+The test compares them with what the scene gives now, and `regenerate.py` draws them again, by the program's own
+commands `hsplat compare` and `hsplat golden`. Each case has a folder in `frames`, in which golden.json records the
+origin of its frames.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FRAMES = FOLDER / "frames"
 
 
 def oblique_scan(folder: Path) -> Path:
-    """An anisotropic MetaImage, tilted about x, with one axis flipped: what a scanner with a tilted gantry writes."""
+    """Write an anisotropic MetaImage, tilted about x and with one axis flipped, as of a tilted gantry."""
     values = procedural_values(ProceduralSource("engine_block", (40, 40, 20), seed=3, spacing=(1.0, 1.0, 2.0)))
     header = """\
 ObjectType = Image
@@ -41,7 +41,7 @@ ElementDataFile = LOCAL
 
 
 def signed_floats(folder: Path) -> Path:
-    """A smooth field of float32 with values of both signs, as a simulation writes it."""
+    """Write a smooth field of float32 with values of both signs, as of a simulation."""
     x, y, z = np.meshgrid(*(np.linspace(-1, 1, n, dtype=np.float32) for n in (24, 20, 28)), indexing="ij", sparse=True)
     path = folder / "field.npy"
     np.save(path, (x * (1 - 2 * y * y) - z * x * y).T)
@@ -68,15 +68,15 @@ class Case:
 
     @property
     def folder(self) -> Path:
-        """Of its goldens."""
+        """The folder of its goldens."""
         return FRAMES / self.name
 
     def compare(self, scratch: Path, *options: str) -> int:
-        """`hsplat compare` of the scene with the case's goldens, and its exit code; `scratch` is a folder for files."""
+        """Run `hsplat compare` with the case's goldens; return its exit code. scratch: a folder for files."""
         return self._run("compare", self.changes, scratch, *options)
 
     def keep(self, scratch: Path, *options: str) -> int:
-        """`hsplat golden`, and its exit code."""
+        """Run `hsplat golden`; return its exit code."""
         changes = self.changes if self.golden_changes is None else self.golden_changes
         return self._run("golden", changes, scratch, "--frames", self.frames, *options)
 
@@ -95,7 +95,7 @@ _VOXEL = "volume={procedural: {name: single_voxel, shape: [9, 9, 9]}}"
 _LOBB = "volume={procedural: {name: marschner_lobb, shape: [40, 40, 40]}}"
 _GLASS = "transfer_function={unit: 1.0, points: [{value: 0, color: '#ff8040', opacity: 0.05}]}"
 _COARSE = "error.tolerance=0.8"
-_DEFAULT = "splat=null"  # the footprint of scenes that do not say
+_DEFAULT = "splat=null"  # the default footprint
 _INSIDE = ("camera.distance=6", "camera.field_of_view=70")
 _VOXELS = "error.tolerance=0"
 _CLEAR = "output.background=transparent"
@@ -199,7 +199,7 @@ CASES = (
         volume=signed_floats,
     ),
     Case(
-        "default", "the integrated footprint, which scenes have that do not say, every pixel drawn", (_DEFAULT,), "::4"
+        "default", "the default footprint, every pixel drawn", (_DEFAULT,), "::4"
     ),
     Case("default_coarse", "bricks of large cells, and pixels between others", (_DEFAULT, "error.tolerance=1.0")),
     Case("default_voxels", "the finest steps", (_DEFAULT, _VOXELS, "camera.path.start=50")),

@@ -1,6 +1,6 @@
-"""Draws golden frames anew by `hsplat golden`: `python tests/golden/regenerate.py [CASE ...]`, by default all.
+"""Draws golden frames again by `hsplat golden`: `python tests/golden/regenerate.py [CASE ...]`, by default all.
 
-It says what changes and by how much; look at that, and at the pictures, before you commit it. The tests never run this.
+It prints what changes and by how much; look at that, and at the pictures, before you commit. The tests never run this.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def main(names: list[str]) -> None:
         for folder in sorted(FRAMES.iterdir()):
             if folder.name not in cases:
                 shutil.rmtree(folder)
-                print(f"{folder}: removed, for there is no such case")
+                print(f"{folder}: removed, because there is no such case")
 
 
 if __name__ == "__main__":

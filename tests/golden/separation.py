@@ -281,6 +281,12 @@ PARTS = {
     "bricks": Part(
         "Bricks",
         """The default footprint, drawn on the processor as it is without a GPU.
+
+From a tolerance of 0.15 on, a subsampled pixel grid is drawn first, and pixels between its nodes only where these
+differ. Where they differ by nearly the threshold, another rounding draws pixels that were interpolated, or the other
+way round. In float64 that happens to one block of `bricks_coarse`: 4 x 4 pixels change by up to 4 levels, with a
+`densest` of 1.03, over the limit of `cross-driver`. No driver that was tried does it, nor do rays that are moved by a
+ten-thousandth of a pixel, so no limit allows for it; where it happens, `densest` can be given another limit.
 """,
         """Another number of threads, and a processor without AVX and fused multiplication and addition, are
 simulated by child processes. The rows of OpenGL draw the same bricks by shaders, as a GPU does. Other rounding is

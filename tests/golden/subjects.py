@@ -162,5 +162,12 @@ class Shot:
         return draw_frame(self.stage, draw_list, self.rasterizer if rasterizer is None else rasterizer, _stopwatch())
 
 
+def shifted(shot: Shot, pixels: float) -> Pixels:
+    """Draw what lies at the target's distance further to the left."""
+    view = shot.view
+    step = pixels / view.scale_px * (view.distance if view.projection == "perspective" else 1.0)
+    return shot.seen_from(replace(view, target=view.target + step * view.axes[0]))
+
+
 def _stopwatch() -> Stopwatch:
     return Stopwatch(time.perf_counter)

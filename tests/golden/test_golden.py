@@ -1,12 +1,11 @@
-"""Golden frames: what the scene of each case gives is what it gave when somebody last looked.
+"""Every case still renders to its golden frames.
 
-They are compared by `hsplat compare`, at `same-machine` where the driver is the one that golden.json tells of, and at
-`cross-driver` elsewhere. A page that shows what is different is left in `failed`.
+They are compared by `hsplat compare`, at `same-machine` where the driver is the one in golden.json, and at
+`cross-driver` elsewhere. A page that shows the differences is left in `failed`.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import json
 import shutil
@@ -14,17 +13,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from golden_cases import CASES, FOLDER, FRAMES, Case
 
 from hsplat_cli.compare.golden.provenance import read_provenance
 from hsplat_cli.compare.picture_file import read_picture
 from renderer.draw import GLRasterizer
-from renderer.film import Pixels
-from renderer.frame import primitives
-from renderer.pyramid import Cut
-from renderer.scene import SplatSpec
-from renderer.splats import SplatBatch
+from renderer.film import Pixels, quantize
+from renderer.frame import frame
 from renderer.study import STRICTNESS_LEVELS, FrameDifference, exceeded_limits
 
 FAILED = FOLDER / "failed"
@@ -34,7 +31,7 @@ MATCHING = [case for case in CASES if case.golden_changes is None]
 
 
 def compared(case: Case, rasterizer: GLRasterizer, folder: Path) -> dict[str, Any]:
-    """What came of a case, as the command's JSON has it; `page.html` in the folder shows it."""
+    """Compare a case; return the command's JSON, and write `page.html` in the folder."""
     is_same = read_provenance(case.folder).origin["gl"] == rasterizer.renderer_name
     options = ["--level", "same-machine" if is_same else "cross-driver", "--quiet"]
     options += ["--json", str(folder / "result.json"), "--html", str(folder / "page.html")]
@@ -57,7 +54,7 @@ def test_golden(case: Case, rasterizer: GLRasterizer, tmp_path: Path, capsys: py
 def test_the_case_that_must_fail_does(
     rasterizer: GLRasterizer, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """For the right reason: its golden was drawn half a degree further round, which moves edges by tens of levels."""
+    """Its golden was drawn half a degree further round, which moves edges by tens of levels."""
     result = compared(MUST_FAIL, rasterizer, tmp_path)
     assert not result["passes"]
     assert result["counts"]["different"] == len(result["frames"]) == 1
@@ -75,7 +72,7 @@ def test_every_folder_of_goldens_belongs_to_a_case() -> None:
 
 
 def test_every_case_looks_different_from_all_others() -> None:
-    """One that looks like another protects nothing of its own."""
+    """A case that looks like another protects nothing of its own."""
     frames = {path.relative_to(FRAMES): read_picture(path) for path in sorted(FRAMES.glob("*/*.png"))}
     same = [
         (first, second)
@@ -86,7 +83,7 @@ def test_every_case_looks_different_from_all_others() -> None:
 
 
 def looks_same(first: Pixels, second: Pixels) -> bool:
-    """As far as `cross-driver` can tell without the eye's metrics, which take a while for a thousand pairs."""
+    """Compare at `cross-driver` without FLIP, which takes a while for a thousand pairs."""
     limits = STRICTNESS_LEVELS["cross-driver"].limits
     return not exceeded_limits(FrameDifference(first, second).metrics(limits.keys() - {"flip"}), limits)
 
@@ -94,16 +91,13 @@ def looks_same(first: Pixels, second: Pixels) -> bool:
 def test_a_defect_of_the_renderer_is_found_by_the_command(
     rasterizer: GLRasterizer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A red that is 1 % too strong, somewhere between the scene and the picture."""
+    """The defect is a red that is 1 % too strong, before the picture is rounded to 8 bits."""
 
-    def spoilt(cut: Cut, spec: SplatSpec) -> SplatBatch:
-        splats = make_splats(cut, spec)
-        vertices = splats.vertices.copy()
-        vertices[:, 3] *= np.float32(1.01)
-        return dataclasses.replace(splats, vertices=vertices)
+    def quantize_with_defect(radiance: npt.NDArray[np.float32], background: Any) -> Pixels:
+        return quantize(radiance * np.float32([1.01, 1, 1, 1]), background)
 
-    make_splats = primitives.make_splats
-    monkeypatch.setattr(primitives, "make_splats", spoilt)
-    result = compared(CASES[0], rasterizer, tmp_path)
-    assert [frame["status"] for frame in result["frames"]] == ["different"] * 3
-    assert all(frame["bias"][0] > 0.1 > abs(frame["bias"][2]) for frame in result["frames"])
+    monkeypatch.setattr(frame, "quantize", quantize_with_defect)
+    (default,) = (case for case in CASES if case.name == "default")
+    result = compared(default, rasterizer, tmp_path)
+    assert [each["status"] for each in result["frames"]] == ["different"] * 3
+    assert all(each["bias"][0] > 0.1 > abs(each["bias"][2]) for each in result["frames"])

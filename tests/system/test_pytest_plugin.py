@@ -1,4 +1,4 @@
-"""The fixture `assert_frames_match`, in a pytest of its own as a user runs it."""
+"""The fixture `assert_frames_match` works in a separate run of pytest, as for a user."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from renderer.errors import InputError
 
 @pytest.fixture(scope="module")
 def early(assert_frames_match):
-    return assert_frames_match  # of any scope
+    return assert_frames_match  # may have any scope
 
 
 def test_same(early):
@@ -40,7 +40,7 @@ def test_another(assert_frames_match):
     assert_frames_match("goldens", "other", html="report.html")
 
 
-def test_another_that_may_be(assert_frames_match):
+def test_another_within_limits(assert_frames_match):
     assert_frames_match("goldens", "other", level="exact", limits={"largest": 20})
 
 
@@ -74,7 +74,7 @@ output: {file: film.mp4, size: [16, 16]}
 
 
 def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Python, where hsplat is what is tested, and pytest knows no plugin but ours."""
+    """Run Python with the hsplat under test, where pytest loads no plugin but ours."""
     return subprocess.run(
         [sys.executable, *arguments],
         cwd=folder,
@@ -87,7 +87,7 @@ def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Goldens, the same frames, others that differ by 9 levels, a scene and its goldens, and tests of them."""
+    """A folder with goldens, equal frames, others that differ by 9 levels, a scene and its goldens, and tests."""
     pixels = np.full((16, 16, 3), 100, np.uint8)
     for name, levels in (("goldens", 0), ("same", 0), ("other", 9)):
         (tmp_path / name).mkdir()
@@ -99,7 +99,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_the_fixture(folder: Path) -> None:
+def test_the_fixture_compares_as_the_command_does(folder: Path) -> None:
     done = run(folder, "-m", "pytest", "-p", PLUGIN, "-p", "no:cacheprovider", "-q", "-rA", "test_frames.py")
     failed = {line.split()[1] for line in done.stdout.splitlines() if line.startswith("FAILED ")}
     assert failed == {f"test_frames.py::{name}" for name in ("test_another", "test_a_wrong_limit")}, done.stdout
@@ -107,7 +107,6 @@ def test_the_fixture(folder: Path) -> None:
     assert "AssertionError: goldens and other do not match" in done.stdout
     assert "0.png  different  largest error of a channel 9 levels, at most 1" in done.stdout
     assert "2 of 2 frames fail: 2 different" in done.stdout
-    assert "matching.py" not in done.stdout, "what is shown is the test, not how the frames were compared"
     wrong = [line.removeprefix("E").strip() for line in done.stdout.splitlines() if line.startswith("E  ")][-6:]
     assert wrong == [
         "renderer.errors.SceneError: level cross: unknown value",
@@ -117,12 +116,12 @@ def test_the_fixture(folder: Path) -> None:
         "got: 'many'",
         "expected: a number from 0 to 255 levels, or none",
     ]
-    assert "rules.py" not in done.stdout
+    assert "rules.py" not in done.stdout and "api.py" not in done.stdout, "pytest shows the test"
     assert (folder / "report.html").stat().st_size > 0
 
 
 def test_it_costs_nothing_before_it_is_used(folder: Path) -> None:
-    """And disturbs nobody: a run of pytest without our fixture is the same with the plugin, but for its name."""
+    """A run of pytest that does not use the fixture loads nothing but the plugin's module."""
     (folder / "test_frames.py").write_text("def test():\n    assert True\n", encoding="utf-8")
     program = (
         "import json, sys, pytest\n"
@@ -131,16 +130,16 @@ def test_it_costs_nothing_before_it_is_used(folder: Path) -> None:
         "sorted(name for name in sys.modules if name.startswith('hsplat'))]))"
     )
     arguments = ("-p", "no:cacheprovider", "-q", "--strict-markers", "--strict-config", "-W", "error")
-    told = []
+    loaded = []
     for plugin in ((), ("-p", PLUGIN)):
         done = run(folder, "-c", program, *arguments, *plugin, "test_frames.py")
-        told.append(json.loads(done.stdout.splitlines()[-1]))
-    assert told[0] == [0, [], []]
-    assert told[1] == [0, [], ["hsplat_cli", "hsplat_cli.compare", PLUGIN]]
+        loaded.append(json.loads(done.stdout.splitlines()[-1]))
+    assert loaded[0] == [0, [], []]
+    assert loaded[1] == [0, [], ["hsplat_cli", "hsplat_cli.compare", PLUGIN]]
 
 
-def test_the_installed_one_and_one_that_is_asked_for_are_one(folder: Path) -> None:
-    """As where hsplat is installed and a conftest.py names the plugin, too."""
+def test_an_installed_plugin_may_be_named_again(folder: Path) -> None:
+    """A conftest.py or `-p` names the plugin although hsplat is installed."""
     info = folder / "hsplat-1.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: hsplat\nVersion: 1\n", encoding="utf-8")
@@ -159,8 +158,7 @@ def test_the_installed_one_and_one_that_is_asked_for_are_one(folder: Path) -> No
         assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_pytest_finds_it_where_hsplat_is_installed() -> None:
-    """Under the name of its module, so that who names that, too, has it once."""
+def test_the_plugin_is_installed_under_the_name_of_its_module() -> None:
     if os.environ.get("HSPLAT_TEST_INSTALLED") == "1":
         assert PLUGIN in {found.name for found in metadata.entry_points(group="pytest11") if found.value == PLUGIN}
     else:

@@ -1,4 +1,4 @@
-"""Which PNG files are read, what is read from them, and that nothing else is."""
+"""PNG files are read exactly, and every other file is refused."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from png_files import SIGNATURE, chunk, interlaced, noise, png_file, unfiltered
+from png_files import chunk, interlaced, noise, png_file, unfiltered
 
 from hsplat_cli.compare.picture_file import MAX_PIXELS, read_picture
 from renderer.errors import InputError
-from renderer.film import encode_png
+from renderer.film import encode_png, join_png_chunks
 from renderer.scene import nearest_file_hint
 
 RGB, RGBA = noise(1, 13, 9), noise(2, 13, 9, 4)
@@ -33,7 +33,7 @@ def refused(folder: Path, content: bytes) -> str:
 
 
 @pytest.mark.parametrize("image", [RGB, RGBA], ids=["RGB", "RGBA"])
-def test_values_are_those_that_were_written(tmp_path: Path, image: np.ndarray) -> None:
+def test_pixels_are_those_that_were_encoded(tmp_path: Path, image: np.ndarray) -> None:
     for content in (encode_png(image), interlaced(image)):
         np.testing.assert_array_equal(read(tmp_path, content), image)
 
@@ -42,22 +42,19 @@ def test_values_are_those_that_were_written(tmp_path: Path, image: np.ndarray) -
     "more",
     [
         [(b"gAMA", struct.pack(">I", 45455))],
-        [(b"gAMA", struct.pack(">I", 100000))],
-        [(b"sRGB", b"\0")],
         [(b"iCCP", b"profile\0\0" + zlib.compress(bytes(200)))],
         [(b"tEXt", b"Comment\0" + bytes(range(1, 200)))],
-        [(b"pHYs", struct.pack(">IIB", 1, 9, 0))],
         [(b"eXIf", b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0")],  # turned by 90 degrees
         [(b"PLTE", bytes(9))],  # for displays of few colours
         [(b"zTXt", b"Comment\0\0" + zlib.compress(bytes(2**21)))],
     ],
     ids=lambda more: more[0][0].decode(),
 )
-def test_gamma_and_notes_change_nothing(tmp_path: Path, more: list[tuple[bytes, bytes]]) -> None:
+def test_ancillary_chunks_change_nothing(tmp_path: Path, more: list[tuple[bytes, bytes]]) -> None:
     np.testing.assert_array_equal(read(tmp_path, png_file(9, 13, unfiltered(RGB), more=more)), RGB)
 
 
-def test_values_under_full_transparency_are_read(tmp_path: Path) -> None:
+def test_invisible_colours_are_read(tmp_path: Path) -> None:
     image = noise(3, 4, 4, 4)
     image[..., 3] = 0
     np.testing.assert_array_equal(read(tmp_path, encode_png(image)), image)
@@ -77,105 +74,96 @@ def test_every_changed_byte_is_refused(tmp_path: Path) -> None:
         assert refused(tmp_path, bytes(changed))
 
 
-def test_too_little_data_in_chunks_that_are_whole(tmp_path: Path) -> None:
+def test_too_little_data_is_refused(tmp_path: Path) -> None:
     rows = unfiltered(RGB)
     for missing in (1, 28, len(rows) - 1):
         assert refused(tmp_path, png_file(9, 13, rows[:-missing])) == (
             "the PNG file is damaged: data that cannot be decoded"
         )
-    data = zlib.compress(rows)
-    header = struct.pack(">IIBBBBB", 9, 13, 8, 2, 0, 0, 0)
-    for cut in (1, 7, 60, len(data)):
-        chunks = chunk(b"IHDR", header) + chunk(b"IDAT", data[:-cut]) + chunk(b"IEND", b"")
-        if cut > 6:  # what is cut before is the checksum of the data, of which the chunk has one of its own
-            assert refused(tmp_path, SIGNATURE + chunks) == "the PNG file is damaged: data that cannot be decoded"
-    assert refused(tmp_path, SIGNATURE + chunk(b"IHDR", header) + chunk(b"IEND", b""))
+    data, header = zlib.compress(rows), struct.pack(">IIBBBBB", 9, 13, 8, 2, 0, 0, 0)
+    for cut in (7, 60, len(data)):
+        content = join_png_chunks([(b"IHDR", header), (b"IDAT", data[:-cut]), (b"IEND", b"")])
+        assert refused(tmp_path, content) == "the PNG file is damaged: data that cannot be decoded"
+
+
+def test_too_much_data_is_refused(tmp_path: Path) -> None:
+    for more in (1, 28, 10**6):
+        content = png_file(9, 13, unfiltered(RGB) + bytes(more))
+        assert refused(tmp_path, content) == "the PNG file is damaged: data that cannot be decoded"
 
 
 @pytest.mark.parametrize(
     ("fields", "words"),
     [
         ({"depth": 16}, "16-bit RGB"),
-        ({"depth": 16, "color_type": 6}, "16-bit RGBA"),
         ({"color_type": 0}, "8-bit grey"),
-        ({"depth": 1, "color_type": 0}, "1-bit grey"),
         ({"color_type": 4}, "8-bit grey with alpha"),
-        ({"color_type": 3, "more": [(b"PLTE", bytes(768))]}, "8-bit palette"),
         (
             {"color_type": 3, "more": [(b"PLTE", bytes(768)), (b"tRNS", b"\0")]},
             "8-bit palette with a transparent colour (tRNS)",
         ),
-        ({"color_type": 0, "more": [(b"tRNS", b"\0\0")]}, "8-bit grey with a transparent colour (tRNS)"),
         ({"more": [(b"tRNS", bytes(6))]}, "8-bit RGB with a transparent colour (tRNS)"),
         ({"more": [(b"acTL", struct.pack(">II", 2, 0))]}, "8-bit RGB with an animation (APNG)"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_other_kinds_of_pictures(tmp_path: Path, fields: dict[str, object], words: str) -> None:
+def test_other_kinds_of_pictures_are_refused(tmp_path: Path, fields: dict[str, object], words: str) -> None:
     content = png_file(4, 4, bytes(4 * 64), **fields)  # type: ignore[arg-type]
     assert refused(tmp_path, content) == f"not a picture in 8-bit RGB or RGBA: {words}"
 
 
-@pytest.mark.parametrize("size", [(100_000, 100_000), (2**31 - 1, 2**31 - 1), (MAX_PIXELS + 1, 1)])
-def test_a_picture_that_claims_to_be_huge(tmp_path: Path, size: tuple[int, int]) -> None:
+@pytest.mark.parametrize("size", [(2**31 - 1, 2**31 - 1), (MAX_PIXELS + 1, 1)])
+def test_a_huge_picture_is_refused(tmp_path: Path, size: tuple[int, int]) -> None:
     width, height = size
     assert refused(tmp_path, png_file(width, height, b"")) == f"too large a picture: {width} x {height} pixels"
 
 
-def test_chunks_that_must_not_be_there(tmp_path: Path) -> None:
+def test_unknown_critical_chunks_are_refused(tmp_path: Path) -> None:
     second_header = struct.pack(">IIBBBBB", 100_000, 100_000, 8, 2, 0, 0, 0)
     for more in ([(b"IHDR", second_header)], [(b"ABCD", b"")]):
         content = png_file(9, 13, unfiltered(RGB), more=more)
         assert refused(tmp_path, content) == "the PNG file is damaged: data that cannot be decoded"
 
 
-def test_data_in_many_chunks(tmp_path: Path) -> None:
+def test_data_may_be_in_many_chunks(tmp_path: Path) -> None:
     header, data = struct.pack(">IIBBBBB", 9, 13, 8, 2, 0, 0, 0), zlib.compress(unfiltered(RGB))
-    pieces = [chunk(b"IDAT", data[start : start + 7]) for start in range(0, len(data), 7)]
-    content = SIGNATURE + chunk(b"IHDR", header) + b"".join(pieces) + chunk(b"IDAT", b"") + chunk(b"IEND", b"")
+    pieces = [(b"IDAT", data[start : start + 7]) for start in range(0, len(data), 7)]
+    content = join_png_chunks([(b"IHDR", header), *pieces, (b"IDAT", b""), (b"IEND", b"")])
     np.testing.assert_array_equal(read(tmp_path, content), RGB)
 
 
-def test_what_comes_after_the_end(tmp_path: Path) -> None:
-    whole = encode_png(RGB)
-    end = chunk(b"IEND", b"")
-    for content in (whole + b"\r\n", whole + end, whole.removesuffix(end) + end + chunk(b"IDAT", b"") + end):
+def test_data_after_the_end_is_refused(tmp_path: Path) -> None:
+    whole, end = encode_png(RGB), chunk(b"IEND", b"")
+    for content in (whole + b"\r\n", whole + end):
         assert refused(tmp_path, content) == f"the PNG file is followed by something else: {len(content)} bytes"
-    header = struct.pack(">IIBBBBB", 9, 13, 8, 2, 0, 0, 0)
-    data = zlib.compress(unfiltered(RGB))
-    early_end = SIGNATURE + chunk(b"IHDR", header) + end + chunk(b"IDAT", data) + end
-    assert refused(tmp_path, early_end).startswith("the PNG file is followed by something else")
 
 
-def test_the_end_is_no_beginning(tmp_path: Path) -> None:
-    content = SIGNATURE + chunk(b"IEND", b"")
+def test_a_file_that_begins_with_its_end_is_refused(tmp_path: Path) -> None:
+    content = join_png_chunks([(b"IEND", b"")])
     assert refused(tmp_path, content) == f"the PNG file is damaged: {len(content)} bytes"
 
 
-def test_more_pieces_than_any_encoder_makes(tmp_path: Path) -> None:
+def test_too_many_chunks_are_refused(tmp_path: Path) -> None:
     content = png_file(9, 13, unfiltered(RGB), more=[(b"tEXt", b"")] * 2**16)
     assert refused(tmp_path, content) == f"the PNG file is in more than 65536 pieces: {len(content)} bytes"
 
 
-def test_no_pixels(tmp_path: Path) -> None:
+def test_a_picture_without_pixels_is_refused(tmp_path: Path) -> None:
     assert refused(tmp_path, png_file(0, 4, b"")) == "the PNG file is damaged: data that cannot be decoded"
 
 
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"", "an empty file: None"),
-        (b"\xff\xd8\xff\xe0 and so on", "not a PNG file: a JPEG file"),
         (b"GIF89a and so on", "not a PNG file: a GIF file"),
-        (b"version https://git-lfs.github.com/spec/v1\noid sha256:00\n", "not a PNG file: a Git LFS pointer"),
         (b"nothing known", "not a PNG file: None"),
     ],
 )
-def test_other_files(tmp_path: Path, content: bytes, words: str) -> None:
+def test_other_files_are_refused(tmp_path: Path, content: bytes, words: str) -> None:
     assert refused(tmp_path, content) == words
 
 
-def test_what_is_no_file(tmp_path: Path) -> None:
+def test_paths_that_are_no_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "folder.png").mkdir()
     os.mkfifo(tmp_path / "pipe.png")
     (tmp_path / "link.png").symlink_to("nowhere")
@@ -190,12 +178,9 @@ def test_what_is_no_file(tmp_path: Path) -> None:
         assert f"{caught.value.what}: {caught.value.got}" == words
 
 
-def test_a_link_to_nothing_is_not_what_was_meant_instead_of_it(tmp_path: Path) -> None:
-    link = tmp_path / "picture.png"
-    link.symlink_to("nowhere")
-    assert nearest_file_hint(link) is None
-    (tmp_path / "pictures.png").touch()
-    assert nearest_file_hint(link) == f"did you mean {tmp_path / 'pictures.png'}?"
+def test_a_broken_link_is_not_its_own_hint(tmp_path: Path) -> None:
+    (tmp_path / "picture.png").symlink_to("nowhere")
+    assert nearest_file_hint(tmp_path / "picture.png") is None
 
 
 def test_a_link_is_followed(tmp_path: Path) -> None:

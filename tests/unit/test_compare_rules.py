@@ -1,7 +1,8 @@
-"""Which limits a frame has, from four places, and what is refused in them."""
+"""The limits of a frame come from its level, the file beside the goldens and the command line."""
 
 from __future__ import annotations
 
+import importlib.util
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -23,19 +24,15 @@ def write(folder: Path, text: str) -> Path:
     return folder
 
 
-def test_the_default_level(tmp_path: Path) -> None:
-    assert load_rules(tmp_path).limits_for("any.png") == SAME_MACHINE
-
-
 @pytest.mark.parametrize("level", STRICTNESS_LEVELS)
-def test_levels(tmp_path: Path, level: str) -> None:
+def test_a_level_comes_from_the_option_or_the_file(tmp_path: Path, level: str) -> None:
     assert load_rules(tmp_path, level).limits_for("any.png") == STRICTNESS_LEVELS[level].limits
     write(tmp_path, f"level: {level}")
     assert load_rules(tmp_path).limits_for("any.png") == STRICTNESS_LEVELS[level].limits
     assert load_rules(tmp_path, "exact").limits_for("any.png") == STRICTNESS_LEVELS["exact"].limits
 
 
-def test_the_later_holds(tmp_path: Path) -> None:
+def test_options_override_frames_which_override_the_file_and_its_level(tmp_path: Path) -> None:
     write(
         tmp_path,
         "level: cross-driver\n"
@@ -56,7 +53,7 @@ def test_the_later_holds(tmp_path: Path) -> None:
     assert rules.limits_for("frame-0007.png") == {**seven, "ssim": 0.9}
 
 
-def test_a_level_that_is_asked_for_takes_the_place_of_the_file(tmp_path: Path) -> None:
+def test_a_level_on_the_command_line_replaces_the_file(tmp_path: Path) -> None:
     write(tmp_path, "limits: {largest: 200, p99: none}\nframes: {a.png: {ssim: 0.9}}\n")
     rules = load_rules(tmp_path, "exact")
     assert rules.limits_for("a.png") == rules.limits_for("b.png") == STRICTNESS_LEVELS["exact"].limits
@@ -69,7 +66,7 @@ def test_a_level_that_is_asked_for_takes_the_place_of_the_file(tmp_path: Path) -
     assert list(load_rules(tmp_path, "exact").notes) == []
 
 
-def test_other_limits_than_the_level_has_are_told(tmp_path: Path) -> None:
+def test_limits_that_differ_from_the_level_are_listed(tmp_path: Path) -> None:
     write(
         tmp_path,
         "level: cross-driver\n"
@@ -88,30 +85,30 @@ def test_other_limits_than_the_level_has_are_told(tmp_path: Path) -> None:
 
 
 @given(st.dictionaries(st.sampled_from(list(COMPARISON_METRICS)), st.one_of(st.none(), st.floats(0, 1)), max_size=6))
-def test_limits_are_in_the_order_in_which_they_are_looked_at(changes: dict[str, float | None]) -> None:
+def test_limits_are_in_the_order_of_the_metrics(changes: dict[str, float | None]) -> None:
     names = list(Rules(limits=changes).limits_for(""))
     assert names == [name for name in COMPARISON_METRICS if name in names]
 
 
 @pytest.mark.parametrize(("name", "words"), [("level", STRICTNESS_LEVELS), ("limits", COMPARISON_METRICS)])
-def test_the_help_names_all(name: str, words: Iterable[str]) -> None:
+def test_the_help_names_all_levels_and_metrics(name: str, words: Iterable[str]) -> None:
     (option,) = [option for option in compare.params if option.name == name]
     assert isinstance(option, click.Option)
     assert [word for word in words if word not in str(option.help)] == []
 
 
-def test_the_file_is_beside_a_file(tmp_path: Path) -> None:
+def test_the_file_is_read_from_the_folder_of_the_goldens(tmp_path: Path) -> None:
     write(tmp_path, "level: exact")
     for name in ("frame-0000.png", "frame-{frame:04}.png", "film.mp4"):
         assert load_rules(tmp_path / name).level == "exact"
 
 
 @pytest.mark.parametrize("text", ["", "# nothing\n", "{}"])
-def test_a_file_that_says_nothing(tmp_path: Path, text: str) -> None:
+def test_an_empty_file_changes_nothing(tmp_path: Path, text: str) -> None:
     assert load_rules(write(tmp_path, text)).limits_for("") == SAME_MACHINE
 
 
-def test_frames_that_are_not_there(tmp_path: Path) -> None:
+def test_limits_of_unknown_frames_are_refused(tmp_path: Path) -> None:
     write(tmp_path, "frames:\n  a.png: {largest: 2}\n  b.png: {largest: 2}\n  frame 3: {largest: 2}\n")
     (tmp_path / "b.png").touch()  # a golden of which only another one is compared
     rules = load_rules(tmp_path)
@@ -124,9 +121,16 @@ def test_frames_that_are_not_there(tmp_path: Path) -> None:
     ]
 
 
+def test_packages_of_limits_for_some_frames_are_required(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write(tmp_path, "level: exact\nframes: {a.png: {ssim: 0.9}}\n")
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    assert load_rules(tmp_path, "exact").limits_for("a.png") == STRICTNESS_LEVELS["exact"].limits
+    with pytest.raises(InputError, match="the package skimage is not installed"):
+        load_rules(tmp_path)
+
+
 @pytest.mark.parametrize("where", ["limits", "frames", "overrides"])
-def test_something_stays_limited(tmp_path: Path, where: str) -> None:
-    """Or every frame would pass."""
+def test_every_frame_has_a_limit(tmp_path: Path, where: str) -> None:
     none = dict.fromkeys(SAME_MACHINE, "none")
     flow = "{" + ", ".join(f"{name}: none" for name in none) + "}"
     if where != "overrides":
@@ -139,7 +143,7 @@ def test_something_stays_limited(tmp_path: Path, where: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["folder", "link", "pipe", "other"])
-def test_a_file_that_cannot_be_read_is_not_passed_over(tmp_path: Path, kind: str) -> None:
+def test_an_unreadable_file_is_refused(tmp_path: Path, kind: str) -> None:
     path = tmp_path / "compare.yaml"
     if kind == "folder":
         path.mkdir()

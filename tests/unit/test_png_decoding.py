@@ -1,10 +1,9 @@
-"""PNG files that were written here, read again: the very pixels, or ValueError."""
+"""The decoder of our own PNG files returns the encoded pixels, or raises ValueError."""
 
 from __future__ import annotations
 
 import struct
 import zlib
-from pathlib import Path
 
 import imageio.v3 as iio
 import numpy as np
@@ -14,17 +13,14 @@ import pytest
 from renderer.film import Picture, encode_png, join_png_chunks, png_chunks
 from renderer.film.png import decode_png
 
-FRAMES = sorted((Path(__file__).parents[1] / "golden" / "frames").glob("*/*.png"))
-
 
 def noise(*shape: int) -> npt.NDArray[np.uint8]:
     return np.random.default_rng(1).integers(0, 256, shape, dtype=np.uint8)
 
 
 @pytest.mark.parametrize("channels", [3, 4])
-@pytest.mark.parametrize("size", [(1, 1), (1, 9), (9, 1), (5, 7), (64, 33), (300, 256)])
-def test_a_picture_is_what_it_was(size: tuple[int, int], channels: int) -> None:
-    """And what another decoder makes of it."""
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (9, 1), (300, 256)])
+def test_encoded_pixels_are_decoded_here_and_elsewhere(size: tuple[int, int], channels: int) -> None:
     image = noise(*size, channels)
     content = encode_png(image)
     decoded = decode_png(content)
@@ -33,23 +29,14 @@ def test_a_picture_is_what_it_was(size: tuple[int, int], channels: int) -> None:
     np.testing.assert_array_equal(decoded, iio.imread(content, extension=".png"))
 
 
-@pytest.mark.parametrize("path", FRAMES, ids=lambda path: f"{path.parent.name}/{path.name}")
-def test_drawn_frames_are_what_another_decoder_makes_of_them(path: Path) -> None:
-    image = np.asarray(iio.imread(path))
-    np.testing.assert_array_equal(decode_png(encode_png(image)), image)
-
-
-def test_there_are_drawn_frames() -> None:
-    assert len(FRAMES) > 10
-
-
-@pytest.mark.parametrize("value", [0, 1, 255])
-def test_what_compresses_best(value: int) -> None:
+@pytest.mark.parametrize("value", [0, 255])
+def test_even_pictures_are_decoded(value: int) -> None:
+    """These compress best, and a limit of the expansion must not refuse them."""
     image = np.full((2000, 3000, 4), value, np.uint8)
     np.testing.assert_array_equal(decode_png(encode_png(image)), image)
 
 
-def test_pictures_larger_than_other_decoders_take(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pictures_may_be_larger_than_other_decoders_allow(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("PIL.Image.MAX_IMAGE_PIXELS", 16)
     image = noise(7, 9, 3)
     np.testing.assert_array_equal(Picture(png=encode_png(image)).pixels, image)
@@ -65,7 +52,7 @@ def file_of(rows: bytes, header: bytes = HEADER, end: bytes = b"") -> bytes:
     return join_png_chunks([(b"IHDR", header), (b"IDAT", zlib.compress(rows) + end), (b"IEND", b"")])
 
 
-def test_the_file_that_the_others_differ_from() -> None:
+def test_the_file_from_which_the_others_differ_is_decoded() -> None:
     assert decode_png(file_of(4 * ROW)).shape == SHAPE
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -49,7 +49,6 @@ _MAX_LINE_LENGTH = 200
 _MAX_VOXELS = 2**62
 
 _GOLDEN_FILE = re.compile(r"frame-([0-9]{4,9})\.png")
-_DIGEST = re.compile("[0-9a-f]{32}")
 
 
 @dataclass(frozen=True)
@@ -89,20 +88,22 @@ def origin_from_sidecar(sidecar: Mapping[str, Any]) -> dict[str, Any]:
     It leaves out where the volume lies, and the name, rate and quality of a film: goldens are PNG files.
     """
     cause, volume = sidecar["cause"]["of"], sidecar["volume"]
-    section = {key: value for key, value in sidecar["scene"]["volume"].items() if key != "file"}
+    section = _without(sidecar["scene"]["volume"], "file")
     if "raw" in section:
-        section["raw"] = {key: value for key, value in section["raw"].items() if key != "file"}
+        section["raw"] = _without(section["raw"], "file")
     return {
         "volume": {
             "name": to_single_line(Path(volume["name"]).name),
-            "fingerprint": volume["fingerprint"],
-            "shape": volume["shape"],
-            "dtype": volume["dtype"],
+            **{key: volume[key] for key in ("fingerprint", "shape", "dtype")},
         },
         "gl": to_single_line(sidecar["gl"]),
         "scene": cause["scene"] | {"volume": section},
         "versions": {name: to_single_line(version) for name, version in cause["versions"].items()},
     }
+
+
+def _without(mapping: Mapping[str, Any], key: str) -> dict[str, Any]:
+    return {other: value for other, value in mapping.items() if other != key}
 
 
 def to_single_line(text: str) -> str:
@@ -119,15 +120,11 @@ def describe_changes(before: Mapping[str, Any], now: Mapping[str, Any], *parts: 
 
     The name of the volume is ignored.
     """
-    named = parts or _PARTS
-    return describe_differences(_without_name(before, named), _without_name(now, named))
-
-
-def _without_name(origin: Mapping[str, Any], parts: Sequence[str]) -> dict[str, Any]:
-    found = {part: origin[part] for part in parts}
-    if "volume" in found:
-        found["volume"] = {key: value for key, value in found["volume"].items() if key != "name"}
-    return found
+    compared = [
+        {part: _without(origin[part], "name") if part == "volume" else origin[part] for part in parts or _PARTS}
+        for origin in (before, now)
+    ]
+    return describe_differences(*compared)
 
 
 def provenance_bytes(provenance: Provenance) -> bytes:
@@ -175,16 +172,12 @@ def read_provenance(folder: Path) -> Provenance:
     return Provenance(origin, given["frames"])
 
 
-def _parse_line(node: TreeNode) -> str:
-    if isinstance(node.value, str) and _is_single_line(node.value):
-        return node.value
-    return _LINE.reject(node, "not a line of text")
+def _matching_text(expected: str, what: str, is_valid: Callable[[str], object]) -> FieldType[str]:
+    def parse(node: TreeNode) -> str:
+        return node.value if isinstance(node.value, str) and is_valid(node.value) else field.reject(node, what)
 
-
-def _parse_digest(node: TreeNode) -> str:
-    if isinstance(node.value, str) and _DIGEST.fullmatch(node.value):
-        return node.value
-    return _HEX.reject(node, "not a digest")
+    field = FieldType(expected, parse)
+    return field
 
 
 def _parse_versions(node: TreeNode) -> dict[str, str]:
@@ -197,15 +190,15 @@ def _parse_goldens(node: TreeNode) -> tuple[Golden, ...]:
     if not isinstance(node.value, list) or not node.value:
         return _GOLDENS.reject(node, "no golden frames")
     found: list[Golden] = []
-    wrong: tuple[Golden, ...] = INVALID
     for index, item in enumerate(node.value):
         num_problems = len(node.problems)
         golden = _GOLDEN.read(node.child(index, item))
         if len(node.problems) > num_problems:
-            return wrong
+            break
         if found and golden.frame <= found[-1].frame:
             got, expected = f"{golden.frame} after {found[-1].frame}", "frames in ascending order, each once"
-            return _GOLDENS.reject(node.child(index).child("frame"), "frames out of order", got=got, expected=expected)
+            node.child(index).child("frame").add_problem("frames out of order", got=got, expected=expected)
+            break
         found.append(golden)
     return tuple(found)
 
@@ -221,8 +214,8 @@ def _build_golden(node: TreeNode, given: dict[str, Any]) -> Golden:
     return Golden(**given)
 
 
-_LINE = FieldType(f"one line of at most {_MAX_LINE_LENGTH} characters", _parse_line)
-_HEX = FieldType("32 hexadecimal digits", _parse_digest)
+_LINE = _matching_text(f"one line of at most {_MAX_LINE_LENGTH} characters", "not a line of text", _is_single_line)
+_HEX = _matching_text("32 hexadecimal digits", "not a digest", re.compile("[0-9a-f]{32}").fullmatch)
 _VOLUME_TABLE: FieldTable = {
     "name": _LINE,
     "fingerprint": _HEX,

@@ -15,7 +15,7 @@ from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import Job, load_job
 from hsplat_cli.terminal import Reporter
 from renderer.errors import InputError, RenderError
-from renderer.scene import MetricTarget, Scene, TimeBudget
+from renderer.scene import MetricTarget, TimeBudget
 
 _TEMPLATE = Path("frame-{frame}.png")
 
@@ -35,27 +35,24 @@ def load_reproducible_job(scene: Path, *, overrides: Sequence[str] = (), volume:
     Raises InputError if frames depend on the machine's speed or on other frames, or are too large to be read again.
     """
     job = load_job(scene, overrides=overrides, volume=volume, output=_TEMPLATE, draws="nothing")
-    _require_reproducible(job.scene, scene)
+    goal = job.scene.error.goal
+    if isinstance(goal, TimeBudget):
+        what, key = "frames within a time budget differ from run to run", "seconds"
+    elif isinstance(goal, MetricTarget):
+        what, key = "frames for an accuracy depend on the other frames", goal.metric
+    else:
+        what, key = "", ""
+    if what:
+        raise InputError(
+            f"{what}, and cannot be golden",
+            where=f"{scene}: error.{key}",
+            hint="render a film, and give the JSON file beside it in place of the scene: it has tolerances",
+        )
     width, height = job.scene.output.size
     if width * height > MAX_PIXELS:
         got, expected = f"{width} x {height}", f"at most {MAX_PIXELS} pixels, as 8192 x 4096"
         raise InputError("too large to be compared", where=f"{scene}: output.size", got=got, expected=expected)
     return job
-
-
-def _require_reproducible(scene: Scene, path: Path) -> None:
-    goal = scene.error.goal
-    if isinstance(goal, TimeBudget):
-        what, where = "frames within a time budget differ from run to run", "error.seconds"
-    elif isinstance(goal, MetricTarget):
-        what, where = "frames for an accuracy depend on the other frames", f"error.{goal.metric}"
-    else:
-        return
-    raise InputError(
-        f"{what}, and cannot be golden",
-        where=f"{path}: {where}",
-        hint="render a film, and give the JSON file beside it in place of the scene: it has tolerances",
-    )
 
 
 @contextlib.contextmanager

@@ -22,7 +22,7 @@ from hsplat_cli.compare.golden.provenance import (
     provenance_bytes,
     read_provenance,
 )
-from hsplat_cli.compare.golden.render import RenderedFrames, rendered_frames
+from hsplat_cli.compare.golden.render import rendered_frames
 from hsplat_cli.compare.golden.update_plan import GoldenUpdate, describe_update, plan_update, unrequested_lines
 from hsplat_cli.compare.rules import LIMITS_FILE
 from hsplat_cli.executors import ExecutorSpec
@@ -30,7 +30,7 @@ from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import Reporter, counted, deferrable_interrupts
 from renderer.errors import InputError
 from renderer.film import lock_slots, staged_files, translate_os_errors
-from renderer.scene import MAX_SCENE_BYTES
+from renderer.scene import MAX_SCENE_BYTES, read_bounded
 
 _STAGING_FOLDER = "golden.unfinished"
 
@@ -74,7 +74,7 @@ def update_goldens(
             )
             plan.require_one_origin(folder)
             must_ask = provenance is not None and plan.changes_anything and not golden_options.yes
-            for line in _report(plan, rendered, folder):
+            for line in (*(f"note: {note}" for note in rendered.notes), *_report(plan, folder)):
                 (reporter.result if must_ask else reporter.line)(line)
             if not plan.changes_anything:
                 return
@@ -82,30 +82,26 @@ def update_goldens(
                 reporter.result("nothing was written")
                 raise click.exceptions.Exit(1)
             _apply(plan, folder)
-    num_written, goldens = len(plan.sources), counted(len(plan.after.goldens), "golden")
-    written = goldens if num_written == len(plan.after.goldens) else f"{num_written} of {goldens} written"
+    num_written, num_goldens = len(plan.changes), len(plan.after.goldens)
+    goldens = counted(num_goldens, "golden")
+    written = goldens if num_written == num_goldens else f"{num_written} of {goldens} written"
     reporter.line(f"{folder}: {written}")
     reporter.line(f"origin: {folder / PROVENANCE_FILE}")
 
 
-def _report(plan: GoldenUpdate, rendered: RenderedFrames, folder: Path) -> Iterator[str]:
+def _report(plan: GoldenUpdate, folder: Path) -> Iterator[str]:
     """Return the lines to print before anything is written."""
-    yield from (f"note: {note}" for note in rendered.notes)
     if not plan.changes_anything:
         yield f"{folder}: nothing changes"
         yield from unrequested_lines(plan)
     elif plan.before is not None:
         yield from describe_update(plan)
-        yield from _stale_limit_notes(plan.removed, folder)
+        yield from _stale_limit_notes(plan.removed, folder / LIMITS_FILE)
 
 
-def _stale_limit_notes(removed: Sequence[Golden], folder: Path) -> Iterator[str]:
+def _stale_limit_notes(removed: Sequence[Golden], path: Path) -> Iterator[str]:
     """Return a line on removed goldens that the file of limits still names."""
-    path = folder / LIMITS_FILE
-    if not path.is_file():
-        return
-    with translate_os_errors(path), path.open("rb") as file:
-        content = file.read(MAX_SCENE_BYTES)
+    content = read_bounded(path, MAX_SCENE_BYTES, "a file of limits") if path.is_file() else b""
     named = [golden.file for golden in removed if golden.file.encode() in content]
     if named:
         yield f"{path} still names removed goldens, which `hsplat compare` refuses: {', '.join(named)}"
@@ -114,10 +110,10 @@ def _stale_limit_notes(removed: Sequence[Golden], folder: Path) -> Iterator[str]
 def _apply(plan: GoldenUpdate, folder: Path) -> None:
     with deferrable_interrupts() as defer_interrupts, staged_files(folder / _STAGING_FOLDER) as write:
         write(folder / PROVENANCE_FILE, provenance_bytes(plan.after))
-        for name, source in plan.sources.items():
-            with translate_os_errors(source):
-                content = source.read_bytes()
-            write(folder / name, content)
+        for change in sorted(plan.changes, key=lambda change: change.file):
+            with translate_os_errors(change.source):
+                content = change.source.read_bytes()
+            write(folder / change.file, content)
         defer_interrupts()
         for golden in plan.removed:
             with translate_os_errors(folder / golden.file):

@@ -27,11 +27,12 @@ _MAX_NAMES = 5
 class GoldenChange:
     """A golden to write.
 
-    why: `is new`, or why it cannot be compared with the existing one. figures: errors against the existing one, by the
-    names of COMPARISON_METRICS; empty with a `why`.
+    source: the rendered picture. why: `is new`, or why it cannot be compared with the existing golden. figures: errors
+    against the existing one, by the names of COMPARISON_METRICS; empty with a `why`.
     """
 
     file: str
+    source: Path
     why: str = ""
     figures: Mapping[str, float] = field(default_factory=dict)
 
@@ -40,42 +41,36 @@ class GoldenChange:
 class GoldenUpdate:
     """The update of a folder.
 
-    before, after: content of golden.json; no `before` for the first goldens.
-    sources: rendered picture of each golden to write, by its file name. changes: of the same files, worst first.
+    before, after: content of golden.json; no `before` for the first goldens. changes: goldens to write, worst first.
     removed: goldens to remove. unrequested: goldens that are kept although their frames are not requested.
-    num_requested: number of rendered frames.
     """
 
     before: Provenance | None
     after: Provenance
-    sources: Mapping[str, Path]
     changes: Sequence[GoldenChange]
     removed: Sequence[Golden]
     unrequested: Sequence[Golden]
-    num_requested: int
 
     @property
     def changes_anything(self) -> bool:
         """Whether anything is written. A new date, version or driver alone is not: the pictures' origin stays."""
-        return bool(self.changes or self._scene_changes()) or self._previous_goldens != self.after.goldens
+        is_listed = self.before is not None and self.before.goldens == self.after.goldens
+        return not is_listed or bool(self.changes or self._scene_changes)
 
     def require_one_origin(self, folder: Path) -> None:
         """Raise InputError if goldens of another scene or volume would stay: golden.json has one origin for all."""
-        if self.unrequested and (other := self._scene_changes()):
+        if self.unrequested and self._scene_changes:
             raise InputError(
                 f"goldens of another origin would stay, and {PROVENANCE_FILE} has one origin for all",
                 where=str(folder),
-                got=other,
+                got=self._scene_changes,
                 hint=f"update all frames, or remove the others by --prune: {_names(self.unrequested)}",
             )
 
-    def _scene_changes(self) -> str:
-        """Describe changes of the scene or the volume."""
-        return "" if self.before is None else describe_changes(self.before.origin, self.after.origin, "volume", "scene")
-
     @property
-    def _previous_goldens(self) -> tuple[Golden, ...]:
-        return () if self.before is None else self.before.goldens
+    def _scene_changes(self) -> str:
+        """Changes of the scene or the volume, in words."""
+        return "" if self.before is None else describe_changes(self.before.origin, self.after.origin, "volume", "scene")
 
 
 def plan_update(
@@ -92,44 +87,38 @@ def plan_update(
     names: file names of all requested frames. date: of changed pictures; the others keep theirs. prune: remove goldens
     of other frames.
     """
-    listed = {} if before is None else {golden.frame: golden for golden in before.goldens}
-    found = {
-        frame: _compare(folder / name, rendered.files[frame], is_new=frame not in listed)
-        for frame, name in names.items()
-    }
-    sources = {names[frame]: rendered.files[frame] for frame, change in found.items() if change is not None}
-    goldens = []
+    listed = {golden.frame: golden for golden in before.goldens} if before else {}
+    changes: list[GoldenChange] = []
+    goldens: list[Golden] = []
     for frame, name in names.items():
-        source = sources.get(name, folder / name)
-        with translate_os_errors(source):
-            drawn_on = date if name in sources else listed[frame].date
-            goldens.append(Golden(frame, name, file_digest(source), drawn_on))
+        change = _compare(folder / name, rendered.files[frame], is_new=frame not in listed)
+        path = folder / name
+        if change is not None:
+            changes.append(change)
+            path = change.source
+        with translate_os_errors(path):
+            goldens.append(Golden(frame, name, file_digest(path), date if change else listed[frame].date))
     others = [golden for frame, golden in listed.items() if frame not in names]
-    stays = {golden: not prune and os.path.lexists(folder / golden.file) for golden in others}
-    unrequested = [golden for golden in others if stays[golden]]
-    removed = [golden for golden in others if not stays[golden]]
-    listed_after = tuple(sorted([*goldens, *unrequested], key=lambda golden: golden.frame))
-    after = Provenance(rendered.origin, listed_after)
-    worst_first = sorted(
-        (change for change in found.values() if change is not None), key=_change_sort_key, reverse=True
-    )
-    return GoldenUpdate(before, after, sources, worst_first, removed, unrequested, len(names))
+    removed = [golden for golden in others if prune or not os.path.lexists(folder / golden.file)]
+    unrequested = [golden for golden in others if golden not in removed]
+    after = Provenance(rendered.origin, tuple(sorted([*goldens, *unrequested], key=lambda golden: golden.frame)))
+    return GoldenUpdate(before, after, sorted(changes, key=_change_sort_key, reverse=True), removed, unrequested)
 
 
 def _compare(path: Path, source: Path, *, is_new: bool) -> GoldenChange | None:
     """Compare a rendered picture with the existing golden; return None if all pixels are equal."""
     if is_new or not os.path.lexists(path):
-        return GoldenChange(path.name, "is new" if is_new else "is missing")
+        return GoldenChange(path.name, source, "is new" if is_new else "is missing")
     try:
         golden = read_picture(path)
     except InputError as error:
-        return GoldenChange(path.name, f"cannot be read: {error.what}")
+        return GoldenChange(path.name, source, f"cannot be read: {error.what}")
     actual = read_picture(source)
     if golden.shape != actual.shape:
-        return GoldenChange(path.name, f"changes from {_shape(golden.shape)} to {_shape(actual.shape)}")
+        return GoldenChange(path.name, source, f"changes from {_shape(golden.shape)} to {_shape(actual.shape)}")
     if np.array_equal(golden, actual):
         return None
-    return GoldenChange(path.name, figures=FrameDifference(golden, actual).metrics(_FIGURES))
+    return GoldenChange(path.name, source, figures=FrameDifference(golden, actual).metrics(_FIGURES))
 
 
 def _shape(shape: tuple[int, ...]) -> str:
@@ -144,8 +133,7 @@ def _change_sort_key(change: GoldenChange) -> tuple[bool, list[float]]:
 def describe_update(plan: GoldenUpdate) -> Iterator[str]:
     """Return lines for the terminal: changes and their size, removed and kept goldens, and the probable cause."""
     assert plan.before is not None, "first goldens are not an update"
-    num_changes, num_requested = len(plan.changes), plan.num_requested
-    frames = counted(num_requested, "frame")
+    num_changes, frames = len(plan.changes), counted(len(plan.after.goldens) - len(plan.unrequested), "frame")
     if num_changes:
         yield f"{num_changes} of {frames} change{'s' * (num_changes == 1)}:"
         yield from _lines_of(plan.changes)
