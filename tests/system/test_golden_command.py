@@ -97,7 +97,7 @@ def test_some_frames_can_be_golden(frames: str, numbers: list[int], capsys: pyte
     assert sorted(FOLDER.glob("*.png")) == [FOLDER / NAMES[number] for number in numbers]
 
 
-def test_an_accepted_update_overwrites_goldens(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_accepted_update_writes(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     assert golden("--quiet", "--date", "first") == 0
     before = files()
     answer(monkeypatch, "y")
