@@ -296,8 +296,7 @@ simulated: random values move up or down by a level. The reference draws only sm
     ),
     "splats": Part(
         "Splats",
-        """The footprint `gaussian`; one scene has `gouraud`.
-""",
+        "",
         """Machines other than this one are simulated by child processes with another environment:
 `LP_NUM_THREADS`, `LP_NATIVE_VECTOR_WIDTH`, `GALLIUM_OVERRIDE_CPU_CAPS`, `GALLIUM_DRIVER`, or the libraries of another
 Mesa, as Linux distributions package it, unpacked to a folder. Other rounding is simulated: random values move up or

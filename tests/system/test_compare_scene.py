@@ -14,7 +14,7 @@ from hsplat_cli import main
 from hsplat_cli.compare import scene_pairs
 from renderer.film import encode_png
 
-SCENE = small_scene(shape="16, 16, 8", frames=4, footprint=None)
+SCENE = small_scene(shape="16, 16, 8", frames=4)
 FOLDER = Path("goldens")
 
 

@@ -24,7 +24,7 @@ from renderer.frame import Frame
 
 CODE = Path(main.__file__).parents[1]
 
-SCENE = small_scene(shape="16, 16, 8", frames=4, footprint=None)
+SCENE = small_scene(shape="16, 16, 8", frames=4)
 FOLDER = Path("goldens")
 NAMES = [f"frame-000{number}.png" for number in range(4)]
 OTHER = ["--set", "transfer_function.points.2.color=red"]
