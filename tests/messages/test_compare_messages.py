@@ -119,7 +119,7 @@ def test_the_same_files(refused: Refused, capsys: pytest.CaptureFixture[str]) ->
     assert main.run(["compare", "golden", "actual"]) == 0
     assert capsys.readouterr().out == (
         "3 frames pass at same-machine: 3 the same\n"
-        "note: 2 frames of ACTUAL are links to the golden: 'frame-0001.png' and 'frame-0002.png'\n"
+        "note: 2 frames of ACTUAL are links to the golden: 'frame-0001.png', 'frame-0002.png'\n"
     )
 
 
@@ -148,7 +148,7 @@ def test_nothing_in_common(refused: Refused) -> None:
     Path("golden/frame-0003.png").write_bytes(b"")
     assert refused() == (
         "actual: no frame of ACTUAL has the name of a golden\n"
-        '  got: "f\'0000.png", "f\'0001.png" and "f\'0002.png"\n'
+        '  got: "f\'0000.png", "f\'0001.png", "f\'0002.png"\n'
         "  expected: 'frame-0000.png', 'frame-0001.png', 'frame-0002.png' and 1 more, as in golden\n"
     )
 

@@ -80,16 +80,14 @@ def test_what_an_update_changes() -> None:
     plan = GoldenUpdate(
         before=provenance(0, 1, 2, 3, 7, 8),
         after=provenance(0, 1, 2, 3, 4, 8, gl="softpipe", versions={"numpy": "2.2.0"}),
-        sources={},
         changes=(
-            GoldenChange("frame-0004.png", "is new"),
-            GoldenChange("frame-0003.png", "changes from 32 x 32 RGB to 36 x 32 RGBA"),
-            GoldenChange("frame-0001.png", figures=figures(41, 9.3084, 12, 1.25)),
-            GoldenChange("frame-0000.png", figures=figures(1, 0.0052, 0, 0.00031)),
+            GoldenChange("frame-0004.png", Path(), "is new"),
+            GoldenChange("frame-0003.png", Path(), "changes from 32 x 32 RGB to 36 x 32 RGBA"),
+            GoldenChange("frame-0001.png", Path(), figures=figures(41, 9.3084, 12, 1.25)),
+            GoldenChange("frame-0000.png", Path(), figures=figures(1, 0.0052, 0, 0.00031)),
         ),
         removed=(Golden(7, "frame-0007.png", DIGEST),),
         unrequested=(Golden(8, "frame-0008.png", DIGEST),),
-        num_requested=5,
     )
     assert "\n".join(describe_update(plan)) == (
         f"""\
@@ -114,7 +112,7 @@ changed since they were rendered: gl was 'llvmpipe'; versions.numpy was '2.1.0'"
     [
         (provenance(0, versions={}), (), "no pixel of 1 frame changes\nchanged since they were rendered: "
          "versions.numpy was '2.1.0'"),
-        (provenance(0, 1), (), "no pixel of 1 frame changes\n"
+        (provenance(0, 1), (), "no pixel of 2 frames changes\n"
          "golden.json changes: the files differ from those it lists"),
         (provenance(0), provenance(*range(1, 8)).goldens, "no pixel of 1 frame changes\n"
          "to be removed, because not requested: frame-0001.png, frame-0002.png, frame-0003.png, frame-0004.png, "
@@ -122,7 +120,7 @@ changed since they were rendered: gl was 'llvmpipe'; versions.numpy was '2.1.0'"
     ],
 )  # fmt: skip
 def test_an_update_without_pixels(after: Provenance, removed: tuple[Golden, ...], text: str) -> None:
-    plan = GoldenUpdate(provenance(0), after, {}, (), removed, (), 1)
+    plan = GoldenUpdate(provenance(0), after, (), removed, ())
     assert "\n".join(describe_update(plan)) == text
 
 
