@@ -50,7 +50,7 @@ def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None
         scene=output or Path("scene.yaml"),
         output=Path(f"{base_name(volume)}.mp4"),
     )
-    for line in scene.summary_lines():
+    for line in (f"{scene.kind}; {scene.reason}", *scene.notes):
         reporter.status(f"{volume}: {line}")
     if output is None:
         # As bytes, because the terminal's encoding is not that of the file that this may become.

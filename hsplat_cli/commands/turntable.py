@@ -14,12 +14,10 @@ from hsplat_cli.executors import ExecutorSpec, executor_options, require_executo
 from hsplat_cli.scenes import (
     FILM_OPTION_NAMES,
     FilmOptions,
-    NamedVolume,
     default_output,
     expand_volumes,
     film_options,
     name_volumes,
-    require_colormap,
     volume_options,
     volume_spec,
 )
@@ -73,7 +71,6 @@ def turntable(
     a transfer function that suits the values, to be edited; NAME.mp4; and turntable.json, which lists the result of
     each. A volume that fails does not stop the others; the exit code is then 1.
     """
-    require_colormap(colormap)
     executor = ExecutorSpec(workers, scheduler)
     require_executor(executor)
     if options["background"] == "transparent" and kind != "png":
@@ -86,16 +83,16 @@ def turntable(
     film = FilmOptions(**{key: options[key] for key in FILM_OPTION_NAMES})
     requests = [
         FilmRequest(
-            volume=volume_spec(one.volume, options),
+            volume=volume_spec(volume, options),
             film=film,
             colormap=colormap,
-            scene=folder / f"{one.name}.yaml",
-            output=default_output(one.name, kind, folder),
+            scene=folder / f"{film_name}.yaml",
+            output=default_output(film_name, kind, folder),
             executor=executor,
             force=force,
             hides_nonfinite=options["nonfinite"] is None,
         )
-        for one in _named_volumes(volumes, name, reporter)
+        for film_name, volume in _named_volumes(volumes, name, reporter).items()
     ]
     with sigterm_as_interrupt():
         if name is not None:
@@ -129,9 +126,9 @@ def _make_single_film(request: FilmRequest, reporter: Reporter) -> None:
     update_manifest(folder, [record])
 
 
-def _named_volumes(volumes: tuple[str, ...], name: str | None, reporter: Reporter) -> list[NamedVolume]:
+def _named_volumes(volumes: tuple[str, ...], name: str | None, reporter: Reporter) -> dict[str, Path]:
     if name is not None:
-        return [NamedVolume(Path(volumes[0]), name)]
+        return {name: Path(volumes[0])}
     found, notes = expand_volumes(volumes)
     if not found:
         raise InputError("there is nothing to render", where="hsplat turntable", got=", ".join(volumes))

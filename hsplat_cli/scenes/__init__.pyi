@@ -20,7 +20,6 @@ from .sidecar_file import (
 )
 from .suggested_scene import (
     SuggestedScene as SuggestedScene,
-    require_colormap as require_colormap,
     suggest_scene as suggest_scene,
 )
 from .truncation_guard import guard_mapping as guard_mapping, read_volume_guarded as read_volume_guarded
@@ -30,7 +29,6 @@ from .volume_arguments import (
     volume_spec as volume_spec,
 )
 from .volume_names import (
-    NamedVolume as NamedVolume,
     base_name as base_name,
     expand_pattern as expand_pattern,
     expand_volumes as expand_volumes,

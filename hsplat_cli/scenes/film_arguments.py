@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
 
 from hsplat_cli.scenes.scene_text import FilmOptions
+from hsplat_cli.scenes.volume_arguments import check_as
 from hsplat_cli.terminal import option_group
+from renderer.scene import COLORMAP_FIELD, MAX_FRAMES, OutputSpec, field_table
 
 _DEFAULT = FilmOptions()
 
@@ -18,51 +21,39 @@ _DEFAULT = FilmOptions()
 FILM_OPTION_NAMES = tuple(field.name for field in fields(FilmOptions))
 
 
-def _size(_context: click.Context, _parameter: click.Parameter, text: str) -> tuple[int, int]:
-    """Parse `512` or `640x480`."""
+def _split_size(text: str) -> list[str]:
+    """Split `640x480`; `512` is both sides."""
     parts = text.lower().split("x")
-    if len(parts) > 2 or not all(part.isascii() and part.isdigit() and 0 < int(part) <= 16384 for part in parts):
-        raise click.BadParameter(f"{text!r} is not a size such as 512 or 640x480, of 1 to 16384 pixels.")
-    return int(parts[0]), int(parts[-1])
+    return parts * 2 if len(parts) == 1 else parts
 
+
+_check_size = check_as(field_table(OutputSpec)["size"], _split_size, "640x480")
+_check_colormap = check_as(COLORMAP_FIELD)
+_option = partial(click.option, show_default=True)
 
 # `colormap` is for the suggestion, the others are for FilmOptions.
 film_options = option_group(
-    click.option(
-        "--frames",
-        type=click.IntRange(1, 1_000_000),
-        default=_DEFAULT.frames,
-        show_default=True,
-        help="Of the whole turn.",
-    ),
-    click.option("--size", default="512", show_default=True, callback=_size, help="In pixels: 512, or 640x480."),
-    click.option(
+    _option("--frames", type=click.IntRange(1, MAX_FRAMES), default=_DEFAULT.frames, help="Of the whole turn."),
+    _option("--size", default="512", callback=_check_size, help="In pixels: 512, or 640x480."),
+    _option(
         "--elevation",
         type=click.FloatRange(-90, 90),
         default=_DEFAULT.elevation,
-        show_default=True,
         help="Of the eye above the object, degrees.",
     ),
-    click.option(
+    _option(
         "--axis",
         type=click.Choice(["x", "y", "z", "-x", "-y", "-z"]),
         default=_DEFAULT.axis,
-        show_default=True,
         help="Around which the eye goes; it is upright in the picture.",
     ),
-    click.option(
-        "--fps", type=click.FloatRange(0.01, 1000), default=_DEFAULT.fps, show_default=True, help="Frames per second."
+    _option("--fps", type=click.FloatRange(0.01, 1000), default=_DEFAULT.fps, help="Frames per second."),
+    _option("--background", default=_DEFAULT.background, help="A colour, or transparent (PNG only)."),
+    _option(
+        "--colormap", metavar="NAME", callback=_check_colormap, help="Take the colours from it: viridis, gray, ..."
     ),
-    click.option(
-        "--background", default=_DEFAULT.background, show_default=True, help="A colour, or transparent (PNG only)."
-    ),
-    click.option("--colormap", metavar="NAME", help="Take the colours from it: viridis, gray, ..."),
-    click.option(
-        "--tolerance",
-        type=click.FloatRange(0),
-        default=_DEFAULT.tolerance,
-        show_default=True,
-        help="Smaller is more exact and slower.",
+    _option(
+        "--tolerance", type=click.FloatRange(0), default=_DEFAULT.tolerance, help="Smaller is more exact and slower."
     ),
 )
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -11,18 +10,20 @@ from typing import Any, Literal
 
 from hsplat_cli.scenes.sidecar_file import Original, Sidecar, parse_sidecar
 from hsplat_cli.terminal import is_one_frame, parse_frames
-from renderer.errors import InputError, Problem, SceneError
+from renderer.errors import InputError, Problem
 from renderer.film import film_path_of_sidecar, picture_files, require_no_input, sidecar_path, volume_files
 from renderer.scene import (
     Scene,
     SceneEditor,
+    TreeNode,
     YamlTree,
+    check_frame_in_path,
     is_film_wide_goal,
     is_same_file,
     parse_scene_content,
+    raise_problems,
     read_content,
     schedule_to_dict,
-    splat_section_without_defaults,
     tolerance_at,
 )
 
@@ -123,18 +124,12 @@ def _editor(sidecar: Sidecar) -> SceneEditor:
     output = scene.get("output")
     if isinstance(output, dict) and isinstance(output.get("file"), str):
         output["file"] = str(film_path_of_sidecar(path, Path(output["file"])))
-    splat = scene.get("splat")
-    if isinstance(splat, dict):  # so that --set may name another footprint
-        scene["splat"] = splat_section_without_defaults(splat)
     return SceneEditor(YamlTree(scene), path, path_prefix="scene", hints=_MOVED_FILE_HINTS)
 
 
 def _require_in_path(sidecar: Sidecar, scene: Scene) -> None:
-    num_frames = scene.camera.path.frames
-    index = bisect_left(sidecar.frames, num_frames)
-    if index < len(sidecar.frames):
-        expected = f"a frame from 0 to {num_frames - 1}"
-        got, place = str(sidecar.frames[index]), str(sidecar.original.path)
-        raise SceneError(
-            [Problem(f"frames.{index}.frame", "after the last frame", got=got, expected=expected, location=place)]
-        )
+    problems: list[Problem] = []
+    last = len(sidecar.frames) - 1
+    node = TreeNode(None, f"frames.{last}.frame", problems)
+    check_frame_in_path(node, sidecar.frames[last], scene.camera.path.frames)
+    raise_problems(replace(problem, location=str(sidecar.original.path)) for problem in problems)

@@ -3,30 +3,31 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from renderer.scene import (
-    Color,
-    ColormapSpec,
-    FileSource,
-    NotYamlError,
-    RawSource,
-    ShadingSpec,
-    TransferSpec,
-    VolumeSpec,
-    parse_yaml,
-)
+from renderer.scene import Color, ColormapSpec, FileSource, RawSource, TransferSpec, VolumeSpec, parse_yaml
 
 if TYPE_CHECKING:
-    from renderer.suggest import Suggestion
+    from renderer.suggest import Suggestion, VolumeSuggestion
 
 # Comments begin here, unless the line is longer.
 _COMMENT_COLUMN = 30
-# The last characters of Latin 1 and of the basic plane.
-_MAX_LATIN_1, _MAX_BMP = 0xFF, 0xFFFF
+
+_SHADING_COMMENT = (
+    "# Darker where a surface faces away from the light, which turns with the object. Delete it for even light."
+)
+_VOXEL_COLORS_COMMENT = """\
+# Each voxel has its colour before anything is interpolated; without this line, the skin of a label has
+# those of all numbers between its own and its neighbour's. Where labels to look through have blurred
+# edges, a smaller tolerance makes them sharp."""
+_LABELS_COMMENT = """\
+# The skin of a label has the colours of all numbers between its own and its neighbour's, for what is
+# interpolated are numbers. `splat: {footprint: gaussian}` gives each voxel its own colour, but takes
+# memory for all that are drawn, and this volume is so large that it stays in its file."""
 
 
 @dataclass(frozen=True)
@@ -42,36 +43,25 @@ class FilmOptions:
     background: str = "#000000"
 
 
-def scene_text(
-    volume: VolumeSpec,
-    suggestion: Suggestion,
-    film: FilmOptions,
-    *,
-    folder: Path,
-    output: Path,
-    is_float: bool,
-    nonfinite: str | None = None,
-) -> str:
+def scene_text(found: VolumeSuggestion, film: FilmOptions, *, folder: Path, output: Path) -> str:
     """Return the YAML of a turntable.
 
-    volume: as it was read, its file relative to the current folder. folder: of the scene's file, to which the scene's
-    volume is relative. output: relative to the current folder. is_float: whether NaN and infinities are possible.
-    nonfinite: a sentence on what replaces them.
+    found: its volume's file is relative to the current folder. folder: of the scene's file, to which the scene's volume
+    is relative. output: relative to the current folder.
     """
-    elevation = number_text(film.elevation)
+    suggestion, elevation = found.suggestion, number_text(film.elevation)
     lines = [
-        f"# A turntable of {plain_text(volume_file(volume).name)}: {suggestion.kind};",
+        f"# A turntable of {plain_text(volume_file(found.volume).name)}: {suggestion.kind};",
         f"# {suggestion.reason}.",
         *(f"# {note}." for note in suggestion.outlier_notes),
         "# Everything here may be changed; `hsplat check` looks for mistakes, docs/scene.md lists all keys.",
         "version: 1",
         "",
-        *_volume_lines(volume, folder, is_float, nonfinite),
+        *_volume_lines(found, folder),
         "",
         "# What a value looks like. An opacity is what one `unit` of length holds back of the light: 0 nothing, 1 all.",
         *transfer_lines(suggestion.transfer, suggestion.notes),
-        *_shading_lines(suggestion.shading),
-        *_splat_lines(suggestion),
+        *_drawing_lines(suggestion),
         "",
         "camera:",
         "  target: visible             # the middle of what can be seen; from as near as shows all of it",
@@ -99,7 +89,8 @@ def volume_file(volume: VolumeSpec) -> Path:
     return file
 
 
-def _volume_lines(volume: VolumeSpec, folder: Path, is_float: bool, nonfinite: str | None) -> Iterator[str]:
+def _volume_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
+    volume = found.volume
     file = volume_file(volume)
     place = file if file.is_absolute() else Path(os.path.relpath(file, os.path.realpath(folder)))
     yield "volume:"
@@ -111,13 +102,12 @@ def _volume_lines(volume: VolumeSpec, folder: Path, is_float: bool, nonfinite: s
         yield _with_comment(f"  file: {yaml_string(place)}", "relative to this file")
         if isinstance(source, FileSource) and source.spacing is not None:
             yield _with_comment(f"  spacing: {_list(source.spacing)}", "lengths of a voxel, in place of the file's")
-    if volume.time is not None:
-        yield f"  time: {volume.time}"
-    if volume.component is not None:
-        yield f"  component: {volume.component}"
-    if nonfinite is not None:
-        yield f"  # {nonfinite}."
-    if is_float:
+    for key in ("time", "component"):
+        if (index := getattr(volume, key)) is not None:
+            yield f"  {key}: {index}"
+    if found.nonfinite is not None:
+        yield f"  # {found.nonfinite}."
+    if found.is_float:
         instead = volume.nonfinite if isinstance(volume.nonfinite, str) else number_text(volume.nonfinite)
         yield _with_comment(
             f"  nonfinite: {instead}", "NaN and infinities: error, lowest, as the lowest finite value, or a number"
@@ -138,50 +128,27 @@ def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterato
         return
     yield "  points:"
     for k, point in enumerate(mapping):
-        value, color, opacity = number_text(point.value), hex_color(point.color), number_text(point.opacity)
+        value, color, opacity = number_text(point.value), _hex_color(point.color), number_text(point.opacity)
         note = f"  # {notes[k]}" if k < len(notes) and notes[k] else ""
         yield f'    - {{value: {value}, color: "{color}", opacity: {opacity}}}{note}'
 
 
 def transfer_dict(transfer: TransferSpec) -> dict[str, Any]:
-    """Return a transfer function as plain data."""
-    mapping: Mapping[str, Any]
-    if isinstance(transfer.mapping, ColormapSpec):
-        points = [list(pair) for pair in transfer.mapping.opacity]
-        mapping = {"colormap": transfer.mapping.name, "range": list(transfer.mapping.range), "opacity": points}
-    else:
-        mapping = {
-            "points": [
-                {"value": plain_number(point.value), "color": hex_color(point.color), "opacity": point.opacity}
-                for point in transfer.mapping
-            ]
-        }
-    return {"unit": transfer.unit, **mapping}
+    """Return the section `transfer_function` as plain data."""
+    section: dict[str, Any] = parse_yaml("\n".join(transfer_lines(transfer))).data["transfer_function"]
+    return section
 
 
-def _shading_lines(shading: ShadingSpec | None) -> Iterator[str]:
-    if shading is None:
-        return
-    yield ""
-    yield "# Darker where a surface faces away from the light, which turns with the object. Delete it for even light."
-    yield (
-        f"shading: {{ambient: {number_text(shading.ambient)}, diffuse: {number_text(shading.diffuse)}, "
-        f"light: {_list(shading.light)}}}"
-    )
-
-
-def _splat_lines(suggestion: Suggestion) -> Iterator[str]:
+def _drawing_lines(suggestion: Suggestion) -> Iterator[str]:
+    """Yield the sections `shading` and `splat`, or why there is none."""
+    if (shading := suggestion.shading) is not None:
+        ambient, diffuse = number_text(shading.ambient), number_text(shading.diffuse)
+        yield from ("", _SHADING_COMMENT)
+        yield f"shading: {{ambient: {ambient}, diffuse: {diffuse}, light: {_list(shading.light)}}}"
     if suggestion.splat is not None:
-        yield ""
-        yield "# Each voxel has its colour before anything is interpolated; without this line, the skin of a label has"
-        yield "# those of all numbers between its own and its neighbour's. Where labels to look through have blurred"
-        yield "# edges, a smaller tolerance makes them sharp."
-        yield f"splat: {{footprint: {suggestion.splat.footprint}}}"
+        yield from ("", _VOXEL_COLORS_COMMENT, f"splat: {{footprint: {suggestion.splat.footprint}}}")
     elif suggestion.is_categorical:
-        yield ""
-        yield "# The skin of a label has the colours of all numbers between its own and its neighbour's, for what is"
-        yield "# interpolated are numbers. `splat: {footprint: gaussian}` gives each voxel its own colour, but takes"
-        yield "# memory for all that are drawn, and this volume is so large that it stays in its file."
+        yield from ("", _LABELS_COMMENT)
 
 
 def _with_comment(line: str, comment: str) -> str:
@@ -192,23 +159,13 @@ def _list(numbers: Sequence[float]) -> str:
     return f"[{', '.join(map(number_text, numbers))}]"
 
 
-def hex_color(color: Color) -> str:
-    """Return `#rrggbb`."""
+def _hex_color(color: Color) -> str:
     return "#" + "".join(f"{round(255 * part):02x}" for part in color)
 
 
-def plain_number(value: float) -> int | float:
-    """Return a whole number as an integer, where that is exact."""
-    return int(value) if abs(value) < 2**53 and value == int(value) else value
-
-
 def number_text(value: float) -> str:
-    """Return a number as YAML reads it back: an exponent needs a point and a sign."""
-    text = repr(plain_number(value))
-    mantissa, mark, exponent = text.partition("e")
-    if not mark:
-        return text
-    return f"{mantissa if '.' in mantissa else mantissa + '.0'}e{exponent if exponent[0] in '+-' else '+' + exponent}"
+    """Return a number as YAML reads it back; a whole number as an integer, where that is exact."""
+    return repr(int(value) if abs(value) < 2**53 and value == int(value) else value)
 
 
 def yaml_string(text: str | Path) -> str:
@@ -217,27 +174,15 @@ def yaml_string(text: str | Path) -> str:
     Control characters, and bytes of a file name that are not UTF-8 (surrogates in Python), become escapes.
     """
     plain = str(text)
-    if all(char.isascii() and (char.isalnum() or char in "._-/") for char in plain) and _reads_as(plain, plain):
+    if re.fullmatch(r"[\w./][\w./-]*", plain, re.ASCII) and parse_yaml(plain).data == plain:
         return plain
     return '"' + "".join(_escaped(char) for char in plain) + '"'
-
-
-def _reads_as(yaml_text: str, expected: str) -> bool:
-    try:
-        return bool(parse_yaml(f"key: {yaml_text}").data == {"key": expected})
-    except NotYamlError:
-        return False
 
 
 def _escaped(char: str) -> str:
     if char in '"\\':
         return f"\\{char}"
-    if char == " " or char.isprintable():
-        return char
-    code = ord(char)
-    if code <= _MAX_LATIN_1:
-        return f"\\x{code:02x}"
-    return f"\\u{code:04x}" if code <= _MAX_BMP else f"\\U{code:08x}"
+    return char if char == " " or char.isprintable() else char.encode("unicode_escape").decode()
 
 
 def plain_text(text: str) -> str:

@@ -28,6 +28,7 @@ from renderer.scene import (
     FieldType,
     TextPosition,
     TreeNode,
+    check_frames_ascend,
     decode_utf8,
     format_value,
     join_keys,
@@ -183,28 +184,24 @@ def _read(data: dict[str, Any], path: Path) -> Sidecar:
         raise SceneError([replace(problem, location=str(path)) for problem in problems])
     if problems:
         given |= {"gl": "", "volume": "", "versions": {}, "schedule": {"asked": None}, "frames": ()}
-    schedule = given["schedule"]
+    schedule, sources = given["schedule"], _text_at(data, "cause", "of", "sources")
     original = Original(
         path=path,
         fingerprint=given["volume"],
         requested_error=schedule["asked"],
         other_schedule_keys={key: value for key, value in schedule.items() if key not in _OWN_SCHEDULE_KEYS},
-        tool_versions=given["versions"] | {"GL": given["gl"]} | _recorded_sources(data.get("cause")),
-        frames_fingerprint=_frames_fingerprint_in(data.get("cause")),
+        tool_versions=given["versions"] | {"GL": given["gl"]} | ({"sources": sources} if sources else {}),
+        frames_fingerprint=_text_at(data, "cause", "frames"),
     )
     tolerances = () if problems else tuple(record.get("tolerance") for record in data["frames"])
     return Sidecar(given["scene"], given["frames"], tolerances, original, tuple(problems))
 
 
-def _frames_fingerprint_in(cause: Any) -> str | None:
-    mark = cause.get("frames") if isinstance(cause, dict) else None
-    return mark if isinstance(mark, str) else None
-
-
-def _recorded_sources(cause: Any) -> dict[str, str]:
-    of = cause.get("of") if isinstance(cause, dict) else None
-    sources = of.get("sources") if isinstance(of, dict) else None
-    return {"sources": sources} if isinstance(sources, str) else {}
+def _text_at(data: Any, *keys: str) -> str | None:
+    """Return the text at nested keys, or None."""
+    for key in keys:
+        data = data.get(key) if isinstance(data, dict) else None
+    return data if isinstance(data, str) else None
 
 
 def _known_fields(node: TreeNode, table: FieldTable, *, required: Collection[str] = ()) -> dict[str, Any]:
@@ -256,9 +253,7 @@ def _parse_frames(node: TreeNode) -> tuple[int, ...]:
             frame = _known_fields(node.child(index, record), {"frame": FRAME_NUMBER_FIELD}, required=["frame"])["frame"]
         if frame is INVALID:
             return wrong
-        if found and frame <= found[-1]:
-            got, expected = f"{frame} after {found[-1]}", "frames in ascending order, each once"
-            node.child(index).child("frame").add_problem("frames out of order", got=got, expected=expected)
+        if found and not check_frames_ascend(node.child(index).child("frame"), found[-1], frame):
             return wrong
         found.append(frame)
     return tuple(found)

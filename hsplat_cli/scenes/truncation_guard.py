@@ -17,7 +17,6 @@ import platform
 import signal
 import sys
 import weakref
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -50,7 +49,7 @@ def guard_mapping(file: MappedFile, values: Array) -> None:
     """
     if not (sys.platform == "linux" and platform.machine() in ("x86_64", "aarch64") and sys.maxsize > 1 << 32):
         return
-    regions = _install_handler().regions
+    regions, *_ = _install_handler()
     free = np.flatnonzero(regions[:, 1] == 0)
     if not free.size:
         return
@@ -77,23 +76,13 @@ def _release_region(region: Array) -> None:
     os.close(int(region[2]))
 
 
-@dataclass(frozen=True)
-class _InstalledHandler:
-    """What the handler needs while the process lives.
-
-    regions: int64 [_MOST, 4]: addresses of the first byte and beyond the last, whole pages, 0 for none; descriptor and
-        length of the file.
-    before: the former action, as sigaction(2) has it.
-    """
-
-    regions: Array
-    before: Array
-    handler: Any
-
-
 @cache
-def _install_handler() -> _InstalledHandler:
-    """Compile and install the handler, once."""
+def _install_handler() -> tuple[Array, Array, Any]:
+    """Compile and install the handler, once; return what it needs while the process lives.
+
+    That is its regions, int64 [_MOST, 4] (addresses of the first byte and beyond the last, whole pages, 0 for none;
+    descriptor and length of the file), the former action, as sigaction(2) has it, and the compiled function.
+    """
     regions = np.zeros((_MOST, 4), np.int64)
     # The structure on both processors: the function, a mask of 128 bytes, flags, and a function of libc.
     before, action = np.zeros(19, np.int64), np.zeros(19, np.int64)
@@ -103,7 +92,7 @@ def _install_handler() -> _InstalledHandler:
     sigaction = _libc_function("sigaction", 3, ctypes.c_int)
     if sigaction(signal.SIGBUS, 0, before.ctypes.data) == 0:  # first: a fault may come at once
         sigaction(signal.SIGBUS, action.ctypes.data, 0)
-    return _InstalledHandler(regions, before, handler)
+    return regions, before, handler
 
 
 def _libc_function(name: str, num_arguments: int, result: Any = ctypes.c_int64) -> Any:

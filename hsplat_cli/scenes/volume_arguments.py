@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from hsplat_cli.terminal import Reporter, option_group
-from renderer.errors import InputError
+from renderer.errors import InputError, Problem, SceneError
 from renderer.readers import UnknownFormatError
-from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, FileSource, RawSource, VolumeSpec
+from renderer.scene import FieldType, FileSource, RawSource, TreeNode, VolumeSpec, field_table
 
 if TYPE_CHECKING:
     from renderer.volume import Volume
@@ -25,38 +25,32 @@ _HEADERLESS_HINT = "voxels without a header are read with --shape and --dtype: -
 _GOT = re.compile(r"^(time|component): (-?[0-9]+)$")
 
 
-def _three_numbers(
-    kind: type[int] | type[float], example: str, least: float = 0.0, most: float = math.inf
-) -> Callable[[click.Context, click.Parameter, str | None], Any]:
-    """Return a callback that parses three positive numbers in a range: `128,96,114`, or `128x96x114`."""
+def check_as(
+    field: FieldType[Any], split: Callable[[str], object] = str, example: str | None = None
+) -> Callable[..., Any]:
+    """Return a click callback that reads an option as the key of a scene that has this type.
 
-    def convert(_context: click.Context, _parameter: click.Parameter, text: str | None) -> tuple[float, ...] | None:
-        if text is None:
-            return None
-        try:
-            numbers = tuple(kind(part) for part in re.split("[,xX]", text))
-        except ValueError:
-            numbers = ()
-        if len(numbers) != 3 or not all(0 < number < float("inf") for number in numbers):
-            raise click.BadParameter(f"{text!r} is not three positive numbers with commas between, such as {example}.")
-        if not all(least <= number <= most for number in numbers):
-            raise click.BadParameter(f"{text!r} has a number that is not from {least:g} to {most:g}.")
-        return numbers
+    split: makes a list of the text, for a type that is one. example: a correct text, for a hint.
+    """
 
-    return convert
+    def read(_context: click.Context, parameter: click.Parameter, text: str | None) -> Any:
+        problems: list[Problem] = []
+        value = None if text is None else field.read(TreeNode(split(text), "", problems))
+        if problems:
+            location = f"{parameter.opts[0]} {text}"
+            hint = example and f"such as {parameter.opts[0]} {example}"
+            raise SceneError([replace(each, path="", location=location, hint=each.hint or hint) for each in problems])
+        return value
+
+    return read
 
 
-def _nonfinite(_context: click.Context, _parameter: click.Parameter, text: str | None) -> str | float | None:
-    """Parse `error`, `lowest`, or a finite number."""
-    if text in (None, "error", "lowest"):
-        return text
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise click.BadParameter(f"{text!r} is neither error nor lowest nor a finite number.")
-    return number
+def _split_axes(text: str) -> list[str]:
+    """Split `128,96,114` or `128x96x114`."""
+    return re.split("[,xX]", text)
+
+
+_RAW_FIELDS = field_table(RawSource)
 
 
 def volume_options(nonfinite: Literal["error"] | None) -> Callable[[Any], Any]:
@@ -70,7 +64,7 @@ def volume_options(nonfinite: Literal["error"] | None) -> Callable[[Any], Any]:
         click.option(
             "--nonfinite",
             metavar="error|lowest|NUMBER",
-            callback=_nonfinite,
+            callback=check_as(field_table(VolumeSpec)["nonfinite"]),
             default=nonfinite,
             show_default=nonfinite or "a value that is not seen",
             help="What to do with NaN and inf: refuse them, or draw them as the lowest value, or as another one.",
@@ -78,13 +72,13 @@ def volume_options(nonfinite: Literal["error"] | None) -> Callable[[Any], Any]:
         click.option(
             "--spacing",
             metavar="X,Y,Z",
-            callback=_three_numbers(float, "0.1,0.1,0.5", MIN_WORLD_LENGTH, MAX_WORLD_LENGTH),
+            callback=check_as(_RAW_FIELDS["spacing"], _split_axes, "0.1,0.1,0.5"),
             help="Lengths of a voxel, in place of what the file says.",
         ),
         click.option(
             "--shape",
             metavar="X,Y,Z",
-            callback=_three_numbers(int, "128,96,114"),
+            callback=check_as(_RAW_FIELDS["shape"], _split_axes, "128,96,114"),
             help="Read a headerless file of this shape; needs --dtype.",
         ),
         click.option("--dtype", help="Type of a headerless file's voxels: uint8, int16, float32, ..."),

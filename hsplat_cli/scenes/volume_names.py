@@ -6,7 +6,6 @@ import glob
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from renderer.errors import InputError
@@ -14,14 +13,6 @@ from renderer.film import header_data_files
 
 # Endings of volumes; only the last one of a name such as scan.v2.nii.gz is removed.
 _ENDINGS = re.compile(r"\.(nii|img|hdr|nrrd|nhdr|mha|mhd|raw|tiff?|npy|dcm|vtk|mrc)(\.gz|\.bz2)?$", re.IGNORECASE)
-
-
-@dataclass(frozen=True)
-class NamedVolume:
-    """A volume, and the name of its scene and film."""
-
-    volume: Path
-    name: str
 
 
 def base_name(volume: Path) -> str:
@@ -88,8 +79,8 @@ def _refuse_slices(volumes: Sequence[Path]) -> None:
             )
 
 
-def name_volumes(volumes: Sequence[Path]) -> list[NamedVolume]:
-    """Give each volume a unique name, also on systems that ignore case.
+def name_volumes(volumes: Sequence[Path]) -> dict[str, Path]:
+    """Return the volumes by the names of their films, each unique, also on systems that ignore case.
 
     `scan`; for several of them with the folder, `a_scan`, else with the ending, `scan.nrrd`, else with a number.
     """
@@ -97,32 +88,25 @@ def name_volumes(volumes: Sequence[Path]) -> list[NamedVolume]:
     for volume in volumes:
         alike.setdefault(base_name(volume).lower(), []).append(volume)
     form = {base: _distinguishing_form(group) for base, group in alike.items()}
-    used_names: set[str] = set()
-    result = []
+    result: dict[str, Path] = {}
     for volume in volumes:
         name = wanted = form[base_name(volume).lower()](volume)
         number = 1
-        while name.lower() in used_names:
+        while name.lower() in map(str.lower, result):
             number += 1
             name = f"{wanted}-{number}"
-        used_names.add(name.lower())
-        result.append(NamedVolume(volume, name))
+        result[name] = volume
     return result
 
 
 def _distinguishing_form(group: Sequence[Path]) -> Callable[[Path], str]:
     """Return the first form of names that differ for these volumes."""
-    forms = (base_name, _with_folder, _with_ending, _with_both)
-    return next((form for form in forms if len({form(volume).lower() for volume in group}) == len(group)), _with_folder)
 
+    def with_ending(volume: Path) -> str:
+        return _safe(_own_name(volume))
 
-def _with_folder(volume: Path) -> str:
-    return _safe(f"{volume.absolute().parent.name}_{base_name(volume)}")
+    def in_folder(name: Callable[[Path], str]) -> Callable[[Path], str]:
+        return lambda volume: _safe(f"{volume.absolute().parent.name}_{name(volume)}")
 
-
-def _with_ending(volume: Path) -> str:
-    return _safe(_own_name(volume))
-
-
-def _with_both(volume: Path) -> str:
-    return _safe(f"{volume.absolute().parent.name}_{_own_name(volume)}")
+    forms = (base_name, in_folder(base_name), with_ending, in_folder(with_ending))
+    return next((form for form in forms if len({form(volume).lower() for volume in group}) == len(group)), forms[1])

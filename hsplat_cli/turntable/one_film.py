@@ -96,7 +96,7 @@ def make_film(request: FilmRequest, reporter: Reporter) -> FilmRecord:
         output=request.output,
         hides_nonfinite=request.hides_nonfinite,
     )
-    for line in suggested.summary_lines():
+    for line in (f"{suggested.kind}; {suggested.reason}", *suggested.notes):
         reporter.status(f"{volume}: {line}")
     content = suggested.text.encode()
     _read_existing(request, content, Manifest(request.scene.parent))
@@ -122,7 +122,7 @@ def make_film(request: FilmRequest, reporter: Reporter) -> FilmRecord:
 
 def _parse_job(request: FilmRequest, content: bytes) -> Job:
     """Return the job of the scene's text, which no change to its file affects."""
-    scene = parse_scene_content(content, request.scene, overrides=(), volume=None, output=None, is_single_frame=False)
+    scene = parse_scene_content(content, request.scene)
     return Job(scene, range(scene.camera.path.frames), schedule_to_dict(scene.error))
 
 

@@ -6,11 +6,11 @@ from .camera_section import (
     KeyframePath as KeyframePath,
     RockerPath as RockerPath,
     TurntablePath as TurntablePath,
+    check_frame_in_path as check_frame_in_path,
+    check_frames_ascend as check_frames_ascend,
 )
 from .colormaps import (
     colormap_points as colormap_points,
-    is_colormap as is_colormap,
-    nearest_colormap as nearest_colormap,
 )
 from .editor import SceneEditor as SceneEditor
 from .error_section import (
@@ -58,7 +58,6 @@ from .parse import (
     parse_scene as parse_scene,
     scene_to_dict as scene_to_dict,
     spec_to_dict as spec_to_dict,
-    splat_section_without_defaults as splat_section_without_defaults,
 )
 from .scene_file import load_scene as load_scene, parse_scene_content as parse_scene_content
 from .schedule import (
@@ -85,6 +84,7 @@ from .schema import (
     TreeNode as TreeNode,
     Vector as Vector,
     choice_field as choice_field,
+    field_table as field_table,
     has_unexpanded_tilde as has_unexpanded_tilde,
     integer_field as integer_field,
     number_field as number_field,
@@ -101,6 +101,7 @@ from .spec import (
 )
 from .splat_section import SplatSpec as SplatSpec
 from .transfer_section import (
+    COLORMAP_FIELD as COLORMAP_FIELD,
     ColormapSpec as ColormapSpec,
     ControlPoint as ControlPoint,
     TransferSpec as TransferSpec,

@@ -148,12 +148,16 @@ def _check_keys(node: TreeNode, keys: Any, num_frames: Any) -> None:
     for index, frame in enumerate(frames):
         check_frame_in_path(node.child(index).child("frame"), frame, num_frames)
     for index, (before, frame) in enumerate(pairwise(frames), start=1):
-        if isinstance(frame, int) and isinstance(before, int) and frame <= before:
-            node.child(index).child("frame").add_problem(
-                "keys out of order",
-                got=format_value(frame),
-                expected=f"a frame after {before}, that of the key before",
-            )
+        check_frames_ascend(node.child(index).child("frame"), before, frame)
+
+
+def check_frames_ascend(node: TreeNode, before: Any, frame: Any) -> bool:
+    """Check that a frame, at `node`, comes after another; INVALID numbers are skipped."""
+    ascends = not isinstance(frame, int) or not isinstance(before, int) or frame > before
+    if not ascends:
+        expected = "frames in ascending order, each once"
+        node.add_problem("frames out of order", got=f"{frame} after {before}", expected=expected)
+    return ascends
 
 
 _PATH = schema.FieldType(f"a mapping with type: {join_words(_PATHS)}, and frames", _parse_path)

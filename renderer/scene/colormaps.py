@@ -11,13 +11,7 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
-from renderer.errors import RenderError, closest_match
-
-
-def colormap_names() -> tuple[str, ...]:
-    """Return every name, sorted: short (`viridis`) and with its collection (`bids:viridis`). A suffix `_r` reverses
-    a colormap."""
-    return tuple(sorted(set(_names())))
+from renderer.errors import closest_match
 
 
 def is_colormap(name: str) -> bool:
@@ -29,7 +23,7 @@ def nearest_colormap(name: str) -> str | None:
     """Return the colormap with the most similar name, or None; `_r` is kept."""
     base = _base(name)
     short = ":" not in base
-    found = closest_match(base, (known for known in colormap_names() if (":" not in known) == short))
+    found = closest_match(base, (known for known in sorted(set(_names())) if (":" not in known) == short))
     return f"{found}_r" if found and base != _normal(name) else found
 
 
@@ -56,7 +50,10 @@ def _base(name: str) -> str:
 
 
 def _names() -> Iterator[str]:
-    """Yield the names in the catalogue's spelling, lazily: common ones are in the first files."""
+    """Yield the names in the catalogue's spelling, lazily: common ones are in the first files.
+
+    They are short (`viridis`) and with their collection (`bids:viridis`).
+    """
     for record in _records():
         content = json.loads(record.read_text(encoding="utf-8"))
         collection = content["namespace"]
@@ -68,6 +65,5 @@ def _names() -> Iterator[str]:
 
 def _records() -> list[Path]:
     spec = importlib.util.find_spec("cmap")
-    if spec is None or not spec.submodule_search_locations:
-        raise RenderError("the package cmap is not installed", hint="pip install cmap")
-    return sorted(Path(spec.submodule_search_locations[0], "data").glob("*/record.json"))
+    assert spec is not None and spec.origin is not None, "it is required"
+    return sorted(Path(spec.origin).parent.glob("data/*/record.json"))

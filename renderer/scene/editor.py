@@ -12,7 +12,15 @@ from renderer.errors import Problem, SceneError
 from renderer.scene.message_text import format_value, join_keys
 from renderer.scene.parse import parse_scene
 from renderer.scene.spec import Scene
-from renderer.scene.yaml_tree import NotYamlError, TextPosition, YamlTree, format_location, parse_yaml, source_excerpt
+from renderer.scene.yaml_tree import (
+    NotYamlError,
+    SourceLocation,
+    TextPosition,
+    YamlTree,
+    format_location,
+    parse_yaml,
+    source_excerpt,
+)
 
 _SOURCES = ("file", "raw", "procedural")
 
@@ -52,7 +60,7 @@ class SceneEditor:
         self.tree = tree
         self._path, self._lines, self._path_prefix, self._hints = path, lines, path_prefix, hints or {}
         self._problems: list[tuple[_Origin, Problem]] = [*tree.problems]
-        self._options: dict[str, _Option] = {}
+        self._writers: dict[str, SourceLocation | _Option] = {**tree.locations}  # who wrote the value at a path
         self._num_options = 0
 
     def apply(self, overrides: Sequence[str], volume: Path | None, output: Path | None) -> None:
@@ -60,14 +68,17 @@ class SceneEditor:
         for override in overrides:
             self._override(override)
         if volume is not None:
-            self._replace_volume(volume)
+            section = self.tree.data.get("volume")  # of which the other keys remain
+            others = section.items() if isinstance(section, dict) else ()
+            self.tree.data["volume"] = {key: value for key, value in others if key not in _SOURCES}
+            self._set(["volume", "file"], str(volume.absolute()), self._option(f"--volume {volume}"))
         if output is not None:
             self._set(["output", "file"], str(output), self._option(f"--output {output}"))
 
     @property
     def overridden_paths(self) -> list[str]:
         """The paths that options have written."""
-        return list(self._options)
+        return [path for path, writer in self._writers.items() if isinstance(writer, _Option)]
 
     def parse(self, *, is_single_frame: bool = False, extra_problems: Sequence[Problem] = ()) -> Scene:
         """Return the scene; its files are relative to the folder of the tree's file.
@@ -113,16 +124,6 @@ class SceneEditor:
             return
         self._set(parts, value.data, option)
 
-    def _replace_volume(self, volume: Path) -> None:
-        """Take the volume from a file, and keep the other keys of the section."""
-        option = self._option(f"--volume {volume}")
-        section = self.tree.data.get("volume")
-        rest = (
-            {key: value for key, value in section.items() if key not in _SOURCES} if isinstance(section, dict) else {}
-        )
-        self.tree.data["volume"] = rest
-        self._set(["volume", "file"], str(volume.absolute()), option)
-
     def _set(self, parts: Sequence[str], value: Any, option: _Option) -> None:
         """Set `value` at the path `parts`, written by `option`; None removes the key."""
         parent, path = self.tree.data, ""
@@ -159,26 +160,25 @@ class SceneEditor:
 
     def _remember(self, path: str, option: _Option) -> None:
         """Record that `option` wrote `path` and all below it."""
-        for known in [known for known in (*self.tree.locations, *self._options) if known.startswith(f"{path}.")]:
-            self.tree.locations.pop(known, None)
-            self._options.pop(known, None)
-        self._options[path] = option
+        for known in [known for known in self._writers if known.startswith(f"{path}.")]:
+            del self._writers[known]
+        self._writers[path] = option
 
     def _complain(self, option: _Option, problem: Problem) -> None:
         self._problems.append((option, problem))
 
     def _with_origin(self, problem: Problem) -> tuple[_Origin, Problem]:
         """Return the problem with the origin of its path or, if that is unknown, of the nearest part around it."""
-        path, is_around = problem.path, False
-        while path and path not in self._options and path not in self.tree.locations:
-            path, is_around = path.rpartition(".")[0], True
-        if path in self._options:
-            return self._options[path], problem
+        path = problem.path
+        while path and path not in self._writers:
+            path = path.rpartition(".")[0]
         if not path:
             keys = ".".join(filter(None, (self._path_prefix, problem.path)))
             return None, replace(problem, path=keys, hint=self._hints.get(problem.path, problem.hint))
-        location = self.tree.locations[path]
-        return location.key if problem.at_key or is_around else location.value, problem
+        writer = self._writers[path]
+        if isinstance(writer, _Option):
+            return writer, problem
+        return writer.key if problem.at_key or path != problem.path else writer.value, problem
 
     def _located(self, origin: _Origin, problem: Problem) -> Problem:
         """Return the problem with its location and, if that is in the file, the line itself."""

@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from renderer.scene import schema
-from renderer.scene.camera_section import FRAME_NUMBER_FIELD, check_frame_in_path
+from renderer.scene.camera_section import FRAME_NUMBER_FIELD, check_frame_in_path, check_frames_ascend
 from renderer.scene.message_text import format_value, join_words
 from renderer.scene.metric_target import MetricTarget
 from renderer.scene.schema import INVALID, TreeNode
@@ -89,20 +89,12 @@ def _by_frame(item: schema.FieldType[Any], example: str) -> schema.FieldType[ByF
             frame = FRAME_NUMBER_FIELD.read(node.key(key))  # text, too: JSON has no other keys
             at = item.read(node.child(key, written))
             if frame is not INVALID:
-                _require_ascending(node.key(key), frame, found)
+                check_frames_ascend(node.key(key), found[-1][0] if found else -1, frame)
                 found.append((frame, at))
         return tuple(found) or INVALID
 
     field = schema.FieldType(f"{item.expected}, or by frame, such as {example}", parse)
     return field
-
-
-def _require_ascending(key: TreeNode, frame: int, found: list[tuple[int, float]]) -> None:
-    last = found[-1][0] if found else -1
-    if frame == last:
-        key.add_problem("the same frame twice", got=format_value(frame))
-    elif frame < last:
-        key.add_problem("frames out of order", got=f"{frame} after {last}", expected="frames in ascending order")
 
 
 def _parse_tolerance(node: TreeNode) -> ByFrame:

@@ -17,7 +17,6 @@ MAX_SCENE_BYTES = 2**20
 MAX_SIDECAR_BYTES = 2**29
 
 _VOLUME_HINT = "a volume is rendered with `hsplat turntable FILE`, or with `hsplat render SCENE --volume FILE`"
-_UTF8_HINT = "save it in UTF-8"
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 # The first bytes of NRRD and VTK headers, and a line that every MetaImage header has.
 _VOLUME_HEADER = re.compile(rb"NRRD000|# vtk DataFile|(?:.*\n)*?ElementDataFile[ \t]*=", re.IGNORECASE)
@@ -81,7 +80,7 @@ def decode_utf8(content: bytes, path: Path) -> str:
             "not a text file in UTF-8",
             where=f"{path}:{line}",
             got=f"the byte 0x{content[error.start]:02x}",
-            hint=_VOLUME_HINT if b"\0" in content and not content.startswith(_UTF16) else _UTF8_HINT,
+            hint=_VOLUME_HINT if b"\0" in content and not content.startswith(_UTF16) else "save it in UTF-8",
         ) from error
 
 

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING
 
 from renderer.errors import Problem, SceneError
 from renderer.scene.camera_section import CameraSpec, KeyframePath
-from renderer.scene.schema import Vector
 from renderer.scene.spec import Scene
 from renderer.scene.volume_section import FileSource, RawSource
 
@@ -42,7 +41,7 @@ class Extent:
         voxel.
     """
 
-    centre: Vector
+    centre: tuple[float, ...]
     radius: float
     finest: float
     coarsest: float
@@ -51,8 +50,7 @@ class Extent:
 def _extent(shape: Sequence[int], spacing: Sequence[float], centre: Sequence[float]) -> Extent:
     """Return the extent of voxels: their numbers and sides along the index axes x, y, z."""
     diagonal = math.hypot(*(num * side for num, side in zip(shape, spacing, strict=True)))
-    x, y, z = centre
-    return Extent((x, y, z), diagonal / 2, min(spacing), max(spacing))
+    return Extent(tuple(centre), diagonal / 2, min(spacing), max(spacing))
 
 
 def volume_extent(volume: Volume) -> Extent:

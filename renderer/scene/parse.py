@@ -5,7 +5,6 @@ The tree comes from a YAML or JSON reader: nested mappings, lists and scalars. N
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import fields as dataclass_fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -109,9 +108,3 @@ def _plain_fields(value: Any) -> dict[str, Any]:
     """Return the fields without those that are None, which stands for a key that is not given."""
     pairs = ((field.name, getattr(value, field.name)) for field in dataclass_fields(value))
     return {name: _plain(item) for name, item in pairs if item is not None}
-
-
-def splat_section_without_defaults(plain: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a `splat` section of `scene_to_dict` without defaults, which another footprint may not have."""
-    defaults = _plain_fields(SplatSpec())
-    return {key: value for key, value in plain.items() if key == "footprint" or repr(defaults.get(key)) != repr(value)}

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from renderer.errors import InputError
 from renderer.scene.editor import SceneEditor
@@ -16,7 +17,13 @@ from renderer.scene.spec import Scene
 from renderer.scene.yaml_tree import parse_yaml_file
 
 
-def load_scene(
+def load_scene(path: Path, **changes: Any) -> Scene:
+    """Return the scene in the YAML file `path`; parameters and errors as in `parse_scene_content`."""
+    return parse_scene_content(read_content(path), path, **changes)
+
+
+def parse_scene_content(
+    content: bytes,
     path: Path,
     *,
     overrides: Sequence[str] = (),
@@ -24,7 +31,7 @@ def load_scene(
     output: Path | None = None,
     is_single_frame: bool = False,
 ) -> Scene:
-    """Return the scene in the YAML file `path`.
+    """Return the scene in the content of the YAML file `path`.
 
     Parameters
     ----------
@@ -37,21 +44,6 @@ def load_scene(
     Raises InputError if the file cannot be read, and SceneError with all problems in it, in the order of the file,
     those of the command line last.
     """
-    return parse_scene_content(
-        read_content(path), path, overrides=overrides, volume=volume, output=output, is_single_frame=is_single_frame
-    )
-
-
-def parse_scene_content(
-    content: bytes,
-    path: Path,
-    *,
-    overrides: Sequence[str],
-    volume: Path | None,
-    output: Path | None,
-    is_single_frame: bool,
-) -> Scene:
-    """Return the scene in the content of the file `path`; parameters as in `load_scene`."""
     if len(content) > MAX_SCENE_BYTES:
         raise InputError("too large for a scene", where=str(path), expected=f"at most {MAX_SCENE_BYTES} bytes")
     reject_volume_header(content, path)

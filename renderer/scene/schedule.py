@@ -64,7 +64,7 @@ def min_tolerance(error: ErrorSpec) -> float:
 
 def with_tolerance(scene: Scene, tolerance: float) -> Scene:
     """Return the scene at a constant tolerance."""
-    return replace(scene, error=replace(scene.error, tolerance=((0, tolerance),), goal=None))
+    return with_tolerances(scene, {0: tolerance})
 
 
 def with_tolerances(scene: Scene, tolerances: Mapping[int, float]) -> Scene:

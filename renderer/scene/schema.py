@@ -127,9 +127,6 @@ def number_field(
             return field.reject(node, "not a number", hint=_decimal_point_hint(node.value))
         if not math.isfinite(value):
             return field.reject(node, "not a finite number")
-        if isinstance(node.value, str) and underflows(node.value):
-            hint = "the smallest number above 0 is 5e-324; for zero write 0"
-            return field.reject(node, "too small a number to tell from 0", hint=hint)
         if minimum <= value <= maximum and value > above:
             return value
         return field.reject(node, "out of range", hint=None if value else zero_hint)
@@ -168,12 +165,6 @@ def _decimal_point_hint(value: object) -> str | None:
     return f"decimals come after a point: {value.replace(',', '.')}"
 
 
-def underflows(text: str) -> bool:
-    """Return whether text spells a number that is not 0 but that float64 rounds to 0."""
-    mantissa, _, _ = text.lower().partition("e")
-    return float(text) == 0 and any(digit in mantissa for digit in "123456789")
-
-
 def _as_float(value: object) -> float | None:
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         return None
@@ -190,9 +181,7 @@ def parse_whole_number(value: object) -> int | None:
     if isinstance(value, int) and not isinstance(value, bool):
         return value
     as_float = _as_float(value)
-    if as_float is None or not as_float.is_integer() or (isinstance(value, str) and underflows(value)):
-        return None
-    return int(as_float)
+    return int(as_float) if as_float is not None and as_float.is_integer() else None
 
 
 LENGTH_FIELD: FieldType[float] = number_field(minimum=MIN_WORLD_LENGTH, maximum=MAX_WORLD_LENGTH)

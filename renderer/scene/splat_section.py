@@ -60,6 +60,8 @@ def _build_splat(node: TreeNode, given: dict[str, Any]) -> SplatSpec:
     footprint = given.get("footprint", SplatSpec.footprint)
     hints = unused_splat_keys(footprint)
     for key in schema.valid_keys(given, *hints):
+        if given[key] == getattr(SplatSpec, key):  # as in a sidecar
+            continue
         if "footprint" in given:
             node.key(key).add_problem(f"contradicts footprint: {footprint}", hint=hints[key])
         else:  # nobody has written what it contradicts

@@ -74,15 +74,15 @@ COLOR_FIELD = schema.FieldType(
 
 def _parse_colormap(node: TreeNode) -> str:
     if not isinstance(node.value, str):
-        return _COLORMAP.reject(node, "not the name of a colormap")
+        return COLORMAP_FIELD.reject(node, "not the name of a colormap")
     if not is_colormap(node.value):
         close = nearest_colormap(node.value)
         hint = f"did you mean {close}?" if close else None
-        return _COLORMAP.reject(node, "unknown colormap", hint=hint)
+        return COLORMAP_FIELD.reject(node, "unknown colormap", hint=hint)
     return node.value
 
 
-_COLORMAP = schema.FieldType("a name such as viridis, gray, cividis_r or crameri:batlow", _parse_colormap)
+COLORMAP_FIELD = schema.FieldType("a name such as viridis, gray, cividis_r or crameri:batlow", _parse_colormap)
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ _FIELDS: schema.FieldTable = {
     "points": schema.sequence_field(
         schema.dataclass_field(ControlPoint), "a list of {value: ..., color: ..., opacity: ...}, one or more"
     ),
-    "colormap": _COLORMAP,
+    "colormap": COLORMAP_FIELD,
     "range": _VALUE_RANGE,
     "opacity": schema.sequence_field(_OPACITY_POINT, "a list of [value, opacity], one or more"),
 }

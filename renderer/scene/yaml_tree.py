@@ -17,7 +17,6 @@ import yaml
 from renderer.errors import InputError, Problem
 from renderer.scene.input_file import decode_utf8
 from renderer.scene.message_text import format_value, join_keys
-from renderer.scene.schema import underflows
 
 # A scene has a few hundred values in three or four levels; far more is a mistake or an attack.
 MAX_NODES = 20_000
@@ -180,13 +179,14 @@ class _Builder:
         for key_node, value_node in node.value:
             mark = _mark(key_node.start_mark)
             if not isinstance(key_node, yaml.ScalarNode):
-                self._add_problem(mark, Problem(path, "a key that is a list or a mapping", expected="text or a number"))
+                problem = Problem(path, "a key that is a list or a mapping", expected="text or a number")
+                self.tree.problems.append((mark, problem))
                 continue
             key = self._scalar(key_node, path)
             place = join_keys(path, key)
             if key in lines:
                 hint = f"it is in line {lines[key]}, too" if lines[key] != mark.line else None
-                self._add_problem(mark, Problem(place, "the same key twice", hint=hint))
+                self.tree.problems.append((mark, Problem(place, "the same key twice", hint=hint)))
                 continue
             lines[key] = mark.line
             data[key] = self.build(value_node, place, key=key_node, depth=depth + 1)
@@ -198,8 +198,7 @@ class _Builder:
             if kind == "int":
                 return _integer(text)
             if kind == "float":
-                number = float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
-                return text if number == 0 and underflows(text) else number  # for the schema to refuse
+                return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
             if kind in ("null", "bool"):
                 return {"n": None, "~": None, "": None, "t": True, "f": False}[text[:1].lower()]
         except (KeyError, ValueError):  # an explicit tag on something else
@@ -210,10 +209,7 @@ class _Builder:
 
     def _reject_tag(self, node: yaml.Node, path: str) -> None:
         problem = Problem(path, "tags are not used here", got=format_value(node.tag), hint="remove what begins with !")
-        self._add_problem(_mark(node.start_mark), problem)
-
-    def _add_problem(self, mark: TextPosition, problem: Problem) -> None:
-        self.tree.problems.append((mark, problem))
+        self.tree.problems.append((_mark(node.start_mark), problem))
 
 
 def _integer(text: str) -> int | float:

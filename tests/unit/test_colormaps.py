@@ -5,22 +5,24 @@ from __future__ import annotations
 import cmap
 import pytest
 
-from renderer.scene import colormap_points, is_colormap, nearest_colormap
-from renderer.scene.colormaps import colormap_names
+from renderer.scene import colormap_points
+from renderer.scene.colormaps import is_colormap, nearest_colormap
 
 
-def test_the_names_are_those_of_the_package() -> None:
-    assert set(colormap_names()) == set(cmap.Colormap.catalog())
+def test_the_names_of_the_package_are_known() -> None:
+    names = sorted(cmap.Colormap.catalog())
+    assert len(names) > 100
+    assert all(is_colormap(name) for name in names[::40])
 
 
 @pytest.mark.parametrize("name", ["viridis", "Viridis_r", "matplotlib:bwr", "crameri:batlow_r", "YlGn", "gray"])
-def test_known_names(name: str) -> None:
+def test_a_name_in_any_spelling_is_known(name: str) -> None:
     assert is_colormap(name)
     assert len(colormap_points(name, 5)) == 5
 
 
 @pytest.mark.parametrize("name", ["", "_r", "virides", "nowhere:viridis", "viridis:", "#ff0000", "\0"])
-def test_unknown_names(name: str) -> None:
+def test_other_names_are_unknown(name: str) -> None:
     assert not is_colormap(name)
 
 
@@ -28,7 +30,7 @@ def test_unknown_names(name: str) -> None:
     ("name", "meant"),
     [("virides", "viridis"), ("viridus_r", "viridis_r"), ("colorcet:fir", "colorcet:fire"), ("qq", None)],
 )
-def test_nearest_names(name: str, meant: str | None) -> None:
+def test_a_misspelt_name_has_a_nearest_one(name: str, meant: str | None) -> None:
     assert nearest_colormap(name) == meant
 
 

@@ -147,9 +147,8 @@ def test_another_spacing_than_that_of_the_file(tmp_path):
 
 @pytest.mark.parametrize("text", ["1e-31,1,1", "1,1,1e31"])
 def test_a_spacing_beyond_all_lengths_is_a_usage_error(text):
-    result = CliRunner().invoke(info, ["a.npy", "--spacing", text])
-    assert result.exit_code == 2
-    assert f"'{text}' has a number that is not from 1e-30 to 1e+30." in " ".join(result.output.split())
+    with pytest.raises(InputError, match=rf"^--spacing {text}: out of range"):
+        run("a.npy", "--spacing", text)
 
 
 def test_a_shape_as_sizes_are_written(tmp_path):
@@ -158,18 +157,10 @@ def test_a_shape_as_sizes_are_written(tmp_path):
     assert facts["shape"] == [5, 4, 3]
 
 
-def test_the_example_of_a_spacing_is_one():
-    result = CliRunner().invoke(info, ["a.npy", "--spacing", "0.5"])
-    assert "such as 0.1,0.1,0.5." in " ".join(result.output.split())
-
-
 @pytest.mark.parametrize("text", ["5,4", "5,4,x", "5,4,0", "5,4,-1"])
-def test_wrong_shape_is_a_usage_error(text):
-    result = CliRunner().invoke(info, ["a.raw", "--dtype", "uint8", "--shape", text])
-    assert result.exit_code == 2
-    assert f"'{text}' is not three positive numbers with commas between, such as 128,96,114." in " ".join(
-        result.output.split()
-    ).replace("│ ", "")
+def test_a_wrong_shape_is_refused(text):
+    with pytest.raises(InputError, match=rf"^--shape {text}: "):
+        run("a.raw", "--dtype", "uint8", "--shape", text)
 
 
 def test_time_component_and_nonfinite(tmp_path):

@@ -1,4 +1,4 @@
-"""The text of a scene says what was meant, whatever the names and numbers in it."""
+"""The text of a suggested scene reads back as what it was written from, with any names and numbers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from renderer.scene import (
     load_scene,
     parse_yaml,
 )
-from renderer.suggest import Suggestion
+from renderer.suggest import Suggestion, VolumeSuggestion
 
 POINTS = (ControlPoint(-1e-7, (0.0, 0.0, 0.0), 0.0), ControlPoint(3.0, (1.0, 0.2, 0.4), 0.999))
 SUGGESTION = Suggestion("scan", "it has edges", TransferSpec(POINTS, 0.5), ("", "the object"), ShadingSpec())
@@ -52,42 +52,31 @@ NAMES = [
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_name_is_found_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    """From the scene's folder, which is neither the volume's nor the current one."""
+def test_every_file_name_reads_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """The scene's folder is neither the volume's nor the current one."""
     monkeypatch.chdir(tmp_path)
     Path("data").mkdir()
     Path("scenes").mkdir()
     volume = Path("data", name)
     volume.touch()
-    text = scene_text(
-        VolumeSpec(FileSource(volume)),
-        SUGGESTION,
-        FilmOptions(),
-        folder=Path("scenes"),
-        output=Path("out", f"{name}.mp4".translate(_NO_BRACES)),
-        is_float=False,
-    )
+    found = VolumeSuggestion(VolumeSpec(FileSource(volume)), SUGGESTION, is_float=False)
+    output = Path("out", f"{name}.mp4".translate(_NO_BRACES))
+    text = scene_text(found, FilmOptions(), folder=Path("scenes"), output=output)
     Path("scenes/scene.yaml").write_bytes(text.encode())
     scene = load_scene(Path("scenes/scene.yaml"))
     assert isinstance(scene.volume.source, FileSource)
     assert scene.volume.source.file.samefile(volume)
-    assert scene.output.file == Path("out", f"{name}.mp4".translate(_NO_BRACES))
+    assert scene.output.file == output
 
 
-def test_all_that_is_said_is_read(tmp_path: Path) -> None:
+def test_every_setting_reads_back(tmp_path: Path) -> None:
     (tmp_path / "a.raw").write_bytes(bytes(12 + 48))
     source = RawSource(tmp_path / "a.raw", (2, 3, 4), "int16", "big", (0.5, 1.0, 1e-5), 12)
     film = FilmOptions(7, -12.5, "-x", 1e-9, (640, 480), 12.5, "#ff8000")
     colormap = TransferSpec(ColormapSpec("viridis", (-1.0, 1e22), ((0.0, 0.0), (1e-9, 0.25))), 1e-7)
     suggestion = Suggestion("a kind", "a reason", colormap, (), None)
-    text = scene_text(
-        VolumeSpec(source, nonfinite="lowest"),
-        suggestion,
-        film,
-        folder=tmp_path,
-        output=Path("film.mp4"),
-        is_float=True,
-    )
+    found = VolumeSuggestion(VolumeSpec(source, nonfinite="lowest"), suggestion, is_float=True)
+    text = scene_text(found, film, folder=tmp_path, output=Path("film.mp4"))
     (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
     scene = load_scene(tmp_path / "scene.yaml")
     assert scene.volume == VolumeSpec(source, nonfinite="lowest")
@@ -100,27 +89,21 @@ def test_all_that_is_said_is_read(tmp_path: Path) -> None:
     assert scene.output.background == pytest.approx((1.0, 128 / 255, 0.0))
 
 
-def test_a_spacing_in_place_of_the_file_s(tmp_path: Path) -> None:
+def test_a_spacing_that_replaces_the_file_s_reads_back(tmp_path: Path) -> None:
     source = FileSource(tmp_path / "a.npy", (1e-7, 2e-7, 3e-3))
     source.file.touch()
-    text = scene_text(
-        VolumeSpec(source), SUGGESTION, FilmOptions(), folder=tmp_path, output=Path("film.mp4"), is_float=False
-    )
+    found = VolumeSuggestion(VolumeSpec(source), SUGGESTION, is_float=False)
+    text = scene_text(found, FilmOptions(), folder=tmp_path, output=Path("film.mp4"))
     (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
     assert load_scene(tmp_path / "scene.yaml").volume == VolumeSpec(source)
-    assert "  spacing: [1.0e-07, 2.0e-07, 0.003]  # lengths of a voxel, in place of the file's\n" in text
+    assert "  spacing: [1e-07, 2e-07, 0.003]  # lengths of a voxel, in place of the file's\n" in text
 
 
 def test_the_whole_text() -> None:
-    text = scene_text(
-        VolumeSpec(FileSource(Path("scans/scan.nrrd")), 3, 1),
-        SUGGESTION,
-        FilmOptions(),
-        folder=Path("films"),
-        output=Path("films/scan.mp4"),
-        is_float=True,
-        nonfinite="3 of 8 voxels are NaN or infinite; they are drawn as 0, which is not seen",
-    )
+    nonfinite = "3 of 8 voxels are NaN or infinite; they are drawn as 0, which is not seen"
+    volume = VolumeSpec(FileSource(Path("scans/scan.nrrd")), 3, 1)
+    found = VolumeSuggestion(volume, SUGGESTION, is_float=True, nonfinite=nonfinite)
+    text = scene_text(found, FilmOptions(), folder=Path("films"), output=Path("films/scan.mp4"))
     assert text == WHOLE
 
 
@@ -141,7 +124,7 @@ volume:
 transfer_function:
   unit: 0.5
   points:
-    - {value: -1.0e-07, color: "#000000", opacity: 0}
+    - {value: -1e-07, color: "#000000", opacity: 0}
     - {value: 3, color: "#ff3366", opacity: 0.999}  # the object
 
 # Darker where a surface faces away from the light, which turns with the object. Delete it for even light.
@@ -165,25 +148,20 @@ output:
 @pytest.mark.parametrize("splat", [None, SplatSpec(footprint="gaussian")])
 def test_labels_are_drawn_by_voxel_where_there_is_room(tmp_path: Path, splat: SplatSpec | None) -> None:
     (tmp_path / "scan.npy").touch()
-    text = scene_text(
-        VolumeSpec(FileSource(tmp_path / "scan.npy")),
-        replace(SUGGESTION, is_categorical=True, splat=splat),
-        FilmOptions(),
-        folder=tmp_path,
-        output=Path("scan.mp4"),
-        is_float=False,
-    )
+    suggestion = replace(SUGGESTION, is_categorical=True, splat=splat)
+    found = VolumeSuggestion(VolumeSpec(FileSource(tmp_path / "scan.npy")), suggestion, is_float=False)
+    text = scene_text(found, FilmOptions(), folder=tmp_path, output=Path("scan.mp4"))
     assert "skin of a label" in text
     (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
     assert load_scene(tmp_path / "scene.yaml").splat == (splat or SplatSpec(footprint="integrated"))
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
-def test_numbers(value: float) -> None:
+def test_any_number_reads_back(value: float) -> None:
     assert parse_yaml(f"a: {number_text(value)}").data == {"a": value}
 
 
 @given(st.text(st.characters(exclude_categories=["Cs"])))
-def test_texts(text: str) -> None:
+def test_any_text_reads_back(text: str) -> None:
     assert parse_yaml(f"a: {yaml_string(text)}").data == {"a": text}
     assert parse_yaml(f"a: 1 # {plain_text(text)}").data == {"a": 1}

@@ -1,4 +1,4 @@
-"""Sidecars read again: which files are some, what is taken from them, and that nothing but InputError comes out."""
+"""A sidecar is read with all that a film needs, in any form of JSON; any other content raises InputError."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def load(content: str | bytes | object, name: str = "film.mp4.json", **options: 
 
 
 @pytest.mark.usefixtures("folder")
-def test_what_is_taken_from_it() -> None:
+def test_a_sidecar_holds_what_its_film_was_made_from() -> None:
     job = load(SIDECAR)
     assert job.scene.error == ErrorSpec(((0, 0.5), (3, 0.5), (4, 0.0), (7, 0.0)))
     assert job.scene.output.file == Path("film.mp4")
@@ -69,21 +69,16 @@ def test_what_is_taken_from_it() -> None:
     ("cause", "sources"),
     [
         ({"of": {"sources": "cd" * 16}}, {"sources": "cd" * 16}),
-        *((cause, {}) for cause in (None, 7, {}, {"of": None}, {"of": ["sources"]}, {"of": {"sources": 7}})),
+        *(
+            (cause, {})
+            for cause in (None, 7, [], {}, {"frames": ["89"], "of": None}, {"of": ["sources"]}, {"of": {"sources": 7}})
+        ),
     ],
 )
-def test_which_sources_have_drawn_it(cause: Any, sources: dict[str, str]) -> None:
-    """Where that is told."""
+def test_a_cause_may_be_incomplete(cause: Any, sources: dict[str, str]) -> None:
     job = load(SIDECAR | {"cause": cause})
     assert job.original is not None
     assert job.original.tool_versions == {"python": "3.10.0", "hsplat": "0.1.0", "GL": "GL 4.5"} | sources
-
-
-@pytest.mark.usefixtures("folder")
-@pytest.mark.parametrize("cause", [None, 7, [], {}, {"frames": None}, {"frames": ["89"]}])
-def test_a_cause_that_is_none(cause: object) -> None:
-    job = load(SIDECAR | {"cause": cause})
-    assert job.original is not None
     assert job.original.frames_fingerprint is None
 
 
@@ -100,7 +95,7 @@ def test_a_cause_that_is_none(cause: object) -> None:
         ({}, {"tolerance": 0.1}),
     ],
 )
-def test_tolerances_that_somebody_put_in(error: dict[str, Any], asked: dict[str, Any]) -> None:
+def test_a_schedule_changed_by_hand_replaces_the_recorded_one(error: dict[str, Any], asked: dict[str, Any]) -> None:
     """The frames were drawn at others, by which they met what was asked for."""
     job = load(SIDECAR | {"scene": SIDECAR["scene"] | {"error": error}})
     assert job.requested_error == asked
@@ -109,7 +104,7 @@ def test_tolerances_that_somebody_put_in(error: dict[str, Any], asked: dict[str,
 
 
 @pytest.mark.usefixtures("folder")
-def test_any_form_of_json() -> None:
+def test_any_form_of_json_is_read() -> None:
     """Keys in another order, all in one line, a byte order mark, numbers that are whole."""
     expected = load(SIDECAR)
     assert load(json.dumps(SIDECAR, sort_keys=True)) == expected
@@ -118,7 +113,7 @@ def test_any_form_of_json() -> None:
 
 
 @pytest.mark.usefixtures("folder")
-def test_names_that_are_no_text_come_back() -> None:
+def test_a_name_that_is_no_text_is_kept() -> None:
     """On Linux a name may be any bytes."""
     job = load(json.dumps(SIDECAR), name=b"b\xff.mp4.json".decode(errors="surrogateescape"))
     assert job.scene.output.file == Path(b"b\xff.mp4".decode(errors="surrogateescape"))
@@ -148,7 +143,7 @@ def test_only_what_begins_as_json_may_be_large() -> None:
 
 
 @pytest.mark.usefixtures("folder")
-def test_there_is_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_larger_sidecar_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     most = MAX_SCENE_BYTES + 1000
     for module in (input_file, sidecar_file):
         monkeypatch.setattr(module, "MAX_SIDECAR_BYTES", most)
@@ -172,12 +167,12 @@ def test_there_is_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
         ("new/best.json", "old/a_{frame}.png", "new/a_{frame}.png"),
     ],
 )
-def test_where_the_film_lies(sidecar: str, recorded: str, film: str) -> None:
+def test_the_film_lies_beside_its_sidecar(sidecar: str, recorded: str, film: str) -> None:
     assert film_path_of_sidecar(Path(sidecar), Path(recorded)) == Path(film)
 
 
 @pytest.mark.usefixtures("folder")
-def test_files_that_were_cut_off() -> None:
+def test_a_file_that_was_cut_off_is_refused() -> None:
     text = json.dumps(SIDECAR, indent=2)
     for end in range(len('{\n  "scene":'), len(text) - 1, 7):
         with pytest.raises(InputError):
@@ -208,23 +203,9 @@ def test_any_text_is_read_or_refused() -> None:
     choose = random.Random(6)
     text = json.dumps(SIDECAR)
     snippets = [
-        "{",
-        "}",
-        "[",
-        "]",
-        ",",
-        ":",
-        '"',
-        "NaN",
-        "-Infinity",
-        "1e999",
-        "9" * 5000,
-        "\\",
-        "\\ud800",
-        "\n",
-        "\x00",
-    ]
-    snippets += ['{"scene":', '"scene":1,', "[" * 5000, '{"a":' * 5000, "\ufeff", "é", "-", "0", ".", "e5"]
+        "{", "}", "[", "]", ",", ":", '"', "NaN", "-Infinity", "1e999", "9" * 5000, "\\", "\\ud800", "\n", "\x00",
+        '{"scene":', '"scene":1,', "[" * 5000, '{"a":' * 5000, "\ufeff", "é", "-", "0", ".", "e5",
+    ]  # fmt: skip
     for _ in range(400):
         begin = choose.randrange(len(text))
         spoilt = text[:begin] + choose.choice(snippets) + text[begin + choose.choice([0, 0, 1, 9]) :]

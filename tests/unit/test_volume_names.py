@@ -23,7 +23,7 @@ def touch(*names: str) -> None:
 
 
 def names_of(*volumes: str) -> list[str]:
-    return [one.name for one in name_volumes([Path(volume) for volume in volumes])]
+    return list(name_volumes([Path(volume) for volume in volumes]))
 
 
 @pytest.mark.parametrize(
