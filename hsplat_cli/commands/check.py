@@ -10,10 +10,11 @@ from hsplat_cli.commands.options import FILE, frames_option, scene_argument, set
 from hsplat_cli.scenes import load_job
 from hsplat_cli.terminal import Reporter, counted
 from renderer.film import (
-    first_output_paths,
+    frame_path,
     has_frame_files,
     require_folder_if_exists,
     require_writable_dry_run,
+    sidecar_path,
     unfinished_folder,
 )
 from renderer.readers import require_volume_file
@@ -50,7 +51,7 @@ def check(
     full disk.
     """
     job = load_job(scene, overrides=overrides, frames=frames, volume=volume, output=output)
-    for file in first_output_paths(job.scene, job.frames):
+    for file in (frame_path(job.scene.output.file, job.frames[0]), sidecar_path(job.scene, job.frames)):
         require_writable_dry_run(file)
     require_folder_if_exists(unfinished_folder(job.scene.output))
     if isinstance(job.scene.volume.source, FileSource):

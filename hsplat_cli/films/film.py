@@ -24,7 +24,7 @@ from renderer.study import FilmPlan
 
 
 @dataclass(frozen=True)
-class Film:
+class FilmResult:
     """A finished film.
 
     file: the film, or the template of its frames.
@@ -75,7 +75,7 @@ class DrawnPass(NamedTuple):
     passes: Sequence[Record] = ()
 
 
-def finish_film(job: Job, plan: FilmPlan, drawn: DrawnPass, fingerprint: JobFingerprint, folder: Path) -> Film:
+def finish_film(job: Job, plan: FilmPlan, drawn: DrawnPass, fingerprint: JobFingerprint, folder: Path) -> FilmResult:
     """Write the sidecar of a film that was drawn, and return the film. folder: for unfinished work.
 
     The sidecar has the fingerprint, by which the next job sees that the film is up to date, unless a single pass would
@@ -100,4 +100,4 @@ def finish_film(job: Job, plan: FilmPlan, drawn: DrawnPass, fingerprint: JobFing
     sidecar = sidecar_path(job.scene, job.frames)
     write_sidecar(sidecar, record, folder)
     summary = ", ".join(summary_parts(job, frames, drawn.seconds, plan.found, drawn.num_resumed))
-    return Film(output.file, sidecar, record, summary, shortfall)
+    return FilmResult(output.file, sidecar, record, summary, shortfall)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from hsplat_cli.executors import Executor, ExecutorSpec, FrameExecutor, FrameResult, open_executor
 from hsplat_cli.films.background import run_overlapped, run_sequentially
-from hsplat_cli.films.film import DrawnPass, Film, finish_film
+from hsplat_cli.films.film import DrawnPass, FilmResult, finish_film
 from hsplat_cli.films.goals import make_plan
 from hsplat_cli.films.progressive import DeadlineReached, Refinement, Refiner
 from hsplat_cli.films.resume import PreparedFilm, prepare_film, report_resumable, resume_checkpoint
@@ -49,7 +49,7 @@ def render_film(
     on_start: Callable[[], None] | None = None,
     force: bool = False,
     is_auxiliary: bool = False,
-) -> Film:
+) -> FilmResult:
     """Render the film of a job, or return the film that is up to date.
 
     Frames that an earlier job finished are kept; with `force` they are drawn again.
@@ -72,7 +72,7 @@ def render_film(
         prepared = prepare_film(job, folder, executor.renderer_name, reporter, force=force)
         if prepared.stage is None:
             assert prepared.recorded is not None
-            return Film(output.file, sidecar, prepared.recorded.data)
+            return FilmResult(output.file, sidecar, prepared.recorded.data)
         if on_start is not None:
             on_start()
         renderer = _FilmRenderer(executor, folder, start, reporter, is_auxiliary=is_auxiliary)
@@ -91,7 +91,7 @@ class _FilmRenderer:
         self._executor, self._folder, self._start = executor, folder, start
         self._reporter, self._is_auxiliary = reporter, is_auxiliary
 
-    def render(self, prepared: PreparedFilm, *, force: bool) -> Film:
+    def render(self, prepared: PreparedFilm, *, force: bool) -> FilmResult:
         """Draw the film in one pass; frames that are finished are not drawn again."""
         assert prepared.stage is not None
         job, reporter = prepared.job, self._reporter
@@ -114,14 +114,14 @@ class _FilmRenderer:
             remove_checkpoint_frames(self._folder, job.scene.output, job.frames)
         return film
 
-    def refine(self, prepared: PreparedFilm, refinement: Refinement) -> Film:
+    def refine(self, prepared: PreparedFilm, refinement: Refinement) -> FilmResult:
         """Draw pass after pass, until one is what the scene requests or the time is up."""
         assert prepared.stage is not None and self._executor.rasterizer is not None
         job, file = prepared.job, prepared.job.scene.output.file
         deadline = math.inf if refinement.time_limit is None else self._start + refinement.time_limit
         estimator = LODCostEstimator(prepared.stage)
         refiner = Refiner(job, estimator, self._executor.rasterizer, deadline, self._reporter)
-        film: Film | None = None
+        film: FilmResult | None = None
         try:
             for plan, frame_seconds in refiner.plan_passes():
                 start, label = time.perf_counter(), f"{file.name}, pass {len(refiner.passes) + 1}"
@@ -146,7 +146,7 @@ class _FilmRenderer:
         assert film is not None
         return film
 
-    def _finish(self, prepared: PreparedFilm, plan: FilmPlan, drawn: DrawnPass) -> Film:
+    def _finish(self, prepared: PreparedFilm, plan: FilmPlan, drawn: DrawnPass) -> FilmResult:
         """Write the sidecar of a pass; remove what earlier jobs left of a film that is finished."""
         job, fingerprint = prepared.job, prepared.fingerprint
         film = finish_film(job, plan, drawn, fingerprint, self._folder)

@@ -43,14 +43,12 @@ class RecordedFilm:
     """A film as its sidecar describes it; anybody may have edited the sidecar.
 
     is_complete: whether the sidecar describes all frames, and they meet what was requested.
-    file_digest: of a film in one file.
     frames: the records of the frames.
     data: the content of the sidecar.
     """
 
     fingerprint: JobFingerprint
     is_complete: bool
-    file_digest: str | None
     frames: Sequence[Record]
     data: Mapping[str, Any]
 
@@ -63,7 +61,7 @@ class RecordedFilm:
         if not self.is_same(fingerprint, frames) or not self.is_complete:
             return False
         if not has_frame_files(output):
-            return file_matches_digest(output.file, self.file_digest)
+            return file_matches_digest(output.file, self.data.get("digest"))
         files = ((frame_path(output.file, each["frame"]), each["digest"]) for each in self.frames)
         return all(frame_matches_digest(path, digest, output) for path, digest in files)
 
@@ -107,7 +105,7 @@ def read_recorded_film(sidecar: Path, output: OutputSpec) -> RecordedFilm | None
         return None
     if fingerprint is None:
         return None
-    return RecordedFilm(fingerprint, is_complete, data.get("digest"), usable, data)
+    return RecordedFilm(fingerprint, is_complete, usable, data)
 
 
 # The start of a film
@@ -118,13 +116,15 @@ class PreparedFilm:
     """A job that is ready to draw.
 
     job: with the schedule that its film counts as requested for.
-    stage: None where the film is up to date.
-    recorded: the film that the existing sidecar describes; None with `force`.
+    recorded: the film that the existing sidecar describes.
+    is_up_to_date: whether this film exists, complete and unchanged.
+    stage: None where nothing is to be drawn.
     """
 
     job: Job
     fingerprint: JobFingerprint
     recorded: RecordedFilm | None
+    is_up_to_date: bool
     stage: Stage | None
 
 
@@ -141,12 +141,13 @@ def prepare_film(job: Job, folder: Path, driver: str, reporter: Reporter, *, for
         reporter.status(f"{volume.name}: {volume.note}")
     job, fingerprint = _fingerprint_job(job, volume, driver)
     output = job.scene.output
-    recorded = None if force else read_recorded_film(sidecar_path(job.scene, job.frames), output)
-    if recorded is not None and recorded.is_up_to_date(fingerprint, output, job.frames):
+    recorded = read_recorded_film(sidecar_path(job.scene, job.frames), output)
+    is_up_to_date = recorded is not None and recorded.is_up_to_date(fingerprint, output, job.frames)
+    if is_up_to_date and not force:
         # Left by a job that was killed when its film was complete.
         remove_checkpoint_frames(folder, output, job.frames, fingerprint.of)
         reporter.status(f"{output.file} is up to date; --force draws it again")
-        return PreparedFilm(job, fingerprint, recorded, None)
+        return PreparedFilm(job, fingerprint, recorded, is_up_to_date, None)
     stage = prepare_stage(
         job.scene,
         clock=time.perf_counter,
@@ -156,10 +157,10 @@ def prepare_film(job: Job, folder: Path, driver: str, reporter: Reporter, *, for
         recorded_in=f"{job.original.path}: volume.fingerprint" if job.original else "",
     )
     stage = replace(stage, seconds={**stage.seconds, "read": stage.seconds["read"] + read_seconds})
-    why = None if recorded is None else recorded.why_rerender(fingerprint, output, job.frames)
+    why = None if recorded is None or force else recorded.why_rerender(fingerprint, output, job.frames)
     if why is not None:
         reporter.status(f"{output.file} {why}")
-    return PreparedFilm(job, fingerprint, recorded, stage)
+    return PreparedFilm(job, fingerprint, recorded, is_up_to_date, stage)
 
 
 def _fingerprint_job(job: Job, volume: Volume, driver: str) -> tuple[Job, JobFingerprint]:
@@ -189,7 +190,8 @@ def resume_checkpoint(
     job, fingerprint, recorded = prepared.job, prepared.fingerprint, prepared.recorded
     output = job.scene.output
     checkpoint = FrameCheckpoint(folder, output, job.frames, fingerprint.of, discard_existing=force)
-    if recorded is not None and has_frame_files(output) and recorded.fingerprint.frames == fingerprint.frames:
+    is_same_film = recorded is not None and recorded.fingerprint.frames == fingerprint.frames
+    if recorded is not None and is_same_film and has_frame_files(output) and not force:
         checkpoint.adopt_records(recorded.frames)
     checkpoint.retain(partial(_matches_plan, plan))
     if checkpoint.records:
@@ -214,11 +216,11 @@ def report_resumable(
     checkpoint: FrameCheckpoint, prepared: PreparedFilm, folder: Path, reporter: Reporter, *, force: bool
 ) -> None:
     """Report, when the work ends early, which frames are kept and which command resumes."""
-    job = prepared.job
+    job, output = prepared.job, prepared.job.scene.output
     if checkpoint.records and folder.is_dir():
-        command = "the same command"
-        if force:
-            command += f" without --force{_removal_hint(job, prepared.fingerprint)}"
+        command = "the same command" + " without --force" * force
+        if prepared.is_up_to_date and not has_frame_files(output):  # which would keep that command from resuming
+            command += f", once {output.file} is removed,"
         reporter.status(f"{_num_frames_text(checkpoint, job)} kept; {command} resumes there")
 
 
@@ -230,11 +232,3 @@ def _num_frames_text(checkpoint: FrameCheckpoint, job: Job) -> str:
 
 def _redrawn_text(num: int, which: str) -> str:
     return f"{counted(num, 'existing frame')} {which} {'is' if num == 1 else 'are'} drawn again"
-
-
-def _removal_hint(job: Job, fingerprint: JobFingerprint) -> str:
-    """Return the hint to remove a film in one file that is up to date: it would keep the job from resuming."""
-    output = job.scene.output
-    recorded = None if has_frame_files(output) else read_recorded_film(sidecar_path(job.scene, job.frames), output)
-    is_there = recorded is not None and recorded.is_up_to_date(fingerprint, output, job.frames)
-    return f", once {output.file} is removed," if is_there else ""

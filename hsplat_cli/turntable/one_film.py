@@ -38,7 +38,7 @@ from renderer.film import (
 from renderer.scene import VolumeSpec, parse_scene_content, schedule_to_dict
 
 if TYPE_CHECKING:
-    from hsplat_cli.films import Film
+    from hsplat_cli.films import FilmResult
 
 _MAX_NUMBER = 2**53  # of splats or seconds; larger ones are mistakes
 
@@ -179,7 +179,7 @@ def _read_existing(request: FilmRequest, content: bytes, manifest: Manifest) -> 
     return existing
 
 
-def film_statistics(film: Film) -> FilmRecord:
+def film_statistics(film: FilmResult) -> FilmRecord:
     """Return the frames, the mean number of bricks (as `splats`) and the seconds of a film.
 
     The sidecar of a film that was up to date may have been edited: numbers that cannot be are left out.

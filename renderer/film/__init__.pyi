@@ -31,7 +31,6 @@ from .lock import (
 from .names import (
     ANY_FRAME_FIELD as ANY_FRAME_FIELD,
     film_path_of_sidecar as film_path_of_sidecar,
-    first_output_paths as first_output_paths,
     frame_path as frame_path,
     has_frame_files as has_frame_files,
     is_numbered as is_numbered,

@@ -98,8 +98,3 @@ def film_path_of_sidecar(sidecar: Path, recorded: Path) -> Path:
 def picture_files(output: OutputSpec, frames: Sequence[int]) -> Iterator[Path]:
     """Yield the film, or the picture of each of these frames."""
     return (frame_path(output.file, frame) for frame in (frames if is_numbered(output) else frames[:1]))
-
-
-def first_output_paths(scene: Scene, frames: Sequence[int]) -> tuple[Path, Path]:
-    """Return the film, or the picture of the first frame, and the sidecar, to find out early if they can be written."""
-    return frame_path(scene.output.file, frames[0]), sidecar_path(scene, frames)

@@ -15,7 +15,7 @@ from unittest import mock
 import pytest
 
 from hsplat_cli.executors import ExecutorSpec
-from hsplat_cli.films import Film
+from hsplat_cli.films import FilmResult
 from hsplat_cli.scenes import FilmOptions, SuggestedScene
 from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable import FilmRequest, batch, manifest as manifest_module, one_film, run_batch, update_manifest
@@ -281,7 +281,7 @@ COSTS: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
 def test_statistics_leave_out_numbers_that_cannot_be(case: str) -> None:
     """The sidecar of a film that was up to date may have been edited."""
     record, expected = COSTS[case]
-    assert one_film.film_statistics(Film(Path("scan.mp4"), Path("scan.mp4.json"), record)) == expected
+    assert one_film.film_statistics(FilmResult(Path("scan.mp4"), Path("scan.mp4.json"), record)) == expected
 
 
 def scene(text: str) -> SuggestedScene:

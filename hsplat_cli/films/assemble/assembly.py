@@ -9,7 +9,7 @@ from pathlib import Path
 from hsplat_cli.films.assemble.agreement import PickedFrame, file_problems, film_problems, pick_frames
 from hsplat_cli.films.assemble.merged_sidecar import merged_record, part_notes, parts_fingerprint, parts_of
 from hsplat_cli.films.assemble.parts import Part
-from hsplat_cli.films.film import Film
+from hsplat_cli.films.film import FilmResult
 from hsplat_cli.films.fingerprint import JobFingerprint, fingerprint_record
 from hsplat_cli.films.resume import read_recorded_film
 from hsplat_cli.terminal import Reporter, counted, deferrable_interrupts
@@ -55,7 +55,7 @@ def assemble_film(
             record |= fingerprint_record(fingerprint, output)
         write_sidecar(sidecar, record, folder)
     num_parts = counted(len(parts_of(picked)), "part")
-    Film(output.file, sidecar, record, f"{counted(len(picked), 'frame')} of {num_parts}").report(reporter)
+    FilmResult(output.file, sidecar, record, f"{counted(len(picked), 'frame')} of {num_parts}").report(reporter)
 
 
 def _is_up_to_date(
