@@ -1,14 +1,16 @@
-from .bricks import (
-    RAY_ERROR_FACTOR as RAY_ERROR_FACTOR,
+from .brick_cut import (
     BrickCut as BrickCut,
-    BrickLevel as BrickLevel,
-    Bricks as Bricks,
+    brick_cut_sizes as brick_cut_sizes,
     cut_bricks as cut_bricks,
-    make_bricks as make_bricks,
     num_bricks_at as num_bricks_at,
 )
-from .cut_size import brick_cut_sizes as brick_cut_sizes
-from .kernels import (
+from .bricks import (
+    RAY_ERROR_FACTOR as RAY_ERROR_FACTOR,
+    BrickLevel as BrickLevel,
+    Bricks as Bricks,
+    make_bricks as make_bricks,
+)
+from .layout import (
     BRICK_LEVELS as BRICK_LEVELS,
     BRICK_SIZE as BRICK_SIZE,
     HALO as HALO,

@@ -11,18 +11,25 @@ neighbours at the same level, the halo, whatever is drawn there.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks import kernels
-from renderer.bricks.kernels import BRICK_LEVELS, BRICK_SIZE
-from renderer.bricks.node_statistics import NodeStatistics, brick_grid_shape, grid_cells
-from renderer.bricks.subvoxel import make_channel_curve, make_scalar_curve, measure_subvoxel_variation
-from renderer.pyramid import STREAMED_LEVELS, Pyramid, build_pyramid, error_scale, node_errors, visible_children
+from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE, brick_grid_shape, grid_cells, scatter
+from renderer.bricks.node_statistics import NodeStatistics
+from renderer.bricks.subvoxel import make_channel_curve, make_scalar_curve, measure_voxel_bricks
+from renderer.pyramid import (
+    STREAMED_LEVELS,
+    Pyramid,
+    build_pyramid,
+    cell_voxel_counts,
+    error_scale,
+    node_errors,
+    packed_channels,
+    visible_children,
+)
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.threads import ThreadPool
 from renderer.transfer import (
@@ -81,6 +88,11 @@ class BrickLevel:
         for array in (self.visible_bounds, self.errors, self.step_errors, self.slots, self.means):
             array.flags.writeable = False
 
+    @property
+    def is_visible(self) -> npt.NDArray[np.bool_]:
+        """bool [z, y, x]: whether anything may be visible in the brick."""
+        return np.asarray(self.visible_bounds[..., 1, 0] > self.visible_bounds[..., 0, 0])
+
 
 @dataclass(frozen=True)
 class Bricks:
@@ -103,27 +115,6 @@ class Bricks:
     def volume(self) -> Volume:
         """The volume that the bricks divide."""
         return self.pyramid.volume
-
-
-@dataclass(frozen=True)
-class BrickCut:
-    """The bricks drawn, coarse levels first, in Morton order within a level. The index of a brick is its id.
-
-    levels: uint8 [n], of their cells.
-    cells: int32 [n, 3], x, y, z in widths of the brick, BRICK_SIZE << level voxels.
-    visible_bounds: float64 [n, 2, 3], lowest and highest corner (x, y, z) of what may be visible, index coordinates.
-    step_errors: float64 [n], as in BrickLevel.
-    volume: the volume that was cut.
-    """
-
-    levels: npt.NDArray[np.uint8]
-    cells: Int32
-    visible_bounds: Float64
-    step_errors: Float64
-    volume: Volume
-
-    def __len__(self) -> int:
-        return len(self.levels)
 
 
 def make_bricks(
@@ -158,10 +149,9 @@ def make_bricks(
     nodes = [(of_level, *_no_means()) for of_level in statistics[:num_levels]]
     for number in range(STREAMED_LEVELS + 1, num_levels + 1):
         nodes.append(_gather_stored_level(pyramid, number, trees, num_threads))
-    variation, steps, differences = _subvoxel_variation(pyramid, transfer, volume_range, num_threads)
+    bounds, variation, steps, differences = _measure_voxels(pyramid, transfer, volume_range, num_threads)
     unit = _cell_error_scale(pyramid, 1)
     step_errors = np.maximum(np.hypot(nodes[0][0].step_errors_below(), unit * steps), unit * differences)
-    bounds = _find_voxel_bounds(pyramid, step_errors.shape, num_threads)
     levels = [BrickLevel(bounds, np.zeros_like(step_errors), step_errors, *_no_means())]
     for number, (of_nodes, slots, means) in enumerate(nodes[: num_levels - 1], 1):
         variation, differences = _max_of_children(variation), _root_mean_square_of_children(differences)
@@ -172,48 +162,6 @@ def make_bricks(
     scalar_range = _scalar_range(transfer, *volume_range)
     pieces = make_piecewise_transfer(transfer.curve(volume.finest_spacing), *scalar_range)
     return Bricks(tuple(levels), pyramid, transfer, scalar_range, volume_range, pieces)
-
-
-def cut_bricks(bricks: Bricks, tolerance: float, *, finest_level: int = 0) -> BrickCut:
-    """Return the coarsest bricks whose errors are below `tolerance` (in the measure's unit), none below `finest_level`.
-
-    Bricks whose own level shows nothing are left out. Raises ValueError where either argument is below 0.
-    """
-    leaves = list(_leaves(bricks, tolerance, finest_level))
-    levels = np.repeat(np.array([level for level, _ in leaves], np.uint8), [len(cells) for _, cells in leaves])
-    bounds, step_errors = [], []
-    for number, part in leaves:
-        (x, y, z), level = part.T, bricks.levels[number]
-        bounds.append((BRICK_SIZE * part[:, None] + level.visible_bounds[z, y, x]) * 2.0**number - 0.5)
-        step_errors.append(level.step_errors[z, y, x])
-    arrays = levels, np.concatenate([cells for _, cells in leaves]), np.concatenate(bounds), np.concatenate(step_errors)
-    for array in arrays:
-        array.flags.writeable = False
-    return BrickCut(*arrays, bricks.volume)
-
-
-def num_bricks_at(bricks: Bricks, tolerance: float, finest_level: int) -> int:
-    """Return the number of bricks of the cut at this tolerance."""
-    return sum(len(cells) for _, cells in _leaves(bricks, tolerance, finest_level))
-
-
-def _leaves(bricks: Bricks, tolerance: float, finest_level: int) -> Iterator[tuple[int, Int32]]:
-    """Yield each level, coarse first, and the cells int32 [n, 3] of its bricks that are drawn."""
-    if not tolerance >= 0:
-        raise ValueError(f"no bricks for this tolerance: got {tolerance}, expected at least 0")
-    if finest_level < 0:
-        raise ValueError(f"no bricks of this level: got {finest_level}, expected at least 0")
-    cells = np.zeros((1, 3), np.int32)
-    for number in range(len(bricks.levels) - 1, -1, -1):
-        level = bricks.levels[number]
-        shape_below = bricks.levels[max(number - 1, 0)].errors.shape
-        drawn, children = np.empty_like(cells), np.empty((8 * len(cells), 3), np.int32)
-        limit = tolerance if number > finest_level else math.inf
-        num_drawn, num_children = kernels.split_bricks(
-            cells, level.errors, level.visible_bounds, limit, shape_below, drawn, children
-        )
-        yield number, drawn[:num_drawn]
-        cells = children[:num_children]
 
 
 def _scalar_range(transfer: TransferFunction, low: float, high: float) -> tuple[float, float]:
@@ -275,8 +223,9 @@ def _gather_stored_level(
             level = pyramid.levels[above - 1]
             nodes, cells = visible_children(nodes, cells, level.masks, level.first_children)
         means_of_nodes = pyramid.levels[number - 1].means[nodes]
-        statistics.add(cells, node_errors(pyramid, nodes, cells, number), means_of_nodes)
-        kernels.scatter(_as_packed_channels(means_of_nodes), cells, slots, _as_packed_channels(means))
+        sizes = cell_voxel_counts(cells, number, pyramid.volume)
+        statistics.add(cells, sizes, node_errors(pyramid, nodes, cells, number), means_of_nodes)
+        scatter(packed_channels(means_of_nodes), cells, slots, packed_channels(means))
 
     with ThreadPool(num_threads) as pool:
         pool.map(work, _parts(len(bricks)))
@@ -300,59 +249,40 @@ def _root_mean_square_of_children(of_brick: Float64) -> Float64:
     return np.asarray(largest * np.sqrt(squares / nums))
 
 
-def _find_voxel_bounds(pyramid: Pyramid, shape: tuple[int, ...], num_threads: int) -> npt.NDArray[np.float32]:
-    """float32 [z, y, x, 2, 3]: BrickLevel.visible_bounds of level 0, which has `shape` bricks."""
-    volume, breakpoints, scalars = pyramid.volume, pyramid.classifier.breakpoints, pyramid.classifier.scalars
-    counts = None if scalars is None else np.searchsorted(breakpoints, scalars, side="right").astype(np.uint32)
-    raw, bricks, bounds = raw_voxels(volume), grid_cells(shape), np.zeros((*shape, 2, 3), np.float32)
-
-    def work(part: slice) -> None:
-        volume.require_unchanged()
-        kernels.find_voxel_bounds(raw, counts, breakpoints, bricks[part], bounds)
-
-    with ThreadPool(num_threads) as pool:
-        pool.map(work, _parts(len(bricks)))
-    volume.require_unchanged()
-    return bounds
-
-
-def _subvoxel_variation(
+def _measure_voxels(
     pyramid: Pyramid, transfer: TransferFunction, volume_range: tuple[float, float], num_threads: int
-) -> tuple[Float64, Float64, Float64]:
-    """Return what `measure_subvoxel_variation` finds in the bricks of level 0: three of float64 [z, y, x]."""
-    shape = brick_grid_shape(pyramid.volume, 0)
-    found = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    lighting, scalars = pyramid.classifier.lighting, pyramid.classifier.scalars
+) -> tuple[npt.NDArray[np.float32], Float64, Float64, Float64]:
+    """Return what `measure_voxel_bricks` finds in the bricks of level 0: their visible bounds, float32
+    [z, y, x, 2, 3], and three of float64 [z, y, x]."""
+    volume, lighting = pyramid.volume, pyramid.classifier.lighting
+    shape = brick_grid_shape(volume, 0)
+    bounds, found = np.zeros((*shape, 2, 3), np.float32), [np.zeros(shape) for _ in range(3)]
     if pyramid.of == "scalar":
         curve = make_scalar_curve(volume_range)
     else:
         brightest = lighting.light[3] + lighting.light[4] if lighting else 1.0
-        opacity = pyramid.measure == "rms"
-        curve = make_channel_curve(transfer, pyramid.volume.finest_spacing, opacity, brightest, volume_range)
-    raw, bricks = raw_voxels(pyramid.volume), grid_cells(shape)
+        curve = make_channel_curve(transfer, volume.finest_spacing, pyramid.measure == "rms", brightest, volume_range)
+    raw, bricks = raw_voxels(volume), grid_cells(shape)
 
     def work(part: slice) -> None:
-        pyramid.volume.require_unchanged()
-        measure_subvoxel_variation(raw, scalars, curve, bricks[part], *found)
+        volume.require_unchanged()
+        measure_voxel_bricks(
+            raw, pyramid.classifier.scalars, pyramid.classifier.breakpoints, curve, bricks[part], bounds, *found
+        )
 
     with ThreadPool(num_threads) as pool:
         pool.map(work, _parts(len(bricks)))
-    pyramid.volume.require_unchanged()
+    volume.require_unchanged()
     if pyramid.of == "scalar":
         half = volume_range[1] / 2 - volume_range[0] / 2  # the range itself may overflow
-        variation, steps, differences = (2 * (each * half) for each in found)
-        return variation, steps, differences
-    return found
+        found = [2 * (each * half) for each in found]
+    variation, steps, differences = found
+    return bounds, variation, steps, differences
 
 
 def _cell_error_scale(pyramid: Pyramid, number: int) -> float:
     """Return the factor from the root of the variance of a whole node of a level to its error."""
     return float(error_scale(pyramid.volume, pyramid.measure, 8.0**number))
-
-
-def _as_packed_channels(means: Array) -> Array:
-    """Return [..., 4] as items [...], each moved as one; a view."""
-    return means.view(np.uint64 if means.dtype == np.float16 else np.complex128)[..., 0]
 
 
 def _parts(num: int) -> list[slice]:

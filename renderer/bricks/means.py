@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.kernels import BRICK_SIZE, HALO, PADDED_BRICK_SIZE
+from renderer.bricks.layout import BRICK_SIZE, HALO, PADDED_BRICK_SIZE
 from renderer.jit import jit
 from renderer.pyramid import (
     BLOCK_SIZE,

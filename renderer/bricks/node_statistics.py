@@ -12,14 +12,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks import kernels
-from renderer.bricks.kernels import BRICK_LEVELS, BRICK_SIZE
+from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE, HALO, brick_grid_shape, grid_cells
+from renderer.jit import jit
 from renderer.pyramid import cell_voxel_counts
 from renderer.volume import Volume
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]
 Int32 = npt.NDArray[np.int32]
+Int64 = npt.NDArray[np.int64]
+UInt8 = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -28,8 +30,8 @@ class NodeStatistics:
 
     max_error_by_neighbour: float64 [z, y, x, 3, 3, 3], the largest error of those nodes of each brick of this level
         that are in the halo of its neighbours at -1, 0 and 1 along z, y, x; in the middle, of all its nodes.
-    bounds_by_neighbour: uint8 [z, y, x, 3, 3, 3, 2, 3], the lowest and the highest of the cells (x, y, z), 0 to
-        BRICK_SIZE - 1, of the same nodes where visible. The lowest is above the highest if no node is visible.
+    bounds_by_neighbour: uint8 [z, y, x, 3, 3, 3, 2, 3], the lowest of the cells (x, y, z) of the same nodes where
+        visible, and one above the highest; BRICK_SIZE and 0 if no node is visible.
     max_error_below, squared_errors_below: float64 [z, y, x], of the nodes in each brick of the level below, half as
         wide: the largest error, and the sum of the squares of all errors divided by it, weighted by numbers of voxels.
     """
@@ -37,7 +39,7 @@ class NodeStatistics:
     volume: Volume
     level: int
     max_error_by_neighbour: Float64
-    bounds_by_neighbour: npt.NDArray[np.uint8]
+    bounds_by_neighbour: UInt8
     max_error_below: Float64
     squared_errors_below: Float64
 
@@ -49,15 +51,12 @@ class NodeStatistics:
         bounds[..., 0, :] = BRICK_SIZE
         return cls(volume, level, np.zeros((*shape, 3, 3, 3)), bounds, np.zeros(below), np.zeros(below))
 
-    def add(self, cells: Int32, errors: Float64, means: Array) -> None:
-        """Add all nodes in some bricks of the level below: cells [n, 3] (x, y, z), errors [n], stored means [n, 4]."""
-        sizes = cell_voxel_counts(cells, self.level, self.volume)
+    def add(self, cells: Int32, sizes: Int64, errors: Float64, means: Array) -> None:
+        """Add all nodes in some bricks of the level below: cells [n, 3] (x, y, z), numbers of voxels [n], errors [n],
+        stored means [n, 4]."""
         depths = means[:, 3].view(np.uint16) if means.dtype == np.float16 else means[:, 3]  # 0 has no bits
-        kernels.accumulate_by_neighbour(errors, depths, cells, self.max_error_by_neighbour, self.bounds_by_neighbour)
-        kernels.accumulate_max(errors, cells, BRICK_LEVELS - 1, self.max_error_below)
-        kernels.accumulate_squares(
-            errors, sizes, cells, BRICK_LEVELS - 1, self.max_error_below, self.squared_errors_below
-        )
+        _add_by_neighbour(errors, depths, cells, self.max_error_by_neighbour, self.bounds_by_neighbour)
+        _add_below(errors, sizes, cells, self.max_error_below, self.squared_errors_below)
 
     def max_error(self) -> Float64:
         """float64 [z, y, x]: the largest error in each brick and its halo."""
@@ -68,9 +67,18 @@ class NodeStatistics:
 
     def visible_bounds(self) -> npt.NDArray[np.float32]:
         """float32 [z, y, x, 2, 3], as in BrickLevel."""
-        bounds = np.zeros((*self.bounds_by_neighbour.shape[:3], 2, 3), np.float32)
-        kernels.find_node_bounds(self.bounds_by_neighbour, np.array(self.volume.shape_xyz) / 2.0**self.level, bounds)
-        return bounds
+        shape = self.max_error_by_neighbour.shape[:3]
+        low, end = np.full((*shape, 3), BRICK_SIZE + 1), np.full((*shape, 3), -BRICK_SIZE)
+        for at, neighbours in _neighbours(self.bounds_by_neighbour):
+            of_neighbours = neighbours[..., 2 - at[0], 2 - at[1], 2 - at[2], :, :].astype(np.int64)
+            is_visible = of_neighbours[..., 0, :] < of_neighbours[..., 1, :]  # not beyond the border, where both are 0
+            of_neighbours += BRICK_SIZE * (np.array(at[::-1]) - 1)
+            np.minimum(low, of_neighbours[..., 0, :], out=low, where=is_visible)
+            np.maximum(end, of_neighbours[..., 1, :], out=end, where=is_visible)
+        extents = np.array(self.volume.shape_xyz) / 2.0**self.level - BRICK_SIZE * grid_cells(shape).reshape(*shape, 3)
+        # Cell k is visible from the centre of k - 1 to that of k + 1.
+        bounds = np.stack([np.maximum(low - 0.5, 0.0), np.minimum(end + 0.5, np.minimum(extents, BRICK_SIZE))], axis=3)
+        return np.where((low < end)[..., None, :], bounds, 0.0).astype(np.float32)
 
     def step_errors_below(self) -> Float64:
         """float64 [z, y, x]: the step error estimates of the level below, as in BrickLevel."""
@@ -83,21 +91,48 @@ class NodeStatistics:
         return np.asarray(np.where(step_errors > 0, step_errors, of_neighbours))
 
 
-def brick_grid_shape(volume: Volume, level: int) -> tuple[int, int, int]:
-    """Return the number of bricks of a level along z, y, x."""
-    z, y, x = (((num - 1) >> (level + BRICK_LEVELS)) + 1 for num in volume.values.shape)
-    return z, y, x
-
-
-def grid_cells(shape: tuple[int, ...]) -> Int32:
-    """int32 [n, 3]: all cells (x, y, z) of a grid [z, y, x], x fastest."""
-    return np.ascontiguousarray(np.indices(shape, np.int32).reshape(3, -1)[::-1].T)
-
-
-def _neighbours(of_brick: Float64) -> Iterator[tuple[tuple[int, ...], Float64]]:
+def _neighbours(of_brick: Array) -> Iterator[tuple[tuple[int, ...], Array]]:
     """Yield, for each neighbour at -1, 0 and 1 along z, y, x, its index from 0 to 2, and the values that bricks
     [z, y, x, ...] have there, 0 beyond the border."""
     shape = of_brick.shape[:3]
     padded = np.pad(of_brick, [(1, 1)] * 3 + [(0, 0)] * (of_brick.ndim - 3))
     for at in np.ndindex(3, 3, 3):
         yield at, padded[tuple(slice(k, k + n) for k, n in zip(at, shape, strict=True))]
+
+
+@jit
+def _add_by_neighbour(errors: Float64, depths: Array, cells: Int32, largest: Float64, bounds: UInt8) -> None:
+    """Add nodes at `cells` [n, 3] (x, y, z) to the largest errors and to the bounds of visible nodes, by the neighbours
+    in whose halo they are: [z, y, x, 3, 3, 3] and [z, y, x, 3, 3, 3, 2, 3], as in NodeStatistics.
+
+    errors: [n]. depths: [n], above 0 where a node is visible.
+    """
+    inside = BRICK_SIZE - 1
+    for i in range(len(errors)):
+        x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
+        largest_of_brick = largest[z >> BRICK_LEVELS, y >> BRICK_LEVELS, x >> BRICK_LEVELS]
+        bounds_of_brick = bounds[z >> BRICK_LEVELS, y >> BRICK_LEVELS, x >> BRICK_LEVELS]
+        x, y, z = x & inside, y & inside, z & inside
+        for k in range(1 - (z < HALO), 2 + (z > inside - HALO)):
+            for j in range(1 - (y < HALO), 2 + (y > inside - HALO)):
+                for h in range(1 - (x < HALO), 2 + (x > inside - HALO)):
+                    largest_of_brick[k, j, h] = max(largest_of_brick[k, j, h], errors[i])
+                    if depths[i] > 0:
+                        low, end = bounds_of_brick[k, j, h, 0], bounds_of_brick[k, j, h, 1]
+                        low[0], low[1], low[2] = min(low[0], x), min(low[1], y), min(low[2], z)
+                        end[0], end[1], end[2] = max(end[0], x + 1), max(end[1], y + 1), max(end[2], z + 1)
+
+
+@jit
+def _add_below(errors: Float64, sizes: Int64, cells: Int32, largest: Float64, sums: Float64) -> None:
+    """Add errors [n] of nodes, times sizes [n], to the bricks of the level below [z, y, x]: to the largest of each, and
+    to the sums of squares, divided by the square of the largest so that they neither overflow nor vanish."""
+    shift = BRICK_LEVELS - 1
+    for i in range(len(errors)):
+        x, y, z = cells[i, 0] >> shift, cells[i, 1] >> shift, cells[i, 2] >> shift
+        largest[z, y, x] = max(largest[z, y, x], errors[i])
+    for i in range(len(errors)):
+        x, y, z = cells[i, 0] >> shift, cells[i, 1] >> shift, cells[i, 2] >> shift
+        if errors[i] > 0:
+            ratio = errors[i] / largest[z, y, x]
+            sums[z, y, x] += sizes[i] * (ratio * ratio)

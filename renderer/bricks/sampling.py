@@ -30,7 +30,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.bricks import BrickCut, Bricks
+from renderer.bricks.brick_cut import BrickCut
+from renderer.bricks.bricks import Bricks
 from renderer.scene import ShadingSpec
 
 Float64 = npt.NDArray[np.float64]

@@ -1,5 +1,10 @@
-"""Measure the sub-voxel variation: what the transfer function shows between two voxels but at neither, and differences
-between voxels that belong to two nodes. Nodes do not tell either.
+"""Measure bricks of voxels: their visible bounds, and the sub-voxel variation.
+
+A dual cell has eight voxels as its corners. By the min-max test of `renderer.transfer`, it may be visible if anything
+between the smallest and the largest of their scalars is.
+
+The sub-voxel variation is what the transfer function shows between two voxels but at neither, and differences between
+voxels that belong to two nodes. Nodes do not tell either.
 
 On level 0 the scalar is interpolated and then classified. Between two voxels it passes through all values between
 theirs, and the transfer function may be far from both there: an opaque peak between 0 and 1 of a mask, for example,
@@ -44,7 +49,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.kernels import BRICK_SIZE, HALO, PADDED_BRICK_SIZE, fill_padded
+from renderer.bricks.layout import BRICK_SIZE, PADDED_BRICK_SIZE, fill_padded
 from renderer.jit import jit
 from renderer.transfer import (
     LARGEST_EXPONENT,
@@ -52,9 +57,11 @@ from renderer.transfer import (
     TransferFunction,
     TransferTable,
     evaluate_segment,
+    is_range_visible,
     make_transfer_table,
 )
 
+Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Int32 = npt.NDArray[np.int32]
 
@@ -127,24 +134,26 @@ def _simplify(values: Float64, points: Float64, tolerance: float) -> npt.NDArray
 
 
 @jit
-def measure_subvoxel_variation(
+def measure_voxel_bricks(
     raw: RawVoxels,
     scalars: Float64 | None,
+    breakpoints: Float64,
     curve: TransferTable,
     bricks: Int32,
+    bounds: Float32,
     variation: Float64,
     step_errors: Float64,
     differences: Float64,
 ) -> None:
     """Measure the dual cells in bricks of voxels at `bricks` [n, 3] (x, y, z); all results are [z, y, x], 0 before.
 
-    Write the largest D or J to `variation`, and the root mean squares over the brick's volume of D / width^2 to
-    `step_errors` and of J to `differences`. A brick has half of the dual cells between it and its neighbours; beyond
-    the border the nearest voxels are repeated.
+    Write the visible bounds, as in BrickLevel, to `bounds` [z, y, x, 2, 3]; the largest D or J to `variation`; and the
+    root mean squares over the brick's volume of D / width^2 to `step_errors` and of J to `differences`. A brick has
+    half of the dual cells between it and its neighbours; beyond the border the nearest voxels are repeated.
 
-    scalars: by bit pattern; None where voxels are scalars themselves.
+    scalars: by bit pattern; None where voxels are scalars themselves. breakpoints: of visibility.
     """
-    values, rows = curve.rows[1:, 0].copy(), curve.rows
+    values, rows, scale = curve.rows[1:, 0].copy(), curve.rows, curve.scale
     shape = (PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE)
     low, high = np.empty(shape), np.empty(shape)
     for i in range(len(bricks)):
@@ -155,26 +164,49 @@ def measure_subvoxel_variation(
             min(raw.shape[2] - BRICK_SIZE * x, BRICK_SIZE),
         )
         fill_padded(raw, scalars, bricks[i], low)
-        least, most = _scale(low, nums, curve.scale)
-        first = _num_at_or_below(values, least, 0)
-        if _num_at_or_below(values, most, first) > first or rows[first, 6:].any():
+        least, most = _range(low)
+        first = _num_at_or_below(values, scale * least, 0)
+        is_varying = _num_at_or_below(values, scale * most, first) > first or rows[first, 6:].any()
+        is_visible = is_range_visible(breakpoints, least, most)
+        if is_varying or is_visible:
             _to_dual_cell_ranges(low, high, nums)
+        if is_visible:
+            _find_visible_bounds(low, high, nums, breakpoints, bounds[z, y, x])
+        if is_varying:
             variation[z, y, x], step_errors[z, y, x], differences[z, y, x] = _variation_of_ranges(
-                low, high, nums, values, rows
+                low, high, nums, values, rows, scale
             )
 
 
 @jit
-def _scale(field: Float64, nums: tuple[int, int, int], scale: float) -> tuple[float, float]:
-    """Scale the scalars of a brick's voxels [nums] and its halo; return the smallest and the largest."""
+def _range(field: Float64) -> tuple[float, float]:
+    """Return the smallest and the largest number of a field [z, y, x]."""
     least, most = np.inf, -np.inf
-    for z in range(nums[0] + 2 * HALO):
-        for y in range(nums[1] + 2 * HALO):
-            for x in range(nums[2] + 2 * HALO):
-                scalar = scale * field[z, y, x]
-                field[z, y, x] = scalar
-                least, most = min(least, scalar), max(most, scalar)
+    for z in range(field.shape[0]):
+        for y in range(field.shape[1]):
+            for x in range(field.shape[2]):
+                least, most = min(least, field[z, y, x]), max(most, field[z, y, x])
     return least, most
+
+
+@jit
+def _find_visible_bounds(
+    low: Float64, high: Float64, nums: tuple[int, int, int], breakpoints: Float64, bounds: Float32
+) -> None:
+    """Write the lowest and highest corner (x, y, z) of the visible dual cells [nums + 1] to `bounds` [2, 3].
+
+    At least one is visible. Dual cell k lies between the centres of the cells k - 1 and k.
+    """
+    x0, y0, z0 = BRICK_SIZE, BRICK_SIZE, BRICK_SIZE
+    x1, y1, z1 = 0, 0, 0
+    for z in range(nums[0] + 1):
+        for y in range(nums[1] + 1):
+            for x in range(nums[2] + 1):
+                if is_range_visible(breakpoints, low[z, y, x], high[z, y, x]):
+                    x0, y0, z0 = min(x0, x), min(y0, y), min(z0, z)
+                    x1, y1, z1 = max(x1, x), max(y1, y), max(z1, z)
+    bounds[0, 0], bounds[0, 1], bounds[0, 2] = max(x0 - 0.5, 0.0), max(y0 - 0.5, 0.0), max(z0 - 0.5, 0.0)
+    bounds[1, 0], bounds[1, 1], bounds[1, 2] = min(x1 + 0.5, nums[2]), min(y1 + 0.5, nums[1]), min(z1 + 0.5, nums[0])
 
 
 @jit
@@ -199,7 +231,7 @@ def _to_dual_cell_ranges(low: Float64, high: Float64, nums: tuple[int, int, int]
 
 @jit
 def _variation_of_ranges(
-    low: Float64, high: Float64, nums: tuple[int, int, int], values: Float64, rows: Float64
+    low: Float64, high: Float64, nums: tuple[int, int, int], values: Float64, rows: Float64, scale: float
 ) -> tuple[float, float, float]:
     """Return the largest D or J, and the root mean squares of D / width^2 and of J."""
     largest, total, total_difference, first = 0.0, 0.0, 0.0, 0
@@ -208,16 +240,17 @@ def _variation_of_ranges(
         for y in range(nums[1] + 1):
             in_yz = in_z * (0.5 if y == 0 or y == nums[1] else 1.0)
             for x in range(nums[2] + 1):
-                if low[z, y, x] == high[z, y, x]:
+                least, most = scale * low[z, y, x], scale * high[z, y, x]
+                if least == most:
                     continue
                 part = in_yz * (0.5 if x == 0 or x == nums[2] else 1.0)
-                first = _num_at_or_below(values, low[z, y, x], first)
-                last = _num_at_or_below(values, high[z, y, x], first)
+                first = _num_at_or_below(values, least, first)
+                last = _num_at_or_below(values, most, first)
                 if last > first:
-                    square, width = squared_distance(low[z, y, x], high[z, y, x], first, values, rows)
+                    square, width = squared_distance(least, most, first, values, rows)
                     largest = max(largest, square)
                     total += part * square / (width * width)
-                square = squared_difference(low[z, y, x], high[z, y, x], first, last, rows)
+                square = squared_difference(least, most, first, last, rows)
                 square *= DIFFERENCE_ERROR_SHARE * DIFFERENCE_ERROR_SHARE
                 largest = max(largest, square)
                 total_difference += part * square

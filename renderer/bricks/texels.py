@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks.bricks import Bricks
-from renderer.bricks.kernels import BRICK_SIZE, HALO, PADDED_BRICK_SIZE, fill_padded, halo_span, slot_at
+from renderer.bricks.layout import BRICK_SIZE, HALO, PADDED_BRICK_SIZE, fill_padded, halo_span, slot_at
 from renderer.bricks.means import MeanCache
 from renderer.jit import jit
 from renderer.pyramid import STREAMED_LEVELS

@@ -13,7 +13,7 @@ from renderer.errors import InputError
 from renderer.frame.budget import ScheduleController, ToleranceController
 from renderer.frame.frame import Frame, Rasterizer, draw_frame
 from renderer.frame.stage import Clock, Stage, Stopwatch
-from renderer.pyramid import build_pyramid
+from renderer.pyramid import EVERY_CUT, FinestCut, build_pyramid
 from renderer.readers import read_volume
 from renderer.scene import (
     Scene,
@@ -84,8 +84,7 @@ def prepare_stage(
             error=scene.error,
             shading=scene.shading,
             num_threads=num_threads,
-            min_tolerance=0.0 if any_tolerance else min_tolerance(scene.error),
-            finest_level=0 if any_tolerance else scene.error.finest_level,
+            finest_cut=EVERY_CUT if any_tolerance else FinestCut(min_tolerance(scene.error), scene.error.finest_level),
         )
     watch.lap("pyramid")
     points = visible_points(pyramid)

@@ -1,8 +1,3 @@
-from .blocks import (
-    classify_blocks as classify_blocks,
-    opacities_to_depths as opacities_to_depths,
-    store_scaled as store_scaled,
-)
 from .cut import (
     Cut as Cut,
     cell_voxel_counts as cell_voxel_counts,
@@ -13,12 +8,23 @@ from .cut import (
 )
 from .cut_size import CutSizes as CutSizes, cut_sizes as cut_sizes
 from .empty_space import visible_blocks as visible_blocks
-from .kernels import BLOCK_SIZE as BLOCK_SIZE, NODE_OFFSETS as NODE_OFFSETS
-from .memory import BLOCKS_PER_TASK as BLOCKS_PER_TASK, Scratch as Scratch
+from .memory import Scratch as Scratch
+from .nodes import (
+    BLOCK_SIZE as BLOCK_SIZE,
+    NODE_OFFSETS as NODE_OFFSETS,
+    classify_blocks as classify_blocks,
+    opacities_to_depths as opacities_to_depths,
+    packed_channels as packed_channels,
+    store_scaled as store_scaled,
+)
 from .pyramid import (
+    BLOCKS_PER_TASK as BLOCKS_PER_TASK,
+    EVERY_CUT as EVERY_CUT,
     STREAMED_LEVELS as STREAMED_LEVELS,
+    FinestCut as FinestCut,
     Level as Level,
     Pyramid as Pyramid,
     build_pyramid as build_pyramid,
     error_scale as error_scale,
+    subdivide as subdivide,
 )

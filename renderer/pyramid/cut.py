@@ -51,10 +51,11 @@ def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) ->
 
     Raises ValueError where the pyramid was not built for this tolerance or level.
     """
-    if not tolerance >= pyramid.min_tolerance:
-        raise ValueError(f"no pyramid for this tolerance: got {tolerance}, expected at least {pyramid.min_tolerance}")
-    if finest_level < pyramid.finest_level:
-        raise ValueError(f"no pyramid for this level: got {finest_level}, expected at least {pyramid.finest_level}")
+    finest = pyramid.finest_cut
+    if not tolerance >= finest.tolerance:
+        raise ValueError(f"no pyramid for this tolerance: got {tolerance}, expected at least {finest.tolerance}")
+    if finest_level < finest.level:
+        raise ValueError(f"no pyramid for this level: got {finest_level}, expected at least {finest.level}")
     cells = np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
     nodes = np.arange(len(cells))
     leaves = []

@@ -76,10 +76,10 @@ def cut_sizes(pyramid: Pyramid, max_cells: int, *, finest_level: int, finest_lev
     pyramid has no cells of these levels.
     """
     finest = min(finest_level, finest_level_at_zero)
-    if finest < pyramid.finest_level:
-        raise ValueError(f"no pyramid for this level: got {finest}, expected at least {pyramid.finest_level}")
-    if pyramid.min_tolerance > 0:
-        just_below = math.nextafter(pyramid.min_tolerance, 0.0)
+    if finest < pyramid.finest_cut.level:
+        raise ValueError(f"no pyramid for this level: got {finest}, expected at least {pyramid.finest_cut.level}")
+    if pyramid.finest_cut.tolerance > 0:
+        just_below = math.nextafter(pyramid.finest_cut.tolerance, 0.0)
         return CutSizes(*_collect_thresholds(pyramid, max_cells, finest_level, just_below), None, max_cells)
     at_zero = found = _collect_thresholds(pyramid, max_cells, finest_level_at_zero, -math.inf)
     if finest_level != finest_level_at_zero:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import jit
-from renderer.pyramid.kernels import BLOCK_SIZE
+from renderer.pyramid.nodes import BLOCK_SIZE
 from renderer.transfer import Classifier, RawVoxels, is_range_visible
 
 Float64 = npt.NDArray[np.float64]

@@ -17,7 +17,7 @@ Where bricks are drawn, these two levels are not stored at all. They are streame
 bricks need to know of them, and recomputed from voxels where they are drawn.
 
 Several threads build blocks of 8^3 voxels, which gives levels 1 to 3. Then each tier of groups of 64 nodes gives two
-levels more (see `renderer.pyramid.kernels`). The first tier is built together with its blocks, so that little of a
+levels more (see `renderer.pyramid.nodes`). The first tier is built together with its blocks, so that little of a
 large volume has to be kept until all blocks are built.
 """
 
@@ -31,19 +31,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.pyramid import kernels
-from renderer.pyramid.blocks import as_packed_channels, classify_blocks, merge, opacities_to_depths, store_scaled
+from renderer.pyramid import nodes as compiled
 from renderer.pyramid.empty_space import visible_blocks
-from renderer.pyramid.kernels import BLOCK_SIZE
-from renderer.pyramid.memory import (
-    BLOCK_LEVELS,
-    BLOCKS_PER_TASK,
-    CUBE_LEVELS,
-    NODES_OF_GROUP,
-    BlockLevelBuffers,
-    NodeArrays,
-    Scratch,
-    empty_node_arrays,
+from renderer.pyramid.memory import NODES_OF_GROUP, NodeArrays, Scratch
+from renderer.pyramid.nodes import (
+    BLOCK_SIZE,
+    classify_blocks,
+    merge,
+    opacities_to_depths,
+    packed_channels,
+    store_scaled,
 )
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.threads import ThreadPool
@@ -56,9 +53,20 @@ Int32 = npt.NDArray[np.int32]
 Int64 = npt.NDArray[np.int64]
 Shape = tuple[int, int, int]
 
-# Takes visible nodes of a level in Morton order: the level, their cells [n, 3] (x, y, z), their errors [n] in the
-# measure's unit, and their means [n, 4] as they would be stored. The arrays are reused after the call.
-NodeCallback = Callable[[int, Int32, Float64, Array], None]
+# Takes visible nodes of a level in Morton order: the level, their cells [n, 3] (x, y, z), their numbers of voxels [n],
+# their errors [n] in the measure's unit, and their means [n, 4] as they would be stored.
+NodeCallback = Callable[[int, Int32, Int64, Float64, Array], None]
+
+# Levels inside a block.
+BLOCK_LEVELS = 3
+
+# Tasks build whole cubes of 64^3 voxels, so that no two of them have nodes in the same brick of levels 0 to 2.
+CUBE_LEVELS = 6
+# Most blocks of a task: enough to hide the dispatch, few enough that their nodes stay in cache.
+BLOCKS_PER_TASK = 1024
+
+# Framing reads a grid of visible cells that has at most this many along an axis.
+MAX_OCCUPANCY_SIDE = 128
 
 # Means are stored as multiples of the largest possible one, scaled to this: float16 then holds 8 decades below it at
 # its full 11 bits (its normal numbers go down to 2^-14).
@@ -78,12 +86,21 @@ STREAMED_LEVELS = 2
 ROUNDING_MARGIN = 1 - 2.0**-9
 MAX_STORED_ROUNDING = 2.0**-24
 
-# int64 [8, 3]: the children (x, y, z) of a cell, in Morton order.
-OCTANTS = np.arange(8)[:, None] >> np.arange(3) & 1
+# int32 [8, 3]: the children (x, y, z) of a cell, in Morton order.
+OCTANTS = np.arange(8, dtype=np.int32)[:, None] >> np.arange(3, dtype=np.int32) & 1
 
 
-@dataclass(frozen=True)
-class Level:
+class FinestCut(NamedTuple):
+    """The smallest tolerance and the finest level of the cuts that will be made."""
+
+    tolerance: float = 0.0
+    level: int = 0
+
+
+EVERY_CUT = FinestCut()
+
+
+class Level(NamedTuple):
     """The visible nodes of one level, in Morton order of their cells.
 
     means: float16 or float32 [n, 4], stored units.
@@ -107,7 +124,7 @@ class Pyramid:
     max_depth: the largest optical depth of a voxel, where means are of opacities.
     measure, of: what errors are, as in ErrorSpec.
     occupied: bool [z, y, x], the cells of level `occupied_level` in which anything is visible.
-    min_tolerance, finest_level: cuts at smaller tolerances, or of finer levels, need nodes that were left out.
+    finest_cut: finer cuts need nodes that were left out.
     """
 
     levels: tuple[Level, ...]
@@ -121,8 +138,7 @@ class Pyramid:
     of: str
     occupied: npt.NDArray[np.bool_]
     occupied_level: int
-    min_tolerance: float
-    finest_level: int
+    finest_cut: FinestCut
 
     @property
     def num_levels(self) -> int:
@@ -132,9 +148,7 @@ class Pyramid:
     @property
     def num_bytes(self) -> int:
         """Memory of all levels."""
-        return sum(
-            a.nbytes for level in self.levels for a in (level.means, level.errors, level.masks, level.first_children)
-        )
+        return sum(array.nbytes for level in self.levels for array in level)
 
 
 def build_pyramid(
@@ -145,50 +159,29 @@ def build_pyramid(
     error: ErrorSpec,
     shading: ShadingSpec | None = None,
     num_threads: int = 2,
-    min_tolerance: float = 0.0,
-    finest_level: int = 0,
+    finest_cut: FinestCut = EVERY_CUT,
     on_nodes: NodeCallback | None = None,
 ) -> Pyramid:
     """Build all levels in one pass over the voxels; the result does not depend on `num_threads`.
 
-    min_tolerance, finest_level: of the cuts that will be made.
     on_nodes: called with all visible nodes of the levels up to STREAMED_LEVELS, which are then not stored, from several
         threads at a time. The nodes in a cube of 2^CUBE_LEVELS voxels a side come together.
 
     Raises InputError where the volume's file was changed.
     """
     num_levels = max(1 if on_nodes is None else BLOCK_LEVELS, (max(volume.shape_xyz) - 1).bit_length())
-    settings = _make_settings(volume, transfer, spec, error, shading, on_nodes)
+    plan = _plan_build(volume, transfer, spec, error, shading)
     if on_nodes is None:
-        limits = _leaf_variance_limits(settings, num_levels, min_tolerance, finest_level)
-        settings = replace(settings, leaf_variance_limits=limits)
+        plan = replace(plan, leaf_variance_limits=_leaf_variance_limits(plan, num_levels, finest_cut))
     else:
-        finest_level = STREAMED_LEVELS + 1
-    cubes, first_cubes, first_blocks = _tasks(volume.shape_xyz)
-    buffers = BlockLevelBuffers.empty(first_blocks, volume.shape_xyz, settings.dtype, settings.num_streamed)
-    tier, above = _build_all_blocks(settings, np.split(cubes, first_cubes), buffers, num_threads)
-    classifier = settings.mean_classifier
-    if classifier.is_opacity:
-        classifier = make_classifier(volume, transfer, shading, opacity=False)
-    stored = buffers.compacted(num_threads) + above
+        finest_cut = FinestCut(level=STREAMED_LEVELS + 1)
+        plan = replace(plan, on_nodes=on_nodes, num_streamed=STREAMED_LEVELS)
+    tier, stored = _build_all_blocks(plan, num_threads)
     while len(stored) < num_levels:
-        tier, levels = _next_tier(settings, tier, len(stored))
+        tier, levels = _next_tier(plan, tier, len(stored))
         stored += levels
-    return Pyramid(
-        levels=tuple(_link_children(nodes) for nodes in stored[:num_levels]),
-        mean_unit=settings.mean_unit,
-        error_unit=settings.error_unit,
-        classifier=classifier,
-        mean_classifier=settings.mean_classifier,
-        max_depth=settings.max_depth,
-        volume=volume,
-        measure=error.measure,
-        of=error.of,
-        occupied=buffers.occupied,
-        occupied_level=buffers.occupied_level,
-        min_tolerance=min_tolerance,
-        finest_level=finest_level,
-    )
+    linked = tuple(_link_children(nodes) for nodes in stored[:num_levels])
+    return replace(plan.pyramid, levels=linked, finest_cut=finest_cut)
 
 
 def error_scale(volume: Volume, measure: str, num_voxels: Any) -> Any:
@@ -210,36 +203,26 @@ def cell_extents(cells: Array, level: int, shape_xyz: Shape) -> Int64:
 
 
 @dataclass(frozen=True)
-class _BuildSettings:
+class _Plan:
     """What all tasks share.
 
-    mean_classifier: classifies for the means. error_classifier: classifies for the errors.
-    scalar_normalization: (offset, scale) of the scalar that errors are of.
+    pyramid: what is built, without its levels. raw: its voxels.
+    error_classifier: classifies for the errors. scalar_normalization: (offset, scale) of the scalar that errors are of.
         Where both are None, the error is the variance that comes with the means.
-    mean_unit, error_unit: as in Pyramid. error_factor: from the root of a variance to its stored unit.
-    max_depth: as in Pyramid; means of opacities are stored as depths.
-    on_nodes: as in `build_pyramid`.
+    error_factor: from the root of a variance to its stored unit.
     leaf_variance_limits: nodes of level 2, and of level 3, with a smaller variance are leaves in every cut.
+    on_nodes: as in `build_pyramid`. num_streamed: levels that are not stored.
     """
 
-    volume: Volume
-    measure: str
+    pyramid: Pyramid
     raw: Array
-    mean_classifier: Classifier
     error_classifier: Classifier | None
     scalar_normalization: tuple[float, float] | None
-    mean_unit: float
-    error_unit: float
     error_factor: float
     dtype: type[np.float16] | type[np.float32]
-    max_depth: float | None
-    on_nodes: NodeCallback | None
     leaf_variance_limits: tuple[float, float] = (0.0, 0.0)
-
-    @property
-    def num_streamed(self) -> int:
-        """Levels that are not stored."""
-        return STREAMED_LEVELS if self.on_nodes else 0
+    on_nodes: NodeCallback | None = None
+    num_streamed: int = 0
 
     @property
     def error_layout(self) -> tuple[int, type[Any]] | None:
@@ -249,61 +232,61 @@ class _BuildSettings:
         return (4, np.float32) if self.error_classifier else None
 
 
-def _make_settings(
-    volume: Volume,
-    transfer: TransferFunction,
-    spec: PyramidSpec,
-    error: ErrorSpec,
-    shading: ShadingSpec | None,
-    on_nodes: NodeCallback | None,
-) -> _BuildSettings:
-    opacity, of_opacity = spec.average == "opacity", error.measure == "rms"
+def _plan_build(
+    volume: Volume, transfer: TransferFunction, spec: PyramidSpec, error: ErrorSpec, shading: ShadingSpec | None
+) -> _Plan:
+    averages_opacity, measures_opacity = spec.average == "opacity", error.measure == "rms"
     depth = volume.finest_spacing * transfer.max_extinction
     brightest = max(1.0, shading.ambient + shading.diffuse) if shading else 1.0
 
     def unit(of_opacity: bool) -> float:
         return _stored_unit(brightest * max(-math.expm1(-depth) if of_opacity else depth, VISIBILITY_THRESHOLD))
 
+    def classifier(of_opacity: bool) -> Classifier:
+        return make_classifier(volume, transfer, shading, opacity=of_opacity)
+
     error_classifier, normalization = None, None
-    error_unit, error_factor = unit(of_opacity), 1 / unit(of_opacity)
+    error_unit, error_factor = unit(measures_opacity), 1 / unit(measures_opacity)
     if error.of == "scalar":
         low, high = volume.value_range()
         offset = _exact_offset(low, high)
         error_unit, error_factor = _stored_unit(max(abs(low - offset), abs(high - offset))), 1.0
         normalization = (offset, 1 / error_unit)
-    elif opacity != of_opacity:
-        error_classifier = make_classifier(volume, transfer, shading, opacity=of_opacity)
-    return _BuildSettings(
-        volume,
-        error.measure,
-        raw_voxels(volume),
-        make_classifier(volume, transfer, shading, opacity=opacity),
-        error_classifier,
-        normalization,
-        unit(False),
-        error_unit,
-        error_factor,
-        np.float16 if spec.precision == "half" else np.float32,
-        depth if opacity else None,
-        on_nodes,
+    elif averages_opacity != measures_opacity:
+        error_classifier = classifier(measures_opacity)
+    mean_classifier = classifier(averages_opacity)
+    level = max(1, (max(volume.shape_xyz) - 1).bit_length() - (MAX_OCCUPANCY_SIDE - 1).bit_length())
+    pyramid = Pyramid(
+        levels=(),
+        mean_unit=unit(False),
+        error_unit=error_unit,
+        classifier=classifier(False) if averages_opacity else mean_classifier,
+        mean_classifier=mean_classifier,
+        max_depth=depth if averages_opacity else None,
+        volume=volume,
+        measure=error.measure,
+        of=error.of,
+        occupied=np.zeros([((num - 1) >> level) + 1 for num in volume.values.shape], np.bool_),
+        occupied_level=level,
+        finest_cut=EVERY_CUT,
     )
+    dtype = np.float16 if spec.precision == "half" else np.float32
+    return _Plan(pyramid, raw_voxels(volume), error_classifier, normalization, error_factor, dtype)
 
 
-def _leaf_variance_limits(
-    settings: _BuildSettings, num_levels: int, min_tolerance: float, finest_level: int
-) -> tuple[float, float]:
+def _leaf_variance_limits(plan: _Plan, num_levels: int, finest_cut: FinestCut) -> tuple[float, float]:
     """Return the total variances of nodes of levels 2 and 3 below which their errors are below any tolerance in use.
 
     They hold for whole cells, and all the more for cells that the border cuts.
     """
     limits = []
     for level in (2, 3):
-        unit = float(error_scale(settings.volume, settings.measure, 8.0**level)) * settings.error_unit
-        root = (min_tolerance * ROUNDING_MARGIN - MAX_STORED_ROUNDING * unit) / (unit * settings.error_factor)
-        if level > num_levels or (root <= 0 and level > finest_level):
+        unit = float(error_scale(plan.pyramid.volume, plan.pyramid.measure, 8.0**level)) * plan.pyramid.error_unit
+        root = (finest_cut.tolerance * ROUNDING_MARGIN - MAX_STORED_ROUNDING * unit) / (unit * plan.error_factor)
+        if level > num_levels or (root <= 0 and level > finest_cut.level):
             limits.append(0.0)
         else:
-            limits.append(math.inf if level <= finest_level else root * root)
+            limits.append(math.inf if level <= finest_cut.level else root * root)
     return limits[0], limits[1]
 
 
@@ -324,11 +307,11 @@ def _stored_unit(largest: float) -> float:
     return math.ldexp(1 / MAX_STORED_MEAN, math.frexp(max(largest, MIN_SCALAR_RANGE))[1])
 
 
-def _tasks(shape_xyz: Shape) -> tuple[Int64, Int64, Int64]:
-    """Return the cubes of a volume, int64 [n, 3] (x, y, z in cubes), in Morton order; the first cubes of all tasks but
-    the first, int64 [num_tasks - 1]; and the number of blocks before each task, and in all, int64 [num_tasks + 1]."""
+def _tasks(shape_xyz: Shape) -> tuple[list[Int64], list[int]]:
+    """Return the cubes of each task, int64 [n, 3] (x, y, z in cubes), in Morton order; and the number of blocks before
+    each task, and in all."""
     top = max(CUBE_LEVELS, (max(shape_xyz) - 1).bit_length())
-    cubes = _subdivide(np.zeros((1, 3), np.int64), top, CUBE_LEVELS, shape_xyz)
+    cubes = subdivide(np.zeros((1, 3), np.int64), top, CUBE_LEVELS, shape_xyz)
     nums = (-(-cell_extents(cubes, CUBE_LEVELS, shape_xyz) // BLOCK_SIZE)).prod(axis=1)
     first_cubes, first_blocks, end = [], [0], 0
     for cube, num in enumerate(nums.tolist()):
@@ -336,11 +319,11 @@ def _tasks(shape_xyz: Shape) -> tuple[Int64, Int64, Int64]:
             first_cubes.append(cube)
             first_blocks.append(end)
         end += num
-    return cubes, np.array(first_cubes, np.int64), np.array([*first_blocks, end], np.int64)
+    return np.split(cubes, first_cubes), [*first_blocks, end]
 
 
-def _subdivide(cells: Int64, level: int, finer_level: int, shape_xyz: Shape) -> Int64:
-    """int64 [n, 3]: the cells of a finer level in cells of a level, each in its own widths, in Morton order."""
+def subdivide(cells: Array, level: int, finer_level: int, shape_xyz: Shape) -> Array:
+    """Integers [n, 3]: the cells of a finer level in cells of a level, each in its own widths, in Morton order."""
     for number in range(level - 1, finer_level - 1, -1):
         cells = (2 * cells[:, None] + OCTANTS).reshape(-1, 3)
         inside = cells << number < shape_xyz
@@ -358,76 +341,94 @@ class _Tier(NamedTuple):
     variances: Array
 
 
-def _build_all_blocks(
-    settings: _BuildSettings, cubes: list[Int64], buffers: BlockLevelBuffers, num_threads: int
-) -> tuple[_Tier, list[NodeArrays]]:
-    """Build the levels inside blocks, task by task, into `buffers`; return the tier above and the levels in it."""
-    num_blocks = int(np.diff(buffers.first_blocks).max())
-    scratches = [
-        Scratch.empty(num_blocks, settings.error_layout, settings.num_streamed, settings.dtype)
-        for _ in range(num_threads)
-    ]
+def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[NodeArrays]]:
+    """Build the levels inside blocks, task by task, and the two above; return the upper one as a tier, and all levels
+    as they are stored.
 
-    def work(task: int) -> tuple[_Tier, list[NodeArrays]]:
-        settings.volume.require_unchanged()
+    The lower levels are written to addresses for all nodes, and moved together when their number is known.
+    """
+    volume = plan.pyramid.volume
+    cubes, first_blocks = _tasks(volume.shape_xyz)
+    inside = [
+        NodeArrays.empty(first_blocks[-1] * num if k >= plan.num_streamed else 0, plan.dtype, masked=k > 0)
+        for k, num in enumerate(NODES_OF_GROUP)
+    ]
+    scratches = [Scratch.empty(int(np.diff(first_blocks).max()), plan.error_layout) for _ in range(num_threads)]
+
+    def work(task: int) -> tuple[list[NodeArrays], _Tier, list[NodeArrays]]:
+        volume.require_unchanged()
+        first, end = first_blocks[task : task + 2]
+        targets = [level.part(first * num, end * num) for level, num in zip(inside, NODES_OF_GROUP, strict=True)]
         scratch = scratches.pop()  # a thread has one at a time
-        roots = _build_blocks(settings, cubes[task], buffers, task, scratch)
+        stored, roots = _build_blocks(plan, cubes[task], targets, scratch)
         scratches.append(scratch)
-        return _next_tier(settings, roots, BLOCK_LEVELS)
+        return stored, *_next_tier(plan, roots, BLOCK_LEVELS)
+
+    def compact(array: Array, parts: list[Array]) -> None:
+        """Move the parts of an array to its beginning, and cut off the rest."""
+        end = 0
+        for part in parts:
+            array[end : end + len(part)] = part
+            end += len(part)
+        array.resize((end, *array.shape[1:]), refcheck=False)
 
     with ThreadPool(num_threads) as pool:
-        tiers, levels = zip(*pool.map(work, range(len(cubes))), strict=True)
-    settings.volume.require_unchanged()
+        stored, tiers, above = zip(*pool.map(work, range(len(cubes))), strict=True)
+        volume.require_unchanged()
+        pool.map(
+            lambda at: compact(inside[at[0]][at[1]], [levels[at[0]][at[1]] for levels in stored]),
+            np.ndindex(BLOCK_LEVELS, len(NodeArrays._fields)),
+        )
     tier = _Tier(*map(np.concatenate, zip(*tiers, strict=True)))
-    return tier, [NodeArrays(*map(np.concatenate, zip(*parts, strict=True))) for parts in zip(*levels, strict=True)]
+    joined = [NodeArrays(*map(np.concatenate, zip(*parts, strict=True))) for parts in zip(*above, strict=True)]
+    return tier, inside + joined
 
 
 def _build_blocks(
-    settings: _BuildSettings, cubes: Int64, buffers: BlockLevelBuffers, task: int, scratch: Scratch
-) -> _Tier:
-    """Build the levels inside the blocks of one task; return their roots."""
-    cells = _subdivide(cubes, CUBE_LEVELS, BLOCK_LEVELS, settings.volume.shape_xyz)
+    plan: _Plan, cubes: Int64, targets: list[NodeArrays], scratch: Scratch
+) -> tuple[list[NodeArrays], _Tier]:
+    """Build the levels inside the blocks of one task; return what is stored of them, in `targets`, and their roots."""
+    pyramid, raw, normalization = plan.pyramid, plan.raw, plan.scalar_normalization
+    cells = subdivide(cubes, CUBE_LEVELS, BLOCK_LEVELS, pyramid.volume.shape_xyz)
     starts = (cells * BLOCK_SIZE).astype(np.uint64)
-    extents = cell_extents(cells, BLOCK_LEVELS, settings.volume.shape_xyz).astype(np.uint64)
-    raw, normalization = settings.raw, settings.scalar_normalization
+    extents = cell_extents(cells, BLOCK_LEVELS, pyramid.volume.shape_xyz).astype(np.uint64)
     if not normalization:  # scalars count for their errors where they are invisible, too
-        visible = visible_blocks(raw, settings.mean_classifier, starts, extents)
+        visible = visible_blocks(raw, pyramid.mean_classifier, starts, extents)
         cells, starts, extents = cells[visible], starts[visible], extents[visible]
     scratch = scratch.limited_to(len(cells))
-    nodes, errors = scratch.nodes, scratch.errors or scratch.nodes
-    classify_blocks(raw, settings.mean_classifier, starts, extents, scratch.voxels, nodes)
+    nodes, errors = scratch.nodes, scratch.errors
+    classify_blocks(raw, pyramid.mean_classifier, starts, extents, scratch.voxels, nodes)
     if normalization:
-        scalars = settings.mean_classifier.scalars
-        kernels.build_scalar_level(raw, scalars, *normalization, starts, extents, *errors[0])
+        scalars = pyramid.mean_classifier.scalars
+        compiled.build_scalar_level(raw, scalars, *normalization, starts, extents, *errors[0])
         merge(errors, extents, 2)
-    elif settings.error_classifier:
-        classify_blocks(raw, settings.error_classifier, starts, extents, scratch.voxels, errors)
-    if any(settings.leaf_variance_limits):
-        limits = settings.leaf_variance_limits
-        kernels.mark_permanent_leaves(errors[1][1], errors[2][1], limits, *scratch.permanent_leaves)
-    part = min(buffers.occupied_level, BLOCK_LEVELS) - 1
-    kernels.mark_occupied(nodes[part][0], cells, buffers.occupied_level - 1 - part, buffers.occupied)
-    for level in range(BLOCK_LEVELS):
-        is_streamed = level < settings.num_streamed
-        target = scratch.streamed[level] if is_streamed else buffers.of_task(task, level)
-        num = buffers.counts[task, level] = _store_visible(settings, scratch, level, target)
+    elif plan.error_classifier:
+        classify_blocks(raw, plan.error_classifier, starts, extents, scratch.voxels, errors)
+    if any(plan.leaf_variance_limits):
+        limits = plan.leaf_variance_limits
+        compiled.mark_permanent_leaves(errors[1][1], errors[2][1], limits, *scratch.permanent_leaves)
+    occupied_part, stored = min(pyramid.occupied_level, BLOCK_LEVELS) - 1, []
+    for part in range(BLOCK_LEVELS):
+        is_streamed, target = part < plan.num_streamed, targets[part]
         if is_streamed:
-            _stream_nodes(settings, level + 1, nodes[level][0], cells, target.part(0, num))
-    return _Tier(cells, *(roots[:, 0].copy() for roots in (nodes[2][0], *errors[2])))
+            target = NodeArrays.empty(len(cells) * NODES_OF_GROUP[part], plan.dtype, masked=part > 0)
+        target = target.part(0, _store_visible(plan, scratch, part, target))
+        if is_streamed or part == occupied_part:
+            num_listed = len(target.means) if is_streamed else 0
+            visible_cells, sizes = np.empty((num_listed, 3), np.int32), np.empty(num_listed, np.int64)
+            shift = pyramid.occupied_level - 1 - part if part == occupied_part else -1
+            compiled.list_visible_cells(
+                nodes[part][0], cells, 2 << part, raw.shape, visible_cells, sizes, shift, pyramid.occupied
+            )
+        if plan.on_nodes and is_streamed:
+            scales = error_scale(pyramid.volume, pyramid.measure, np.arange(8 ** (part + 1) + 1)) * pyramid.error_unit
+            scaled_errors = target.errors * (scales[sizes] if scales.ndim else scales)
+            plan.on_nodes(part + 1, visible_cells, sizes, scaled_errors, target.means)
+        stored.append(targets[part] if is_streamed else target)
+    return stored, _Tier(cells, *(roots[:, 0].copy() for roots in (nodes[2][0], *errors[2])))
 
 
-def _stream_nodes(
-    settings: _BuildSettings, level: int, nodes: npt.NDArray[np.float32], groups: Int64, stored: NodeArrays
-) -> None:
-    """Pass the visible nodes [g, n, 4] of groups at `groups` [g, 3], as they are stored, to the callback."""
-    assert settings.on_nodes is not None
-    cells, sizes = np.empty((len(stored.means), 3), np.int32), np.empty(len(stored.means), np.int64)
-    kernels.list_visible_cells(nodes, groups, 1 << level, settings.raw.shape, cells, sizes)
-    scales = error_scale(settings.volume, settings.measure, np.arange(8**level + 1)) * settings.error_unit
-    settings.on_nodes(level, cells, stored.errors * (scales[sizes] if scales.ndim else scales), stored.means)
-
-
-def _next_tier(settings: _BuildSettings, tier: _Tier, level: int) -> tuple[_Tier, list[NodeArrays]]:
+def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[NodeArrays]]:
     """Build the two levels above `level`, on which the nodes of `tier` lie in Morton order; return the upper one as a
     tier, and both as they are stored."""
     cells = tier.cells >> TIER_LEVELS
@@ -436,21 +437,21 @@ def _next_tier(settings: _BuildSettings, tier: _Tier, level: int) -> tuple[_Tier
     is_first[1:] = (steps[:, 0] | steps[:, 1] | steps[:, 2]) != 0
     index = 64 * (np.cumsum(is_first) - 1) + 8 * _octants(tier.cells) + _octants(tier.cells >> 1)
     cells = cells[is_first]
-    extents = cell_extents(cells, level + TIER_LEVELS, settings.volume.shape_xyz).astype(np.uint64)
+    extents = cell_extents(cells, level + TIER_LEVELS, plan.pyramid.volume.shape_xyz).astype(np.uint64)
 
-    scratch = Scratch.empty(len(cells), settings.error_layout)
-    errors = scratch.errors or scratch.nodes
+    scratch = Scratch.empty(len(cells), plan.error_layout)
+    errors = scratch.errors
     scratch.nodes[0][1][:] = 0  # variances, which are set below where they are the errors'
     for nodes, values in ((scratch.nodes[0][0], tier.means), *zip(errors[0], tier[2:], strict=True)):
         nodes[:] = 0
         nodes.reshape(-1, values.shape[1])[index] = values
     merge(scratch.nodes, extents, 1 << level)
-    if scratch.errors:
-        merge(scratch.errors, extents, 1 << level)
+    if plan.error_layout:
+        merge(errors, extents, 1 << level)
     stored = []
     for part in (1, 2):
-        target = empty_node_arrays(len(cells) * NODES_OF_GROUP[part], settings.dtype, masked=True)
-        stored.append(target.part(0, _store_visible(settings, scratch, part, target)))
+        target = NodeArrays.empty(len(cells) * NODES_OF_GROUP[part], plan.dtype, masked=True)
+        stored.append(target.part(0, _store_visible(plan, scratch, part, target)))
     return _Tier(cells, *(roots[:, 0] for roots in (scratch.nodes[2][0], *errors[2]))), stored
 
 
@@ -459,28 +460,28 @@ def _octants(cells: Int64) -> Int64:
     return cells[:, 0] & 1 | (cells[:, 1] & 1) << 1 | (cells[:, 2] & 1) << 2
 
 
-def _store_visible(settings: _BuildSettings, scratch: Scratch, part: int, target: NodeArrays) -> int:
+def _store_visible(plan: _Plan, scratch: Scratch, part: int, target: NodeArrays) -> int:
     """Write the visible nodes of one part of the groups to the beginning of `target`; return how many they are."""
     means, _ = scratch.nodes[part]
-    _, variances = (scratch.errors or scratch.nodes)[part]
+    _, variances = scratch.errors[part]
     children = scratch.nodes[part - 1][0] if part > 0 else means[:0]
     parents, roots = scratch.permanent_leaves
     is_permanent_leaf, is_below_permanent_leaf = ((roots[:0], parents), (parents, roots), (roots, roots[:0]))[part]
-    num = kernels.append_visible(
+    num = compiled.append_visible(
         means,
-        as_packed_channels(means),
+        packed_channels(means),
         variances,
         children,
         is_permanent_leaf,
         is_below_permanent_leaf,
-        as_packed_channels(scratch.visible),
+        packed_channels(scratch.visible),
         scratch.deviations,
         target.masks,
     )
-    if settings.max_depth is not None:
-        opacities_to_depths(scratch.visible[:num], settings.max_depth)
-    store_scaled(scratch.visible[:num], 1 / settings.mean_unit, target.means[:num])
-    store_scaled(scratch.deviations[:num], settings.error_factor, target.errors[:num])
+    if plan.pyramid.max_depth is not None:
+        opacities_to_depths(scratch.visible[:num], plan.pyramid.max_depth)
+    store_scaled(scratch.visible[:num], 1 / plan.pyramid.mean_unit, target.means[:num])
+    store_scaled(scratch.deviations[:num], plan.error_factor, target.errors[:num])
     return num
 
 
@@ -488,6 +489,6 @@ def _link_children(nodes: NodeArrays) -> Level:
     """Return a level with the index of each node's first child: children are in the order of their parents."""
     num_children = np.bitwise_count(nodes.masks).astype(np.int64)
     level = Level(*nodes, np.cumsum(num_children) - num_children)
-    for array in (level.means, level.errors, level.masks, level.first_children):
+    for array in level:
         array.flags.writeable = False
     return level

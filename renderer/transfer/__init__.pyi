@@ -28,6 +28,5 @@ from .transfer_function import (
 )
 from .visibility import (
     VISIBILITY_THRESHOLD as VISIBILITY_THRESHOLD,
-    count_breakpoints as count_breakpoints,
     is_range_visible as is_range_visible,
 )

@@ -41,20 +41,7 @@ def visibility_breakpoints(transfer: TransferFunction, finest_spacing: float) ->
 
 
 @jit
-def count_breakpoints(breakpoints: Float64, scalar: float) -> int:
-    """Return how many breakpoints are at or below a scalar."""
-    low, high = 0, len(breakpoints)
-    while low < high:
-        middle = (low + high) >> 1
-        if breakpoints[middle] <= scalar:
-            low = middle + 1
-        else:
-            high = middle
-    return low
-
-
-@jit
 def is_range_visible(breakpoints: Float64, low: float, high: float) -> bool:
     """Return whether any scalar from `low` to `high` is visible."""
-    num_low = count_breakpoints(breakpoints, low)
-    return bool(num_low & 1) or count_breakpoints(breakpoints, high) != num_low
+    num_low = np.searchsorted(breakpoints, low, side="right")
+    return bool(num_low & 1) or np.searchsorted(breakpoints, high, side="right") != num_low

@@ -18,13 +18,14 @@ import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import RenderError
 from renderer.scene import ShadingSpec
+from renderer.transfer import TransferFunction
 from renderer.truth.kernel import MACROCELL_SIZE, Intervals, LambertShading, integrate_rays
 from renderer.view import View
 from renderer.volume import Float64, Volume
@@ -39,21 +40,6 @@ _FIRST_STEP = 1.0
 # Scalars are scaled so that the largest scalar or control value lies between these powers of two, as it usually does:
 # sums, differences and slopes then neither overflow nor vanish.
 _LEAST_EXPONENT, _LARGEST_EXPONENT = -50, 1000
-
-
-class PiecewiseLinear(Protocol):
-    """A transfer function that is linear between its control values and constant outside.
-
-    values: float64 [n], not descending; of two equal ones, the second applies at and above the value.
-    colors: float64 [n, 3]. extinctions: float64 [n], per world unit, finite, >= 0.
-    """
-
-    @property
-    def values(self) -> Float64: ...
-    @property
-    def colors(self) -> Float64: ...
-    @property
-    def extinctions(self) -> Float64: ...
 
 
 @dataclass(frozen=True)
@@ -71,7 +57,7 @@ class Convergence:
 
 def integrate(
     volume: Volume,
-    transfer: PiecewiseLinear,
+    transfer: TransferFunction,
     view: View,
     *,
     step_voxels: float,
@@ -100,7 +86,7 @@ def integrate(
 
 def converged_image(
     volume: Volume,
-    transfer: PiecewiseLinear,
+    transfer: TransferFunction,
     view: View,
     *,
     tolerance: float,
@@ -197,7 +183,7 @@ class _Field:
     lambert: LambertShading
 
 
-def _make_field(volume: Volume, transfer: PiecewiseLinear, shading: ShadingSpec | None) -> _Field:
+def _make_field(volume: Volume, transfer: TransferFunction, shading: ShadingSpec | None) -> _Field:
     values = volume.values
     if values.dtype == np.float16:  # numba lacks it; the copy is exact
         values = values.astype(np.float32)
@@ -256,7 +242,7 @@ def _integrate_pixels(
     return radiance
 
 
-def _intervals(transfer: PiecewiseLinear, scale: float) -> Intervals:
+def _intervals(transfer: TransferFunction, scale: float) -> Intervals:
     knots = np.array(transfer.values, np.float64) * scale
     points = np.column_stack([transfer.colors, transfer.extinctions])
     rise, run = np.diff(points, axis=0), np.diff(knots)[:, None]

@@ -45,6 +45,8 @@ MACROCELL_SIZE = 4
 _UNKNOWN, _EMPTY, _VISIBLE = 0, 1, 2
 
 _ZERO = np.zeros(1)
+# The axis that asks for a voxel's value, and not for a difference.
+_VALUE = -1
 
 
 class Intervals(NamedTuple):
@@ -182,23 +184,13 @@ def _corner_indices(values: Any, cell: Cell) -> tuple[Cell, Cell]:
 
 
 @jit
-def _load_corners(values: Any, cell: Cell, scale: float) -> Corners:
-    (x0, y0, z0), (x1, y1, z1) = _corner_indices(values, cell)
-    return (
-        float(values[z0, y0, x0]) * scale,
-        float(values[z0, y0, x1]) * scale,
-        float(values[z0, y1, x0]) * scale,
-        float(values[z0, y1, x1]) * scale,
-        float(values[z1, y0, x0]) * scale,
-        float(values[z1, y0, x1]) * scale,
-        float(values[z1, y1, x0]) * scale,
-        float(values[z1, y1, x1]) * scale,
-    )
+def _voxel_term(values: Any, x: int, y: int, z: int, axis: int, scale: float) -> float:
+    """Return a voxel's value, or for an axis from 0 to 2 the central difference at it along that axis; both scaled.
 
-
-@jit
-def _index_gradient(values: Any, x: int, y: int, z: int, axis: int, scale: float) -> float:
-    """Return the central difference at a voxel centre, one-sided at the border; 0 along an axis of one voxel."""
+    Differences are one-sided at the border, and 0 along an axis of one voxel.
+    """
+    if axis < 0:
+        return float(values[z, y, x]) * scale
     dx, dy, dz = int(axis == 0), int(axis == 1), int(axis == 2)
     num_z, num_y, num_x = values.shape
     x0, y0, z0 = max(x - dx, 0), max(y - dy, 0), max(z - dz, 0)
@@ -210,17 +202,21 @@ def _index_gradient(values: Any, x: int, y: int, z: int, axis: int, scale: float
 
 
 @jit
-def _load_gradient_corners(values: Any, cell: Cell, axis: int, scale: float) -> Corners:
-    (x0, y0, z0), (x1, y1, z1) = _corner_indices(values, cell)
+def _load_corners(values: Any, cell: Cell, axis: int, scale: float) -> Corners:
+    """Return `_voxel_term` of the voxels at the corners of a cell, clamped to the volume."""
+    num_z, num_y, num_x = values.shape
+    x, y, z = cell
+    x0, y0, z0 = max(x, 0), max(y, 0), max(z, 0)
+    x1, y1, z1 = min(x + 1, num_x - 1), min(y + 1, num_y - 1), min(z + 1, num_z - 1)
     return (
-        _index_gradient(values, x0, y0, z0, axis, scale),
-        _index_gradient(values, x1, y0, z0, axis, scale),
-        _index_gradient(values, x0, y1, z0, axis, scale),
-        _index_gradient(values, x1, y1, z0, axis, scale),
-        _index_gradient(values, x0, y0, z1, axis, scale),
-        _index_gradient(values, x1, y0, z1, axis, scale),
-        _index_gradient(values, x0, y1, z1, axis, scale),
-        _index_gradient(values, x1, y1, z1, axis, scale),
+        _voxel_term(values, x0, y0, z0, axis, scale),
+        _voxel_term(values, x1, y0, z0, axis, scale),
+        _voxel_term(values, x0, y1, z0, axis, scale),
+        _voxel_term(values, x1, y1, z0, axis, scale),
+        _voxel_term(values, x0, y0, z1, axis, scale),
+        _voxel_term(values, x1, y0, z1, axis, scale),
+        _voxel_term(values, x0, y1, z1, axis, scale),
+        _voxel_term(values, x1, y1, z1, axis, scale),
     )
 
 
@@ -242,9 +238,9 @@ def _world_gradient(
 ) -> Gradient:
     """Return the gradient per world unit along the ray inside a cell."""
     in_index = (
-        cubic_in_cell(_load_gradient_corners(values, cell, 0, scale), entry, extent),
-        cubic_in_cell(_load_gradient_corners(values, cell, 1, scale), entry, extent),
-        cubic_in_cell(_load_gradient_corners(values, cell, 2, scale), entry, extent),
+        cubic_in_cell(_load_corners(values, cell, 0, scale), entry, extent),
+        cubic_in_cell(_load_corners(values, cell, 1, scale), entry, extent),
+        cubic_in_cell(_load_corners(values, cell, 2, scale), entry, extent),
     )
     to_world = shading.world_from_index_gradient
     return (
@@ -296,7 +292,7 @@ def _integrate_cell(
 
     splits: scratch space for 3 crossings of each knot and 3 more.
     """
-    corners = _load_corners(values, cell, intervals.scale)
+    corners = _load_corners(values, cell, _VALUE, intervals.scale)
     if not _is_visible(min(corners), max(corners), intervals):
         return ray
     cubic = cubic_in_cell(corners, entry, extent)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -13,11 +11,8 @@ import pytest
 from dense_bricks import OBLIQUE, Shape, depths_of, errors_of_bricks, patches
 
 from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, BrickCut, Bricks, cut_bricks, make_bricks, num_bricks_at
-from renderer.readers import read_volume
-from renderer.scene import ErrorSpec, FileSource, PyramidSpec, VolumeSpec
+from renderer.scene import ErrorSpec, PyramidSpec
 from renderer.transfer import TransferFunction
-from renderer.view import View
-from renderer.view.visibility import box_order
 from renderer.volume import make_volume
 
 Float64 = npt.NDArray[np.float64]
@@ -142,40 +137,3 @@ def test_step_errors_go_with_its_brick() -> None:
     assert len(np.unique(cut.levels)) > 1
     for level, (x, y, z), step_errors in zip(cut.levels, cut.cells, cut.step_errors, strict=True):
         assert step_errors == bricks.levels[level].step_errors[z, y, x]
-
-
-@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
-def test_bricks_back_to_front(projection: Literal["perspective", "orthographic"]) -> None:
-    """Each brick's box, drawn after another, is parted from it by a plane that has the later one on the eye's side."""
-    bricks = soft(SHAPES[-1])
-    for seed, tolerance in enumerate([0.0, 0.5, 0.5, 1.0]):
-        rng = np.random.default_rng(seed)
-        axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-        view = View(axes, bricks.volume.centre, 60.0, projection, 100.0, (64, 64))
-        cut = cut_bricks(bricks, tolerance)
-        order = box_order(cut.levels + BRICK_LEVELS, cut.cells, cut.volume, view)
-        index_from_world = np.linalg.inv(bricks.volume.world_from_index)
-        eye = index_from_world[:3, :3] @ (view.target + view.distance * view.axes[2]) + index_from_world[:3, 3]
-        if projection == "orthographic":
-            eye = np.copysign(np.inf, index_from_world[:3, :3] @ view.axes[2])
-        low, high = cut.visible_bounds[order, 0], cut.visible_bounds[order, 1]
-        above = (low[None] >= high[:, None]) & (eye >= high[:, None])
-        below = (high[None] <= low[:, None]) & (eye <= low[:, None])
-        assert np.all(np.any(above | below, axis=2)[np.triu_indices(len(order), 1)])
-
-
-@pytest.mark.real_data
-def test_the_engine_in_bricks(data_dir: Path) -> None:
-    volume = read_volume(VolumeSpec(FileSource(data_dir / "engine.nhdr")))
-    colors = np.array([[0, 0, 0], [0.4, 0.5, 0.9], [0.4, 0.5, 0.9], [1, 0.9, 0.7]])
-    transfer = TransferFunction(np.array([0.0, 80, 100, 255]), colors, np.array([0, 0, 0.05, 1.0]), 1.0)
-    bricks = make_bricks(volume, transfer, spec=PyramidSpec(), error=ErrorSpec())
-    visible = depths_of(volume, transfer)[..., 3] > 0
-    num_before = 10**9
-    for tolerance in (0.0, 2.4, 4.8, 8.0, 16.0, 40.0):
-        cut = cut_bricks(bricks, tolerance)
-        assert np.all(coverage(cut, cut.visible_bounds)[visible] == 1)
-        assert coverage(cut, regions(cut) - 0.5).max() == 1
-        assert len(cut) <= num_before
-        num_before = len(cut)
-    assert num_before < 100

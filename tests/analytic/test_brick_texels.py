@@ -12,7 +12,7 @@ from number_types import TYPES, limits
 
 from renderer.bricks import BRICK_SIZE, HALO, Bricks, make_bricks, mean_texels, scalar_texels
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
-from renderer.transfer import MAX_NORMALIZED_SCALAR, VISIBILITY_THRESHOLD, TransferFunction
+from renderer.transfer import VISIBILITY_THRESHOLD, TransferFunction
 from renderer.volume import Volume, make_volume
 
 Array = npt.NDArray[Any]
@@ -98,23 +98,6 @@ def test_scalars_are_relative_to_their_range(dtype: str) -> None:
         np.testing.assert_array_equal(scalar_texels(bricks, cells, lit=True)[..., 0], got)
 
 
-def test_scalars_far_from_the_range_are_held() -> None:
-    values = np.array([[[-1.7e308, -5.0, 0.0, 1e-310, 2e-310, 7.0, 1.7e308]]])
-    volume = make_volume(values, np.eye(4), "far")
-    for first, last, want in (
-        (
-            0.0,
-            2e-310,
-            [-MAX_NORMALIZED_SCALAR, -MAX_NORMALIZED_SCALAR, 0, 0.5, 1, MAX_NORMALIZED_SCALAR, MAX_NORMALIZED_SCALAR],
-        ),
-        (-5.0, 7.0, [-MAX_NORMALIZED_SCALAR, 0, 5 / 12, 5 / 12, 5 / 12, 1, MAX_NORMALIZED_SCALAR]),
-        (-1.7e308, 1.7e308, [0, 0.5, 0.5, 0.5, 0.5, 0.5, 1]),
-    ):
-        bricks = bricks_of(volume, linear(first, last, 0.1), "half")
-        texels = scalar_texels(bricks, all_cells(bricks, 0), lit=False)
-        np.testing.assert_allclose(texels[0, 1, 1, 1:8], want, rtol=UNIT)
-
-
 def world_gradients(volume: Volume) -> Float64:
     """[z, y, x, 3], in some unit: of a quarter of the scalars, by central differences, one-sided at the border and 0
     along an axis of one voxel."""
@@ -150,18 +133,6 @@ def test_gradients_are_one_constant_times_the_world_gradient(dtype: str) -> None
         assert ratio > 0
         np.testing.assert_allclose(got, want * ratio, rtol=1e-6, atol=largest * ratio * 1e-6)
         assert 0.01 < np.abs(got).max() <= 3
-
-
-@pytest.mark.parametrize("scale", [5e-324, 1e-300, 1e300])
-def test_gradients_of_the_smallest_and_largest_numbers(scale: float) -> None:
-    values = np.random.default_rng(0).integers(0, 9, (5, 6, 7)).astype(np.float64)
-    cells = np.zeros((1, 3), np.int32)
-    plain = bricks_of(make_volume(values, OBLIQUE, "plain"), linear(0, 9), "half")
-    scaled = bricks_of(make_volume(values * scale, OBLIQUE, "scaled"), linear(0, 9 * scale), "half")
-    want, got = (scalar_texels(bricks, cells, lit=True)[..., 1:] for bricks in (plain, scaled))
-    ratio = got.ravel()[np.argmax(np.abs(want))] / want.ravel()[np.argmax(np.abs(want))]
-    assert ratio > 0
-    np.testing.assert_allclose(got, want * ratio, rtol=1e-6, atol=1e-7 * ratio)
 
 
 def extended(dense: Float64, extents: Float64) -> Float64:
@@ -290,19 +261,6 @@ def samples_in(bricks: Bricks, level: int, cell: Array) -> tuple[Float64, Float6
     ends = [n / 2.0**level - BRICK_SIZE * c for n, c in zip(bricks.volume.shape_xyz, cell.tolist(), strict=True)]
     x, y, z = (SAMPLES[end >= SAMPLES] for end in ends)
     return z, y, x
-
-
-@each_shape
-def test_noise_does_not_grow_without_bound(shape: Shape) -> None:
-    """Inside the volume the field is at most 3/2 of the largest mean per axis: half a cell beyond the last centre."""
-    volume = make_volume(np.random.default_rng(5).choice([0, 0, 250], shape).astype(np.uint8), OBLIQUE, "noise")
-    bricks = bricks_of(volume, linear(0, 250), "single")
-    for level in range(1, len(bricks.levels)):
-        cells = all_cells(bricks, level)
-        largest = means_over_cells(depths_of(volume, linear(0, 250)), level).max()
-        for cell, texels in zip(cells, mean_texels(bricks, level, cells), strict=True):
-            field = sampled(texels.astype(np.float64), samples_in(bricks, level, cell))
-            assert field.max() <= 1.5**3 * largest * (1 + 1e-6)
 
 
 @each_shape

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import gc
-import gzip
 import signal
 import threading
 import time
-from dataclasses import replace
 from itertools import count
 from pathlib import Path
 
@@ -168,22 +166,6 @@ def test_what_the_progress_raises_ends_the_work() -> None:
 
     with pytest.raises(RuntimeError, match="enough"):
         integrate(volume(np.zeros((2, 2, 2))), COLORFUL, view, step_voxels=1.0, on_progress=stop)
-
-
-@pytest.mark.real_data
-@pytest.mark.parametrize(("name", "shape"), [("engine", (128, 256, 256)), ("bonsai", (256, 256, 256))])
-def test_scans_converge(data_dir: Path, name: str, shape: tuple[int, int, int]) -> None:
-    voxels = np.frombuffer(gzip.decompress((data_dir / f"{name}.raw.gz").read_bytes()), np.uint8).reshape(shape)
-    scan = Volume(voxels, np.eye(4), name, "")
-    tf = transfer((0, (0, 0, 0), 0), (60, (0.3, 0.4, 0.8), 0), (90, (0.4, 0.5, 0.9), 0.01), (255, (1, 0.9, 0.7), 0.8))
-    view = look(tuple(scan.centre), 700.0, (64, 64))
-    image, report = converged_image(scan, tf, view, tolerance=1e-6)
-    assert report.change[0] < 1e-6
-    # Three rays side by side through the thick of it: 100 000 midpoints of less than 0.005 voxels each.
-    middle = replace(view, size=(3, 1))
-    expected, _ = converged_image(scan, tf, middle, tolerance=1e-6)
-    np.testing.assert_allclose(riemann(scan, tf, middle, 100_000), expected, atol=1e-5)
-    assert image[..., 3].max() > 0.9
 
 
 def summed(of: Volume, tf: PiecewiseLinear, view: View, ds: float) -> Float64:

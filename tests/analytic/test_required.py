@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from renderer.pyramid import Pyramid, build_pyramid, cut_pyramid
+from renderer.pyramid import FinestCut, Pyramid, build_pyramid, cut_pyramid
 from renderer.scene import ErrorSpec, PyramidSpec, min_tolerance, tolerance_at
 from renderer.transfer import TransferFunction
 from renderer.view import visible_points
@@ -70,7 +70,7 @@ def test_what_is_left_out_changes_no_cut(
     volume, error, spec = terraces(shape, dtype, seed), MEASURES[measure], PyramidSpec(average, precision)
     least = 10.0**exponent
     whole = build_pyramid(volume, transfer(), spec=spec, error=error)
-    part = build_pyramid(volume, transfer(), spec=spec, error=error, min_tolerance=least, finest_level=finest_level)
+    part = build_pyramid(volume, transfer(), spec=spec, error=error, finest_cut=FinestCut(least, finest_level))
     assert all(some <= all_ for some, all_ in zip(num_nodes(part), num_nodes(whole), strict=True))
     for tolerance in (least, 1.5 * least, 100 * least):
         assert_same_cut(whole, part, tolerance, finest_level)
@@ -86,7 +86,7 @@ def test_where_the_error_decides_little_is_left(measure: str) -> None:
     volume = make_volume(np.where(ball, 200, 80).astype(np.uint8), np.eye(4), "ball")
     error = MEASURES[measure]
     whole = build_pyramid(volume, transfer(), spec=PyramidSpec(), error=error)
-    part = build_pyramid(volume, transfer(), spec=PyramidSpec(), error=error, min_tolerance=1e-2)
+    part = build_pyramid(volume, transfer(), spec=PyramidSpec(), error=error, finest_cut=FinestCut(1e-2))
     assert num_nodes(whole)[:2] == [32**3, 16**3]
     assert num_nodes(part)[0] < 0.45 * 32**3
     assert num_nodes(part)[2:] == num_nodes(whole)[2:]
@@ -96,7 +96,9 @@ def test_where_the_error_decides_little_is_left(measure: str) -> None:
 def test_levels_below_the_finest_are_not_stored(finest_level: int) -> None:
     volume = terraces((40, 40, 40), np.uint8, 0)
     whole = build_pyramid(volume, transfer(), spec=PyramidSpec(), error=ErrorSpec())
-    part = build_pyramid(volume, transfer(), spec=PyramidSpec(), error=ErrorSpec(), finest_level=finest_level)
+    part = build_pyramid(
+        volume, transfer(), spec=PyramidSpec(), error=ErrorSpec(), finest_cut=FinestCut(level=finest_level)
+    )
     # A leaf of level 3 stands for all of its block, so that level 3 is always there.
     first = min(finest_level, 3)
     assert num_nodes(part) == [0] * (first - 1) + num_nodes(whole)[first - 1 :]
@@ -104,12 +106,16 @@ def test_levels_below_the_finest_are_not_stored(finest_level: int) -> None:
 
 def test_a_cut_that_was_not_announced_is_refused() -> None:
     pyramid = build_pyramid(
-        terraces((9, 9, 9), np.uint8, 0), transfer(), spec=PyramidSpec(), error=ErrorSpec(), min_tolerance=0.1
+        terraces((9, 9, 9), np.uint8, 0), transfer(), spec=PyramidSpec(), error=ErrorSpec(), finest_cut=FinestCut(0.1)
     )
     with pytest.raises(ValueError, match=r"^no pyramid for this tolerance: got 0\.09, expected at least 0\.1$"):
         cut_pyramid(pyramid, 0.09)
     pyramid = build_pyramid(
-        terraces((9, 9, 9), np.uint8, 0), transfer(), spec=PyramidSpec(), error=ErrorSpec(), finest_level=2
+        terraces((9, 9, 9), np.uint8, 0),
+        transfer(),
+        spec=PyramidSpec(),
+        error=ErrorSpec(),
+        finest_cut=FinestCut(level=2),
     )
     with pytest.raises(ValueError, match=r"^no pyramid for this level: got 1, expected at least 2$"):
         cut_pyramid(pyramid, 0.1, finest_level=1)

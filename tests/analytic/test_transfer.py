@@ -55,19 +55,6 @@ def test_between_points_it_is_linear(num: int) -> None:
             assert abs(Fraction(channel) - want) <= Fraction(5 * 4, 2**53)
 
 
-def test_it_agrees_with_numpy_interp() -> None:
-    rng = np.random.default_rng(3)
-    tf = random_transfer(rng, 20)
-    scalars = rng.normal(0, 150, (4, 5, 6))
-    colors, extinctions = tf.classify(scalars)
-    assert colors.shape == (4, 5, 6, 3)
-    np.testing.assert_allclose(extinctions, np.interp(scalars, tf.values, tf.extinctions), rtol=1e-13)
-    for channel in range(3):
-        np.testing.assert_allclose(
-            colors[..., channel], np.interp(scalars, tf.values, tf.colors[:, channel]), rtol=1e-13
-        )
-
-
 def test_control_points_are_hit_exactly() -> None:
     tf = random_transfer(np.random.default_rng(5), 50)
     colors, extinctions = tf.classify(tf.values)
@@ -87,13 +74,6 @@ def test_steps_at_the_ends() -> None:
     scalars = np.array([-1e300, np.nextafter(2.0, 0.0), 2, 3, np.nextafter(4.0, 0.0), 4, 1e300])
     # Below a step at the first value there is only its lower side.
     np.testing.assert_array_equal(tf.classify(scalars)[1], [7, 7, 1, 1, 1, 9, 9])
-
-
-def test_one_point_is_constant() -> None:
-    tf = transfer((3, (0.25, 0.5, 0.75), 2))
-    colors, extinctions = tf.classify(np.array([-1e300, 3.0, 1e300]))
-    np.testing.assert_array_equal(extinctions, [2, 2, 2])
-    np.testing.assert_array_equal(colors, [[0.25, 0.5, 0.75]] * 3)
 
 
 @pytest.mark.parametrize("dtype", [np.int8, np.uint64, np.float16, np.float32])
@@ -124,6 +104,7 @@ def test_the_default_unit_is_the_finest_spacing() -> None:
 def test_opacity_1_is_the_cap(spacing: float) -> None:
     tf = make_transfer_function(TransferSpec(points((0, 0.0), (1, 1.0)), 1.0), spacing)
     np.testing.assert_array_equal(tf.extinctions, [0, MAX_VOXEL_DEPTH / spacing])
+    assert math.exp(-MAX_VOXEL_DEPTH / 2) < 1e-6  # opaque in any picture, also half way to opacity 0
     assert math.copysign(1, tf.extinctions[0]) == 1
 
 

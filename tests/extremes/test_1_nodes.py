@@ -190,21 +190,6 @@ def worst_of_varied(pyramid: Pyramid, channels: Array) -> float:
     return worst_of_nodes(pyramid, channels, least=MIN_WEIGHT * float(channels.max()))
 
 
-def worst_of_scale(pyramid: Pyramid, channels: Array) -> float:
-    """The largest difference from the exact error of any node, as a share of the largest channel."""
-    largest = float(channels.max())
-    worst = 0.0
-    for number, level in enumerate(pyramid.levels, start=1):
-        side = 1 << number
-        exact = integers(channels)
-        count = sums(np.ones(exact.shape[:3], object), side)
-        numerators = (count[..., None] * sums(exact * exact, side) - sums(exact, side) ** 2).sum(axis=-1)
-        for (x, y, z), error in zip(cells(pyramid, number), level.errors, strict=True):
-            true = math.sqrt(int(numerators[z, y, x]) / (int(count[z, y, x]) * LAST_PLACE) ** 2)
-            worst = max(worst, abs(float(error) * pyramid.error_unit - true) / largest)
-    return worst
-
-
 def optical_root(num_cases: int) -> float:
     """Of the whole volume as one cell: times the cube root of its world volume, over the finest spacing."""
     worst, transfer = 0.0, ramp(0.0, 200.0, [0.01, 3.0, 0.2, 1.0])
@@ -232,17 +217,6 @@ def equal_voxels(num_cases: int) -> float:
     return worst
 
 
-def one_voxel(num_cases: int) -> float:
-    worst = 0.0
-    for case in range(num_cases):
-        value = np.random.default_rng(case).choice([5e-324, 1e-310, 1e-2, 1e6, 1e30, 1.7e308])
-        of = volume(np.full((1, 1, 1), value))
-        for error in (SCALAR, RMS, OPTICAL):
-            pyramid = build_pyramid(of, constant_opacity(), spec=SINGLE, error=error, num_threads=1)
-            worst = max(worst, root_error(pyramid))
-    return worst
-
-
 RELATIVE = "relative error of the estimate"
 LARGEST_32, LARGEST_64 = float(np.finfo(np.float32).max), float(np.finfo(np.float64).max)
 
@@ -253,41 +227,28 @@ OF_CHANNELS = "the same in float32; exact reference: of the four float32 channel
 
 node = partial(Extreme, quantity=RELATIVE, bound=1e-6)
 
+# Volumes of scalars by name, with what makes their errors exact.
+SCALARS = {
+    "float64, 1e6 - 0.01 to 1e6 + 0.01": (SHIFTED, uniform(np.float64, 1e6 - 1e-2, 1e6 + 1e-2)),
+    "float64, 1e15 to 1e15 + 8": (SHIFTED, uniform(np.float64, 1e15, 1e15 + 8)),
+    "uint16, 65000 to 65003": (SHIFTED, whole(np.uint16, 65000, 65003)),
+    "int64, 2^53 - 3 to 2^53": (SHIFTED, whole(np.int64, 2**53 - 3, 2**53)),
+    "uint64, 0 to 2^64 - 1": (SCALED, whole(np.uint64, 0, 2**64 - 1)),
+    "float32, 0.999e30 to 1.001e30": (SHIFTED, uniform(np.float32, 0.999e30, 1.001e30)),
+    "float32, up to both ends of its range": (SCALED, uniform(np.float32, -LARGEST_32, LARGEST_32)),
+    "float64, up to both ends of its range": (SCALED, uniform(np.float64, -LARGEST_64, LARGEST_64)),
+    "float32, denormal, up to 1e-42": (SCALED, uniform(np.float32, 0.0, 1e-42)),
+    "float64, denormal, up to 1e-310": (SCALED, uniform(np.float64, 0.0, 1e-310)),
+    "0 to 1, but for one voxel of 1e30 (float64)": (
+        "the shift rounds nothing, however different the values", with_outlier(np.float64, 1e30)
+    ),
+    "0 to 1, but for one voxel of -3.4e38 (float32)": ("the same", with_outlier(np.float32, -LARGEST_32)),
+}  # fmt: skip
+
 SECTION = Section(
     "Error of a node",
     (
-        node(
-            "float64, 1e6 - 0.01 to 1e6 + 0.01",
-            SHIFTED,
-            measure=of_scalars(uniform(np.float64, 1e6 - 1e-2, 1e6 + 1e-2)),
-        ),
-        node("float64, 1e15 to 1e15 + 8", SHIFTED, measure=of_scalars(uniform(np.float64, 1e15, 1e15 + 8))),
-        node("uint16, 65000 to 65003", SHIFTED, measure=of_scalars(whole(np.uint16, 65000, 65003))),
-        node("int64, 2^53 - 3 to 2^53", SHIFTED, measure=of_scalars(whole(np.int64, 2**53 - 3, 2**53))),
-        node("uint64, 0 to 2^64 - 1", SCALED, measure=of_scalars(whole(np.uint64, 0, 2**64 - 1))),
-        node("float32, 0.999e30 to 1.001e30", SHIFTED, measure=of_scalars(uniform(np.float32, 0.999e30, 1.001e30))),
-        node(
-            "float32, up to both ends of its range",
-            SCALED,
-            measure=of_scalars(uniform(np.float32, -LARGEST_32, LARGEST_32)),
-        ),
-        node(
-            "float64, up to both ends of its range",
-            SCALED,
-            measure=of_scalars(uniform(np.float64, -LARGEST_64, LARGEST_64)),
-        ),
-        node("float32, denormal, up to 1e-42", SCALED, measure=of_scalars(uniform(np.float32, 0.0, 1e-42))),
-        node("float64, denormal, up to 1e-310", SCALED, measure=of_scalars(uniform(np.float64, 0.0, 1e-310))),
-        node(
-            "0 to 1, but for one voxel of 1e30 (float64)",
-            "the shift rounds nothing, however different the values",
-            measure=of_scalars(with_outlier(np.float64, 1e30)),
-        ),
-        node(
-            "0 to 1, but for one voxel of -3.4e38 (float32)",
-            "the same",
-            measure=of_scalars(with_outlier(np.float32, -LARGEST_32)),
-        ),
+        *(node(name, method, measure=of_scalars(make)) for name, (method, make) in SCALARS.items()),
         Extreme(
             "0 to 255 in half precision",
             "stored in float16, which rounds to 5e-4",
@@ -295,7 +256,6 @@ SECTION = Section(
             2.0**-11 + 1e-6,
             of_scalars(uniform(np.float32, 0, 255), HALF),
         ),
-        Extreme("one voxel, 5e-324 to 1.7e308", "no difference, no error", "largest error", 0.0, one_voxel),
         Extreme("a million equal voxels", "no difference, no error", "largest error of a node", 0.0, equal_voxels),
         node(
             "classified noise, 8 bits, nodes cut by the border",
@@ -318,20 +278,6 @@ SECTION = Section(
             measure=of_classified([1e-14, 1e-12], np.float64, SINGLE, worst_of_varied),
         ),
         node("the same, `optical`, of a sheared volume as one cell", OF_CHANNELS, measure=optical_root),
-        Extreme(
-            "opacities that differ by less than 1e-4",
-            "means are rounded to float32: 6e-8 of the values",
-            "error of the estimate, share of the largest channel",
-            8 * U,
-            of_classified([0.5, 0.5001], np.float64, SINGLE, worst_of_scale),
-        ),
-        Extreme(
-            "opacities of 1e-20",
-            "their squares do not fit float32: the error may be 0, where nobody can see it",
-            "error of the estimate",
-            1e-19,
-            of_classified([1e-21, 1e-20], np.float64, SINGLE, lambda p, c: worst_of_scale(p, c) * float(c.max())),
-        ),
     ),
     "Errors of classified values are relative where the error is a tenth of the largest channel or more. The means of"
     " all nodes are rounded to float32, 6e-8 of the values, and smaller errors are as exact as that.",

@@ -12,11 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from extremes import Extreme, Section
-from splat_reference import rasterize_reference
-from splatting import in_order, look
 
-from renderer.draw import GLRasterizer
-from renderer.film import quantize
 from renderer.pyramid import Cut, build_pyramid, cut_pyramid
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
 from renderer.splats import make_splats
@@ -158,38 +154,8 @@ def averaged(precision: str) -> Callable[[int], float]:
     return measure
 
 
-def opaque_slab(average: str, values: Float64, tolerance: float) -> tuple[Float64, Float64]:
-    """What a slab that fills the frame lets through: by GL, and by the reference; float64 [h, w] each.
-
-    values: 0 to 1, from opacity 0 to opacity 1.
-    """
-    of = make_volume(values, np.eye(4), "a slab")
-    transfer = make_transfer_function(points(0.0, 1.0), of.finest_spacing)
-    spec = PyramidSpec(average)  # type: ignore[arg-type]
-    pyramid = build_pyramid(of, transfer, spec=spec, error=ErrorSpec(), num_threads=1)
-    splats = make_splats(cut_pyramid(pyramid, tolerance), SplatSpec())
-    assert np.isfinite(splats.areas).all()
-    size = 16
-    view = look("orthographic", size=(size, size), target=of.centre, azimuth=0.0, elevation=90.0, field_of_view=90.0)
-    order = in_order(splats)
-    with GLRasterizer() as gl:
-        drawn = gl.rasterize(splats, order, view)
-    assert np.all(quantize(drawn, (0.0, 0.0, 0.0))[..., 0] == 255)
-    return 1 - drawn[..., 3].astype(np.float64), 1 - rasterize_reference(splats, order, view)[..., 3]
-
-
-def let_through(average: str, value: float, tolerance: float) -> Callable[[int], float]:
-    def measure(num_cases: int) -> float:  # one case: nothing is random
-        drawn, reference = opaque_slab(average, np.full((2, 20, 20), value), tolerance)
-        return float(max(np.abs(drawn).max(), np.abs(reference).max()))
-
-    return measure
-
-
 LOGS = "`-log1p(-a) / unit`, and depths double where the paper squares `1 - a`"
 FLOATS = LOGS + "; depths in float32"
-OPAQUE = "`tau` times the finest spacing is 40 at most: `exp(-40) = 4e-18`"
-THROUGH = "largest transmittance of a pixel"
 
 SECTION = Section(
     "Opacity",
@@ -227,22 +193,6 @@ SECTION = Section(
             "relative error of the opacity",
             2.0**-11 + 1e-6,
             averaged("half"),
-        ),
-        Extreme("opacity 1, one splat per voxel", OPAQUE, THROUGH, 1e-6, let_through("extinction", 1.0, 0.0)),
-        Extreme("opacity 1, one splat for all voxels", OPAQUE, THROUGH, 1e-6, let_through("extinction", 1.0, 1e9)),
-        Extreme(
-            "opacity 1, one splat for all voxels, `average: opacity`",
-            OPAQUE,
-            THROUGH,
-            1e-6,
-            let_through("opacity", 1.0, 1e9),
-        ),
-        Extreme(
-            "half way between points of opacity 0 and 1",
-            "extinction is interpolated: 20, half of the largest",
-            THROUGH,
-            1e-6,
-            let_through("extinction", 0.5, 0.0),
         ),
     ),
     "Opacities are 0, 1e-12 to 1 - 1e-12, and 1; units and spacings 1e-9 to 1e9, each with each; lengths 1 to 2^20"

@@ -5,9 +5,8 @@ from __future__ import annotations
 import itertools
 import math
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from fractions import Fraction
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,21 +15,17 @@ import numpy.typing as npt
 import pytest
 from exact_classification import classified, exactly, placed
 from extremes import Extreme, Section
-from lattices import MATRICES, SHAPES, turned
-from number_types import LARGEST, TYPES, limits, random_ranges, spread
+from lattices import MATRICES, SHAPES
+from number_types import LARGEST, TYPES, limits, spread
 from ray_integrals import along_z, transfer
 from splat_reference import rasterize_reference
-from splatting import in_order, look, optical_depth
-from volume_files import write_volume
+from splatting import look
 
-from renderer.draw import GLRasterizer
 from renderer.pyramid import Pyramid, build_pyramid, cut_pyramid
 from renderer.readers import read_volume
 from renderer.scene import (
     ColormapSpec,
-    ControlPoint,
     ErrorSpec,
-    FileSource,
     PyramidSpec,
     RawSource,
     ShadingSpec,
@@ -38,8 +33,7 @@ from renderer.scene import (
     TransferSpec,
     VolumeSpec,
 )
-from renderer.splats import SplatBatch, make_splats
-from renderer.suggest import compute_statistics as measure_statistics
+from renderer.splats import make_splats
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.truth import integrate
 from renderer.view import View
@@ -72,24 +66,6 @@ def colormap_range(num_cases: int) -> float:
 # Types
 
 
-def reread(num_cases: int) -> float:
-    """The number of voxels that are not what was written, over all formats, types and byte orders."""
-    num_wrong = 0
-    # SimpleITK and NIfTI have no float16.
-    no_half = tuple(dtype for dtype in TYPES if dtype != "float16")
-    types = {"npy": TYPES, "tif": TYPES, "nrrd": no_half, "mha": no_half, "nii": no_half}
-    with tempfile.TemporaryDirectory() as folder:
-        for case, (suffix, order) in enumerate(itertools.product(types, "<>")):
-            for dtype in types[suffix][:: 1 if num_cases > 20 else 2]:
-                values = spread(dtype, np.random.default_rng(case))
-                path = Path(folder) / f"{case}.{suffix}"
-                write_volume(path, values, order)
-                read = read_volume(VolumeSpec(FileSource(path)))
-                assert read.values.dtype == values.dtype
-                num_wrong += int(np.count_nonzero(read.values != values))
-    return num_wrong
-
-
 def drawn_types(num_cases: int) -> float:
     """Depths of the voxels of headerless files of each type and byte order, each classified over its whole range."""
     worst = 0.0
@@ -108,19 +84,6 @@ def drawn_types(num_cases: int) -> float:
                 pairs = zip(depths, exact(values[z, y, x]), strict=True)
                 worst = max(worst, *(abs(float(Fraction(float(got)) - channel)) for got, channel in pairs))
     return worst
-
-
-def constant_cells(num_cases: int) -> float:
-    """More cells than one in the cut of a constant volume, whatever its value, at any tolerance above 0."""
-    more = 0
-    by = make_transfer_function(TransferSpec((ControlPoint(0.0, (1.0, 0.5, 0.2), 0.3),)), 1.0)
-    for dtype in TYPES[:: 1 if num_cases > 20 else 3]:
-        for value in limits(dtype):
-            of = placed(np.full((5, 8, 7), value, dtype), np.eye(3))
-            for error in (ErrorSpec(), ErrorSpec(measure="rms"), ErrorSpec(measure="rms", of="scalar")):
-                pyramid = build_pyramid(of, by, spec=PyramidSpec(), error=error, num_threads=1)
-                more = max(more, len(cut_pyramid(pyramid, 1e-300)) - 1)
-    return more
 
 
 def scaled_by_powers(picture: Callable[[Volume, TransferFunction, View], Array]) -> Callable[[int], float]:
@@ -212,111 +175,7 @@ def energies(tolerance: float, precision: str) -> Callable[[int], float]:
     return measure
 
 
-def pictures(cases: int) -> Iterator[tuple[SplatBatch, npt.NDArray[np.uint32], View, Volume, TransferFunction]]:
-    """Small volumes of all shapes and places, seen from somewhere."""
-    by = TransferFunction(np.array([0.0, 128.0, 255.0]), np.eye(3), np.array([0.0, 0.2, 1.0]), 1.0)
-    everything = list(itertools.product((shape for shape in SHAPES if math.prod(shape) < 800), MATRICES))
-    for case in range(cases):
-        shape, axes = everything[5 * case % len(everything)]
-        rng = np.random.default_rng(case)
-        values = rng.integers(1, 256, shape[::-1], np.uint8)
-        yield from _seen(placed(values, axes), by, rng)
-
-
-def _seen(of: Volume, by: TransferFunction, rng: Random) -> Iterator[Any]:
-    radius = 0.5 * float(np.linalg.norm(of.world_from_index[:3, :3] * of.shape_xyz))
-    azimuth, elevation = rng.uniform(0, 360), rng.uniform(-80, 80)
-    view = look("perspective", size=(30, 24), distance=4 * radius, azimuth=azimuth, elevation=elevation)
-    scaled = TransferFunction(by.values, by.colors, by.extinctions / of.finest_spacing, 1.0)
-    cut = cut_pyramid(build(of, scaled), 0.3)
-    splats = make_splats(cut, SplatSpec())
-    yield splats, visible_order(splats, cut, view, "depth"), view, of, scaled
-
-
-def gl_against_reference(num_cases: int) -> float:
-    worst = 0.0
-    with GLRasterizer() as gl:
-        for splats, order, view, _, _ in pictures(num_cases):
-            drawn = gl.rasterize(splats, order, view)
-            worst = max(worst, float(np.abs(drawn - rasterize_reference(splats, order, view)).max()))
-    return worst
-
-
-def index_axes(num_cases: int) -> float:
-    """The largest change of a pixel where the same volume is stored along other axes; voxel by voxel."""
-    worst = 0.0
-    for case, (_, _, view, of, by) in enumerate(pictures(max(1, num_cases // 2))):
-        rng = np.random.default_rng(case)
-        permutation = tuple(int(k) for k in rng.permutation(3))
-        other = turned(of, permutation, tuple(np.flatnonzero(rng.random(3) < 0.5)))  # type: ignore[arg-type]
-        images = []
-        for one in (of, other):
-            cut = cut_pyramid(build(one, by), 0.0)
-            splats = make_splats(cut, SplatSpec())
-            images.append(rasterize_reference(splats, visible_order(splats, cut, view, "depth"), view))
-        worst = max(worst, float(np.abs(images[0] - images[1]).max()))
-    return worst
-
-
-def one_voxel_energy(num_cases: int) -> float:
-    """Optical depth summed over the picture of one voxel, times the area of a pixel, against tau V."""
-    worst = 0.0
-    with GLRasterizer() as gl:
-        for case, axes in enumerate(itertools.islice(itertools.cycle(MATRICES), num_cases)):
-            rng = np.random.default_rng(case)
-            of = placed(np.ones((1, 1, 1), np.uint8), axes)
-            tau = float(10.0 ** rng.uniform(-2, -1) / of.finest_spacing)
-            by = TransferFunction(np.zeros(1), np.ones((1, 3)), np.array([tau]), 1.0)
-            splats = make_splats(cut_pyramid(build(of, by), 0.0), SplatSpec())
-            reach = float(np.linalg.norm(axes))
-            turn = {"azimuth": float(rng.uniform(0, 360)), "elevation": float(rng.uniform(-70, 70))}
-            view = look("orthographic", size=(64, 64), distance=3 * reach, field_of_view=60.0, **turn)  # type: ignore[arg-type]
-            depths = optical_depth(gl.rasterize(splats, in_order(splats), view))
-            worst = max(worst, abs(float(depths.sum()) / view.scale_px**2 / (tau * of.voxel_volume) - 1))
-    return worst
-
-
-def transparent(num_cases: int) -> float:
-    """Bytes of the pyramid, cells of the cut and levels of colour of a volume that its transfer function hides."""
-    worst = 0.0
-    by = make_transfer_function(
-        TransferSpec((ControlPoint(10.0, (1.0, 1.0, 1.0), 0.0), ControlPoint(20.0, (1.0, 1.0, 1.0), 1.0))), 1.0
-    )
-    view = look(distance=100.0)
-    with GLRasterizer() as gl:
-        for case, shape in enumerate(itertools.islice(itertools.cycle(SHAPES), num_cases)):
-            dtype = (np.uint8, np.float32, np.int64)[case % 3]
-            of = placed(np.random.default_rng(case).integers(0, 11, shape[::-1]).astype(dtype), MATRICES[case % 7])
-            pyramid = build(of, by)
-            cut = cut_pyramid(pyramid, 0.0)
-            splats = make_splats(cut, SplatSpec())
-            image = gl.rasterize(splats, visible_order(splats, cut, view, "depth"), view)
-            worst = max(worst, pyramid.num_bytes + len(cut) + float(np.abs(image).max()))
-    return worst
-
-
 # Statistics
-
-
-def means(num_cases: int) -> float:
-    worst = 0.0
-    for values in random_ranges(num_cases):
-        exact = sum(Fraction(int(v)) if values.dtype.kind in "iu" else Fraction(float(v)) for v in values.flat)
-        largest = max(abs(Fraction(float(values.min()))), abs(Fraction(float(values.max()))))
-        got = Fraction(float(measure_statistics(values).mean))
-        worst = max(worst, float(abs(got - exact / values.size) / largest))
-    return worst
-
-
-def medians(num_cases: int) -> float:
-    worst = 0.0
-    for values in random_ranges(num_cases):
-        statistics = measure_statistics(values)
-        assert statistics.counts.sum() == values.size
-        exact = float(np.sort(values.ravel())[(values.size - 1) // 2])
-        extent = float(statistics.maximum) / 2 - float(statistics.minimum) / 2
-        worst = max(worst, abs(statistics.percentiles[50.0] / 2 - exact / 2) / extent)
-    return worst
 
 
 SHARE = "error, share of the largest extinction"
@@ -327,48 +186,34 @@ SAME = "the same"
 POWER = "values are brought to 1 by a power of two, which rounds nothing"
 PIXEL = "largest difference of a channel of a pixel"
 
-by_points = partial(Extreme, quantity=SHARE, bound=1e-6)
+# Control values by name, with what makes them safe and the types of voxels.
+POINTS: dict[str, tuple[str, tuple[str, ...], Callable[[Random], Any]]] = {
+    "points 1e-300 apart": (EXACT, ("float64",), lambda rng: np.arange(4) * 1e-300),
+    "points 1e-310 apart, and one at 1": (SAME, ("float64",), lambda rng: [0, 1e-310, 2e-310, 1.0]),
+    "points 1e300 apart, and at the ends of float64": (
+        SAME, ("float64",), lambda rng: [-LARGEST, -1e300, 0, 1e300, LARGEST]
+    ),
+    "a spike of 1e-9 (float), between 8-bit values": (
+        SAME, ALL_TYPES, lambda rng: [0, 100, 100 + 1e-9, 100 + 2e-9, 120]
+    ),
+    "a spike at one value of 16 bits": (SAME, ("uint16", "float32"), lambda rng: [0, 12344, 12345, 12346, 65535]),
+    "steps: repeated points, at the ends, too": (
+        "a scalar at a step belongs to the upper side", ALL_TYPES, lambda rng: [5, 5, 50, 50, 77, 100, 100]
+    ),
+    "points far outside of the values of the type": (EXACT, ALL_TYPES, lambda rng: [-1e9, -1e5, 0.5, 1e5, 1e9]),
+    "all values below, or above, all points": (
+        "constant outside of the points", ALL_TYPES, lambda rng: np.sort(rng.choice([-1.0, 1.0]) * np.array([1e9, 2e9]))
+    ),
+    "30 random points": (EXACT, ALL_TYPES, lambda rng: np.sort(rng.normal(0, 60, 30))),
+}  # fmt: skip
 
 SECTION = Section(
     "Volumes",
     (
-        by_points("points 1e-300 apart", EXACT, measure=classified(("float64",), lambda rng: np.arange(4) * 1e-300)),
-        by_points(
-            "points 1e-310 apart, and one at 1",
-            SAME,
-            measure=classified(("float64",), lambda rng: [0, 1e-310, 2e-310, 1.0]),
+        *(
+            Extreme(name, method, SHARE, 1e-6, classified(types, points))
+            for name, (method, types, points) in POINTS.items()
         ),
-        by_points(
-            "points 1e300 apart, and at the ends of float64",
-            SAME,
-            measure=classified(("float64",), lambda rng: [-LARGEST, -1e300, 0, 1e300, LARGEST]),
-        ),
-        by_points(
-            "a spike of 1e-9 (float), between 8-bit values",
-            SAME,
-            measure=classified(ALL_TYPES, lambda rng: [0, 100, 100 + 1e-9, 100 + 2e-9, 120]),
-        ),
-        by_points(
-            "a spike at one value of 16 bits",
-            SAME,
-            measure=classified(("uint16", "float32"), lambda rng: [0, 12344, 12345, 12346, 65535]),
-        ),
-        by_points(
-            "steps: repeated points, at the ends, too",
-            "a scalar at a step belongs to the upper side",
-            measure=classified(ALL_TYPES, lambda rng: [5, 5, 50, 50, 77, 100, 100]),
-        ),
-        by_points(
-            "points far outside of the values of the type",
-            EXACT,
-            measure=classified(ALL_TYPES, lambda rng: [-1e9, -1e5, 0.5, 1e5, 1e9]),
-        ),
-        by_points(
-            "all values below, or above, all points",
-            "constant outside of the points",
-            measure=classified(ALL_TYPES, lambda rng: np.sort(rng.choice([-1.0, 1.0]) * np.array([1e9, 2e9]))),
-        ),
-        by_points("30 random points", EXACT, measure=classified(ALL_TYPES, lambda rng: np.sort(rng.normal(0, 60, 30)))),
         Extreme(
             "a colormap over nearly all of float64, or over 1e-300 of it",
             POWER,
@@ -377,25 +222,11 @@ SECTION = Section(
             colormap_range,
         ),
         Extreme(
-            "every type at its limits, both byte orders, 5 formats",
-            "tests write the bytes without the readers",
-            "voxels that are read wrongly",
-            0.0,
-            reread,
-        ),
-        Extreme(
             "every type at its limits, classified over its range",
             EXACT,
             "error of the depth of a voxel",
             1e-6,
             drawn_types,
-        ),
-        Extreme(
-            "constant volumes of every type, at its limits",
-            "no difference, no error",
-            "cells in the cut, less one",
-            0.0,
-            constant_cells,
         ),
         Extreme(
             "values and points times 2^-1060, 2^-1000 or 2^1023, lit; splats",
@@ -427,50 +258,11 @@ SECTION = Section(
             energies(0.0, "single"),
         ),
         Extreme(
-            "the same, one splat for all",
-            "means over real voxels, not over padded cubes",
-            "relative error of the sum of tau V",
-            1e-6,
-            energies(math.inf, "single"),
-        ),
-        Extreme(
             "the same in half precision",
             "means stored in float16",
             "relative error of the sum of tau V",
             2.0**-11 + 1e-6,
             energies(math.inf, "half"),
-        ),
-        Extreme("the same volumes, drawn", "GL against float64", PIXEL, 1e-4, gl_against_reference),
-        Extreme(
-            "the same, index axes swapped and run backwards", "only places in the world count", PIXEL, 1e-6, index_axes
-        ),
-        Extreme(
-            "one voxel of any shape, drawn",
-            "widened to half a pixel, the integral being kept",
-            "relative error of tau V",
-            0.045,
-            one_voxel_energy,
-        ),
-        Extreme(
-            "fully transparent volumes",
-            "what is invisible is not stored",
-            "bytes of the pyramid, cells, pixels",
-            0.0,
-            transparent,
-        ),
-        Extreme(
-            "mean of the values, float64 up to its ends, every type",
-            POWER,
-            "error, share of the largest value",
-            1e-12,
-            means,
-        ),
-        Extreme(
-            "median of the values, the same",
-            "values as ordered bits, counted 16 at a time",
-            "error, share of the range",
-            0.0,
-            medians,
         ),
     ),
 )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-from pathlib import Path
 
 import mpmath
 import numpy as np
@@ -12,10 +11,8 @@ import pytest
 from extremes import Extreme, Section
 from splatting import volume_of
 
-from renderer.errors import SceneError
 from renderer.pyramid import build_pyramid, cut_pyramid
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, TransferSpec, tolerance_at
-from renderer.scene.parse import parse_scene
 from renderer.transfer import make_transfer_function
 
 Keys = tuple[tuple[int, float], ...]
@@ -109,34 +106,6 @@ def cells_missing(tolerance: float, expect_root: bool) -> Callable[[int], float]
     return measure
 
 
-NAN, INFINITY = float("nan"), float("inf")
-NUMBERS: list[object] = [-1e-300, -1, NAN, INFINITY, -INFINITY, 10**400, "1e400", "-0.1"]
-WRONG: list[object] = [*NUMBERS, "much", "", None, True, False, [], [1], [0, 1], {}]
-WRONG += [{"0": number} for number in [*NUMBERS, 1e-301, "much", None, True, [1], {}]]
-WRONG += [{frame: 1} for frame in ("-1", "1.5", "x", "9", -1, 1.5, True, None)]
-WRONG += [{"0": 1, 0: 2}, {5: 1, 0: 2}, {0: 1, 2: 0}, {0: 0, 2: 1}]
-
-
-def accepted(_: int) -> float:
-    """How many tolerances that mean nothing are taken, or refused without their place."""
-    return float(sum(not complains(tolerance) for tolerance in WRONG))
-
-
-def complains(tolerance: object) -> bool:
-    tree = {
-        "volume": {"procedural": {"name": "constant", "shape": [2, 2, 2]}},
-        "transfer_function": {"points": [{"value": 0, "color": "white", "opacity": 1}]},
-        "camera": {"path": {"type": "turntable", "frames": 9}},
-        "output": {"file": "film.mp4"},
-        "error": {"tolerance": tolerance},
-    }
-    try:
-        parse_scene(tree, base=Path())
-    except SceneError as error:
-        return bool(error.problems) and all(problem.path.startswith("error.tolerance") for problem in error.problems)
-    return False
-
-
 LOGARITHM = "exp of the shared rise of the logarithm, half of it at a time"
 STRICT = "a node is drawn when its error is below the tolerance, compared in float64"
 
@@ -153,13 +122,6 @@ SECTION = Section(
         Extreme("tolerance 0", STRICT, "voxels missing", 0, cells_missing(0.0, expect_root=False)),
         Extreme("tolerance 1e-300", STRICT, "voxels missing", 0, cells_missing(1e-300, expect_root=False)),
         Extreme("tolerance 1e300", STRICT, "cells besides the root", 0, cells_missing(1e300, expect_root=True)),
-        Extreme(
-            "negative, NaN, infinity, text, lists, empty",
-            "checked before anything is read, with file, line and column",
-            f"accepted, of {len(WRONG)}",
-            0,
-            accepted,
-        ),
     ),
 )
 

@@ -72,26 +72,6 @@ def gradient_error(num_cases: int) -> float:
     return worst
 
 
-def cut_ramp_error(num_cases: int) -> float:
-    """Of a ramp along z whose last cells are slivers: over the largest value; one cell beyond the border, too."""
-    worst = 0.0
-    for case in range(num_cases):
-        rng = np.random.default_rng(case)
-        num = int(rng.integers(17, 100))
-        ramp = rng.uniform(0.5, 1.0) + np.arange(num) * rng.uniform(0, 1) / num
-        bricks = bricks_of(ramp[:, None, None].copy(), (0.0, 3.0), 3.0)
-        for level in range(1, len(bricks.levels)):
-            last = (num - 1) >> (level + BRICK_LEVELS)
-            texels = mean_texels(bricks, level, np.array([[0, 0, last]], np.int32))[0, :, 1, 1, 3]
-            cells = 16 * last - HALO + np.arange(len(texels))
-            places = (cells + 0.5) * 2**level - 0.5
-            want = ramp[0] + places * (ramp[1] - ramp[0])
-            there = cells <= -(-num // 2**level)
-            if num > 2**level:
-                worst = max(worst, float(np.abs(texels - want)[there].max() / ramp.max()))
-    return worst
-
-
 def noise_growth(num_cases: int) -> float:
     """The largest value of the field at a face of the volume, over the largest mean; 1.5 is half a cell's rise more."""
     worst = 0.0
@@ -113,20 +93,6 @@ def noise_growth(num_cases: int) -> float:
     return worst
 
 
-def constant_error(num_cases: int) -> float:
-    """The largest difference between texels, of cells cut by the border along all axes."""
-    worst = 0.0
-    for case in range(num_cases):
-        rng = np.random.default_rng(case)
-        extinction = 10.0 ** rng.uniform(-20, 1.5)
-        bricks = bricks_of(np.ones(rng.integers(17, 40, 3)), (0.0, 1.0), extinction)
-        for level in range(1, len(bricks.levels)):
-            num_z, num_y, num_x = (-(-n // 2**level) + 2 for n in bricks.volume.values.shape)
-            texels = mean_texels(bricks, level, np.zeros((1, 3), np.int32))[0, :num_z, :num_y, :num_x]
-            worst = max(worst, float(np.ptp(texels.reshape(-1, 4), axis=0).max() / texels.max()))
-    return worst
-
-
 SECTION = Section(
     "Bricks",
     (
@@ -145,25 +111,11 @@ SECTION = Section(
             gradient_error,
         ),
         Extreme(
-            "a ramp whose last cells are cut to slivers",
-            "their means moved from what is left of them to their centres",
-            "error, share of the largest value",
-            4 * 7 * U,
-            cut_ramp_error,
-        ),
-        Extreme(
             "noise, last cells cut to slivers",
             "lines are followed half a cell at most",
             "largest value at the face, over the largest mean",
             1.5 * (1 + 1e-6),
             noise_growth,
-        ),
-        Extreme(
-            "a constant of a depth from 1e-20 to 32, cut along all axes",
-            "no difference, no change",
-            "largest difference, share of the largest",
-            0.0,
-            constant_error,
         ),
     ),
 )

@@ -59,15 +59,21 @@ def means_over_cells(values: Array, level: int) -> Float64:
     return np.asarray(sums_over_cells(values, level) / sums_over_cells(np.ones(values.shape[:3]), level)[..., None])
 
 
-def errors_of_cells(volume: Volume, values: Float64, level: int) -> Float64:
-    """[z, y, x]: root of the summed variance of values [z, y, x, c], times the cube root of the cell's volume in units
-    of the finest spacing."""
+def spread_of_cells(values: Float64, level: int) -> Float64:
+    """Return the root of the summed variance of values [z, y, x, c] in the cells of a level, [z, y, x]; in two passes,
+    without cancellation."""
     means = means_over_cells(values, level)
     for axis in range(3):
         means = np.repeat(means, 1 << level, axis).take(range(values.shape[axis]), axis)
+    return np.asarray(np.sqrt(means_over_cells(((values - means) ** 2).sum(axis=-1, keepdims=True), level)[..., 0]))
+
+
+def errors_of_cells(volume: Volume, values: Float64, level: int) -> Float64:
+    """Return the spread of values [z, y, x, c], times the cube root of the cell's volume in units of the finest
+    spacing."""
     num_voxels = sums_over_cells(np.ones(values.shape[:3]), level)
-    variance = sums_over_cells(np.sum((values - means) ** 2, axis=-1), level) / num_voxels
-    return np.asarray(np.sqrt(variance) * np.cbrt(num_voxels * volume.voxel_volume) / volume.finest_spacing)
+    sides = np.cbrt(num_voxels * volume.voxel_volume) / volume.finest_spacing
+    return np.asarray(spread_of_cells(values, level) * sides)
 
 
 def per_brick(values: Array, side: int, halo: int = 0) -> dict[tuple[int, int, int], Array]:

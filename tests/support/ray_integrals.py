@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene import CameraSpec, ShadingSpec, TurntablePath, Vector
+from renderer.transfer import TransferFunction
 from renderer.truth import integrate
 from renderer.truth.integrator import rays_through_pixels
 from renderer.view import View, make_view
@@ -18,16 +19,9 @@ from renderer.volume import Volume
 EXACT = 1e-13
 
 
-@dataclass(frozen=True)
-class Transfer:
-    values: Float64
-    colors: Float64
-    extinctions: Float64
-
-
-def transfer(*points: tuple[float, tuple[float, float, float], float]) -> Transfer:
+def transfer(*points: tuple[float, tuple[float, float, float], float]) -> TransferFunction:
     values, colors, extinctions = zip(*points, strict=True)
-    return Transfer(np.array(values, float), np.array(colors, float), np.array(extinctions, float))
+    return TransferFunction(np.array(values, float), np.array(colors, float), np.array(extinctions, float), 1.0)
 
 
 def volume(values: npt.ArrayLike, world_from_index: Float64 | None = None) -> Volume:
@@ -75,7 +69,9 @@ def ray_spans(of: Volume, view: View) -> Span:
     return Span(at + enter[:, None] * speed, speed, np.maximum(leave - enter, 0.0))
 
 
-def riemann(of: Volume, tf: Transfer, view: View, num_steps: int, shading: ShadingSpec | None = None) -> Float64:
+def riemann(
+    of: Volume, tf: TransferFunction, view: View, num_steps: int, shading: ShadingSpec | None = None
+) -> Float64:
     """The same integral by nothing but the definition: `num_steps` midpoints per ray, field and gradient from numpy."""
     values = of.values.astype(float)
     gradients = [np.gradient(values, axis=2 - axis) for axis in range(3)]
@@ -122,7 +118,7 @@ def interpolate(values: Float64, index: Float64) -> Float64:
 COLORFUL = transfer((-0.5, (1, 0, 0.5), 0.2), (0.3, (0, 1, 0.2), 0.9), (0.8, (0.3, 0.2, 1), 0.0), (1.5, (1, 1, 0), 1.3))
 
 
-def along_z(values: list[float], tf: Transfer, step_voxels: float = 1.0, spacing: float = 1.0) -> Float64:
+def along_z(values: list[float], tf: TransferFunction, step_voxels: float = 1.0, spacing: float = 1.0) -> Float64:
     """One ray along -z, from the last of a column of voxels to the first."""
     column = volume(np.reshape(values, (-1, 1, 1)), np.diag([1.0, 1.0, spacing, 1.0]))
     view = look((0.0, 0.0, 0.0), 100.0, (1, 1), projection="orthographic", path=TurntablePath(1, 0.0, 90.0))

@@ -58,33 +58,6 @@ def steepest(pieces: PiecewiseTransfer) -> float:
     return float(np.abs(pieces.rows[:-1, 6:][wide]).max(initial=0.0))
 
 
-def test_each_label_has_its_own_side_of_a_step() -> None:
-    """Labels k from k to k + 1, up to 255: none has the colour of the one below."""
-    num = 256
-    points = np.repeat(np.arange(num + 1), 2)[1:-1].astype(np.float64)
-    is_odd = np.arange(num) % 2 == 1
-    colors = np.repeat(np.where(is_odd[:, None], [1.0, 0, 0], [0, 0, 1.0]), 2, axis=0)
-    transfer = TransferFunction(points, colors, np.full(2 * num, 0.7), 1.0)
-    for first in range(0, num, 16):
-        labels = np.arange(first, first + 16, dtype=np.uint8)
-        values = np.concatenate([labels, np.array([0, 255], np.uint8)])
-        bricks = bricks_of(make_volume(values.reshape(1, 1, -1), np.eye(4), "labels"), transfer)
-        texels = scalar_texels(bricks, np.zeros((1, 3), np.int32), lit=False)[0, 1, 1, 1:17]
-        assert np.array_equal(classified(bricks, texels)[:, 0], labels % 2)
-
-
-def test_what_is_narrow_is_as_high_as_it_is() -> None:
-    """A tent 20 wide in a range of a million, on a ramp; and a window of one among 16 bits."""
-    values, extinctions = np.array([0, 290, 300, 310, 1e6]), np.array([0, 0, 1.0, 1e-4, 0.5])
-    pieces = make_piecewise_transfer(TransferFunction(values, np.ones((5, 3)), extinctions, 1.0).curve(), 0.0, 1e6)
-    np.testing.assert_allclose(at(pieces, np.array([290, 295, 300, 305, 310]) / 1e6), [0, 0.5, 1, 0.5, 1e-4], atol=1e-3)
-    values = np.array([2.5, 2.5, 3.5, 3.5, 65535])
-    pieces = make_piecewise_transfer(
-        TransferFunction(values, np.ones((5, 3)), np.array([0, 2.0, 2, 0, 0.1]), 1.0).curve(), 0, 65535
-    )
-    np.testing.assert_allclose(at(pieces, np.array([2, 3, 4]) / 65535), [0, 2, 0], atol=1e-5)
-
-
 def at(pieces: PiecewiseTransfer, u: Float64) -> Float64:
     """Extinctions."""
     k = np.searchsorted(pieces.rows[:, 0], u.astype(np.float32), side="right")

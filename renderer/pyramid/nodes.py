@@ -1,4 +1,4 @@
-"""Build and merge the nodes of the pyramid, in compiled loops.
+"""Turn voxels into nodes, merge nodes, and convert them to what is stored, in compiled loops.
 
 Two neighbours a and b, where b holds the share h of their voxels, are merged into
 
@@ -37,6 +37,9 @@ UInt64 = npt.NDArray[np.uint64]
 # Four float32 that are moved together: numba has no other type of 16 bytes.
 PackedChannels = npt.NDArray[np.complex128]
 
+# Means and variances [g, n, c] of the 64 nodes of some groups, of their 8 parents, and of their root.
+Groups = list[tuple[Array, Array]]
+
 BLOCK_SIZE = 8
 
 # The side of a voxel in voxels. For a literal, numba would compile another version.
@@ -55,7 +58,7 @@ NODE_OFFSETS = np.array([0, 8, 1, 9, 0, 1])
 
 
 @jit
-def build_channel_level(
+def _build_channel_level(
     raw: RawVoxels,
     classifier: Classifier,
     packed_table: PackedChannels | None,
@@ -99,7 +102,7 @@ def build_scalar_level(
     means: Float64,
     variances: Float64,
 ) -> None:
-    """Write level 1 [g, 64, 1] of `(scalar - offset) * scale`, as `build_channel_level` does of channels."""
+    """Write level 1 [g, 64, 1] of `(scalar - offset) * scale`, as `_build_channel_level` does of channels."""
     voxels, shares = np.empty(BLOCK_SIZE**3), np.empty((3, 64))
     for g in range(len(starts)):
         if g == 0 or not _has_same_extents(extents, g):
@@ -114,7 +117,7 @@ def build_scalar_level(
 
 
 @jit
-def merge_groups(
+def _merge_groups(
     means: Array,
     variances: Array,
     extents: UInt64,
@@ -289,48 +292,40 @@ def _total_variance(variances: Array, g: int, node: int) -> Any:
 
 
 @jit
-def mark_occupied(means: Float32, cells: npt.NDArray[np.int64], shift: int, occupied: npt.NDArray[np.bool_]) -> None:
-    """Mark the visible nodes [g, n, 4] of groups at `cells` [g, 3] in a grid [z, y, x] of cells 2^shift times as wide.
-
-    cells: x, y, z in widths of a group.
-    """
-    side = 4 if means.shape[1] == 64 else 2 if means.shape[1] == 8 else 1
-    offset = NODE_OFFSETS[:4] if side == 4 else NODE_OFFSETS[4:]
-    for g in range(len(means)):
-        x0, y0, z0 = cells[g, 0] * side, cells[g, 1] * side, cells[g, 2] * side
-        for z in range(side):
-            for y in range(side):
-                for x in range(side):
-                    if means[g, offset[x] + 2 * offset[y] + 4 * offset[z], 3] > 0:
-                        occupied[z0 + z >> shift, y0 + y >> shift, x0 + x >> shift] = True
-
-
-@jit
 def list_visible_cells(
-    means: Float32, groups: Int64, width: int, shape: tuple[int, int, int], cells: Int32, sizes: Int64
-) -> int:
+    means: Float32,
+    groups: Int64,
+    width: int,
+    shape: tuple[int, int, int],
+    cells: Int32,
+    sizes: Int64,
+    shift: int,
+    occupied: npt.NDArray[np.bool_],
+) -> None:
     """Write the cells [., 3] (x, y, z) of the visible nodes [g, n, 4] of groups at `groups` [g, 3], in Morton order,
-    and their numbers of voxels [.]; return how many they are.
+    and their numbers of voxels [.]. Mark them in the grid `occupied` [z, y, x] of cells 2^shift times as wide.
 
-    width: of a node, in voxels, where the border does not cut it. shape: of the volume, z, y, x.
+    width: of a node, in voxels, where the border does not cut it. shape: of the volume, z, y, x. Nothing is written to
+    `cells` and `sizes` if they are empty, and nothing is marked if `shift` is below 0.
     """
-    num, num_nodes = 0, np.uint64(means.shape[1])
-    digits, side = (2, 4) if num_nodes == 64 else (1, 2)
+    num, num_nodes, at = 0, np.uint64(means.shape[1]), np.empty(3, np.int64)
+    digits = 2 if num_nodes == 64 else 1 if num_nodes == 8 else 0
     for g in range(len(means)):
         for index in range(num_nodes):
             node = GROUP_INDEX_OF_MORTON[index] if num_nodes == 64 else index
             if means[g, node, 3] > 0:
                 size = 1
                 for axis in range(3):
-                    inside = 0
+                    cell = groups[g, axis] << digits
                     for digit in range(digits):
-                        inside |= int(index >> np.uint64(3 * digit + axis) & np.uint64(1)) << digit
-                    cell = side * groups[g, axis] + inside
-                    cells[num, axis] = cell
+                        cell |= int(index >> np.uint64(3 * digit + axis) & np.uint64(1)) << digit
+                    at[axis] = cell
                     size *= min(shape[2 - axis] - cell * width, width)
-                sizes[num] = size
-                num += 1
-    return num
+                if shift >= 0:
+                    occupied[at[2] >> shift, at[1] >> shift, at[0] >> shift] = True
+                if len(cells) > 0:
+                    cells[num, 0], cells[num, 1], cells[num, 2], sizes[num] = at[0], at[1], at[2], size
+                    num += 1
 
 
 @jit
@@ -375,7 +370,7 @@ def append_visible(
 
 
 @jit
-def store_float16(values: Float32, factor: float, out: npt.NDArray[np.uint16]) -> None:
+def _store_float16(values: Float32, factor: float, out: npt.NDArray[np.uint16]) -> None:
     """Write the float16 bits of `values * factor` (a power of two; products from 0 to 2^15), flat, rounded to nearest.
 
     Normal numbers are rounded to 11 bits by Veltkamp's splitting (Dekker 1971, "A floating-point technique for
@@ -390,3 +385,49 @@ def store_float16(values: Float32, factor: float, out: npt.NDArray[np.uint16]) -
         normal = np.uint16((rounded.view(np.uint32) >> 13) - ((127 - 15) << 10))
         tiny = np.uint16(np.float32(value + np.float32(0.5)).view(np.uint32))
         out[i] = normal if value >= np.float32(2.0**-14) else tiny
+
+
+def packed_channels(values: Array) -> Array:
+    """Return four channels [..., 4] as one item [...], which is moved at once; a view."""
+    return values.view(np.uint64 if values.dtype == np.float16 else np.complex128)[..., 0]
+
+
+def classify_blocks(
+    raw: Array, classifier: Classifier, starts: UInt64, extents: UInt64, voxels: Float32, groups: Groups
+) -> None:
+    """Build all nodes of the blocks at voxels `starts` [g, 3]; `extents` [g, 3] (x, y, z) of each are real.
+
+    voxels: float32 [512, 4], scratch.
+    """
+    unlit = classifier.lighting is None
+    packed_table = packed_channels(classifier.table) if unlit and classifier.table is not None else None
+    curve = classifier.curve if unlit else None
+    _build_channel_level(
+        raw, classifier, packed_table, curve, starts, extents, voxels, packed_channels(voxels), *groups[0]
+    )
+    merge(groups, extents, 2)
+
+
+def merge(groups: Groups, extents: UInt64, side: int) -> None:
+    """Merge the 64 nodes of each group, `side` voxels wide, into their 8 parents and the root."""
+    nodes, parents, roots = groups
+    _merge_groups(*nodes, extents, side, *parents, *roots)
+
+
+def opacities_to_depths(means: Float32, max_depth: float) -> None:
+    """Convert means of (a c, a) [n, 4] to optical depths times (c, 1), in place.
+
+    Depths keep their digits in half precision. Of opacities near 1 it would leave none.
+    """
+    opacities = means[:, 3].astype(np.float64)
+    with np.errstate(divide="ignore"):  # an opacity that rounds to 1 has the largest depth
+        depths = np.minimum(-np.log1p(-np.minimum(opacities, 1)), max_depth)
+    means *= (depths / opacities)[:, None]
+
+
+def store_scaled(values: Float32, factor: float, out: Array) -> None:
+    """Write `values` times `factor` (a power of two) in the precision of `out`."""
+    if out.dtype == np.float16:
+        _store_float16(values.reshape(-1), factor, out.view(np.uint16).reshape(-1))
+    else:
+        np.multiply(values, np.float32(factor), out=out)

@@ -1,0 +1,124 @@
+"""The cut of bricks: those that are drawn at a tolerance, and their number as a function of it.
+
+As in `renderer.pyramid.cut_size`, a brick is split at every tolerance up to its *split threshold*, the least of its
+error and the split thresholds of the bricks around it. It is in the cut at tolerances above its own threshold, up to
+that of its parent, if anything in it may be visible:
+
+    bricks at t = number of visible ones whose parent's threshold is at least t - number of those whose own is
+
+This may fall a little as t falls: the halo of a brick is wider than those of its children, so that together they may
+show less of their surroundings.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.bricks.bricks import Bricks
+from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE
+from renderer.pyramid import CutSizes, subdivide
+from renderer.scene import MIN_TOLERANCE
+from renderer.volume import Volume
+
+Float64 = npt.NDArray[np.float64]
+Int32 = npt.NDArray[np.int32]
+Int64 = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class BrickCut:
+    """The bricks drawn, coarse levels first, in Morton order within a level. The index of a brick is its id.
+
+    levels: uint8 [n], of their cells.
+    cells: int32 [n, 3], x, y, z in widths of the brick, BRICK_SIZE << level voxels.
+    visible_bounds: float64 [n, 2, 3], lowest and highest corner (x, y, z) of what may be visible, index coordinates.
+    step_errors: float64 [n], as in BrickLevel.
+    volume: the volume that was cut.
+    """
+
+    levels: npt.NDArray[np.uint8]
+    cells: Int32
+    visible_bounds: Float64
+    step_errors: Float64
+    volume: Volume
+
+    def __len__(self) -> int:
+        return len(self.levels)
+
+
+def cut_bricks(bricks: Bricks, tolerance: float, *, finest_level: int = 0) -> BrickCut:
+    """Return the coarsest bricks whose errors are below `tolerance` (in the measure's unit), none below `finest_level`.
+
+    Bricks whose own level shows nothing are left out. Raises ValueError where either argument is below 0.
+    """
+    leaves = list(_leaves(bricks, tolerance, finest_level))
+    levels = np.repeat(np.array([level for level, _ in leaves], np.uint8), [len(cells) for _, cells in leaves])
+    bounds, step_errors = [], []
+    for number, part in leaves:
+        (x, y, z), level = part.T, bricks.levels[number]
+        bounds.append((BRICK_SIZE * part[:, None] + level.visible_bounds[z, y, x]) * 2.0**number - 0.5)
+        step_errors.append(level.step_errors[z, y, x])
+    arrays = levels, np.concatenate([cells for _, cells in leaves]), np.concatenate(bounds), np.concatenate(step_errors)
+    for array in arrays:
+        array.flags.writeable = False
+    return BrickCut(*arrays, bricks.volume)
+
+
+def num_bricks_at(bricks: Bricks, tolerance: float, finest_level: int) -> int:
+    """Return the number of bricks of the cut at this tolerance."""
+    return sum(len(cells) for _, cells in _leaves(bricks, tolerance, finest_level))
+
+
+def _leaves(bricks: Bricks, tolerance: float, finest_level: int) -> Iterator[tuple[int, Int32]]:
+    """Yield each level, coarse first, and the cells int32 [n, 3] of its bricks that are drawn."""
+    if not tolerance >= 0:
+        raise ValueError(f"no bricks for this tolerance: got {tolerance}, expected at least 0")
+    if finest_level < 0:
+        raise ValueError(f"no bricks of this level: got {finest_level}, expected at least 0")
+    cells = np.zeros((1, 3), np.int32)
+    for number in range(len(bricks.levels) - 1, -1, -1):
+        (x, y, z), level = cells.T, bricks.levels[number]
+        is_leaf = level.errors[z, y, x] < (tolerance if number > finest_level else math.inf)
+        yield number, cells[is_leaf & level.is_visible[z, y, x]]
+        top = number + BRICK_LEVELS
+        cells = subdivide(cells[~is_leaf], top, top - 1, bricks.volume.shape_xyz)
+
+
+def brick_cut_sizes(bricks: Bricks, *, finest_level: int, finest_level_at_zero: int) -> CutSizes:
+    """Return the sizes of all cuts; each of `counts` is the largest size of that cut and of all coarser ones.
+
+    finest_level, finest_level_at_zero: of the cells drawn at tolerances above 0, and at 0.
+    """
+    at_zero = _count_at_thresholds(bricks, finest_level_at_zero)[1].max(initial=0)
+    thresholds, counts = _count_at_thresholds(bricks, finest_level)
+    is_step = thresholds >= MIN_TOLERANCE
+    thresholds, counts = thresholds[is_step], np.maximum.accumulate(counts[np.append(True, is_step)])
+    most = max(int(counts[-1]), int(at_zero))
+    return CutSizes(thresholds, counts, 0.0, most, max(most, 1))
+
+
+def _count_at_thresholds(bricks: Bricks, finest_level: int) -> tuple[Float64, Int64]:
+    """Return CutSizes.split_thresholds, float64 [n], with those of 0, and CutSizes.counts, int64 [n + 1]."""
+    of_parents, own = [], []  # thresholds of visible bricks
+    parent_thresholds = np.full((1, 1, 1), np.inf)
+    for number in range(len(bricks.levels) - 1, -1, -1):
+        level = bricks.levels[number]
+        thresholds = np.full(parent_thresholds.shape, -1.0)
+        if number > finest_level:
+            thresholds = np.minimum(level.errors, parent_thresholds)
+        of_parents.append(parent_thresholds[level.is_visible])
+        own.append(thresholds[level.is_visible])
+        if number <= finest_level:
+            break
+        children = np.ix_(*(np.arange(n) // 2 for n in bricks.levels[number - 1].errors.shape))
+        parent_thresholds = thresholds[children]
+    begin, end = np.sort(np.concatenate(of_parents)), np.sort(np.concatenate(own))
+    steps = np.unique(np.concatenate([begin, end]))[::-1]
+    steps = steps[(steps >= 0) & (steps < np.inf)]
+    num_begun, num_ended = (len(sorted_) - np.searchsorted(sorted_, steps) for sorted_ in (begin, end))
+    return steps, np.array([np.count_nonzero(begin == np.inf), *(num_begun - num_ended)], np.int64)

@@ -1,0 +1,75 @@
+"""Where the cells of a brick and its halo lie: constants, and the compiled loops that read them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.jit import jit
+from renderer.transfer import RawVoxels, scalar_at
+from renderer.volume import Volume
+
+Array = npt.NDArray[Any]
+Int32 = npt.NDArray[np.int32]
+
+BRICK_LEVELS = 4
+BRICK_SIZE = 1 << BRICK_LEVELS
+HALO = 1
+PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO
+
+
+def brick_grid_shape(volume: Volume, level: int) -> tuple[int, int, int]:
+    """Return the number of bricks of a level along z, y, x."""
+    z, y, x = (((num - 1) >> (level + BRICK_LEVELS)) + 1 for num in volume.values.shape)
+    return z, y, x
+
+
+def grid_cells(shape: tuple[int, ...]) -> Int32:
+    """int32 [n, 3]: all cells (x, y, z) of a grid [z, y, x], x fastest."""
+    return np.ascontiguousarray(np.indices(shape, np.int32).reshape(3, -1)[::-1].T)
+
+
+@jit
+def fill_padded(raw: RawVoxels, by_pattern: Any, brick: Int32, out: Array) -> None:
+    """Write the scalars of a brick of voxels and its halo to `out` [n, n, n], n = BRICK_SIZE + 2 halo.
+
+    Beyond the volume's border the nearest voxel is repeated. brick: [3] (x, y, z). by_pattern: the numbers to write, by
+    bit pattern; None where voxels are scalars themselves.
+    """
+    num_z, num_y, num_x = raw.shape
+    halo = (out.shape[0] - BRICK_SIZE) // 2
+    x0, y0, z0 = BRICK_SIZE * brick[0] - halo, BRICK_SIZE * brick[1] - halo, BRICK_SIZE * brick[2] - halo
+    for t in range(out.shape[0]):
+        z = min(max(z0 + t, 0), num_z - 1)
+        for u in range(out.shape[1]):
+            y = min(max(y0 + u, 0), num_y - 1)
+            for v in range(out.shape[2]):
+                out[t, u, v] = scalar_at(raw, by_pattern, z, y, min(max(x0 + v, 0), num_x - 1))
+
+
+@jit
+def slot_at(slots: Int32, x: int, y: int, z: int) -> int:
+    """Return the slot of a brick in `slots` [z, y, x], -1 if it has none or is outside the volume."""
+    if x < 0 or y < 0 or z < 0 or z >= slots.shape[0] or y >= slots.shape[1] or x >= slots.shape[2]:
+        return -1
+    return int(slots[z, y, x])
+
+
+@jit
+def halo_span(step: int) -> tuple[int, int]:
+    """Return the first and last cell, from -1 to BRICK_SIZE, that the neighbour at -1, 0 or 1 fills."""
+    if step < 0:
+        return -HALO, -1
+    return (0, BRICK_SIZE - 1) if step == 0 else (BRICK_SIZE, BRICK_SIZE + HALO - 1)
+
+
+@jit
+def scatter(items: Array, cells: Int32, slots: Int32, out: Array) -> None:
+    """Copy packed nodes [n] at `cells` [n, 3] (x, y, z) into bricks [., BRICK_SIZE, BRICK_SIZE, BRICK_SIZE]."""
+    inside = BRICK_SIZE - 1
+    for i in range(len(items)):
+        x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
+        slot = slots[z >> BRICK_LEVELS, y >> BRICK_LEVELS, x >> BRICK_LEVELS]
+        out[slot, z & inside, y & inside, x & inside] = items[i]
