@@ -22,10 +22,10 @@ def num_drawing_threads() -> int:
 
 
 def _quota(groups: Path = _CGROUP_ROOT, own: Path = _OWN) -> float:
-    """Processors' worth of time, by Linux' control groups (cgroups(7)); infinite where nothing limits it.
+    """Return the processors' worth of time that Linux' control groups allow (cgroups(7)); infinite without a limit.
 
-    A group has no more than those that it is in. In a container its own is usually the root of what can be seen, and
-    what `own` says of it is not there.
+    A group has no more than the groups around it. In a container its own group is usually the root of the visible
+    ones, and the path in `own` does not exist.
     """
     try:
         lines = [line.split(":", 2) for line in own.read_text(encoding="utf-8").splitlines()]
@@ -41,7 +41,7 @@ def _quota(groups: Path = _CGROUP_ROOT, own: Path = _OWN) -> float:
 
 
 def _group_quota(group: Path) -> float:
-    """That of one group, by whichever version it has files of."""
+    """Return the quota of one group, by the version that it has files of."""
     try:
         if (group / "cpu.max").exists():
             quota, period = (group / "cpu.max").read_text().split()

@@ -102,7 +102,7 @@ def jit(function: Function) -> Function:
 
 @intrinsic
 def _fma(_: Any, x: Any, y: Any, z: Any) -> Any:
-    """LLVM's instruction; a processor without it computes the same result step by step."""
+    """Call LLVM's instruction; a processor without it computes the same result step by step."""
     if not (x == y == z and isinstance(x, types.Float)):
         return None
     return x(x, x, x), lambda _context, builder, _signature, arguments: builder.fma(*arguments)
@@ -114,7 +114,7 @@ fma = cast(Callable[[np.float32, np.float32, np.float32], np.float32], _fma)
 
 @intrinsic
 def _prefetch(_: Any, address: Any) -> Any:
-    """LLVM's hint; 3 and 1 ask for data in the first-level cache."""
+    """Give LLVM's hint; 3 and 1 ask for data in the first-level cache."""
 
     def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         pointer, number = ir.PointerType(ir.IntType(8)), ir.IntType(32)

@@ -1,4 +1,4 @@
-"""Tell the versions of what made an output."""
+"""Find the versions of what made an output."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _ROOT = Path(__file__).resolve().parents[1]
 
 
 def package_versions(*more: str) -> dict[str, str]:
-    """Python's version and those of the packages that an output depends on, for its sidecar, and of some more.
+    """Return the versions of Python and of the packages that an output depends on, for its sidecar, and of some more.
 
-    Where hsplat runs from its sources, it is told by their commit. What is not there is `not installed`.
+    The version of hsplat is a commit if it runs from its sources. A missing package is `not installed`.
     """
     return {"python": platform.python_version()} | {name: _version(name) for name in (*_PACKAGES, *more)}
 
@@ -27,12 +27,12 @@ def _version(package: str) -> str:
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
-        is_told = package == "hsplat" and (sources := commit()) != "unknown"
-        return f"commit {sources}" if is_told else "not installed"
+        is_known = package == "hsplat" and (sources := commit()) != "unknown"
+        return f"commit {sources}" if is_known else "not installed"
 
 
 def commit() -> str:
-    """The commit of these sources, with `-dirty` where they were changed since; `unknown` without git or history."""
+    """Return the commit of these sources, with `-dirty` after changes; `unknown` without git or history."""
     if not (_ROOT / ".git").exists():  # a repository further up would be another project's
         return "unknown"
     try:
@@ -43,13 +43,13 @@ def commit() -> str:
 
 
 def _git(*arguments: str) -> str:
-    """What git says, without a lock on the repository, which somebody may be at work in."""
+    """Return what git prints, without a lock on the repository, which others may be using."""
     command = ["git", "--no-optional-locks", *arguments]
     return subprocess.run(command, check=False, cwd=_ROOT, capture_output=True, text=True).stdout.strip()
 
 
 def sources_digest() -> str:
-    """32 hexadecimal digits that change with anything that draws: the sources of renderer/, shaders included."""
+    """Return 32 hexadecimal digits that change with anything that draws: the sources of renderer/ and its shaders."""
     found = hashlib.blake2b(digest_size=16)
     for path in sorted((_ROOT / "renderer").rglob("*")):
         if path.suffix in (".py", ".glsl"):

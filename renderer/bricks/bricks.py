@@ -90,7 +90,7 @@ class BrickLevel:
 
     @property
     def is_visible(self) -> npt.NDArray[np.bool_]:
-        """bool [z, y, x]: whether anything may be visible in the brick."""
+        """Whether anything may be visible in each brick, bool [z, y, x]."""
         return np.asarray(self.visible_bounds[..., 1, 0] > self.visible_bounds[..., 0, 0])
 
 
@@ -233,14 +233,17 @@ def _gather_stored_level(
 
 
 def _max_of_children(of_brick: Float64) -> Float64:
-    """float64 [z, y, x]: the largest value of the up to eight bricks of the level below."""
+    """Return the largest value of the up to eight bricks of the level below, float64 [z, y, x]."""
     for axis in range(3):
         of_brick = np.maximum.reduceat(of_brick, np.arange(0, of_brick.shape[axis], 2), axis)
     return of_brick
 
 
 def _root_mean_square_of_children(of_brick: Float64) -> Float64:
-    """float64 [z, y, x]: over the up to eight bricks of the level below; bricks at the border count as whole ones."""
+    """Return the root mean square over the up to eight bricks of the level below, float64 [z, y, x].
+
+    Bricks at the border count as whole ones.
+    """
     largest = float(of_brick.max()) or 1.0  # squares of errors of scalars may overflow
     squares, nums = (of_brick / largest) ** 2, np.ones_like(of_brick)
     for axis in range(3):

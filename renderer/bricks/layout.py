@@ -27,7 +27,7 @@ def brick_grid_shape(volume: Volume, level: int) -> tuple[int, int, int]:
 
 
 def grid_cells(shape: tuple[int, ...]) -> Int32:
-    """int32 [n, 3]: all cells (x, y, z) of a grid [z, y, x], x fastest."""
+    """Return all cells (x, y, z) of a grid [z, y, x], x fastest, int32 [n, 3]."""
     return np.ascontiguousarray(np.indices(shape, np.int32).reshape(3, -1)[::-1].T)
 
 

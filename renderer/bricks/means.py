@@ -92,8 +92,8 @@ class MeanCache:
 
 
 def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
-    """float16 or float32 [n, 18, 18, 18, 4]: the means of bricks of level 1 or 2 at `cells` [n, 3] (x, y, z) and of
-    their halo, as a pyramid would store them; 0 where nothing is visible.
+    """Return the means of bricks of level 1 or 2 at `cells` [n, 3] (x, y, z) and of their halo, 0 where nothing is
+    visible, as a pyramid would store them: float16 or float32 [n, 18, 18, 18, 4].
 
     Raises InputError where the volume's file was changed.
     """

@@ -59,14 +59,14 @@ class NodeStatistics:
         _add_below(errors, sizes, cells, self.max_error_below, self.squared_errors_below)
 
     def max_error(self) -> Float64:
-        """float64 [z, y, x]: the largest error in each brick and its halo."""
+        """Return the largest error in each brick and its halo, float64 [z, y, x]."""
         largest = np.zeros(self.max_error_by_neighbour.shape[:3])
         for at, neighbours in _neighbours(self.max_error_by_neighbour):
             np.maximum(largest, neighbours[..., 2 - at[0], 2 - at[1], 2 - at[2]], out=largest)
         return largest
 
     def visible_bounds(self) -> npt.NDArray[np.float32]:
-        """float32 [z, y, x, 2, 3], as in BrickLevel."""
+        """Return BrickLevel.visible_bounds, float32 [z, y, x, 2, 3]."""
         shape = self.max_error_by_neighbour.shape[:3]
         low, end = np.full((*shape, 3), BRICK_SIZE + 1), np.full((*shape, 3), -BRICK_SIZE)
         for at, neighbours in _neighbours(self.bounds_by_neighbour):
@@ -81,7 +81,7 @@ class NodeStatistics:
         return np.where((low < end)[..., None, :], bounds, 0.0).astype(np.float32)
 
     def step_errors_below(self) -> Float64:
-        """float64 [z, y, x]: the step error estimates of the level below, as in BrickLevel."""
+        """Return BrickLevel.step_errors of the level below, from nodes alone, float64 [z, y, x]."""
         shape = self.max_error_below.shape
         sizes = cell_voxel_counts(grid_cells(shape), self.level - 1 + BRICK_LEVELS, self.volume).reshape(shape)
         step_errors = self.max_error_below * np.sqrt(self.squared_errors_below / sizes)

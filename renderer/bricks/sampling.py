@@ -153,7 +153,7 @@ def make_brick_batch(
 
 
 def step_sizes(step_errors: Float64, tolerance: float, depths: Float64) -> Float64:
-    """float64 [n]: the step, in cells, in bricks with these step error estimates and optical depths of a cell."""
+    """Return the step, in cells, in bricks with these step error estimates and depths of a cell, float64 [n]."""
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         steps = np.where(step_errors > 0, (UNIT_STEP_ERROR * tolerance / step_errors) ** STEP_EXPONENT, np.inf)
     least = np.maximum(ZERO_TOLERANCE_STEP / np.sqrt(np.maximum(depths, 1.0)), MIN_STEP)

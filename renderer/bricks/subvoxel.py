@@ -113,7 +113,7 @@ def make_scalar_curve(volume_range: tuple[float, float]) -> TransferTable:
 
 
 def _simplify(values: Float64, points: Float64, tolerance: float) -> npt.NDArray[np.int64]:
-    """int64 [m], ascending: the points with which all others are within the tolerance of the line between them.
+    """Return the points, ascending, between which all others are within the tolerance of the line, int64 [m].
 
     Douglas and Peucker 1973, along the axis of values: the farthest point is taken first.
     """

@@ -47,8 +47,8 @@ _STRIDES = (1, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE * PADDED_BRICK_SIZE)
 
 
 def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
-    """float32 [n, 18, 18, 18]: the scalars of bricks of level 0 at `cells` [n, 3] (x, y, z), normalized to
-    `bricks.scalar_range` and clamped to +-MAX_NORMALIZED_SCALAR.
+    """Return the scalars of bricks of level 0 at `cells` [n, 3] (x, y, z), normalized to `bricks.scalar_range` and
+    clamped to +-MAX_NORMALIZED_SCALAR, float32 [n, 18, 18, 18].
 
     lit: [n, 18, 18, 18, 4], (u, gx, gy, gz), with the gradient in world axes: central differences at voxel centres,
     one-sided at the border and 0 along an axis of one voxel. It is divided by a number that is the same in the whole
@@ -71,8 +71,8 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
 
 
 def mean_texels(bricks: Bricks, level: int, cells: Int32, cache: MeanCache | None = None) -> Float32:
-    """float32 [n, 18, 18, 18, 4]: (tau c, tau) times the finest spacing, of bricks of a level above 0 at `cells` [n, 3]
-    (x, y, z); 0 where nothing is visible. cache: of means that are recomputed from voxels.
+    """Return (tau c, tau) times the finest spacing, of bricks of a level above 0 at `cells` [n, 3] (x, y, z), float32
+    [n, 18, 18, 18, 4]; 0 where nothing is visible. cache: of means that are recomputed from voxels.
 
     Raises InputError where voxels are needed and the volume's file was changed.
     """
@@ -90,7 +90,7 @@ def mean_texels(bricks: Bricks, level: int, cells: Int32, cache: MeanCache | Non
 
 
 def _stored_means(bricks: Bricks, level: int, cells: Int32) -> Float32:
-    """float32 [n, 18, 18, 18, 4]: the stored means of the cells in the volume, 0 beyond."""
+    """Return the stored means of the cells in the volume, 0 beyond, float32 [n, 18, 18, 18, 4]."""
     of_level = bricks.levels[level]
     half = of_level.means.dtype == np.float16
     bits, shift = of_level.means.view(np.uint16 if half else np.uint32), np.uint32(13 if half else 0)

@@ -79,14 +79,14 @@ def root_error(pyramid: Pyramid) -> float:
 
 
 def node_errors(pyramid: Pyramid, nodes: Int64, cells: Int32, level: int) -> Float64:
-    """float64 [n]: the errors of nodes of a level, whose cells are `cells` [n, 3], in the measure's unit."""
+    """Return the errors of nodes of a level at `cells` [n, 3], in the measure's unit, float64 [n]."""
     sizes = cell_voxel_counts(cells, level, pyramid.volume)
     scale = np.asarray(error_scale(pyramid.volume, pyramid.measure, sizes) * pyramid.error_unit)
     return np.asarray(pyramid.levels[level - 1].errors[nodes] * scale)
 
 
 def cell_voxel_counts(cells: Int32, level: int, volume: Volume) -> Int64:
-    """int64 [n]: the number of voxels in each of the cells of a level."""
+    """Return the number of voxels in each cell of a level, int64 [n]."""
     x, y, z = cell_extents(cells, level, volume.shape_xyz).T  # a product along the rows would take ten times as long
     return np.asarray(x * y * z)
 
@@ -146,7 +146,7 @@ def _join_leaves(pyramid: Pyramid, leaves: list[tuple[int, Int32, Float32]], par
 
 
 def num_visible_voxels(pyramid: Pyramid, cells: Int32) -> npt.NDArray[np.uint8]:
-    """uint8 [n]: the number of visible voxels in each of the cells of level 1."""
+    """Return the number of visible voxels in each cell of level 1, uint8 [n]."""
     return _find_voxels(pyramid, cells, np.empty((0, 3), np.int32), np.empty((0, 4), np.float32))
 
 

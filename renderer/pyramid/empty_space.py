@@ -17,7 +17,7 @@ UInt64 = npt.NDArray[np.uint64]
 
 
 def visible_blocks(raw: RawVoxels, classifier: Classifier, starts: UInt64, extents: UInt64) -> npt.NDArray[np.bool_]:
-    """bool [g]: whether the blocks at voxels `starts` [g, 3], `extents` [g, 3] large (x, y, z), may show something.
+    """Return which blocks at voxels `starts` [g, 3], `extents` [g, 3] large (x, y, z), may show something, bool [g].
 
     Exact with a table. Without one, a block may count although no voxel in it is visible.
     """

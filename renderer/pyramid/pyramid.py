@@ -197,7 +197,7 @@ def error_scale(volume: Volume, measure: str, num_voxels: Any) -> Any:
 
 
 def cell_extents(cells: Array, level: int, shape_xyz: Shape) -> Int64:
-    """int64 [n, 3]: voxels along x, y, z in cells (x, y, z in units of 2^level voxels) that the border may cut."""
+    """Return the numbers of voxels along x, y, z, int64 [n, 3], in cells [n, 3] of a level that the border may cut."""
     first = cells.astype(np.int64) << level
     return np.asarray(np.minimum(np.array(shape_xyz) - first, 1 << level))
 
@@ -323,7 +323,7 @@ def _tasks(shape_xyz: Shape) -> tuple[list[Int64], list[int]]:
 
 
 def subdivide(cells: Array, level: int, finer_level: int, shape_xyz: Shape) -> Array:
-    """Integers [n, 3]: the cells of a finer level in cells of a level, each in its own widths, in Morton order."""
+    """Return the cells [m, 3] of a finer level in cells [n, 3] of a level, each in its own widths, in Morton order."""
     for number in range(level - 1, finer_level - 1, -1):
         cells = (2 * cells[:, None] + OCTANTS).reshape(-1, 3)
         inside = cells << number < shape_xyz
@@ -456,7 +456,7 @@ def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[NodeAr
 
 
 def _octants(cells: Int64) -> Int64:
-    """int64 [n]: which child of its parent a cell is."""
+    """Return which child of its parent each cell is, int64 [n]."""
     return cells[:, 0] & 1 | (cells[:, 1] & 1) << 1 | (cells[:, 2] & 1) << 2
 
 

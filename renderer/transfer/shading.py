@@ -14,7 +14,7 @@ Float64 = npt.NDArray[np.float64]
 
 
 def toward_light(shading: ShadingSpec) -> Float64:
-    """float64 [3]: the unit vector towards the light, in world axes."""
+    """Return the unit vector towards the light, in world axes, float64 [3]."""
     light = np.array(shading.light, np.float64)
     return np.asarray(light / np.linalg.norm(light))
 

@@ -23,7 +23,7 @@ VISIBILITY_THRESHOLD = 2.0**-80
 
 
 def visibility_breakpoints(transfer: TransferFunction, finest_spacing: float) -> Float64:
-    """float64 [m], ascending: the scalars at which a voxel becomes visible or invisible.
+    """Return the scalars at which a voxel becomes visible or invisible, ascending, float64 [m].
 
     A slope that rises from 0 becomes visible at the next number, so that its foot is not seen. A step belongs to its
     upper side. Two changes at one scalar cancel.

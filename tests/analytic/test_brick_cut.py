@@ -31,7 +31,7 @@ SOFT = TransferFunction(
 
 @cache
 def soft(shape: Shape) -> Bricks:
-    """Patches of noise, and a smooth part for which coarse bricks will do."""
+    """Return patches of noise, and a smooth part for which coarse bricks are enough."""
     values = patches(shape, 1, side=24)
     smooth = 0.4 + 0.2 * np.indices(shape)[1] / shape[1]
     values = np.where(np.indices(shape)[2] > shape[2] * 0.6, smooth, values)
@@ -41,20 +41,20 @@ def soft(shape: Shape) -> Bricks:
 
 @cache
 def largest_errors(shape: Shape) -> list[dict[tuple[int, int, int], float]]:
-    """By level, those of its bricks, in plain numpy."""
+    """Return the largest errors of bricks by level, from plain numpy."""
     bricks = soft(shape)
     return [errors_of_bricks(bricks.volume, SOFT, level) for level in range(len(bricks.levels))]
 
 
 def regions(cut: BrickCut) -> npt.NDArray[np.int64]:
-    """[n, 2, 3]: first voxel (x, y, z) of each whole brick, and one past the last."""
+    """Return the first voxel (x, y, z) of each whole brick, and one past the last, [n, 2, 3]."""
     width = np.int64(BRICK_SIZE) << cut.levels[:, None].astype(np.int64)
     first = cut.cells * width
     return np.stack([first, np.minimum(first + width, cut.volume.shape_xyz)], axis=1)
 
 
 def coverage(cut: BrickCut, corners: Float64) -> npt.NDArray[np.int64]:
-    """[z, y, x]: in how many boxes [n, 2, 3], in index coordinates, a voxel lies wholly."""
+    """Return in how many boxes [n, 2, 3], in index coordinates, each voxel lies wholly, [z, y, x]."""
     count = np.zeros(cut.volume.values.shape, np.int64)
     for low, high in zip(np.ceil(corners[:, 0] + 0.5), np.floor(corners[:, 1] + 0.5), strict=True):
         x, y, z = (slice(int(a), max(int(a), int(b))) for a, b in zip(low, high, strict=True))
@@ -65,7 +65,7 @@ def coverage(cut: BrickCut, corners: Float64) -> npt.NDArray[np.int64]:
 @each_shape
 @pytest.mark.parametrize("tolerance", TOLERANCES)
 @pytest.mark.parametrize("finest_level", [0, 1, 9])
-def test_what_is_visible_lies_in_one_brick(shape: Shape, tolerance: float, finest_level: int) -> None:
+def test_every_visible_voxel_lies_in_one_brick(shape: Shape, tolerance: float, finest_level: int) -> None:
     bricks = soft(shape)
     cut = cut_bricks(bricks, tolerance, finest_level=finest_level)
     assert coverage(cut, regions(cut) - 0.5).max(initial=0) <= 1
@@ -81,7 +81,7 @@ def test_what_is_visible_lies_in_one_brick(shape: Shape, tolerance: float, fines
 
 @each_shape
 @pytest.mark.parametrize("tolerance", TOLERANCES)
-def test_errors_are_below_the_tolerance(shape: Shape, tolerance: float) -> None:
+def test_bricks_meet_the_tolerance_and_their_parents_do_not(shape: Shape, tolerance: float) -> None:
     """Of all nodes of a brick above level 0, and between its voxels; and a parent of a brick has one that is not.
     Stored errors are off by 2^-11 and a few roundings of float32, which are those of means and not of their small
     differences."""
@@ -110,7 +110,7 @@ def test_an_error_as_large_as_the_tolerance_is_not_below_it() -> None:
                 assert np.all(above.levels[around] >= level)
 
 
-def test_a_smaller_tolerance_only_divides() -> None:
+def test_a_smaller_tolerance_only_splits_bricks() -> None:
     bricks = soft(SHAPES[-1])
     cuts = [cut_bricks(bricks, tolerance) for tolerance in TOLERANCES]
     assert len({len(cut) for cut in cuts}) > 4
@@ -131,7 +131,7 @@ def test_order_is_coarse_first_then_morton(shape: Shape) -> None:
         assert keys == sorted(keys) and len(set(keys)) == len(keys)
 
 
-def test_step_errors_go_with_its_brick() -> None:
+def test_the_cut_carries_the_step_errors_of_its_bricks() -> None:
     bricks = soft(SHAPES[-1])
     cut = cut_bricks(bricks, 0.5)
     assert len(np.unique(cut.levels)) > 1

@@ -27,7 +27,7 @@ UNIT = np.finfo(np.float32).eps / 2
 
 
 def linear(low: float, high: float, least: float = 0.0, most: float = 1.0) -> TransferFunction:
-    """Extinction from `least` to `most` between two scalars; one colour."""
+    """Return an extinction from `least` to `most` between two scalars, of one colour."""
     return TransferFunction(
         np.array([low, high], np.float64), np.tile([1.0, 0.6, 0.1], (2, 1)), np.array([least, most]), 1.0
     )
@@ -40,13 +40,13 @@ def bricks_of(
 
 
 def all_cells(bricks: Bricks, level: int) -> npt.NDArray[np.int32]:
-    """[n, 3]: the bricks (x, y, z) of a level."""
+    """Return the bricks (x, y, z) of a level, [n, 3]."""
     grid = bricks.levels[level].errors.shape
     return np.ascontiguousarray(np.indices(grid).reshape(3, -1)[::-1].T, np.int32)
 
 
 def texel_places(cell: Array, axis: int) -> npt.NDArray[np.int64]:
-    """[18]: the cells that a brick's texels are, along x, y or z."""
+    """Return the cells of a brick's 18 texels along x, y or z."""
     return BRICK_SIZE * int(cell[axis]) - HALO + np.arange(PADDED_BRICK_SIZE)
 
 
@@ -61,7 +61,7 @@ def from_dense(dense: Array, cells: Array) -> Array:
 
 
 def inside(bricks: Bricks, level: int, cells: Array) -> npt.NDArray[np.bool_]:
-    """[n, 18, 18, 18]: texels that are cells, or next to one."""
+    """Return which texels [n, 18, 18, 18] are cells, or next to one."""
     parts = []
     for cell in cells:
         x, y, z = (texel_places(cell, axis) <= -(-n // (1 << level)) for axis, n in enumerate(bricks.volume.shape_xyz))
@@ -76,7 +76,7 @@ def noise(shape: Shape, dtype: str, low: float, high: float, seed: int = 0) -> A
 
 @pytest.mark.parametrize("dtype", TYPES)
 def test_scalars_are_relative_to_their_range(dtype: str) -> None:
-    """Rounded to float32, after differences in float64; a quarter of the scalars, so that none overflows here."""
+    """Differences are taken in float64, then rounded to float32; halves of halves do not overflow here."""
     for seed, shape in enumerate(SHAPES):
         low, high = limits(dtype) if seed % 2 else (10, 100)
         volume = make_volume(noise(shape, dtype, low, high, seed), OBLIQUE, "noise")
@@ -153,15 +153,15 @@ def extended(dense: Float64, extents: Float64) -> Float64:
 
 
 def held(values: Float64) -> Float64:
-    """Not below 0, and not brighter than white, by more than two means of 11 bits differ."""
+    """Clamp values to 0, and colours to white by more than two means of 11 bits differ."""
     depths = np.maximum(values[..., 3:], 0)
     return np.concatenate([np.clip(values[..., :3], 0, depths * (1 + 2.0**-9)), depths], axis=-1)
 
 
 @each_shape
 @pytest.mark.parametrize("precision", ["half", "single"])
-def test_means_with_those_of_the_neighbours(shape: Shape, precision: Literal["half", "single"]) -> None:
-    """Each is rounded to 11 or 24 bits, and errors of two grow to at most 7 times as much per axis."""
+def test_mean_texels_equal_the_dense_field(shape: Shape, precision: Literal["half", "single"]) -> None:
+    """Each mean is rounded to 11 or 24 bits, and errors of two grow at most sevenfold per axis."""
     transfer = TransferFunction(np.array([0.0, 50, 250]), np.eye(3), np.array([0.0, 0.0, 1.0]), 1.0)
     volume = make_volume((patches(shape, 2) * 250).astype(np.uint8), OBLIQUE, "patches")
     bricks = bricks_of(volume, transfer, precision)
@@ -186,7 +186,7 @@ def test_means_with_those_of_the_neighbours(shape: Shape, precision: Literal["ha
 
 
 @each_shape
-def test_bricks_agree_on_the_texels_that_they_share(shape: Shape) -> None:
+def test_bricks_agree_on_shared_texels(shape: Shape) -> None:
     volume = make_volume(noise(shape, "uint8", 0, 255), OBLIQUE, "noise")
     bricks = bricks_of(volume, linear(20, 255), "half", ShadingSpec())
     for level in range(len(bricks.levels)):
@@ -202,7 +202,7 @@ def test_bricks_agree_on_the_texels_that_they_share(shape: Shape) -> None:
 
 
 @each_shape
-def test_a_ramp_is_a_ramp_on_every_level(shape: Shape) -> None:
+def test_a_ramp_stays_a_ramp_on_every_level(shape: Shape) -> None:
     """Also beyond the border, and where that cuts the last cells: but for axes of one cell, which have no slope.
 
     Means are float32: off by a few roundings, of which errors of two grow at most sevenfold per axis.
@@ -248,7 +248,7 @@ def test_a_constant_is_exactly_constant(
 
 
 def sampled(texels: Float64, samples: tuple[Float64, Float64, Float64]) -> Float64:
-    """The linear field between texels [18, 18, 18, ...] on a grid, in cells from the brick's corner (along z, y, x)."""
+    """Return the linear field between texels [18, 18, 18, ...] on a grid (z, y, x) in cells from the brick's corner."""
     for axis in range(3):
         place = samples[axis] - 0.5 + HALO
         k = np.minimum(np.floor(place).astype(int), PADDED_BRICK_SIZE - 2)
@@ -264,8 +264,8 @@ def samples_in(bricks: Bricks, level: int, cell: Array) -> tuple[Float64, Float6
 
 
 @each_shape
-def test_what_is_seen_lies_in_the_boxes(shape: Shape) -> None:
-    """Every place of a lattice in the volume, on every level, is visible only in the box."""
+def test_visible_samples_lie_in_the_visible_bounds(shape: Shape) -> None:
+    """Of a lattice in the volume, every point outside the visible bounds is transparent, on every level."""
     num_seen = 0
     for seed in range(4):
         rng = np.random.default_rng(seed)

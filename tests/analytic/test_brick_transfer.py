@@ -23,7 +23,7 @@ def rasterizer(request: pytest.FixtureRequest) -> Iterator[GLRasterizer]:
 
 
 def seen_along_z(rasterizer: GLRasterizer, bricks: Bricks, step: float) -> Float64:
-    """One pixel for each voxel of a slice: [y, x, 4]."""
+    """Draw one pixel for each voxel of a slice, [y, x, 4]."""
     num_x, num_y, _ = bricks.volume.shape_xyz
     view = View(np.diag([1.0, -1.0, -1.0]), bricks.volume.centre, 100.0, "orthographic", 1.0, (num_x, num_y))
     batch = batch_of(level_cut(bricks, 0), bricks, step=step)
@@ -31,7 +31,7 @@ def seen_along_z(rasterizer: GLRasterizer, bricks: Bricks, step: float) -> Float
 
 
 def test_labels_on_the_step_of_a_colormap(rasterizer: GLRasterizer) -> None:
-    """What is not seen below 1 is seen from 1 on: four slabs, 5 voxels deep."""
+    """Label 0 is invisible, and labels from 1 on are visible: four slabs, 5 voxels deep."""
     labels = np.broadcast_to(np.repeat(np.arange(4, dtype=np.uint8), 8), (5, 6, 32))
     opacity = ((0.0, 0.0), (1.0, 0.0), (1.0, 0.5), (3.0, 0.5))
     transfer = make_transfer_function(TransferSpec(ColormapSpec("viridis", (0.0, 3.0), opacity), None), 1.0)
@@ -40,8 +40,8 @@ def test_labels_on_the_step_of_a_colormap(rasterizer: GLRasterizer) -> None:
     np.testing.assert_allclose(alphas, [0, *3 * [1 - 0.5**5]], atol=1e-6)
 
 
-def test_labels_have_no_color_of_their_neighbours(rasterizer: GLRasterizer) -> None:
-    """Red and blue in turns, each from its number to the next."""
+def test_labels_keep_their_own_color(rasterizer: GLRasterizer) -> None:
+    """Labels are red and blue in turns, each from its number to the next."""
     num = 24
     labels = np.broadcast_to(np.repeat(np.arange(num, dtype=np.uint8), 4), (3, 5, 4 * num))
     values = np.repeat(np.arange(num + 1.0), 2)[1:-1]
@@ -56,7 +56,7 @@ def test_labels_have_no_color_of_their_neighbours(rasterizer: GLRasterizer) -> N
     np.testing.assert_allclose(image[:, 2], alpha * (np.arange(num) % 2 == 0), atol=1e-6)
 
 
-def test_a_shell_that_is_narrow_against_the_range(rasterizer: GLRasterizer) -> None:
+def test_a_narrow_shell_in_a_wide_range(rasterizer: GLRasterizer) -> None:
     """A tent from 290 to 310 on a ramp up to a million, through which the field goes by 2 a voxel: 10 voxels of half
     its height. Columns beside the one voxel of a million are left out."""
     z = np.arange(21.0)

@@ -41,7 +41,7 @@ def transfer(deepest: float = 3.0) -> TransferFunction:
 
 
 def volume_of(values: npt.NDArray[Any]) -> Volume:
-    """Anisotropic."""
+    """Return an anisotropic volume."""
     return make_volume(np.ascontiguousarray(values), np.diag([0.5, 1.0, 2.0, 1.0]), "test")
 
 
@@ -55,7 +55,7 @@ def sizes_of(pyramid: Pyramid, max_cells: int = 10**9, finest: int = 0, finest_a
 
 @st.composite
 def values(draw: st.DrawFn) -> npt.NDArray[Any]:
-    """Noise, a few different values, terraces, mostly nothing, all alike: with ties and with empty parts."""
+    """Draw noise, a few values, terraces, mostly nothing, or one value: with ties and with empty parts."""
     shape = draw(st.tuples(*[st.integers(1, 13)] * 3))
     rng = np.random.default_rng(draw(st.integers(0, 99)))
     kind = draw(st.sampled_from(["noise", "few", "terraces", "sparse", "even"]))
@@ -71,7 +71,7 @@ def values(draw: st.DrawFn) -> npt.NDArray[Any]:
 
 
 def all_node_errors(pyramid: Pyramid) -> Float64:
-    """Different ones, falling."""
+    """Return all different errors of nodes, falling."""
     nodes = np.arange(len(pyramid.levels[-1].errors))
     cells, found = np.zeros((len(nodes), 3), np.int32), []
     for number in range(pyramid.num_levels, 0, -1):
@@ -83,7 +83,7 @@ def all_node_errors(pyramid: Pyramid) -> Float64:
 
 
 def all_cuts(pyramid: Pyramid, finest: int, finest_at_zero: int) -> list[tuple[float, int]]:
-    """(tolerance, number of cells) by falling tolerance; between two of these, no cut is another than theirs."""
+    """Return (tolerance, number of cells) by falling tolerance, of all different cuts."""
     errors = all_node_errors(pyramid).tolist()
     tolerances = {1e300} | {at for error in errors for at in (error, math.nextafter(error, math.inf)) if at > 0}
     found = [(at, len(cut_pyramid(pyramid, at, finest_level=finest))) for at in sorted(tolerances, reverse=True)]
@@ -108,7 +108,7 @@ def assert_finest(pyramid: Pyramid, num: int, levels: tuple[int, int], cuts: lis
     levels=st.tuples(st.integers(0, 3), st.integers(0, 3)),
     share=st.floats(0, 1.1),
 )
-def test_the_finest_of_at_most_so_many_cells(
+def test_the_finest_cut_within_a_budget_of_cells(
     values: npt.NDArray[Any], error: ErrorSpec, spec: PyramidSpec, levels: tuple[int, int], share: float
 ) -> None:
     pyramid = build(volume_of(values), error, spec)
@@ -122,8 +122,8 @@ def test_the_finest_of_at_most_so_many_cells(
 
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(values=values(), error=st.sampled_from(ERRORS), levels=st.tuples(st.integers(0, 2), st.integers(0, 2)))
-def test_every_cut_is_counted(values: npt.NDArray[Any], error: ErrorSpec, levels: tuple[int, int]) -> None:
-    """At and just above each division, all of them and the first of them."""
+def test_sizes_equal_those_of_all_cuts(values: npt.NDArray[Any], error: ErrorSpec, levels: tuple[int, int]) -> None:
+    """The sizes hold at and just above each split threshold, also if only the first of them are computed."""
     pyramid = build(volume_of(values), error)
     levels = max(levels), min(levels)
     every = sizes_of(pyramid, 10**9, *levels)
@@ -144,7 +144,7 @@ def test_every_cut_is_counted(values: npt.NDArray[Any], error: ErrorSpec, levels
     assert some.num_cells_at_zero == (every.num_cells_at_zero if every.num_cells_at_zero <= most else None)
 
 
-def test_sizes_that_were_not_asked_for_are_refused() -> None:
+def test_budgets_outside_the_computed_sizes_are_refused() -> None:
     sizes = sizes_of(build(volume_of(np.full((4, 4, 4), 200, np.uint8))), 20)
     for num in (0, 21):
         with pytest.raises(ValueError, match=rf"^sizes of other cuts: got {num}, expected 1 to 20$"):
@@ -152,7 +152,7 @@ def test_sizes_that_were_not_asked_for_are_refused() -> None:
 
 
 @pytest.mark.parametrize("levels", [(2, 1), (1, 2)])
-def test_levels_that_the_pyramid_does_not_have_are_refused(levels: tuple[int, int]) -> None:
+def test_levels_that_the_pyramid_lacks_are_refused(levels: tuple[int, int]) -> None:
     of, spec = volume_of(np.full((9, 9, 9), 200, np.uint8)), PyramidSpec()
     pyramid = build_pyramid(of, transfer(), spec=spec, error=ERRORS[0], finest_cut=FinestCut(level=2))
     with pytest.raises(ValueError, match=r"^no pyramid for this level: got 1, expected at least 2$"):
@@ -161,10 +161,10 @@ def test_levels_that_the_pyramid_does_not_have_are_refused(levels: tuple[int, in
 
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(values=values(), error=st.sampled_from(ERRORS), share=st.floats(0, 1), finest=st.integers(0, 2))
-def test_a_pyramid_from_some_tolerance_on_has_its_own_cuts(
+def test_a_pyramid_for_coarse_cuts_has_their_sizes(
     values: npt.NDArray[Any], error: ErrorSpec, share: float, finest: int
 ) -> None:
-    """As if all finer ones were too large."""
+    """Finer cuts count as too large."""
     of, spec = volume_of(values), PyramidSpec()
     whole = build(of, error)
     errors = all_node_errors(whole)
@@ -190,7 +190,7 @@ def test_a_pyramid_from_some_tolerance_on_has_its_own_cuts(
 
 
 def assert_legal(tolerance: float) -> None:
-    """In a scene it comes back as it was, alone and by frame."""
+    """A scene keeps the tolerance unchanged, alone and by frame."""
     for written in (tolerance, {0: tolerance, 1: 0.5}):
         tree = {
             "volume": {"procedural": {"name": "constant", "shape": [2, 2, 2]}},
@@ -212,7 +212,7 @@ def made_sizes(divisions: list[float], beyond: float = 0.0) -> CutSizes:
     beyond=st.booleans(),
     ulps=st.none() | st.integers(1, 9),
 )
-def test_tolerances_lie_between_the_divisions_and_are_legal(
+def test_tolerances_lie_between_split_thresholds_and_are_legal(
     ends: tuple[float, float], beyond: bool, ulps: int | None
 ) -> None:
     low, high = sorted(ends)
@@ -224,7 +224,7 @@ def test_tolerances_lie_between_the_divisions_and_are_legal(
     assert above > high >= between > low
     for tolerance in (above, between):
         assert_legal(tolerance)
-    # Two numbers that are apart by a part g of themselves have one of so many digits between them.
+    # Between two numbers that differ by a share g lies one of -log10(g) digits, and a few.
     num_digits = max(1, math.ceil(1 - math.log10((high - low) / high)) + 1)
     assert float(f"{between:.{num_digits - 1}e}") == between or num_digits > 16
 
@@ -233,7 +233,7 @@ def test_tolerances_lie_between_the_divisions_and_are_legal(
     ("scale", "precision"), [(5e-324, "half"), (1e-310, "single"), (1e-299, "half"), (1e300, "half"), (8e307, "single")]
 )
 def test_errors_at_the_ends_of_float64(scale: float, precision: Any) -> None:
-    """Of scalars errors may be denormal numbers, or nearly the largest: sizes are right, and tolerances legal."""
+    """Errors of scalars may be denormal, or nearly the largest number: sizes are right, and tolerances legal."""
     values = np.random.default_rng(3).choice(np.array([-1.0, 0.0, 1.0, 2.0]) * scale, (6, 7, 9))
     values[:2] = scale
     of = make_volume(values, np.eye(4), "ends")
@@ -250,8 +250,8 @@ def test_errors_at_the_ends_of_float64(scale: float, precision: Any) -> None:
 # Cost
 
 
-def test_few_cells_cost_little_whatever_the_volume() -> None:
-    """128^3 voxels of noise, with a million visible: memory goes with the cells, at most 2 kB for each."""
+def test_memory_grows_with_the_budget_and_not_with_the_volume() -> None:
+    """Each cell of a budget takes 2 kB at most, in 128^3 voxels of noise with a million visible."""
     values = np.random.default_rng(0).integers(0, 256, (128, 128, 128), dtype=np.uint8)
     pyramid = build(make_volume(values, np.eye(4), "noise"))
     for num in (100, 3000):

@@ -85,7 +85,7 @@ def test_step_lies_exactly_where_the_field_crosses_it() -> None:
 @pytest.mark.parametrize(
     ("azimuth", "elevation", "axis"), [(0, 0, 1), (180, 0, 1), (90, 0, 2), (0, 90, 0), (0, -90, 0)]
 )
-def test_rays_along_rows_of_voxel_centres_see_their_sums(azimuth: float, elevation: float, axis: int) -> None:
+def test_rays_along_rows_of_voxels_integrate_their_sums(azimuth: float, elevation: float, axis: int) -> None:
     """Extinction a tenth of the value: trapezoids and the two outer half voxels add up to the plain sum of a row."""
     cube = volume(np.random.default_rng(12).integers(0, 9, (5, 5, 5)))
     fov = 2 * np.degrees(np.arctan(2.5 / 50.0))  # one pixel per voxel
@@ -123,8 +123,8 @@ def test_faint_media_keep_all_their_digits() -> None:
 
 @pytest.mark.parametrize("shape", [(9, 4, 14), (1, 5, 8), (13, 1, 1), (1, 1, 1)])
 @pytest.mark.parametrize("dtype", ["uint8", "float32", "float64"])
-def test_what_is_skipped_shows_nothing(shape: tuple[int, int, int], dtype: str) -> None:
-    """Against the same with so faint a fog everywhere that no cell is skipped, and no digit of the image changes."""
+def test_skipped_macrocells_are_transparent(shape: tuple[int, int, int], dtype: str) -> None:
+    """A fog so faint that it changes no digit, but prevents all skipping, gives the same image."""
     rng = np.random.default_rng(11)
     values = np.where(rng.uniform(size=shape) < 0.03, 100, 10).astype(dtype)
     values.flat[rng.integers(values.size)] = 100
@@ -169,15 +169,15 @@ def test_light_on_a_plane_is_lamberts_cosine() -> None:
         assert image[0, 0, 0] == pytest.approx(factor * -np.expm1(-1.5), abs=EXACT)
 
 
-def test_half_precision_voxels_are_taken_as_they_are() -> None:
+def test_float16_voxels_are_exact() -> None:
     values = np.random.default_rng(10).uniform(-1, 2, (2, 2, 2)).astype(np.float16)
     view = look((0.5, 0.5, 0.5), 9.0, (3, 3))
     half = integrate(Volume(values, np.eye(4), "half", ""), COLORFUL, view, step_voxels=1.0)
     np.testing.assert_allclose(half, integrate(volume(values), COLORFUL, view, step_voxels=1.0), atol=EXACT)
 
 
-def test_the_image_is_the_same_bytes_every_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """For any number of threads, however the rays are shared out among them."""
+def test_threads_and_tasks_change_no_byte(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The image depends neither on the number of threads nor on how rays are grouped into tasks."""
     noise = volume(np.random.default_rng(9).uniform(-1, 2, (9, 9, 9)) ** 3)
     view = look(tuple(noise.centre), 30.0)
     image, _ = converged_image(noise, COLORFUL, view, tolerance=1e-6, num_threads=1)

@@ -1,4 +1,4 @@
-"""The ray integral settles as its step is halved: how fast, on what, and who is told."""
+"""The ray integral converges as its step is halved: its order, its limit, its progress and its errors."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from renderer.errors import RenderError
 from renderer.readers import read_volume
 from renderer.readers.procedural import procedural_values
 from renderer.scene import FileSource, ProceduralSource, ShadingSpec, VolumeSpec
+from renderer.transfer import TransferFunction
 from renderer.truth import converged_image, integrate
-from renderer.truth.integrator import PiecewiseLinear
 from renderer.view import View
 from renderer.view.camera import Float64
 from renderer.volume import Volume
@@ -76,8 +76,8 @@ SETTLING = {
     ("projection", "distance"), [("perspective", 3.0), ("orthographic", 3.0), ("perspective", 0.15)]
 )
 @pytest.mark.parametrize("name", ["engine_block", "marschner_lobb", "noise"])
-def test_without_light_one_halving_that_changes_little_is_enough(name: str, projection: str, distance: float) -> None:
-    """The settled image against steps of 1/32. At 0.15 of the diagonal the eye is inside."""
+def test_one_agreement_is_enough_without_shading(name: str, projection: str, distance: float) -> None:
+    """The converged image is compared with steps of 1/32. At 0.15 of the diagonal the eye is inside."""
     if name == "noise":
         field = volume(np.random.default_rng(5).uniform(0, 1, (6, 7, 8)), oblique())
     else:
@@ -100,7 +100,7 @@ def test_without_light_one_halving_that_changes_little_is_enough(name: str, proj
         (ShadingSpec(light=(1.0, 2.0, 3.0)), 1e-12, "a change below 1e-12 at two halvings in a row"),
     ],
 )
-def test_a_truth_that_does_not_settle_in_the_halvings_allowed(
+def test_an_integral_that_does_not_converge_is_an_error(
     shading: ShadingSpec | None, tolerance: float, expected: str
 ) -> None:
     noise = volume(np.random.default_rng(3).uniform(-1, 2, (4, 5, 6)), oblique())
@@ -134,8 +134,8 @@ def test_progress_is_the_share_of_the_rays_known_to_be_needed(monkeypatch: pytes
     assert shares[-1] == 1.0
 
 
-def test_an_interrupt_drops_what_has_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A real signal, while the main thread waits for 1000 tasks of which each takes a while."""
+def test_an_interrupt_drops_waiting_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A real signal arrives while the main thread waits for 1000 slow tasks."""
     main_thread, begun, numbers = threading.main_thread().ident, [], count(1)
 
     def slow(*arguments: object) -> None:
@@ -158,7 +158,7 @@ def test_an_interrupt_drops_what_has_not_begun(monkeypatch: pytest.MonkeyPatch) 
     assert len(begun) < 500
 
 
-def test_what_the_progress_raises_ends_the_work() -> None:
+def test_an_error_in_the_progress_callback_ends_the_work() -> None:
     view = look((0.0, 0.0, 0.0), 9.0, (40, 25))
 
     def stop(_share: float) -> None:
@@ -168,9 +168,11 @@ def test_what_the_progress_raises_ends_the_work() -> None:
         integrate(volume(np.zeros((2, 2, 2))), COLORFUL, view, step_voxels=1.0, on_progress=stop)
 
 
-def summed(of: Volume, tf: PiecewiseLinear, view: View, ds: float) -> Float64:
-    """RGB [height, width, 3] from the conventions alone, for voxels of length 1 along the world's axes: midpoints `ds`
-    apart, scipy's trilinear interpolation, which takes the nearest value outside, then the transfer function."""
+def summed(of: Volume, tf: TransferFunction, view: View, ds: float) -> Float64:
+    """Return RGB [height, width, 3] by the conventions alone, for voxels of length 1 along the world's axes.
+
+    Midpoints are `ds` apart; scipy interpolates, and takes the nearest value outside; then comes the transfer function.
+    """
     width, height = view.size
     column, row = np.meshgrid(np.arange(width), np.arange(height))
     on_plane = (
@@ -209,7 +211,7 @@ def psnr(image: Float64, truth: Float64) -> float:
     [("perspective", 716.0, 30.0, 75.0), ("orthographic", 716.0, 30.0, 75.0), ("perspective", 40.0, 60.0, 65.0)],
     ids=["perspective", "orthographic", "eye inside"],
 )
-def test_a_plain_sum_over_the_engine_agrees(
+def test_the_engine_agrees_with_a_plain_sum(
     data_dir: Path, projection: str, distance: float, field_of_view: float, least: float
 ) -> None:
     engine = read_volume(VolumeSpec(FileSource(data_dir / "engine.nhdr")))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from dense_bricks import OBLIQUE, means_over_cells, spread_of_cells
+from dense_bricks import OBLIQUE, means_over_cells, spread_of_cells, sums_over_cells
 
 from renderer.pyramid import Level, Pyramid, build_pyramid, store_scaled
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
@@ -37,14 +37,14 @@ def volume(values: Array, world_from_index: Float64 | None = None) -> Volume:
 
 
 def half_visible(low: float, high: float) -> TransferFunction:
-    """Nothing below the middle of the range; a step, slopes and changing colours above."""
+    """Return a function that shows nothing in the lower half of the range; steps, slopes and colours above."""
     at = low + (high - low) * np.array([0, 0.5, 0.5, 0.75, 1.0])
     colors = np.array([[0, 0, 0], [0, 0, 0], [1, 0.5, 0], [0.2, 1, 0.4], [0.9, 0.3, 1]])
     return TransferFunction(at, colors, np.array([0, 0, 0.02, 0.5, 3.0]), 1.0)
 
 
 def noise(shape: tuple[int, int, int], dtype: Any, low: float, high: float, seed: int = 0) -> Volume:
-    """Noise around a smooth field, with a transparent slab."""
+    """Return noise around a smooth field, with a transparent slab."""
     rng = np.random.default_rng(seed)
     z, y, x = np.indices(shape) / 20
     field = 0.5 + 0.3 * np.sin(x + 2 * y) * np.cos(z) + rng.normal(0, 0.1, shape)
@@ -57,7 +57,7 @@ def gradient(values: Float64, axis: int) -> Float64:
 
 
 def lighting(of: Volume, shading: ShadingSpec) -> Float64:
-    """Lambert's law on the normal -g / |g|, g the gradient in the world."""
+    """Return Lambert's factor on the normal -g / |g|, with g the gradient in the world."""
     values = of.values.astype(np.float64)
     index_gradient = np.stack([gradient(values, 2), gradient(values, 1), gradient(values, 0)], axis=-1)
     g = index_gradient @ np.linalg.inv(of.world_from_index[:3, :3])
@@ -87,7 +87,7 @@ class DenseLevel:
 
 
 def morton(cells: Array) -> Array:
-    """One integer for (x, y, z), x in the lowest bit."""
+    """Return one integer for each (x, y, z), x in the lowest bit."""
     code = np.zeros(len(cells), np.int64)
     for bit in range(20):
         for axis in range(3):
@@ -96,7 +96,7 @@ def morton(cells: Array) -> Array:
 
 
 def child_cells(level: Level, cells: Array) -> Array:
-    """Walk down the masks; `first_children` must number the children in order and without a gap."""
+    """Return the children of cells by their masks; `first_children` must number them in order and without a gap."""
     bits = level.masks[:, None] >> np.arange(8) & 1 == 1
     assert bits.any(axis=1).all()
     np.testing.assert_array_equal(level.first_children, np.cumsum(bits.sum(axis=1)) - bits.sum(axis=1))
@@ -105,7 +105,7 @@ def child_cells(level: Level, cells: Array) -> Array:
 
 
 def dense_levels(pyramid: Pyramid) -> list[DenseLevel]:
-    """Level 1 first; checks the links between the levels on the way down."""
+    """Return all levels, level 1 first; check the links between them on the way down."""
     shape_xyz = np.array(pyramid.volume.shape_xyz)
     cells = np.zeros((len(pyramid.levels[-1].means), 3), np.int64)
     dense: list[DenseLevel] = []
@@ -131,7 +131,7 @@ def dense_levels(pyramid: Pyramid) -> list[DenseLevel]:
 def check(
     of: Volume, tf: TransferFunction, spec: PyramidSpec, error: ErrorSpec, shading: ShadingSpec | None = None
 ) -> Pyramid:
-    """Every node of every level against the dense reference."""
+    """Compare every node of every level with the dense reference."""
     pyramid = build_pyramid(of, tf, spec=spec, error=error, shading=shading)
     averaged = channels(of, tf, opacity=spec.average == "opacity", shading=shading)
     measured = channels(of, tf, opacity=error.measure == "rms", shading=shading)
@@ -142,7 +142,11 @@ def check(
     levels = dense_levels(pyramid)
     assert max(of.shape_xyz) <= 2 ** len(levels)
     assert len(levels) == 1 or max(of.shape_xyz) > 2 ** (len(levels) - 1)
+    occupied = sums_over_cells(averaged[..., 3] > 0, pyramid.occupied_level) > 0
+    np.testing.assert_array_equal(pyramid.occupied, occupied)
+    assert max(occupied.shape) <= 128 and (max(occupied.shape) > 64 or pyramid.occupied_level == 1)
     for number, level in enumerate(levels, start=1):
+        assert not any(array.flags.writeable for array in pyramid.levels[number - 1])
         means, errors = means_over_cells(averaged, number), spread_of_cells(measured, number)
         np.testing.assert_array_equal(level.stored, means[..., 3] > 0)
         if spec.average == "opacity":  # stored as the depth that has it
@@ -159,7 +163,7 @@ def check(
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_every_node_of_any_shape(shape: tuple[int, int, int]) -> None:
+def test_every_node_equals_the_dense_reference(shape: tuple[int, int, int]) -> None:
     check(noise(shape, np.uint8, 0, 255), half_visible(0, 255), PyramidSpec(), OPTICAL)
 
 
@@ -174,7 +178,7 @@ def test_every_node_of_any_shape(shape: tuple[int, int, int]) -> None:
         (PyramidSpec("opacity", "single"), SCALAR),
     ],
 )
-def test_every_quantity(spec: PyramidSpec, error: ErrorSpec) -> None:
+def test_every_average_precision_and_measure(spec: PyramidSpec, error: ErrorSpec) -> None:
     of = replace(noise((33, 37, 41), np.uint8, 0, 255), world_from_index=OBLIQUE)
     check(of, half_visible(0, 255), spec, error)
 
@@ -199,7 +203,7 @@ def test_shading_brighter_than_white_and_flat_regions() -> None:
     check(volume(values), half_visible(0, 255), PyramidSpec(), OPTICAL, ShadingSpec(1.0, 1.0, (0.0, 0.0, -1.0)))
 
 
-def test_one_visible_voxel_is_one_path() -> None:
+def test_one_visible_voxel_has_one_node_on_each_level() -> None:
     values = np.zeros((70, 70, 70), np.uint8)
     values[69, 0, 37] = 255
     pyramid = check(volume(values), half_visible(0, 255), PyramidSpec(), OPTICAL)
@@ -207,7 +211,7 @@ def test_one_visible_voxel_is_one_path() -> None:
 
 
 @pytest.mark.parametrize("faintest", [1e-44, 1e-30, 1e-12])
-def test_faint_voxels_beside_opaque_ones_make_no_nan(faintest: float) -> None:
+def test_faint_voxels_beside_opaque_voxels_stay_finite(faintest: float) -> None:
     values = np.zeros((40, 40, 40), np.uint8)
     values[::7, ::5, ::3] = 1
     values[20:, 20:, 20:] = 2
@@ -223,7 +227,7 @@ def test_faint_voxels_beside_opaque_ones_make_no_nan(faintest: float) -> None:
 
 @pytest.mark.parametrize("exponent", [-1074, 1015])
 def test_light_depends_on_the_direction_of_the_gradient_alone(exponent: int) -> None:
-    """Scalars that are a few of the smallest numbers, or whose sums overflow, are lit as plain ones."""
+    """Scalars of a few smallest numbers, or whose sums overflow, are lit like ordinary ones."""
     tf = TransferFunction(np.zeros(1), np.ones((1, 3)), np.ones(1), 1.0)
     plain = np.random.default_rng(0).integers(-200, 200, (9, 1, 20)).astype(np.float64)
     means = [
@@ -235,8 +239,8 @@ def test_light_depends_on_the_direction_of_the_gradient_alone(exponent: int) -> 
 
 @pytest.mark.parametrize("extinction", [1e-300, 1e-25, 1e-20])
 @pytest.mark.parametrize("spec", [PyramidSpec(), SINGLE], ids=["half", "single"])
-def test_a_volume_that_is_all_but_transparent(extinction: float, spec: PyramidSpec) -> None:
-    """A depth below 2^-80 a voxel is none; above, its mean is kept to full precision."""
+def test_depths_below_the_visibility_threshold_are_dropped(extinction: float, spec: PyramidSpec) -> None:
+    """Voxels of a depth below 2^-80 are dropped; above, the mean keeps full precision."""
     tf = TransferFunction(np.zeros(1), np.ones((1, 3)), np.full(1, extinction), 1.0)
     pyramid = build_pyramid(volume(np.ones((9, 9, 40), np.uint8)), tf, spec=spec, error=OPTICAL)
     means = pyramid.levels[-1].means.astype(np.float64) * pyramid.mean_unit

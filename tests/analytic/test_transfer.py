@@ -18,7 +18,7 @@ Point = tuple[float, tuple[float, float, float], float]
 
 
 def transfer(*points: Point) -> TransferFunction:
-    """Value, colour and extinction of each point."""
+    """Return the function through points of a value, a colour and an extinction."""
     values, colors, extinctions = zip(*points, strict=True)
     return TransferFunction(np.array(values, float), np.array(colors, float), np.array(extinctions, float), 1.0)
 
@@ -29,7 +29,7 @@ def random_transfer(rng: np.random.Generator, num: int) -> TransferFunction:
 
 
 def exact(tf: TransferFunction, scalar: float) -> list[Fraction]:
-    """(r, g, b, extinction): linear between the two points around it, the last of equal points, constant outside."""
+    """Return (r, g, b, extinction): linear between two points, the last of equal points, constant outside."""
     points = np.column_stack([tf.colors, tf.extinctions])
     after = [k for k, value in enumerate(tf.values) if value > scalar]
     if not after:
@@ -43,7 +43,7 @@ def exact(tf: TransferFunction, scalar: float) -> list[Fraction]:
 
 
 @pytest.mark.parametrize("num", [1, 2, 3, 17, 256])
-def test_between_points_it_is_linear(num: int) -> None:
+def test_values_between_control_points_are_linear(num: int) -> None:
     rng = np.random.default_rng(num)
     tf = random_transfer(rng, num)
     span = tf.values[-1] - tf.values[0] + 1
@@ -138,7 +138,7 @@ def test_colormap_and_opacity_are_interpolated_apart(name: str) -> None:
 
 @pytest.mark.parametrize("at", [40.0, 10.0 + 80.0 * 51 / 255])
 def test_a_step_in_a_colormaps_opacity(at: float) -> None:
-    """At a value between the colormap's samples, and at one of them."""
+    """A step may lie between the colormap's samples, or at one of them."""
     tf = colormap((0.0, 0.0), (at, 0.0), (at, 0.5), (100.0, 0.5))
     below = np.nextafter(at, 0.0)
     colors, extinctions = tf.classify(np.array([below, at, 99.0]))
@@ -153,7 +153,7 @@ def test_a_colormap_with_one_opacity_point_is_equally_opaque_everywhere() -> Non
 
 
 def test_a_colormap_over_fewer_numbers_than_it_has_samples() -> None:
-    """Every number has the colour of its own place in the range; those outside have those of its ends."""
+    """Every number has the colour of its own place in the range; those outside have the colours of its ends."""
     first = 1e6
     numbers = first + np.spacing(first) * np.arange(-1, 7)
     spec = ColormapSpec("viridis", (float(numbers[1]), float(numbers[6])), ((first, 0.5),))

@@ -59,12 +59,12 @@ def volume(values: Array, world_from_index: Float64 | None = None) -> Volume:
 
 
 def constant_opacity() -> TransferFunction:
-    """Shows every voxel, whatever its value."""
+    """Return a function that shows every voxel, whatever its value."""
     return TransferFunction(np.zeros(1), np.array([[0.2, 0.5, 1.0]]), np.array([0.3]), 1.0)
 
 
 def integers(values: Array) -> Array:
-    """Numbers of float64 as Python's integers, in units of 1 / LAST_PLACE."""
+    """Return float64 numbers as Python's integers, in units of 1 / LAST_PLACE."""
     exact = np.empty(values.shape, object)
     for place, value in np.ndenumerate(values.astype(np.float64)):
         numerator, denominator = float(value).as_integer_ratio()
@@ -73,14 +73,14 @@ def integers(values: Array) -> Array:
 
 
 def sums(values: Array, side: int) -> Array:
-    """Over the cells of a level; the first three axes are z, y, x."""
+    """Return the sums over the cells of a level; the first three axes are z, y, x."""
     for axis in range(3):
         values = np.add.reduceat(values, np.arange(0, values.shape[axis], side), axis=axis)
     return values
 
 
 def relative_error(error: float, numerator: int, denominator: int) -> float:
-    """Of an error whose exact square is numerator / denominator / LAST_PLACE^2; of nothing it has to be nothing."""
+    """Return the relative error of a root whose exact square is numerator / denominator / LAST_PLACE^2."""
     assert error >= 0.0, error
     if numerator == 0:
         return 0.0 if error == 0.0 else math.inf
@@ -90,7 +90,7 @@ def relative_error(error: float, numerator: int, denominator: int) -> float:
 
 
 def cells(pyramid: Pyramid, level: int) -> list[tuple[int, int, int]]:
-    """All cells (x, y, z) of a level in the order of the pyramid's nodes, all of them being visible."""
+    """Return all cells (x, y, z) of a level in the order of the pyramid's nodes, all of them visible."""
     sides = [-(-num >> level) for num in pyramid.volume.shape_xyz]
     return sorted(
         itertools.product(*map(range, sides)),
@@ -99,7 +99,7 @@ def cells(pyramid: Pyramid, level: int) -> list[tuple[int, int, int]]:
 
 
 def worst_of_nodes(pyramid: Pyramid, channels: Array, *, least: float = 0.0) -> float:
-    """The largest relative error of the estimate of any node; channels: [z, y, x, c], all voxels being visible.
+    """Return the largest relative error of any node; channels: [z, y, x, c] of voxels that are all visible.
 
     least: nodes whose error is less are left out.
     """
@@ -120,7 +120,7 @@ def worst_of_nodes(pyramid: Pyramid, channels: Array, *, least: float = 0.0) -> 
 
 
 def of_scalars(make: Callable[[Random, tuple[int, ...]], Array], spec: PyramidSpec = SINGLE) -> Callable[[int], float]:
-    """Measures volumes of random values in all shapes."""
+    """Return the measure of volumes of random values in all shapes."""
 
     def measure(num_cases: int) -> float:
         worst = 0.0
@@ -134,7 +134,7 @@ def of_scalars(make: Callable[[Random, tuple[int, ...]], Array], spec: PyramidSp
 
 
 def uniform(dtype: Any, low: float, high: float) -> Callable[[Random, tuple[int, ...]], Array]:
-    """Random values; halves, because the range may be more than the largest number."""
+    """Return a maker of random values; it uses halves, because the range may exceed the largest number."""
     return lambda rng, shape: (2 * (low / 2 + (high / 2 - low / 2) * rng.random(shape))).astype(dtype)
 
 
@@ -143,7 +143,7 @@ def whole(dtype: Any, low: int, high: int) -> Callable[[Random, tuple[int, ...]]
 
 
 def with_outlier(dtype: Any, outlier: float) -> Callable[[Random, tuple[int, ...]], Array]:
-    """Values from 0 to 1, and one voxel far away from them."""
+    """Return a maker of values from 0 to 1, and one voxel far away from them."""
 
     def make(rng: Random, shape: tuple[int, ...]) -> Array:
         values = rng.random(shape).astype(dtype)
@@ -154,7 +154,7 @@ def with_outlier(dtype: Any, outlier: float) -> Callable[[Random, tuple[int, ...
 
 
 def voxel_channels(of: Volume, transfer: TransferFunction, *, opacity: bool) -> Array:
-    """float32 [z, y, x, 4]: each voxel as it is classified."""
+    """Return the channels of each voxel, float32 [z, y, x, 4]."""
     classifier, raw = make_classifier(of, transfer, None, opacity=opacity), raw_voxels(of)
     channels = np.empty((*of.values.shape, 4), np.float32)
     for z, y, x in np.ndindex(*of.values.shape):
@@ -163,7 +163,7 @@ def voxel_channels(of: Volume, transfer: TransferFunction, *, opacity: bool) -> 
 
 
 def ramp(low: float, high: float, extinctions: Sequence[float]) -> TransferFunction:
-    """Linear over [low, high], with changing colours."""
+    """Return a linear function over [low, high], with changing colours."""
     num = len(extinctions)
     colors = np.random.default_rng(num).random((num, 3))
     return TransferFunction(np.linspace(low, high, num), colors, np.array(extinctions, float), 1.0)
@@ -172,7 +172,7 @@ def ramp(low: float, high: float, extinctions: Sequence[float]) -> TransferFunct
 def of_classified(
     extinctions: Sequence[float], dtype: Any, spec: PyramidSpec, worst_of: Callable[[Pyramid, Array], float]
 ) -> Callable[[int], float]:
-    """Measures noise that is classified by a ramp of extinctions."""
+    """Return the measure of noise that is classified by a ramp of extinctions."""
 
     def measure(num_cases: int) -> float:
         worst, transfer = 0.0, ramp(0.0, 200.0, extinctions)
@@ -186,12 +186,12 @@ def of_classified(
 
 
 def worst_of_varied(pyramid: Pyramid, channels: Array) -> float:
-    """The same of nodes in which the channels differ."""
+    """Return the largest relative error of nodes in which the channels differ."""
     return worst_of_nodes(pyramid, channels, least=MIN_WEIGHT * float(channels.max()))
 
 
 def optical_root(num_cases: int) -> float:
-    """Of the whole volume as one cell: times the cube root of its world volume, over the finest spacing."""
+    """Return the worst error of a whole volume as one cell, in units of its side over the finest spacing."""
     worst, transfer = 0.0, ramp(0.0, 200.0, [0.01, 3.0, 0.2, 1.0])
     finest = float(np.linalg.norm(SHEARED[:3, :3], axis=0).min())
     for case in range(num_cases):
@@ -205,7 +205,7 @@ def optical_root(num_cases: int) -> float:
 
 
 def equal_voxels(num_cases: int) -> float:
-    """The largest error of any node of 100^3 equal voxels, of random values and types."""
+    """Return the largest error of any node of 100^3 equal voxels, of random values and types."""
     worst = 0.0
     for case in range(max(1, num_cases // 20)):
         rng = np.random.default_rng(case)

@@ -30,7 +30,7 @@ NUM_DOUBLINGS = 20
 
 
 def random_cases(num: int) -> Iterator[tuple[float, float, float]]:
-    """Opacity, unit and finest spacing: all of the extremes, then random ones between them."""
+    """Yield opacities, units and finest spacings: the extremes, then random ones between them."""
     rng = np.random.default_rng(2)
     extremes = list(itertools.product(OPACITIES, LENGTHS, [1e-9, 1.0, 1e9]))
     yield from (extremes[k] for k in rng.permutation(len(extremes))[: 10 * num])
@@ -41,12 +41,12 @@ def random_cases(num: int) -> Iterator[tuple[float, float, float]]:
 
 
 def points(*opacities: float, unit: float | None = None) -> TransferSpec:
-    """Points at 0, 1, 2, ... of a scene."""
+    """Return the transfer function of a scene with points at 0, 1, 2, ..."""
     return TransferSpec(tuple(ControlPoint(k, (1.0, 0.5, 0.25), a) for k, a in enumerate(opacities)), unit)
 
 
 def exact_depth(opacity: float, length: float, unit: float, spacing: float) -> Any:
-    """Optical depth of a length of homogeneous matter; that of a voxel is held at its largest."""
+    """Return the optical depth of a length of homogeneous matter; that of a voxel is capped."""
     if opacity == 1.0:
         return mpmath.mpf(MAX_VOXEL_DEPTH) / mpmath.mpf(spacing) * length
     extinction = -mpmath.log1p(-mpmath.mpf(opacity)) / mpmath.mpf(unit)
@@ -58,7 +58,7 @@ def relative(got: float, exact: Any) -> float:
 
 
 def of_extinctions(error: Callable[[float, Any], float]) -> Callable[[int], float]:
-    """The worst error of the float64 depth tau h of a cell, over 20 doublings of a voxel."""
+    """Return the worst error of the float64 depth tau h of a cell, over 20 doublings of a voxel."""
 
     def measure(num_cases: int) -> float:
         worst = 0.0
@@ -85,7 +85,7 @@ def relative_transmittance_error(depth: float, exact: Any) -> float:
 
 
 def column_depth(depth: npt.NDArray[np.float32], level: int, spacing: float) -> float:
-    """Optical depth of one cell of `level` along an axis, of a volume of 2^20 voxels a side, by its splat's area.
+    """Return the optical depth of a cell along an axis, in a volume of 2^20 voxels a side, by the area of its splat.
 
     The volume has no voxels: nothing reads them.
     """
@@ -98,7 +98,7 @@ def column_depth(depth: npt.NDArray[np.float32], level: int, spacing: float) -> 
 
 
 def voxel_depth(spec: TransferSpec, value: float, spacing: float) -> npt.NDArray[np.float32]:
-    """float32 [4]: what the cut of a volume of one voxel holds; zeros where that is invisible."""
+    """Return the channels in the cut of a volume of one voxel, float32 [4]; zeros where it is invisible."""
     of = make_volume(np.full((1, 1, 1), value), np.diag([spacing, spacing, spacing, 1.0]), "a voxel")
     transfer = make_transfer_function(spec, of.finest_spacing)
     pyramid = build_pyramid(of, transfer, spec=PyramidSpec(), error=ErrorSpec(), num_threads=1)
@@ -107,7 +107,7 @@ def voxel_depth(spec: TransferSpec, value: float, spacing: float) -> npt.NDArray
 
 
 def chain(error: Callable[[float, Any], float]) -> Callable[[int], float]:
-    """Opacity of the scene -> extinction -> depth of a voxel -> cut -> area of a splat -> depth of a cell."""
+    """Measure all steps: opacity -> extinction -> depth of a voxel -> cut -> area of a splat -> depth of a cell."""
 
     def measure(num_cases: int) -> float:
         worst = 0.0
@@ -125,7 +125,7 @@ def chain(error: Callable[[float, Any], float]) -> Callable[[int], float]:
 
 
 def colors(num_cases: int) -> float:
-    """Premultiplied colour over opacity, of the splats of single voxels."""
+    """Return the worst premultiplied colour over opacity, of the splats of single voxels."""
     worst = 0.0
     for opacity, unit, spacing in itertools.islice(random_cases(num_cases), 0, None, 4):
         depth = voxel_depth(points(opacity, unit=unit), 0.0, spacing).astype(np.float64)
@@ -135,7 +135,7 @@ def colors(num_cases: int) -> float:
 
 
 def averaged(precision: str) -> Callable[[int], float]:
-    """A cell of 2^3 random voxels of opacities 0 to 1: that of its mean alpha, as `average: opacity` has it."""
+    """Measure cells of 2^3 random voxels of opacities 0 to 1 that are averaged by `average: opacity`."""
 
     def measure(num_cases: int) -> float:
         worst = 0.0

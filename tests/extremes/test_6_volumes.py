@@ -50,7 +50,7 @@ def build(of: Volume, by: TransferFunction, shading: ShadingSpec | None = None, 
 
 
 def colormap_range(num_cases: int) -> float:
-    """A colormap over nearly all float64, or over 1e-300 of it, against the same over [-1, 1]."""
+    """Compare a colormap over nearly all float64, or over 1e-300 of it, with the same over [-1, 1]."""
     worst = 0.0
     at = np.random.default_rng(0).uniform(-1.2, 1.2, num_cases)
     for largest in (LARGEST / 1.5, 1e-300):
@@ -67,7 +67,7 @@ def colormap_range(num_cases: int) -> float:
 
 
 def drawn_types(num_cases: int) -> float:
-    """Depths of the voxels of headerless files of each type and byte order, each classified over its whole range."""
+    """Return the worst depth of voxels of headerless files of each type and byte order, over its whole range."""
     worst = 0.0
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.raw"
@@ -87,7 +87,7 @@ def drawn_types(num_cases: int) -> float:
 
 
 def scaled_by_powers(picture: Callable[[Volume, TransferFunction, View], Array]) -> Callable[[int], float]:
-    """The largest change of a pixel where values and control values are all times a power of two."""
+    """Measure the change of a pixel where values and control values are all times a power of two."""
 
     def measure(num_cases: int) -> float:
         worst = 0.0
@@ -123,7 +123,7 @@ def of_rays(of: Volume, by: TransferFunction, view: View) -> Array:
 
 
 def ramp_between(num_cases: int) -> float:
-    """The ray integral from one voxel to another, whose extinctions rise from 0 to tau: depth tau / 2 and a half."""
+    """Return the worst integral between two voxels whose extinctions rise from 0 to tau: a depth of tau."""
     worst = 0.0
     for low, high in (
         (-LARGEST, LARGEST),
@@ -140,7 +140,7 @@ def ramp_between(num_cases: int) -> float:
 
 
 def narrow_spikes(num_cases: int) -> float:
-    """The ray integral over a ramp between two voxels that meets a triangle of extinction: its area over the slope."""
+    """Return the worst integral over a ramp that meets a triangle of extinction: its area over the slope."""
     worst = 0.0
     for case in range(10 * num_cases):
         rng = np.random.default_rng(case)
@@ -158,7 +158,7 @@ def narrow_spikes(num_cases: int) -> float:
 
 
 def energies(tolerance: float, precision: str) -> Callable[[int], float]:
-    """The sum of the optical areas of splats against that of tau V, over all shapes and places."""
+    """Compare the sum of the optical areas of splats with that of tau V, over all shapes and places."""
 
     def measure(num_cases: int) -> float:
         worst = 0.0

@@ -21,7 +21,7 @@ MAX_FRAME = 999_999
 
 
 def whole_range(rng: np.random.Generator) -> Keys:
-    """Two to five keys anywhere in the range of frames and of tolerances, its ends among them."""
+    """Return two to five keys anywhere in the range of frames and of tolerances, its ends among them."""
     frames = np.unique(rng.integers(0, MAX_FRAME, 5))
     return tuple((int(frame), draw_tolerance(rng)) for frame in frames)
 
@@ -31,18 +31,18 @@ def draw_tolerance(rng: np.random.Generator) -> float:
 
 
 def usual(rng: np.random.Generator) -> Keys:
-    """Five decades, as schedules have them."""
+    """Return keys over five decades, as schedules have them."""
     return tuple((frame, 10 ** rng.uniform(-4, 1)) for frame in (0, 50, 120))
 
 
 def almost_equal(rng: np.random.Generator) -> Keys:
-    """Two keys apart by some units in the last place, a million frames long."""
+    """Return two keys that differ by some units in the last place, a million frames apart."""
     first = 10 ** rng.uniform(-300, 299)
     return (0, first), (MAX_FRAME, first * (1 + rng.integers(-20, 20) * 2.0**-52))
 
 
 def relative_error(schedules: Callable[[np.random.Generator], Keys]) -> Callable[[int], float]:
-    """The worst error of a tolerance between keys, against the interpolation in 50 digits."""
+    """Measure a tolerance between keys against the interpolation in 50 digits."""
 
     def measure(num_cases: int) -> float:
         rng, worst = np.random.default_rng(7), 0.0
@@ -60,7 +60,7 @@ def relative_error(schedules: Callable[[np.random.Generator], Keys]) -> Callable
 
 
 def turning_back(num_cases: int) -> float:
-    """How many neighbouring frames go the other way than their keys do."""
+    """Return how many neighbouring frames go the other way than their keys do."""
     rng, wrong = np.random.default_rng(8), 0
     for case in range(num_cases):
         keys = (whole_range, usual, almost_equal)[case % 3](rng)
@@ -75,7 +75,7 @@ def turning_back(num_cases: int) -> float:
 
 
 def off_key(num_cases: int) -> float:
-    """How many scheduled frames, and frames before the first and after the last, differ by a bit."""
+    """Return how many scheduled frames, and frames before the first and after the last, differ by a bit."""
     rng, wrong = np.random.default_rng(9), 0
     for _ in range(num_cases):
         keys = whole_range(rng)
@@ -87,7 +87,7 @@ def off_key(num_cases: int) -> float:
 
 
 def cells_missing(tolerance: float, expect_root: bool) -> Callable[[int], float]:
-    """By how many cells a cut is not what it must be: every visible voxel, or the root."""
+    """Measure by how many cells a cut differs from every visible voxel, or from the root."""
 
     def measure(num_cases: int) -> float:
         rng, worst = np.random.default_rng(10), 0

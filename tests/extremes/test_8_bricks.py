@@ -25,14 +25,14 @@ NUM_SAMPLES = 20
 
 
 def bricks_of(values: Array, control: tuple[float, float], extinction: float = 1.0) -> Bricks:
-    """Extinction from 0 to the given one between two scalars, in single precision."""
+    """Build bricks of an extinction from 0 to the given one between two scalars, in single precision."""
     transfer = TransferFunction(np.array(control), np.full((2, 3), 0.5), np.array([0.0, extinction]), 1.0)
     volume = make_volume(values, np.eye(4), "extreme")
     return make_bricks(volume, transfer, spec=PyramidSpec(precision="single"), error=ErrorSpec())
 
 
 def scalar_error(num_cases: int) -> float:
-    """Of a texel's place in the range of a transfer function over a random part of the volume's."""
+    """Return the worst error of texels in the range of a function over a random part of the volume's range."""
     worst = Fraction(0)
     for case, values in enumerate(random_ranges(num_cases)):
         rng = np.random.default_rng(case)
@@ -50,7 +50,7 @@ def scalar_error(num_cases: int) -> float:
 
 
 def gradient_error(num_cases: int) -> float:
-    """Of a component, over the largest one of the volume, which sets the unit."""
+    """Return the worst error of a component, over the largest one of the volume, which sets the unit."""
     worst = 0.0
     for case, values in enumerate(random_ranges(num_cases)):
         rng = np.random.default_rng(case)
@@ -73,7 +73,7 @@ def gradient_error(num_cases: int) -> float:
 
 
 def noise_growth(num_cases: int) -> float:
-    """The largest value of the field at a face of the volume, over the largest mean; 1.5 is half a cell's rise more."""
+    """Return the largest value of the field at a face of the volume, over the largest mean."""
     worst = 0.0
     for case in range(num_cases):
         rng = np.random.default_rng(case)

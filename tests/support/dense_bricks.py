@@ -21,7 +21,7 @@ OBLIQUE = np.array([[0.5, 0.2, -0.1, 3.0], [0.1, -0.9, 0.3, -2.0], [0.0, 0.4, 2.
 
 
 def patches(shape: Shape, seed: int, side: int = 6) -> Float64:
-    """[z, y, x] in [0, 1]: noise in some blocks, and 0 around them."""
+    """Return noise in some blocks, and 0 around them, [z, y, x] in [0, 1]."""
     rng = np.random.default_rng(seed)
     is_block = rng.random([-(-n // side) for n in shape]) < 0.2
     inside = np.kron(is_block, np.ones((side,) * 3, bool))[: shape[0], : shape[1], : shape[2]]
@@ -29,7 +29,7 @@ def patches(shape: Shape, seed: int, side: int = 6) -> Float64:
 
 
 def random_transfer(rng: np.random.Generator, low: float, high: float) -> TransferFunction:
-    """Some slopes, steps and thin peaks between two scalars, most of them of no extinction."""
+    """Return slopes, steps and thin peaks between two scalars, most of them without extinction."""
     shares = np.sort(rng.choice(np.arange(11) / 10, 6))  # steps, where one is drawn twice
     peak = rng.random() + np.array([-1e-3, 0, 1e-3])
     extinctions = np.concatenate([rng.choice([0.0, 0.0, 1.0], 6), [0.0, 1.0, 0.0]])
@@ -40,7 +40,7 @@ def random_transfer(rng: np.random.Generator, low: float, high: float) -> Transf
 
 
 def depths_of(volume: Volume, transfer: TransferFunction) -> Float64:
-    """[z, y, x, 4]: (tau c, tau) times the finest spacing."""
+    """Return (tau c, tau) times the finest spacing, [z, y, x, 4]."""
     colors, extinctions = transfer.classify(volume.values)
     depths = extinctions[..., None] * volume.finest_spacing
     depths[depths < VISIBILITY_THRESHOLD] = 0.0
@@ -48,14 +48,14 @@ def depths_of(volume: Volume, transfer: TransferFunction) -> Float64:
 
 
 def sums_over_cells(values: Array, level: int) -> Float64:
-    """[z, y, x, ...] summed over the cells of a level, which the border may cut."""
+    """Return the sums [z, y, x, ...] over the cells of a level, which the border may cut."""
     for axis in range(3):
         values = np.add.reduceat(values, np.arange(0, values.shape[axis], 1 << level), axis)
     return np.asarray(values, np.float64)
 
 
 def means_over_cells(values: Array, level: int) -> Float64:
-    """[z, y, x, c] over the cells of a level."""
+    """Return the means [z, y, x, c] over the cells of a level."""
     return np.asarray(sums_over_cells(values, level) / sums_over_cells(np.ones(values.shape[:3]), level)[..., None])
 
 
@@ -77,7 +77,7 @@ def errors_of_cells(volume: Volume, values: Float64, level: int) -> Float64:
 
 
 def per_brick(values: Array, side: int, halo: int = 0) -> dict[tuple[int, int, int], Array]:
-    """By brick (x, y, z), the part of an array [z, y, x, ...] that lies in it, or in its halo."""
+    """Return, by brick (x, y, z), the part of an array [z, y, x, ...] that lies in it, or in its halo."""
 
     def reach(k: int) -> slice:
         return slice(max(k * side - halo, 0), (k + 1) * side + halo)
@@ -100,7 +100,7 @@ def ranges_of_dual_cells(volume: Volume) -> tuple[Float64, Float64]:
 
 
 def dual_cells_shown(volume: Volume, transfer: TransferFunction) -> Bools:
-    """[z + 1, y + 1, x + 1]: whether any scalar between the smallest and largest corner of a dual cell is visible."""
+    """Return whether any scalar between the corners of a dual cell is visible, [z + 1, y + 1, x + 1]."""
     low, high = ranges_of_dual_cells(volume)
 
     def shows(s: Float64) -> Bools:
@@ -115,7 +115,7 @@ def dual_cells_shown(volume: Volume, transfer: TransferFunction) -> Bools:
 
 
 def channels_of(transfer: TransferFunction, finest_spacing: float) -> Float64:
-    """[n, 4]: (tau c, tau) times the finest spacing at the control values."""
+    """Return (tau c, tau) times the finest spacing at the control values, [n, 4]."""
     depths = transfer.extinctions[:, None] * finest_spacing
     return np.concatenate([transfer.colors * depths, depths], axis=1)
 
@@ -126,7 +126,7 @@ def between_scalars(low: Float64, high: Float64, values: Float64, points: Float6
     range."""
 
     def linear(k: int, at: Float64) -> Float64:
-        """On the line through the points before and at k, the ends of which are constant."""
+        """Return the line through the points before and at k, constant at the ends."""
         first, last = max(k - 1, 0), min(k, len(values) - 1)
         width = values[last] - values[first]
         share = ((at - values[first]) / width if width > 0 else np.zeros_like(at))[..., None]
@@ -162,13 +162,13 @@ def between_scalars(low: Float64, high: Float64, values: Float64, points: Float6
 
 
 def dual_cells(brick: tuple[int, int, int], side: int) -> tuple[slice, slice, slice]:
-    """Those that meet a brick (x, y, z) of so many voxels a side, in arrays as of `ranges_of_dual_cells`."""
+    """Return the slices of arrays as of `ranges_of_dual_cells` that meet a brick (x, y, z) of `side` voxels."""
     x, y, z = (slice(k * side, (k + 1) * side + 1) for k in brick)
     return z, y, x
 
 
 def means_over_dual_cells(values: Float64) -> dict[tuple[int, int, int], float]:
-    """By brick (x, y, z) of 16 voxels a side, the mean over its volume: of dual cells at its faces half is inside."""
+    """Return the mean over each brick (x, y, z) of 16 voxels a side; half of the dual cells at its faces is inside."""
     means = {}
     for brick in np.ndindex(*(-(-(n - 1) // 16) for n in values.shape[::-1])):
         part = values[dual_cells((brick[0], brick[1], brick[2]), 16)]
@@ -194,7 +194,7 @@ def errors_of_bricks(volume: Volume, transfer: TransferFunction, level: int) -> 
 
 
 def nodes_shown(cells: Bools) -> Bools:
-    """The same of the cells of a level: [z + 1, y + 1, x + 1], whether any of the corners is visible."""
+    """Return whether any corner of a dual cell of nodes is visible, [z + 1, y + 1, x + 1]."""
     shown = np.pad(cells, 1)
     for axis in range(3):
         shown = shown.take(range(shown.shape[axis] - 1), axis) | shown.take(range(1, shown.shape[axis]), axis)

@@ -20,7 +20,7 @@ Random = np.random.Generator
 
 
 def placed(values: Array, axes: Float64) -> Volume:
-    """Around the world's origin."""
+    """Return a volume around the world's origin."""
     world_from_index = np.eye(4)
     world_from_index[:3, :3] = axes
     world_from_index[:3, 3] = -axes @ ((np.array(values.shape[::-1]) - 1) / 2)
@@ -28,7 +28,7 @@ def placed(values: Array, axes: Float64) -> Volume:
 
 
 def exactly(by: TransferFunction) -> Callable[[Any], list[Fraction]]:
-    """(tau c, tau) of a scalar: linear between the points about it, of equal ones the last, constant outside."""
+    """Return a function from a scalar to (tau c, tau): linear, of equal points the last, constant outside."""
     rows = [[Fraction(float(v)) for v in (*color, tau)] for color, tau in zip(by.colors, by.extinctions, strict=True)]
     at = [Fraction(float(value)) for value in by.values]
 
@@ -45,7 +45,7 @@ def exactly(by: TransferFunction) -> Callable[[Any], list[Fraction]]:
 
 
 def worst_classified(by: TransferFunction, values: Array) -> float:
-    """The largest error of a channel of any voxel, as a share of the largest extinction; the spacing is 1."""
+    """Return the largest error of a channel of any voxel, as a share of the largest extinction; the spacing is 1."""
     of = placed(values.reshape(1, 1, -1), np.eye(3))
     classifier, raw = make_classifier(of, by, None, opacity=False), raw_voxels(of)
     worst, exact = 0.0, exactly(by)
@@ -56,7 +56,7 @@ def worst_classified(by: TransferFunction, values: Array) -> float:
 
 
 def about(values: Float64, dtype: str, rng: Random) -> Array:
-    """Scalars of a type at control values, next to them and between them, and its limits."""
+    """Return scalars of a type at control values, next to them and between them, and its limits."""
     low, high = limits(dtype)
     ends = np.array([low, high], dtype)
     fine = np.sort(np.clip(values, float(low), float(high)))
@@ -71,7 +71,7 @@ def about(values: Float64, dtype: str, rng: Random) -> Array:
 
 
 def classified(dtypes: tuple[str, ...], points: Callable[[Random], Any]) -> Callable[[int], float]:
-    """Measures transfer functions of random colours and extinctions at the given control values."""
+    """Return the measure of functions of random colours and extinctions at the given control values."""
 
     def measure(num_cases: int) -> float:
         worst = 0.0

@@ -23,7 +23,7 @@ class Extreme:
 
     name: the input, in a few words. method: what makes it safe. quantity: what `measure` returns, with its unit, such
     as "relative error". bound: the most it may be.
-    measure: the worst of so many random cases, from a seed of its own: the same number on every run of a machine.
+    measure: returns the worst of a number of random cases, from a seed of its own: the same on every run of a machine.
     """
 
     name: str
@@ -36,7 +36,7 @@ class Extreme:
         return self.name
 
     def check(self) -> None:
-        """The error is within the bound; not being a number is not."""
+        """Raise AssertionError if the error is above the bound, or not a number."""
         worst = self.measure(CASES_IN_TESTS)
         assert not math.isnan(worst), f"{self.name}: the {self.quantity} is not a number"
         assert worst <= self.bound, f"{self.name}: {self.quantity} {worst:.3g}, not at most {self.bound:g}"

@@ -22,7 +22,7 @@ def limits(dtype: str) -> tuple[float, float]:
 
 
 def spread(dtype: str, rng: Random) -> Array:
-    """Values over the whole range of a type, both limits among them: [3, 4, 5]."""
+    """Return values over the whole range of a type, both limits among them, [3, 4, 5]."""
     low, high = limits(dtype)
     values = rng.integers(low, high, (3, 4, 5), dtype, endpoint=True) if dtype in INTEGERS else None
     if values is None:

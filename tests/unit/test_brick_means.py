@@ -59,7 +59,7 @@ def dense_nodes(pyramid: Pyramid, level: int) -> npt.NDArray[np.floating]:
 def test_means_are_those_of_a_complete_pyramid(
     shape: Shape, dtype: str, spec: PyramidSpec, error: ErrorSpec, shading: ShadingSpec | None
 ) -> None:
-    """Bit for bit, halo and all; and so is everything that was stored."""
+    """They are equal bit for bit, halo included, and so is everything that was stored."""
     volume = volume_of(shape, dtype)
     whole = build_pyramid(volume, SOFT, spec=spec, error=error, shading=shading)
     pyramid = make_bricks(volume, SOFT, spec=spec, error=error, shading=shading).pyramid
@@ -112,7 +112,7 @@ def test_the_cache_computes_only_missing_bricks(
 
 
 def test_the_cache_is_empty_while_the_device_holds_all_bricks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And it tells bricks of different levels apart."""
+    """Bricks of different levels have entries of their own."""
     pyramid = make_bricks(volume_of((64, 64, 128), "uint8"), SOFT, spec=PyramidSpec(), error=ErrorSpec()).pyramid
     found, cache = record_recomputed(monkeypatch), MeanCache()
     for is_enabled in (False, False, True, True, False, True):

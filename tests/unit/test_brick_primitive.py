@@ -22,7 +22,7 @@ SIZE = 70  # voxels along the longest side: bricks of three levels, some of whic
 
 
 def lumps() -> Volume:
-    """Mostly empty, with structure of every size."""
+    """Return a volume that is mostly empty, with structure of every size."""
     rng = np.random.default_rng(3)
     z, y, x = np.indices((40, 56, SIZE))
     values = np.zeros(z.shape)
@@ -60,7 +60,7 @@ def bricks_of(stage: Stage) -> Bricks:
 
 @pytest.mark.parametrize(("finest_level", "least_steps"), [(0, 5), (1, 1), (2, 0), (9, 0)])
 def test_sizes_are_those_of_the_cuts(stage: Stage, finest_level: int, least_steps: int) -> None:
-    """At every step, and just above it; what is told is the largest of a cut and of those coarser than it."""
+    """At every split threshold and just above it, the size is the largest of that cut and of all coarser ones."""
     bricks = bricks_of(stage)
     sizes = brick_cut_sizes(bricks, finest_level=finest_level, finest_level_at_zero=finest_level)
     assert len(sizes.split_thresholds) >= least_steps
@@ -73,7 +73,7 @@ def test_sizes_are_those_of_the_cuts(stage: Stage, finest_level: int, least_step
 
 
 @pytest.mark.parametrize("num", [1, 2, 5, 8, 9, 20, 1000])
-def test_the_finest_cut_of_so_many_bricks(stage: Stage, primitive: BrickPrimitive, num: int) -> None:
+def test_the_finest_cut_within_a_budget_of_bricks(stage: Stage, primitive: BrickPrimitive, num: int) -> None:
     tolerance = primitive.tolerance_for_cells(num)
     assert 1 <= primitive.num_cells(tolerance) <= num
     sizes = brick_cut_sizes(bricks_of(stage), finest_level=0, finest_level_at_zero=0)
@@ -82,7 +82,7 @@ def test_the_finest_cut_of_so_many_bricks(stage: Stage, primitive: BrickPrimitiv
         assert primitive.num_cells(float(finer[0])) > num
 
 
-def test_nothing_to_see() -> None:
+def test_a_transparent_volume_needs_no_bricks() -> None:
     points = (ControlPoint(0.0, (1.0, 1.0, 1.0), 0.0),)
     scene = replace(PLAIN, transfer_function=TransferSpec(points))
     primitive = make_primitive(stage_of(scene, waves("uint8")))
@@ -90,8 +90,8 @@ def test_nothing_to_see() -> None:
 
 
 @pytest.mark.parametrize("tolerance", [0.3, 0.0])
-def test_no_brick_has_cells_that_are_finer_than_asked_for(tolerance: float) -> None:
-    """And the lines of the overlay are in the colours of their cells."""
+def test_no_brick_is_finer_than_the_finest_level(tolerance: float) -> None:
+    """The lines of the overlay have the colours of their cells."""
     scene = replace(PLAIN, error=ErrorSpec(((0, tolerance),), finest_level=1), overlay="octree")
     lod = make_primitive(stage_of(scene, lumps())).make_lod(tolerance, lambda name: None)
     assert isinstance(lod, BrickLOD) and lod.edges is not None
@@ -103,12 +103,12 @@ def test_no_brick_has_cells_that_are_finer_than_asked_for(tolerance: float) -> N
 
 
 @pytest.mark.parametrize("size", [1.0, 3.0, 30.0, 1234.0, 1.9e6])
-def test_sizes_there_and_back(primitive: BrickPrimitive, size: float) -> None:
-    """Tolerances have two digits, so that they are off by up to 5 %."""
+def test_sizes_and_tolerances_invert_each_other(primitive: BrickPrimitive, size: float) -> None:
+    """Tolerances have two digits, and are off by up to 5 %."""
     assert primitive.lod_size(primitive.tolerance_for_size(size), 7) == pytest.approx(size, rel=0.05)
 
 
-def test_sizes_end_with_the_finest_detail(primitive: BrickPrimitive) -> None:
+def test_sizes_end_at_tolerance_0(primitive: BrickPrimitive) -> None:
     assert primitive.tolerance_for_size(2e6) == primitive.tolerance_for_size(1e30) == 0.0
     assert primitive.lod_size(0.0, 7) == primitive.lod_size(1e-300, 7) == 2e6
     assert primitive.lod_size(math.inf, 1) == primitive.lod_size(1e300, 1) == 1.0
@@ -124,7 +124,7 @@ def test_more_is_drawn_at_smaller_tolerances(primitive: BrickPrimitive) -> None:
 
 
 def counted(lod: BrickLOD, view: View) -> float:
-    """Samples along the rays through the pixels' centres, as they are taken, and six more for each brick on the way."""
+    """Count the samples along the rays through the pixels' centres, and six more for each brick on the way."""
     batch = lod.batch
     frame, volume = ray_setup(batch.cut.volume, batch.model_unit, view), batch.cut.volume
     width, height = view.size
@@ -144,7 +144,7 @@ def counted(lod: BrickLOD, view: View) -> float:
 
 @pytest.mark.parametrize("tolerance", [3.0, 0.3, 1e-3])
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
-def test_samples_are_as_many_as_are_counted(projection: str, tolerance: float) -> None:
+def test_the_workload_equals_counted_samples(projection: str, tolerance: float) -> None:
     """Pixels are counted by their centres, and in perspective a brick is not as wide at its back as at its front."""
     stage = stage_of(PLAIN, lumps())
     lod = make_primitive(stage).make_lod(tolerance, lambda name: None)
@@ -158,8 +158,8 @@ def test_samples_are_as_many_as_are_counted(projection: str, tolerance: float) -
     assert num == pytest.approx(counted(lod, view), rel=0.08)
 
 
-def test_pixels_that_are_spared_cost_less() -> None:
-    """And the more the more of them; but looking at all pixels of a lattice that differ is not for nothing."""
+def test_subsampled_pixel_grids_cost_less() -> None:
+    """The coarser the grid, the less it costs; but pixels that differ are looked at in addition."""
     stage = stage_of(PLAIN, lumps())
     lod = make_primitive(stage).make_lod(0.1, lambda name: None)
     assert isinstance(lod, BrickLOD)
@@ -175,15 +175,15 @@ def test_pixels_that_are_spared_cost_less() -> None:
     assert load(4, 1, spread=1.0) < load(4, 1, spread=0.1) < load(4, 1, spread=0.01)
 
 
-def test_what_is_out_of_view_takes_no_samples() -> None:
+def test_bricks_out_of_view_take_no_samples() -> None:
     stage = stage_of(PLAIN, lumps())
     lod = make_primitive(stage).make_lod(0.1, lambda name: None)
     view = look(target=(1e4, 0.0, 0.0), distance=10.0)
     assert lod.workload(lod.orders(view), view) == (0, 0.0)
 
 
-def test_bricks_around_the_eye_are_held_to_the_picture() -> None:
-    """Their projection means nothing; no ray is longer in one than its diagonal."""
+def test_samples_around_the_eye_are_bounded() -> None:
+    """The projection of a brick around the eye is undefined; no ray in it is longer than its diagonal."""
     stage = stage_of(PLAIN, lumps())
     lod = make_primitive(stage).make_lod(0.1, lambda name: None)
     assert isinstance(lod, BrickLOD)

@@ -1,4 +1,4 @@
-"""However rough a brick is, and however small the tolerance: a ray takes no more than so many samples in it."""
+"""The samples of a ray in a brick are bounded, whatever its step error estimate and the tolerance."""
 
 from __future__ import annotations
 
@@ -25,5 +25,5 @@ def test_samples_of_a_ray_in_a_brick_are_bounded(tolerance: float, depth: float)
 
 
 def _most_parts(step: float) -> int:
-    """At a phase of 1, which no pixel has."""
+    """Return the number of segments at a jitter of 1, which no pixel has."""
     return math.floor(BRICK_SIZE * math.sqrt(3) / step * (1 + DITHER / 2) + 1.5)

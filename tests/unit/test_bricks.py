@@ -51,7 +51,7 @@ def bricks_of(volume: Volume, transfer: TransferFunction, num_threads: int = 1) 
 
 
 def hills(*points: tuple[float, float]) -> TransferFunction:
-    """Of (scalar, extinction)."""
+    """Return the function through points of a scalar and an extinction."""
     values, extinctions = np.array(points, np.float64).T
     return TransferFunction(values, np.tile([0.9, 0.5, 0.2], (len(points), 1)), extinctions, 1.0)
 
@@ -64,8 +64,8 @@ def soft(shape: Shape, seed: int = 0) -> Volume:
 
 
 @pytest.mark.parametrize("dtype", TYPES)
-def test_boxes_of_voxels_hold_just_what_may_be_seen(dtype: str) -> None:
-    """Around every dual cell with a visible scalar between its corners; float64 says which, for every type."""
+def test_visible_bounds_of_voxels_are_tight(dtype: str) -> None:
+    """They enclose the dual cells with a visible scalar between their corners, and nothing else, for every type."""
     shares = []
     for seed, shape in enumerate(2 * SHAPES[:-1]):
         rng = np.random.default_rng(seed)
@@ -102,8 +102,8 @@ def test_boxes_of_voxels_hold_just_what_may_be_seen(dtype: str) -> None:
     ],
 )
 @pytest.mark.parametrize("dtype", ["uint8", "float32"])
-def test_what_lies_between_two_voxels(points: tuple[tuple[float, float], ...], shown: bool, dtype: str) -> None:
-    """The step of a volume between its third and its fourth voxel shows half a cell to either side, or nothing."""
+def test_visible_bounds_between_two_voxels(points: tuple[tuple[float, float], ...], shown: bool, dtype: str) -> None:
+    """The step between the third and the fourth voxel shows half a cell to either side, or nothing."""
     values = np.full((1, 1, 16), 10, dtype)
     values[0, 0, 3:] = 20
     transfer = hills(*points)
@@ -115,7 +115,7 @@ def test_what_lies_between_two_voxels(points: tuple[tuple[float, float], ...], s
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=str)
-def test_boxes_of_nodes_reach_to_the_next_centres(shape: Shape) -> None:
+def test_visible_bounds_of_nodes_reach_to_the_next_centres(shape: Shape) -> None:
     volume = soft(shape)
     bricks = bricks_of(volume, SOFT)
     for number, level in enumerate(bricks.levels[1:], 1):
@@ -126,7 +126,7 @@ def test_boxes_of_nodes_reach_to_the_next_centres(shape: Shape) -> None:
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=str)
-def test_errors_of_a_brick(shape: Shape) -> None:
+def test_errors_and_step_errors_equal_the_dense_reference(shape: Shape) -> None:
     """The largest of its nodes and its halo's, of what shows between its voxels, and of their differences; and the
     root mean square, over its volume, of nodes twice as large and of what shows between voxels, or of differences."""
     volume = soft(shape)
@@ -158,8 +158,8 @@ def test_errors_of_a_brick(shape: Shape) -> None:
         steep = {brick: float(np.mean(means)) for brick, means in children.items()}
 
 
-def test_what_shows_between_voxels_only() -> None:
-    """No node is wrong by anything: what is between counts, from level to level twice as much."""
+def test_a_peak_between_voxels_counts_on_every_level() -> None:
+    """No node has an error; the sub-voxel variation counts, twice as much from level to level."""
     values = np.zeros((70, 40, 40), np.uint8)
     values[40:44, 3:20, 20:30] = 255
     transfer = TransferFunction(np.array([100.0, 125, 150]), np.ones((3, 3)), np.array([0.0, 2.0, 0.0]), 1.0)
@@ -175,8 +175,8 @@ def test_what_shows_between_voxels_only() -> None:
 
 
 @pytest.mark.parametrize(("measure", "of"), [("rms", "classified"), ("rms", "scalar")])
-def test_in_the_unit_of_the_measure(measure: Literal["rms"], of: Literal["classified", "scalar"]) -> None:
-    """An opacity does not grow with the cell; of the scalar, which is interpolated, there is only the difference."""
+def test_errors_are_in_the_unit_of_the_measure(measure: Literal["rms"], of: Literal["classified", "scalar"]) -> None:
+    """An opacity does not grow with the cell; of the scalar, which is interpolated, only the difference counts."""
     values = np.zeros((40, 4, 4), np.uint8)
     values[20:] = 1
     opaque = hills((0.25, 0), (0.5, 2), (0.75, 0))
@@ -195,7 +195,7 @@ def test_in_the_unit_of_the_measure(measure: Literal["rms"], of: Literal["classi
 
 
 @pytest.mark.parametrize("shift", [0, 1, 2, 8, 16])
-def test_differences_count_wherever_they_are(shift: int) -> None:
+def test_errors_of_a_surface_do_not_depend_on_node_borders(shift: int) -> None:
     """A box has the errors of its surface also where nodes end there, each of which is constant: of each level, about
     as it has where it is in the middle of nodes."""
     values = np.zeros((80, 80, 80), np.uint8)
@@ -225,7 +225,7 @@ def test_light_counts_at_its_brightest() -> None:
 
 @pytest.mark.parametrize("size", [1e-300, 1e300])
 def test_step_errors_of_the_largest_and_the_smallest_errors(size: float) -> None:
-    """Errors of scalars are in data units, whose squares are no numbers."""
+    """Errors of scalars are in data units, whose squares overflow or vanish."""
     volume = make_volume(patches((20, 20, 20), 3) * size, np.eye(4), "far")
     error = ErrorSpec(measure="rms", of="scalar")
     transfer = hills((0, 1), (size, 1))
@@ -236,7 +236,7 @@ def test_step_errors_of_the_largest_and_the_smallest_errors(size: float) -> None
         np.testing.assert_allclose(level.step_errors / size, other.step_errors, rtol=1e-5)
 
 
-def test_nothing_visible() -> None:
+def test_a_transparent_volume_has_empty_bricks() -> None:
     volume = make_volume(np.full((20, 40, 33), 7, np.int16), OBLIQUE, "clear")
     bricks = bricks_of(volume, SOFT)
     for level in bricks.levels:
@@ -245,7 +245,7 @@ def test_nothing_visible() -> None:
     assert len(cut_bricks(bricks, 0.0)) == 0
 
 
-def test_threads_change_nothing() -> None:
+def test_threads_change_no_byte() -> None:
     volume = soft((70, 90, 130))
     one, many = bricks_of(volume, SOFT), bricks_of(volume, SOFT, num_threads=3)
     for level, other in zip(one.levels, many.levels, strict=True):
@@ -277,7 +277,7 @@ def test_scalar_range(control: tuple[float, float], scalars: tuple[float, float]
     assert bricks.volume_range == scalars
 
 
-def test_the_range_is_of_what_changes() -> None:
+def test_the_scalar_range_spans_the_changes_of_the_transfer_function() -> None:
     """A ramp in front of which and behind which nothing changes: texels have their digits there. Colours of nothing are
     no change."""
     volume = make_volume(np.array([[[-1000.0, 3000.0]]]), np.eye(4), "two")
@@ -297,11 +297,11 @@ def test_the_range_is_of_what_changes() -> None:
 
 
 @pytest.mark.parametrize("tolerance", [-1e-9, float("nan")])
-def test_no_such_tolerance(tolerance: float) -> None:
+def test_negative_and_undefined_tolerances_are_refused(tolerance: float) -> None:
     with pytest.raises(ValueError, match="no bricks for this tolerance"):
         cut_bricks(bricks_of(soft((5, 5, 5)), SOFT), tolerance)
 
 
-def test_no_such_level() -> None:
+def test_negative_levels_are_refused() -> None:
     with pytest.raises(ValueError, match="no bricks of this level"):
         cut_bricks(bricks_of(soft((5, 5, 5)), SOFT), 0.1, finest_level=-1)

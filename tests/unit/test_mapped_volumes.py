@@ -35,7 +35,7 @@ HINT = "large volumes are read from their files while they are drawn: start agai
 
 @pytest.fixture
 def everything_mapped(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Volumes need not be large."""
+    """Map volumes of any size."""
     monkeypatch.setattr(common, "_MIN_MAPPED_BYTES", 1)
 
 
@@ -56,7 +56,7 @@ def read(path: Path, **options: Any) -> Volume:
 @pytest.mark.parametrize("name", ["v.npy", "v.nrrd", "v.mha", "v.nii"])
 @pytest.mark.parametrize("dtype", ["uint8", "int16", "uint16", "int32", "float32", "float64"])
 def test_the_same_voxels_as_in_memory(name: str, dtype: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In native byte order they are mapped, in the other one copied."""
+    """Files in native byte order are mapped, others are copied."""
     for order in "<>":
         write_volume(tmp_path / name, noise(dtype=dtype), order)
         copied = read(tmp_path / name)
@@ -108,7 +108,7 @@ def test_detached_voxels(name: str, line: str, skipped: int, is_mapped: bool, tm
 
 
 @pytest.mark.usefixtures("everything_mapped")
-def test_words_in_an_order_that_is_not_said(tmp_path: Path) -> None:
+def test_words_without_a_byte_order_are_copied(tmp_path: Path) -> None:
     (tmp_path / "v.mhd").write_text(DETACHED["v.mhd"].format("").replace("UCHAR", "USHORT"))
     noise(dtype="uint16").tofile(tmp_path / "voxels.raw")
     volume = read(tmp_path / "v.mhd")
@@ -117,7 +117,7 @@ def test_words_in_an_order_that_is_not_said(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("everything_mapped")
-def test_parts_that_lie_together_are_mapped(tmp_path: Path) -> None:
+def test_contiguous_parts_are_mapped(tmp_path: Path) -> None:
     values = noise((3, 9, 7, 11), "int16")
     np.save(tmp_path / "v.npy", values)
     for options, part, is_mapped in (
@@ -134,7 +134,7 @@ def test_parts_that_lie_together_are_mapped(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("everything_mapped")
-def test_what_is_replaced_is_copied(tmp_path: Path) -> None:
+def test_volumes_with_replaced_voxels_are_copied(tmp_path: Path) -> None:
     values = noise(dtype="float32")
     spec = raw(tmp_path / "v.raw", values)
     assert read_volume(spec).source is not None
@@ -146,8 +146,8 @@ def test_what_is_replaced_is_copied(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("everything_mapped")
-def test_voxels_that_are_not_aligned(tmp_path: Path) -> None:
-    """A header of an odd length."""
+def test_unaligned_voxels(tmp_path: Path) -> None:
+    """The header has an odd length."""
     values = noise((20, 18, 17), "uint16")
     (tmp_path / "v.raw").write_bytes(b"abc" + values.tobytes())
     source = RawSource(tmp_path / "v.raw", (17, 18, 20), "uint16", spacing=(1.0, 1.0, 1.0), offset=3)
@@ -194,7 +194,7 @@ def remove(path: Path) -> str:
 
 
 def swap(path: Path) -> str:
-    """Another volume of the same length and time under the same name."""
+    """Put another volume of the same length and time under the same name."""
     status = path.stat()
     other = path.with_suffix(".other")
     other.write_bytes(bytes(status.st_size))
@@ -212,7 +212,7 @@ def film(path: Path, scene: Scene, shape: tuple[int, int, int] = (20, 28, 32)) -
 @pytest.mark.parametrize(
     ("scene", "change"), [(PLAIN, grow), (PLAIN, write), (PLAIN, remove), (PLAIN, swap), (SPLATS, shrink)]
 )
-def test_between_build_and_frame(
+def test_a_file_that_changes_between_build_and_frame(
     scene: Scene, change: Callable[[Path], str], tmp_path: Path, rasterizer: GLRasterizer
 ) -> None:
     stage = film(tmp_path / "v.raw", scene)
@@ -224,22 +224,22 @@ def test_between_build_and_frame(
 
 
 @pytest.mark.usefixtures("everything_mapped")
-def test_during_a_build(tmp_path: Path) -> None:
-    """After some nodes the file loses all that comes behind them."""
+def test_a_file_that_shrinks_during_a_build(tmp_path: Path) -> None:
+    """The file loses all its voxels after the first task."""
     volume = read_volume(raw(tmp_path / "v.raw", noise((64, 64, 64 * 5)) * 2))
-    told = []
+    streamed = []
 
-    def tell(level: int, *_: Any) -> None:
-        told.append(level)
+    def record(level: int, *_: Any) -> None:
+        streamed.append(level)
         os.truncate(tmp_path / "v.raw", 0)
 
     with pytest.raises(InputError, match="became shorter while it was in use"):
-        build_pyramid(volume, SOFT, spec=PyramidSpec(), error=ErrorSpec(), num_threads=1, on_nodes=tell)
-    assert told == [1, 2]  # the first task had read all that it needs, and no other one began
+        build_pyramid(volume, SOFT, spec=PyramidSpec(), error=ErrorSpec(), num_threads=1, on_nodes=record)
+    assert streamed == [1, 2]  # the first task had read all that it needs, and no other one began
 
 
 @pytest.mark.usefixtures("everything_mapped")
-def test_bricks_that_are_made_later(tmp_path: Path) -> None:
+def test_a_file_that_shrinks_before_texels_are_read(tmp_path: Path) -> None:
     stage = film(tmp_path / "v.raw", PLAIN, (40, 40, 40))
     assert stage.bricks is not None
     shrink(tmp_path / "v.raw")
@@ -251,8 +251,8 @@ def test_bricks_that_are_made_later(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("everything_mapped")
-def test_voxels_that_go_while_they_are_sent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """They are read when all pieces are there, which is after the last look of those who made the pieces."""
+def test_a_file_that_shrinks_while_the_stage_is_serialized(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Voxels are read when all pieces are joined, after the last check of those who made the pieces."""
     stage = film(tmp_path / "v.raw", PLAIN, (100, 90, 80))
     assert deserialize_stage(memoryview(bytearray(serialized_stage(stage)))).volume.source is None
     join = np.concatenate
@@ -269,7 +269,7 @@ def test_voxels_that_go_while_they_are_sent(tmp_path: Path, monkeypatch: pytest.
 
 @pytest.mark.usefixtures("everything_mapped")
 def test_workers_map_the_file_themselves(tmp_path: Path) -> None:
-    """What they share does not grow with the voxels; whoever has no files gets them all."""
+    """A shared stage does not grow with the voxels; a stage for a machine without the files holds them all."""
     stage = film(tmp_path / "v.raw", PLAIN, (100, 90, 80))
     num_shared = sum(len(piece) for piece in serialize_stage(stage, without_files=False))
     num_alone = sum(len(piece) for piece in serialize_stage(stage, without_files=True))

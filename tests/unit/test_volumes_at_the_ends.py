@@ -46,7 +46,7 @@ output: {file: "frame{frame}.png", size: [32, 16], background: "#336699"}
 """
 
 
-def test_a_hidden_volume_is_the_background_and_said_to_be(
+def test_a_hidden_volume_gives_the_background_and_a_note(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -62,7 +62,7 @@ def test_a_hidden_volume_is_the_background_and_said_to_be(
 
 
 def of_info(path: Path, values: Array) -> dict[str, Any]:
-    """What `hsplat info` says about a volume; JSON without NaN and infinities."""
+    """Return the facts of `hsplat info` about a volume; JSON without NaN and infinities."""
     np.save(path, values)
     result = CliRunner().invoke(info, [str(path), "--json"], catch_exceptions=False)
     assert result.exit_code == 0
@@ -76,8 +76,8 @@ def of_info(path: Path, values: Array) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("case", range(len(RANGES) + len(TYPES)))
-def test_info_of_values_at_the_ends(tmp_path: Path, case: int) -> None:
-    """Its numbers are within the volume's, and what it suggests is a transfer function that shows something."""
+def test_info_of_extreme_values(tmp_path: Path, case: int) -> None:
+    """The numbers lie within the volume's, and the suggested transfer function shows something."""
     values = list(random_ranges(11))[2 * case if case < len(RANGES) else 2 * (case - len(RANGES)) + 1]
     facts = of_info(tmp_path / "a.npy", values.reshape(-1, 2, 2))
     low, high = values.min().item(), values.max().item()

@@ -1,4 +1,4 @@
-"""What shows between voxels only, against quadrature; and that pictures of it are right."""
+"""Sub-voxel variation equals Simpson's rule and a dense reference, and pictures of it meet the tolerance."""
 
 from __future__ import annotations
 
@@ -51,18 +51,18 @@ def curve_of(transfer: TransferFunction, low: float, high: float, *, opacity: bo
 
 
 def control_points(curve: TransferTable) -> tuple[Float64, Float64]:
-    """Scaled control values [n] and the channels at them [n, 4]."""
+    """Return the scaled control values [n] and the channels at them [n, 4]."""
     return curve.rows[1:, 0].copy(), curve.rows[1:, 2:6]
 
 
 def found(line: TransferTable, low: float, high: float) -> tuple[float, float]:
-    """D^2 and width^2."""
+    """Return D^2 and width^2."""
     first = int(np.searchsorted(control_points(line)[0], low * line.scale, side="right"))
     return squared_distance(low * line.scale, high * line.scale, first, control_points(line)[0], line.rows)
 
 
 def random_steps(rng: np.random.Generator, colors: int) -> TransferFunction:
-    """Up to nine control values from 0 to 1 of so many colours, some of them steps, and spikes without any width."""
+    """Return up to nine control values from 0 to 1 of some colours, among them steps and spikes without any width."""
     num = int(rng.integers(1, 10))
     values = np.sort(rng.choice(np.arange(9) / 8, num))
     color = rng.random((colors, 3))
@@ -70,13 +70,13 @@ def random_steps(rng: np.random.Generator, colors: int) -> TransferFunction:
 
 
 def random_ranges(rng: np.random.Generator) -> Float64:
-    """[20, 2] from -1/4 to 5/4, many of them from one control value to another, or just beside."""
+    """Return ranges [20, 2] from -1/4 to 5/4, many of which end at a control value or just beside one."""
     ends = rng.choice(np.arange(-4, 21) / 16, (20, 2)) + rng.choice([0, 0.01], (20, 2))
     return np.sort(ends[ends[:, 0] != ends[:, 1]], axis=1)
 
 
-def test_distance_and_width_piece_by_piece() -> None:
-    """Of any colours, against Simpson's rule; most of these lines have nothing to be left out."""
+def test_distance_and_width_equal_simpsons_rule() -> None:
+    """They hold for any colours; hardly any control point is left out."""
     for seed in range(50):
         rng = np.random.default_rng(seed)
         transfer = random_steps(rng, 9)
@@ -93,7 +93,7 @@ def test_distance_and_width_piece_by_piece() -> None:
             np.testing.assert_allclose(DIFFERENCE_ERROR_SHARE**2 * difference, jump, rtol=1e-9, atol=1e-12)
 
 
-def test_nothing_is_between_without_a_control_value() -> None:
+def test_variation_is_0_without_a_control_value_between() -> None:
     """Exactly, also where control values are the ends; but for a step at the higher one, which the field comes to from
     below."""
     rng = np.random.default_rng(1)
@@ -108,8 +108,8 @@ def test_nothing_is_between_without_a_control_value() -> None:
         assert all((found(line, low, last)[0] > 0) == is_step for low in [*inside[:, 0], first])
 
 
-def test_a_colormap_needs_few_control_values() -> None:
-    """256 samples of smooth channels, with a step and an opaque peak, which stay."""
+def test_smooth_colormaps_are_simplified() -> None:
+    """Of 256 samples of smooth channels few remain, but a step and an opaque peak do."""
     values = np.sort(np.concatenate([np.linspace(0, 1, 256), [0.4, 0.4, 0.6, 0.601, 0.602]]))
     colors = 0.5 + 0.5 * np.sin(5 * values[:, None] + np.arange(3))
     extinctions = 0.5 + 0.4 * np.cos(4 * values)
@@ -125,7 +125,7 @@ def test_a_colormap_needs_few_control_values() -> None:
 
 
 def in_bricks(volume: Volume, transfer: TransferFunction, line: TransferTable) -> tuple[Float64, Float64, Float64]:
-    """[z, y, x] each: the largest D or J of each brick, its step errors and its differences."""
+    """Return the largest D or J of each brick, its step errors and its differences, [z, y, x] each."""
     shape = tuple(-(-n // BRICK_SIZE) for n in volume.values.shape)
     places = np.ascontiguousarray(np.indices(shape, np.int32).reshape(3, -1)[::-1].T)
     bounds, found = np.zeros((*shape, 2, 3), np.float32), (np.zeros(shape), np.zeros(shape), np.zeros(shape))
@@ -136,7 +136,7 @@ def in_bricks(volume: Volume, transfer: TransferFunction, line: TransferTable) -
 
 
 @pytest.mark.parametrize("dtype", TYPES)
-def test_bricks_of_every_type(dtype: str) -> None:
+def test_variation_in_bricks_equals_the_dense_reference(dtype: str) -> None:
     """From one limit of a type to the other, against numpy over the whole volume: dual cells between two bricks count
     half for each, and so do those beyond the border."""
     low, high = (float(limit) for limit in limits(dtype))
@@ -162,7 +162,7 @@ def test_bricks_of_every_type(dtype: str) -> None:
 
 
 def ball(inside: float, outside: float, radius: float = 15.0, rise: float = math.inf) -> Volume:
-    """With a surface as steep as it can be, or one that rises by so much from voxel to voxel."""
+    """Return a ball whose surface is as steep as it can be, or rises by `rise` from voxel to voxel."""
     z, y, x = np.ogrid[:40, :50, :45]
     depth = radius - np.sqrt((x - 20.3) ** 2 + (y - 24.0) ** 2 + (z - 19.0) ** 2)
     values = np.where(depth > 0, inside, outside)
@@ -172,7 +172,7 @@ def ball(inside: float, outside: float, radius: float = 15.0, rise: float = math
 
 
 def over_fog(fog: float, peak: float, dense: float) -> TransferFunction:
-    """A peak half-way between 0 and 1."""
+    """Return a transfer function with a peak half-way between 0 and 1."""
     return transfer_of(
         (0, COLOR, fog), (0.4, COLOR, fog), (0.5, (0.9, 0.4, 0.1), peak), (0.6, COLOR, dense), (1, COLOR, dense)
     )
@@ -196,7 +196,7 @@ SHELL = transfer_of(
     ],
     ids=["peak", "opaque over fog", "clear over fog", "faint over fog", "over a body", "steep"],
 )
-def test_what_only_interpolation_shows_is_as_right_as_the_tolerance(volume: Volume, transfer: TransferFunction) -> None:
+def test_peaks_between_voxels_are_drawn_within_the_tolerance(volume: Volume, transfer: TransferFunction) -> None:
     """Root mean squares are below 0.2 of it, whether a shell is drawn or left out; seen: 0.01 to 0.13."""
     bricks, view = bricks_of(volume, transfer), view_of(volume, "perspective")
     truth = integrate(volume, transfer, view, step_voxels=1 / 16)
@@ -208,14 +208,14 @@ def test_what_only_interpolation_shows_is_as_right_as_the_tolerance(volume: Volu
 
 
 def box(first: int, end: int) -> Volume:
-    """A cube between two planes of voxels, along each axis."""
+    """Return a cube between two planes of voxels, along each axis."""
     values = np.zeros((64, 64, 64), np.uint8)
     values[first:end, first:end, first:end] = 255
     return make_volume(values, np.eye(4), "box")
 
 
 def blocks(width: int) -> Volume:
-    """Noise of so many voxels a side, as a mask is that was made larger."""
+    """Return noise of blocks of voxels, as in an enlarged mask."""
     values = np.random.default_rng(0).integers(0, 256, (48 // width,) * 3, dtype=np.uint8)
     for axis in range(3):
         values = values.repeat(width, axis)
@@ -230,7 +230,7 @@ RAMP = transfer_of((0, (0.0, 0.2, 1.0), 0.0), (255, (1.0, 1.0, 1.0), 0.7))
     [box(16, 48), box(17, 49), box(18, 46), blocks(1), blocks(4)],
     ids=["on bricks", "beside bricks", "on nodes", "noise", "noise of 4 voxels"],
 )
-def test_what_ends_where_nodes_end_is_as_right_as_elsewhere(volume: Volume) -> None:
+def test_edges_at_node_borders_are_drawn_within_the_tolerance(volume: Volume) -> None:
     """No node has an error there, and coarse cells would blur it all the same; the transfer function is linear, so that
     nothing shows between voxels either. Seen: 0.02 to 0.06 of the tolerance, and 0.00004 at 0."""
     bricks, view = bricks_of(volume, RAMP), view_of(volume, "perspective")
@@ -242,7 +242,7 @@ def test_what_ends_where_nodes_end_is_as_right_as_elsewhere(volume: Volume) -> N
 
 
 def picture(bricks: Bricks, view: View, tolerance: float) -> Float64:
-    """All pixels of it."""
+    """Draw all pixels of a cut."""
     batch = make_brick_batch(cut_bricks(bricks, tolerance), bricks, tolerance=tolerance, shading=None, voxel_px=1.0)
     batch = replace(batch, screen_sampling=EXACTLY)
     return rasterize_bricks_reference(batch, visible_bricks(batch, view), view)

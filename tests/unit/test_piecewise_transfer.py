@@ -14,14 +14,14 @@ from renderer.volume import Float64, make_volume
 
 
 def random_transfer(rng: np.random.Generator, low: float, high: float, num: int = 9) -> TransferFunction:
-    """Some of its points are steps."""
+    """Return a function with some steps."""
     values = np.sort(low * (shares := rng.random(num)) + high * (1 - shares))
     values[2::4] = values[1::4][: len(values[2::4])]
     return TransferFunction(values, rng.random((num, 3)), rng.random(num) * 3, 1.0)
 
 
 def classified(bricks: Bricks, u: Float64) -> Float64:
-    """[n, 4], (r, g, b, extinction) of texels."""
+    """Return (r, g, b, extinction) of texels, [n, 4]."""
     channels = _classified(batch_of(level_cut(bricks, 0), bricks), u[:, None].astype(np.float64))
     tau = channels[:, 3:]
     colors = np.divide(channels[:, :3], tau, out=np.zeros((len(u), 3)), where=tau > 0)
@@ -29,7 +29,7 @@ def classified(bricks: Bricks, u: Float64) -> Float64:
 
 
 def test_texels_are_classified_as_voxels_are() -> None:
-    """On steps, too, and of all types: what a voxel has, its texel has."""
+    """A texel has the channels of its voxel, on steps, too, and for all types."""
     for case, values in enumerate(random_ranges(40)):
         rng = np.random.default_rng(case)
         low, high = float(values.min()) / 2, float(values.max()) / 2
@@ -53,19 +53,19 @@ def test_texels_are_classified_as_voxels_are() -> None:
 
 
 def steepest(pieces: PiecewiseTransfer) -> float:
-    """What a unit of u changes, at most, in pieces that are wider than the rounding of texels."""
+    """Return the largest change per unit of u in segments that are wider than the rounding of texels."""
     wide = np.diff(pieces.rows[:, 0][:-1], prepend=-1.0) > 1e-5
     return float(np.abs(pieces.rows[:-1, 6:][wide]).max(initial=0.0))
 
 
 def at(pieces: PiecewiseTransfer, u: Float64) -> Float64:
-    """Extinctions."""
+    """Return the extinctions at u."""
     k = np.searchsorted(pieces.rows[:, 0], u.astype(np.float32), side="right")
     return np.asarray(pieces.rows[k, 5] + (u - pieces.rows[k, 1]) * pieces.rows[k, 9].astype(np.float64))
 
 
-def test_the_guide_never_leads_too_far() -> None:
-    """And, from 0 on, no further away than its part of the range has pieces."""
+def test_the_guide_starts_at_or_before_the_segment() -> None:
+    """From 0 on, it starts no further away than its part of the range has segments."""
     for seed in range(20):
         rng = np.random.default_rng(seed)
         pieces = make_piecewise_transfer(random_transfer(rng, -3.0, 5.0, 40).curve(), 0.0, 2.0)
@@ -81,8 +81,8 @@ def test_the_guide_never_leads_too_far() -> None:
 
 
 @pytest.mark.parametrize("last", [1e-322, 1e-300, 1.0, 1e300])
-def test_pieces_are_finite(last: float) -> None:
-    """Over scalars too small for their inverse, or too large for their difference."""
+def test_segments_are_finite(last: float) -> None:
+    """This holds over scalars too small for their inverse, or too large for their difference."""
     values = np.array([-last, -last / 2, 0.0, 0.0, last / 3, last])
     transfer = TransferFunction(values, np.ones((6, 3)), np.array([0, 1.0, 2, 0, 3, 0]), 1.0)
     pieces = make_piecewise_transfer(transfer.curve(), -last, last)
