@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from renderer.bricks import BrickLevel, Bricks
 from renderer.frame.stage import Stage
-from renderer.pyramid import Level, Pyramid
+from renderer.pyramid import FinestCut, Level, Pyramid
 from renderer.scene import spec_types
 from renderer.transfer import Classifier, PiecewiseTransfer, TransferFunction, TransferTable, VoxelLighting
 from renderer.view import OrderBlending
@@ -36,8 +36,8 @@ _LENGTH = struct.Struct("<Q")
 # Every type in a stage, by name. A scene is rebuilt field by field, not parsed from plain data: the schedule of a
 # resolved goal need not be one that a user may write.
 _STAGE_TYPES = (
-    Stage, Volume, MappedFile, Pyramid, Level, Classifier, TransferTable, VoxelLighting, OrderBlending, Bricks,
-    BrickLevel, PiecewiseTransfer, TransferFunction,
+    Stage, Volume, MappedFile, Pyramid, FinestCut, Level, Classifier, TransferTable, VoxelLighting, OrderBlending,
+    Bricks, BrickLevel, PiecewiseTransfer, TransferFunction,
 )  # fmt: skip
 _TYPES_BY_NAME: dict[str, type[Any]] = {kind.__name__: kind for kind in (*_STAGE_TYPES, *spec_types())}
 

@@ -13,49 +13,28 @@ import numpy.typing as npt
 import pytest
 from extremes import Extreme, Section
 
-from renderer.pyramid import Pyramid, build_pyramid, root_error
+from renderer.pyramid import Pyramid, build_pyramid
 from renderer.scene import ErrorSpec, PyramidSpec
-from renderer.transfer import TransferFunction, classify_voxel, make_classifier, raw_voxels
+from renderer.transfer import TransferFunction
 from renderer.volume import Volume, make_volume
 
 Array = npt.NDArray[Any]
-Float64 = npt.NDArray[np.float64]
 Random = np.random.Generator
 
 SINGLE, HALF = PyramidSpec(precision="single"), PyramidSpec(precision="half")
-OF_OPACITY = PyramidSpec(precision="single", average="opacity")
-SCALAR, RMS, OPTICAL = ErrorSpec(measure="rms", of="scalar"), ErrorSpec(measure="rms"), ErrorSpec()
+SCALAR, OPTICAL = ErrorSpec(measure="rms", of="scalar"), ErrorSpec()
 
 # The smallest number of float64; every number of float64 is a multiple of it.
 LAST_PLACE = 2**1074
 
-# float32 rounds to u; a chain of merges adds a few of them, whatever the values are.
-U = 2.0**-24
-
-# Relative errors in float32 are asked for from this share of the largest channel on.
-MIN_WEIGHT = 0.1
-
 # One voxel, two, three; 2^k, 2^k + 1 and primes, alone and together.
 SHAPES = [
-    (1, 1, 2),
-    (2, 1, 1),
-    (1, 3, 1),
-    (3, 5, 9),
-    (2, 2, 2),
-    (7, 11, 5),
-    (1, 1, 33),
-    (17, 1, 2),
-    (9, 9, 9),
-    (8, 8, 8),
-]
-
-SHEARED = np.array([[0.5, 0.2, -0.1, 10.0], [0.1, -0.9, 0.3, -20.0], [0.0, 0.4, 2.0, 30.0], [0.0, 0.0, 0.0, 1.0]])
+    (1, 1, 2), (2, 1, 1), (1, 3, 1), (3, 5, 9), (2, 2, 2), (7, 11, 5), (1, 1, 33), (17, 1, 2), (9, 9, 9), (8, 8, 8),
+]  # fmt: skip
 
 
-def volume(values: Array, world_from_index: Float64 | None = None) -> Volume:
-    return make_volume(
-        np.ascontiguousarray(values), np.eye(4) if world_from_index is None else world_from_index, "extreme"
-    )
+def volume(values: Array) -> Volume:
+    return make_volume(np.ascontiguousarray(values), np.eye(4), "extreme")
 
 
 def constant_opacity() -> TransferFunction:
@@ -98,23 +77,14 @@ def cells(pyramid: Pyramid, level: int) -> list[tuple[int, int, int]]:
     )
 
 
-def worst_of_nodes(pyramid: Pyramid, channels: Array, *, least: float = 0.0) -> float:
-    """Return the largest relative error of any node; channels: [z, y, x, c] of voxels that are all visible.
-
-    least: nodes whose error is less are left out.
-    """
-    assert pyramid.measure == "rms"
-    exact = integers(channels)
-    worst = 0.0
+def worst_of_nodes(pyramid: Pyramid) -> float:
+    """Return the largest relative error of any node; all voxels are visible."""
+    exact, worst = integers(pyramid.volume.values), 0.0
     for number, level in enumerate(pyramid.levels, start=1):
-        side = 1 << number
-        count = sums(np.ones(exact.shape[:3], object), side)
-        first, second = sums(exact, side), sums(exact * exact, side)
-        numerators = (count[..., None] * second - first * first).sum(axis=-1)  # of n^2 times the variance
+        count, first, second = (sums(of, 1 << number) for of in (np.ones(exact.shape, object), exact, exact * exact))
+        numerators = count * second - first * first  # of n^2 times the variance
         for (x, y, z), error in zip(cells(pyramid, number), level.errors, strict=True):
             stored = float(error) * pyramid.error_unit
-            if stored < least:
-                continue
             worst = max(worst, relative_error(stored, int(numerators[z, y, x]), int(count[z, y, x]) ** 2))
     return worst
 
@@ -127,7 +97,7 @@ def of_scalars(make: Callable[[Random, tuple[int, ...]], Array], spec: PyramidSp
         for case in range(num_cases):
             of = volume(make(np.random.default_rng(case), SHAPES[case % len(SHAPES)]))
             pyramid = build_pyramid(of, constant_opacity(), spec=spec, error=SCALAR, num_threads=1)
-            worst = max(worst, worst_of_nodes(pyramid, of.values[..., None]))
+            worst = max(worst, worst_of_nodes(pyramid))
         return worst
 
     return measure
@@ -153,55 +123,11 @@ def with_outlier(dtype: Any, outlier: float) -> Callable[[Random, tuple[int, ...
     return make
 
 
-def voxel_channels(of: Volume, transfer: TransferFunction, *, opacity: bool) -> Array:
-    """Return the channels of each voxel, float32 [z, y, x, 4]."""
-    classifier, raw = make_classifier(of, transfer, None, opacity=opacity), raw_voxels(of)
-    channels = np.empty((*of.values.shape, 4), np.float32)
-    for z, y, x in np.ndindex(*of.values.shape):
-        channels[z, y, x] = classify_voxel(raw, *classifier[:5], z, y, x)
-    return channels
-
-
 def ramp(low: float, high: float, extinctions: Sequence[float]) -> TransferFunction:
     """Return a linear function over [low, high], with changing colours."""
     num = len(extinctions)
     colors = np.random.default_rng(num).random((num, 3))
     return TransferFunction(np.linspace(low, high, num), colors, np.array(extinctions, float), 1.0)
-
-
-def of_classified(
-    extinctions: Sequence[float], dtype: Any, spec: PyramidSpec, worst_of: Callable[[Pyramid, Array], float]
-) -> Callable[[int], float]:
-    """Return the measure of noise that is classified by a ramp of extinctions."""
-
-    def measure(num_cases: int) -> float:
-        worst, transfer = 0.0, ramp(0.0, 200.0, extinctions)
-        for case in range(num_cases):
-            of = volume(uniform(dtype, 1, 199)(np.random.default_rng(case), SHAPES[case % len(SHAPES)]))
-            pyramid = build_pyramid(of, transfer, spec=spec, error=RMS, num_threads=1)
-            worst = max(worst, worst_of(pyramid, voxel_channels(of, transfer, opacity=True)))
-        return worst
-
-    return measure
-
-
-def worst_of_varied(pyramid: Pyramid, channels: Array) -> float:
-    """Return the largest relative error of nodes in which the channels differ."""
-    return worst_of_nodes(pyramid, channels, least=MIN_WEIGHT * float(channels.max()))
-
-
-def optical_root(num_cases: int) -> float:
-    """Return the worst error of a whole volume as one cell, in units of its side over the finest spacing."""
-    worst, transfer = 0.0, ramp(0.0, 200.0, [0.01, 3.0, 0.2, 1.0])
-    finest = float(np.linalg.norm(SHEARED[:3, :3], axis=0).min())
-    for case in range(num_cases):
-        of = volume(uniform(np.float32, 1, 199)(np.random.default_rng(case), SHAPES[case % len(SHAPES)]), SHEARED)
-        pyramid = build_pyramid(of, transfer, spec=SINGLE, error=OPTICAL, num_threads=1)
-        exact, num = integers(voxel_channels(of, transfer, opacity=False)).reshape(-1, 4), of.values.size
-        numerator = int((num * (exact * exact).sum(axis=0) - exact.sum(axis=0) ** 2).sum())
-        side = np.cbrt(num * abs(np.linalg.det(SHEARED[:3, :3]))) / finest
-        worst = max(worst, relative_error(root_error(pyramid) / float(side), numerator, num**2))
-    return worst
 
 
 def equal_voxels(num_cases: int) -> float:
@@ -223,7 +149,6 @@ LARGEST_32, LARGEST_64 = float(np.finfo(np.float32).max), float(np.finfo(np.floa
 FROM_DIFFERENCES = "differences of neighbours are squared, never values; in float64"
 SHIFTED = FROM_DIFFERENCES + ", after a shift that rounds nothing"
 SCALED = FROM_DIFFERENCES + ", after a power of two that brings the range to 1"
-OF_CHANNELS = "the same in float32; exact reference: of the four float32 channels of each voxel"
 
 node = partial(Extreme, quantity=RELATIVE, bound=1e-6)
 
@@ -257,30 +182,7 @@ SECTION = Section(
             of_scalars(uniform(np.float32, 0, 255), HALF),
         ),
         Extreme("a million equal voxels", "no difference, no error", "largest error of a node", 0.0, equal_voxels),
-        node(
-            "classified noise, 8 bits, nodes cut by the border",
-            OF_CHANNELS,
-            measure=of_classified([0.01, 3.0, 0.2, 1.0], np.uint8, SINGLE, worst_of_varied),
-        ),
-        node(
-            "classified noise, float64",
-            OF_CHANNELS,
-            measure=of_classified([0.01, 3.0, 0.2, 1.0], np.float64, SINGLE, worst_of_varied),
-        ),
-        node(
-            "the same where opacities are averaged",
-            OF_CHANNELS,
-            measure=of_classified([0.01, 3.0, 0.2, 1.0], np.float64, OF_OPACITY, worst_of_varied),
-        ),
-        node(
-            "the same, faint: opacities of 1e-12",
-            OF_CHANNELS,
-            measure=of_classified([1e-14, 1e-12], np.float64, SINGLE, worst_of_varied),
-        ),
-        node("the same, `optical`, of a sheared volume as one cell", OF_CHANNELS, measure=optical_root),
     ),
-    "Errors of classified values are relative where the error is a tenth of the largest channel or more. The means of"
-    " all nodes are rounded to float32, 6e-8 of the values, and smaller errors are as exact as that.",
 )
 
 

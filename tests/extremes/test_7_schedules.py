@@ -9,11 +9,8 @@ import mpmath
 import numpy as np
 import pytest
 from extremes import Extreme, Section
-from splatting import volume_of
 
-from renderer.pyramid import build_pyramid, cut_pyramid
-from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, TransferSpec, tolerance_at
-from renderer.transfer import make_transfer_function
+from renderer.scene import ErrorSpec, tolerance_at
 
 Keys = tuple[tuple[int, float], ...]
 
@@ -86,26 +83,6 @@ def off_key(num_cases: int) -> float:
     return float(wrong)
 
 
-def cells_missing(tolerance: float, expect_root: bool) -> Callable[[int], float]:
-    """Measure by how many cells a cut differs from every visible voxel, or from the root."""
-
-    def measure(num_cases: int) -> float:
-        rng, worst = np.random.default_rng(10), 0
-        points = ControlPoint(0.0, (0.1, 0.2, 0.9), 0.0), ControlPoint(255.0, (1.0, 0.3, 0.1), 0.4)
-        for _ in range(num_cases):
-            values = rng.permutation(np.arange(40, 256, dtype=np.uint8)).reshape(6, 6, 6)  # no two alike
-            volume = volume_of(values[tuple(slice(num) for num in rng.integers(2, 7, 3))])
-            transfer = make_transfer_function(TransferSpec(points, 1.0), 1.0)
-            for measure in ("optical", "rms"):
-                error = ErrorSpec(((0, tolerance),), measure=measure)  # type: ignore[arg-type]
-                pyramid = build_pyramid(volume, transfer, spec=PyramidSpec(), error=error, num_threads=1)
-                expected = 1 if expect_root else volume.values.size
-                worst = max(worst, abs(len(cut_pyramid(pyramid, tolerance)) - expected))
-        return float(worst)
-
-    return measure
-
-
 LOGARITHM = "exp of the shared rise of the logarithm, half of it at a time"
 STRICT = "a node is drawn when its error is below the tolerance, compared in float64"
 
@@ -119,9 +96,6 @@ SECTION = Section(
         ),
         Extreme("a million frames, any keys", "monotone step by step", "frames that turn back", 0, turning_back),
         Extreme("at keys, before the first, after the last", "not computed", "frames off by a bit", 0, off_key),
-        Extreme("tolerance 0", STRICT, "voxels missing", 0, cells_missing(0.0, expect_root=False)),
-        Extreme("tolerance 1e-300", STRICT, "voxels missing", 0, cells_missing(1e-300, expect_root=False)),
-        Extreme("tolerance 1e300", STRICT, "cells besides the root", 0, cells_missing(1e300, expect_root=True)),
     ),
 )
 

@@ -59,8 +59,8 @@ def hills(*points: tuple[float, float]) -> TransferFunction:
 SOFT = hills((0, 0), (100, 0), (200, 1.5), (250, 0.1))
 
 
-def soft(shape: Shape, seed: int = 0) -> Volume:
-    return make_volume((patches(shape, seed) * 250).astype(np.uint8), OBLIQUE, "soft")
+def soft(shape: Shape, dtype: str = "uint8") -> Volume:
+    return make_volume((patches(shape, 0) * 250).astype(dtype), OBLIQUE, "soft")
 
 
 @pytest.mark.parametrize("dtype", TYPES)
@@ -125,11 +125,12 @@ def test_visible_bounds_of_nodes_reach_to_the_next_centres(shape: Shape) -> None
             np.testing.assert_array_equal(level.visible_bounds[z, y, x], box_of(nodes_shown(cells), (x, y, z), extent))
 
 
+@pytest.mark.parametrize("dtype", ["uint8", "float32", "int64"])
 @pytest.mark.parametrize("shape", SHAPES, ids=str)
-def test_errors_and_step_errors_equal_the_dense_reference(shape: Shape) -> None:
+def test_errors_and_step_errors_equal_the_dense_reference(shape: Shape, dtype: str) -> None:
     """The largest of its nodes and its halo's, of what shows between its voxels, and of their differences; and the
     root mean square, over its volume, of nodes twice as large and of what shows between voxels, or of differences."""
-    volume = soft(shape)
+    volume = soft(shape, dtype)
     depths = depths_of(volume, SOFT)
     between, widths, jumps = between_scalars(
         *ranges_of_dual_cells(volume), SOFT.values, channels_of(SOFT, volume.finest_spacing)
