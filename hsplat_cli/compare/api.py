@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from hsplat_cli.compare.file_pairs import open_pairs
 from hsplat_cli.compare.gallery import Gallery
 from hsplat_cli.compare.golden.provenance import PROVENANCE_FILE
-from hsplat_cli.compare.outcome import Comparison, compare_pair
-from hsplat_cli.compare.pair import Pairs
+from hsplat_cli.compare.outcome import Comparison, Pairs, compare_pair
 from hsplat_cli.compare.report_files import ReportFiles
 from hsplat_cli.compare.rules import Rules, load_rules
 from hsplat_cli.compare.scene_pairs import SceneOptions, open_scene_pairs
@@ -42,7 +41,7 @@ def compare_frames(
     Raises HsplatError if they cannot be compared.
     """
     reports.require_names((golden, actual, golden / PROVENANCE_FILE, actual / PROVENANCE_FILE))
-    with _failure_reported(reports, golden, actual):
+    try:
         reports.prepare()
         draws = _is_scene(golden)
         if not draws and _is_scene(actual):
@@ -56,22 +55,15 @@ def compare_frames(
             raise InputError("has no use unless a scene is drawn", where=drawing.given[0], got=f"{golden} and {actual}")
         with open_pairs(golden, actual) as pairs:
             return _compare(pairs, rules, reports, reporter, (str(golden), str(actual)))
-
-
-def _is_scene(path: Path) -> bool:
-    return path.suffix.lower() in _SCENE_SUFFIXES and not os.path.isdir(path)
-
-
-@contextlib.contextmanager
-def _failure_reported(reports: ReportFiles, golden: Path, actual: Path) -> Iterator[None]:
-    """Write an exception of the block to the reports, too."""
-    try:
-        yield
     except Exception as error:
         why = str(error) if isinstance(error, HsplatError) else f"{type(error).__name__}: {error}"
         with contextlib.suppress(HsplatError):  # a report that cannot be written must not hide the reason
             reports.write_failure(str(golden), str(actual), why)
         raise
+
+
+def _is_scene(path: Path) -> bool:
+    return path.suffix.lower() in _SCENE_SUFFIXES and not os.path.isdir(path)
 
 
 def _compare(

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from hsplat_cli.compare.figure_format import printable
 from hsplat_cli.compare.film_decoder import count_film_frames, decode_film
-from hsplat_cli.compare.pair import Pair, Pairs
+from hsplat_cli.compare.outcome import Pair, Pairs
 from hsplat_cli.compare.picture_file import decode_picture, file_content, is_picture, read_picture
 from hsplat_cli.terminal import counted, first_few
 from renderer.errors import InputError

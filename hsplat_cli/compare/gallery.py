@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from hsplat_cli.compare.outcome import Outcome
-from hsplat_cli.compare.pair import Pair
+from hsplat_cli.compare.outcome import Outcome, Pair
 from renderer.film import Pixels
 from renderer.study import FrameDifference
 

@@ -1,11 +1,11 @@
-"""Compare pairs of frames with their limits."""
+"""Pairs of frames, and the outcome of comparing them with their limits."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
@@ -13,14 +13,40 @@ from typing import Literal
 import numpy as np
 
 from hsplat_cli.compare.figure_format import figure_text
-from hsplat_cli.compare.pair import Pair
 from renderer.errors import InputError
+from renderer.film import Pixels
 from renderer.study import COMPARISON_METRICS, FrameDifference, Limits, exceeded_limits, severity
 
 # `same`: equal pixels. `close`: within the limits. All others fail.
 Status = Literal["same", "close", "different", "missing", "extra", "other size", "other channels"]
 _PASSES = ("same", "close")
 _KINDS = {3: "RGB", 4: "RGBA"}
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A golden frame and the actual one: uint8 [h, w, 3 or 4], straight alpha; None for a side without this frame.
+
+    name: of the file, or `frame 12` of a film. is_golden_missing: the golden is absent although it is recorded.
+    """
+
+    name: str
+    golden: Pixels | None
+    actual: Pixels | None
+    is_golden_missing: bool = False
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """All pairs of a comparison, read one at a time, in the order of `names`.
+
+    Iterating over `pairs` raises InputError if a frame cannot be read. notes, facts: as in Comparison.
+    """
+
+    names: Sequence[str]
+    pairs: Iterator[Pair]
+    notes: Sequence[str] = ()
+    facts: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ converted. Interlaced pictures are supported.
 
 from __future__ import annotations
 
-import stat
+import os
 import struct
 import zlib
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.film import Pixels, join_png_chunks, png_chunks
-from renderer.scene import nearest_file_hint, read_bounded
+from renderer.scene import read_bounded
 
 # The header's size is checked before memory is allocated. 8192 x 4096 pixels with alpha take 2 GB to compare.
 MAX_PIXELS = 2**25
@@ -68,18 +68,11 @@ def file_content(path: Path) -> bytes:
 
 
 def require_file(path: Path, expected: str) -> None:
-    """Raise InputError unless the path is a regular file: opening a pipe would block."""
-    try:
-        mode = path.stat().st_mode
-    except FileNotFoundError as error:
-        if path.is_symlink():
-            raise InputError("a broken link", where=str(path), got=str(path.readlink())) from error
-        raise InputError("no such file", where=str(path), hint=nearest_file_hint(path)) from error
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else None
-        raise InputError(f"cannot be read: {reason or error}", where=str(path)) from error
-    if not stat.S_ISREG(mode):
-        got = "a folder" if stat.S_ISDIR(mode) else "a special file"
+    """Raise InputError for a broken link, and for what is no regular file: opening a pipe would block."""
+    if os.path.islink(path) and not os.path.exists(path):
+        raise InputError("a broken link", where=str(path), got=str(path.readlink()))
+    if os.path.exists(path) and not os.path.isfile(path):
+        got = "a folder" if os.path.isdir(path) else "a special file"
         raise InputError("not a file", where=str(path), got=got, expected=expected)
 
 

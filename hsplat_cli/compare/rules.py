@@ -196,9 +196,9 @@ def _parse_override(text: str, option_name: str, problems: list[Problem]) -> dic
 
 def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
     path = folder / LIMITS_FILE
-    for name in _names_in(folder):
-        if name.lower() in (LIMITS_FILE, _MISSPELLED_FILE) and name != LIMITS_FILE:
-            raise InputError("not read under this name", where=str(folder / name), hint=f"call it {LIMITS_FILE}")
+    for other in sorted(folder.glob("*")):
+        if other.name.lower() in (LIMITS_FILE, _MISSPELLED_FILE) and other.name != LIMITS_FILE:
+            raise InputError("not read under this name", where=str(other), hint=f"call it {LIMITS_FILE}")
     if not os.path.lexists(path):
         return Rules()
     require_file(path, "a file of limits")
@@ -223,11 +223,4 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
         file=path,
         places={name: format_location(path, tree.locations[join_keys("frames", name)].key) for name in frames},
     )
-
-
-def _names_in(folder: Path) -> list[str]:
-    try:
-        return sorted(os.listdir(folder))
-    except OSError:  # reported when the frames are read
-        return []
 

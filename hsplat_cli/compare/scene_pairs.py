@@ -18,7 +18,7 @@ from hsplat_cli.compare.golden.provenance import (
     read_provenance,
 )
 from hsplat_cli.compare.golden.render import load_reproducible_job, rendered_frames
-from hsplat_cli.compare.pair import Pair, Pairs
+from hsplat_cli.compare.outcome import Pair, Pairs
 from hsplat_cli.compare.picture_file import is_picture, read_picture
 from hsplat_cli.compare.rules import Rules
 from hsplat_cli.executors import ExecutorSpec
@@ -73,7 +73,7 @@ def open_scene_pairs(
     reporter.announce_compilation()
     with rendered_frames(job, numbers, ExecutorSpec(options.workers), reporter) as rendered:
         before, now = provenance.origin, rendered.origin
-        notes = [*_notes(before, now), *_file_notes(folder, goldens, unlisted), *rendered.notes]
+        notes = [*_origin_notes(before, now), *_file_notes(folder, goldens, unlisted), *rendered.notes]
         yield Pairs(names, _read_pairs(folder, goldens, rendered.files), notes, _facts(before, now))
 
 
@@ -135,10 +135,10 @@ def _select_goldens(goldens: Sequence[Golden], frames: str | None, job: Job, fol
     return picked
 
 
-def _notes(provenance: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
-    if provenance["volume"]["fingerprint"] != now["volume"]["fingerprint"]:
-        yield f"another volume: {_volume(now)}; the goldens show {_volume(provenance)}"
-    scene = describe_changes(provenance, now, "scene")
+def _origin_notes(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
+    if before["volume"]["fingerprint"] != now["volume"]["fingerprint"]:
+        yield f"another volume: {_volume(now)}; the goldens show {_volume(before)}"
+    scene = describe_changes(before, now, "scene")
     if scene:
         yield f"the scene has changed since the goldens were rendered: {scene}"
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from hsplat_cli.compare.figure_format import figure_text, limit_text, limits_text, share_text, signed_text, value_text
-from hsplat_cli.compare.outcome import Comparison, Outcome, compare_pair
-from hsplat_cli.compare.pair import Pair
+from hsplat_cli.compare.outcome import Comparison, Outcome, Pair, compare_pair
 from renderer.film import Pixels
 from renderer.study import STRICTNESS_LEVELS
 

@@ -18,8 +18,7 @@ from hsplat_cli.compare import comparison_html as page_module
 from hsplat_cli.compare.comparison_html import comparison_page
 from hsplat_cli.compare.error_plot import plot_errors
 from hsplat_cli.compare.gallery import CROP_PX, NUM_PASSING_SHOWN, PICTURE_PX, Gallery, GalleryFrame
-from hsplat_cli.compare.outcome import Comparison, Outcome, Status
-from hsplat_cli.compare.pair import Pair
+from hsplat_cli.compare.outcome import Comparison, Outcome, Pair, Status
 from renderer.film import Pixels
 
 EVIL = "</script><b onclick='x'>\"&{{ 7 * 7 }}"

@@ -63,23 +63,18 @@ def rendered_frames(
     # Imported here: comparing files needs neither numba nor GL.
     from hsplat_cli.films import render_film
 
-    with _temporary_folder() as folder:
-        output = replace(job.scene.output, file=folder / _TEMPLATE)
-        job = replace(job, scene=replace(job.scene, output=output), frames=frames)
-        film = render_film(job, executor, reporter, is_auxiliary=True)
-        assert film.shortfall is None, "a reproducible job has no goal to miss"
-        files = {frame: folder / _TEMPLATE.name.format(frame=frame) for frame in frames}
-        yield RenderedFrames(files, origin_from_sidecar(film.record), film.notes)
-
-
-@contextlib.contextmanager
-def _temporary_folder() -> Iterator[Path]:
     try:
-        folder = tempfile.TemporaryDirectory(prefix="hsplat-golden-")
+        temporary_folder = tempfile.TemporaryDirectory(prefix="hsplat-golden-")
     except OSError as error:
         hint = "set the environment variable TMPDIR to another folder"
         raise RenderError(
             "cannot create a temporary folder for frames", got=error.strerror or str(error), hint=hint
         ) from error
-    with folder as name:
-        yield Path(name)
+    with temporary_folder as folder:
+        template = Path(folder) / _TEMPLATE
+        output = replace(job.scene.output, file=template)
+        job = replace(job, scene=replace(job.scene, output=output), frames=frames)
+        film = render_film(job, executor, reporter, is_auxiliary=True)
+        assert film.shortfall is None, "a reproducible job has no goal to miss"
+        files = {frame: template.with_name(template.name.format(frame=frame)) for frame in frames}
+        yield RenderedFrames(files, origin_from_sidecar(film.record), film.notes)

@@ -17,7 +17,6 @@ import click
 from hsplat_cli.compare.golden.provenance import (
     PROVENANCE_FILE,
     Golden,
-    Provenance,
     golden_file_name,
     provenance_bytes,
     read_provenance,
@@ -65,9 +64,11 @@ def update_goldens(
                 got=counted(len(provenance.goldens), "frame"),
                 hint="--update shows what has changed and overwrites them; `hsplat compare SCENE FOLDER` compares",
             )
-        frames = golden_options.frames or _default_frames(provenance, job.frames)
-        names = _names(frames, provenance, job.scene.camera.path.frames)
-        _require_free(folder, names.values(), provenance)
+        listed = {golden.frame: golden.file for golden in provenance.goldens} if provenance else {}
+        frames = golden_options.frames or [frame for frame in job.frames if frame in listed] or job.frames
+        num_frames = job.scene.camera.path.frames
+        names = {frame: listed.get(frame) or golden_file_name(frame, num_frames) for frame in frames}
+        _require_free(folder, [name for name in names.values() if name not in listed.values()])
         with rendered_frames(job, frames, executor, reporter) as rendered:
             plan = plan_update(
                 folder, provenance, names, rendered, date=golden_options.date, prune=golden_options.prune
@@ -120,22 +121,9 @@ def _apply(plan: GoldenUpdate, folder: Path) -> None:
                 (folder / golden.file).unlink(missing_ok=True)
 
 
-def _default_frames(provenance: Provenance | None, drawable: Sequence[int]) -> Sequence[int]:
-    """Return the golden frames that the scene still has, or all its frames if none is golden."""
-    golden = frozenset() if provenance is None else frozenset(each.frame for each in provenance.goldens)
-    return [frame for frame in drawable if frame in golden] or drawable
-
-
-def _names(frames: Sequence[int], provenance: Provenance | None, num_frames: int) -> dict[int, str]:
-    """Return the file name of each frame; an existing golden keeps its name."""
-    listed = {} if provenance is None else {golden.frame: golden.file for golden in provenance.goldens}
-    return {frame: listed.get(frame) or golden_file_name(frame, num_frames) for frame in frames}
-
-
-def _require_free(folder: Path, names: Iterable[str], provenance: Provenance | None) -> None:
-    """Raise InputError if a golden would overwrite a file that is no golden."""
-    own = set() if provenance is None else {golden.file for golden in provenance.goldens}
-    foreign = [name for name in names if name not in own and os.path.lexists(folder / name)]
+def _require_free(folder: Path, new_names: Iterable[str]) -> None:
+    """Raise InputError if a new golden would overwrite a file."""
+    foreign = [name for name in new_names if os.path.lexists(folder / name)]
     if foreign:
         raise InputError(
             f"a golden would overwrite a file that {PROVENANCE_FILE} does not list",
