@@ -1,14 +1,18 @@
-"""Volumes as bytes of the formats that are read, in either byte order, written without the libraries that read them."""
+"""Volumes as bytes of the formats that are read, in either byte order, written without SimpleITK."""
 
 from __future__ import annotations
 
-import struct
 from pathlib import Path
 from typing import Any
 
 import nibabel
 import numpy as np
 import numpy.typing as npt
+
+from renderer.readers import read_volume
+from renderer.scene import FileSource, VolumeSpec
+from renderer.volume import Volume
+from tests.support.tiff_files import tiff_bytes
 
 Array = npt.NDArray[Any]
 
@@ -19,7 +23,19 @@ _METAIMAGE_TYPES = {
     "int64": "LONG_LONG", "uint64": "ULONG_LONG", "float32": "FLOAT", "float64": "DOUBLE",
 }  # fmt: skip
 _NRRD_FLOATS = {"float32": "float", "float64": "double"}
-_TIFF_KINDS = {"u": 1, "i": 2, "f": 3}
+
+
+def ramp(dtype: str, shape: tuple[int, ...] = (3, 4, 5)) -> Array:
+    """Return values that differ, with both ends of an integer type's range among them."""
+    values = np.arange(np.prod(shape)).reshape(shape).astype(dtype)
+    if np.dtype(dtype).kind in "iu":
+        values.flat[0], values.flat[-1] = np.iinfo(dtype).min, np.iinfo(dtype).max
+    return values
+
+
+def read(path: Path, spacing: tuple[float, float, float] | None = None, **choice: Any) -> Volume:
+    """Read a file, perhaps with another spacing, a time step, a component or a crop."""
+    return read_volume(VolumeSpec(FileSource(path, spacing), **choice))
 
 
 def write_volume(path: Path, values: Array, order: str) -> None:
@@ -61,17 +77,4 @@ def _nifti(path: Path, stored: Array) -> None:
 
 
 def _tiff(path: Path, stored: Array) -> None:
-    """A page for each slice: the directories, then the pixels."""
-    order = ">" if _is_big(stored) else "<"
-    num_pages, height, width = stored.shape
-    page_bytes, directory_bytes = height * width * stored.dtype.itemsize, 2 + 8 * 12 + 4
-    tags = {256: width, 257: height, 258: 8 * stored.dtype.itemsize, 259: 1, 262: 1, 278: height, 279: page_bytes}
-    tags[339] = _TIFF_KINDS[stored.dtype.kind]
-    directories = b""
-    for page in range(num_pages):
-        fields = sorted({**tags, 273: 8 + num_pages * (directory_bytes + 12) + page * page_bytes}.items())
-        entries = b"".join(struct.pack(order + "HHII", tag, 4, 1, value) for tag, value in fields)
-        following = 8 + (page + 1) * (directory_bytes + 12) if page + 1 < num_pages else 0
-        directories += struct.pack(order + "H", len(fields)) + entries + struct.pack(order + "I", following)
-    mark = {"<": b"II", ">": b"MM"}[order] + struct.pack(order + "HI", 42, 8)
-    path.write_bytes(mark + directories + stored.tobytes())
+    path.write_bytes(tiff_bytes(stored, ">" if _is_big(stored) else "<"))

@@ -2,62 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-import SimpleITK as sitk  # noqa: N813
 
 from renderer.errors import InputError
-from renderer.readers import read_volume
-from renderer.scene import FileSource, VolumeSpec
-
-ROW = np.array([0.0, 0.8, 0.6])
-COLUMN = np.array([1.0, 0.0, 0.0])
-NORMAL = np.cross(ROW, COLUMN)
-
-
-def write_slice(
-    path: Path,
-    values: np.ndarray,
-    position: np.ndarray,
-    *,
-    uid: str = "1.2.3.4",
-    shape_name: str = "scan",
-) -> None:
-    """One CT slice of uint16 `values` [y, x], pixels 0.5 wide and 0.25 high."""
-    image = sitk.GetImageFromArray(values.astype(np.int16))
-    image.SetSpacing((0.5, 0.25))
-    for key, text in {
-        "0008|0008": "ORIGINAL\\PRIMARY\\AXIAL",
-        "0008|0060": "CT",
-        "0008|103e": shape_name,
-        "0020|000d": "1.2.3",
-        "0020|000e": uid,
-        "0020|0032": "\\".join(f"{value:.10g}" for value in position),
-        "0020|0037": "\\".join(f"{value:.10g}" for value in (*ROW, *COLUMN)),
-        "0028|1052": "-1000",
-        "0028|1053": "1",
-    }.items():
-        image.SetMetaData(key, text)
-    writer = sitk.ImageFileWriter()
-    writer.KeepOriginalImageUIDOn()
-    writer.SetFileName(str(path))
-    writer.Execute(image)
-
-
-def write_series(folder: Path, positions: list[np.ndarray], **options) -> np.ndarray:
-    """Slice k holds k at its first pixel; file names run backwards, so that they say nothing about the order."""
-    planes = np.zeros((len(positions), 6, 5))
-    planes[:, 0, 0] = np.arange(len(positions))
-    planes[:, 1, 2] = 100
-    for k, (plane, position) in enumerate(zip(planes, positions, strict=True)):
-        write_slice(folder / f"{99 - k}.dcm", plane, position, **options)
-    return planes
-
-
-def read(folder: Path, **choice):
-    return read_volume(VolumeSpec(FileSource(folder), **choice))
+from tests.support.dicom_files import COLUMN, NORMAL, ROW, write_series, write_slice
+from tests.support.volume_files import read
 
 
 def test_slices_lie_where_they_say(tmp_path):
@@ -121,7 +71,7 @@ def test_slices_of_another_size_are_refused(tmp_path):
 
 def test_several_series_are_listed(tmp_path):
     write_series(tmp_path, [k * NORMAL for k in range(3)])
-    write_slice(tmp_path / "scout.dcm", np.zeros((6, 5)), NORMAL, uid="1.2.3.5", shape_name="scout")
+    write_slice(tmp_path / "scout.dcm", np.zeros((6, 5)), NORMAL, uid="1.2.3.5", name="scout")
     with pytest.raises(InputError, match="this folder holds 2 DICOM series, and one is rendered") as error:
         read(tmp_path)
     assert error.value.got == '"scan", 3 files from 99.dcm; "scout", 1 file from scout.dcm'

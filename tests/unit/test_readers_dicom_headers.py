@@ -11,9 +11,8 @@ from click.testing import CliRunner
 
 from hsplat_cli.commands.info import info
 from renderer.errors import InputError
-from renderer.readers import read_volume
-from renderer.scene import FileSource, VolumeSpec
-from renderer.volume import Volume
+from tests.support.dicom_files import write_slice
+from tests.support.volume_files import read
 
 VALUES = np.arange(60).reshape(3, 4, 5) * 30 - 1000
 PIXEL_SPACING = b"\x28\x00\x30\x00\x06\x00\x00\x00.25\\.5"
@@ -21,34 +20,15 @@ OTHER_FIELD = b"\x28\x00\x31\x00\x06\x00\x00\x00.25\\.5"
 
 
 def write(folder: Path, intercept: int = 0) -> None:
-    """A CT slice in `k.dcm` for each of VALUES, 2 apart, pixels 0.5 wide and 0.25 high."""
+    """Write a slice in `k.dcm` for each of VALUES, 2 apart."""
     for k, plane in enumerate(VALUES):
-        image = sitk.GetImageFromArray(plane.astype(np.int16))
-        image.SetSpacing((0.5, 0.25))
-        for key, text in {
-            "0008|0060": "CT",
-            "0020|000d": "1.2.3",
-            "0020|000e": "1.2.3.4",
-            "0020|0032": f"0\\0\\{2 * k}",
-            "0020|0037": "1\\0\\0\\0\\1\\0",
-            "0028|1052": str(intercept),  # the writer subtracts it
-            "0028|1053": "1",
-        }.items():
-            image.SetMetaData(key, text)
-        writer = sitk.ImageFileWriter()
-        writer.KeepOriginalImageUIDOn()
-        writer.SetFileName(str(folder / f"{k}.dcm"))
-        writer.Execute(image)
+        write_slice(folder / f"{k}.dcm", plane, (0, 0, 2 * k), axes=(1, 0, 0, 0, 1, 0), intercept=intercept)
 
 
 def change(path: Path, old: bytes, new: bytes) -> None:
     data = path.read_bytes()
     assert data.count(old) == 1
     path.write_bytes(data.replace(old, new))
-
-
-def read(path: Path, spacing: tuple[float, float, float] | None = None) -> Volume:
-    return read_volume(VolumeSpec(FileSource(path, spacing)))
 
 
 @pytest.mark.parametrize("intercept", [0, 24, -1024])

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
 
-from tests.unit.test_readers_dicom import NORMAL, write_series
+from tests.support.dicom_files import NORMAL, write_series
 
 ROOT = Path(__file__).parents[2]
 VALUES = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)

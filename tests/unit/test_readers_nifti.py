@@ -10,21 +10,12 @@ import numpy as np
 import pytest
 
 from renderer.errors import InputError
-from renderer.readers import read_volume
-from renderer.scene import FileSource, VolumeSpec
+from tests.support.volume_files import ramp, read
 
 # Sheared, anisotropic and moved, in RAS.
 AFFINE = np.array([[2.0, 0.5, 0.0, -7.0], [0.0, 1.5, 0.25, 5.0], [0.0, 0.0, 3.0, 11.0], [0.0, 0.0, 0.0, 1.0]])
 LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
 DTYPES = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64")
-
-
-def ramp(dtype: str, shape: tuple[int, ...] = (5, 4, 3)) -> np.ndarray:
-    return np.arange(np.prod(shape)).reshape(shape).astype(dtype)
-
-
-def read(path, **choice):
-    return read_volume(VolumeSpec(FileSource(path), **choice))
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
@@ -125,7 +116,7 @@ def test_time_and_component(tmp_path, name):
 
 
 def test_colours_are_components(tmp_path):
-    values = np.zeros((5, 4, 3), [("R", "u1"), ("G", "u1"), ("B", "u1")])
+    values = np.zeros((3, 4, 5), [("R", "u1"), ("G", "u1"), ("B", "u1")])
     values["G"] = ramp("uint8")
     nib.Nifti1Image(values, AFFINE).to_filename(tmp_path / "a.nii")
     np.testing.assert_array_equal(read(tmp_path / "a.nii", component=1).values, ramp("uint8").T)

@@ -10,19 +10,10 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 
 from renderer.errors import InputError
-from renderer.readers import read_volume
-from renderer.scene import FileSource, VolumeSpec
 from tests.support.tiff_files import SHORT, tiff_bytes
+from tests.support.volume_files import ramp, read
 
 DTYPES = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float16", "float32", "float64")
-
-
-def ramp(dtype: str, shape: tuple[int, ...] = (3, 4, 5)) -> np.ndarray:
-    return np.arange(np.prod(shape)).reshape(shape).astype(dtype)
-
-
-def read(path: Path, spacing: tuple | None = None, **choice):
-    return read_volume(VolumeSpec(FileSource(path, spacing), **choice))
 
 
 def assert_sizes_cannot_be_compared(path: Path, got: str, expected: str) -> None:

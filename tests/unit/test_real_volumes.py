@@ -10,8 +10,9 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 
 from renderer.readers import read_volume
-from renderer.scene import FileSource, RawSource, VolumeSpec
+from renderer.scene import RawSource, VolumeSpec
 from renderer.volume import Volume
+from tests.support.volume_files import read
 
 pytestmark = pytest.mark.real_data
 
@@ -29,10 +30,6 @@ PUBLISHED = {
     "medical/t1_dicom_part": ({}, (274, 384, 40), (0.70, 0.667, 0.667), "int16", 0, 179),
     "medical/example4d.nii.gz": ({"time": 1}, (128, 96, 24), (2, 2, 2.2), "int16", 0, 1140),
 }
-
-
-def read(path, **choice) -> Volume:
-    return read_volume(VolumeSpec(FileSource(path), **choice))
 
 
 def corners(volume: Volume) -> list[tuple[int, int, int]]:
