@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Generic, TypeVar
 
@@ -134,39 +134,42 @@ class BrickCache(Generic[A]):
         Do nothing where there are not enough slots: then bricks are uploaded while they are drawn.
         """
         brick_view = self._prepare(batch, order, view)
-        keys = [(atlas, brick_view.keys[is_chosen]) for atlas, is_chosen in self._parts(brick_view)]
+        keys = [(atlas, brick_view.bricks["key"][is_chosen]) for atlas, is_chosen in self._parts(brick_view)]
         if any(len(of_atlas) > atlas.max_slots for atlas, of_atlas in keys):
             return False
         if not any(atlas.num_missing(of_atlas) for atlas, of_atlas in keys):
             return False
         self._means.begin(is_enabled=False)
-        self.upload_group(brick_view, slice(0, len(order)))
+        list(self.upload_groups(brick_view, len(order)))
         return True
 
     def begin_frame(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickView:
         """Return the bricks `batch[order]` as they are drawn, front to back."""
         brick_view = self._prepare(batch, order, view)
-        is_enough = int(np.count_nonzero(brick_view.is_mean)) <= self.atlases[1].max_slots
-        self._means.begin(is_enabled=not is_enough)
+        has_room = np.count_nonzero(brick_view.bricks["is_mean"]) <= self.atlases[1].max_slots
+        self._means.begin(is_enabled=not has_room)
         return brick_view
 
-    def upload_group(self, brick_view: BrickView, group: slice) -> list[tuple[A, Int64, Int64]]:
-        """Upload a group that ends at `end_of_group` or before.
+    def upload_groups(
+        self, brick_view: BrickView, max_bricks: int
+    ) -> Iterator[tuple[slice, list[tuple[A, Int64, Int64]]]]:
+        """Upload all bricks in groups of at most `max_bricks`, all of which have slots at once.
 
-        Return, for scalars and for means, the atlas, which bricks of the group it holds, int64 [n], and their slots.
+        Yield each group before the next one is uploaded, and for scalars and for means the atlas, the numbers of the
+        bricks in it, int64 [n], and their slots.
         """
-        uploaded = []
-        for atlas, is_chosen in self._parts(brick_view):
-            chosen = np.flatnonzero(is_chosen[group])
-            make_texels = partial(self._make_texels, brick_view, chosen + group.start)
-            uploaded.append((atlas, chosen, atlas.upload(brick_view.keys[group][chosen], make_texels)))
-        return uploaded
-
-    def end_of_group(self, brick_view: BrickView, start: int, max_bricks: int) -> int:
-        """Return where a group ends that begins at `start`: at most `max_bricks`, all of which have slots at once."""
-        part = slice(start, start + max_bricks)
-        fits = [np.cumsum(is_chosen[part]) <= atlas.max_slots for atlas, is_chosen in self._parts(brick_view)]
-        return start + int(np.count_nonzero(fits[0] & fits[1]))
+        start, parts = 0, self._parts(brick_view)
+        while start < len(brick_view.order):
+            part = slice(start, start + max_bricks)
+            fits = [np.cumsum(is_chosen[part]) <= atlas.max_slots for atlas, is_chosen in parts]
+            group = slice(start, start + int(np.count_nonzero(fits[0] & fits[1])))
+            uploaded = []
+            for atlas, is_chosen in parts:
+                numbers = np.flatnonzero(is_chosen[group]) + start
+                make_texels = partial(self._make_texels, brick_view, numbers)
+                uploaded.append((atlas, numbers, atlas.upload(brick_view.bricks["key"][numbers], make_texels)))
+            yield group, uploaded
+            start = group.stop
 
     def evict_bricks(self) -> None:
         """Free the memory of all bricks."""
@@ -191,7 +194,8 @@ class BrickCache(Generic[A]):
 
     def _parts(self, brick_view: BrickView) -> list[tuple[A, Bools]]:
         """Return the atlases of scalars and of means, and which bricks each holds."""
-        return list(zip(self.atlases, (~brick_view.is_mean, brick_view.is_mean), strict=True))
+        is_mean = brick_view.bricks["is_mean"]
+        return list(zip(self.atlases, (~is_mean, is_mean), strict=True))
 
     def _make_texels(self, brick_view: BrickView, numbers: Int64, missing: Int64) -> Float32:
         """Compute the texels of the bricks `numbers[missing]`, which belong in one atlas."""

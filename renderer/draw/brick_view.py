@@ -1,8 +1,8 @@
-"""The bricks of a frame as both brick rasterisers read them: one array for each quantity, front to back."""
+"""The bricks of a frame as both brick rasterisers read them: one record for each brick, front to back."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -10,58 +10,47 @@ import numpy.typing as npt
 from renderer.bricks import BRICK_SIZE, BrickBatch
 from renderer.view import View, screen_rectangles
 
-Float64 = npt.NDArray[np.float64]
+# Positions are in index space, relative to the volume's centre.
+BRICK = np.dtype(
+    [
+        ("key", "i8"),  # its number: level 0 is counted on its own, all other levels one after the other
+        ("is_mean", "?"),  # is above level 0
+        ("rectangle_px", "f8", 4),  # as `screen_rectangles` returns it
+        ("box_low", "f8", 3),  # the corners of its visible bounds
+        ("box_high", "f8", 3),
+        ("first_corner", "f8", 3),  # the lowest corner of its first cell
+        ("cells_per_voxel", "f8"),
+        ("step_cells", "f8"),
+        ("texel_offset", "i8"),  # where it begins in the atlas; CPU only
+    ],
+    align=True,
+)
 
 
-@dataclass(frozen=True)
-class BrickView:
-    """Some bricks of a batch in a view, front to back. Positions are in index space, relative to the volume's centre.
-
-    is_mean: bool [n], the bricks above level 0. keys: int64 [n], numbers of bricks: those of level 0 are counted on
-    their own, those of all other levels one level after the other. rectangles_px: float64 [n, 4], as
-    `screen_rectangles` returns them. bounds: float64 [n, 2, 3], visible bounds. corners: float64 [n, 3], the lowest
-    corner of each brick's first cell. cells_per_voxel: float64 [n]. steps: float64 [n], in cells.
-    """
+class BrickView(NamedTuple):
+    """The bricks `batch[order]` in a view, front to back. bricks: BRICK [n]."""
 
     batch: BrickBatch
     order: npt.NDArray[np.uint32]
     view: View
-    is_mean: npt.NDArray[np.bool_]
-    keys: npt.NDArray[np.int64]
-    rectangles_px: Float64
-    bounds: Float64
-    corners: Float64
-    cells_per_voxel: Float64
-    steps: Float64
+    bricks: npt.NDArray[np.void]
 
 
 def make_brick_view(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickView:
     """Return the bricks `batch[order]`, uint32 [n], in a view."""
     cut, centre = batch.cut, batch.cut.volume.centre_index
-    levels = cut.levels[order].astype(np.int64)
-    first_voxels = cut.cells[order].astype(np.int64) * BRICK_SIZE << levels[:, None]
-    return BrickView(
-        batch,
-        order,
-        view,
-        is_mean=levels > 0,
-        keys=_keys(batch, order),
-        rectangles_px=screen_rectangles(batch, order, view),
-        bounds=cut.visible_bounds[order] - centre,
-        corners=first_voxels - 0.5 - centre,
-        cells_per_voxel=np.ldexp(1.0, -levels),
-        steps=batch.steps[order],
-    )
-
-
-def _keys(batch: BrickBatch, chosen: npt.NDArray[np.uint32]) -> npt.NDArray[np.int64]:
-    """Return the keys of bricks, int64 [n], as in BrickView."""
-    keys = np.empty(len(chosen), np.int64)
-    levels, cells = batch.cut.levels[chosen], batch.cut.cells[chosen]
-    first = 0
+    levels, bounds = cut.levels[order].astype(np.int64), cut.visible_bounds[order] - centre
+    bricks = np.zeros(len(order), BRICK)
+    first_key = 0
     for number, level in enumerate(batch.bricks.levels):
         grid = level.visible_bounds.shape[:3]
         is_here = levels == number
-        keys[is_here] = first + np.ravel_multi_index(tuple(cells[is_here, ::-1].T), grid)
-        first += int(np.prod(grid)) if number > 0 else 0
-    return keys
+        bricks["key"][is_here] = first_key + np.ravel_multi_index(tuple(cut.cells[order][is_here, ::-1].T), grid)
+        first_key += int(np.prod(grid)) if number > 0 else 0
+    bricks["is_mean"] = levels > 0
+    bricks["rectangle_px"] = screen_rectangles(batch, order, view)
+    bricks["box_low"], bricks["box_high"] = bounds[:, 0], bounds[:, 1]
+    bricks["first_corner"] = (cut.cells[order].astype(np.int64) * BRICK_SIZE << levels[:, None]) - 0.5 - centre
+    bricks["cells_per_voxel"] = np.ldexp(1.0, -levels)
+    bricks["step_cells"] = batch.steps[order]
+    return BrickView(batch, order, view, bricks)

@@ -18,13 +18,6 @@ pixel 4e-5; on one pixel in the middle of 512 x 512 that count as covered 7e-3.
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
-
-from renderer.jit import jit
-
-Float64 = npt.NDArray[np.float64]
-
 # The mean number of layers of a chunk: 6 u B is 9e-5, a fortieth of an 8-bit step, if all roundings have one sign.
 MEAN_LAYERS = 256
 
@@ -36,13 +29,3 @@ MIN_CHUNK_SPLATS = 1 << 12
 def splats_per_chunk(num_pixels: int, footprint_area_px: float) -> int:
     """Return the number of splats in a chunk on `num_pixels`, if a footprint covers `footprint_area_px` of them."""
     return max(MIN_CHUNK_SPLATS, int(MEAN_LAYERS * num_pixels / footprint_area_px))
-
-
-@jit
-def composite_over(chunk: npt.NDArray[np.float32], image: Float64) -> None:
-    """Composite a chunk over the image in place: both [h, w, 4], premultiplied RGBA."""
-    for row in range(chunk.shape[0]):
-        for column in range(chunk.shape[1]):
-            transmittance = 1.0 - chunk[row, column, 3]
-            for channel in range(4):
-                image[row, column, channel] = chunk[row, column, channel] + transmittance * image[row, column, channel]

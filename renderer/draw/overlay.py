@@ -20,14 +20,6 @@ from renderer.volume import Volume
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
-# Colours by level, the finest first, the last for all levels beyond: from orange to blue in even steps of lightness
-# (CIE L* 62 to 41) and hue, as saturated as sRGB allows. The contrast to black and to white is at least 3 (WCAG 2.2,
-# 1.4.11, for graphics), except 2.97 of level 0 to white.
-LEVEL_COLORS = (
-    "#ed730c", "#f95b30", "#fe414c", "#fb2767", "#f01483",
-    "#dc1e9f", "#be33b8", "#9446cd", "#5354dc", "#055ebf",
-)  # fmt: skip
-
 
 @dataclass(frozen=True)
 class CellEdges:
@@ -78,11 +70,6 @@ def _make_edges(
     vertices.flags.writeable = False
     side = float(np.linalg.norm(edges, axis=0).min()) / length * 2**levels_above
     return CellEdges(vertices, side, volume.centre, length)
-
-
-def level_colors() -> Float64:
-    """Return LEVEL_COLORS as numbers from 0 to 1: float64 [num_levels, 3]."""
-    return np.array([list(bytes.fromhex(color[1:])) for color in LEVEL_COLORS]) / 255
 
 
 def _edge_starts(cells: Int64, num_corners: Int64, axis: int) -> Int64:

@@ -29,7 +29,6 @@ from renderer.transfer import make_transfer_function
 from renderer.view import (
     finest_useful_level,
     fit_distance,
-    iter_camera_axes,
     make_order_blending,
     smallest_voxel_px,
     visible_centre,
@@ -92,7 +91,7 @@ def prepare_stage(
     raise_problems(camera_problems(replace(camera, target=target, distance=distance), size, extent))
     finest_level = finest_useful_level(volume, points, camera, target, distance, size)
     voxel_px = smallest_voxel_px(volume, camera, target, distance, size)
-    order_blending = make_order_blending(volume.world_from_index, iter_camera_axes(camera.path))
+    order_blending = make_order_blending(volume.world_from_index, camera.path)
     watch.lap("framing")
     return Stage(
         scene, volume, pyramid, target, distance, finest_level, voxel_px, order_blending, bricks, watch.seconds
@@ -128,4 +127,4 @@ def _framing(scene: Scene, volume: Volume, points: Float64) -> tuple[Vector, flo
         target = camera.target
     if camera.distance is not None:
         return target, camera.distance
-    return target, fit_distance(camera, points, target, scene.output.size, range(camera.path.frames))
+    return target, fit_distance(camera, points, target, scene.output.size)

@@ -13,7 +13,7 @@ from .framing import (
     visible_points as visible_points,
 )
 from .order_blending import OrderBlending as OrderBlending, make_order_blending as make_order_blending
-from .paths import iter_camera_axes as iter_camera_axes, make_view as make_view
+from .paths import make_view as make_view
 from .splat_projection import (
     CLIPPED_SIGMAS as CLIPPED_SIGMAS,
     CULLED_SIGMAS as CULLED_SIGMAS,

@@ -10,7 +10,6 @@ orthographic projection, where half the frame's height shows d tan(field of view
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +18,7 @@ from renderer.errors import InputError
 from renderer.pyramid import Pyramid
 from renderer.scene import CameraSpec, Vector
 from renderer.view.camera import Float64
-from renderer.view.paths import CameraPath, CameraPoses, camera_poses, focal_length_px
+from renderer.view.paths import focal_length_px, iter_camera_poses
 from renderer.volume import Volume
 
 Int64 = npt.NDArray[np.int64]
@@ -28,17 +27,14 @@ Int64 = npt.NDArray[np.int64]
 MARGIN = 0.03
 # A cell narrower than this on the image is finer than the narrowest footprint.
 SMALLEST_CELL_PX = 0.5
-# Bounds of memory: products at a time (16 MB of float64), frames in a run (a third of a degree of a turntable of a
-# million frames), and poses at a time.
+# Bounds of memory: products at a time (16 MB of float64), and frames in a run (a third of a degree of a turntable of a
+# million frames).
 _MAX_PRODUCTS = 2_000_000
 _MAX_RUN = 1024
-_MAX_POSES = 1 << 16
 
 
-def fit_distance(
-    camera: CameraSpec, points_world: Float64, target: Vector, size: tuple[int, int], frames: Sequence[int]
-) -> float:
-    """Return the smallest distance at which all points are inside the frame without its margin, at all of the frames.
+def fit_distance(camera: CameraSpec, points_world: Float64, target: Vector, size: tuple[int, int]) -> float:
+    """Return the smallest distance at which all points are inside the frame without its margin, on the whole path.
 
     points_world: float64 [n, 3]. All points are then also at a depth of `camera.near` or more; orthographic cameras
     with wide fields of view are farther away for that than the frame needs. The zoom of keyframes is ignored: it
@@ -57,7 +53,7 @@ def fit_distance(
     tangent_per_px = math.tan(math.radians(camera.field_of_view) / 2) / (height / 2)
     limit_x, limit_y = (width / 2 - margin_px) * tangent_per_px, (height / 2 - margin_px) * tangent_per_px
     distance = -math.inf
-    for poses in _pose_chunks(camera.path, frames):
+    for poses in iter_camera_poses(camera.path):
         right, up, direction = poses.right / limit_x, poses.up / limit_y, poses.direction
         depth = direction if camera.projection == "perspective" else np.zeros_like(direction)
         for normals in (depth + right, depth - right, depth + up, depth - up):
@@ -71,12 +67,6 @@ def fit_distance(
             hint="set camera.distance",
         )
     return distance
-
-
-def _pose_chunks(path: CameraPath, frames: Sequence[int]) -> Iterator[CameraPoses]:
-    """Yield the poses of some frames, in chunks of bounded size."""
-    for first in range(0, len(frames), _MAX_POSES):
-        yield camera_poses(path, frames[first : first + _MAX_POSES])
 
 
 def visible_centre(points_world: Float64) -> Vector:
@@ -151,7 +141,7 @@ def finest_useful_level(
     diagonal = max(float(np.linalg.norm(edges @ signs)) for signs in ([1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]))
     focal_px = focal_length_px(camera, size)
     widest_px = 0.0
-    for poses in _pose_chunks(camera.path, range(camera.path.frames)):
+    for poses in iter_camera_poses(camera.path):
         if camera.projection == "orthographic":
             px_per_unit = poses.zoom * (focal_px / distance)
         else:
@@ -175,7 +165,7 @@ def smallest_voxel_px(
     offset = volume.centre - np.asarray(target, np.float64)
     nearest = 0.5 * float(np.linalg.norm(volume.world_from_index[:3, :3] * np.array(volume.shape_xyz)))
     narrowest_px = math.inf
-    for poses in _pose_chunks(camera.path, range(camera.path.frames)):
+    for poses in iter_camera_poses(camera.path):
         depths = np.full(len(poses.zoom), distance)
         if camera.projection == "perspective":
             depths = np.maximum(distance - poses.direction @ offset, nearest)

@@ -13,12 +13,13 @@ at elevation 0, keep one order: they get a slope too small to see.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 import numpy.typing as npt
+
+from renderer.view.paths import CameraPath, iter_camera_poses
 
 Float64 = npt.NDArray[np.float64]
 
@@ -61,24 +62,14 @@ class OrderBlending:
     tie_breaker: Float64
 
 
-@dataclass(frozen=True)
-class SortDirection:
-    """A direction, float64 [3] in the world, along which to sort, and the weight of this order in the image."""
-
-    weight: float
-    direction: Float64
-
-
-def make_order_blending(world_from_index: Float64, axes_chunks: Iterable[Float64]) -> OrderBlending:
-    """Return how a camera turns whose frames have these axes.
-
-    axes_chunks: float64 [n, 3, 3] (rows: right, up, back); each chunk begins with the last frame of the one before.
-    """
+def make_order_blending(world_from_index: Float64, path: CameraPath) -> OrderBlending:
+    """Return how a camera on a path turns relative to a volume's grid."""
     steps = NEIGHBOURS @ world_from_index[:3, :3].T
     steps /= np.linalg.norm(steps, axis=1, keepdims=True)
     low, high = np.full(len(steps), np.inf), np.full(len(steps), -np.inf)
     moved, turned = np.zeros((3, 3)), 0.0  # squared movements of the viewing direction, and of all axes
-    for axes in axes_chunks:
+    for poses in iter_camera_poses(path):
+        axes = poses.axes
         slopes = -axes[:, 2] @ steps.T
         low, high = np.minimum(low, slopes.min(axis=0)), np.maximum(high, slopes.max(axis=0))
         movements = np.diff(axes, axis=0)
@@ -117,17 +108,17 @@ def _tie_breaker(steps: Float64, sides: Float64) -> Float64:
     return np.asarray(MIN_SLOPE / max(float(along[best].min()), 0.1) * _sphere_points()[best])
 
 
-def sort_directions(blending: OrderBlending, forward: Float64) -> list[SortDirection]:
-    """Return the directions to sort along for a view: nearly always one.
+def sort_directions(blending: OrderBlending, forward: Float64) -> list[tuple[float, Float64]]:
+    """Return the directions in the world to sort along for a view, and the weights of their orders: nearly always one.
 
-    Their weights add up to 1, and are continuous in the view.
+    The weights add up to 1, and are continuous in the view.
     """
     direction = blending.level_rejection @ forward
     steps = blending.crossing_steps
     slopes = steps @ direction
     is_open = np.abs(slopes) < np.linalg.norm(steps @ blending.nearby_from_sphere.T, axis=1)
     if not is_open.any():
-        return [SortDirection(1.0, direction + blending.tie_breaker)]
+        return [(1.0, direction + blending.tie_breaker)]
     views = _sphere_points() @ blending.nearby_from_sphere
     ascends = slopes[is_open] + views @ steps[is_open].T > 0
     order = ascends @ (1 << np.arange(ascends.shape[1]))
@@ -135,7 +126,7 @@ def sort_directions(blending: OrderBlending, forward: Float64) -> list[SortDirec
     significant = np.flatnonzero(counts >= MIN_WEIGHT * len(views))
     total = counts[significant].sum()
     return [
-        SortDirection(float(counts[k] / total), direction + views[order == k].mean(axis=0) + blending.tie_breaker)
+        (float(counts[k] / total), direction + views[order == k].mean(axis=0) + blending.tie_breaker)
         for k in significant
     ]
 

@@ -48,6 +48,11 @@ class CameraPoses:
     up: Float64
     zoom: Float64
 
+    @property
+    def axes(self) -> Float64:
+        """The axes as in `View`: float64 [n, 3, 3]."""
+        return np.stack([self.right, self.up, self.direction], axis=1)
+
 
 def camera_poses(path: CameraPath, frames: Sequence[int]) -> CameraPoses:
     """Return the poses at some frames, from 0 on; frame `path.frames` is frame 0 of a path that loops."""
@@ -85,11 +90,10 @@ def _sine_and_cosine(degrees: Float64) -> tuple[Float64, Float64]:
     )
 
 
-def iter_camera_axes(path: CameraPath) -> Iterator[Float64]:
-    """Yield the axes of all frames, as in `View`: float64 [n, 3, 3], in chunks that overlap by one frame."""
+def iter_camera_poses(path: CameraPath) -> Iterator[CameraPoses]:
+    """Yield the poses of all frames, in chunks of bounded size that overlap by one frame."""
     for first in range(0, max(path.frames - 1, 1), _FRAMES_PER_CHUNK):
-        poses = camera_poses(path, range(first, min(first + _FRAMES_PER_CHUNK + 1, path.frames)))
-        yield np.stack([poses.right, poses.up, poses.direction], axis=1)
+        yield camera_poses(path, range(first, min(first + _FRAMES_PER_CHUNK + 1, path.frames)))
 
 
 def make_view(camera: CameraSpec, frame: int, target: Vector, distance: float, size: tuple[int, int]) -> View:
@@ -107,7 +111,7 @@ def make_view(camera: CameraSpec, frame: int, target: Vector, distance: float, s
             expected="a length greater than 0",
         )
     poses = camera_poses(camera.path, [frame])
-    axes, centre = np.concatenate([poses.right, poses.up, poses.direction]), np.array(target, np.float64)
+    axes, centre = poses.axes[0], np.array(target, np.float64)
     axes.flags.writeable = centre.flags.writeable = False
     scale_px = focal_length_px(camera, size) * float(poses.zoom[0])
     if camera.projection == "orthographic":

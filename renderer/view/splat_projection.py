@@ -123,11 +123,8 @@ def mean_footprint_area_px(
     """
     vertices = batch.vertices[order[:: max(1, len(order) // FOOTPRINT_SAMPLE)]]
     axes = np.linalg.svd(batch.axes, compute_uv=False)[vertices[:, 7].astype(np.int64), :2]
-    scale_px: Float64 | float = camera.scale_px
-    if camera.perspective:
-        depths = -(vertices[:, :3] @ camera.view_from_model[2, :3] + camera.view_from_model[2, 3])
-        scale_px = (camera.scale_px / np.maximum(depths, max(camera.near, 1e-6)))[:, None]  # the near plane may be at 0
-    radii_px = batch.footprint.cutoff * np.maximum(axes * scale_px, batch.footprint.min_sigma_px)
+    depths = -(vertices[:, :3] @ camera.view_from_model[2, :3] + camera.view_from_model[2, 3])
+    radii_px = batch.footprint.cutoff * np.maximum(axes * _scale_px(camera, depths), batch.footprint.min_sigma_px)
     areas_px = math.pi * np.minimum(radii_px, region.num_pixels).prod(axis=1)
     return float(np.minimum(areas_px, region.num_pixels).mean())
 
@@ -152,14 +149,19 @@ def _square_areas_px(batch: SplatBatch, splats: npt.NDArray[np.uint32], camera: 
     """Return the number of pixels in the square around each of these splats: float64 [n]."""
     vertices = batch.vertices[splats]
     in_view = vertices[:, :3] @ camera.view_from_model[:, :3].T + camera.view_from_model[:, 3]
-    scale_px: Float64 | float = camera.scale_px
-    if camera.perspective:
-        scale_px = (camera.scale_px / np.maximum(-in_view[:, 2], max(camera.near, 1e-6)))[:, None]
+    scale_px = _scale_px(camera, -in_view[:, 2])
     sigmas = longest_sigma(batch)[vertices[:, 7].astype(np.int64), None]
     reach_px = batch.footprint.cutoff * np.maximum(sigmas * scale_px, batch.footprint.min_sigma_px)
     center_px = np.array(camera.size) / 2 + in_view[:, :2] * (1.0, -1.0) * scale_px
     low, high = (np.clip(center_px + sign * reach_px, 0, camera.size) for sign in (-1, 1))
     return np.asarray((high - low).prod(axis=1))
+
+
+def _scale_px(camera: ModelView, depths: Float64) -> Float64 | float:
+    """Return the pixels of a model unit at these depths, or at the near plane, which may be at 0: float64 [n, 1]."""
+    if not camera.perspective:
+        return camera.scale_px
+    return np.asarray(camera.scale_px / np.maximum(depths, max(camera.near, 1e-6)))[:, None]
 
 
 def longest_sigma(batch: SplatBatch) -> Float64:
@@ -202,8 +204,8 @@ def visible_orders(
     if order != "depth":
         return [(1.0, visible_order(batch, cut, view, order))]
     return [
-        (each.weight, visible_order(batch, cut, view, order, along=each.direction))
-        for each in sort_directions(blending, view.forward)
+        (weight, visible_order(batch, cut, view, order, along=direction))
+        for weight, direction in sort_directions(blending, view.forward)
     ]
 
 

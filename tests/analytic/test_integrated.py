@@ -28,6 +28,7 @@ from brickwork import (
     view_of,
 )
 from ray_integrals import ray_spans
+from scipy.ndimage import map_coordinates
 
 from renderer.bricks import cut_bricks, make_brick_batch
 from renderer.scene import ErrorSpec, ShadingSpec
@@ -51,6 +52,32 @@ def diagonal(volume: Volume) -> float:
 def error(image: Float64, truth: Float64) -> float:
     assert truth[..., 3].max() > 0.2, truth[..., 3].max()
     return float(np.abs(image - truth).max())
+
+
+def test_one_ray_of_the_reference_by_hand() -> None:
+    """The reference draws one ray as the formulas say.
+
+    It runs along z through one brick, from the highest voxel to the lowest. The jitter of pixel 0 is 0, so that there
+    are 9 segments of 2/3 of a voxel: 10 * 0.925 + 0.5 is below 10.
+    """
+    values = np.random.default_rng(1).random((6, 3, 3)).astype(np.float32)
+    volume = placed(values)
+    bricks = bricks_of(volume, transfer_of((0, (1.0, 0.5, 0.0), 0.0), (1, (1.0, 0.5, 0.0), 1.0)))
+    batch = batch_of(level_cut(bricks, 0), bricks, step=0.6)
+    view = View(np.eye(3), np.array([0.8, 1.3, 0.0]), 50.0, "orthographic", 1.0, (1, 1))
+    z = 5.5 - 2 / 3 * (np.arange(9) + 0.5)
+    first, last = bricks.scalar_range
+    u = np.clip(
+        map_coordinates(values.astype(float), [z, np.full(9, 1.3), np.full(9, 0.8)], order=1, mode="nearest"),
+        first,
+        last,
+    )
+    alpha = -np.expm1(-2 / 3 * u)
+    behind = np.cumprod(np.append(1.0, 1 - alpha))[:-1]
+    expected = np.sum(alpha * behind) * np.array([1.0, 0.5, 0.0, 1.0])
+    np.testing.assert_allclose(
+        rasterize_bricks_reference(batch, np.array([0], np.uint32), view)[0, 0], expected, rtol=1e-6
+    )
 
 
 @pytest.mark.parametrize(

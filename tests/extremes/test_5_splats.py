@@ -32,7 +32,7 @@ from renderer.scene import (
 from renderer.scene.camera_section import Keyframe
 from renderer.splats import SplatBatch, make_splats
 from renderer.transfer import make_transfer_function
-from renderer.view import OrderBlending, View, iter_camera_axes, make_order_blending, make_view, visible_orders
+from renderer.view import OrderBlending, View, make_order_blending, make_view, visible_orders
 
 Float64 = npt.NDArray[np.float64]
 
@@ -181,7 +181,7 @@ class Turn:
 
     @cached_property
     def turning(self) -> OrderBlending:
-        return make_order_blending(self.cut.volume.world_from_index, iter_camera_axes(self.camera.path))
+        return make_order_blending(self.cut.volume.world_from_index, self.camera.path)
 
     @property
     def target(self) -> Vector:

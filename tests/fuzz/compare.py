@@ -17,7 +17,7 @@ from renderer.pyramid import Cut, cut_pyramid
 from renderer.scene import Color
 from renderer.splats import make_splats
 from renderer.view import View, visible_orders
-from renderer.view.order_blending import FADE_ANGLE, MIN_SLOPE, SortDirection, sort_directions
+from renderer.view.order_blending import FADE_ANGLE, MIN_SLOPE, sort_directions
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]
@@ -56,7 +56,7 @@ def reference(stage: Stage, frame: Frame, view: View) -> Picture:
     else:
         turned = sort_directions(stage.order_blending, view.forward)
         if scene.splat.order == "unmixed":
-            turned = [SortDirection(1.0, view.forward)]
+            turned = [(1.0, view.forward)]
         _require_depth_orders(cut, orders, centers(field, cells), view, turned)
     return make_picture(field, cells, scene, view, orders)
 
@@ -71,21 +71,23 @@ def _require_shares(orders: list[Order]) -> None:
         raise WrongError(f"orders of other splats: {[len(order) for _, order in orders]}")
 
 
-def _require_depth_orders(cut: Cut, orders: list[Order], at: Float64, view: View, turned: list[SortDirection]) -> None:
+def _require_depth_orders(
+    cut: Cut, orders: list[Order], at: Float64, view: View, turned: list[tuple[float, Float64]]
+) -> None:
     """Back to front by the centres `at` [n, 3] along the view, or along directions next to it, where neighbours on the
     lattice are at almost the same depth."""
     edges = cut.volume.world_from_index[:3, :3]
-    if len(turned) != len(orders) or any(each.weight != share for each, (share, _) in zip(turned, orders, strict=True)):
+    if [weight for weight, _ in turned] != [share for share, _ in orders]:
         raise WrongError(f"{len(orders)} orders, {len(turned)} directions")
     # As far as the views around this one; and by what keeps the order of level steps, and makes them level.
     most = math.sin(FADE_ANGLE) + 2 * MIN_SLOPE if len(turned) > 1 else 0.0
     most += 12 * MIN_SLOPE
     diagonal = float(np.linalg.norm(edges * np.array(cut.volume.shape_xyz)))
-    for each, (_, order) in zip(turned, orders, strict=True):
-        turn = float(np.linalg.norm(each.direction - view.forward))
+    for (_, direction), (_, order) in zip(turned, orders, strict=True):
+        turn = float(np.linalg.norm(direction - view.forward))
         if turn > most:
             raise WrongError(f"sorted along a direction {turn:.3g} off the view's")
-        depths = (at[order] - cut.volume.centre) @ each.direction
+        depths = (at[order] - cut.volume.centre) @ direction
         rise = float((depths - np.minimum.accumulate(depths)).max(initial=0.0))
         # Depths are those of float32 centres within half the diagonal.
         if rise > 4 * FLOAT32 * diagonal:

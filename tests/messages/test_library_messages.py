@@ -28,7 +28,7 @@ from renderer.truth import converged_image
 from renderer.view import fit_distance, make_view
 from renderer.volume import Volume, make_volume
 
-CAMERA = CameraSpec(TurntablePath(4))
+CAMERA = CameraSpec(TurntablePath(1))
 FAR_CAMERA = replace(CAMERA, near=1e13)
 ORIGIN = (0.0, 0.0, 0.0)
 FLAT = np.diag([1.0, 1e-6, 1.0, 1.0])
@@ -44,7 +44,7 @@ def prepare(camera: CameraSpec, world_from_index: np.ndarray) -> None:
 
 
 def frame(points: object) -> None:
-    fit_distance(CAMERA, np.array(points, dtype=float).reshape(-1, 3), ORIGIN, (8, 8), range(1))
+    fit_distance(CAMERA, np.array(points, dtype=float).reshape(-1, 3), ORIGIN, (8, 8))
 
 
 def integrate_to_zero_error() -> None:

@@ -101,13 +101,6 @@ def test_cuts_of_one_level_and_of_many(rasterizer: GLRasterizer, affine: str, sh
         assert_parity(rasterizer, batch, view_of(bricks.volume, camera), (affine, camera, len(cut)))
 
 
-@pytest.mark.parametrize("dtype", ["uint8", "uint16", "int32", "float32", "float64"])
-def test_texels_of_any_dtype(rasterizer: GLRasterizer, dtype: str) -> None:
-    bricks = hilly("oblique", None, dtype)
-    cut, view = level_cut(bricks, 0), view_of(bricks.volume, "perspective")
-    assert_parity(rasterizer, batch_of(cut, bricks), view, dtype)
-
-
 @pytest.mark.parametrize("azimuth", [0.0, 90.0, 180.0, 270.0])
 def test_rays_along_an_axis(rasterizer: GLRasterizer, azimuth: float) -> None:
     """Parallel to the faces of all boxes; every way through a brick is a whole number of steps long."""
@@ -141,8 +134,10 @@ def test_the_eye_in_a_plane_between_bricks(rasterizer: GLRasterizer, azimuth: fl
         assert_parity(rasterizer, batch_of(level_cut(bricks, 0), bricks, step=0.5), view, distance)
 
 
-@pytest.mark.parametrize("strides", [(1,), (2,), (4, 1), (8, 2), (8, 4, 1)])
-@pytest.mark.parametrize("size", [(20, 15), (33, 25), (1, 1), (40, 12)])
+@pytest.mark.parametrize(
+    ("strides", "size"),
+    [((2,), (20, 15)), ((4, 1), (33, 25)), ((8, 2), (40, 12)), ((8, 4, 1), (33, 25)), ((4, 1), (1, 1))],
+)
 def test_thrift_with_pixels(rasterizer: GLRasterizer, strides: tuple[int, ...], size: tuple[int, int]) -> None:
     """What is interpolated is the same; blocks at the threshold are few."""
     bricks = hilly("oblique", None)

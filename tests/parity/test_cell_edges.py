@@ -11,8 +11,7 @@ from splatting import cut_of, look, volume_of
 
 from renderer.bricks import BRICK_LEVELS, BrickCut
 from renderer.draw import CellEdges, GLRasterizer, make_brick_edges, make_cell_edges
-from renderer.draw.gl.raster import LINE_COVER, LINE_OPACITY, MIN_SIDE_PX
-from renderer.draw.overlay import LEVEL_COLORS, level_colors
+from renderer.draw.constants import LEVEL_COLORS, LINE_COVER, LINE_OPACITY, MIN_SIDE_PX
 from renderer.pyramid import Cut
 from renderer.view import View
 
@@ -116,7 +115,7 @@ def draw_reference(edges: CellEdges, view: View) -> np.ndarray:
         side_px = side * edges.model_unit * ((1 - share) * px_per_unit[0] + share * px_per_unit[1])
         alpha = np.clip(1 - distance, 0, 1) * np.minimum(LINE_COVER * side * side_px, LINE_OPACITY)
         alpha *= side_px >= MIN_SIDE_PX
-        color = level_colors()[min(level, len(LEVEL_COLORS) - 1)]
+        color = LEVEL_COLORS[min(level, len(LEVEL_COLORS) - 1)]
         image = image * (1 - alpha[..., None]) + alpha[..., None] * np.append(color, 1)
     return image
 
@@ -174,7 +173,7 @@ def test_batches_leave_no_trace(
 
 
 def test_colors_are_ordered_and_legible_on_black_and_on_white() -> None:
-    linear = np.where((c := level_colors()) <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+    linear = np.where((c := np.array(LEVEL_COLORS)) <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
     luminance = linear @ [0.2126, 0.7152, 0.0722]
     assert (np.diff(luminance) < 0).all()
     assert ((luminance + 0.05) / 0.05).min() > 3

@@ -21,8 +21,8 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 import pytest
-from splat_reference import _rasterized_triangle, rasterize_reference
-from splatting import in_order, look, place_splats, point_at, splats_of, volume_of
+from splat_reference import rasterize_reference
+from splatting import in_order, look, place_splats, point_at
 
 from renderer.draw import GLRasterizer
 from renderer.scene import SplatSpec
@@ -95,16 +95,6 @@ def test_one_splat_of_any_size_at_any_place(rasterizer: GLRasterizer, footprint:
         ):  # fmt: skip
             batch = place_splats(point_at(view, column, row, 4.0), sigma, spec=SplatSpec(footprint))  # type: ignore[arg-type]
             assert_parity(rasterizer, batch, view, (sigma_px, column, row))
-
-
-@pytest.mark.parametrize("footprint", FOOTPRINTS)
-def test_optical_depths_from_thin_to_opaque(rasterizer: GLRasterizer, footprint: str) -> None:
-    """Also around the depth at which the device changes from a series to the exponential."""
-    view = look()
-    for depth in (1e-30, 1e-6, 1e-3, 0.029, 0.03, 0.031, 0.3, 1.0, 5.0, 40.0, 1e4):
-        for sigma in (0.002, 0.2):
-            batch = place_splats(point_at(view, 30.3, 25.9, 4.0), sigma, depth, spec=SplatSpec(footprint))  # type: ignore[arg-type]
-            assert_parity(rasterizer, batch, view, (depth, sigma))
 
 
 def random_axes(rng: np.random.Generator, num: int, sigma: float, stretch: float) -> npt.NDArray[np.float64]:
@@ -183,30 +173,6 @@ def test_a_profile_that_ends_in_a_step(rasterizer: GLRasterizer) -> None:
         np.testing.assert_allclose(inside, inside[0], rtol=1e-6)
 
 
-def test_triangles_of_the_reference_cover_every_pixel_once() -> None:
-    """A fan with its centre, corners and edges on pixel centres."""
-    rim = np.array([[9, 3], [6, 6], [3, 9], [0, 6], [-3, 3], [0, 0], [3, -3], [6, 0]]) + 4.5
-    x_px, y_px = np.meshgrid(np.arange(16) + 0.5, np.arange(16) + 0.5)
-    covered = np.zeros(x_px.shape, int)
-    for start, end in zip(rim, np.roll(rim, -1, axis=0), strict=True):
-        for corners in ((rim.mean(axis=0), start, end), (end, start, rim.mean(axis=0))):
-            inside, shares = _rasterized_triangle(np.array(corners), x_px, y_px)
-            np.testing.assert_allclose(shares @ np.array(corners), np.stack([x_px, y_px], axis=-1), atol=1e-12)
-        covered += inside
-    # The square |x - 7.5| + |y - 7.5| <= 6, of whose rim the two edges on the left belong to it.
-    away = np.abs(x_px - 7.5) + np.abs(y_px - 7.5)
-    np.testing.assert_array_equal(covered, (away < 6) | ((away == 6) & (x_px < 7.5)))
-
-
-@pytest.mark.parametrize("footprint", FOOTPRINTS)
-def test_splats_larger_than_the_largest_point_are_whole(rasterizer: GLRasterizer, footprint: str) -> None:
-    """255 px on llvmpipe: a point that is cut to that would not reach across these pictures."""
-    view = look(size=(400, 300))
-    for column, row, sigma in ((200.3, 150.2, 0.5), (10.1, 290.4, 0.5), (200.0, 150.0, 0.08), (200.0, 150.0, 0.13)):
-        batch = place_splats(point_at(view, column, row, 4.0), sigma, spec=SplatSpec(footprint))  # type: ignore[arg-type]
-        assert_parity(rasterizer, batch, view, (column, row, sigma))
-
-
 @pytest.mark.parametrize("largest_point_px", [1.0, 6.5, 40.0])
 def test_quads_draw_what_points_draw(
     rasterizer: GLRasterizer, monkeypatch: pytest.MonkeyPatch, largest_point_px: float
@@ -222,26 +188,3 @@ def test_quads_draw_what_points_draw(
             quads = rasterizer.rasterize(batch, in_order(batch), view)
         assert points[..., 3].max() > 0.5
         assert points.tobytes() == quads.tobytes()
-
-
-AFFINES = {
-    "anisotropic": np.diag([0.4, 1.0, 2.5]),
-    "oblique": np.array([[0.8, -0.6, 0.0], [0.48, 0.64, -0.6], [0.36, 0.48, 0.8]]) @ np.diag([1.0, 0.7, 1.6]),
-    "sheared": np.array([[1.0, 0.6, -0.3], [0.0, 0.9, 0.5], [0.0, 0.0, 1.2]]),
-    "left-handed": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.2], [0.0, 0.0, 1.0]]),
-}
-
-
-@pytest.mark.parametrize("name", AFFINES)
-@pytest.mark.parametrize("footprint", FOOTPRINTS)
-def test_small_volumes_wherever_they_lie(rasterizer: GLRasterizer, footprint: str, name: str) -> None:
-    """Through the pyramid and the cut, border cells cut short, seen from outside and from inside."""
-    affine = np.eye(4)
-    affine[:3, :3] = AFFINES[name]
-    affine[:3, 3] = 30.0, -20.0, 10.0
-    volume = volume_of(np.random.default_rng(5).integers(0, 256, (3, 5, 6), np.uint8), affine)
-    spec = SplatSpec(footprint, angular=6, radial=2)  # type: ignore[arg-type]
-    for batch in (splats_of(volume, 0.5, spec), splats_of(volume, 0.5, spec, level=1)):
-        for projection, distance in (("perspective", 25.0), ("orthographic", 25.0), ("perspective", 1.3)):
-            view = look(projection, target=volume.centre, distance=distance, near=0.25)
-            assert_parity(rasterizer, batch, view, (len(batch), projection, distance))

@@ -24,7 +24,7 @@ class Texture:
     def write(self, content: Any, viewport: tuple[int, ...]) -> None:
         """Nobody looks at it."""
 
-    def release(self) -> None:
+    def __del__(self) -> None:
         self.device.used -= self.num_bytes
 
 
@@ -40,6 +40,9 @@ class Device:
         if self.used > self.num_bytes:
             self.complaint = "GL_OUT_OF_MEMORY"
         return texture
+
+    def gc(self) -> None:
+        """Textures free themselves."""
 
     @property
     def error(self) -> str:

@@ -104,13 +104,6 @@ def test_rocker_swings_to_both_sides_of_its_start() -> None:
     np.testing.assert_allclose(azimuths, [30, 30 + side, 50, 30 + side, 30, 30 - side, 10, 30 - side], atol=1e-12)
 
 
-def test_keys_at_0_and_360_degrees_are_a_full_turn() -> None:
-    path = keyed((0, 0.0, 20.0), (100, 360.0, 20.0), loop=False, easing="linear")
-    for frame in (0, 25, 99, 100):
-        expected = camera_pose(TurntablePath(100, elevation=20.0), frame).direction
-        np.testing.assert_allclose(camera_pose(path, frame).direction, expected, atol=EXACT)
-
-
 @pytest.mark.parametrize("easing", ["smooth", "linear"])
 @pytest.mark.parametrize("loop", [True, False])
 def test_keys_are_met(easing: str, loop: bool) -> None:
@@ -181,12 +174,6 @@ def test_a_loop_goes_the_short_way_home() -> None:
 def test_zoom_is_interpolated_in_its_logarithm() -> None:
     path = keyed((0, 0.0, 0.0, 0.5), (100, 0.0, 0.0, 8.0), loop=False, easing="linear")
     assert [camera_pose(path, frame).zoom for frame in (25, 50, 75)] == pytest.approx([1.0, 2.0, 4.0], rel=EXACT)
-
-
-def test_one_key_stands_still() -> None:
-    pose = camera_pose(keyed((5, 30.0, 40.0, 1.5)), 90)
-    np.testing.assert_allclose(angles_of(pose), [30.0, 40.0], atol=1e-12)
-    assert pose.zoom == 1.5
 
 
 def landing(view_of: CameraSpec, point: np.ndarray, distance: float, size: tuple[int, int]) -> tuple[float, float]:

@@ -16,6 +16,7 @@ from renderer.frame.budget import CostLog, CostModel, fit_costs
 from renderer.frame.frame import DrawList
 from renderer.frame.primitives import SplatLOD
 from renderer.pyramid import Cut
+from renderer.scene import TurntablePath
 from renderer.splats import SplatBatch
 from renderer.view import make_order_blending
 from renderer.view.splat_projection import visible_order
@@ -143,7 +144,7 @@ def draw_list_of(batch: SplatBatch, *shares: float, size: tuple[int, int] = (64,
     volume: object = None
     cut = Cut(nothing, np.empty((0, 3), np.int32), np.empty((0, 4), np.float32), volume)  # type: ignore[arg-type]
     order = visible_order(batch, cut, view, "unmixed")
-    lod = SplatLOD(0.1, batch, None, cut, "unmixed", make_order_blending(np.eye(4), [np.eye(3)[None]]))
+    lod = SplatLOD(0.1, batch, None, cut, "unmixed", make_order_blending(np.eye(4), TurntablePath(1)))
     return DrawList(0, lod, view, [(share, order) for share in shares], 0.0)
 
 

@@ -12,7 +12,6 @@ from renderer.bricks.sampling import (
     DIFFERENCE_THRESHOLD,
     MAX_DIFFERENCE_THRESHOLD,
     MAX_TERMINATION_TRANSMITTANCE,
-    STRIDES,
     TERMINATION_TRANSMITTANCE,
     screen_sampling_at,
 )
@@ -23,22 +22,6 @@ CELL_PX = [1e-3, 0.3, 1.0, 2.0, 5.0, 40.0, 1e6]
 
 def test_nothing_is_spared_at_0() -> None:
     assert screen_sampling_at(0.0, 1.0) == ScreenSampling((1,), 0.0, 0.0)
-
-
-@pytest.mark.parametrize("cell_px", CELL_PX)
-def test_all_pixels_are_drawn_at_fine_tolerances(cell_px: float) -> None:
-    """The default among them. What is hidden follows the tolerance there, too."""
-    below = np.nextafter(STRIDES[-1][0], 0)
-    for tolerance in (1e-4, 0.01, 0.1, below):
-        assert screen_sampling_at(tolerance, cell_px) == ScreenSampling(
-            (1,), 0.0, TERMINATION_TRANSMITTANCE * tolerance
-        )
-
-
-def test_what_is_hidden_stays_so_at_any_tolerance() -> None:
-    found = [screen_sampling_at(tolerance, 3.0).termination_transmittance for tolerance in TOLERANCES]
-    assert found == sorted(found)
-    assert found[-1] == MAX_TERMINATION_TRANSMITTANCE
 
 
 @pytest.mark.parametrize(

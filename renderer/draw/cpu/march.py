@@ -53,23 +53,8 @@ _0: np.float32 = np.float32(0.0)
 _1: np.float32 = np.float32(1.0)
 
 
-class BrickArrays(NamedTuple):
-    """Bricks front to back, in index space relative to the volume's centre.
-
-    bounds, corners, cells_per_voxel, steps, is_mean: as in BrickView.
-    texel_offsets: int64 [n], where the brick begins in the texels of its kind.
-    """
-
-    bounds: Float64
-    corners: Float64
-    cells_per_voxel: Float64
-    steps: Float64
-    is_mean: Bools
-    texel_offsets: Int64
-
-
 class TileBins(NamedTuple):
-    """The bricks over each tile: those of tile k are `numbers[starts[k] : starts[k + 1]]`, in their order.
+    """The bricks over each tile: those of tile k are `numbers[starts[k] : starts[k + 1]]`, front to back.
 
     side: of a tile, in pixels of the grid. rectangles: int64 [n, 4], left, top, right and bottom of each brick,
     half-open, in pixels of the grid and inside it. starts: int64 [tiles + 1]. numbers: int64.
@@ -81,9 +66,9 @@ class TileBins(NamedTuple):
     numbers: Int64
 
 
-class _Geometry(NamedTuple):
+class _Brick(NamedTuple):
     """A brick: lowest and highest corner of its visible bounds; lowest corner of its first cell; cells per voxel;
-    samples per length; where rays start; where its texels begin."""
+    samples per length; where rays start; where its texels begin; whether these are means."""
 
     low: Vector
     high: Vector
@@ -92,6 +77,7 @@ class _Geometry(NamedTuple):
     samples_per_length: float
     start: float
     texel_offset: int
+    is_mean: bool
 
 
 class _Ray(NamedTuple):
@@ -107,58 +93,44 @@ class _Ray(NamedTuple):
 
 
 @jit
-def bin_bricks(rectangles: Int64, side: int, num_columns: int, starts: Int64, numbers: Int64) -> int:
-    """Write `starts` and `numbers` as in TileBins, and return how many numbers they need.
+def bin_bricks(tile_windows: Int64, num_columns: int, num_rows: int) -> tuple[Int64, Int64]:
+    """Return `starts` and `numbers` as in TileBins.
 
-    num_columns: of tiles. The numbers are not written where there is no room for all of them.
+    tile_windows: int64 [n, 4], the tiles under each brick, half-open. num_columns, num_rows: of tiles.
     """
-    starts[:] = 0
-    for i in range(len(rectangles)):
-        left, top, right, bottom = _tile_window(rectangles[i], side)
+    starts = np.zeros(num_columns * num_rows + 2, np.int64)
+    for i in range(len(tile_windows)):
+        left, top, right, bottom = tile_windows[i]
         for row in range(top, bottom):
             for column in range(left, right):
-                starts[row * num_columns + column + 1] += 1
-    for tile in range(len(starts) - 1):
-        starts[tile + 1] += starts[tile]
-    num = int(starts[-1])
-    if num > len(numbers):
-        return num
-    for i in range(len(rectangles)):
-        left, top, right, bottom = _tile_window(rectangles[i], side)
+                starts[row * num_columns + column + 2] += 1
+    starts = np.cumsum(starts)  # of tile k at k + 1
+    numbers = np.empty(starts[-1], np.int64)
+    for i in range(len(tile_windows)):
+        left, top, right, bottom = tile_windows[i]
         for row in range(top, bottom):
             for column in range(left, right):
                 tile = row * num_columns + column
-                numbers[starts[tile]] = i
-                starts[tile] += 1  # in the end, where the next tile's begin
-    starts[1:] = starts[:-1].copy()
-    starts[0] = 0
-    return num
-
-
-@jit
-def _tile_window(rectangle: Int64, side: int) -> Window:
-    """Return the tiles that a rectangle of pixels overlaps."""
-    left, top, right, bottom = rectangle
-    if left >= right or top >= bottom:
-        return 0, 0, 0, 0
-    return left // side, top // side, (right - 1) // side + 1, (bottom - 1) // side + 1
+                numbers[starts[tile + 1]] = i
+                starts[tile + 1] += 1  # in the end, where the next tile's begin
+    return starts[:-1], numbers
 
 
 @jit
 def draw_tiles(
-    tiles: Int64,
     bins: TileBins,
     stride: int,
     rays: RaySetup,
-    bricks: BrickArrays,
+    bricks: npt.NDArray[np.void],
     field: Field,
     is_drawn: Bools,
     image: Float32,
+    tiles: Int64,
 ) -> None:
     """Composite bricks under some tiles of `image`, float32 [rows, columns, 4], premultiplied RGBA.
 
-    tiles: int64 [k], their numbers, row by row. stride: the pixels of the grid are every `stride`-th pixel along both
-    axes. is_drawn: [rows, columns], the pixels of the grid that are drawn.
+    stride: the pixels of the grid are every `stride`-th pixel along both axes. bricks: BRICK [n], front to back.
+    is_drawn: [rows, columns], the pixels of the grid that are drawn. tiles: int64 [k], their numbers, row by row.
 
     Numba checks no array index. These keep them valid: rectangles are clipped to the grid, and windows to the tile;
     samples are clamped to the brick (`_clamp_to_brick`), and float32 rounds the last one by less than a quarter of a
@@ -166,50 +138,46 @@ def draw_tiles(
     """
     num_rows, num_columns = is_drawn.shape
     side, rectangles, starts, numbers = bins.side, bins.rectangles, bins.starts, bins.numbers
+    optics, scalars, means, pieces, guide = field.optics, field.scalars, field.means, field.pieces, field.guide
     tiles_in_row = -(-num_columns // side)
     pixel_rays = np.empty((side * side, _RAY_FLOATS))
-    scalar_address, mean_address = field.scalars.ctypes.data, field.means.ctypes.data
+    scalar_address, mean_address = scalars.ctypes.data, means.ctypes.data
     for tile in tiles:
         top, left = tile // tiles_in_row * side, tile % tiles_in_row * side
         bottom, right = min(top + side, num_rows), min(left + side, num_columns)
-        _set_up_rays(rays, stride, (left, top, right, bottom), is_drawn, pixel_rays)
-        for place in range(starts[tile], starts[tile + 1]):
-            if stride > 1 and place + 1 < starts[tile + 1]:
-                brick = numbers[place + 1]
-                geometry = _geometry(bricks, brick, rays.start)
-                if bricks.is_mean[brick]:
-                    _prefetch_brick(geometry, mean_address, 4 * 4)
+        frame = left, top, right, bottom
+        _set_up_rays(rays, stride, frame, is_drawn, pixel_rays)
+        for k in range(starts[tile], starts[tile + 1]):
+            if stride > 1 and k + 1 < starts[tile + 1]:
+                following = _brick_at(bricks, numbers[k + 1], rays.start)
+                if following.is_mean:
+                    _prefetch_brick(following, mean_address, 4 * 4)
                 else:
-                    _prefetch_brick(geometry, scalar_address, 4)
-            brick = numbers[place]
+                    _prefetch_brick(following, scalar_address, 4)
+            number = numbers[k]
             window = (
-                max(left, rectangles[brick, 0]), max(top, rectangles[brick, 1]),
-                min(right, rectangles[brick, 2]), min(bottom, rectangles[brick, 3]),
+                max(left, rectangles[number, 0]), max(top, rectangles[number, 1]),
+                min(right, rectangles[number, 2]), min(bottom, rectangles[number, 3]),
             )  # fmt: skip
-            frame = (left, top, right - left)
-            geometry = _geometry(bricks, brick, rays.start)
-            if bricks.is_mean[brick]:
-                _draw_means(window, frame, geometry, field.optics, field.means, pixel_rays, is_drawn, image)
+            brick = _brick_at(bricks, number, rays.start)
+            if brick.is_mean:
+                _draw_brick(brick, window, frame, optics, means, None, guide, pixel_rays, is_drawn, image)
             else:
-                _draw_scalars(
-                    window, frame, geometry, field.optics, field.scalars, field.pieces, field.guide,
-                    pixel_rays, is_drawn, image,
-                )  # fmt: skip
+                _draw_brick(brick, window, frame, optics, scalars, pieces, guide, pixel_rays, is_drawn, image)
 
 
 @jit
-def _prefetch_brick(geometry: _Geometry, address: int, texel_bytes: int) -> None:
+def _prefetch_brick(brick: _Brick, texels_address: int, texel_bytes: int) -> None:
     """Load the visible texels of a brick into the cache while another brick is drawn.
 
-    Where few pixels are drawn, each texel is read a few times only, and half of the time would be waiting. address:
-    that of all texels.
+    Where few pixels are drawn, each texel is read a few times only, and half of the time would be waiting.
     """
-    low, high, corner, scale = geometry.low, geometry.high, geometry.corner, geometry.scale
+    low, high, corner, scale = brick.low, brick.high, brick.corner, brick.scale
     first_row, last_row = _texel_range(low[1], high[1], corner[1], scale)
     first_plane, last_plane = _texel_range(low[2], high[2], corner[2], scale)
     row_bytes = PADDED_BRICK_SIZE * texel_bytes
     for plane in range(first_plane, last_plane + 1):
-        begin = address + 4 * geometry.texel_offset + plane * PADDED_BRICK_SIZE * row_bytes
+        begin = texels_address + 4 * brick.texel_offset + plane * PADDED_BRICK_SIZE * row_bytes
         for line in range(begin + first_row * row_bytes, begin + (last_row + 1) * row_bytes, _CACHE_LINE_BYTES):
             prefetch(line)
 
@@ -256,16 +224,18 @@ def _jitter(column: int, row: int) -> float:
 
 
 @jit
-def _geometry(bricks: BrickArrays, brick: int, start: float) -> _Geometry:
-    bounds, corners, scale = bricks.bounds, bricks.corners, bricks.cells_per_voxel[brick]
-    return _Geometry(
-        (bounds[brick, 0, 0], bounds[brick, 0, 1], bounds[brick, 0, 2]),
-        (bounds[brick, 1, 0], bounds[brick, 1, 1], bounds[brick, 1, 2]),
-        (corners[brick, 0], corners[brick, 1], corners[brick, 2]),
-        scale,
-        scale / bricks.steps[brick],
+def _brick_at(bricks: npt.NDArray[np.void], number: int, start: float) -> _Brick:
+    brick = bricks[number]
+    low, high, corner = brick["box_low"], brick["box_high"], brick["first_corner"]
+    return _Brick(
+        (low[0], low[1], low[2]),
+        (high[0], high[1], high[2]),
+        (corner[0], corner[1], corner[2]),
+        brick["cells_per_voxel"],
+        brick["cells_per_voxel"] / brick["step_cells"],
         start,
-        bricks.texel_offsets[brick],
+        brick["texel_offset"],
+        brick["is_mean"],
     )
 
 
@@ -282,18 +252,18 @@ def _ray_at(pixel_rays: Float64, number: int) -> _Ray:
 
 
 @jit
-def _clip_ray(geometry: _Geometry, ray: _Ray) -> tuple[int, np.float32, Float3, Float3]:
+def _clip_ray(brick: _Brick, ray: _Ray) -> tuple[int, np.float32, Float3, Float3]:
     """Return a ray's samples in a brick: their number, 0 where the ray misses it; the length of a segment, in model
     units; the first sample, in texels, and the step to the next one."""
-    low, high, corner, scale = geometry.low, geometry.high, geometry.corner, geometry.scale
+    low, high, corner, scale = brick.low, brick.high, brick.corner, brick.scale
     origin, direction, inverse = ray.origin, ray.direction, ray.inverse
-    enter, leave = geometry.start, math.inf
+    enter, leave = brick.start, math.inf
     enter, leave = _clip_slab(enter, leave, origin[0], inverse[0], low[0], high[0])
     enter, leave = _clip_slab(enter, leave, origin[1], inverse[1], low[1], high[1])
     enter, leave = _clip_slab(enter, leave, origin[2], inverse[2], low[2], high[2])
     if not leave > enter:
         return 0, _0, (_0, _0, _0), (_0, _0, _0)
-    num = int((leave - enter) * geometry.samples_per_length * ray.length + ray.rounding_offset)
+    num = int((leave - enter) * brick.samples_per_length * ray.length + ray.rounding_offset)
     num = max(1, min(num, MAX_SAMPLES))
     num += num & 3 == 0
     segment = (leave - enter) * _RECIPROCALS[num]
@@ -336,107 +306,62 @@ def _clamp_to_brick(position: float) -> float:
 
 
 @jit
-def _draw_scalars(
+def _draw_brick(
+    brick: _Brick,
     window: Window,
-    frame: tuple[int, int, int],
-    geometry: _Geometry,
+    frame: Window,
     optics: Optics,
     texels: Float32,
-    pieces: Float32,
+    pieces: Float32 | None,
     guide: Int32,
     pixel_rays: Float64,
     is_drawn: Bools,
     image: Float32,
 ) -> None:
-    """Composite a brick of scalars under the pixels of a window.
+    """Composite a brick under the pixels of a window; rays end behind `termination_alpha`.
 
-    frame: left and top of the tile whose rays are in `pixel_rays`, and its width. Arrays are arguments, and only single
-    elements of them go on from here: numba counts references to arrays in tuples, which takes up to 15 % of the time.
+    frame: the tile whose rays are in `pixel_rays`. pieces: None if the texels are means, which need no classification;
+    numba compiles the two cases separately. Arrays are arguments, and only single elements of them go on from here:
+    numba counts references to arrays in tuples, which takes up to 15 % of the time.
     """
     left, top, right, bottom = window
-    first = geometry.texel_offset
     for row in range(top, bottom):
         for column in range(left, right):
             before = image[row, column, 3]
             if not is_drawn[row, column] or before > optics.termination_alpha:
                 continue
-            ray = _ray_at(pixel_rays, (row - frame[1]) * frame[2] + column - frame[0])
-            num, segment_length, place, step = _clip_ray(geometry, ray)
+            ray = _ray_at(pixel_rays, (row - frame[1]) * (frame[2] - frame[0]) + column - frame[0])
+            num, segment_length, first, step = _clip_ray(brick, ray)
             red = green = blue = alpha = _0
             for number in range(num):
-                at, shares = cell_at(np.float32(number), place, step)
-                scalar = sample_scalar(texels, first + at, shares)
-                piece_offset = np.uint64(guide[bucket(scalar)] * PIECE_FLOATS)
-                while scalar >= pieces[piece_offset]:
-                    piece_offset += np.uint64(PIECE_FLOATS)
-                tau, r, g, b = evaluate_piece(pieces, piece_offset, scalar)
+                at, shares = cell_at(np.float32(number), first, step)
+                if pieces is None:
+                    r, g, b, tau = sample_rgba(texels, brick.texel_offset + 4 * at, shares)
+                else:
+                    scalar = sample_scalar(texels, brick.texel_offset + at, shares)
+                    piece = np.uint64(guide[bucket(scalar)] * PIECE_FLOATS)
+                    while scalar >= pieces[piece]:
+                        piece += np.uint64(PIECE_FLOATS)
+                    tau, r, g, b = evaluate_piece(pieces, piece, scalar)
                 if tau > _0:
                     weight = (_1 - alpha) * opacity_of_depth(tau * optics.spacings_per_model_unit * segment_length)
                     alpha += weight
-                    if optics.is_lit:
+                    if pieces is None:
+                        weight /= tau
+                    elif optics.is_lit:
+                        gradient = brick.texel_offset + at + TEXELS_PER_BRICK
                         weight *= light_factor(
-                            sample_scalar(texels, first + at + TEXELS_PER_BRICK, shares),
-                            sample_scalar(texels, first + at + 2 * TEXELS_PER_BRICK, shares),
-                            sample_scalar(texels, first + at + 3 * TEXELS_PER_BRICK, shares),
+                            sample_scalar(texels, gradient, shares),
+                            sample_scalar(texels, gradient + TEXELS_PER_BRICK, shares),
+                            sample_scalar(texels, gradient + 2 * TEXELS_PER_BRICK, shares),
                             optics.light,
                         )
                     red, green, blue = fma(weight, r, red), fma(weight, g, green), fma(weight, b, blue)
                     if alpha > optics.termination_alpha:
                         break
             if alpha > _0:
-                _composite_under(image, row, column, before, red, green, blue, alpha)
-
-
-@jit
-def _draw_means(
-    window: Window,
-    frame: tuple[int, int, int],
-    geometry: _Geometry,
-    optics: Optics,
-    texels: Float32,
-    pixel_rays: Float64,
-    is_drawn: Bools,
-    image: Float32,
-) -> None:
-    """Composite a brick of means under the pixels of a window; arguments as in `_draw_scalars`."""
-    left, top, right, bottom = window
-    first = geometry.texel_offset
-    for row in range(top, bottom):
-        for column in range(left, right):
-            before = image[row, column, 3]
-            if not is_drawn[row, column] or before > optics.termination_alpha:
-                continue
-            ray = _ray_at(pixel_rays, (row - frame[1]) * frame[2] + column - frame[0])
-            num, segment_length, place, step = _clip_ray(geometry, ray)
-            red = green = blue = alpha = _0
-            for number in range(num):
-                at, shares = cell_at(np.float32(number), place, step)
-                r, g, b, tau = sample_rgba(texels, first + 4 * at, shares)
-                if tau > _0:
-                    weight = (_1 - alpha) * opacity_of_depth(tau * optics.spacings_per_model_unit * segment_length)
-                    alpha += weight
-                    weight /= tau
-                    red, green, blue = fma(weight, r, red), fma(weight, g, green), fma(weight, b, blue)
-                    if alpha > optics.termination_alpha:
-                        break
-            if alpha > _0:
-                _composite_under(image, row, column, before, red, green, blue, alpha)
-
-
-@jit
-def _composite_under(
-    image: Float32,
-    row: int,
-    column: int,
-    before: np.float32,
-    red: np.float32,
-    green: np.float32,
-    blue: np.float32,
-    alpha: np.float32,
-) -> None:
-    """Composite a colour under a pixel, whose alpha is `before`."""
-    transmittance = _1 - before
-    image[row, column, 0] = fma(transmittance, red, image[row, column, 0])
-    image[row, column, 1] = fma(transmittance, green, image[row, column, 1])
-    image[row, column, 2] = fma(transmittance, blue, image[row, column, 2])
-    image[row, column, 3] = fma(transmittance, alpha, before)
+                transmittance = _1 - before
+                image[row, column, 0] = fma(transmittance, red, image[row, column, 0])
+                image[row, column, 1] = fma(transmittance, green, image[row, column, 1])
+                image[row, column, 2] = fma(transmittance, blue, image[row, column, 2])
+                image[row, column, 3] = fma(transmittance, alpha, before)

@@ -21,7 +21,7 @@ from renderer.draw.brick_cache import BrickCache
 from renderer.draw.brick_view import BrickView
 from renderer.draw.constants import RECTANGLE_ROUNDING_PX
 from renderer.draw.cpu.atlas import CPUAtlas
-from renderer.draw.cpu.march import BrickArrays, Float64, Int64, TileBins, bin_bricks, draw_tiles
+from renderer.draw.cpu.march import Float64, TileBins, bin_bricks, draw_tiles
 from renderer.draw.cpu.sample import Field, Float32, Optics
 from renderer.draw.overlay import CellEdges
 from renderer.draw.subsampling import grid_size, refine_grid, upsample
@@ -29,7 +29,7 @@ from renderer.scene import ShadingSpec
 from renderer.splats import SplatBatch
 from renderer.threads import ThreadPool
 from renderer.transfer import toward_light
-from renderer.view import RaySetup, View, ray_setup
+from renderer.view import View, ray_setup
 
 CPU_RENDERER_NAME = "no OpenGL: drawn on the processor"
 
@@ -92,38 +92,18 @@ class CPURasterizer:
         raise AssertionError("lines need OpenGL")
 
     def _draw_bricks(self, brick_view: BrickView, stride: int, is_drawn: npt.NDArray[np.bool_], image: Float32) -> None:
-        """Draw groups of bricks that have slots at once, each group behind those before."""
-        start = 0
-        while start < len(brick_view.order):
-            end = self._cache.end_of_group(brick_view, start, len(brick_view.order))
-            self._draw_group(brick_view, slice(start, end), stride, is_drawn, image)
-            start = end
-
-    def _draw_group(
-        self, brick_view: BrickView, group: slice, stride: int, is_drawn: npt.NDArray[np.bool_], image: Float32
-    ) -> None:
-        """Composite a group of bricks under the image."""
-        texel_offsets = np.empty(group.stop - group.start, np.int64)
-        for atlas, chosen, slots in self._cache.upload_group(brick_view, group):
-            texel_offsets[chosen] = atlas.texel_offsets(slots)
-        bricks = BrickArrays(
-            brick_view.bounds[group],
-            brick_view.corners[group],
-            brick_view.cells_per_voxel[group],
-            brick_view.steps[group],
-            brick_view.is_mean[group],
-            texel_offsets,
-        )
-        batch, field = brick_view.batch, self._field(brick_view.batch)
-        bins = _bin_bricks(brick_view.rectangles_px[group], stride, (is_drawn.shape[1], is_drawn.shape[0]))
-        tiles = np.flatnonzero(bins.starts[1:] > bins.starts[:-1])
-        rays: RaySetup = ray_setup(batch.cut.volume, batch.model_unit, brick_view.view)
-
-        def draw(some: Int64) -> None:
-            draw_tiles(some, bins, stride, rays, bricks, field, is_drawn, image)
-
-        num_tasks = min(len(tiles), _TASKS_PER_THREAD * self._threads.num) if self._threads.num > 1 else 1
-        self._threads.map(draw, np.array_split(tiles, max(1, num_tasks)))
+        """Composite groups of bricks that have slots at once under the image, front to back."""
+        batch, bricks = brick_view.batch, brick_view.bricks
+        rays = ray_setup(batch.cut.volume, batch.model_unit, brick_view.view)
+        for group, uploaded in self._cache.upload_groups(brick_view, len(bricks)):
+            for atlas, numbers, slots in uploaded:
+                bricks["texel_offset"][numbers] = atlas.texel_offsets(slots)
+            field = self._field(batch)
+            bins = _bin_bricks(bricks["rectangle_px"][group], stride, (is_drawn.shape[1], is_drawn.shape[0]))
+            draw = partial(draw_tiles, bins, stride, rays, bricks[group], field, is_drawn, image)
+            tiles = np.flatnonzero(bins.starts[1:] > bins.starts[:-1])
+            num_tasks = min(len(tiles), _TASKS_PER_THREAD * self._threads.num) if self._threads.num > 1 else 1
+            self._threads.map(draw, np.array_split(tiles, max(1, num_tasks)))
 
     def _field(self, batch: BrickBatch) -> Field:
         shading = batch.shading or ShadingSpec()
@@ -145,14 +125,9 @@ def _bin_bricks(rectangles_px: Float64, stride: int, shape: tuple[int, int]) -> 
     Pixels that rounding may have moved out of a rectangle count as inside. Grid pixel 0 is the centre of pixel 0.
     """
     side = TILE_SIDE if stride == 1 else SUBSAMPLED_TILE_SIDE
-    most = np.array(shape)
-    low = np.clip(np.ceil((rectangles_px[:, :2] - 0.5 - RECTANGLE_ROUNDING_PX) / stride), 0, most)
-    high = np.clip(np.floor((rectangles_px[:, 2:] - 0.5 + RECTANGLE_ROUNDING_PX) / stride) + 1, low, most)
-    rectangles = np.hstack([low, high]).astype(np.int64)
-    columns, rows = (-(-n // side) for n in shape)
-    starts, numbers = np.empty(columns * rows + 1, np.int64), np.empty(8 * len(rectangles), np.int64)
-    num = bin_bricks(rectangles, side, columns, starts, numbers)
-    if num > len(numbers):
-        numbers = np.empty(num, np.int64)
-        bin_bricks(rectangles, side, columns, starts, numbers)
-    return TileBins(side, rectangles, starts, numbers)
+    low = np.ceil((rectangles_px[:, :2] - 0.5 - RECTANGLE_ROUNDING_PX) / stride)
+    high = np.floor((rectangles_px[:, 2:] - 0.5 + RECTANGLE_ROUNDING_PX) / stride) + 1
+    rectangles = np.clip(np.hstack([low, high]), 0, shape * 2).astype(np.int64)
+    rectangles[(rectangles[:, :2] >= rectangles[:, 2:]).any(axis=1)] = 0
+    tile_windows = np.hstack([rectangles[:, :2] // side, -(-rectangles[:, 2:] // side)])
+    return TileBins(side, rectangles, *bin_bricks(tile_windows, -(-shape[0] // side), -(-shape[1] // side)))

@@ -20,7 +20,7 @@ import numpy as np
 from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.draw import brick_cache
 from renderer.draw.brick_cache import Atlas, Float32, Int64
-from renderer.draw.gl.programs import MAX_ATLAS_SIDE
+from renderer.draw.constants import MAX_ATLAS_SIDE
 from renderer.errors import ContextLostError, RenderError
 
 Size = tuple[int, int, int]
@@ -58,9 +58,8 @@ class GLAtlas(Atlas):
 
     def release(self) -> None:
         """Free the texture."""
-        if self.texture is not None:
-            self.texture.release()
-            self.texture = None
+        self.texture = None
+        self._context.gc()
         self._resize(0)
 
     def _grow(self, num: int) -> None:
@@ -92,7 +91,8 @@ class GLAtlas(Atlas):
         error_name = self._context.error
         if error_name == "GL_NO_ERROR":
             return texture
-        texture.release()
+        del texture
+        self._context.gc()
         if error_name != "GL_OUT_OF_MEMORY":
             raise ContextLostError("OpenGL made no texture for bricks, or its context was lost", got=error_name)
         self._texture_sizes = self._texture_sizes[: self._texture_sizes.index(self.size)]

@@ -9,20 +9,20 @@ A group has as many bricks as the atlas has slots, or fewer, so that saturated p
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks import DITHER, HALO, JITTER_PER_PX, BrickBatch
+from renderer.bricks import HALO, JITTER_PER_PX, BrickBatch
 from renderer.draw.brick_cache import BrickCache
-from renderer.draw.brick_view import BrickView
+from renderer.draw.brick_view import BRICK, BrickView
+from renderer.draw.constants import LARGE_FLOAT32, PIECES_IN_ROW
 from renderer.draw.gl.atlas import GLAtlas
-from renderer.draw.gl.programs import BRICK_VERTEX, LARGE_FLOAT32, PIECES_IN_ROW, vertex_content
+from renderer.draw.gl.programs import BRICK_VERTEX, vertex_content
 from renderer.draw.subsampling import grid_size, upsample
 from renderer.threads import ThreadPool
 from renderer.transfer import PiecewiseTransfer, toward_light
@@ -41,8 +41,7 @@ SCALARS, MEANS, GUIDE, PIECES, IMAGE, REFINEMENT = range(6)  # texture units
 FILTER_ERROR = np.float32(2.0**-22)
 
 
-@dataclass(frozen=True)
-class _PixelGrid:
+class _PixelGrid(NamedTuple):
     """Every `stride`-th pixel along both axes, as many as cover the image.
 
     size: columns and rows. target: draws the colours of `image` and depths. mask: draws the same depths only.
@@ -55,14 +54,6 @@ class _PixelGrid:
     target: Any
     mask: Any
     refinement_mask: Any
-
-    def release(self) -> None:
-        """Free all that it has on the device."""
-        for thing in (
-            self.mask, self.target.depth_attachment, self.target, self.image,
-            self.refinement_mask.color_attachments[0], self.refinement_mask,
-        ):  # fmt: skip
-            thing.release()
 
 
 class GLBrickRenderer:
@@ -87,7 +78,7 @@ class GLBrickRenderer:
         """Composite `batch[order]`, front to back: float32 [height, width, 4], premultiplied RGBA over nothing."""
         self._update_resources(batch, view.size)
         brick_view = self._cache.begin_frame(batch, order, view)
-        programs, vertices = self._prepare_programs(batch, view), _vertices(brick_view)
+        programs, vertices = self._prepare_programs(batch, view), _vertices(brick_view.bricks)
         coarse = None
         for stride in batch.screen_sampling.strides:
             grid = self._pixel_grid(stride)
@@ -109,17 +100,13 @@ class GLBrickRenderer:
         self._threads.release()
 
     def _update_resources(self, batch: BrickBatch, size: tuple[int, int]) -> None:
-        """Upload the transfer function, and free the grids of another image size."""
-        if self._transfer is None or self._transfer[0] is not batch.bricks.pieces:
-            for texture in self._transfer[1] if self._transfer is not None else ():
-                texture.release()
-            self._transfer = None
-            pieces = batch.bricks.pieces
+        """Upload the transfer function, and drop the grids of another image size."""
+        pieces = batch.bricks.pieces
+        if self._transfer is None or self._transfer[0] is not pieces:
             self._transfer = pieces, [self._table(content) for content in _tables(pieces)]
         if self._image_size != size:
-            for grid in self._pixel_grids.values():
-                grid.release()
             self._pixel_grids, self._image_size = {}, size
+            self._context.gc()
 
     def _table(self, content: npt.NDArray[np.float32]) -> Any:
         """Make a texture of float32 [rows, columns, channels]."""
@@ -138,7 +125,6 @@ class GLBrickRenderer:
             image.filter = moderngl.LINEAR, moderngl.LINEAR
             image.repeat_x = image.repeat_y = False
             refinement_mask = self._context.framebuffer([self._context.texture((width, height), 1)])
-            _ = self._context.error  # moderngl binds the previous target again, which may be gone
             self._pixel_grids[stride] = _PixelGrid(stride, (width, height), image, target, mask, refinement_mask)
         return self._pixel_grids[stride]
 
@@ -177,7 +163,6 @@ class GLBrickRenderer:
             "start": max(rays.start, -LARGE_FLOAT32),
             "termination_alpha": batch.screen_sampling.termination_alpha,
             "jitter_per_px": JITTER_PER_PX,
-            "dither": DITHER,
             "spacings_per_model_unit": batch.spacings_per_model_unit,
         }
         of_scalars: dict[str, Any] = {"atlas": SCALARS, "guide": GUIDE, "pieces": PIECES}
@@ -204,30 +189,20 @@ class GLBrickRenderer:
             program["stride_px"], program["grid_size"] = grid.stride, grid.size
         screen_sampling, num = brick_view.batch.screen_sampling, len(brick_view.order)
         num_groups = NUM_GROUPS if screen_sampling.strides == (1,) else 1
-        max_bricks, start = -(-num // num_groups), 0
-        while start < num:
-            end = self._cache.end_of_group(brick_view, start, max_bricks)
-            self._upload_group(programs, brick_view, vertices, slice(start, end))
+        for group, uploaded in self._cache.upload_groups(brick_view, -(-num // num_groups)):
+            for program, unit, (atlas, numbers, slots) in zip(programs, (SCALARS, MEANS), uploaded, strict=True):
+                if len(numbers):
+                    vertices["first_texel"][numbers] = atlas.corners(slots) + HALO
+                    atlas.texture.use(unit)
+                    program["atlas_scale"] = tuple(1 / n for n in atlas.size)
             grid.target.use()
             grid.target.depth_mask = False
             self._context.enable_only(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.PROGRAM_POINT_SIZE)
             self._context.blend_func = moderngl.ONE_MINUS_DST_ALPHA, moderngl.ONE
             self._context.depth_func = "<"
-            self._draw_group(programs, brick_view.is_mean[start:end], vertices[start:end], grid.stride)
-            if screen_sampling.termination_transmittance > 0 and num_groups > 1 and end < num:
+            self._draw_group(programs, brick_view.bricks["is_mean"][group], vertices[group], grid.stride)
+            if screen_sampling.termination_transmittance > 0 and num_groups > 1 and group.stop < num:
                 self._mask_saturated(grid, screen_sampling.termination_transmittance)
-            start = end
-
-    def _upload_group(
-        self, programs: tuple[Any, Any], brick_view: BrickView, vertices: npt.NDArray[Any], group: slice
-    ) -> None:
-        """Upload a group of bricks, and write their places in the atlas to the vertices."""
-        uploaded = self._cache.upload_group(brick_view, group)
-        for program, unit, (atlas, chosen, slots) in zip(programs, (SCALARS, MEANS), uploaded, strict=True):
-            if len(chosen):
-                vertices["first_texel"][chosen + group.start] = atlas.corners(slots) + HALO
-                atlas.texture.use(unit)
-                program["atlas_scale"] = tuple(1 / n for n in atlas.size)
 
     def _draw_group(
         self, programs: tuple[Any, Any], is_mean: npt.NDArray[np.bool_], vertices: npt.NDArray[Any], stride: int
@@ -244,8 +219,6 @@ class GLBrickRenderer:
         ends = np.flatnonzero(is_mean[1:] != is_mean[:-1]) + 1
         for first, end in pairwise([0, *ends.tolist(), len(vertices)]):
             arrays[int(is_mean[first])].render(mode, vertices=num_each * (end - first), first=num_each * first)
-        for thing in (*arrays, buffer):
-            thing.release()
 
     def _mask_saturated(self, grid: _PixelGrid, termination_transmittance: float) -> None:
         """Write a near depth at pixels that are almost opaque: later bricks do not draw them."""
@@ -263,18 +236,14 @@ class GLBrickRenderer:
         self._draw_fullscreen(program)
 
     def _draw_fullscreen(self, program: Any) -> None:
-        triangle = self._context.vertex_array(program, [])
-        triangle.render(moderngl.TRIANGLES, vertices=3)
-        triangle.release()
+        self._context.vertex_array(program, []).render(moderngl.TRIANGLES, vertices=3)
 
 
-def _vertices(brick_view: BrickView) -> npt.NDArray[Any]:
-    """Return the vertices of bricks, BRICK_VERTEX [n], without their places in the atlas."""
-    vertices = np.zeros(len(brick_view.order), BRICK_VERTEX)
-    vertices["rectangle_px"] = brick_view.rectangles_px
-    vertices["box_low"], vertices["box_high"] = brick_view.bounds[:, 0], brick_view.bounds[:, 1]
-    vertices["first_corner"] = brick_view.corners
-    vertices["steps"] = np.column_stack([brick_view.cells_per_voxel, brick_view.steps])
+def _vertices(bricks: npt.NDArray[np.void]) -> npt.NDArray[Any]:
+    """Return the vertices of bricks, BRICK_VERTEX [n], from BRICK [n]; their places in the atlas are still missing."""
+    vertices = np.zeros(len(bricks), BRICK_VERTEX)
+    for name in set(BRICK_VERTEX.names or ()) & set(BRICK.names or ()):
+        vertices[name] = bricks[name]
     return vertices
 
 

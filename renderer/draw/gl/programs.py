@@ -9,35 +9,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from renderer.bricks import DITHER
 from renderer.draw import constants
-from renderer.draw.overlay import LEVEL_COLORS
 from renderer.view import CLIPPED_SIGMAS, CULLED_SIGMAS
 
-# The uniform block of shapes holds 48 bytes for each; GL guarantees 16 KiB.
-MAX_SHAPES = 256
-# The sides of 3D textures are powers of two up to this.
-MAX_ATLAS_SIDE = 2048
-# Pieces of the transfer function in a row of their texture.
-PIECES_IN_ROW = 1024
-# Stands for infinity where float32 is needed.
-LARGE_FLOAT32 = 1e30
-# An end of a line that is nearer to the eye plane is not divided by its depth.
-MIN_LINE_DEPTH = 1e-5
-
-_CONSTANTS: dict[str, float | tuple[float, ...]] = {
+_CONSTANTS: dict[str, Any] = vars(constants) | {
     "CLIPPED_SIGMAS": CLIPPED_SIGMAS,
     "CULLED_SIGMAS": CULLED_SIGMAS,
-    "LARGE_FLOAT32": LARGE_FLOAT32,
-    "MAX_ATLAS_SIDE": MAX_ATLAS_SIDE,
-    "MAX_SAMPLES": constants.MAX_SAMPLES,
-    "MAX_SAMPLE_CELL": constants.MAX_SAMPLE_CELL,
-    "MAX_SHAPES": MAX_SHAPES,
-    "MIN_LINE_DEPTH": MIN_LINE_DEPTH,
-    "MIN_SAMPLE_CELL": constants.MIN_SAMPLE_CELL,
-    "NUM_LEVEL_COLORS": len(LEVEL_COLORS),
-    "OPACITY_SERIES": constants.OPACITY_SERIES,
-    "PIECES_IN_ROW": PIECES_IN_ROW,
-    "RECTANGLE_ROUNDING_PX": constants.RECTANGLE_ROUNDING_PX,
+    "DITHER": DITHER,
 }
 
 # The vertices of splats (SplatBatch.vertices), of edges (CellEdges.vertices) and of bricks.
@@ -45,7 +24,7 @@ SPLAT_VERTEX = np.dtype([("center", "f4", 3), ("areas", "f4", 4), ("shape", "f4"
 EDGE_VERTEX = np.dtype([("start", "f4", 3), ("end", "f4", 3), ("level", "f4")])
 BRICK_VERTEX = np.dtype(
     [("rectangle_px", "f4", 4), ("box_low", "f4", 3), ("box_high", "f4", 3), ("first_corner", "f4", 3),
-     ("first_texel", "f4", 3), ("steps", "f4", 2)]
+     ("first_texel", "f4", 3), ("cells_per_voxel", "f4"), ("step_cells", "f4")]
 )  # fmt: skip
 MESH_VERTEX = np.dtype([("mesh_vertex", "f4", 2), ("mesh_weight", "f4")])
 
@@ -53,8 +32,8 @@ MESH_VERTEX = np.dtype([("mesh_vertex", "f4", 2), ("mesh_weight", "f4")])
 def load_shader(*names: str) -> str:
     """Return one program stage from several files: the version, the constants that the files use, and the files."""
     text = "\n".join((files("renderer.draw.gl") / "shaders" / name).read_text("utf-8") for name in names)
-    words = set(re.findall(r"\w+", text))
-    declarations = [_declaration(name, value) for name, value in _CONSTANTS.items() if name in words]
+    used = sorted(_CONSTANTS.keys() & re.findall(r"\w+", text))
+    declarations = [_declaration(name, _CONSTANTS[name]) for name in used]
     return "\n".join(["#version 330 core", *declarations, text])
 
 

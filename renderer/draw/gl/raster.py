@@ -22,19 +22,12 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import BrickBatch
-from renderer.draw.compositing import MIN_CHUNK_SPLATS, composite_over, splats_per_chunk
+from renderer.draw.compositing import MIN_CHUNK_SPLATS, splats_per_chunk
+from renderer.draw.constants import LEVEL_COLORS, MAX_SHAPES, MIN_LINE_DEPTH, MIN_SIDE_PX
 from renderer.draw.cpu.raster import CPU_RENDERER_NAME, CPURasterizer
 from renderer.draw.gl.bricks import GLBrickRenderer
-from renderer.draw.gl.programs import (
-    EDGE_VERTEX,
-    MAX_SHAPES,
-    MESH_VERTEX,
-    MIN_LINE_DEPTH,
-    SPLAT_VERTEX,
-    load_shader,
-    vertex_content,
-)
-from renderer.draw.overlay import CellEdges, level_colors
+from renderer.draw.gl.programs import EDGE_VERTEX, MESH_VERTEX, SPLAT_VERTEX, load_shader, vertex_content
+from renderer.draw.overlay import CellEdges
 from renderer.errors import ContextLostError, RenderError
 from renderer.splats import GaussianFootprint, GouraudFootprint, SplatBatch
 from renderer.view import (
@@ -54,11 +47,6 @@ DrawSplats = Callable[[npt.NDArray[np.uint32]], None]  # draws these splats of a
 
 # Splats on the device at a time: 8 MiB of vertices. Edges use the same buffer.
 BATCH_SIZE, VERTEX_BYTES = 1 << 18, SPLAT_VERTEX.itemsize
-
-# Where cells have a side of s model units and of p pixels, up to 2 / s of them lie behind one another, and the lines of
-# one layer cover about 2 / p of the image: together they are a fog. Therefore a line's opacity is LINE_COVER * s * p,
-# at most LINE_OPACITY, which bounds the total for cells of any size. Cells under MIN_SIDE_PX have no lines.
-LINE_COVER, LINE_OPACITY, MIN_SIDE_PX = 0.75, 0.8, 3.0
 
 # EGL devices that are tried; a machine has one for each GPU and one for the software renderer.
 MAX_EGL_DEVICES = 9
@@ -144,6 +132,7 @@ class GLRasterizer:
         try:
             with self._context:  # another one may have been made since
                 yield
+                self._context.gc()
                 got = self._context.error
         except moderngl.Error as error:
             raise self._context_lost_error(str(error)) from error
@@ -167,7 +156,9 @@ class GLRasterizer:
             return self._rasterize_chunk(draw, order, view.size, Region(0, 0, *view.size))
         covered = np.zeros((region.height, region.width, 4))
         for first in range(0, len(order), num_at_once):
-            composite_over(self._rasterize_chunk(draw, order[first : first + num_at_once], view.size, region), covered)
+            chunk = self._rasterize_chunk(draw, order[first : first + num_at_once], view.size, region)
+            covered *= 1.0 - chunk[..., 3:].astype(np.float64)
+            covered += chunk
         image[region.top : region.top + region.height, region.left : region.left + region.width] = covered
         return image
 
@@ -206,10 +197,7 @@ class GLRasterizer:
             _set_camera(program, camera)
             program["near_depth"] = camera.near
             program["voxel_side"] = edges.voxel_side
-            program["cover"] = LINE_COVER
-            program["opacity"] = LINE_OPACITY
-            program["min_side_px"] = MIN_SIDE_PX
-            program["level_colors"].write(level_colors().astype(np.float32))
+            program["level_colors"].write(np.array(LEVEL_COLORS, np.float32))
             with self._render_region(view.size, Region(0, 0, *view.size)) as image:
                 lines = self._context.vertex_array(program, [vertex_content(self._splat_buffer, EDGE_VERTEX, "/i")])
                 for first in range(0, len(vertices), num_at_once):
@@ -217,7 +205,6 @@ class GLRasterizer:
                     self._splat_buffer.orphan()
                     self._splat_buffer.write(batch)
                     lines.render(moderngl.TRIANGLES, vertices=6, instances=len(batch))
-                lines.release()
         return image
 
     @contextmanager
@@ -246,19 +233,16 @@ class GLRasterizer:
         run_ends = np.append(run_starts[1:], len(order))
         points = self._context.vertex_array(program, [vertex_content(self._splat_buffer, SPLAT_VERTEX)])
         large = np.repeat(vertices[is_large], 6, axis=0)
-        with self._temporary_buffer(large) as quad_buffer:
-            quads = self._context.vertex_array(program, [vertex_content(quad_buffer, SPLAT_VERTEX)])
-            num_quads = 0
-            for start, end in zip(run_starts, run_ends, strict=True):
-                num = int(end - start)
-                program["quads"] = bool(is_large[start])
-                if is_large[start]:
-                    quads.render(moderngl.TRIANGLES, vertices=6 * num, first=6 * num_quads)
-                    num_quads += num
-                else:
-                    points.render(moderngl.POINTS, vertices=num, first=int(start))
-            quads.release()
-        points.release()
+        quads = self._context.vertex_array(program, [vertex_content(self._buffer(large), SPLAT_VERTEX)])
+        num_quads = 0
+        for start, end in zip(run_starts, run_ends, strict=True):
+            num = int(end - start)
+            program["quads"] = bool(is_large[start])
+            if is_large[start]:
+                quads.render(moderngl.TRIANGLES, vertices=6 * num, first=6 * num_quads)
+                num_quads += num
+            else:
+                points.render(moderngl.POINTS, vertices=num, first=int(start))
 
     def _draw_fans(self, program: Any, batch: SplatBatch, order: npt.NDArray[np.uint32]) -> None:
         """Draw Gouraud footprints: one instance of the mesh for each splat."""
@@ -267,14 +251,17 @@ class GLRasterizer:
         self._splat_buffer.orphan()
         self._splat_buffer.write(batch.vertices.take(order, axis=0))
         mesh = np.column_stack([footprint.vertices, footprint.weights]).astype(np.float32)
-        with self._temporary_buffer(mesh) as mesh_buffer, self._temporary_buffer(footprint.triangles) as triangles:
-            content = [
-                vertex_content(mesh_buffer, MESH_VERTEX),
-                vertex_content(self._splat_buffer, SPLAT_VERTEX, "/i"),
-            ]
-            fans = self._context.vertex_array(program, content, index_buffer=triangles, index_element_size=4)
-            fans.render(moderngl.TRIANGLES, instances=len(order))
-            fans.release()
+        content = [
+            vertex_content(self._buffer(mesh), MESH_VERTEX),
+            vertex_content(self._splat_buffer, SPLAT_VERTEX, "/i"),
+        ]
+        triangles = self._buffer(footprint.triangles)
+        fans = self._context.vertex_array(program, content, index_buffer=triangles, index_element_size=4)
+        fans.render(moderngl.TRIANGLES, instances=len(order))
+
+    def _buffer(self, data: npt.NDArray[Any]) -> Any:
+        """Return a buffer; GL has no empty buffers, so that one without data has four bytes."""
+        return self._context.buffer(data if data.size else bytes(4))
 
     def _program(self, vertex_files: str, fragment_files: str) -> Any:
         """Return the program from these files; it is compiled at its first use."""
@@ -285,22 +272,10 @@ class GLRasterizer:
             )
         return self._programs[key]
 
-    @contextmanager
-    def _temporary_buffer(self, data: npt.NDArray[Any]) -> Iterator[Any]:
-        """Make a buffer for one draw call; GL has no empty buffers, so that one without data has four bytes."""
-        buffer = self._context.buffer(data if data.size else bytes(4))
-        try:
-            yield buffer
-        finally:
-            buffer.release()
-
     def _target_of_size(self, size: tuple[int, int]) -> Any:
         """Return a float32 RGBA framebuffer of (width, height), which is reused for images of one size."""
         if self._target is None or self._target.size != size:
-            if self._target is not None:
-                self._target.color_attachments[0].release()
-                self._target.release()
-                self._target = None
+            self._target = None
             try:
                 self._target = self._context.framebuffer([self._context.renderbuffer(size, 4, dtype="f4")])
             except moderngl.Error as error:
@@ -310,7 +285,6 @@ class GLRasterizer:
                     got=f"{size[0]} x {size[1]} pixels of 16 bytes",
                     hint="choose a smaller output.size",
                 ) from error
-            _ = self._context.error  # moderngl binds the previous target again, which is gone
         return self._target
 
 
@@ -325,9 +299,12 @@ def _create_context() -> Any:
     for device in range(MAX_EGL_DEVICES):
         settings: dict[str, Any] = {"backend": "egl", "device_index": device}
         try:
-            return moderngl.create_context(require=330, standalone=True, **settings)
+            context = moderngl.create_context(require=330, standalone=True, **settings)
         except Exception as error:  # the loader raises plain Exceptions
             failures.append(error)
+            continue
+        context.gc_mode = "context_gc"  # `gc` frees what nothing refers to any more
+        return context
     raise RenderError(
         "no OpenGL 3.3 context could be made",
         got=str(failures[0]),

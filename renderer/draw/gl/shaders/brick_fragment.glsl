@@ -10,7 +10,6 @@ uniform float start;             // of the rays, at the near plane
 uniform vec3 atlas_scale;        // 1 / texels of the atlas
 uniform float termination_alpha; // rays end behind it
 uniform uvec2 jitter_per_px;     // in 2^-32
-uniform float dither;            // of the number of samples
 
 flat in vec3 brick_low;
 flat in vec3 brick_high;
@@ -44,7 +43,7 @@ void main() {
     uvec2 pixel = uvec2((gl_FragCoord.xy - 0.5) * stride_px + 0.5);
     float jitter = float((pixel.x * jitter_per_px.x + pixel.y * jitter_per_px.y) >> 8) / 16777216.0;
     float num_steps = (leave - enter) * length(direction) * brick_steps.x / brick_steps.y;
-    float num = clamp(floor(num_steps * (1.0 + dither * (jitter - 0.5)) + 0.5 + jitter), 1.0, float(MAX_SAMPLES));
+    float num = clamp(floor(num_steps * (1.0 + DITHER * (jitter - 0.5)) + 0.5 + jitter), 1.0, float(MAX_SAMPLES));
     num += mod(num, 4.0) == 0.0 ? 1.0 : 0.0;
     float segment = (leave - enter) / num;
     float segment_length = segment * sqrt(1.0 + slope_per_px * slope_per_px * dot(at_px, at_px));

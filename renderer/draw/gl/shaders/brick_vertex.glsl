@@ -9,7 +9,8 @@ in vec3 box_low;                 // index coordinates relative to the volume's c
 in vec3 box_high;
 in vec3 first_corner;            // of the brick, in the same coordinates
 in vec3 first_texel;             // of the brick's first cell in its atlas
-in vec2 steps;                   // cells per voxel; step in cells
+in float cells_per_voxel;
+in float step_cells;
 
 flat out vec3 brick_low;
 flat out vec3 brick_high;
@@ -22,7 +23,7 @@ void main() {
     brick_high = box_high;
     brick_corner = first_corner;
     brick_texel = first_texel;
-    brick_steps = steps;
+    brick_steps = vec2(cells_per_voxel, step_cells);
     // The grid's pixels inside, and those that rounding may have moved outside. Pixel 0 is that of the image.
     vec2 low = clamp(ceil((rectangle_px.xy - 0.5 - RECTANGLE_ROUNDING_PX) / stride_px), vec2(0.0), grid_size);
     vec2 high = clamp(floor((rectangle_px.zw - 0.5 + RECTANGLE_ROUNDING_PX) / stride_px) + 1.0, low, grid_size);

@@ -1,8 +1,5 @@
 // A line one pixel wide: its opacity falls linearly to 0 at one pixel from its centre, round at the ends.
 
-uniform float min_side_px;       // smaller cells have no lines
-uniform float opacity;           // the largest of a line
-
 flat in vec4 line_px;
 flat in vec2 line_side_px;
 flat in vec4 line_color_cover;
@@ -14,7 +11,7 @@ void main() {
     float share = square > 0.0 ? clamp(dot(offset, along) / square, 0.0, 1.0) : 0.0;
     float coverage = 1.0 - length(offset - share * along);
     float side_px = mix(line_side_px.x, line_side_px.y, share);  // inverse depth is linear on the image
-    if (coverage <= 0.0 || side_px < min_side_px) discard;
-    float alpha = coverage * min(line_color_cover.w * side_px, opacity);
+    if (coverage <= 0.0 || side_px < MIN_SIDE_PX) discard;
+    float alpha = coverage * min(line_color_cover.w * side_px, LINE_OPACITY);
     color = vec4(line_color_cover.rgb * alpha, alpha);
 }

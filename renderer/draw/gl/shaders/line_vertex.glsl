@@ -8,7 +8,6 @@ uniform float scale_px;          // focal length, or pixels per model unit
 uniform vec2 size_px;
 uniform float near_depth;
 uniform float voxel_side;
-uniform float cover;             // opacity of a cell's lines, by its side in pixels times that in model units
 uniform vec3 level_colors[NUM_LEVEL_COLORS];
 
 in vec3 start;
@@ -58,7 +57,7 @@ void main() {
 
     line_px = vec4(p_px, q_px);
     line_side_px = side * magnification;
-    line_color_cover = vec4(level_colors[min(int(level), NUM_LEVEL_COLORS - 1)], cover * side);
+    line_color_cover = vec4(level_colors[min(int(level), NUM_LEVEL_COLORS - 1)], LINE_COVER * side);
     vec2 along = q_px - p_px;
     along = dot(along, along) > 0.0 ? normalize(along) * REACH_PX : vec2(REACH_PX, 0.0);
     vec2 across = vec2(-along.y, along.x);
