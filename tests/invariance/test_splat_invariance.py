@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +14,11 @@ from splatting import cut_of, in_order, look, place_splats, point_at, volume_of
 from renderer.draw import GLRasterizer
 from renderer.draw.gl import raster as raster_gl
 from renderer.errors import RenderError
-from renderer.pyramid import Cut
-from renderer.scene import SplatSpec
+from renderer.pyramid import BLOCK_SIZE, Cut, build_pyramid
+from renderer.pyramid.pyramid import BLOCKS_PER_TASK
+from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
 from renderer.splats import make_splats
+from renderer.transfer import make_transfer_function
 from renderer.view import View
 from renderer.view.splat_projection import visible_order
 
@@ -150,6 +153,24 @@ def test_equal_depths_are_drawn_in_the_order_of_their_cells() -> None:
         view = view_of(cut, projection, distance=distance, azimuth=0, elevation=0, field_of_view=60)
         order = visible_order(batch, cut, view, "depth")
         np.testing.assert_array_equal(order, np.lexsort((np.arange(len(cut)), -cut.cells[:, 1])))
+
+
+@pytest.mark.parametrize("measure", ["optical", "rms"])
+def test_a_pyramid_does_not_depend_on_the_number_of_threads(measure: Literal["optical", "rms"]) -> None:
+    """Several tasks of blocks, of which the last is not full."""
+    values = np.random.default_rng(1).integers(0, 256, (97, 161, 170), np.uint8)
+    values[:, 40:90] = 0
+    points = ControlPoint(60.0, (0.1, 0.5, 0.9), 0.0), ControlPoint(255.0, (1.0, 0.3, 0.1), 0.7)
+    volume, transfer = volume_of(values), make_transfer_function(TransferSpec(points), 1.0)
+    pyramids = [
+        build_pyramid(volume, transfer, spec=PyramidSpec(), error=ErrorSpec(measure=measure), num_threads=num_threads)
+        for num_threads in (1, 2, 3)
+    ]
+    assert -(-97 // BLOCK_SIZE) * -(-161 // BLOCK_SIZE) * -(-170 // BLOCK_SIZE) > 2 * BLOCKS_PER_TASK
+    for pyramid in pyramids[1:]:
+        for level, expected in zip(pyramid.levels, pyramids[0].levels, strict=True):
+            for array, expected_array in zip(level, expected, strict=True):
+                assert array.tobytes() == expected_array.tobytes()
 
 
 @pytest.mark.parametrize(("column", "value"), [(0, math.nan), (4, math.inf), (7, -math.inf)])
