@@ -1,4 +1,4 @@
-"""A small film that is stopped and goes on: what the tests of it have in common."""
+"""Helpers for tests of a small film that is interrupted and resumed."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from renderer.frame import Frame
 NUM_FRAMES = 5
 
 
-def enter(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make it the current folder, with the scene in scene.yaml."""
+def enter_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make this the current folder, with the scene in scene.yaml."""
     monkeypatch.chdir(folder)
     (folder / "scene.yaml").write_text(small_scene(frames=NUM_FRAMES), encoding="utf-8")
 
 
 class Draws:
-    """The frames that were drawn, and a stop in the middle of them."""
+    """Records which frames are drawn, and interrupts before one of them."""
 
     def __init__(self) -> None:
         self.numbers: list[int] = []
         self.stop_at: int | None = None
 
-    def taken(self) -> list[int]:
-        """Those since the last call."""
+    def take_numbers(self) -> list[int]:
+        """Return the frames drawn since the last call."""
         numbers, self.numbers = self.numbers, []
         return numbers
 
 
-def watched_draws(monkeypatch: pytest.MonkeyPatch) -> Draws:
-    """From now on."""
+def watch_draws(monkeypatch: pytest.MonkeyPatch) -> Draws:
+    """Record all frames that are drawn from now on."""
     found, original = Draws(), frame_result.render_frames
 
     def watched(*arguments: Any, **options: Any) -> Iterator[Frame]:
@@ -60,16 +60,16 @@ def render(output: str, *options: str) -> None:
     assert main.run(arguments(output, *options)) == 0
 
 
-def stopped(draws: Draws, output: str, *options: str, at: int = 3) -> None:
-    """Finish the frames before `at`, then be interrupted."""
+def interrupt_render(draws: Draws, output: str, *options: str, at: int = 3) -> None:
+    """Render until an interrupt at this frame; those before it are finished."""
     draws.stop_at = at
     assert main.run(arguments(output, *options)) == 130
     draws.stop_at = None
-    draws.taken()
+    draws.take_numbers()
 
 
-def made(folder: str = "out") -> dict[str, bytes]:
-    """All files, but for the sidecar, which tells of times."""
+def output_files(folder: str = "out") -> dict[str, bytes]:
+    """Return all files except the sidecar, which has times."""
     return {
         str(path.relative_to(folder)): path.read_bytes()
         for path in Path(folder).rglob("*")
@@ -77,11 +77,11 @@ def made(folder: str = "out") -> dict[str, bytes]:
     }
 
 
-def undisturbed(output: str, *options: str) -> dict[str, bytes]:
+def uninterrupted_files(output: str, *options: str) -> dict[str, bytes]:
     given = arguments(output, *options, "--quiet")
     given[3] = given[3].replace("out/", "undisturbed/")
     assert main.run(given) == 0
-    return made("undisturbed")
+    return output_files("undisturbed")
 
 
 def sidecar(name: str) -> dict[str, Any]:
@@ -89,7 +89,7 @@ def sidecar(name: str) -> dict[str, Any]:
     return data
 
 
-def change(name: str, edit: Callable[[dict[str, Any]], Any]) -> None:
+def edit_sidecar(name: str, edit: Callable[[dict[str, Any]], Any]) -> None:
     data = sidecar(name)
     edit(data)
     (Path("out") / name).write_text(json.dumps(data), encoding="utf-8")
@@ -100,20 +100,20 @@ def assert_clean() -> None:
     assert left == []
 
 
-def said(capsys: pytest.CaptureFixture[str]) -> list[str]:
-    """What was said on the error stream, but for the progress."""
+def printed_lines(capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """Return the lines on the error stream without those that show progress."""
     return [line for line in capsys.readouterr().err.splitlines() if "frames/s" not in line]
 
 
-def touched() -> dict[Path, int]:
+def modification_times() -> dict[Path, int]:
     return {path: path.stat().st_mtime_ns for path in Path("out").rglob("*") if path.is_file()}
 
 
 def sidecar_of(output: str) -> str:
-    """Its name."""
+    """Return the name of the sidecar."""
     return "frames.json" if output.endswith(".png") else f"{output}.json"
 
 
-def again(name: str, *options: str, code: int = 0) -> None:
-    """Make a film once more from the sidecar in out/."""
+def rerender(name: str, *options: str, code: int = 0) -> None:
+    """Render a film from its sidecar in out/."""
     assert main.run(["render", f"out/{name}", *options]) == code

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.errors import HsplatError, InputError, RenderError
+from renderer.errors import InputError, RenderError
 from renderer.film import Picture, open_film, write_staged
 from renderer.film.atomic import staging
 from renderer.film.encode import gif_options, mp4_options, open_encoder
@@ -109,9 +109,7 @@ def test_a_full_disk_under_ffmpeg(options: list[str], tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("number", "message"),
     [
-        (errno.ENOSPC, "the disk is full"),
         (errno.EDQUOT, "the disk is full"),
-        (errno.EACCES, "no permission"),
         (errno.EROFS, "no permission"),
         (errno.EIO, "Input/output error"),
     ],
@@ -128,19 +126,12 @@ def test_a_rename_that_fails(
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("name", ["film.mp4", "film.gif"])
-@pytest.mark.parametrize(
-    ("error", "kind"),
-    [(PermissionError(errno.EACCES, "Permission denied"), RenderError), (OSError(36, "x"), RenderError)],
-)
-def test_a_folder_that_takes_no_files_is_told_at_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, error: OSError, kind: type[HsplatError]
-) -> None:
+def test_a_folder_that_takes_no_files_is_told_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(path: Path) -> None:
-        raise error
+        raise PermissionError(errno.EACCES, "Permission denied")
 
     monkeypatch.setattr(Path, "touch", refuse)
-    with pytest.raises(kind), open_film(OutputSpec(tmp_path / name), range(3)):
+    with pytest.raises(RenderError), open_film(OutputSpec(tmp_path / "film.mp4"), range(3)):
         pytest.fail("found out too late")
 
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pytest
 
 from renderer.film import Picture, film_notes, open_film
-from renderer.film.encode import gif_delay_cs, mp4_options
+from renderer.film.encode import gif_delay_cs
 from renderer.scene import OutputSpec
 
 WIDTH, HEIGHT, NUM_FRAMES = 160, 64, 12
@@ -145,11 +145,6 @@ def test_more_quality_is_a_larger_file_and_a_smaller_error(tmp_path: Path) -> No
     assert sizes == sorted(sizes)
     assert errors == sorted(errors, reverse=True)
     assert all("h264 (High)" in description(file) for file in files)
-
-
-def test_quality_8_is_crf_16() -> None:
-    options = mp4_options(8.0)
-    assert options[options.index("-crf") + 1] == "16"
 
 
 @pytest.mark.parametrize(

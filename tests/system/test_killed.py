@@ -47,8 +47,6 @@ KILLER = """\
 import hashlib, json, os, signal, sys
 from pathlib import Path
 from hsplat_cli import main
-from hsplat_cli.films import render as render_module
-from renderer.draw.gl import raster as raster_gl
 first, step, arguments = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:]
 EVENTS = ("open", "os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate", "fcntl.lockf", "subprocess.Popen")
 

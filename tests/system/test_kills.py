@@ -5,12 +5,11 @@ The long run of it is `python tests/faults/kills.py --kills 200`.
 
 from __future__ import annotations
 
-from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from kill_at import PHASES
-from kills import LEAST_EACH, MANY, TARGETS, Outcome, count, kill_again_and_again, table, too_few
+from kills import TARGETS, Outcome, count, kill_again_and_again
 
 NUM_KILLS = 20
 
@@ -31,20 +30,3 @@ def test_twenty_kills(tmp_path: Path) -> None:
     assert all(sum(hits[phase, target] for target in TARGETS) >= 2 for phase in PHASES), hits
     aimed = [outcome for outcome in outcomes if "event" in outcome.kill.plan]
     assert all(outcome.was_killed for outcome in aimed)
-
-
-def test_of_many_kills_each_phase_has_its_share() -> None:
-    counts = Counter({(phase, target): LEAST_EACH for phase in PHASES for target in TARGETS})
-    assert too_few(MANY, counts) == []
-    counts["drawing", "group"] -= 1
-    del counts["finishing", "parent"]
-    assert too_few(MANY, counts) == [("drawing", "group"), ("finishing", "parent")]
-    assert too_few(MANY - 1, counts) == []
-    assert table(counts) == [
-        "| phase | parent | group |",
-        "|---|---|---|",
-        "| start | 20 | 20 |",
-        "| drawing | 20 | 19 |",
-        "| encoding | 20 | 20 |",
-        "| finishing | 0 | 20 |",
-    ]

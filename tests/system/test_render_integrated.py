@@ -36,33 +36,6 @@ def column(made: dict[str, Any], key: str) -> list[Any]:
     return [frame[key] for frame in made["frames"]]
 
 
-def test_the_sidecar_makes_the_film_again(folder: Path) -> None:
-    """And the scene in it says no more of the footprint than there is to say."""
-    made = render()
-    assert made["scene"]["splat"] == {"footprint": "integrated"}
-    assert column(made, "cells") == [18] * NUM_FRAMES
-    assert all(0 < splats <= 18 for splats in column(made, "splats"))
-    before = Path("film.mp4").read_bytes()
-    Path("film.mp4").unlink()
-    render("--force", scene="film.mp4.json")
-    assert Path("film.mp4").read_bytes() == before
-
-
-def test_several_processes_draw_the_same(folder: Path) -> None:
-    frames = [f"{number}.png" for number in range(NUM_FRAMES)]
-    for num in ("1", "2"):
-        assert main.run(["render", "scene.yaml", "--quiet", "--workers", num, "--output", num + "/{frame}.png"]) == 0
-    assert [Path("1", name).read_bytes() for name in frames] == [Path("2", name).read_bytes() for name in frames]
-    assert len({Path("1", name).read_bytes() for name in frames}) == NUM_FRAMES
-
-
-def test_another_footprint_is_another_film(folder: Path) -> None:
-    render()
-    before = Path("film.mp4").read_bytes()
-    render("--set", "splat.footprint=gaussian")
-    assert Path("film.mp4").read_bytes() != before
-
-
 def test_the_sidecar_of_another_footprint(folder: Path) -> None:
     """What it says of splats without being asked does not stand in the way; what was asked for does."""
     render()

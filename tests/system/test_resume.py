@@ -1,4 +1,4 @@
-"""A film that was not finished goes on where it was, with the same bytes, and one that is whole is left alone."""
+"""An unfinished film resumes with the same bytes, and a film that is up to date is not drawn again."""
 
 from __future__ import annotations
 
@@ -14,96 +14,82 @@ from resuming import (
     Draws,
     arguments,
     assert_clean,
-    change,
-    enter,
-    made,
+    edit_sidecar,
+    enter_folder,
+    interrupt_render,
+    modification_times,
+    output_files,
+    printed_lines,
     render,
-    said,
     sidecar,
-    stopped,
-    touched,
-    undisturbed,
-    watched_draws,
+    uninterrupted_files,
+    watch_draws,
 )
 
 from hsplat_cli import main
 from hsplat_cli.films import fingerprint
 from renderer.draw import GLRasterizer
-from renderer.film import bytes_digest, encode_png
 
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    enter(tmp_path, monkeypatch)
+    enter_folder(tmp_path, monkeypatch)
 
 
 @pytest.fixture(autouse=True)
 def draws(monkeypatch: pytest.MonkeyPatch) -> Draws:
-    return watched_draws(monkeypatch)
+    return watch_draws(monkeypatch)
 
 
-OUTPUTS = ["film.mp4", "film.gif", "{frame}.png", "deep/{frame:03}.png", "clear/{frame}.png"]
+OUTPUTS = ["film.mp4", "film.gif", "deep/{frame:03}.png", "clear/{frame}.png"]
 
 
 @pytest.mark.parametrize("output", OUTPUTS)
-def test_it_goes_on_where_it_was(output: str, draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
-    expected = undisturbed(output)
-    stopped(draws, output)
-    assert said(capsys)[-2:] == [
+def test_it_resumes(output: str, draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
+    expected = uninterrupted_files(output)
+    interrupt_render(draws, output, at=1)
+    interrupt_render(draws, output)
+    assert printed_lines(capsys)[-2:] == [
         "3 of 5 frames are kept; the same command resumes there",
         "hsplat: interrupted",
     ]
     render(output)
-    assert draws.taken() == [3, 4]
-    assert made() == expected
+    assert draws.take_numbers() == [3, 4]
+    assert output_files() == expected
     assert_clean()
     captured = capsys.readouterr()
     assert captured.err.splitlines()[0] == "3 of 5 frames are already finished"
     assert "(3 drawn before)" in captured.out
 
 
-@pytest.mark.parametrize("output", OUTPUTS)
-def test_it_may_be_stopped_again_and_again(output: str, draws: Draws) -> None:
-    expected = undisturbed(output)
-    for at in range(NUM_FRAMES):
-        stopped(draws, output, at=at)
-    render(output)
-    assert draws.taken() == [4]
-    assert made() == expected
-    assert_clean()
-
-
-# What is changed, and what is said about it.
-CHANGES: list[tuple[list[str], str]] = [
-    (["--set", "error.tolerance=0.01"], "scene.error.tolerance was 0.1"),
-    (["--set", "camera.path.elevation=10"], "scene.camera.path.elevation was 20"),
-    (["--set", "output.size=[36, 32]"], "scene.output.size was [32, 32]"),
-]
-
-
-@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
-@pytest.mark.parametrize(("options", "why"), CHANGES)
-def test_a_changed_scene_starts_afresh(
+@pytest.mark.parametrize(
+    ("output", "options", "why"),
+    [
+        ("film.mp4", ["--set", "error.tolerance=0.01"], "scene.error.tolerance was 0.1"),
+        ("{frame}.png", ["--set", "output.size=[36, 32]"], "scene.output.size was [32, 32]"),
+    ],
+)
+def test_frames_of_a_changed_scene_are_drawn_again(
     output: str, options: list[str], why: str, draws: Draws, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    expected = undisturbed(output, *options)
-    stopped(draws, output)
-    draws.taken()
+    expected = uninterrupted_files(output, *options)
+    interrupt_render(draws, output)
+    draws.take_numbers()
     capsys.readouterr()
     render(output, *options)
-    assert draws.taken() == [0, 1, 2, 3, 4]
-    assert said(capsys)[0] == f"3 existing frames of another film are drawn again: {why}"
-    assert made() == expected
+    assert draws.take_numbers() == [0, 1, 2, 3, 4]
+    assert printed_lines(capsys)[0] == f"3 existing frames of another film are drawn again: {why}"
+    assert output_files() == expected
     assert_clean()
 
 
 @pytest.mark.parametrize("what", ["volume", "driver", "version", "sources"])
-def test_other_makers_start_afresh(
+def test_frames_of_another_volume_driver_or_version_are_drawn_again(
     what: str, draws: Draws, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     values = np.arange(60, dtype=np.uint8).reshape(3, 4, 5)
     np.save("scan.npy", values)
-    stopped(draws, "film.mp4", "--volume", "scan.npy")
+    interrupt_render(draws, "film.mp4", "--volume", "scan.npy")
     capsys.readouterr()
     if what == "volume":
         np.save("scan.npy", values[::-1])
@@ -114,92 +100,92 @@ def test_other_makers_start_afresh(
     else:
         monkeypatch.setattr(fingerprint, "sources_digest", lambda: "0")
     render("film.mp4", "--volume", "scan.npy")
-    assert draws.taken() == [0, 1, 2, 3, 4]
+    assert draws.take_numbers() == [0, 1, 2, 3, 4]
     beginning = {
         "volume": "volume.fingerprint was ",
         "driver": "gl was ",
         "version": "versions.numpy was ",
         "sources": "sources was ",
     }
-    told = said(capsys)[0].removeprefix("3 existing frames of another film are drawn again: ")
+    told = printed_lines(capsys)[0].removeprefix("3 existing frames of another film are drawn again: ")
     assert told.startswith(beginning[what])
     assert_clean()
 
 
-def test_where_the_volume_lies_changes_nothing(draws: Draws) -> None:
+def test_a_volume_may_move(draws: Draws) -> None:
     np.save("scan.npy", np.arange(60, dtype=np.uint8).reshape(3, 4, 5))
-    stopped(draws, "film.mp4", "--volume", "scan.npy")
+    interrupt_render(draws, "film.mp4", "--volume", "scan.npy")
     Path("scan.npy").rename("moved.npy")
     render("film.mp4", "--volume", "moved.npy")
-    assert draws.taken() == [3, 4]
+    assert draws.take_numbers() == [3, 4]
 
 
 @pytest.mark.parametrize("option", ["output.frames_per_second=10", "output.quality=3"])
-def test_what_only_the_film_depends_on_keeps_the_frames(option: str, draws: Draws) -> None:
-    expected = undisturbed("film.mp4", "--set", option)
-    stopped(draws, "film.mp4")
+def test_another_encoding_keeps_the_frames(option: str, draws: Draws) -> None:
+    expected = uninterrupted_files("film.mp4", "--set", option)
+    interrupt_render(draws, "film.mp4")
     render("film.mp4", "--set", option)
-    assert draws.taken() == [3, 4]
-    assert made() == expected
-    draws.taken()
+    assert draws.take_numbers() == [3, 4]
+    assert output_files() == expected
+    draws.take_numbers()
     render("film.mp4")
-    assert draws.taken() == [0, 1, 2, 3, 4], "a film in one file has no frames that could be kept"
+    assert draws.take_numbers() == [0, 1, 2, 3, 4], "a film in one file has no frames that could be kept"
 
 
 @pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
 def test_other_frames_of_the_same_film(output: str, draws: Draws) -> None:
-    expected = undisturbed(output)
-    stopped(draws, output, "--frames", "1::2")
+    expected = uninterrupted_files(output)
+    interrupt_render(draws, output, "--frames", "1::2")
     render(output)
-    assert draws.taken() == [0, 2, 3, 4]
-    assert made() == expected
+    assert draws.take_numbers() == [0, 2, 3, 4]
+    assert output_files() == expected
     assert_clean()
 
 
 def test_a_part_of_frames_that_were_kept(draws: Draws) -> None:
     """The film of the part is whole: nothing is kept any more."""
-    stopped(draws, "film.mp4")
+    interrupt_render(draws, "film.mp4")
     render("film.mp4", "--frames", "1:3")
-    assert draws.taken() == []
+    assert draws.take_numbers() == []
     assert [frame["frame"] for frame in sidecar("film.mp4.json")["frames"]] == [1, 2]
     assert_clean()
 
 
 def test_stills_of_one_name(draws: Draws) -> None:
-    stopped(draws, "still.png", "--frames", "2", at=2)
+    interrupt_render(draws, "still.png", "--frames", "2", at=2)
     Path("out/still.png.unfinished").mkdir()
     Path("out/still.png.unfinished/000002.json").touch()  # as when it was killed later
     for number in (3, 2):
         render("still.png", "--frames", str(number))
-        assert draws.taken() == [number]
+        assert draws.take_numbers() == [number]
         assert_clean()
-    assert made()["still.png"] == undisturbed("{frame}.png", "--frames", "2")["2.png"]
+    assert output_files()["still.png"] == uninterrupted_files("{frame}.png", "--frames", "2")["2.png"]
 
 
 @pytest.mark.parametrize("damage", [Path.unlink, lambda path: path.write_bytes(b"changed")])
 def test_a_picture_that_is_not_what_it_was(draws: Draws, damage: Callable[[Path], Any]) -> None:
     """While the film is not whole, and when it was."""
-    expected = undisturbed("{frame}.png")
-    stopped(draws, "{frame}.png")
+    expected = uninterrupted_files("{frame}.png")
+    interrupt_render(draws, "{frame}.png")
     damage(Path("out/1.png"))
     render("{frame}.png")
-    assert draws.taken() == [1, 3, 4]
+    assert draws.take_numbers() == [1, 3, 4]
     damage(Path("out/2.png"))
     render("{frame}.png")
-    assert draws.taken() == [2]
-    assert made() == expected
+    assert draws.take_numbers() == [2]
+    assert output_files() == expected
     assert_clean()
 
 
 @pytest.mark.parametrize("output", OUTPUTS)
 def test_a_film_that_is_up_to_date(output: str, draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
     render(output)
-    before = touched()
-    draws.taken()
+    before = modification_times()
+    draws.take_numbers()
     capsys.readouterr()
     render(output)
-    assert touched() == before
-    assert draws.taken() == []
+    assert modification_times() == before
+    assert draws.take_numbers() == []
     captured = capsys.readouterr()
     assert (captured.out, captured.err) == ("", f"out/{output} is up to date; --force draws it again\n")
     render(output, "--quiet")
@@ -213,45 +199,45 @@ def test_frames_of_another_film_that_was_stopped_stay(options: list[str], draws:
     other = ("--set", "error.tolerance=2")
     if not options:
         render("film.mp4")
-    stopped(draws, "film.mp4", *other)
+    interrupt_render(draws, "film.mp4", *other)
     render("film.mp4", *options)
-    draws.taken()
+    draws.take_numbers()
     render("film.mp4", *other)
-    assert draws.taken() == [3, 4]
+    assert draws.take_numbers() == [3, 4]
     assert_clean()
 
 
 def test_frames_of_a_film_that_is_there_go(draws: Draws) -> None:
     """As where it was killed when it was whole."""
     render("film.mp4")
-    stopped(draws, "film.mp4", "--force")
+    interrupt_render(draws, "film.mp4", "--force")
     assert Path("out/film.mp4.unfinished").exists()
     render("film.mp4")
-    assert draws.taken() == []
+    assert draws.take_numbers() == []
     assert_clean()
 
 
 @pytest.mark.parametrize("output", OUTPUTS)
 def test_force(output: str, draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
-    expected = undisturbed(output)
+    expected = uninterrupted_files(output)
     render(output)
-    draws.taken()
+    draws.take_numbers()
     render(output, "--force")
-    assert draws.taken() == [0, 1, 2, 3, 4]
-    stopped(draws, output, "--force")
+    assert draws.take_numbers() == [0, 1, 2, 3, 4]
+    interrupt_render(draws, output, "--force")
     once = "" if output.endswith(".png") else f", once out/{output} is removed,"
     left = f"3 of 5 frames are kept; the same command without --force{once} resumes there"
-    assert said(capsys)[-2] == left
+    assert printed_lines(capsys)[-2] == left
     render(output, "--force")
-    assert draws.taken() == [0, 1, 2, 3, 4]
+    assert draws.take_numbers() == [0, 1, 2, 3, 4]
     if once:
-        stopped(draws, output, "--force")
+        interrupt_render(draws, output, "--force")
         Path(f"out/{output}").unlink()
-        stopped(draws, output, "--force")
-        assert said(capsys)[-2] == left.replace(once, "")
+        interrupt_render(draws, output, "--force")
+        assert printed_lines(capsys)[-2] == left.replace(once, "")
         render(output)
-        assert draws.taken() == [3, 4]
-    assert made() == expected
+        assert draws.take_numbers() == [3, 4]
+    assert output_files() == expected
     assert_clean()
 
 
@@ -277,57 +263,29 @@ def test_force(output: str, draws: Draws, capsys: pytest.CaptureFixture[str]) ->
     ],
 )
 def test_a_sidecar_that_somebody_changed(output: str, edit: Callable[[dict[str, Any]], Any], draws: Draws) -> None:
-    expected = undisturbed(output)
+    expected = uninterrupted_files(output)
     render(output)
-    draws.taken()
-    change("film.mp4.json" if output == "film.mp4" else "frames.json", edit)
+    draws.take_numbers()
+    edit_sidecar("film.mp4.json" if output == "film.mp4" else "frames.json", edit)
     Path("out/film.mp4" if output == "film.mp4" else "out/3.png").unlink()
     render(output)
-    assert 3 in draws.taken()
-    assert made() == expected
+    assert 3 in draws.take_numbers()
+    assert output_files() == expected
     assert_clean()
 
 
 @pytest.mark.parametrize("content", [b"", b"\0\xff", b"[" * 100_000, b"7", b'"text"', b"[]", b"null", b"9" * 5000])
-def test_asidecar_of_garbage(content: bytes, draws: Draws) -> None:
+def test_a_sidecar_of_garbage(content: bytes, draws: Draws) -> None:
     render("film.mp4")
-    draws.taken()
+    draws.take_numbers()
     Path("out/film.mp4.json").write_bytes(content)
     render("film.mp4")
-    assert len(draws.taken()) == NUM_FRAMES
-
-
-@pytest.mark.parametrize("shape", [(16, 32, 3), (32, 32, 4)])
-@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
-def test_a_picture_of_another_size_whose_record_agrees(output: str, shape: tuple[int, int, int], draws: Draws) -> None:
-    expected = undisturbed(output)
-    stopped(draws, output)
-    folder = Path("out/film.mp4.unfinished" if output == "film.mp4" else "out/frames.unfinished")
-    content = encode_png(np.zeros(shape, np.uint8))
-    (folder / "000001.png" if output == "film.mp4" else Path("out/1.png")).write_bytes(content)
-    data = json.loads((folder / "000001.json").read_bytes())
-    data["record"]["digest"] = bytes_digest(content)
-    (folder / "000001.json").write_text(json.dumps(data))
-    render(output)
-    assert draws.taken() == [1, 3, 4]
-    assert made() == expected
-
-
-def test_a_picture_of_another_size_in_a_film_that_was_whole(draws: Draws) -> None:
-    render("{frame}.png")
-    expected = made()
-    draws.taken()
-    content = encode_png(np.zeros((16, 32, 3), np.uint8))
-    Path("out/1.png").write_bytes(content)
-    change("frames.json", lambda data: data["frames"][1].update(digest=bytes_digest(content)))
-    render("{frame}.png")
-    assert draws.taken() == [1]
-    assert made() == expected
+    assert len(draws.take_numbers()) == NUM_FRAMES
 
 
 def test_frames_of_different_drivers(draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
     """As when a film of one cluster goes on on another: it is told once, as text that does nothing to a terminal."""
-    stopped(draws, "film.mp4")
+    interrupt_render(draws, "film.mp4")
     path = Path("out/film.mp4.unfinished/000001.json")
     data = json.loads(path.read_bytes())
     data["record"]["gl"] = "Other GL\x1b[31m"
@@ -343,32 +301,32 @@ def test_frames_of_different_drivers(draws: Draws, capsys: pytest.CaptureFixture
 
 
 @pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
-def test_frames_on_a_budget_of_time_are_kept_as_they_are(output: str, draws: Draws) -> None:
+def test_frames_on_a_budget_of_time_are_kept(output: str, draws: Draws) -> None:
     given = ("--set", "error={seconds: 0.05}", "--best-effort")
-    stopped(draws, output, *given)
+    interrupt_render(draws, output, *given)
     render(output, *given)
-    assert draws.taken() == [3, 4]
+    assert draws.take_numbers() == [3, 4]
     assert_clean()
 
 
 @pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
-def test_a_film_that_refines_after_one_that_was_stopped(output: str, draws: Draws) -> None:
+def test_a_progressive_film_after_an_interrupted_one(output: str, draws: Draws) -> None:
     given = ("--set", "error.tolerance=0")
-    expected = undisturbed(output, *given)
-    stopped(draws, output, *given)
+    expected = uninterrupted_files(output, *given)
+    interrupt_render(draws, output, *given)
     render(output, *given, "--progressive")
-    assert made() == expected
+    assert output_files() == expected
     assert_clean()
 
 
 @pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
-def test_one_pass_after_a_film_that_was_to_refine(output: str, draws: Draws) -> None:
+def test_one_pass_after_an_interrupted_progressive_film(output: str, draws: Draws) -> None:
     given = ("--set", "error.tolerance=0")
-    expected = undisturbed(output, *given)
+    expected = uninterrupted_files(output, *given)
     draws.stop_at = 3
     assert main.run(arguments(output, *given, "--progressive")) == 130
     draws.stop_at = None
     assert_clean()
     render(output, *given)
-    assert made() == expected
+    assert output_files() == expected
     assert_clean()

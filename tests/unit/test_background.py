@@ -37,24 +37,6 @@ def test_the_next_is_made_ready_while_one_is_done() -> None:
     assert len(threads) == 2
 
 
-def test_never_two_at_a_time() -> None:
-    """A task begins when the one before it has ended, though that takes its time."""
-    at_work, most = 0, 0
-    guard_mapping, pause = threading.Lock(), threading.Event()
-
-    def task() -> None:
-        nonlocal at_work, most
-        with guard_mapping:
-            at_work += 1
-            most = max(most, at_work)
-        pause.wait(0.01)
-        with guard_mapping:
-            at_work -= 1
-
-    assert len(list(run_overlapped([task] * 5))) == 5
-    assert most == 1
-
-
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
 def test_what_has_begun_is_finished_where_the_next_cannot_be_made(error: type[BaseException]) -> None:
     """The frame that was drawn is kept when drawing the one after it is interrupted."""

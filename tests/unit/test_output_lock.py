@@ -284,13 +284,6 @@ def test_locks_that_fail(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         take(folder, [0])
 
 
-def test_a_folder_that_vanishes_meanwhile(folder: Path) -> None:
-    with lock_slots(folder, [0], OUTPUT):
-        (folder / "lock").unlink()
-        folder.rmdir()
-    assert not folder.exists()
-
-
 def test_a_folder_that_was_made_again_is_left_to_who_made_it(folder: Path) -> None:
     with ExitStack() as stack:
         with lock_slots(folder, [0], OUTPUT):
@@ -316,19 +309,6 @@ def test_something_else_under_the_name_of_the_folder(folder: Path, kind: str) ->
         f"  got: {kind}\n  hint: rename it, or choose another --output"
     )
     assert list(target.iterdir()) == []
-
-
-def test_a_link_under_the_name_of_the_lock(folder: Path) -> None:
-    """What it leads to is not touched."""
-    folder.mkdir()
-    (folder.parent / "precious").write_bytes(b"content")
-    (folder / "lock").symlink_to(folder.parent / "precious")
-    with pytest.raises(InputError) as caught:
-        take(folder, [0])
-    assert str(caught.value) == (
-        f"{folder / 'lock'}: something else has the name of the lock file\n  got: a link\n  hint: remove it"
-    )
-    assert (folder.parent / "precious").read_bytes() == b"content"
 
 
 @pytest.mark.parametrize(
