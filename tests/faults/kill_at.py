@@ -1,4 +1,4 @@
-"""Runs a command line of hsplat in this process and has it killed at a moment that can be chosen exactly.
+"""Run a command line of hsplat in this process, and kill it at an exact moment.
 
     python kill_at.py PLAN REPORT ARGUMENTS...
 

@@ -1,11 +1,10 @@
-"""Kills a job of 60 frames again and again, in every phase, looks at what is left, and lets the next run go on.
+"""Kill a job of 60 frames at many moments in every phase, check what is left, and let the next run resume.
 
     python tests/faults/kills.py --kills 200
 
-After each kill: within 5 s no process of the job is there any more, no new file in /dev/shm, no film under the final
-name that is not whole; and the same command, run again, makes frames and film that are byte for byte those of a run
-that nobody disturbed. The exit status is 1 where that was not so, or where so many kills were asked for that each phase
-should have had its share, and one has not.
+After each kill, within 5 s, no process of the job is left, no new file is in /dev/shm, and no incomplete film has the
+final name. The same command, run again, makes the same frames and film as a run without a kill, byte for byte. The exit
+status is 1 where that was not so.
 """
 
 from __future__ import annotations
@@ -54,24 +53,24 @@ output:
 
 @dataclass(frozen=True)
 class Kill:
-    """plan: as in kill_at. is_timed: by the clock, where the plan has an event it is at a place in the program."""
+    """A kill at an event in the program, or after a delay. plan: as in kill_at."""
 
     plan: dict[str, Any]
 
     @property
     def phase(self) -> str:
-        """The phase that was aimed at."""
+        """The phase in which to kill."""
         return str(self.plan["phase"])
 
     @property
     def target(self) -> str:
-        """Who is killed: one of TARGETS."""
+        """What is killed: one of TARGETS."""
         return TARGETS[self.plan["group"]]
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a kill. problems: in words; none if all is well. seconds_to_end: until the last process was gone."""
+    """What a kill led to. problems: none if all is well. seconds_to_end: until the last process was gone."""
 
     kill: Kill
     was_killed: bool
@@ -81,7 +80,7 @@ class Outcome:
 
 
 class Job:
-    """The same job, in folders of its own."""
+    """A job in a folder of its own."""
 
     def __init__(self, folder: Path, options: tuple[str, ...]) -> None:
         self._folder, self._options = folder, options
@@ -89,7 +88,7 @@ class Job:
         (folder / "scene.yaml").write_text(SCENE, encoding="utf-8")
 
     def run(self, plan: dict[str, Any]) -> tuple[int, str]:
-        """Exit status (negative: the signal), and the mark by which the processes of the run are known."""
+        """Return the exit status (negative: the signal), and the mark of the processes of the run."""
         mark = uuid.uuid4().hex
         code_paths = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
         environment = os.environ | {MARK: mark, "PYTHONPATH": code_paths}
@@ -108,13 +107,13 @@ class Job:
         return done.returncode, mark
 
     def report(self) -> dict[str, Any]:
-        """Of the last run that was not killed."""
+        """Return the report of the last run that was not killed."""
         found = json.loads((self._folder / "report.json").read_text(encoding="utf-8"))
         assert isinstance(found, dict)
         return found
 
     def files(self) -> dict[str, bytes]:
-        """What is in the output's folder, but the sidecar: it holds times."""
+        """Return the files in the output's folder except the sidecar, which has times."""
         paths = (path for path in self.out.rglob("*") if path.is_file() and path.suffix != ".json")
         return {str(path.relative_to(self.out)): path.read_bytes() for path in paths}
 
@@ -124,7 +123,7 @@ class Job:
 
 
 def try_kill(job: Job, kill: Kill, whole: dict[str, bytes], digests: list[str]) -> Outcome:
-    """Kill a run, look at what is left, run again, compare. digests: of the frames of an undisturbed run."""
+    """Kill a run, check what is left, run again and compare. digests: of the frames of a run without a kill."""
     job.clear()
     shared = set(os.listdir("/dev/shm"))
     status, mark = job.run(kill.plan)
@@ -146,13 +145,13 @@ def try_kill(job: Job, kill: Kill, whole: dict[str, bytes], digests: list[str]) 
 
 
 def frame_digests(job: Job) -> list[str]:
-    """Of the frames of a film that is whole, by its sidecar."""
+    """Return the digests of the frames in the sidecar of a complete film."""
     sidecar = json.loads((job.out / "film.mp4.json").read_text(encoding="utf-8"))
     return [frame["digest"] for frame in sidecar["frames"]]
 
 
 def seconds_until_gone(mark: str) -> float:
-    """Until no process has the mark; infinite if some have it after the time that they are given."""
+    """Wait until no process has the mark, and return the seconds; infinity after GRACE_S."""
     start = time.monotonic()
     while names_of(mark):
         if time.monotonic() - start > GRACE_S:
@@ -162,7 +161,7 @@ def seconds_until_gone(mark: str) -> float:
 
 
 def orphans(names: set[str]) -> list[str]:
-    """Those blocks of shared memory that no process has mapped: others may come and go here meanwhile."""
+    """Return the blocks of shared memory that no process has mapped; other programs may have blocks, too."""
     mapped = "".join(_maps()) if names else ""
     return sorted(name for name in names if Path("/dev/shm", name).exists() and f"/dev/shm/{name}\n" not in mapped)
 
@@ -174,7 +173,7 @@ def _maps() -> Iterator[str]:
 
 
 def names_of(mark: str) -> list[str]:
-    """The processes, by number and program, whose environment has the mark."""
+    """Return number and program of the processes whose environment has the mark."""
     return list(_names_of(mark))
 
 
@@ -188,7 +187,7 @@ def _names_of(mark: str) -> Iterator[str]:
 
 
 def make_kills(num: int, report: dict[str, Any], seed: int) -> Iterator[Kill]:
-    """Kills of every phase and target in turn, by place and by the clock in turn."""
+    """Yield kills of every phase and target in turn, at events and after delays in turn."""
     choose = random.Random(seed)
     for number in range(num):
         phase = number % len(PHASES)
@@ -202,7 +201,7 @@ def make_kills(num: int, report: dict[str, Any], seed: int) -> Iterator[Kill]:
 
 
 def kill_again_and_again(num: int, folder: Path, options: tuple[str, ...], seed: int) -> Iterator[Outcome]:
-    """The outcomes of so many kills."""
+    """Yield the outcomes of this number of kills."""
     job = Job(folder, options)
     job.run({})  # compiles
     job.clear()
@@ -214,7 +213,7 @@ def kill_again_and_again(num: int, folder: Path, options: tuple[str, ...], seed:
 
 
 def main() -> None:
-    """Run, and print a table."""
+    """Run the kills and print their outcomes."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
@@ -238,7 +237,7 @@ def main() -> None:
 
 
 def count(outcomes: Sequence[Outcome]) -> Counter[tuple[str, str]]:
-    """How many runs were killed, by phase and target; of the others it was too late."""
+    """Count the runs that were killed, by phase and target; the others had ended before."""
     return Counter((outcome.kill.phase, outcome.kill.target) for outcome in outcomes if outcome.was_killed)
 
 

@@ -1,4 +1,4 @@
-"""PNG files of any kind, right and wrong, made by hand; pictures and films to fill them."""
+"""Helpers that write PNG files of any kind, valid and invalid, and films of test pictures."""
 
 from __future__ import annotations
 

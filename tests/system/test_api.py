@@ -1,4 +1,4 @@
-"""The Python API draws what the command draws, writes what it writes, and leaves the same things alone."""
+"""The Python API draws and writes the same bytes as the command, and protects the same files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When writing fails: a clear error, nothing under the final name, no temporary file, no ffmpeg left behind."""
+"""A failure to write gives a clear error, and leaves no incomplete film, temporary file or ffmpeg."""
 
 import errno
 import os

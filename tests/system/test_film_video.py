@@ -1,4 +1,4 @@
-"""MP4 and GIF: what players read from them, the colours they show, and the same bytes on every run."""
+"""MP4 and GIF have the metadata that players need, the right colours, and the same bytes on every run."""
 
 import re
 import struct

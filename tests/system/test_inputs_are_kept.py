@@ -1,4 +1,4 @@
-"""No command writes over what it reads: neither films, frames and sidecars nor scenes and reports."""
+"""No command overwrites a file that it reads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Jobs that are killed at any operation on a file, and two jobs at once on one output."""
+"""A job may be killed at any operation on a file, and two jobs may not write one output."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A job that is killed in whatever phase leaves nothing that runs, and the same command goes on to the same film.
+"""A job that is killed in any phase leaves no process, and the same command resumes to the same film.
 
 The long run of it is `python tests/faults/kills.py --kills 200`.
 """
@@ -15,7 +15,7 @@ NUM_KILLS = 20
 
 
 def test_twenty_kills(tmp_path: Path) -> None:
-    """Places in the program are hit for sure; by the clock a kill may come when all is done."""
+    """Kills at events always come in time; after a delay the run may have ended."""
 
     def half(seed: int) -> list[Outcome]:  # by one process, and by two workers
         folder = tmp_path / str(seed)

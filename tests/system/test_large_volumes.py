@@ -1,4 +1,4 @@
-"""A volume that is larger than what hsplat may take for it: it stays in its file."""
+"""A large volume stays in its file: memory is bounded while it is drawn."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Films of a volume that stays in its file, drawn by one process and by several; and of a file that does not stay."""
+"""A film of a mapped volume is the same from one process and from several; a truncated file is an error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The example notebook runs from its first cell to its last one, and shows what it says."""
+"""The example notebook runs, and its cells show what the text promises."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`splat.footprint: integrated` from the scene file to the film, by every schedule and whoever draws it."""
+"""Films of bricks, by every schedule; and the words for bricks in what is printed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A render that is stopped from outside leaves what was finished, nothing half-written, and exit code 130."""
+"""An interrupted render keeps finished frames, leaves no incomplete file, and ends with exit code 130."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A mapped file that loses its end while it is read: always the error, and never the signal that kills."""
+"""A mapped file that is truncated while it is read gives an error; no signal kills the job."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The door of the library: light to import, complete in its errors, and described by docs/api.md as it is."""
+"""The library imports fast, lists all mistakes in an error, and docs/api.md describes it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Work behind the drawing: in order, one at a time, and finished whatever ends the drawing."""
+"""Tasks in the background run in order, one at a time, and are finished even when drawing fails."""
 
 from __future__ import annotations
 

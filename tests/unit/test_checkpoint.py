@@ -1,4 +1,4 @@
-"""Frames that are kept while a film is not whole: those whose files are what their records say, and no others."""
+"""A checkpoint has the frames whose files match their records, and no others."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def picture_of(folder: Path, output: OutputSpec, number: int) -> Path:
     return folder / f"00000{number}.png" if is_film else frame_path(output.file, number)
 
 
-def test_they_are_there_again(folder: Path, output: OutputSpec) -> None:
+def test_a_checkpoint_is_read_again(folder: Path, output: OutputSpec) -> None:
     first = keep(folder, output, 0, 2)
     second = reopened(folder, output)
     assert second.records == first.records == {i: record(i) | {"digest": bytes_digest(png(i))} for i in (0, 2)}
@@ -75,7 +75,7 @@ def test_they_are_there_again(folder: Path, output: OutputSpec) -> None:
     assert (second.former_fingerprint, second.num_outdated) == (None, 0)
 
 
-def test_there_is_nothing_but_pictures_records_and_their_cause(folder: Path, output: OutputSpec) -> None:
+def test_a_checkpoint_has_pictures_records_and_their_fingerprint(folder: Path, output: OutputSpec) -> None:
     keep(folder, output, 0, 2)
     expected = {picture_of(folder, output, i) for i in (0, 2)} | {folder / f"00000{i}.json" for i in (0, 2)}
     (cause,) = folder.glob("cause-*.json")
@@ -132,8 +132,8 @@ def test_what_is_no_record(change: dict[str, Any]) -> None:
         assert is_frame_record(whole, has_digest=False) == (key == "digest")
 
 
-def test_a_record_that_tells_of_another_frame(folder: Path, output: OutputSpec) -> None:
-    """Only what is told of the frames that are wanted counts, wherever it is told."""
+def test_a_record_of_another_frame(folder: Path, output: OutputSpec) -> None:
+    """A record counts for the frame whose number it has, if the job draws that frame."""
     keep(folder, output, 0, 1)
     data = json.loads((folder / "000001.json").read_bytes())
     for number in (0, 3, 7, 10**9):
@@ -143,7 +143,7 @@ def test_a_record_that_tells_of_another_frame(folder: Path, output: OutputSpec) 
 
 
 @pytest.mark.parametrize("damage", ["remove", "cut", "change", "folder", "pipe"])
-def test_a_picture_that_is_not_what_it_was(folder: Path, output: OutputSpec, damage: str) -> None:
+def test_a_picture_that_was_changed(folder: Path, output: OutputSpec, damage: str) -> None:
     keep(folder, output, 0, 1)
     path = picture_of(folder, output, 1)
     content = path.read_bytes()
@@ -174,13 +174,13 @@ def test_a_picture_of_another_size(folder: Path, output: OutputSpec) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"GIF89a" * 9, png(1)[:25], png(1)[:8] + b"\0" * 50])
-def test_a_picture_that_is_none(folder: Path, output: OutputSpec, content: bytes) -> None:
+def test_a_file_that_is_no_picture(folder: Path, output: OutputSpec, content: bytes) -> None:
     (folder / "file").write_bytes(content)
     assert file_matches_digest(folder / "file", bytes_digest(content))
     assert not frame_matches_digest(folder / "file", bytes_digest(content), output)
 
 
-def test_another_cause(folder: Path, output: OutputSpec) -> None:
+def test_another_fingerprint(folder: Path, output: OutputSpec) -> None:
     keep(folder, output, 0, 1, 2)
     other = CAUSE | {"versions": {"numpy": "2.1"}}
     checkpoint = reopened(folder, output, other)
@@ -193,7 +193,7 @@ def test_another_cause(folder: Path, output: OutputSpec) -> None:
     assert (set(again.records), again.former_fingerprint, again.num_outdated) == ({1}, None, 0)
 
 
-def test_a_cause_that_is_not_known_any_more(folder: Path, output: OutputSpec) -> None:
+def test_a_fingerprint_whose_file_is_missing(folder: Path, output: OutputSpec) -> None:
     keep(folder, output, 0, 1)
     (recorded,) = folder.glob("cause-*.json")
     recorded.unlink()
@@ -202,7 +202,7 @@ def test_a_cause_that_is_not_known_any_more(folder: Path, output: OutputSpec) ->
     assert (checkpoint.records, checkpoint.former_fingerprint, checkpoint.num_outdated) == ({}, {}, 2)
 
 
-def test_a_long_cause_is_kept_once(folder: Path, output: OutputSpec) -> None:
+def test_a_long_fingerprint_is_stored_once(folder: Path, output: OutputSpec) -> None:
     """As it is where each frame has a tolerance of its own."""
     long = {"scene": {"error": {"tolerance": {str(frame): 0.1 for frame in range(5000)}}}}
     keep(folder, output, 0, 1, 2, cause=long)
@@ -211,7 +211,7 @@ def test_a_long_cause_is_kept_once(folder: Path, output: OutputSpec) -> None:
     assert set(reopened(folder, output, long).records) == {0, 1, 2}
 
 
-def test_afresh(folder: Path, output: OutputSpec) -> None:
+def test_existing_frames_are_discarded(folder: Path, output: OutputSpec) -> None:
     keep(folder, output, 0, 1, 2)
     checkpoint = reopened(folder, output, discard_existing=True)
     assert (checkpoint.records, checkpoint.former_fingerprint, checkpoint.num_outdated) == ({}, None, 0)
@@ -242,7 +242,7 @@ def test_jobs_with_other_frames_share_nothing(folder: Path, tmp_path: Path) -> N
     assert FrameCheckpoint(folder, output, [0, 1], {"other": 1}).num_outdated == 0
 
 
-def test_frames_of_another_cause_need_not_be_forgotten(folder: Path, output: OutputSpec) -> None:
+def test_frames_of_another_fingerprint_may_stay(folder: Path, output: OutputSpec) -> None:
     keep(folder, output, 0)
     other = FrameCheckpoint(folder, output, [1, 2], {"other": 1})
     for number in (1, 2):
@@ -255,7 +255,7 @@ def test_frames_of_another_cause_need_not_be_forgotten(folder: Path, output: Out
     assert list(folder.iterdir()) == []
 
 
-def test_all_that_a_film_kept_is_forgotten(folder: Path, tmp_path: Path) -> None:
+def test_all_frames_of_a_film_in_one_file_are_removed(folder: Path, tmp_path: Path) -> None:
     """Also frames that it did not have, and pictures without a record; but nothing of other names."""
     output = OutputSpec(tmp_path / "film.mp4", size=(6, 4))
     keep(folder, output, 0, 1, 3)
@@ -275,7 +275,7 @@ def test_a_picture_that_vanishes(folder: Path, output: OutputSpec) -> None:
         checkpoint.picture(0)
 
 
-def test_frames_that_another_place_tells_of(folder: Path, output: OutputSpec) -> None:
+def test_adopted_records(folder: Path, output: OutputSpec) -> None:
     recorded = list(keep(folder, output, 0, 1, 2).records.values())
     for path in folder.glob("*.json"):
         path.unlink()

@@ -1,4 +1,4 @@
-"""Which files a volume has, and that no output takes the place of one of them."""
+"""The files of a volume are found, and no output may overwrite one of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The lock of an output: what one process holds no other one gets, and nothing of it outlives them."""
+"""The lock of an output keeps other processes out, and leaves nothing when its process ends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Quantisation: exact where arithmetic is exact, half up, and never silent about a NaN."""
+"""Quantisation is exact where arithmetic is exact, rounds half up, and refuses NaN."""
 
 import numpy as np
 import numpy.typing as npt

@@ -1,4 +1,4 @@
-"""The JSON beside an output: where it lies, and that it says what it was given."""
+"""The sidecar has the right name and holds the data that were given."""
 
 import json
 from collections.abc import Sequence

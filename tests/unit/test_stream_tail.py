@@ -1,4 +1,4 @@
-"""What is left of a stream: its last lines."""
+"""The tail of a stream is its last lines."""
 
 from __future__ import annotations
 
