@@ -1,4 +1,4 @@
-"""Levels of strictness: which figures are over their limits, and how far."""
+"""The limits of the levels of strictness, and how far metrics exceed them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS, exceeded_limits, severity
 
 
-def test_levels_limit_figures_that_there_are() -> None:
+def test_levels_limit_known_metrics() -> None:
     assert list(STRICTNESS_LEVELS) == ["exact", "same-machine", "cross-driver"]
     for name, level in STRICTNESS_LEVELS.items():
         assert level.name == name
@@ -18,31 +18,24 @@ def test_levels_limit_figures_that_there_are() -> None:
         assert all(math.isfinite(limit) and limit >= 0 for limit in level.limits.values())
 
 
-def test_a_level_lets_pass_what_stricter_ones_do() -> None:
+def test_a_level_accepts_what_stricter_ones_accept() -> None:
     for strict, loose in itertools.pairwise(STRICTNESS_LEVELS.values()):
         limits = {name: limit for name, limit in loose.limits.items() if name in strict.limits}
         assert all(COMPARISON_METRICS[name].passes(strict.limits[name], limit) for name, limit in limits.items())
 
 
-def test_exceeded_are_the_figures_over_their_limits_in_order() -> None:
-    limits = {"bias": 0.1, "largest": 4.0, "ssim": 0.9, "p99": 1.0}
-    assert exceeded_limits({"bias": 0.2, "ssim": 0.8, "p99": 1.0, "largest": 5.0}, limits) == [
-        "largest",
-        "ssim",
-        "bias",
-    ]
-    assert exceeded_limits({"bias": 0.1, "ssim": 0.9, "p99": 1.0, "largest": 4.0}, limits) == []
-
-
-def test_figures_without_a_limit_and_limits_without_a_figure_exceed_nothing() -> None:
-    assert exceeded_limits({"largest": 200.0}, {"p99": 0.0}) == []
-    assert exceeded_limits({}, {"largest": 0.0}) == []
-    assert severity({"largest": 200.0}, {"p99": 0.0}) == 0.0
-    assert severity({}, {}) == 0.0
-
-
-def test_what_is_not_a_number_is_over_every_limit() -> None:
-    assert exceeded_limits({"flip": math.nan}, {"flip": 1.0}) == ["flip"]
+@pytest.mark.parametrize(
+    ("values", "exceeded"),
+    [
+        ({"bias": 0.2, "ssim": 0.8, "p99": 1.0, "largest": 5.0}, ["largest", "ssim", "bias"]),
+        ({"bias": 0.1, "ssim": 0.9, "p99": 1.0, "largest": 4.0}, []),
+        ({"flip": 200.0}, []),
+        ({"bias": math.nan}, ["bias"]),
+        ({}, []),
+    ],
+)
+def test_exceeded_limits_are_in_the_order_of_the_metrics(values: dict[str, float], exceeded: list[str]) -> None:
+    assert exceeded_limits(values, {"bias": 0.1, "largest": 4.0, "ssim": 0.9, "p99": 1.0}) == exceeded
 
 
 @pytest.mark.parametrize(
@@ -62,7 +55,7 @@ def test_what_is_not_a_number_is_over_every_limit() -> None:
         ({"largest": 2.0, "bias": 0.3}, {"largest": 4.0, "bias": 0.1}, 3.0),
     ],
 )
-def test_severity_is_how_many_times_over_its_limit_the_worst_figure_is(
+def test_severity_is_the_largest_ratio_of_an_error_to_its_limit(
     figures: dict[str, float], limits: dict[str, float], times: float
 ) -> None:
     assert severity(figures, limits) == pytest.approx(times)
