@@ -10,7 +10,6 @@ import click
 
 from hsplat_cli.commands.options import FILE
 from hsplat_cli.scenes import (
-    FILM_OPTION_NAMES,
     FilmOptions,
     base_name,
     film_options,
@@ -36,7 +35,7 @@ def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None
     it goes to the standard output: hsplat init scan.nrrd > scene.yaml
     """
     reporter = Reporter()
-    film = FilmOptions(**{name: options.pop(name) for name in FILM_OPTION_NAMES})
+    film = FilmOptions.of(options)
     spec = volume_spec(volume, options)
     if output is not None:  # before the volume is read, which may take long
         _require_output(output, force=force)

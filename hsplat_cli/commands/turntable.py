@@ -12,7 +12,6 @@ import click
 from hsplat_cli.commands.options import quiet_option
 from hsplat_cli.executors import ExecutorSpec, executor_options, require_executor
 from hsplat_cli.scenes import (
-    FILM_OPTION_NAMES,
     FilmOptions,
     default_output,
     expand_volumes,
@@ -80,7 +79,7 @@ def turntable(
             expected="a color",
             hint="only PNG frames can be transparent: --format png",
         )
-    film = FilmOptions(**{key: options[key] for key in FILM_OPTION_NAMES})
+    film = FilmOptions.of(options)
     requests = [
         FilmRequest(
             volume=volume_spec(volume, options),

@@ -1,5 +1,4 @@
 from .film_arguments import (
-    FILM_OPTION_NAMES as FILM_OPTION_NAMES,
     as_arguments as as_arguments,
     default_output as default_output,
     film_options as film_options,
@@ -12,7 +11,6 @@ from .scene_text import (
     volume_file as volume_file,
 )
 from .sidecar_file import (
-    Original as Original,
     Sidecar as Sidecar,
     is_shallow as is_shallow,
     load_json_object as load_json_object,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,19 +10,16 @@ from typing import Any
 import click
 
 from hsplat_cli.scenes.scene_text import FilmOptions
-from hsplat_cli.scenes.volume_arguments import check_as
+from hsplat_cli.scenes.volume_arguments import check_as, split_numbers
 from hsplat_cli.terminal import option_group
 from renderer.scene import COLORMAP_FIELD, MAX_FRAMES, OutputSpec, field_table
 
 _DEFAULT = FilmOptions()
 
-# The options that make a FilmOptions.
-FILM_OPTION_NAMES = tuple(field.name for field in fields(FilmOptions))
-
 
 def _split_size(text: str) -> list[str]:
     """Split `640x480`; `512` is both sides."""
-    parts = text.lower().split("x")
+    parts = split_numbers(text)
     return parts * 2 if len(parts) == 1 else parts
 
 
@@ -62,17 +58,11 @@ def as_arguments(options: Mapping[str, Any]) -> list[str]:
     """Return the command line of parsed options: `frames=30` becomes `--frames=30`; None and False are left out."""
     words = []
     for name, value in options.items():
-        if value is None or value is False:
-            continue
         flag = "--" + name.replace("_", "-")
         if value is True:
             words.append(flag)
-        elif name == "size":
-            words.append(f"{flag}={value[0]}x{value[1]}")
-        elif isinstance(value, tuple):
-            words.append(f"{flag}={','.join(map(repr, value))}")
-        else:
-            words.append(f"{flag}={value!r}" if isinstance(value, float) else f"{flag}={value}")
+        elif value is not None and value is not False:
+            words.append(f"{flag}={','.join(map(str, value)) if isinstance(value, tuple) else value}")
     return words
 
 

@@ -8,7 +8,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, Literal
 
-from hsplat_cli.scenes.sidecar_file import Original, Sidecar, parse_sidecar
+from hsplat_cli.scenes.sidecar_file import Sidecar, parse_sidecar
 from hsplat_cli.terminal import is_one_frame, parse_frames
 from renderer.errors import InputError, Problem
 from renderer.film import film_path_of_sidecar, picture_files, require_no_input, sidecar_path, volume_files
@@ -45,7 +45,7 @@ class Job:
     scene: Scene
     frames: Sequence[int]
     requested_error: Mapping[str, Any]
-    original: Original | None = None
+    original: Sidecar | None = None
 
 
 def load_job(
@@ -91,14 +91,12 @@ def load_job(
         )
     if draws != "nothing":
         _require_no_input(path, scene, picked, *([] if is_beside else [sidecar_path(scene, picked)]))
-    original, asked = sidecar.original, sidecar.original.requested_error
     if is_changed or not _has_recorded_tolerances(sidecar, scene):
-        return Job(
-            scene, picked, schedule_to_dict(scene.error), replace(original, other_schedule_keys={}, tool_versions={})
-        )
-    if not is_whole and is_film_wide_goal(asked):
-        return Job(scene, picked, schedule_to_dict(scene.error), replace(original, other_schedule_keys={}))
-    return Job(scene, picked, schedule_to_dict(asked), original)
+        original = replace(sidecar, other_schedule_keys={}, tool_versions={})
+        return Job(scene, picked, schedule_to_dict(scene.error), original)
+    if not is_whole and is_film_wide_goal(sidecar.requested_error):
+        return Job(scene, picked, schedule_to_dict(scene.error), replace(sidecar, other_schedule_keys={}))
+    return Job(scene, picked, schedule_to_dict(sidecar.requested_error), sidecar)
 
 
 def _require_no_input(path: Path, scene: Scene, frames: Sequence[int], *sidecar: Path) -> None:
@@ -115,12 +113,12 @@ def _has_recorded_tolerances(sidecar: Sidecar, scene: Scene) -> bool:
 def _has_whole_schedule(sidecar: Sidecar, editor: SceneEditor) -> bool:
     """Return whether the scene has the accuracy of all frames of the path, not only of the drawn ones."""
     is_new = any(key == "error" or key.startswith("error.") for key in editor.overridden_paths)
-    return is_new or sidecar.original.requested_error.goal is None
+    return is_new or sidecar.requested_error.goal is None
 
 
 def _editor(sidecar: Sidecar) -> SceneEditor:
     """Return an editor of the recorded scene; its output is the film beside the sidecar, wherever they are now."""
-    scene, path = sidecar.scene, sidecar.original.path
+    scene, path = sidecar.scene, sidecar.path
     output = scene.get("output")
     if isinstance(output, dict) and isinstance(output.get("file"), str):
         output["file"] = str(film_path_of_sidecar(path, Path(output["file"])))
@@ -132,4 +130,4 @@ def _require_in_path(sidecar: Sidecar, scene: Scene) -> None:
     last = len(sidecar.frames) - 1
     node = TreeNode(None, f"frames.{last}.frame", problems)
     check_frame_in_path(node, sidecar.frames[last], scene.camera.path.frames)
-    raise_problems(replace(problem, location=str(sidecar.original.path)) for problem in problems)
+    raise_problems(replace(problem, location=str(sidecar.path)) for problem in problems)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,6 +41,11 @@ class FilmOptions:
     size: tuple[int, int] = (512, 512)
     fps: float = 30.0
     background: str = "#000000"
+
+    @classmethod
+    def of(cls, options: Mapping[str, Any]) -> FilmOptions:
+        """Return those among the options of a command, by their names."""
+        return cls(**{field.name: options[field.name] for field in fields(cls)})
 
 
 def scene_text(found: VolumeSuggestion, film: FilmOptions, *, folder: Path, output: Path) -> str:

@@ -42,35 +42,26 @@ _OWN_SCHEDULE_KEYS = ("asked", "tolerance", "cells", "made_from")
 
 
 @dataclass(frozen=True)
-class Original:
+class Sidecar:
     """What a sidecar records of its film.
 
-    path: of the sidecar. fingerprint: of the film's volume. requested_error: the accuracy asked for, as a section
-    `error`. other_schedule_keys: what else its `schedule` says, but for what each film has of its own. tool_versions:
-    of what made it, by name, OpenGL as `GL` and the digest of the sources as `sources`. frames_fingerprint: of what its
-    frames depended on; None for a film that one pass would not have made.
+    path: of the sidecar. scene: as plain data, not checked. frames: their numbers, ascending. tolerances: at which
+    these frames were drawn, not checked. fingerprint: of the film's volume. requested_error: the accuracy asked for, as
+    a section `error`. other_schedule_keys: what else its `schedule` says, but for what each film has of its own.
+    tool_versions: of what made it, by name, OpenGL as `GL` and the digest of the sources as `sources`.
+    frames_fingerprint: of what its frames depended on; None for a film that one pass would not have made. problems:
+    what is wrong with the sidecar; if there are any, only path and scene may be used.
     """
 
     path: Path
+    scene: dict[str, Any]
+    frames: tuple[int, ...]
+    tolerances: tuple[Any, ...]
     fingerprint: str
     requested_error: ErrorSpec
     other_schedule_keys: Mapping[str, Any]
     tool_versions: Mapping[str, Any]
     frames_fingerprint: str | None
-
-
-@dataclass(frozen=True)
-class Sidecar:
-    """A sidecar's scene as plain data, not checked, the numbers of its frames, ascending, and the rest of its record.
-
-    tolerances: at which these frames were drawn, not checked. problems: what is wrong with the sidecar; if there are
-    any, only the scene may be used.
-    """
-
-    scene: dict[str, Any]
-    frames: tuple[int, ...]
-    tolerances: tuple[Any, ...]
-    original: Original
     problems: tuple[Problem, ...]
 
 
@@ -185,16 +176,18 @@ def _read(data: dict[str, Any], path: Path) -> Sidecar:
     if problems:
         given |= {"gl": "", "volume": "", "versions": {}, "schedule": {"asked": None}, "frames": ()}
     schedule, sources = given["schedule"], _text_at(data, "cause", "of", "sources")
-    original = Original(
+    return Sidecar(
         path=path,
+        scene=given["scene"],
+        frames=given["frames"],
+        tolerances=() if problems else tuple(record.get("tolerance") for record in data["frames"]),
         fingerprint=given["volume"],
         requested_error=schedule["asked"],
         other_schedule_keys={key: value for key, value in schedule.items() if key not in _OWN_SCHEDULE_KEYS},
         tool_versions=given["versions"] | {"GL": given["gl"]} | ({"sources": sources} if sources else {}),
         frames_fingerprint=_text_at(data, "cause", "frames"),
+        problems=tuple(problems),
     )
-    tolerances = () if problems else tuple(record.get("tolerance") for record in data["frames"])
-    return Sidecar(given["scene"], given["frames"], tolerances, original, tuple(problems))
 
 
 def _text_at(data: Any, *keys: str) -> str | None:

@@ -45,7 +45,7 @@ def check_as(
     return read
 
 
-def _split_axes(text: str) -> list[str]:
+def split_numbers(text: str) -> list[str]:
     """Split `128,96,114` or `128x96x114`."""
     return re.split("[,xX]", text)
 
@@ -72,13 +72,13 @@ def volume_options(nonfinite: Literal["error"] | None) -> Callable[[Any], Any]:
         click.option(
             "--spacing",
             metavar="X,Y,Z",
-            callback=check_as(_RAW_FIELDS["spacing"], _split_axes, "0.1,0.1,0.5"),
+            callback=check_as(_RAW_FIELDS["spacing"], split_numbers, "0.1,0.1,0.5"),
             help="Lengths of a voxel, in place of what the file says.",
         ),
         click.option(
             "--shape",
             metavar="X,Y,Z",
-            callback=check_as(_RAW_FIELDS["shape"], _split_axes, "128,96,114"),
+            callback=check_as(_RAW_FIELDS["shape"], split_numbers, "128,96,114"),
             help="Read a headerless file of this shape; needs --dtype.",
         ),
         click.option("--dtype", help="Type of a headerless file's voxels: uint8, int16, float32, ..."),

@@ -9,18 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from renderer.errors import Problem, SceneError
+from renderer.scene import yaml_tree
 from renderer.scene.message_text import format_value, join_keys
 from renderer.scene.parse import parse_scene
 from renderer.scene.spec import Scene
-from renderer.scene.yaml_tree import (
-    NotYamlError,
-    SourceLocation,
-    TextPosition,
-    YamlTree,
-    format_location,
-    parse_yaml,
-    source_excerpt,
-)
 
 _SOURCES = ("file", "raw", "procedural")
 
@@ -34,7 +26,7 @@ class _Option:
 
 
 # Where the value with a problem was written: in the file, by an option, or unknown.
-_Origin = TextPosition | _Option | None
+_Origin = yaml_tree.TextPosition | _Option | None
 
 
 class SceneEditor:
@@ -50,7 +42,7 @@ class SceneEditor:
 
     def __init__(
         self,
-        tree: YamlTree,
+        tree: yaml_tree.YamlTree,
         path: Path,
         lines: Sequence[str] = (),
         *,
@@ -60,7 +52,8 @@ class SceneEditor:
         self.tree = tree
         self._path, self._lines, self._path_prefix, self._hints = path, lines, path_prefix, hints or {}
         self._problems: list[tuple[_Origin, Problem]] = [*tree.problems]
-        self._writers: dict[str, SourceLocation | _Option] = {**tree.locations}  # who wrote the value at a path
+        # Where the value at each path was written.
+        self._writers: dict[str, yaml_tree.SourceLocation | _Option] = {**tree.locations}
         self._num_options = 0
 
     def apply(self, overrides: Sequence[str], volume: Path | None, output: Path | None) -> None:
@@ -112,8 +105,8 @@ class SceneEditor:
             self._set(parts, value_text.strip(), option)
             return
         try:
-            value = parse_yaml(value_text)
-        except NotYamlError as error:
+            value = yaml_tree.parse_yaml(value_text)
+        except yaml_tree.NotYamlError as error:
             self._complain(option, Problem("", error.what, hint=error.hint))
             return
         for _, problem in value.problems:
@@ -184,8 +177,8 @@ class SceneEditor:
         """Return the problem with its location and, if that is in the file, the line itself."""
         if isinstance(origin, _Option):
             return replace(problem, location=origin.text)
-        what = problem.what + source_excerpt(self._lines, origin)
-        return replace(problem, location=format_location(self._path, origin), what=what)
+        what = problem.what + yaml_tree.source_excerpt(self._lines, origin)
+        return replace(problem, location=yaml_tree.format_location(self._path, origin), what=what)
 
 
 def _sort_key(item: tuple[_Origin, Problem]) -> tuple[int, int, int]:

@@ -114,24 +114,32 @@ def number_field(
     maximum: float = math.inf,
     above: float = -math.inf,
     zero_hint: str | None = None,
+    is_whole: bool = False,
 ) -> FieldType[float]:
     """Return the type of a finite number; `minimum` and `maximum` are allowed, `above` is not.
 
     Text that spells a number is taken as one, because YAML 1.1 reads `1e-3` as text.
-    zero_hint: for a 0 that is out of range.
+    zero_hint: for a 0 that is out of range. is_whole: only whole numbers are allowed, such as 120, `1e3` and `120.0`.
     """
+    noun = "whole number" if is_whole else "number"
 
-    def parse(node: TreeNode) -> float:
-        value = _as_float(node.value)
+    def parse(node: TreeNode) -> Any:
+        value = parse_whole_number(node.value) if is_whole else _as_float(node.value)
         if value is None:
-            return field.reject(node, "not a number", hint=_decimal_point_hint(node.value))
-        if not math.isfinite(value):
+            return field.reject(node, f"not a {noun}", hint=_decimal_point_hint(node.value))
+        if isinstance(value, float) and not math.isfinite(value):
             return field.reject(node, "not a finite number")
         if minimum <= value <= maximum and value > above:
             return value
-        return field.reject(node, "out of range", hint=None if value else zero_hint)
+        return field.reject(node, "out of range", hint=zero_hint if value == 0 else None)
 
-    field = FieldType("a number" + _range_words(minimum, above, maximum), parse)
+    field: FieldType[float] = FieldType(f"a {noun}{_range_words(minimum, above, maximum)}", parse)
+    return field
+
+
+def integer_field(*, minimum: int, maximum: int, zero_hint: str | None = None) -> FieldType[int]:
+    """Return the type of a whole number in a range; `zero_hint` as in `number_field`."""
+    field: FieldType[Any] = number_field(minimum=minimum, maximum=maximum, zero_hint=zero_hint, is_whole=True)
     return field
 
 
@@ -141,21 +149,6 @@ def _range_words(minimum: float, above: float, maximum: float) -> str:
     parts = {"of at least": minimum, "greater than": above, "at most": maximum}
     words = [f"{word} {format_value(bound)}" for word, bound in parts.items() if math.isfinite(bound)]
     return f" {join_words(words, 'and')}" if words else ""
-
-
-def integer_field(*, minimum: int, maximum: int, zero_hint: str | None = None) -> FieldType[int]:
-    """Return the type of a whole number; `1e3` and `120.0` are whole, and so is text that spells one."""
-
-    def parse(node: TreeNode) -> int:
-        value = parse_whole_number(node.value)
-        if value is None:
-            return field.reject(node, "not a whole number", hint=_decimal_point_hint(node.value))
-        if minimum <= value <= maximum:
-            return value
-        return field.reject(node, "out of range", hint=zero_hint if value == 0 else None)
-
-    field = FieldType(f"a whole number from {minimum} to {maximum}", parse)
-    return field
 
 
 def _decimal_point_hint(value: object) -> str | None:

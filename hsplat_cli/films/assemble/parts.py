@@ -121,7 +121,7 @@ def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Pa
     if wrong:
         problems.extend(replace(problem, location=str(path)) for problem in wrong)
         return
-    yield Part(path, data, sidecar.original.requested_error, film_path_of_sidecar(path, file))
+    yield Part(path, data, sidecar.requested_error, film_path_of_sidecar(path, file))
 
 
 def _problem(error: InputError, place: str) -> Problem:
