@@ -20,11 +20,11 @@ _HEADINGS = {"max_error": ("largest", ""), "flip_p99": ("FLIP", "99 %"), "delta_
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table of measurements. unit: below the title. value: sort key, None or NaN if absent."""
+    """A column of a table of measurements. unit: below the title. value: sort key, NaN if absent."""
 
     title: str
     unit: str
-    value: Callable[[Measurement], float | None]
+    value: Callable[[Measurement], float]
     text: Callable[[Measurement], str]
 
 
@@ -52,7 +52,11 @@ def metric_column(name: str, pixels: str) -> Column:
 
 
 def _number(title: str, unit: str, value: Callable[[Measurement], float | None], text: Callable[[Any], str]) -> Column:
-    return Column(title, unit, value, lambda measurement: text(value(measurement)))
+    return Column(title, unit, lambda m: _or_nan(value(m)), lambda m: text(value(m)))
+
+
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else value
 
 
 def _quartile_distance(measurement: Measurement) -> float:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hsplat_cli.reports.columns import metric_column
 from hsplat_cli.reports.costs import (
     OWN,
     PEER,
@@ -75,7 +76,7 @@ def tradeoff_figure(measurements: Sequence[Measurement], axis: CostAxis) -> Figu
     axes = figure.subplots()
     for program, front in plottable_fronts(measurements, axis).items():
         _draw_front(axes, program, front, axis)
-    _draw_series(axes, measurements, axis, _psnr, with_quartiles=True)
+    _draw_series(axes, measurements, axis, _psnr)
     _format_axes(axes, axis, "PSNR, dB", many_ticks=True)
     _add_legend(figure, axes)
     _remove_overlapping_labels(figure, axes)
@@ -85,20 +86,19 @@ def tradeoff_figure(measurements: Sequence[Measurement], axis: CostAxis) -> Figu
 def metrics_figure(measurements: Sequence[Measurement]) -> Figure:
     """Plot further metrics over the time of a frame, one panel each."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import PercentFormatter
 
     figure = Figure(figsize=(_WIDTH_IN, 6.8), layout="constrained")
     panels = (("psnr", "on_volume"), ("ssim", "everywhere"), ("flip", "everywhere"), ("delta_e_share", "everywhere"))
     for axes, (name, pixels) in zip(figure.subplots(2, 2).flat, panels, strict=True):
         metric = METRICS[name]
         title = f"{metric.label}{' on the volume' if pixels == 'on_volume' else ''}"
-        scale = 100 if name.endswith("_share") else 1
-
-        def value(m: Measurement, name: str = name, pixels: str = pixels, scale: int = scale) -> float:
-            return scale * float(getattr(getattr(m.overall, pixels), name))
-
-        _draw_series(axes, measurements, TIME_AXIS, value, with_quartiles=False)
-        unit = "%" if scale == 100 else metric.unit
-        _format_axes(axes, TIME_AXIS, f"{title}, {unit}" if unit else title, many_ticks=False)
+        if metric.unit:
+            title += f", {metric.unit}"
+        elif name.endswith("_share"):
+            axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+        _draw_series(axes, measurements, replace(TIME_AXIS, quartiles=None), metric_column(name, pixels).value)
+        _format_axes(axes, TIME_AXIS, title, many_ticks=False)
         axes.set_title(
             f"{'higher' if metric.higher_is_better else 'lower'} is better",
             color=LIGHT_PALETTE["muted"],
@@ -126,18 +126,13 @@ def _draw_front(axes: Axes, program: str, front: Sequence[Measurement], axis: Co
         line = {"color": LIGHT_PALETTE["muted"], "linewidth": 1.4, "linestyle": "--", "zorder": 1.5}
         label = {"xytext": (0, 7), "ha": "center", "color": LIGHT_PALETTE["muted"]}
     axes.plot(costs, psnrs, label=f"Pareto front of {PROGRAM_NAMES[program]}", **line)
-    _, texts = short_labels([m.setting.label for m in front])
-    for text, cost, psnr in zip(texts, costs, psnrs, strict=True):
+    for m, cost, psnr in zip(front, costs, psnrs, strict=True):
+        text = m.setting.label.rpartition(" ")[2]
         axes.annotate(text, (cost, psnr), textcoords="offset points", fontsize=_LABEL_PT, zorder=5, **label)
 
 
 def _draw_series(
-    axes: Axes,
-    measurements: Sequence[Measurement],
-    axis: CostAxis,
-    value: Callable[[Measurement], float],
-    *,
-    with_quartiles: bool,
+    axes: Axes, measurements: Sequence[Measurement], axis: CostAxis, value: Callable[[Measurement], float]
 ) -> None:
     counts = {OWN: itertools.count(), PEER: itertools.count()}
     for series, numbers in group_by_series(measurements).items():
@@ -148,7 +143,7 @@ def _draw_series(
         if not shown:
             continue
         costs, values = np.array([axis.cost(m) for m in shown]), [value(m) for m in shown]
-        if with_quartiles and axis.quartiles:
+        if axis.quartiles:
             low, high = np.array([axis.quartiles(m) for m in shown]).T
             # Rounding may put a quartile on the wrong side of the median.
             bars = np.maximum([costs - low, high - costs], 0)
@@ -190,13 +185,6 @@ def _add_legend(figure: Figure, axes: Axes) -> None:
     if names:
         column_in = (0.6 * max(map(len, names)) + 5) * 10 / 72
         figure.legend(handles, names, loc="outside upper left", ncols=max(1, min(3, int(_WIDTH_IN / column_in))))
-
-
-def short_labels(labels: Sequence[str]) -> tuple[str, list[str]]:
-    """Return the words that all labels begin with, and the labels without them: "tolerance", ["0.1", "0.05"]."""
-    columns = zip(*(label.split(" ")[:-1] for label in labels), strict=False)
-    common = [words[0] for words in itertools.takewhile(lambda words: len(set(words)) == 1, columns)]
-    return " ".join(common), [" ".join(label.split(" ")[len(common) :]) for label in labels]
 
 
 def _remove_overlapping_labels(figure: Figure, axes: Axes) -> None:

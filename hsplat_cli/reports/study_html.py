@@ -31,7 +31,6 @@ from hsplat_cli.reports.plots import (
     metrics_figure,
     plottable,
     plottable_fronts,
-    short_labels,
     tradeoff_figure,
 )
 from hsplat_cli.reports.tables import to_plain
@@ -96,12 +95,13 @@ def _charts(measurements: Sequence[Measurement]) -> list[Chart]:
 
 def _tradeoff_caption(measurements: Sequence[Measurement], axis: CostAxis) -> str:
     """Explain labels, bars and omissions."""
-    words = []
-    for program, front in plottable_fronts(measurements, axis).items():
-        common, _ = short_labels([m.setting.label for m in front])
-        words += [f"{common} ({PROGRAM_NAMES[program]})"] * bool(common)
+    names = [
+        f"{front[0].setting.label.rpartition(' ')[0]} ({PROGRAM_NAMES[program]})"
+        for program, front in plottable_fronts(measurements, axis).items()
+        if front
+    ]
     parts = ["Higher and further to the left is better."]
-    parts += [f"Labels at the points of a front, where they fit: {', '.join(words)}."] if words else []
+    parts += [f"Labels at the points of a front, where they fit: {', '.join(names)}."] if names else []
     parts += ["Settings with bricks are not in this plot."] if axis is SPLATS_AXIS and has_bricks(measurements) else []
     parts += ["Bars reach from the first to the third quartile of the time."] if axis.quartiles else []
     exact = sum(m.overall.everywhere.psnr == math.inf for m in measurements if axis.cost(m) > 0)
@@ -178,9 +178,9 @@ def _stage_times(measurement: Measurement) -> dict[tuple[str, bool], tuple[float
     return times
 
 
-def _median(measurement: Measurement, name: tuple[str, bool]) -> float | None:
+def _median(measurement: Measurement, name: tuple[str, bool]) -> float:
     seconds = _stage_times(measurement).get(name)
-    return float(np.median(seconds)) if seconds else None
+    return float(np.median(seconds)) if seconds else math.nan
 
 
 def _stage_text(measurement: Measurement, name: tuple[str, bool]) -> str:

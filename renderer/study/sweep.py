@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from renderer.frame import Clock, Frame, Rasterizer, Stage, make_primitive, render_frames
+from renderer.frame import Clock, Rasterizer, Stage, make_primitive, render_frames
 from renderer.scene import ErrorSpec, Scene, SplatSpec, with_tolerance
 from renderer.study.metrics import Accuracy, measure_accuracy, over_background, pool_accuracies
 from renderer.study.thumbnails import difference_thumbnail, thumbnail
@@ -31,6 +31,9 @@ FRAME_STAGES = ("order", "draw", "quantize")
 _CUT_STAGES = ("cut", "splats")
 # After this time a setting is not drawn again.
 _REPEAT_LIMIT_S = 4.0
+
+
+Seconds = Mapping[str, float]  # by stage
 
 
 class MemoryMeter(Protocol):
@@ -148,7 +151,8 @@ def measure_setting(
     background = stage.scene.output.background
     peaks: list[int] = []
     accuracies: list[Accuracy] = []
-    first_pass: list[Frame] = []
+    counts: list[tuple[int, int]] = []
+    first_pass: list[Seconds] = []
     pictures = None
     memory.trim()
     memory.reset()
@@ -157,20 +161,21 @@ def measure_setting(
         picture = over_background(frame.radiance, background)
         accuracies.append(measure_accuracy(picture, truth.picture, truth.on_volume))
         pictures = pictures or (thumbnail(picture), difference_thumbnail(picture, truth.picture))
-        first_pass.append(_without_pictures(frame))
+        counts.append((frame.num_cells, frame.num_splats))
+        first_pass.append(frame.seconds)
         memory.reset()
     passes = _timed_passes(stage, numbers, rasterizer, clock, repeats, first_pass)
     assert pictures is not None, "no frames"
     return Measurement(
         setting=splat_setting(stage.scene.error, stage.scene.splat),
-        num_cells=first_pass[0].num_cells,
+        num_cells=counts[0][0],
         pyramid_seconds=stage.seconds["pyramid"],
-        seconds=_repetitions([frames[0] for frames in passes], _CUT_STAGES),
+        seconds=_repetitions([seconds[0] for seconds in passes], _CUT_STAGES),
         frames=tuple(
             FrameMeasurement(
                 truth.frame,
-                first_pass[i].num_splats if stage.bricks is None else None,
-                _repetitions([frames[i] for frames in passes], FRAME_STAGES),
+                counts[i][1] if stage.bricks is None else None,
+                _repetitions([seconds[i] for seconds in passes], FRAME_STAGES),
                 accuracies[i],
             )
             for i, truth in enumerate(truths)
@@ -183,35 +188,29 @@ def measure_setting(
 
 
 def _timed_passes(
-    stage: Stage, numbers: Sequence[int], rasterizer: Rasterizer, clock: Clock, repeats: int, first_pass: list[Frame]
-) -> list[list[Frame]]:
-    """Return up to `repeats` warm passes over the frames.
+    stage: Stage, numbers: Sequence[int], rasterizer: Rasterizer, clock: Clock, repeats: int, first_pass: list[Seconds]
+) -> list[list[Seconds]]:
+    """Return the seconds of the frames in up to `repeats` warm passes.
 
     If the first pass takes too long to repeat, only its first frame is drawn again; the others were warm.
     """
-    spent = sum(sum(frame.seconds.values()) for frame in first_pass)
-    if spent > _REPEAT_LIMIT_S:
-        (warm,) = render_frames(stage, numbers[:1], rasterizer, clock=clock)
-        return [[_without_pictures(warm), *first_pass[1:]]]
-    passes: list[list[Frame]] = []
+
+    def draw(numbers: Sequence[int]) -> list[Seconds]:
+        return [frame.seconds for frame in render_frames(stage, numbers, rasterizer, clock=clock)]
+
+    if sum(sum(seconds.values()) for seconds in first_pass) > _REPEAT_LIMIT_S:
+        return [draw(numbers[:1]) + first_pass[1:]]
+    passes: list[list[Seconds]] = []
     start = clock()
     while len(passes) < repeats and (not passes or clock() - start < _REPEAT_LIMIT_S):
-        frames = render_frames(stage, numbers, rasterizer, clock=clock)
-        passes.append([_without_pictures(frame) for frame in frames])
+        passes.append(draw(numbers))
     return passes
 
 
-def _without_pictures(frame: Frame) -> Frame:
-    return replace(frame, image=frame.image[:0].copy(), radiance=frame.radiance[:0].copy())
-
-
-def _repetitions(frames: Sequence[Frame], stages: Sequence[str]) -> dict[str, tuple[float, ...]]:
+def _repetitions(repetitions: Sequence[Seconds], stages: Sequence[str]) -> dict[str, tuple[float, ...]]:
     """Return the seconds by stage of repetitions of a frame; stages that the film lacks are left out."""
-    return {
-        name: tuple(frame.seconds[name] for frame in frames)
-        for name in stages
-        if all(name in f.seconds for f in frames)
-    }
+    there = [name for name in stages if all(name in seconds for seconds in repetitions)]
+    return {name: tuple(seconds[name] for seconds in repetitions) for name in there}
 
 
 @dataclass(frozen=True)

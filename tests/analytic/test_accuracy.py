@@ -1,4 +1,4 @@
-"""Frames against the converged ray integral: what one splat for each voxel reaches, and that a tolerance is a trade."""
+"""Tests of frames of splats against the converged ray integral: the accuracy of one splat for each voxel."""
 
 from __future__ import annotations
 
@@ -55,14 +55,14 @@ def _draw(stage: Stage, view: View, tolerance: float, rasterizer: GLRasterizer) 
 
 
 def _psnr(image: np.ndarray, truth: np.ndarray) -> float:
-    """Over all pixels and a black background, clipped to [0, 1], before quantisation; dB."""
+    """Return the PSNR over all pixels and a black background, clipped to [0, 1], before quantisation, in dB."""
     difference = np.clip(image[..., :3], 0, 1) - np.clip(truth[..., :3], 0, 1)
     return float(-10 * np.log10(np.mean(difference**2)))
 
 
 @pytest.mark.real_data
-def test_a_splat_per_voxel_of_the_engine(data_dir: Path, rasterizer: GLRasterizer) -> None:
-    """36 dB seen from azimuth 30, and 34.5 dB all around; of every third degree 93 had least, 35.05 dB."""
+def test_a_splat_for_each_voxel_of_the_engine_is_accurate(data_dir: Path, rasterizer: GLRasterizer) -> None:
+    """Measured at every third degree: azimuth 93 has the least, 35.05 dB."""
     scene = Scene(
         volume=VolumeSpec(FileSource(data_dir / "engine.nhdr")),
         transfer_function=SOFT_AND_SOLID,

@@ -15,7 +15,12 @@ from hsplat_cli.studies.measure.notes import scene_notes
 from renderer.scene import load_scene
 from tests.support.transcripts import Case, cases
 
-SMALLER = {"frames: 120": "frames: 6", "[512, 512]": "[32, 32]", "[64, 64, 32]": "[8, 8, 8]", "shading:\n  ambient: 0.3\n": ""}
+SMALLER = {
+    "frames: 120": "frames: 6",
+    "[512, 512]": "[32, 32]",
+    "[64, 64, 32]": "[8, 8, 8]",
+    "shading:\n  ambient: 0.3\n": "",
+}
 
 
 @pytest.fixture(autouse=True)

@@ -20,7 +20,7 @@ from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series,
 
 from hsplat_cli.reports import REPORT_FILES, format_facts, plot_style, require_writable_files, write_study
 from hsplat_cli.reports.html import PALETTE, figure_to_svg
-from hsplat_cli.reports.plots import TIME_AXIS, metrics_figure, short_labels, tradeoff_figure
+from hsplat_cli.reports.plots import TIME_AXIS, metrics_figure, tradeoff_figure
 from hsplat_cli.reports.study_html import study_page
 from renderer.errors import InputError, RenderError
 
@@ -150,7 +150,7 @@ def test_plots_have_a_curve_for_each_series_and_both_fronts() -> None:
         "PSNR on the volume, dB",
         "SSIM",
         "FLIP",
-        "pixels with Delta-E over 2.3, %",
+        "pixels with Delta-E over 2.3",
     ]
 
 
@@ -197,10 +197,7 @@ def test_ticks_leave_room_for_each_other(decades: float) -> None:
     assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
 
 
-def test_short_texts() -> None:
-    assert short_labels(["tolerance 1", "tolerance 0.1"]) == ("tolerance", ["1", "0.1"])
-    assert short_labels(["sample distance 1", "sample rate 2"]) == ("sample", ["distance 1", "rate 2"])
-    assert short_labels(["a", "b"]) == ("", ["a", "b"])
+def test_facts_are_texts() -> None:
     assert format_facts({"a_b": (1, 2), "c": {"d": None}}) == [("a b", "1 x 2"), ("c", "d unknown")]
 
 

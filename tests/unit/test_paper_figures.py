@@ -1,4 +1,4 @@
-"""The figures of the paper: their numbers against closed forms, and verdicts that follow the numbers."""
+"""Tests of the paper's figures: numbers against closed forms, and verdicts that depend on the numbers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ from renderer.frame import Rasterizer
 from renderer.pyramid import cut_pyramid
 from renderer.scene import Scene, load_scene
 from renderer.splats import SplatBatch
-from renderer.study import TRUTH_TOLERANCE, compute_truth
 from renderer.view import View
 from tests.support.machines import NothingLasting
 
@@ -31,31 +30,22 @@ def scene(name: str, *overrides: str) -> Scene:
     return load_scene(SCENES / name, overrides=overrides)
 
 
-def studio_of(rasterizer: Rasterizer, clock: Callable[[], float] = lambda: 0.0) -> FigureRenderer:
+def renderer_of(rasterizer: Rasterizer, clock: Callable[[], float] = lambda: 0.0) -> FigureRenderer:
     return FigureRenderer(rasterizer, {}, clock, 1)
 
 
 @pytest.fixture(scope="module")
 def figure_renderer(rasterizer: GLRasterizer) -> FigureRenderer:
-    return studio_of(rasterizer)
+    return renderer_of(rasterizer)
 
 
 def verdicts(claims: tuple[Claim, ...]) -> list[bool]:
     return [claim.is_confirmed for claim in claims]
 
 
-def test_the_truth_of_a_shaded_scene_has_converged(figure_renderer: FigureRenderer) -> None:
-    """Asked for a hundred times as exactly, it is the same within the tolerance. Steps of a voxel would not do, as they
-    do without shading: the light factor is no polynomial."""
-    changes = "shading={}", "output.size=[16, 16]"
-    stage = figure_renderer.stage(scene("5_octrees.yaml", STAND_IN, *changes))
-    finer = compute_truth(stage, 0, TRUTH_TOLERANCE / 100).picture
-    assert np.abs(figure_renderer.truth(stage) - finer).max() < TRUTH_TOLERANCE
-
-
-@pytest.mark.parametrize("goal", ["psnr=30", "splats=100", "seconds=0.5"])
-def test_a_scene_that_asks_for_no_tolerance_shows_every_voxel(figure_renderer: FigureRenderer, goal: str) -> None:
-    """Until a figure says how exact it is to be."""
+@pytest.mark.parametrize("goal", ["psnr=30", "seconds=0.5"])
+def test_a_scene_with_a_goal_is_drawn_at_full_resolution(figure_renderer: FigureRenderer, goal: str) -> None:
+    """Until a figure sets a tolerance."""
     changes = "error.tolerance=null", f"error.{goal}", "output.size=[16, 16]"
     frame = figure_renderer.draw(figure_renderer.stage(scene("6_engine.yaml", STAND_IN, *changes)))
     plain = figure_renderer.draw(figure_renderer.stage(scene("6_engine.yaml", STAND_IN, "output.size=[16, 16]")))
@@ -72,8 +62,7 @@ def splat_shapes(figure_renderer: FigureRenderer) -> footprints.FootprintErrors:
 
 
 def test_the_smooth_profile_has_the_splats_integral_and_width(splat_shapes: footprints.FootprintErrors) -> None:
-    """-log(1 - alpha) integrates to that of the voxel, of opacity 0.7, over its area; sigma, the unit of the radii, is
-    0.425 voxels."""
+    """-log(1 - alpha) integrates to that of the voxel, of opacity 0.7. Radii are in units of sigma, 0.425 voxels."""
     radius, alpha = splat_shapes.smooth[:-1].T
     depth = -np.log1p(-alpha)
     mass = np.trapezoid(2 * math.pi * radius * depth, radius)
@@ -81,13 +70,13 @@ def test_the_smooth_profile_has_the_splats_integral_and_width(splat_shapes: foot
     assert np.trapezoid(math.pi * radius**3 * depth, radius) / mass == pytest.approx(1, rel=1e-3)
 
 
-def test_more_triangles_are_nearer_to_the_smooth_profile(splat_shapes: footprints.FootprintErrors) -> None:
+def test_more_triangles_approach_the_smooth_profile(splat_shapes: footprints.FootprintErrors) -> None:
     assert verdicts(footprints.check_claims(splat_shapes)) == [True, True]
     assert [fan.num_triangles for fan in splat_shapes.fans] == [4, 18, 40, 108, 240, 992]
     assert abs(splat_shapes.gaussian.integral_error) < 0.01
 
 
-def test_fans_that_do_not_converge_are_not_passed(splat_shapes: footprints.FootprintErrors) -> None:
+def test_fans_that_do_not_converge_are_not_confirmed(splat_shapes: footprints.FootprintErrors) -> None:
     worst, *others = splat_shapes.fans
     shuffled = replace(splat_shapes, fans=(*others, worst))
     assert verdicts(footprints.check_claims(shuffled)) == [False, True]
@@ -106,9 +95,8 @@ def slab(figure_renderer: FigureRenderer) -> opacity.Slab:
     )
 
 
-def test_a_slab_is_as_opaque_as_its_closed_form(slab: opacity.Slab) -> None:
-    """8 voxels of opacity a let (1 - a)^8 through; without correction a cell of 2^k is a voxel, and 8 / 2^k remain. A
-    lattice of splats ripples by 1.1 % in optical depth, so by less than 0.004 in alpha; the mean over it by less."""
+def test_a_slab_has_the_opacity_of_its_closed_form(slab: opacity.Slab) -> None:
+    """8 voxels of opacity a transmit (1 - a)^8. Without correction, a cell of 2^k voxels counts as one voxel."""
     for opacity_of_voxel, with_correction, without in zip(
         slab.opacities, slab.corrected, slab.uncorrected, strict=True
     ):
@@ -124,13 +112,12 @@ def test_the_opacity_of_one_cell(slab: opacity.Slab) -> None:
     assert slab.cell_opacity(slab.expected(corrected=False))[a] == pytest.approx([0.1] * 4)
 
 
-def test_a_slab_that_forgets_the_correction_is_not_passed(slab: opacity.Slab) -> None:
+def test_a_slab_without_correction_is_not_confirmed(slab: opacity.Slab) -> None:
     assert verdicts(opacity.check_claims(replace(slab, corrected=slab.uncorrected))) == [False, True]
     assert verdicts(opacity.check_claims(replace(slab, uncorrected=slab.corrected))) == [True, False]
 
 
-def test_a_slab_of_the_smallest_voxels_that_are_taken(figure_renderer: FigureRenderer) -> None:
-    """48 pixels show 32 voxels."""
+def test_a_slab_may_have_voxels_of_one_and_a_half_pixels(figure_renderer: FigureRenderer) -> None:
     shape = "volume.procedural.shape=[32, 8, 32]"
     slab = opacity.measure(
         scene("2_opacity.yaml", shape, "camera.distance=16", "output.size=[48, 48]"), figure_renderer
@@ -146,8 +133,8 @@ def cubes(figure_renderer: FigureRenderer) -> one_splat.SplatSeries:
     return one_splat.measure(scene("3_one_splat.yaml", "output.size=[64, 64]"), figure_renderer)
 
 
-def test_one_splat_for_many_voxels(cubes: one_splat.SplatSeries) -> None:
-    """Twice the voxels in depth square the transparency; 0.1 is the opacity in the scene."""
+def test_one_splat_replaces_many_voxels(cubes: one_splat.SplatSeries) -> None:
+    """Twice as many voxels in depth square the transparency; the scene has an opacity of 0.1."""
     assert cubes.opacity == pytest.approx(0.1)
     through = [1 - alpha for alpha in cubes.corrected]
     assert through[1:] == pytest.approx([one**2 for one in through[:-1]], rel=1e-3)
@@ -155,7 +142,7 @@ def test_one_splat_for_many_voxels(cubes: one_splat.SplatSeries) -> None:
     assert verdicts(one_splat.check_claims(cubes)) == [True, True, True]
 
 
-def test_splats_that_stand_for_too_little_are_not_passed(cubes: one_splat.SplatSeries) -> None:
+def test_splats_that_are_too_faint_are_not_confirmed(cubes: one_splat.SplatSeries) -> None:
     wrong = replace(cubes, corrected=cubes.uncorrected, uncorrected=cubes.corrected, totals=(1.0, 0.5) * 3)
     assert verdicts(one_splat.check_claims(wrong)) == [False, False, False]
 
@@ -169,8 +156,8 @@ def block(figure_renderer: FigureRenderer) -> levels.LevelErrors:
     return levels.measure(scene("4_levels.yaml", *changes, "transfer_function.unit=0.5"), figure_renderer)
 
 
-def test_levels_of_a_constant_block(block: levels.LevelErrors) -> None:
-    """Of optical depth 0 to 1 and a half: without correction, cells twice as wide have half the depth in all."""
+def test_levels_of_a_constant_block_look_the_same(block: levels.LevelErrors) -> None:
+    """Without correction, cells twice as wide have half the optical depth in total."""
     assert block.num_judged == 4
     assert [distance.num_cells for distance in block.corrected] == [32**3, 16**3, 8**3, 4**3, 2**3, 1]
     assert block.corrected[0] == block.uncorrected[0]
@@ -180,7 +167,7 @@ def test_levels_of_a_constant_block(block: levels.LevelErrors) -> None:
     assert verdicts(levels.check_claims(block)) == [True, True]
 
 
-def test_levels_that_fade_with_correction_are_not_passed(block: levels.LevelErrors) -> None:
+def test_levels_that_fade_are_not_confirmed(block: levels.LevelErrors) -> None:
     assert verdicts(levels.check_claims(replace(block, corrected=block.uncorrected))) == [False, False]
     assert verdicts(levels.check_claims(replace(block, uncorrected=block.corrected))) == [True, False]
 
@@ -193,14 +180,14 @@ def trees(figure_renderer: FigureRenderer) -> octrees.Octrees:
     return octrees.measure(scene("5_octrees.yaml", STAND_IN, "output.size=[64, 64]"), figure_renderer)
 
 
-def test_octrees_at_falling_error(trees: octrees.Octrees) -> None:
+def test_octrees_grow_as_the_error_falls(trees: octrees.Octrees) -> None:
     assert [octree.tolerance for octree in trees.octrees] == [8, 4, 1, 0.25]
     assert [octree.num_cells for octree in trees.octrees] == sorted(octree.num_cells for octree in trees.octrees)
     assert trees.octrees[-1].num_cells > 300
     assert trees.rows[0].pictures[-1][0].tolist() != trees.rows[1].pictures[-1][0].tolist()
 
 
-def test_every_cell_is_counted_in_one_block_or_in_all_that_it_covers(figure_renderer: FigureRenderer) -> None:
+def test_every_cell_is_counted_once_in_total(figure_renderer: FigureRenderer) -> None:
     stage = figure_renderer.stage(scene("5_octrees.yaml", STAND_IN))
     variation = octrees._variation_of_blocks(stage)
     assert variation.shape == (2, 3, 3)
@@ -211,28 +198,23 @@ def test_every_cell_is_counted_in_one_block_or_in_all_that_it_covers(figure_rend
         assert (counts[variation >= 0] > 0).all()
 
 
-def test_octrees_that_refine_elsewhere_are_not_passed() -> None:
+def test_octrees_that_refine_elsewhere_are_not_confirmed() -> None:
     good = [octrees.Octree(2.0**-k, (100 * 8**k, 10), 20.0 + k, 1.0, 5.0 + k) for k in range(3)]
     assert verdicts(octrees.check_claims(octrees.Octrees(tuple(good), ()))) == [True, True]
     steady = [replace(octree, cells_high_variation=1.0) for octree in good]
     assert verdicts(octrees.check_claims(octrees.Octrees(tuple(steady), ()))) == [True, False]
     assert verdicts(octrees.check_claims(octrees.Octrees(tuple(good[::-1]), ()))) == [False, True]
+    assert replace(good[0], cells_low_variation=0.0).cell_ratio == math.inf
+    assert replace(good[0], cells_low_variation=0.0, cells_high_variation=0.0).cell_ratio == 1
     small = [replace(octree, cells_by_level=(k, 1)) for k, octree in enumerate(good)]
     assert verdicts(octrees.check_claims(octrees.Octrees(tuple(small), ()))) == [True, False]
 
 
-def test_blocks_without_cells_are_no_division_by_zero() -> None:
-    def cell_ratio(steady: float, varied: float) -> float:
-        return octrees.Octree(1.0, (100,), 20.0, steady, varied).cell_ratio
-
-    assert (cell_ratio(2.0, 5.0), cell_ratio(0.0, 5.0), cell_ratio(0.0, 0.0)) == (2.5, math.inf, 1.0)
-
-
-# 6: what can be drawn in a time
+# 6: refinement
 
 
 class TimedRasterizer(NothingLasting):
-    """Takes some seconds for each splat, by its own clock, and draws nothing."""
+    """Takes a fixed time for each splat, by its own clock, and draws nothing."""
 
     def __init__(self, seconds_per_splat: float) -> None:
         self.now, self._seconds_per_splat = 0.0, seconds_per_splat
@@ -245,17 +227,17 @@ class TimedRasterizer(NothingLasting):
         return np.zeros((view.size[1], view.size[0], 4), np.float32)
 
     def rasterize_edges(self, edges: CellEdges, view: View) -> npt.NDArray[np.float32]:
-        raise AssertionError("not asked for")
+        raise AssertionError("there is no overlay")
 
 
 def timed(seconds_per_splat: float) -> refinement.Refinement:
     rasterizer = TimedRasterizer(seconds_per_splat)
     return refinement.measure(
-        scene("6_engine.yaml", STAND_IN, "output.size=[16, 16]"), studio_of(rasterizer, rasterizer.clock)
+        scene("6_engine.yaml", STAND_IN, "output.size=[16, 16]"), renderer_of(rasterizer, rasterizer.clock)
     )
 
 
-def test_the_finest_picture_in_a_time_is_found() -> None:
+def test_the_finest_picture_within_a_budget_is_found() -> None:
     """The block has some 15 000 visible voxels: at a millisecond each, full resolution takes more than five seconds."""
     quick, middle, full = timed(1e-3).drawings
     assert full.seconds == pytest.approx(1e-3 * full.num_splats) and full.seconds > 5
@@ -265,14 +247,14 @@ def test_the_finest_picture_in_a_time_is_found() -> None:
     assert middle.seconds > 0.5 * 5
 
 
-def test_a_machine_that_is_too_slow_is_not_passed() -> None:
+def test_a_machine_that_is_too_slow_is_not_confirmed() -> None:
     numbers = timed(10.0)
     assert numbers.drawings[0].seconds == pytest.approx(10 * numbers.drawings[0].num_splats)
     assert not numbers.drawings[0].is_within_budget
     assert verdicts(refinement.check_claims(numbers))[0] is False
 
 
-def test_full_resolution_takes_the_place_of_what_it_is_quicker_than() -> None:
+def test_full_resolution_is_used_where_it_is_fast_enough() -> None:
     quick, middle, full = timed(1e-4).drawings
     assert full.seconds < 5
     assert quick.tolerance > 0
@@ -282,19 +264,19 @@ def test_full_resolution_takes_the_place_of_what_it_is_quicker_than() -> None:
     assert math.isinf(numbers.psnr_to_full_db)
 
 
-def test_pictures_that_are_slow_or_bad_are_not_passed() -> None:
+def test_slow_or_inaccurate_pictures_are_not_confirmed() -> None:
     good = [
         refinement.TimedFrame("quick", 0.2, 0.5, 0.19, 0.01, 1000, 25.0),
         refinement.TimedFrame("middle", 5.0, 0.1, 4.5, 0.01, 9000, 30.0),
         refinement.TimedFrame("full", None, 0.0, 12.0, 0.01, 20000, 31.0),
     ]
 
-    def judged(**changes: dict[str, Any]) -> list[bool]:
+    def verdicts_with(**changes: dict[str, Any]) -> list[bool]:
         drawings = tuple(replace(drawing, **changes.get(drawing.name, {})) for drawing in good)
         return verdicts(refinement.check_claims(refinement.Refinement(drawings, 36.0, ())))
 
-    assert judged() == [True, True, True]
-    assert judged(quick={"seconds": 0.3}) == [False, True, True]
-    assert judged(quick={"psnr_db": 12.0}) == [False, True, True]
-    assert judged(middle={"psnr_db": 24.0}) == [True, False, True]
-    assert judged(middle={"seconds": 6.0}) == [True, True, False]
+    assert verdicts_with() == [True, True, True]
+    assert verdicts_with(quick={"seconds": 0.3}) == [False, True, True]
+    assert verdicts_with(quick={"psnr_db": 12.0}) == [False, True, True]
+    assert verdicts_with(middle={"psnr_db": 24.0}) == [True, False, True]
+    assert verdicts_with(middle={"seconds": 6.0}) == [True, True, False]

@@ -1,4 +1,4 @@
-"""Fronts, prices between settings and setbacks."""
+"""Tests of Pareto fronts, of costs between settings, and of regressions."""
 
 from __future__ import annotations
 
@@ -28,20 +28,17 @@ def test_nothing_beats_the_front_and_something_beats_the_rest(points: list[tuple
     assert [points[i][0] for i in front] == sorted(points[i][0] for i in front)
 
 
-def test_the_price_between_two_settings_is_log_linear() -> None:
+def test_the_cost_between_two_settings_is_log_linear() -> None:
     psnrs, costs = [30.0, 40.0, 35.0], [1.0, 100.0, 500.0]  # the last one is beaten
     assert cost_at_psnr(psnrs, costs, 35.0) == pytest.approx(10.0)
     assert cost_at_psnr(psnrs, costs, 40.0) == 100.0
     assert cost_at_psnr(psnrs, costs, 20.0) == 1.0
     assert cost_at_psnr(psnrs, costs, 41.0) == math.inf
     assert cost_at_psnr([], [], 30.0) == math.inf
-
-
-def test_a_perfect_picture_is_the_price_of_what_nothing_else_reaches() -> None:
     assert cost_at_psnr([30.0, math.inf], [1.0, 7.0], 60.0) == 7.0
 
 
-def test_setbacks_of_either_direction() -> None:
+def test_regressions_are_found_in_either_direction() -> None:
     assert find_regressions([30.0, 31.0, 30.5, 30.495], higher_is_better=True, least=0.01) == [2]
     assert find_regressions([0.3, 0.1, 0.2], higher_is_better=False, least=0.01) == [2]
     assert find_regressions([math.nan, 1.0, math.nan], higher_is_better=True, least=0.01) == []

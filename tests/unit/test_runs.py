@@ -1,4 +1,4 @@
-"""Runs of following numbers."""
+"""Tests of ranges of consecutive numbers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from renderer.runs import consecutive_ranges
 
 
 @given(st.sets(st.integers(0, 40)))
-def test_they_hold_the_numbers_and_no_two_touch(numbers: set[int]) -> None:
+def test_ranges_hold_the_numbers_and_do_not_touch(numbers: set[int]) -> None:
     found = consecutive_ranges(sorted(numbers))
     assert [number for start, stop in found for number in range(start, stop)] == sorted(numbers)
     ends = [end for run in found for end in run]

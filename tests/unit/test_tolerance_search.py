@@ -1,8 +1,10 @@
-"""Which tolerances are tried, and the coarsest one that is good enough."""
+"""Tests of the tolerances that are tried, and of the search for the coarsest that is good enough on all frames."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from hypothesis import given, strategies as st
 from renderer.pyramid import Pyramid, build_pyramid, cut_pyramid, root_error
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, TransferSpec
 from renderer.study.tolerance_search import (
+    coarsest_tolerance,
     distinct_tolerances,
     find_coarsest_passing,
     round_tolerances,
@@ -34,13 +37,13 @@ def _pyramid(values: np.ndarray) -> Pyramid:
     return build_pyramid(make_volume(values, np.eye(4), "test"), transfer, spec=PyramidSpec(), error=ErrorSpec())
 
 
-def test_the_ladder_starts_with_a_single_cell_and_goes_down(pyramid: Pyramid) -> None:
-    rungs = list(round_tolerances(pyramid))
-    assert len(cut_pyramid(pyramid, rungs[0])) == 1
-    assert len(cut_pyramid(pyramid, rungs[1])) > 1
-    assert rungs[1] <= root_error(pyramid) < rungs[0]
-    assert all(1.99 < a / b < 2.51 for a, b in pairwise(rungs))
-    assert {f"{rung:.0e}"[0] for rung in rungs} == {"1", "2", "5"}
+def test_round_tolerances_begin_with_a_single_cell_and_fall(pyramid: Pyramid) -> None:
+    tolerances = list(round_tolerances(pyramid))
+    assert len(cut_pyramid(pyramid, tolerances[0])) == 1
+    assert len(cut_pyramid(pyramid, tolerances[1])) > 1
+    assert tolerances[1] <= root_error(pyramid) < tolerances[0]
+    assert all(1.99 < a / b < 2.51 for a, b in pairwise(tolerances))
+    assert {f"{tolerance:.0e}"[0] for tolerance in tolerances} == {"1", "2", "5"}
 
 
 def test_an_even_volume_is_one_cell_or_all_voxels() -> None:
@@ -49,8 +52,8 @@ def test_an_even_volume_is_one_cell_or_all_voxels() -> None:
     assert spread_tolerances(pyramid, _counter(pyramid), 10) == (1.0, 0.0)
 
 
-def test_rungs_end_where_the_cut_is_nearly_the_finest(pyramid: Pyramid) -> None:
-    counts = [len(cut_pyramid(pyramid, rung)) for rung in distinct_tolerances(pyramid, _counter(pyramid))]
+def test_distinct_tolerances_end_where_the_cut_is_nearly_the_finest(pyramid: Pyramid) -> None:
+    counts = [len(cut_pyramid(pyramid, tolerance)) for tolerance in distinct_tolerances(pyramid, _counter(pyramid))]
     assert all(b > 1.03 * a for a, b in pairwise(counts))
     assert counts[0] == 1 and counts[-1] > 0.97 * len(cut_pyramid(pyramid, 1e-300))
 
@@ -68,37 +71,75 @@ def _counter(pyramid: Pyramid):  # type: ignore[no-untyped-def]
     return lambda tolerance: len(cut_pyramid(pyramid, tolerance))
 
 
-def test_two_digit_numbers_are_what_they_are_when_written() -> None:
+def test_two_digit_numbers_are_exact_in_text() -> None:
     numbers = two_digit_numbers(2.0, 0.05)
     assert numbers[0] == 2.0 and numbers[-1] == 0.05
     assert all(number == float(f"{number:.1e}") for number in numbers)
     assert all(1 < a / b < 1.11 for a, b in pairwise(numbers))
 
 
-RUNGS = [float(f"{digit}e{exponent}") for exponent in range(1, -7, -1) for digit in (5, 2, 1)]
+CANDIDATES = [float(f"{digit}e{exponent}") for exponent in range(1, -7, -1) for digit in (5, 2, 1)]
 
 
 @given(st.floats(2e-6, 40))
-def test_the_coarsest_of_two_digits_is_found(limit: float) -> None:
+def test_the_coarsest_passing_tolerance_of_two_digits_is_found(limit: float) -> None:
     tried: list[float] = []
 
     def is_good(tolerance: float) -> bool:
         tried.append(tolerance)
         return tolerance <= limit
 
-    found = find_coarsest_passing(is_good, RUNGS)
+    found = find_coarsest_passing(is_good, CANDIDATES)
     assert found is not None and found <= limit
     assert found == max(number for number in two_digit_numbers(50.0, 1e-6) if number <= limit)
-    assert len(tried) == len(set(tried)) <= len(RUNGS) + 6
+    assert len(tried) == len(set(tried)) <= len(CANDIDATES) + 6
 
 
-def test_a_lucky_coarse_tolerance_does_not_hide_behind_a_bad_finer_one() -> None:
-    """Not monotonic: the search comes from the coarse side and meets the lucky one first."""
-    assert find_coarsest_passing(lambda tolerance: tolerance == 1.0 or tolerance < 0.01, RUNGS) == 1.0
+def test_a_coarse_tolerance_that_passes_is_found_before_finer_ones_that_fail() -> None:
+    assert find_coarsest_passing(lambda tolerance: tolerance == 1.0 or tolerance < 0.01, CANDIDATES) == 1.0
 
 
-def test_zero_and_nothing() -> None:
-    assert find_coarsest_passing(lambda tolerance: tolerance == 0.0, RUNGS) == 0.0
-    assert find_coarsest_passing(lambda _: False, RUNGS) is None
-    assert find_coarsest_passing(lambda _: True, RUNGS) == RUNGS[0]
+def test_the_search_may_end_at_zero_or_without_a_tolerance() -> None:
+    assert find_coarsest_passing(lambda tolerance: tolerance == 0.0, CANDIDATES) == 0.0
+    assert find_coarsest_passing(lambda _: False, CANDIDATES) is None
+    assert find_coarsest_passing(lambda _: True, CANDIDATES) == CANDIDATES[0]
     assert find_coarsest_passing(lambda _: True, []) == 0.0
+
+
+class Film:
+    """Stands in for TrialRenderer: each frame passes up to its own limit."""
+
+    def __init__(self, limits: Sequence[float]) -> None:
+        self._limits = limits
+        self.drawn: list[tuple[float, int]] = []
+
+    def first_bad(self, tolerance: float, frames: Sequence[int]) -> int | None:
+        for frame in frames:
+            self.drawn.append((tolerance, frame))
+            if tolerance > self._limits[frame]:
+                return frame
+        return None
+
+
+def search(film: Film, probes: Sequence[int], checks: Sequence[int]) -> float | None:
+    return coarsest_tolerance(cast(Any, film), CANDIDATES, probes, checks)
+
+
+@given(st.lists(st.floats(2e-4, 40), min_size=6, max_size=6))
+def test_probes_and_checks_limit_the_tolerance(limits: list[float]) -> None:
+    found = search(Film(limits), [0, 1, 2], [3, 4, 5])
+    assert found == max(number for number in two_digit_numbers(50.0, 1e-6) if number <= min(limits))
+
+
+def test_a_frame_that_failed_is_tried_first() -> None:
+    film = Film([9.0, 0.03, 9.0])
+    assert search(film, [0, 1, 2], []) == 0.03
+    first_of_each = [frame for i, (tolerance, frame) in enumerate(film.drawn) if tolerance != film.drawn[i - 1][0]]
+    assert set(first_of_each[4:]) == {1}  # 50, 20 and 10 fail on frame 0, 5 on frame 1
+
+
+@pytest.mark.parametrize(
+    ("limits", "found"), [([0.0, 5.0], 0.0), ([-1.0, 5.0], None), ([5.0, 0.0], 0.0), ([5.0, -1.0], None)]
+)
+def test_frames_may_need_full_resolution_or_more(limits: list[float], found: float | None) -> None:
+    assert search(Film(limits), [0], [1]) == found

@@ -1,4 +1,4 @@
-"""Which versions an output tells: of packages, and of sources that are not installed."""
+"""Tests of the versions that an output records: of packages, and of sources that are not installed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from renderer import versions
 
 @pytest.fixture
 def uninstalled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The folder of the sources, which are in no repository, nor installed."""
+    """Return a folder of sources that is neither installed nor in a repository."""
 
     def version(package: str) -> str:
         if package == "hsplat":
@@ -29,7 +29,7 @@ def uninstalled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def repository(uninstalled: Path) -> Path:
-    """The same folder, with one commit."""
+    """Return the same folder with one commit."""
     git(uninstalled, "init")
     (uninstalled / "source.py").write_text("one = 1\n")
     git(uninstalled, "add", ".")
@@ -42,14 +42,16 @@ def git(folder: Path, *arguments: str) -> None:
     subprocess.run(["git", *who, *arguments], check=True, cwd=folder, capture_output=True)
 
 
-def test_versions_are_those_of_packages() -> None:
-    told = versions.package_versions("scipy", "no-such-package")
-    assert told["numpy"] == np.__version__
-    assert "scipy" in told
-    assert told["no-such-package"] == "not installed"
+def test_versions_are_those_of_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = versions.package_versions("scipy", "no-such-package")
+    assert found["numpy"] == np.__version__
+    assert "scipy" in found
+    assert found["no-such-package"] == "not installed"
+    monkeypatch.setattr(metadata, "version", lambda package: "1.2")
+    assert versions.package_versions()["hsplat"] == "1.2"
 
 
-def test_sources_in_a_repository_are_told_by_their_commit(repository: Path) -> None:
+def test_sources_in_a_repository_have_their_commit(repository: Path) -> None:
     first = versions.package_versions()["hsplat"]
     assert first == f"commit {versions.commit()}"
     (repository / "source.py").write_text("one = 2\n")
@@ -59,30 +61,20 @@ def test_sources_in_a_repository_are_told_by_their_commit(repository: Path) -> N
 
 
 def test_asking_for_the_commit_writes_nothing(repository: Path) -> None:
-    """Somebody may be at work there."""
+    """Somebody may be using the repository."""
     before = (repository / ".git" / "index").read_bytes()
     os.utime(repository / "source.py", (0, 0))  # the index would be brought up to date
     assert not versions.commit().endswith("-dirty")
     assert (repository / ".git" / "index").read_bytes() == before
 
 
-def test_a_repository_without_a_commit(uninstalled: Path) -> None:
-    git(uninstalled, "init")
-    assert versions.commit() == "unknown"
-
-
-def test_sources_without_a_repository_have_no_commit(uninstalled: Path) -> None:
+def test_sources_without_a_commit_or_without_git_are_unknown(
+    uninstalled: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert versions.commit() == "unknown"
     assert versions.package_versions()["hsplat"] == "not installed"
-
-
-def test_without_git_there_is_no_commit(uninstalled: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (uninstalled / ".git").mkdir()
+    git(uninstalled, "init")
+    assert versions.commit() == "unknown"
     monkeypatch.setenv("PATH", str(uninstalled))
     assert versions.commit() == "unknown"
     assert versions.package_versions()["hsplat"] == "not installed"
-
-
-def test_an_installed_hsplat_has_a_version(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(metadata, "version", lambda package: "1.2")
-    assert versions.package_versions()["hsplat"] == "1.2"
