@@ -142,9 +142,9 @@ def _job(number: int, path: Path, volume: Path | None) -> _FigureJob:
 def _page(jobs: Sequence[_FigureJob], reporter: Reporter) -> tuple[list[PaperFigure], str]:
     # Imported here to keep --help fast.
     from hsplat_cli.executors import open_rasterizer
-    from hsplat_cli.reports import plot_style
+    from hsplat_cli.reports import format_facts, plot_style, render_page
     from hsplat_cli.scenes import read_volume_guarded
-    from hsplat_cli.studies import FigureRenderer, paper_page
+    from hsplat_cli.studies import FigureRenderer
 
     reporter.announce_compilation()
     num_threads = num_cores()
@@ -161,7 +161,9 @@ def _page(jobs: Sequence[_FigureJob], reporter: Reporter) -> tuple[list[PaperFig
         for job in jobs:
             figures.append(job.make_figure(figure_renderer))
             bar.advance(f"figure {job.number}")
-        return figures, paper_page(figures, facts=describe_machine(rasterizer.renderer_name))
+        facts = format_facts(describe_machine(rasterizer.renderer_name))
+        title = "Hierarchical splatting, 1991, reproduced"
+        return figures, render_page("paper.html", title=title, facts=facts, figures=figures)
 
 
 def _report(jobs: Sequence[_FigureJob], figures: Sequence[PaperFigure], path: Path, reporter: Reporter) -> None:

@@ -1,7 +1,7 @@
 """Measure scenes and reproduce the paper.
 
 `run_study` sweeps settings over one scene and writes a report; `print_tolerance` finds the tolerance for an accuracy.
-`FigureRenderer` and `paper_page` draw the figures of `hsplat paper`. `peers/` measures VTK on the same scene.
+`FigureRenderer` draws the figures of `hsplat paper`. `peers/` measures VTK on the same scene.
 """
 
 import lazy_loader

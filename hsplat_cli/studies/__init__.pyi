@@ -3,4 +3,3 @@ from .measure.study import StudyRequest as StudyRequest, run_study as run_study
 from .measure.tolerance import print_tolerance as print_tolerance
 from .paper.figure_renderer import FigureRenderer as FigureRenderer
 from .paper.paper_figure import PaperFigure as PaperFigure
-from .paper.paper_html import paper_page as paper_page

@@ -24,7 +24,7 @@ from renderer.study import TRUTH_TOLERANCE, compute_metric, compute_truth, over_
 
 ROOT = Path(__file__).resolve().parents[2]
 NUM_FRAMES = 24
-# Splats, whose accuracy differs little from frame to frame: few pixels decide the accuracy of a small picture of bricks.
+# Splats, whose accuracy hardly differs between frames: few pixels decide that of a small picture of bricks.
 SCENE = small_scene(shape="32, 32, 16", frames=NUM_FRAMES, size="48, 32", error="psnr: 27", footprint="gaussian")
 BEYOND = ("--set", "error.psnr=150")
 RMSE = ("--set", "error.psnr=null", "--set", "error.rmse=0.04")

@@ -8,7 +8,6 @@ from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 from hsplat_cli.executors import open_rasterizer
 from hsplat_cli.films import find_truths, nothing_visible_error
@@ -105,7 +104,12 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
         study = Study(
             name=request.name,
             scene=scene_to_dict(scene),
-            volume=_volume_facts(volume),
+            volume={
+                "name": volume.name,
+                "fingerprint": volume.fingerprint,
+                "dtype": str(volume.values.dtype),
+                "shape": volume.shape_xyz,
+            },
             machine=machine,
             truth_tolerance=request.truth_tolerance,
             truths=tuple(records),
@@ -140,12 +144,15 @@ def _measurements(
         request.scene, lambda scene: stage_at_any_tolerance(scene, volume), sweep.errors, sweep.splats, sweep.tolerances
     )
     work = [planned.predicted_seconds(len(truths), request.repeats) for planned in plan]
+    peer: Iterator[Measurement] = iter(())
     if request.peer:
-        work += [len(truths) * (1 + request.repeats) * _PEER_FRAME_S] * len(vtk_settings())
+        transfer = make_transfer_function(request.scene.transfer_function, volume.finest_spacing)
+        background = request.scene.output.background
+        settings = vtk_settings()
+        work += [len(truths) * (1 + request.repeats) * _PEER_FRAME_S] * len(settings)
+        peer = measure_vtk(volume, transfer, views, truths, background, settings=settings, repeats=request.repeats)
     with reporter.progress(work, label="measuring", unit="settings") as bar:
-        for measurement in chain(
-            _measure_hsplat(request, plan, volume, truths), _measure_peer(request, volume, truths, views)
-        ):
+        for measurement in chain(_measure_hsplat(request, plan, volume, truths), peer):
             yield measurement
             bar.advance(f"{measurement.setting.series}, {measurement.setting.label}")
 
@@ -179,28 +186,3 @@ def _measure_hsplat(
 def _pyramid_key(scene: Scene) -> Hashable:
     """Return a key of the pyramid and bricks that a scene of this study uses."""
     return scene.error.measure, scene.error.of, scene.splat.footprint == "integrated"
-
-
-def _measure_peer(
-    request: StudyRequest, volume: Volume, truths: Sequence[Truth], views: Sequence[View]
-) -> Iterator[Measurement]:
-    if request.peer is None:
-        return
-    yield from measure_vtk(
-        volume,
-        make_transfer_function(request.scene.transfer_function, volume.finest_spacing),
-        views,
-        truths,
-        request.scene.output.background,
-        settings=vtk_settings(),
-        repeats=request.repeats,
-    )
-
-
-def _volume_facts(volume: Volume) -> dict[str, Any]:
-    return {
-        "name": volume.name,
-        "fingerprint": volume.fingerprint,
-        "dtype": str(volume.values.dtype),
-        "shape": volume.shape_xyz,
-    }
