@@ -37,7 +37,13 @@ _SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections
 )
 @click.option("--corrections", default="on,off", show_default=True, metavar="LIST", help="Of opacity: on, off.")
 @click.option("--repeats", type=click.IntRange(1, 100), default=3, show_default=True, help="Timed passes, at most.")
-@click.option("--truth-tolerance", type=float, default=1e-5, show_default=True, help="How well the truth converges.")
+@click.option(
+    "--truth-tolerance",
+    type=click.FloatRange(0, 1, min_open=True, max_open=True),
+    default=1e-5,
+    show_default=True,
+    help="How well the truth converges.",
+)
 @click.option("--peer", type=click.Choice(["vtk"]), help="Measure this program too, where it is installed.")
 @click.option("--want", metavar="METRIC=VALUE", help="Only find the tolerance for psnr=38 (or rmse, ssim, flip).")
 @quiet_option("Print only the result.")
@@ -65,13 +71,6 @@ def measure(
     """
     given = load_job(scene, overrides=overrides, frames=frames, volume=volume, draws="nothing")
     job, numbers = replace(given.scene, overlay="none"), given.frames  # lines are no error
-    if not 0 < truth_tolerance < 1:
-        raise InputError(
-            "out of range",
-            where="--truth-tolerance",
-            got=f"{truth_tolerance:g}",
-            expected="more than 0 and less than 1",
-        )
     sweep = parse_sweep(job, tolerances=tolerances, footprints=footprints, measures=measures, corrections=corrections)
     with sigterm_as_interrupt():
         if want is not None:

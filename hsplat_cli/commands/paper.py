@@ -44,6 +44,8 @@ FIGURE_SPECS = {
     6: _FigureSpec("6_engine.yaml", "refinement", 40.0, takes_volume=True),
 }
 
+_FIGURE = click.IntRange(min(FIGURE_SPECS), max(FIGURE_SPECS))
+
 # Replaces a scan that is missing.
 _FALLBACK_VOLUME = "volume={procedural: {name: engine_block, shape: [128, 128, 64], seed: 1}}"
 
@@ -63,10 +65,8 @@ class _FigureJob:
         try:
             figure: PaperFigure = module.make_figure(self.scene, figure_renderer)
         except InputError as error:
-            if error.where is not None:
-                raise
-            parts = {"got": error.got, "expected": error.expected, "hint": error.hint}
-            raise InputError(error.what, where=str(self.path), **parts) from error
+            error.where = error.where or str(self.path)
+            raise
         return replace(figure, notes=self.notes + figure.notes)
 
 
@@ -74,7 +74,9 @@ class _FigureJob:
 @click.argument("folder", type=click.Path(path_type=Path), required=False)
 @volume_option("The engine, for figures 5 and 6.")
 @click.option("--output", type=OutputPath(), default=Path("paper"), metavar="DIR", help="Write DIR/index.html.")
-@click.option("--figure", "numbers", type=int, multiple=True, metavar="N", help="Make only this figure; repeatable.")
+@click.option(
+    "--figure", "numbers", type=_FIGURE, multiple=True, metavar="N", help="Make only this figure; repeatable."
+)
 @quiet_option()
 def paper(folder: Path | None, volume: Path | None, output: Path, numbers: tuple[int, ...], reporter: Reporter) -> None:
     """Reproduce the figures of Laur and Hanrahan 1991 on one page.
@@ -97,13 +99,6 @@ def paper(folder: Path | None, volume: Path | None, output: Path, numbers: tuple
 
 def _jobs(folder: Path, numbers: Sequence[int], volume: Path | None) -> list[_FigureJob]:
     """Return the requested figures, or all whose scenes exist, with their scenes."""
-    unknown = [number for number in numbers if number not in FIGURE_SPECS]
-    if unknown:
-        raise InputError(
-            "no such figure",
-            where=f"--figure {unknown[0]}",
-            expected=f"a number from {min(FIGURE_SPECS)} to {max(FIGURE_SPECS)}",
-        )
     there = [number for number, spec in FIGURE_SPECS.items() if (folder / spec.scene).exists()]
     if not there:
         raise InputError(

@@ -27,7 +27,7 @@ def describe_machine(driver: str) -> dict[str, Any]:
 class PeakMemory:
     """The peak memory of this process since the last reset, as Linux counts it; unknown on other systems."""
 
-    _STATUS, _RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
+    _RESET = Path("/proc/self/clear_refs")
 
     def __init__(self) -> None:
         self._is_known = False
@@ -39,17 +39,16 @@ class PeakMemory:
 
     def reset(self) -> None:
         """Start again from the memory held now."""
-        try:
+        self._is_known = False
+        with contextlib.suppress(OSError):  # no such file, or not allowed to
             self._RESET.write_text("5")
             self._is_known = True
-        except OSError:  # no such file, or not allowed to
-            self._is_known = False
 
     def peak_bytes(self) -> int | None:
         """Return bytes of physical memory; None where the system does not tell."""
         if not self._is_known:
             return None
-        return int(self._STATUS.read_text().partition("VmHWM:")[2].split()[0]) * 1024
+        return int(Path("/proc/self/status").read_text().partition("VmHWM:")[2].split()[0]) * 1024
 
 
 def _processor() -> str:

@@ -22,7 +22,7 @@ from hsplat_cli.executors.workers.pool import Pool, open_pool
 from hsplat_cli.executors.workers.process import HangPolicy
 from hsplat_cli.terminal import Reporter
 from renderer.draw import GLRasterizer, RecoveringRasterizer
-from renderer.errors import HsplatError, InputError, RenderError
+from renderer.errors import ContextLostError, HsplatError, InputError, RenderError
 from renderer.frame import Stage
 from renderer.study import FilmPlan
 
@@ -171,7 +171,7 @@ MEMORY_HINT = "  hint: where memory runs out the system sends this signal: fewer
         ),
         (
             "gl_error_always",
-            RenderError,
+            ContextLostError,
             f"{{renderer}}, frame {FRAME}: OpenGL failed to draw, or its context was lost, 3 times at the same frame\n"
             "  got: GL_INVALID_ENUM",
         ),

@@ -16,11 +16,11 @@ from functools import partial
 from queue import Empty, SimpleQueue
 
 from hsplat_cli.executors.frame_result import FrameResult
-from hsplat_cli.executors.schedule import MAX_LOSSES, FrameSchedule, Task
+from hsplat_cli.executors.schedule import MAX_LOSSES, FrameSchedule
 from hsplat_cli.executors.workers.child_processes import ChildProcesses
 from hsplat_cli.executors.workers.process import HangPolicy, Message, Messages, WorkerProcess
 from hsplat_cli.executors.workers.shared_stage import map_stage, share_stage
-from renderer.errors import ContextLostError, HsplatError, RenderError
+from renderer.errors import ContextLostError, HsplatError
 from renderer.frame import Stage
 
 PROGRAM = ("hsplat_cli.executors.workers.worker",)
@@ -171,7 +171,9 @@ class Pool:
             if not may_be_chance or self._num_failed_starts == MAX_LOSSES:
                 raise error
         if task is not None and len(task.losses) == MAX_LOSSES:
-            raise _repeated_loss_error(task, error)
+            error.what += f", {MAX_LOSSES} times at the same frame"
+            error.where = ", ".join(filter(None, (error.where, f"frame {task.number}")))
+            raise error
         self.start(1)
 
     def _loss_text(self, worker: WorkerProcess, error: HsplatError | None) -> str:
@@ -180,13 +182,3 @@ class Pool:
         else:
             how = f"hung ({self._hang_policy.hang_text})" if worker.is_hung else "died"
         return how + ", could not be ended" * worker.is_still_alive
-
-
-def _repeated_loss_error(task: Task, error: HsplatError) -> RenderError:
-    return RenderError(
-        f"{error.what}, {MAX_LOSSES} times at the same frame",
-        where=", ".join(filter(None, (error.where, f"frame {task.number}"))),
-        got=error.got,
-        expected=error.expected,
-        hint=error.hint,
-    )

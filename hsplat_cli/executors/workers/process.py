@@ -142,11 +142,9 @@ class WorkerProcess:
             self._connection.close()
 
     def _ends_within(self, seconds: float) -> bool:
-        try:
+        with suppress(subprocess.TimeoutExpired):
             self._process.wait(max(0.0, seconds))
-        except subprocess.TimeoutExpired:
-            return False
-        return True
+        return not self.is_still_alive
 
     @property
     def is_still_alive(self) -> bool:
