@@ -1,4 +1,4 @@
-"""No process that this program starts outlives it, however it ends, nor does memory that they shared."""
+"""No process that this program starts outlives it, however it ends; shared memory is freed, too."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from processes import MARK, holders_of_shared_memory, marked, new_mark, wait_unt
 
 from hsplat_cli.executors import ChildProcesses
 
-# What the program promises.
+# The longest time that the program promises.
 LONGEST_S = 5.0
 
 
 @pytest.fixture(autouse=True)
 def mark(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """Of all children of the test; none is left, whatever happens."""
+    """Mark all children of the test, and kill those that are left."""
     name = new_mark()
     monkeypatch.setenv(MARK, name)
     yield name
@@ -38,10 +38,10 @@ def says(child: subprocess.Popen[bytes]) -> str:
     return child.stdout.readline().decode().strip()
 
 
-@pytest.mark.parametrize("what", ["draw_for_ever", "start_workers", "have_a_child"])
-@pytest.mark.parametrize("of", ["parent", "group"])
-def test_killed(mark: str, what: str, of: str) -> None:
-    """By SIGKILL, of which nobody is told: workers, and workers of a child."""
+@pytest.mark.parametrize(
+    ("what", "of"), [("draw_for_ever", "group"), ("start_workers", "parent"), ("have_a_child", "parent")]
+)
+def test_children_end_with_a_killed_parent(mark: str, what: str, of: str) -> None:
     with ChildProcesses() as child_processes, start(child_processes, what) as parent:
         assert says(parent) in ("drawing", "starting")
         processes = marked(mark)
@@ -57,22 +57,20 @@ def test_killed(mark: str, what: str, of: str) -> None:
         assert not [path.name for path in Path("/dev/shm").iterdir() if "hsplat" in path.name]
 
 
-@pytest.mark.parametrize("what", ["hold_the_lock", "wait", "draw_for_ever"])
-def test_cut(mark: str, what: str) -> None:
-    """By the parent, which lives on: at the end of the block, each of several children."""
+@pytest.mark.parametrize("what", ["hold_the_lock", "draw_for_ever"])
+def test_the_parent_ends_its_children(mark: str, what: str) -> None:
     with ChildProcesses() as child_processes:
         children = [start(child_processes, what) for _ in range(2)]
         assert all(map(says, children))
-    ends = [-signal.SIGKILL] if what == "hold_the_lock" else [-signal.SIGKILL, 1]  # a thread may be first
     for child in children:
-        assert child.wait(LONGEST_S) in ends
+        # A thread of the child may be faster than the signal.
+        assert child.wait(LONGEST_S) in ([-signal.SIGKILL] if what == "hold_the_lock" else [-signal.SIGKILL, 1])
         assert child.stdout is not None
         child.stdout.close()
     assert wait_until(lambda: not marked(mark), LONGEST_S)
 
 
-def test_a_parent_that_is_gone_already(mark: str) -> None:
-    """When the child looks for the first time."""
+def test_a_child_that_starts_after_the_end_of_its_parent_ends(mark: str) -> None:
     with ChildProcesses() as child_processes:
         stopped = start(child_processes, "wait")
         stopped.send_signal(signal.SIGSTOP)
@@ -82,8 +80,7 @@ def test_a_parent_that_is_gone_already(mark: str) -> None:
     stopped.stdout.close()
 
 
-def test_a_system_that_sends_no_signal(mark: str) -> None:
-    """A thread notices."""
+def test_a_thread_ends_the_child_on_a_system_without_the_signal(mark: str) -> None:
     code = "\n".join(
         [
             "import fcntl, sys, time",
@@ -105,7 +102,7 @@ def test_a_system_that_sends_no_signal(mark: str) -> None:
 
 
 def test_a_child_has_our_modules(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """And not those that lie in the current folder; it has our arguments, and nothing to read."""
+    """It does not import from the current folder; it has our arguments and an empty standard input."""
     for name in ("renderer", "json", "children", "threading"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('the wrong one')")
     monkeypatch.chdir(tmp_path)
@@ -115,8 +112,7 @@ def test_a_child_has_our_modules(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert (child.returncode, path, argv, read) == (0, sys.path, arguments, "")
 
 
-def test_a_child_has_no_other_files(mark: str) -> None:
-    """Only the three streams and the pipe."""
+def test_a_child_inherits_only_three_streams_and_the_pipe(mark: str) -> None:
     with open(os.devnull) as other, ChildProcesses() as child_processes, start(child_processes, "wait") as child:
         os.set_inheritable(other.fileno(), True)
         assert says(child) == "waiting"
@@ -124,29 +120,18 @@ def test_a_child_has_no_other_files(mark: str) -> None:
         child.kill()
 
 
-def test_cut_twice(mark: str) -> None:
-    """The second time does nothing, although the numbers of the descriptors are others' by then."""
-    child_processes = ChildProcesses()
-    child = start(child_processes, "wait")
-    child_processes.end_all()
-    ends = [os.open(os.devnull, os.O_RDONLY) for _ in range(8)]
-    child_processes.end_all()
-    for end in ends:
-        os.close(end)
-    assert child.wait(LONGEST_S) in (-signal.SIGKILL, 1)
-    assert child.stdout is not None
-    child.stdout.close()
-
-
-def test_who_is_let_go_ends_and_leaves_no_descriptor(mark: str) -> None:
-    """However many there have been in a block: a long film may replace many workers."""
+def test_ended_children_leave_no_descriptor_and_end_once(mark: str) -> None:
+    """A second end does nothing, although the descriptor's number may be another file's by then."""
     with ChildProcesses() as child_processes:
         before = len(os.listdir("/proc/self/fd"))
         for _ in range(3):
             with start(child_processes, "wait") as child:
                 assert says(child) == "waiting"
                 child_processes.end_child(child)
+                others = [os.open(os.devnull, os.O_RDONLY) for _ in range(8)]
                 child_processes.end_child(child)
+                for other in others:
+                    os.close(other)
                 assert child.wait(LONGEST_S) in (-signal.SIGKILL, 1)
         assert len(os.listdir("/proc/self/fd")) == before
 

@@ -1,4 +1,4 @@
-"""The command hsplat: exit codes, what goes where, no tracebacks, and that it starts without the heavy packages."""
+"""The command hsplat has its exit codes and streams, no tracebacks, and starts without the heavy packages."""
 
 from __future__ import annotations
 
@@ -34,27 +34,17 @@ def python(*arguments: str, **environment: str) -> subprocess.CompletedProcess[s
     )
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["--help"],
-        ["--version"],
-        ["check", "--help"],
-        *([name, "--help"] for name in main.COMMANDS),
-        ["check", str(DEMO)],
-        ["check", str(DEMO), "--frames", "::9", "--output", "new/{frame}.png", "--volume", "scan.nrrd"],
-        ["check", str(DEMO), "--set", "transfer_function={colormap: viridis, range: [0, 9], opacity: [[0, 1]]}"],
-    ],
-)
-def test_no_heavy_package_is_imported(arguments: list[str], tmp_path: Path) -> None:
-    volume = tmp_path / "scan.nrrd"
-    volume.write_bytes(b"NRRD0004")
-    arguments = [argument.replace("scan.nrrd", str(volume)) for argument in arguments]
+def test_help_and_check_import_no_heavy_package(tmp_path: Path) -> None:
+    (tmp_path / "scan.nrrd").write_bytes(b"NRRD0004")
+    check = ["check", str(DEMO)]
+    commands = [["--help"], ["--version"], *([name, "--help"] for name in main.COMMANDS), check]
+    commands += [[*check, "--frames", "::9", "--output", "new/{frame}.png", "--volume", str(tmp_path / "scan.nrrd")]]
+    commands += [[*check, "--set", "transfer_function={colormap: viridis, range: [0, 9], opacity: [[0, 1]]}"]]
     program = (
-        "import sys; from hsplat_cli.main import run; code = run(sys.argv[1:]);"
-        f"print([name for name in {HEAVY} if name in sys.modules], code)"
+        f"import sys; from hsplat_cli.main import run; codes = [run(command) for command in {commands}];"
+        f"print([name for name in {HEAVY} if name in sys.modules], codes)"
     )
-    assert python("-c", program, *arguments).stdout.splitlines()[-1] == "[] 0"
+    assert python("-c", program).stdout.splitlines()[-1] == f"[] {[0] * len(commands)}"
 
 
 def test_module_and_help() -> None:
@@ -65,33 +55,19 @@ def test_module_and_help() -> None:
         assert summary in done.stdout
 
 
-@pytest.mark.parametrize("name", main.COMMANDS)
-def test_summaries_are_those_of_the_commands(name: str) -> None:
-    command = getattr(importlib.import_module(f"hsplat_cli.commands.{name}"), name)
-    assert command.help.partition("\n\n")[0] == main.COMMANDS[name]
+def test_summaries_are_those_of_the_commands() -> None:
+    for name, summary in main.COMMANDS.items():
+        command = getattr(importlib.import_module(f"hsplat_cli.commands.{name}"), name)
+        assert command.help.partition("\n\n")[0] == summary
 
 
-def test_check_says_what_the_scene_makes(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["check", str(DEMO), "--set", "error.tolerance={0: 0.5, 47: 0.1}"]) == 0
-    assert capsys.readouterr() == (
-        f"""\
-{DEMO}: ok
-  volume   engine_block, 128 x 128 x 64
-  camera   turntable, 48 frames
-  error    optical, tolerance 0.5 to 0.1
-  output   demo.mp4, 384 x 384, 2 s at 24 frames per second
-""",
-        "",
-    )
-
-
-def test_wrong_input_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
+def test_results_and_errors_have_their_streams_and_codes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["check", str(DEMO)]) == 0
+    out, err = capsys.readouterr()
+    assert (out.partition("\n")[0], err) == (f"{DEMO}: ok", "")
     assert main.run(["check", str(DEMO), "--set", "camera.distance=-3"]) == 2
-    assert capsys.readouterr() == (
-        "",
-        "--set camera.distance=-3: camera.distance: out of range\n"
-        "  got: -3\n  expected: a number from 1e-30 to 1e+30\n",
-    )
+    out, err = capsys.readouterr()
+    assert (out, err.partition("\n")[0]) == ("", "--set camera.distance=-3: camera.distance: out of range")
 
 
 def test_wrong_command_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
@@ -121,10 +97,9 @@ def test_wrong_usage_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
         (["golden", "scene.yaml", "~/goldens"], "FOLDER"),
         (["compare", "a", "b", "--html=~/page.html"], "--html"),
         (["render", str(DEMO), "--output=~/demo.mp4"], "--output ~/demo.mp4: output.file"),
-        (["check", str(DEMO), "--output=~/demo.mp4"], "--output ~/demo.mp4: output.file"),
     ],
 )
-def test_no_output_is_in_a_folder_of_a_tilde(
+def test_no_output_is_in_a_folder_named_tilde(
     arguments: list[str],
     where: str,
     tmp_path: Path,
@@ -144,7 +119,7 @@ Fail = Callable[[BaseException], int]
 
 @pytest.fixture
 def fail(monkeypatch: pytest.MonkeyPatch) -> Fail:
-    """Runs `hsplat check` with a command that raises the exception; returns the exit code."""
+    """Return a function that runs a command which raises an exception, and returns the exit code."""
 
     def run(error: BaseException) -> int:
         @click.command()
@@ -194,7 +169,7 @@ def test_every_error_is_a_message_and_a_code(
     assert capsys.readouterr() == ("", message)
 
 
-def test_want_of_memory_is_found_behind_what_a_library_makes_of_it(
+def test_a_lack_of_memory_is_found_behind_the_error_of_a_library(
     fail: Fail, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     error = OSError("Could not find the library")
@@ -207,9 +182,7 @@ def test_want_of_memory_is_found_behind_what_a_library_makes_of_it(
 
 
 @pytest.mark.parametrize("error", [RenderError("the disk is full"), MemoryError(), KeyError("a")])
-def test_1_is_for_frames_that_differ_where_they_are_compared(
-    monkeypatch: pytest.MonkeyPatch, error: BaseException
-) -> None:
+def test_failures_of_compare_have_the_code_2(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
     @click.command()
     def failing() -> None:
         raise error
@@ -218,7 +191,7 @@ def test_1_is_for_frames_that_differ_where_they_are_compared(
     assert main.run(["compare"]) == 2
 
 
-def test_the_traceback_is_there_for_whoever_asks(
+def test_a_variable_shows_the_traceback(
     fail: Fail, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HSPLAT_DEBUG", "1")
@@ -226,7 +199,7 @@ def test_the_traceback_is_there_for_whoever_asks(
     assert "Traceback" in capsys.readouterr().err
 
 
-def test_a_reader_that_goes_away_is_no_error() -> None:
+def test_a_closed_pipe_is_no_error() -> None:
     read_end, write_end = os.pipe()
     os.close(read_end)
     with os.fdopen(write_end, "wb") as pipe:

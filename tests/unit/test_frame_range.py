@@ -1,4 +1,4 @@
-"""Which frames `--frames` picks: as Python slices them, forward only."""
+"""`--frames` picks frames as Python slices do, forward only."""
 
 from __future__ import annotations
 
@@ -12,34 +12,17 @@ from renderer.errors import InputError
 @pytest.mark.parametrize(
     ("text", "frames"),
     [
-        (None, [0, 1, 2, 3, 4, 5]),
-        (":", [0, 1, 2, 3, 4, 5]),
-        ("0", [0]),
-        ("5", [5]),
-        (" 2 ", [2]),
-        ("1:3", [1, 2]),
-        (" 1 : 3 ", [1, 2]),
-        ("4:", [4, 5]),
-        (":2", [0, 1]),
-        ("-1", [5]),
-        ("-2", [4]),
-        ("-6", [0]),
-        ("-2:", [4, 5]),
-        (":-4", [0, 1]),
-        ("::4", [0, 4]),
-        ("1::2", [1, 3, 5]),
-        ("1:4:2", [1, 3]),
-        ("4:99", [4, 5]),
-        ("::99", [0]),
-        ("::", [0, 1, 2, 3, 4, 5]),
+        (None, [0, 1, 2, 3, 4, 5]), ("0", [0]), ("5", [5]), (" 2 ", [2]), (" 1 : 3 ", [1, 2]), ("-1", [5]),
+        ("-6", [0]), (f"4:{10**40}", [4, 5]), (f"4::{10**40}", [4]),
     ],
-)
+)  # fmt: skip
 def test_picks(text: str | None, frames: list[int]) -> None:
     assert list(parse_frames(text, 6)) == frames
 
 
 @pytest.mark.parametrize(
-    "text", ["", "  ", "x", "1,2", "1-3", "1:2:3:4", "1.5", "1e1", "0x1", "6", "-7", "3:3", "4:2", "9:", "::0", "::-1"]
+    "text",
+    ["", "  ", "x", "1,2", "1-3", "1:2:3:4", "1.5", "1e1", "0x1", "6", "-7", "-8", str(10**40), "3:3", "::0", "::-1"],
 )
 def test_refuses(text: str) -> None:
     with pytest.raises(InputError) as caught:
@@ -61,27 +44,9 @@ def test_is_a_slice(start: int | None, stop: int | None, step: int | None, num_f
             parse_frames(text, num_frames)
 
 
-def test_numbers_beyond_any_machine_integer() -> None:
-    huge = str(10**40)
-    assert list(parse_frames(f"4:{huge}", 6)) == [4, 5]
-    assert list(parse_frames(f"4::{huge}", 6)) == [4]
-    with pytest.raises(InputError):
-        parse_frames(huge, 6)
-
-
-@pytest.mark.parametrize("text", ["7", " 7 ", "-1", "-8", "7:8", " 7 : 8 ", "7:8:", "7:8:1", "0:1"])
-def test_one_frame_of_whatever_path(text: str) -> None:
-    assert is_one_frame(text)
-    for num_frames in (1, 7, 8, 100):
-        try:
-            assert len(parse_frames(text, num_frames)) == 1
-        except InputError:
-            assert num_frames < 8
-
-
-@pytest.mark.parametrize(
-    "text",
-    [None, ":", "::", "7:9", "7:9:2", "7:8:2", "7:", ":1", "-1:", "-2:-1", "-1:0", "8:7", "7:7", "x:y"],
-)
-def test_as_many_frames_as_the_path_has(text: str | None) -> None:
-    assert not is_one_frame(text)
+def test_one_frame_of_any_path_is_recognised() -> None:
+    for text in ("7", " 7 ", "-1", "-8", "7:8", " 7 : 8 ", "7:8:", "7:8:1", "0:1"):
+        assert is_one_frame(text), text
+        assert len(parse_frames(text, 100)) == 1
+    for text in (None, ":", "::", "7:9", "7:9:2", "7:8:2", "7:", ":1", "-1:", "-2:-1", "-1:0", "8:7", "7:7", "x:y"):
+        assert not is_one_frame(text), text

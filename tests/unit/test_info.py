@@ -1,4 +1,4 @@
-"""`hsplat info`: what it prints for a small volume, on any terminal, as JSON, and the YAML at its end."""
+"""`hsplat info` describes a small volume on any terminal, as JSON, and suggests a transfer function as YAML."""
 
 from __future__ import annotations
 
@@ -16,10 +16,20 @@ from renderer.readers import common
 RAMP = np.arange(60).reshape(3, 4, 5)
 
 
+@pytest.fixture
+def ramp(tmp_path) -> str:
+    np.save(tmp_path / "a.npy", RAMP.astype(np.int16))
+    return str(tmp_path / "a.npy")
+
+
 def run(*arguments: str, charset: str = "utf-8") -> str:
     result = CliRunner(charset=charset).invoke(info, arguments, catch_exceptions=False)
     assert result.exit_code == 0, result.output
     return result.output
+
+
+def facts_of(*arguments: str) -> dict:
+    return json.loads(run(*arguments, "--json"))
 
 
 def suggestion(output: str) -> dict:
@@ -76,50 +86,41 @@ transfer_function:
 """
 
 
-@pytest.mark.parametrize("dtype", ["uint8", "int16", "uint16", "int64", "float16", "float32", "float64"])
-@pytest.mark.parametrize("factor", [1, 0])
+@pytest.mark.parametrize(
+    ("dtype", "factor"), [("uint8", 0), ("int64", 1), ("float16", 0), ("float32", 1e-30), ("float64", 1e20)]
+)
 def test_every_kind_of_data_gets_a_suggestion_that_parses(tmp_path, dtype, factor):
     np.save(tmp_path / "a.npy", (RAMP * factor).astype(dtype))
     points = suggestion(run(str(tmp_path / "a.npy")))["points"]
     values = [point["value"] for point in points]
+    assert all(isinstance(value, int | float) for value in values)  # also those with exponents
     assert values == sorted(set(values))
     assert points[-1]["opacity"] > 0
+    assert not factor or values[-1] == pytest.approx(50 * factor, rel=0.3)
 
 
-@pytest.mark.parametrize("scale", [1e-30, 1e-5, 1e20])
-def test_numbers_with_exponents_are_numbers_in_yaml(tmp_path, scale):
-    np.save(tmp_path / "a.npy", RAMP * scale)
-    points = suggestion(run(str(tmp_path / "a.npy")))["points"]
-    assert all(isinstance(point["value"], int | float) for point in points)
-    assert points[-1]["value"] == pytest.approx(50 * scale, rel=0.3)
+def test_ascii_terminal(ramp):
+    assert "#" in run(ramp, charset="ascii")
+    assert "█" in run(ramp, charset="utf-8")
 
 
-def test_ascii_terminal(tmp_path):
-    np.save(tmp_path / "a.npy", RAMP)
-    assert "#" in run(str(tmp_path / "a.npy"), charset="ascii")
-    assert "█" in run(str(tmp_path / "a.npy"), charset="utf-8")
-
-
-def test_json_says_the_same(tmp_path):
-    np.save(tmp_path / "a.npy", RAMP.astype(np.int16))
-    facts = json.loads(run(str(tmp_path / "a.npy"), "--json"))
-    assert facts["shape"] == [5, 4, 3]
-    assert facts["dtype"] == "int16"
-    assert facts["bytes"] == 120
+def test_json_has_the_same_facts(ramp):
+    facts = facts_of(ramp)
+    assert (facts["shape"], facts["dtype"], facts["bytes"]) == ([5, 4, 3], "int16", 120)
     assert facts["world_size"] == [5.0, 4.0, 3.0]
     assert (facts["minimum"], facts["maximum"], facts["mean"]) == (0, 59, 29.5)
     assert facts["percentiles"]["50"] == 29.0
     assert sum(facts["histogram"]["counts"]) == 60
-    assert facts["transfer_function"] == suggestion(run(str(tmp_path / "a.npy")))
+    assert facts["replaced_spacing"] is None
+    assert facts["transfer_function"] == suggestion(run(ramp))
 
 
-def test_voxels_that_stay_in_their_file_are_not_in_memory(tmp_path, monkeypatch):
-    np.save(tmp_path / "a.npy", RAMP.astype(np.int16))
-    assert "int16, 120 bytes in memory\n" in run(str(tmp_path / "a.npy"))
-    assert json.loads(run(str(tmp_path / "a.npy"), "--json"))["stays_in_file"] is False
+def test_voxels_that_stay_in_their_file_are_not_in_memory(ramp, monkeypatch):
+    assert "int16, 120 bytes in memory\n" in run(ramp)
+    assert facts_of(ramp)["stays_in_file"] is False
     monkeypatch.setattr(common, "_MIN_MAPPED_BYTES", 1)  # those of a large file
-    assert "int16, 120 bytes, which stay in the file\n" in run(str(tmp_path / "a.npy"))
-    assert json.loads(run(str(tmp_path / "a.npy"), "--json"))["stays_in_file"] is True
+    assert "int16, 120 bytes, which stay in the file\n" in run(ramp)
+    assert facts_of(ramp)["stays_in_file"] is True
 
 
 def test_one_voxel_of_one_byte(tmp_path):
@@ -129,48 +130,43 @@ def test_one_voxel_of_one_byte(tmp_path):
 
 def test_headerless_file(tmp_path):
     RAMP.astype(">i4").tofile(tmp_path / "a.raw")
-    arguments = ("--shape", "5,4,3", "--dtype", "int32", "--byte-order", "big", "--spacing", "1,2,0.5", "--json")
-    facts = json.loads(run(str(tmp_path / "a.raw"), *arguments))
-    assert (facts["minimum"], facts["maximum"], facts["spacing"]) == (0, 59, [1.0, 2.0, 0.5])
+    options = ("--dtype", "int32", "--byte-order", "big", "--spacing", "1,2,0.5")
+    for shape in ("5,4,3", "5x4x3"):
+        facts = facts_of(str(tmp_path / "a.raw"), "--shape", shape, *options)
+        assert (facts["minimum"], facts["maximum"], facts["spacing"]) == (0, 59, [1.0, 2.0, 0.5])
     with pytest.raises(InputError, match="a headerless file needs both --shape and --dtype"):
         run(str(tmp_path / "a.raw"), "--shape", "5,4,3")
 
 
-def test_another_spacing_than_that_of_the_file(tmp_path):
-    np.save(tmp_path / "a.npy", RAMP)
-    output = run(str(tmp_path / "a.npy"), "--spacing", "0.1,0.1,0.5")
+def test_another_spacing_than_that_of_the_file(ramp):
+    output = run(ramp, "--spacing", "0.1,0.1,0.5")
     assert "  spacing      0.1 x 0.1 x 0.5, in place of 1 x 1 x 1\n  world size   0.5 x 0.4 x 1.5\n" in output
-    facts = json.loads(run(str(tmp_path / "a.npy"), "--spacing", "0.1,0.1,0.5", "--json"))
+    facts = facts_of(ramp, "--spacing", "0.1,0.1,0.5")
     assert (facts["spacing"], facts["replaced_spacing"]) == ([0.1, 0.1, 0.5], [1.0, 1.0, 1.0])
-    assert json.loads(run(str(tmp_path / "a.npy"), "--json"))["replaced_spacing"] is None
 
 
-@pytest.mark.parametrize("text", ["1e-31,1,1", "1,1,1e31"])
-def test_a_spacing_beyond_all_lengths_is_a_usage_error(text):
-    with pytest.raises(InputError, match=rf"^--spacing {text}: out of range"):
-        run("a.npy", "--spacing", text)
-
-
-def test_a_shape_as_sizes_are_written(tmp_path):
-    RAMP.astype(np.uint8).tofile(tmp_path / "a.raw")
-    facts = json.loads(run(str(tmp_path / "a.raw"), "--shape", "5x4x3", "--dtype", "uint8", "--json"))
-    assert facts["shape"] == [5, 4, 3]
-
-
-@pytest.mark.parametrize("text", ["5,4", "5,4,x", "5,4,0", "5,4,-1"])
-def test_a_wrong_shape_is_refused(text):
-    with pytest.raises(InputError, match=rf"^--shape {text}: "):
-        run("a.raw", "--dtype", "uint8", "--shape", text)
+@pytest.mark.parametrize(
+    ("option", "text"),
+    [
+        ("--spacing", "1e-31,1,1"),
+        ("--spacing", "1,1,1e31"),
+        *(("--shape", text) for text in ("5,4", "5,4,x", "5,4,0", "5,4,-1")),
+    ],
+)
+def test_wrong_numbers_are_errors_of_their_option(option, text):
+    with pytest.raises(InputError, match=rf"^{option} {text}: "):
+        run("a.raw", "--dtype", "uint8", option, text)
 
 
 def test_time_component_and_nonfinite(tmp_path):
     steps = np.stack([RAMP, RAMP + 100.0])
     steps[0, 0, 0, 0] = np.nan
     np.save(tmp_path / "a.npy", steps)
-    assert json.loads(run(str(tmp_path / "a.npy"), "--time", "1", "--json"))["minimum"] == 100.0
+    file = str(tmp_path / "a.npy")
+    assert facts_of(file, "--time", "1")["minimum"] == 100.0
     with pytest.raises(InputError, match="1 of 60 voxels are NaN or infinite"):
-        run(str(tmp_path / "a.npy"), "--time", "0")
-    assert json.loads(run(str(tmp_path / "a.npy"), "--time", "0", "--nonfinite", "lowest", "--json"))["minimum"] == 1.0
+        run(file, "--time", "0")
+    assert facts_of(file, "--time", "0", "--nonfinite", "lowest")["minimum"] == 1.0
 
 
 TURN = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
@@ -191,5 +187,5 @@ TURN = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
         (np.array([[1.0, 0.1, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "sheared"),
     ],
 )
-def test_directions_in_words(axes, words):
+def test_the_direction_is_described(axes, words):
     assert describe_direction(axes) == words
