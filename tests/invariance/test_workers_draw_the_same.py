@@ -1,4 +1,4 @@
-"""A frame is the same bytes, whoever draws it: this process or others, with any number of threads."""
+"""A frame has the same bytes from this process and from workers, with any number of threads."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_the_same_bytes(
     expected = list(LocalExecutor(stage, rasterizer).draw(NUMBERS))
     with open_pool(stage, num_workers, threads_per_worker=threads_per_worker) as pool:
         found = list(pool.draw(NUMBERS))
-    assert [drawn.number for drawn in found] == NUMBERS
+    assert [result.number for result in found] == NUMBERS
     for one, other in zip(found, expected, strict=True):
         assert one.picture.png == other.picture.png
         assert one.picture.pixels.shape == other.picture.pixels.shape

@@ -1,4 +1,4 @@
-"""Programs for tests of what becomes of children: `children NAME`, which says when it is at it."""
+"""Programs for tests of child processes: `children NAME`, which prints a word when it is at work."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LONG_S = 600
 
 
 def draw_for_ever() -> None:
-    """A pool at work."""
+    """Draw with a pool."""
     with open_pool(stage_of(PLAIN), 2, threads_per_worker=1) as pool:
         for count in itertools.count():
             list(pool.draw(range(8)))
@@ -26,14 +26,14 @@ def draw_for_ever() -> None:
 
 
 def start_workers() -> None:
-    """A pool whose workers may not be ready."""
+    """Start a pool whose workers may not be ready."""
     with open_pool(stage_of(PLAIN), 2, threads_per_worker=1):
         say("starting")
         time.sleep(LONG_S)
 
 
 def have_a_child() -> None:
-    """That has workers."""
+    """Start a child that draws with a pool."""
     with (
         ChildProcesses() as child_processes,
         child_processes.start("children", ["draw_for_ever"], stdout=subprocess.PIPE) as child,
@@ -44,7 +44,7 @@ def have_a_child() -> None:
 
 
 def hold_the_lock() -> None:
-    """In a library's function, with Python's lock: no other thread of Python comes to its turn."""
+    """Sleep in a library's function that keeps Python's lock, so that no other thread runs."""
     say("holding")
     ctypes.PyDLL(None).sleep(LONG_S)
 
@@ -55,7 +55,7 @@ def wait() -> None:
 
 
 def show_modules() -> None:
-    """Where it would import from, and what it was told."""
+    """Print the import path, the arguments and the standard input."""
     say(repr((sys.path, sys.argv[1:], sys.stdin.read())))
 
 

@@ -1,4 +1,4 @@
-"""A machine whose time passes as it is told: drawing takes what a formula says, and everything else no time at all."""
+"""A simulated machine: drawing takes the time of a formula, and everything else none."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from renderer.view import View, model_view, total_square_area_px
 
 
 class NothingLasting:
-    """The part of a rasteriser to which every picture is new."""
+    """The part of a rasteriser that keeps nothing between pictures."""
 
     def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
-        """There is nothing to bring."""
+        """Upload nothing."""
         return False
 
 
@@ -45,20 +45,20 @@ class SimulatedMachine(NothingLasting):
         self._random = np.random.default_rng(seed)
 
     def clock(self) -> float:
-        """Seconds."""
+        """Return the seconds so far."""
         return self.now
 
     def rasterize(
         self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View
     ) -> npt.NDArray[np.float32]:
-        """An empty picture, after a while."""
+        """Return an empty picture after its time."""
         seconds = self.seconds_of(batch, order, view)
         self.now += seconds * self._pace(self.num_drawings) * (1 + self._noise * self._random.standard_normal())
         self.num_drawings += 1
         return np.zeros((view.size[1], view.size[0], 4), np.float32)
 
     def seconds_of(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> float:
-        """What drawing takes at the usual pace."""
+        """Return the seconds of a drawing at the usual pace."""
         if isinstance(batch, BrickBatch):
             num_pixels = num_samples(batch, order, view)
         else:
@@ -67,14 +67,14 @@ class SimulatedMachine(NothingLasting):
         return per_frame + per_splat * len(order) + per_pixel * num_pixels
 
     def rasterize_edges(self, edges: CellEdges, view: View) -> npt.NDArray[np.float32]:
-        """No lines, in no time."""
+        """Return no lines, in no time."""
         return np.zeros((view.size[1], view.size[0], 4), np.float32)
 
 
 class BringingMachine(SimulatedMachine):
-    """One to which each batch is brought once, where it stays until another one is.
+    """A machine that keeps one batch, which takes `times` as long to upload as to draw.
 
-    That takes `times` as long as drawing it. A batch that was not brought is brought as it is drawn.
+    A batch that was not uploaded is uploaded when it is drawn.
     """
 
     def __init__(self, times: float = 10.0, **options: Any) -> None:
@@ -83,7 +83,7 @@ class BringingMachine(SimulatedMachine):
         self._there: SplatBatch | BrickBatch | None = None
 
     def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
-        """Take the time that it takes."""
+        """Take the time of an upload unless the batch is there."""
         if self._there is batch:
             return False
         self._there = batch
@@ -93,6 +93,6 @@ class BringingMachine(SimulatedMachine):
     def rasterize(
         self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View
     ) -> npt.NDArray[np.float32]:
-        """An empty picture, after a while."""
+        """Return an empty picture after its time."""
         self.upload(batch, order, view)
         return super().rasterize(batch, order, view)

@@ -1,4 +1,4 @@
-"""Which processes a test has started, and what they have in memory, as Linux tells."""
+"""Lists the processes that a test has started, and the memory that they share, as Linux reports them."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ MARK = "HSPLAT_TEST_MARK"
 
 
 def new_mark() -> str:
-    """For the environment variable MARK, which all children inherit."""
+    """Return a value for the environment variable MARK, which all children inherit."""
     return uuid.uuid4().hex
 
 
 def marked(mark: str) -> set[int]:
-    """The processes that have this mark, without this one and without those that ended and wait to be noticed."""
+    """Return the other processes that have this mark, without zombies."""
     wanted = f"{MARK}={mark}".encode()
     found = set()
     for folder in _folders():
@@ -30,7 +30,7 @@ def marked(mark: str) -> set[int]:
 
 
 def holders_of_shared_memory() -> dict[int, set[str]]:
-    """Of each stage in shared memory, by its inode, the processes that map it."""
+    """Return the processes that map each stage in shared memory, by its inode."""
     holders: dict[int, set[str]] = {}
     for folder in _folders():
         try:
@@ -44,7 +44,7 @@ def holders_of_shared_memory() -> dict[int, set[str]]:
 
 
 def wait_until(condition: Callable[[], bool], seconds: float) -> bool:
-    """Whether it comes true in time."""
+    """Return whether the condition becomes true in time."""
     end = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > end:

@@ -1,4 +1,4 @@
-"""The code under test is the one that was meant: the installed wheel, or this checkout."""
+"""The tests import the installed wheel where they should, else this checkout."""
 
 import os
 import sysconfig

@@ -1,4 +1,4 @@
-"""Compiled loops: never from a stale cache, and also where there is no place for a cache."""
+"""Compiled loops never come from a stale cache, and work without a cache."""
 
 from __future__ import annotations
 
@@ -51,22 +51,8 @@ def _run(folder: Path, home: str) -> str:
     ).stdout.strip()
 
 
-def test_a_change_in_another_file_compiles_again(tmp_path: Path) -> None:
-    _package(tmp_path, 21)
-    assert _run(tmp_path, str(tmp_path)) == "42 False True"
-    assert _run(tmp_path, str(tmp_path)) == "42 True True"
-    _package(tmp_path, 4)
-    assert _run(tmp_path, str(tmp_path)) == "8 False True"
-
-
-def test_where_no_cache_can_be_written(tmp_path: Path) -> None:
-    _package(tmp_path, 21)
-    (tmp_path / "renderer" / "__pycache__").touch()  # in the way of the folder, even for root
-    assert _run(tmp_path, "/proc/nowhere") == "42 False False"
-
-
-def test_caches_that_nobody_has_used_for_long_go(tmp_path: Path) -> None:
-    """When another version makes its own; others stay, and so does whatever else is there."""
+def test_a_change_in_another_file_compiles_again_and_removes_old_caches(tmp_path: Path) -> None:
+    """Young caches and other folders stay."""
     _package(tmp_path, 21)
     caches = tmp_path / "renderer" / "__pycache__"
     now = time.time()
@@ -78,9 +64,18 @@ def test_caches_that_nobody_has_used_for_long_go(tmp_path: Path) -> None:
     left = {path.name for path in caches.iterdir() if path.is_dir()}
     assert {"kernels-young", "else"} < left
     assert "kernels-old" not in left
+    assert _run(tmp_path, str(tmp_path)) == "42 True True"
+    _package(tmp_path, 4)
+    assert _run(tmp_path, str(tmp_path)) == "8 False True"
 
 
-def test_processes_that_compile_at_once_do_not_load_the_code_of_each_other(
+def test_loops_work_where_no_cache_can_be_written(tmp_path: Path) -> None:
+    _package(tmp_path, 21)
+    (tmp_path / "renderer" / "__pycache__").touch()  # in the way of the folder, even for root
+    assert _run(tmp_path, "/proc/nowhere") == "42 False False"
+
+
+def test_processes_that_compile_at_once_do_not_mix_up_their_code(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The second one writes its entry while the first, which has read the index, has not written its own."""
@@ -110,8 +105,10 @@ def _doubled(number: int) -> int:
     return 2 * number
 
 
-def test_without_a_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As for a user of a container whom its system does not know: a folder beside the sources serves, or none."""
+def test_a_user_without_a_home_has_a_cache_beside_the_sources_or_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The system of a container may not know its user."""
 
     def no_home(_: Path) -> Path:
         raise RuntimeError

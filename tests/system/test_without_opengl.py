@@ -1,4 +1,4 @@
-"""A machine without OpenGL: bricks are drawn all the same, by this process and by others, and are the same bytes."""
+"""A machine without OpenGL draws bricks, in this process and in workers, to the same bytes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hsplat_cli.commands.paper import SCENES
 from renderer.draw import GLRasterizer, is_software
 from renderer.draw.gl.raster import CPU_RENDERER_NAME
 
-# Where libglvnd looks for drivers: there are none.
+# libglvnd finds no drivers here.
 NO_OPENGL = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nowhere"}
 CODE = Path(main.__file__).parents[1]
 FRAMES = [f"{number}.png" for number in range(5)]
@@ -68,7 +68,7 @@ def test_other_commands_without_opengl() -> None:
         ["paper", str(SCENES), "--figure", "6", "--output", "paper"],
     ],
 )
-def test_what_needs_opengl_says_so(arguments: list[str]) -> None:
+def test_what_needs_opengl_is_an_error(arguments: list[str]) -> None:
     result = hsplat(*arguments, **NO_OPENGL)
     assert result.returncode == 1
     assert "no OpenGL 3.3 context could be made" in result.stderr

@@ -1,4 +1,4 @@
-"""When a worker is taken for hung: looks are counted, and only where it has something to do and does nothing."""
+"""A worker hangs after several checks in a row at which it had work and had done nothing."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PATIENCE = HangPolicy(max_idle_checks=3)
 
 @pytest.fixture
 def worker() -> Iterator[WorkerProcess]:
-    """It is not ready, and will not be."""
+    """Start a process that never gets ready."""
     with open(os.devnull, "rb") as nothing, ChildProcesses() as child_processes:
         program, environment = ("children", "wait"), dict(os.environ)
         found = WorkerProcess(child_processes, program, nothing.fileno(), environment, PATIENCE, SimpleQueue())
@@ -27,67 +27,54 @@ def worker() -> Iterator[WorkerProcess]:
         found.close()
 
 
-@pytest.fixture
-def times(monkeypatch: pytest.MonkeyPatch) -> list[int | None]:
-    """What the processor time will be at the next looks; the last one stays."""
-    found: list[int | None] = [5]
-    monkeypatch.setattr(process, "_processor_time", lambda _: found.pop(0) if len(found) > 1 else found[0])
-    return found
-
-
-def hangs_after(worker: WorkerProcess, max_idle_checks: int, *, has_work: bool = True) -> bool:
-    for _ in range(max_idle_checks):
+@pytest.mark.parametrize(
+    ("events", "is_hung"),
+    [
+        ("5 5 5 5", True),  # the first check has no earlier time to compare with
+        ("5 5 5 6 6 6", False),
+        ("5 5 5 message 5 5", False),
+        ("5 5 5 message 5 5 5", True),
+        ("idle idle idle idle idle 5 5", False),
+        ("idle 5 5 5", True),
+        ("unknown unknown unknown unknown unknown", False),
+    ],
+)
+def test_a_worker_hangs_after_three_checks_without_progress(
+    worker: WorkerProcess, monkeypatch: pytest.MonkeyPatch, events: str, is_hung: bool
+) -> None:
+    """Events are messages, and checks with the processor time that they find."""
+    for event in events.split():
         assert not worker.is_hung
-        worker.check_progress(has_work=has_work)
-    return worker.is_hung
+        if event == "message":
+            worker.note_message()
+        else:
+            ticks = {"idle": 5, "unknown": None}[event] if event in ("idle", "unknown") else int(event)
+            monkeypatch.setattr(process, "_processor_time", lambda _, ticks=ticks: ticks)
+            worker.check_progress(has_work=event != "idle")
+    assert worker.is_hung == is_hung
+    if is_hung:
+        worker.kill()
+        worker.close()
+        assert str(worker.exit_error()).startswith("a process that draws has hung\n  got: no processor time for 15 s")
 
 
-def test_the_first_look_has_nothing_to_compare_with(worker: WorkerProcess, times: list[int | None]) -> None:
-    assert hangs_after(worker, 4)
-
-
-def test_processor_time_begins_it_anew(worker: WorkerProcess, times: list[int | None]) -> None:
-    times[:] = [5, 5, 5, 6]
-    assert not hangs_after(worker, 6)
-    assert hangs_after(worker, 1)
-
-
-def test_so_does_a_message(worker: WorkerProcess, times: list[int | None]) -> None:
-    assert not hangs_after(worker, 3)
-    worker.note_message()
-    assert not hangs_after(worker, 2)
-    assert hangs_after(worker, 1)
-
-
-def test_who_has_nothing_to_do_is_idle(worker: WorkerProcess, times: list[int | None]) -> None:
-    assert not hangs_after(worker, 10, has_work=False)
-    assert not hangs_after(worker, 2)
-    assert hangs_after(worker, 1)
-
-
-def test_where_the_system_does_not_tell(worker: WorkerProcess, times: list[int | None]) -> None:
-    times[:] = [None]
-    assert not hangs_after(worker, 10)
-
-
-def test_one_that_is_not_to_be_ended_is_left(worker: WorkerProcess, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As one is that waits for a device in the kernel."""
+def test_a_worker_that_cannot_be_killed_is_left(worker: WorkerProcess, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process that waits for a device in the kernel is like that."""
     monkeypatch.setattr(process, "_EXIT_TIMEOUT_S", 0.01)
     monkeypatch.setattr(process, "_KILL_TIMEOUT_S", 0.01)
     with monkeypatch.context() as patch:
         patch.setattr(subprocess.Popen, "kill", lambda _: None)
         worker.close()
         assert worker.is_still_alive and worker.was_killed
-        assert str(worker.exit_error()) == (
-            "a process that draws has hung\n  got: it does not end, though it was killed"
-        )
+        text = str(worker.exit_error())
+        assert text.startswith("a process that draws has hung\n  got: it does not end, though it was killed")
 
 
-def test_what_linux_tells() -> None:
-    """Of this process, to a tick of `os.times`, which rounds user and system time each; of none, nothing."""
+def test_the_processor_time_is_that_of_linux() -> None:
+    """It differs by at most a tick from each of the times of `os.times`, which are rounded."""
     before, used, after = os.times(), process._processor_time(os.getpid()), os.times()
     per_second = os.sysconf("SC_CLK_TCK")
     assert used is not None
     least, most = ((each.user + each.system) * per_second for each in (before, after))
     assert least - 2 <= used <= most + 2
-    assert process._processor_time(2**22 + 1) is None  # a number that none can have
+    assert process._processor_time(2**22 + 1) is None  # no process can have this number

@@ -1,4 +1,4 @@
-"""What measured numbers depend on, and the memory that is counted with them."""
+"""Reports describe the machine and count peak memory."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hsplat_cli.terminal import machine
 MEGABYTE = 1 << 20
 
 
-def test_the_machine_is_described_in_plain_words() -> None:
+def test_the_machine_is_described() -> None:
     facts = machine.describe_machine("a driver")
     assert facts["driver"] == "a driver"
     assert facts["processor"] and facts["system"] and facts["cores"] >= 1
@@ -37,7 +37,7 @@ def test_the_peak_is_that_since_the_reset() -> None:
     assert after is not None and after < with_it - 100 * MEGABYTE
 
 
-def test_where_the_system_does_not_tell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_peak_is_unknown_on_other_systems(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine.PeakMemory, "_RESET", tmp_path / "missing" / "file")
     memory = machine.PeakMemory()
     memory.reset()

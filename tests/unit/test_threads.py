@@ -1,4 +1,4 @@
-"""Work that threads share."""
+"""A pool of threads shares the items or ranges of a task."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ def threads(request: pytest.FixtureRequest) -> Iterator[ThreadPool]:
     threads.release()
 
 
-def test_each_item_is_worked_on(threads: ThreadPool) -> None:
+def test_each_item_is_processed_once(threads: ThreadPool) -> None:
     done: list[int] = []
     threads.map(done.append, range(20))
     assert sorted(done) == list(range(20))
 
 
-def test_what_fails_is_raised(threads: ThreadPool) -> None:
+def test_an_error_in_a_thread_is_raised(threads: ThreadPool) -> None:
     def work(item: int) -> None:
         if item == 2:
             raise KeyError(item)
@@ -34,7 +34,7 @@ def test_what_fails_is_raised(threads: ThreadPool) -> None:
 
 
 @pytest.mark.parametrize(("num", "least", "num_parts"), [(0, 5, 1), (9, 5, 1), (10, 5, 2), (15, 5, 3), (100, 1, 3)])
-def test_parts_are_large_enough_and_make_up_the_whole(
+def test_ranges_are_large_enough_and_cover_all(
     threads: ThreadPool, num: int, least: int, num_parts: int
 ) -> None:
     parts: list[tuple[int, int]] = []
@@ -46,7 +46,7 @@ def test_parts_are_large_enough_and_make_up_the_whole(
     assert len(parts) == 1 or min(end - first for first, end in parts) >= least
 
 
-def test_what_is_made_in_parts_is_in_order(threads: ThreadPool) -> None:
+def test_results_are_concatenated_in_order(threads: ThreadPool) -> None:
     items = np.arange(17)
     names: set[str] = set()
 
