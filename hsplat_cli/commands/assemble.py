@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("parts", nargs=-1, required=True)
 @click.option("--output", type=FILE, required=True, metavar="FILE", help="Write to this .mp4, .gif or {frame}.png.")
-@frames_option("Take only these frames, as a Python slice: 0:30, ::10, 7, -1.")
+@frames_option(help="Take only these frames, as a Python slice: 0:30, ::10, 7, -1.")
 @click.option("--frames-per-second", type=float, metavar="RATE", help="Another rate than that of the scene.")
 @click.option("--quality", type=float, metavar="0-10", help="Another quality of an MP4 than that of the scene.")
 @click.option("--force", is_flag=True, help="Assemble again what is up to date.")

@@ -38,7 +38,7 @@ _MAX_TURNS = 4
 @scene_argument
 @set_option()
 @click.option("--output", type=FILE, metavar="FILE", help="As for render.")
-@frames_option("As for render.")
+@frames_option(help="As for render.")
 @volume_option()
 def check(
     scene: Path, overrides: tuple[str, ...], output: Path | None, frames: str | None, volume: Path | None

@@ -38,11 +38,11 @@ def _parse_name(_: click.Context, parameter: click.Parameter, name: str) -> Path
 @click.option("--json", "json_file", type=_REPORT, metavar="FILE", help="Write the result of every frame as JSON.")
 @click.option("--junit", "junit_file", type=_REPORT, metavar="FILE", help="Write a JUnit report for CI systems.")
 @click.option("--html", "html_file", type=_REPORT, metavar="FILE", help="Write a page that shows the worst frames.")
-@frames_option("Of a scene: compare only its goldens in this range.")
-@set_option("Of a scene: change a value.")
-@volume_option("Of a scene: take the volume from this file.")
+@frames_option(help="Of a scene: compare only its goldens in this range.")
+@set_option(help="Of a scene: change a value.")
+@volume_option(help="Of a scene: take the volume from this file.")
 @workers_option
-@quiet_option("Print nothing unless a frame fails.")
+@quiet_option(help="Print nothing unless a frame fails.")
 @click.pass_context
 def compare(
     context: click.Context,

@@ -17,7 +17,7 @@ from renderer.errors import InputError
 @click.command()
 @scene_argument
 @click.argument("folder", type=OutputPath())
-@frames_option("Only these frames, as a Python slice: ::10, 7, -1. [default: all; in an update the golden frames]")
+@frames_option(help="Only these frames, as a Python slice: ::10, 7, -1. [default: all; in an update the golden frames]")
 @set_option()
 @volume_option()
 @click.option("--date", metavar="TEXT", help="Record this date for the frames that are drawn, such as 2026-11-21.")
@@ -25,7 +25,7 @@ from renderer.errors import InputError
 @click.option("--yes", is_flag=True, help="With --update: do not ask.")
 @click.option("--prune", is_flag=True, help="With --update: remove goldens of frames that are not requested.")
 @workers_option
-@quiet_option("Print only errors, and what a question is about.")
+@quiet_option(help="Print only errors, and what a question is about.")
 def golden(
     scene: Path,
     folder: Path,

@@ -20,10 +20,10 @@ _SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections
 
 @click.command()
 @scene_argument
-@set_option("Change a value of the scene.")
+@set_option(help="Change a value of the scene.")
 @volume_option()
 @click.option("--output", type=OutputPath(), metavar="FOLDER", help="Write the report there, not to SCENE.measured.")
-@frames_option("Measure on these frames; by default on three of the path.")
+@frames_option(help="Measure on these frames; by default on three of the path.")
 @click.option("--tolerances", metavar="LIST", help="Such as 1,0.1,0; by default some that suit the volume.")
 @click.option(
     "--footprints",
@@ -46,7 +46,7 @@ _SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections
 )
 @click.option("--peer", type=click.Choice(["vtk"]), help="Measure this program too, where it is installed.")
 @click.option("--want", metavar="METRIC=VALUE", help="Only find the tolerance for psnr=38 (or rmse, ssim, flip).")
-@quiet_option("Print only the result.")
+@quiet_option(help="Print only the result.")
 @click.pass_context
 def measure(
     context: click.Context,

@@ -72,7 +72,7 @@ class _FigureJob:
 
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path), required=False)
-@volume_option("The engine, for figures 5 and 6.")
+@volume_option(help="The engine, for figures 5 and 6.")
 @click.option("--output", type=OutputPath(), default=Path("paper"), metavar="DIR", help="Write DIR/index.html.")
 @click.option(
     "--figure", "numbers", type=_FIGURE, multiple=True, metavar="N", help="Make only this figure; repeatable."

@@ -18,7 +18,7 @@ from renderer.errors import InputError
 @scene_argument
 @set_option()
 @click.option("--output", type=FILE, metavar="FILE", help="Write to this .mp4, .gif, {frame}.png or, for one, .png.")
-@frames_option("Draw only these frames, as a Python slice: 0:30, ::10, 7, -1.")
+@frames_option(help="Draw only these frames, as a Python slice: 0:30, ::10, 7, -1.")
 @volume_option()
 @click.option("--progressive", is_flag=True, help="Draw a coarse film first, then finer ones in its place.")
 @click.option("--time-limit", metavar="TIME", help="With --progressive: refine no longer than 90s, 10m or 1h30m.")

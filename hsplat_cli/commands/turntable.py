@@ -49,7 +49,7 @@ from renderer.errors import HsplatError, InputError
 @volume_options(nonfinite=None)
 @executor_options
 @click.option("--force", is_flag=True, help="Draw again, and overwrite scenes that were edited.")
-@quiet_option("Print only the table and errors.")
+@quiet_option(help="Print only the table and errors.")
 @click.option("--name", hidden=True, help="The name of the only volume's film; set by a batch for its processes.")
 def turntable(
     *,

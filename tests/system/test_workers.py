@@ -7,8 +7,10 @@ import os
 import signal
 import subprocess
 import weakref
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
+from unittest import mock
 
 import pytest
 from faulty_worker import DRAW_FAULTS, FRAME, GL_FAULTS, LONG_S, START_FAULTS
@@ -17,9 +19,8 @@ from processes import MARK, holders_of_shared_memory, marked, new_mark, wait_unt
 
 from hsplat_cli.executors import ExecutorSpec, LocalExecutor
 from hsplat_cli.executors.executor import Executor
-from hsplat_cli.executors.workers import process
+from hsplat_cli.executors.workers import pool as pool_module, process
 from hsplat_cli.executors.workers.pool import Pool, open_pool
-from hsplat_cli.executors.workers.process import HangPolicy
 from hsplat_cli.terminal import Reporter
 from renderer.draw import GLRasterizer, RecoveringRasterizer
 from renderer.errors import ContextLostError, HsplatError, InputError, RenderError
@@ -31,7 +32,8 @@ NUMBERS = [0, 1, 2, 3, 4, 5, 6, 7, 2, 1]  # some twice, and backwards
 # How long a killed process may take to end.
 SOON_S = 1.0
 
-ONE_SECOND = HangPolicy(check_interval_s=0.05, max_idle_checks=20)
+# What a hang takes in these tests.
+HANG_S = 1.0
 
 
 @pytest.fixture(scope="module")
@@ -64,9 +66,16 @@ def own_memory() -> dict[int, set[str]]:
     return {inode: by for inode, by in holders_of_shared_memory().items() if str(os.getpid()) in by}
 
 
-def faulty(name: str, folder: Path) -> Sequence[str]:
+@contextmanager
+def faulty_pool(stage: Stage, num_workers: int, name: str, folder: Path) -> Iterator[Pool]:
     assert name in [*DRAW_FAULTS, *START_FAULTS, *GL_FAULTS]
-    return "faulty_worker", name, str(folder)
+    checks = {"CHECK_INTERVAL_S": HANG_S / 20, "MAX_IDLE_CHECKS": 20} if "stop" in name or "long" in name else {}
+    with (
+        mock.patch.multiple(process, **checks) if checks else nullcontext(),
+        mock.patch.object(pool_module, "PROGRAM", ("faulty_worker", name, str(folder))),
+        open_pool(stage, num_workers, threads_per_worker=1) as pool,
+    ):
+        yield pool
 
 
 def draw_all(pool: Pool) -> list[bytes]:
@@ -92,17 +101,15 @@ ONE, AGAIN = "1 of the processes that draw", ", and what it had was drawn again"
 def test_frames_of_a_lost_worker_are_drawn_again(
     stage: Stage, expected: list[bytes], tmp_path: Path, fault: str, notes: list[str]
 ) -> None:
-    assert ONE_SECOND.check_interval_s * ONE_SECOND.max_idle_checks < LONG_S
-    policy = ONE_SECOND if "stop" in fault or "long" in fault else HangPolicy()
+    assert HANG_S < LONG_S
     num_workers = 1 if fault in ("stop_half_way_once", "stop_at_first_start") else 2
-    program = faulty(fault, tmp_path)
-    with open_pool(stage, num_workers, threads_per_worker=1, program=program, hang_policy=policy) as pool:
+    with faulty_pool(stage, num_workers, fault, tmp_path) as pool:
         assert draw_all(pool) == expected
         assert pool.notes == notes
 
 
 def test_workers_that_die_often_leave_no_descriptor(stage: Stage, expected: list[bytes], tmp_path: Path) -> None:
-    with open_pool(stage, 1, threads_per_worker=1, program=faulty("kill_often", tmp_path)) as pool:
+    with faulty_pool(stage, 1, "kill_often", tmp_path) as pool:
         gc.collect()  # what tests before have left
         before = len(os.listdir("/proc/self/fd"))
         assert draw_all(pool) == expected
@@ -117,8 +124,7 @@ def test_a_hung_worker_that_cannot_be_killed_is_left(
     """A process that waits for a device in the kernel is like that; here the kill has no effect."""
     monkeypatch.setattr(process, "_EXIT_TIMEOUT_S", 0.1)
     monkeypatch.setattr(process, "_KILL_TIMEOUT_S", 0.1)
-    program = faulty("stop_once", tmp_path)
-    with open_pool(stage, 2, threads_per_worker=1, program=program, hang_policy=ONE_SECOND) as pool:
+    with faulty_pool(stage, 2, "stop_once", tmp_path) as pool:
         with monkeypatch.context() as patch:
             patch.setattr(subprocess.Popen, "kill", lambda _: None)
             assert draw_all(pool) == expected
@@ -185,7 +191,7 @@ def test_what_fails_again_and_again_is_an_error(
 
 
 def error_of(stage: Stage, name: str, folder: Path) -> HsplatError:
-    with open_pool(stage, 2, threads_per_worker=1, program=faulty(name, folder)) as pool:
+    with faulty_pool(stage, 2, name, folder) as pool:
         with pytest.raises(HsplatError) as raised:
             draw_all(pool)
         return raised.value

@@ -11,17 +11,16 @@ import pytest
 
 from hsplat_cli.executors import ChildProcesses
 from hsplat_cli.executors.workers import process
-from hsplat_cli.executors.workers.process import HangPolicy, WorkerProcess
-
-PATIENCE = HangPolicy(max_idle_checks=3)
+from hsplat_cli.executors.workers.process import WorkerProcess
 
 
 @pytest.fixture
-def worker() -> Iterator[WorkerProcess]:
-    """Start a process that never gets ready."""
+def worker(monkeypatch: pytest.MonkeyPatch) -> Iterator[WorkerProcess]:
+    """Start a process that never gets ready, and hangs after three checks."""
+    monkeypatch.setattr(process, "MAX_IDLE_CHECKS", 3)
     with open(os.devnull, "rb") as nothing, ChildProcesses() as child_processes:
         program, environment = ("children", "wait"), dict(os.environ)
-        found = WorkerProcess(child_processes, program, nothing.fileno(), environment, PATIENCE, SimpleQueue())
+        found = WorkerProcess(child_processes, program, nothing.fileno(), environment, SimpleQueue())
         yield found
         found.kill()
         found.close()

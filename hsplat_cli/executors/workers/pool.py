@@ -17,32 +17,24 @@ from queue import Empty, SimpleQueue
 
 from hsplat_cli.executors.frame_result import FrameResult
 from hsplat_cli.executors.schedule import MAX_LOSSES, FrameSchedule
+from hsplat_cli.executors.workers import process
 from hsplat_cli.executors.workers.child_processes import ChildProcesses
-from hsplat_cli.executors.workers.process import HangPolicy, Message, Messages, WorkerProcess
+from hsplat_cli.executors.workers.process import Message, Messages, WorkerProcess
 from hsplat_cli.executors.workers.shared_stage import map_stage, share_stage
 from renderer.errors import ContextLostError, HsplatError
 from renderer.frame import Stage
 
-PROGRAM = ("hsplat_cli.executors.workers.worker",)
-
-_HANG_POLICY = HangPolicy()
+# The module that workers run, and its arguments.
+PROGRAM: Sequence[str] = ("hsplat_cli.executors.workers.worker",)
 
 
 @contextmanager
-def open_pool(
-    stage: Stage,
-    num_workers: int,
-    *,
-    threads_per_worker: int,
-    program: Sequence[str] = PROGRAM,
-    hang_policy: HangPolicy = _HANG_POLICY,
-) -> Iterator[Pool]:
+def open_pool(stage: Stage, num_workers: int, *, threads_per_worker: int) -> Iterator[Pool]:
     """Start worker processes, which take about a second until they are ready, and end them after the block.
 
     The stage moves to shared memory: callers go on with `Pool.stage` and drop theirs.
 
-    threads_per_worker: of Mesa's software renderer; the variable LP_NUM_THREADS takes precedence. program: the module
-    that workers run, and its arguments.
+    threads_per_worker: of Mesa's software renderer; the variable LP_NUM_THREADS takes precedence.
 
     Raises RenderError where the memory or the processes cannot be had. `Pool.is_ready` and `Pool.draw` raise what a
     worker failed with, and RenderError where a frame could not be drawn in spite of several attempts.
@@ -53,8 +45,7 @@ def open_pool(
         stack.callback(os.close, descriptor)
         del stage
         child_processes = stack.enter_context(ChildProcesses())
-        start_worker = partial(WorkerProcess, child_processes, program, descriptor, environment, hang_policy)
-        pool = Pool(map_stage(descriptor), start_worker, hang_policy)
+        pool = Pool(map_stage(descriptor), partial(WorkerProcess, child_processes, PROGRAM, descriptor, environment))
         stack.callback(pool.close)
         pool.start(num_workers)
         yield pool
@@ -66,9 +57,7 @@ class Pool:
     stage: what is drawn, in shared memory.
     """
 
-    def __init__(
-        self, stage: Stage, start_worker: Callable[[Messages], WorkerProcess], hang_policy: HangPolicy
-    ) -> None:
+    def __init__(self, stage: Stage, start_worker: Callable[[Messages], WorkerProcess]) -> None:
         self.stage, self._start_worker = stage, start_worker
         self._workers: list[WorkerProcess] = []
         self._messages: Messages = SimpleQueue()
@@ -76,7 +65,7 @@ class Pool:
         self._renderer_names: dict[str, None] = {}  # a set that keeps its order
         self._num_failed_starts = 0
         self._losses: Counter[tuple[str, bool]] = Counter()  # by how workers were lost, and whether with frames
-        self._hang_policy, self._next_check = hang_policy, time.monotonic() + hang_policy.check_interval_s
+        self._next_check = time.monotonic() + process.CHECK_INTERVAL_S
 
     @property
     def notes(self) -> list[str]:
@@ -137,7 +126,7 @@ class Pool:
             if worker.is_hung:
                 worker.kill()
                 self._replace_worker(worker, None)
-        self._next_check = time.monotonic() + self._hang_policy.check_interval_s
+        self._next_check = time.monotonic() + process.CHECK_INTERVAL_S
 
     def _handle_message(self, worker: WorkerProcess, message: Message) -> None:
         if worker not in self._workers:  # it was replaced
@@ -180,5 +169,5 @@ class Pool:
         if error is not None:
             how = "lost OpenGL's context"
         else:
-            how = f"hung ({self._hang_policy.hang_text})" if worker.is_hung else "died"
+            how = f"hung ({process.hang_text()})" if worker.is_hung else "died"
         return how + ", could not be ended" * worker.is_still_alive

@@ -8,7 +8,6 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from multiprocessing.connection import Pipe
 from pathlib import Path
 from queue import SimpleQueue
@@ -32,20 +31,15 @@ Message: TypeAlias = str | FrameResult | HsplatError | None
 Messages: TypeAlias = "SimpleQueue[tuple[WorkerProcess, Message]]"
 
 
-@dataclass(frozen=True)
-class HangPolicy:
-    """A worker that is idle at `max_idle_checks` checks in a row, each `check_interval_s` seconds, hangs.
+# A worker that is idle at this number of checks in a row hangs. Checks count, not time: a sleep of the machine, or a
+# stop of this process, is one check.
+CHECK_INTERVAL_S = 5.0
+MAX_IDLE_CHECKS = 12
 
-    Checks count, not time: a sleep of the machine, or a stop of this process, is one check.
-    """
 
-    check_interval_s: float = 5.0
-    max_idle_checks: int = 12
-
-    @property
-    def hang_text(self) -> str:
-        """Return the reason why a worker counts as hung."""
-        return f"no processor time for {self.check_interval_s * self.max_idle_checks:g} s"
+def hang_text() -> str:
+    """Return the reason why a worker counts as hung."""
+    return f"no processor time for {CHECK_INTERVAL_S * MAX_IDLE_CHECKS:g} s"
 
 
 class WorkerProcess:
@@ -61,11 +55,10 @@ class WorkerProcess:
         program: Sequence[str],
         stage_descriptor: int,
         environment: Mapping[str, str],
-        hang_policy: HangPolicy,
         messages: Messages,
     ) -> None:
         self.renderer_name: str | None = None
-        self._hang_policy, self._num_idle_checks = hang_policy, 0
+        self._num_idle_checks = 0
         self._processor_time: int | None = None
         self._killed_at: float | None = None
         self._child_processes, self._messages = child_processes, messages
@@ -122,7 +115,7 @@ class WorkerProcess:
     @property
     def is_hung(self) -> bool:
         """Whether it has work and has, for check after check, neither used the processor nor sent anything."""
-        return self._num_idle_checks >= self._hang_policy.max_idle_checks
+        return self._num_idle_checks >= MAX_IDLE_CHECKS
 
     def kill(self) -> None:
         """End it at once."""
@@ -160,7 +153,7 @@ class WorkerProcess:
         """Return how it ended, after `close`, and what it printed last."""
         status, hint = self._process.returncode, None
         if self.is_hung:
-            how = self._hang_policy.hang_text
+            how = hang_text()
         elif status is None:
             how = "it does not end, though it was killed"
         else:
