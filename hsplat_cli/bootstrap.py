@@ -169,13 +169,10 @@ def install(extra: str) -> None:
 def make_venv() -> None:
     """Make an empty `.venv` again; the record comes first, so that a half-made one is known as ours."""
     say("making .venv")
-    try:
-        if VENV.exists():
-            shutil.rmtree(str(VENV))
-        VENV.mkdir()
-        write_install_record({})
-    except OSError as error:
-        raise SetupError(f"{VENV} cannot be made: {error.strerror}.") from error
+    if VENV.exists():
+        shutil.rmtree(str(VENV))
+    VENV.mkdir()
+    write_install_record({})
     if run(sys.executable, "-m", "venv", VENV) != 0:
         raise SetupError(f"{VENV} cannot be made; the reason is above.")
 
@@ -184,7 +181,7 @@ def is_python_usable() -> bool:
     """Return whether the Python of `.venv` still works."""
     try:
         return run(VENV / "bin" / "python", "-c", "import pip") == 0
-    except SetupError:
+    except OSError:
         return False
 
 
@@ -230,10 +227,7 @@ def run(*command: object, **variables: str) -> int:
     environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONHOME")}
     environment.update(variables)
     words = [str(word) for word in command]
-    try:
-        return subprocess.run(words, cwd=str(ROOT), env=environment, check=False).returncode
-    except OSError as error:
-        raise SetupError(f"{words[0]} cannot be run: {error.strerror}.") from error
+    return subprocess.run(words, cwd=str(ROOT), env=environment, check=False).returncode
 
 
 def version_text(version: "tuple[int, ...]") -> str:

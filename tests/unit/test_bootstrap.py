@@ -225,6 +225,10 @@ def test_other_code_cannot_come_before_the_wheel(monkeypatch: pytest.MonkeyPatch
     assert bootstrap.run(sys.executable, "-c", code, ADDED="1") == 7
 
 
-def test_a_missing_program_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(bootstrap.SetupError, match="cannot be run: No such file or directory"):
-        bootstrap.run(tmp_path / "absent")
+def test_a_missing_program_is_an_error(
+    checkout: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "executable", str(checkout / "absent"))
+    monkeypatch.setattr(bootstrap, "find_venv_problem", str)
+    assert bootstrap.main(["demo"]) == 1
+    assert capsys.readouterr().err == f"hsplat: [Errno 2] No such file or directory: '{checkout / 'absent'}'\n"
