@@ -29,6 +29,7 @@ from hsplat_cli.turntable import batch
 from renderer.scene import load_scene
 
 CODE = Path(main.__file__).parents[1]
+ENVIRONMENT = os.environ | {"PYTHONPATH": str(CODE)}
 SMALL = ["--frames", "3", "--size", "32", "--quiet"]
 
 
@@ -215,18 +216,17 @@ def test_a_film_of_another_volume_is_kept(capfd: pytest.CaptureFixture[str]) -> 
 
 
 @contextmanager
-def held(folder: str) -> Iterator[None]:
-    """Let another process hold the lock of this folder for unfinished work."""
+def other_process(imports: str, block: str) -> Iterator[int]:
+    """Let another process enter a block, and yield its id."""
     program = (
-        "import sys\nfrom pathlib import Path\nfrom renderer.film import lock_slots\n"
-        "with lock_slots(Path(sys.argv[1]), [0], Path()):\n    print(flush=True)\n    sys.stdin.read()"
+        f"import sys\nfrom pathlib import Path\n{imports}\nwith {block}:\n    print(flush=True)\n    sys.stdin.read()"
     )
-    environment = os.environ | {"PYTHONPATH": str(CODE)}
-    arguments = [sys.executable, "-c", program, folder]
-    with subprocess.Popen(arguments, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+    with subprocess.Popen(
+        [sys.executable, "-c", program], env=ENVIRONMENT, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == b"\n"
-        yield
+        yield process.pid
         process.communicate(b"")
 
 
@@ -235,7 +235,8 @@ def test_a_film_that_another_command_makes_is_left_alone(capfd: pytest.CaptureFi
     assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
     before, told = Path("out/uint8.yaml").read_bytes(), report()
     capfd.readouterr()
-    with held("out/uint8.mp4.unfinished"):
+    lock = "lock_slots(Path('out/uint8.mp4.unfinished'), [0], Path())"
+    with other_process("from renderer.film import lock_slots", lock):
         assert turntable("in/uint8.npy", "-o", "out", "--frames", "5", "--size", "32", "--force", "--quiet") == 2
         assert capfd.readouterr().err.startswith("out/uint8.mp4: another job is writing this output\n  got: process ")
         assert (Path("out/uint8.yaml").read_bytes(), report()) == (before, told)
@@ -270,37 +271,21 @@ def test_the_film_is_that_of_the_scene_that_was_written(monkeypatch: pytest.Monk
 
     def edit(reporter: Reporter) -> None:
         scene = Path("out/uint8.yaml")
-        scene.write_text(scene.read_text(encoding="utf-8").replace("frames: 3", "frames: 7"), encoding="utf-8")
+        text = scene.read_text(encoding="utf-8")
+        assert "frames: 3" in text
+        scene.write_text(text.replace("frames: 3", "frames: 7"), encoding="utf-8")
 
     monkeypatch.setattr(Reporter, "announce_compilation", edit)
     assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
     assert imageio.imread("out/uint8.mp4", plugin="FFMPEG").shape[0] == 3
 
 
-@contextmanager
-def stopped(folder: str) -> Iterator[int]:
-    """Yield the id of another process, which holds the lock of turntable.json of this folder and is stopped."""
-    program = (
-        "import os, signal, sys\nfrom pathlib import Path\nfrom hsplat_cli.turntable.manifest import open_manifest\n"
-        "with open_manifest(Path(sys.argv[1])):\n    print(flush=True)\n    os.kill(os.getpid(), signal.SIGSTOP)"
-    )
-    environment = os.environ | {"PYTHONPATH": str(CODE)}
-    arguments = [sys.executable, "-c", program, folder]
-    with subprocess.Popen(arguments, env=environment, stdout=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == b"\n"
-        try:
-            yield process.pid
-        finally:
-            process.send_signal(signal.SIGCONT)
-
-
 @pytest.mark.parametrize("volumes", [["in/uint8.npy"], ["in/uint8.npy", "in/labels.npy"]], ids=["one", "several"])
 def test_a_wait_for_turntable_json_is_reported_and_can_be_interrupted(volumes: list[str]) -> None:
-    environment = os.environ | {"PYTHONPATH": str(CODE)}
     arguments = [sys.executable, "-m", "hsplat_cli", "turntable", *volumes, "-o", "out", *SMALL]
-    with stopped("out") as number:
-        process = subprocess.Popen(arguments, env=environment, stderr=subprocess.PIPE, text=True)
+    imports = "from hsplat_cli.turntable.manifest import open_manifest"
+    with other_process(imports, "open_manifest(Path('out'))") as number:
+        process = subprocess.Popen(arguments, env=ENVIRONMENT, stderr=subprocess.PIPE, text=True)
         assert process.stderr is not None
         waiting = f"out/turntable.json: waiting for process {number} on {os.uname().nodename}\n"
         assert process.stderr.readline() == waiting
@@ -347,10 +332,9 @@ def test_a_process_that_is_killed_fails_alone(
 def test_an_interrupt_ends_the_batch_and_lists_what_is_done() -> None:
     """Only the parent gets the signal, while the second film is made: the process of the film ends, too."""
     arguments = ["turntable", "in/labels.npy", "in/signed.npy", "in/uint8.npy", "-o", "out", "--frames", "200"]
-    environment = os.environ | {"PYTHONPATH": str(CODE)}
     process = subprocess.Popen(
         [sys.executable, "-m", "hsplat_cli", *arguments, "--size", "16"],
-        env=environment,
+        env=ENVIRONMENT,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -371,11 +355,10 @@ def test_an_interrupt_ends_the_batch_and_lists_what_is_done() -> None:
 def test_a_batch_that_is_killed_leaves_nothing_that_runs() -> None:
     """The process of the film, its workers and its encoder end; the next run resumes the film."""
     mark = uuid.uuid4().hex
-    environment = os.environ | {"PYTHONPATH": str(CODE), MARK: mark}
     arguments = ["turntable", "in/labels.npy", "in/signed.npy", "-o", "out", "--frames", "400", "--size", "64"]
     process = subprocess.Popen(
         [sys.executable, "-m", "hsplat_cli", *arguments, "--workers", "2", "--quiet"],
-        env=environment,
+        env=ENVIRONMENT | {MARK: mark},
         start_new_session=True,
     )
     while not list(Path("out").glob("labels.mp4.unfinished/000003.json")):
