@@ -80,17 +80,13 @@ class RecoveringRasterizer:
     def _with_recovery(self, draw: Callable[[GLRasterizer | CPURasterizer], Result]) -> Result:
         try:
             return draw(self._current)
-        except ContextLostError as error:
-            self._recreate(error)
+        except ContextLostError as lost:
+            self._current.release()  # first, because memory may not suffice for two
+            try:
+                self._current = self._make()
+            except RenderError:
+                raise lost from None
+            if self._current.renderer_name != self.renderer_name:
+                raise
+            self._num_lost += 1
         return draw(self._current)
-
-    def _recreate(self, lost: ContextLostError) -> None:
-        """Make another rasteriser of the same kind; raises `lost` where that is impossible."""
-        self._current.release()  # first, because memory may not suffice for two
-        try:
-            self._current = self._make()
-        except RenderError:
-            raise lost from None
-        if self._current.renderer_name != self.renderer_name:
-            raise lost
-        self._num_lost += 1

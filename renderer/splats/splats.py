@@ -129,12 +129,12 @@ class SplatBatch:
 
     @property
     def centers(self) -> npt.NDArray[np.float32]:
-        """float32 [n, 3], a view of the vertices."""
+        """The centres, float32 [n, 3]: a part of the vertices."""
         return self.vertices[:, :3]
 
     @property
     def areas(self) -> npt.NDArray[np.float32]:
-        """float32 [n, 4], a view of the vertices."""
+        """The optical areas, float32 [n, 4]: a part of the vertices."""
         return self.vertices[:, 3:7]
 
     @property
@@ -202,7 +202,10 @@ def _fill_vertices(
 
 
 def _shape_codes(cut: Cut) -> npt.NDArray[np.uint16]:
-    """uint16 [n]: `8 level + bits`, with a bit for each of x, y, z along which the volume's border cuts the cell."""
+    """Return `8 level + bits` for each cell: uint16 [n].
+
+    There is a bit for each of x, y and z along which the volume's border cuts the cell.
+    """
     codes = cut.levels.astype(np.uint16) * np.uint16(8)
     for axis, num in enumerate(cut.volume.shape_xyz):
         last = np.array([(num - 1) >> level if num & ((1 << level) - 1) else -1 for level in range(64)])
@@ -211,7 +214,7 @@ def _shape_codes(cut: Cut) -> npt.NDArray[np.uint16]:
 
 
 def _extents_of_codes(codes: npt.NDArray[np.int64], shape: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """int64 [m, 3]: voxels along x, y, z of the cells with these codes."""
+    """Return the numbers of voxels along x, y, z of the cells with these codes: int64 [m, 3]."""
     sides = 1 << (codes[:, None] >> 3)
     is_cut = (codes[:, None] >> np.arange(3)) & 1 == 1
     return np.where(is_cut, shape % sides, sides)
@@ -233,7 +236,7 @@ def make_footprint(spec: SplatSpec) -> GaussianFootprint | GouraudFootprint:
 
 
 def _triangulate_disc(angular: int, radial: int) -> npt.NDArray[np.int32]:
-    """int32 [angular (2 radial - 1), 3]: triangles of a centre (vertex 0) and `radial` rings of `angular` vertices."""
+    """Return the triangles of a centre (vertex 0) and `radial` rings of `angular` vertices: int32 [n, 3]."""
     this = np.arange(angular)
     after = (this + 1) % angular
     triangles = [np.column_stack([np.zeros_like(this), 1 + this, 1 + after])]

@@ -267,20 +267,6 @@ def test_opaque_walls_are_exact_at_the_tolerance_0(error: dict[str, Any]) -> Non
     assert np.sqrt(np.mean((image - truth) ** 2)) < 5e-5
 
 
-def test_columns_at_borders_are_as_right_as_others() -> None:
-    """Looked at along an axis, two pixels a voxel: columns 31 and 32, 63 and 64 lie on both sides of a border."""
-    volume = placed(hills((16, 40, 48), 20.0))
-    transfer = transfer_of((0, COLOR, 0.0), (1, (0.8, 0.5, 0.1), 0.1))
-    bricks = bricks_of(volume, transfer)
-    view = View(np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]), volume.centre, 100.0, "orthographic", 2.0, (96, 16))
-    truth = integrate(volume, transfer, view, step_voxels=0.5)
-    for cut, step in ((level_cut(bricks, 0), 0.5), (level_cut(bricks, 1), 0.5), (random_cut(bricks, 2), 0.5)):
-        image = rasterize_bricks_reference(batch_of(cut, bricks, step=step), ordered(cut, view), view)
-        of_column = np.sqrt(np.mean((image - truth) ** 2, axis=(0, 2)))
-        at_border = np.isin(np.arange(96), (31, 32, 63, 64))
-        assert of_column[at_border].max() < 1.1 * of_column[~at_border].max()
-
-
 def test_empty_bricks_beside_a_surface_show_no_coarse_fringe() -> None:
     """A ball that ends with the last voxel before a border, beyond which there are large empty bricks: they show half a
     voxel of it, as finely as it is drawn inside."""

@@ -138,8 +138,8 @@ def test_the_eye_in_a_plane_between_bricks(rasterizer: GLRasterizer, azimuth: fl
     ("strides", "size"),
     [((2,), (20, 15)), ((4, 1), (33, 25)), ((8, 2), (40, 12)), ((8, 4, 1), (33, 25)), ((4, 1), (1, 1))],
 )
-def test_thrift_with_pixels(rasterizer: GLRasterizer, strides: tuple[int, ...], size: tuple[int, int]) -> None:
-    """What is interpolated is the same; blocks at the threshold are few."""
+def test_subsampled_pixel_grids(rasterizer: GLRasterizer, strides: tuple[int, ...], size: tuple[int, int]) -> None:
+    """The same pixels are interpolated, except a few whose blocks are at the threshold."""
     bricks = hilly("oblique", None)
     cut = random_cut(bricks, 5)
     for camera in ("perspective", "inside"):
@@ -150,8 +150,11 @@ def test_thrift_with_pixels(rasterizer: GLRasterizer, strides: tuple[int, ...], 
 
 
 @pytest.mark.parametrize("least", [0.3, 1e-3])
-def test_thrift_with_what_is_hidden(rasterizer: GLRasterizer, least: float) -> None:
-    """The device looks now and then, the reference at every brick: they agree within the transmittance."""
+def test_early_ray_termination(rasterizer: GLRasterizer, least: float) -> None:
+    """Images agree within the transmittance at which rays end.
+
+    The GPU masks saturated pixels between groups of bricks; the reference stops at every brick.
+    """
     bricks = hilly("sheared", None)
     dense = replace(bricks, transfer=replace(bricks.transfer, extinctions=20 * bricks.transfer.extinctions))
     cut = level_cut(bricks, 0)
@@ -173,7 +176,7 @@ def test_bricks_that_are_left_out(rasterizer: GLRasterizer) -> None:
         np.testing.assert_allclose(image, rasterize_bricks_reference(batch, order, view), atol=PRECISION)
 
 
-def test_thrift_where_a_picture_is_even(rasterizer: GLRasterizer) -> None:
+def test_subsampled_grids_of_a_smooth_image(rasterizer: GLRasterizer) -> None:
     """A bank of fog: of its blocks some are flat, some on a slope, and some, where it ends, are drawn."""
     values = np.linspace(0, 200, 40 * 40 * 40).reshape(40, 40, 40)
     volume = placed(values.astype(np.uint8), AFFINES["anisotropic"])

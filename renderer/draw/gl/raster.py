@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from itertools import pairwise
 from typing import Any, Literal
 
 import moderngl
@@ -69,7 +70,8 @@ class GLRasterizer:
     def __init__(self, *, num_threads: int = 2, brick_backend: BrickBackend | None = None) -> None:
         self._context = _create_context()
         info = self._context.info
-        self._renderer_name = f"{info['GL_RENDERER']}, GL {info['GL_VERSION']}"  # a lost context has no info
+        # The names of device and driver; a lost context has no info.
+        self.renderer_name = f"{info['GL_RENDERER']}, GL {info['GL_VERSION']}"
         self._largest_point_px = float(info["GL_POINT_SIZE_RANGE"][1])
         with self._drawing():
             self._splat_buffer = self._context.buffer(reserve=BATCH_SIZE * VERTEX_BYTES, dynamic=True)
@@ -77,7 +79,7 @@ class GLRasterizer:
         self._programs: dict[tuple[str, str], Any] = {}
         self._target: Any = None
         self._bricks: GLBrickRenderer | CPURasterizer
-        if brick_backend == "device" or (brick_backend is None and not is_software(self._renderer_name)):
+        if brick_backend == "device" or (brick_backend is None and not is_software(self.renderer_name)):
             self._bricks = GLBrickRenderer(self._context, self._program, self._largest_point_px, num_threads)
         else:
             self._bricks = CPURasterizer(num_threads=num_threads)
@@ -92,11 +94,6 @@ class GLRasterizer:
         """Free the context and all that it holds."""
         self._bricks.release()
         self._context.release()
-
-    @property
-    def renderer_name(self) -> str:
-        """The names of device and driver, from GL."""
-        return self._renderer_name
 
     def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """Upload the bricks `batch[order]` to the device, and return whether any was missing.
@@ -229,20 +226,17 @@ class GLRasterizer:
         self._splat_buffer.orphan()
         self._splat_buffer.write(vertices)
         is_large = _size_bound_px(batch, vertices, camera) > self._largest_point_px
-        run_starts = np.concatenate([[0], np.flatnonzero(np.diff(is_large)) + 1])
-        run_ends = np.append(run_starts[1:], len(order))
+        run_ends = np.flatnonzero(np.diff(is_large)) + 1
         points = self._context.vertex_array(program, [vertex_content(self._splat_buffer, SPLAT_VERTEX)])
         large = np.repeat(vertices[is_large], 6, axis=0)
         quads = self._context.vertex_array(program, [vertex_content(self._buffer(large), SPLAT_VERTEX)])
-        num_quads = 0
-        for start, end in zip(run_starts, run_ends, strict=True):
-            num = int(end - start)
+        quads_before: npt.NDArray[np.int64] = np.cumsum(is_large) - is_large
+        for start, end in pairwise([0, *run_ends.tolist(), len(order)]):
             program["quads"] = bool(is_large[start])
             if is_large[start]:
-                quads.render(moderngl.TRIANGLES, vertices=6 * num, first=6 * num_quads)
-                num_quads += num
+                quads.render(moderngl.TRIANGLES, vertices=6 * (end - start), first=6 * int(quads_before[start]))
             else:
-                points.render(moderngl.POINTS, vertices=num, first=int(start))
+                points.render(moderngl.POINTS, vertices=end - start, first=start)
 
     def _draw_fans(self, program: Any, batch: SplatBatch, order: npt.NDArray[np.uint32]) -> None:
         """Draw Gouraud footprints: one instance of the mesh for each splat."""

@@ -1,4 +1,4 @@
-"""What a picture in bricks need not be exact in, by its tolerance."""
+"""Which pixels of an image of bricks are drawn at a tolerance, and where rays end."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TOLERANCES = np.geomspace(1e-4, 1e2, 61).tolist()
 CELL_PX = [1e-3, 0.3, 1.0, 2.0, 5.0, 40.0, 1e6]
 
 
-def test_nothing_is_spared_at_0() -> None:
+def test_all_pixels_are_drawn_at_tolerance_0() -> None:
     assert screen_sampling_at(0.0, 1.0) == ScreenSampling((1,), 0.0, 0.0)
 
 
@@ -38,16 +38,16 @@ def test_nothing_is_spared_at_0() -> None:
         (1e3, 1e-6, (1,)),
     ],
 )
-def test_lattices(tolerance: float, cell_px: float, strides: tuple[int, ...]) -> None:
-    """Of 1.35 cells at most from node to node for each tenth of the tolerance; all of them are refined."""
+def test_strides_of_the_subsampled_grids(tolerance: float, cell_px: float, strides: tuple[int, ...]) -> None:
+    """Drawn pixels are at most 1.35 cells apart for each tenth of the tolerance."""
     spread = min(DIFFERENCE_THRESHOLD * tolerance, MAX_DIFFERENCE_THRESHOLD) if len(strides) > 1 else 0.0
     assert screen_sampling_at(tolerance, cell_px) == ScreenSampling(
         strides, spread, min(TERMINATION_TRANSMITTANCE * tolerance, MAX_TERMINATION_TRANSMITTANCE)
     )
 
 
-def test_nodes_do_not_stand_beside_a_thin_volume() -> None:
-    """Two of them, at least, are on its thinnest side."""
+def test_a_stride_is_at_most_half_of_the_thinnest_side() -> None:
+    """At least two drawn pixels lie on the volume's thinnest side."""
     assert [screen_sampling_at(2.0, 5.0, thinnest_px).strides for thinnest_px in (7.9, 8.0, 15.9, 16.0)] == [
         (1,),
         (4, 2),
@@ -56,7 +56,7 @@ def test_nodes_do_not_stand_beside_a_thin_volume() -> None:
     ]
 
 
-def test_coarser_tolerances_and_larger_cells_draw_no_more() -> None:
+def test_coarser_tolerances_and_larger_cells_draw_no_more_pixels() -> None:
     for tolerance in TOLERANCES:
         for small, large in pairwise(CELL_PX):
             assert screen_sampling_at(tolerance, small).strides[0] <= screen_sampling_at(tolerance, large).strides[0]
