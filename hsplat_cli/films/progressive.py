@@ -29,10 +29,8 @@ from renderer.frame import (
     Rasterizer,
     ScheduleController,
     Stopwatch,
-    Workload,
     calibrate_costs,
     find_finest_in_time,
-    workload_of,
 )
 from renderer.scene import MetricTarget, SplatBudget, TimeBudget, scheduled_value, tolerance_at, with_tolerances
 from renderer.study import FilmPlan
@@ -76,9 +74,9 @@ class Pass(NamedTuple):
 
 
 class _Work(NamedTuple):
-    """The work of a frame. order_seconds: for the visibility order. size: as in Family."""
+    """The work of a frame, to draw and to sort it. size: as in Primitive."""
 
-    load: Workload
+    typical_seconds: float
     order_seconds: float
     size: float
 
@@ -181,8 +179,7 @@ class Refiner:
         goal, frames = self._error.goal, self._frames
         if isinstance(goal, MetricTarget):
             return False
-        per_splat = self._estimator.log.model.per_splat
-        max_cells = _MIN_PASS_FACTOR * first / per_splat if per_splat > 0 else math.inf
+        max_cells = self._estimator.max_cells(_MIN_PASS_FACTOR * first)
         if isinstance(goal, SplatBudget):
             return max(scheduled_value(goal.by_frame, frame) for frame in frames) <= max_cells
         if (
@@ -211,13 +208,13 @@ class Refiner:
             controller = ScheduleController(plan.stage)
             draw_lists = (controller.prepare_frame(frame, _stopwatch())[0] for frame in sampled_frames)
         return [
-            _Work(workload_of(draw_list), draw_list.order_seconds, self._estimator.size(draw_list.lod))
+            _Work(draw_list.typical_seconds, draw_list.order_seconds, self._estimator.size(draw_list.lod))
             for draw_list in draw_lists
         ]
 
     def _seconds(self, work: Sequence[_Work]) -> float:
         """Return the predicted mean seconds of a frame of the last pass."""
-        return statistics.fmean(self._estimator.log.predict(each.load) + each.order_seconds for each in work)
+        return statistics.fmean(self._estimator.seconds(each.typical_seconds, each.order_seconds) for each in work)
 
     def _calibrate_costs(self, work: Sequence[_Work]) -> None:
         """Measure what more cells cost, where the last pass has many more than the first, and more than one frame."""

@@ -3,10 +3,8 @@ from .budget import (
     LODCostEstimator as LODCostEstimator,
     ScheduleController as ScheduleController,
     ToleranceController as ToleranceController,
-    Workload as Workload,
     calibrate_costs as calibrate_costs,
     find_finest_in_time as find_finest_in_time,
-    workload_of as workload_of,
 )
 from .frame import (
     Frame as Frame,

@@ -46,6 +46,11 @@ class DrawList:
     orders: Orders
     order_seconds: float
 
+    @property
+    def typical_seconds(self) -> float:
+        """The time to draw the frame, in all its orders, on a typical machine."""
+        return self.lod.typical_seconds(self.orders, self.view)
+
     def upload(self, rasterizer: Rasterizer) -> bool:
         """Prepare the rasteriser for this frame and similar ones; return whether there was something to do."""
         return rasterizer.upload(self.lod.batch, self.orders[0][1], self.view)  # every order has the same elements

@@ -38,6 +38,9 @@ Orders = Sequence[tuple[float, npt.NDArray[np.uint32]]]
 # Takes the name of a step that has just ended.
 Lap = Callable[[str], object]
 
+# Seconds per frame, splat or brick, and pixel or sample, of a software renderer with two cores.
+_TYPICAL_FRAME_SECONDS, TYPICAL_CELL_SECONDS, _TYPICAL_PIXEL_SECONDS = 5e-3, 1e-6, 8e-9
+
 # Sizes of cuts are looked up to this many times the number of cells asked for, because more will be.
 _LOOK_AHEAD = 4
 
@@ -73,20 +76,28 @@ class LOD(ABC):
         """Return what is visible in a view, in the order in which it is drawn; each order has the same elements."""
 
     @abstractmethod
-    def workload(self, orders: Orders, view: View) -> tuple[float, float]:
-        """Return how many splats or bricks, and how many pixels or samples, these orders draw."""
+    def num_pixels(self, orders: Orders, view: View) -> float:
+        """Return how many pixels of footprints, or samples of bricks, these orders draw."""
+
+    def typical_seconds(self, orders: Orders, view: View) -> float:
+        """Return the time to draw these orders on a software renderer with two cores."""
+        num_cells = sum(len(order) for _, order in orders)
+        return (
+            _TYPICAL_FRAME_SECONDS
+            + TYPICAL_CELL_SECONDS * num_cells
+            + _TYPICAL_PIXEL_SECONDS * self.num_pixels(orders, view)
+        )
 
 
 class Primitive(ABC):
     """The way from a tolerance to a level of detail, for one footprint.
 
     initial_size: a size at which a frame shows its content. size_ratio: from one size worth trying to the next, and the
-    largest change at once. small_size_ratio: the largest change where a little time is at stake, to avoid popping.
+    largest change at once.
     """
 
     initial_size: ClassVar[float]
     size_ratio: ClassVar[float]
-    small_size_ratio: ClassVar[float]
 
     def __init__(self, stage: Stage) -> None:
         self._stage, self._with_edges = stage, stage.scene.overlay == "octree"
@@ -148,10 +159,9 @@ class SplatLOD(LOD):
     def orders(self, view: View) -> Orders:
         return visible_orders(self.batch, self.cut, view, self.order, self.order_blending)
 
-    def workload(self, orders: Orders, view: View) -> tuple[float, float]:
+    def num_pixels(self, orders: Orders, view: View) -> float:
         """As in LOD; the pixels are those of the squares around the footprints."""
-        num_pixels = len(orders) * total_square_area_px(self.batch, orders[0][1], model_view(self.batch, view))
-        return sum(len(order) for _, order in orders), num_pixels
+        return len(orders) * total_square_area_px(self.batch, orders[0][1], model_view(self.batch, view))
 
 
 class SplatPrimitive(Primitive):
@@ -159,7 +169,6 @@ class SplatPrimitive(Primitive):
 
     initial_size = 1000
     size_ratio = 4
-    small_size_ratio = 4
 
     def make_lod(self, tolerance: float, lap: Lap) -> SplatLOD:
         cut, scene = self._cut(tolerance), self._stage.scene
@@ -214,10 +223,9 @@ class BrickLOD(LOD):
     def orders(self, view: View) -> Orders:
         return [(1.0, visible_bricks(self.batch, view))]
 
-    def workload(self, orders: Orders, view: View) -> tuple[float, float]:
-        """As in LOD, in bricks and samples of the field."""
-        ((_, order),) = orders
-        return len(order), num_samples(self.batch, order, view)
+    def num_pixels(self, orders: Orders, view: View) -> float:
+        """As in LOD, in samples of the field."""
+        return num_samples(self.batch, orders[0][1], view)
 
 
 class BrickPrimitive(Primitive):
@@ -228,7 +236,6 @@ class BrickPrimitive(Primitive):
 
     initial_size = 60
     size_ratio = 16  # the number of samples grows with about the cube root
-    small_size_ratio = 2
 
     def __init__(self, stage: Stage, bricks: Bricks) -> None:
         super().__init__(stage)
@@ -255,7 +262,9 @@ class BrickPrimitive(Primitive):
     def work(self, tolerance: float) -> float:
         """As in Primitive: samples of one ray through every column of cells."""
         batch = self._batch(self._cut(tolerance), tolerance)
-        return float((_cells_in_bounds(batch.cut) / batch.steps).sum())
+        low, high = batch.cut.visible_bounds[:, 0], batch.cut.visible_bounds[:, 1]
+        cells = (high - low).prod(axis=1) / np.exp2(3.0 * batch.cut.levels)
+        return float((cells / batch.steps).sum())
 
     def tolerance_for_cells(self, num_cells: float) -> float:
         if self._sizes is None:
@@ -329,8 +338,3 @@ def _subsampling_cost_share(screen_sampling: ScreenSampling) -> float:
         differing = min(1.0, _DIFFERING_SHARE * screen_sampling.difference_threshold**-_THRESHOLD_EXPONENT)
         share += differing * stride**-_STRIDE_EXPONENT
     return float(share)
-
-
-def _cells_in_bounds(cut: BrickCut) -> npt.NDArray[np.float64]:
-    """Return the volume of each box in cells of its brick's level, float64 [n]."""
-    return np.asarray((cut.visible_bounds[:, 1] - cut.visible_bounds[:, 0]).prod(axis=1) / np.exp2(3.0 * cut.levels))

@@ -43,33 +43,26 @@ def suggest_for(
         take that one.
     Raises InputError for a volume that cannot be read or drawn.
     """
-    tried = _attempt(volume, read, colormap)
-    if hides_nonfinite and tried.fill is not None:
-        other = _attempt(replace(volume, nonfinite=tried.fill), read, colormap)
+    result, fill, shows = _attempt(volume, read, colormap)
+    if hides_nonfinite and fill is not None:
+        other, _, other_shows = _attempt(replace(volume, nonfinite=fill), read, colormap)
         # The fill value changes the volume, so it may show after all.
-        if tried.shows or not other.shows:
-            return other.result
-    return tried.result
+        if shows or not other_shows:
+            return other
+    return result
 
 
-@dataclass(frozen=True)
-class _Attempt:
-    """A suggestion for one fill value. fill: the value to try next, or None. shows: whether the present one is
-    visible."""
-
-    result: VolumeSuggestion
-    fill: float | None = None
-    shows: bool = False
-
-
-def _attempt(spec: VolumeSpec, read: Callable[[VolumeSpec], Volume], colormap: str | None) -> _Attempt:
+def _attempt(
+    spec: VolumeSpec, read: Callable[[VolumeSpec], Volume], colormap: str | None
+) -> tuple[VolumeSuggestion, float | None, bool]:
+    """Return a suggestion for one fill value, the value to try next, if any, and whether the present one is visible."""
     volume = read(spec)
     raise_problems(volume_problems(volume_extent(volume), volume.name))
     statistics = compute_statistics(volume.values, volume.source)
     suggestion = _with_8_bit_colors(suggest(volume, statistics, colormap))
     result = VolumeSuggestion(spec, suggestion, volume.values.dtype.kind == "f")
     if not volume.num_nonfinite:
-        return _Attempt(result)
+        return result, None, False
     is_lowest = spec.nonfinite == "lowest"
     transfer = make_transfer_function(result.suggestion.transfer, volume.finest_spacing)
     shows = bool(transfer.classify(np.array([volume.nonfinite_fill_value]))[1][0] > 0)
@@ -79,7 +72,7 @@ def _attempt(spec: VolumeSpec, read: Callable[[VolumeSpec], Volume], colormap: s
         f"{'can be seen' if shows else 'is not seen'}"
     )
     fill = suggest_nonfinite_fill(volume, statistics) if is_lowest else None
-    return _Attempt(replace(result, nonfinite=note), fill, shows)
+    return replace(result, nonfinite=note), fill, shows
 
 
 def _with_8_bit_colors(suggestion: Suggestion) -> Suggestion:

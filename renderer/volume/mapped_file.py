@@ -60,21 +60,23 @@ class MappedFile:
                 got=error.strerror,
                 hint=_HINT,
             ) from error
+        got = expected = None
         if (status.st_dev, status.st_ino) != (self.device, self.inode):
-            raise InputError(
-                "the volume's file was replaced by another while it was in use", where=str(self.path), hint=_HINT
-            )
-        if status.st_size != self.num_bytes:
+            change = "was replaced by another"
+        elif status.st_size != self.num_bytes:
             change = "became shorter" if status.st_size < self.num_bytes else "grew"
-            raise InputError(
-                f"the volume's file {change} while it was in use",
-                where=str(self.path),
-                got=f"{status.st_size} bytes",
-                expected=f"{self.num_bytes} bytes, as when it was opened",
-                hint=_HINT,
-            )
-        if status.st_mtime_ns != self.modified_ns:
-            raise InputError("the volume's file was written to while it was in use", where=str(self.path), hint=_HINT)
+            got, expected = f"{status.st_size} bytes", f"{self.num_bytes} bytes, as when it was opened"
+        elif status.st_mtime_ns != self.modified_ns:
+            change = "was written to"
+        else:
+            return
+        raise InputError(
+            f"the volume's file {change} while it was in use",
+            where=str(self.path),
+            got=got,
+            expected=expected,
+            hint=_HINT,
+        )
 
 
 # Called with the file and the mapped array, of any strides, before it is read.

@@ -7,9 +7,30 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from renderer.scene import TransferSpec
+from renderer.suggest import Suggestion, compute_statistics, suggest
+from renderer.transfer import make_transfer_function
+from renderer.volume import Volume, make_volume
+
 Array = npt.NDArray[Any]
 
 N = 48
+
+
+def volume_of(values: Array, spacing: float = 1.0) -> Volume:
+    """Return a volume of cubic voxels."""
+    return make_volume(np.ascontiguousarray(values), np.diag([spacing] * 3 + [1.0]), "made up")
+
+
+def suggested(values: Array, spacing: float = 1.0, colormap: str | None = None) -> Suggestion:
+    """Return what is suggested for a volume."""
+    volume = volume_of(values, spacing)
+    return suggest(volume, compute_statistics(volume.values), colormap)
+
+
+def extinction(transfer: TransferSpec, *values: float, spacing: float = 1.0) -> list[float]:
+    """Return the extinction of each value."""
+    return list(make_transfer_function(transfer, spacing).classify(np.array(values))[1])
 
 
 def axes(n: int = N) -> tuple[Array, Array, Array]:

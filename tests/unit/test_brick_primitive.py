@@ -153,9 +153,8 @@ def test_the_workload_equals_counted_samples(projection: str, tolerance: float) 
     view = look(projection, size=(120, 90), target=tuple(target), distance=150.0)
     orders = lod.orders(view)
     lod = replace(lod, batch=replace(lod.batch, screen_sampling=ScreenSampling((1,), 0.0, 0.0)))
-    num_bricks, num = lod.workload(orders, view)
-    assert num_bricks == len(orders[0][1]) == lod.num_cells
-    assert num == pytest.approx(counted(lod, view), rel=0.08)
+    assert len(orders[0][1]) == lod.num_cells
+    assert lod.num_pixels(orders, view) == pytest.approx(counted(lod, view), rel=0.08)
 
 
 def test_subsampled_pixel_grids_cost_less() -> None:
@@ -168,7 +167,7 @@ def test_subsampled_pixel_grids_cost_less() -> None:
 
     def load(*strides: int, spread: float = 0.1) -> float:
         screen_sampling = ScreenSampling(strides, spread, 0.0)
-        return replace(lod, batch=replace(lod.batch, screen_sampling=screen_sampling)).workload(orders, view)[1]
+        return replace(lod, batch=replace(lod.batch, screen_sampling=screen_sampling)).num_pixels(orders, view)
 
     assert load(4) < load(4, 2) < load(4, 1) < load(1)
     assert load(4) < load(2) < load(1) < load(2, 1, spread=0.001)
@@ -179,7 +178,7 @@ def test_bricks_out_of_view_take_no_samples() -> None:
     stage = stage_of(PLAIN, lumps())
     lod = make_primitive(stage).make_lod(0.1, lambda name: None)
     view = look(target=(1e4, 0.0, 0.0), distance=10.0)
-    assert lod.workload(lod.orders(view), view) == (0, 0.0)
+    assert lod.num_pixels(lod.orders(view), view) == 0
 
 
 def test_samples_around_the_eye_are_bounded() -> None:

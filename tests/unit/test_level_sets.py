@@ -7,17 +7,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from kinds_of_data import axes, blurred, noise
+from kinds_of_data import axes, blurred, noise, suggested
 
 from renderer.suggest import compute_statistics, suggest
 from renderer.volume import make_volume
 
 Array = npt.NDArray[Any]
-
-
-def kind(values: Array) -> str:
-    volume = make_volume(np.ascontiguousarray(values), np.eye(4), "made up")
-    return suggest(volume, compute_statistics(volume.values)).kind
 
 
 def radius(z0: float = 0.0, y0: float = 0.0, x0: float = 0.0) -> Array:
@@ -47,6 +42,12 @@ def overshooting() -> Array:
     return np.rint(np.where(distance < 0.08, -40.0, tissue) + 3 * noise(10)).astype(np.int16)
 
 
+def ellipsoid_at_the_border(z0: float) -> Array:
+    """An ellipsoid's equation, around a centre at z0."""
+    z, y, x = axes()
+    return ((z - z0) / 0.75) ** 2 + (y / 0.5) ** 2 + (x / 0.5) ** 2 - 1
+
+
 DISTANCES = {
     "a ball": radius() - 0.5,
     "a small ball": radius(0.3, -0.2, 0.4) - 0.1,
@@ -60,6 +61,7 @@ DISTANCES = {
 OTHER_LEVEL_SETS = {
     "a sphere's equation": radius() ** 2 - 0.25,
     "an ellipsoid's equation": axes()[0] ** 2 + 2 * axes()[1] ** 2 + 4 * axes()[2] ** 2 - 0.8,
+    "an ellipsoid that meets the border, five times more frequent inside": ellipsoid_at_the_border(-0.5),
 }
 NO_LEVEL_SETS = {
     "one voxel of a smooth field": marked(random_field() + 6, -0.01),
@@ -68,6 +70,7 @@ NO_LEVEL_SETS = {
     "valleys of a random field": random_field() + 2.5,
     "one slice of a random field": (random_field() + 2.5)[:1],
     "noise": 300 + 120 * noise(9),
+    "half an ellipsoid, three times more frequent inside": ellipsoid_at_the_border(-0.72),
     "an edge that overshoots": overshooting(),
     "a cold core": 20 + 3 * random_field() - 40 * np.exp(-(radius() ** 2) / 0.01),
     "ice in a room": 20 + 4 * axes()[0] + axes()[1] - 40 * np.exp(-(radius() ** 2) / 0.03),
@@ -77,7 +80,7 @@ NO_LEVEL_SETS = {
 @pytest.mark.parametrize("name", DISTANCES | OTHER_LEVEL_SETS)
 @pytest.mark.parametrize("sign", [1, -1])
 def test_level_sets_are_recognised(name: str, sign: int) -> None:
-    assert kind(sign * (DISTANCES | OTHER_LEVEL_SETS)[name]) == "level set"
+    assert suggested(sign * (DISTANCES | OTHER_LEVEL_SETS)[name]).kind == "level set"
 
 
 def test_distances_are_recognised_where_voxels_are_no_cubes() -> None:
@@ -93,9 +96,9 @@ def test_distances_are_recognised_where_voxels_are_no_cubes() -> None:
 def test_a_few_voxels_beyond_0_make_no_level_set(name: str, sign: int) -> None:
     values = sign * NO_LEVEL_SETS[name]
     assert values.min() < 0 < values.max()
-    assert kind(values) != "level set"
+    assert suggested(values).kind != "level set"
 
 
 def test_one_voxel_changes_nothing() -> None:
     values = random_field() + 6
-    assert kind(values) == kind(marked(values, -0.01)) == "filled volume"
+    assert suggested(values).kind == suggested(marked(values, -0.01)).kind == "filled volume"

@@ -7,13 +7,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from kinds_of_data import KINDS, axes, head_in_hounsfield_units, two_materials
+from kinds_of_data import KINDS, axes, extinction, head_in_hounsfield_units, suggested, two_materials
 
 from renderer.scene import ColormapSpec
-from renderer.suggest import Suggestion, compute_statistics, suggest
+from renderer.suggest import compute_statistics
 from renderer.suggest.nodata import OutlierValue
-from renderer.transfer import make_transfer_function
-from renderer.volume import make_volume
 
 Array = npt.NDArray[Any]
 
@@ -25,15 +23,6 @@ FLOAT_MAX = float(np.finfo(np.float32).max)
 NAMES = ("head as float32", "microscopy", "signed", "filled, signed", "density", "distance")
 
 
-def suggested(values: Array, colormap: str | None = None) -> Suggestion:
-    volume = make_volume(np.ascontiguousarray(values), np.eye(4), "made up")
-    return suggest(volume, compute_statistics(volume.values), colormap)
-
-
-def extinction(suggestion: Suggestion, *values: float) -> list[float]:
-    return list(make_transfer_function(suggestion.transfer, 1.0).classify(np.array(values))[1])
-
-
 @pytest.mark.parametrize("fill", [1e20, 9.96921e36, FLOAT_MAX, -FLOAT_MAX, -1e5])
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("where", [SLAB, TUBE], ids=["slab", "tube"])
@@ -43,8 +32,8 @@ def test_the_kind_is_that_of_the_others(name: str, where: Array, fill: float) ->
     found = suggested(values)
     assert found.kind == KINDS[name][1]
     assert len(found.outlier_notes) == 1 and "taken for a fill value" in found.outlier_notes[0]
-    np.testing.assert_array_equal(extinction(found, float(np.float32(fill))), 0)
-    assert max(extinction(found, *np.unique(values[~where]).tolist())) > 0
+    np.testing.assert_array_equal(extinction(found.transfer, float(np.float32(fill))), 0)
+    assert max(extinction(found.transfer, *np.unique(values[~where]).tolist())) > 0
 
 
 @pytest.mark.parametrize("colormap", [None, "viridis"])
@@ -52,11 +41,11 @@ def test_only_the_far_side_of_the_others_becomes_transparent(colormap: str | Non
     plain = KINDS["microscopy"][0].astype(np.float32)
     values = plain.copy()
     values[0] = 1e20
-    found, before = suggested(values, colormap), suggested(plain, colormap)
+    found, before = (suggested(each, colormap=colormap) for each in (values, plain))
     assert isinstance(found.transfer.mapping, ColormapSpec) == (colormap is not None)
     top = float(plain.max())
-    assert extinction(found, 1e20) == [0]
-    assert extinction(found, top) == pytest.approx(extinction(before, top), rel=0.1)
+    assert extinction(found.transfer, 1e20) == [0]
+    assert extinction(found.transfer, top) == pytest.approx(extinction(before.transfer, top), rel=0.1)
 
 
 @pytest.mark.parametrize("outliers", [(1e30,), (1e6,), (-1e30, 1e30), (-32768.0, 32767.0)])

@@ -10,7 +10,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from kinds_of_data import KINDS, N, axes, head_in_hounsfield_units, labels, signed, two_materials
+from kinds_of_data import (
+    KINDS,
+    N,
+    axes,
+    extinction,
+    head_in_hounsfield_units,
+    labels,
+    signed,
+    suggested,
+    two_materials,
+    volume_of,
+)
 
 from renderer.draw import GLRasterizer
 from renderer.frame import prepare_stage, render_frames
@@ -23,29 +34,14 @@ from renderer.scene import (
     OutputSpec,
     Scene,
     SplatSpec,
-    TransferSpec,
     TurntablePath,
     VolumeSpec,
 )
-from renderer.suggest import Suggestion, compute_statistics, suggest, suggestion
+from renderer.suggest import compute_statistics, suggest, suggestion
 from renderer.suggest.suggestion import hounsfield_zero
 from renderer.transfer import make_transfer_function
-from renderer.volume import Volume, make_volume
 
 Array = npt.NDArray[Any]
-
-
-def volume_of(values: Array, spacing: float = 1.0) -> Volume:
-    return make_volume(np.ascontiguousarray(values), np.diag([spacing] * 3 + [1.0]), "made up")
-
-
-def suggested(values: Array, spacing: float = 1.0, colormap: str | None = None) -> Suggestion:
-    volume = volume_of(values, spacing)
-    return suggest(volume, compute_statistics(volume.values), colormap)
-
-
-def extinction(transfer: TransferSpec, *values: float, spacing: float = 1.0) -> list[float]:
-    return list(make_transfer_function(transfer, spacing).classify(np.array(values))[1])
 
 
 def picture(values: Array, rasterizer: GLRasterizer, size: int = 64) -> Array:
