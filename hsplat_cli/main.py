@@ -149,12 +149,19 @@ def _print_error(text: str) -> None:
 
 def _is_out_of_memory(error: BaseException) -> bool:
     """Return whether memory or address space ran out, which libraries and threads report as errors of other kinds."""
-    has_code = isinstance(error, OSError) and error.errno == errno.ENOMEM
-    has_text = isinstance(error, (OSError, ImportError, RuntimeError)) and any(
-        text in str(error) for text in _OUT_OF_MEMORY_TEXTS
+    chain: list[BaseException] = []
+    while error not in chain:
+        chain.append(error)
+        error = error.__cause__ or error.__context__ or error
+    return any(
+        isinstance(one, MemoryError)
+        or (isinstance(one, OSError) and one.errno == errno.ENOMEM)
+        or (
+            isinstance(one, (OSError, ImportError, RuntimeError))
+            and any(text in str(one) for text in _OUT_OF_MEMORY_TEXTS)
+        )
+        for one in chain
     )
-    earlier = error.__cause__ or error.__context__
-    return isinstance(error, MemoryError) or has_code or has_text or bool(earlier and _is_out_of_memory(earlier))
 
 
 def _address_space_hint() -> str | None:

@@ -35,6 +35,7 @@ class _Invalid:
 
 INVALID: Any = _Invalid()
 
+_NOT_A_LIST = "not a list"
 _NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d{1,9})?", re.ASCII)
 _DECIMAL_COMMA = re.compile(r"[-+]?\d{1,20},\d{1,20}", re.ASCII)
 
@@ -217,9 +218,12 @@ def word_or(words: Mapping[str, Any], other: FieldType[Any], expected: str) -> F
         found: list[Problem] = []
         value = other.parse(replace(node, problems=found))
         for problem in found:
-            hint = problem.hint or did_you_mean(node.value, words)
-            is_whole = problem.path == node.path
-            node.problems.append(replace(problem, expected=expected, hint=hint) if is_whole else problem)
+            if problem.path == node.path:  # of the whole value
+                hint = problem.hint or did_you_mean(node.value, words)
+                what = "unknown value" if problem.what == _NOT_A_LIST and isinstance(node.value, str) else problem.what
+                node.problems.append(replace(problem, what=what, expected=expected, hint=hint))
+            else:
+                node.problems.append(problem)
         return value
 
     return FieldType(expected, parse, other.empty_hint)
@@ -233,7 +237,7 @@ def sequence_field(item: FieldType[T], expected: str, *, count: int | None = Non
 
     def parse(node: TreeNode) -> tuple[T, ...]:
         if not isinstance(node.value, (list, tuple)):
-            return field.reject(node, "not a list")
+            return field.reject(node, _NOT_A_LIST)
         if len(node.value) != count if count else not node.value:
             return field.reject(node, "wrong number of items")
         return tuple(item.read(node.child(index, value)) for index, value in enumerate(node.value))
