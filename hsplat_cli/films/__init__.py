@@ -2,6 +2,14 @@
 
 In: a `Job` and an `ExecutorSpec`, or parts. Out: a `FilmResult`: its file, its sidecar and the records of its frames.
 Unfinished films resume where they stopped. A film that is up to date is not drawn again.
+
+- `render.py`: the one loop over passes and frames; `progressive.py`: passes that refine; `background.py`: frames are
+  encoded while the next one is drawn; `film.py`: the result.
+- `resume.py`: up to date, or frames to resume from; `fingerprint.py`: what frames depend on.
+- `goals.py`: cells, seconds or an accuracy to tolerances; `accuracy.py`: the search for an accuracy.
+- `sidecar_record.py`: the content of the sidecar.
+- `assemble/`: one film of parts: `parts.py` finds them, `agreement.py` compares them, `part_schema.py` checks their
+  sidecars, `assembly.py` writes the film, `merged_sidecar.py` its sidecar.
 """
 
 import lazy_loader

@@ -2,6 +2,10 @@
 
 `write_study` and `terminal_table` report a study. Other rooms render their own templates with `render_page`, and format
 numbers as here.
+
+- `study_files.py` writes all files; `study_html.py`: the page; `tables.py`: text, CSV and JSON; `columns.py`: the
+  columns of both; `plots.py`: error against cost; `costs.py`: what a PSNR costs.
+- `html.py`: templates, SVG and pictures in a page; `number_format.py`: significant digits. `templates/`: jinja.
 """
 
 import lazy_loader

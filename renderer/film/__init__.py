@@ -3,6 +3,12 @@
 In: float images. Out: PNG frames, MP4 or GIF films and their sidecars. `open_film` writes a film under temporary names
 and renames it at the end. `FrameCheckpoint` keeps finished frames of an unfinished film, from which a job resumes, and
 `locked_output` keeps two jobs from writing the same film.
+
+- `writer.py`: frames to a film; `encode.py`: ffmpeg with its codec and bit rate; `stream_tail.py`: what ffmpeg prints.
+- `quantization.py`: float to 8 bits; `picture.py`: a finished frame; `png.py`: PNG files.
+- `atomic.py`: temporary names, renamed at the end; `names.py`: the names of frames and files; `inputs.py`: no output
+  overwrites an input; `lock.py`: one job at a time; `checkpoint.py`: finished frames of an unfinished film.
+- `sidecar.py`: writes the JSON file beside an output.
 """
 
 import lazy_loader

@@ -3,6 +3,11 @@
 In: `Scene`. Out: `Stage` (volume, pyramid, camera path), and from it a `Frame` for each frame number: cut, sort, draw,
 round. A `ToleranceController` follows the schedule or a budget of seconds. `serialize_stage` takes a stage to another
 process.
+
+- `pipeline.py`: the table of contents, from a scene to its frames; `stage.py`: what all frames of a film share.
+- `frame.py`: one frame; `primitives.py`: the level of detail at a tolerance, as splats or bricks.
+- `budget.py`: the tolerance of a frame, by the schedule or by a budget of seconds.
+- `transport.py`: a stage as bytes, for other processes; `records.py`: films and frames as plain data, for the sidecar.
 """
 
 import lazy_loader

@@ -3,6 +3,10 @@
 In: `Volume`, `TransferFunction`. Out: `Pyramid`; `Cut`, the coarsest nodes whose error is below a tolerance (Laur and
 Hanrahan 1991); `CutSizes`, from which a budget of cells finds its tolerance. Means and variances of children are merged
 as in Chan, Golub and LeVeque 1979.
+
+- `pyramid.py`: builds it, level by level, with the error of each node; `nodes.py`: voxels to nodes and nodes merged,
+  compiled; `memory.py`: its arrays; `empty_space.py`: blocks that show nothing are left out.
+- `cut.py`: the nodes drawn at a tolerance; `cut_size.py`: the number of cells at any tolerance, for a budget of cells.
 """
 
 import lazy_loader

@@ -3,6 +3,11 @@
 In: pictures, or a scene and a plan. Out: metrics (PSNR; SSIM, Wang et al. 2004; FLIP, Andersson et al. 2020), sweeps
 over tolerances with their Pareto front, the tolerance that reaches an accuracy, and the limits by which golden frames
 are compared.
+
+- `metrics.py`: RMSE, PSNR, SSIM, FLIP, Delta-E. `truths.py`: the truth of a frame. `thumbnails.py`: small pictures.
+- `plan.py`: the goal of a scene to tolerances of frames; `tolerance_search.py`: the tolerance for an accuracy.
+- `sweep.py`: cost and accuracy of many settings; `pareto.py`: those that no other beats; `results.py`: their record.
+- `comparison.py`: a picture and its golden frame: errors, limits, and what exceeds them.
 """
 
 import lazy_loader

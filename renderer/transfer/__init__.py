@@ -3,6 +3,10 @@
 In: control points or a colormap. Out: `TransferFunction`; `Classifier`, which compiled loops classify voxels by; the
 table that bricks are drawn by; the min-max test for empty-space skipping; Lambert's law.
 Emission and absorption by Max 1995: tau = -log1p(-opacity) / unit.
+
+- `transfer_function.py`: control points to extinctions, exactly; `piecewise.py`: the one table of linear pieces.
+- `classify.py`: one voxel to colour and extinction, compiled; `shading.py`: Lambert's law on the gradient.
+- `visibility.py`: the min-max test, whether anything between two scalars shows.
 """
 
 import lazy_loader

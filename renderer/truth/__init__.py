@@ -3,6 +3,9 @@
 In: `Volume`, transfer function and `View`. Out: float64 images of the continuous field: trilinear interpolation, then
 classification (Max 1995). `converged_image` halves the steps of `integrate` until nothing changes; verified by its
 order of convergence (Etiene et al. 2014).
+
+- `integrator.py`: the image, and the steps halved until it converges; `kernel.py`: one ray, compiled; `cubic.py`: the
+  field along a ray through a cell is a cubic polynomial.
 """
 
 import lazy_loader

@@ -2,6 +2,9 @@
 
 In: voxels [z, y, x] and an affine. Out: `Volume`, read-only. Voxels of large files stay in their file
 (`MappedFile`) and are read when they are used.
+
+- `volume.py`: the voxels and their affine; spacing, centre and corners in the world.
+- `mapped_file.py`: voxels that stay in their file.
 """
 
 import lazy_loader

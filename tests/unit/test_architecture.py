@@ -109,9 +109,13 @@ def test_imports_go_one_way_and_through_doors(room: str) -> None:
 
 @pytest.mark.parametrize("room", ["renderer", *ROOMS[:-1]])  # commands are found by their files
 def test_doors_open(room: str) -> None:
-    """A docstring of two to six lines, and public names that are there."""
+    """A docstring that says what comes in and goes out, and what each file does; public names that are there."""
     door = importlib.import_module(room)
-    assert 2 <= len((door.__doc__ or "").strip().splitlines()) <= 6
+    summary, _, files = (door.__doc__ or "").partition("\n- ")
+    assert 2 <= len(summary.strip().splitlines()) <= 6
+    for module, path in SOURCES.items():
+        if _room(module) == room and path.name != "__init__.py":
+            assert f"`{path.name}`" in files or f"/{path.name}`" in files, f"{module} is not in the list of files"
     assert door.__all__
     for name in door.__all__:
         assert getattr(door, name, None) is not None, name
