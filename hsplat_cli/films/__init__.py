@@ -6,7 +6,8 @@ Unfinished films resume where they stopped. A film that is up to date is not dra
 - `render.py`: the one loop over passes and frames; `progressive.py`: passes that refine; `background.py`: frames are
   encoded while the next one is drawn; `film.py`: the result.
 - `resume.py`: up to date, or frames to resume from; `fingerprint.py`: what frames depend on.
-- `goals.py`: cells, seconds or an accuracy to tolerances; `accuracy.py`: the search for an accuracy.
+- `goals.py`: the tolerances for what a scene asks for, found before frames are drawn; `accuracy.py`: those for an
+  accuracy.
 - `sidecar_record.py`: the content of the sidecar.
 - `assemble/`: one film of parts: `parts.py` finds them, `agreement.py` compares them, `part_schema.py` checks their
   sidecars, `assembly.py` writes the film, `merged_sidecar.py` its sidecar.

@@ -4,7 +4,7 @@
 numbers as here.
 
 - `study_files.py` writes all files; `study_html.py`: the page; `tables.py`: text, CSV and JSON; `columns.py`: the
-  columns of both; `plots.py`: error against cost; `costs.py`: what a PSNR costs.
+  columns of the page and of the terminal; `plots.py`: error against cost; `costs.py`: what a PSNR costs.
 - `html.py`: templates, SVG and pictures in a page; `number_format.py`: significant digits. `templates/`: jinja.
 """
 

@@ -1,4 +1,4 @@
-"""Prints, and reads what is typed.
+"""Prints, and reads values of the command line.
 
 `Reporter` is the one thing that prints: results, lines, notes and progress; a command makes one and hands it down. The
 rest turns counts into text, and durations, frame ranges and output paths of the command line into values. Also:

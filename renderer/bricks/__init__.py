@@ -1,13 +1,13 @@
-"""The volume in bricks of 16^3 cells, for the integrated footprint.
+"""The volume in bricks of 16^3 cells, which the default footprint, `integrated`, draws.
 
 In: `Volume`, `TransferFunction`. Out: `Bricks` of every level, with their pyramid; `BrickCut`, those drawn at a
 tolerance; `BrickBatch`, the cut with a step length for each brick; their texels. The field is interpolated inside a
 brick and integrated along each ray (Max 1995).
 
-- `bricks.py`: builds all levels; `subvoxel.py`: visible bounds and sub-voxel variation of bricks of voxels;
-  `node_statistics.py`: errors, bounds and step error estimates of bricks of nodes.
-- `brick_cut.py`: the bricks drawn at a tolerance, and their number; `sampling.py`: step lengths, samples and jitter.
-- `texels.py`: what is interpolated in a brick and its halo; `means.py`: means of levels that are not stored;
+- `bricks.py`: builds all levels; `subvoxel.py`: visible bounds and sub-voxel variation of the finest level, whose cells
+  are voxels; `node_statistics.py`: errors, bounds and step error estimates of the others, whose cells are nodes.
+- `brick_cut.py`: which bricks are drawn at a tolerance, and how many; `sampling.py`: step lengths, samples and jitter.
+- `texels.py`: what is interpolated in a brick and its halo; `means.py`: means of fine levels, made when they are drawn;
   `layout.py`: where cells lie in a brick, compiled.
 """
 

@@ -1,7 +1,7 @@
 """Sorted splats or bricks to a float image.
 
-In: `SplatBatch` or `BrickBatch`, the order of its elements, and a `View`. Out: float32 [height, width, 4], RGBA over
-nothing, premultiplied. There are two backends, OpenGL and compiled loops on the CPU:
+In: `SplatBatch` or `BrickBatch`, the order of its elements, and a `View`. Out: float32 [height, width, 4],
+premultiplied RGBA without a background. There are two backends, OpenGL and compiled loops on the CPU:
 
 - `gl/raster.py` makes the OpenGL context, and draws splats and the lines of an overlay. `gl/shaders/project.glsl`
   projects a splat to an ellipse, and cuts it at the near plane (Zwicker et al. 2001). `gl/programs.py` loads shaders.
@@ -11,8 +11,9 @@ nothing, premultiplied. There are two backends, OpenGL and compiled loops on the
   `cpu/sample.py` interpolates and classifies a sample; `cpu/atlas.py` keeps texels in memory.
 
 Both share `brick_view.py` (the record of a brick), `brick_cache.py` (which bricks are uploaded or evicted),
-`subsampling.py` (pixel grids) and `constants.py`. `compositing.py` bounds the rounding of many layers of splats,
-`overlay.py` makes the lines of cells, and `recovery.py` opens a backend and replaces it when its context is lost.
+`subsampling.py` (pixels between those that are drawn are interpolated) and `constants.py`. `compositing.py` adds up
+many layers of splats in float64, `overlay.py` makes the lines of cells, and `recovery.py` opens a backend and replaces
+it when its context is lost.
 """
 
 import lazy_loader

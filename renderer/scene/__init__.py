@@ -7,8 +7,8 @@ Its field types also check sidecars and golden records. Importing it imports no 
   key; `editor.py` applies `--set` and other options, and locates problems.
 - `spec.py` has the frozen `Scene`; each section's keys, types, defaults and checks are in `volume_section.py`,
   `transfer_section.py`, `camera_section.py`, `error_section.py`, `splat_section.py` and `output_section.py`.
-- `schema.py`: the types of fields; `parse.py`: plain data to a Scene and back; `limits.py`: numbers that must fit each
-  other; `colormaps.py`: named colormaps; `message_text.py`: values in messages.
+- `schema.py`: the types of fields; `parse.py`: plain data to a Scene and back; `limits.py`: checks of several numbers
+  together; `colormaps.py`: named colormaps; `message_text.py`: values in messages.
 - `schedule.py`: the tolerance or budget of each frame; `metric_target.py`: an accuracy to reach, such as psnr=38.
 """
 

@@ -3,7 +3,7 @@
 In: `Cut`, and the scene's footprint. Out: `SplatBatch` of centres, sizes, colours and optical depths, with the
 footprint that spreads each over pixels: Gaussian without ripple, or Gouraud-shaded triangles (Laur and Hanrahan 1991).
 
-- `splats.py`: all of it.
+- `splats.py`: cells to splats, and the formulas of both footprints.
 """
 
 import lazy_loader

@@ -5,7 +5,7 @@ over tolerances with their Pareto front, the tolerance that reaches an accuracy,
 are compared.
 
 - `metrics.py`: RMSE, PSNR, SSIM, FLIP, Delta-E. `truths.py`: the truth of a frame. `thumbnails.py`: small pictures.
-- `plan.py`: the goal of a scene to tolerances of frames; `tolerance_search.py`: the tolerance for an accuracy.
+- `plan.py`: the tolerance of each frame, from any goal of a scene; `tolerance_search.py`: the one for an accuracy.
 - `sweep.py`: cost and accuracy of many settings; `pareto.py`: those that no other beats; `results.py`: their record.
 - `comparison.py`: a picture and its golden frame: errors, limits, and what exceeds them.
 """

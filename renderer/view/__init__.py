@@ -3,11 +3,12 @@
 In: `CameraSpec`, and world positions of what is visible. Out: a `View` for each frame, framed so that nothing is
 clipped; the order of the splats or bricks that it sees, and their place on the image.
 
-- `camera.py`: the view of one frame. `paths.py`: turntables, rockers and keyframes. `framing.py`: the camera distance
-  at which all that is visible is in the image.
-- `splat_projection.py` culls and sorts splats; `order_blending.py` blends depth orders while a film turns.
-- `brick_projection.py` culls bricks, finds their rectangles on the image, and sets up the rays that meet them.
-- `visibility.py`: orders by depth, and of the octree's nodes as boxes (Laur and Hanrahan 1991).
+- `camera.py`: the view of one frame. `paths.py`: turntables, rockers (back and forth) and keyframes. `framing.py`: the
+  camera distance at which all that is visible is in the image.
+- `splat_projection.py` leaves out the splats that a view does not see, and sorts the others. `order_blending.py`: splats
+  are drawn in two orders, and blended, while a turning camera passes from one to the other.
+- `brick_projection.py`: the bricks that a view sees, their rectangles on the image, and the rays that meet them.
+- `depth_order.py`: back to front, of points by depth and of octree nodes as boxes (Laur and Hanrahan 1991).
 """
 
 import lazy_loader

@@ -16,8 +16,8 @@ import numpy.typing as npt
 from renderer.bricks import BRICK_LEVELS, BrickBatch
 from renderer.jit import jit
 from renderer.view.camera import View
+from renderer.view.depth_order import box_order
 from renderer.view.splat_projection import ModelView, model_view
-from renderer.view.visibility import box_order
 from renderer.volume import Volume
 
 Float64 = npt.NDArray[np.float64]

@@ -13,8 +13,8 @@ from renderer.jit import jit
 from renderer.pyramid import Cut
 from renderer.splats import SplatBatch
 from renderer.view.camera import View
+from renderer.view.depth_order import box_order, depth_order
 from renderer.view.order_blending import OrderBlending, sort_directions
-from renderer.view.visibility import box_order, depth_order
 
 Float64 = npt.NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import pytest
 
 from renderer.pyramid import Cut
 from renderer.view import View
-from renderer.view.visibility import box_order, depth_order
+from renderer.view.depth_order import box_order, depth_order
 from renderer.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]

@@ -14,7 +14,7 @@ from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, BrickBatch, BrickCut, Bric
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.view import View
-from renderer.view.visibility import box_order
+from renderer.view.depth_order import box_order
 from renderer.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
