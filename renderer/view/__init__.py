@@ -5,8 +5,8 @@ clipped; the order of the splats or bricks that it sees, and their place on the 
 
 - `camera.py`: the view of one frame. `paths.py`: turntables, rockers (back and forth) and keyframes. `framing.py`: the
   camera distance at which all that is visible is in the image.
-- `splat_projection.py` leaves out the splats that a view does not see, and sorts the others. `order_blending.py`: splats
-  are drawn in two orders, and blended, while a turning camera passes from one to the other.
+- `splat_projection.py` leaves out the splats that a view does not see, and sorts the others. `order_blending.py`:
+  splats are drawn in several orders, and blended, while a turning camera passes from one to the other.
 - `brick_projection.py`: the bricks that a view sees, their rectangles on the image, and the rays that meet them.
 - `depth_order.py`: back to front, of points by depth and of octree nodes as boxes (Laur and Hanrahan 1991).
 """
