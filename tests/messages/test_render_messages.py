@@ -19,11 +19,11 @@ import pytest
 from hsplat_cli import main
 from hsplat_cli.executors import frame_result
 from hsplat_cli.films import describe_differences
-from renderer.draw import GLRasterizer
 from renderer.film import bytes_digest, join_png_chunks, png_chunks
 from renderer.frame import Frame, stage as stages
 from renderer.view import View, make_view
 from tests.messages.conftest import SCENE
+from tests.support.machines import set_renderer_name
 from tests.support.transcripts import Case, cases
 
 FULL = "the disk is full\n  hint: free some space, or write to another disk\n"
@@ -194,7 +194,7 @@ def test_a_picture_too_large_for_the_device(
         return dataclasses.replace(make_view(*arguments), size=(10**6, 8))
 
     monkeypatch.setattr(stages, "make_view", huge)
-    monkeypatch.setattr(GLRasterizer, "renderer_name", "llvmpipe")
+    set_renderer_name(monkeypatch, "llvmpipe")
     splats = ["--set", "volume.procedural.name=constant", "--set", "splat={footprint: gaussian}"]
     assert render(capsys, *splats) == (
         1,

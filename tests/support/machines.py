@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 
 from renderer.bricks import BrickBatch
-from renderer.draw import CellEdges
+from renderer.draw import CellEdges, GLRasterizer
 from renderer.frame.primitives import num_samples
 from renderer.splats import SplatBatch
 from renderer.view import View, model_view, total_square_area_px
@@ -96,3 +97,9 @@ class BringingMachine(SimulatedMachine):
         """Return an empty picture after its time."""
         self.upload(batch, order, view)
         return super().rasterize(batch, order, view)
+
+
+def set_renderer_name(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """Give OpenGL another device and driver."""
+    other = property(lambda _: name, lambda _, own: None)
+    monkeypatch.setattr(GLRasterizer, "renderer_name", other, raising=False)

@@ -108,7 +108,8 @@ def test_frames_of_workers_that_die_are_drawn_again(client: Client, stage: Stage
     """First one dies, later all: then the stage is sent again."""
 
     def kill(number: int) -> None:
-        for pid in worker_pids(client)[: {5: 1, 12: 2}.get(number, 0)]:
+        num_killed = {5: 1, 12: 2}.get(number)
+        for pid in worker_pids(client)[:num_killed] if num_killed else []:
             os.kill(pid, signal.SIGKILL)
 
     files, (note,) = draw(client, stage, kill)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from machines import set_renderer_name
 from resuming import (
     NUM_FRAMES,
     Draws,
@@ -28,7 +29,6 @@ from resuming import (
 
 from hsplat_cli import main
 from hsplat_cli.films import fingerprint
-from renderer.draw import GLRasterizer
 
 
 @pytest.fixture(autouse=True)
@@ -94,7 +94,7 @@ def test_frames_of_another_volume_driver_or_version_are_drawn_again(
     if what == "volume":
         np.save("scan.npy", values[::-1])
     elif what == "driver":
-        monkeypatch.setattr(GLRasterizer, "renderer_name", "another")
+        set_renderer_name(monkeypatch, "another")
     elif what == "version":
         monkeypatch.setattr(fingerprint, "package_versions", lambda: {"numpy": "9.0"})
     else:

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from machines import set_renderer_name
 from resuming import (
     NUM_FRAMES,
     Draws,
@@ -26,7 +27,6 @@ from resuming import (
 
 from hsplat_cli import main
 from hsplat_cli.films import fingerprint
-from renderer.draw import GLRasterizer
 
 
 @pytest.fixture(autouse=True)
@@ -114,7 +114,7 @@ def test_a_goal_counts_as_unmeasured_when_something_changed(
     render("film.mp4", *given)
     before = sidecar("film.mp4.json")
     if what == "driver":
-        monkeypatch.setattr(GLRasterizer, "renderer_name", "another")
+        set_renderer_name(monkeypatch, "another")
     elif what == "version":
         monkeypatch.setattr(fingerprint, "package_versions", lambda: {"numpy": "9.0"})
     elif what == "sources":

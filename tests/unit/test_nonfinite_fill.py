@@ -53,8 +53,9 @@ def is_seen(folder: Path, values: Array) -> bool:
         output=folder / "film.mp4",
         hides_nonfinite=True,
     )
-    assert scene.nonfinite is not None and scene.nonfinite.startswith(f"{np.isnan(values).sum()} of {values.size} ")
-    return not scene.nonfinite.endswith("which is not seen")
+    *_, note = scene.notes
+    assert note.startswith(f"{np.isnan(values).sum()} of {values.size} ")
+    return not note.endswith("which is not seen")
 
 
 @pytest.mark.parametrize("where", [SLAB, TUBE, CORNER], ids=["slab", "tube", "corner"])
