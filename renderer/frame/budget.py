@@ -33,7 +33,7 @@ _MIN_TRIALS = 3
 # An LOD is to take this part of its time. It stays while the logarithm of its part is within _BAND of the one expected,
 # and for _MIN_FRAMES after a change.
 _TARGET_SHARE, _BAND, _MIN_FRAMES = 0.95, 0.13, 5
-# The search for an LOD ends within this relative deviation of the target, after so many tries at most.
+# The search for an LOD ends within this relative deviation of the target, or after the most tries.
 _TARGET_DEVIATION, _MAX_TRIES = 0.04, 5
 # If an LOD takes f times its time, the size changes at most by the factor f^_SIZE_EXPONENT.
 _SIZE_EXPONENT = 3.0

@@ -176,14 +176,6 @@ def _integrate_piece(
 
 
 @jit
-def _corner_indices(values: Any, cell: Cell) -> tuple[Cell, Cell]:
-    """Return the lowest and the highest voxel (x, y, z) of a cell, clamped to the volume."""
-    num_z, num_y, num_x = values.shape
-    x, y, z = cell
-    return (max(x, 0), max(y, 0), max(z, 0)), (min(x + 1, num_x - 1), min(y + 1, num_y - 1), min(z + 1, num_z - 1))
-
-
-@jit
 def _voxel_term(values: Any, x: int, y: int, z: int, axis: int, scale: float) -> float:
     """Return a voxel's value, or for an axis from 0 to 2 the central difference at it along that axis; both scaled.
 

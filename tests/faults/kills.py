@@ -191,7 +191,7 @@ def make_kills(num: int, report: dict[str, Any], seed: int) -> Iterator[Kill]:
     choose = random.Random(seed)
     for number in range(num):
         phase = number % len(PHASES)
-        plan: dict[str, Any] = {"phase": PHASES[phase], "group": number // len(PHASES) % 2 == 1}
+        plan: dict[str, Any] = {"phase": PHASES[phase], "group": (number // len(PHASES) + seed) % 2 == 1}
         is_timing_dependent = number // (2 * len(PHASES)) % 2 == 1 or report["events"][phase] == 0
         if is_timing_dependent:
             plan["delay"] = choose.uniform(0, report["seconds"][phase])

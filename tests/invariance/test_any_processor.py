@@ -19,20 +19,18 @@ from renderer.draw import CPURasterizer
 
 volume = placed(hills((30, 40, 50), 9.0), AFFINES["oblique"])
 transfer = transfer_of((0, (0.9, 0.2, 0.1), 0.0), (0.4, (0.1, 0.5, 1.0), 0.3), (0.4, (1.0, 1.0, 1.0), 2.0))
-for shading in (None, LIT):
-    bricks = bricks_of(volume, transfer, shading)
-    sampling = ScreenSampling((4, 1), 0.02, 0.01)
-    batch = batch_of(random_cut(bricks, 3), bricks, step=0.3, shading=shading, screen_sampling=sampling)
-    view = view_of(volume, "perspective", (60, 50))
-    drawer = CPURasterizer(num_threads=1)
-    image = drawer.rasterize(batch, ordered(batch.cut, view), view)
-    assert image[..., 3].max() > 0.9
-    print(hashlib.sha256(image.tobytes()).hexdigest())
-    drawer.release()
+bricks = bricks_of(volume, transfer, LIT)
+sampling = ScreenSampling((4, 1), 0.02, 0.01)
+batch = batch_of(random_cut(bricks, 3), bricks, step=0.3, shading=LIT, screen_sampling=sampling)
+view = view_of(volume, "perspective", (60, 50))
+with CPURasterizer(num_threads=1) as rasterizer:
+    image = rasterizer.rasterize(batch, ordered(batch.cut, view), view)
+assert image[..., 3].max() > 0.9
+print(hashlib.sha256(image.tobytes()).hexdigest())
 """
 
 
-def drawn(**environment: str) -> list[str]:
+def drawn(**environment: str) -> str:
     done = subprocess.run(
         [sys.executable, "-c", CHILD],
         cwd=ROOT,
@@ -42,10 +40,9 @@ def drawn(**environment: str) -> list[str]:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    return done.stdout.split()
+    return done.stdout
 
 
 def test_the_same_bytes_with_fewer_instructions(tmp_path: Path) -> None:
     here = drawn()
-    assert len(set(here)) == 2
     assert drawn(NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="", NUMBA_CACHE_DIR=str(tmp_path)) == here

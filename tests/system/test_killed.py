@@ -100,12 +100,12 @@ print(num_killed)
 def test_killed_at_any_operation_on_a_file(output: str) -> None:
     """Nothing half-written has a final name, and the next run is right and leaves nothing else."""
     given = arguments(f"out/{output}", "--quiet", "--set", "camera.path.frames=2")
-    command = [sys.executable, "-c", KILLER, "1", "11", *given]
+    command = [sys.executable, "-c", KILLER, "1", "17", *given]
     done = subprocess.run(
         command, check=False, env=os.environ | {"PYTHONPATH": str(CODE)}, capture_output=True, text=True
     )
     assert done.stderr == ""
-    assert int(done.stdout) > 4
+    assert int(done.stdout) >= 3
 
 
 def started(output: str, *options: str) -> subprocess.Popen[str]:
