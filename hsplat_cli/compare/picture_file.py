@@ -68,7 +68,7 @@ def file_content(path: Path) -> bytes:
 
 
 def require_file(path: Path, expected: str) -> None:
-    """Raise InputError for a broken link, and for what is no regular file: opening a pipe would block."""
+    """Raise InputError for a broken link, and for anything but a regular file: opening a pipe would block."""
     if os.path.islink(path) and not os.path.exists(path):
         raise InputError("a broken link", where=str(path), got=str(path.readlink()))
     if os.path.exists(path) and not os.path.isfile(path):

@@ -280,7 +280,7 @@ def _number(value: float) -> str:
 PARTS = {
     "bricks": Part(
         "Bricks",
-        """The default footprint, drawn on the processor as it is without a GPU.
+        """The default footprint, drawn on the processor, as on machines without a GPU.
 
 From a tolerance of 0.15 on, a subsampled pixel grid is drawn first, and pixels between its nodes only where these
 differ. Where they differ by nearly the threshold, another rounding draws pixels that were interpolated, or the other

@@ -1,4 +1,4 @@
-"""What `check` and `render` print about a sidecar from which no film can be made; they leave its film as it is."""
+"""What `check` and `render` print about a sidecar from which no film can be made; its film does not change."""
 
 from __future__ import annotations
 

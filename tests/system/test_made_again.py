@@ -102,7 +102,7 @@ def test_a_spacing_in_place_of_the_file_s_belongs_to_the_film(folder: Path, caps
     spacing = [*volume, "--set", "volume.spacing=[1, 1, 2]"]
     render("scene.yaml", *volume)
     plain = Path("film.mp4").read_bytes()
-    render("scene.yaml", *spacing)  # another film, of frames that are drawn anew
+    render("scene.yaml", *spacing)  # another film, of frames that are drawn again
     film = Path("film.mp4").read_bytes()
     assert film != plain
     told = read(Path("film.mp4.json"))
@@ -117,7 +117,7 @@ def test_a_spacing_in_place_of_the_file_s_belongs_to_the_film(folder: Path, caps
     assert read(Path("film.mp4.json"))["scene"]["volume"]["file"] == str(folder / "moved.npy")
 
 
-def test_another_schedule_is_asked_for_anew() -> None:
+def test_another_schedule_is_searched_again() -> None:
     render("scene.yaml", "--set", "error.seconds=0.0001", "--best-effort")
     render("film.mp4.json", "--set", "error.tolerance=0.3", "--output", "other.mp4")
     schedule = read(Path("other.mp4.json"))["schedule"]

@@ -203,8 +203,8 @@ def test_frames_that_were_kept_but_drawn_at_other_tolerances(draws: Draws, capsy
         path.write_text(json.dumps(data), encoding="utf-8")
     printed_lines(capsys)
     rerender("film.mp4.json")
-    anew = "2 existing frames drawn at other tolerances are drawn again"
-    assert printed_lines(capsys)[-2:] == ["1 of 5 frames is already finished", anew]
+    line = "2 existing frames drawn at other tolerances are drawn again"
+    assert printed_lines(capsys)[-2:] == ["1 of 5 frames is already finished", line]
     assert draws.take_numbers() == [1, 2, 3, 4]
     assert output_files() == expected
 

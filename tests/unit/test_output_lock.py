@@ -31,7 +31,7 @@ with lock_slots(Path(sys.argv[1]), [int(place) for place in sys.argv[2:]], Path(
     sys.stdin.read()
 """
 
-# Holds the place and makes a file that nobody else may have made; each time anew.
+# Holds the place and makes a file that nobody else may have made; a new one each time.
 CONTENDER = """\
 import os, sys
 from pathlib import Path
