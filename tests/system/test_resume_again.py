@@ -39,7 +39,7 @@ def draws(monkeypatch: pytest.MonkeyPatch) -> Draws:
     return watch_draws(monkeypatch)
 
 
-GOALS = ["{splats: {0: 1, 4: 100}}", "{psnr: 25}", "{seconds: 0.5}"]
+GOALS = ["{splats: {0: 1, 4: 100}}", "{psnr: 25}", "{seconds: 60}"]
 
 
 @pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
@@ -81,7 +81,7 @@ def test_a_film_rendered_from_a_sidecar_elsewhere_is_up_to_date(
     assert draws.take_numbers() == []
 
 
-@pytest.mark.parametrize("goal", ["{psnr: 25}", "{seconds: 0.5}"])
+@pytest.mark.parametrize("goal", ["{psnr: 25}", "{seconds: 60}"])
 def test_a_part_of_a_film_whose_goal_was_one_of_the_whole(
     goal: str, draws: Draws, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -191,7 +191,7 @@ def test_a_film_that_is_partly_replaced_by_another(options: list[str], draws: Dr
 
 def test_frames_that_were_kept_but_drawn_at_other_tolerances(draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
     """On a budget of time they are what the clock made them; those of the film are told in its sidecar."""
-    given = ("--set", "error={seconds: 0.5}")
+    given = ("--set", "error={seconds: 60}")
     render("film.mp4", *given)
     expected = output_files()
     Path("out/film.mp4").unlink()
@@ -211,7 +211,7 @@ def test_frames_that_were_kept_but_drawn_at_other_tolerances(draws: Draws, capsy
 
 def test_a_frame_that_was_kept_but_not_drawn_in_its_time(draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
     """It is of the film made again, whose tolerances are found already."""
-    given = ("--set", "error={seconds: 0.5}")
+    given = ("--set", "error={seconds: 60}")
     render("film.mp4", *given)
     Path("out/film.mp4").unlink()
     draws.stop_at = 1
