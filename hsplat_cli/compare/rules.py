@@ -39,6 +39,7 @@ from renderer.scene import (
     section_field,
     source_excerpt,
     valid_keys,
+    word_or,
 )
 from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS, Limits, Metric
 
@@ -142,18 +143,8 @@ def load_rules(
 def _limit(figure: Metric) -> FieldType[Any]:
     """Return the field of a limit: a number in the metric's range, or `none`, read as None."""
     plain = number_field(minimum=0, maximum=255 if figure.unit == "levels" else 1)
-
-    def parse(node: TreeNode) -> float | None:
-        if node.value == "none":
-            return None
-        found: list[Problem] = []
-        value = plain.read(replace(node, problems=found))
-        node.problems.extend(replace(problem, expected=kind.expected) for problem in found)
-        return value
-
     words = " ".join(filter(None, (plain.expected, figure.unit)))
-    kind: FieldType[Any] = FieldType(f"{words}, or none", parse, empty_hint="none removes a limit")
-    return kind
+    return replace(word_or({"none": None}, plain, f"{words}, or none"), empty_hint="none removes a limit")
 
 
 _LEVEL: FieldType[Any] = choice_field(*STRICTNESS_LEVELS)

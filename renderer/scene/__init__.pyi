@@ -84,6 +84,7 @@ from .schema import (
     TreeNode as TreeNode,
     Vector as Vector,
     choice_field as choice_field,
+    dataclass_field as dataclass_field,
     field_table as field_table,
     has_unexpanded_tilde as has_unexpanded_tilde,
     integer_field as integer_field,
@@ -92,6 +93,7 @@ from .schema import (
     section_field as section_field,
     sequence_field as sequence_field,
     valid_keys as valid_keys,
+    word_or as word_or,
 )
 from .spec import (
     PyramidSpec as PyramidSpec,

@@ -10,7 +10,8 @@ import pytest
 
 from hsplat_cli import main
 from hsplat_cli.compare.golden.provenance import Golden, Provenance
-from hsplat_cli.compare.golden.update_plan import GoldenChange, GoldenUpdate, describe_update
+from hsplat_cli.compare.golden.update_plan import GoldenUpdate, describe_update
+from hsplat_cli.compare.outcome import Outcome
 from tests.support.transcripts import Case, cases
 
 DIGEST = "0" * 32
@@ -79,9 +80,9 @@ def provenance(*frames: int, gl: str = "llvmpipe", numpy: str = "2.1.0") -> Prov
     return Provenance(origin, tuple(Golden(frame, f"frame-{frame:04}.png", DIGEST) for frame in frames))
 
 
-def change(frame: int, why: str = "", *values: float) -> GoldenChange:
+def change(frame: int, why: str = "", *values: float) -> Outcome:
     figures = dict(zip(("largest", "densest", "p99", "bias"), values, strict=True)) if values else {}
-    return GoldenChange(f"frame-{frame:04}.png", Path(), why, figures)
+    return Outcome(f"frame-{frame:04}.png", "different", why, figures=figures)
 
 
 def test_an_update_lists_its_changes() -> None:
@@ -90,18 +91,19 @@ def test_an_update_lists_its_changes() -> None:
         after=provenance(0, 1, 2, 3, 4, 8, gl="softpipe", numpy="2.2.0"),
         changes=[
             change(4, "is new"),
-            change(3, "changes from 32 x 32 RGB to 36 x 32 RGBA"),
+            change(3, "36 x 32 pixels, the golden has 32 x 32"),
             change(1, "", 41, 9.3084, 12, 1.25),
             change(0, "", 1, 0.0052, 0, 0.00031),
         ],
+        sources={},
         removed=provenance(7).goldens,
         unrequested=provenance(8).goldens,
     )
     assert "\n".join(describe_update(plan)) == (
         """\
 4 of 5 frames change:
-  frame-0004.png is new
-  frame-0003.png changes from 32 x 32 RGB to 36 x 32 RGBA
+  frame-0004.png: is new
+  frame-0003.png: 36 x 32 pixels, the golden has 32 x 32
   levels, worst first   largest   densest       p99      bias
   frame-0001.png             41      9.31        12      1.25
   frame-0000.png              1    0.0052         0   0.00031
@@ -129,5 +131,5 @@ changed since they were rendered: gl was 'llvmpipe'; versions.numpy was '2.1.0'"
     ],
 )
 def test_an_update_without_pixels_says_what_changes(after: Provenance, removed: tuple[Golden, ...], text: str) -> None:
-    plan = GoldenUpdate(provenance(0), after, (), removed, ())
+    plan = GoldenUpdate(provenance(0), after, (), {}, removed, ())
     assert "\n".join(describe_update(plan)) == f"no pixel of 1 frame changes\n{text}"

@@ -75,7 +75,7 @@ def test_the_first_goldens_are_all_new(desk: Desk) -> None:
     assert plan.changes_anything
     assert [golden.file for golden in plan.after.goldens] == ["frame-0000.png", "frame-0001.png"]
     assert {golden.date for golden in plan.after.goldens} == {"today"}
-    assert {change.file: file_digest(change.source) for change in plan.changes} == {
+    assert {name: file_digest(source) for name, source in plan.sources.items()} == {
         golden.file: golden.digest for golden in plan.after.goldens
     }
 
@@ -90,7 +90,7 @@ def test_equal_frames_are_no_change(desk: Desk) -> None:
 def test_changes_are_listed_worst_first(desk: Desk) -> None:
     desk.keep(0, 1, 2, 3)
     plan = desk.plan(lighter(1), GREY, lighter(9), lighter(9, 9))
-    assert [change.file for change in plan.changes] == ["frame-0003.png", "frame-0002.png", "frame-0000.png"]
+    assert [change.name for change in plan.changes] == ["frame-0003.png", "frame-0002.png", "frame-0000.png"]
     assert [change.figures["largest"] for change in plan.changes] == [9, 9, 1]
     kept = [ours == theirs for ours, theirs in zip(plan.after.goldens, desk.before.goldens, strict=True)]
     assert kept == [False, True, False, False]
@@ -160,7 +160,7 @@ def test_frames_that_cannot_be_compared_are_listed_first(desk: Desk) -> None:
     (desk.folder / "frame-0002.png").write_bytes(b"\x89PNG\r\n\x1a\n")
     (desk.folder / "frame-0003.png").write_bytes(encode_png(np.zeros((8, 8, 4), np.uint8)))
     plan = desk.plan(lighter(200), GREY, GREY, GREY, GREY, GREY)
-    assert [(change.file[6:10], bool(change.why)) for change in plan.changes] == [
+    assert [(change.name[6:10], not change.figures) for change in plan.changes] == [
         ("0001", True), ("0002", True), ("0003", True), ("0005", True), ("0000", False)
     ]  # fmt: skip
 

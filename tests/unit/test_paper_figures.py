@@ -175,16 +175,13 @@ def test_levels_that_fade_are_not_confirmed(block: levels.LevelErrors) -> None:
 # 5: octrees
 
 
-@pytest.fixture(scope="module")
-def trees(figure_renderer: FigureRenderer) -> octrees.Octrees:
-    return octrees.measure(scene("5_octrees.yaml", STAND_IN, "output.size=[64, 64]"), figure_renderer)
-
-
-def test_octrees_grow_as_the_error_falls(trees: octrees.Octrees) -> None:
-    assert [octree.tolerance for octree in trees.octrees] == [8, 4, 1, 0.25]
-    assert [octree.num_cells for octree in trees.octrees] == sorted(octree.num_cells for octree in trees.octrees)
-    assert trees.octrees[-1].num_cells > 300
-    assert trees.rows[0].pictures[-1][0].tolist() != trees.rows[1].pictures[-1][0].tolist()
+def test_octrees_grow_as_the_error_falls(figure_renderer: FigureRenderer) -> None:
+    trees, rows = octrees.measure(scene("5_octrees.yaml", STAND_IN, "output.size=[64, 64]"), figure_renderer)
+    assert [octree.tolerance for octree in trees] == [8, 4, 1, 0.25]
+    assert [octree.num_cells for octree in trees] == sorted(octree.num_cells for octree in trees)
+    assert trees[-1].num_cells > 300
+    with_lines, without = rows.values()
+    assert with_lines[-1][0].tolist() != without[-1][0].tolist()
 
 
 def test_every_cell_is_counted_once_in_total(figure_renderer: FigureRenderer) -> None:
@@ -200,14 +197,14 @@ def test_every_cell_is_counted_once_in_total(figure_renderer: FigureRenderer) ->
 
 def test_octrees_that_refine_elsewhere_are_not_confirmed() -> None:
     good = [octrees.Octree(2.0**-k, (100 * 8**k, 10), 20.0 + k, 1.0, 5.0 + k) for k in range(3)]
-    assert verdicts(octrees.check_claims(octrees.Octrees(tuple(good), ()))) == [True, True]
+    assert verdicts(octrees.check_claims(good)) == [True, True]
     steady = [replace(octree, cells_high_variation=1.0) for octree in good]
-    assert verdicts(octrees.check_claims(octrees.Octrees(tuple(steady), ()))) == [True, False]
-    assert verdicts(octrees.check_claims(octrees.Octrees(tuple(good[::-1]), ()))) == [False, True]
+    assert verdicts(octrees.check_claims(steady)) == [True, False]
+    assert verdicts(octrees.check_claims(good[::-1])) == [False, True]
     assert replace(good[0], cells_low_variation=0.0).cell_ratio == math.inf
     assert replace(good[0], cells_low_variation=0.0, cells_high_variation=0.0).cell_ratio == 1
     small = [replace(octree, cells_by_level=(k, 1)) for k, octree in enumerate(good)]
-    assert verdicts(octrees.check_claims(octrees.Octrees(tuple(small), ()))) == [True, False]
+    assert verdicts(octrees.check_claims(small)) == [True, False]
 
 
 # 6: refinement
@@ -273,7 +270,7 @@ def test_slow_or_inaccurate_pictures_are_not_confirmed() -> None:
 
     def verdicts_with(**changes: dict[str, Any]) -> list[bool]:
         drawings = tuple(replace(drawing, **changes.get(drawing.name, {})) for drawing in good)
-        return verdicts(refinement.check_claims(refinement.Refinement(drawings, 36.0, ())))
+        return verdicts(refinement.check_claims(refinement.Refinement(drawings, 36.0, {})))
 
     assert verdicts_with() == [True, True, True]
     assert verdicts_with(quick={"seconds": 0.3}) == [False, True, True]

@@ -11,8 +11,9 @@ import os
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from hsplat_cli.films import describe_differences
 from hsplat_cli.scenes import load_json_object
@@ -24,6 +25,7 @@ from renderer.scene import (
     FieldTable,
     FieldType,
     TreeNode,
+    dataclass_field,
     decode_utf8,
     format_value,
     integer_field,
@@ -47,18 +49,35 @@ _PARTS = ("volume", "gl", "scene", "versions")
 
 _MAX_LINE_LENGTH = 200
 _MAX_VOXELS = 2**62
+_MAX_PROBLEMS = 20
 
 _GOLDEN_FILE = re.compile(r"frame-([0-9]{4,9})\.png")
+
+
+def _is_single_line(text: str) -> bool:
+    return text.isprintable() and 0 < len(text) <= _MAX_LINE_LENGTH
+
+
+def _matching_text(expected: str, what: str, is_valid: Callable[[str], object]) -> FieldType[str]:
+    def parse(node: TreeNode) -> str:
+        return node.value if isinstance(node.value, str) and is_valid(node.value) else field.reject(node, what)
+
+    field = FieldType(expected, parse)
+    return field
+
+
+_LINE = _matching_text(f"one line of at most {_MAX_LINE_LENGTH} characters", "not a line of text", _is_single_line)
+_HEX = _matching_text("32 hexadecimal digits", "not a digest", re.compile("[0-9a-f]{32}").fullmatch)
 
 
 @dataclass(frozen=True)
 class Golden:
     """A golden frame. digest: of its file, from `renderer.film.file_digest`. date: given by the user."""
 
-    frame: int
-    file: str
-    digest: str
-    date: str | None = None
+    frame: Annotated[int, FRAME_NUMBER_FIELD]
+    file: Annotated[str, _LINE]
+    digest: Annotated[str, _HEX]
+    date: Annotated[str | None, _LINE] = None
 
 
 @dataclass(frozen=True)
@@ -111,10 +130,6 @@ def to_single_line(text: str) -> str:
     return printable_text(text) or format_value(text)
 
 
-def _is_single_line(text: str) -> bool:
-    return text.isprintable() and 0 < len(text) <= _MAX_LINE_LENGTH
-
-
 def describe_changes(before: Mapping[str, Any], now: Mapping[str, Any], *parts: str) -> str:
     """Describe the first few differences of two origins, or of some parts: `scene.error.tolerance was 0.2`.
 
@@ -164,20 +179,18 @@ def read_provenance(folder: Path) -> Provenance:
             hint="`hsplat golden SCENE FOLDER` writes it; give it a folder without one",
         )
     problems: list[Problem] = []
-    given = read_fields(TreeNode(data, "", problems), _TABLE, required=["format", *_PARTS, "frames"])
-    if problems:
-        raise SceneError([replace(problem, location=str(path)) for problem in problems])
+    node = TreeNode(data, "", problems)
+    given = read_fields(node, _TABLE, required=["format", *_PARTS, "frames"])
+    if not problems:
+        for number, (before, after) in enumerate(pairwise(golden.frame for golden in given["frames"]), 1):
+            if after <= before:
+                what, expected = f"frame {after} after frame {before}", "frames in ascending order, each once"
+                node.child("frames").child(number).add_problem(what, expected=expected)
+    if problems:  # one mistake may be that of many frames
+        raise SceneError([replace(problem, location=str(path)) for problem in problems[:_MAX_PROBLEMS]])
     volume = given["volume"] | {"shape": list(given["volume"]["shape"])}
     origin = {"volume": volume} | {part: given[part] for part in _PARTS if part != "volume"}
     return Provenance(origin, given["frames"])
-
-
-def _matching_text(expected: str, what: str, is_valid: Callable[[str], object]) -> FieldType[str]:
-    def parse(node: TreeNode) -> str:
-        return node.value if isinstance(node.value, str) and is_valid(node.value) else field.reject(node, what)
-
-    field = FieldType(expected, parse)
-    return field
 
 
 def _parse_versions(node: TreeNode) -> dict[str, str]:
@@ -185,52 +198,30 @@ def _parse_versions(node: TreeNode) -> dict[str, str]:
     return given if given is INVALID else {key: _LINE.read(node.child(key, item)) for key, item in given.items()}
 
 
-def _parse_goldens(node: TreeNode) -> tuple[Golden, ...]:
-    """Parse all goldens; only the first wrong one is reported, because the others may have the same cause."""
-    if not isinstance(node.value, list) or not node.value:
-        return _GOLDENS.reject(node, "no golden frames")
-    found: list[Golden] = []
-    for index, item in enumerate(node.value):
-        num_problems = len(node.problems)
-        golden = _GOLDEN.read(node.child(index, item))
-        if len(node.problems) > num_problems:
-            break
-        if found and golden.frame <= found[-1].frame:
-            got, expected = f"{golden.frame} after {found[-1].frame}", "frames in ascending order, each once"
-            node.child(index).child("frame").add_problem("frames out of order", got=got, expected=expected)
-            break
-        found.append(golden)
-    return tuple(found)
-
-
-def _build_golden(node: TreeNode, given: dict[str, Any]) -> Golden:
-    frame, file = given["frame"], given["file"]
+def _check_golden(node: TreeNode, given: dict[str, Any]) -> None:
     if valid_keys(given, "frame", "file") == ["frame", "file"]:
-        name = _GOLDEN_FILE.fullmatch(file)
-        if name is None or int(name[1]) != frame:
+        name = _GOLDEN_FILE.fullmatch(given["file"])
+        if name is None or int(name[1]) != given["frame"]:
             node.child("file").add_problem(
-                "not the file of this frame", got=format_value(file), expected=f"frame-{frame:04}.png"
+                "not the file of this frame",
+                got=format_value(given["file"]),
+                expected=f"frame-{given['frame']:04}.png",
             )
-    return Golden(**given)
 
 
-_LINE = _matching_text(f"one line of at most {_MAX_LINE_LENGTH} characters", "not a line of text", _is_single_line)
-_HEX = _matching_text("32 hexadecimal digits", "not a digest", re.compile("[0-9a-f]{32}").fullmatch)
 _VOLUME_TABLE: FieldTable = {
     "name": _LINE,
     "fingerprint": _HEX,
     "shape": sequence_field(integer_field(minimum=1, maximum=_MAX_VOXELS), "three numbers of voxels", count=3),
     "dtype": _LINE,
 }
-_GOLDEN_TABLE: FieldTable = {"frame": FRAME_NUMBER_FIELD, "file": _LINE, "digest": _HEX, "date": _LINE}
-_GOLDEN: FieldType[Golden] = section_field(_GOLDEN_TABLE, _build_golden, required=["frame", "file", "digest"])
-_GOLDENS = FieldType("a list of frames, each with frame, file and digest", _parse_goldens)
-
 _TABLE: FieldTable = {
     "format": _LINE,
     "volume": section_field(_VOLUME_TABLE, lambda _, given: given, required=list(_VOLUME_TABLE)),
     "gl": _LINE,
     "scene": MAPPING_FIELD,
     "versions": FieldType("a mapping", _parse_versions),
-    "frames": _GOLDENS,
+    "frames": sequence_field(
+        dataclass_field(Golden, _check_golden), "a list of one or more frames, each with frame, file and digest"
+    ),
 }

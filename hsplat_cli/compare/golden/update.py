@@ -111,10 +111,10 @@ def _stale_limit_notes(removed: Sequence[Golden], path: Path) -> Iterator[str]:
 def _apply(plan: GoldenUpdate, folder: Path) -> None:
     with deferrable_interrupts() as defer_interrupts, staged_files(folder / _STAGING_FOLDER) as write:
         write(folder / PROVENANCE_FILE, provenance_bytes(plan.after))
-        for change in sorted(plan.changes, key=lambda change: change.file):
-            with translate_os_errors(change.source):
-                content = change.source.read_bytes()
-            write(folder / change.file, content)
+        for name, source in sorted(plan.sources.items()):
+            with translate_os_errors(source):
+                content = source.read_bytes()
+            write(folder / name, content)
         defer_interrupts()
         for golden in plan.removed:
             with translate_os_errors(folder / golden.file):

@@ -2,39 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
 
 from hsplat_cli.compare.golden.provenance import PROVENANCE_FILE, Golden, Provenance, describe_changes
 from hsplat_cli.compare.golden.render import RenderedFrames
+from hsplat_cli.compare.outcome import Outcome, Pair, compare_pair
 from hsplat_cli.compare.picture_file import read_picture
 from hsplat_cli.terminal import counted, first_few, format_table
 from renderer.errors import InputError
 from renderer.film import file_digest, translate_os_errors
-from renderer.study import COMPARISON_METRICS, FrameDifference
+from renderer.study import COMPARISON_METRICS
 
-# Metrics that need only numpy; changes are sorted by the first, then by the next.
-_FIGURES = ("largest", "densest", "p99", "bias")
+# Metrics that need only numpy. No change is allowed.
+_LIMITS = {"largest": 0.0, "densest": 0.0, "p99": 0.0, "bias": 0.0}
 _MAX_LINES = 20
 _MAX_NAMES = 5
-
-
-@dataclass(frozen=True)
-class GoldenChange:
-    """A golden to write.
-
-    source: the rendered picture. why: `is new`, or why it cannot be compared with the existing golden. figures: errors
-    against the existing one, by the names of COMPARISON_METRICS; empty with a `why`.
-    """
-
-    file: str
-    source: Path
-    why: str = ""
-    figures: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -42,12 +28,14 @@ class GoldenUpdate:
     """The update of a folder.
 
     before, after: content of golden.json; no `before` for the first goldens. changes: goldens to write, worst first.
-    removed: goldens to remove. unrequested: goldens that are kept although their frames are not requested.
+    sources: their pictures, by the name of the golden. removed: goldens to remove. unrequested: goldens that are kept
+    although their frames are not requested.
     """
 
     before: Provenance | None
     after: Provenance
-    changes: Sequence[GoldenChange]
+    changes: Sequence[Outcome]
+    sources: Mapping[str, Path]
     removed: Sequence[Golden]
     unrequested: Sequence[Golden]
 
@@ -88,46 +76,34 @@ def plan_update(
     of other frames.
     """
     listed = {golden.frame: golden for golden in before.goldens} if before else {}
-    changes: list[GoldenChange] = []
+    changes: list[Outcome] = []
+    sources: dict[str, Path] = {}
     goldens: list[Golden] = []
     for frame, name in names.items():
         change = _compare(folder / name, rendered.files[frame], is_new=frame not in listed)
         path = folder / name
-        if change is not None:
+        if change.status != "same":
             changes.append(change)
-            path = change.source
+            path = sources[name] = rendered.files[frame]
         with translate_os_errors(path):
-            goldens.append(Golden(frame, name, file_digest(path), date if change else listed[frame].date))
+            goldens.append(Golden(frame, name, file_digest(path), date if name in sources else listed[frame].date))
     others = [golden for frame, golden in listed.items() if frame not in names]
     removed = [golden for golden in others if prune or not os.path.lexists(folder / golden.file)]
     unrequested = [golden for golden in others if golden not in removed]
     after = Provenance(rendered.origin, tuple(sorted([*goldens, *unrequested], key=lambda golden: golden.frame)))
-    return GoldenUpdate(before, after, sorted(changes, key=_change_sort_key, reverse=True), removed, unrequested)
+    changes.sort(key=lambda change: [-change.figures.get(name, math.inf) for name in _LIMITS])
+    return GoldenUpdate(before, after, changes, sources, removed, unrequested)
 
 
-def _compare(path: Path, source: Path, *, is_new: bool) -> GoldenChange | None:
-    """Compare a rendered picture with the existing golden; return None if all pixels are equal."""
+def _compare(path: Path, source: Path, *, is_new: bool) -> Outcome:
+    """Compare a rendered picture with the existing golden."""
     if is_new or not os.path.lexists(path):
-        return GoldenChange(path.name, source, "is new" if is_new else "is missing")
+        return Outcome(path.name, "extra", "is new" if is_new else "is missing")
     try:
         golden = read_picture(path)
     except InputError as error:
-        return GoldenChange(path.name, source, f"cannot be read: {error.what}")
-    actual = read_picture(source)
-    if golden.shape != actual.shape:
-        return GoldenChange(path.name, source, f"changes from {_shape(golden.shape)} to {_shape(actual.shape)}")
-    if np.array_equal(golden, actual):
-        return None
-    return GoldenChange(path.name, source, figures=FrameDifference(golden, actual).metrics(_FIGURES))
-
-
-def _shape(shape: tuple[int, ...]) -> str:
-    height, width, channels = shape
-    return f"{width} x {height} {'RGB' if channels == 3 else 'RGBA'}"
-
-
-def _change_sort_key(change: GoldenChange) -> tuple[bool, list[float]]:
-    return bool(change.why), [change.figures.get(name, 0.0) for name in _FIGURES]
+        return Outcome(path.name, "missing", f"cannot be read: {error.what}")
+    return compare_pair(Pair(path.name, golden, read_picture(source)), _LIMITS)
 
 
 def describe_update(plan: GoldenUpdate) -> Iterator[str]:
@@ -155,21 +131,21 @@ def unrequested_lines(plan: GoldenUpdate) -> Iterator[str]:
         yield f"not requested, and kept (--prune removes them): {_names(plan.unrequested)}"
 
 
-def _lines_of(all_changes: Sequence[GoldenChange]) -> Iterator[str]:
+def _lines_of(all_changes: Sequence[Outcome]) -> Iterator[str]:
     shown = all_changes[:_MAX_LINES]
-    yield from (f"  {change.file} {change.why}" for change in shown if change.why)
     measured = [change for change in shown if change.figures]
+    yield from (f"  {change.name}: {change.why}" for change in shown if not change.figures)
     if measured:
-        header = ["levels, worst first", *(f"{name:>8}" for name in _FIGURES)]
-        rows = [[change.file, *(f"{change.figures[name]:.3g}" for name in _FIGURES)] for change in measured]
+        header = ["levels, worst first", *(f"{name:>8}" for name in _LIMITS)]
+        rows = [[change.name, *(f"{change.figures[name]:.3g}" for name in _LIMITS)] for change in measured]
         table = format_table([header, *rows], right_aligned=range(1, len(header)))
         yield from (f"  {line}" for line in table.splitlines())
     if len(all_changes) > len(shown):
         yield f"  and {len(all_changes) - len(shown)} more, none of which changes more"
-    if not all(any(change.figures.values()) for change in measured):
+    if any(change.passes for change in measured):
         yield "  0 everywhere: only colours at an alpha of 0 differ"
     if measured:
-        yield from (f"  {name}: {COMPARISON_METRICS[name].label}" for name in _FIGURES)
+        yield from (f"  {name}: {COMPARISON_METRICS[name].label}" for name in _LIMITS)
 
 
 def _names(goldens: Sequence[Golden]) -> str:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from hsplat_cli.reports import SERIES_COLORS, Chart
 from hsplat_cli.studies.paper.figure_renderer import FigureRenderer, transfer_of, with_splat
-from hsplat_cli.studies.paper.paper_figure import Claim, FigureTable, PaperFigure, PictureRow, new_plot, new_plots
+from hsplat_cli.studies.paper.paper_figure import Claim, PaperFigure, new_plot, new_plots
 from hsplat_cli.terminal import counted
 from renderer.errors import InputError
 from renderer.film import Pixels
@@ -70,22 +70,19 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
         "One splat, drawn as a fan of Gouraud-shaded triangles around its centre, at several angular and radial "
         "subdivisions. The vertices have the opacities of a smooth profile; the hardware interpolates between them.",
         check_claims(numbers),
-        rows=(PictureRow("The same splat", [(item.picture, _caption(item)) for item in drawn]),),
+        {"The same splat": [(item.picture, _caption(item)) for item in drawn]},
         charts=(_profiles(numbers), _meshes(scene)),
-        tables=(
-            FigureTable(
-                "Error against the smooth profile, over all pixels",
-                [
-                    {
-                        "footprint": item.name,
-                        "triangles": f"{item.num_triangles or '-'}",
-                        "largest deviation, of the peak": f"{item.deviation:.2%}",
-                        "error of the integral": f"{item.integral_error:+.2%}",
-                    }
-                    for item in drawn
-                ],
-            ),
-        ),
+        tables={
+            "Error against the smooth profile, over all pixels": [
+                {
+                    "footprint": item.name,
+                    "triangles": f"{item.num_triangles or '-'}",
+                    "largest deviation, of the peak": f"{item.deviation:.2%}",
+                    "error of the integral": f"{item.integral_error:+.2%}",
+                }
+                for item in drawn
+            ],
+        },
         notes=(
             "The Gaussian of hsplat is slightly broader in the middle than a plain one: two zeros in its spectrum keep "
             "grids of splats from rippling. Its optical depth is the same; its deviation is that difference.",

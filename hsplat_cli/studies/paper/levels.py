@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.reports import SERIES_COLORS, Chart
 from hsplat_cli.studies.paper.figure_renderer import FigureRenderer, transfer_of, with_error, with_splat
-from hsplat_cli.studies.paper.paper_figure import Claim, FigureTable, PaperFigure, PictureRow, new_plot
+from hsplat_cli.studies.paper.paper_figure import Claim, PaperFigure, PictureRows
 from hsplat_cli.terminal import counted
 from renderer.errors import InputError
 from renderer.film import Pixels
@@ -53,7 +52,7 @@ class LevelErrors:
     corrected: tuple[LevelError, ...]
     uncorrected: tuple[LevelError, ...]
     num_judged: int
-    rows: tuple[PictureRow, ...]
+    rows: PictureRows
 
 
 def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
@@ -65,12 +64,11 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
         "The same block of one material, with cells from one voxel (level 0) to a single cell (the root). Numbers are "
         f"for the inside: rays with at least {INSIDE_SHARE:.0%} of the largest optical depth.",
         check_claims(levels),
-        rows=levels.rows,
-        charts=(_chart(levels),),
-        tables=(
-            _table("With correction, against level 0", levels.corrected),
-            _table("Without correction, against level 0", levels.uncorrected),
-        ),
+        levels.rows,
+        tables={
+            "With correction, against level 0": _table_lines(levels.corrected),
+            "Without correction, against level 0": _table_lines(levels.uncorrected),
+        },
         notes=(
             f"Claims are checked on levels 0 to {levels.num_judged - 1}, with {MIN_CELLS} cells or more along "
             "the shortest side. Coarser levels are mostly border, blurred over the width of a cell.",
@@ -101,12 +99,8 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> LevelErrors:
     corrected, row = _draw_levels(with_splat(stage, opacity_correction=True), inside, figure_renderer)
     uncorrected, row_without = _draw_levels(with_splat(stage, opacity_correction=False), inside, figure_renderer)
     num_judged = (min(stage.volume.shape_xyz) // MIN_CELLS).bit_length()
-    return LevelErrors(
-        corrected,
-        uncorrected,
-        num_judged,
-        (PictureRow("With correction", row), PictureRow("Without correction", row_without)),
-    )
+    rows = {"With correction": row, "Without correction": row_without}
+    return LevelErrors(corrected, uncorrected, num_judged, rows)
 
 
 def check_claims(levels: LevelErrors) -> tuple[Claim, ...]:
@@ -160,31 +154,16 @@ def _draw_levels(
     return tuple(distances), pictures
 
 
-def _table(caption: str, distances: tuple[LevelError, ...]) -> FigureTable:
-    return FigureTable(
-        caption,
-        [
-            {
-                "level": f"{distance.level}",
-                "cells": f"{distance.num_cells}",
-                "mean alpha inside": f"{distance.mean_alpha:.4f}",
-                "error against level 0": f"{distance.mean_alpha - distances[0].mean_alpha:+.4f}",
-                "RMSE inside": f"{distance.rmse:.4f}",
-                "largest inside": f"{distance.largest:.4f}",
-                "RMSE of all pixels": f"{distance.rmse_everywhere:.4f}",
-            }
-            for distance in distances
-        ],
-    )
-
-
-def _chart(levels: LevelErrors) -> Chart:
-    plot, axes = new_plot("level", "mean alpha of the inside")
-    for distances, color, label in (
-        (levels.corrected, SERIES_COLORS[0], "with correction"),
-        (levels.uncorrected, SERIES_COLORS[1], "without"),
-    ):
-        axes.plot([distance.mean_alpha for distance in distances], "o-", color=color, label=label)
-    axes.set_ylim(0, 1)
-    axes.legend()
-    return Chart(plot, "Mean alpha of the inside for each level, with and without correction")
+def _table_lines(distances: tuple[LevelError, ...]) -> list[dict[str, str]]:
+    return [
+        {
+            "level": f"{distance.level}",
+            "cells": f"{distance.num_cells}",
+            "mean alpha inside": f"{distance.mean_alpha:.4f}",
+            "error against level 0": f"{distance.mean_alpha - distances[0].mean_alpha:+.4f}",
+            "RMSE inside": f"{distance.rmse:.4f}",
+            "largest inside": f"{distance.largest:.4f}",
+            "RMSE of all pixels": f"{distance.rmse_everywhere:.4f}",
+        }
+        for distance in distances
+    ]

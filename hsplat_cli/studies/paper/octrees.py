@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.reports import SERIES_COLORS, Chart, short_count_text
 from hsplat_cli.studies.paper.figure_renderer import FigureRenderer, transfer_of, with_error
-from hsplat_cli.studies.paper.paper_figure import Claim, FigureTable, PaperFigure, PictureRow, new_plot
+from hsplat_cli.studies.paper.paper_figure import Claim, PaperFigure, PictureRows
 from hsplat_cli.terminal import counted
 from renderer.errors import InputError
 from renderer.frame import Stage, finest_level_at
@@ -58,27 +58,18 @@ class Octree:
         return self.cells_high_variation / self.cells_low_variation
 
 
-@dataclass(frozen=True)
-class Octrees:
-    """Octrees by falling tolerance, and their pictures."""
-
-    octrees: tuple[Octree, ...]
-    rows: tuple[PictureRow, ...]
-
-
 def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
     """Return figure 5 for any scene with a tolerance above 0."""
-    numbers = measure(scene, figure_renderer)
+    octrees, rows = measure(scene, figure_renderer)
     side = 1 << BLOCK_LEVEL
     return PaperFigure(
         5,
         "Octrees at falling error",
         "Octrees fitted to the pyramid as the tolerated error falls, with and without their cells as lines. Orange "
         "cells are single voxels; redder, then bluer cells are larger. Small cells have fainter lines.",
-        check_claims(numbers),
-        rows=numbers.rows,
-        charts=(_chart(numbers),),
-        tables=(_table(numbers),),
+        check_claims(octrees),
+        rows,
+        tables={"Cells by level": _table_lines(octrees)},
         notes=(
             f"Low and high variation: the first and last quarter of the visible blocks of {side} x {side} x {side} "
             "voxels, ordered by the standard deviation of their voxels' opacity.",
@@ -86,8 +77,8 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
     )
 
 
-def measure(scene: Scene, figure_renderer: FigureRenderer) -> Octrees:
-    """Cut at each tolerance, draw with and without lines, and compare with the ray integral."""
+def measure(scene: Scene, figure_renderer: FigureRenderer) -> tuple[list[Octree], PictureRows]:
+    """Cut at each tolerance, from coarse to fine, draw with and without lines, and compare with the ray integral."""
     base = scene.error.tolerance[0][1]
     if base == 0 or scene.error.goal is not None:
         ((schedule, value),) = schedule_to_dict(scene.error).items()
@@ -125,16 +116,11 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> Octrees:
         )
         overlaid.append((with_lines.image, f"tolerance {tolerance:g}: {counted(len(cut), 'cell')}"))
         plain.append((without.image, f"{octrees[-1].psnr_db:.1f} dB"))
-    rows = (
-        PictureRow("The cells", overlaid),
-        PictureRow("The pictures, against the ray integral", plain),
-    )
-    return Octrees(tuple(octrees), rows)
+    return octrees, {"The cells": overlaid, "The pictures, against the ray integral": plain}
 
 
-def check_claims(numbers: Octrees) -> tuple[Claim, ...]:
-    """Compare the numbers with the paper's claims."""
-    octrees = numbers.octrees
+def check_claims(octrees: Sequence[Octree]) -> tuple[Claim, ...]:
+    """Compare octrees of falling tolerance with the paper's claims."""
     is_finer = all(after.num_cells > before.num_cells for before, after in pairwise(octrees))
     is_better = all(after.psnr_db > before.psnr_db for before, after in pairwise(octrees))
     refined = [octree for octree in octrees if octree.num_cells >= MIN_CELLS]
@@ -186,30 +172,16 @@ def _cells_in_blocks(cut: Cut, shape: tuple[int, ...]) -> Float64:
     return counts
 
 
-def _table(numbers: Octrees) -> FigureTable:
-    return FigureTable(
-        "Cells by level",
-        [
-            {
-                "tolerance": f"{octree.tolerance:g}",
-                **{f"level {level}": f"{num}" for level, num in enumerate(octree.cells_by_level)},
-                "all": f"{octree.num_cells}",
-                "PSNR, dB": f"{octree.psnr_db:.2f}",
-                "low variation": f"{octree.cells_low_variation:.2f}",
-                "high variation": f"{octree.cells_high_variation:.1f}",
-                "ratio": f"{octree.cell_ratio:.1f}",
-            }
-            for octree in numbers.octrees
-        ],
-    )
-
-
-def _chart(numbers: Octrees) -> Chart:
-    plot, axes = new_plot("level", "cells")
-    for color, octree in zip(SERIES_COLORS, numbers.octrees, strict=False):
-        levels = [level for level, num in enumerate(octree.cells_by_level) if num]
-        counts = [octree.cells_by_level[level] for level in levels]
-        axes.semilogy(levels, counts, "o-", color=color, label=f"tolerance {octree.tolerance:g}")
-    axes.yaxis.set_major_formatter(lambda count, _: short_count_text(count))
-    axes.legend()
-    return Chart(plot, "Cells of each level, at each tolerance")
+def _table_lines(octrees: Sequence[Octree]) -> list[dict[str, str]]:
+    return [
+        {
+            "tolerance": f"{octree.tolerance:g}",
+            **{f"level {level}": f"{num}" for level, num in enumerate(octree.cells_by_level)},
+            "all": f"{octree.num_cells}",
+            "PSNR, dB": f"{octree.psnr_db:.2f}",
+            "low variation": f"{octree.cells_low_variation:.2f}",
+            "high variation": f"{octree.cells_high_variation:.1f}",
+            "ratio": f"{octree.cell_ratio:.1f}",
+        }
+        for octree in octrees
+    ]

@@ -16,7 +16,7 @@ from hsplat_cli.studies.paper.figure_renderer import (
     with_error,
     with_splat,
 )
-from hsplat_cli.studies.paper.paper_figure import Claim, FigureTable, PaperFigure, PictureRow, new_plot
+from hsplat_cli.studies.paper.paper_figure import Claim, PaperFigure, PictureRows, new_plot
 from hsplat_cli.terminal import counted
 from renderer.errors import InputError
 from renderer.film import Pixels
@@ -42,7 +42,7 @@ class SplatSeries:
     corrected: tuple[float, ...]
     uncorrected: tuple[float, ...]
     totals: tuple[float, ...]
-    rows: tuple[PictureRow, ...]
+    rows: PictureRows
 
     def depth_ratios(self, alphas: tuple[float, ...]) -> tuple[float, ...]:
         """Return the optical depth of each splat, relative to that of the splat of one voxel."""
@@ -58,9 +58,8 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
         "A cube of one material, always of the same size in the picture and always one splat, stands for 1 to "
         f"{SIDES[-1]} voxels a side, each of opacity {splats.opacity:g}.",
         check_claims(splats),
-        rows=splats.rows,
+        splats.rows,
         charts=(_chart(splats),),
-        tables=(_table(splats),),
     )
 
 
@@ -94,8 +93,7 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> SplatSeries:
         totals.append(_total_depth(splat) / _total_depth(voxels))
         for row, frame in zip(rows.values(), (splat, without, voxels), strict=True):
             row.append((frame.image, f"{side}^3 voxels: alpha {_middle(frame):.3f}"))
-    shown = tuple(PictureRow(title, pictures) for title, pictures in rows.items())
-    return SplatSeries(opacity, tuple(corrected), tuple(uncorrected), tuple(totals), shown)
+    return SplatSeries(opacity, tuple(corrected), tuple(uncorrected), tuple(totals), rows)
 
 
 def check_claims(splats: SplatSeries) -> tuple[Claim, ...]:
@@ -153,24 +151,6 @@ def _middle(frame: Frame) -> float:
 def _total_depth(frame: Frame) -> float:
     """Return the optical depth summed over all pixels."""
     return float(-np.log1p(-frame.radiance[..., 3].astype(np.float64)).sum())
-
-
-def _table(splats: SplatSeries) -> FigureTable:
-    ratios = splats.depth_ratios(splats.corrected)
-    columns = (SIDES, splats.corrected, ratios, splats.uncorrected, splats.totals)
-    return FigureTable(
-        "Alpha in the middle of the splat, and the optical depth of the whole picture relative to that of the voxels",
-        [
-            {
-                "voxels a side": f"{side}",
-                "with correction": f"{with_correction:.4f}",
-                "exponent of (1 - alpha of one voxel)": f"{ratio:.3f}",
-                "without correction": f"{without:.4f}",
-                "whole picture": f"{total:.4f}",
-            }
-            for side, with_correction, ratio, without, total in zip(*columns, strict=True)
-        ],
-    )
 
 
 def _chart(splats: SplatSeries) -> Chart:

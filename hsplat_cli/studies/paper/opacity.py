@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from hsplat_cli.reports import SERIES_COLORS, Chart
 from hsplat_cli.studies.paper.figure_renderer import SATURATED_ALPHA, FigureRenderer, with_error, with_splat
-from hsplat_cli.studies.paper.paper_figure import Claim, FigureTable, PaperFigure, PictureRow, new_plot
+from hsplat_cli.studies.paper.paper_figure import Claim, PaperFigure, PictureRows, new_plot
 from renderer.errors import InputError
 from renderer.film import Pixels
 from renderer.frame import Stage, view_of
@@ -40,7 +40,7 @@ class Slab:
     depth: int
     corrected: Float64
     uncorrected: Float64
-    rows: tuple[PictureRow, ...]
+    rows: PictureRows
 
     @property
     def num_levels(self) -> int:
@@ -68,12 +68,12 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
         f"A slab of one material, {slab.depth} voxels deep, drawn with cells of 1 to {slab.depth} voxels a side. All "
         "numbers are alphas of drawn pixels, the mean over the middle of the picture.",
         check_claims(slab),
-        rows=slab.rows,
+        slab.rows,
         charts=(_chart(slab),),
-        tables=(
-            _table(slab, "With correction", slab.corrected, corrected=True),
-            _table(slab, "Without correction", slab.uncorrected, corrected=False),
-        ),
+        tables={
+            "With correction: alpha of the slab": _table_lines(slab, slab.corrected, corrected=True),
+            "Without correction: alpha of the slab": _table_lines(slab, slab.uncorrected, corrected=False),
+        },
     )
 
 
@@ -91,25 +91,22 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> Slab:
     depth = source.shape[1]
     levels = range(depth.bit_length())
     alphas = np.empty((2, len(OPACITIES), len(levels)))
-    pictures: tuple[list[tuple[Pixels, str]], ...] = ([], [])
+    rows: dict[str, list[tuple[Pixels, str]]] = {
+        f"Voxels of opacity {SHOWN_OPACITY:g}, {word} correction": [] for word in ("with", "without")
+    }
     for i, opacity in enumerate(OPACITIES):
         mapping = tuple(replace(point, opacity=opacity) for point in points)
         stage = figure_renderer.stage(
             replace(scene, transfer_function=replace(scene.transfer_function, mapping=mapping))
         )
         middle = _middle(stage, depth)
-        for k, is_corrected in enumerate((True, False)):
+        for k, (row, is_corrected) in enumerate(zip(rows.values(), (True, False), strict=True)):
             for level in levels:
                 drawn = with_splat(with_error(stage, finest_level=level), opacity_correction=is_corrected)
                 frame = figure_renderer.draw(drawn)
                 alphas[k, i, level] = frame.radiance[..., 3][middle].mean(dtype=np.float64)
                 if opacity == SHOWN_OPACITY:
-                    caption = f"level {level}: alpha {alphas[k, i, level]:.3f}"
-                    pictures[k].append((frame.image, caption))
-    rows = tuple(
-        PictureRow(f"Voxels of opacity {SHOWN_OPACITY:g}, {word} correction", row)
-        for word, row in zip(("with", "without"), pictures, strict=True)
-    )
+                    row.append((frame.image, f"level {level}: alpha {alphas[k, i, level]:.3f}"))
     return Slab(OPACITIES, depth, alphas[0], alphas[1], rows)
 
 
@@ -164,19 +161,16 @@ def _middle(stage: Stage, depth: int) -> tuple[slice, slice]:
     return slice(row - half, row + half), slice(column - half, column + half)
 
 
-def _table(slab: Slab, caption: str, alphas: Float64, *, corrected: bool) -> FigureTable:
+def _table_lines(slab: Slab, alphas: Float64, *, corrected: bool) -> list[dict[str, str]]:
     off = np.abs(alphas - slab.expected(corrected=corrected)).max(axis=1)
-    return FigureTable(
-        f"{caption}: alpha of the slab",
-        [
-            {
-                "opacity of a voxel": f"{opacity:g}",
-                **{f"level {level}": f"{alpha:.4f}" for level, alpha in enumerate(row)},
-                "largest error against the closed form": f"{worst:.4f}",
-            }
-            for opacity, row, worst in zip(slab.opacities, alphas, off, strict=True)
-        ],
-    )
+    return [
+        {
+            "opacity of a voxel": f"{opacity:g}",
+            **{f"level {level}": f"{alpha:.4f}" for level, alpha in enumerate(row)},
+            "largest error against the closed form": f"{worst:.4f}",
+        }
+        for opacity, row, worst in zip(slab.opacities, alphas, off, strict=True)
+    ]
 
 
 def _chart(slab: Slab) -> Chart:

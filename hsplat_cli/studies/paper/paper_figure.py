@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from hsplat_cli.reports import Chart
@@ -29,33 +29,25 @@ class Claim:
     is_confirmed: bool
 
 
-@dataclass(frozen=True)
-class PictureRow:
-    """Pictures side by side, uint8 [h, w, 3] or, with straight alpha, [h, w, 4], each with its caption."""
-
-    title: str
-    pictures: Sequence[tuple[Pixels, str]]
-
-
-@dataclass(frozen=True)
-class FigureTable:
-    """A table of text: each line maps headings to cells; its first cell is its heading."""
-
-    caption: str
-    lines: Sequence[Mapping[str, str]]
+# Pictures side by side, by the title of the row: uint8 [h, w, 3] or, with straight alpha, [h, w, 4], and a caption.
+PictureRows = Mapping[str, Sequence[tuple[Pixels, str]]]
 
 
 @dataclass(frozen=True)
 class PaperFigure:
-    """One figure of the paper. notes: what differs from the paper, such as a substitute volume."""
+    """One figure of the paper.
+
+    tables: by caption; each line maps headings to cells, and its first cell is its heading. notes: what differs from
+    the paper, such as a substitute volume.
+    """
 
     number: int
     title: str
     description: str
     claims: tuple[Claim, ...]
-    rows: tuple[PictureRow, ...] = ()
+    rows: PictureRows
     charts: tuple[Chart, ...] = ()
-    tables: tuple[FigureTable, ...] = ()
+    tables: Mapping[str, Sequence[Mapping[str, str]]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hsplat_cli.studies.paper.figure_renderer import FigureRenderer, with_error
-from hsplat_cli.studies.paper.paper_figure import Claim, FigureTable, PaperFigure, PictureRow
+from hsplat_cli.studies.paper.paper_figure import Claim, PaperFigure, PictureRows
 from hsplat_cli.terminal import counted
 from renderer.frame import Stage
 from renderer.scene import Scene
@@ -56,7 +57,7 @@ class Refinement:
 
     drawings: tuple[TimedFrame, ...]
     psnr_to_full_db: float
-    rows: tuple[PictureRow, ...]
+    rows: PictureRows
 
 
 def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
@@ -74,8 +75,8 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
         "One view at the tolerances that meet two budgets on this machine, and with a splat for every visible voxel. "
         "Times are for one frame of a film: sort, draw and round to 8 bits; the cut is made once for all frames.",
         check_claims(numbers),
-        rows=numbers.rows,
-        tables=(_table(numbers),),
+        numbers.rows,
+        tables={"The three frames": _table_lines(numbers.drawings)},
         notes=tuple(notes),
     )
 
@@ -110,10 +111,10 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> Refinement:
         drawings.append(drawing)
         pictures.append((frame.image, f"{name}: {drawing.seconds:.2f} s, {drawing.psnr_db:.1f} dB"))
         differences.append((difference_picture(rgb[-1], truth), name))
-    rows = (
-        PictureRow("The pictures", pictures),
-        PictureRow(f"Their differences from the ray integral, times {DIFFERENCE_GAIN:g}", differences),
-    )
+    rows = {
+        "The pictures": pictures,
+        f"Their differences from the ray integral, times {DIFFERENCE_GAIN:g}": differences,
+    }
     return Refinement(tuple(drawings), compute_metric("psnr", rgb[1], rgb[2]), rows)
 
 
@@ -168,18 +169,15 @@ def _frame_seconds_at(stage: Stage, tolerance: float, figure_renderer: FigureRen
     return figure_renderer.frame_seconds(with_error(stage, tolerance=((0, tolerance),)), repetitions=repetitions)
 
 
-def _table(numbers: Refinement) -> FigureTable:
-    return FigureTable(
-        "The three frames",
-        [
-            {
-                "": drawing.name,
-                "tolerance": f"{drawing.tolerance:g}",
-                "splats": f"{drawing.num_splats}",
-                "frame, s": f"{drawing.seconds:.3f}",
-                "cut, s": f"{drawing.cut_seconds:.3f}",
-                "PSNR, dB": f"{drawing.psnr_db:.2f}",
-            }
-            for drawing in numbers.drawings
-        ],
-    )
+def _table_lines(drawings: Sequence[TimedFrame]) -> list[dict[str, str]]:
+    return [
+        {
+            "": drawing.name,
+            "tolerance": f"{drawing.tolerance:g}",
+            "splats": f"{drawing.num_splats}",
+            "frame, s": f"{drawing.seconds:.3f}",
+            "cut, s": f"{drawing.cut_seconds:.3f}",
+            "PSNR, dB": f"{drawing.psnr_db:.2f}",
+        }
+        for drawing in drawings
+    ]
