@@ -76,8 +76,9 @@ def demo() -> int:
 
 def test() -> int:
     """Run the tests on the installed wheel."""
-    # Not `python -m pytest`, which would import the checkout. Up to four processes; each takes whole files.
-    lanes = ("--numprocesses=auto", "--maxprocesses=4", "--dist=loadfile")
+    # Not `python -m pytest`, which would import the checkout. Up to four processes; each takes whole files, in their
+    # order: the files of one long test would come last otherwise.
+    lanes = ("--numprocesses=auto", "--maxprocesses=4", "--dist=loadfile", "--no-loadscope-reorder")
     return run(VENV / "bin" / "pytest", *lanes, HSPLAT_TEST_INSTALLED="1")
 
 

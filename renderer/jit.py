@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import importlib
 import os
 import shutil
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -25,6 +27,14 @@ Function = TypeVar("Function", bound=Callable[..., object])
 _config: Any = numba.config  # its attributes are defined at run time
 _cgutils: Any = cgutils  # has no types
 _IndexDataCacheFile: Any = caching.IndexDataCacheFile
+
+# Where scipy is installed, numba imports scipy.linalg, which takes as long as numba itself, to see whether np.convolve
+# can use its BLAS. Here the answer is no, without the import: no loop calls np.convolve.
+_SCIPY_BLAS = "scipy.linalg.cython_blas"
+if _SCIPY_BLAS not in sys.modules:
+    sys.modules[_SCIPY_BLAS] = None  # type: ignore[assignment]
+    importlib.import_module("numba.np.arraymath")
+    del sys.modules[_SCIPY_BLAS]
 
 # The cache folder of sources that nobody has run for 30 days is removed when another one is created.
 _PREFIX, _MAX_UNUSED_S = "kernels-", 30 * 86400.0

@@ -47,6 +47,17 @@ def test_help_and_check_import_no_heavy_package(tmp_path: Path) -> None:
     assert python("-c", program).stdout.splitlines()[-1] == f"[] {[0] * len(commands)}"
 
 
+def test_compiled_loops_run_without_scipy_linalg(tmp_path: Path) -> None:
+    """Loops of others in the same process still have its BLAS."""
+    program = (
+        "import sys, renderer.jit, numba, numpy as np\n"
+        "assert numba.njit(lambda a: a + a)(np.ones(2)).sum() == 4.0\n"
+        "print('scipy.linalg' in sys.modules)\n"
+        "print(numba.njit(lambda a: np.dot(a, a))(np.full((1, 1), 3.0)), 'scipy.linalg' in sys.modules)"
+    )
+    assert python("-c", program, NUMBA_CACHE_DIR=str(tmp_path)).stdout.split() == ["False", "[[9.]]", "True"]
+
+
 def test_module_and_help() -> None:
     done = python("-m", "hsplat_cli", "--help")
     assert (done.returncode, done.stderr) == (0, "")
