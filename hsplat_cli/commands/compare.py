@@ -70,7 +70,8 @@ def compare(
         # Imported here to keep --help fast.
         from hsplat_cli.compare import ReportFiles, SceneOptions, compare_frames, comparison_table
 
-        reports = ReportFiles(json_file, junit_file, html_file)
+        files = {"--json": json_file, "--junit": junit_file, "--html": html_file}
+        reports = ReportFiles({option: path for option, path in files.items() if path})
         drawing = SceneOptions(frames, overrides, volume, workers)
         comparison = compare_frames(golden, actual, reports, drawing, level=level, limits=limits, reporter=reporter)
     if comparison.passes:

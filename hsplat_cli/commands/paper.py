@@ -15,7 +15,7 @@ from hsplat_cli.commands.options import quiet_option, volume_option
 from hsplat_cli.terminal import OutputPath, Reporter, describe_machine, sigterm_as_interrupt
 from renderer.cores import num_cores
 from renderer.errors import InputError, SceneError
-from renderer.film import require_no_input, volume_files, write_staged
+from renderer.film import require_no_input, require_writable_dry_run, volume_files, write_staged
 from renderer.scene import Scene, load_scene
 
 if TYPE_CHECKING:
@@ -84,12 +84,12 @@ def paper(folder: Path | None, volume: Path | None, output: Path, numbers: tuple
     FOLDER holds a scene file for each figure; by default the scenes that come with hsplat are used. The page states
     what the paper claims, what was measured, and whether the claim is confirmed.
     """
-    from hsplat_cli.reports import require_page_packages, require_writable_files
+    from hsplat_cli.reports import require_page_packages
 
     require_page_packages()
     jobs = _jobs(folder or SCENES, numbers, volume)
-    require_writable_files(output, [PAGE_FILE])
     path = output / PAGE_FILE
+    require_writable_dry_run(path)
     require_no_input([path], [file for job in jobs for file in (job.path, *volume_files(job.scene.volume))])
     with sigterm_as_interrupt():
         figures, text = _page(jobs, reporter)

@@ -75,7 +75,7 @@ def _compare(
     with reporter.progress(len(pairs.names), label="comparing") as bar:
         for pair in pairs.pairs:
             outcomes.append(compare_pair(pair, rules.limits_for(pair.name)))
-            if reports.html is not None:
+            if "--html" in reports.paths:
                 gallery.add(outcomes[-1], pair)
             bar.advance()
     comparison = Comparison(
@@ -103,7 +103,7 @@ def require_match(
         comparison = compare_frames(
             Path(golden),
             Path(actual),
-            ReportFiles(html=None if html is None else Path(html)),
+            ReportFiles({} if html is None else {"--html": Path(html)}),
             SceneOptions(),
             level=level,
             limits=overrides,

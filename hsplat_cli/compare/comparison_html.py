@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from hsplat_cli.compare.error_plot import plot_errors
 from hsplat_cli.compare.figure_format import limit_text, printable, share_text, signed_text, value_text
-from hsplat_cli.compare.gallery import PICTURE_PX, Gallery, GalleryFrame, Pictures
+from hsplat_cli.compare.gallery import PICTURE_PX, Gallery
 from hsplat_cli.compare.outcome import Comparison
 from hsplat_cli.compare.text_reports import summary
 from hsplat_cli.reports import bytes_text, png_data_uri, render_page
@@ -15,18 +13,22 @@ from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS, severity
 # Limits the size of all pictures on the page. Incompressible pictures of a frame take 4 MB: seven frames always fit.
 MAX_PICTURE_BYTES = 30_000_000
 GAINS = (1, 10, 50)
-# Kind, data URI or nothing where it is absent, shape, and words on the part of the frame that it shows.
-_Picture = tuple[str, str, tuple[int, ...], str]
 # Smaller pictures are enlarged by whole pixels up to this size.
 _MIN_SHOWN_PX = 384
 
 
 def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
     """Return the page as text; equal comparisons and pictures give equal text. Needs the package jinja2."""
-    frames, num_bytes = _shown_frames(gallery.gallery_frames)
     outcomes = comparison.outcomes
-    differences = [frame.overview["difference"] for frame in gallery.gallery_frames]
-    largest = max((int(levels.max()) for levels in differences if levels is not None), default=0)
+    frames, num_bytes, largest = [], 0, 0
+    for frame in gallery.gallery_frames:  # worst first, as many as fit
+        uris = ["" if picture.pixels is None else png_data_uri(picture.pixels) for picture in frame.pictures]
+        if num_bytes + sum(map(len, uris)) > MAX_PICTURE_BYTES:
+            break
+        num_bytes += sum(map(len, uris))
+        frames.append((frame, list(zip(frame.pictures, uris, strict=True))))
+        difference = frame.pictures[2].pixels
+        largest = max(largest, 0 if difference is None else int(difference.max()))
     text = render_page(
         "compare.html",
         title=summary(comparison),
@@ -50,27 +52,3 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
     )
     # File names may hold any bytes, also invalid UTF-8.
     return "\n".join(line if line.isprintable() else printable(line) for line in text.split("\n"))
-
-
-def _shown_frames(gallery_frames: Sequence[GalleryFrame]) -> tuple[list[tuple[GalleryFrame, list[_Picture]]], int]:
-    """Return the frames that fit, worst first, with their pictures, and the bytes of these."""
-    frames: list[tuple[GalleryFrame, list[_Picture]]] = []
-    num_bytes = 0
-    for frame in gallery_frames:
-        pictures = _pictures(frame.overview, "")
-        if frame.crop is not None and frame.crop["golden"] is not None:
-            (x, y), (height, width, _) = frame.corner, frame.crop["golden"].shape
-            pictures += _pictures(frame.crop, f", enlarged: x {x} to {x + width - 1}, y {y} to {y + height - 1}")
-        size = sum(len(uri) for _, uri, _, _ in pictures)
-        if num_bytes + size > MAX_PICTURE_BYTES:
-            break
-        num_bytes += size
-        frames.append((frame, pictures))
-    return frames, num_bytes
-
-
-def _pictures(pictures: Pictures, extent: str) -> list[_Picture]:
-    return [
-        (kind, "", (), "") if pixels is None else (kind, png_data_uri(pixels), pixels.shape, extent)
-        for kind, pixels in pictures.items()
-    ]

@@ -10,13 +10,11 @@ import math
 from typing import Any
 
 from hsplat_cli.compare.figure_format import limits_text
-from hsplat_cli.compare.outcome import Comparison, Outcome
+from hsplat_cli.compare.outcome import Comparison
 from renderer.study import COMPARISON_METRICS, severity
 
 WIDTH, HEIGHT = 864, 344  # the width of a figure on the page: the plot's text is as large as the page's
 LEFT, RIGHT, TOP, BOTTOM = 62, 850, 14, 278
-_COLORS = ("series-1", "series-3", "series-4", "series-5", "series-6", "series-8")  # series-2 marks failures
-_DASHES = ("none", "7 3", "2 3", "10 3 2 3", "5 5", "1 5")
 _MIN_DENSE_FRAMES = 200  # from here on points are small
 _MAX_DECADES = 4  # larger errors are drawn at this many decades above the limit
 
@@ -24,8 +22,8 @@ _MAX_DECADES = 4  # larger errors are drawn at this many decades above the limit
 def plot_errors(comparison: Comparison) -> dict[str, Any] | None:
     """Lay out the plot in pixels, as the template expects it; return None if no metric has a limit and nothing fails.
 
-    x_ticks, y_ticks: position and text. failures: x and description of each failing frame. curves: of the metrics;
-    their points are (x, y) of each frame, or None for one without the metric.
+    x_ticks, y_ticks: position and text. frames: x and outcome of each frame. labels: of the metrics, by name.
+    height: a function that returns the y of a metric in an outcome.
     """
     outcomes = comparison.outcomes
     names = [name for name in COMPARISON_METRICS if any(name in outcome.figures for outcome in outcomes)]
@@ -44,27 +42,14 @@ def plot_errors(comparison: Comparison) -> dict[str, Any] | None:
         height = share if share <= 1 else 1 + min(math.log10(share), decades)
         return BOTTOM - height / (1 + decades) * (BOTTOM - TOP)
 
-    def point(outcome: Outcome, number: float, name: str) -> tuple[float, float] | None:
-        if name not in outcome.figures:
-            return None
-        return x(number), y(severity({name: outcome.figures[name]}, outcome.limits))
-
-    frames = list(zip(outcomes, numbers, strict=True))
-    labels = ", ".join(COMPARISON_METRICS[name].label for name in names)
+    metrics = ", ".join(COMPARISON_METRICS[name].label for name in names)
     powers = [(10.0**power, f"{10**power:,}".replace(",", " ")) for power in range(1, decades + 1)]
     return {
         "alt": f"Errors of {len(outcomes)} frames as shares of their limits, of which {comparison.num_failing} fail: "
-        f"{labels}",
-        "curves": [
-            {
-                "label": limits_text(name, [o.limits[name] for o in outcomes if name in o.limits]),
-                "color": color,
-                "dash": dash,
-                "points": [point(outcome, number, name) for outcome, number in frames],
-            }
-            for name, color, dash in zip(names, _COLORS, _DASHES, strict=False)
-        ],
-        "failures": [(x(number), f"{o.name}: {o.why}") for o, number in frames if not o.passes],
+        f"{metrics}",
+        "frames": [(x(number), outcome) for number, outcome in zip(numbers, outcomes, strict=True)],
+        "labels": {name: limits_text(name, [o.limits[name] for o in outcomes if name in o.limits]) for name in names},
+        "height": lambda outcome, name: y(severity({name: outcome.figures[name]}, outcome.limits)),
         "x_ticks": [(x(number), str(number)) for number in _ticks(first, last)],
         "y_ticks": [(y(share), text) for share, text in [(0, "0"), (0.5, "0.5"), (1, "1"), *powers]],
         "has_frame_numbers": bool(comparison.frame_numbers),

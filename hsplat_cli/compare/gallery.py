@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import bisect
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -23,29 +24,37 @@ CROP_PX = 48
 NUM_PASSING_SHOWN = 6
 
 _Levels = npt.NDArray[np.float32]
-# By `golden`, `actual` and `difference`. Golden and actual are uint8 [h, w, 3 or 4], None for a side without the frame.
-# The difference is uint8 [h, w, 3], None if nothing can be compared: red and blue are the levels, rounded up, by which
-# the most different channel of a pixel is brighter or darker than in the golden; green is 0.
-Pictures = Mapping[str, Pixels | None]
+
+
+class GalleryPicture(NamedTuple):
+    """A picture of a frame.
+
+    kind: `golden` and `actual` are uint8 [h, w, 3 or 4], None for a side without the frame. `difference` is uint8
+    [h, w, 3], None if nothing can be compared: red and blue are the levels, rounded up, by which the most different
+    channel of a pixel is brighter or darker than in the golden; green is 0.
+    extent: words on the part of the frame that is shown; empty for all of it.
+    """
+
+    kind: str
+    pixels: Pixels | None
+    extent: str = ""
 
 
 @dataclass(frozen=True)
 class GalleryFrame:
     """A frame on the page.
 
-    overview: at most PICTURE_PX wide and high. pixels_per_side: side of the block of frame pixels behind each of its
-    pixels; golden and actual show the block's mean, the difference its largest error.
+    pictures: golden, actual and difference, at most PICTURE_PX wide and high, and the same of CROP_PX pixels around the
+    worst one, unless the frame is small or nothing can be compared.
+    pixels_per_side: side of the block of frame pixels behind each pixel of the former; golden and actual show the
+    block's mean, the difference its largest error.
     worst: (x, y) of the first frame pixel with the largest error; None if nothing can be compared.
-    crop: CROP_PX pixels around the worst one, within the frame; None for a small frame or if nothing can be compared.
-    corner: (x, y) of the crop's first pixel.
     """
 
     outcome: Outcome
-    overview: Pictures
+    pictures: Sequence[GalleryPicture]
     pixels_per_side: int
     worst: tuple[int, int] | None = None
-    crop: Pictures | None = None
-    corner: tuple[int, int] = (0, 0)
 
 
 class Gallery:
@@ -74,27 +83,24 @@ def _make_gallery_frame(outcome: Outcome, pair: Pair) -> GalleryFrame:
     golden, actual = pair.golden, pair.actual
     sizes = [length for picture in (golden, actual) if picture is not None for length in picture.shape[:2]]
     side = -(-max(sizes) // PICTURE_PX)
-    overview = {
-        "golden": _means(golden, side),
-        "actual": _means(actual, side),
-        "difference": None,
-    }
+    sides = [GalleryPicture("golden", _means(golden, side)), GalleryPicture("actual", _means(actual, side))]
     if golden is None or actual is None or golden.shape != actual.shape:
-        return GalleryFrame(outcome, overview, side)
+        return GalleryFrame(outcome, [*sides, GalleryPicture("difference", None)], side)
     levels = FrameDifference(golden, actual).signed_levels
-    overview["difference"] = _difference_picture(_largest(levels, side))
+    pictures = [*sides, GalleryPicture("difference", _difference_picture(_largest(levels, side)))]
     y, x = (int(place) for place in np.unravel_index(np.abs(levels).argmax(), levels.shape))
-    if max(levels.shape) <= 2 * CROP_PX:
-        return GalleryFrame(outcome, overview, side, (x, y))
-    height, width = levels.shape
-    top, left = (max(min(at - CROP_PX // 2, num - CROP_PX), 0) for at, num in ((y, height), (x, width)))
-    rows, columns = slice(top, top + CROP_PX), slice(left, left + CROP_PX)
-    crop = {
-        "golden": golden[rows, columns].copy(),  # a view would keep the whole frame in memory
-        "actual": actual[rows, columns].copy(),
-        "difference": _difference_picture(levels[rows, columns]),
-    }
-    return GalleryFrame(outcome, overview, side, (x, y), crop, (left, top))
+    if max(levels.shape) > 2 * CROP_PX:
+        height, width = levels.shape
+        top, left = (max(min(at - CROP_PX // 2, num - CROP_PX), 0) for at, num in ((y, height), (x, width)))
+        bottom, right = min(top + CROP_PX, height), min(left + CROP_PX, width)
+        extent = f", enlarged: x {left} to {right - 1}, y {top} to {bottom - 1}"
+        pictures += [
+            # A view would keep the whole frame in memory.
+            GalleryPicture("golden", golden[top:bottom, left:right].copy(), extent),
+            GalleryPicture("actual", actual[top:bottom, left:right].copy(), extent),
+            GalleryPicture("difference", _difference_picture(levels[top:bottom, left:right]), extent),
+        ]
+    return GalleryFrame(outcome, pictures, side, (x, y))
 
 
 def _difference_picture(levels: _Levels) -> Pixels:

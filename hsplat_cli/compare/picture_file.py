@@ -6,6 +6,8 @@ converted. Interlaced pictures are supported.
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import struct
 import zlib
@@ -15,6 +17,7 @@ from typing import NamedTuple
 
 import imageio.v3
 import numpy as np
+from PIL import Image
 
 from renderer.errors import InputError
 from renderer.film import Pixels, join_png_chunks, png_chunks
@@ -36,14 +39,6 @@ _KNOWN_CHUNKS = (b"IHDR", b"PLTE", b"IDAT", b"IEND")
 # First column and row, and steps, of the passes of an interlaced picture (ISO/IEC 15948, 8.2).
 _ADAM7_PASSES = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
 
-_OTHER_FILES = (
-    (b"\xff\xd8\xff", "a JPEG file"),
-    (b"GIF8", "a GIF file"),
-    (b"BM", "a BMP file"),
-    (b"II*\0", "a TIFF file"),
-    (b"MM\0*", "a TIFF file"),
-    (b"RIFF", "a WebP file"),
-)
 _LFS_POINTER = b"version https://git-lfs.github.com/"
 
 
@@ -149,7 +144,9 @@ def _unreadable_error(reason: str, content: bytes, path: Path) -> InputError:
         hint = "git lfs pull"
         return InputError("not a PNG file", where=str(path), got="a Git LFS pointer", expected=_EXPECTED, hint=hint)
     if reason == "not a PNG file":
-        got = next((words for beginning, words in _OTHER_FILES if content.startswith(beginning)), None)
+        got = None
+        with contextlib.suppress(OSError), Image.open(io.BytesIO(content)) as image:
+            got = f"a {image.format} file"
         return InputError(reason, where=str(path), got=got, expected=_EXPECTED)
     return InputError(f"the PNG file is {reason}", where=str(path), got=f"{len(content)} bytes", expected=_EXPECTED)
 

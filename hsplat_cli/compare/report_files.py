@@ -20,21 +20,13 @@ _SUFFIXES = {"--json": (".json",), "--junit": (".xml",), "--html": (".html", ".h
 
 @dataclass(frozen=True)
 class ReportFiles:
-    """The requested reports; None for the others."""
+    """The paths of the requested reports, by option."""
 
-    json: Path | None = None
-    junit: Path | None = None
-    html: Path | None = None
-
-    @property
-    def _paths(self) -> dict[str, Path]:
-        """The paths of the requested reports, by option."""
-        given = {"--json": self.json, "--junit": self.junit, "--html": self.html}
-        return {option: path for option, path in given.items() if path is not None}
+    paths: Mapping[str, Path]
 
     def require_names(self, inputs: Sequence[Path]) -> None:
         """Raise InputError if a name has a wrong suffix, or is an existing input. Write nothing."""
-        for option, path in self._paths.items():
+        for option, path in self.paths.items():
             where, suffixes = f"{option} {path}", _SUFFIXES[option]
             if path.suffix.lower() not in suffixes:
                 got = f"a {path.suffix} file" if path.suffix else "no suffix"
@@ -50,12 +42,12 @@ class ReportFiles:
 
         Raises InputError or RenderError if one of them cannot be written.
         """
-        for path in self._paths.values():
+        for path in self.paths.values():
             with translate_os_errors(path):
                 path.unlink(missing_ok=True)
-        for path in self._paths.values():
+        for path in self.paths.values():
             require_writable(path)
-        if self.html is not None:
+        if "--html" in self.paths:
             require_package("jinja2", extra="compare")
 
     def write(self, comparison: Comparison, gallery: Gallery) -> None:
@@ -78,6 +70,6 @@ class ReportFiles:
 
     def _write(self, texts: Mapping[str, Callable[[], str]]) -> None:
         with staged_files() as write:
-            for option, path in self._paths.items():
+            for option, path in self.paths.items():
                 if option in texts:
                     write(path, texts[option]().encode())

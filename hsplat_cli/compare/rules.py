@@ -36,6 +36,7 @@ from renderer.scene import (
     parse_yaml_file,
     read_bounded,
     read_fields,
+    read_option,
     section_field,
     source_excerpt,
     valid_keys,
@@ -118,7 +119,7 @@ def load_rules(
     """
     problems: list[Problem] = []
     if level is not None:
-        _read_option(_LEVEL, level, f"{option_names[0]} {level}", problems)
+        read_option(_LEVEL, level, f"{option_names[0]} {level}", problems)
     changes: dict[str, float | None] = {}
     for text in overrides:
         changes.update(_parse_override(text, option_names[1], problems))
@@ -166,19 +167,12 @@ def _parse_frames(node: TreeNode) -> dict[str, Any]:
 _FRAMES: FieldType[dict[str, Any]] = FieldType("a mapping of frames to their limits", _parse_frames)
 
 
-def _read_option(kind: FieldType[Any], value: object, location: str, problems: list[Problem]) -> Any:
-    found: list[Problem] = []
-    result = kind.read(TreeNode(value, "", found))
-    problems += [replace(problem, location=location) for problem in found]
-    return result
-
-
 def _parse_override(text: str, option_name: str, problems: list[Problem]) -> dict[str, float | None]:
     """Parse `FIGURE=VALUE`."""
     name, equals, value = (part.strip() for part in text.partition("="))
     location = f"{option_name} {text}"
     if equals:
-        changes: dict[str, float | None] = _read_option(_LIMITS, {name: value or None}, location, problems)
+        changes: dict[str, float | None] = read_option(_LIMITS, {name: value or None}, location, problems)
         return changes
     expected = f"{option_name} FIGURE=VALUE, such as largest=4"
     problems.append(Problem("", "not a limit", expected=expected, location=location))
@@ -214,4 +208,3 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
         file=path,
         places={name: format_location(path, tree.locations[join_keys("frames", name)].key) for name in frames},
     )
-

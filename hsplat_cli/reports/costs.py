@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from renderer.study import Measurement, Setting, cost_at_psnr, pareto_front
+from renderer.study import Cost, Measurement, Setting, cost_at_psnr, pareto_front
 
 OWN = "hsplat"
 PEER = "vtk"
@@ -54,8 +54,9 @@ def cost_in_splats(measurement: Measurement) -> float:
 
 def pareto_fronts(measurements: Sequence[Measurement], cost: CostOf) -> dict[str, list[int]]:
     """Return the Pareto front of a cost and PSNR for each program, by rising cost, as indices."""
+    errors = [-m.overall.everywhere.psnr for m in measurements]
     return {
-        program: _front(measurements, [cost(m) if program_of(m) == program else math.nan for m in measurements])
+        program: pareto_front([cost(m) if program_of(m) == program else math.nan for m in measurements], errors)
         for program in (OWN, PEER)
     }
 
@@ -65,21 +66,6 @@ def on_pareto_fronts(measurements: Sequence[Measurement]) -> list[tuple[bool, bo
     fronts = [pareto_fronts(measurements, cost) for cost in (cost_in_time, cost_in_splats)]
     time, splats = ({i for front in of_programs.values() for i in front} for of_programs in fronts)
     return [(i in time, i in splats) for i in range(len(measurements))]
-
-
-def _front(measurements: Sequence[Measurement], costs: Sequence[float]) -> list[int]:
-    return pareto_front(costs, [-m.overall.everywhere.psnr for m in measurements])
-
-
-@dataclass(frozen=True)
-class Cost:
-    """The cost of a PSNR, infinite if it is not reached.
-
-    is_bound: the cheapest setting measured is already more exact, and the true cost may be lower.
-    """
-
-    value: float
-    is_bound: bool
 
 
 @dataclass(frozen=True)
@@ -131,6 +117,4 @@ def _cost_at_psnr(wanted: float, own: Sequence[Measurement], peers: Sequence[Mea
 
 
 def _cost(measurements: Sequence[Measurement], cost: CostOf, wanted: float) -> Cost:
-    psnrs, costs = [m.overall.everywhere.psnr for m in measurements], [cost(m) for m in measurements]
-    front = _front(measurements, costs)
-    return Cost(cost_at_psnr(psnrs, costs, wanted), bool(front) and psnrs[front[0]] > wanted)
+    return cost_at_psnr([m.overall.everywhere.psnr for m in measurements], [cost(m) for m in measurements], wanted)

@@ -13,7 +13,6 @@ from hsplat_cli.reports.columns import Column, cost_columns, metric_column
 from hsplat_cli.reports.costs import (
     PEER,
     PROGRAM_NAMES,
-    Cost,
     CostAtPsnr,
     costs_by_psnr,
     group_by_series,
@@ -35,7 +34,7 @@ from hsplat_cli.reports.plots import (
 )
 from hsplat_cli.reports.tables import to_plain
 from renderer.bricks import BRICK_SIZE
-from renderer.study import DIFFERENCE_GAIN, Measurement, Study, TruthRecord
+from renderer.study import DIFFERENCE_GAIN, Cost, Measurement, Study, TruthRecord
 
 # In the order of the table: the metric of the plots comes first.
 _METRICS = ("psnr", "ssim", "flip", "flip_p99", "delta_e_share", "rmse", "max_error")

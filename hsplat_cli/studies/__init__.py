@@ -4,7 +4,7 @@
 `FigureRenderer` draws the figures of `hsplat paper`. `peers/` measures VTK on the same scene.
 
 - `measure/`: `study.py` sweeps; `tolerance.py` finds the tolerance for `--want psnr=38`; `options.py` parses lists of
-  settings, `prepare.py` reads the volume once for all, `notes.py` says what is unexpected.
+  settings, `notes.py` says what is unexpected.
 - `paper/`: figures 1 to 6 are `footprints.py`, `opacity.py`, `one_splat.py`, `levels.py`, `octrees.py` and
   `refinement.py`; `figure_renderer.py` draws and times their scenes, `paper_figure.py` describes a figure.
 - `peers/`: `vtk_peer.py`, and `vtk_worker.py`, which draws with VTK in a process of its own.

@@ -16,6 +16,7 @@ from .editor import SceneEditor as SceneEditor
 from .error_section import (
     ERROR_SECTION as ERROR_SECTION,
     MAX_LEVEL as MAX_LEVEL,
+    MAX_PSNR_DB as MAX_PSNR_DB,
     MIN_TOLERANCE as MIN_TOLERANCE,
     ByFrame as ByFrame,
     ErrorSpec as ErrorSpec,
@@ -90,6 +91,7 @@ from .schema import (
     integer_field as integer_field,
     number_field as number_field,
     read_fields as read_fields,
+    read_option as read_option,
     section_field as section_field,
     sequence_field as sequence_field,
     valid_keys as valid_keys,

@@ -338,6 +338,14 @@ def read_fields(
     return given
 
 
+def read_option(field: FieldType[T], value: object, location: str, problems: list[Problem]) -> T:
+    """Return a value from the command line, read as a field; add its problems, with `location`, to `problems`."""
+    found: list[Problem] = []
+    result = field.read(TreeNode(value, "", found))
+    problems += [replace(problem, location=location) for problem in found]
+    return result
+
+
 def valid_keys(given: Mapping[str, Any], *keys: str) -> list[str]:
     """Return those of `keys` that were given and read without a problem."""
     return [key for key in keys if given.get(key, INVALID) is not INVALID]

@@ -18,7 +18,12 @@ from .metrics import (
     pool_accuracies as pool_accuracies,
     require_measuring_packages as require_measuring_packages,
 )
-from .pareto import cost_at_psnr as cost_at_psnr, find_regressions as find_regressions, pareto_front as pareto_front
+from .pareto import (
+    Cost as Cost,
+    cost_at_psnr as cost_at_psnr,
+    find_regressions as find_regressions,
+    pareto_front as pareto_front,
+)
 from .plan import (
     BEST_EFFORT_HINT as BEST_EFFORT_HINT,
     FilmPlan as FilmPlan,

@@ -4,6 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
+
+
+class Cost(NamedTuple):
+    """The cost of a PSNR, infinite if it is not reached.
+
+    is_bound: the cheapest setting measured is already more exact, and the true cost may be lower.
+    """
+
+    value: float
+    is_bound: bool = False
 
 
 def pareto_front(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
@@ -22,20 +33,17 @@ def pareto_front(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
     return front
 
 
-def cost_at_psnr(psnrs: Sequence[float], costs: Sequence[float], wanted: float) -> float:
-    """Return the cost of reaching a PSNR (dB) on the Pareto front of some points, log-linear between them.
-
-    The cost of the cheapest point if that is accurate enough, infinity if no point is.
-    """
+def cost_at_psnr(psnrs: Sequence[float], costs: Sequence[float], wanted: float) -> Cost:
+    """Return the cost of reaching a PSNR (dB) on the Pareto front of some points, log-linear between them."""
     front = pareto_front(costs, [-psnr for psnr in psnrs])
     if not front or psnrs[front[-1]] < wanted:
-        return math.inf
+        return Cost(math.inf)
     if psnrs[front[0]] >= wanted:
-        return costs[front[0]]
+        return Cost(costs[front[0]], is_bound=psnrs[front[0]] > wanted)
     above = next(k for k, i in enumerate(front) if psnrs[i] >= wanted)
     low, high = front[above - 1], front[above]
     part = (wanted - psnrs[low]) / (psnrs[high] - psnrs[low]) if math.isfinite(psnrs[high]) else 1.0
-    return float(costs[low] ** (1 - part) * costs[high] ** part)
+    return Cost(costs[low] ** (1 - part) * costs[high] ** part)
 
 
 def find_regressions(values: Sequence[float], *, higher_is_better: bool, least: float) -> list[int]:

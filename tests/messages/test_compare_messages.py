@@ -8,6 +8,7 @@ import shutil
 import struct
 from pathlib import Path
 
+import imageio.v3 as imageio
 import numpy as np
 import pytest
 from png_files import noise, png_file, smooth, write_film, write_frames
@@ -18,7 +19,7 @@ from tests.support.transcripts import Case, cases
 ROWS = bytes(100)
 # The content of frame-0000.png in folders of these names.
 PICTURES = {
-    "jpeg": b"\xff\xd8\xff\xe0",
+    "jpeg": imageio.imwrite("<bytes>", np.zeros((8, 8, 3), np.uint8), extension=".jpg"),
     "lfs": b"version https://git-lfs.github.com/spec/v1\n",
     "empty_file": b"",
     "short": png_file(16, 16, ROWS),

@@ -173,15 +173,6 @@ def test_unrequested_goldens_stay_until_they_are_pruned(capsys: pytest.CaptureFi
     assert files()["frame-0009.png"] == before["frame-0009.png"]
 
 
-def test_limits_of_removed_goldens_are_noted(capsys: pytest.CaptureFixture[str]) -> None:
-    assert golden("--quiet") == 0
-    limits = "frames:\n  frame-0000.png: {largest: 9}\n  frame-0003.png: {largest: 9}\n"
-    (FOLDER / "compare.yaml").write_text(limits, encoding="utf-8")
-    assert golden("--update", "--prune", "--yes", "--frames", ":2") == 0
-    line = "goldens/compare.yaml still names removed goldens, which `hsplat compare` refuses: frame-0003.png\n"
-    assert line in capsys.readouterr().out
-
-
 def test_other_files_are_not_overwritten(capsys: pytest.CaptureFixture[str]) -> None:
     FOLDER.mkdir()
     (FOLDER / "frame-0002.png").write_bytes(b"not a golden")

@@ -18,7 +18,7 @@ import yaml
 from html_page import Page, assert_can_be_heard, assert_sound_and_alone
 from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, peer_series, study_of
 
-from hsplat_cli.reports import REPORT_FILES, format_facts, plot_style, require_writable_files, write_study
+from hsplat_cli.reports import REPORT_FILES, format_facts, plot_style, write_study
 from hsplat_cli.reports.html import PALETTE, figure_to_svg
 from hsplat_cli.reports.plots import TIME_AXIS, metrics_figure, tradeoff_figure
 from hsplat_cli.reports.study_html import study_page
@@ -206,42 +206,6 @@ def test_three_files_are_the_same_every_time(tmp_path: Path) -> None:
     assert paths == [tmp_path / "new" / "a" / name for name in REPORT_FILES]
     assert sorted(paths) == sorted((tmp_path / "new" / "a").iterdir())
     assert paths[-1].read_text("utf-8") == text_of("only the peer, once exact")
-
-
-def test_the_check_of_the_folder_leaves_nothing(tmp_path: Path) -> None:
-    require_writable_files(tmp_path / "a" / "b")
-    assert list(tmp_path.iterdir()) == []
-    (tmp_path / "index.html").write_text("before", "utf-8")
-    require_writable_files(tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["index.html"]
-    assert (tmp_path / "index.html").read_text("utf-8") == "before"
-
-
-def test_a_folder_that_is_a_file_and_a_file_that_is_a_folder_are_rejected(tmp_path: Path) -> None:
-    (tmp_path / "index.html").mkdir()
-    with pytest.raises(InputError, match="the output is a folder"):
-        require_writable_files(tmp_path)
-    file = tmp_path / "file"
-    file.touch()
-    with pytest.raises(InputError) as caught:
-        require_writable_files(file)
-    assert str(caught.value) == (
-        f"{file}: the folder of the report is a file\n"
-        "  got: a file\n  expected: a folder, or an unused name\n  hint: name another folder"
-    )
-    with pytest.raises(InputError, match="the output folder is a file"):
-        require_writable_files(file / "below")
-    assert sorted(tmp_path.iterdir()) == [file, tmp_path / "index.html"]
-
-
-def test_a_folder_without_permission_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object, **__: object) -> None:
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-
-    monkeypatch.setattr(Path, "touch", refuse)
-    with pytest.raises(RenderError, match="no permission to write here"):
-        require_writable_files(tmp_path / "a")
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_full_disk_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,6 @@ from png_files import chunk, interlaced, noise, png_file, unfiltered
 from hsplat_cli.compare.picture_file import MAX_PIXELS, read_picture
 from renderer.errors import InputError
 from renderer.film import encode_png, join_png_chunks
-from renderer.scene import nearest_file_hint
 
 RGB, RGBA = noise(1, 13, 9), noise(2, 13, 9, 4)
 
@@ -152,17 +151,6 @@ def test_a_picture_without_pixels_is_refused(tmp_path: Path) -> None:
     assert refused(tmp_path, png_file(0, 4, b"")) == "the PNG file is damaged: data that cannot be decoded"
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (b"GIF89a and so on", "not a PNG file: a GIF file"),
-        (b"nothing known", "not a PNG file: None"),
-    ],
-)
-def test_other_files_are_refused(tmp_path: Path, content: bytes, words: str) -> None:
-    assert refused(tmp_path, content) == words
-
-
 def test_paths_that_are_no_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "folder.png").mkdir()
     os.mkfifo(tmp_path / "pipe.png")
@@ -176,11 +164,6 @@ def test_paths_that_are_no_files_are_refused(tmp_path: Path) -> None:
         with pytest.raises(InputError) as caught:
             read_picture(tmp_path / name)
         assert f"{caught.value.what}: {caught.value.got}" == words
-
-
-def test_a_broken_link_is_not_its_own_hint(tmp_path: Path) -> None:
-    (tmp_path / "picture.png").symlink_to("nowhere")
-    assert nearest_file_hint(tmp_path / "picture.png") is None
 
 
 def test_a_link_is_followed(tmp_path: Path) -> None:

@@ -290,15 +290,16 @@ def gallery_frame_of(golden: Pixels, actual: Pixels) -> GalleryFrame:
     return gallery.gallery_frames[0]
 
 
-def array(pixels: Pixels | None) -> Pixels:
-    assert pixels is not None
-    return pixels
+def pixels_of(frame: GalleryFrame, kind: str, *, enlarged: bool = False) -> Pixels:
+    (found,) = [each for each in frame.pictures if each.kind == kind and bool(each.extent) == enlarged]
+    assert found.pixels is not None
+    return found.pixels
 
 
 def test_the_difference_has_levels_and_signs() -> None:
     golden = picture()
     actual = spoiled(spoiled(golden, 40, 3, 5), -1, 4, 6)
-    difference = array(gallery_frame_of(golden, actual).overview["difference"])
+    difference = pixels_of(gallery_frame_of(golden, actual), "difference")
     assert difference[3, 5].tolist() == [40, 0, 0] and difference[4, 6].tolist() == [0, 0, 1]
     assert np.count_nonzero(difference) == 2
 
@@ -306,7 +307,7 @@ def test_the_difference_has_levels_and_signs() -> None:
 def test_a_level_at_an_opacity_of_1_in_255_is_a_difference_of_1() -> None:
     golden = picture(channels=4)
     golden[..., 3] = 1
-    difference = array(gallery_frame_of(golden, spoiled(golden, 1)).overview["difference"])
+    difference = pixels_of(gallery_frame_of(golden, spoiled(golden, 1)), "difference")
     assert difference[3, 5].tolist() == [1, 0, 0]
 
 
@@ -315,7 +316,7 @@ def test_a_single_wrong_pixel_survives_scaling_down(levels: int) -> None:
     golden = picture(2 * PICTURE_PX + 1, 700)
     frame = gallery_frame_of(golden, spoiled(golden, levels, 2 * PICTURE_PX, 699))
     assert frame.pixels_per_side == 3 and frame.worst == (699, 2 * PICTURE_PX)
-    small, difference = array(frame.overview["golden"]), array(frame.overview["difference"])
+    small, difference = pixels_of(frame, "golden"), pixels_of(frame, "difference")
     assert small.shape == difference.shape == (342, 234, 3) and (small == 100).all()
     where = [2 if levels < 0 else 0]
     assert difference[341, 233, where].tolist() == [abs(levels)] and np.count_nonzero(difference) == 1
@@ -330,26 +331,27 @@ def test_the_surroundings_of_the_largest_error_are_enlarged(
 ) -> None:
     golden = picture(100, 60)
     frame = gallery_frame_of(golden, spoiled(golden, 7, y, x))
-    assert (frame.worst, frame.corner) == ((x, y), corner)
-    assert frame.crop is not None
-    assert array(frame.crop["difference"]).shape == (CROP_PX, CROP_PX, 3)
-    assert array(frame.crop["difference"])[place].tolist() == [7, 0, 0]
-    assert array(frame.crop["actual"])[place].tolist() == [100, 107, 100]
+    left, top = corner
+    assert frame.worst == (x, y)
+    assert frame.pictures[-1].extent == f", enlarged: x {left} to {left + 47}, y {top} to {top + 47}"
+    assert pixels_of(frame, "difference", enlarged=True).shape == (CROP_PX, CROP_PX, 3)
+    assert pixels_of(frame, "difference", enlarged=True)[place].tolist() == [7, 0, 0]
+    assert pixels_of(frame, "actual", enlarged=True)[place].tolist() == [100, 107, 100]
 
 
 def test_small_frames_are_not_enlarged() -> None:
     golden = picture(2 * CROP_PX, 4)
-    assert gallery_frame_of(golden, spoiled(golden, 7, 3, 1)).crop is None
+    assert len(gallery_frame_of(golden, spoiled(golden, 7, 3, 1)).pictures) == 3
     golden = picture(2 * CROP_PX + 1, 4)
-    crop = gallery_frame_of(golden, spoiled(golden, 7, 3, 1)).crop
-    assert crop is not None and array(crop["golden"]).shape == (CROP_PX, 4, 3)
+    frame = gallery_frame_of(golden, spoiled(golden, 7, 3, 1))
+    assert pixels_of(frame, "golden", enlarged=True).shape == (CROP_PX, 4, 3)
 
 
 def test_means_of_colours_are_weighted_by_alpha() -> None:
     golden = np.zeros((2 * PICTURE_PX, 2, 4), np.uint8)
     golden[::2, 0] = (200, 100, 50, 255)
     golden[::2, 1] = (255, 255, 255, 0)
-    small = array(gallery_frame_of(golden, golden).overview["golden"])
+    small = pixels_of(gallery_frame_of(golden, golden), "golden")
     assert small.shape == (PICTURE_PX, 1, 4)
     assert np.abs(small.astype(int) - (200, 100, 50, 64)).max() <= 2  # premultiplied colours have 8 bits
 

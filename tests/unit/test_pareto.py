@@ -30,12 +30,13 @@ def test_nothing_beats_the_front_and_something_beats_the_rest(points: list[tuple
 
 def test_the_cost_between_two_settings_is_log_linear() -> None:
     psnrs, costs = [30.0, 40.0, 35.0], [1.0, 100.0, 500.0]  # the last one is beaten
-    assert cost_at_psnr(psnrs, costs, 35.0) == pytest.approx(10.0)
-    assert cost_at_psnr(psnrs, costs, 40.0) == 100.0
-    assert cost_at_psnr(psnrs, costs, 20.0) == 1.0
-    assert cost_at_psnr(psnrs, costs, 41.0) == math.inf
-    assert cost_at_psnr([], [], 30.0) == math.inf
-    assert cost_at_psnr([30.0, math.inf], [1.0, 7.0], 60.0) == 7.0
+    assert cost_at_psnr(psnrs, costs, 35.0).value == pytest.approx(10.0)
+    assert cost_at_psnr(psnrs, costs, 40.0) == (100.0, False)
+    assert cost_at_psnr(psnrs, costs, 30.0) == (1.0, False)
+    assert cost_at_psnr(psnrs, costs, 20.0) == (1.0, True)
+    assert cost_at_psnr(psnrs, costs, 41.0) == (math.inf, False)
+    assert cost_at_psnr([], [], 30.0) == (math.inf, False)
+    assert cost_at_psnr([30.0, math.inf], [1.0, 7.0], 60.0) == (7.0, False)
 
 
 def test_regressions_are_found_in_either_direction() -> None:

@@ -16,20 +16,17 @@ import click
 
 from hsplat_cli.compare.golden.provenance import (
     PROVENANCE_FILE,
-    Golden,
     golden_file_name,
     provenance_bytes,
     read_provenance,
 )
 from hsplat_cli.compare.golden.render import rendered_frames
 from hsplat_cli.compare.golden.update_plan import GoldenUpdate, describe_update, plan_update, unrequested_lines
-from hsplat_cli.compare.rules import LIMITS_FILE
 from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import Reporter, counted, deferrable_interrupts
 from renderer.errors import InputError
 from renderer.film import lock_slots, staged_files, translate_os_errors
-from renderer.scene import MAX_SCENE_BYTES, read_bounded
 
 _STAGING_FOLDER = "golden.unfinished"
 
@@ -97,15 +94,6 @@ def _report(plan: GoldenUpdate, folder: Path) -> Iterator[str]:
         yield from unrequested_lines(plan)
     elif plan.before is not None:
         yield from describe_update(plan)
-        yield from _stale_limit_notes(plan.removed, folder / LIMITS_FILE)
-
-
-def _stale_limit_notes(removed: Sequence[Golden], path: Path) -> Iterator[str]:
-    """Return a line on removed goldens that the file of limits still names."""
-    content = read_bounded(path, MAX_SCENE_BYTES, "a file of limits") if path.is_file() else b""
-    named = [golden.file for golden in removed if golden.file.encode() in content]
-    if named:
-        yield f"{path} still names removed goldens, which `hsplat compare` refuses: {', '.join(named)}"
 
 
 def _apply(plan: GoldenUpdate, folder: Path) -> None:

@@ -11,11 +11,11 @@ from pathlib import Path
 
 from hsplat_cli.executors import open_rasterizer
 from hsplat_cli.films import find_truths, nothing_visible_error
-from hsplat_cli.reports import require_page_packages, require_writable_files, terminal_table, write_study
+from hsplat_cli.reports import REPORT_FILES, require_page_packages, terminal_table, write_study
 from hsplat_cli.scenes import read_volume_guarded
 from hsplat_cli.studies.measure.notes import monotonicity_notes, scene_notes
 from hsplat_cli.studies.measure.options import Sweep
-from hsplat_cli.studies.measure.prepare import stage_at_any_tolerance
+from hsplat_cli.studies.measure.tolerance import stage_at_any_tolerance
 from hsplat_cli.studies.peers.vtk_peer import (
     check_vtk,
     describe_vtk,
@@ -25,6 +25,7 @@ from hsplat_cli.studies.peers.vtk_peer import (
 )
 from hsplat_cli.terminal import PeakMemory, Reporter, counted, describe_machine
 from renderer.errors import HsplatError
+from renderer.film import require_writable_dry_run
 from renderer.frame import Stage, view_of
 from renderer.scene import Scene, scene_to_dict
 from renderer.study import (
@@ -71,7 +72,8 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
     scene = request.scene
     require_page_packages()
     require_measuring_packages()
-    require_writable_files(request.folder)
+    for name in REPORT_FILES:
+        require_writable_dry_run(request.folder / name)
     if request.peer:
         check_vtk(scene)
     reporter.announce_compilation()

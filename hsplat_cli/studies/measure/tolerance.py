@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 
 from hsplat_cli.executors import open_rasterizer
 from hsplat_cli.films import nothing_visible_error, search_tolerance
 from hsplat_cli.scenes import read_volume_guarded
-from hsplat_cli.studies.measure.prepare import stage_at_any_tolerance
 from hsplat_cli.terminal import Reporter, counted
+from renderer.cores import num_cores
 from renderer.errors import InputError
+from renderer.frame import Stage, prepare_stage
 from renderer.scene import MetricTarget, Scene
 from renderer.study import SSIM_WINDOW_PX, ToleranceSearchResult, require_measuring_packages, unreachable_accuracy_error
+from renderer.volume import Volume
+
+
+def stage_at_any_tolerance(scene: Scene, volume: Volume) -> Stage:
+    """Return the scene's stage for a volume in memory, at any tolerance."""
+    return prepare_stage(scene, clock=time.perf_counter, num_threads=num_cores(), volume=volume, any_tolerance=True)
 
 
 def print_tolerance(

@@ -103,7 +103,7 @@ def with_transparent_border(volume: Volume, transfer: TransferFunction) -> Volum
     """Return the volume with its outermost layer of voxels set to a transparent value.
 
     VTK's volume ends at the outer voxel centres, hsplat's half a voxel further out; such a border hides the difference.
-    The value is the volume's minimum if that is transparent, else its maximum, else the closest transparent value.
+    The value is the volume's minimum if that is transparent, else its maximum, else any transparent value.
     Raises InputError if the type has none, nothing would be left, or the volume's file was changed.
     """
     if min(volume.shape_xyz) < 3:
@@ -129,23 +129,12 @@ def with_transparent_border(volume: Volume, transfer: TransferFunction) -> Volum
 
 
 def _transparent_value(values: Array, transfer: TransferFunction) -> Any:
-    """Return the transparent scalar of the values' type that is closest to them, or None.
-
-    If any exists, one end of a transparent interval, rounded to either side, is one.
-    """
-    dtype = values.dtype
-    lowest, highest = values.min(), values.max()
-    if np.issubdtype(dtype, np.integer):
-        ends = [int(ending) for value in transfer.values for ending in (math.floor(value), math.ceil(value))]
-        limits = np.iinfo(dtype)
-        rounded = np.array([min(max(ending, limits.min), limits.max) for ending in ends], dtype)
-    else:
-        largest = np.finfo(dtype).max
-        near = np.clip(transfer.values, -float(largest), float(largest)).astype(dtype)
-        rounded = np.concatenate([near, np.nextafter(near, -largest), np.nextafter(near, largest)])
-    halves = rounded.astype(np.float64) / 2  # full differences may overflow
-    distance = np.maximum(np.maximum(float(lowest) / 2 - halves, halves - float(highest) / 2), 0)
-    candidates = np.concatenate([np.array([lowest, highest], dtype), rounded[np.argsort(distance, kind="stable")]])
+    """Return a transparent scalar of the values' type: the lowest, the highest or another one; None without any."""
+    limits: Any = np.iinfo(values.dtype) if np.issubdtype(values.dtype, np.integer) else np.finfo(values.dtype)
+    points = np.concatenate([transfer.values, transfer.values[1:] / 2 + transfer.values[:-1] / 2])
+    near = np.clip([points, np.floor(points), np.ceil(points)], float(limits.min), float(limits.max))
+    with np.errstate(invalid="ignore"):  # float64 has no largest int64
+        candidates = np.append([values.min(), values.max()], near.astype(values.dtype)).astype(values.dtype)
     hidden = candidates[transfer.classify(candidates)[1] == 0]
     return hidden[0] if hidden.size else None
 
