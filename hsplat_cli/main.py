@@ -47,24 +47,17 @@ class LazyGroup(click.Group):
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command:
         if cmd_name not in COMMANDS:
-            return None
-        command = getattr(importlib.import_module(f"hsplat_cli.commands.{cmd_name}"), cmd_name)
-        assert isinstance(command, click.Command), cmd_name
-        return command
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        if args[0] not in COMMANDS:
-            close = closest_match(args[0], COMMANDS)
+            close = closest_match(cmd_name, COMMANDS)
             raise InputError(
-                f"hsplat has no command {args[0]!r}",
+                f"hsplat has no command {cmd_name!r}",
                 expected=", ".join(COMMANDS),
                 hint=f"did you mean {close}?" if close else None,
             )
-        return super().resolve_command(ctx, args)
+        command = getattr(importlib.import_module(f"hsplat_cli.commands.{cmd_name}"), cmd_name)
+        assert isinstance(command, click.Command), cmd_name
+        return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):

@@ -10,7 +10,7 @@ import base64
 import contextlib
 import html
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from renderer.cores import num_cores, num_drawing_threads
+from renderer.cores import num_cores
 from renderer.draw import RecoveringRasterizer, open_rasterizer
 from renderer.errors import InputError, SceneError
 from renderer.film import (
@@ -456,11 +456,8 @@ def _numbers(frames: int | slice | Sequence[int] | None, scene: Scene) -> Sequen
     raise InputError("no such frames", where="frames", got=format_value(frames), expected=expected)
 
 
-@contextlib.contextmanager
-def _open_rasterizer(scene: Scene) -> Iterator[RecoveringRasterizer]:
-    make = partial(open_rasterizer, needs_opengl=scene.needs_opengl, num_threads=num_drawing_threads())
-    with RecoveringRasterizer(make) as rasterizer:
-        yield rasterizer
+def _open_rasterizer(scene: Scene) -> RecoveringRasterizer:
+    return RecoveringRasterizer(partial(open_rasterizer, needs_opengl=scene.needs_opengl))
 
 
 def _prepare(scene: Scene) -> Stage:

@@ -136,10 +136,10 @@ def _job(number: int, path: Path, volume: Path | None) -> _FigureJob:
 
 def _page(jobs: Sequence[_FigureJob], reporter: Reporter) -> tuple[list[PaperFigure], str]:
     # Imported here to keep --help fast.
-    from hsplat_cli.executors import open_rasterizer
     from hsplat_cli.reports import format_facts, plot_style, render_page
     from hsplat_cli.scenes import read_volume_guarded
     from hsplat_cli.studies import FigureRenderer
+    from renderer.draw import open_rasterizer
 
     reporter.announce_compilation()
     num_threads = num_cores()

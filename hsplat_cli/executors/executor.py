@@ -6,18 +6,18 @@ import contextlib
 import math
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from hsplat_cli.executors.cluster.cluster_executor import ClusterExecutor
 from hsplat_cli.executors.cluster.connection import connect
-from hsplat_cli.executors.frame_result import FrameExecutor, FrameResult, LocalExecutor
+from hsplat_cli.executors.frame_result import FrameResult, draw_locally
 from hsplat_cli.executors.options import ExecutorSpec
-from hsplat_cli.executors.rasterizers import open_recovering_rasterizer
 from hsplat_cli.executors.workers.pool import Pool, open_pool
 from hsplat_cli.terminal import Reporter
 from renderer.cores import num_cores
-from renderer.draw import RecoveringRasterizer, is_software, max_brick_bytes
+from renderer.draw import RecoveringRasterizer, is_software, max_brick_bytes, open_rasterizer
 from renderer.errors import RenderError
 from renderer.frame import Stage
 from renderer.scene import MetricTarget, Scene
@@ -47,7 +47,8 @@ def open_executor(spec: ExecutorSpec, scene: Scene, reporter: Reporter) -> Itera
         if spec.scheduler is not None:
             client = stack.enter_context(connect(spec.scheduler, spec.workers))
         if client is None or isinstance(scene.error.goal, MetricTarget):  # the search runs here
-            rasterizer = stack.enter_context(open_recovering_rasterizer(needs_opengl=scene.needs_opengl))
+            make = partial(open_rasterizer, needs_opengl=scene.needs_opengl)
+            rasterizer = stack.enter_context(RecoveringRasterizer(make))
         yield Executor(spec, rasterizer, client, reporter)
 
 
@@ -98,8 +99,9 @@ class Executor:
 
 
 class _GrowingExecutor:
-    """This process, until its workers are ready; they are started when enough is left to draw.
+    """Draws in this process, until its workers are ready; they are started when enough is left to draw.
 
+    plan: how frames get their tolerances. Its stage moves to shared memory with the workers.
     start_pool: starts them, and moves the stage to memory that they share; None for no workers. needs_pool: the user
     wants workers: they are started at once, and a failure to start is an error.
     """
@@ -118,19 +120,19 @@ class _GrowingExecutor:
 
     @property
     def drivers(self) -> tuple[str, ...]:
-        """As in FrameExecutor."""
+        """Return the devices and drivers of the frames so far, as OpenGL names them: one, unless machines differ."""
         return tuple(dict.fromkeys([self._rasterizer.renderer_name, *(self._pool.drivers if self._pool else ())]))
 
     @property
     def notes(self) -> list[str]:
-        """As in FrameExecutor."""
+        """Return what the user should know."""
         return [*self._failure_notes, *self._rasterizer.notes, *(self._pool.notes if self._pool else ())]
 
     def draw(self, numbers: Sequence[int]) -> Generator[FrameResult, None, None]:
-        """As in FrameExecutor."""
+        """Yield these frames, in this order; may be closed before its end."""
         num_drawn, seconds = 0, math.inf if self._needs_pool else 0.0
-        local = LocalExecutor(self.plan.stage, self._rasterizer, self.plan.controller)
-        with contextlib.closing(local.draw(numbers)) as frames:
+        local = draw_locally(self.plan.stage, numbers, self._rasterizer, self.plan.controller)
+        with contextlib.closing(local) as frames:
             del local
             while not self._has_workers((len(numbers) - num_drawn) * seconds):
                 result = next(frames, None)
@@ -162,6 +164,10 @@ class _GrowingExecutor:
             self._start_pool = None
             self._failure_notes.append(_SINGLE_PROCESS_NOTE.format(error.what))
             return False
+
+
+# Both have `plan`, `drivers`, `notes` and `draw`.
+FrameExecutor: TypeAlias = ClusterExecutor | _GrowingExecutor
 
 
 def _default_num_workers(renderer_name: str, stage: Stage) -> int:

@@ -1,22 +1,14 @@
-"""Defines the result of drawing a frame, the protocol of executors, and the executor of this process."""
+"""Defines the result of drawing a frame, and draws frames in this process."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from renderer.film import Picture
-from renderer.frame import (
-    Rasterizer,
-    ScheduleController,
-    Stage,
-    ToleranceController,
-    frame_record,
-    render_frames,
-)
-from renderer.study import FilmPlan
+from renderer.frame import Rasterizer, Stage, ToleranceController, frame_record, render_frames
 
 
 @dataclass(frozen=True)
@@ -32,36 +24,9 @@ class FrameResult:
     record: dict[str, Any]
 
 
-class FrameExecutor(Protocol):
-    """Draws frames of a film, in this process or elsewhere.
-
-    plan: how frames get their tolerances. Its stage may move to shared memory while frames are drawn.
-    """
-
-    @property
-    def plan(self) -> FilmPlan: ...
-
-    @property
-    def drivers(self) -> Sequence[str]:
-        """Devices and drivers of the frames so far, as OpenGL names them: one, unless machines differ."""
-
-    @property
-    def notes(self) -> Sequence[str]:
-        """What the user should know."""
-
-    def draw(self, numbers: Sequence[int]) -> Generator[FrameResult, None, None]:
-        """Yield these frames, in this order."""
-
-
-class LocalExecutor:
-    """Draws in this process, one frame after the other."""
-
-    def __init__(self, stage: Stage, rasterizer: Rasterizer, controller: ToleranceController | None = None) -> None:
-        self._stage, self._rasterizer = stage, rasterizer
-        self._controller = ScheduleController(stage) if controller is None else controller
-
-    def draw(self, numbers: Sequence[int]) -> Generator[FrameResult, None, None]:
-        """Yield these frames, in this order."""
-        clock, controller = time.perf_counter, self._controller
-        for frame in render_frames(self._stage, numbers, self._rasterizer, clock=clock, controller=controller):
-            yield FrameResult(frame.number, Picture(frame.image), frame_record(frame))
+def draw_locally(
+    stage: Stage, numbers: Sequence[int], rasterizer: Rasterizer, controller: ToleranceController | None = None
+) -> Generator[FrameResult, None, None]:
+    """Draw these frames in this process, one after the other; parameters are those of `render_frames`."""
+    for frame in render_frames(stage, numbers, rasterizer, clock=time.perf_counter, controller=controller):
+        yield FrameResult(frame.number, Picture(frame.image), frame_record(frame))

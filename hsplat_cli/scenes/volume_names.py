@@ -101,12 +101,10 @@ def name_volumes(volumes: Sequence[Path]) -> dict[str, Path]:
 
 def _distinguishing_form(group: Sequence[Path]) -> Callable[[Path], str]:
     """Return the first form of names that differ for these volumes."""
-
-    def with_ending(volume: Path) -> str:
-        return _safe(_own_name(volume))
-
-    def in_folder(name: Callable[[Path], str]) -> Callable[[Path], str]:
-        return lambda volume: _safe(f"{volume.absolute().parent.name}_{name(volume)}")
-
-    forms = (base_name, in_folder(base_name), with_ending, in_folder(with_ending))
+    forms: list[Callable[[Path], str]] = [
+        base_name,
+        lambda volume: _safe(f"{volume.absolute().parent.name}_{base_name(volume)}"),
+        lambda volume: _safe(_own_name(volume)),
+        lambda volume: _safe(f"{volume.absolute().parent.name}_{_safe(_own_name(volume))}"),
+    ]
     return next((form for form in forms if len({form(volume).lower() for volume in group}) == len(group)), forms[1])

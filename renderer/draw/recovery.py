@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import BrickBatch
+from renderer.cores import num_drawing_threads
 from renderer.draw.cpu.raster import CPURasterizer
 from renderer.draw.gl.raster import GLRasterizer, Image
 from renderer.draw.overlay import CellEdges
@@ -19,12 +20,13 @@ from renderer.view import View
 Result = TypeVar("Result")
 
 
-def open_rasterizer(*, needs_opengl: bool, num_threads: int) -> GLRasterizer | CPURasterizer:
+def open_rasterizer(*, needs_opengl: bool) -> GLRasterizer | CPURasterizer:
     """Open the rasteriser of OpenGL; where there is no OpenGL and nothing needs it, the one of the processor.
 
-    needs_opengl: as in Scene. num_threads: those that draw on the processor.
+    needs_opengl: as in Scene.
     Raises RenderError where there is no OpenGL and it is needed.
     """
+    num_threads = num_drawing_threads()
     try:
         return GLRasterizer(num_threads=num_threads)
     except RenderError:

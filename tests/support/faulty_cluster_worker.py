@@ -5,20 +5,12 @@ Workers import it by its name, from the folders where the test's process looks f
 
 from __future__ import annotations
 
-import os
-import signal
 from typing import Any
 
 from hsplat_cli.executors.cluster.worker import SerializedStage, draw_on_worker
 from renderer.errors import InputError
 
 FRAME = 3  # the one that things happen at
-
-
-def kill_always(stage_data: SerializedStage, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
-    if number == FRAME:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return draw_on_worker(stage_data, number)
 
 
 def input_error(stage_data: SerializedStage, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:

@@ -13,10 +13,12 @@ import time
 from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
-from hsplat_cli.executors import FrameResult, LocalExecutor
+from hsplat_cli.executors import FrameResult, draw_locally
 from hsplat_cli.executors.workers import worker
 from renderer.errors import InputError, RenderError
+from renderer.frame import Stage
 
 FRAME = 3  # where the fault happens
 LONG_S = 2.0
@@ -26,17 +28,16 @@ def main(name: str, folder: Path, rest: Sequence[str]) -> None:
     """Run a worker with this fault."""
     if name in START_FAULTS:
         START_FAULTS[name](folder)
-    whole_draw = LocalExecutor.draw
 
-    def draw(self: LocalExecutor, numbers: Sequence[int]) -> Iterator[FrameResult]:
+    def draw(stage: Stage, numbers: Sequence[int], rasterizer: Any, *rest: Any) -> Iterator[FrameResult]:
         if name in DRAW_FAULTS:
             DRAW_FAULTS[name](folder, numbers[0])
         if name in GL_FAULTS and GL_FAULTS[name](folder, numbers[0]):
-            with self._rasterizer._context:  # type: ignore[attr-defined]
+            with rasterizer._context:
                 ctypes.CDLL("libGL.so.1").glEnable(0xFFFF)
-        return whole_draw(self, numbers)
+        return draw_locally(stage, numbers, rasterizer, *rest)
 
-    LocalExecutor.draw = draw  # type: ignore[method-assign]
+    worker.draw_locally = draw  # type: ignore[assignment]
     worker.main(rest)
 
 

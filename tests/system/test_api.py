@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -16,13 +15,13 @@ from small_scene import small_scene
 
 import renderer
 from hsplat_cli import main
-from renderer.film import encode_png
+from renderer.draw import recovery
+from renderer.film import encode_png, locked_output
 from renderer.scene import parse_scene_content
 
 NUM_FRAMES = 3
 # The default footprint first.
-ERRORS = [(None, None), (None, "splats: 4"), (None, "psnr: 30"), ("gaussian", None), ("gaussian", "splats: 200")]
-NO_OPENGL = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nowhere", "PYTHONPATH": str(Path(main.__file__).parents[1])}
+ERRORS = [(None, None), (None, "psnr: 30"), ("gaussian", "splats: 200")]
 
 
 @pytest.fixture(autouse=True)
@@ -88,7 +87,7 @@ def test_the_command_draws_a_film_again_from_its_sidecar() -> None:
     assert film.path.read_bytes() == made
 
 
-@pytest.mark.parametrize("frames", [slice(None, None, 2), [0, 2], range(0, 3, 2), [0, -1]])
+@pytest.mark.parametrize("frames", [slice(None, None, 2), [0, -1]])
 def test_numbered_pictures_of_some_frames(frames: Any) -> None:
     film = renderer.render("scene.yaml", output="{frame:02}.png", frames=frames)
     assert film.frames == (0, 2)
@@ -105,8 +104,7 @@ def test_a_still() -> None:
     assert film.path.read_bytes() == renderer.render_frame("scene.yaml", 2)._repr_png_()
 
 
-@pytest.mark.parametrize("footprint", [None, "gaussian"])
-def test_an_array_is_drawn_like_its_file(footprint: str | None) -> None:
+def test_an_array_is_drawn_like_its_file() -> None:
     """Also where the scene is what `hsplat init` suggests: `suggest_scene` reads the file or takes the array."""
     array = blob()
     np.save("scan.npy", array)
@@ -114,12 +112,7 @@ def test_an_array_is_drawn_like_its_file(footprint: str | None) -> None:
     suggested = renderer.load_scene("init.yaml")
     of_file = renderer.suggest_scene("scan.npy", size=(48, 32), output="scan.mp4")
     assert replace(of_file, volume=suggested.volume) == suggested
-    if footprint is not None:
-        of_file = renderer.load_scene("init.yaml", overrides=[f"splat.footprint={footprint}"])
-        of_array = replace(renderer.suggest_scene(array, size=(48, 32)), splat=of_file.splat)
-    else:
-        of_array = renderer.suggest_scene(array, size=(48, 32))
-    image = renderer.render_frame(of_array, 40)
+    image = renderer.render_frame(renderer.suggest_scene(array, size=(48, 32)), 40)
     assert image.max() > 50
     np.testing.assert_array_equal(image, renderer.render_frame(of_file, 40))
 
@@ -227,39 +220,23 @@ def test_an_accuracy_that_cannot_be_had() -> None:
 
 
 def test_another_job_is_writing_the_film() -> None:
-    hold = (
-        "import sys; from pathlib import Path; from renderer.film import locked_output; import renderer\n"
-        "scene = renderer.load_scene('scene.yaml')\n"
-        "with locked_output(scene.output, range(3), Path('film.mp4.json')):\n"
-        "    print('held', flush=True); sys.stdin.read()\n"
-    )
-    with subprocess.Popen(
-        [sys.executable, "-c", hold], env=os.environ | {"PYTHONPATH": NO_OPENGL["PYTHONPATH"]},
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-    ) as other:  # fmt: skip
-        assert other.stdout is not None and other.stdout.readline() == "held\n"
-        with pytest.raises(renderer.OutputLockedError, match="another job is writing this output"):
-            renderer.render("scene.yaml")
-        other.communicate()
-    assert renderer.render("scene.yaml").path.exists()
+    scene = renderer.load_scene("scene.yaml")
+    with (
+        locked_output(scene.output, range(3), Path("film.mp4.json")),
+        pytest.raises(renderer.OutputLockedError, match="another job is writing this output"),
+    ):
+        renderer.render(scene)
+    assert renderer.render(scene).path.exists()
 
 
-def test_without_opengl() -> None:
+def test_without_opengl(monkeypatch: pytest.MonkeyPatch) -> None:
     """Bricks are drawn; splats and overlays say what is missing."""
-    program = (
-        "import renderer\n"
-        "scene = renderer.load_scene('scene.yaml')\n"
-        "assert renderer.render_frame(scene).max() > 100\n"
-        "for change in ('splat.footprint=gaussian', 'overlay=octree'):\n"
-        "    try:\n"
-        "        renderer.render_frame(renderer.load_scene('scene.yaml', overrides=[change]))\n"
-        "    except renderer.RenderError as error:\n"
-        "        print(error)\n"
-    )
-    result = subprocess.run(
-        [sys.executable, "-c", program], check=True, capture_output=True, text=True, env=os.environ | NO_OPENGL
-    )
-    assert result.stdout.count("OpenGL") >= 2, result.stdout
+    refuse = mock.Mock(side_effect=renderer.RenderError("no OpenGL"))
+    monkeypatch.setattr(recovery, "GLRasterizer", refuse)
+    assert renderer.render_frame("scene.yaml").max() > 100
+    for change in ("splat.footprint=gaussian", "overlay=octree"):
+        with pytest.raises(renderer.RenderError, match="no OpenGL"):
+            renderer.render_frame(renderer.load_scene("scene.yaml", overrides=[change]))
 
 
 def test_the_truth_is_what_pictures_come_near_to() -> None:

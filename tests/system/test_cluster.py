@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import signal
 import subprocess
@@ -20,12 +19,12 @@ from processes import wait_until
 
 import renderer
 from hsplat_cli import main
-from hsplat_cli.executors import LocalExecutor
+from hsplat_cli.executors import draw_locally
 from hsplat_cli.executors.cluster import cluster_executor, registry
 from hsplat_cli.executors.cluster.cluster_executor import ClusterExecutor
 from hsplat_cli.terminal import Reporter
 from renderer.draw import GLRasterizer
-from renderer.errors import HsplatError, InputError, RenderError
+from renderer.errors import HsplatError, InputError
 from renderer.frame import Stage, prepare_stage
 from renderer.scene.parse import parse_scene
 from renderer.study import FilmPlan
@@ -64,7 +63,7 @@ def client() -> Iterator[Client]:
 @pytest.fixture(scope="module")
 def expected(stage: Stage, rasterizer: GLRasterizer) -> list[bytes]:
     """Return the files of all frames."""
-    return [result.picture.png for result in LocalExecutor(stage, rasterizer).draw(range(NUM_FRAMES))]
+    return [result.picture.png for result in draw_locally(stage, range(NUM_FRAMES), rasterizer)]
 
 
 def draw(
@@ -159,19 +158,6 @@ def error_of(client: Client, stage: Stage) -> HsplatError:
         with pytest.raises(HsplatError) as caught:
             list(executor.draw(range(faulty.FRAME, NUM_FRAMES)))
         return caught.value
-
-
-def test_a_frame_that_kills_each_worker(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three workers are enough: Dask does not replace all of those that die as soon as they start."""
-    monkeypatch.setattr(cluster_executor, "draw_on_worker", faulty.kill_always)
-    with (
-        LocalCluster(n_workers=3, threads_per_worker=1, memory_limit=0, dashboard_address=":0") as cluster,
-        Client(cluster, set_as_default=False) as client,
-    ):
-        error = error_of(client, stage)
-    assert type(error) is RenderError
-    assert (error.what, error.where) == ("a worker was lost, 3 times at the same frame", f"frame {faulty.FRAME}")
-    assert error.got is not None and re.fullmatch(r"no longer there(?:[:,] tcp://[\d.]+:\d+){3}", error.got)
 
 
 def test_the_error_of_a_worker_is_that_of_the_film(

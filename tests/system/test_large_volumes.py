@@ -77,7 +77,7 @@ output: {{file: large.mp4, size: [96, 96]}}
 
 def test_memory_while_a_large_volume_is_drawn(tmp_path: Path) -> None:
     """Everything in it is visible, so that a pyramid of all levels would take 1.6 bytes a voxel beside the voxels."""
-    n = 512
+    n = 448
     plane = np.add.outer(np.arange(n), np.arange(n)) % 150 + 60
     with (tmp_path / "large.raw").open("wb") as file:
         for z in range(n):

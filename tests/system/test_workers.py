@@ -17,7 +17,7 @@ from faulty_worker import DRAW_FAULTS, FRAME, GL_FAULTS, LONG_S, START_FAULTS
 from film_stages import PLAIN, stage_of, waves
 from processes import MARK, holders_of_shared_memory, marked, new_mark, wait_until
 
-from hsplat_cli.executors import ExecutorSpec, LocalExecutor
+from hsplat_cli.executors import ExecutorSpec, draw_locally
 from hsplat_cli.executors.executor import Executor
 from hsplat_cli.executors.workers import pool as pool_module, process
 from hsplat_cli.executors.workers.pool import Pool, open_pool
@@ -43,7 +43,7 @@ def stage() -> Stage:
 
 @pytest.fixture(scope="module")
 def expected(stage: Stage, rasterizer: GLRasterizer) -> list[bytes]:
-    return [result.picture.png for result in LocalExecutor(stage, rasterizer).draw(NUMBERS)]
+    return [result.picture.png for result in draw_locally(stage, NUMBERS, rasterizer)]
 
 
 @pytest.fixture(autouse=True)
@@ -92,7 +92,6 @@ ONE, AGAIN = "1 of the processes that draw", ", and what it had was drawn again"
         ("hang_up_once", [f"{ONE} died and was replaced{AGAIN}"]),
         ("gl_error_once", [f"{ONE} lost OpenGL's context and was replaced{AGAIN}"]),
         ("die_at_first_start", [f"{ONE} died and was replaced"]),
-        ("stop_once", [f"{ONE} hung (no processor time for 1 s) and was replaced{AGAIN}"]),
         ("stop_half_way_once", [f"{ONE} hung (no processor time for 1 s) and was replaced{AGAIN}"]),
         ("stop_at_first_start", [f"{ONE} hung (no processor time for 1 s) and was replaced"]),
         ("take_long_once", []),
@@ -110,6 +109,7 @@ def test_frames_of_a_lost_worker_are_drawn_again(
 
 def test_workers_that_die_often_leave_no_descriptor(stage: Stage, expected: list[bytes], tmp_path: Path) -> None:
     with faulty_pool(stage, 1, "kill_often", tmp_path) as pool:
+        assert wait_until(lambda: pool.is_ready, 60)
         gc.collect()  # what tests before have left
         before = len(os.listdir("/proc/self/fd"))
         assert draw_all(pool) == expected
@@ -191,7 +191,7 @@ def test_what_fails_again_and_again_is_an_error(
 
 
 def error_of(stage: Stage, name: str, folder: Path) -> HsplatError:
-    with faulty_pool(stage, 2, name, folder) as pool:
+    with faulty_pool(stage, 1, name, folder) as pool:
         with pytest.raises(HsplatError) as raised:
             draw_all(pool)
         return raised.value
@@ -208,22 +208,10 @@ def test_a_program_that_does_not_start_is_an_error_with_its_last_lines(stage: St
 def test_a_missing_python_is_an_error(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.executable", "/nowhere/python")
     with (
+        open_pool(stage, 2, threads_per_worker=1) as pool,
         pytest.raises(RenderError, match="a process that draws cannot be started"),
-        open_pool(stage, 2, threads_per_worker=1),
     ):
-        pass
-
-
-def test_an_interrupt_ends_all_workers(stage: Stage, mark: str) -> None:
-    def leave() -> None:
-        with open_pool(stage, 2, threads_per_worker=1) as pool:
-            next(pool.draw(range(8)))
-            assert len(marked(mark)) == 2
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        leave()
-    assert marked(mark) == set()
+        draw_all(pool)
 
 
 def test_a_pool_can_be_left_before_a_worker_is_ready(stage: Stage, mark: str) -> None:

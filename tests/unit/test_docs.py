@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import re
 import shlex
 from collections.abc import Iterator
@@ -110,13 +109,6 @@ def test_goldens_were_measured_with_the_limits_of_every_level(level: str) -> Non
         assert {name: None if limit == "none" else float(limit) for name, limit in limits.items()} == expected
 
 
-def test_python_in_the_text_can_be_parsed() -> None:
-    blocks = _blocks_in(GOLDEN_FRAMES, "python")
-    assert blocks
-    for block in blocks:
-        ast.parse(block)
-
-
 @pytest.mark.parametrize("config", sorted((ROOT / "configs").rglob("*.yaml")), ids=lambda path: path.stem)
 def test_every_key_of_an_example_is_in_the_list_of_keys(config: Path, tmp_path: Path) -> None:
     listed = set(re.findall(r"(\w+):", _scene_in("docs/scene.md")))
@@ -161,20 +153,7 @@ def test_every_page_can_be_reached_from_the_readme() -> None:
     assert set(PAGES) - reached - {ROOT / "CHANGELOG.md"} == set()
 
 
-@pytest.mark.parametrize("page", sorted((ROOT / "docs/decisions").glob("0*.md")), ids=lambda path: path.stem)
-def test_a_decision_has_its_sections(page: Path) -> None:
-    text = page.read_text("utf-8")
-    assert text.startswith(f"# {page.stem[:3]}. ")
-    assert re.findall(r"(?m)^## (\w+)", text)[:3] == ["Context", "Decision", "Consequences"]
-
-
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_paths_in_the_documentation_exist(page: Path) -> None:
     paths = re.findall(r"`((?:renderer|hsplat_cli|tests|configs)/[^`\s]*)`", page.read_text("utf-8"))
     assert [path for path in paths if not (ROOT / path).exists()] == []
-
-
-@pytest.mark.parametrize("page", sorted((ROOT / "docs/benchmarks").glob("[a-z]*.md")), ids=lambda path: path.stem)
-def test_a_benchmark_says_what_was_measured_and_when_to_measure_again(page: Path) -> None:
-    head = " ".join(page.read_text("utf-8")[:800].split())
-    assert re.search(r"Footprints?: ", head) and re.search(r"Measure again", head)

@@ -69,7 +69,7 @@ class Pool:
 def draw(seconds: float, pool: Pool, *, needs_pool: bool = False) -> tuple[str, Sequence[str]]:
     """Return a letter for each of ten frames, `a` for alone or `p` for the pool, and the notes."""
     local, plan, numbers = Local(seconds), FilmPlan("in memory"), range(100, 110)  # type: ignore[arg-type]
-    with mock.patch.object(executor, "LocalExecutor", return_value=local):
+    with mock.patch.object(executor, "draw_locally", lambda _, frames, *__: local.draw(frames)):
         growing = executor._GrowingExecutor(plan, local, pool.start, needs_pool=needs_pool)  # type: ignore[arg-type]
         results = list(growing.draw(numbers))
     assert [result.number for result in results] == list(numbers)

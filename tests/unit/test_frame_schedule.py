@@ -1,37 +1,43 @@
-"""Workers get few frames ahead of the one that is waited for, and results come back in order."""
+"""Frames are drawn ahead by several threads, and come in order."""
 
 from __future__ import annotations
 
 import random
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 from hsplat_cli.executors import FrameResult
-from hsplat_cli.executors.schedule import FrameSchedule
+from hsplat_cli.executors.schedule import draw_ahead
 from renderer.film import Picture
 
 
-def result_of(number: int) -> FrameResult:
-    return FrameResult(number, Picture(png=b""), {})
-
-
 def test_results_are_in_order_and_few_frames_are_drawn_ahead() -> None:
-    """Workers finish in random order; the first frame is slow."""
-    schedule, workers, choose = FrameSchedule[str](), ["a", "b", "c"], random.Random(5).choice
-    numbers, started = [*range(100, 140), 7, 7], list[int]()
-    num_yielded = 0
+    """Workers finish in random order; the first frame is slow. A film that is left draws no more frames."""
+    numbers, num_workers, seconds = [*range(100, 140), 7, 7], 3, random.Random(5).random
+    started, first_ends = list[int](), threading.Event()
 
-    def assign() -> None:
-        while assigned := schedule.assign(workers):
-            started.append(assigned[1].number)
+    def draw(number: int) -> FrameResult:
+        started.append(number)
+        if len(started) == 1:
+            assert first_ends.wait(60)
+        time.sleep(0.002 * seconds())
+        return FrameResult(number, Picture(png=b""), {})
 
-    def receive() -> None:
-        assert max(map(len, schedule.tasks.values())) <= 2
-        assert len(started) <= num_yielded + 4 * len(workers)
-        busy = [worker for worker in workers if schedule.tasks[worker]]
-        worker = choose([each for each in busy if schedule.tasks[each][0].number != numbers[0]] or busy)
-        task = schedule.tasks[worker][0]
-        schedule.finish(worker, task, result_of(task.number))
+    def check() -> int:
+        assert len(started) <= num_yielded + 4 * num_workers
+        if len(started) == 4 * num_workers:
+            first_ends.set()
+        return num_workers
 
-    for result in schedule.draw(numbers, assign, receive):
-        assert result.number == numbers[num_yielded]
-        num_yielded += 1
-    assert (num_yielded, started) == (len(numbers), numbers)
+    with ThreadPoolExecutor(num_workers) as threads:
+        num_yielded = 0
+        for _ in range(2):
+            drawing = draw_ahead(numbers, draw, threads, check, 0.01)
+            for result, number in zip(drawing, numbers[:-num_workers], strict=False):
+                num_yielded += 1
+                assert result.number == number
+            drawing.close()
+            num_yielded, first = 0, len(started)
+            assert first < len(numbers) + num_workers
+            started.clear()

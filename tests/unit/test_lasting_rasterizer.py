@@ -18,7 +18,7 @@ from film_stages import PLAIN, SCENES, stage_of
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.executors import LocalExecutor, executor
+from hsplat_cli.executors import draw_locally, executor
 from renderer.draw import GLRasterizer, RecoveringRasterizer
 from renderer.errors import ContextLostError, RenderError
 from renderer.frame import BudgetController, LODCostEstimator, Stage, calibrate_costs
@@ -66,7 +66,7 @@ def stage() -> Stage:
 
 
 def pngs(stage: Stage, rasterizer: GLRasterizer | RecoveringRasterizer) -> list[bytes]:
-    return [drawn.picture.png for drawn in LocalExecutor(stage, rasterizer).draw(range(8))]
+    return [drawn.picture.png for drawn in draw_locally(stage, range(8), rasterizer)]
 
 
 @pytest.mark.parametrize("kind", ["gaussian", "overlay"])
@@ -114,7 +114,7 @@ def test_frames_on_a_budget_of_time(stage: Stage, rasterizer: GLRasterizer) -> N
         estimator = LODCostEstimator(stage)
         calibrate_costs(estimator, 0, 0.0, lasting, clock=time.perf_counter)
         controller = BudgetController(estimator, lambda frame: 0.01)
-        found = list(LocalExecutor(stage, lasting, controller).draw(range(8)))
+        found = list(draw_locally(stage, range(8), lasting, controller))
         assert lasting.notes == ["OpenGL's context was lost 3 times, and what it had was drawn again"]
     tolerances = {drawn.number: drawn.record["tolerance"] for drawn in found}
     assert list(tolerances) == list(range(8))
@@ -156,7 +156,7 @@ def test_the_command_goes_on_and_says_so(
     assert main.run(["render", "scene.yaml", "--workers", "1", "--output", "whole.mp4"]) == 0
     assert "note: OpenGL" not in capsys.readouterr().out
     make = failing_at({2})
-    monkeypatch.setattr(executor, "open_recovering_rasterizer", lambda *, needs_opengl: RecoveringRasterizer(make))
+    monkeypatch.setattr(executor, "open_rasterizer", lambda **_: make())
     assert main.run(["render", "scene.yaml", "--workers", "1", "--output", "lost.mp4"]) == 0
     assert f"note: {LOST_ONCE[0]}\n" in capsys.readouterr().out
     assert Path("lost.mp4").read_bytes() == Path("whole.mp4").read_bytes()

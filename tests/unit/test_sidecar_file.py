@@ -189,13 +189,13 @@ JUNK = [
 def test_any_data_is_read_or_refused() -> None:
     choose = random.Random(5)
     num_refused = 0
-    for _ in range(1500):
+    for _ in range(500):
         data = copy.deepcopy(SIDECAR)
         for _ in range(choose.choice([1, 1, 1, 3])):
             spoil(data, choose)
         options = choose.choice([{}, {"frames": "4"}, {"output": Path("a.png")}, {"overrides": ["error.splats=3"]}])
         num_refused += refuses(json.dumps(data), **options)
-    assert 500 < num_refused < 1500
+    assert 160 < num_refused < 500
 
 
 @pytest.mark.usefixtures("folder")

@@ -92,10 +92,6 @@ def test_a_name_that_looks_like_a_pattern() -> None:
     expand_pattern("scan[1].npy")
 
 
-def test_what_is_not_there_is_left_to_its_reader() -> None:
-    assert expand_volumes(["missing.npy"]) == ([Path("missing.npy")], [])
-
-
 def test_data_files_are_left_out_beside_their_headers() -> None:
     np.zeros((2, 2, 2), np.uint8).tofile("engine.raw")
     Path("engine.nhdr").write_text(

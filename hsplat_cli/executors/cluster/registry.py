@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError
+from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -36,31 +39,59 @@ class WorkerRegistry:
         self._missing_text, self._is_reported = "the cluster has no workers", False
         self._next_check = self._last_seen = time.monotonic()
         self.usable_workers: set[str] = set()
+        self._busy: set[str] = set()
+        self._changed, self._is_closed = threading.Condition(), False
         self._require_hsplat_in_scheduler()
+
+    @contextmanager
+    def idle_worker(self) -> Iterator[str]:
+        """Wait for a worker that nobody uses; it is busy in the block. Raises CancelledError after `close`."""
+        with self._changed:
+            while not (idle := self.usable_workers - self._busy):
+                if self._is_closed:
+                    raise CancelledError
+                self._changed.wait()
+            worker = min(idle)
+            self._busy.add(worker)
+        try:
+            yield worker
+        finally:
+            with self._changed:
+                self._busy.remove(worker)
+                self._changed.notify()
+
+    def close(self) -> None:
+        """End all that waits for workers."""
+        with self._changed:
+            self._is_closed = True
+            self.usable_workers.clear()
+            self._changed.notify_all()
 
     def exclude(self, worker: str, why: str) -> None:
         """Do not use this worker again."""
-        self.usable_workers.discard(worker)
         self._excluded[worker] = why
+        self.usable_workers.discard(worker)
 
     def recheck(self, worker: str) -> None:
         """Do not use this worker, which may be gone, until the next update has checked it, at once."""
         self.usable_workers.discard(worker)
         self._next_check = time.monotonic()
 
-    def update_workers(self) -> None:
-        """Find out which workers have come and gone, if it is time.
+    def update_workers(self) -> int:
+        """Find out which workers have come and gone, if it is time; return the number of those that can draw.
 
         Raises RenderError where none that can draw is left.
         """
         now = time.monotonic()
         if now < self._next_check:
-            return
+            return len(self.usable_workers)
         present = set(self._ask(self._client.nthreads))
         self._next_check = now + _CHECK_INTERVAL_S
         self.usable_workers &= present
         if new := present - self.usable_workers - self._excluded.keys():
             self._check_new_workers(new)
+            with self._changed:
+                self._changed.notify_all()
         if present:
             self._missing_text, self._is_reported = "the cluster has no workers left", False
             self._last_seen = time.monotonic()
@@ -75,6 +106,7 @@ class WorkerRegistry:
                 got=_count_reasons(self._excluded[worker] for worker in present),
                 expected=f"hsplat {self._here['hsplat']} of the same sources, and OpenGL, as here",
             )
+        return len(self.usable_workers)
 
     @property
     def notes(self) -> list[str]:

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.executors.frame_result import FrameResult, LocalExecutor
-from hsplat_cli.executors.rasterizers import open_rasterizer
+from hsplat_cli.executors.frame_result import FrameResult, draw_locally
+from renderer.draw import open_rasterizer
 from renderer.errors import ContextLostError
-from renderer.frame import deserialize_stage
+from renderer.frame import ScheduleController, deserialize_stage
 from renderer.versions import package_versions, sources_digest
 
 
@@ -39,14 +39,16 @@ class RenderThread:
 
     def _open(self, content: memoryview, num_threads: int) -> None:
         os.environ.setdefault("LP_NUM_THREADS", str(num_threads))
-        stage = deserialize_stage(content)
-        self._rasterizer = open_rasterizer(needs_opengl=stage.scene.needs_opengl)
-        self._executor = LocalExecutor(stage, self._rasterizer)
+        self._stage = deserialize_stage(content)
+        self._rasterizer = open_rasterizer(needs_opengl=self._stage.scene.needs_opengl)
+        self._controller = ScheduleController(self._stage)
         self.tool_versions = package_versions() | {"GL": self._rasterizer.renderer_name}
 
     def draw(self, number: int) -> FrameResult:
         """Draw a frame, after those that other threads have requested."""
-        return self._thread.submit(lambda: next(self._executor.draw([number]))).result()
+        return self._thread.submit(
+            lambda: next(draw_locally(self._stage, [number], self._rasterizer, self._controller))
+        ).result()
 
     def close(self) -> None:
         """Release the OpenGL context; does not wait for it."""

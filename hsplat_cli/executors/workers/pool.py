@@ -7,21 +7,25 @@ system has a /proc, which macOS has not.
 
 from __future__ import annotations
 
+import itertools
 import os
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
 from functools import partial
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
+from typing import Any
 
 from hsplat_cli.executors.frame_result import FrameResult
-from hsplat_cli.executors.schedule import MAX_LOSSES, FrameSchedule
+from hsplat_cli.executors.schedule import MAX_LOSSES, draw_ahead
 from hsplat_cli.executors.workers import process
 from hsplat_cli.executors.workers.child_processes import ChildProcesses
-from hsplat_cli.executors.workers.process import Message, Messages, WorkerProcess
+from hsplat_cli.executors.workers.process import WorkerLostError, WorkerProcess
 from hsplat_cli.executors.workers.shared_stage import map_stage, share_stage
-from renderer.errors import ContextLostError, HsplatError
+from renderer.errors import HsplatError
 from renderer.frame import Stage
 
 # The module that workers run, and its arguments.
@@ -36,8 +40,8 @@ def open_pool(stage: Stage, num_workers: int, *, threads_per_worker: int) -> Ite
 
     threads_per_worker: of Mesa's software renderer; the variable LP_NUM_THREADS takes precedence.
 
-    Raises RenderError where the memory or the processes cannot be had. `Pool.is_ready` and `Pool.draw` raise what a
-    worker failed with, and RenderError where a frame could not be drawn in spite of several attempts.
+    Raises RenderError where the memory cannot be had. `Pool.is_ready` and `Pool.draw` raise what a worker failed with,
+    and RenderError where a frame could not be drawn in spite of several attempts.
     """
     environment = {"LP_NUM_THREADS": str(threads_per_worker)} | os.environ
     with ExitStack() as stack:
@@ -45,9 +49,9 @@ def open_pool(stage: Stage, num_workers: int, *, threads_per_worker: int) -> Ite
         stack.callback(os.close, descriptor)
         del stage
         child_processes = stack.enter_context(ChildProcesses())
-        pool = Pool(map_stage(descriptor), partial(WorkerProcess, child_processes, PROGRAM, descriptor, environment))
+        start_worker = partial(WorkerProcess, child_processes, PROGRAM, descriptor, environment)
+        pool = Pool(map_stage(descriptor), start_worker, num_workers)
         stack.callback(pool.close)
-        pool.start(num_workers)
         yield pool
 
 
@@ -57,117 +61,97 @@ class Pool:
     stage: what is drawn, in shared memory.
     """
 
-    def __init__(self, stage: Stage, start_worker: Callable[[Messages], WorkerProcess]) -> None:
-        self.stage, self._start_worker = stage, start_worker
+    def __init__(self, stage: Stage, start_worker: Callable[[], WorkerProcess], num_workers: int) -> None:
+        self.stage, self._start_worker, self._num_workers = stage, start_worker, num_workers
+        self._lock, self._is_closed = threading.Lock(), False
         self._workers: list[WorkerProcess] = []
-        self._messages: Messages = SimpleQueue()
-        self._schedule = FrameSchedule[WorkerProcess]()
+        self._idle: SimpleQueue[WorkerProcess | None] = SimpleQueue()  # None is to be started
         self._renderer_names: dict[str, None] = {}  # a set that keeps its order
-        self._num_failed_starts = 0
-        self._losses: Counter[tuple[str, bool]] = Counter()  # by how workers were lost, and whether with frames
+        self._losses: list[tuple[str, bool]] = []  # how workers were lost, and whether with a frame
         self._next_check = time.monotonic() + process.CHECK_INTERVAL_S
+        self._threads = ThreadPoolExecutor(num_workers, "hsplat-workers")
+        for _ in range(num_workers):
+            self._idle.put(None)
+        self._starts = [self._threads.submit(self._with_worker, None) for _ in range(num_workers)]
 
     @property
     def notes(self) -> list[str]:
-        """As in FrameExecutor."""
+        """Return what the user should know."""
         return [
             f"{num} of the processes that draw {how} and {'was' if num == 1 else 'were'} replaced"
             + f", and what {'it' if num == 1 else 'they'} had was drawn again" * had_frames
-            for (how, had_frames), num in self._losses.items()
+            for (how, had_frames), num in Counter(self._losses).items()
         ]
 
     @property
-    def drivers(self) -> tuple[str, ...]:
-        """As in FrameExecutor."""
+    def drivers(self) -> Sequence[str]:
+        """Return the devices and drivers of the frames so far, as OpenGL names them: one, unless machines differ."""
         return tuple(self._renderer_names)
 
     @property
     def is_ready(self) -> bool:
-        """Whether any worker can draw; it does not wait."""
-        self._handle_next_message(may_wait=False)
-        return any(worker.is_ready for worker in self._workers)
+        """Whether a worker can draw; raises what workers failed to start with."""
+        return [start.result() for start in self._starts if start.done()] != []
 
     def draw(self, numbers: Sequence[int]) -> Generator[FrameResult, None, None]:
-        """Yield these frames, in this order, at the tolerances of the schedule of the stage's scene.
-
-        May be closed before its end.
-        """
-        return self._schedule.draw(numbers, self._assign_tasks, lambda: self._handle_next_message(may_wait=True))
-
-    def start(self, num_workers: int) -> None:
-        """Start this number of workers more."""
-        for _ in range(num_workers):
-            self._workers.append(self._start_worker(self._messages))
+        """Yield these frames, in this order; may be closed before its end."""
+        return draw_ahead(numbers, self._with_worker, self._threads, self._check_workers, process.CHECK_INTERVAL_S)
 
     def close(self) -> None:
         """End all workers, whatever they do."""
+        with self._lock:
+            self._is_closed = True
         for worker in self._workers:
             worker.kill()
+        self._threads.shutdown(cancel_futures=True)
         for worker in self._workers:
             worker.close()
-        self._workers.clear()
 
-    def _assign_tasks(self) -> None:
-        while assigned := self._schedule.assign([worker for worker in self._workers if worker.is_ready]):
-            worker, task = assigned
-            worker.send(task.number)
-
-    def _handle_next_message(self, *, may_wait: bool) -> None:
-        """Handle a message of a worker, if there is one before the next check for hung workers is due."""
-        until_check = max(0.0, self._next_check - time.monotonic())
-        with suppress(Empty):
-            self._handle_message(*self._messages.get(timeout=until_check if may_wait else 0.0))
-        if time.monotonic() >= self._next_check:
-            self._end_hung_workers()
-
-    def _end_hung_workers(self) -> None:
-        for worker in list(self._workers):
-            worker.check_progress(has_work=bool(self._schedule.tasks[worker]) or not worker.is_ready)
-            if worker.is_hung:
-                worker.kill()
-                self._replace_worker(worker, None)
-        self._next_check = time.monotonic() + process.CHECK_INTERVAL_S
-
-    def _handle_message(self, worker: WorkerProcess, message: Message) -> None:
-        if worker not in self._workers:  # it was replaced
-            return
-        worker.note_message()
-        if isinstance(message, str):
-            worker.renderer_name = message
-            self._renderer_names[message] = None
-            self._num_failed_starts = 0
-        elif isinstance(message, FrameResult):
-            self._schedule.finish(worker, self._schedule.tasks[worker][0], message)
-        elif message is None:
-            self._replace_worker(worker, None)
-        elif isinstance(message, ContextLostError):
-            worker.kill()
-            self._replace_worker(worker, message)
-        else:
-            raise message
-
-    def _replace_worker(self, worker: WorkerProcess, error: HsplatError | None) -> None:
-        """Replace a worker that has died, or fails with an error, and give its frames to others."""
-        self._workers.remove(worker)
-        worker.close()
-        may_be_chance = error is not None or worker.was_killed
-        task = next(iter(self._schedule.tasks[worker]), None)
-        self._schedule.take_back(worker)
-        self._losses[self._loss_text(worker, error), task is not None] += 1
-        error = error or worker.exit_error()
-        if not worker.is_ready:
-            self._num_failed_starts += 1
-            if not may_be_chance or self._num_failed_starts == MAX_LOSSES:
-                raise error
-        if task is not None and len(task.losses) == MAX_LOSSES:
+    def _with_worker(self, number: int | None) -> Any:
+        """Let an idle worker draw a frame, or start one for None; where workers are lost, let others do it."""
+        worker = self._idle.get()
+        try:
+            for num_lost in itertools.count(1):
+                worker = worker or self._start()
+                try:
+                    self._renderer_names[worker.wait_until_ready()] = None
+                    return None if number is None else worker.draw(number)
+                except WorkerLostError as lost:
+                    had_frame = worker.renderer_name is not None
+                    self._remove(worker, lost.how, had_frame)
+                    worker, error = None, lost.error
+                    if not (had_frame or lost.may_be_chance):
+                        raise error from lost
+                    if num_lost == MAX_LOSSES:
+                        break
+        except HsplatError:  # its last message
+            worker = None
+            raise
+        finally:
+            self._idle.put(worker)
+        if had_frame:
             error.what += f", {MAX_LOSSES} times at the same frame"
-            error.where = ", ".join(filter(None, (error.where, f"frame {task.number}")))
-            raise error
-        self.start(1)
+            error.where = ", ".join(filter(None, (error.where, f"frame {number}")))
+        raise error
 
-    def _loss_text(self, worker: WorkerProcess, error: HsplatError | None) -> str:
-        if error is not None:
-            how = "lost OpenGL's context"
-        else:
-            how = f"hung ({process.hang_text()})" if worker.is_hung else "died"
-        return how + ", could not be ended" * worker.is_still_alive
+    def _start(self) -> WorkerProcess:
+        with self._lock:
+            if self._is_closed:
+                raise CancelledError
+            self._workers.append(self._start_worker())
+            return self._workers[-1]
+
+    def _remove(self, worker: WorkerProcess, how: str, had_frame: bool) -> None:
+        with self._lock:
+            if self._is_closed:
+                raise CancelledError
+            self._workers.remove(worker)
+            self._losses.append((how, had_frame))
+
+    def _check_workers(self) -> int:
+        """Kill workers that hang, if the next check is due; their threads replace them. Return their number."""
+        if time.monotonic() >= self._next_check:
+            self._next_check = time.monotonic() + process.CHECK_INTERVAL_S
+            for worker in list(self._workers):
+                worker.check_progress()
+        return self._num_workers

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import socket
 import subprocess
-import threading
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from multiprocessing.connection import Pipe
+from multiprocessing.connection import Connection
 from pathlib import Path
-from queue import SimpleQueue
-from typing import TypeAlias
+from typing import Any
 
-from hsplat_cli.executors.frame_result import FrameResult
 from hsplat_cli.executors.workers.child_processes import ChildProcesses, describe_exit
-from renderer.errors import HsplatError, RenderError
+from renderer.errors import ContextLostError, HsplatError, RenderError
 from renderer.film import StreamTail
 
 # Lines of a worker's standard error stream that a message shows.
@@ -26,26 +25,26 @@ _NUM_LAST_LINES = 5
 _EXIT_TIMEOUT_S, _KILL_TIMEOUT_S = 1.0, 5.0
 
 
-# The name of its renderer when a worker is ready, a frame, an error as the last message; None is the end of all.
-Message: TypeAlias = str | FrameResult | HsplatError | None
-Messages: TypeAlias = "SimpleQueue[tuple[WorkerProcess, Message]]"
-
-
 # A worker that is idle at this number of checks in a row hangs. Checks count, not time: a sleep of the machine, or a
 # stop of this process, is one check.
 CHECK_INTERVAL_S = 5.0
 MAX_IDLE_CHECKS = 12
 
 
-def hang_text() -> str:
-    """Return the reason why a worker counts as hung."""
-    return f"no processor time for {CHECK_INTERVAL_S * MAX_IDLE_CHECKS:g} s"
+class WorkerLostError(Exception):
+    """A worker has died, hangs, or has lost its OpenGL context; it is closed.
+
+    how: a few words. error: what the user gets to know. may_be_chance: not where its program ended by itself.
+    """
+
+    def __init__(self, how: str, error: HsplatError, *, may_be_chance: bool = True) -> None:
+        super().__init__(how)
+        self.how, self.error, self.may_be_chance = how, error, may_be_chance
 
 
 class WorkerProcess:
-    """A worker, from its start on.
+    """A worker, from its start on. Raises RenderError where it cannot be started.
 
-    messages: gets each message of the worker, with the worker; None when its connection has ended.
     renderer_name: of its rasteriser, once it is ready.
     """
 
@@ -55,14 +54,14 @@ class WorkerProcess:
         program: Sequence[str],
         stage_descriptor: int,
         environment: Mapping[str, str],
-        messages: Messages,
     ) -> None:
         self.renderer_name: str | None = None
-        self._num_idle_checks = 0
+        self._is_awaited, self._num_idle_checks = False, 0
         self._processor_time: int | None = None
         self._killed_at: float | None = None
-        self._child_processes, self._messages = child_processes, messages
-        self._connection, other = Pipe()
+        self._child_processes = child_processes
+        self._socket, other = socket.socketpair()
+        self._connection = Connection(os.dup(self._socket.fileno()))
         module, *arguments = program
         descriptors = [other.fileno(), stage_descriptor]
         with other:
@@ -76,95 +75,87 @@ class WorkerProcess:
                     stderr=subprocess.PIPE,
                 )
             except OSError as error:
-                self._connection.close()
                 raise RenderError("a process that draws cannot be started", got=str(error)) from error
         assert self._process.stderr is not None
         self._stderr_tail = StreamTail(self._process.stderr)
-        self._receiver = threading.Thread(target=self._receive, daemon=True)
-        self._receiver.start()
 
-    @property
-    def is_ready(self) -> bool:
-        """Whether it can draw."""
-        return self.renderer_name is not None
+    def wait_until_ready(self) -> str:
+        """Return the name of its renderer, once it is ready; raises as `draw` does."""
+        self.renderer_name = self.renderer_name or self._receive()
+        return self.renderer_name
 
-    def send(self, number: int) -> None:
-        """Send the number of a frame to draw; that the worker has died shows when its messages end."""
-        with suppress(OSError):
+    def draw(self, number: int) -> Any:
+        """Return the FrameResult of this frame; raises WorkerLostError, or what the worker failed with."""
+        with suppress(OSError):  # it has died, as `_receive` finds, too
             self._connection.send(number)
+        return self._receive()
 
-    def _receive(self) -> None:
-        try:
-            while True:
-                self._messages.put((self, self._connection.recv()))
-        except (EOFError, OSError):  # it has ended
-            pass
-        finally:
-            self._messages.put((self, None))
+    def _receive(self) -> Any:
+        message = None
+        self._is_awaited = True
+        with suppress(EOFError, OSError):
+            message = self._connection.recv()
+        self._is_awaited = False
+        if isinstance(message, ContextLostError):
+            self.kill()
+        elif isinstance(message, HsplatError):
+            raise message
+        elif message is not None:
+            return message
+        self.close()
+        raise self._lost_error(message)
 
-    def note_message(self) -> None:
-        """Note that it has sent something, and does not hang."""
-        self._num_idle_checks = 0
+    def check_progress(self) -> None:
+        """Kill it if at several checks in a row a message was due, and it has not used the processor between them.
 
-    def check_progress(self, *, has_work: bool) -> None:
-        """Note whether it has used the processor since the last check; without a /proc it is taken to have."""
-        before, self._processor_time = self._processor_time, _processor_time(self._process.pid)
-        is_idle = has_work and before is not None and before == self._processor_time
-        self._num_idle_checks = self._num_idle_checks + 1 if is_idle else 0
-
-    @property
-    def is_hung(self) -> bool:
-        """Whether it has work and has, for check after check, neither used the processor nor sent anything."""
-        return self._num_idle_checks >= MAX_IDLE_CHECKS
+        Without a /proc it is taken to have used it.
+        """
+        if self._killed_at is None:
+            before, self._processor_time = self._processor_time, _processor_time(self._process.pid)
+            is_idle = self._is_awaited and before is not None and before == self._processor_time
+            self._num_idle_checks = self._num_idle_checks + 1 if is_idle else 0
+            if self._num_idle_checks >= MAX_IDLE_CHECKS:
+                self.kill()
 
     def kill(self) -> None:
-        """End it at once."""
+        """End it at once, and what waits for its messages."""
         self._process.kill()
+        with suppress(OSError):  # closed before
+            self._socket.shutdown(socket.SHUT_RDWR)
         if self._killed_at is None:
             self._killed_at = time.monotonic()
 
     def close(self) -> None:
         """Wait for its end, and kill it if it does not end; give up on one that survives that."""
-        if self._killed_at is None and not self._ends_within(_EXIT_TIMEOUT_S):
-            self.kill()
-        if self._killed_at is not None:
-            self._ends_within(self._killed_at + _KILL_TIMEOUT_S - time.monotonic())
-        self._child_processes.end_child(self._process)
-        self._receiver.join(_EXIT_TIMEOUT_S)
-        if not self._receiver.is_alive():
-            self._connection.close()
-
-    def _ends_within(self, seconds: float) -> bool:
         with suppress(subprocess.TimeoutExpired):
-            self._process.wait(max(0.0, seconds))
-        return not self.is_still_alive
+            if self._killed_at is None:
+                self._process.wait(_EXIT_TIMEOUT_S)
+        if self._process.returncode is None:
+            self.kill()
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(_KILL_TIMEOUT_S)
+        self._child_processes.end_child(self._process)
+        self._socket.close()
+        self._connection.close()
 
-    @property
-    def is_still_alive(self) -> bool:
-        """Whether it survived `close`."""
-        return self._process.returncode is None
-
-    @property
-    def was_killed(self) -> bool:
-        """Whether a signal ended it, or should have."""
-        return self.is_still_alive or self._process.returncode < 0
-
-    def exit_error(self) -> RenderError:
+    def _lost_error(self, lost_context: ContextLostError | None) -> WorkerLostError:
         """Return how it ended, after `close`, and what it printed last."""
         status, hint = self._process.returncode, None
-        if self.is_hung:
-            how = hang_text()
-        elif status is None:
-            how = "it does not end, though it was killed"
-        else:
-            how = describe_exit(status)
-            if status == -signal.SIGKILL:
-                hint = "where memory runs out the system sends this signal: fewer workers need less"
-        return RenderError(
-            f"a process that draws has {'hung' if self.is_hung or self.is_still_alive else 'died'}",
-            got="\n    ".join([how, *self._stderr_tail.lines()[-_NUM_LAST_LINES:]]),
+        is_hung = self._num_idle_checks >= MAX_IDLE_CHECKS
+        hang = f"no processor time for {CHECK_INTERVAL_S * MAX_IDLE_CHECKS:g} s"
+        how = f"hung ({hang})" if is_hung else "lost OpenGL's context" if lost_context else "died"
+        how += ", could not be ended" * (status is None)
+        if lost_context:
+            return WorkerLostError(how, lost_context)
+        end = hang if is_hung else "it does not end, though it was killed" if status is None else describe_exit(status)
+        if status == -signal.SIGKILL and not is_hung:
+            hint = "where memory runs out the system sends this signal: fewer workers need less"
+        error = RenderError(
+            f"a process that draws has {'hung' if is_hung or status is None else 'died'}",
+            got="\n    ".join([end, *self._stderr_tail.lines()[-_NUM_LAST_LINES:]]),
             hint=hint,
         )
+        return WorkerLostError(how, error, may_be_chance=status is None or status < 0)
 
 
 def _processor_time(process: int) -> int | None:

@@ -13,11 +13,19 @@ import time
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
 
-from hsplat_cli.executors.frame_result import FrameResult, LocalExecutor
-from hsplat_cli.executors.rasterizers import open_rasterizer
+from hsplat_cli.executors.frame_result import FrameResult, draw_locally
 from hsplat_cli.executors.workers.shared_stage import map_stage
+from renderer.draw import open_rasterizer
 from renderer.errors import HsplatError, RenderError
-from renderer.frame import Rasterizer, Stage, Stopwatch, draw_frame, make_draw_list, make_primitive
+from renderer.frame import (
+    Rasterizer,
+    ScheduleController,
+    Stage,
+    Stopwatch,
+    draw_frame,
+    make_draw_list,
+    make_primitive,
+)
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -37,9 +45,9 @@ def _serve(connection: Connection, descriptor: int) -> None:
     with open_rasterizer(needs_opengl=stage.scene.needs_opengl) as rasterizer:
         _warm_up(stage, rasterizer)
         connection.send(rasterizer.renderer_name)
-        executor = LocalExecutor(stage, rasterizer)
+        controller = ScheduleController(stage)
         while True:
-            connection.send(_draw(executor, connection.recv()))
+            connection.send(_draw(stage, connection.recv(), rasterizer, controller))
 
 
 def _warm_up(stage: Stage, rasterizer: Rasterizer) -> None:
@@ -49,9 +57,9 @@ def _warm_up(stage: Stage, rasterizer: Rasterizer) -> None:
     draw_frame(stage, make_draw_list(stage, lod, 0, watch), rasterizer, watch)
 
 
-def _draw(executor: LocalExecutor, number: int) -> FrameResult:
+def _draw(stage: Stage, number: int, rasterizer: Rasterizer, controller: ScheduleController) -> FrameResult:
     try:
-        (result,) = executor.draw([number])
+        (result,) = draw_locally(stage, [number], rasterizer, controller)
         _ = result.picture.png  # encoded here, and not by the one process that receives all frames
     except MemoryError as error:
         raise RenderError(

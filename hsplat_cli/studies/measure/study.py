@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 
-from hsplat_cli.executors import open_rasterizer
 from hsplat_cli.films import find_truths, nothing_visible_error
 from hsplat_cli.reports import REPORT_FILES, require_page_packages, terminal_table, write_study
 from hsplat_cli.scenes import read_volume_guarded
@@ -24,6 +23,7 @@ from hsplat_cli.studies.peers.vtk_peer import (
     with_transparent_border,
 )
 from hsplat_cli.terminal import PeakMemory, Reporter, counted, describe_machine
+from renderer.draw import open_rasterizer
 from renderer.errors import HsplatError
 from renderer.film import require_writable_dry_run
 from renderer.frame import Stage, view_of

@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
-from hsplat_cli.executors import open_rasterizer
 from hsplat_cli.films import nothing_visible_error, search_tolerance
 from hsplat_cli.scenes import read_volume_guarded
 from hsplat_cli.terminal import Reporter, counted
 from renderer.cores import num_cores
+from renderer.draw import open_rasterizer
 from renderer.errors import InputError
 from renderer.frame import Stage, prepare_stage
 from renderer.scene import MetricTarget, Scene
