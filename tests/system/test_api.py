@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +18,7 @@ from small_scene import small_scene
 import renderer
 from hsplat_cli import main
 from renderer.draw import recovery
-from renderer.film import encode_png, locked_output
+from renderer.film import encode_png
 from renderer.scene import parse_scene_content
 
 NUM_FRAMES = 3
@@ -128,7 +130,7 @@ def test_what_is_suggested_hides_what_is_no_number() -> None:
 
 
 @pytest.mark.parametrize(
-    "change", [lambda a: a, lambda a: a[::-1, :, ::2], lambda a: a.astype(">i2"), np.asfortranarray]
+    "change", [lambda a: a, lambda a: a[::-1, :, ::2], lambda a: a.astype(">f4"), np.asfortranarray]
 )
 def test_arrays_are_never_changed(change: Any) -> None:
     array = change(blob())
@@ -220,13 +222,21 @@ def test_an_accuracy_that_cannot_be_had() -> None:
 
 
 def test_another_job_is_writing_the_film() -> None:
-    scene = renderer.load_scene("scene.yaml")
-    with (
-        locked_output(scene.output, range(3), Path("film.mp4.json")),
-        pytest.raises(renderer.OutputLockedError, match="another job is writing this output"),
-    ):
-        renderer.render(scene)
-    assert renderer.render(scene).path.exists()
+    hold = (
+        "import sys; from pathlib import Path; from renderer.film import locked_output; import renderer\n"
+        "scene = renderer.load_scene('scene.yaml')\n"
+        "with locked_output(scene.output, range(3), Path('film.mp4.json')):\n"
+        "    print('held', flush=True); sys.stdin.read()\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", hold], env=os.environ | {"PYTHONPATH": str(Path(main.__file__).parents[1])},
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    ) as other:  # fmt: skip
+        assert other.stdout is not None and other.stdout.readline() == "held\n"
+        with pytest.raises(renderer.OutputLockedError, match="another job is writing this output"):
+            renderer.render("scene.yaml")
+        other.communicate()
+    assert renderer.render("scene.yaml").path.exists()
 
 
 def test_without_opengl(monkeypatch: pytest.MonkeyPatch) -> None:
