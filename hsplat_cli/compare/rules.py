@@ -158,9 +158,7 @@ def _parse_frames(node: TreeNode) -> dict[str, Any]:
         return _FRAMES.reject(node, "not a mapping")
     for key in node.value:
         if not isinstance(key, str):
-            node.key(key).add_problem(
-                "not a frame's name", got=format_value(key), expected="text", hint="put it in quotes"
-            )
+            node.key(key, key).reject("not a frame's name", expected="text", hint="put it in quotes")
     return {key: _LIMITS.read(node.child(key, value)) for key, value in node.value.items()}
 
 

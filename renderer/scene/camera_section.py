@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
 
 from renderer.scene import schema
-from renderer.scene.message_text import format_value, join_words
+from renderer.scene.message_text import join_words
 from renderer.scene.schema import INVALID, TreeNode, Vector
 
 MAX_FRAMES = 10**6
@@ -30,23 +30,16 @@ AXES: dict[str, Vector] = {
 }
 
 
-def direction_field(expected: str) -> schema.FieldType[Vector]:
+def direction_field(expected: str) -> schema.FieldType[Any]:
     """Return the type of three coordinates that are not all (nearly) 0."""
+    return schema.sequence_field(schema.COORDINATE_FIELD, expected, count=3, check=_check_direction)
 
-    def parse(node: TreeNode) -> Vector:
-        vector = numbers.read(node)
-        if (
-            isinstance(vector, tuple)
-            and INVALID not in vector
-            and all(abs(part) < schema.MIN_WORLD_LENGTH for part in vector)
-        ):
-            hint = None if not any(vector) else f"a component of at least {schema.MIN_WORLD_LENGTH:g}"
-            return field.reject(node, "no direction", hint=hint)
-        return vector  # type: ignore[return-value]  # three, or INVALID
 
-    numbers = schema.sequence_field(schema.COORDINATE_FIELD, expected, count=3)
-    field = schema.FieldType(expected, parse)
-    return field
+def _check_direction(node: TreeNode, vector: tuple[Any, ...]) -> Any:
+    if max(map(abs, vector)) >= schema.MIN_WORLD_LENGTH:
+        return vector
+    hint = f"a component of at least {schema.MIN_WORLD_LENGTH:g}" if any(vector) else None
+    return node.reject("no direction", hint=hint)
 
 
 _AXIS_WORDS = "x, y, z, -x, -y, -z or a direction [x, y, z], not all 0"
@@ -122,7 +115,7 @@ _OWNERS = {
 
 def _parse_path(node: TreeNode) -> Any:
     if not isinstance(node.value, Mapping):
-        return _PATH.reject(node, "not a mapping")
+        return node.reject("not a mapping")
     if "type" not in node.value:
         return _TYPE.reject(node.child("type"), "missing")
     name = _TYPE.read(node.child("type", node.value["type"]))
@@ -138,17 +131,16 @@ def _parse_path(node: TreeNode) -> Any:
 def check_frame_in_path(node: TreeNode, frame: Any, num_frames: Any) -> None:
     """Check that a frame, at `node`, is before the end of the path; INVALID numbers are skipped."""
     if isinstance(frame, int) and isinstance(num_frames, int) and frame >= num_frames:
-        expected = f"a frame from 0 to {num_frames - 1}"
-        node.add_problem("after the last frame", got=format_value(frame), expected=expected)
+        node.reject("after the last frame", got=str(frame), expected=f"a frame from 0 to {num_frames - 1}")
 
 
 def _check_keys(node: TreeNode, keys: Any, num_frames: Any) -> None:
     """Check that keyframes ascend and lie in the path."""
     frames = [getattr(key, "frame", INVALID) for key in keys] if isinstance(keys, tuple) else []
-    for index, frame in enumerate(frames):
-        check_frame_in_path(node.child(index).child("frame"), frame, num_frames)
-    for index, (before, frame) in enumerate(pairwise(frames), start=1):
-        check_frames_ascend(node.child(index).child("frame"), before, frame)
+    for index, (before, frame) in enumerate(pairwise([-1, *frames])):
+        place = node.child(index).child("frame")
+        check_frame_in_path(place, frame, num_frames)
+        check_frames_ascend(place, before, frame)
 
 
 def check_frames_ascend(node: TreeNode, before: Any, frame: Any) -> bool:
@@ -156,7 +148,7 @@ def check_frames_ascend(node: TreeNode, before: Any, frame: Any) -> bool:
     ascends = not isinstance(frame, int) or not isinstance(before, int) or frame > before
     if not ascends:
         expected = "frames in ascending order, each once"
-        node.add_problem("frames out of order", got=f"{frame} after {before}", expected=expected)
+        node.reject("frames out of order", got=f"{frame} after {before}", expected=expected)
     return ascends
 
 

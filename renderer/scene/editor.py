@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +17,8 @@ from renderer.scene.spec import Scene
 _SOURCES = ("file", "raw", "procedural")
 
 
-@dataclass(frozen=True)
-class _Option:
-    """A command-line option as text, and its number among the options."""
-
-    number: int
-    text: str
-
-
-# Where the value with a problem was written: in the file, by an option, or unknown.
-_Origin = yaml_tree.TextPosition | _Option | None
+# Where the value with a problem was written: in the file, by an option, which has this number, or unknown.
+_Origin = yaml_tree.TextPosition | int | None
 
 
 class SceneEditor:
@@ -53,8 +45,8 @@ class SceneEditor:
         self._path, self._lines, self._path_prefix, self._hints = path, lines, path_prefix, hints or {}
         self._problems: list[tuple[_Origin, Problem]] = [*tree.problems]
         # Where the value at each path was written.
-        self._writers: dict[str, yaml_tree.SourceLocation | _Option] = {**tree.locations}
-        self._num_options = 0
+        self._writers: dict[str, yaml_tree.SourceLocation | int] = {**tree.locations}
+        self._options: list[str] = []
 
     def apply(self, overrides: Sequence[str], volume: Path | None, output: Path | None) -> None:
         """Apply `--set`, `--volume` and `--output`, in this order."""
@@ -71,7 +63,7 @@ class SceneEditor:
     @property
     def overridden_paths(self) -> list[str]:
         """The paths that options have written."""
-        return [path for path, writer in self._writers.items() if isinstance(writer, _Option)]
+        return [path for path, writer in self._writers.items() if isinstance(writer, int)]
 
     def parse(self, *, is_single_frame: bool = False, extra_problems: Sequence[Problem] = ()) -> Scene:
         """Return the scene; its files are relative to the folder of the tree's file.
@@ -88,10 +80,10 @@ class SceneEditor:
             raise SceneError([self._located(*item) for item in sorted(problems, key=_sort_key)])
         return scene
 
-    def _option(self, text: str) -> _Option:
-        """Return the next option."""
-        self._num_options += 1
-        return _Option(self._num_options, text)
+    def _option(self, text: str) -> int:
+        """Return the number of the next option."""
+        self._options.append(text)
+        return len(self._options) - 1
 
     def _override(self, text: str) -> None:
         """Apply `path.to.key=value`."""
@@ -99,7 +91,7 @@ class SceneEditor:
         name, equals, value_text = text.partition("=")
         parts = name.strip().split(".")
         if not equals or not all(parts):
-            self._complain(option, Problem("", "not an override", expected="--set path.to.key=value"))
+            self._problems.append((option, Problem("", "not an override", expected="--set path.to.key=value")))
             return
         if value_text.strip().startswith("#"):  # a color and not a comment
             self._set(parts, value_text.strip(), option)
@@ -107,38 +99,36 @@ class SceneEditor:
         try:
             value = yaml_tree.parse_yaml(value_text)
         except yaml_tree.NotYamlError as error:
-            self._complain(option, Problem("", error.what, hint=error.hint))
+            self._problems.append((option, Problem("", error.what, hint=error.hint)))
             return
         for _, problem in value.problems:
-            self._complain(option, replace(problem, path=".".join(filter(None, (name.strip(), problem.path)))))
-        if not value_text.strip():
+            path = ".".join(filter(None, (name.strip(), problem.path)))
+            self._problems.append((option, replace(problem, path=path)))
+        if value_text.strip():
+            self._set(parts, value.data, option)
+        else:
             hint = f"to take the key away, give {name.strip()}=null"
-            self._complain(option, Problem(name.strip(), "no value", expected="--set path.to.key=value", hint=hint))
-            return
-        self._set(parts, value.data, option)
+            problem = Problem(name.strip(), "no value", expected="--set path.to.key=value", hint=hint)
+            self._problems.append((option, problem))
 
-    def _set(self, parts: Sequence[str], value: Any, option: _Option) -> None:
+    def _set(self, parts: Sequence[str], value: Any, option: int) -> None:
         """Set `value` at the path `parts`, written by `option`; None removes the key."""
         parent, path = self.tree.data, ""
-        for part in parts[:-1]:
+        for number, part in enumerate(parts, start=1):
             key = self._key(parent, part, path, option)
             if key is None:
                 return
             path = join_keys(path, key)
-            if isinstance(parent, dict) and parent.get(key) is None:
-                parent[key] = {}
+            is_last = number == len(parts)
+            if is_last or (isinstance(parent, dict) and parent.get(key) is None):
                 self._remember(path, option)
-            parent = parent[key]
-        key = self._key(parent, parts[-1], path, option)
-        if key is None:
-            return
-        self._remember(join_keys(path, key), option)
-        if value is None and isinstance(parent, dict):
-            parent.pop(key, None)
-        else:
-            parent[key] = value
+                parent[key] = value if is_last else {}
+            if not is_last:
+                parent = parent[key]
+            elif value is None and isinstance(parent, dict):
+                del parent[key]
 
-    def _key(self, parent: Any, part: str, path: str, option: _Option) -> Any:
+    def _key(self, parent: Any, part: str, path: str, option: int) -> Any:
         """Return the key or the list index that `part` names in `parent`; a new key is allowed, a new index is not."""
         if isinstance(parent, dict):
             return next((key for key in parent if join_keys("", key) == part), part)
@@ -146,19 +136,17 @@ class SceneEditor:
             if re.fullmatch("[0-9]{1,9}", part) and int(part) < len(parent):
                 return int(part)
             expected = f"a number from 0 to {len(parent) - 1}" if parent else None
-            self._complain(option, Problem(path, "no such item in this list", got=part, expected=expected))
+            problem = Problem(path, "no such item in this list", got=part, expected=expected)
         else:
-            self._complain(option, Problem(path, "neither a mapping nor a list", got=format_value(parent)))
+            problem = Problem(path, "neither a mapping nor a list", got=format_value(parent))
+        self._problems.append((option, problem))
         return None
 
-    def _remember(self, path: str, option: _Option) -> None:
+    def _remember(self, path: str, option: int) -> None:
         """Record that `option` wrote `path` and all below it."""
         for known in [known for known in self._writers if known.startswith(f"{path}.")]:
             del self._writers[known]
         self._writers[path] = option
-
-    def _complain(self, option: _Option, problem: Problem) -> None:
-        self._problems.append((option, problem))
 
     def _with_origin(self, problem: Problem) -> tuple[_Origin, Problem]:
         """Return the problem with the origin of its path or, if that is unknown, of the nearest part around it."""
@@ -169,14 +157,14 @@ class SceneEditor:
             keys = ".".join(filter(None, (self._path_prefix, problem.path)))
             return None, replace(problem, path=keys, hint=self._hints.get(problem.path, problem.hint))
         writer = self._writers[path]
-        if isinstance(writer, _Option):
+        if isinstance(writer, int):
             return writer, problem
         return writer.key if problem.at_key or path != problem.path else writer.value, problem
 
     def _located(self, origin: _Origin, problem: Problem) -> Problem:
         """Return the problem with its location and, if that is in the file, the line itself."""
-        if isinstance(origin, _Option):
-            return replace(problem, location=origin.text)
+        if isinstance(origin, int):
+            return replace(problem, location=self._options[origin])
         what = problem.what + yaml_tree.source_excerpt(self._lines, origin)
         return replace(problem, location=yaml_tree.format_location(self._path, origin), what=what)
 
@@ -184,6 +172,6 @@ class SceneEditor:
 def _sort_key(item: tuple[_Origin, Problem]) -> tuple[int, int, int]:
     """Sort problems by line and column, and those of options after them."""
     origin, _ = item
-    if isinstance(origin, _Option):
-        return 1, origin.number, 0
+    if isinstance(origin, int):
+        return 1, origin, 0
     return (0, origin.line, origin.column) if origin else (0, 0, 0)

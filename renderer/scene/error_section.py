@@ -79,48 +79,47 @@ def _schedule_key(error: ErrorSpec) -> str:
 def _by_frame(item: schema.FieldType[Any], example: str) -> schema.FieldType[ByFrame]:
     """Return the type of a constant, or of values by frame in ascending order."""
 
-    def parse(node: TreeNode) -> ByFrame:
+    def parse(node: TreeNode) -> Any:
         if not isinstance(node.value, Mapping):
             return ((0, item.read(node)),)
         if not node.value:
-            return field.reject(node, "empty", got="")
+            return node.reject("empty", got="")
         found: list[tuple[int, float]] = []
         for key, written in node.value.items():
-            frame = FRAME_NUMBER_FIELD.read(node.key(key))  # text, too: JSON has no other keys
+            frame = FRAME_NUMBER_FIELD.read(node.key(key, key))  # text, too: JSON has no other keys
             at = item.read(node.child(key, written))
             if frame is not INVALID:
                 check_frames_ascend(node.key(key), found[-1][0] if found else -1, frame)
                 found.append((frame, at))
         return tuple(found) or INVALID
 
-    field = schema.FieldType(f"{item.expected}, or by frame, such as {example}", parse)
-    return field
+    return schema.FieldType(f"{item.expected}, or by frame, such as {example}", parse)
 
 
 def _parse_tolerance(node: TreeNode) -> ByFrame:
-    by_frame = _TOLERANCES.read(node)
+    by_frame = _TOLERANCES.parse(node)
     if isinstance(node.value, Mapping) and by_frame is not INVALID:
         for (start, before), (end, after) in pairwise(by_frame):
             if INVALID not in (before, after) and (before == 0) != (after == 0) and end - start > 1:
-                node.child(start if before == 0 else end).add_problem(
+                step = format_value({start: before, end - 1: before, end: after})
+                node.child(start if before == 0 else end).reject(
                     "0 in a tolerance by frame, with frames between it and another",
                     got=format_value({start: before, end: after}),
                     expected="a number greater than 0",
-                    hint="it is interpolated in the logarithm; "
-                    f"{format_value({start: before, end - 1: before, end: after})} goes from one to the other at once",
+                    hint=f"it is interpolated in the logarithm; {step} goes from one to the other at once",
                 )
     return by_frame
 
 
-def _parse_number(node: TreeNode) -> float:
-    value = schema.number_field(minimum=0).parse(node)
-    if value is not INVALID and 0 < value < MIN_TOLERANCE:
-        expected = f"0, or a number of at least {format_value(MIN_TOLERANCE)}"
-        return _TOLERANCE.reject(node, "out of range", expected=expected)
-    return value
+def _parse_number(node: TreeNode) -> Any:
+    value = _NOT_NEGATIVE.parser(node)
+    if value is INVALID or value == 0 or value >= MIN_TOLERANCE:
+        return value
+    return node.reject("out of range", expected=f"0, or a number of at least {format_value(MIN_TOLERANCE)}")
 
 
-_TOLERANCE = schema.FieldType(schema.number_field(minimum=0).expected, _parse_number)
+_NOT_NEGATIVE = schema.number_field(minimum=0)
+_TOLERANCE: schema.FieldType[Any] = schema.FieldType(_NOT_NEGATIVE.expected, _parse_number)
 _TOLERANCES = _by_frame(_TOLERANCE, "{0: 0.5, 60: 0.02}")
 _SPLATS_HINT = "1 is the whole volume as one splat; tolerance: 0 has no limit"
 _SECONDS_HINT = "it is the time for each frame; the quickest is splats: 1"
@@ -129,7 +128,7 @@ _RMSE_HINT = "nothing is as exact as that; tolerance: 0 draws every voxel"
 
 # An `error` has one of these keys.
 _SCHEDULES: dict[str, schema.FieldType[Any]] = {
-    "tolerance": replace(_TOLERANCES, parse=_parse_tolerance),
+    "tolerance": replace(_TOLERANCES, parser=_parse_tolerance),
     "splats": _by_frame(
         schema.integer_field(minimum=1, maximum=MAX_SPLATS, zero_hint=_SPLATS_HINT), "{0: 1000, 60: 100000}"
     ),
@@ -150,27 +149,20 @@ _GOALS: dict[str, Any] = {
 
 def _build_error(node: TreeNode, given: dict[str, Any]) -> ErrorSpec:
     if given.get("of") == "scalar" and given.get("measure", ErrorSpec.measure) == "optical":
-        node.child("of").add_problem(
-            "contradicts measure: optical",
-            got=format_value("scalar"),
-            expected="classified",
-            hint="the error of the scalar needs measure: rms",
-        )
+        hint = "the error of the scalar needs measure: rms"
+        node.child("of", "scalar").reject("contradicts measure: optical", expected="classified", hint=hint)
     written = node.value if isinstance(node.value, Mapping) else {}
     schedules = [key for key in given if key in _SCHEDULES and key in written]  # misspelt ones are given, too
     for other in schedules[1:]:
-        node.key(other).add_problem(
+        node.key(other).reject(
             f"a second schedule beside {schedules[0]}",
             expected=f"one of {join_words(_SCHEDULES)}",
             hint=f"leave one out, as --set error.{schedules[0]}=null does",
         )
     rest = {key: value for key, value in given.items() if key not in _SCHEDULES}
-    if not schedules:
-        return ErrorSpec(**rest)
-    name = schedules[0]
-    if name in _GOALS:
-        return ErrorSpec(**rest, goal=_GOALS[name](given[name]))
-    return ErrorSpec(**rest, tolerance=given[name])
+    for name in schedules[:1]:
+        rest |= {"goal": _GOALS[name](given[name])} if name in _GOALS else {name: given[name]}
+    return ErrorSpec(**rest)
 
 
 ERROR_SECTION = schema.section_field(_SCHEDULES | schema.field_table(ErrorSpec), _build_error)

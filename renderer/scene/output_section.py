@@ -9,7 +9,6 @@ from pathlib import Path, PurePath
 from typing import Annotated, Any
 
 from renderer.scene import schema
-from renderer.scene.message_text import format_value
 from renderer.scene.schema import INVALID, Color, TreeNode
 from renderer.scene.transfer_section import COLOR_FIELD
 
@@ -24,22 +23,21 @@ MAX_GIF_RATE = 50
 _FILE_WORDS = "a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one frame (--frames 7), still.png"
 
 
-def _parse_file(node: TreeNode) -> Path:
+def _parse_file(node: TreeNode) -> Any:
     if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
-        return OUTPUT_FILE_FIELD.reject(node, "not a file name")
+        return node.reject("not a file name")
     if schema.has_unexpanded_tilde(node.value):
-        return OUTPUT_FILE_FIELD.reject(node, "a folder named ~", hint=schema.TILDE_HINT)
+        return node.reject("a folder named ~", hint=schema.TILDE_HINT)
     name = PurePath(node.value).name
     suffix = PurePath(name).suffix.lower()
     if suffix not in _SUFFIXES or node.value.endswith(("/", "\\")):
-        return OUTPUT_FILE_FIELD.reject(node, "unknown output format")
+        return node.reject("unknown output format")
     rest, num_fields = FRAME_FIELD.subn("", node.value)
     if num_fields > 1 or "{" in rest or "}" in rest or (num_fields and not FRAME_FIELD.search(name)):
         expected = "one {frame} or {frame:04}, in the name of the file, and no other braces"
-        return OUTPUT_FILE_FIELD.reject(node, "not a valid template", expected=expected)
+        return node.reject("not a valid template", expected=expected)
     if suffix != ".png" and num_fields:
-        what = f"a film and frames at once: {suffix} with a frame number"
-        return OUTPUT_FILE_FIELD.reject(node, what)
+        return node.reject(f"a film and frames at once: {suffix} with a frame number")
     return Path(node.value)
 
 
@@ -72,25 +70,15 @@ def _check_output(node: TreeNode, given: dict[str, Any]) -> None:
     file, size = given["file"], given.get("size", OutputSpec.size)
     suffix = file.suffix.lower() if isinstance(file, Path) else None
     if suffix in (".mp4", ".gif") and given.get("background", INVALID) is None:
-        node.child("background").add_problem(
-            f"a transparent background in {suffix}",
-            expected="a color",
-            hint="only PNG frames can be transparent: file: frames/{frame:04}.png",
-        )
+        hint = "only PNG frames can be transparent: file: frames/{frame:04}.png"
+        node.child("background").reject(f"a transparent background in {suffix}", expected="a color", hint=hint)
     if suffix == ".mp4" and size is not INVALID and INVALID not in size and any(side % 2 for side in size):
-        legal = [side + side % 2 for side in size]
-        node.child("size").add_problem(
-            "odd sizes cannot be encoded as MP4",
-            got=format_value(size),
-            expected="even numbers",
-            hint=f"the nearest is {legal}",
-        )
-    if suffix == ".gif" and schema.valid_keys(given, "frames_per_second") and given["frames_per_second"] > MAX_GIF_RATE:
-        node.child("frames_per_second").add_problem(
-            "too fast for a GIF",
-            got=format_value(given["frames_per_second"]),
-            expected=f"at most {MAX_GIF_RATE}: viewers slow down faster ones",
-        )
+        hint = f"the nearest is {[side + side % 2 for side in size]}"
+        node.child("size", size).reject("odd sizes cannot be encoded as MP4", expected="even numbers", hint=hint)
+    rate = given.get("frames_per_second", INVALID)
+    if suffix == ".gif" and rate is not INVALID and rate > MAX_GIF_RATE:
+        expected = f"at most {MAX_GIF_RATE}: viewers slow down faster ones"
+        node.child("frames_per_second", rate).reject("too fast for a GIF", expected=expected)
 
 
 OUTPUT_SECTION = schema.dataclass_field(OutputSpec, _check_output)
@@ -102,11 +90,7 @@ def check_frame_field(node: TreeNode, given: Mapping[str, Any]) -> None:
     file = getattr(given["output"], "file", INVALID)
     if INVALID in (num_frames, file) or num_frames == 1:
         return
-    if file.suffix.lower() != ".png" or FRAME_FIELD.search(file.name):
-        return
-    node.child("file").add_problem(
-        "frames need a number in their names",
-        got=format_value(str(file)),
-        expected=_FILE_WORDS,
-        hint=f"write {file.stem}-{{frame:04}}.png",
-    )
+    if file.suffix.lower() == ".png" and not FRAME_FIELD.search(file.name):
+        node.child("file", str(file)).reject(
+            "frames need a number in their names", expected=_FILE_WORDS, hint=f"write {file.stem}-{{frame:04}}.png"
+        )

@@ -5,7 +5,7 @@ The tree comes from a YAML or JSON reader: nested mappings, lists and scalars. N
 
 from __future__ import annotations
 
-from dataclasses import fields as dataclass_fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -67,27 +67,13 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
     `parse_scene` makes the same scene from it: with any `base` if the volume's file is an absolute path, else in the
         same folder.
     """
-    tree: dict[str, Any] = _plain(scene)
-    return {key: tree[key] for key in ("version", *tree) if key in tree}
+    return {"version": scene.version} | spec_to_dict(scene)
 
 
 def spec_to_dict(value: Any) -> dict[str, Any]:
     """Return a part of a scene, such as a CameraSpec or a TransferSpec, as plain data; as `scene_to_dict`."""
-    return _plain_dataclass(value)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, ArraySource):
-        return {"shape": list(value.shape), "dtype": str(value.values.dtype), "spacing": list(value.spacing)}
-    return _plain_dataclass(value) if is_dataclass(value) else value
-
-
-def _plain_dataclass(value: Any) -> dict[str, Any]:
-    plain = _plain_fields(value)
+    pairs = ((field.name, getattr(value, field.name)) for field in fields(value))
+    plain = {name: _plain(item) for name, item in pairs if item is not None}  # None stands for a key that is not given
     if isinstance(value, VolumeSpec):
         source: dict[str, Any] = plain.pop("source")
         return (source if isinstance(value.source, FileSource) else {_SOURCE_KEYS[type(value.source)]: source}) | plain
@@ -104,7 +90,11 @@ def _plain_dataclass(value: Any) -> dict[str, Any]:
     return {"type": value.type} | plain if isinstance(value, CameraPath) else plain
 
 
-def _plain_fields(value: Any) -> dict[str, Any]:
-    """Return the fields without those that are None, which stands for a key that is not given."""
-    pairs = ((field.name, getattr(value, field.name)) for field in dataclass_fields(value))
-    return {name: _plain(item) for name, item in pairs if item is not None}
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, ArraySource):
+        return {"shape": list(value.shape), "dtype": str(value.values.dtype), "spacing": list(value.spacing)}
+    return spec_to_dict(value) if is_dataclass(value) else value

@@ -12,6 +12,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import MISSING, dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Generic, Literal, TypeVar, get_args, get_origin, get_type_hints
 
@@ -28,14 +29,8 @@ Color = tuple[float, float, float]
 MIN_WORLD_LENGTH, MAX_WORLD_LENGTH = 1e-30, 1e30
 
 
-class _Invalid:
-    def __repr__(self) -> str:
-        return "INVALID"
+INVALID: Any = object()
 
-
-INVALID: Any = _Invalid()
-
-_NOT_A_LIST = "not a list"
 _NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d{1,9})?", re.ASCII)
 _DECIMAL_COMMA = re.compile(r"[-+]?\d{1,20},\d{1,20}", re.ASCII)
 
@@ -44,8 +39,8 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d{1,20},\d{1,20}", re.ASCII)
 class TreeNode:
     """A value, its dotted path, and the list of the problems in the whole tree.
 
-    base: the folder that files in the tree are relative to. is_key: the value is the last key of the path itself, and
-    problems concern that key.
+    base: the folder that files in the tree are relative to. is_key: problems concern the last key of the path, not its
+    value. expected: what the value should be. words: texts that are allowed in place of such a value.
     """
 
     value: object
@@ -53,18 +48,28 @@ class TreeNode:
     problems: list[Problem]
     base: Path = Path()
     is_key: bool = False
+    expected: str | None = None
+    words: Collection[str] = ()
 
     def child(self, key: object, value: object = None) -> TreeNode:
         """Return the node of the value at `key` below this one."""
         return TreeNode(value, join_keys(self.path, key), self.problems, self.base)
 
-    def key(self, key: object) -> TreeNode:
-        """Return the node of the key `key` itself, for problems with its presence."""
-        return replace(self.child(key, key), is_key=True)
+    def key(self, key: object, value: object = None) -> TreeNode:
+        """Return the node of the key `key` itself; `value` is the key to check, None for problems with its presence."""
+        return replace(self.child(key, value), is_key=True)
 
-    def add_problem(self, what: str, **parts: str | None) -> None:
-        """Add a problem with this value or key; `parts` are `got`, `expected` and `hint`."""
+    def reject(self, what: str, **parts: str | None) -> Any:
+        """Add a problem with this value or key, and return INVALID.
+
+        parts: `got`, by default the value; `expected`, by default that of the node; and `hint`, by default the most
+            similar of the node's words. An empty text leaves a part out.
+        """
+        got = None if self.value is None else format_value(self.value)
+        parts = {"got": got, "expected": self.expected} | parts
+        parts["hint"] = parts.get("hint") or did_you_mean(self.value, self.words)
         self.problems.append(Problem(self.path, what, at_key=self.is_key, **parts))
+        return INVALID
 
 
 @dataclass(frozen=True)
@@ -75,23 +80,20 @@ class FieldType(Generic[T]):
     """
 
     expected: str
-    parse: Callable[[TreeNode], T]
+    parser: Callable[[TreeNode], T]
     empty_hint: str | None = None
 
     def read(self, node: TreeNode) -> T:
         """Return the checked value, or INVALID."""
-        if node.value is None:
-            return self.reject(node, "no value", hint=self.empty_hint)
-        return self.parse(node)
+        return self.reject(node, "no value", hint=self.empty_hint) if node.value is None else self.parse(node)
+
+    def parse(self, node: TreeNode) -> T:
+        """Return the checked value, which is not None, or INVALID."""
+        return self.parser(replace(node, expected=self.expected))
 
     def reject(self, node: TreeNode, what: str, **parts: str | None) -> T:
-        """Add a problem with a value that is not of this type, and return INVALID.
-
-        parts: as in `TreeNode.add_problem`. `got` is the value itself by default, and empty to leave it out.
-        """
-        got = None if node.value is None else format_value(node.value)
-        node.add_problem(what, **{"got": got, "expected": self.expected} | parts)
-        invalid: T = INVALID
+        """Add a problem with a value that is not of this type, as `TreeNode.reject` does, and return INVALID."""
+        invalid: T = replace(node, expected=self.expected).reject(what, **parts)
         return invalid
 
 
@@ -116,7 +118,7 @@ def number_field(
     above: float = -math.inf,
     zero_hint: str | None = None,
     is_whole: bool = False,
-) -> FieldType[float]:
+) -> FieldType[Any]:
     """Return the type of a finite number; `minimum` and `maximum` are allowed, `above` is not.
 
     Text that spells a number is taken as one, because YAML 1.1 reads `1e-3` as text.
@@ -127,21 +129,17 @@ def number_field(
     def parse(node: TreeNode) -> Any:
         value = parse_whole_number(node.value) if is_whole else _as_float(node.value)
         if value is None:
-            return field.reject(node, f"not a {noun}", hint=_decimal_point_hint(node.value))
+            return node.reject(f"not a {noun}", hint=_decimal_point_hint(node.value))
         if isinstance(value, float) and not math.isfinite(value):
-            return field.reject(node, "not a finite number")
+            return node.reject("not a finite number")
         if minimum <= value <= maximum and value > above:
             return value
-        return field.reject(node, "out of range", hint=zero_hint if value == 0 else None)
+        return node.reject("out of range", hint=zero_hint if value == 0 else None)
 
-    field: FieldType[float] = FieldType(f"a {noun}{_range_words(minimum, above, maximum)}", parse)
-    return field
+    return FieldType(f"a {noun}{_range_words(minimum, above, maximum)}", parse)
 
 
-def integer_field(*, minimum: int, maximum: int, zero_hint: str | None = None) -> FieldType[int]:
-    """Return the type of a whole number in a range; `zero_hint` as in `number_field`."""
-    field: FieldType[Any] = number_field(minimum=minimum, maximum=maximum, zero_hint=zero_hint, is_whole=True)
-    return field
+integer_field = partial(number_field, is_whole=True)
 
 
 def _range_words(minimum: float, above: float, maximum: float) -> str:
@@ -178,16 +176,12 @@ def parse_whole_number(value: object) -> int | None:
     return int(as_float) if as_float is not None and as_float.is_integer() else None
 
 
-LENGTH_FIELD: FieldType[float] = number_field(minimum=MIN_WORLD_LENGTH, maximum=MAX_WORLD_LENGTH)
-COORDINATE_FIELD: FieldType[float] = number_field(minimum=-MAX_WORLD_LENGTH, maximum=MAX_WORLD_LENGTH)
+LENGTH_FIELD = number_field(minimum=MIN_WORLD_LENGTH, maximum=MAX_WORLD_LENGTH)
+COORDINATE_FIELD = number_field(minimum=-MAX_WORLD_LENGTH, maximum=MAX_WORLD_LENGTH)
 
 
 def _instance_field(cls: type[T], expected: str, what: str) -> FieldType[T]:
-    def parse(node: TreeNode) -> T:
-        return node.value if isinstance(node.value, cls) else field.reject(node, what)
-
-    field = FieldType(expected, parse)
-    return field
+    return FieldType(expected, lambda node: node.value if isinstance(node.value, cls) else node.reject(what))
 
 
 BOOLEAN_FIELD = _instance_field(bool, "true or false", "not true or false")
@@ -198,15 +192,15 @@ MAPPING_FIELD: FieldType[dict[str, Any]] = _instance_field(dict, "a mapping", "n
 def choice_field(*names: str, aliases: Mapping[str, str] | None = None) -> FieldType[Any]:
     """Return the type of one of `names`; `aliases` maps other programs' words to ours, for hints."""
 
-    def parse(node: TreeNode) -> str:
-        if isinstance(node.value, str) and node.value in names:
+    def parse(node: TreeNode) -> Any:
+        if not isinstance(node.value, str):
+            return node.reject("unknown value")
+        if node.value in names:
             return node.value
-        meant = (aliases or {}).get(node.value) if isinstance(node.value, str) else None
-        hint = f"did you mean {meant}?" if meant else did_you_mean(node.value, names)
-        return field.reject(node, "unknown value", hint=hint)
+        meant = (aliases or {}).get(node.value)
+        return node.reject("unknown value", hint=f"did you mean {meant}?" if meant else did_you_mean(node.value, names))
 
-    field = FieldType(join_words(names), parse)
-    return field
+    return FieldType(join_words(names), parse)
 
 
 def word_or(words: Mapping[str, Any], other: FieldType[Any], expected: str) -> FieldType[Any]:
@@ -215,16 +209,7 @@ def word_or(words: Mapping[str, Any], other: FieldType[Any], expected: str) -> F
     def parse(node: TreeNode) -> Any:
         if isinstance(node.value, str) and node.value in words:
             return words[node.value]
-        found: list[Problem] = []
-        value = other.parse(replace(node, problems=found))
-        for problem in found:
-            if problem.path == node.path:  # of the whole value
-                hint = problem.hint or did_you_mean(node.value, words)
-                what = "unknown value" if problem.what == _NOT_A_LIST and isinstance(node.value, str) else problem.what
-                node.problems.append(replace(problem, what=what, expected=expected, hint=hint))
-            else:
-                node.problems.append(problem)
-        return value
+        return other.parser(replace(node, words=words))
 
     return FieldType(expected, parse, other.empty_hint)
 
@@ -232,18 +217,27 @@ def word_or(words: Mapping[str, Any], other: FieldType[Any], expected: str) -> F
 # Lists and mappings
 
 
-def sequence_field(item: FieldType[T], expected: str, *, count: int | None = None) -> FieldType[tuple[T, ...]]:
-    """Return the type of a list of `count` items, or of one or more; wrong items are INVALID."""
+def sequence_field(
+    item: FieldType[Any],
+    expected: str,
+    *,
+    count: int | None = None,
+    check: Callable[[TreeNode, tuple[Any, ...]], Any] | None = None,
+) -> FieldType[Any]:
+    """Return the type of a list of `count` items, or of one or more; wrong items are INVALID.
 
-    def parse(node: TreeNode) -> tuple[T, ...]:
+    check: returns the items, or INVALID; it is called if every item is right.
+    """
+
+    def parse(node: TreeNode) -> Any:
         if not isinstance(node.value, (list, tuple)):
-            return field.reject(node, _NOT_A_LIST)
+            return node.reject("unknown value" if node.words and isinstance(node.value, str) else "not a list")
         if len(node.value) != count if count else not node.value:
-            return field.reject(node, "wrong number of items")
-        return tuple(item.read(node.child(index, value)) for index, value in enumerate(node.value))
+            return node.reject("wrong number of items")
+        items = tuple(item.read(node.child(index, value)) for index, value in enumerate(node.value))
+        return items if check is None or INVALID in items else check(node, items)
 
-    field = FieldType(expected, parse)
-    return field
+    return FieldType(expected, parse)
 
 
 def section_field(
@@ -316,7 +310,7 @@ def read_fields(
     misplaced_hints: hints for keys that belong in another place.
     """
     if not isinstance(node.value, Mapping):
-        node.add_problem("not a mapping", got=format_value(node.value), expected=_mapping_with(table, required))
+        node.reject("not a mapping", got=format_value(node.value), expected=_mapping_with(table, required))
         return dict.fromkeys(table, INVALID)
     given: dict[str, Any] = {}
     for key, value in node.value.items():
@@ -328,7 +322,7 @@ def read_fields(
         hint = other_place or (f"did you mean {close}?" if close else None)
         if value is None and type(key) is int:  # as of {opacity: 0,5}
             hint = "decimals come after a point; in {...} and [...] a comma begins what comes next"
-        node.key(key).add_problem("unknown key", expected=join_words(table), hint=hint)
+        node.key(key).reject("unknown key", expected=join_words(table), hint=hint)
         if close and close not in node.value:  # a misspelt key is not missing, too
             given[close] = INVALID
     for key in required:

@@ -24,10 +24,9 @@ from renderer.scene.volume_section import VOLUME_SECTION, VolumeSpec
 VERSION = 1
 
 
-def _parse_version(node: schema.TreeNode) -> int:
-    if schema.parse_whole_number(node.value) == VERSION:
-        return VERSION
-    return _VERSION.reject(node, "unknown version of the scene format")
+def _parse_version(node: schema.TreeNode) -> Any:
+    is_known = schema.parse_whole_number(node.value) == VERSION
+    return VERSION if is_known else node.reject("unknown version of the scene format")
 
 
 _VERSION = schema.FieldType(str(VERSION), _parse_version)

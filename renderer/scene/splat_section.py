@@ -63,10 +63,10 @@ def _build_splat(node: TreeNode, given: dict[str, Any]) -> SplatSpec:
         if given[key] == getattr(SplatSpec, key):  # as in a sidecar
             continue
         if "footprint" in given:
-            node.key(key).add_problem(f"contradicts footprint: {footprint}", hint=hints[key])
+            node.key(key).reject(f"contradicts footprint: {footprint}", hint=hints[key])
         else:  # nobody has written what it contradicts
             hint = f"this section gives no footprint, so it is {footprint}, which has no {key}"
-            node.key(key).add_problem("needs footprint: gouraud", hint=hint)
+            node.key(key).reject("needs footprint: gouraud", hint=hint)
     profile = given.get("profile", INVALID)
     if isinstance(profile, tuple) and all(isinstance(pair, tuple) and INVALID not in pair for pair in profile):
         _check_profile(node.child("profile"), profile, given.get("radial", SplatSpec.radial))
@@ -81,16 +81,14 @@ def unused_splat_keys(footprint: str) -> dict[str, str]:
 def _check_profile(node: TreeNode, profile: tuple[tuple[float, float], ...], num_rings: int) -> None:
     radii = [radius for radius, _ in profile]
     if radii[0] != 0 or radii[-1] != 1 or radii != sorted(set(radii)):
-        node.add_problem("radius does not ascend from 0 to 1", got=format_value(radii), expected=_PROFILE_WORDS)
+        node.reject("radius does not ascend from 0 to 1", got=format_value(radii), expected=_PROFILE_WORDS)
     elif all(weight == 0 for _, weight in profile):
-        node.add_problem("every weight is 0", expected="a weight greater than 0")
+        node.reject("every weight is 0", expected="a weight greater than 0")
     elif isinstance(num_rings, int) and max(_profile_at_rings(profile, num_rings)) < MIN_PROFILE_WEIGHT:
-        node.add_problem(
-            "no weight at the radii that the footprint has",
-            got=format_value(profile),
-            expected=f"a weight of at least {MIN_PROFILE_WEIGHT:g} at one of the radii k / {num_rings}",
-            hint="a larger splat.radial has more radii",
-        )
+        expected = f"a weight of at least {MIN_PROFILE_WEIGHT:g} at one of the radii k / {num_rings}"
+        hint = "a larger splat.radial has more radii"
+        what = "no weight at the radii that the footprint has"
+        node.reject(what, got=format_value(profile), expected=expected, hint=hint)
 
 
 def _profile_at_rings(profile: tuple[tuple[float, float], ...], num_rings: int) -> Iterator[float]:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from renderer.scene import schema
 from renderer.scene.message_text import did_you_mean, format_value
-from renderer.scene.schema import TreeNode
+from renderer.scene.schema import INVALID, TreeNode
 
 # The volumes of `renderer.readers.procedural`; here, so that names are checked without numpy.
 PROCEDURAL_NAMES = ("engine_block", "constant", "single_voxel", "marschner_lobb")
@@ -37,13 +37,28 @@ MAX_VOXELS = 2**36
 _HEADERLESS = (".raw", ".bin", ".dat")
 
 
-def _triple(item: schema.FieldType[Any], words: str) -> schema.FieldType[Any]:
-    return schema.sequence_field(item, f"[x, y, z]: {words}", count=3)
+def _check_total(node: TreeNode, shape: tuple[Any, ...]) -> Any:
+    total: int = math.prod(shape)
+    if total <= MAX_VOXELS:
+        return shape
+    return node.reject("too many voxels", got=f"{total}", expected=f"at most {MAX_VOXELS} (4096 x 4096 x 4096)")
 
 
-_SHAPE = _triple(schema.integer_field(minimum=1, maximum=MAX_AXIS), f"three whole numbers from 1 to {MAX_AXIS}")
-_SPACING = _triple(
-    schema.LENGTH_FIELD, f"three lengths from {schema.MIN_WORLD_LENGTH:g} to {schema.MAX_WORLD_LENGTH:g}"
+def _check_pair(node: TreeNode, pair: tuple[Any, ...]) -> Any:
+    first, end = pair
+    return pair if first < end else node.reject("an empty range", expected="[first, end] with first less than end")
+
+
+_SHAPE = schema.sequence_field(
+    schema.integer_field(minimum=1, maximum=MAX_AXIS),
+    f"[x, y, z]: three whole numbers from 1 to {MAX_AXIS}",
+    count=3,
+    check=_check_total,
+)
+_SPACING = schema.sequence_field(
+    schema.LENGTH_FIELD,
+    f"[x, y, z]: three lengths from {schema.MIN_WORLD_LENGTH:g} to {schema.MAX_WORLD_LENGTH:g}",
+    count=3,
 )
 _SUBSET_INDEX = schema.integer_field(minimum=0, maximum=10**6)  # a time step or a component, counted from 0
 _CROP = schema.sequence_field(
@@ -51,6 +66,7 @@ _CROP = schema.sequence_field(
         schema.integer_field(minimum=0, maximum=MAX_AXIS),
         "[first, end]: whole numbers with first less than end",
         count=2,
+        check=_check_pair,
     ),
     "[[x first, x end], [y first, y end], [z first, z end]]: voxel numbers from 0, each end one past the last",
     count=3,
@@ -63,28 +79,27 @@ _NONFINITE = schema.word_or(
 def _file_field(expected: str, *, folder: bool) -> schema.FieldType[Path]:
     """Return the type of an existing file (or folder), relative to the node's base."""
 
-    def parse(node: TreeNode) -> Path:
+    def parse(node: TreeNode) -> Any:
         if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
-            return field.reject(node, "not a file name")
+            return node.reject("not a file name")
         path = node.base / node.value
         got = str(path) if str(path).isprintable() else repr(str(path))
         try:
             is_file, is_folder, is_other = path.is_file(), path.is_dir(), path.exists()
         except OSError as error:  # a folder without permission, a name that is too long
-            return field.reject(node, f"cannot be read: {error.strerror}", got=format_value(str(path)))
+            return node.reject(f"cannot be read: {error.strerror}", got=format_value(str(path)))
         if folder and is_file and path.suffix.lower() in _HEADERLESS:
             hint = "give volume.raw: {file: ..., shape: [...], dtype: ...} instead"
-            return field.reject(node, "a file without a header", got=got, hint=hint)
+            return node.reject("a file without a header", got=got, hint=hint)
         if is_folder and not folder:
-            return field.reject(node, "a folder", got=got)
+            return node.reject("a folder", got=got)
         if is_file or is_folder:
             return path
         if is_other:
-            return field.reject(node, "neither a file nor a folder", got=got, hint="write a pipe's content to a file")
-        return field.reject(node, "no such file", got=got, hint=_missing_file_hint(path))
+            return node.reject("neither a file nor a folder", got=got, hint="write a pipe's content to a file")
+        return node.reject("no such file", got=got, hint=_missing_file_hint(path))
 
-    field = schema.FieldType(expected, parse)
-    return field
+    return schema.FieldType(expected, parse)
 
 
 def _missing_file_hint(path: Path) -> str | None:
@@ -167,75 +182,41 @@ class VolumeSpec:
 def _build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
     sources = [key for key in _SOURCES if key in given]
     if not sources:
-        node.add_problem("no voxels", expected="one of file, raw and procedural")
+        node.reject("no voxels", got="", expected="one of file, raw and procedural")
     for extra in sources[1:]:
-        node.key(extra).add_problem(f"contradicts {node.path}.{sources[0]}", expected="one source of voxels")
+        node.key(extra).reject(f"contradicts {node.path}.{sources[0]}", expected="one source of voxels")
     own = given.get("raw", given.get("procedural"))
     source = FileSource(given["file"], given.get("spacing")) if "file" in given else own
     rest = {key: value for key, value in given.items() if key not in (*sources, "spacing")}
     if isinstance(source, (RawSource, ProceduralSource)):
+        kind = f"a {sources[0]} volume has"
         if "spacing" in given:
-            what, place = f"a {sources[0]} volume has its own spacing", f"{node.path}.{sources[0]}.spacing"
-            node.key("spacing").add_problem(what, hint=f"give {place} instead")
+            hint = f"give {node.path}.{sources[0]}.spacing instead"
+            node.key("spacing").reject(f"{kind} its own spacing", hint=hint)
         for key in schema.valid_keys(given, "time", "component"):
-            node.key(key).add_problem(
-                f"a {sources[0]} volume has neither time steps nor components", hint="remove the key"
-            )
-    if "crop" in given:
-        _check_crop(node.child("crop"), given["crop"], getattr(source, "shape", None))
+            node.key(key).reject(f"{kind} neither time steps nor components", hint="remove the key")
+    shape, crop = getattr(source, "shape", INVALID), given.get("crop", INVALID)
+    pairs = () if INVALID in (crop, shape) else zip(crop, shape, strict=True)
+    for index, (pair, length) in enumerate(pairs):
+        if INVALID not in (pair, length) and INVALID not in pair and pair[1] > length:
+            expected = f"an end of at most {length}"
+            node.child("crop").child(index, pair).reject("outside the volume", expected=expected)
     return VolumeSpec(source=source, **rest)  # type: ignore[arg-type]  # an INVALID source never leaves parse_scene
 
 
-def _check_procedural(node: TreeNode, given: dict[str, Any]) -> None:
-    if schema.valid_keys(given, "shape"):
-        _check_total(node.child("shape"), given["shape"])
-
-
 def _check_raw(node: TreeNode, given: dict[str, Any]) -> None:
-    if not (schema.valid_keys(given, "shape") and _check_total(node.child("shape"), given["shape"])):
+    file, shape, dtype, offset = given["file"], given["shape"], given["dtype"], given.get("offset", 0)
+    if INVALID in (file, shape, dtype, offset) or INVALID in shape:
         return
-    shape, offset = given["shape"], given.get("offset", 0)
-    if len(schema.valid_keys(given, "file", "dtype")) < 2 or not isinstance(offset, int):
+    expected = offset + math.prod(shape) * ITEM_SIZES[dtype]
+    found = file.stat().st_size
+    if found == expected:
         return
-    expected = offset + math.prod(shape) * ITEM_SIZES[given["dtype"]]
-    found = given["file"].stat().st_size
-    if found != expected:
-        node.child("file").add_problem(
-            "wrong size",
-            got=f"{found} bytes",
-            expected=f"{expected} bytes: {' x '.join(map(str, shape))} voxels of {given['dtype']}"
-            + (f" after {offset} bytes" if offset else ""),
-            hint=f"if the file begins with a header, set offset: {found - expected + offset}"
-            if found > expected
-            else "the file is cut short, or the shape or the dtype is not its own",
-        )
-
-
-def _check_total(node: TreeNode, shape: tuple[Any, ...]) -> bool:
-    """Return whether these are three axis lengths of a volume of legal size."""
-    if not all(isinstance(length, int) for length in shape):
-        return False
-    total: int = math.prod(shape)
-    if total > MAX_VOXELS:
-        node.add_problem("too many voxels", got=f"{total}", expected=f"at most {MAX_VOXELS} (4096 x 4096 x 4096)")
-    return total <= MAX_VOXELS
-
-
-def _check_crop(node: TreeNode, crop: Any, shape: Any) -> None:
-    """Check that ranges hold a voxel and lie in the volume, if its shape is known."""
-    for index, pair in enumerate(crop if isinstance(crop, tuple) else ()):
-        if not (isinstance(pair, tuple) and all(isinstance(end, int) for end in pair)):
-            continue
-        place = node.child(index)
-        first, end = pair
-        if first >= end:
-            place.add_problem(
-                "an empty range", got=format_value(pair), expected="[first, end] with first less than end"
-            )
-        elif isinstance(shape, tuple) and isinstance(shape[index], int) and end > shape[index]:
-            place.add_problem(
-                "outside the volume", got=format_value(pair), expected=f"an end of at most {shape[index]}"
-            )
+    voxels = f"{' x '.join(map(str, shape))} voxels of {dtype}" + (f" after {offset} bytes" if offset else "")
+    hint = "the file is cut short, or the shape or the dtype is not its own"
+    if found > expected:
+        hint = f"if the file begins with a header, set offset: {found - expected + offset}"
+    node.child("file").reject("wrong size", got=f"{found} bytes", expected=f"{expected} bytes: {voxels}", hint=hint)
 
 
 _ARRAY_HINT = "an array in memory, of a film that was made in Python: save it with numpy.save, and name that file"
@@ -244,7 +225,7 @@ _SOURCES: dict[str, schema.FieldType[Any]] = {
         "an NRRD, MetaImage, NIfTI, TIFF or .npy file, or a folder of DICOM or TIFF slices", folder=True
     ),
     "raw": schema.dataclass_field(RawSource, _check_raw),
-    "procedural": schema.dataclass_field(ProceduralSource, _check_procedural),
+    "procedural": schema.dataclass_field(ProceduralSource),
 }
 VOLUME_SECTION = schema.section_field(
     _SOURCES | {"spacing": _SPACING} | schema.field_table(VolumeSpec),

@@ -10,7 +10,7 @@ import re
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 
@@ -22,21 +22,22 @@ from renderer.scene.message_text import format_value, join_keys
 MAX_NODES = 20_000
 MAX_DEPTH = 50
 
+# Python refuses to convert more digits than a number that is at least this.
+_MAX_DIGITS = 640
+
 LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")
 
 _TAG = "tag:yaml.org,2002:"
 
 
-@dataclass(frozen=True, order=True)
-class TextPosition:
+class TextPosition(NamedTuple):
     """A position in the text; line and column count from 1."""
 
     line: int
     column: int
 
 
-@dataclass(frozen=True)
-class SourceLocation:
+class SourceLocation(NamedTuple):
     """The positions where a key and its value begin.
 
     A list item has no key, so both are the position of the item. A mapping or list in block style is located at its
@@ -96,11 +97,11 @@ _MAX_LINE = 120
 
 def parse_yaml(text: str) -> YamlTree:
     """Return the data in `text`; None if it has nothing but comments. Raises NotYamlError."""
-    tree = YamlTree()
+    tree = _Builder()
     try:
         node = yaml.compose(text, Loader=_Loader)
         if node is not None:
-            tree.data = _Builder(tree).build(node, "", key=None, depth=0)
+            tree.data = tree.build(node, "", key=None, depth=0)
     except yaml.reader.ReaderError as error:
         lines = LINE_BREAK.split(text[: error.position])
         what = f"not valid YAML: the character {error.character!r} may not be in it"
@@ -146,12 +147,10 @@ for _name, _pattern, _first in (
     _Loader.add_implicit_resolver(_TAG + _name, re.compile(f"(?:{_pattern})$"), _first)
 
 
-class _Builder:
+class _Builder(YamlTree):
     """Turns nodes into data, and follows anchors within the limits."""
 
-    def __init__(self, tree: YamlTree) -> None:
-        self.tree = tree
-        self.num_nodes = 0
+    num_nodes = 0
 
     def build(self, node: yaml.Node, path: str, *, key: yaml.Node | None, depth: int) -> Any:
         self.num_nodes += 1
@@ -161,7 +160,7 @@ class _Builder:
             raise _limit_error(f"{MAX_DEPTH} levels", node.start_mark)
         at_key = _mark((key or node).start_mark)
         is_block = isinstance(node, yaml.CollectionNode) and not node.flow_style
-        self.tree.locations[path] = SourceLocation(at_key, at_key if is_block else _mark(node.start_mark))
+        self.locations[path] = SourceLocation(at_key, at_key if is_block else _mark(node.start_mark))
         if isinstance(node, yaml.CollectionNode) and node.tag not in (f"{_TAG}map", f"{_TAG}seq"):
             self._reject_tag(node, path)
         if isinstance(node, yaml.MappingNode):
@@ -180,13 +179,13 @@ class _Builder:
             mark = _mark(key_node.start_mark)
             if not isinstance(key_node, yaml.ScalarNode):
                 problem = Problem(path, "a key that is a list or a mapping", expected="text or a number")
-                self.tree.problems.append((mark, problem))
+                self.problems.append((mark, problem))
                 continue
             key = self._scalar(key_node, path)
             place = join_keys(path, key)
             if key in lines:
                 hint = f"it is in line {lines[key]}, too" if lines[key] != mark.line else None
-                self.tree.problems.append((mark, Problem(place, "the same key twice", hint=hint)))
+                self.problems.append((mark, Problem(place, "the same key twice", hint=hint)))
                 continue
             lines[key] = mark.line
             data[key] = self.build(value_node, place, key=key_node, depth=depth + 1)
@@ -195,9 +194,9 @@ class _Builder:
     def _scalar(self, node: yaml.Node, path: str) -> Any:
         kind, text = node.tag.removeprefix(_TAG), node.value
         try:
-            if kind == "int":
-                return _integer(text)
-            if kind == "float":
+            if kind == "int" and len(text) <= _MAX_DIGITS:
+                return int(text)
+            if kind in ("int", "float"):
                 return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
             if kind in ("null", "bool"):
                 return {"n": None, "~": None, "": None, "t": True, "f": False}[text[:1].lower()]
@@ -209,14 +208,7 @@ class _Builder:
 
     def _reject_tag(self, node: yaml.Node, path: str) -> None:
         problem = Problem(path, "tags are not used here", got=format_value(node.tag), hint="remove what begins with !")
-        self.tree.problems.append((_mark(node.start_mark), problem))
-
-
-def _integer(text: str) -> int | float:
-    try:
-        return int(text)
-    except ValueError:  # thousands of digits, which Python refuses to convert
-        return float(text)
+        self.problems.append((_mark(node.start_mark), problem))
 
 
 def _mark(mark: yaml.Mark) -> TextPosition:

@@ -202,11 +202,8 @@ def _check_golden(node: TreeNode, given: dict[str, Any]) -> None:
     if valid_keys(given, "frame", "file") == ["frame", "file"]:
         name = _GOLDEN_FILE.fullmatch(given["file"])
         if name is None or int(name[1]) != given["frame"]:
-            node.child("file").add_problem(
-                "not the file of this frame",
-                got=format_value(given["file"]),
-                expected=f"frame-{given['frame']:04}.png",
-            )
+            expected = f"frame-{given['frame']:04}.png"
+            node.child("file", given["file"]).reject("not the file of this frame", expected=expected)
 
 
 _VOLUME_TABLE: FieldTable = {
