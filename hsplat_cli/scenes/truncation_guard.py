@@ -58,7 +58,7 @@ def guard_mapping(file: MappedFile, values: Array) -> None:
     except OSError:  # gone, which the next check finds
         return
     status = os.fstat(descriptor)
-    if (status.st_dev, status.st_ino) != (file.device, file.inode):  # replaced, which it finds, too
+    if (status.st_dev, status.st_ino) != file.state[:2]:  # replaced, which it finds, too
         os.close(descriptor)
         return
     begin, end = np.lib.array_utils.byte_bounds(values)

@@ -4,10 +4,10 @@ In: a volume and its statistics. Out: `Suggestion`: the kind of data, and contro
 Thresholds by Otsu 1979.
 
 - `volume_suggestion.py` (a volume still to be read) and `suggestion.py` (its statistics) choose, and give reasons.
-- `histogram.py`: range, histogram, materials; `percentiles.py`: exact ranks; `otsu.py`: two classes of values.
+- `histogram.py`: range, histogram, Otsu's threshold, materials; `percentiles.py`: exact ranks.
 - `features.py`: background, noise, edges; `labels.py`: masks and segmentations; `level_sets.py`: signed distances.
-- `nodata.py`: fill values and outliers; `nonfinite.py`: what stands for NaN.
-- `presets.py`: layers and colours for each kind of data; `opacity.py`: how dense they are.
+- `nodata.py`: fill values and outliers; `presets.py`: layers and colours for each kind of data; `opacity.py`: how dense
+  they are.
 """
 
 import lazy_loader

@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from renderer.suggest.histogram import HALF_OF_LARGEST, Statistics
-from renderer.suggest.otsu import otsu_bin
+from renderer.suggest.histogram import HALF_OF_LARGEST, Statistics, otsu_bin
 from renderer.volume import Array, Float64, Volume
 
 Mask = npt.NDArray[np.bool_]
@@ -94,16 +93,15 @@ class VoxelSample:
         """Return the valid values on the six faces, [n]; all of them if hardly any is valid, since then the fill
         value is the background."""
         on_faces = faces(self.normalized)
-        is_known = faces(self.is_valid)
-        return on_faces[is_known] if np.mean(is_known) >= _MIN_VALID_FRACTION else on_faces
+        return on_faces[faces(self.is_valid)] if self._has_valid_border else on_faces
 
     def valid_values(self) -> Float64:
         """Return the valid values, [n]; all of them if `border_values` returns all."""
-        return (
-            self.normalized[self.is_valid]
-            if np.mean(faces(self.is_valid)) >= _MIN_VALID_FRACTION
-            else self.normalized.ravel()
-        )
+        return self.normalized[self.is_valid] if self._has_valid_border else self.normalized.ravel()
+
+    @property
+    def _has_valid_border(self) -> bool:
+        return bool(np.mean(faces(self.is_valid)) >= _MIN_VALID_FRACTION)
 
     def with_inverted_range(self) -> VoxelSample:
         """Return the sample with the range inverted."""
@@ -143,13 +141,16 @@ def sample_volume(volume: Volume, statistics: Statistics, outlier_fill: float = 
     for dy, dx in ((0, -1), (0, 1), (-1, 0), (1, 0)):
         at_y, at_x = np.clip(y + dy, 0, ny - 1), np.clip(x + dx, 0, nx - 1)
         neighbours.append(normalized(values[np.ix_(z, at_y, at_x)]))
-    side_x, side_y, side_z = volume.spacing.tolist()
     sampled = values[np.ix_(z, y, x)]
     own = normalized(sampled)
+    is_valid = own != normalized(np.array(volume.nonfinite_fill_value, values.dtype))
+    like_nan = float(np.mean(~is_valid))
+    if like_nan == 1 or like_nan > _MAX_NONFINITE_RATIO * volume.num_nonfinite / values.size:
+        is_valid[...] = True  # many others have the fill value
+    side_x, side_y, side_z = volume.spacing.tolist()
     sample = VoxelSample(
         normalized=own,
-        is_valid=_valid_mask(volume, own, own != normalized(np.array(volume.nonfinite_fill_value, values.dtype)))
-        & are_within(sampled),
+        is_valid=is_valid & are_within(sampled),
         strides=(sz, sy, sx),
         neighbours=np.stack(neighbours),
         minimum=low,
@@ -159,14 +160,6 @@ def sample_volume(volume: Volume, statistics: Statistics, outlier_fill: float = 
     )
     volume.require_unchanged()
     return sample
-
-
-def _valid_mask(volume: Volume, shares: Float64, differ: Mask) -> Mask:
-    """Return `differ`, the voxels without the fill value of NaN; all True if many others have that value, too."""
-    like_them = float(np.mean(~differ))
-    if like_them == 1 or like_them > _MAX_NONFINITE_RATIO * volume.num_nonfinite / volume.values.size:
-        return np.ones(shares.shape, bool)
-    return differ
 
 
 def faces(cube: Array) -> Array:
@@ -280,24 +273,15 @@ def transition_value_fraction(sample: VoxelSample) -> float:
     return float(np.mean(np.bincount(number.ravel(), passed.ravel()) > counts / 2))
 
 
-@dataclass(frozen=True)
-class OtsuThreshold:
-    """A threshold between two classes of values, normalised; `separation` is the part of the variance between the
-    classes."""
-
-    threshold: float
-    separation: float
-
-
 _NUM_BINS = 256
 
 
-def otsu_threshold(shares: Float64, low: float, high: float) -> OtsuThreshold | None:
-    """Return the threshold between two classes of the values from `low` to `high` (`renderer.suggest.otsu`), or
-    None."""
+def otsu_threshold(shares: Float64, low: float, high: float, min_separation: float = 0.0) -> float | None:
+    """Return the threshold between two classes of the values from `low` to `high`; None if there are no two, or if less
+    than `min_separation` of the variance is between them."""
     inside = shares[(shares >= low) & (shares <= high)]
     if inside.size == 0 or high <= low:
         return None
     counts, edges = np.histogram(inside, _NUM_BINS, (low, high))
     found = otsu_bin(counts)
-    return None if found is None else OtsuThreshold(float(edges[found[0]]), found[1])
+    return None if found is None or found[1] < min_separation else float(edges[found[0]])

@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.suggest.nodata import OutlierSplit, OutlierValue, ValueCluster, end_cluster_ranks, find_outliers
-from renderer.suggest.otsu import otsu_bin
 from renderer.suggest.percentiles import Chunks, Counts, OrderedKeys, make_ordered_keys, values_at_ranks
 from renderer.volume import Array, Float64, MappedFile, iter_slabs
 
@@ -84,10 +83,11 @@ def compute_statistics(values: Array, source: MappedFile | None = None) -> Stati
     whole, split = _statistics_and_outliers(values.dtype, chunks)
     if split is None:
         return whole
-    others, _ = _statistics_and_outliers(values.dtype, partial(_values_between, chunks, split.low, split.high))
+    outliers, low, high = split
+    others, _ = _statistics_and_outliers(values.dtype, partial(_values_between, chunks, low, high))
     if np.count_nonzero(others.counts) < _MIN_OTHER_VALUES:
         return whole
-    return replace(whole, outliers=split.outliers, without_outliers=others)
+    return replace(whole, outliers=outliers, without_outliers=others)
 
 
 def _statistics_and_outliers(dtype: np.dtype[Any], chunks: Chunks) -> tuple[Statistics, OutlierSplit | None]:
@@ -97,7 +97,6 @@ def _statistics_and_outliers(dtype: np.dtype[Any], chunks: Chunks) -> tuple[Stat
     size = sum(num for _, _, num in ends)
     # A power of two that brings the values into [-1/2, 1/2]: neither their sum nor their range overflows.
     scale = np.float64(math.ldexp(1.0, min(-1 - math.frexp(max(abs(minimum), abs(maximum)))[1], 1000)))
-    mean = sum(float(np.sum(chunk * scale)) for chunk in chunks()) / size / scale
     low, extent = minimum * scale, maximum * scale - minimum * scale
     is_counted = dtype.kind in "iu" and maximum - minimum < MAX_BINS
     if is_counted:
@@ -108,7 +107,7 @@ def _statistics_and_outliers(dtype: np.dtype[Any], chunks: Chunks) -> tuple[Stat
         width, bins = extent / MAX_BINS / scale, (low + extent * ((np.arange(MAX_BINS) + 0.5) / MAX_BINS)) / scale
     counts = np.zeros(len(bins), np.int64)
     ordered_keys = make_ordered_keys(dtype, minimum, maximum)
-    key_counts = np.zeros(ordered_keys.num, np.int64)
+    key_counts, total = np.zeros(ordered_keys.num, np.int64), 0.0
     for chunk in chunks():
         if is_counted:  # wraps around to the right unsigned number, whatever the type
             index = (chunk - dtype.type(minimum)).view(f"u{dtype.itemsize}").astype(np.int64)
@@ -116,8 +115,9 @@ def _statistics_and_outliers(dtype: np.dtype[Any], chunks: Chunks) -> tuple[Stat
             index = ((chunk * scale - low) / (extent / MAX_BINS or 1.0)).astype(np.int64)
         counts += np.bincount(np.minimum(index, len(bins) - 1), minlength=len(bins))
         key_counts += ordered_keys.count(chunk)
+        total += float(np.sum(chunk * scale))
     percentiles, split = _by_rank(key_counts, ordered_keys, chunks)
-    return Statistics(minimum, maximum, mean, counts, bins, width, percentiles), split
+    return Statistics(minimum, maximum, total / size / scale, counts, bins, width, percentiles), split
 
 
 def _by_rank(
@@ -151,21 +151,19 @@ def rebin(statistics: Statistics, num_bins: int) -> tuple[npt.NDArray[np.int64],
 
     Every part holds the same number of the original bins, except the last, which may hold fewer.
     """
-    num, per_part = len(statistics.counts), _per_part(statistics, num_bins)
-    num_parts = -(-num // per_part)
-    padded = np.zeros(num_parts * per_part, np.int64)
-    padded[:num] = statistics.counts
+    per_part = _per_part(statistics, num_bins)
+    counts = np.add.reduceat(statistics.counts, np.arange(0, len(statistics.counts), per_part))
     # Halves, since the range of float64 may exceed the largest number.
     half_first, half_width = statistics.bins[0] / 2 - statistics.bin_width / 4, statistics.bin_width / 2
-    half_edges = half_first + np.arange(num_parts + 1) * per_part * half_width
+    half_edges = half_first + np.arange(len(counts) + 1) * per_part * half_width
     edges = 2 * np.clip(half_edges, -HALF_OF_LARGEST, HALF_OF_LARGEST)
-    return padded.reshape(num_parts, per_part).sum(axis=1), edges
+    return counts, edges
 
 
 def suggest_ranges(statistics: Statistics) -> tuple[ValueRange, ...]:
     """Return one to three ranges, ascending, without values between them: `background`, `material 1`, `material 2`.
 
-    Otsu's threshold (`renderer.suggest.otsu`) divides all values, and then those above it: a small dense part hardly
+    Otsu's threshold (`otsu_bin`) divides all values, and then those above it: a small dense part hardly
     moves the thresholds of a joint optimum.
     """
     counts, _ = rebin(statistics, _NUM_COARSE)
@@ -180,13 +178,11 @@ def suggest_ranges(statistics: Statistics) -> tuple[ValueRange, ...]:
     bounds = [0, *cuts, len(counts)]
     total = float(counts.sum())
     shares = [float(counts[a:b].sum()) / total for a, b in pairwise(bounds)]
-    names = ["background", "material 1", "material 2"][: len(shares)]
-    if len(shares) == 1:
-        names = ["material 1"]
-    elif len(shares) == 3 and shares[1] > _DOMINANT_FRACTION:
+    names = ["background", "material 1", "material 2"]
+    if len(shares) == 1 or (len(shares) == 3 and shares[1] > _DOMINANT_FRACTION):
         names = ["material 1", "background", "material 2"]
     ranges, per_part = [], _per_part(statistics, _NUM_COARSE)
-    for name, (a, b), share in zip(names, pairwise(bounds), shares, strict=True):
+    for name, (a, b), share in zip(names, pairwise(bounds), shares, strict=False):
         inside = slice(a * per_part, b * per_part)
         occupied = statistics.bins[inside][statistics.counts[inside] > 0]
         low = float(statistics.minimum if a == 0 else occupied[0])
@@ -195,3 +191,30 @@ def suggest_ranges(statistics: Statistics) -> tuple[ValueRange, ...]:
         median = float(statistics.bins[inside][np.searchsorted(cumulative, cumulative[-1] / 2)])
         ranges.append(ValueRange(name, low, high, min(max(median, low), high), share))
     return tuple(ranges)
+
+
+def otsu_bin(counts: Counts) -> tuple[int, float] | None:
+    """Split a histogram into two classes; return the first bin of the upper class, and the part of the variance that
+    is between the classes.
+
+    N. Otsu, "A Threshold Selection Method from Gray-Level Histograms", IEEE Trans. SMC 9(1), 1979.
+
+    counts: [n], by bin. The threshold has the largest variance between its two sides; it is then moved to the least
+    populated bin between the medians of the sides. None if fewer than two bins are occupied.
+    """
+    if np.count_nonzero(counts) < 2:
+        return None
+    weight, position = counts.astype(np.float64), np.arange(len(counts), dtype=np.float64)
+    below, moment = np.cumsum(weight)[:-1], np.cumsum(weight * position)[:-1]
+    total, mean = weight.sum(), float(weight @ position) / weight.sum()
+    divides = (below > 0) & (below < total)
+    between = np.zeros(len(below))
+    between[divides] = (moment - mean * below)[divides] ** 2 / (below * (total - below))[divides]
+    best = int(between.argmax()) + 1
+    variance = float(weight @ (position - mean) ** 2) / total
+    first = int(np.searchsorted(np.cumsum(weight[:best]), weight[:best].sum() / 2))
+    last = best + int(np.searchsorted(np.cumsum(weight[best:]), weight[best:].sum() / 2))
+    # A box of five bins keeps single empty bins of stretched data from passing for a valley.
+    smooth = np.convolve(np.pad(weight, 2, mode="edge"), np.full(5, 0.2), mode="valid")[first + 1 : last + 1]
+    lowest = np.flatnonzero(smooth <= smooth.min() * (1 + 1e-9))
+    return first + 1 + int(lowest[len(lowest) // 2]), float(between.max()) / variance

@@ -41,13 +41,8 @@ class ValueCluster:
     num: int
 
 
-@dataclass(frozen=True)
-class OutlierSplit:
-    """The outliers, and the range of the other values."""
-
-    outliers: tuple[OutlierValue, ...]
-    low: int | float
-    high: int | float
+# The outliers, and the range of the other values.
+OutlierSplit = tuple[tuple[OutlierValue, ...], float, float]
 
 
 def end_cluster_ranks(counts: Counts) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
@@ -70,12 +65,10 @@ def find_outliers(
             continue
         low, high = lowest[a].low, highest[b].high
         outer = [*lowest[:a], *highest[:b]]
-        min_distance = _MIN_OUTLIER_DISTANCE * (high - low)
-        if min_distance > 0 and all(
-            max(low - group.high, group.low - high) > min_distance and _is_outlying(group, num_voxels)
-            for group in outer
-        ):
-            return OutlierSplit(tuple(OutlierValue(g.low, g.num, _is_nodata(g, num_voxels)) for g in outer), low, high)
+        gap = min(max(low - group.high, group.low - high) for group in outer)
+        is_far = gap > _MIN_OUTLIER_DISTANCE * (high - low) > 0
+        if is_far and all(_is_outlying(group, num_voxels) for group in outer):
+            return tuple(OutlierValue(g.low, g.num, _is_nodata(g, num_voxels)) for g in outer), low, high
     return None
 
 

@@ -6,7 +6,7 @@ upper bits that differ. Each further pass counts the next 16 bits of the values 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,8 +40,7 @@ class OrderedKeys:
 
     def count(self, chunk: Array) -> Counts:
         """Return how many values have each number; int64 [num]."""
-        keys = self.keys(chunk)
-        return np.bincount((keys >> keys.dtype.type(self.shift)).astype(np.int64), minlength=self.num)
+        return np.bincount((self.keys(chunk) >> self.shift).astype(np.int64), minlength=self.num)
 
     def value(self, key: int) -> int | float:
         """Return the value of a key."""
@@ -62,49 +61,31 @@ def make_ordered_keys(dtype: np.dtype[np.generic], minimum: float, maximum: floa
 
 
 def values_at_ranks(
-    ranks: Iterable[int], counts: Counts, ordered_keys: OrderedKeys, chunks: Chunks
+    ranks: Sequence[int], counts: Counts, ordered_keys: OrderedKeys, chunks: Chunks
 ) -> dict[int, int | float]:
     """Return the value of each rank, from 0 for the smallest.
 
     counts: of all values, from `OrderedKeys.count`. chunks: begins a pass over all values; called at most three times,
         and not at all if the counted numbers are the values.
     """
-    wanted = sorted(set(ranks))
-    before = np.concatenate([[0], np.cumsum(counts)])
-    prefixes = (np.searchsorted(before, wanted, side="right") - 1).tolist()
-    within = [rank - int(before[prefix]) for rank, prefix in zip(wanted, prefixes, strict=True)]
-    first, shift = np.isin(np.arange(ordered_keys.num), prefixes), ordered_keys.shift
-    while shift:
+    keys, within = dict.fromkeys(ranks, 0), {rank: rank for rank in ranks}
+    tables, shift, step = {0: counts}, ordered_keys.shift, _BITS
+    while True:
+        for rank, key in keys.items():
+            before = np.concatenate([[0], np.cumsum(tables[key])])
+            bits = int(np.searchsorted(before, within[rank], side="right")) - 1
+            keys[rank], within[rank] = (key << step) + bits, within[rank] - int(before[bits])
+        if shift == 0:
+            return {rank: ordered_keys.value(key) for rank, key in keys.items()}
         step = min(shift, _BITS)
-        tables = _count_next(sorted(set(prefixes)), step, shift, first, ordered_keys, chunks)
+        tables = {key: np.zeros(1 << step, np.int64) for key in keys.values()}
+        for chunk in chunks():
+            chunk_keys = ordered_keys.keys(chunk)
+            upper = chunk_keys >> shift
+            for key in tables:
+                following = chunk_keys[upper == key] >> (shift - step) & ((1 << step) - 1)
+                tables[key] += np.bincount(following.astype(np.int64), minlength=1 << step)
         shift -= step
-        for k, prefix in enumerate(prefixes):
-            before = np.concatenate([[0], np.cumsum(tables[prefix])])
-            bits = int(np.searchsorted(before, within[k], side="right")) - 1
-            prefixes[k], within[k] = (prefix << step) + bits, within[k] - int(before[bits])
-    return {rank: ordered_keys.value(key) for rank, key in zip(wanted, prefixes, strict=True)}
-
-
-def _count_next(
-    prefixes: Sequence[int], step: int, shift: int, first: Array, ordered_keys: OrderedKeys, chunks: Chunks
-) -> dict[int, Counts]:
-    """Count the next 2**step numbers in keys that begin with a prefix, before their `shift` lower bits.
-
-    first: which of the first pass's numbers are of interest.
-    """
-    counts = np.zeros((len(prefixes), 1 << step), np.int64)
-    for chunk in chunks():
-        keys = ordered_keys.keys(chunk)
-        kind = keys.dtype.type
-        keys = keys[first[keys >> kind(ordered_keys.shift)]]
-        sought = np.array(prefixes, keys.dtype)
-        upper = keys >> kind(shift)
-        at = np.searchsorted(sought, upper, side="right") - 1
-        is_sought = (at >= 0) & (sought[at] == upper)
-        bits = (keys[is_sought] >> kind(shift - step)) & kind((1 << step) - 1)
-        place = (at[is_sought] << step) + bits.astype(np.int64)
-        counts += np.bincount(place, minlength=counts.size).reshape(counts.shape)
-    return dict(zip(prefixes, counts, strict=True))
 
 
 def _sortable_bits(chunk: Array) -> Array:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from renderer.scene import Color, ShadingSpec, colormap_points
-from renderer.suggest.features import Background, OtsuThreshold, VoxelSample, coherence, otsu_threshold
+from renderer.suggest.features import Background, VoxelSample, coherence, otsu_threshold
 from renderer.suggest.opacity import Layer, covered_ray_fraction
 from renderer.volume import Float64
 
@@ -118,60 +118,48 @@ def materials_preset(sample: VoxelSample, background: Background) -> Preset:
     if any."""
     shares = sample.normalized
     top = float(np.percentile(shares, _TOP_PERCENTILE))
-    found = otsu_threshold(shares, float(shares.min()), top)
-    first = max(found.threshold if found else 0.0, background.high)
+    first = max(otsu_threshold(shares, float(shares.min()), top) or 0.0, background.high)
     top = max(top, first + 1e-6)
-    upper = otsu_threshold(shares, first, top)
-    veil = _veil(sample, background, first)
-    if upper is None:
-        return _one_material(shares, first)
-    body, core = _median(shares, first, upper.threshold), _median(shares, upper.threshold, 1.0)
-    layers = [
-        Layer(
-            "the thinner material",
-            ((first, 0.0), (body, 1.0), (upper.threshold, 1.0), (core, 0.0)),
-            TRANSLUCENT_COVERAGE,
-        ),
-        Layer("the denser material", ((upper.threshold, 0.0), (core, 1.0)), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH),
-    ]
+    second = otsu_threshold(shares, first, top)
+    if second is None:
+        middle = max(_median(shares, first, 1.0), first + 1e-6)
+        return Preset((_opaque_layer("the object", first, middle),), ((first, _CORE_COLOR),))
+    body, core = _median(shares, first, second), _median(shares, second, 1.0)
+    thin_knots = ((first, 0.0), (body, 1.0), (second, 1.0), (core, 0.0))
+    thin = Layer("the thinner material", thin_knots, TRANSLUCENT_COVERAGE)
+    dense = _opaque_layer("the denser material", second, core)
+    veil = _veil_threshold(sample, background, first)
     hull = _HULL_COLOR if veil is None else _GLASS_COLOR
-    if _is_shell(sample, first, upper.threshold, layers):
-        layers[1], hull = replace(layers[1], coverage=_SHELL_LAYER_COVERAGE, min_depth=0.0), _FLESH_COLOR
-    colors = [(first, hull), (upper.threshold, hull), (core, _CORE_COLOR)]
-    if veil is not None:
-        middle = _median(shares, veil.threshold, first)
-        layers.insert(
-            0, Layer("a veil", ((veil.threshold, 0.0), (middle, 1.0), (first, 1.0), (body, 0.0)), FAINT_COVERAGE)
-        )
-        colors = [(veil.threshold, _VEIL_COLOR), (first, _VEIL_COLOR), (body, hull), *colors[1:]]
-    return Preset(tuple(layers), tuple(colors))
+    if _is_shell(sample, first, second, (thin, dense)):
+        dense, hull = replace(dense, coverage=_SHELL_LAYER_COVERAGE, min_depth=0.0), _FLESH_COLOR
+    colors = ((second, hull), (core, _CORE_COLOR))
+    if veil is None:
+        return Preset((thin, dense), ((first, hull), *colors))
+    veil_knots = ((veil, 0.0), (_median(shares, veil, first), 1.0), (first, 1.0), (body, 0.0))
+    layers = (Layer("a veil", veil_knots, FAINT_COVERAGE), thin, dense)
+    return Preset(layers, ((veil, _VEIL_COLOR), (first, _VEIL_COLOR), (body, hull), *colors))
+
+
+def _opaque_layer(name: str, first: float, full: float) -> Layer:
+    return Layer(name, ((first, 0.0), (full, 1.0)), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
 
 
 def _is_shell(sample: VoxelSample, first: float, second: float, layers: Sequence[Layer]) -> bool:
     """Return whether the denser material is a shell around the thinner one."""
     inner = int(np.count_nonzero((sample.normalized >= first) & (sample.normalized < second)))
     outer = int(np.count_nonzero(sample.normalized >= second))
-    return outer < _MAX_SHELL_VOXEL_RATIO * inner and covered_ray_fraction(
-        sample, layers[1]
-    ) > _SHELL_COVERAGE * covered_ray_fraction(sample, layers[0])
+    thin, dense = (covered_ray_fraction(sample, layer) for layer in layers)
+    return outer < _MAX_SHELL_VOXEL_RATIO * inner and dense > _SHELL_COVERAGE * thin
 
 
-def _one_material(shares: Float64, first: float) -> Preset:
-    middle = max(_median(shares, first, 1.0), first + 1e-6)
-    return Preset(
-        (Layer("the object", ((first, 0.0), (middle, 1.0)), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH),),
-        ((first, _CORE_COLOR),),
-    )
-
-
-def _veil(sample: VoxelSample, background: Background, first: float) -> OtsuThreshold | None:
+def _veil_threshold(sample: VoxelSample, background: Background, first: float) -> float | None:
     """Return the threshold of a veil around what is above `first`, or None."""
-    found = otsu_threshold(sample.normalized, float(sample.normalized.min()), first)
-    if found is None or found.threshold <= background.high or found.separation < _VEIL_SEPARATION:
+    shares = sample.normalized
+    found = otsu_threshold(shares, float(shares.min()), first, _VEIL_SEPARATION)
+    if found is None or found <= background.high:
         return None
-    inside = int(np.count_nonzero(sample.normalized >= first))
-    around = int(np.count_nonzero(sample.normalized >= found.threshold)) - inside
-    return found if around >= _VEIL_SHARE * inside and coherence(sample, found.threshold) >= _VEIL_COHERENCE else None
+    inside, around = int(np.count_nonzero(shares >= first)), int(np.count_nonzero((shares >= found) & (shares < first)))
+    return found if around >= _VEIL_SHARE * inside and coherence(sample, found) >= _VEIL_COHERENCE else None
 
 
 def _median(shares: Float64, low: float, high: float) -> float:
@@ -227,11 +215,10 @@ def diverging_preset(sample: VoxelSample, middle: float, dead_zone: float) -> Pr
     visible = distance[distance > dead_zone]
     top = max(float(np.percentile(visible, 99.5)) if visible.size else 1.0, dead_zone * 1.01 + 1e-6)
     dead_zone = max(dead_zone, _MIN_DEAD_ZONE * top)
-    away = np.linspace(dead_zone, top, 5)
-    weights = np.linspace(0.0, 1.0, 5) ** 2
-    below = [(middle - d, w) for d, w in zip(away.tolist(), weights.tolist(), strict=True)]
-    above = [(middle + d, w) for d, w in zip(away.tolist(), weights.tolist(), strict=True)]
-    layer = Layer("strong values on either side", (*reversed(below), *above), _FIELD_COVERAGE)
+    away, weights = np.linspace(dead_zone, top, 5), np.linspace(0.0, 1.0, 5) ** 2
+    at = np.concatenate([middle - away[::-1], middle + away]).tolist()
+    knots = tuple(zip(at, np.concatenate([weights[::-1], weights]).tolist(), strict=True))
+    layer = Layer("strong values on either side", knots, _FIELD_COVERAGE)
     colors = [(middle - top, _NEGATIVE[1]), (middle - dead_zone, _NEGATIVE[0])]
     colors += [(middle + dead_zone, _POSITIVE[0]), (middle + top, _POSITIVE[1])]
     return Preset((layer,), tuple(colors), _FAINT_SHADING)
@@ -239,12 +226,11 @@ def diverging_preset(sample: VoxelSample, middle: float, dead_zone: float) -> Pr
 
 def level_set_preset(border: float) -> Preset:
     """Return the preset of an opaque inside: all values above `border`."""
-    layer = Layer("inside", ((border, 0.0), (min(border + 0.02, 1.0), 1.0)), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
-    return Preset((layer,), ((border, _CORE_COLOR),))
+    return Preset((_opaque_layer("inside", border, min(border + 0.02, 1.0)),), ((border, _CORE_COLOR),))
 
 
-def two_phase_preset(sample: VoxelSample, found: OtsuThreshold) -> Preset:
+def two_phase_preset(sample: VoxelSample, threshold: float) -> Preset:
     """Return the preset of the upper of two phases that fill the volume."""
-    upper = _median(sample.normalized, found.threshold, 1.0)
-    layer = Layer("the upper phase", ((found.threshold, 0.0), (upper, 1.0)), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
-    return Preset((layer,), ((found.threshold, _GLASS_COLOR), (upper, _CORE_COLOR)))
+    upper = _median(sample.normalized, threshold, 1.0)
+    layer = _opaque_layer("the upper phase", threshold, upper)
+    return Preset((layer,), ((threshold, _GLASS_COLOR), (upper, _CORE_COLOR)))

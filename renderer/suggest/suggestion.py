@@ -19,6 +19,7 @@ from renderer.suggest.features import (
     ONE_SIDED_RATIO,
     Background,
     VoxelSample,
+    faces,
     find_background,
     has_much_below,
     is_about_zero,
@@ -29,7 +30,6 @@ from renderer.suggest.features import (
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.labels import background_label, label_mapping, label_reason, label_values
 from renderer.suggest.level_sets import is_level_set_interior
-from renderer.suggest.nonfinite import suggest_nonfinite_fill
 from renderer.suggest.opacity import calibrate_layer_depth, format_number, opacity_from_depth, opacity_unit_length
 from renderer.suggest.presets import Preset
 from renderer.volume import Float64, Volume
@@ -147,44 +147,34 @@ def _object_preset(volume: Volume, sample: VoxelSample, background: Background) 
     near = f"the background is near {sample.round_value(sample.denormalize(background.middle)):.12g}"
     is_float = volume.values.dtype.kind == "f"
     if is_float and presets.tail_ratio(sample, background.high, origin=background.middle) > _HEAVY_TAIL:
-        preset = presets.ramp_preset(sample, background.high, origin=background.middle)
-        return "field with a long tail", f"{near} and the largest values are many times those in the middle", preset
-    if rough < (_SMOOTH_FLOAT if is_float else _SMOOTH):
-        preset = presets.ramp_preset(sample, background.high, origin=background.middle)
-        return "smooth data", f"{near} and values change smoothly", preset
-    return (
-        "scan without an absolute scale",
-        f"{near} and what stands out from it has edges",
-        presets.materials_preset(sample, background),
-    )
+        kind, reason = "field with a long tail", "the largest values are many times those in the middle"
+    elif rough < (_SMOOTH_FLOAT if is_float else _SMOOTH):
+        kind, reason = "smooth data", "values change smoothly"
+    else:
+        preset = presets.materials_preset(sample, background)
+        return "scan without an absolute scale", f"{near} and what stands out from it has edges", preset
+    return kind, f"{near} and {reason}", presets.ramp_preset(sample, background.high, origin=background.middle)
 
 
 def _filled_volume_preset(statistics: Statistics, sample: VoxelSample) -> tuple[str, str, Preset]:
     """Return the kind, the reason and the preset of a volume without a background."""
     low, high = float(statistics.minimum), float(statistics.maximum)
-    if low < 0 < high and is_about_zero(sample):
-        preset = presets.diverging_preset(
-            sample, sample.normalize(0.0), 1.2 * float(np.std(sample.normalized[sample.is_valid]))
-        )
-        return "field with two signs", "values lie on both sides of 0 and fill the volume to its border", preset
+    shares = sample.normalized[sample.is_valid]
     if low < 0 < high:
         zero = sample.normalize(0.0)
+        if is_about_zero(sample):
+            preset = presets.diverging_preset(sample, zero, 1.2 * float(np.std(shares)))
+            return "field with two signs", "values lie on both sides of 0 and fill the volume to its border", preset
         if is_level_set_interior(sample.with_inverted_range(), 1 - zero):
-            return (
-                "level set",
-                "negative values lie inside of positive ones",
-                presets.level_set_preset(1 - zero).with_inverted_range(),
-            )
+            preset = presets.level_set_preset(1 - zero).with_inverted_range()
+            return "level set", "negative values lie inside of positive ones", preset
         if is_level_set_interior(sample, zero):
             return "level set", "positive values lie inside of negative ones", presets.level_set_preset(zero)
-    shares = sample.normalized[sample.is_valid]
-    found = otsu_threshold(shares, *np.percentile(shares, (0.01, 99.99)).tolist())
-    if found is not None and found.separation > _TWO_PHASE_SEPARATION:
-        return (
-            "two phases",
-            "there is no background, and values gather in two groups",
-            presets.two_phase_preset(sample, found),
-        )
+    bottom, top = np.percentile(shares, (0.01, 99.99)).tolist()
+    threshold = otsu_threshold(shares, bottom, top, _TWO_PHASE_SEPARATION)
+    if threshold is not None:
+        preset = presets.two_phase_preset(sample, threshold)
+        return "two phases", "there is no background, and values gather in two groups", preset
     first = float(np.percentile(shares, _FILLED_PERCENTILE))
     preset = presets.ramp_preset(sample, first, origin=float(sample.normalized.min()))
     return "filled volume", "there is no background; the upper 40% of the values are shown", preset
@@ -238,10 +228,7 @@ def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelS
 
     statistics: of all values. sample: with the range of the values without outliers.
     """
-    ends = [sample.round_value(sample.denormalize(end)) for end in (-_OUTLIER_MARGIN, 1 + _OUTLIER_MARGIN)]
-    values = [outlier.value for outlier in statistics.outliers]
-    below = ends[0] if min(values) < ends[0] else None
-    above = ends[1] if max(values) > ends[1] else None
+    low, high = (sample.round_value(sample.denormalize(end)) for end in (-_OUTLIER_MARGIN, 1 + _OUTLIER_MARGIN))
     num = int(statistics.counts.sum())
     outlier_notes = tuple(
         f"{outlier.num} of {num} voxels {'is' if outlier.num == 1 else 'are'} {format_number(outlier.value)}, far from "
@@ -249,24 +236,22 @@ def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelS
         for outlier in statistics.outliers
     )
     mapping, notes = suggestion.transfer.mapping, suggestion.notes
+    points: Sequence[ControlPoint] = (
+        [ControlPoint(at, (0.0, 0.0, 0.0), opacity) for at, opacity in mapping.opacity]
+        if isinstance(mapping, ColormapSpec)
+        else mapping
+    )
+    named = dict(zip(points, notes, strict=False))
+    if max(outlier.value for outlier in statistics.outliers) > high:
+        points = _transparent_above(points, high)
+    if min(outlier.value for outlier in statistics.outliers) < low:
+        points = _mirrored(_transparent_above(_mirrored(points), -low))
     if isinstance(mapping, ColormapSpec):
-        points = [ControlPoint(value, (0.0, 0.0, 0.0), opacity) for value, opacity in mapping.opacity]
-        opacity = tuple((point.value, point.opacity) for point in _transparent_outside(points, below, above))
-        mapping = replace(mapping, opacity=opacity)
+        mapping = replace(mapping, opacity=tuple((point.value, point.opacity) for point in points))
     else:
-        named = dict(zip(mapping, notes, strict=False))
-        mapping = tuple(_transparent_outside(mapping, below, above))
-        notes = tuple(named.get(point, "") for point in mapping)
+        mapping, notes = tuple(points), tuple(named.get(point, "") for point in points)
     transfer = replace(suggestion.transfer, mapping=mapping)
     return replace(suggestion, transfer=transfer, notes=notes, outlier_notes=outlier_notes)
-
-
-def _transparent_outside(
-    points: Sequence[ControlPoint], below: float | None, above: float | None
-) -> list[ControlPoint]:
-    """Return the points with an opacity of 0 below and above these values."""
-    inside = list(points) if above is None else _transparent_above(points, above)
-    return inside if below is None else _mirrored(_transparent_above(_mirrored(inside), -below))
 
 
 def _mirrored(points: Sequence[ControlPoint]) -> list[ControlPoint]:
@@ -274,15 +259,50 @@ def _mirrored(points: Sequence[ControlPoint]) -> list[ControlPoint]:
 
 
 def _transparent_above(points: Sequence[ControlPoint], end: float) -> list[ControlPoint]:
+    """Return the points with an opacity of 0 above `end`."""
     below = [point for point in points if point.value < end]
     above = points[len(below) :]
     if not any(point.opacity for point in (*below[-1:], *above)):
         return below or [replace(points[0], value=end)]
-    before, after = below[-1] if below else above[0], above[0] if above else below[-1]
-    fraction = (end - before.value) / (after.value - before.value) if after.value > before.value else 0.0
-    r, g, b = (float(u + (v - u) * fraction) for u, v in zip(before.color, after.color, strict=True))
-    opacity = float(f"{before.opacity + (after.opacity - before.opacity) * fraction:.3g}")
+    at = [point.value for point in points]
+    r, g, b = (float(np.interp(end, at, part)) for part in zip(*(point.color for point in points), strict=True))
+    opacity = float(f"{np.interp(end, at, [point.opacity for point in points]):.3g}")
     return [*below, ControlPoint(end, (r, g, b), opacity), ControlPoint(end, (r, g, b), 0.0)]
+
+
+# NaN and infinities
+
+
+def suggest_nonfinite_fill(volume: Volume, statistics: Statistics) -> float | None:
+    """Return the value for NaN and infinities, from the statistics of the others; None if the lowest value serves.
+
+    volume: read with `nonfinite: lowest`.
+    """
+    statistics = statistics.without_outliers or statistics
+    low, high = float(statistics.minimum), float(statistics.maximum)
+    if low == high:  # a mask by NaN
+        return 0.0 if low else None
+    sample = sample_volume(volume, statistics)
+    if label_values(volume, statistics, sample) is not None:
+        return _nonfinite_label(sample, low)
+    if low < 0 < high and is_about_zero(sample):
+        return 0.0
+    if low < 0 < high and is_level_set_interior(sample.with_inverted_range(), 1 - sample.normalize(0.0)):
+        return high
+    background = find_background(sample)
+    if not (background.is_there and has_much_below(background)):
+        return None
+    return sample.round_value(sample.denormalize(background.middle))
+
+
+def _nonfinite_label(sample: VoxelSample, low: float) -> float | None:
+    """Return the label at the border if it has more voxels there than NaN has; else a label that no voxel has."""
+    is_known = faces(sample.is_valid)
+    values, counts = np.unique(faces(sample.normalized)[is_known], return_counts=True)
+    if counts.max(initial=0) > np.count_nonzero(~is_known):
+        outside = float(values[counts.argmax()])
+        return sample.denormalize(outside) if outside > 0 else None
+    return 0.0 if low > 0 else None
 
 
 # From a preset to a transfer function

@@ -9,8 +9,7 @@ import numpy as np
 
 from renderer.scene import ColormapSpec, VolumeSpec, raise_problems, volume_extent, volume_problems
 from renderer.suggest.histogram import compute_statistics
-from renderer.suggest.nonfinite import suggest_nonfinite_fill
-from renderer.suggest.suggestion import Suggestion, suggest
+from renderer.suggest.suggestion import Suggestion, suggest, suggest_nonfinite_fill
 from renderer.transfer import make_transfer_function
 from renderer.volume import Volume
 

@@ -31,18 +31,14 @@ class MappedFile:
     """The voxels [z, y, x] of a volume in a file, and the state of the file when it was opened.
 
     path: absolute. offset: bytes before the first voxel. dtype: numpy's name, with the byte order.
-    num_bytes: size of the whole file. modified_ns: time of its last change.
-    device, inode: identify the file, whatever its name.
+    state: device and inode, which identify the file, whatever its name; its size; the time of its last change.
     """
 
     path: Path
     offset: int
     dtype: str
     shape: tuple[int, ...]
-    num_bytes: int
-    modified_ns: int
-    device: int
-    inode: int
+    state: tuple[int, int, int, int]
 
     def open_array(self) -> Array:
         """Return the voxels, read-only. Raises InputError if the file has changed."""
@@ -51,32 +47,28 @@ class MappedFile:
 
     def require_unchanged(self) -> None:
         """Raise InputError if the file is missing, was replaced, has another length, or was written to."""
-        try:
-            status = self.path.stat()
-        except OSError as error:
-            raise InputError(
-                "the volume's file was removed while it was in use",
-                where=str(self.path),
-                got=error.strerror,
-                hint=_HINT,
-            ) from error
         got = expected = None
-        if (status.st_dev, status.st_ino) != (self.device, self.inode):
-            change = "was replaced by another"
-        elif status.st_size != self.num_bytes:
-            change = "became shorter" if status.st_size < self.num_bytes else "grew"
-            got, expected = f"{status.st_size} bytes", f"{self.num_bytes} bytes, as when it was opened"
-        elif status.st_mtime_ns != self.modified_ns:
-            change = "was written to"
+        try:
+            state = _file_state(self.path)
+        except OSError as error:
+            change, got = "was removed", error.strerror
         else:
-            return
-        raise InputError(
-            f"the volume's file {change} while it was in use",
-            where=str(self.path),
-            got=got,
-            expected=expected,
-            hint=_HINT,
-        )
+            if state == self.state:
+                return
+            size, old_size = state[2], self.state[2]
+            change = "was written to"
+            if state[:2] != self.state[:2]:
+                change = "was replaced by another"
+            elif size != old_size:
+                change = "became shorter" if size < old_size else "grew"
+                got, expected = f"{size} bytes", f"{old_size} bytes, as when it was opened"
+        what = f"the volume's file {change} while it was in use"
+        raise InputError(what, where=str(self.path), got=got, expected=expected, hint=_HINT)
+
+
+def _file_state(path: Path) -> tuple[int, int, int, int]:
+    status = path.stat()
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
 
 
 # Called with the file and the mapped array, of any strides, before it is read.
@@ -98,17 +90,7 @@ def backing_file(values: Array) -> MappedFile | None:
         return None
     path = Path(root.filename).absolute()
     offset = root.offset + values.__array_interface__["data"][0] - root.__array_interface__["data"][0]
-    status = path.stat()
-    return MappedFile(
-        path=path,
-        offset=offset,
-        dtype=values.dtype.str,
-        shape=values.shape,
-        num_bytes=status.st_size,
-        modified_ns=status.st_mtime_ns,
-        device=status.st_dev,
-        inode=status.st_ino,
-    )
+    return MappedFile(path, offset, values.dtype.str, values.shape, _file_state(path))
 
 
 def iter_slabs(values: Array, source: MappedFile | None, num_bytes: int = _SLAB_BYTES) -> Iterator[Array]:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.volume.mapped_file import MappedFile, iter_slabs
+from renderer.volume.mapped_file import Array, MappedFile, iter_slabs
 
-Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]
 
 
@@ -48,10 +46,8 @@ class Volume:
 
     def value_range(self) -> tuple[float, float]:
         """Return the smallest and the largest value, from one pass over all values."""
-        lows, highs = zip(
-            *((float(slab.min()), float(slab.max())) for slab in iter_slabs(self.values, self.source)), strict=True
-        )
-        return min(lows), max(highs)
+        ends = [(float(slab.min()), float(slab.max())) for slab in iter_slabs(self.values, self.source)]
+        return min(low for low, _ in ends), max(high for _, high in ends)
 
     @property
     def shape_xyz(self) -> tuple[int, int, int]:
