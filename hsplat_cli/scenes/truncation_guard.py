@@ -63,7 +63,7 @@ def guard_mapping(file: MappedFile, values: Array) -> None:
         return
     begin, end = np.lib.array_utils.byte_bounds(values)
     region = regions[free[0]]
-    region[[0, 2, 3]] = begin & -mmap.PAGESIZE, descriptor, file.num_bytes
+    region[[0, 2, 3]] = begin & -mmap.PAGESIZE, descriptor, file.state[2]
     region[1] = -(-end // mmap.PAGESIZE) * mmap.PAGESIZE  # last: the handler uses regions with an end
     root: Any = values
     while isinstance(root, np.ndarray):

@@ -56,7 +56,6 @@ _MANY_LABELS_COLORMAP = "glasbey"
 _ENCLOSING_COVERAGE = 0.85
 
 Shadow = npt.NDArray[np.bool_]
-Steps = tuple[tuple[float, float], ...]
 
 
 def label_values(volume: Volume, statistics: Statistics, sample: VoxelSample) -> list[float] | None:
@@ -89,16 +88,14 @@ def _is_piecewise_constant(sample: VoxelSample) -> bool:
 def _distinct_values(volume: Volume, statistics: Statistics) -> list[float] | None:
     """Return every value in the range of the statistics, ascending; None if there are too many."""
     if statistics.bin_width == 1.0 and volume.values.dtype.kind in "iu":
-        found = set(statistics.bins[statistics.counts > 0].tolist())
-        return sorted(found) if len(found) <= _MAX_LABELS else None
-    found = set()
-    for slab in iter_slabs(volume.values, volume.source):
-        for plane in slab:
-            values = np.unique(plane)
-            is_within = (values >= statistics.minimum) & (values <= statistics.maximum)
-            found.update(float(value) for value in values[is_within])
-            if len(found) > _MAX_LABELS:
-                return None
+        counted: list[float] = statistics.bins[statistics.counts > 0].tolist()
+        return counted if len(counted) <= _MAX_LABELS else None
+    found: set[float] = set()
+    for plane in iter_slabs(volume.values, volume.source, 1):
+        values = np.unique(plane)
+        found.update(values[(values >= statistics.minimum) & (values <= statistics.maximum)].astype(float).tolist())
+        if len(found) > _MAX_LABELS:
+            return None
     return sorted(found)
 
 
@@ -121,6 +118,10 @@ def label_mapping(
     Every label but `outside` has a colour and an opacity, with steps half-way between the labels.
     """
     unit = opacity_unit_length(sample.diagonal)
+
+    def opacity(layer: Layer) -> float:
+        return opacity_from_depth(calibrate_layer_depth(sample, layer), unit, sample.diagonal)
+
     ends = [values[0], *(low / 2 + high / 2 for low, high in pairwise(values)), values[-1]]
     between = dict(zip(values, pairwise(ends), strict=True))
     # Normalised; the outermost labels have no end on one side.
@@ -131,27 +132,27 @@ def label_mapping(
     shown = [value for value in values if value != outside]
     if colormap is not None or len(shown) > len(_PALETTE):
         knots = tuple((at, float(value != outside)) for value in values for at in regions[value])
-        common = opacity_from_depth(
-            calibrate_layer_depth(sample, Layer("", knots, OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)), unit, sample.diagonal
-        )
+        common = opacity(Layer("", knots, OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH))
         steps = [(at, common if value != outside else 0.0) for value in values for at in between[value]]
+        # The middle of three points of one opacity has no effect.
+        is_redundant = [a[1] == b[1] == c[1] for a, b, c in zip(steps, steps[1:], steps[2:], strict=False)]
+        steps = [
+            step for step, is_left_out in zip(steps, [False, *is_redundant, False], strict=True) if not is_left_out
+        ]
         is_table = colormap is None and values[0] >= 0 and values[-1] <= 255  # every label has its own entry
         span = (0.0, 255.0) if is_table else (values[0], values[-1])
-        return ColormapSpec(colormap or _MANY_LABELS_COLORMAP, span, _drop_redundant_points(steps)), (), unit
-    layers = _layers(sample, [regions[value] for value in shown])
-    opacities = [opacity_from_depth(calibrate_layer_depth(sample, layer), unit, sample.diagonal) for layer in layers]
-    style_from_label = dict(zip(shown, zip(_PALETTE, opacities, strict=False), strict=True)) | {outside: (_BLACK, 0.0)}
-    points = tuple(ControlPoint(at, *style_from_label[value]) for value in values for at in between[value])
+        return ColormapSpec(colormap or _MANY_LABELS_COLORMAP, span, tuple(steps)), (), unit
+    opacities = map(opacity, _layers(sample, [regions[value] for value in shown]))
+    styles = dict(zip(shown, zip(_PALETTE, opacities, strict=False), strict=True)) | {outside: (_BLACK, 0.0)}
+    points = tuple(ControlPoint(at, *styles[value]) for value in values for at in between[value])
     names = [f"label {format_number(value)}" if value != outside else "the background" for value in values]
     return points, tuple(word for name in names for word in (name, "")), unit
 
 
 def _layers(sample: VoxelSample, regions: Sequence[tuple[float, float]]) -> list[Layer]:
     """Return a layer for each label from its (low, high), normalised: opaque, but translucent around smaller labels."""
-    shadows = []
-    for low, high in regions:
-        part = (sample.normalized > low) & (sample.normalized < high)
-        shadows.append([np.asarray(part.any(axis=axis)) for axis in range(3)])
+    parts = [(sample.normalized > low) & (sample.normalized < high) for low, high in regions]
+    shadows = [[np.asarray(part.any(axis=axis)) for axis in range(3)] for part in parts]
     areas = [sum(int(shadow.sum()) for shadow in of_label) for of_label in shadows]
     layers = []
     for (low, high), own, area in zip(regions, shadows, areas, strict=True):
@@ -166,13 +167,3 @@ def _covers(shadow: Shadow, others: Sequence[Shadow]) -> bool:
     """Return whether a projection covers most of the union of the others."""
     together = np.any(others, axis=0)
     return int((shadow & together).sum()) > _ENCLOSING_COVERAGE * int(together.sum())
-
-
-def _drop_redundant_points(steps: Sequence[tuple[float, float]]) -> Steps:
-    """Drop the middle of three points of one opacity."""
-    inner = (
-        step
-        for before, step, after in zip(steps, steps[1:], steps[2:], strict=False)
-        if not before[1] == step[1] == after[1]
-    )
-    return (steps[0], *inner, steps[-1])

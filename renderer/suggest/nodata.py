@@ -17,8 +17,7 @@ _MIN_OUTLIER_DISTANCE = 3.0
 _MAX_OUTLIER_FRACTION, _MIN_NODATA_FRACTION = 1e-5, 1e-3
 # Common nodata values of GIS, netCDF, CF and of types.
 _NODATA_VALUES = (-999.0, -9999.0, -99999.0, -32767.0, -32768.0, -(2.0**31), 1e20, 9.969209968386869e36)
-_LARGEST_FLOATS = (float(np.finfo(np.float32).max), float(np.finfo(np.float64).max))
-_KNOWN_NODATA_VALUES = (*_NODATA_VALUES, *_LARGEST_FLOATS, *(-value for value in _LARGEST_FLOATS))
+_LARGEST_FLOATS = tuple(float(np.finfo(name).max) for name in ("f4", "f8"))
 # At either end at most a nodata value and an outlier are set aside.
 MAX_OUTLIERS_PER_END = 2
 
@@ -78,5 +77,6 @@ def _is_outlying(group: ValueCluster, num_voxels: int) -> bool:
 
 
 def _is_nodata(group: ValueCluster, num_voxels: int) -> bool:
-    is_known = any(math.isclose(group.low, value, rel_tol=1e-6) for value in _KNOWN_NODATA_VALUES)
+    is_known = any(math.isclose(group.low, value, rel_tol=1e-6) for value in _NODATA_VALUES)
+    is_known |= any(math.isclose(abs(group.low), value, rel_tol=1e-6) for value in _LARGEST_FLOATS)
     return is_known or group.num >= max(2, _MIN_NODATA_FRACTION * num_voxels)

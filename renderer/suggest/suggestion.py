@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 
@@ -335,8 +336,8 @@ def _preset_suggestion(kind: str, reason: str, sample: VoxelSample, preset: Pres
         value = sample.round_value(sample.denormalize(at), gap)
         r, g, b = (float(np.interp(at, where, colors[:, k])) for k in range(3))
         point = ControlPoint(value, (r, g, b), opacity_from_depth(depth, unit, sample.diagonal))
-        starting = [layer.name for layer in preset.layers if layer.name and _peak_position(layer.knots) == at]
-        points[value] = point, ", ".join(starting)
+        peaking = [layer.name for layer in preset.layers if max(layer.knots, key=itemgetter(1))[0] == at]
+        points[value] = point, ", ".join(filter(None, peaking))
     mapping, notes = zip(*(points[value] for value in sorted(points)), strict=True)
     return Suggestion(kind, reason, TransferSpec(mapping, unit), notes, preset.shading)
 
@@ -350,9 +351,3 @@ def _with_colormap(suggestion: Suggestion, colormap: str | None) -> Suggestion:
     span = (low, high) if low < high else (low - max(1.0, abs(low)), low + max(1.0, abs(low)))
     mapping = ColormapSpec(colormap, span, tuple((point.value, point.opacity) for point in points))
     return replace(suggestion, transfer=replace(suggestion.transfer, mapping=mapping), notes=())
-
-
-def _peak_position(knots: tuple[tuple[float, float], ...]) -> float:
-    """Return where a layer first has its largest weight."""
-    largest = max(weight for _, weight in knots)
-    return next(at for at, weight in knots if weight == largest)

@@ -42,11 +42,11 @@ def suggest_for(
         take that one.
     Raises InputError for a volume that cannot be read or drawn.
     """
-    result, fill, shows = _attempt(volume, read, colormap)
+    result, fill, is_seen = _attempt(volume, read, colormap)
     if hides_nonfinite and fill is not None:
-        other, _, other_shows = _attempt(replace(volume, nonfinite=fill), read, colormap)
+        other, _, is_other_seen = _attempt(replace(volume, nonfinite=fill), read, colormap)
         # The fill value changes the volume, so it may show after all.
-        if shows or not other_shows:
+        if is_seen or not is_other_seen:
             return other
     return result
 
@@ -59,19 +59,18 @@ def _attempt(
     raise_problems(volume_problems(volume_extent(volume), volume.name))
     statistics = compute_statistics(volume.values, volume.source)
     suggestion = _with_8_bit_colors(suggest(volume, statistics, colormap))
-    result = VolumeSuggestion(spec, suggestion, volume.values.dtype.kind == "f")
+    is_float = volume.values.dtype.kind == "f"
     if not volume.num_nonfinite:
-        return result, None, False
-    is_lowest = spec.nonfinite == "lowest"
-    transfer = make_transfer_function(result.suggestion.transfer, volume.finest_spacing)
-    shows = bool(transfer.classify(np.array([volume.nonfinite_fill_value]))[1][0] > 0)
+        return VolumeSuggestion(spec, suggestion, is_float), None, False
+    transfer = make_transfer_function(suggestion.transfer, volume.finest_spacing)
+    is_seen = bool(transfer.classify(np.array([volume.nonfinite_fill_value]))[1][0] > 0)
+    fill = suggest_nonfinite_fill(volume, statistics) if spec.nonfinite == "lowest" else None
     note = (
         f"{volume.num_nonfinite} of {volume.values.size} voxels are NaN or infinite; they are drawn as "
-        f"{'the lowest value, ' if is_lowest else ''}{volume.nonfinite_fill_value:.7g}, which "
-        f"{'can be seen' if shows else 'is not seen'}"
+        f"{'the lowest value, ' if spec.nonfinite == 'lowest' else ''}{volume.nonfinite_fill_value:.7g}, which "
+        f"{'can be seen' if is_seen else 'is not seen'}"
     )
-    fill = suggest_nonfinite_fill(volume, statistics) if is_lowest else None
-    return replace(result, nonfinite=note), fill, shows
+    return VolumeSuggestion(spec, suggestion, is_float, note), fill, is_seen
 
 
 def _with_8_bit_colors(suggestion: Suggestion) -> Suggestion:
