@@ -1,4 +1,4 @@
-"""What the library says about volumes, cameras, integrals and splats that cannot be drawn."""
+"""The library refuses volumes, cameras, integrals and splats that cannot be drawn; `library.txt` has the messages."""
 
 from __future__ import annotations
 
@@ -28,6 +28,8 @@ from renderer.truth import converged_image
 from renderer.view import fit_distance, make_view
 from renderer.volume import Volume, make_volume
 
+_, *_PARTS = Path(__file__).with_name("library.txt").read_text("utf-8").split("=== ")
+MESSAGES = dict(part.split("\n", 1) for part in _PARTS)
 CAMERA = CameraSpec(TurntablePath(1))
 FAR_CAMERA = replace(CAMERA, near=1e13)
 ORIGIN = (0.0, 0.0, 0.0)
@@ -62,103 +64,27 @@ def place_a_splat_nowhere() -> None:
     replace(batch, vertices=vertices)
 
 
-CASES: list[tuple[Callable[[], object], str]] = [
-    (
-        lambda: prepare(CAMERA, FLAT),
-        """\
-scan.nrrd: the voxels are too long or too flat
-  got: sides with a ratio of 1e+06
-  expected: a longest side of at most 1e+05 times the shortest
-""",
-    ),
-    (
-        lambda: prepare(CAMERA, FAR_AWAY),
-        """\
-scan.nrrd: the volume is too far from the world's origin for its voxels
-  got: 1e+13 voxels away
-  expected: at most 1e+12: further out, float64 cannot tell its voxels apart
-  hint: move the volume's origin
-""",
-    ),
-    (
-        lambda: prepare(FAR_CAMERA, np.eye(4)),
-        """\
-camera.near: too far from the eye for this volume
-  got: 1e+13
-  expected: at most 1.732e+12, 1e+12 times half the volume's diagonal
-""",
-    ),
-    (
-        lambda: check_lengths(np.diag([1e300, 1.0, 1.0, 1.0]), "scan.nrrd"),
-        """\
-scan.nrrd: the spacing or the origin is out of range
-  got: [1e+300 0 0 0], [0 1 0 0], [0 0 1 0] (world from voxel index)
-  expected: lengths from 1e-30 to 1e+30
-  hint: give lengths in another unit
-""",
-    ),
-    (
-        lambda: check_lengths(np.diag([1e-200, 1.0, 1.0, 1.0]), "scan.nrrd"),
-        """\
-scan.nrrd: the spacing or the origin is out of range
-  got: [1e-200 0 0 0], [0 1 0 0], [0 0 1 0] (world from voxel index)
-  expected: lengths from 1e-30 to 1e+30
-  hint: give lengths in another unit
-""",
-    ),
-    (
-        lambda: make_view(CAMERA, 0, ORIGIN, 0.0, (8, 8)),
-        """\
-camera.distance: the eye is not at a finite distance from the target
-  got: 0
-  expected: a length greater than 0
-""",
-    ),
-    (
-        lambda: frame([]),
-        """\
-camera.distance: nothing is visible, so there is nothing to frame
-  expected: a volume and a transfer function that show something
-  hint: raise the opacities or set camera.distance
-""",
-    ),
-    (
-        lambda: frame(ORIGIN),
-        """\
-camera.distance: what is visible has no extent, so there is nothing to frame
-  hint: set camera.distance
-""",
-    ),
-    (
-        lambda: frame([[0, 50, 0], [0, 51, 1]]),
-        """\
-camera.distance: all that is visible lies beyond the target, and is in frame from any distance
-  hint: set camera.distance
-""",
-    ),
-    (
-        integrate_to_zero_error,
-        """\
-cube.nrrd: the ray integral does not converge in 12 halvings of its step
-  got: a change of 0 at a step of 0.000244 voxels; 2 of 2 pixels have not converged
-  expected: a change below 0
-  hint: ask for a larger tolerance
-""",
-    ),
-    (
-        place_a_splat_nowhere,
-        """\
-splats that are not finite
-  got: 1 of 2 splats, the first is number 1: [1.0, 0.0, nan, 0.0, 0.0, 0.0, 0.0, 0.0]
-  expected: finite centres and optical areas
-  hint: this is a fault of hsplat; please report it with the scene file
-""",
-    ),
-]
+CASES: dict[str, Callable[[], object]] = {
+    "flat voxels": lambda: prepare(CAMERA, FLAT),
+    "far from the origin": lambda: prepare(CAMERA, FAR_AWAY),
+    "a near plane beyond all bounds": lambda: prepare(FAR_CAMERA, np.eye(4)),
+    "too long a spacing": lambda: check_lengths(np.diag([1e300, 1.0, 1.0, 1.0]), "scan.nrrd"),
+    "too short a spacing": lambda: check_lengths(np.diag([1e-200, 1.0, 1.0, 1.0]), "scan.nrrd"),
+    "no distance": lambda: make_view(CAMERA, 0, ORIGIN, 0.0, (8, 8)),
+    "nothing to frame": lambda: frame([]),
+    "a point to frame": lambda: frame(ORIGIN),
+    "all beyond the target": lambda: frame([[0, 50, 0], [0, 51, 1]]),
+    "no error allowed": integrate_to_zero_error,
+    "a splat nowhere": place_a_splat_nowhere,
+}
 
 
-@pytest.mark.parametrize(("act", "message"), CASES)
-def test_message(act: Callable[[], object], message: str) -> None:
+@pytest.mark.parametrize("title", CASES)
+def test_message(title: str) -> None:
     with pytest.raises(HsplatError) as caught:
-        act()
-    assert f"{caught.value}\n" == message
+        CASES[title]()
+    assert f"{caught.value}\n" == MESSAGES[title]
+
+
+def test_every_message_has_its_case() -> None:
+    assert MESSAGES.keys() == CASES.keys()

@@ -58,7 +58,7 @@ def is_seen(folder: Path, values: Array) -> bool:
     return not note.endswith("which is not seen")
 
 
-@pytest.mark.parametrize("where", [SLAB, TUBE, CORNER], ids=["slab", "tube", "corner"])
+@pytest.mark.parametrize("where", [SLAB, CORNER], ids=["slab", "corner"])
 @pytest.mark.parametrize("name", ["signed", "filled, signed", "distance", "distance, reversed", "head as float32"])
 def test_the_kind_is_that_of_the_others(tmp_path: Path, name: str, where: Array) -> None:
     values = with_nan(KINDS[name][0], where)
@@ -68,10 +68,9 @@ def test_the_kind_is_that_of_the_others(tmp_path: Path, name: str, where: Array)
 
 # Not of the room with a hot spot: its floor and its ceiling have one temperature each, as backgrounds have.
 @pytest.mark.parametrize("name", [name for name in KINDS if name not in ("constant", "temperature")])
-@pytest.mark.parametrize("where", [SLAB, TUBE, X**2 + Y**2 + Z**2 > 0.9], ids=["slab", "tube", "all around"])
-def test_nan_are_not_seen(tmp_path: Path, name: str, where: Array) -> None:
+def test_nan_are_not_seen(tmp_path: Path, name: str) -> None:
     values = KINDS[name][0].astype(np.float64)
-    values[where] = np.nan
+    values[X**2 + Y**2 + Z**2 > 0.9] = np.nan  # all around
     assert not is_seen(tmp_path, values)
 
 

@@ -19,12 +19,12 @@ Z, Y, X = axes()
 SLAB = Z < -0.4
 TUBE = X**2 + Y**2 > 1
 FLOAT_MAX = float(np.finfo(np.float32).max)
+FILLS = (1e20, 9.96921e36, FLOAT_MAX, -FLOAT_MAX, -1e5, 1e20)
 # Not the head in magnetic resonance, of which the slab is an edge less: NaN there make it smooth data, too.
 NAMES = ("head as float32", "microscopy", "signed", "filled, signed", "density", "distance")
 
 
-@pytest.mark.parametrize("fill", [1e20, 9.96921e36, FLOAT_MAX, -FLOAT_MAX, -1e5])
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("name", "fill"), zip(NAMES, FILLS, strict=True))
 @pytest.mark.parametrize("where", [SLAB, TUBE], ids=["slab", "tube"])
 def test_the_kind_is_that_of_the_others(name: str, where: Array, fill: float) -> None:
     values = KINDS[name][0].astype(np.float32)

@@ -39,20 +39,6 @@ def test_every_dtype(tmp_path, dtype, order, big):
     np.testing.assert_array_equal(volume.world_from_index, np.eye(4))
 
 
-def test_compressed_by_simpleitk(tmp_path):
-    sitk.WriteImage(sitk.GetImageFromArray(ramp("uint16")), str(tmp_path / "a.tiff"), True)
-    np.testing.assert_array_equal(read(tmp_path / "a.tiff").values, ramp("uint16"))
-
-
-def test_folder_in_natural_order(tmp_path):
-    for k in range(97, 104):
-        (tmp_path / f"slice {k}.tif").write_bytes(tiff_bytes(np.full((1, 4, 5), k, np.uint16)))
-    (tmp_path / "notes.txt").write_text("not a slice")
-    volume = read(tmp_path)
-    assert volume.values[:, 0, 0].tolist() == [97, 98, 99, 100, 101, 102, 103]
-    assert volume.shape_xyz == (5, 4, 7)
-
-
 def test_folder_of_colours_needs_a_component(tmp_path):
     for k in range(3):
         colours = np.zeros((4, 5, 3), np.uint8)

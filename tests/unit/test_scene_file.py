@@ -12,8 +12,7 @@ import yaml
 from hypothesis import given, settings, strategies as st
 
 from renderer.errors import InputError
-from renderer.scene import FileSource, NotYamlError, Scene, TextPosition, load_scene, parse_yaml, scene_to_dict
-from renderer.scene.yaml_tree import MAX_NODES, SourceLocation
+from renderer.scene import FileSource, NotYamlError, Scene, load_scene, parse_yaml, scene_to_dict
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGS = sorted((ROOT / "configs").glob("*.yaml"))
@@ -62,17 +61,18 @@ def test_scalars_are_those_of_yaml_1_2(text: str, value: object) -> None:
 def test_every_value_has_its_place() -> None:
     tree = parse_yaml("a: 1\nb:\n  c: [2,\n      3]\n  d:\n  - x\n  - {e: y}\n")
     assert tree.data == {"a": 1, "b": {"c": [2, 3], "d": ["x", {"e": "y"}]}}
-    assert tree.locations == {
-        "": SourceLocation(TextPosition(1, 1), TextPosition(1, 1)),
-        "a": SourceLocation(TextPosition(1, 1), TextPosition(1, 4)),
-        "b": SourceLocation(TextPosition(2, 1), TextPosition(2, 1)),
-        "b.c": SourceLocation(TextPosition(3, 3), TextPosition(3, 6)),
-        "b.c.0": SourceLocation(TextPosition(3, 7), TextPosition(3, 7)),
-        "b.c.1": SourceLocation(TextPosition(4, 7), TextPosition(4, 7)),
-        "b.d": SourceLocation(TextPosition(5, 3), TextPosition(5, 3)),
-        "b.d.0": SourceLocation(TextPosition(6, 5), TextPosition(6, 5)),
-        "b.d.1": SourceLocation(TextPosition(7, 5), TextPosition(7, 5)),
-        "b.d.1.e": SourceLocation(TextPosition(7, 6), TextPosition(7, 9)),
+    places = {path: (*location.key, *location.value) for path, location in tree.locations.items()}
+    assert places == {
+        "": (1, 1, 1, 1),
+        "a": (1, 1, 1, 4),
+        "b": (2, 1, 2, 1),
+        "b.c": (3, 3, 3, 6),
+        "b.c.0": (3, 7, 3, 7),
+        "b.c.1": (4, 7, 4, 7),
+        "b.d": (5, 3, 5, 3),
+        "b.d.0": (6, 5, 6, 5),
+        "b.d.1": (7, 5, 7, 5),
+        "b.d.1.e": (7, 6, 7, 9),
     }
 
 
@@ -82,8 +82,17 @@ def test_an_anchor_is_copied_wherever_it_is_used() -> None:
     assert tree.data["a"] is not tree.data["b"]
 
 
+@pytest.fixture
+def max_nodes(monkeypatch: pytest.MonkeyPatch) -> int:
+    """Allow fewer values, which take less time."""
+    monkeypatch.setattr("renderer.scene.yaml_tree.MAX_NODES", 100)
+    return 100
+
+
 @pytest.mark.parametrize("item", ["a", "{k: v}", "{[k, k]: v}", "*anchor"])
-def test_too_many_values_are_refused_before_they_are_composed(item: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_many_values_are_refused_before_they_are_composed(
+    item: str, max_nodes: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     num_composed = 0
     compose = yaml.composer.Composer.compose_node
 
@@ -93,16 +102,15 @@ def test_too_many_values_are_refused_before_they_are_composed(item: str, monkeyp
         return compose(*arguments)
 
     monkeypatch.setattr("yaml.composer.Composer.compose_node", counted)
-    with pytest.raises(NotYamlError, match=f"more than {MAX_NODES} values"):
-        parse_yaml(f"[&anchor b{f', {item}' * MAX_NODES}]")
-    assert num_composed <= 2 * MAX_NODES  # each value of a mapping has a key
+    with pytest.raises(NotYamlError, match="more than 100 values"):
+        parse_yaml(f"[&anchor b{f', {item}' * 1000}]")
+    assert num_composed <= 2 * max_nodes  # each value of a mapping has a key
 
 
-def test_keys_do_not_count_as_values() -> None:
-    most = MAX_NODES - 1  # the mapping is a value, too
-    keys = [f"k{number}" for number in range(most)]
+def test_keys_do_not_count_as_values(max_nodes: int) -> None:
+    keys = [f"k{number}" for number in range(max_nodes - 1)]  # the mapping is a value, too
     assert list(parse_yaml("\n".join(f"{key}:" for key in keys)).data) == keys
-    with pytest.raises(NotYamlError, match=f"more than {MAX_NODES} values"):
+    with pytest.raises(NotYamlError, match="more than 100 values"):
         parse_yaml("\n".join(f"{key}:" for key in [*keys, "one_more"]))
 
 
@@ -113,7 +121,7 @@ TREES = st.recursive(
 )
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=25, deadline=None, derandomize=True)
 @given(data=TREES, flow=st.booleans())
 def test_any_data_that_pyyaml_writes_read_back(data: object, flow: bool) -> None:
     tree = parse_yaml(yaml.safe_dump(data, allow_unicode=True, default_flow_style=flow))
@@ -128,10 +136,6 @@ def test_any_data_that_pyyaml_writes_read_back(data: object, flow: bool) -> None
 def test_every_example_is_a_correct_scene(path: Path) -> None:
     scene = load(path) if path == DEMO else load(path, volume=Path(__file__))
     assert scene.output.file.stem in (path.stem, "{frame:04}")
-
-
-def test_there_are_examples() -> None:
-    assert {"demo.yaml", "engine.yaml"} <= {path.name for path in CONFIGS}
 
 
 def test_a_resolved_scene_is_a_scene_file(tmp_path: Path) -> None:

@@ -159,7 +159,7 @@ def spoil(tree: dict[str, Any], choose: random.Random) -> None:
 def test_spoilt_data_are_refused_or_make_a_scene(name: str) -> None:
     choose = random.Random(1)
     num_read, refusals = 0, list[str]()
-    for _ in range(600):
+    for _ in range(200):
         tree = copy.deepcopy(scene_to_dict(SCENES[name]))
         spoil(tree, choose)
         try:
@@ -170,7 +170,7 @@ def test_spoilt_data_are_refused_or_make_a_scene(name: str) -> None:
             num_read += 1
             assert parse(scene_to_dict(scene)) == scene
     assert all(text and "object at" not in text for text in refusals)
-    assert 5 < num_read < 500
+    assert 0 < num_read < 180
 
 
 @pytest.mark.parametrize("tree", JUNK, ids=range(len(JUNK)))

@@ -46,8 +46,8 @@ Array = npt.NDArray[Any]
 
 def picture(values: Array, rasterizer: GLRasterizer, size: int = 64) -> Array:
     """uint8 [size, size, 3]: the second of four frames."""
-    volume = volume_of(values)
-    suggestion = suggest(volume, compute_statistics(volume.values))
+    suggestion = suggested(values)
+    volume = volume_of(values.astype(np.float32))  # one dtype to compile for
     scene = Scene(
         VolumeSpec(FileSource(Path("made-up.npy"))),
         suggestion.transfer,
@@ -68,7 +68,7 @@ def test_kind(name: str) -> None:
     assert suggested(values).kind == kind
 
 
-@pytest.mark.parametrize("name", ["head", "microscopy", "uint8", "signed", "labels", "plume", "phases", "distance"])
+@pytest.mark.parametrize("name", ["head", "microscopy", "uint8", "signed", "labels", "phases", "distance"])
 def test_picture(name: str, rasterizer: GLRasterizer) -> None:
     """The object covers a part of the picture that is neither a speck nor all of it, neither dim nor burnt out, and is
     not of one brightness.
@@ -90,11 +90,11 @@ def test_a_constant_volume_is_shown_through_and_through(rasterizer: GLRasterizer
     assert 60 < image.max() < 250
 
 
-@pytest.mark.parametrize("name", ["head", "uint8", "signed", "labels", "density", "phases"])
-@pytest.mark.parametrize("factor", [2, 3])
-def test_the_size_of_the_volume_does_not_matter(name: str, factor: int) -> None:
-    """The same object of `factor` times as many voxels along each axis, each as much smaller: the same opacities per
+@pytest.mark.parametrize("name", ["head", "signed", "labels", "density"])
+def test_the_size_of_the_volume_does_not_matter(name: str) -> None:
+    """The same object of three times as many voxels along each axis, each as much smaller, has the same opacities per
     length, within what the edges of a sample of voxels may change."""
+    factor = 3
     values = KINDS[name][0][:32, :32, :32]
     coarse = suggested(values)
     fine = suggested(values.repeat(factor, 0).repeat(factor, 1).repeat(factor, 2), 1 / factor)
@@ -105,8 +105,8 @@ def test_the_size_of_the_volume_does_not_matter(name: str, factor: int) -> None:
     )
 
 
-@pytest.mark.parametrize("name", ["uint8", "signed", "labels", "plume", "microscopy"])
-@pytest.mark.parametrize("scale", [1e-20, 1e-3, 1e6, 1e25])
+@pytest.mark.parametrize("name", ["uint8", "labels"])
+@pytest.mark.parametrize("scale", [1e-20, 1e-3, 1e25])
 def test_the_unit_of_length_does_not_matter(name: str, scale: float) -> None:
     """A scene in other units of length has the same depths: opacities by a length that is as many times longer."""
     values = KINDS[name][0]
@@ -186,14 +186,6 @@ def test_signs_are_alike() -> None:
     assert colors[0][2] > colors[0][0] and colors[2][0] > colors[2][2]
 
 
-def test_a_label_around_others_is_glass() -> None:
-    transfer = suggested(labels()).transfer
-    none, body, organ, last = extinction(transfer, 0, 1, 2, 11)
-    assert none == 0
-    assert 0 < 5 * body < organ
-    assert organ == pytest.approx(last, rel=0.5)
-
-
 def test_a_label_has_its_own_colour_to_its_skin(rasterizer: GLRasterizer) -> None:
     """Not that of the number between it and the background's, as interpolated numbers would have there."""
     values = np.zeros((N, N, N), np.uint8)
@@ -261,15 +253,10 @@ def test_pieces_of_one_voxel_are_not_called_large(along: tuple[int, ...]) -> Non
     """A chequerboard, and stripes."""
     suggestion = suggested(np.where(np.indices((32, 32, 32))[list(along)].sum(0) % 2, 200, 0).astype(np.uint8))
     assert (suggestion.kind, suggestion.reason) == ("mask", "there are 2 values, and 0 is the background")
+    assert suggested(labels()).reason == "there are 5 values, in large pieces, and 0 is the background"
 
 
-def test_large_pieces_are_called_so() -> None:
-    reason = "there are 5 values, in large pieces, and 0 is the background"
-    assert suggested(labels()).reason == reason
-
-
-@pytest.mark.parametrize("extent", [10**6, 10**10, 10**15])
-@pytest.mark.parametrize("offset", [0, 2**60, -(2**60)])
+@pytest.mark.parametrize(("extent", "offset"), [(10**6, 2**60), (10**10, -(2**60)), (10**15, 2**60)])
 def test_points_are_told_apart_on_a_large_offset(extent: int, offset: int) -> None:
     """A ramp of as many points as without the offset, each within a thousandth of the range, which int64 has exactly
     and float64 to 256 here."""
@@ -329,8 +316,3 @@ def test_odd_volumes_get_something_that_is_visible(values: Array) -> None:
     suggestion = suggested(values)
     assert max(extinction(suggestion.transfer, *np.unique(values).tolist())) > 0
     assert suggestion.transfer.unit is not None and suggestion.transfer.unit > 0
-
-
-def test_suggesting_twice_gives_the_same() -> None:
-    values = two_materials("uint16")
-    assert suggested(values) == suggested(values.copy())
