@@ -185,7 +185,7 @@ def read_provenance(folder: Path) -> Provenance:
         for number, (before, after) in enumerate(pairwise(golden.frame for golden in given["frames"]), 1):
             if after <= before:
                 what, expected = f"frame {after} after frame {before}", "frames in ascending order, each once"
-                node.child("frames").child(number).add_problem(what, expected=expected)
+                node.child("frames").child(number).reject(what, expected=expected)
     if problems:  # one mistake may be that of many frames
         raise SceneError([replace(problem, location=str(path)) for problem in problems[:_MAX_PROBLEMS]])
     volume = given["volume"] | {"shape": list(given["volume"]["shape"])}
