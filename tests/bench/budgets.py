@@ -21,26 +21,22 @@ from typing import Any
 
 from hsplat_cli.terminal import describe_machine
 from renderer.draw import GLRasterizer
-from renderer.frame import finest_level_at, prepare_stage
-from renderer.pyramid import cut_pyramid, cut_sizes
+from renderer.frame import make_primitive, prepare_stage
 from renderer.scene import load_scene
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "benchmarks" / "budgets.md"
 THREADS = os.cpu_count() or 1
 
-NUMBERS = (1_000, 10_000, 100_000, 1_000_000)
-SECONDS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 5.0)
-# docs/benchmarks/budgets.md is about splats; a budget of bricks works otherwise.
-SPLATS = "splat={footprint: gaussian}"
+NUMBERS = (100, 1_000, 10_000, 100_000)
+SECONDS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 # A film on a budget of time takes about this long to be measured.
 FILM_S, FEWEST_FRAMES, MOST_FRAMES = 12.0, 15, 120
 SETTLED, WINDOW = 5, 15
 
 HEAD = """# Are budgets kept?
 
-Footprint: splats (`footprint: gaussian`), which is not the default. How well budgets of bricks are kept is not measured
-here. Measure again when the cut, the budget controller or the drawing of splats change.
+Footprint: `integrated`, the default. Measure again when the cut, the budget controller or the drawing of bricks change.
 
 `python tests/bench/budgets.py DATA` writes this page. Run it on a machine with nothing else to do. {machine}
 
@@ -67,37 +63,30 @@ def main() -> None:
 
 
 def splats(data: Path) -> Iterator[str]:
-    """The finest cut of at most N cells: how far below N, and how far above it the next one is."""
+    """The finest cut of at most N bricks: how far below N, and how far above it the next one is."""
     yield "## `splats: N`"
     yield ""
-    yield "The finest cut of at most N cells, found from the pyramid. Goal: 0.5 % under N, or the next coarser cut."
+    yield "The finest cut of at most N bricks, found from the pyramid. Goal: 0.5 % under N, or the next coarser cut."
     yield ""
-    yield "| volume | N | cells | under N | next finer cut | found in | the cut itself |"
+    yield "| volume | N | bricks | under N | next finer cut | found in | the cut itself |"
     yield "|---|---|---|---|---|---|---|"
     for name in ("engine", "bonsai"):
-        scene = load_scene(ROOT / "configs" / f"{name}.yaml", overrides=[SPLATS], volume=data / f"{name}.nhdr")
-        stage = prepare_stage(scene, clock=time.perf_counter, num_threads=THREADS, any_tolerance=True)
-        levels = {
-            "finest_level": finest_level_at(stage, tolerance=1.0),
-            "finest_level_at_zero": finest_level_at(stage, tolerance=0.0),
-        }
+        scene = load_scene(ROOT / "configs" / f"{name}.yaml", volume=data / f"{name}.nhdr")
+        stage = prepare_stage(scene, clock=time.perf_counter, num_threads=THREADS)
+        primitive = make_primitive(stage)
         for number in NUMBERS:
             start = time.perf_counter()
-            sizes = cut_sizes(stage.pyramid, number, **levels)
-            found = sizes.finest_within(number)
+            tolerance = primitive.tolerance_for_cells(number)
             middle = time.perf_counter()
-            cut = cut_pyramid(stage.pyramid, found.tolerance, finest_level=finest_level_at(stage, found.tolerance))
+            found = primitive.num_cells(tolerance)
             end = time.perf_counter()
-            assert len(cut) == found.num_cells <= number
-            next_finer = "none"
-            if sizes.tolerance_limit > 0:
-                finer = cut_pyramid(stage.pyramid, sizes.tolerance_limit, finest_level=levels["finest_level"])
-                assert len(finer) > number
-                next_finer = f"{len(finer)}"
-            under = f"{1 - len(cut) / number:.2%}" if found.tolerance > 0 else "full resolution"
+            assert found <= number
+            next_finer = primitive.num_cells(tolerance * (1 - 1e-9))
+            assert tolerance == 0 or next_finer > number
+            under = f"{1 - found / number:.2%}" if tolerance else "full resolution"
             yield (
-                f"| {name} | {number} | {len(cut)} | {under} | {next_finer} | {(middle - start) * 1e3:.0f} ms "
-                f"| {(end - middle) * 1e3:.0f} ms |"
+                f"| {name} | {number} | {found} | {under} | {next_finer if tolerance else 'none'} "
+                f"| {(middle - start) * 1e3:.1f} ms | {(end - middle) * 1e3:.1f} ms |"
             )
     yield ""
 
@@ -113,7 +102,7 @@ def seconds(data: Path) -> Iterator[str]:
         "machine allows."
     )
     yield ""
-    yield "| volume | S | frames | in time | steady | median | predicted | cells | cuts in the film |"
+    yield "| volume | S | frames | in time | steady | median | predicted | bricks | cuts in the film |"
     yield "|---|---|---|---|---|---|---|---|---|"
     for name in ("engine", "bonsai"):
         for budget in SECONDS:
@@ -124,7 +113,7 @@ def seconds(data: Path) -> Iterator[str]:
             later = list(zip(frames, taken, strict=True))[SETTLED:]
             in_time = [_is_near(t, budget) or (t < budget and frame["tolerance"] == 0) for frame, t in later]
             tolerance = frames[num // 2]["tolerance"]
-            same = [path, "splat.order=unmixed", f"error.tolerance={tolerance!r}"]
+            same = [path, f"error.tolerance={tolerance!r}"]
             steady = _steady(_taken(_render(data, name, same)["frames"])[SETTLED:])
             cells = [frame["cells"] for frame in frames]
             predicted = statistics.median(frame["predicted_seconds"] for frame in frames)
@@ -180,7 +169,7 @@ def _render(data: Path, name: str, changes: Sequence[str], *options: str) -> dic
         film = Path(folder) / "film.mp4"
         command = [sys.executable, "-m", "hsplat_cli", "render", str(ROOT / "configs" / f"{name}.yaml"), "--quiet"]
         command += ["--best-effort", "--volume", str(data / f"{name}.nhdr"), "--output", str(film), *options]
-        command += [word for change in (SPLATS, "output.background=black", *changes) for word in ("--set", change)]
+        command += [word for change in ("output.background=black", *changes) for word in ("--set", change)]
         subprocess.run(command, check=True, cwd=ROOT)
         record: dict[str, Any] = json.loads((Path(folder) / "film.mp4.json").read_text())
         return record
