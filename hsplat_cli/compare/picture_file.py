@@ -13,7 +13,6 @@ import struct
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import imageio.v3
 import numpy as np
@@ -77,9 +76,9 @@ def decode_picture(content: bytes, path: Path) -> Pixels:
         chunks = png_chunks(content)
     except ValueError as error:
         raise _unreadable_error(str(error), content, path) from error
-    header = _parse_header(chunks, path)
+    shape, is_interlaced = _parse_header(chunks, path)
     data = b"".join(content for name, content in chunks if name == b"IDAT")
-    if not _is_complete(data, header):
+    if not _is_complete(data, shape, is_interlaced=is_interlaced):
         raise _damaged_error(path)
     # Other chunks could change the picture or its cost.
     plain = join_png_chunks([chunks[0], (b"IDAT", data), chunks[-1]])
@@ -87,20 +86,13 @@ def decode_picture(content: bytes, path: Path) -> Pixels:
         pixels = np.asarray(imageio.v3.imread(plain, extension=_SUFFIX, plugin="pillow"))
     except (OSError, SyntaxError, ValueError) as error:  # Pillow raises SyntaxError for a broken PNG
         raise _damaged_error(path) from error
-    if pixels.shape != (header.height, header.width, header.channels) or pixels.dtype != np.uint8:
+    if pixels.shape != shape or pixels.dtype != np.uint8:
         raise _damaged_error(path)
     return pixels
 
 
-class _Header(NamedTuple):
-    width: int
-    height: int
-    channels: int
-    is_interlaced: bool
-
-
-def _parse_header(chunks: Sequence[tuple[bytes, bytes]], path: Path) -> _Header:
-    """Parse the header. Raises InputError if the picture is not supported."""
+def _parse_header(chunks: Sequence[tuple[bytes, bytes]], path: Path) -> tuple[tuple[int, int, int], bool]:
+    """Return height, width and channels, and whether rows are interlaced. Raises InputError if not supported."""
     content, names = chunks[0][1], [name for name, _ in chunks]
     strange = [name for name in names if name[:1].isupper() and name not in _KNOWN_CHUNKS]
     if len(content) != 13 or names.count(b"IHDR") > 1 or strange:
@@ -120,15 +112,16 @@ def _parse_header(chunks: Sequence[tuple[bytes, bytes]], path: Path) -> _Header:
             expected="8-bit RGB or RGBA",
             hint="stored values are compared without conversion: save it as 8-bit RGB or RGBA",
         )
-    return _Header(width, height, _CHANNELS[color_type], interlace == 1)
+    return (height, width, _CHANNELS[color_type]), interlace == 1
 
 
-def _is_complete(data: bytes, header: _Header) -> bool:
+def _is_complete(data: bytes, shape: tuple[int, int, int], *, is_interlaced: bool) -> bool:
     """Return whether the data has exactly as many bytes as the picture, which decoders do not check."""
     expected = 0
-    for x, y, dx, dy in _ADAM7_PASSES if header.is_interlaced else ((0, 0, 1, 1),):
-        columns, rows = -(-(header.width - x) // dx), -(-(header.height - y) // dy)
-        expected += rows * (1 + columns * header.channels) if columns > 0 else 0
+    height, width, channels = shape
+    for x, y, dx, dy in _ADAM7_PASSES if is_interlaced else ((0, 0, 1, 1),):
+        columns, rows = -(-(width - x) // dx), -(-(height - y) // dy)
+        expected += rows * (1 + columns * channels) if columns > 0 else 0
     unpacker = zlib.decompressobj()
     try:
         found = len(unpacker.decompress(data, expected + 1))  # one more, to detect the end

@@ -38,7 +38,12 @@ def cost_columns(measurements: Sequence[Measurement], format_count: Callable[[fl
     return [
         *counts,
         _number("time", "ms", lambda m: m.frame_seconds, ms_text),
-        Column("quartiles", "ms", _quartile_distance, _quartiles_text),
+        Column(
+            "quartiles",
+            "ms",
+            lambda m: m.frame_seconds_spread[1] - m.frame_seconds_spread[0],
+            lambda m: " to ".join(map(ms_text, m.frame_seconds_spread)),
+        ),
         _number("once", "ms", _seconds_once, ms_text),
         _number("memory", "", lambda m: m.peak_bytes, bytes_text),
     ]
@@ -52,20 +57,11 @@ def metric_column(name: str, pixels: str) -> Column:
 
 
 def _number(title: str, unit: str, value: Callable[[Measurement], float | None], text: Callable[[Any], str]) -> Column:
-    return Column(title, unit, lambda m: _or_nan(value(m)), lambda m: text(value(m)))
+    def or_nan(measurement: Measurement) -> float:
+        found = value(measurement)
+        return math.nan if found is None else found
 
-
-def _or_nan(value: float | None) -> float:
-    return math.nan if value is None else value
-
-
-def _quartile_distance(measurement: Measurement) -> float:
-    low, high = measurement.frame_seconds_spread
-    return high - low
-
-
-def _quartiles_text(measurement: Measurement) -> str:
-    return " to ".join(map(ms_text, measurement.frame_seconds_spread))
+    return Column(title, unit, or_nan, lambda m: text(value(m)))
 
 
 def _seconds_once(measurement: Measurement) -> float:

@@ -20,12 +20,6 @@ from renderer.study import METRICS, Accuracy, FrameMeasurement, Measurement, Stu
 
 FORMAT = 1
 
-_NULL_MEANING = (
-    "what is not defined, not known or infinite; a psnr is infinite where the rmse is 0, "
-    "num_cells, num_splats and pyramid_seconds are null for a program that has none, num_splats for bricks, "
-    "which num_cells counts"
-)
-
 
 def terminal_table(study: Study) -> str:
     """Return a line for each measurement under a line for its series, with a line break.
@@ -123,12 +117,11 @@ def _csv_value(value: object) -> object:
 
 
 def json_text(study: Study, *, date: str) -> str:
-    """Return the study without its pictures as JSON, in seconds, bytes and dB; `null_means` explains its nulls."""
+    """Return the study without its pictures as JSON, in seconds, bytes and dB."""
     on_fronts = on_pareto_fronts(study.measurements)
     record = {
         "format": FORMAT,
         "date": date,
-        "null_means": _NULL_MEANING,
         "scene": study.scene,
         "volume": study.volume,
         "machine": study.machine,

@@ -57,20 +57,12 @@ class FrameDifference:
         self._signed_errors = _signed_errors_in_255ths(golden, actual)
 
     @property
-    def signed(self) -> Levels:
-        """float32 [h, w, 3 or 4]: actual minus golden, in levels."""
-        return _in_levels(self._signed_errors)
-
-    @property
     def signed_levels(self) -> Levels:
         """float32 [h, w]: the signed error of each pixel's worst channel, in levels."""
         largest = np.abs(self._signed_errors).argmax(axis=2)[..., None]
-        return _in_levels(np.take_along_axis(self._signed_errors, largest, axis=2)[..., 0])
-
-    @property
-    def levels(self) -> Levels:
-        """float32 [h, w]: the error of each pixel's worst channel, in levels."""
-        return np.abs(self.signed_levels)
+        errors = np.take_along_axis(self._signed_errors, largest, axis=2)[..., 0]
+        levels: Levels = errors.astype(np.float32) / np.float32(_UNITS_PER_LEVEL)
+        return levels
 
     @property
     def bias(self) -> tuple[float, ...]:
@@ -92,7 +84,7 @@ class FrameDifference:
         return max(int(self._signed_errors.max()), -int(self._signed_errors.min())) / _UNITS_PER_LEVEL
 
     def p99(self) -> float:
-        """Return the 99th percentile of `levels`."""
+        """Return the 99th percentile of the pixels' largest errors, in levels."""
         return float(np.percentile(np.abs(self._signed_errors).max(axis=2), 99)) / _UNITS_PER_LEVEL
 
     def densest(self) -> float:
@@ -208,12 +200,6 @@ def _signed_errors_in_255ths(golden: Pixels, actual: Pixels) -> npt.NDArray[np.i
     else:
         errors *= _UNITS_PER_LEVEL
     return errors
-
-
-def _in_levels(errors: npt.NDArray[np.int32]) -> Levels:
-    levels: Levels = errors.astype(np.float32)
-    levels /= _UNITS_PER_LEVEL
-    return levels
 
 
 def _largest_window_sum(errors: npt.NDArray[np.int32]) -> int:

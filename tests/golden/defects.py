@@ -365,7 +365,7 @@ def _is_transparent(shot: Shot) -> bool:
 
 
 def _shows(shot: Shot) -> npt.NDArray[np.bool_]:
-    """bool [h, w]: where the picture is at least half as opaque as anywhere."""
+    """Return bool [h, w]: where the picture is at least half as opaque as anywhere."""
     alpha = shot.frame.radiance[..., 3]
     return alpha >= 0.5 * alpha.max()
 

@@ -9,7 +9,6 @@ import numpy as np
 from defects import DEFECTS, SEEN_LEVELS
 from harmless import HARMLESS, Machine, drawn_by
 from subjects import Pixels, Shot
-from windows import WINDOWS
 
 from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS, FrameDifference, exceeded_limits
 
@@ -19,7 +18,6 @@ class Measured:
     """A change of one subject's picture, in figures.
 
     passes_at: the strictest level at which it has to pass; None for a defect. bias: of each channel, in levels.
-    windows: the candidates for `densest`, by name.
     """
 
     subject: str
@@ -27,7 +25,6 @@ class Measured:
     passes_at: str | None
     figures: dict[str, float]
     bias: tuple[float, ...]
-    windows: dict[str, float]
 
     @property
     def is_defect(self) -> bool:
@@ -40,7 +37,7 @@ class Measured:
         return self.figures["largest"] >= SEEN_LEVELS
 
     def over(self, level: str) -> list[str]:
-        """Figures over that level's limits."""
+        """Return the figures over that level's limits."""
         return exceeded_limits(self.figures, STRICTNESS_LEVELS[level].limits)
 
 
@@ -68,9 +65,7 @@ def on_machine(shots: Sequence[Shot], machine: Machine, primitive: str) -> tuple
 
 def _measured(shot: Shot, change: str, picture: Pixels, passes_at: str | None) -> Measured:
     difference = FrameDifference(shot.golden, picture)
-    signed = difference.signed.astype(np.float64)
-    if not signed.any():  # nearly all machines draw the same picture; the metrics of the eye take their time
+    if difference.largest() == 0:  # nearly all machines draw the same picture; the metrics of the eye take their time
         figures = {name: float(figure.higher_is_better) for name, figure in COMPARISON_METRICS.items()}
-        return Measured(str(shot), change, passes_at, figures, difference.bias, dict.fromkeys(WINDOWS, 0.0))
-    windows = {name: window(signed) for name, window in WINDOWS.items()}
-    return Measured(str(shot), change, passes_at, difference.metrics(COMPARISON_METRICS), difference.bias, windows)
+        return Measured(str(shot), change, passes_at, figures, difference.bias)
+    return Measured(str(shot), change, passes_at, difference.metrics(COMPARISON_METRICS), difference.bias)

@@ -12,23 +12,19 @@ Drivers that a machine has beside its own are named with what makes a program lo
 from __future__ import annotations
 
 import argparse
-import json
 import shlex
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 FOLDER = Path(__file__).resolve().parent
 ROOT = FOLDER.parents[1]
 sys.path[:0] = [str(ROOT), str(FOLDER), str(ROOT / "tests" / "support")]
 
-from defects import SEEN_LEVELS  # noqa: E402
 from harmless import BRICK_MACHINES, SPLAT_MACHINES, Machine  # noqa: E402
 from measured import Measured, defects, harmless_changes, on_machine  # noqa: E402
 from subjects import BRICKS, SPLATS, Shot, Subject  # noqa: E402
-from windows import WINDOWS  # noqa: E402
 
 from renderer.draw import CPURasterizer, GLRasterizer  # noqa: E402
 from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS  # noqa: E402
@@ -41,18 +37,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("primitive", choices=PARTS)
     parser.add_argument("--driver", action="append", default=[], type=_driver, metavar="NAME: KEY=VALUE ...")
-    parser.add_argument("--measured", type=Path, help="a file that keeps the measurements; if it exists, it is read")
     arguments = parser.parse_args()
-    kept: dict[str, Any]
-    if arguments.measured is None or not arguments.measured.exists():
-        rows, names = _measure(arguments.primitive, arguments.driver)
-        kept = {"rows": [asdict(row) for row in rows], "drawn_by": names, "commit": commit()}
-    else:
-        kept = json.loads(arguments.measured.read_text(encoding="utf-8"))
-    if arguments.measured is not None:
-        arguments.measured.write_text(json.dumps(kept), encoding="utf-8")
-    rows = [Measured(**row) for row in kept["rows"]]
-    text = part(arguments.primitive, rows, kept["drawn_by"], kept["commit"])
+    rows, names = _measure(arguments.primitive, arguments.driver)
+    text = part(arguments.primitive, rows, names, commit())
     file = ROOT / "docs" / "benchmarks" / "goldens.md"
     file.write_text(replace_part(file.read_text(encoding="utf-8"), arguments.primitive, text), encoding="utf-8")
 
@@ -103,8 +90,6 @@ def part(primitive: str, rows: Sequence[Measured], drawn_by: dict[str, str], mea
             *_harmless(rows, drawn_by, PARTS[primitive]),
             *_defects(rows),
             *_unseen(rows),
-            *_windows(rows),
-            *_everything(rows, PARTS[primitive]),
             f"`python tests/golden/separation.py {primitive}` measured this at commit {measured_at} on "
             f"{drawn_by['this machine']}.",
             "",
@@ -217,43 +202,6 @@ def _all_figures(row: Measured) -> list[str]:
     return [row.subject, row.change, *figures, " ".join(f"{mean:+.2g}" for mean in row.bias)]
 
 
-def _windows(rows: Sequence[Measured]) -> list[str]:
-    """How many defects each candidate for `densest` finds without failing what must pass."""
-    harmless, seen = [row for row in rows if not row.is_defect], [row for row in rows if row.is_defect and row.is_seen]
-    quiet = [row for row in seen if row.figures["largest"] <= STRICTNESS_LEVELS[CROSS].limits["largest"]]
-    faint = [row for row in rows if row.is_defect and 0 < row.figures["largest"] < SEEN_LEVELS]
-    lines = []
-    for name in WINDOWS:
-        same = max(row.windows[name] for row in harmless if row.passes_at != CROSS)
-        cross = max(row.windows[name] for row in harmless)
-        found = [
-            sum(row.windows[name] > ROOM * worst for row in group)
-            for group, worst in ((faint, same), (seen, cross), (quiet, cross))
-        ]
-        lines.append([name, _number(same), str(found[0]), _number(cross), *map(str, found[1:])])
-    header = ["in the worst window", f"worst that must pass at `{SAME}`", f"{len(faint)} faint defects over {ROOM:g} x"]
-    header += [f"worst that must pass at `{CROSS}`", f"{len(seen)} defects over {ROOM:g} x"]
-    header += [f"{len(quiet)} that `largest` does not find"]
-    return ["### Which window", "", WINDOW_TEXT, "", *_table(header, lines)]
-
-
-WINDOW_TEXT = """Which figure of a window should be limited, and how large should the window be? A defect is found
-with room when its figure is that many times the worst that must pass. The mean error of the worst channel over 8 x 8
-pixels is the one that is limited. Larger windows miss small clusters. In smaller windows, and with squared errors,
-single pixels dominate. Signs cancel where a cluster is noise. The figure is a mean of one channel, so it is the same
-with and without alpha."""
-
-ROOM = 1.5
-
-
-def _everything(rows: Sequence[Measured], of_part: Part) -> list[str]:
-    lines = ["### Everything", ""]
-    for subject in of_part.subjects:
-        own = [_all_figures(row)[1:] for row in rows if row.subject == subject.name]
-        lines += [f"#### {subject.name}: {subject.what}", "", *_table(["change", *_FIGURE_HEADERS], own)]
-    return lines
-
-
 def _by_change(rows: Iterable[Measured]) -> list[tuple[str, list[Measured]]]:
     groups: dict[str, list[Measured]] = {}
     for row in rows:
@@ -266,7 +214,7 @@ def _table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> list[str]:
 
 
 def _figure(row: Measured, name: str) -> str:
-    """Empty where the picture is too small for it."""
+    """Return a figure as text, empty where the picture is too small for it."""
     if name not in row.figures:
         return ""
     value = row.figures[name]

@@ -35,7 +35,7 @@ FIRST = "frame-0000.png"
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with frames in golden/ and actual/, and with pictures, films and folders that have one fault each."""
+    """Return a folder with golden/ and actual/, and with pictures, films and folders that have one fault each."""
     folder = tmp_path_factory.mktemp("files")
     frames = [noise(number) for number in range(3)]
     for name in ("golden", "actual", "some_links"):

@@ -38,7 +38,7 @@ class Page(HTMLParser):
         self.words.append(data)
 
     def values(self, name: str) -> list[str]:
-        """Of an attribute, on whatever element."""
+        """Return the values of an attribute, on any element."""
         return [value for _, attribute, value in self.attributes if attribute == name]
 
     @property
@@ -48,7 +48,7 @@ class Page(HTMLParser):
 
 
 def assert_sound_and_alone(text: str) -> None:
-    """One document that loads nothing, whose references lead to places of its own."""
+    """Require one document that loads nothing, whose references lead to places of its own."""
     page = Page(text)
     assert page.tags["html"] == page.tags["body"] == page.tags["h1"] == 1
     assert page.tags["link"] == page.tags["iframe"] == page.tags["object"] == page.tags["base"] == 0
@@ -61,7 +61,7 @@ def assert_sound_and_alone(text: str) -> None:
 
 
 def assert_can_be_heard(text: str) -> None:
-    """Pictures and plots have words, but for those that are decoration; headings of tables say what they head."""
+    """Require words for pictures and plots that are no decoration, and a scope for each heading of a table."""
     page = Page(text)
     assert page.tags["img"] == sum(
         tag == "img" and name == "alt" and value != "" for tag, name, value in page.attributes

@@ -17,13 +17,13 @@ INFINITE = float("inf")
 
 
 def difference(psnr: float) -> ErrorMetrics:
-    """A difference of some PSNR, the other figures falling with it."""
+    """Return the metrics of a picture of some PSNR; the others fall with it."""
     rmse = 10 ** (-psnr / 20)
     return ErrorMetrics(rmse, min(1.0, 4 * rmse), psnr, 1 - rmse, 2 * rmse, 3 * rmse, rmse)
 
 
 def accuracy(psnr: float) -> Accuracy:
-    """3 dB worse on the volume."""
+    """Return an accuracy that is 3 dB worse on the volume."""
     return Accuracy(difference(psnr), difference(psnr - 3))
 
 
@@ -40,7 +40,7 @@ def measure(
     tool: str = "hsplat",
     frames: Sequence[int] = (0, 7),
 ) -> Measurement:
-    """One setting of `quality` (PSNR in dB, or everything), drawn three times on each frame, in `frame_ms` or so."""
+    """Return a setting of `quality` (PSNR in dB, or all), drawn three times on each frame, in about `frame_ms`."""
     is_own = tool == "hsplat"
     result = quality if isinstance(quality, Accuracy) else accuracy(quality)
     times = tuple(frame_ms / 1000 * part for part in (0.9, 1.0, 1.3))
@@ -63,7 +63,7 @@ def measure(
 
 
 def own_series() -> list[Measurement]:
-    """Four points, of which that of tolerance 0.2 is dominated in time by 0.1, and in splats by none."""
+    """Return four points; that of tolerance 0.2 is dominated in time by 0.1, and in splats by none."""
     return [
         measure("tolerance 1", 10, 1000, 22),
         measure("tolerance 0.2", 90, 3000, 27),
@@ -73,7 +73,7 @@ def own_series() -> list[Measurement]:
 
 
 def peer_series() -> list[Measurement]:
-    """Of the peer: no splats, no cells, one stage."""
+    """Return the settings of a peer: no splats, no cells, one stage."""
     return [
         measure("sample distance 2", 100, None, 29, series="vtk gpu", tool="vtk"),
         measure("sample distance 1", 300, None, 41, series="vtk gpu", tool="vtk"),
@@ -82,7 +82,7 @@ def peer_series() -> list[Measurement]:
 
 
 def brick_series() -> list[Measurement]:
-    """Of bricks, which are no splats: cells, but no number of those."""
+    """Return settings of bricks, which have cells and no splats."""
     series = "integrated, optical"
     drawn = [measure(f"tolerance {t}", ms, None, psnr, series=series) for t, ms, psnr in ((1, 20, 30), (0, 80, 41))]
     options = {"footprint": "integrated"}
@@ -97,7 +97,7 @@ def brick_series() -> list[Measurement]:
 
 
 def study_of(measurements: Sequence[Measurement], **changes: Any) -> Study:
-    """A study of these measurements, on a machine and a scene that do not matter."""
+    """Return a study of these measurements, on any machine and scene."""
     frames = sorted({sample.frame for m in measurements for sample in m.frames})
     convergence = Convergence((0.5, 0.25), (1e-5, 3e-9), (48, 40))
     study = Study(

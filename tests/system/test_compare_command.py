@@ -214,26 +214,18 @@ def test_odd_names_are_printed_and_reported() -> None:
 
 
 @pytest.mark.parametrize(
-    ("script", "codes"),
-    [
-        ('"$@" >/dev/full', (2, 2)),
-        ('"$@" 2>/dev/full', (2, 2)),
-        ('"$@" <&- >&- 2>&-', (0, 1)),
-        ('exec 3> >(true); wait $!; "$@" >&3', (2, 2)),
-    ],
-    ids=["full", "no errors", "all closed", "no reader"],
+    ("script", "code"),
+    [('"$@" >/dev/full', 2), ('"$@" <&- >&- 2>&-', 1), ('exec 3> >(true); wait $!; "$@" >&3', 2)],
+    ids=["full", "all closed", "no reader"],
 )
-def test_exit_code_1_only_means_that_frames_differ(script: str, codes: tuple[int, int]) -> None:
+def test_exit_code_1_only_means_that_frames_differ(script: str, code: int) -> None:
     """It holds where the output cannot be printed, too."""
     paint("frame-3.png", 64)
-    for actual, code in zip(("copy", "actual"), codes, strict=True):
-        shutil.copytree("golden", "copy", dirs_exist_ok=True)
-        command = [sys.executable, "-m", "hsplat_cli", "compare", "golden", actual]
-        done = subprocess.run(
-            ["bash", "-c", script, "bash", *command],
-            check=False,
-            capture_output=True,
-            env=os.environ | {"PYTHONPATH": str(CODE)},
-        )
-        assert done.returncode == code
-        assert b"a bug" not in done.stderr and b"Traceback" not in done.stderr
+    done = subprocess.run(
+        ["bash", "-c", script, "bash", sys.executable, "-m", "hsplat_cli", "compare", "golden", "actual"],
+        check=False,
+        capture_output=True,
+        env=os.environ | {"PYTHONPATH": str(CODE)},
+    )
+    assert done.returncode == code
+    assert b"a bug" not in done.stderr and b"Traceback" not in done.stderr

@@ -20,7 +20,7 @@ FOLDER = Path("goldens")
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Goldens of SCENE."""
+    """Return a folder with SCENE and its goldens."""
     folder = tmp_path_factory.mktemp("made")
     (folder / "scene.yaml").write_text(SCENE, encoding="utf-8")
     assert main.run(["golden", str(folder / "scene.yaml"), str(folder / "goldens"), "--quiet"]) == 0

@@ -15,7 +15,7 @@ from renderer.scene import load_scene
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with the scenes of figures 3 and 5, small ones."""
+    """Return a folder with small scenes of figures 3 and 5."""
     for number, old, new in ((3, "size: [128, 128]", "size: [32, 32]"), (5, "size: [384, 384]", "size: [32, 32]")):
         name = FIGURE_SPECS[number].scene
         text = (SCENES / name).read_text("utf-8")

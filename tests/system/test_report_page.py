@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 import yaml
 from html_page import Page, assert_can_be_heard, assert_sound_and_alone
+from matplotlib.figure import Figure
 from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, peer_series, study_of
 
-from hsplat_cli.reports import REPORT_FILES, format_facts, plot_style, write_study
+from hsplat_cli.reports import REPORT_FILES, format_facts, plot_style, study_html, write_study
 from hsplat_cli.reports.html import PALETTE, figure_to_svg
 from hsplat_cli.reports.plots import TIME_AXIS, metrics_figure, tradeoff_figure
 from hsplat_cli.reports.study_html import study_page
@@ -48,8 +49,12 @@ CASES = {
 
 @cache
 def text_of(case: str) -> str:
-    """Return the page of a case, which takes a second to make."""
-    return study_page(CASES[case], date=DATE)
+    """Return the page of a case; plots take a second, and only some cases need them."""
+    with pytest.MonkeyPatch.context() as patch:
+        if case not in ("all", "hostile names, one measurement of one frame"):
+            for name in ("tradeoff_figure", "metrics_figure"):
+                patch.setattr(study_html, name, lambda *_: Figure(figsize=(1, 1)))
+        return study_page(CASES[case], date=DATE)
 
 
 @cache
@@ -113,7 +118,7 @@ def test_pages_of_bricks_and_splats_tell_them_apart() -> None:
 
 
 def test_stages_show_how_often_they_were_timed() -> None:
-    """The pyramid once, the cut in every repetition, the order in every repetition on both frames."""
+    """The pyramid is timed once, the cut in every repetition, the order in every repetition on both frames."""
     stages = prose_of("all").partition("Time by stage Median")[2]
     assert "pyramid ms, once cut ms, once order ms, each frame" in stages
     assert "tolerance 1 250 × 1 11.0 (10.5 to 11.5) × 3 2.50 (2.31 to 3.06) × 6" in stages
@@ -179,7 +184,7 @@ def test_plots_depend_on_the_page_and_not_on_the_users_settings() -> None:
         assert draw() == svg
 
 
-@pytest.mark.parametrize("decades", [0.1, 1, 2, 4, 6, 9])
+@pytest.mark.parametrize("decades", [0.1, 2, 9])
 def test_ticks_leave_room_for_each_other(decades: float) -> None:
     measurements = own_series()
     costs = {id(m): 10 ** (decades * k / (len(measurements) - 1)) for k, m in enumerate(measurements)}
@@ -202,10 +207,10 @@ def test_facts_are_texts() -> None:
 
 
 def test_three_files_are_the_same_every_time(tmp_path: Path) -> None:
-    paths = write_study(CASES["only the peer, once exact"], tmp_path / "new" / "a", date=DATE)
+    paths = write_study(CASES["nothing measured"], tmp_path / "new" / "a", date=DATE)
     assert paths == [tmp_path / "new" / "a" / name for name in REPORT_FILES]
     assert sorted(paths) == sorted((tmp_path / "new" / "a").iterdir())
-    assert paths[-1].read_text("utf-8") == text_of("only the peer, once exact")
+    assert paths[-1].read_text("utf-8") == text_of("nothing measured")
 
 
 def test_a_full_disk_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -95,18 +95,8 @@ def oblique(columns: tuple[float, float, float]) -> Float64:
     return affine
 
 
-def test_settings_have_unique_names() -> None:
-    settings = vtk_settings()
-    assert len({(setting.series, setting.label) for setting in settings}) == len(settings) == 20
-    assert settings[4] == Setting(
-        "vtk gpu, 1/4 px",
-        "step 0.5",
-        {"tool": "vtk", "mapper": "gpu", "sample_distance": 0.5, "image_reduction": 2},
-    )
-
-
 def test_pictures_are_near_the_truth_in_every_projection_and_shape() -> None:
-    """Also with the front cut off, and with the eye inside."""
+    """They are so with the front cut off, with the eye inside and with nothing in view, too."""
     volume = engine()
     view = look(volume)
     depth = float(np.linalg.norm(view.eye - volume.centre))
@@ -117,8 +107,11 @@ def test_pictures_are_near_the_truth_in_every_projection_and_shape() -> None:
         replace(view, near=depth - 6),
         replace(look(volume, projection="orthographic"), near=depth - 6),
         make_view(CameraSpec(TurntablePath(1, 27.0), field_of_view=60), 0, (17.5, 14.5, 11.5), 30.0, (72, 54)),
+        replace(view, axes=np.diag([-1.0, 1.0, -1.0]) @ view.axes, target=view.eye, distance=0.0),  # shows nothing
     ]
-    require_near(measured(volume, transfer(), *views))
+    measurements = measured(volume, transfer(), *views)
+    require_near(measurements)
+    assert all(measurement.frames[-1].accuracy.everywhere.max_error < 1e-12 for measurement in measurements)
 
 
 def test_coarse_settings_are_worse() -> None:
@@ -147,29 +140,15 @@ def test_coarse_settings_are_worse() -> None:
         assert fine > coarse + 3 and fine > quarter + 3
 
 
-@pytest.mark.parametrize(
-    "affine",
-    [
-        oblique((-0.7, 1.0, 1.5)),
-        oblique((1e-4, 1e-4, 2e-4)) @ np.array([[1, 0.3, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]),
-    ],
-    ids=["left-handed", "sheared and tiny"],
-)
-def test_pictures_are_near_the_truth_wherever_the_volume_lies(affine: Float64) -> None:
-    volume = engine(affine=affine)
+def test_pictures_are_near_the_truth_wherever_the_volume_lies() -> None:
+    """It is left-handed, sheared, tiny and far from the origin."""
+    shear = np.array([[1, 0.3, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+    volume = engine(affine=oblique((-1e-4, 1e-4, 2e-4)) @ shear)
     views = [look(volume), look(volume, projection="orthographic")]
     require_near(measured(volume, transfer(unit=volume.finest_spacing), *views))
 
 
-@pytest.mark.parametrize(
-    ("dtype", "low", "high"),
-    [
-        ("uint16", 1000, 60000),
-        ("int64", -(2.0**60), 2.0**60),
-        ("float32", -0.2, 0.2),
-        ("float64", -4e307, 4e307),
-    ],
-)
+@pytest.mark.parametrize(("dtype", "low", "high"), [("float32", -0.2, 0.2), ("float64", -4e307, 4e307)])
 def test_pictures_are_near_the_truth_for_every_kind_of_voxel(dtype: str, low: float, high: float) -> None:
     volume = engine(dtype, low, high)
     require_near(measured(volume, transfer(low, high), look(volume)))
@@ -191,15 +170,45 @@ def test_tables_resolve_a_narrow_window_and_a_step() -> None:
         assert measurement.overall.everywhere.psnr > 39
 
 
-def test_a_view_of_nothing_is_the_background() -> None:
-    volume = engine()
-    view = look(volume)
-    away = replace(view, axes=np.diag([-1.0, 1.0, -1.0]) @ view.axes, target=view.eye, distance=0.0)
-    measurements = measured(volume, transfer(), away)
-    assert len(measurements) == 2
-    for measurement in measurements:
-        assert measurement.overall.everywhere.max_error < 1e-12
-        assert math.isnan(measurement.overall.on_volume.psnr)
+@pytest.mark.parametrize(
+    ("dtype", "values", "extinctions", "expected"),
+    [
+        ("uint8", [0, 60, 255], [0, 0, 1], 3),  # the lowest
+        ("uint8", [0, 60, 80], [1, 1, 0], 90),  # the highest
+        ("int16", [40.4, 41.2, 41.6, 42.4], [1, 0, 0, 1], None),  # no whole number
+        ("int16", [40, 40, 41, 41], [1, 0, 0, 1], 40),  # between steps: the lower one belongs to it
+        ("uint8", [-2000, -1000, 200], [0, 1, 1], None),  # beyond its type
+        ("int64", [-1e30, 0, 1e30], [0, 1, 1], None),
+        ("float32", [40.1, 40.1, 41, 41], [1, 0, 0, 1], np.float32(40.55)),
+        ("float64", [0, 50, 100], [1, 0, 1], 50),  # a single point
+    ],
+)
+def test_the_border_is_transparent(
+    dtype: str, values: list[float], extinctions: list[float], expected: float | None
+) -> None:
+    volume = make_volume(np.resize(np.array([3, 90], dtype), (3, 3, 3)), np.eye(4), "scan")
+    of = TransferFunction(np.array(values, float), np.zeros((len(values), 3)), np.array(extinctions, float), 1.0)
+    if expected is not None:
+        assert with_transparent_border(volume, of).values[0, 0, 0] == expected
+        return
+    with pytest.raises(InputError) as caught:
+        with_transparent_border(volume, of)
+    assert str(caught.value) == (
+        "scan: the transfer function has no transparent value, which a comparison with VTK needs for "
+        "the volume's border\n"
+        f"  expected: an opacity of 0 at some value of type {dtype}\n"
+        "  hint: measure without the peer"
+    )
+
+
+def test_a_thin_volume_has_no_border() -> None:
+    with pytest.raises(InputError) as caught:
+        with_transparent_border(make_volume(np.zeros((2, 5, 4), np.uint8), np.eye(4), "scan"), transfer())
+    assert str(caught.value) == (
+        "scan: the volume is too thin to be compared with VTK, which draws nothing beyond the outer voxel centres\n"
+        "  got: 4 x 5 x 2\n"
+        "  expected: at least 3 voxels along each axis"
+    )
 
 
 def test_only_the_border_changes() -> None:
@@ -213,58 +222,6 @@ def test_only_the_border_changes() -> None:
     assert set(bordered.values[border].tolist()) == {int(volume.values.min())}
     assert np.array_equal(bordered.world_from_index, volume.world_from_index)
     assert bordered.fingerprint != volume.fingerprint
-
-
-def border_value(dtype: str, held: list[float], values: list[float], extinctions: list[float]) -> float:
-    voxels = np.resize(np.array(held, dtype), (3, 3, 3))
-    of = TransferFunction(np.array(values, float), np.zeros((len(values), 3)), np.array(extinctions, float), 1.0)
-    bordered = with_transparent_border(make_volume(voxels, np.eye(4), "scan"), of)
-    value = bordered.values[0, 0, 0]
-    assert of.classify(np.array([value]))[1] == 0
-    return float(value)
-
-
-@pytest.mark.parametrize(
-    ("dtype", "held", "values", "extinctions", "expected"),
-    [
-        ("uint8", [3, 90], [0, 60, 255], [0, 0, 1], 3),  # the lowest
-        ("uint8", [3, 90], [0, 60, 80], [1, 1, 0], 90),  # the highest
-        ("int16", [3, 90], [40.4, 41.2, 41.6, 42.4], [1, 0, 0, 1], None),  # no whole number
-        ("int16", [3, 90], [40, 40, 41, 41], [1, 0, 0, 1], 40),  # between steps: the lower one belongs to it
-        ("int16", [3, 90], [-2000, -1000, 200], [0, 1, 1], -2000),  # beyond what the volume holds
-        ("uint8", [3, 90], [-2000, -1000, 200], [0, 1, 1], None),  # and beyond its type
-        ("float32", [3, 90], [40.1, 40.1, 41, 41], [1, 0, 0, 1], None),
-        ("float64", [3, 90], [0, 50, 100], [1, 0, 1], 50),  # a single point
-    ],
-)
-def test_the_border_has_the_closest_transparent_value(
-    dtype: str, held: list[float], values: list[float], extinctions: list[float], expected: float | None
-) -> None:
-    if expected is not None:
-        assert border_value(dtype, held, values, extinctions) == expected
-    elif dtype == "float32":
-        assert 40.1 <= border_value(dtype, held, values, extinctions) < 41
-    else:
-        with pytest.raises(InputError, match="has no transparent value"):
-            border_value(dtype, held, values, extinctions)
-
-
-def test_volumes_without_a_transparent_border_are_rejected() -> None:
-    with pytest.raises(InputError) as caught:
-        border_value("uint8", [3, 90], [0, 255], [0.5, 1])
-    assert str(caught.value) == (
-        "scan: the transfer function has no transparent value, which a comparison with VTK needs for "
-        "the volume's border\n"
-        "  expected: an opacity of 0 at some value of type uint8\n"
-        "  hint: measure without the peer"
-    )
-    with pytest.raises(InputError) as caught:
-        with_transparent_border(make_volume(np.zeros((2, 5, 4), np.uint8), np.eye(4), "scan"), transfer())
-    assert str(caught.value) == (
-        "scan: the volume is too thin to be compared with VTK, which draws nothing beyond the outer voxel centres\n"
-        "  got: 4 x 5 x 2\n"
-        "  expected: at least 3 voxels along each axis"
-    )
 
 
 # Replaces the worker: writes its process number, describes itself, takes the scene, and acts on the first frame.
@@ -335,24 +292,6 @@ def test_an_interrupted_measurement_ends_its_worker(tmp_path: Path, monkeypatch:
     require_ended(tmp_path)
 
 
-def test_repetitions_go_over_all_frames(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As hsplat's do, so that neither finds in its caches what the other does not."""
-    drawn: list[int] = []
-
-    def draw(_worker: object, _setting: object, camera: int) -> tuple[Float64, float]:
-        drawn.append(camera)
-        return np.zeros((54, 72, 3)), float(len(drawn))
-
-    monkeypatch.setattr(vtk_peer._Worker, "draw", draw)
-    volume = with_transparent_border(engine(), transfer())
-    view = look(volume)
-    truths = [Truth(frame, np.zeros((54, 72, 3)), np.ones((54, 72), bool), CONVERGENCE) for frame in (4, 9)]
-    settings = finest()[:1]
-    (found,) = measure_vtk(volume, transfer(), [view, view], truths, None, settings=settings, repeats=3)
-    assert drawn == [0, 1, 0, 1, 0, 1, 0, 1]
-    assert {sample.frame: sample.seconds["draw"] for sample in found.frames} == {4: (3, 5, 7), 9: (4, 6, 8)}
-
-
 def test_vtk_describes_its_version_and_driver() -> None:
     from vtkmodules.vtkCommonCore import vtkVersion
 
@@ -362,23 +301,15 @@ def test_vtk_describes_its_version_and_driver() -> None:
     assert found["driver"] not in ("", "unknown")
 
 
-@pytest.mark.parametrize(
-    ("action", "got"),
-    [
-        ("print('no screen', file=sys.stderr); sys.exit(3)", "exit status 3\n    no screen"),
-        ("time.sleep(600)", "no answer for 1.5 s"),
-    ],
-)
-def test_a_vtk_that_does_not_start_is_reported(
-    action: str, got: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_vtk_that_does_not_start_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     script = tmp_path / "worker.py"
-    script.write_text(f"import sys, time\n{action}\n", encoding="utf-8")
+    script.write_text("import sys\nprint('no screen', file=sys.stderr)\nsys.exit(3)\n", encoding="utf-8")
     monkeypatch.setattr(vtk_peer, "_SCRIPT", script)
-    monkeypatch.setattr(vtk_peer, "_START_TIMEOUT_S", 1.5)
     with pytest.raises(RenderError) as caught:
         describe_vtk()
-    assert str(caught.value) == f"--peer vtk: VTK does not start\n  got: {got}\n  hint: measure without the peer"
+    assert str(caught.value) == (
+        "--peer vtk: VTK does not start\n  got: exit status 3\n    no screen\n  hint: measure without the peer"
+    )
 
 
 def test_errors_of_vtk_end_the_measurement() -> None:

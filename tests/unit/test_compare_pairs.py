@@ -119,11 +119,6 @@ def test_notes_name_pictures_that_templates_ignore(golden: Path, actual: Path) -
     ]
 
 
-def test_files_of_equal_bytes_are_decoded_once(golden: Path, actual: Path) -> None:
-    with open_pairs(golden, actual) as pairs:
-        assert all(pair.golden is pair.actual for pair in pairs.pairs)
-
-
 def test_damage_is_found_in_equal_files_and_in_frames_of_one_side(golden: Path, actual: Path) -> None:
     extra = actual / "extra.png"
     extra.write_bytes(b"no picture")
@@ -133,16 +128,6 @@ def test_damage_is_found_in_equal_files_and_in_frames_of_one_side(golden: Path, 
         content = (side / "frame-0001.png").read_bytes()
         (side / "frame-0001.png").write_bytes(content[:-20])
     assert problem(golden, actual) == "the PNG file is cut off"
-
-
-def test_odd_names_are_paired(tmp_path: Path) -> None:
-    names = ['a "b" & <c>.png', "new\nline.png", os.fsdecode(b"not-utf-8-\xff.png"), "\x01.png", "é.png", "{}.png"]
-    for side in ("golden", "actual"):
-        (tmp_path / side).mkdir()
-        for name in names:
-            (tmp_path / side / name).write_bytes(encode_png(PICTURES[0]))
-    found = pairs_of(tmp_path / "golden", tmp_path / "actual")
-    assert sorted(found) == sorted((name, True, True) for name in names)
 
 
 def test_nothing_is_compared_with_itself(golden: Path) -> None:
@@ -182,7 +167,7 @@ both_formats = pytest.mark.parametrize("suffix", ["mp4", "gif"])
 
 @pytest.fixture(scope="module")
 def films(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with six frames as film.mp4 and film.gif, and other.* whose fourth frame differs."""
+    """Return a folder with six frames as film.mp4 and film.gif, and other.* whose fourth frame differs."""
     folder = tmp_path_factory.mktemp("films")
     pictures = [smooth(0.3 * number) for number in range(6)]
     others = [*pictures[:3], smooth(2.5), *pictures[4:]]

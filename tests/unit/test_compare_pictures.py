@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from png_files import chunk, interlaced, noise, png_file, unfiltered
 
-from hsplat_cli.compare.picture_file import MAX_PIXELS, read_picture
+from hsplat_cli.compare.picture_file import read_picture
 from renderer.errors import InputError
 from renderer.film import encode_png, join_png_chunks
 
@@ -53,12 +53,6 @@ def test_ancillary_chunks_change_nothing(tmp_path: Path, more: list[tuple[bytes,
     np.testing.assert_array_equal(read(tmp_path, png_file(9, 13, unfiltered(RGB), more=more)), RGB)
 
 
-def test_invisible_colours_are_read(tmp_path: Path) -> None:
-    image = noise(3, 4, 4, 4)
-    image[..., 3] = 0
-    np.testing.assert_array_equal(read(tmp_path, encode_png(image)), image)
-
-
 def test_every_shorter_file_is_refused(tmp_path: Path) -> None:
     content = encode_png(noise(4, 4, 4))
     for length in range(len(content)):
@@ -89,32 +83,6 @@ def test_too_much_data_is_refused(tmp_path: Path) -> None:
     for more in (1, 28, 10**6):
         content = png_file(9, 13, unfiltered(RGB) + bytes(more))
         assert refused(tmp_path, content) == "the PNG file is damaged: data that cannot be decoded"
-
-
-@pytest.mark.parametrize(
-    ("fields", "words"),
-    [
-        ({"depth": 16}, "16-bit RGB"),
-        ({"color_type": 0}, "8-bit grey"),
-        ({"color_type": 4}, "8-bit grey with alpha"),
-        (
-            {"color_type": 3, "more": [(b"PLTE", bytes(768)), (b"tRNS", b"\0")]},
-            "8-bit palette with a transparent colour (tRNS)",
-        ),
-        ({"more": [(b"tRNS", bytes(6))]}, "8-bit RGB with a transparent colour (tRNS)"),
-        ({"more": [(b"acTL", struct.pack(">II", 2, 0))]}, "8-bit RGB with an animation (APNG)"),
-    ],
-    ids=lambda value: value if isinstance(value, str) else "",
-)
-def test_other_kinds_of_pictures_are_refused(tmp_path: Path, fields: dict[str, object], words: str) -> None:
-    content = png_file(4, 4, bytes(4 * 64), **fields)  # type: ignore[arg-type]
-    assert refused(tmp_path, content) == f"not a picture in 8-bit RGB or RGBA: {words}"
-
-
-@pytest.mark.parametrize("size", [(2**31 - 1, 2**31 - 1), (MAX_PIXELS + 1, 1)])
-def test_a_huge_picture_is_refused(tmp_path: Path, size: tuple[int, int]) -> None:
-    width, height = size
-    assert refused(tmp_path, png_file(width, height, b"")) == f"too large a picture: {width} x {height} pixels"
 
 
 def test_unknown_critical_chunks_are_refused(tmp_path: Path) -> None:

@@ -13,7 +13,6 @@ import pytest
 from hsplat_cli.compare.golden.provenance import Golden, Provenance
 from hsplat_cli.compare.golden.render import RenderedFrames
 from hsplat_cli.compare.golden.update_plan import GoldenUpdate, describe_update, plan_update
-from renderer.errors import InputError
 from renderer.film import bytes_digest, encode_png, file_digest
 
 Pixels = npt.NDArray[np.uint8]
@@ -52,9 +51,7 @@ class Desk:
             goldens.append(Golden(frame, f"frame-{frame:04}.png", bytes_digest(content)))
         self.before = replace(self.before, goldens=tuple(goldens))
 
-    def plan(
-        self, *pictures: Pixels, prune: bool = False, tolerance: float = 0.1, date: str | None = None
-    ) -> GoldenUpdate:
+    def plan(self, *pictures: Pixels, tolerance: float = 0.1) -> GoldenUpdate:
         """Plan to give the folder these pictures, of frames from 0 on."""
         names = names_of(range(len(pictures)))
         for frame, picture in enumerate(pictures):
@@ -62,29 +59,12 @@ class Desk:
         files = {frame: self._drawn / f"{frame}.png" for frame in names}
         drawing = RenderedFrames(files, {**ORIGIN, "scene": {"error": {"tolerance": tolerance}}}, ())
         before = self.before if self.before.goldens else None
-        return plan_update(self.folder, before, names, drawing, date=date, prune=prune)
+        return plan_update(self.folder, before, names, drawing, date=None, prune=False)
 
 
 @pytest.fixture
 def desk(tmp_path: Path) -> Desk:
     return Desk(tmp_path)
-
-
-def test_the_first_goldens_are_all_new(desk: Desk) -> None:
-    plan = desk.plan(GREY, lighter(1), date="today")
-    assert plan.changes_anything
-    assert [golden.file for golden in plan.after.goldens] == ["frame-0000.png", "frame-0001.png"]
-    assert {golden.date for golden in plan.after.goldens} == {"today"}
-    assert {name: file_digest(source) for name, source in plan.sources.items()} == {
-        golden.file: golden.digest for golden in plan.after.goldens
-    }
-
-
-def test_equal_frames_are_no_change(desk: Desk) -> None:
-    desk.keep(0, 1)
-    plan = desk.plan(GREY, GREY, date="another date is no change")
-    assert not plan.changes_anything
-    assert (plan.changes, plan.removed) == ([], [])
 
 
 def test_changes_are_listed_worst_first(desk: Desk) -> None:
@@ -104,22 +84,6 @@ def test_other_bytes_of_equal_pixels_are_kept_and_listed(desk: Desk) -> None:
     assert plan.after.goldens == (Golden(0, "frame-0000.png", file_digest(desk.folder / "frame-0000.png")),)
 
 
-def test_only_changed_frames_get_the_new_date(desk: Desk) -> None:
-    desk.keep(0, 1, 2)
-    desk.before = replace(desk.before, goldens=tuple(replace(each, date="old") for each in desk.before.goldens))
-    plan = desk.plan(GREY, lighter(1), date="new")
-    assert [golden.date for golden in plan.after.goldens] == ["old", "new", "old"]
-
-
-def test_goldens_of_another_scene_cannot_stay(desk: Desk) -> None:
-    desk.keep(0, 1)
-    desk.plan(GREY).require_one_origin(desk.folder)
-    desk.plan(GREY, GREY, tolerance=0.2).require_one_origin(desk.folder)
-    desk.plan(GREY, tolerance=0.2, prune=True).require_one_origin(desk.folder)
-    with pytest.raises(InputError, match="goldens of another origin would stay"):
-        desk.plan(GREY, tolerance=0.2).require_one_origin(desk.folder)
-
-
 def test_another_driver_or_version_alone_is_no_change(desk: Desk) -> None:
     desk.keep(0)
     desk.before = replace(desk.before, origin={**ORIGIN, "gl": "y", "versions": {"numpy": "1"}})
@@ -134,16 +98,6 @@ def test_another_scene_of_equal_pixels_is_a_change(desk: Desk) -> None:
     plan = desk.plan(GREY, tolerance=0.2)
     assert plan.changes_anything and plan.changes == []
     assert plan.after.origin["scene"] == {"error": {"tolerance": 0.2}}
-
-
-@pytest.mark.parametrize("prune", [False, True])
-def test_unrequested_goldens_stay_unless_they_are_pruned(desk: Desk, prune: bool) -> None:
-    desk.keep(0, 5, 7)
-    plan = desk.plan(GREY, prune=prune)
-    others = [golden for golden in desk.before.goldens if golden.frame > 0]
-    assert (plan.unrequested, plan.removed) == (([], others) if prune else (others, []))
-    assert plan.changes_anything == prune
-    assert [golden.frame for golden in plan.after.goldens] == ([0] if prune else [0, 5, 7])
 
 
 def test_an_unrequested_golden_without_a_file_is_no_longer_listed(desk: Desk) -> None:

@@ -81,16 +81,8 @@ def test_any_name_of_a_volume_can_be_recorded(name: str, tmp_path: Path) -> None
     assert read_provenance(tmp_path).origin["volume"]["name"].isprintable()
 
 
-@pytest.mark.parametrize(
-    ("frame", "num_frames", "name"),
-    [
-        (7, 120, "frame-0007.png"),
-        (9999, 10_000, "frame-9999.png"),
-        (7, 10_001, "frame-00007.png"),
-    ],
-)
-def test_file_names_are_in_the_order_of_frames(frame: int, num_frames: int, name: str) -> None:
-    assert golden_file_name(frame, num_frames) == name
+def test_file_names_are_in_the_order_of_frames() -> None:
+    assert [golden_file_name(7, num) for num in (120, 10_000, 10_001)] == [*["frame-0007.png"] * 2, "frame-00007.png"]
 
 
 def test_changes_of_the_origin_are_described() -> None:
@@ -140,25 +132,6 @@ def test_forged_content_is_refused(forge: Callable[[dict[str, Any]], Any], tmp_p
         read_provenance(tmp_path)
     assert str(caught.value).startswith(f"{tmp_path / PROVENANCE_FILE}: ")
     assert all(line.isprintable() for line in str(caught.value).splitlines())
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"",
-        b"null",
-        b"\0\xff",
-        b'{"format": "hsplat golden 1", "format": "hsplat golden 1"}',
-        b'{"a": NaN}',
-        b'{"a": ' + b"[" * 100_000,
-        b'{"frames": ' + b"9" * 5000 + b"}",
-    ],
-    ids=["empty", "null", "binary", "a key twice", "NaN", "deep", "a huge number"],
-)
-def test_garbage_is_refused(content: bytes, tmp_path: Path) -> None:
-    (tmp_path / PROVENANCE_FILE).write_bytes(content)
-    with pytest.raises(InputError):
-        read_provenance(tmp_path)
 
 
 def test_a_file_that_is_cut_off_is_refused(tmp_path: Path) -> None:

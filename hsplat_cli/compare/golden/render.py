@@ -15,7 +15,7 @@ from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import Job, load_job
 from hsplat_cli.terminal import Reporter
 from renderer.errors import InputError, RenderError
-from renderer.scene import MetricTarget, TimeBudget
+from renderer.scene import MetricTarget, TimeBudget, schedule_to_dict
 
 _TEMPLATE = Path("frame-{frame}.png")
 
@@ -35,16 +35,15 @@ def load_reproducible_job(scene: Path, *, overrides: Sequence[str] = (), volume:
     Raises InputError if frames depend on the machine's speed or on other frames, or are too large to be read again.
     """
     job = load_job(scene, overrides=overrides, volume=volume, output=_TEMPLATE, draws="nothing")
-    goal = job.scene.error.goal
-    if isinstance(goal, TimeBudget):
-        what, key = "frames within a time budget differ from run to run", "seconds"
-    elif isinstance(goal, MetricTarget):
-        what, key = "frames for an accuracy depend on the other frames", goal.metric
-    else:
-        what, key = "", ""
-    if what:
+    reasons = {
+        TimeBudget: "frames within a time budget differ from run to run",
+        MetricTarget: "frames for an accuracy depend on the other frames",
+    }
+    why = reasons.get(type(job.scene.error.goal))
+    if why:
+        (key,) = schedule_to_dict(job.scene.error)
         raise InputError(
-            f"{what}, and cannot be golden",
+            f"{why}, and cannot be golden",
             where=f"{scene}: error.{key}",
             hint="render a film, and give the JSON file beside it in place of the scene: it has tolerances",
         )

@@ -8,7 +8,7 @@ repairs, but it never misses one, which no update would touch.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from hsplat_cli.compare.golden.provenance import (
     read_provenance,
 )
 from hsplat_cli.compare.golden.render import rendered_frames
-from hsplat_cli.compare.golden.update_plan import GoldenUpdate, describe_update, plan_update, unrequested_lines
+from hsplat_cli.compare.golden.update_plan import GoldenUpdate, describe_update, plan_update
 from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import Reporter, counted, deferrable_interrupts
@@ -72,9 +72,10 @@ def update_goldens(
             )
             plan.require_one_origin(folder)
             must_ask = provenance is not None and plan.changes_anything and not golden_options.yes
-            for line in (*(f"note: {note}" for note in rendered.notes), *_report(plan, folder)):
+            for line in (*(f"note: {note}" for note in rendered.notes), *describe_update(plan)):
                 (reporter.result if must_ask else reporter.line)(line)
             if not plan.changes_anything:
+                reporter.line(f"{folder}: nothing changes")
                 return
             if must_ask and not ask():
                 reporter.result("nothing was written")
@@ -85,15 +86,6 @@ def update_goldens(
     written = goldens if num_written == num_goldens else f"{num_written} of {goldens} written"
     reporter.line(f"{folder}: {written}")
     reporter.line(f"origin: {folder / PROVENANCE_FILE}")
-
-
-def _report(plan: GoldenUpdate, folder: Path) -> Iterator[str]:
-    """Return the lines to print before anything is written."""
-    if not plan.changes_anything:
-        yield f"{folder}: nothing changes"
-        yield from unrequested_lines(plan)
-    elif plan.before is not None:
-        yield from describe_update(plan)
 
 
 def _apply(plan: GoldenUpdate, folder: Path) -> None:

@@ -108,7 +108,10 @@ def _compare(path: Path, source: Path, *, is_new: bool) -> Outcome:
 
 def describe_update(plan: GoldenUpdate) -> Iterator[str]:
     """Return lines for the terminal: changes and their size, removed and kept goldens, and the probable cause."""
-    assert plan.before is not None, "first goldens are not an update"
+    if plan.unrequested:
+        yield f"not requested, and kept (--prune removes them): {_names(plan.unrequested)}"
+    if plan.before is None or not plan.changes_anything:
+        return
     num_changes, frames = len(plan.changes), counted(len(plan.after.goldens) - len(plan.unrequested), "frame")
     if num_changes:
         yield f"{num_changes} of {frames} change{'s' * (num_changes == 1)}:"
@@ -117,18 +120,11 @@ def describe_update(plan: GoldenUpdate) -> Iterator[str]:
         yield f"no pixel of {frames} changes"
     if plan.removed:
         yield f"to be removed, because not requested: {_names(plan.removed)}"
-    yield from unrequested_lines(plan)
     if not (num_changes or plan.removed) and plan.before.goldens != plan.after.goldens:
         yield f"{PROVENANCE_FILE} changes: the files differ from those it lists"
     cause = describe_changes(plan.before.origin, plan.after.origin)
     if cause:
         yield f"changed since they were rendered: {cause}"
-
-
-def unrequested_lines(plan: GoldenUpdate) -> Iterator[str]:
-    """Return a line on goldens that are not requested and stay."""
-    if plan.unrequested:
-        yield f"not requested, and kept (--prune removes them): {_names(plan.unrequested)}"
 
 
 def _lines_of(all_changes: Sequence[Outcome]) -> Iterator[str]:

@@ -27,7 +27,6 @@ from renderer.scene import (
 T = TypeVar("T")
 
 _MEASURES = {"optical": ("optical", "classified"), "rms": ("rms", "classified"), "rms:scalar": ("rms", "scalar")}
-_NO_CORRECTION_NOTE = "the integrated footprint has no opacity correction to switch off; it is measured as it is"
 _WANTED: FieldTable = {
     "psnr": number_field(above=0, maximum=MAX_PSNR_DB),
     **dict.fromkeys(("rmse", "ssim", "flip"), number_field(above=0, maximum=1)),
@@ -39,13 +38,12 @@ class Sweep:
     """Lists of which all combinations are measured.
 
     errors: one for each measure; their tolerance is ignored. splats: each footprint, corrected or not.
-    tolerances: None for a choice that suits the volume. notes: on requests that were changed.
+    tolerances: None for a choice that suits the volume.
     """
 
     errors: tuple[ErrorSpec, ...]
     splats: tuple[SplatSpec, ...]
     tolerances: tuple[float, ...] | None
-    notes: tuple[str, ...] = ()
 
 
 def parse_sweep(scene: Scene, *, tolerances: str | None, footprints: str, measures: str, corrections: str) -> Sweep:
@@ -54,12 +52,10 @@ def parse_sweep(scene: Scene, *, tolerances: str | None, footprints: str, measur
     shapes = _items("--footprints", footprints, _footprint_field(scene.splat))
     pairs = [_MEASURES[word] for word in _items("--measures", measures, choice_field(*_MEASURES))]
     splats = [_with_correction(shape, is_on) for is_on in are_corrected for shape in shapes]
-    needs_correction_note = not any(are_corrected) and any(shape.footprint == "integrated" for shape in shapes)
     return Sweep(
         errors=tuple(replace(scene.error, measure=measure, of=of) for measure, of in pairs),  # type: ignore[arg-type]
         splats=tuple(dict.fromkeys(splats)),
         tolerances=None if tolerances is None else _items("--tolerances", tolerances, number_field(minimum=0)),
-        notes=(_NO_CORRECTION_NOTE,) * needs_correction_note,
     )
 
 

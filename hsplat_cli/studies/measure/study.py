@@ -99,7 +99,7 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
     except (KeyboardInterrupt, HsplatError) as error:
         end = error
     if measurements:
-        notes = [*scene_notes(scene, has_transparent_border=request.peer is not None), *request.sweep.notes]
+        notes = scene_notes(scene, has_transparent_border=request.peer is not None)
         if end:
             why = f"ended by an error ({end.what})" if isinstance(end, HsplatError) else "interrupted"
             notes.insert(0, f"{why}: {counted(len(measurements), 'setting')} had been measured")

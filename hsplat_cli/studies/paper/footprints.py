@@ -29,8 +29,6 @@ SHOWN_FANS = (0, 2, 5)
 MIN_TRIANGLES, MAX_INTEGRAL_ERROR = 40, 0.05
 # Share of the peak by which the finest fan may deviate from the smooth profile.
 MAX_DEVIATION = 0.02
-# The plot shows mean, minimum and maximum of the pixels in each of these rings around the centre.
-NUM_RINGS = 48
 
 
 @dataclass(frozen=True)
@@ -39,7 +37,7 @@ class FootprintError:
 
     deviation: largest difference of a pixel's alpha, as a share of the profile's peak.
     integral_error: relative error of the sum of all alphas.
-    radii: float64 [n], rings of pixels, in standard deviations. alphas: float64 [n, 3], their mean, minimum, maximum.
+    radii, alphas: float64 [n], of the pixels to the right of the centre; radii in standard deviations.
     """
 
     name: str
@@ -154,16 +152,14 @@ def _measure_footprint(stage: Stage, name: str, num_triangles: int, figure_rende
     )
     radii, profile = _smooth_profile(stage)
     smooth, alpha = np.interp(distance, radii, profile), frame.radiance[..., 3].astype(np.float64)
-    end = radii[-2]
-    ring = np.minimum((distance / end * NUM_RINGS).astype(int), NUM_RINGS)
-    rings = [alpha[ring == k] for k in range(NUM_RINGS)]
+    right = (height // 2, slice(width // 2, None))
     return FootprintError(
         name,
         num_triangles,
         float(np.abs(alpha - smooth).max() / profile[0]),
         float(alpha.sum() / smooth.sum() - 1),
-        (np.arange(NUM_RINGS) + 0.5) * end / NUM_RINGS,
-        np.array([[values.mean(), values.min(), values.max()] if values.size else [np.nan] * 3 for values in rings]),
+        distance[right],
+        alpha[right],
         frame.image,
     )
 
@@ -175,16 +171,14 @@ def _caption(item: FootprintError) -> str:
 def _profiles(numbers: FootprintErrors) -> Chart:
     plot, axes = new_plot("distance from the centre, standard deviations", "alpha")
     for color, fan in zip(SERIES_COLORS, (numbers.fans[k] for k in SHOWN_FANS), strict=False):
-        axes.fill_between(fan.radii, fan.alphas[:, 1], fan.alphas[:, 2], color=color, alpha=0.2, linewidth=0)
-        axes.plot(fan.radii, fan.alphas[:, 0], color=color, label=_caption(fan))
-    axes.plot(
-        numbers.gaussian.radii, numbers.gaussian.alphas[:, 0], color=SERIES_COLORS[3], linestyle=":", label="Gaussian"
-    )
+        axes.plot(fan.radii, fan.alphas, color=color, label=_caption(fan))
+    gaussian = numbers.gaussian
+    axes.plot(gaussian.radii, gaussian.alphas, color=SERIES_COLORS[3], linestyle=":", label="Gaussian")
     axes.plot(*numbers.smooth[:-1].T, color=SERIES_COLORS[7], linestyle="--", label="smooth profile")
     axes.legend()
     return Chart(
         plot,
-        "Alpha over the distance from the centre: mean over all directions, and range",
+        "Alpha over the distance from the centre, to the right",
         "Alpha over the distance from the centre, for three fans, the Gaussian and the smooth profile",
     )
 

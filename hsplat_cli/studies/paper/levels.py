@@ -34,7 +34,7 @@ MIN_ERROR_RATIO = 5.0
 class LevelError:
     """Error of a level's picture against that of level 0, in RGB over the background.
 
-    mean_alpha, rmse, largest: over the inside. rmse_everywhere: over all pixels.
+    mean_alpha, rmse, largest: over the inside.
     """
 
     level: int
@@ -42,7 +42,6 @@ class LevelError:
     mean_alpha: float
     rmse: float
     largest: float
-    rmse_everywhere: float
 
 
 @dataclass(frozen=True)
@@ -147,7 +146,6 @@ def _draw_levels(
                 float(frame.radiance[..., 3][inside].mean(dtype=np.float64)),
                 float(np.sqrt(np.mean(difference[inside] ** 2))),
                 float(difference[inside].max()),
-                float(np.sqrt(np.mean(difference**2))),
             )
         )
         pictures.append((frame.image, f"level {level}: {counted(frame.num_cells, 'cell')}"))
@@ -163,7 +161,6 @@ def _table_lines(distances: tuple[LevelError, ...]) -> list[dict[str, str]]:
             "error against level 0": f"{distance.mean_alpha - distances[0].mean_alpha:+.4f}",
             "RMSE inside": f"{distance.rmse:.4f}",
             "largest inside": f"{distance.largest:.4f}",
-            "RMSE of all pixels": f"{distance.rmse_everywhere:.4f}",
         }
         for distance in distances
     ]
