@@ -118,18 +118,20 @@ changed since they were rendered: gl was 'llvmpipe'; versions.numpy was '2.1.0'"
 
 
 @pytest.mark.parametrize(
-    ("after", "removed", "text"),
+    ("before", "after", "removed", "text"),
     [
-        (provenance(0, numpy="3"), (), "changed since they were rendered: versions.numpy was '2.1.0'"),
-        (provenance(1), (), "golden.json changes: the files differ from those it lists"),
+        (provenance(0), provenance(1), (), "golden.json changes: the files differ from those it lists"),
         (
+            provenance(*range(8), numpy="3"),
             provenance(0),
             provenance(*range(1, 8)).goldens,
             "to be removed, because not requested: frame-0001.png, frame-0002.png, frame-0003.png, frame-0004.png, "
-            "frame-0005.png and 2 more",
+            "frame-0005.png and 2 more\nchanged since they were rendered: versions.numpy was '3'",
         ),
     ],
 )
-def test_an_update_without_pixels_says_what_changes(after: Provenance, removed: tuple[Golden, ...], text: str) -> None:
-    plan = GoldenUpdate(provenance(0), after, (), {}, removed, ())
+def test_an_update_without_pixels_says_what_changes(
+    before: Provenance, after: Provenance, removed: tuple[Golden, ...], text: str
+) -> None:
+    plan = GoldenUpdate(before, after, (), {}, removed, ())
     assert "\n".join(describe_update(plan)) == f"no pixel of 1 frame changes\n{text}"

@@ -108,9 +108,9 @@ def _compare(path: Path, source: Path, *, is_new: bool) -> Outcome:
 
 def describe_update(plan: GoldenUpdate) -> Iterator[str]:
     """Return lines for the terminal: changes and their size, removed and kept goldens, and the probable cause."""
-    if plan.unrequested:
-        yield f"not requested, and kept (--prune removes them): {_names(plan.unrequested)}"
+    kept = [f"not requested, and kept (--prune removes them): {_names(plan.unrequested)}"] * bool(plan.unrequested)
     if plan.before is None or not plan.changes_anything:
+        yield from kept
         return
     num_changes, frames = len(plan.changes), counted(len(plan.after.goldens) - len(plan.unrequested), "frame")
     if num_changes:
@@ -120,6 +120,7 @@ def describe_update(plan: GoldenUpdate) -> Iterator[str]:
         yield f"no pixel of {frames} changes"
     if plan.removed:
         yield f"to be removed, because not requested: {_names(plan.removed)}"
+    yield from kept
     if not (num_changes or plan.removed) and plan.before.goldens != plan.after.goldens:
         yield f"{PROVENANCE_FILE} changes: the files differ from those it lists"
     cause = describe_changes(plan.before.origin, plan.after.origin)
