@@ -84,16 +84,15 @@ class Executor:
             return
         assert self.rasterizer is not None
         most = self._spec.workers or _default_num_workers(self.renderer_name, plan.stage)
-        num_workers = max(1, min(most, num_frames))
+        num_workers = 1 if plan.is_timing_dependent else max(1, min(most, num_frames))
         with contextlib.ExitStack() as stack:
 
             def start_pool(stage: Stage) -> Pool:
                 threads_per_worker = max(1, num_cores() // num_workers)
                 return stack.enter_context(open_pool(stage, num_workers, threads_per_worker=threads_per_worker))
 
-            has_workers = num_workers > 1 and not plan.is_timing_dependent
-            start, needs_pool = start_pool if has_workers else None, self._spec.workers is not None
-            executor = _GrowingExecutor(plan, self.rasterizer, start, needs_pool=needs_pool)
+            start = start_pool if num_workers > 1 else None
+            executor = _GrowingExecutor(plan, self.rasterizer, start, needs_pool=self._spec.workers is not None)
             del plan
             yield executor
 

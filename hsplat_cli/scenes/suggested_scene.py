@@ -8,7 +8,7 @@ from pathlib import Path
 from hsplat_cli.scenes.scene_text import FilmOptions, scene_text
 from hsplat_cli.scenes.volume_arguments import read_with_options
 from hsplat_cli.terminal import Reporter
-from renderer.errors import SceneError
+from renderer.errors import Problem, SceneError
 from renderer.scene import VolumeSpec, parse_scene_content
 
 # The option that each value of a scene came from.
@@ -71,13 +71,9 @@ def _check(text: str, scene: Path) -> None:
     try:
         parse_scene_content(text.encode(), scene)
     except SceneError as error:
-        raise SceneError(
-            [
-                replace(
-                    problem,
-                    what=problem.what.partition("\n")[0],
-                    location=_OPTIONS.get(problem.path, "the scene that was suggested"),
-                )
-                for problem in error.problems
-            ]
-        ) from error
+        raise SceneError([_at_option(problem) for problem in error.problems]) from error
+
+
+def _at_option(problem: Problem) -> Problem:
+    location = _OPTIONS.get(problem.path, "the scene that was suggested")
+    return replace(problem, what=problem.what.partition("\n")[0], location=location)

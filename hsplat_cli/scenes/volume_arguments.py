@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 # How messages name keys of a scene's `volume`: `time: k` or `component` in the text, and `time: 7` as what was got.
-_KEY = re.compile(r"`(time|component|nonfinite|spacing)(?:: ([^`]*))?`")
+_KEY = re.compile(r"`(time|component|nonfinite|spacing)(?::( [^`]*))?`")
 _HEADERLESS_HINT = "voxels without a header are read with --shape and --dtype: --shape 512,512,300 --dtype uint16"
 _GOT = re.compile(r"^(time|component): (-?[0-9]+)$")
 
@@ -127,24 +127,15 @@ def read_with_options(volume: VolumeSpec, reporter: Reporter) -> Volume:
     try:
         read = read_volume_guarded(volume)
     except InputError as error:
-        hint = error.hint and _as_options(error.hint)
-        raise InputError(
-            error.what,
-            where=error.where,
-            got=error.got and _as_options(_GOT.sub(r"--\1 \2", error.got)),
-            expected=error.expected and _as_options(error.expected),
-            hint=_HEADERLESS_HINT if isinstance(error, UnknownFormatError) else hint,
-        ) from error
+        error.got, error.expected, error.hint = map(_as_options, (error.got, error.expected, error.hint))
+        if isinstance(error, UnknownFormatError):
+            error.hint = _HEADERLESS_HINT
+        raise
     if read.note is not None:
         reporter.status(f"{read.name}: {read.note}")
     return read
 
 
-def _as_options(text: str) -> str:
+def _as_options(text: str | None) -> str | None:
     """Return a message about a scene's `volume` with options for its keys: `--time k` for `time: k`."""
-
-    def option(key: re.Match[str]) -> str:
-        value = "X,Y,Z" if key[1] == "spacing" else key[2]
-        return f"`--{key[1]} {value}`" if value else f"`--{key[1]}`"
-
-    return _KEY.sub(option, text)
+    return text and _GOT.sub(r"--\1 \2", _KEY.sub(r"`--\1\2`", text.replace("[x, y, z]", "X,Y,Z")))

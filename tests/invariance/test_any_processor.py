@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 from brickwork import AFFINES, LIT, batch_of, bricks_of, hills, ordered, placed, random_cut, transfer_of, view_of
 
-from renderer.bricks.sampling import ScreenSampling
 from renderer.draw import CPURasterizer
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -32,8 +31,7 @@ def test_the_same_bytes_with_fewer_instructions(tmp_path: Path) -> None:
     volume = placed(hills((30, 40, 50), 9.0), AFFINES["oblique"])
     transfer = transfer_of((0, (0.9, 0.2, 0.1), 0.0), (0.4, (0.1, 0.5, 1.0), 0.3), (0.4, (1.0, 1.0, 1.0), 2.0))
     bricks = bricks_of(volume, transfer, LIT)
-    sampling = ScreenSampling((4, 1), 0.02, 0.01)
-    batch = batch_of(random_cut(bricks, 3), bricks, step=0.3, shading=LIT, screen_sampling=sampling)
+    batch = batch_of(random_cut(bricks, 3), bricks, step=0.3, shading=LIT)
     view = view_of(volume, "perspective", (60, 50))
     order = ordered(batch.cut, view)
     with CPURasterizer(num_threads=1) as rasterizer:

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import os
-import shutil
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
 
 import faulty_cluster_worker as faulty
 import pytest
 from distributed import Client, LocalCluster
-from processes import wait_until
 
-import renderer
 from hsplat_cli import main
 from hsplat_cli.executors import draw_locally
 from hsplat_cli.executors.cluster import cluster_executor, registry
@@ -28,7 +23,6 @@ from renderer.errors import HsplatError, InputError
 from renderer.frame import Stage, prepare_stage
 from renderer.scene.parse import parse_scene
 from renderer.study import FilmPlan
-from renderer.versions import package_versions
 
 NUM_FRAMES = 24
 SCENE = {
@@ -114,42 +108,6 @@ def test_frames_of_workers_that_die_are_drawn_again(client: Client, stage: Stage
     files, (note,) = draw(client, stage, kill)
     assert files == expected
     assert note.endswith(" drawn again by other workers")
-
-
-@contextmanager
-def another_checkout(client: Client, folder: Path) -> Iterator[None]:
-    """Add a worker whose hsplat has the same version and, in one shader, another comment."""
-
-    def is_there() -> bool:
-        return bool(client.run_on_scheduler(lambda dask_scheduler: "another" in dask_scheduler.aliases))
-
-    for package in ("hsplat_cli", "renderer"):
-        source = Path(renderer.__file__).parents[1] / package
-        shutil.copytree(source, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
-    with next((folder / "renderer").rglob("*.glsl")).open("a", encoding="utf-8") as shader:
-        shader.write("// A better one.\n")
-    options = ["--name=another", "--no-nanny", "--nthreads=1", "--memory-limit=0", "--no-dashboard"]
-    command = [sys.executable, "-m", "distributed.cli.dask_worker", client.scheduler.address, *options]
-    environment = os.environ | {"PYTHONPATH": str(folder)}
-    with subprocess.Popen(command, cwd=folder, env=environment, stderr=subprocess.DEVNULL) as process:
-        try:
-            assert wait_until(is_there, 60)
-            yield
-        finally:
-            process.kill()
-    assert wait_until(lambda: not is_there(), 60)
-
-
-def test_a_worker_with_other_sources_is_refused(
-    client: Client, stage: Stage, expected: list[bytes], tmp_path: Path
-) -> None:
-    with another_checkout(client, tmp_path):
-        files, notes = draw(client, stage)
-    assert files == expected
-    version = package_versions()["hsplat"]
-    # A checkout that is not installed has the version of its commit; the copy has none.
-    other = "not installed" if version.startswith("commit ") else f"{version} of other sources"
-    assert notes == [f"workers that could not draw were not used: 1 x hsplat {other}"]
 
 
 def error_of(client: Client, stage: Stage) -> HsplatError:

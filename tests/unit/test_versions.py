@@ -51,6 +51,16 @@ def test_versions_are_those_of_packages(monkeypatch: pytest.MonkeyPatch) -> None
     assert versions.package_versions()["hsplat"] == "1.2"
 
 
+def test_the_digest_of_the_sources_changes_with_a_shader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(versions, "_ROOT", tmp_path)
+    (tmp_path / "renderer" / "gl").mkdir(parents=True)
+    digests = set()
+    for text in ("one", "two"):
+        (tmp_path / "renderer" / "gl" / "splat.glsl").write_text(text)
+        digests.add(versions.sources_digest())
+    assert len(digests) == 2
+
+
 def test_sources_in_a_repository_have_their_commit(repository: Path) -> None:
     first = versions.package_versions()["hsplat"]
     assert first == f"commit {versions.commit()}"

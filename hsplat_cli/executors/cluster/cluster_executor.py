@@ -81,12 +81,9 @@ class ClusterExecutor:
 
     def _draw(self, number: int) -> FrameResult:
         """Draw a frame, in a thread, with one worker after another, until several were lost at it or failed on it."""
-        from distributed import KilledWorker  # one died, once too often by Dask's own settings
-
         losses: list[str] = []
         while True:
-            worker, future = self._run(number)
-            error = future.exception() if future and future.status == "error" else None
+            worker, future, error = self._run(number)
             result = self._fetch(worker, future) if future and error is None else None
             if result is not None:
                 png, record, versions = result
@@ -95,26 +92,23 @@ class ClusterExecutor:
                 return FrameResult(number, Picture(png=png), record | {"gl": versions["GL"]})
             losses.append(worker)
             self._redrawn.append(number)
-            if error is None or isinstance(error, KilledWorker):
-                self._registry.recheck(worker)
-                if len(losses) >= MAX_LOSSES:
-                    raise RenderError(
-                        f"a worker was lost, {MAX_LOSSES} times at the same frame",
-                        where=f"frame {number}",
-                        got=f"no longer there: {', '.join(losses)}",
-                        hint="their logs may say why; Dask ends workers that exceed their memory limit",
-                    )
-                continue
-            if not isinstance(error, ContextLostError):  # a context may come back
-                self._registry.exclude(worker, str(error))
-            if len(losses) >= MAX_LOSSES or not self._registry.usable_workers:
+            if error is None and len(losses) >= MAX_LOSSES:
+                raise RenderError(
+                    f"a worker was lost, {MAX_LOSSES} times at the same frame",
+                    where=f"frame {number}",
+                    got=f"no longer there: {', '.join(losses)}",
+                    hint="their logs may say why; Dask ends workers that exceed their memory limit",
+                )
+            if error is not None and (len(losses) >= MAX_LOSSES or not self._registry.usable_workers):
                 if isinstance(error, HsplatError):
                     raise error
                 got = f"{type(error).__name__}: {error}"
                 raise RenderError(f"frame {number} cannot be drawn", where=worker, got=got) from error
 
-    def _run(self, number: int) -> tuple[str, Future | None]:
-        """Wait for an idle worker, and for its end of the task; return None with a worker that is gone before that."""
+    def _run(self, number: int) -> tuple[str, Future | None, BaseException | None]:
+        """Wait for an idle worker, and for its end of the task. Return no future with a worker that is lost."""
+        from distributed import KilledWorker  # one died, once too often by Dask's own settings
+
         while True:
             with self._registry.idle_worker() as worker:
                 try:
@@ -125,10 +119,16 @@ class ClusterExecutor:
                 future = self._client.submit(draw_on_worker, stage_data, number, workers=[worker], pure=False)
                 is_done = threading.Event()
                 future.add_done_callback(lambda _, is_done=is_done: is_done.set())
-                while not is_done.wait(_POLL_INTERVAL_S):
-                    if worker not in self._registry.usable_workers:
-                        return worker, None
-                return worker, future
+                while not is_done.wait(_POLL_INTERVAL_S) and worker in self._registry.usable_workers:
+                    pass
+                error = future.exception() if future.status == "error" else None
+                if not is_done.is_set() or isinstance(error, KilledWorker):
+                    self._registry.recheck(worker)
+                    return worker, None, None
+                # While it is still busy: no other frame may go to it. A lost context may come back.
+                if error is not None and not isinstance(error, ContextLostError):
+                    self._registry.exclude(worker, str(error))
+                return worker, future, error
 
     def _send_stage(self, worker: str) -> Future:
         """Send the stage to a worker, unless one has it; others get it from each other."""
@@ -145,6 +145,7 @@ class ClusterExecutor:
             try:
                 return future.result(timeout=seconds)
             except (CancelledError, KeyError):
+                self._registry.recheck(worker)
                 return None
             except (TimeoutError, OSError):
                 if worker not in self._registry.usable_workers:
