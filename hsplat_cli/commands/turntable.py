@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,16 +19,8 @@ from hsplat_cli.scenes import (
     volume_spec,
 )
 from hsplat_cli.terminal import OutputPath, Reporter, sigterm_as_interrupt
-from hsplat_cli.turntable import (
-    INTERRUPTED,
-    SHORT_LOCK_TIMEOUT_S,
-    FilmRequest,
-    make_film,
-    print_film_record,
-    run_batch,
-    update_manifest,
-)
-from renderer.errors import HsplatError, InputError
+from hsplat_cli.turntable import FilmRequest, make_film, print_film_record, run_batch
+from renderer.errors import InputError
 
 
 @click.command()
@@ -101,28 +91,7 @@ def turntable(
             child_options |= {"quiet": reporter.is_quiet, "workers": workers, "scheduler": scheduler}
             run_batch(requests, child_options, folder, reporter)
         else:
-            _make_single_film(requests[0], reporter)
-
-
-def _make_single_film(request: FilmRequest, reporter: Reporter) -> None:
-    """Make the only film of a command, which fails as the film does."""
-    folder = request.scene.parent
-    missing_folders = [each for each in (folder, *folder.parents) if not os.path.exists(each)]
-    try:
-        record = make_film(request, reporter)
-    except (HsplatError, KeyboardInterrupt) as error:
-        for each in missing_folders:
-            with suppress(OSError):  # not empty
-                each.rmdir()
-        if not os.path.isdir(folder):
-            raise
-        with suppress(HsplatError):  # the first error is the one to report
-            if isinstance(error, HsplatError):
-                update_manifest(folder, [request.failure_record(error)], SHORT_LOCK_TIMEOUT_S)
-            else:
-                update_manifest(folder, [request.record(INTERRUPTED)], lock_timeout_s=0.0)
-        raise
-    update_manifest(folder, [record])
+            make_film(requests[0], reporter)
 
 
 def _named_volumes(volumes: tuple[str, ...], name: str | None, reporter: Reporter) -> dict[str, Path]:

@@ -11,8 +11,8 @@ from hsplat_cli.films.fingerprint import JobFingerprint, fingerprint_record
 from hsplat_cli.films.goals import shortfall_of
 from hsplat_cli.films.sidecar_record import (
     driver_notes,
+    job_schedule_record,
     rerender_notes,
-    schedule_record,
     summary_parts,
 )
 from hsplat_cli.scenes import Job
@@ -46,16 +46,10 @@ class FilmResult:
         frames: Sequence[Record] = self.record["frames"]
         return frames
 
-    @property
-    def notes(self) -> Sequence[str]:
-        """What the user should know."""
-        notes: Sequence[str] = self.record["notes"]
-        return notes
-
     def report(self, reporter: Reporter) -> None:
         """Print what was made and what it cost, in a few lines."""
         reporter.line(f"{self.file}: {self.summary}")
-        for note in self.notes:
+        for note in self.record["notes"]:
             reporter.note(note)
         reporter.line(f"how it was made: {self.sidecar}")
 
@@ -84,7 +78,7 @@ def finish_film(job: Job, plan: FilmPlan, drawn: DrawnPass, fingerprint: JobFing
     """
     output, driver = job.scene.output, " and ".join(drawn.drivers)
     frames, shortfall = drawn.frames, shortfall_of(job, plan, drawn.frames)
-    schedule = schedule_record(job, plan, frames, shortfall)
+    schedule = job_schedule_record(job, plan, frames, shortfall)
     notes = [
         *drawn.notes,
         *driver_notes(drawn.drivers),

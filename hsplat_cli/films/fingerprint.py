@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -16,31 +16,28 @@ from renderer.versions import package_versions, sources_digest
 # These keys say how frames become a film, not what is in them.
 _ENCODING_KEYS = ("file", "frames_per_second", "quality")
 _MAX_DIFFERENCES = 3
+# More levels than a fingerprint has.
+_MAX_LEVELS = 12
 
 
 @dataclass(frozen=True)
 class JobFingerprint:
-    """What a film depends on. The sidecar stores it as `cause`.
+    """What a film depends on, besides the numbers of its frames. The sidecar stores it as `cause`.
 
     frames: the digest of `of`.
-    film: a digest of `frames`, the frame numbers and the encoding.
-    of: what the frames depend on, as plain JSON data; read from a sidecar, it may be anything.
+    film: how the frames were encoded, as plain JSON data.
+    of: what the frames depend on, as plain JSON data.
     """
 
     frames: str
-    film: str
-    of: Any
+    film: Any
+    of: Mapping[str, Any]
 
     @classmethod
-    def make(cls, of: Any, output: OutputSpec, frames: Sequence[int]) -> JobFingerprint:
-        """Return the fingerprint of a film with these frame numbers."""
-        frames_digest = data_digest(of)
-        return cls(frames_digest, data_digest([frames_digest, output.frames_per_second, output.quality, [*frames]]), of)
-
-    @property
-    def is_intact(self) -> bool:
-        """Whether `of` still has the digest `frames`."""
-        return self.frames == data_digest(self.of)
+    def make(cls, of: Mapping[str, Any], output: OutputSpec) -> JobFingerprint:
+        """Return the fingerprint of a film."""
+        encoding = {"frames_per_second": output.frames_per_second, "quality": output.quality}
+        return cls(data_digest(of), {"output": encoding}, of)
 
 
 def job_fingerprint(job: Job, volume_fingerprint: str, driver: str) -> JobFingerprint:
@@ -60,17 +57,16 @@ def job_fingerprint(job: Job, volume_fingerprint: str, driver: str) -> JobFinger
         "sources": sources_digest(),
         "gl": driver,
     }
-    return JobFingerprint.make(json.loads(json.dumps(of)), job.scene.output, job.frames)
+    return JobFingerprint.make(json.loads(json.dumps(of)), job.scene.output)
 
 
 def recorded_fingerprint(data: Any) -> JobFingerprint | None:
     """Return the fingerprint in the content of a sidecar, or None."""
     try:
-        cause = data["cause"]
-        of = cause.get("of")
-        return JobFingerprint(cause["frames"], cause["film"], of if is_shallow(of) else None)
-    except (AttributeError, KeyError, TypeError):
+        found = JobFingerprint(**data["cause"])
+    except (KeyError, TypeError):
         return None
+    return found if is_shallow(data["cause"], _MAX_LEVELS) and isinstance(found.of, dict) else None
 
 
 def fingerprint_record(fingerprint: JobFingerprint, output: OutputSpec) -> dict[str, Any]:
@@ -84,19 +80,23 @@ def fingerprint_record(fingerprint: JobFingerprint, output: OutputSpec) -> dict[
 
 def describe_differences(before: Any, now: Any) -> str:
     """Return the first few keys in which two fingerprints' data differ: `scene.error.tolerance was 0.2`."""
-    return first_few(list(_differences(before, now, "")), _MAX_DIFFERENCES, "; ")
+    found = [f"{path} was {format_value(old)}" for path, old, _ in differences(before, now)]
+    return first_few(found, _MAX_DIFFERENCES, "; ")
 
 
-def describe_mismatch(before: Any, now: Any) -> str:
-    """Return why recorded data, which may be anything, has another fingerprint than `now`."""
-    if not isinstance(before, Mapping) or not before:
+def describe_mismatch(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """Return why recorded data, which may be any, has another fingerprint than `now`."""
+    if not before:
         return "its scene is not recorded"
     return describe_differences(before, now) or "the record of its scene was changed"
 
 
-def _differences(before: Any, now: Any, path: str) -> Iterator[str]:
+def differences(before: Any, now: Any, path: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Yield the dotted paths of the values that differ, and both values: None where there is none."""
+    if isinstance(before, list) and isinstance(now, list) and any(isinstance(item, dict) for item in now):
+        before, now = dict(enumerate(before)), dict(enumerate(now))
     if isinstance(before, dict) and isinstance(now, dict):
-        for key in [*now, *(key for key in before if key not in now)]:
-            yield from _differences(before.get(key), now.get(key), join_keys(path, key))
+        for key in dict.fromkeys([*now, *before]):
+            yield from differences(before.get(key), now.get(key), join_keys(path, key))
     elif before != now:
-        yield f"{path} was {format_value(before)}"
+        yield path, before, now

@@ -87,7 +87,6 @@ class Refiner:
     deadline: by `perf_counter`.
     passes: the records of the passes so far, for the sidecar.
     comparison: takes the frames of each pass.
-    accepted: the plan by which the last pass turned out to be what the scene requests; None otherwise.
     """
 
     def __init__(
@@ -98,7 +97,6 @@ class Refiner:
         self._deadline, self._reporter = deadline, reporter
         self.comparison = PassComparison(job.frames, math.prod(picture_shape(job.scene.output)))
         self.passes: list[dict[str, Any]] = []
-        self.accepted: FilmPlan | None = None
 
     def plan_passes(self) -> Iterator[Pass]:
         """Yield the passes, each planned when the one before it is finished, as many as there is time for.
@@ -118,9 +116,6 @@ class Refiner:
         yield self._pass_within(first)
         self.require_time()
         plan = self._final_plan()
-        if plan.found is not None and (plan.found.tolerance or 0.0) >= self.passes[-1]["tolerance"][1]:
-            self.accepted = plan
-            return
         self.require_time()
         work = self._work(plan)
         self._calibrate_costs(work)
@@ -180,12 +175,10 @@ class Refiner:
         if isinstance(goal, MetricTarget):
             return False
         max_cells = self._estimator.max_cells(_MIN_PASS_FACTOR * first)
+        largest = max(scheduled_value(goal.by_frame, frame) for frame in frames) if goal else 0.0
         if isinstance(goal, SplatBudget):
-            return max(scheduled_value(goal.by_frame, frame) for frame in frames) <= max_cells
-        if (
-            isinstance(goal, TimeBudget)
-            and max(scheduled_value(goal.by_frame, frame) for frame in frames) < _MIN_PASS_FACTOR * first
-        ):
+            return largest <= max_cells
+        if isinstance(goal, TimeBudget) and largest < _MIN_PASS_FACTOR * first:
             return True
         finest = 0.0 if goal else min(tolerance_at(self._error, frame) for frame in frames)
         return not self._estimator.primitive.has_more_cells(finest, max_cells)

@@ -36,7 +36,6 @@ from renderer.film import (
     sidecar_path,
 )
 from renderer.frame import LODCostEstimator
-from renderer.study import FilmPlan
 
 
 def render_film(
@@ -109,7 +108,7 @@ class _FilmRenderer:
                 film = finish_film(job, plan, drawn, prepared.fingerprint, self._folder)
             except BaseException:
                 if not self._is_auxiliary:
-                    report_resumable(checkpoint, prepared, self._folder, reporter, force=force)
+                    report_resumable(checkpoint, job, self._folder, reporter, force=force)
                 raise
             remove_checkpoint_frames(self._folder, job.scene.output, job.frames)
         return film
@@ -130,12 +129,10 @@ class _FilmRenderer:
                         drawn = self._draw(job, drawer, label, defer_interrupts, refiner=refiner)
                     summary = refiner.finish_pass(drawn, frame_seconds, time.perf_counter() - start)
                     drawn = drawn._replace(passes=refiner.passes)
-                    film = self._finish(prepared, plan, drawn)
+                    film = finish_film(job, plan, drawn, prepared.fingerprint, self._folder)
                     self._reporter.line(summary)
-            if refiner.accepted is not None:
-                found, shortfall = refiner.accepted.found, refiner.accepted.shortfall
-                plan = replace(plan, is_unfinished=False, found=found, shortfall=shortfall)
-                film = self._finish(prepared, plan, drawn)
+            if not plan.is_unfinished:
+                remove_checkpoint_frames(self._folder, job.scene.output, job.frames, prepared.fingerprint.of)
         except DeadlineReached:
             pass
         except KeyboardInterrupt:
@@ -144,14 +141,6 @@ class _FilmRenderer:
             if film is None or not refinement.best_effort:
                 raise
         assert film is not None
-        return film
-
-    def _finish(self, prepared: PreparedFilm, plan: FilmPlan, drawn: DrawnPass) -> FilmResult:
-        """Write the sidecar of a pass; remove what earlier jobs left of a film that is finished."""
-        job, fingerprint = prepared.job, prepared.fingerprint
-        film = finish_film(job, plan, drawn, fingerprint, self._folder)
-        if not plan.is_unfinished:
-            remove_checkpoint_frames(self._folder, job.scene.output, job.frames, fingerprint.of)
         return film
 
     def _draw(
@@ -183,8 +172,6 @@ class _FilmRenderer:
                 before = time.perf_counter()
                 if drawn is None:
                     assert checkpoint is not None
-                    if write is None:
-                        return finished[number]
                     record, picture = finished[number], checkpoint.picture(number)
                 else:
                     record, picture = drawn.record, drawn.picture
@@ -194,10 +181,9 @@ class _FilmRenderer:
                         record = {**record, "digest": bytes_digest(picture.png)}
                 if write is not None:
                     write(number, picture)
-                record = with_seconds(record, encode=time.perf_counter() - before)
                 if refiner is not None:
                     refiner.comparison.add_frame(number, picture.pixels)
-                return record
+                return with_seconds(record, encode=time.perf_counter() - before) if drawn or write else record
 
             tasks = (partial(store, n, next(drawing) if is_missing(n) else None) for n in job.frames)
             # On a time budget each frame is stored before the next one is drawn: both count.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +34,9 @@ from renderer.scene import MAX_SIDECAR_BYTES, OutputSpec, read_json_object, sche
 from renderer.study import FilmPlan
 from renderer.volume import Volume
 
+_MAX_SECONDS = 1e10  # to draw a film; more is a mistake
+
+
 # The film that is there
 
 
@@ -52,43 +54,33 @@ class RecordedFilm:
     frames: Sequence[Record]
     data: Mapping[str, Any]
 
-    def is_same(self, fingerprint: JobFingerprint, frames: Sequence[int]) -> bool:
-        """Return whether it is the film of this fingerprint and these frame numbers."""
-        return self.fingerprint.film == fingerprint.film and [each["frame"] for each in self.frames] == [*frames]
+    def why_stale(self, fingerprint: JobFingerprint, output: OutputSpec, frames: Sequence[int]) -> str | None:
+        """Return why this film is not up to date, as the end of a sentence about it; None where it is.
 
-    def is_up_to_date(self, fingerprint: JobFingerprint, output: OutputSpec, frames: Sequence[int]) -> bool:
-        """Return whether the film of this fingerprint exists, complete and unchanged."""
-        if not self.is_same(fingerprint, frames) or not self.is_complete:
-            return False
-        if not has_frame_files(output):
-            return file_matches_digest(output.file, self.data.get("digest"))
-        files = ((frame_path(output.file, each["frame"]), each["digest"]) for each in self.frames)
-        return all(frame_matches_digest(path, digest, output) for path, digest in files)
-
-    def why_rerender(self, fingerprint: JobFingerprint, output: OutputSpec, frames: Sequence[int]) -> str | None:
-        """Return why a film that is not up to date is rendered again, as the end of a sentence about it.
-
-        None for numbered frames of the same fingerprint, which are kept or redrawn one by one, and where no film
-        exists.
+        The reason is empty for numbered frames of the same fingerprint, which are kept or redrawn one by one.
         """
         change = None
         if self.fingerprint.frames != fingerprint.frames:
             change = describe_mismatch(self.fingerprint.of, fingerprint.of)
-        elif has_frame_files(output):
+        elif self.fingerprint.film != fingerprint.film or [each["frame"] for each in self.frames] != [*frames]:
+            change = describe_differences(self.fingerprint.film, fingerprint.film) or "it has other frames"
+        if change is None and self.is_complete and self._is_unchanged(output):
             return None
-        elif not self.is_same(fingerprint, frames):
-            scene = self.data.get("scene")
-            recorded = scene.get("output") if isinstance(scene, dict) else None
-            now = {"frames_per_second": output.frames_per_second, "quality": output.quality}
-            before = {key: recorded.get(key) for key in now} if isinstance(recorded, dict) else {}
-            change = describe_differences({"output": before}, {"output": now}) or "it has other frames"
-        if not has_frame_files(output) and not output.file.exists():
-            return change and f"does not exist, and its sidecar describes another film: {change}"
+        if has_frame_files(output):
+            is_kept = self.fingerprint.frames == fingerprint.frames
+            return "" if is_kept else f"is another film and is drawn again: {change}"
+        if not output.file.exists():
+            return f"does not exist, and its sidecar describes another film: {change}" if change else ""
         if change is not None:
             return f"is another film and is drawn again: {change}"
-        if not self.is_complete:
-            return "is less than what was requested and is drawn again"
-        return "is not the file that its sidecar describes and is drawn again"
+        why = "is not the file that its sidecar describes" if self.is_complete else "is less than what was requested"
+        return f"{why} and is drawn again"
+
+    def _is_unchanged(self, output: OutputSpec) -> bool:
+        if not has_frame_files(output):
+            return file_matches_digest(output.file, self.data.get("digest"))
+        files = ((frame_path(output.file, each["frame"]), each["digest"]) for each in self.frames)
+        return all(frame_matches_digest(path, digest, output) for path, digest in files)
 
 
 def read_recorded_film(sidecar: Path, output: OutputSpec) -> RecordedFilm | None:
@@ -101,11 +93,10 @@ def read_recorded_film(sidecar: Path, output: OutputSpec) -> RecordedFilm | None
         # A film in one file has no frame files, so its records need no digests.
         usable = [record for record in records if is_frame_record(record, has_digest=has_frame_files(output))]
         is_complete = data["schedule"]["met"] is True and len(usable) == len(records)
+        is_complete &= 0 <= data["seconds"]["total"] < _MAX_SECONDS
     except (KeyError, TypeError):
         return None
-    if fingerprint is None:
-        return None
-    return RecordedFilm(fingerprint, is_complete, usable, data)
+    return None if fingerprint is None else RecordedFilm(fingerprint, is_complete, usable, data)
 
 
 # The start of a film
@@ -116,15 +107,13 @@ class PreparedFilm:
     """A job that is ready to draw.
 
     job: with the schedule that its film counts as requested for.
-    recorded: the film that the existing sidecar describes.
-    is_up_to_date: whether this film exists, complete and unchanged.
-    stage: None where nothing is to be drawn.
+    recorded: the film that the existing sidecar describes, unless it is ignored.
+    stage: None where the recorded film exists, complete and unchanged.
     """
 
     job: Job
     fingerprint: JobFingerprint
     recorded: RecordedFilm | None
-    is_up_to_date: bool
     stage: Stage | None
 
 
@@ -141,13 +130,13 @@ def prepare_film(job: Job, folder: Path, driver: str, reporter: Reporter, *, for
         reporter.status(f"{volume.name}: {volume.note}")
     job, fingerprint = _fingerprint_job(job, volume, driver)
     output = job.scene.output
-    recorded = read_recorded_film(sidecar_path(job.scene, job.frames), output)
-    is_up_to_date = recorded is not None and recorded.is_up_to_date(fingerprint, output, job.frames)
-    if is_up_to_date and not force:
+    recorded = None if force else read_recorded_film(sidecar_path(job.scene, job.frames), output)
+    why_stale = "" if recorded is None else recorded.why_stale(fingerprint, output, job.frames)
+    if why_stale is None:
         # Left by a job that was killed when its film was complete.
         remove_checkpoint_frames(folder, output, job.frames, fingerprint.of)
         reporter.status(f"{output.file} is up to date; --force draws it again")
-        return PreparedFilm(job, fingerprint, recorded, is_up_to_date, None)
+        return PreparedFilm(job, fingerprint, recorded, None)
     stage = prepare_stage(
         job.scene,
         clock=time.perf_counter,
@@ -157,10 +146,9 @@ def prepare_film(job: Job, folder: Path, driver: str, reporter: Reporter, *, for
         recorded_in=f"{job.original.path}: volume.fingerprint" if job.original else "",
     )
     stage = replace(stage, seconds={**stage.seconds, "read": stage.seconds["read"] + read_seconds})
-    why = None if recorded is None or force else recorded.why_rerender(fingerprint, output, job.frames)
-    if why is not None:
-        reporter.status(f"{output.file} {why}")
-    return PreparedFilm(job, fingerprint, recorded, is_up_to_date, stage)
+    if why_stale:
+        reporter.status(f"{output.file} {why_stale}")
+    return PreparedFilm(job, fingerprint, recorded, stage)
 
 
 def _fingerprint_job(job: Job, volume: Volume, driver: str) -> tuple[Job, JobFingerprint]:
@@ -190,18 +178,19 @@ def resume_checkpoint(
     job, fingerprint, recorded = prepared.job, prepared.fingerprint, prepared.recorded
     output = job.scene.output
     checkpoint = FrameCheckpoint(folder, output, job.frames, fingerprint.of, discard_existing=force)
-    is_same_film = recorded is not None and recorded.fingerprint.frames == fingerprint.frames
-    if recorded is not None and is_same_film and has_frame_files(output) and not force:
+    if recorded is not None and recorded.fingerprint.frames == fingerprint.frames and has_frame_files(output):
         checkpoint.adopt_records(recorded.frames)
-    checkpoint.retain(partial(_matches_plan, plan))
+    dropped = [number for number, record in checkpoint.records.items() if not _matches_plan(plan, record)]
+    for number in dropped:
+        del checkpoint.records[number]
     if checkpoint.records:
         reporter.status(f"{_num_frames_text(checkpoint, job)} already finished")
     if checkpoint.former_fingerprint is not None:
         why = describe_mismatch(checkpoint.former_fingerprint, checkpoint.fingerprint)
         reporter.status(f"{_redrawn_text(checkpoint.num_outdated, 'of another film')}: {why}")
-    if checkpoint.num_dropped:
+    if dropped:
         which = "not drawn on a time budget" if plan.is_timing_dependent else "drawn at other tolerances"
-        reporter.status(_redrawn_text(checkpoint.num_dropped, which))
+        reporter.status(_redrawn_text(len(dropped), which))
     return checkpoint
 
 
@@ -212,15 +201,13 @@ def _matches_plan(plan: FilmPlan, record: Record) -> bool:
     return bool(record["tolerance"] == tolerance_at(plan.stage.scene.error, record["frame"]))
 
 
-def report_resumable(
-    checkpoint: FrameCheckpoint, prepared: PreparedFilm, folder: Path, reporter: Reporter, *, force: bool
-) -> None:
+def report_resumable(checkpoint: FrameCheckpoint, job: Job, folder: Path, reporter: Reporter, *, force: bool) -> None:
     """Report, when the work ends early, which frames are kept and which command resumes."""
-    job, output = prepared.job, prepared.job.scene.output
+    file = job.scene.output.file
     if checkpoint.records and folder.is_dir():
         command = "the same command" + " without --force" * force
-        if prepared.is_up_to_date and not has_frame_files(output):  # which would keep that command from resuming
-            command += f", once {output.file} is removed,"
+        if force and not has_frame_files(job.scene.output) and file.exists():  # it may be up to date
+            command += f", once {file} is removed,"
         reporter.status(f"{_num_frames_text(checkpoint, job)} kept; {command} resumes there")
 
 

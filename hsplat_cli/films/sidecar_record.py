@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.scenes import Job
@@ -55,27 +55,37 @@ def is_in_time(goal: TimeBudget, frame: Record) -> bool:
 
 
 def schedule_record(
-    job: Job, plan: FilmPlan, frames: Sequence[Record], shortfall: RenderError | None
+    requested: Mapping[str, Any], frames: Sequence[Record], shortfall: str | None, *, is_reproducible: bool
 ) -> dict[str, Any]:
     """Return what was requested and what was reached.
 
     `reproducible` is false where the tolerances depend on the speed of the machine: then the sidecar makes the same
-    film again, and the scene does not. The schedule of an original film carries over while the same is requested.
+    film again, and the scene does not.
     """
-    record: dict[str, Any] = {
-        "asked": job.requested_error,
+    record = {
+        "asked": requested,
         "tolerance": min_max(frame["tolerance"] for frame in frames),
         "cells": min_max(frame["cells"] for frame in frames),
         "met": shortfall is None,
-        "reproducible": not plan.is_timing_dependent,
+        "reproducible": is_reproducible,
     }
+    return record if shortfall is None else record | {"shortfall": shortfall}
+
+
+def job_schedule_record(
+    job: Job, plan: FilmPlan, frames: Sequence[Record], shortfall: RenderError | None
+) -> dict[str, Any]:
+    """Return `schedule_record` of a job's film, and what was measured.
+
+    The schedule of an original film carries over while the same is requested.
+    """
+    missed, is_reproducible = None if shortfall is None else str(shortfall), not plan.is_timing_dependent
+    record = schedule_record(job.requested_error, frames, missed, is_reproducible=is_reproducible)
     if plan.found is not None:
         worst = plan.found.worst
         value = worst.value if math.isfinite(worst.value) else None  # the PSNR of equal pictures
         metric, probes = plan.found.want.metric, plan.found.frames
         record["measured"] = {"metric": metric, "worst": value, "frame": worst.frame, "probes": probes}
-    if shortfall is not None:
-        record["shortfall"] = str(shortfall)
     if job.original is not None:
         if not plan.is_unfinished and job.requested_error == schedule_to_dict(job.original.requested_error):
             record |= job.original.other_schedule_keys

@@ -15,6 +15,8 @@ from .sidecar_file import (
     is_shallow as is_shallow,
     load_json_object as load_json_object,
     parse_sidecar as parse_sidecar,
+    read_known_fields as read_known_fields,
+    text_at as text_at,
 )
 from .suggested_scene import (
     SuggestedScene as SuggestedScene,

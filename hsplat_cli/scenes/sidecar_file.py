@@ -170,12 +170,12 @@ def _problems_in(data: object) -> Iterator[Problem]:
 
 def _read(data: dict[str, Any], path: Path) -> Sidecar:
     problems: list[Problem] = []
-    given = _known_fields(TreeNode(data, "", problems), _TABLE, required=_TABLE)
+    given = read_known_fields(TreeNode(data, "", problems), _TABLE, required=_TABLE)
     if given["scene"] is INVALID:
         raise SceneError([replace(problem, location=str(path)) for problem in problems])
     if problems:
         given |= {"gl": "", "volume": "", "versions": {}, "schedule": {"asked": None}, "frames": ()}
-    schedule, sources = given["schedule"], _text_at(data, "cause", "of", "sources")
+    schedule, sources = given["schedule"], text_at(data, "cause", "of", "sources")
     return Sidecar(
         path=path,
         scene=given["scene"],
@@ -185,19 +185,19 @@ def _read(data: dict[str, Any], path: Path) -> Sidecar:
         requested_error=schedule["asked"],
         other_schedule_keys={key: value for key, value in schedule.items() if key not in _OWN_SCHEDULE_KEYS},
         tool_versions=given["versions"] | {"GL": given["gl"]} | ({"sources": sources} if sources else {}),
-        frames_fingerprint=_text_at(data, "cause", "frames"),
+        frames_fingerprint=text_at(data, "cause", "frames"),
         problems=tuple(problems),
     )
 
 
-def _text_at(data: Any, *keys: str) -> str | None:
+def text_at(data: Any, *keys: str) -> str | None:
     """Return the text at nested keys, or None."""
     for key in keys:
         data = data.get(key) if isinstance(data, dict) else None
     return data if isinstance(data, str) else None
 
 
-def _known_fields(node: TreeNode, table: FieldTable, *, required: Collection[str] = ()) -> dict[str, Any]:
+def read_known_fields(node: TreeNode, table: FieldTable, *, required: Collection[str] = ()) -> dict[str, Any]:
     """Return the values of these keys of a mapping; others are ignored."""
     if isinstance(node.value, Mapping):
         node = replace(node, value={key: node.value[key] for key in table if key in node.value})
@@ -221,7 +221,7 @@ def _parse_schedule(node: TreeNode) -> dict[str, Any]:
     return (
         schedule
         if schedule is INVALID
-        else schedule | _known_fields(node, {"asked": ERROR_SECTION}, required=["asked"])
+        else schedule | read_known_fields(node, {"asked": ERROR_SECTION}, required=["asked"])
     )
 
 
@@ -243,7 +243,8 @@ def _parse_frames(node: TreeNode) -> tuple[int, ...]:
     for index, record in enumerate(node.value):
         frame = record.get("frame") if isinstance(record, dict) else None
         if type(frame) is not int or not 0 <= frame < MAX_FRAMES:  # the slow way tells what is wrong
-            frame = _known_fields(node.child(index, record), {"frame": FRAME_NUMBER_FIELD}, required=["frame"])["frame"]
+            fields = {"frame": FRAME_NUMBER_FIELD}
+            frame = read_known_fields(node.child(index, record), fields, required=fields)["frame"]
         if frame is INVALID:
             return wrong
         if found and not check_frames_ascend(node.child(index).child("frame"), found[-1], frame):
@@ -258,7 +259,7 @@ _TABLE: FieldTable = {
     "scene": MAPPING_FIELD,
     "volume": FieldType(
         "a mapping with fingerprint",
-        lambda node: _known_fields(node, {"fingerprint": _FINGERPRINT}, required=["fingerprint"])["fingerprint"],
+        lambda node: read_known_fields(node, {"fingerprint": _FINGERPRINT}, required=["fingerprint"])["fingerprint"],
     ),
     "gl": TEXT_FIELD,
     "versions": MAPPING_FIELD,

@@ -1,7 +1,3 @@
 from .batch import run_batch as run_batch
-from .manifest import (
-    INTERRUPTED as INTERRUPTED,
-    SHORT_LOCK_TIMEOUT_S as SHORT_LOCK_TIMEOUT_S,
-    update_manifest as update_manifest,
-)
+from .manifest import update_manifest as update_manifest
 from .one_film import FilmRequest as FilmRequest, make_film as make_film, print_film_record as print_film_record

@@ -38,38 +38,27 @@ _TERMINATE_TIMEOUT_S, _NUM_TERMINATES = 3.0, 4
 
 
 def run_batch(requests: Sequence[FilmRequest], options: Mapping[str, Any], folder: Path, reporter: Reporter) -> None:
-    """Make the films, add each to turntable.json, and print a table. Raises RenderError if one of them failed.
+    """Make the films, and print a table, also after an interrupt. Raises RenderError if one of them failed.
 
-    options: of the command line, for all of them. After an interrupt, table and file have what is finished.
+    options: of the command line, for all of them. Each process adds its film to turntable.json.
     """
     require_writable(folder / MANIFEST_FILE)
     records: list[FilmRecord] = []
-    pending_records: list[FilmRecord] = []  # not yet in the file
-    missing: list[FilmRecord] = []  # of volumes that do not exist; each update would drop them, so each repeats them
     try:
         for number, request in enumerate(requests, start=1):
             reporter.status(f"[{number}/{len(requests)}] {volume_file(request.volume)}")
-            record = _make_in_process(request, options)
-            records.append(record)
-            pending_records.append(record)
-            if record["status"] != FINISHED:
-                reporter.warning(record["error"])
-                missing += [] if os.path.exists(volume_file(request.volume)) else [record]
-            with suppress(HsplatError):  # the next update writes this record, too
-                update_manifest(folder, [*missing, *pending_records], SHORT_LOCK_TIMEOUT_S)
-                pending_records.clear()
-    except KeyboardInterrupt:
+            records.append(_make_in_process(request, options))
+            if records[-1]["status"] != FINISHED:
+                reporter.warning(records[-1]["error"])
+    finally:
         remaining = requests[len(records) :]
-        interrupted = [request.record(INTERRUPTED) for request in remaining[:1]]
-        reporter.result(
-            manifest_table([*records, *interrupted, *(request.record(NOT_STARTED) for request in remaining[1:])])
-        )
-        with suppress(HsplatError):  # the interrupt is reported
-            update_manifest(folder, [*missing, *pending_records, *interrupted], lock_timeout_s=0.0)
-        raise
-    reporter.result(manifest_table(records))
-    if pending_records:
-        update_manifest(folder, [*missing, *pending_records])
+        statuses = [INTERRUPTED, *[NOT_STARTED] * len(remaining)]
+        rows = [request.record(status) for request, status in zip(remaining, statuses, strict=False)]
+        reporter.result(manifest_table([*records, *rows]))
+        # Records of films without scene and volume go with each update.
+        missing = [record for record in records if not os.path.exists(record["volume"])]
+        with suppress(HsplatError):
+            update_manifest(folder, missing, SHORT_LOCK_TIMEOUT_S)
     num_failed = sum(record["status"] != FINISHED for record in records)
     if num_failed:
         raise RenderError(
@@ -103,7 +92,10 @@ def _make_in_process(request: FilmRequest, options: Mapping[str, Any]) -> FilmRe
         hint="where memory runs out the system sends this signal" if process.returncode == -signal.SIGKILL else None,
     )
     seconds = {"seconds": round(time.perf_counter() - start, 3)}
-    return request.record("failed") | {"exit_code": process.returncode, "error": str(error)} | seconds
+    record = request.failure_record(error) | {"exit_code": process.returncode} | seconds
+    with suppress(HsplatError):
+        update_manifest(request.scene.parent, [record], SHORT_LOCK_TIMEOUT_S)
+    return record
 
 
 def _terminate(process: subprocess.Popen[bytes]) -> None:

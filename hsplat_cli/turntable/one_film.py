@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import json
 import os
+import re
+from contextlib import suppress
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hsplat_cli.executors import ExecutorSpec
-from hsplat_cli.scenes import FilmOptions, Job, SuggestedScene, expand_pattern, suggest_scene, volume_file
+from hsplat_cli.scenes import FilmOptions, Job, expand_pattern, suggest_scene, volume_file
 from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable.manifest import (
-    DIGESTS_KEY,
+    FAILED,
     FINISHED,
+    INTERRUPTED,
     NOT_STARTED,
+    SHORT_LOCK_TIMEOUT_S,
     STARTED,
     VOLUME_KEY,
     FilmRecord,
-    Manifest,
-    open_manifest,
     update_manifest,
 )
 from renderer.errors import HsplatError, InputError, OutputLockedError
@@ -39,8 +40,6 @@ from renderer.scene import VolumeSpec, parse_scene_content, schedule_to_dict
 
 if TYPE_CHECKING:
     from hsplat_cli.films import FilmResult
-
-_MAX_NUMBER = 2**53  # of splats or seconds; larger ones are mistakes
 
 
 @dataclass(frozen=True)
@@ -77,11 +76,33 @@ class FilmRequest:
 
     def failure_record(self, error: HsplatError) -> FilmRecord:
         """Return the record of a film that failed, or that another job is making. Exit code 2 is for wrong input."""
-        status = NOT_STARTED if isinstance(error, OutputLockedError) else "failed"
+        status = NOT_STARTED if isinstance(error, OutputLockedError) else FAILED
         return self.record(status) | {"exit_code": 2 if isinstance(error, InputError) else 1, "error": str(error)}
 
 
 def make_film(request: FilmRequest, reporter: Reporter) -> FilmRecord:
+    """Make the film, record in turntable.json what became of it, and return that record. Raises HsplatError.
+
+    A failure leaves no folder, and no record, where there was no folder before.
+    """
+    folder = request.scene.parent
+    missing_folders = [each for each in (folder, *folder.parents) if not os.path.exists(each)]
+    try:
+        record = _make_film(request, reporter)
+    except (HsplatError, KeyboardInterrupt) as error:
+        failure = request.failure_record(error) if isinstance(error, HsplatError) else request.record(INTERRUPTED)
+        for each in missing_folders:
+            with suppress(OSError):  # not empty
+                each.rmdir()
+        with suppress(HsplatError):  # the first error is the one to report
+            if os.path.isdir(folder):
+                update_manifest(folder, [failure], SHORT_LOCK_TIMEOUT_S)
+        raise
+    update_manifest(folder, [record])
+    return record
+
+
+def _make_film(request: FilmRequest, reporter: Reporter) -> FilmRecord:
     """Write the scene, render it, and return the record of the film. Raises HsplatError."""
     volume = volume_file(request.volume)
     expand_pattern(str(volume))  # raises where no file matches
@@ -98,15 +119,16 @@ def make_film(request: FilmRequest, reporter: Reporter) -> FilmRecord:
     )
     for line in (f"{suggested.kind}; {suggested.reason}", *suggested.notes):
         reporter.status(f"{volume}: {line}")
-    content = suggested.text.encode()
-    _read_existing(request, content, Manifest(request.scene.parent))
-    job = _parse_job(request, content)
+    content = marked_scene(suggested.text, request.volume_path)
+    _require_replaceable(request, content)
+    scene = parse_scene_content(content, request.scene)  # before the file exists: no change to it affects the job
+    job = Job(scene, range(scene.camera.path.frames), schedule_to_dict(scene.error))
     sidecar = sidecar_path(job.scene, job.frames)
     outputs = [request.scene, *picture_files(job.scene.output, job.frames), sidecar]
     require_no_input(outputs, volume_files(request.volume))
     # Locked from before the scene is written until the film is finished, because they belong together.
     with locked_output(job.scene.output, job.frames, sidecar) as work_folder:
-        write_scene(request, suggested)
+        write_scene(request, content)
         reporter.announce_compilation()
         # Imported here to keep --help fast.
         from hsplat_cli.films import render_film
@@ -120,77 +142,63 @@ def make_film(request: FilmRequest, reporter: Reporter) -> FilmRecord:
     return request.record(FINISHED) | {"kind": suggested.kind, "reason": suggested.reason} | film_statistics(film)
 
 
-def _parse_job(request: FilmRequest, content: bytes) -> Job:
-    """Return the job of the scene's text, which no change to its file affects."""
-    scene = parse_scene_content(content, request.scene)
-    return Job(scene, range(scene.camera.path.frames), schedule_to_dict(scene.error))
+def write_scene(request: FilmRequest, content: bytes) -> None:
+    """Write the scene's file, and record that its film is started, unless the file has this content.
 
-
-def write_scene(request: FilmRequest, suggested: SuggestedScene) -> None:
-    """Write the scene's file, and record that the film is started unless the film of the same scene is finished.
-
-    Raises InputError where the file is a scene that somebody edited, or that of another volume.
+    Raises InputError where the file is a scene that somebody edited, or that of another volume, unless with `force`.
     """
-    from renderer.film import bytes_digest
-
-    content = suggested.text.encode()
-    with open_manifest(request.scene.parent) as manifest:
-        existing = _read_existing(request, content, manifest)
-        digests, record = [bytes_digest(content)], request.record(STARTED)
-        if existing == content:
-            former = manifest.record_of(request.scene)
-            record = former if former.get("status") == FINISHED else record
-        elif existing is not None:
-            known = manifest.record_of(request.scene).get(DIGESTS_KEY, [])
-            digests += [digest for digest in [bytes_digest(existing)] if digest in known]
-        # Written first, with both digests: if this process is killed, either file is known.
-        manifest.update(record | {VOLUME_KEY: request.volume_path, DIGESTS_KEY: digests})
-        if existing != content:
-            write_staged(request.scene, content)
+    if not _require_replaceable(request, content):
+        update_manifest(request.scene.parent, [request.record(STARTED)])
+        write_staged(request.scene, content)
 
 
-def _read_existing(request: FilmRequest, content: bytes, manifest: Manifest) -> bytes | None:
-    """Return the scene that exists, or None.
-
-    Raises InputError where it is not `content` and was edited or belongs to another volume, unless with `force`.
-    """
-    from renderer.film import bytes_digest
-
+def _require_replaceable(request: FilmRequest, content: bytes) -> bool:
+    """Return whether the scene's file has this content; raises as `write_scene`."""
     scene = request.scene
     with translate_os_errors(scene):
         existing = scene.read_bytes() if scene.exists() else None
     if existing is None or existing == content or request.force:
-        return existing
-    record = manifest.record_of(scene)
-    if bytes_digest(existing) not in record.get(DIGESTS_KEY, []):
+        return existing == content
+    volume = _volume_of_unedited(existing)
+    if volume is None:
         raise InputError(
             "another scene of this name exists, perhaps one that was edited",
             where=str(scene),
             hint=f"`hsplat render {scene}` renders it; --force overwrites it",
         )
-    if record[VOLUME_KEY] != request.volume_path:
+    if volume != request.volume_path:
         raise InputError(
             "a film of another volume has this name",
             where=str(scene),
-            got=f"that of {os.path.relpath(os.path.join(os.path.realpath(scene.parent), record[VOLUME_KEY]))}",
+            got=f"that of {os.path.relpath(os.path.join(os.path.realpath(scene.parent), volume))}",
             hint="give this one another --output, or both to one command, which gives them different names; "
             "--force overwrites it",
         )
-    return existing
+    return False
+
+
+def marked_scene(text: str, volume_path: str) -> bytes:
+    """Return a scene with a last line that shows whose it is, and that nobody has edited it."""
+    from renderer.film import bytes_digest
+
+    volume = json.dumps(volume_path)
+    marked = f"{text}\n# `hsplat turntable` replaces this file while nobody has changed it; of {volume}: "
+    return f"{marked}{bytes_digest(marked.encode())}\n".encode()
+
+
+def _volume_of_unedited(content: bytes) -> str | None:
+    """Return the volume path in a marked scene that nobody has edited."""
+    from renderer.film import bytes_digest
+
+    found = re.fullmatch(rb'(.*; of ("[^\n]*"): )([0-9a-f]{32})\n', content, re.DOTALL)
+    return json.loads(found[2]) if found and bytes_digest(found[1]).encode() == found[3] else None
 
 
 def film_statistics(film: FilmResult) -> FilmRecord:
-    """Return the frames, the mean number of bricks (as `splats`) and the seconds of a film.
-
-    The sidecar of a film that was up to date may have been edited: numbers that cannot be are left out.
-    """
-    mean = Fraction(sum(frame["splats"] for frame in film.frames), len(film.frames))
-    statistics: FilmRecord = {"frames": len(film.frames)} | ({"splats": round(mean)} if mean < _MAX_NUMBER else {})
-    seconds = film.record.get("seconds")
-    total = seconds.get("total") if isinstance(seconds, dict) else None
-    if isinstance(total, (int, float)) and 0 <= total < _MAX_NUMBER:
-        statistics["seconds"] = round(total, 3)
-    return statistics
+    """Return the frames, the mean number of bricks (as `splats`) and the seconds of a film."""
+    num_frames = len(film.frames)
+    mean = sum(frame["splats"] for frame in film.frames) / num_frames
+    return {"frames": num_frames, "splats": round(mean), "seconds": round(film.record["seconds"]["total"], 3)}
 
 
 def print_film_record(request: FilmRequest, reporter: Reporter) -> None:

@@ -23,7 +23,6 @@ from .inputs import (
     volume_files as volume_files,
 )
 from .lock import (
-    exclusive_lock as exclusive_lock,
     lock_slots as lock_slots,
     locked_output as locked_output,
     require_folder_if_exists as require_folder_if_exists,

@@ -12,15 +12,14 @@ import hashlib
 import json
 import re
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from renderer.errors import RenderError
-from renderer.film.atomic import translate_os_errors, write_staged
+from renderer.film.atomic import write_staged
 from renderer.film.names import frame_path, has_frame_files, is_numbered, picture_shape
 from renderer.film.picture import Picture
-from renderer.film.png import decode_png, png_shape
+from renderer.film.png import png_shape
 from renderer.scene import OutputSpec, read_json_object
 
 Record = Mapping[str, Any]
@@ -41,7 +40,6 @@ class FrameCheckpoint:
 
     records: by frame number, of the frames whose files match them; each has the `digest` of its file.
     former_fingerprint, num_outdated: of frames with another fingerprint, which is empty if it is no longer known.
-    num_dropped: frames with this fingerprint that are drawn again all the same.
     """
 
     def __init__(
@@ -55,10 +53,10 @@ class FrameCheckpoint:
     ) -> None:
         self._folder, self._output, self._numbers = folder, output, frozenset(numbers)
         self.fingerprint: Record = json.loads(json.dumps(fingerprint))  # as it is read again: tuples are lists
-        self._digest, self._is_fingerprint_written = data_digest(fingerprint), False
+        self._digest = data_digest(fingerprint)
         self.records: dict[int, Record] = {}
         self.former_fingerprint: Record | None = None
-        self.num_outdated = self.num_dropped = 0
+        self.num_outdated = 0
         if discard_existing:
             remove_checkpoint_frames(folder, output, numbers)
         for number in numbers:
@@ -94,34 +92,17 @@ class FrameCheckpoint:
         """Write a frame's picture, then its record. Return the record with its digest."""
         record = {**record, "digest": bytes_digest(png)}
         write_staged(self._file(number), png, self._folder)
-        if not self._is_fingerprint_written:
-            path = _fingerprint_path(self._folder, self._digest)
+        path = _fingerprint_path(self._folder, self._digest)
+        if not path.exists():
             write_staged(path, json.dumps(self.fingerprint).encode(), self._folder)
-            self._is_fingerprint_written = True
         content = json.dumps({"cause": self._digest, "record": record}).encode()
         write_staged(self._checkpoint_path(number, "json"), content, self._folder)
         self.records[number] = record
         return record
 
     def picture(self, number: int) -> Picture:
-        """Return a finished frame, decoded. If it cannot be decoded, forget it and raise RenderError."""
-        path = self._file(number)
-        try:
-            with translate_os_errors(path):
-                content = path.read_bytes()
-            return Picture(decode_png(content), content)
-        except ValueError as error:
-            del self.records[number]
-            with translate_os_errors(path):
-                self._checkpoint_path(number, "json").unlink(missing_ok=True)
-            hint = "run the same command again to redraw it"
-            raise RenderError("a checkpoint frame cannot be decoded", where=str(path), hint=hint) from error
-
-    def retain(self, predicate: Callable[[Record], bool]) -> None:
-        """Keep the frames whose record satisfies the predicate. The others are drawn again."""
-        retained = {number: record for number, record in self.records.items() if predicate(record)}
-        self.num_dropped += len(self.records) - len(retained)
-        self.records = retained
+        """Return a finished frame, which is read on demand."""
+        return Picture(file=self._file(number))
 
     def _file(self, number: int) -> Path:
         if has_frame_files(self._output):
@@ -173,7 +154,7 @@ def is_frame_record(record: Any, *, has_digest: bool = True) -> bool:
         and isinstance(record.get("gl", ""), str)
         and record.get("blank", True) is True
         and isinstance(record.get("digest", None if has_digest else ""), str)
-        and all(type(record.get(key)) is int and record[key] >= 0 for key in ("frame", "cells", "splats"))
+        and all(type(record.get(key)) is int and 0 <= record[key] < 2**63 for key in ("frame", "cells", "splats"))
         and isinstance(seconds, dict)
         and all(map(_is_nonnegative_number, [record.get("tolerance"), predicted, *seconds.values()]))
     )

@@ -7,7 +7,7 @@ import errno
 import fcntl
 import os
 import stat
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from renderer.errors import InputError, OutputLockedError
@@ -37,44 +37,25 @@ def locked_output(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> I
 
 
 @contextlib.contextmanager
-def lock_slots(folder: Path, slots: Sequence[int], output: Path) -> Iterator[None]:
+def lock_slots(folder: Path, slots: Sequence[int], output: Path, *, shared_file: str | None = None) -> Iterator[None]:
     """Lock ascending slots, one for each frame, of a folder for unfinished work, which is made if it is missing.
 
     Jobs without a common slot do not exclude each other. The last job to leave removes the temporary files of killed
     jobs, and the folder if nothing else is in it. On a file system without locks no job is excluded.
 
-    output: for messages. Raises OutputLockedError if another process holds one of the slots; InputError if something
-    else has the folder's name, RenderError if the folder cannot be made.
+    output: for messages. shared_file: the name of the lock file in a folder for other things, which then stay.
+    Raises OutputLockedError if another process holds one of the slots; InputError if something else has the folder's
+    name, RenderError if the folder cannot be made.
     """
+    file = folder / (shared_file or "lock")
     with translate_os_errors(output):
-        descriptor = _acquire_gate(folder)
+        descriptor = _acquire_gate(file, owns_folder=shared_file is None)
     try:
         with translate_os_errors(output):
             _acquire_slots(descriptor, slots, output)
         yield
     finally:
-        _release_slots(folder, descriptor)
-
-
-@contextlib.contextmanager
-def exclusive_lock(file: Path, on_wait: Callable[[str | None], None]) -> Iterator[None]:
-    """Wait until no other process holds this lock file, and hold it. The file is made, and removed at the end.
-
-    on_wait: called before each further try with the present holder, such as `process 12 on ada`, if it is known. What
-    it raises ends the wait. On a file system without locks there is no wait.
-    Raises InputError or RenderError if the file cannot be made.
-    """
-    with translate_os_errors(file):
-        descriptor = _wait_for(file, on_wait)
-    try:
-        with translate_os_errors(file):
-            _write_owner(descriptor)
-        yield
-    finally:
-        with contextlib.suppress(OSError):
-            if _is_there(file, descriptor):
-                file.unlink()
-        os.close(descriptor)
+        _release_slots(file, descriptor, owns_folder=shared_file is None)
 
 
 def require_folder_if_exists(folder: Path) -> None:
@@ -90,31 +71,25 @@ def require_folder_if_exists(folder: Path) -> None:
             )
 
 
-def _acquire_gate(folder: Path) -> int:
-    """Return the descriptor of the folder's lock file, with its gate locked."""
+def _acquire_gate(file: Path, *, owns_folder: bool) -> int:
+    """Return the descriptor of a lock file that exists, with its gate locked."""
+    folder = file.parent
     while True:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with contextlib.suppress(FileExistsError):
             folder.mkdir()
-        require_folder_if_exists(folder)
+        if owns_folder:
+            require_folder_if_exists(folder)
         with contextlib.suppress(FileNotFoundError):  # the last holder has just removed the folder
-            return _wait_for(_lock_file(folder))
-
-
-def _wait_for(file: Path, on_wait: Callable[[str | None], None] | None = None) -> int:
-    """Return the descriptor of a lock file that still exists, with its gate locked. on_wait: as in `exclusive_lock`."""
-    while True:
-        descriptor = _open(file)
-        try:
-            while _lock(descriptor, _GATE_BYTE, 1, wait=on_wait is None) is False:
-                assert on_wait is not None
-                on_wait(_read_owner(descriptor))
-            if _is_there(file, descriptor):
-                return descriptor
-        except BaseException:
-            os.close(descriptor)
-            raise
-        os.close(descriptor)  # the last holder has just removed it
+            descriptor = _open(file)
+            try:
+                _lock(descriptor, _GATE_BYTE, 1, wait=True)
+                if _is_there(file, descriptor):
+                    return descriptor
+            except BaseException:
+                os.close(descriptor)
+                raise
+            os.close(descriptor)  # the last holder has just removed it
 
 
 def _open(file: Path) -> int:
@@ -177,17 +152,18 @@ def _read_owner(descriptor: int) -> str | None:
     return note if note and note.isprintable() else None
 
 
-def _release_slots(folder: Path, descriptor: int) -> None:
+def _release_slots(file: Path, descriptor: int, *, owns_folder: bool) -> None:
     """Give the slots back. The last job removes what is left."""
     try:
         _lock(descriptor, _GATE_BYTE, 1, wait=True)
         is_last = _lock(descriptor, _GATE_BYTE, 0)
-        if is_last is False or (is_last and not _is_there(_lock_file(folder), descriptor)):
+        if is_last is False or (is_last and not _is_there(file, descriptor)):
             return
-        if is_last:  # None, without locks, may be one of many
-            remove_temporaries(folder)
-        _lock_file(folder).unlink(missing_ok=True)
-        folder.rmdir()
+        if is_last and owns_folder:  # None, without locks, may be one of many
+            remove_temporaries(file.parent)
+        file.unlink(missing_ok=True)
+        if owns_folder:
+            file.parent.rmdir()
     except OSError:  # something is in it, or it has vanished
         pass
     finally:
@@ -209,10 +185,6 @@ def _lock(descriptor: int, first: int, length: int, *, wait: bool = False) -> bo
             raise
         return None
     return True
-
-
-def _lock_file(folder: Path) -> Path:
-    return folder / "lock"
 
 
 def _is_there(file: Path, descriptor: int) -> bool:

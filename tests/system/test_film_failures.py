@@ -45,11 +45,10 @@ def fake_ffmpeg(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Mo
     return install
 
 
-@pytest.mark.parametrize("name", ["film.mp4", "film.gif", "{frame}.png"])
-@pytest.mark.parametrize("stop", [ValueError("stop"), KeyboardInterrupt()], ids=["error", "ctrl-c"])
-def test_leaving_the_block_leaves_nothing(tmp_path: Path, name: str, stop: BaseException) -> None:
-    with pytest.raises(type(stop)):
-        write_film(tmp_path / name, stop=stop)
+@pytest.mark.parametrize("name", ["film.mp4", "{frame}.png"])
+def test_leaving_the_block_leaves_nothing(tmp_path: Path, name: str) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        write_film(tmp_path / name, stop=KeyboardInterrupt())
     assert not list(tmp_path.iterdir())
     assert_no_child_process()
 
@@ -105,13 +104,12 @@ def test_a_full_disk_under_ffmpeg(options: list[str], tmp_path: Path) -> None:
     assert_no_child_process()
 
 
-@pytest.mark.parametrize("name", ["film.mp4", "film.gif", "{frame}.png"])
 @pytest.mark.parametrize(
-    ("number", "message"),
+    ("name", "number", "message"),
     [
-        (errno.EDQUOT, "the disk is full"),
-        (errno.EROFS, "no permission"),
-        (errno.EIO, "Input/output error"),
+        ("film.mp4", errno.EDQUOT, "the disk is full"),
+        ("{frame}.png", errno.EROFS, "no permission"),
+        ("film.gif", errno.EIO, "Input/output error"),
     ],
 )
 def test_a_rename_that_fails(
@@ -174,12 +172,6 @@ def test_odd_sizes_are_a_fault_of_the_program(tmp_path: Path) -> None:
     with pytest.raises(AssertionError, match="even"), open_film(OutputSpec(tmp_path / "a.mp4", size=(63, 64)), [0]):
         pass
     assert not list(tmp_path.iterdir())
-
-
-def test_odd_sizes_are_fine_in_a_gif(tmp_path: Path) -> None:
-    with open_film(OutputSpec(tmp_path / "a.gif", size=(63, 65)), [0]) as write:
-        write(0, Picture(np.zeros((65, 63, 3), np.uint8)))
-    assert (tmp_path / "a.gif").is_file()
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 import re
 import struct
 import subprocess
-from fractions import Fraction
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -84,7 +83,8 @@ def gif_delays(data: bytes) -> list[int]:
 
 
 def test_an_mp4_says_what_players_need(tmp_path: Path) -> None:
-    path = write(tmp_path / "film.mp4", moving())
+    path, again = (write(tmp_path / f"{name}.mp4", moving()) for name in ("a", "b"))
+    assert path.read_bytes() == again.read_bytes()
     text = description(path)
     # One `bt709` stands for matrix, primaries and transfer when all three are.
     assert "h264 (High)" in text
@@ -148,16 +148,10 @@ def test_more_quality_is_a_larger_file_and_a_smaller_error(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("asked", "shown"), [(24, "24 fps"), (12.5, "12.50 fps"), (29.97, "29.97 fps"), (60, "60 fps"), (1, "1 fps")]
+    ("asked", "shown"), [(12.5, "12.50 fps"), (29.97, "29.97 fps"), (24000 / 1001, "23.98 fps"), (1, "1 fps")]
 )
 def test_an_mp4_keeps_its_rate(tmp_path: Path, asked: float, shown: str) -> None:
     assert f" {shown}," in description(write(tmp_path / "film.mp4", moving()[:3], asked))
-
-
-@pytest.mark.parametrize("suffix", ["mp4", "gif"])
-def test_two_runs_give_the_same_bytes(tmp_path: Path, suffix: str) -> None:
-    first, second = (write(tmp_path / f"{name}.{suffix}", moving()) for name in ("a", "b"))
-    assert first.read_bytes() == second.read_bytes()
 
 
 def test_one_frame_is_a_film(tmp_path: Path) -> None:
@@ -168,14 +162,13 @@ def test_one_frame_is_a_film(tmp_path: Path) -> None:
     assert gif_delays(gif.read_bytes()) == [3]
 
 
-@pytest.mark.parametrize("name", ["a:b.mp4", "-c.mp4", "100%d.gif", "ünï code.MP4"])
+@pytest.mark.parametrize("name", ["a:b.mp4", "-ünï code.MP4", "100%d.gif"])
 def test_names_are_only_names(tmp_path: Path, name: str) -> None:
     assert write(tmp_path / name, moving()[:2]).stat().st_size > 0
 
 
 @pytest.mark.parametrize(
-    ("frames_per_second", "delay"),
-    [(30, 3), (25, 4), (24, 4), (60, 2), (50, 2), (1000, 2), (40, 3), (10, 10), (1, 100), (0.001, 65535)],
+    ("frames_per_second", "delay"), [(30, 3), (25, 4), (24, 4), (1000, 2), (40, 3), (1, 100), (0.001, 65535)]
 )
 def test_gif_delay_is_the_nearest_that_players_honour(frames_per_second: float, delay: int) -> None:
     assert gif_delay_cs(frames_per_second) == delay
@@ -187,6 +180,7 @@ def test_a_gif_loops_at_the_rate_that_its_note_says(tmp_path: Path) -> None:
         "a GIF shows each frame for whole hundredths of a second: 33.33 frames per second, not 30"
     ]
     data = write(output.file, moving()).read_bytes()
+    assert write(tmp_path / "again.gif", moving()).read_bytes() == data
     assert gif_delays(data) == [3] * NUM_FRAMES
     assert b"NETSCAPE2.0\x03\x01\x00\x00\x00" in data  # loops for ever
     assert film_notes(OutputSpec(output.file, frames_per_second=25)) == []
@@ -205,8 +199,3 @@ def test_a_gif_shows_the_colours(tmp_path: Path) -> None:
 
 def test_few_colours_are_exact_in_a_gif(tmp_path: Path) -> None:
     np.testing.assert_array_equal(shown_by_gif(write(tmp_path / "film.gif", patches()[None])), patches()[None])
-
-
-def test_rates_of_television_are_recognised(tmp_path: Path) -> None:
-    text = description(write(tmp_path / "film.mp4", moving()[:3], float(Fraction(24000, 1001))))
-    assert "23.98 fps" in text

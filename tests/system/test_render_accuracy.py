@@ -81,28 +81,25 @@ def test_the_whole_film_has_the_accuracy(
     assert measured["worst"] == pytest.approx(tried[worst], rel=1e-6)  # of float32 pictures that are drawn alike
 
 
-def test_the_sidecar_records_the_goal_and_the_measurement() -> None:
-    render("--quiet")
-    made = sidecar()
-    schedule, tolerance = made["schedule"], made["scene"]["error"]["tolerance"]
+def test_a_search_is_printed_and_recorded(capsys: pytest.CaptureFixture[str]) -> None:
+    """The film equals one at the tolerance that was found, though the pyramid for the search holds more."""
+    render("--output", "found/{frame}.png")
+    printed, made = capsys.readouterr(), sidecar("found/frames.json")
+    schedule, tolerance, measured = made["schedule"], made["scene"]["error"]["tolerance"], made["schedule"]["measured"]
     assert tolerance > 0
     assert {frame["tolerance"] for frame in made["frames"]} == {tolerance}
     assert list(schedule) == ["asked", "tolerance", "cells", "met", "reproducible", "measured"]
-    assert schedule["asked"] == {"psnr": 27}
-    assert schedule["tolerance"] == [tolerance, tolerance]
+    assert (schedule["asked"], schedule["tolerance"]) == ({"psnr": 27}, [tolerance, tolerance])
     assert schedule["met"] and schedule["reproducible"]
-    assert schedule["measured"]["metric"] == "psnr"
-    assert schedule["measured"]["worst"] >= 27
-    assert schedule["measured"]["probes"] == [0, 3, 6, 9, 12, 15, 18, 21]
-
-
-def test_the_film_equals_one_at_the_tolerance_found() -> None:
-    """Byte for byte, though the pyramid for the search holds more."""
-    render("--quiet", "--output", "found/{frame}.png")
-    tolerance = sidecar("found/frames.json")["scene"]["error"]["tolerance"]
-    render(
-        "--quiet", "--output", "given/{frame}.png", "--set", "error.psnr=null", "--set", f"error.tolerance={tolerance}"
-    )
+    assert measured["metric"] == "psnr" and measured["worst"] >= 27
+    assert measured["probes"] == [0, 3, 6, 9, 12, 15, 18, 21]
+    assert printed.out.splitlines()[0].endswith(f", psnr {measured['worst']:.2f} dB or better on 8 probe frames")
+    lines = printed.err.splitlines()
+    assert any(line.startswith("truth of frame ") for line in lines)
+    assert any(line.startswith("tolerance ") and " dB on frame 0, " in line for line in lines)
+    assert "24/24 frames, " in lines[-1]
+    given = ("--set", "error.psnr=null", "--set", f"error.tolerance={tolerance}")
+    render("--quiet", "--output", "given/{frame}.png", *given)
     for frame in range(NUM_FRAMES):
         assert Path(f"found/{frame}.png").read_bytes() == Path(f"given/{frame}.png").read_bytes()
 
@@ -113,17 +110,6 @@ def test_measure_finds_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["measure", "scene.yaml", "--quiet", "--want", "rmse=0.04"]) == 0
     line = yaml.safe_load(capsys.readouterr().out.splitlines()[0])["error"]
     assert line == {"measure": "optical", "tolerance": sidecar()["scene"]["error"]["tolerance"]}
-
-
-def test_trials_and_result_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    render()
-    printed = capsys.readouterr()
-    measured = sidecar()["schedule"]["measured"]
-    assert printed.out.splitlines()[0].endswith(f", psnr {measured['worst']:.2f} dB or better on 8 probe frames")
-    lines = printed.err.splitlines()
-    assert any(line.startswith("truth of frame ") for line in lines)
-    assert any(line.startswith("tolerance ") and " dB on frame 0, " in line for line in lines)
-    assert lines[-1].startswith("film.mp4: 24/24 frames, ")
 
 
 def test_a_film_beyond_full_resolution_is_whole(capsys: pytest.CaptureFixture[str]) -> None:
@@ -197,13 +183,12 @@ def test_an_infinite_psnr_is_null_in_the_sidecar() -> None:
 def test_packages_of_measure_are_not_needed(folder: Path) -> None:
     block = f"import sys; sys.modules.update(dict.fromkeys({EXTRAS!r}))"
     run = "from hsplat_cli.main import run; sys.exit(run(['render', 'scene.yaml', '--frames', '0', *sys.argv[1:]]))"
-    for arguments in ((), RMSE):
-        done = subprocess.run(
-            [sys.executable, "-c", f"{block}; sys.path.insert(0, {str(ROOT)!r}); {run}", "--quiet", *arguments],
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    done = subprocess.run(
+        [sys.executable, "-c", f"{block}; sys.path.insert(0, {str(ROOT)!r}); {run}", "--quiet", *RMSE],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert sidecar()["schedule"]["met"]

@@ -76,4 +76,4 @@ def rendered_frames(
         film = render_film(job, executor, reporter, is_auxiliary=True)
         assert film.shortfall is None, "a reproducible job has no goal to miss"
         files = {frame: template.with_name(template.name.format(frame=frame)) for frame in frames}
-        yield RenderedFrames(files, origin_from_sidecar(film.record), film.notes)
+        yield RenderedFrames(files, origin_from_sidecar(film.record), film.record["notes"])

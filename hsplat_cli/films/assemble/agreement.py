@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from hsplat_cli.films.assemble.parts import Part
+from hsplat_cli.films.fingerprint import differences
+from hsplat_cli.terminal import first_few
 from renderer.errors import Problem
 from renderer.film import Record, bytes_digest, png_shape
 from renderer.runs import consecutive_ranges
-from renderer.scene import FRAME_FIELD, format_value, join_keys, schedule_to_dict
+from renderer.scene import FRAME_FIELD, format_value, schedule_to_dict
 
 _MAX_SHOWN = 4
 
@@ -41,24 +43,19 @@ def film_problems(parts: Sequence[Part]) -> Iterator[Problem]:
     identities = [json.dumps(_film_identity(part), sort_keys=True) for part in parts]
     usual = Counter(identities).most_common(1)[0][0]
     model = parts[identities.index(usual)]
-    before = dict(_leaves(_film_identity(model)))
     for part, identity in zip(parts, identities, strict=True):
         if identity != usual:
-            now = dict(_leaves(_film_identity(part)))
-            keys = [key for key in {**before, **now} if before.get(key, _MISSING) != now.get(key, _MISSING)]
-            yield Problem(
-                "",
-                "a part of another film",
-                got=_shown(keys, now),
-                expected=f"{_shown(keys, before)}, as in {model.path}",
-                location=str(part.path),
-            )
+            found = list(differences(_film_identity(model), _film_identity(part)))
+            got = first_few([f"{path} {format_value(value)}" for path, _, value in found], _MAX_SHOWN)
+            expected = first_few([f"{path} {format_value(value)}" for path, value, _ in found], _MAX_SHOWN)
+            location, expected = str(part.path), f"{expected}, as in {model.path}"
+            yield Problem("", "a part of another film", got=got, expected=expected, location=location)
 
 
 def _film_identity(part: Part) -> dict[str, Any]:
     """Return what all parts of a film share: what pixels depend on, except the machine, and the encoding."""
-    scene = {key: value for key, value in part.scene.items() if key not in ("volume", "output", "error")}
-    output = {key: value for key, value in part.scene.get("output", {}).items() if key != "file"}
+    scene = {key: value for key, value in part.scene.items() if key != "volume"}
+    output = {key: value for key, value in part.scene["output"].items() if key != "file"}
     error = error_without_schedule(part) if part.has_goal else part.scene["error"]
     return {
         "scene": {**scene, "output": output, "error": error},
@@ -70,27 +67,6 @@ def _film_identity(part: Part) -> dict[str, Any]:
 def error_without_schedule(part: Part) -> dict[str, Any]:
     """Return the scene's section `error` without the tolerances."""
     return {key: value for key, value in part.scene["error"].items() if key != "tolerance"}
-
-
-_MISSING = object()
-
-
-def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the values in nested mappings and lists of mappings, with their dotted paths."""
-    if isinstance(value, dict):
-        for key, item in value.items():
-            yield from _leaves(item, join_keys(path, key))
-    elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
-        for index, item in enumerate(value):
-            yield from _leaves(item, join_keys(path, index))
-    else:
-        yield path, value
-
-
-def _shown(keys: Sequence[str], values: Mapping[str, Any]) -> str:
-    named = [f"{key} {format_value(values[key])}" if key in values else f"no {key}" for key in keys[:_MAX_SHOWN]]
-    more = [f"{len(keys) - _MAX_SHOWN} more"] * (len(keys) > _MAX_SHOWN)
-    return ", ".join([*named, *more])
 
 
 # Complete
@@ -117,11 +93,8 @@ def pick_frames(parts: Sequence[Part], numbers: Iterable[int]) -> tuple[list[Pic
 
 
 def _duplicate_problems(first: PickedFrame, other: PickedFrame) -> Iterator[Problem]:
-    """Yield a problem unless both parts have the frame in one file, or in files of the same bytes."""
-    if first.file.resolve() == other.file.resolve():
-        return
-    contents = [_content(first.file), _content(other.file)]
-    if None not in contents and contents[0] != contents[1]:
+    """Yield a problem unless both parts have the frame in one file, or have drawn the same picture."""
+    if first.record["digest"] != other.record["digest"] and first.file.resolve() != other.file.resolve():
         got, what = f"{first.file} and {other.file}", f"frame {first.number} differs between two parts"
         yield Problem("", what, got=got, hint="leave one of the parts out", location=str(other.part.path))
 

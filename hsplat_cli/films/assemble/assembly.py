@@ -7,22 +7,20 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from hsplat_cli.films.assemble.agreement import PickedFrame, file_problems, film_problems, pick_frames
-from hsplat_cli.films.assemble.merged_sidecar import merged_record, part_notes, parts_fingerprint, parts_of
+from hsplat_cli.films.assemble.merged_sidecar import merged_record, parts_fingerprint, parts_of
 from hsplat_cli.films.assemble.parts import Part
 from hsplat_cli.films.film import FilmResult
 from hsplat_cli.films.fingerprint import JobFingerprint, fingerprint_record
 from hsplat_cli.films.resume import read_recorded_film
 from hsplat_cli.terminal import Reporter, counted, deferrable_interrupts
-from renderer.errors import InputError, SceneError
+from renderer.errors import SceneError
 from renderer.film import (
     Picture,
-    film_notes,
     locked_output,
     open_film,
     picture_shape,
     require_encoder,
     sidecar_path_of_file,
-    translate_os_errors,
     write_sidecar,
 )
 from renderer.scene import OutputSpec
@@ -49,8 +47,7 @@ def assemble_film(
             raise SceneError(problems)
         require_encoder(output)
         _write(picked, output, folder, defer_interrupts, reporter)
-        notes = [*film_notes(output), *part_notes(picked)]
-        record = merged_record(picked, output, time.perf_counter() - start) | {"notes": notes}
+        record = merged_record(picked, output, time.perf_counter() - start)
         if fingerprint is not None:
             record |= fingerprint_record(fingerprint, output)
         write_sidecar(sidecar, record, folder)
@@ -66,7 +63,7 @@ def _is_up_to_date(
     With a time budget a part has other pictures each time it is drawn, though the fingerprint is the same.
     """
     recorded = read_recorded_film(sidecar, output)
-    if recorded is None or not recorded.is_up_to_date(fingerprint, output, [frame.number for frame in picked]):
+    if recorded is None or recorded.why_stale(fingerprint, output, [frame.number for frame in picked]) is not None:
         return False
     return [record.get("digest") for record in recorded.frames] == [frame.record["digest"] for frame in picked]
 
@@ -81,11 +78,5 @@ def _write(
         reporter.progress(len(picked), label=output.file.name) as bar,
     ):
         for frame in picked:
-            with translate_os_errors(frame.file):
-                content = frame.file.read_bytes()
-            try:
-                write(frame.number, Picture(png=content))
-            except ValueError as error:
-                hint = "remove it, and the command that drew it draws it again"
-                raise InputError("a frame that cannot be decoded", where=str(frame.file), hint=hint) from error
+            write(frame.number, Picture(file=frame.file))
             bar.advance()

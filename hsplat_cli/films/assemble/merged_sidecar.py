@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 from hsplat_cli.films.assemble.agreement import PickedFrame, error_without_schedule
 from hsplat_cli.films.assemble.parts import Part
 from hsplat_cli.films.fingerprint import JobFingerprint, recorded_fingerprint
-from hsplat_cli.films.sidecar_record import min_max
-from renderer.film import Record, bytes_digest, has_frame_files
+from hsplat_cli.films.sidecar_record import min_max, schedule_record
+from renderer.film import data_digest, film_notes, has_frame_files
 from renderer.frame import visibility_notes
 from renderer.scene import ErrorSpec, OutputSpec, is_film_wide_goal, schedule_from_tolerances, schedule_to_dict
 from renderer.versions import package_versions, sources_digest
@@ -25,18 +25,26 @@ def merged_record(picked: Sequence[PickedFrame], output: OutputSpec, seconds: fl
     parts = parts_of(picked)
     first, records = parts[0].data, [frame.record for frame in picked]
     finest = min(part.data["pyramid"]["finest_level_drawn"] for part in parts)
-    steps = dict.fromkeys(step for part in parts for step in part.data["seconds"])
-    summed = {step: sum(part.data["seconds"].get(step, 0.0) for part in parts) for step in steps}
+    summed: dict[str, float] = {}
+    for part in parts:
+        summed |= {step: summed.get(step, 0.0) + took for step, took in part.data["seconds"].items()}
+    tools = _joined_tools(parts)
+    missed = dict.fromkeys(part.data["schedule"]["shortfall"] for part in parts if not part.data["schedule"]["met"])
     return {
         "scene": _scene(picked, output),
         "volume": first["volume"],
         "camera": first["camera"],
         "pyramid": first["pyramid"] | {"finest_level_drawn": finest},
-        "gl": _joined_text(part.data["gl"] for part in parts),
-        "versions": _versions(parts),
-        "schedule": _schedule(parts, records),
+        "gl": tools.pop("GL"),
+        "versions": tools,
+        "schedule": schedule_record(
+            first["schedule"]["asked"],
+            records,
+            "\n".join(missed) or None,
+            is_reproducible=all(part.data["schedule"]["reproducible"] for part in parts),
+        ),
         "parts": [_part_record(part, picked) for part in parts],
-        "notes": [],
+        "notes": [*film_notes(output), *_part_notes(picked)],
         "seconds": summed | {"assembling": seconds},
         "frames": records,
     }
@@ -47,14 +55,11 @@ def parts_of(picked: Sequence[PickedFrame]) -> list[Part]:
     return list({frame.part.path: frame.part for frame in picked}.values())
 
 
-def part_notes(picked: Sequence[PickedFrame]) -> list[str]:
+def _part_notes(picked: Sequence[PickedFrame]) -> list[str]:
     """Return what the user should know: notes on the film, then those of its parts."""
     parts = parts_of(picked)
-    versions = _versions(parts) | {"GL": _joined_text(part.data["gl"] for part in parts)}
-    of_parts = [{**part.data["versions"], "GL": part.data["gl"]} for part in parts]
-    different = [
-        f"{name} {value}" for name, value in versions.items() if len({each.get(name) for each in of_parts}) > 1
-    ]
+    first = _tools(parts[0])
+    different = [f"{name} {value}" for name, value in _joined_tools(parts).items() if value != first.get(name)]
     notes = [f"bytes may differ from part to part, drawn with different versions: {'; '.join(different)}"]
     notes = notes * bool(different) + visibility_notes([frame.record for frame in picked])
     missed = [part for part in parts if not part.data["schedule"]["met"]]
@@ -72,26 +77,20 @@ def parts_fingerprint(picked: Sequence[PickedFrame], output: OutputSpec) -> JobF
     The parts need the same fingerprint. A goal for all frames together was met by whole parts only. A film that is
     encoded by another version than drew the frames has a fingerprint of its own.
     """
-    parts, numbers = parts_of(picked), [frame.number for frame in picked]
+    parts = parts_of(picked)
     first, *others = (recorded_fingerprint(part.data) for part in parts)
-    if first is None or not first.is_intact or any(each is None or each.frames != first.frames for each in others):
+    if first is None or first.frames != data_digest(first.of):
+        return None
+    if any(each is None or each.frames != first.frames for each in others):
         return None
     drawn = {record["frame"] for part in parts for record in part.records}
-    if is_film_wide_goal(parts[0].requested_error) and not drawn <= {*numbers}:
+    if is_film_wide_goal(parts[0].requested_error) and not drawn <= {frame.number for frame in picked}:
         return None
-    fingerprint = JobFingerprint.make(first.of, output, numbers)
-    before = _encoder_versions(first.of)
-    now = _encoder_versions({"versions": package_versions(), "sources": sources_digest()})
-    if has_frame_files(output) or before == now:
+    fingerprint = JobFingerprint.make(first.of, output)
+    now = {"versions": package_versions(), "sources": sources_digest()}
+    if has_frame_files(output) or now == {key: first.of.get(key) for key in now}:
         return fingerprint
-    return replace(fingerprint, film=bytes_digest(json.dumps([fingerprint.film, now]).encode()))
-
-
-def _encoder_versions(of: Any) -> list[Any]:
-    """Return what the bytes of a film depend on besides its pictures, from the data of a fingerprint."""
-    data = of if isinstance(of, dict) else {}
-    versions = data.get("versions")
-    return [versions.get("imageio-ffmpeg") if isinstance(versions, dict) else None, data.get("sources")]
+    return replace(fingerprint, film=fingerprint.film | now)
 
 
 def _scene(picked: Sequence[PickedFrame], output: OutputSpec) -> dict[str, Any]:
@@ -105,46 +104,20 @@ def _scene(picked: Sequence[PickedFrame], output: OutputSpec) -> dict[str, Any]:
     return {**part.scene, "output": recorded, "error": error}
 
 
-def _schedule(parts: Sequence[Part], records: Sequence[Record]) -> dict[str, Any]:
-    schedules = [part.data["schedule"] for part in parts]
-    measured = [each["measured"] for each in schedules if "measured" in each]
-    missed = list(dict.fromkeys(each["shortfall"] for each in schedules if "shortfall" in each))
-    record: dict[str, Any] = {
-        "asked": schedules[0]["asked"],
-        "tolerance": min_max(record["tolerance"] for record in records),
-        "cells": min_max(record["cells"] for record in records),
-        "met": all(each["met"] for each in schedules),
-        "reproducible": all(each["reproducible"] for each in schedules),
-    }
-    if measured:
-        record["measured"] = _worst_measurement(measured)
-    if missed:
-        record["shortfall"] = "\n".join(missed)
-    return record
-
-
-def _worst_measurement(measured: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the least accurate of the parts' measurements, with the probe frames of all parts.
-
-    A higher PSNR is better, and None stands for an infinite one; lower values of other metrics are better.
-    """
-    known = [each for each in measured if each["worst"] is not None] or measured
-    worst = known[0]
-    if worst["worst"] is not None:
-        worst = (min if worst["metric"] == "psnr" else max)(known, key=lambda each: each["worst"])
-    return {**worst, "probes": sorted({probe for each in measured for probe in each["probes"]})}
-
-
 def _part_record(part: Part, picked: Sequence[PickedFrame]) -> dict[str, Any]:
     numbers = [frame.number for frame in picked if frame.part is part]
-    seconds = part.data["seconds"]
-    return {"sidecar": str(part.path), "frames": min_max(numbers), "num_frames": len(numbers), "seconds": seconds}
+    record = {"sidecar": str(part.path), "frames": min_max(numbers), "num_frames": len(numbers)}
+    measured = {key: part.data["schedule"][key] for key in part.data["schedule"].keys() & {"measured"}}
+    return record | measured | {"seconds": part.data["seconds"]}
 
 
-def _versions(parts: Sequence[Part]) -> dict[str, Any]:
-    names = dict.fromkeys(name for part in parts for name in part.data["versions"])
-    return {name: _joined_text(part.data["versions"].get(name) for part in parts) for name in names}
+def _tools(part: Part) -> dict[str, str]:
+    """Return the versions of what drew a part, OpenGL as `GL`."""
+    return {**part.data["versions"], "GL": part.data["gl"]}
 
 
-def _joined_text(values: Iterable[Any]) -> str:
-    return " and ".join(dict.fromkeys("unknown" if value is None else str(value) for value in values))
+def _joined_tools(parts: Sequence[Part]) -> dict[str, str]:
+    """Return the versions of what drew the parts, joined where they differ."""
+    tools = [_tools(part) for part in parts]
+    names = dict.fromkeys(chain(*tools))
+    return {name: " and ".join(dict.fromkeys(each.get(name, "unknown") for each in tools)) for name in names}

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from hsplat_cli.films.assemble.part_schema import part_problems
-from hsplat_cli.scenes import Sidecar, expand_pattern, parse_sidecar
+from hsplat_cli.scenes import Sidecar, expand_pattern, parse_sidecar, text_at
 from renderer.errors import InputError, Problem, SceneError
 from renderer.film import Record, film_path_of_sidecar, frame_path, is_frame_record
-from renderer.scene import MAX_FRAMES, OUTPUT_FILE_FIELD, ErrorSpec, TreeNode, read_content
+from renderer.scene import MAX_FRAMES, ErrorSpec, read_content
 
 _EXPECTED = "a folder of numbered frames, or the .json files beside them"
 
@@ -22,26 +22,17 @@ _EXPECTED = "a folder of numbered frames, or the .json files beside them"
 class Part:
     """Frames that one job has drawn.
 
-    path: of the sidecar. data: its content. requested_error: the accuracy that was requested.
-    template: the names of the pictures, beside the sidecar wherever it is now.
+    path: of the sidecar. data: its content, with the scene and the records of the frames, ascending.
+    requested_error: the accuracy that was requested. template: the names of the pictures, beside the sidecar wherever
+    it is now.
     """
 
     path: Path
     data: Mapping[str, Any]
+    scene: Mapping[str, Any]
+    records: Sequence[Record]
     requested_error: ErrorSpec
     template: Path
-
-    @property
-    def scene(self) -> Mapping[str, Any]:
-        """The recorded scene, as plain data."""
-        scene: Mapping[str, Any] = self.data["scene"]
-        return scene
-
-    @property
-    def records(self) -> Sequence[Record]:
-        """The records of the frames, ascending."""
-        records: Sequence[Record] = self.data["frames"]
-        return records
 
     @property
     def num_frames(self) -> int:
@@ -106,39 +97,23 @@ def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Pa
     except InputError as error:
         problems.append(_problem(error, str(path)))
         return
-    file = _output_file(sidecar)
-    if sidecar is None or file is None or file.suffix.lower() != ".png":
+    data = json.loads(content) if sidecar else {}
+    file = text_at(data, "scene", "output", "file")
+    if sidecar is None or file is None or not file.lower().endswith(".png"):
         if is_named:
             what = "not the sidecar of numbered frames" if sidecar is None else "the sidecar of a film in one file"
             problems.append(Problem("", what, expected=_EXPECTED, location=str(path)))
         return
-    data = json.loads(content)
-    wrong = [*sidecar.problems, *_file_problems(sidecar)] or [
-        *_record_problems(data, path),
-        *part_problems(data),
-        *_path_problems(sidecar),
-    ]
+    wrong = sidecar.problems or [*_record_problems(data, path), *part_problems(data)] or _path_problems(sidecar)
     if wrong:
         problems.extend(replace(problem, location=str(path)) for problem in wrong)
         return
-    yield Part(path, data, sidecar.requested_error, film_path_of_sidecar(path, file))
+    template = film_path_of_sidecar(path, Path(file))
+    yield Part(path, data, data["scene"], data["frames"], sidecar.requested_error, template)
 
 
 def _problem(error: InputError, place: str) -> Problem:
     return Problem("", error.what, error.got, error.expected, error.hint, location=error.where or place)
-
-
-def _output_file(sidecar: Sidecar | None) -> Path | None:
-    output = sidecar.scene.get("output") if sidecar else None
-    file = output.get("file") if isinstance(output, dict) else None
-    return Path(file) if isinstance(file, str) else None
-
-
-def _file_problems(sidecar: Sidecar) -> list[Problem]:
-    """Return what is wrong with the names of the pictures, which may have been edited."""
-    problems: list[Problem] = []
-    OUTPUT_FILE_FIELD.read(TreeNode(sidecar.scene["output"]["file"], "scene.output.file", problems))
-    return problems
 
 
 def _record_problems(data: Mapping[str, Any], path: Path) -> Iterator[Problem]:
@@ -151,10 +126,9 @@ def _record_problems(data: Mapping[str, Any], path: Path) -> Iterator[Problem]:
             return
 
 
-def _path_problems(sidecar: Sidecar) -> Iterator[Problem]:
-    camera = sidecar.scene.get("camera")
-    path = camera.get("path") if isinstance(camera, dict) else None
-    num_frames = path.get("frames") if isinstance(path, dict) else None
-    if type(num_frames) is not int or not sidecar.frames[-1] < num_frames <= MAX_FRAMES:
-        expected = f"a whole number greater than {sidecar.frames[-1]}, the last frame"
-        yield Problem("scene.camera.path.frames", "not the length of this path", str(num_frames), expected)
+def _path_problems(sidecar: Sidecar) -> list[Problem]:
+    num_frames, last = sidecar.scene["camera"]["path"]["frames"], sidecar.frames[-1]
+    if type(num_frames) is int and last < num_frames <= MAX_FRAMES:
+        return []
+    expected = f"a whole number greater than {last}, the last frame"
+    return [Problem("scene.camera.path.frames", "not the length of this path", str(num_frames), expected)]
