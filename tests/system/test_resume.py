@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from machines import set_renderer_name
 from resuming import (
-    NUM_FRAMES,
     Draws,
     arguments,
     assert_clean,
