@@ -34,8 +34,12 @@ def connect(address: str, num_workers: int | None = None) -> Iterator[Client]:
     """
     from distributed import Client
 
+    # What matters to users of the logs of Dask, and of what it uses, is reported as an error or a note. Nothing else in
+    # the program logs, and ended clients log until Python ends.
+    logging.disable(logging.CRITICAL)
     with contextlib.ExitStack() as stack:
-        stack.enter_context(_silenced_logs())
+        stack.enter_context(warnings.catch_warnings())
+        warnings.simplefilter("ignore")
         if address == LOCAL:
             scheduler = stack.enter_context(_local_cluster(num_workers or num_cores()))
         else:
@@ -115,23 +119,3 @@ def _sigint_blocked_in_children() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextlib.contextmanager
-def _silenced_logs() -> Iterator[None]:
-    """Silence the logs of Dask and of what it uses: what matters to users is reported as an error or a note."""
-    before = logging.root.manager.disable
-    logging.disable(logging.CRITICAL)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        # Ended clients may log until Python ends.
-        for name in list(logging.root.manager.loggerDict):
-            if name.partition(".")[0] in _NOISY_LOGGERS:
-                logging.getLogger(name).disabled = True
-        logging.disable(before)
-
-
-_NOISY_LOGGERS = ("asyncio", "distributed", "tornado")

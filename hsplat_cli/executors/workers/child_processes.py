@@ -26,17 +26,16 @@ from typing import IO
 _SET_SIGNAL = "F_SETSIG"
 
 
-class ChildProcesses:
+class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
     """Starts children that end with this process, or at the end of the block."""
 
     def __init__(self) -> None:
         self._ends: dict[subprocess.Popen[bytes], int] = {}
 
-    def __enter__(self) -> ChildProcesses:
-        return self
-
     def __exit__(self, *_: object) -> None:
-        self.end_all()
+        """End all children, without waiting for them."""
+        for child in list(self._ends):
+            self.end_child(child)
 
     def start(
         self,
@@ -78,11 +77,6 @@ class ChildProcesses:
         end = self._ends.pop(child, None)
         if end is not None:
             os.close(end)
-
-    def end_all(self) -> None:
-        """End all children, without waiting for them."""
-        for child in list(self._ends):
-            self.end_child(child)
 
 
 def describe_exit(status: int) -> str:
