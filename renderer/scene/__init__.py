@@ -5,11 +5,11 @@ Its field types also check sidecars and golden records. Importing it imports no 
 
 - `scene_file.py` reads a scene file; `input_file.py` bounds what is read; `yaml_tree.py` keeps line and column of each
   key; `editor.py` applies `--set` and other options, and locates problems.
-- `spec.py` has the frozen `Scene`; each section's keys, types, defaults and checks are in `volume_section.py`,
-  `transfer_section.py`, `camera_section.py`, `error_section.py`, `splat_section.py` and `output_section.py`.
-- `schema.py`: the types of fields; `parse.py`: plain data to a Scene and back; `limits.py`: checks of several numbers
-  together; `colormaps.py`: named colormaps; `message_text.py`: values in messages.
-- `schedule.py`: the tolerance or budget of each frame; `metric_target.py`: an accuracy to reach, such as psnr=38.
+- `spec.py` has the frozen `Scene`, from plain data and back; each section's keys, types, defaults and checks are in
+  `volume_section.py`, `transfer_section.py`, `camera_section.py`, `error_section.py` (with `MetricTarget`, an accuracy
+  to reach, such as psnr=38), `splat_section.py` and `output_section.py`.
+- `schema.py`: the types of fields; `limits.py`: checks of several numbers together; `colormaps.py`: named colormaps;
+  `message_text.py`: values in messages; `schedule.py`: the tolerance or budget of each frame.
 """
 
 import lazy_loader

@@ -20,6 +20,7 @@ from .error_section import (
     MIN_TOLERANCE as MIN_TOLERANCE,
     ByFrame as ByFrame,
     ErrorSpec as ErrorSpec,
+    MetricTarget as MetricTarget,
     SplatBudget as SplatBudget,
     TimeBudget as TimeBudget,
     schedule_to_dict as schedule_to_dict,
@@ -48,17 +49,11 @@ from .message_text import (
     join_words as join_words,
     printable_text as printable_text,
 )
-from .metric_target import MetricTarget as MetricTarget
 from .output_section import (
     FRAME_FIELD as FRAME_FIELD,
     OUTPUT_FILE_FIELD as OUTPUT_FILE_FIELD,
     OUTPUT_SECTION as OUTPUT_SECTION,
     OutputSpec as OutputSpec,
-)
-from .parse import (
-    parse_scene as parse_scene,
-    scene_to_dict as scene_to_dict,
-    spec_to_dict as spec_to_dict,
 )
 from .scene_file import load_scene as load_scene, parse_scene_content as parse_scene_content
 from .schedule import (
@@ -101,6 +96,9 @@ from .spec import (
     PyramidSpec as PyramidSpec,
     Scene as Scene,
     ShadingSpec as ShadingSpec,
+    parse_scene as parse_scene,
+    scene_to_dict as scene_to_dict,
+    spec_to_dict as spec_to_dict,
     spec_types as spec_types,
 )
 from .splat_section import SplatSpec as SplatSpec

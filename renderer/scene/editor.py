@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from renderer.errors import Problem, SceneError
 from renderer.scene import yaml_tree
 from renderer.scene.message_text import format_value, join_keys
-from renderer.scene.parse import parse_scene
-from renderer.scene.spec import Scene
+from renderer.scene.spec import Scene, parse_scene
 
 _SOURCES = ("file", "raw", "procedural")
 
@@ -21,6 +20,7 @@ _SOURCES = ("file", "raw", "procedural")
 _Origin = yaml_tree.TextPosition | int | None
 
 
+@dataclass
 class SceneEditor:
     """Changes a tree by command-line options, and remembers which option wrote what.
 
@@ -32,20 +32,16 @@ class SceneEditor:
     hints: for problems with the file's own values, by path.
     """
 
-    def __init__(
-        self,
-        tree: yaml_tree.YamlTree,
-        path: Path,
-        lines: Sequence[str] = (),
-        *,
-        path_prefix: str = "",
-        hints: Mapping[str, str] | None = None,
-    ) -> None:
-        self.tree = tree
-        self._path, self._lines, self._path_prefix, self._hints = path, lines, path_prefix, hints or {}
-        self._problems: list[tuple[_Origin, Problem]] = [*tree.problems]
+    tree: yaml_tree.YamlTree
+    path: Path
+    lines: Sequence[str] = ()
+    path_prefix: str = ""
+    hints: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._problems: list[tuple[_Origin, Problem]] = [*self.tree.problems]
         # Where the value at each path was written.
-        self._writers: dict[str, yaml_tree.SourceLocation | int] = {**tree.locations}
+        self._writers: dict[str, yaml_tree.SourceLocation | int] = {**self.tree.locations}
         self._options: list[str] = []
 
     def apply(self, overrides: Sequence[str], volume: Path | None, output: Path | None) -> None:
@@ -73,7 +69,7 @@ class SceneEditor:
         """
         problems = [*self._problems, *((None, problem) for problem in extra_problems)]
         try:
-            scene = parse_scene(self.tree.data, base=self._path.parent.absolute(), is_single_frame=is_single_frame)
+            scene = parse_scene(self.tree.data, base=self.path.parent.absolute(), is_single_frame=is_single_frame)
         except SceneError as error:
             problems += [self._with_origin(problem) for problem in error.problems]
         if problems:
@@ -154,8 +150,8 @@ class SceneEditor:
         while path and path not in self._writers:
             path = path.rpartition(".")[0]
         if not path:
-            keys = ".".join(filter(None, (self._path_prefix, problem.path)))
-            return None, replace(problem, path=keys, hint=self._hints.get(problem.path, problem.hint))
+            keys = ".".join(filter(None, (self.path_prefix, problem.path)))
+            return None, replace(problem, path=keys, hint=self.hints.get(problem.path, problem.hint))
         writer = self._writers[path]
         if isinstance(writer, int):
             return writer, problem
@@ -165,8 +161,8 @@ class SceneEditor:
         """Return the problem with its location and, if that is in the file, the line itself."""
         if isinstance(origin, int):
             return replace(problem, location=self._options[origin])
-        what = problem.what + yaml_tree.source_excerpt(self._lines, origin)
-        return replace(problem, location=yaml_tree.format_location(self._path, origin), what=what)
+        what = problem.what + yaml_tree.source_excerpt(self.lines, origin)
+        return replace(problem, location=yaml_tree.format_location(self.path, origin), what=what)
 
 
 def _sort_key(item: tuple[_Origin, Problem]) -> tuple[int, int, int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,7 +12,6 @@ from typing import Annotated, Any, Literal
 from renderer.scene import schema
 from renderer.scene.camera_section import FRAME_NUMBER_FIELD, check_frame_in_path, check_frames_ascend
 from renderer.scene.message_text import format_value, join_words
-from renderer.scene.metric_target import MetricTarget
 from renderer.scene.schema import INVALID, TreeNode
 
 # The smallest tolerance besides 0: smaller numbers have fewer digits, which interpolation would lose.
@@ -45,6 +45,26 @@ class TimeBudget:
     """The finest cut that this machine draws, rounds and encodes in this many seconds a frame."""
 
     by_frame: ByFrame
+
+
+@dataclass(frozen=True)
+class MetricTarget:
+    """A metric of `renderer.study.metrics.METRICS`, over all pixels of each frame, and the value to reach."""
+
+    metric: Literal["psnr", "rmse", "ssim", "flip"]
+    value: float
+
+    def __str__(self) -> str:
+        return self.format(self.value)
+
+    def format(self, value: float) -> str:
+        """Return a value of this metric as text, with name and unit."""
+        return f"{self.metric} {value:.2f} dB" if self.metric == "psnr" else f"{self.metric} {value:.4g}"
+
+    def margin(self, value: float) -> float:
+        """Return how much better than the target a value is; negative if it is worse, -inf for NaN."""
+        margin = value - self.value if self.metric in ("psnr", "ssim") else self.value - value
+        return -math.inf if math.isnan(margin) else margin
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Check that the numbers of a scene fit each other.
 
-`renderer.scene.parse` checks every number by itself. The checks here are relative: a camera so far away that the volume
+`renderer.scene.spec` checks every number by itself. The checks here are relative: a camera so far away that the volume
 vanishes, a pixel that shows less of a voxel than float32 can resolve. `hsplat check` runs them if the scene gives the
 volume's size; otherwise `renderer.frame.pipeline.prepare` does, before any work. Nothing here imports numpy.
 
@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING
 
 from renderer.errors import Problem, SceneError
 from renderer.scene.camera_section import CameraSpec, KeyframePath
-from renderer.scene.spec import Scene
 from renderer.scene.volume_section import FileSource, RawSource
 
 if TYPE_CHECKING:
+    from renderer.scene.spec import Scene
     from renderer.volume import Volume
 
 # Longest side of a voxel divided by its shortest.

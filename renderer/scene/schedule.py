@@ -9,8 +9,7 @@ from dataclasses import replace
 from itertools import pairwise, zip_longest
 from operator import itemgetter
 
-from renderer.scene.error_section import ByFrame, ErrorSpec, TimeBudget
-from renderer.scene.metric_target import MetricTarget
+from renderer.scene.error_section import ByFrame, ErrorSpec, MetricTarget, TimeBudget
 from renderer.scene.spec import Scene
 
 

@@ -1,4 +1,6 @@
-"""The frozen description of a job: the content of `scene.yaml` with every default filled in.
+"""The frozen description of a job: the content of `scene.yaml` with every default filled in; from plain data and back.
+
+The plain data come from a YAML or JSON reader: nested mappings, lists and scalars.
 
 Each large section of a scene has its own module (`volume_section`, `transfer_section`, `camera_section`,
 `error_section`, `splat_section`, `output_section`) with its dataclass: for each key the type that checks it, and its
@@ -10,16 +12,26 @@ of the volume's spacing), angles in degrees, colours in [0, 1] as given (display
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
+from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_type_hints
 
+from renderer.errors import Problem, SceneError
 from renderer.scene import schema
-from renderer.scene.camera_section import CAMERA_SECTION, CameraSpec, direction_field
-from renderer.scene.error_section import ERROR_SECTION, ErrorSpec
-from renderer.scene.output_section import OUTPUT_SECTION, OutputSpec
-from renderer.scene.splat_section import SPLAT_SECTION, SplatSpec
-from renderer.scene.transfer_section import TRANSFER_FUNCTION_SECTION, TransferSpec
-from renderer.scene.volume_section import VOLUME_SECTION, VolumeSpec
+from renderer.scene.camera_section import CAMERA_SECTION, CameraPath, CameraSpec, direction_field
+from renderer.scene.error_section import ERROR_SECTION, ErrorSpec, check_scheduled_frames, schedule_to_dict
+from renderer.scene.limits import proportion_problems
+from renderer.scene.output_section import OUTPUT_SECTION, OutputSpec, check_frame_field
+from renderer.scene.splat_section import SPLAT_SECTION, SplatSpec, unused_splat_keys
+from renderer.scene.transfer_section import TRANSFER_FUNCTION_SECTION, ColormapSpec, TransferSpec
+from renderer.scene.volume_section import (
+    VOLUME_SECTION,
+    ArraySource,
+    FileSource,
+    ProceduralSource,
+    RawSource,
+    VolumeSpec,
+)
 
 VERSION = 1
 
@@ -70,6 +82,85 @@ class Scene:
     def needs_opengl(self) -> bool:
         """Whether it has splats or lines; bricks are drawn without OpenGL, too."""
         return self.splat.footprint != "integrated" or self.overlay != "none"
+
+
+def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> Scene:
+    """Return the scene that `tree` describes.
+
+    base: the folder that volume files are relative to; they are kept as `base / file`, the output file as given.
+    is_single_frame: one frame is drawn, so the output may be a PNG without a number in its name.
+    Raises SceneError with every problem.
+    """
+    problems: list[Problem] = []
+    node = schema.TreeNode(tree, "", problems, base)
+    required = schema.required_keys(Scene)
+    given = schema.read_fields(node, _SECTIONS, required=required, misplaced_hints=_MISPLACED_KEY_HINTS)
+    check_scheduled_frames(node.child("error"), given)
+    if not is_single_frame:
+        check_frame_field(node.child("output"), given)
+    scene = Scene(**given)
+    if problems or (problems := list(proportion_problems(scene))):  # values are compared only if each is correct
+        raise SceneError(problems)
+    return scene
+
+
+_SECTIONS = schema.field_table(Scene)
+
+# Keys that users put at the top level, and where they belong.
+_MISPLACED_KEY_HINTS = {
+    key: f"did you mean {place}.{key}?"
+    for place, keys in {
+        "error": ("tolerance", "psnr", "rmse", "seconds"),
+        "camera.path": ("frames", "elevation"),
+        "output": ("size", "background", "frames_per_second"),
+        "splat": ("footprint",),
+    }.items()
+    for key in keys
+}
+
+
+# Back to plain data
+
+_SOURCE_KEYS: dict[type, str] = {RawSource: "raw", ProceduralSource: "procedural", ArraySource: "array"}
+
+
+def scene_to_dict(scene: Scene) -> dict[str, Any]:
+    """Return the scene as plain data for JSON or YAML, with every default written out.
+
+    `parse_scene` makes the same scene from it: with any `base` if the volume's file is an absolute path, else in the
+        same folder.
+    """
+    return {"version": scene.version} | spec_to_dict(scene)
+
+
+def spec_to_dict(value: Any) -> dict[str, Any]:
+    """Return a part of a scene, such as a CameraSpec or a TransferSpec, as plain data; as `scene_to_dict`."""
+    pairs = ((field.name, getattr(value, field.name)) for field in fields(value))
+    plain = {name: _plain(item) for name, item in pairs if item is not None}  # None stands for a key that is not given
+    if isinstance(value, VolumeSpec):
+        source: dict[str, Any] = plain.pop("source")
+        return (source if isinstance(value.source, FileSource) else {_SOURCE_KEYS[type(value.source)]: source}) | plain
+    if isinstance(value, TransferSpec):
+        mapping = plain.pop("mapping")
+        has_colormap = isinstance(value.mapping, ColormapSpec)
+        return ({"colormap": mapping.pop("name")} | mapping if has_colormap else {"points": mapping}) | plain
+    if isinstance(value, ErrorSpec):
+        return schedule_to_dict(value) | {key: plain[key] for key in plain if key not in ("tolerance", "goal")}
+    if isinstance(value, SplatSpec):
+        return {key: item for key, item in plain.items() if key not in unused_splat_keys(value.footprint)}
+    if isinstance(value, OutputSpec):
+        return plain | {"background": plain.get("background", "transparent")}
+    return {"type": value.type} | plain if isinstance(value, CameraPath) else plain
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, ArraySource):
+        return {"shape": list(value.shape), "dtype": str(value.values.dtype), "spacing": list(value.spacing)}
+    return spec_to_dict(value) if is_dataclass(value) else value
 
 
 def spec_types(cls: type[Any] = Scene) -> Iterator[type[Any]]:

@@ -24,7 +24,7 @@ _BITS = 16
 class OrderedKeys:
     """Unsigned keys in the order of the values.
 
-    dtype: of the values. low: the key of the smallest value, subtracted from all. shift: lower bits left out in
+    dtype: of the values. low: the integer of the smallest value, subtracted from all. shift: lower bits left out in
         `count`. num: counted numbers, at most 2**16.
     """
 
@@ -35,8 +35,8 @@ class OrderedKeys:
 
     def keys(self, chunk: Array) -> Array:
         """Return the keys of values of any shape: unsigned, from 0, in the order of the values."""
-        keys = _sortable_bits(chunk)
-        return np.asarray(keys - keys.dtype.type(self.low))
+        ordered = _ordered_integers(chunk).view(f"u{chunk.itemsize}")
+        return np.asarray(ordered - ordered.dtype.type(self.low % (1 << 8 * chunk.itemsize)))
 
     def count(self, chunk: Array) -> Counts:
         """Return how many values have each number; int64 [num]."""
@@ -44,18 +44,15 @@ class OrderedKeys:
 
     def value(self, key: int) -> int | float:
         """Return the value of a key."""
-        ordered, sign = key + self.low, 1 << (8 * self.dtype.itemsize - 1)
-        if self.dtype.kind == "i":
-            ordered ^= sign
-        elif self.dtype.kind == "f":
-            ordered = ordered ^ sign if ordered & sign else ordered ^ (2 * sign - 1)
-        number: int | float = np.array([ordered], f"u{self.dtype.itemsize}").view(self.dtype)[0].item()
+        is_float = self.dtype.kind == "f"
+        integer = np.array([key + self.low], f"i{self.dtype.itemsize}" if is_float else self.dtype)
+        number: int | float = (_turned(integer).view(self.dtype) if is_float else integer)[0].item()
         return number
 
 
 def make_ordered_keys(dtype: np.dtype[np.generic], minimum: float, maximum: float) -> OrderedKeys:
     """Make the keys for values of a native integer or float type with this range."""
-    low, high = (int(_sortable_bits(np.array([end], dtype))[0]) for end in (minimum, maximum))
+    low, high = (int(_ordered_integers(np.array([end], dtype))[0]) for end in (minimum, maximum))
     shift = max(0, (high - low).bit_length() - _BITS)
     return OrderedKeys(dtype, low, shift, (high - low >> shift) + 1)
 
@@ -88,15 +85,13 @@ def values_at_ranks(
         shift -= step
 
 
-def _sortable_bits(chunk: Array) -> Array:
-    """Return unsigned integers of the same size in the order of the values; -0 is 0."""
-    size, kind = chunk.dtype.itemsize, chunk.dtype.kind
-    unsigned = np.dtype(f"u{size}")
-    sign = unsigned.type(1 << (8 * size - 1))
-    if kind == "u":
+def _ordered_integers(chunk: Array) -> Array:
+    """Return integers of the same size in the order of the values; -0 is 0."""
+    if chunk.dtype.kind != "f":
         return chunk
-    if kind == "i":
-        return np.asarray(chunk.view(unsigned) ^ sign)
-    bits = (chunk + chunk.dtype.type(0)).view(unsigned)
-    negative = (bits.view(f"i{size}") >> (8 * size - 1)).view(unsigned)  # all ones, or 0
-    return np.asarray(bits ^ (negative | sign))
+    return _turned((chunk + chunk.dtype.type(0)).view(f"i{chunk.itemsize}"))
+
+
+def _turned(bits: Array) -> Array:
+    """Turn the lower bits of negative floats, so that the bits, as signed integers, ascend; or turn them back."""
+    return np.asarray(bits ^ (bits >> (8 * bits.itemsize - 1) & np.iinfo(bits.dtype).max))

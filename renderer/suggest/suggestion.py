@@ -24,13 +24,13 @@ from renderer.suggest.features import (
     find_background,
     has_much_below,
     is_about_zero,
+    is_level_set_interior,
     otsu_threshold,
     sample_volume,
     second_difference_ratio,
 )
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.labels import background_label, label_mapping, label_reason, label_values
-from renderer.suggest.level_sets import is_level_set_interior
 from renderer.suggest.opacity import calibrate_layer_depth, format_number, opacity_from_depth, opacity_unit_length
 from renderer.suggest.presets import Preset
 from renderer.volume import Float64, Volume

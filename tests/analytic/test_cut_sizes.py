@@ -23,8 +23,7 @@ from renderer.pyramid import (
     node_errors,
     visible_children,
 )
-from renderer.scene import MIN_TOLERANCE, ErrorSpec, PyramidSpec
-from renderer.scene.parse import parse_scene
+from renderer.scene import MIN_TOLERANCE, ErrorSpec, PyramidSpec, parse_scene
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume, make_volume
 

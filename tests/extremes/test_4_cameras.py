@@ -33,9 +33,9 @@ from renderer.scene import (
     TurntablePath,
     Vector,
     VolumeSpec,
+    parse_scene,
 )
 from renderer.scene.camera_section import MAX_ZOOM, MIN_FIELD_OF_VIEW, Keyframe
-from renderer.scene.parse import parse_scene
 from renderer.splats import make_splats
 from renderer.transfer import make_transfer_function
 from renderer.truth import integrate

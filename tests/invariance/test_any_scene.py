@@ -16,9 +16,8 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 from renderer.draw import GLRasterizer
 from renderer.errors import InputError
 from renderer.frame import prepare_stage, render_frames
-from renderer.scene import MAX_WORLD_LENGTH, MIN_TOLERANCE, MIN_WORLD_LENGTH, PROCEDURAL_NAMES
+from renderer.scene import MAX_WORLD_LENGTH, MIN_TOLERANCE, MIN_WORLD_LENGTH, PROCEDURAL_NAMES, parse_scene
 from renderer.scene.camera_section import MAX_ANGLE, MAX_FIELD_OF_VIEW, MAX_ZOOM, MIN_FIELD_OF_VIEW, MIN_ZOOM
-from renderer.scene.parse import parse_scene
 
 Numbers = st.SearchStrategy[float]
 

@@ -205,29 +205,12 @@ def test_messages_have_no_words_of_a_library():
     assert shorten_itk_error("a()\n[nrrd] nrrdLoad: couldn't parse type") == "couldn't parse type"
 
 
-@pytest.mark.parametrize(
-    ("dtype", "spacing", "expected"),
-    [
-        (
-            "short16",
-            (1.0, 1.0, 1.0),
-            "no such data type\n  got: short16\n  expected: a numpy name such as uint8, int16 or float32",
-        ),
-        (
-            "uint16",
-            (1e-200, 1e-200, 1e-200),
-            "the spacing or the origin is out of range\n"
-            "  got: [1e-200 0 0 0], [0 1e-200 0 0], [0 0 1e-200 0] (world from voxel index)\n"
-            "  expected: lengths from 1e-30 to 1e+30\n"
-            "  hint: give lengths in another unit",
-        ),
-    ],
-)
-def test_raw_files_that_only_the_python_api_can_name(folder, dtype, spacing, expected):
+def test_a_raw_file_of_a_type_that_only_the_python_api_can_name(folder):
     Path("a.raw").write_bytes(bytes(120))
     with pytest.raises(InputError) as error:
-        read_volume(VolumeSpec(RawSource(Path("a.raw"), (5, 4, 3), dtype, spacing=spacing)))
-    assert str(error.value) == f"a.raw: {expected}"
+        read_volume(VolumeSpec(RawSource(Path("a.raw"), (5, 4, 3), "short16")))
+    expected = "  got: short16\n  expected: a numpy name such as uint8, int16 or float32"
+    assert str(error.value) == f"a.raw: no such data type\n{expected}"
 
 
 def test_numbers_of_a_metaimage_may_stand_on_several_lines(folder):

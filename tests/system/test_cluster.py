@@ -21,7 +21,7 @@ from hsplat_cli.terminal import Reporter
 from renderer.draw import GLRasterizer
 from renderer.errors import HsplatError, InputError
 from renderer.frame import Stage, prepare_stage
-from renderer.scene.parse import parse_scene
+from renderer.scene import parse_scene
 from renderer.study import FilmPlan
 
 NUM_FRAMES = 24

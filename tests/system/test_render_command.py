@@ -14,8 +14,7 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import main
-from renderer.scene import load_scene
-from renderer.scene.parse import parse_scene
+from renderer.scene import load_scene, parse_scene
 from renderer.volume import Array
 
 SCENE = small_scene(frames=6, size="48, 32", error="tolerance: 0.1")

@@ -72,12 +72,11 @@ def test_names_in_utf_8_are_read_in_any_locale(folder: Path, locale: str) -> Non
     assert found(locale, [UTF_8 + b"/" + name for name in names]) == sums
 
 
-@pytest.mark.parametrize("locale", LOCALES)
-def test_other_names_are_refused(folder: Path, locale: str) -> None:
+def test_other_names_are_refused(folder: Path) -> None:
     names = [OTHER + name.encode() for name in FILES]
     for old, new in zip(FILES, names, strict=True):
         os.rename(old, new)
-    for text, name in zip(found(locale, names), FILES, strict=True):
+    for text, name in zip(found("ascii", names), FILES, strict=True):
         assert text == ascii(
             f"f\udcfcel{name}: a file or folder of this name cannot be read in its format\n"
             f"  got: 'f\\udcfcel{name}', which is not UTF-8\n"
@@ -86,23 +85,21 @@ def test_other_names_are_refused(folder: Path, locale: str) -> None:
         )
 
 
-@pytest.mark.parametrize("locale", LOCALES)
-def test_other_names_of_what_is_around_and_within(folder: Path, locale: str) -> None:
+def test_other_names_of_what_is_around_and_within(folder: Path) -> None:
     os.rename("dicom/97.dcm", b"dicom/" + OTHER)
     os.mkdir(OTHER)
     os.rename("v.mha", OTHER + b"/v.mha")
-    around, within = found(locale, [OTHER + b"/v.mha", b"dicom"])
+    around, within = found("ascii", [OTHER + b"/v.mha", b"dicom"])
     for text in (around, within):
         assert r"udcfcel', which is not UTF-8" in text
     assert "dicom/f" in within
 
 
-@pytest.mark.parametrize("locale", LOCALES)
-def test_headers_may_name_data_files_of_any_name(folder: Path, locale: str) -> None:
+def test_headers_may_name_data_files_of_any_name(folder: Path) -> None:
     for number, data in enumerate((UTF_8, OTHER)):
         Path(os.fsdecode(data)).write_bytes(VALUES.tobytes())
         header = b"NRRD0004\ntype: uint16\ndimension: 3\nsizes: 5 4 3\nendian: little\nencoding: raw\ndata file: "
         Path(f"{number}.nhdr").write_bytes(header + data + b"\n")
         header = b"NDims = 3\nDimSize = 5 4 3\nElementType = MET_USHORT\nElementDataFile = "
         Path(f"{number}.mhd").write_bytes(header + data + b"\n")
-    assert found(locale, [b"0.nhdr", b"0.mhd", b"1.nhdr", b"1.mhd"]) == [str(VALUES.sum())] * 4
+    assert found("ascii", [b"0.nhdr", b"0.mhd", b"1.nhdr", b"1.mhd"]) == [str(VALUES.sum())] * 4

@@ -78,15 +78,12 @@ IMAGEJ = "ImageJ=1.53\nimages=3\nslices=3\nspacing=2.0\n"
     ("tag", "per_unit", "lines", "expected"),
     [
         (1, 10, "unit=micron\n", (0.1, 0.1, 2)),  # of Fiji, and of tifffile where it is told no unit of the resolution
-        (1, 10, "unit=\\u00B5m\n", (0.1, 0.1, 2)),  # of Fiji
         (1, 10, "", (0.1, 0.1, 2)),
         (3, 100_000, "unit=um\n", (0.1, 0.1, 2)),  # of tifffile, told CENTIMETER
         (3, 100_000, "unit=\u03bcm\n", (0.1, 0.1, 2)),
-        (3, 100_000, "unit=\\u00B5m\n", (0.1, 0.1, 2)),
         (3, 10, "unit=cm\n", (1, 1, 20)),  # of Fiji, which writes the tag as well for these two units
         (2, 10, "unit=inch\n", (2.54, 2.54, 50.8)),
         (3, 10, "", (1, 1, 20)),
-        (3, 10, "unit=pixel\n", (1, 1, 20)),
         (None, 10, "unit=um\n", (0.1, 0.1, 2)),
         (None, 10, "", (2.54, 2.54, 50.8)),  # TIFF's own unit
         (1, 10, "unit=um\nyunit=micron\nzunit=\\u00B5m\n", (0.1, 0.1, 2)),

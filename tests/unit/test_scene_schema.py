@@ -23,7 +23,6 @@ from renderer.scene import (
     VolumeSpec,
     parse_scene,
 )
-from renderer.scene.volume_section import MAX_VOXELS
 
 HERE = Path(__file__).resolve()
 
@@ -158,14 +157,6 @@ def test_names_of_films_and_frames_are_accepted(name: str) -> None:
 def test_names_that_are_no_output_file_are_refused(name: object) -> None:
     ((path, _),) = complaints(changed(output={"file": name}))
     assert path == "output.file"
-
-
-def test_total_size_is_limited() -> None:
-    side = 2**16
-    volume = {"procedural": {"name": "constant", "shape": [side, side, side]}}
-    assert complaints(changed(volume=volume)) == [("volume.procedural.shape", "too many voxels")]
-    volume["procedural"]["shape"] = [side, side, MAX_VOXELS // side**2]
-    parse(changed(volume=volume))
 
 
 def test_a_folder_is_a_volume_and_no_raw_file() -> None:

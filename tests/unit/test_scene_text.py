@@ -89,60 +89,15 @@ def test_every_setting_reads_back(tmp_path: Path) -> None:
     assert scene.output.background == pytest.approx((1.0, 128 / 255, 0.0))
 
 
-def test_a_spacing_that_replaces_the_file_s_reads_back(tmp_path: Path) -> None:
+def test_a_spacing_and_a_choice_of_voxels_read_back(tmp_path: Path) -> None:
     source = FileSource(tmp_path / "a.npy", (1e-7, 2e-7, 3e-3))
     source.file.touch()
-    found = VolumeSuggestion(VolumeSpec(source), SUGGESTION, is_float=False)
+    volume = VolumeSpec(source, time=3, component=1)
+    found = VolumeSuggestion(volume, SUGGESTION, is_float=False)
     text = scene_text(found, FilmOptions(), folder=tmp_path, output=Path("film.mp4"))
     (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
-    assert load_scene(tmp_path / "scene.yaml").volume == VolumeSpec(source)
+    assert load_scene(tmp_path / "scene.yaml").volume == volume
     assert "  spacing: [1e-07, 2e-07, 0.003]  # lengths of a voxel, in place of the file's\n" in text
-
-
-def test_the_whole_text() -> None:
-    nonfinite = "3 of 8 voxels are NaN or infinite; they are drawn as 0, which is not seen"
-    volume = VolumeSpec(FileSource(Path("scans/scan.nrrd")), 3, 1)
-    found = VolumeSuggestion(volume, SUGGESTION, is_float=True, nonfinite=nonfinite)
-    text = scene_text(found, FilmOptions(), folder=Path("films"), output=Path("films/scan.mp4"))
-    assert text == WHOLE
-
-
-WHOLE = """\
-# A turntable of scan.nrrd: scan;
-# it has edges.
-# Everything here may be changed; `hsplat check` looks for mistakes, docs/scene.md lists all keys.
-version: 1
-
-volume:
-  file: ../scans/scan.nrrd    # relative to this file
-  time: 3
-  component: 1
-  # 3 of 8 voxels are NaN or infinite; they are drawn as 0, which is not seen.
-  nonfinite: error            # NaN and infinities: error, lowest, as the lowest finite value, or a number
-
-# What a value looks like. An opacity is what one `unit` of length holds back of the light: 0 nothing, 1 all.
-transfer_function:
-  unit: 0.5
-  points:
-    - {value: -1e-07, color: "#000000", opacity: 0}
-    - {value: 3, color: "#ff3366", opacity: 0.999}  # the object
-
-# Darker where a surface faces away from the light, which turns with the object. Delete it for even light.
-shading: {ambient: 0.3, diffuse: 0.7, light: [1, -1, 1]}
-
-camera:
-  target: visible             # the middle of what can be seen; from as near as shows all of it
-  path: {type: turntable, frames: 120, elevation: 20, axis: z}
-
-error:
-  tolerance: 0.05             # smaller is more exact and slower, 0 draws every visible voxel
-
-output:
-  file: films/scan.mp4        # relative to the current folder
-  size: [512, 512]
-  frames_per_second: 30
-  background: "#000000"
-"""
 
 
 @pytest.mark.parametrize("splat", [None, SplatSpec(footprint="gaussian")])

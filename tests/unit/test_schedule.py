@@ -25,13 +25,13 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
     min_tolerance,
+    parse_scene,
     scene_to_dict,
     scheduled_value,
     tolerance_at,
     with_tolerance,
     with_tolerances,
 )
-from renderer.scene.parse import parse_scene
 
 MAX_FRAMES = 1_000_000
 SCENE = Scene(

@@ -10,7 +10,7 @@ import pytest
 
 from renderer.errors import InputError
 from renderer.film import film_path_of_sidecar, sidecar_path, write_sidecar
-from renderer.scene.parse import parse_scene
+from renderer.scene import parse_scene
 
 SCENE = parse_scene(
     {

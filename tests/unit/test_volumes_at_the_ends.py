@@ -28,8 +28,8 @@ from renderer.scene import (
     SplatSpec,
     TransferSpec,
     VolumeSpec,
+    parse_scene,
 )
-from renderer.scene.parse import parse_scene
 from renderer.splats import make_splats
 from renderer.transfer import make_transfer_function
 
