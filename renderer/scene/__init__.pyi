@@ -12,7 +12,6 @@ from .camera_section import (
 from .colormaps import (
     colormap_points as colormap_points,
 )
-from .editor import SceneEditor as SceneEditor
 from .error_section import (
     ERROR_SECTION as ERROR_SECTION,
     MAX_LEVEL as MAX_LEVEL,
@@ -55,7 +54,11 @@ from .output_section import (
     OUTPUT_SECTION as OUTPUT_SECTION,
     OutputSpec as OutputSpec,
 )
-from .scene_file import load_scene as load_scene, parse_scene_content as parse_scene_content
+from .scene_file import (
+    SceneEditor as SceneEditor,
+    load_scene as load_scene,
+    parse_scene_content as parse_scene_content,
+)
 from .schedule import (
     is_film_wide_goal as is_film_wide_goal,
     min_tolerance as min_tolerance,

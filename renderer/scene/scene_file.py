@@ -1,20 +1,21 @@
-"""Read a scene file, apply the options of the command line, and check the result.
+"""Read a scene file, apply the options of the command line to its tree, and check the result.
 
 Every problem has its location: `scene.yaml:14:13`, or the option that gave the value.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from renderer.errors import InputError
-from renderer.scene.editor import SceneEditor
+from renderer.errors import InputError, Problem, SceneError
+from renderer.scene import yaml_tree
 from renderer.scene.input_file import MAX_SCENE_BYTES, read_content, reject_volume_header
-from renderer.scene.message_text import format_value
-from renderer.scene.spec import Scene
-from renderer.scene.yaml_tree import parse_yaml_file
+from renderer.scene.message_text import format_value, join_keys
+from renderer.scene.spec import Scene, parse_scene
 
 
 def load_scene(path: Path, **changes: Any) -> Scene:
@@ -47,7 +48,7 @@ def parse_scene_content(
     if len(content) > MAX_SCENE_BYTES:
         raise InputError("too large for a scene", where=str(path), expected=f"at most {MAX_SCENE_BYTES} bytes")
     reject_volume_header(content, path)
-    tree, lines = parse_yaml_file(content, path)
+    tree, lines = yaml_tree.parse_yaml_file(content, path)
     if not isinstance(tree.data, dict):
         got = "an empty file" if tree.data is None else format_value(tree.data)
         expected = "the keys volume, transfer_function, camera and output"
@@ -55,3 +56,163 @@ def parse_scene_content(
     editor = SceneEditor(tree, path, lines)
     editor.apply(overrides, volume, output)
     return editor.parse(is_single_frame=is_single_frame)
+
+
+_SOURCES = ("file", "raw", "procedural")
+
+
+# Where the value with a problem was written: in the file, by an option, which has this number, or unknown.
+_Origin = yaml_tree.TextPosition | int | None
+
+
+@dataclass
+class SceneEditor:
+    """Changes a tree by command-line options, and remembers which option wrote what.
+
+    Parameters
+    ----------
+    tree: a mapping, which is changed.
+    path: the file that it was read from. lines: its lines, to show with problems.
+    path_prefix: where the scene is in the file, for files that are located by keys instead of lines.
+    hints: for problems with the file's own values, by path.
+    """
+
+    tree: yaml_tree.YamlTree
+    path: Path
+    lines: Sequence[str] = ()
+    path_prefix: str = ""
+    hints: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._problems: list[tuple[_Origin, Problem]] = [*self.tree.problems]
+        # Where the value at each path was written.
+        self._writers: dict[str, yaml_tree.SourceLocation | int] = {**self.tree.locations}
+        self._options: list[str] = []
+
+    def apply(self, overrides: Sequence[str], volume: Path | None, output: Path | None) -> None:
+        """Apply `--set`, `--volume` and `--output`, in this order."""
+        for override in overrides:
+            self._override(override)
+        if volume is not None:
+            section = self.tree.data.get("volume")  # of which the other keys remain
+            others = section.items() if isinstance(section, dict) else ()
+            self.tree.data["volume"] = {key: value for key, value in others if key not in _SOURCES}
+            self._set(["volume", "file"], str(volume.absolute()), self._option(f"--volume {volume}"))
+        if output is not None:
+            self._set(["output", "file"], str(output), self._option(f"--output {output}"))
+
+    @property
+    def overridden_paths(self) -> list[str]:
+        """The paths that options have written."""
+        return [path for path, writer in self._writers.items() if isinstance(writer, int)]
+
+    def parse(self, *, is_single_frame: bool = False, extra_problems: Sequence[Problem] = ()) -> Scene:
+        """Return the scene; its files are relative to the folder of the tree's file.
+
+        extra_problems: other problems of this file. Raises SceneError with all problems, in the order of the file,
+            those of the command line last.
+        """
+        problems = [*self._problems, *((None, problem) for problem in extra_problems)]
+        try:
+            scene = parse_scene(self.tree.data, base=self.path.parent.absolute(), is_single_frame=is_single_frame)
+        except SceneError as error:
+            problems += [self._with_origin(problem) for problem in error.problems]
+        if problems:
+            raise SceneError([self._located(*item) for item in sorted(problems, key=_sort_key)])
+        return scene
+
+    def _option(self, text: str) -> int:
+        """Return the number of the next option."""
+        self._options.append(text)
+        return len(self._options) - 1
+
+    def _override(self, text: str) -> None:
+        """Apply `path.to.key=value`."""
+        option = self._option(f"--set {text}")
+        name, equals, value_text = text.partition("=")
+        parts = name.strip().split(".")
+        if not equals or not all(parts):
+            self._problems.append((option, Problem("", "not an override", expected="--set path.to.key=value")))
+            return
+        if value_text.strip().startswith("#"):  # a color and not a comment
+            self._set(parts, value_text.strip(), option)
+            return
+        try:
+            value = yaml_tree.parse_yaml(value_text)
+        except yaml_tree.NotYamlError as error:
+            self._problems.append((option, Problem("", error.what, hint=error.hint)))
+            return
+        for _, problem in value.problems:
+            path = ".".join(filter(None, (name.strip(), problem.path)))
+            self._problems.append((option, replace(problem, path=path)))
+        if value_text.strip():
+            self._set(parts, value.data, option)
+        else:
+            hint = f"to take the key away, give {name.strip()}=null"
+            problem = Problem(name.strip(), "no value", expected="--set path.to.key=value", hint=hint)
+            self._problems.append((option, problem))
+
+    def _set(self, parts: Sequence[str], value: Any, option: int) -> None:
+        """Set `value` at the path `parts`, written by `option`; None removes the key."""
+        parent, path = self.tree.data, ""
+        for number, part in enumerate(parts, start=1):
+            key = self._key(parent, part, path, option)
+            if key is None:
+                return
+            path = join_keys(path, key)
+            is_last = number == len(parts)
+            if is_last or (isinstance(parent, dict) and parent.get(key) is None):
+                self._remember(path, option)
+                parent[key] = value if is_last else {}
+            if not is_last:
+                parent = parent[key]
+            elif value is None and isinstance(parent, dict):
+                del parent[key]
+
+    def _key(self, parent: Any, part: str, path: str, option: int) -> Any:
+        """Return the key or the list index that `part` names in `parent`; a new key is allowed, a new index is not."""
+        if isinstance(parent, dict):
+            return next((key for key in parent if join_keys("", key) == part), part)
+        if isinstance(parent, list):
+            if re.fullmatch("[0-9]{1,9}", part) and int(part) < len(parent):
+                return int(part)
+            expected = f"a number from 0 to {len(parent) - 1}" if parent else None
+            problem = Problem(path, "no such item in this list", got=part, expected=expected)
+        else:
+            problem = Problem(path, "neither a mapping nor a list", got=format_value(parent))
+        self._problems.append((option, problem))
+        return None
+
+    def _remember(self, path: str, option: int) -> None:
+        """Record that `option` wrote `path` and all below it."""
+        for known in [known for known in self._writers if known.startswith(f"{path}.")]:
+            del self._writers[known]
+        self._writers[path] = option
+
+    def _with_origin(self, problem: Problem) -> tuple[_Origin, Problem]:
+        """Return the problem with the origin of its path or, if that is unknown, of the nearest part around it."""
+        path = problem.path
+        while path and path not in self._writers:
+            path = path.rpartition(".")[0]
+        if not path:
+            keys = ".".join(filter(None, (self.path_prefix, problem.path)))
+            return None, replace(problem, path=keys, hint=self.hints.get(problem.path, problem.hint))
+        writer = self._writers[path]
+        if isinstance(writer, int):
+            return writer, problem
+        return writer.key if problem.at_key or path != problem.path else writer.value, problem
+
+    def _located(self, origin: _Origin, problem: Problem) -> Problem:
+        """Return the problem with its location and, if that is in the file, the line itself."""
+        if isinstance(origin, int):
+            return replace(problem, location=self._options[origin])
+        what = problem.what + yaml_tree.source_excerpt(self.lines, origin)
+        return replace(problem, location=yaml_tree.format_location(self.path, origin), what=what)
+
+
+def _sort_key(item: tuple[_Origin, Problem]) -> tuple[int, int, int]:
+    """Sort problems by line and column, and those of options after them."""
+    origin, _ = item
+    if isinstance(origin, int):
+        return 1, origin, 0
+    return (0, origin.line, origin.column) if origin else (0, 0, 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from renderer.scene import schema
 from renderer.scene.message_text import did_you_mean, format_value
@@ -153,13 +153,9 @@ class ProceduralSource:
 class ArraySource:
     """Voxels in memory, of a scene that is made in Python: a numpy array [z, y, x], which is never written to."""
 
+    name: ClassVar[str] = "the array"  # in messages
     values: Any
     spacing: schema.Vector = (1.0, 1.0, 1.0)
-
-    @property
-    def name(self) -> str:
-        """What to call it in messages."""
-        return "the array"
 
     @property
     def shape(self) -> tuple[int, ...]:

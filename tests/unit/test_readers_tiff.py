@@ -13,8 +13,6 @@ from renderer.errors import InputError
 from tests.support.tiff_files import SHORT, tiff_bytes
 from tests.support.volume_files import ramp, read
 
-DTYPES = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float16", "float32", "float64")
-
 
 def assert_sizes_cannot_be_compared(path: Path, got: str, expected: str) -> None:
     with pytest.raises(InputError) as error:
@@ -28,15 +26,10 @@ def assert_sizes_cannot_be_compared(path: Path, got: str, expected: str) -> None
     np.testing.assert_array_equal(read(path, (1.0, 2.0, 3.0)).spacing, [1, 2, 3])
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("order", ["<", ">"])
-@pytest.mark.parametrize("big", [False, True])
-def test_every_dtype(tmp_path, dtype, order, big):
-    (tmp_path / "a.tif").write_bytes(tiff_bytes(ramp(dtype), order, big=big))
-    volume = read(tmp_path / "a.tif")
-    assert volume.values.dtype == np.dtype(dtype)
-    np.testing.assert_array_equal(volume.values, ramp(dtype))
-    np.testing.assert_array_equal(volume.world_from_index, np.eye(4))
+def test_big_tiff(tmp_path, order):
+    (tmp_path / "a.tif").write_bytes(tiff_bytes(ramp("int16"), order, big=True))
+    np.testing.assert_array_equal(read(tmp_path / "a.tif").values, ramp("int16"))
 
 
 def test_folder_of_colours_needs_a_component(tmp_path):
