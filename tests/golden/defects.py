@@ -222,8 +222,9 @@ def _sampled(shot: Shot, **changes: Any) -> Pixels | None:
 
 def _mirrored(shot: Shot) -> Pixels:
     volume = shot.stage.volume
-    mirrored = replace(volume, values=np.ascontiguousarray(volume.values[:, :, ::-1]))
-    return shot.drawn(shot.make_draw_list(shot.staged(shot.stage.scene, mirrored))).image
+    values = np.ascontiguousarray(volume.values[:, :, ::-1])
+    values.setflags(write=False)  # numba compiles loops for writable arrays by themselves
+    return shot.drawn(shot.make_draw_list(shot.staged(shot.stage.scene, replace(volume, values=values)))).image
 
 
 def _half_a_voxel_off(shot: Shot) -> Pixels:

@@ -303,23 +303,6 @@ def test_the_surroundings_of_the_largest_error_are_enlarged(
     assert pixels_of(frame, "actual", enlarged=True)[place].tolist() == [100, 107, 100]
 
 
-def test_small_frames_are_not_enlarged() -> None:
-    golden = picture(2 * CROP_PX, 4)
-    assert len(gallery_frame_of(golden, spoiled(golden, 7, 3, 1)).pictures) == 3
-    golden = picture(2 * CROP_PX + 1, 4)
-    frame = gallery_frame_of(golden, spoiled(golden, 7, 3, 1))
-    assert pixels_of(frame, "golden", enlarged=True).shape == (CROP_PX, 4, 3)
-
-
-def test_means_of_colours_are_weighted_by_alpha() -> None:
-    golden = np.zeros((2 * PICTURE_PX, 2, 4), np.uint8)
-    golden[::2, 0] = (200, 100, 50, 255)
-    golden[::2, 1] = (255, 255, 255, 0)
-    small = pixels_of(gallery_frame_of(golden, golden), "golden")
-    assert small.shape == (PICTURE_PX, 1, 4)
-    assert np.abs(small.astype(int) - (200, 100, 50, 64)).max() <= 2  # premultiplied colours have 8 bits
-
-
 def pixels_in(text: str) -> list[npt.NDArray[Any]]:
     pictures = re.findall(r"data:image/png;base64,([^\"]*)", text)
     return [imageio.imread(base64.b64decode(content), extension=".png") for content in pictures]

@@ -40,7 +40,7 @@ from renderer.study import (
     splat_setting,
     spread_evenly,
 )
-from renderer.transfer import make_transfer_function
+from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.view import View
 from renderer.volume import Volume
 
@@ -82,7 +82,10 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
         machine = describe_machine(rasterizer.renderer_name)
     if request.peer:
         machine["peer"] = {"name": request.peer, **describe_vtk()}
-    volume = _volume(request)
+    volume = read_volume_guarded(scene.volume)
+    transfer = make_transfer_function(scene.transfer_function, volume.finest_spacing)
+    if request.peer:
+        volume = with_transparent_border(volume, transfer)
     path = scene.camera.path
     frames = request.frames or spread_evenly(range(path.frames), _NUM_FRAMES, is_loop=is_loop(path))
     stage = stage_at_any_tolerance(scene, volume)
@@ -94,7 +97,7 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
     measurements: list[Measurement] = []
     end: KeyboardInterrupt | HsplatError | None = None
     try:
-        for measurement in _measurements(request, volume, truths, views, reporter):
+        for measurement in _measurements(request, volume, transfer, truths, views, reporter):
             measurements.append(measurement)
     except (KeyboardInterrupt, HsplatError) as error:
         end = error
@@ -127,18 +130,13 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
         raise end
 
 
-def _volume(request: StudyRequest) -> Volume:
-    """Return the scene's volume, with a transparent border if a peer is measured."""
-    volume = read_volume_guarded(request.scene.volume)
-    if request.peer is None:
-        return volume
-    return with_transparent_border(
-        volume, make_transfer_function(request.scene.transfer_function, volume.finest_spacing)
-    )
-
-
 def _measurements(
-    request: StudyRequest, volume: Volume, truths: Sequence[Truth], views: Sequence[View], reporter: Reporter
+    request: StudyRequest,
+    volume: Volume,
+    transfer: TransferFunction,
+    truths: Sequence[Truth],
+    views: Sequence[View],
+    reporter: Reporter,
 ) -> Iterator[Measurement]:
     """Measure the settings of hsplat, then those of the peer."""
     sweep = request.sweep
@@ -148,7 +146,6 @@ def _measurements(
     work = [planned.predicted_seconds(len(truths), request.repeats) for planned in plan]
     peer: Iterator[Measurement] = iter(())
     if request.peer:
-        transfer = make_transfer_function(request.scene.transfer_function, volume.finest_spacing)
         background = request.scene.output.background
         settings = vtk_settings()
         work += [len(truths) * (1 + request.repeats) * _PEER_FRAME_S] * len(settings)

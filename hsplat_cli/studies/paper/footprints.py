@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -49,27 +50,17 @@ class FootprintError:
     picture: Pixels
 
 
-@dataclass(frozen=True)
-class FootprintErrors:
-    """fans: by number of triangles. smooth: float64 [n, 2], the profile: radius in standard deviations, alpha."""
-
-    fans: tuple[FootprintError, ...]
-    gaussian: FootprintError
-    smooth: Float64
-
-
 def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
     """Return figure 1 for a scene of one splat."""
-    numbers = measure(scene, figure_renderer)
-    drawn = (*numbers.fans, numbers.gaussian)
+    drawn, smooth = measure(scene, figure_renderer)
     return PaperFigure(
         1,
         "Splat shapes and footprints",
         "One splat, drawn as a fan of Gouraud-shaded triangles around its centre, at several angular and radial "
         "subdivisions. The vertices have the opacities of a smooth profile; the hardware interpolates between them.",
-        check_claims(numbers),
+        check_claims(drawn[:-1]),
         {"The same splat": [(item.picture, _caption(item)) for item in drawn]},
-        charts=(_profiles(numbers), _meshes(scene)),
+        charts=(_profiles(drawn, smooth), _meshes(scene)),
         tables={
             "Error against the smooth profile, over all pixels": [
                 {
@@ -88,22 +79,25 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
     )
 
 
-def measure(scene: Scene, figure_renderer: FigureRenderer) -> FootprintErrors:
-    """Draw the splat with each footprint."""
+def measure(scene: Scene, figure_renderer: FigureRenderer) -> tuple[list[FootprintError], Float64]:
+    """Draw the splat with each footprint.
+
+    Return the fans by number of triangles, and the Gaussian last; and the smooth profile, float64 [n, 2]: radius in
+    standard deviations, alpha.
+    """
     stage = figure_renderer.stage(scene)
-    offset, smooth = _smooth_profile(stage)
-    fans = []
+    drawn = []
     for angular, radial in SUBDIVISIONS:
         fan = with_splat(stage, footprint="gouraud", angular=angular, radial=radial)
-        fans.append(_measure_footprint(fan, f"fan {angular} x {radial}", angular * (2 * radial - 1), figure_renderer))
-    gaussian = _measure_footprint(with_splat(stage, footprint="gaussian"), "Gaussian", 0, figure_renderer)
-    return FootprintErrors(tuple(fans), gaussian, np.column_stack([offset, smooth]))
+        drawn.append(_measure_footprint(fan, f"fan {angular} x {radial}", angular * (2 * radial - 1), figure_renderer))
+    drawn.append(_measure_footprint(with_splat(stage, footprint="gaussian"), "Gaussian", 0, figure_renderer))
+    return drawn, np.column_stack(_smooth_profile(stage))
 
 
-def check_claims(numbers: FootprintErrors) -> tuple[Claim, ...]:
-    """Compare the numbers with the paper's claims."""
-    deviations = [fan.deviation for fan in numbers.fans]
-    fine = [abs(fan.integral_error) for fan in numbers.fans if fan.num_triangles >= MIN_TRIANGLES]
+def check_claims(fans: Sequence[FootprintError]) -> tuple[Claim, ...]:
+    """Compare the fans with the paper's claims."""
+    deviations = [fan.deviation for fan in fans]
+    fine = [abs(fan.integral_error) for fan in fans if fan.num_triangles >= MIN_TRIANGLES]
     return (
         Claim(
             "A splat can be drawn as a collection of Gouraud-shaded polygons; with more polygons it approaches a "
@@ -168,13 +162,12 @@ def _caption(item: FootprintError) -> str:
     return f"{item.name}, {item.num_triangles} triangles" if item.num_triangles else item.name
 
 
-def _profiles(numbers: FootprintErrors) -> Chart:
+def _profiles(drawn: Sequence[FootprintError], smooth: Float64) -> Chart:
     plot, axes = new_plot("distance from the centre, standard deviations", "alpha")
-    for color, fan in zip(SERIES_COLORS, (numbers.fans[k] for k in SHOWN_FANS), strict=False):
+    for color, fan in zip(SERIES_COLORS, (drawn[k] for k in SHOWN_FANS), strict=False):
         axes.plot(fan.radii, fan.alphas, color=color, label=_caption(fan))
-    gaussian = numbers.gaussian
-    axes.plot(gaussian.radii, gaussian.alphas, color=SERIES_COLORS[3], linestyle=":", label="Gaussian")
-    axes.plot(*numbers.smooth[:-1].T, color=SERIES_COLORS[7], linestyle="--", label="smooth profile")
+    axes.plot(drawn[-1].radii, drawn[-1].alphas, color=SERIES_COLORS[3], linestyle=":", label=drawn[-1].name)
+    axes.plot(*smooth[:-1].T, color=SERIES_COLORS[7], linestyle="--", label="smooth profile")
     axes.legend()
     return Chart(
         plot,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,39 +45,35 @@ class LevelError:
     largest: float
 
 
-@dataclass(frozen=True)
-class LevelErrors:
-    """Errors from level 0 to the root. num_judged: levels with MIN_CELLS cells or more along the shortest side."""
-
-    corrected: tuple[LevelError, ...]
-    uncorrected: tuple[LevelError, ...]
-    num_judged: int
-    rows: PictureRows
-
-
 def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
     """Return figure 4 for a scene of a volume of one material."""
-    levels = measure(scene, figure_renderer)
+    corrected, uncorrected, num_judged, rows = measure(scene, figure_renderer)
     return PaperFigure(
         4,
         "A constant volume drawn at each level",
         "The same block of one material, with cells from one voxel (level 0) to a single cell (the root). Numbers are "
         f"for the inside: rays with at least {INSIDE_SHARE:.0%} of the largest optical depth.",
-        check_claims(levels),
-        levels.rows,
+        check_claims(corrected[:num_judged], uncorrected[:num_judged]),
+        rows,
         tables={
-            "With correction, against level 0": _table_lines(levels.corrected),
-            "Without correction, against level 0": _table_lines(levels.uncorrected),
+            "With correction, against level 0": _table_lines(corrected),
+            "Without correction, against level 0": _table_lines(uncorrected),
         },
         notes=(
-            f"Claims are checked on levels 0 to {levels.num_judged - 1}, with {MIN_CELLS} cells or more along "
+            f"Claims are checked on levels 0 to {num_judged - 1}, with {MIN_CELLS} cells or more along "
             "the shortest side. Coarser levels are mostly border, blurred over the width of a cell.",
         ),
     )
 
 
-def measure(scene: Scene, figure_renderer: FigureRenderer) -> LevelErrors:
-    """Draw each level with and without correction."""
+def measure(
+    scene: Scene, figure_renderer: FigureRenderer
+) -> tuple[Sequence[LevelError], Sequence[LevelError], int, PictureRows]:
+    """Draw each level with and without correction.
+
+    Return the errors with and without, from level 0 to the root; the number of levels with MIN_CELLS cells or more
+    along the shortest side, on which claims are checked; and the pictures.
+    """
     stage = figure_renderer.stage(scene)
     values = stage.volume.values
     if values.min() != values.max():
@@ -99,12 +96,11 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> LevelErrors:
     uncorrected, row_without = _draw_levels(with_splat(stage, opacity_correction=False), inside, figure_renderer)
     num_judged = (min(stage.volume.shape_xyz) // MIN_CELLS).bit_length()
     rows = {"With correction": row, "Without correction": row_without}
-    return LevelErrors(corrected, uncorrected, num_judged, rows)
+    return corrected, uncorrected, num_judged, rows
 
 
-def check_claims(levels: LevelErrors) -> tuple[Claim, ...]:
-    """Compare the numbers with the paper's claims."""
-    corrected, uncorrected = (part[: levels.num_judged] for part in (levels.corrected, levels.uncorrected))
+def check_claims(corrected: Sequence[LevelError], uncorrected: Sequence[LevelError]) -> tuple[Claim, ...]:
+    """Compare the errors with the paper's claims."""
     off = [abs(distance.mean_alpha - corrected[0].mean_alpha) for distance in corrected]
     coarsest, coarsest_without = corrected[-1], uncorrected[-1]
     times = coarsest_without.rmse / max(coarsest.rmse, 1e-12)
@@ -131,7 +127,7 @@ def check_claims(levels: LevelErrors) -> tuple[Claim, ...]:
 
 def _draw_levels(
     stage: Stage, inside: npt.NDArray[np.bool_], figure_renderer: FigureRenderer
-) -> tuple[tuple[LevelError, ...], list[tuple[Pixels, str]]]:
+) -> tuple[Sequence[LevelError], list[tuple[Pixels, str]]]:
     background = stage.scene.output.background
     first, distances, pictures = None, [], []
     for level in range(stage.pyramid.num_levels + 1):
@@ -152,7 +148,7 @@ def _draw_levels(
     return tuple(distances), pictures
 
 
-def _table_lines(distances: tuple[LevelError, ...]) -> list[dict[str, str]]:
+def _table_lines(distances: Sequence[LevelError]) -> list[dict[str, str]]:
     return [
         {
             "level": f"{distance.level}",

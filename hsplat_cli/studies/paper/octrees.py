@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -52,10 +51,8 @@ class Octree:
 
     @property
     def cell_ratio(self) -> float:
-        """Ratio of the cells at high variation to those at low variation; 1 if both are 0."""
-        if not self.cells_low_variation:
-            return math.inf if self.cells_high_variation else 1.0
-        return self.cells_high_variation / self.cells_low_variation
+        """Ratio of the cells at high variation to those at low variation; 0 if both are 0."""
+        return self.cells_high_variation / max(self.cells_low_variation, 1e-9)
 
 
 def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:

@@ -48,25 +48,13 @@ class TimedFrame:
         return self.budget is None or self.seconds <= self.budget
 
 
-@dataclass(frozen=True)
-class Refinement:
-    """The frame drawn five times a second, in five seconds, and at full resolution.
-
-    psnr_to_full_db: PSNR of the second frame against the third; infinite if they are equal.
-    """
-
-    drawings: tuple[TimedFrame, ...]
-    psnr_to_full_db: float
-    rows: PictureRows
-
-
 def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
     """Return figure 6 for any scene."""
-    numbers = measure(scene, figure_renderer)
-    full = numbers.drawings[-1]
+    drawings, psnr_to_full_db, rows = measure(scene, figure_renderer)
+    full = drawings[-1]
     notes = [
         f"{drawing.name}: full resolution takes {full.seconds:.2f} s on this machine, so this is full resolution."
-        for drawing in numbers.drawings[:-1]
+        for drawing in drawings[:-1]
         if drawing.tolerance == 0
     ]
     return PaperFigure(
@@ -74,15 +62,19 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
         "Five times a second, in five seconds, at full resolution",
         "One view at the tolerances that meet two budgets on this machine, and with a splat for every visible voxel. "
         "Times are for one frame of a film: sort, draw and round to 8 bits; the cut is made once for all frames.",
-        check_claims(numbers),
-        numbers.rows,
-        tables={"The three frames": _table_lines(numbers.drawings)},
+        check_claims(drawings, psnr_to_full_db),
+        rows,
+        tables={"The three frames": _table_lines(drawings)},
         notes=tuple(notes),
     )
 
 
-def measure(scene: Scene, figure_renderer: FigureRenderer) -> Refinement:
-    """Find the tolerances by timing, draw, and compare with the ray integral."""
+def measure(scene: Scene, figure_renderer: FigureRenderer) -> tuple[list[TimedFrame], float, PictureRows]:
+    """Find the tolerances by timing, draw, and compare with the ray integral.
+
+    Return the frames drawn five times a second, in five seconds and at full resolution, the PSNR of the second against
+    the third, infinite if they are equal, and the pictures.
+    """
     stage = figure_renderer.stage(scene)
     background = scene.output.background
     truth = figure_renderer.truth(stage)
@@ -115,13 +107,13 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> Refinement:
         "The pictures": pictures,
         f"Their differences from the ray integral, times {DIFFERENCE_GAIN:g}": differences,
     }
-    return Refinement(tuple(drawings), compute_metric("psnr", rgb[1], rgb[2]), rows)
+    return drawings, compute_metric("psnr", rgb[1], rgb[2]), rows
 
 
-def check_claims(numbers: Refinement) -> tuple[Claim, ...]:
-    """Compare the numbers with the paper's claims."""
-    quick, middle, full = numbers.drawings
-    alike = "the same picture" if math.isinf(numbers.psnr_to_full_db) else f"{numbers.psnr_to_full_db:.1f} dB"
+def check_claims(drawings: Sequence[TimedFrame], psnr_to_full_db: float) -> tuple[Claim, ...]:
+    """Compare the results of `measure` with the paper's claims."""
+    quick, middle, full = drawings
+    alike = "the same picture" if math.isinf(psnr_to_full_db) else f"{psnr_to_full_db:.1f} dB"
     return (
         Claim(
             "A picture that is good enough for interaction can be drawn several times a second.",
@@ -134,7 +126,7 @@ def check_claims(numbers: Refinement) -> tuple[Claim, ...]:
             "Given more time, the picture is refined towards full resolution.",
             "PSNR against the ray integral never falls from one picture to the next, and rises from the first to the "
             "last, unless all are at full resolution",
-            ", ".join(f"{drawing.psnr_db:.1f} dB" for drawing in numbers.drawings),
+            ", ".join(f"{drawing.psnr_db:.1f} dB" for drawing in drawings),
             quick.psnr_db <= middle.psnr_db <= full.psnr_db and (quick.psnr_db < full.psnr_db or quick.tolerance == 0),
         ),
         Claim(
@@ -142,7 +134,7 @@ def check_claims(numbers: Refinement) -> tuple[Claim, ...]:
             f"it takes {REFINED_FRAME_S:g} s or less, and has {INDISTINGUISHABLE_DB:g} dB "
             "or more against full resolution",
             f"{middle.seconds:.2f} s, {alike}",
-            middle.is_within_budget and numbers.psnr_to_full_db >= INDISTINGUISHABLE_DB,
+            middle.is_within_budget and psnr_to_full_db >= INDISTINGUISHABLE_DB,
         ),
     )
 
