@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hsplat_cli.commands.options import FILE
-from hsplat_cli.scenes import read_with_options, transfer_dict, transfer_lines, volume_options, volume_spec
+from hsplat_cli.scenes import read_with_options, transfer_lines, volume_options, volume_spec
 from hsplat_cli.terminal import Reporter, counted
+from renderer.scene import parse_yaml
 
 if TYPE_CHECKING:
     from renderer.suggest import Statistics, Suggestion, ValueRange
@@ -81,7 +82,7 @@ def _facts(
         ],
         "kind": suggestion.kind,
         "reason": suggestion.reason,
-        "transfer_function": transfer_dict(suggestion.transfer),
+        **parse_yaml("\n".join(transfer_lines(suggestion.transfer))).data,
     }
 
 

@@ -6,7 +6,6 @@ from .film_arguments import (
 from .job import Job as Job, load_job as load_job
 from .scene_text import (
     FilmOptions as FilmOptions,
-    transfer_dict as transfer_dict,
     transfer_lines as transfer_lines,
     volume_file as volume_file,
 )

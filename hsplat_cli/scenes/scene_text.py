@@ -138,12 +138,6 @@ def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterato
         yield f'    - {{value: {value}, color: "{color}", opacity: {opacity}}}{note}'
 
 
-def transfer_dict(transfer: TransferSpec) -> dict[str, Any]:
-    """Return the section `transfer_function` as plain data."""
-    section: dict[str, Any] = parse_yaml("\n".join(transfer_lines(transfer))).data["transfer_function"]
-    return section
-
-
 def _drawing_lines(suggestion: Suggestion) -> Iterator[str]:
     """Yield the sections `shading` and `splat`, or why there is none."""
     if (shading := suggestion.shading) is not None:
@@ -187,9 +181,9 @@ def yaml_string(text: str | Path) -> str:
 def _escaped(char: str) -> str:
     if char in '"\\':
         return f"\\{char}"
-    return char if char == " " or char.isprintable() else char.encode("unicode_escape").decode()
+    return char if char.isprintable() else char.encode("unicode_escape").decode()
 
 
 def plain_text(text: str) -> str:
     """Return text for a comment: one line of printable characters."""
-    return "".join(char if char == " " or char.isprintable() else "?" for char in text)
+    return "".join(char if char.isprintable() else "?" for char in text)

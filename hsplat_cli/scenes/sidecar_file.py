@@ -90,39 +90,31 @@ _SIDECAR_START = re.compile(rb'(\xef\xbb\xbf)?\s*\{\s*"scene"\s*:')
 # JSON
 
 
-@dataclass(frozen=True)
-class _RejectedValue:
-    """A value that was refused, or, with a key, the object that has it."""
-
-    what: str
-    got: str | None = None
-    key: str | None = None
-
-
 def load_json_object(text: str, path: Path, *, kind: str = "a sidecar") -> dict[str, Any]:
     """Return the object in a text that begins with a brace.
 
     Refuses NaN, infinities and duplicate keys, which Python's parser accepts. kind: of the file, for messages.
     Raises InputError, or SceneError with all that is refused.
     """
-    refused: list[_RejectedValue] = []
+    refused: list[Problem] = []
 
-    def refuse(what: str, got: str | None = None, key: str | None = None) -> _RejectedValue:
-        refused.append(_RejectedValue(what, got, key))
+    def refuse(what: str, got: str | None = None, key: str = "") -> Problem:
+        """Return what stands for a value in the data, until its path is known."""
+        refused.append(Problem(key, what, got=got))
         return refused[-1]
 
-    def make_object(pairs: list[tuple[str, Any]]) -> dict[str, Any] | _RejectedValue:
+    def make_object(pairs: list[tuple[str, Any]]) -> dict[str, Any] | Problem:
         found = dict(pairs)
         if len(found) == len(pairs):
             return found
         ordered = sorted(key for key, _ in pairs)
         return refuse("the same key twice", key=next(key for key, other in pairwise(ordered) if key == other))
 
-    def make_float(digits: str) -> float | _RejectedValue:
+    def make_float(digits: str) -> float | Problem:
         number = float(digits)
         return refuse("not a finite number", got=format_value(digits)) if math.isinf(number) else number
 
-    def make_integer(digits: str) -> int | float | _RejectedValue:
+    def make_integer(digits: str) -> int | float | Problem:
         return int(digits) if len(digits) < _MOST_DIGITS else make_float(digits)
 
     try:
@@ -157,8 +149,8 @@ def _problems_in(data: object) -> Iterator[Problem]:
     stack: list[tuple[str, object]] = [("", data)]
     while stack:
         path, item = stack.pop()
-        if isinstance(item, _RejectedValue):
-            yield Problem(path if item.key is None else join_keys(path, item.key), item.what, got=item.got)
+        if isinstance(item, Problem):
+            yield replace(item, path=join_keys(path, item.path) if item.path else path)
         elif isinstance(item, dict):
             stack += [(join_keys(path, key), value) for key, value in reversed(item.items())]
         elif isinstance(item, list):

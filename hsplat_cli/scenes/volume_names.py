@@ -27,7 +27,7 @@ def _own_name(volume: Path) -> str:
 
 def _safe(name: str) -> str:
     """Return a name without control characters, and without the syntax of templates and command lines."""
-    text = "".join("_" if char in "{}/\\" or not (char == " " or char.isprintable()) else char for char in name)
+    text = "".join("_" if char in "{}/\\" or not char.isprintable() else char for char in name)
     text = re.sub(r"^[-.]+", "_", text).strip()
     return text or "volume"
 

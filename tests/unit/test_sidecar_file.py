@@ -242,5 +242,5 @@ def refuses(content: str | bytes, **options: Any) -> bool:
         return False
     assert text
     assert "INVALID" not in text
-    assert "_RejectedValue" not in text
+    assert "Problem(" not in text
     return True
