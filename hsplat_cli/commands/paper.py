@@ -14,7 +14,7 @@ import click
 from hsplat_cli.commands.options import quiet_option, volume_option
 from hsplat_cli.terminal import OutputPath, Reporter, describe_machine, sigterm_as_interrupt
 from renderer.cores import num_cores
-from renderer.errors import InputError, SceneError
+from renderer.errors import InputError
 from renderer.film import require_no_input, require_writable_dry_run, volume_files, write_staged
 from renderer.scene import Scene, load_scene
 
@@ -46,33 +46,31 @@ FIGURE_SPECS = {
 
 _FIGURE = click.IntRange(min(FIGURE_SPECS), max(FIGURE_SPECS))
 
-# Replaces a scan that is missing.
-_FALLBACK_VOLUME = "volume={procedural: {name: engine_block, shape: [128, 128, 64], seed: 1}}"
-
 
 @dataclass(frozen=True)
 class _FigureJob:
-    """A figure to draw. path: of its scene. notes: on its volume."""
+    """A figure to draw. path: of its scene."""
 
     number: int
     path: Path
     scene: Scene
-    notes: tuple[str, ...] = ()
 
     def make_figure(self, figure_renderer: FigureRenderer) -> PaperFigure:
         """Draw and measure the figure."""
-        module = importlib.import_module(f"hsplat_cli.studies.paper.{FIGURE_SPECS[self.number].module}")
+        spec = FIGURE_SPECS[self.number]
+        module = importlib.import_module(f"hsplat_cli.studies.paper.{spec.module}")
         try:
             figure: PaperFigure = module.make_figure(self.scene, figure_renderer)
         except InputError as error:
             error.where = error.where or str(self.path)
             raise
-        return replace(figure, notes=self.notes + figure.notes)
+        note = f"The volume is {Path(figure_renderer.volumes[self.scene.volume].name).name}."
+        return replace(figure, notes=(note, *figure.notes)) if spec.takes_volume else figure
 
 
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path), required=False)
-@volume_option(help="The engine, for figures 5 and 6.")
+@volume_option(help="A scan in place of the procedural engine of figures 5 and 6.")
 @click.option("--output", type=OutputPath(), default=Path("paper"), metavar="DIR", help="Write DIR/index.html.")
 @click.option(
     "--figure", "numbers", type=_FIGURE, multiple=True, metavar="N", help="Make only this figure; repeatable."
@@ -94,7 +92,11 @@ def paper(folder: Path | None, volume: Path | None, output: Path, numbers: tuple
     with sigterm_as_interrupt():
         figures, text = _page(jobs, reporter)
         write_staged(path, text.encode())
-    _report(jobs, figures, path, reporter)
+    for figure in figures:
+        for claim in figure.claims:
+            verdict = "confirmed" if claim.is_confirmed else "NOT CONFIRMED"
+            reporter.line(f"figure {figure.number}: {verdict}: {claim.statement}")
+    reporter.line(f"page: {path}")
 
 
 def _jobs(folder: Path, numbers: Sequence[int], volume: Path | None) -> list[_FigureJob]:
@@ -111,27 +113,12 @@ def _jobs(folder: Path, numbers: Sequence[int], volume: Path | None) -> list[_Fi
         if number not in there:
             expected = str(folder / FIGURE_SPECS[number].scene)
             raise InputError("the scene of this figure is missing", where=f"--figure {number}", expected=expected)
-    return [_job(number, folder / FIGURE_SPECS[number].scene, volume) for number in sorted(set(numbers)) or there]
-
-
-def _job(number: int, path: Path, volume: Path | None) -> _FigureJob:
-    spec = FIGURE_SPECS[number]
-    if not spec.takes_volume:
-        return _FigureJob(number, path, load_scene(path))
-    if volume is not None:
-        return _FigureJob(number, path, load_scene(path, volume=volume), (f"The volume is {volume.name}.",))
-    try:
-        return _FigureJob(number, path, load_scene(path))
-    except SceneError as error:
-        (problem, *others) = error.problems
-        if others or problem.path != "volume.file" or not problem.what.startswith("no such file"):
-            raise
-        missing = problem.got
-    note = (
-        f"There is no {Path(missing or '').name} beside the scene file: a procedural engine block replaces it. "
-        "Give --volume FILE to use the scan."
-    )
-    return _FigureJob(number, path, load_scene(path, overrides=[_FALLBACK_VOLUME]), (note,))
+    jobs = []
+    for number in sorted(set(numbers)) or there:
+        spec = FIGURE_SPECS[number]
+        path = folder / spec.scene
+        jobs.append(_FigureJob(number, path, load_scene(path, volume=volume if spec.takes_volume else None)))
+    return jobs
 
 
 def _page(jobs: Sequence[_FigureJob], reporter: Reporter) -> tuple[list[PaperFigure], str]:
@@ -159,13 +146,3 @@ def _page(jobs: Sequence[_FigureJob], reporter: Reporter) -> tuple[list[PaperFig
         facts = format_facts(describe_machine(rasterizer.renderer_name))
         title = "Hierarchical splatting, 1991, reproduced"
         return figures, render_page("paper.html", title=title, facts=facts, figures=figures)
-
-
-def _report(jobs: Sequence[_FigureJob], figures: Sequence[PaperFigure], path: Path, reporter: Reporter) -> None:
-    for note in dict.fromkeys(note for job in jobs for note in job.notes):
-        reporter.note(note)
-    for figure in figures:
-        for claim in figure.claims:
-            verdict = "confirmed" if claim.is_confirmed else "NOT CONFIRMED"
-            reporter.line(f"figure {figure.number}: {verdict}: {claim.statement}")
-    reporter.line(f"page: {path}")

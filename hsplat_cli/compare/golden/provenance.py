@@ -7,7 +7,6 @@ are safe to print and that file names stay in the folder.
 from __future__ import annotations
 
 import json
-import os
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
@@ -15,6 +14,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
+from hsplat_cli.compare.picture_file import require_file
 from hsplat_cli.films import describe_differences
 from hsplat_cli.scenes import load_json_object
 from renderer.errors import InputError, Problem, SceneError
@@ -166,8 +166,7 @@ def parse_date(text: str | None) -> str | None:
 def read_provenance(folder: Path) -> Provenance:
     """Read golden.json in a folder. Raises InputError, or SceneError with all its problems."""
     path = folder / PROVENANCE_FILE
-    if os.path.exists(path) and not os.path.isfile(path):
-        raise InputError("not a file", where=str(path))
+    require_file(path, f"a {PROVENANCE_FILE}")
     content = read_bounded(path, MAX_PROVENANCE_BYTES, f"a {PROVENANCE_FILE}")
     data = load_json_object(decode_utf8(content, path), path, kind=PROVENANCE_FILE) if may_be_json(content) else {}
     if data.get("format") != FORMAT:
