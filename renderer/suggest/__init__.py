@@ -4,10 +4,9 @@ In: a volume and its statistics. Out: `Suggestion`: the kind of data, and contro
 Thresholds by Otsu 1979.
 
 - `volume_suggestion.py` (a volume still to be read) and `suggestion.py` (its statistics) choose, and give reasons.
-- `histogram.py`: range, histogram, Otsu's threshold, materials; `percentiles.py`: exact ranks.
+- `histogram.py`: range, histogram, Otsu's threshold, materials, outliers; `percentiles.py`: exact ranks.
 - `features.py`: background, noise, edges, level sets; `labels.py`: masks and segmentations.
-- `nodata.py`: fill values and outliers; `presets.py`: layers and colours for each kind of data; `opacity.py`: how dense
-  they are.
+- `presets.py`: layers and colours for each kind of data; `opacity.py`: how dense they are.
 """
 
 import lazy_loader

@@ -137,12 +137,10 @@ def sample_volume(volume: Volume, statistics: Statistics, outlier_fill: float = 
     sz, sy, sx = (-(-n // _MAX_SAMPLES_PER_AXIS) for n in values.shape)
     z, y, x = np.arange(0, nz, sz), np.arange(0, ny, sy), np.arange(0, nx, sx)
 
-    neighbours = []
-    for dy, dx in ((0, -1), (0, 1), (-1, 0), (1, 0)):
-        at_y, at_x = np.clip(y + dy, 0, ny - 1), np.clip(x + dx, 0, nx - 1)
-        neighbours.append(normalized(values[np.ix_(z, at_y, at_x)]))
-    sampled = values[np.ix_(z, y, x)]
-    own = normalized(sampled)
+    def sampled(dy: int, dx: int) -> Array:
+        return np.asarray(values[np.ix_(z, np.clip(y + dy, 0, ny - 1), np.clip(x + dx, 0, nx - 1))])
+
+    own = normalized(sampled(0, 0))
     is_valid = own != normalized(np.array(volume.nonfinite_fill_value, values.dtype))
     like_nan = float(np.mean(~is_valid))
     if like_nan == 1 or like_nan > _MAX_NONFINITE_RATIO * volume.num_nonfinite / values.size:
@@ -150,9 +148,9 @@ def sample_volume(volume: Volume, statistics: Statistics, outlier_fill: float = 
     side_x, side_y, side_z = volume.spacing.tolist()
     sample = VoxelSample(
         normalized=own,
-        is_valid=is_valid & are_within(sampled),
+        is_valid=is_valid & are_within(sampled(0, 0)),
         strides=(sz, sy, sx),
-        neighbours=np.stack(neighbours),
+        neighbours=np.stack([normalized(sampled(*step)) for step in ((0, -1), (0, 1), (-1, 0), (1, 0))]),
         minimum=low,
         maximum=high,
         spacing=(side_z * sz, side_y * sy, side_x * sx),

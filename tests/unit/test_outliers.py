@@ -11,7 +11,7 @@ from kinds_of_data import KINDS, axes, extinction, head_in_hounsfield_units, sug
 
 from renderer.scene import ColormapSpec
 from renderer.suggest import compute_statistics
-from renderer.suggest.nodata import OutlierValue
+from renderer.suggest.histogram import OutlierValue
 
 Array = npt.NDArray[Any]
 
@@ -24,7 +24,7 @@ FILLS = (1e20, 9.96921e36, FLOAT_MAX, -FLOAT_MAX, -1e5, 1e20)
 NAMES = ("head as float32", "microscopy", "signed", "filled, signed", "density", "distance")
 
 
-@pytest.mark.parametrize(("name", "fill"), zip(NAMES, FILLS, strict=True))
+@pytest.mark.parametrize(("name", "fill"), list(zip(NAMES, FILLS, strict=True)))
 @pytest.mark.parametrize("where", [SLAB, TUBE], ids=["slab", "tube"])
 def test_the_kind_is_that_of_the_others(name: str, where: Array, fill: float) -> None:
     values = KINDS[name][0].astype(np.float32)

@@ -64,11 +64,11 @@ def test_rows_in_blocks_are_those_of_whole_planes(name, shape, seed, most, expec
 
 @pytest.mark.parametrize("name", PROCEDURAL_NAMES)
 def test_working_memory_does_not_grow_with_a_plane(name, monkeypatch):
-    most = 2**12
+    most = 2**10
     monkeypatch.setattr("renderer.readers.procedural._SLAB_VOXELS", most)
     tracemalloc.start()
     try:
-        values = procedural_values(ProceduralSource(name, (512, 512, 2)))
+        values = procedural_values(ProceduralSource(name, (256, 256, 2)))
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()

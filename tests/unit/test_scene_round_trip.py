@@ -159,9 +159,10 @@ def spoil(tree: dict[str, Any], choose: random.Random) -> None:
 def test_spoilt_data_are_refused_or_make_a_scene(name: str) -> None:
     choose = random.Random(1)
     num_read, refusals = 0, list[str]()
-    for _ in range(200):
-        tree = copy.deepcopy(scene_to_dict(SCENES[name]))
+    spoilt = [copy.deepcopy(scene_to_dict(SCENES[name])) for _ in range(200)]
+    for tree in spoilt:
         spoil(tree, choose)
+    for tree in [*spoilt, *JUNK]:
         try:
             scene = parse(tree)
         except SceneError as error:
@@ -171,9 +172,3 @@ def test_spoilt_data_are_refused_or_make_a_scene(name: str) -> None:
             assert parse(scene_to_dict(scene)) == scene
     assert all(text and "object at" not in text for text in refusals)
     assert 0 < num_read < 180
-
-
-@pytest.mark.parametrize("tree", JUNK, ids=range(len(JUNK)))
-def test_data_that_are_no_scene_are_refused(tree: object) -> None:
-    with pytest.raises(SceneError, match=r"."):
-        parse(tree)
