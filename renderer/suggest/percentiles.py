@@ -67,6 +67,7 @@ def values_at_ranks(
     """
     keys, within = dict.fromkeys(ranks, 0), {rank: rank for rank in ranks}
     tables, shift, step = {0: counts}, ordered_keys.shift, _BITS
+    is_near = np.zeros(ordered_keys.num, bool)  # by counted number: few values share one with a wanted rank
     while True:
         for rank, key in keys.items():
             before = np.concatenate([[0], np.cumsum(tables[key])])
@@ -75,9 +76,11 @@ def values_at_ranks(
         if shift == 0:
             return {rank: ordered_keys.value(key) for rank, key in keys.items()}
         step = min(shift, _BITS)
+        is_near[[key >> (ordered_keys.shift - shift) for key in keys.values()]] = True
         tables = {key: np.zeros(1 << step, np.int64) for key in keys.values()}
         for chunk in chunks():
             chunk_keys = ordered_keys.keys(chunk)
+            chunk_keys = chunk_keys[is_near[chunk_keys >> ordered_keys.shift]]
             upper = chunk_keys >> shift
             for key in tables:
                 following = chunk_keys[upper == key] >> (shift - step) & ((1 << step) - 1)
