@@ -2,7 +2,6 @@ from .brick_cut import (
     BrickCut as BrickCut,
     brick_cut_sizes as brick_cut_sizes,
     cut_bricks as cut_bricks,
-    num_bricks_at as num_bricks_at,
 )
 from .bricks import (
     RAY_ERROR_FACTOR as RAY_ERROR_FACTOR,

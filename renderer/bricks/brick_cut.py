@@ -69,11 +69,6 @@ def cut_bricks(bricks: Bricks, tolerance: float, *, finest_level: int = 0) -> Br
     return BrickCut(*arrays, bricks.volume)
 
 
-def num_bricks_at(bricks: Bricks, tolerance: float, finest_level: int) -> int:
-    """Return the number of bricks of the cut at this tolerance."""
-    return sum(len(cells) for _, cells in _leaves(bricks, tolerance, finest_level))
-
-
 def _leaves(bricks: Bricks, tolerance: float, finest_level: int) -> Iterator[tuple[int, Int32]]:
     """Yield each level, coarse first, and the cells int32 [n, 3] of its bricks that are drawn."""
     if not tolerance >= 0:

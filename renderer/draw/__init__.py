@@ -8,9 +8,9 @@ premultiplied RGBA without a background. There are two backends, OpenGL and comp
 - `gl/bricks.py` draws bricks with OpenGL. `gl/atlas.py` uploads texels to the GPU. `gl/shaders/brick_fragment.glsl`
   takes the samples of a ray in a brick, with jitter, until early ray termination (Max 1995).
 - `cpu/raster.py` draws bricks on several threads. `cpu/march.py` has the same loop over rays and samples, compiled;
-  `cpu/sample.py` interpolates and classifies a sample; `cpu/atlas.py` keeps texels in memory.
+  `cpu/sample.py` interpolates and classifies a sample.
 
-Both share `brick_view.py` (the record of a brick), `brick_cache.py` (which bricks are uploaded or evicted),
+Both share `brick_cache.py` (bricks in a view; which of them are uploaded or evicted),
 `subsampling.py` (pixels between those that are drawn are interpolated) and `constants.py`. `compositing.py` adds up
 many layers of splats in float64, `overlay.py` makes the lines of cells, and `recovery.py` opens a backend and replaces
 it when its context is lost.

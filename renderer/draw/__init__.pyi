@@ -1,5 +1,5 @@
 from .brick_cache import max_brick_bytes as max_brick_bytes
 from .cpu.raster import CPURasterizer as CPURasterizer
 from .gl.raster import GLRasterizer as GLRasterizer, is_software as is_software
-from .overlay import CellEdges as CellEdges, make_brick_edges as make_brick_edges, make_cell_edges as make_cell_edges
+from .overlay import CellEdges as CellEdges, make_edges as make_edges
 from .recovery import RecoveringRasterizer as RecoveringRasterizer, open_rasterizer as open_rasterizer

@@ -10,12 +10,13 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import (
+    BRICK_SIZE,
     MAX_CACHE_BYTES,
     MIN_BRICKS_PER_THREAD,
     PADDED_BRICK_SIZE,
@@ -25,12 +26,13 @@ from renderer.bricks import (
     mean_texels,
     scalar_texels,
 )
-from renderer.draw.brick_view import BrickView, make_brick_view
+from renderer.splats import SplatBatch
 from renderer.threads import ThreadPool
-from renderer.view import View
+from renderer.view import RaySetup, View, ray_setup, screen_rectangles
 
 Bools = npt.NDArray[np.bool_]
 Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
 MAX_ATLAS_BYTES = 256 << 20
@@ -106,51 +108,95 @@ class Atlas(ABC):
         self._key_from_slot, self._last_used = np.full(num, -1, np.int64), np.zeros(num, np.int64)
 
 
+class BrickView(NamedTuple):
+    """The bricks `batch[order]` in a view, front to back. Positions are in index space, from the volume's centre.
+
+    keys: int64 [n], their numbers: level 0 is counted on its own, all other levels one after the other.
+    is_mean: bool [n], whether they are above level 0.
+    rectangles_px: float64 [n, 4], as `screen_rectangles` returns them.
+    boxes: float64 [n, 11]: the lowest [3] and the highest corner [3] of the visible bounds, the lowest corner of the
+        first cell [3], cells per voxel, and the length of a step in cells.
+    """
+
+    batch: BrickBatch
+    order: npt.NDArray[np.uint32]
+    view: View
+    rays: RaySetup
+    keys: Int64
+    is_mean: Bools
+    rectangles_px: Float64
+    boxes: Float64
+
+
+def make_brick_view(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickView:
+    """Return the bricks `batch[order]`, uint32 [n], in a view."""
+    cut, centre = batch.cut, batch.cut.volume.centre_index
+    levels, cells = cut.levels[order].astype(np.int64), cut.cells[order].astype(np.int64)
+    grids = np.array([level.visible_bounds.shape[:3] for level in batch.bricks.levels])
+    sizes = grids.prod(axis=1)
+    first_keys = np.cumsum(sizes) - sizes - sizes[0]
+    first_keys[0] = 0
+    (x, y, z), (_, num_rows, num_columns) = cells.T, grids[levels].T
+    first_corners = (cells * BRICK_SIZE << levels[:, None]) - 0.5 - centre
+    bounds = (cut.visible_bounds[order] - centre).reshape(-1, 6)
+    return BrickView(
+        batch,
+        order,
+        view,
+        ray_setup(cut.volume, batch.model_unit, view),
+        first_keys[levels] + (z * num_rows + y) * num_columns + x,
+        levels > 0,
+        screen_rectangles(batch, order, view),
+        np.column_stack([bounds, first_corners, np.ldexp(1.0, -levels), batch.steps[order]]),
+    )
+
+
 A = TypeVar("A", bound=Atlas)
 
 
 class BrickCache(Generic[A]):
-    """The bricks of one volume, in an atlas of scalars and one of means.
+    """Keeps the bricks of one volume in an atlas of scalars and one of means. Rasterisers of bricks are such caches.
 
-    make_scalar_atlas, make_mean_atlas: make an atlas for a number of channels and a number of keys. threads: compute
-    the texels of bricks.
+    make_scalar_atlas, make_mean_atlas: make an atlas for a number of channels and a number of keys. num_threads:
+    compute the texels of bricks, and draw on the CPU; `release` ends them.
     """
 
     def __init__(
-        self,
-        make_scalar_atlas: Callable[[int, int], A],
-        make_mean_atlas: Callable[[int, int], A],
-        threads: ThreadPool,
+        self, make_scalar_atlas: Callable[[int, int], A], make_mean_atlas: Callable[[int, int], A], num_threads: int
     ) -> None:
-        self._make_scalar_atlas, self._make_mean_atlas, self._threads = make_scalar_atlas, make_mean_atlas, threads
+        self._make_scalar_atlas, self._make_mean_atlas = make_scalar_atlas, make_mean_atlas
+        self._threads = ThreadPool(num_threads)
         self._bricks: Bricks | None = None
-        self.atlases: tuple[A, ...] = ()  # of scalars and of means
-        self._means = MeanCache(threads)
+        self._atlases: tuple[A, ...] = ()  # of scalars and of means
+        self._means = MeanCache(self._threads)
         self._brick_view: BrickView | None = None  # the last one: it may be uploaded and then drawn
 
-    def upload(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+    def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """Upload the bricks `batch[order]`, and return whether any of them was missing.
 
-        Do nothing where there are not enough slots: then bricks are uploaded while they are drawn.
+        Do nothing where there are not enough slots: then bricks are uploaded while they are drawn. Splats are uploaded
+        with every image: nothing is done for them, either.
         """
+        if isinstance(batch, SplatBatch):
+            return False
         brick_view = self._prepare(batch, order, view)
-        keys = [(atlas, brick_view.bricks["key"][is_chosen]) for atlas, is_chosen in self._parts(brick_view)]
+        keys = [(atlas, brick_view.keys[is_chosen]) for atlas, is_chosen in self._parts(brick_view)]
         if any(len(of_atlas) > atlas.max_slots for atlas, of_atlas in keys):
             return False
         if not any(atlas.num_missing(of_atlas) for atlas, of_atlas in keys):
             return False
         self._means.begin(is_enabled=False)
-        list(self.upload_groups(brick_view, len(order)))
+        list(self._upload_groups(brick_view, len(order)))
         return True
 
-    def begin_frame(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickView:
+    def _begin_frame(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickView:
         """Return the bricks `batch[order]` as they are drawn, front to back."""
         brick_view = self._prepare(batch, order, view)
-        has_room = np.count_nonzero(brick_view.bricks["is_mean"]) <= self.atlases[1].max_slots
+        has_room = np.count_nonzero(brick_view.is_mean) <= self._atlases[1].max_slots
         self._means.begin(is_enabled=not has_room)
         return brick_view
 
-    def upload_groups(
+    def _upload_groups(
         self, brick_view: BrickView, max_bricks: int
     ) -> Iterator[tuple[slice, list[tuple[A, Int64, Int64]]]]:
         """Upload all bricks in groups of at most `max_bricks`, all of which have slots at once.
@@ -167,23 +213,28 @@ class BrickCache(Generic[A]):
             for atlas, is_chosen in parts:
                 numbers = np.flatnonzero(is_chosen[group]) + start
                 make_texels = partial(self._make_texels, brick_view, numbers)
-                uploaded.append((atlas, numbers, atlas.upload(brick_view.bricks["key"][numbers], make_texels)))
+                uploaded.append((atlas, numbers, atlas.upload(brick_view.keys[numbers], make_texels)))
             yield group, uploaded
             start = group.stop
 
     def evict_bricks(self) -> None:
         """Free the memory of all bricks."""
-        for atlas in self.atlases:
+        for atlas in self._atlases:
             atlas.release()
-        self.atlases, self._bricks, self._brick_view, self._means = (), None, None, MeanCache(self._threads)
+        self._atlases, self._bricks, self._brick_view, self._means = (), None, None, MeanCache(self._threads)
+
+    def release(self) -> None:
+        """Free the bricks, and end the threads."""
+        self.evict_bricks()
+        self._threads.release()
 
     def _prepare(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickView:
         """Invalidate the bricks of another volume, and reserve slots for all bricks of a frame if possible."""
         num_channels = 4 if batch.shading else 1
-        if self._bricks is not batch.bricks or self.atlases[0].num_channels != num_channels:
+        if self._bricks is not batch.bricks or self._atlases[0].num_channels != num_channels:
             self.evict_bricks()
             num_scalars, num_means = _num_keys(batch.bricks)
-            self.atlases = self._make_scalar_atlas(num_channels, num_scalars), self._make_mean_atlas(4, num_means)
+            self._atlases = self._make_scalar_atlas(num_channels, num_scalars), self._make_mean_atlas(4, num_means)
             self._bricks = batch.bricks
         last = self._brick_view
         if last is None or not (last.batch is batch and last.order is order and last.view is view):
@@ -194,8 +245,7 @@ class BrickCache(Generic[A]):
 
     def _parts(self, brick_view: BrickView) -> list[tuple[A, Bools]]:
         """Return the atlases of scalars and of means, and which bricks each holds."""
-        is_mean = brick_view.bricks["is_mean"]
-        return list(zip(self.atlases, (~is_mean, is_mean), strict=True))
+        return list(zip(self._atlases, (~brick_view.is_mean, brick_view.is_mean), strict=True))
 
     def _make_texels(self, brick_view: BrickView, numbers: Int64, missing: Int64) -> Float32:
         """Compute the texels of the bricks `numbers[missing]`, which belong in one atlas."""

@@ -15,7 +15,6 @@ import numpy.typing as npt
 from renderer.bricks import BRICK_LEVELS, BrickCut
 from renderer.jit import jit
 from renderer.pyramid import Cut
-from renderer.volume import Volume
 
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
@@ -41,25 +40,17 @@ class CellEdges:
         return len(self.vertices)
 
 
-def make_cell_edges(cut: Cut) -> CellEdges:
-    """Return the edges of the cells of a cut; model units are those of `renderer.splats.splats`."""
-    return _make_edges(cut.levels, cut.cells, cut.volume)
+def make_edges(cut: Cut | BrickCut) -> CellEdges:
+    """Return the edges of a cut: of its cells, or of its bricks, in the colours of their cells' levels.
 
-
-def make_brick_edges(cut: BrickCut) -> CellEdges:
-    """Return the edges of the bricks of a cut, in the colours of their cells' levels."""
-    return _make_edges(cut.levels, cut.cells, cut.volume, levels_above=BRICK_LEVELS)
-
-
-def _make_edges(
-    levels: npt.NDArray[np.uint8], boxes: npt.NDArray[np.int32], volume: Volume, *, levels_above: int = 0
-) -> CellEdges:
-    """Return the edges of boxes (x, y, z, in units of their own width), `levels_above` the levels of their cells."""
+    Model units are those of `renderer.splats.splats`.
+    """
+    volume, levels_above = cut.volume, BRICK_LEVELS if isinstance(cut, BrickCut) else 0
     edges, shape = volume.world_from_index[:3, :3], np.array(volume.shape_xyz)
     length = 0.5 * float(np.linalg.norm(edges * shape))
     parts = [np.empty((0, 7), np.float32)]
-    for level in np.unique(levels)[::-1].tolist():
-        cells = boxes[levels == level].astype(np.int64)
+    for level in np.unique(cut.levels)[::-1].tolist():
+        cells = cut.cells[cut.levels == level].astype(np.int64)
         num_corners = cells.max(axis=0) + 2
         for axis in range(3):
             starts = _edge_starts(cells, num_corners, axis)

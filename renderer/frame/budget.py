@@ -14,7 +14,6 @@ import math
 import statistics
 from collections import deque
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 
@@ -207,16 +206,6 @@ def _badness(share: float) -> tuple[bool, float]:
     return off > _BAND, abs(off)
 
 
-class ToleranceController(Protocol):
-    """Sets, frame by frame, the tolerance at which the film is drawn."""
-
-    def prepare_frame(self, number: int, watch: Stopwatch) -> tuple[DrawList, float | None]:
-        """Return the frame to draw, and its predicted seconds from its start to that of the next one."""
-
-    def finish_frame(self, draw_list: DrawList, watch: Stopwatch) -> None:
-        """Take note that the frame has just been drawn and written."""
-
-
 class ScheduleController:
     """Follows the schedule of the stage's scene, and reuses an LOD while the tolerance stays.
 
@@ -228,7 +217,7 @@ class ScheduleController:
         self._lod: LOD | None = None
 
     def prepare_frame(self, number: int, watch: Stopwatch) -> tuple[DrawList, float | None]:
-        """As in ToleranceController."""
+        """Return the frame to draw, and its predicted seconds from its start to that of the next one."""
         tolerance = tolerance_at(self._stage.scene.error, number)
         if self._lod is None or self._lod.tolerance != tolerance:
             self._lod = None  # free its memory first
@@ -237,7 +226,7 @@ class ScheduleController:
         return draw_list, self._estimator.predict(draw_list) if self._estimator else None
 
     def finish_frame(self, draw_list: DrawList, watch: Stopwatch) -> None:
-        """As in ToleranceController."""
+        """Take note that the frame has just been drawn and written."""
         if self._estimator:
             self._estimator.record_frame(draw_list, watch)
 
@@ -251,7 +240,7 @@ class BudgetController:
         self._seconds, self._expected_share, self._num_frames = 0.0, _TARGET_SHARE, 0
 
     def prepare_frame(self, number: int, watch: Stopwatch) -> tuple[DrawList, float | None]:
-        """As in ToleranceController."""
+        """As in ScheduleController."""
         if self._lod is None:
             return self.choose(number, watch)
         seconds = self._seconds_of(number)
@@ -284,6 +273,10 @@ class BudgetController:
         return draw_list, predicted
 
     def finish_frame(self, draw_list: DrawList, watch: Stopwatch) -> None:
-        """As in ToleranceController."""
+        """As in ScheduleController."""
         self._estimator.record_frame(draw_list, watch, is_first=self._num_frames == 0)
         self._num_frames += 1
+
+
+# Sets, frame by frame, the tolerance at which the film is drawn.
+ToleranceController = ScheduleController | BudgetController

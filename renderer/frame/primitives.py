@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -24,14 +24,13 @@ from renderer.bricks import (
     brick_cut_sizes,
     cut_bricks,
     make_brick_batch,
-    num_bricks_at,
 )
-from renderer.draw import CellEdges, make_brick_edges, make_cell_edges
+from renderer.draw import CellEdges, make_edges
 from renderer.frame.stage import Stage, finest_level_at
 from renderer.pyramid import Cut, CutSizes, cut_pyramid, cut_sizes, root_error
 from renderer.scene import MIN_TOLERANCE
 from renderer.splats import SplatBatch, make_splats
-from renderer.view import OrderBlending, View, model_view, total_square_area_px, visible_bricks, visible_orders
+from renderer.view import View, model_view, total_square_area_px, visible_bricks, visible_orders
 
 # Draw orders, uint32 [k] indices into the batch, each with its share of the picture; the shares sum to 1.
 Orders = Sequence[tuple[float, npt.NDArray[np.uint32]]]
@@ -59,25 +58,28 @@ _MAX_SAMPLED_BRICKS = 4096
 
 
 @dataclass(frozen=True)
-class LOD(ABC):
-    """What is drawn at a tolerance, from any view. edges: the lines of an overlay."""
+class LOD:
+    """What is drawn at a tolerance, from any view. edges: the lines of an overlay.
+
+    orders: returns what is visible in a view, in the order in which it is drawn; each order has the same elements.
+    """
 
     tolerance: float
     batch: SplatBatch | BrickBatch
     edges: CellEdges | None
+    orders: Callable[[View], Orders]
 
     @property
     def num_cells(self) -> int:
         """The number of cells in the cut, each a splat or a brick."""
         return len(self.batch)
 
-    @abstractmethod
-    def orders(self, view: View) -> Orders:
-        """Return what is visible in a view, in the order in which it is drawn; each order has the same elements."""
-
-    @abstractmethod
     def num_pixels(self, orders: Orders, view: View) -> float:
-        """Return how many pixels of footprints, or samples of bricks, these orders draw."""
+        """Return how many pixels of the squares around footprints, or samples of bricks, these orders draw."""
+        order = orders[0][1]
+        if isinstance(self.batch, BrickBatch):
+            return num_samples(self.batch, order, view)
+        return len(orders) * total_square_area_px(self.batch, order, model_view(self.batch, view))
 
     def typical_seconds(self, orders: Orders, view: View) -> float:
         """Return the time to draw these orders on a software renderer with two cores."""
@@ -89,7 +91,11 @@ class LOD(ABC):
         )
 
 
-class Primitive(ABC):
+AnyCut = TypeVar("AnyCut", Cut, BrickCut)
+AnyBatch = TypeVar("AnyBatch", SplatBatch, BrickBatch)
+
+
+class Primitive(ABC, Generic[AnyCut, AnyBatch]):
     """The way from a tolerance to a level of detail, for one footprint.
 
     initial_size: a size at which a frame shows its content. size_ratio: from one size worth trying to the next, and the
@@ -107,13 +113,29 @@ class Primitive(ABC):
         }
         self._sizes: CutSizes | None = None
 
-    @abstractmethod
     def make_lod(self, tolerance: float, lap: Lap) -> LOD:
         """Cut at a tolerance, and prepare the cut for the rasteriser."""
+        cut = self._cut(tolerance)
+        lap("cut")
+        batch = self._batch(cut, tolerance)
+        lap("splats")
+        edges = None
+        if self._with_edges:
+            edges = make_edges(cut)
+            lap("edges")
+        return LOD(tolerance, batch, edges, self._order_finder(cut, batch))
 
     @abstractmethod
-    def num_cells(self, tolerance: float) -> int:
-        """Return the number of cells in the cut at a tolerance."""
+    def _cut(self, tolerance: float) -> AnyCut:
+        """Return the cut at a tolerance."""
+
+    @abstractmethod
+    def _batch(self, cut: AnyCut, tolerance: float) -> AnyBatch:
+        """Return a cut as the rasteriser draws it."""
+
+    @abstractmethod
+    def _order_finder(self, cut: AnyCut, batch: AnyBatch) -> Callable[[View], Orders]:
+        """Return `LOD.orders`."""
 
     @abstractmethod
     def work(self, tolerance: float) -> float:
@@ -139,55 +161,19 @@ class Primitive(ABC):
         """
 
 
-def make_primitive(stage: Stage) -> Primitive:
+def make_primitive(stage: Stage) -> SplatPrimitive | BrickPrimitive:
     """Return the primitive of the scene's footprint."""
     return SplatPrimitive(stage) if stage.bricks is None else BrickPrimitive(stage, stage.bricks)
 
 
-@dataclass(frozen=True)
-class SplatLOD(LOD):
-    """A cut of the pyramid as splats, drawn back to front.
-
-    cut: without its cells, unless `order` needs them. order, order_blending: how splats are sorted.
-    """
-
-    batch: SplatBatch
-    cut: Cut
-    order: str
-    order_blending: OrderBlending
-
-    def orders(self, view: View) -> Orders:
-        return visible_orders(self.batch, self.cut, view, self.order, self.order_blending)
-
-    def num_pixels(self, orders: Orders, view: View) -> float:
-        """As in LOD; the pixels are those of the squares around the footprints."""
-        return len(orders) * total_square_area_px(self.batch, orders[0][1], model_view(self.batch, view))
-
-
-class SplatPrimitive(Primitive):
+class SplatPrimitive(Primitive[Cut, SplatBatch]):
     """Cells of the octree as splats; a size is a number of cells."""
 
     initial_size = 1000
     size_ratio = 4
 
-    def make_lod(self, tolerance: float, lap: Lap) -> SplatLOD:
-        cut, scene = self._cut(tolerance), self._stage.scene
-        lap("cut")
-        splats = make_splats(cut, scene.splat)
-        lap("splats")
-        edges = None
-        if self._with_edges:
-            edges = make_cell_edges(cut)
-            lap("edges")
-        order = scene.splat.order
-        cut = cut if order == "boxes" else cut.without_cells()
-        return SplatLOD(tolerance, splats, edges, cut, order, self._stage.order_blending)
-
-    def num_cells(self, tolerance: float) -> int:
-        return len(self._cut(tolerance))
-
     def work(self, tolerance: float) -> float:
-        return self.num_cells(tolerance)
+        return len(self._cut(tolerance))
 
     def tolerance_for_cells(self, num_cells: float) -> float:
         most = max(1, int(min(num_cells, self._stage.pyramid.volume.values.size)))
@@ -208,28 +194,22 @@ class SplatPrimitive(Primitive):
     def _cut(self, tolerance: float) -> Cut:
         return cut_pyramid(self._stage.pyramid, tolerance, finest_level=finest_level_at(self._stage, tolerance))
 
+    def _batch(self, cut: Cut, tolerance: float) -> SplatBatch:
+        return make_splats(cut, self._stage.scene.splat)
+
+    def _order_finder(self, cut: Cut, batch: SplatBatch) -> Callable[[View], Orders]:
+        order, blending = self._stage.scene.splat.order, self._stage.order_blending
+        cut = cut if order == "boxes" else cut.without_cells()
+        return lambda view: visible_orders(batch, cut, view, order, blending)
+
     def _sizes_to(self, num_cells: int) -> CutSizes:
         if self._sizes is None or (self._sizes.max_cells < num_cells and self._sizes.num_cells_at_zero is None):
             self._sizes = cut_sizes(self._stage.pyramid, _LOOK_AHEAD * num_cells, **self._finest_levels)
         return self._sizes
 
 
-@dataclass(frozen=True)
-class BrickLOD(LOD):
-    """A cut of the bricks, drawn front to back. One order is enough, because bricks do not overlap."""
-
-    batch: BrickBatch
-
-    def orders(self, view: View) -> Orders:
-        return [(1.0, visible_bricks(self.batch, view))]
-
-    def num_pixels(self, orders: Orders, view: View) -> float:
-        """As in LOD, in samples of the field."""
-        return num_samples(self.batch, orders[0][1], view)
-
-
-class BrickPrimitive(Primitive):
-    """Bricks, for the integrated footprint.
+class BrickPrimitive(Primitive[BrickCut, BrickBatch]):
+    """Bricks, for the integrated footprint. One order is enough, because they do not overlap.
 
     A size is the error of the whole volume as one cell, divided by the tolerance.
     """
@@ -244,20 +224,6 @@ class BrickPrimitive(Primitive):
         # The error measure of the largest change of a pixel: 1, but for errors of the scalar the volume's range.
         self._largest_change = high - low if stage.scene.error.of == "scalar" and high > low else 1.0
         self._largest_error = RAY_ERROR_FACTOR * root_error(bricks.pyramid) or 1.0
-
-    def make_lod(self, tolerance: float, lap: Lap) -> BrickLOD:
-        cut = self._cut(tolerance)
-        lap("cut")
-        batch = self._batch(cut, tolerance)
-        lap("splats")
-        edges = None
-        if self._with_edges:
-            edges = make_brick_edges(cut)
-            lap("edges")
-        return BrickLOD(tolerance, batch, edges)
-
-    def num_cells(self, tolerance: float) -> int:
-        return num_bricks_at(self._bricks, tolerance, finest_level_at(self._stage, tolerance))
 
     def work(self, tolerance: float) -> float:
         """As in Primitive: samples of one ray through every column of cells."""
@@ -296,6 +262,9 @@ class BrickPrimitive(Primitive):
             shading=self._stage.scene.shading,
             voxel_px=self._stage.voxel_px,
         )
+
+    def _order_finder(self, cut: BrickCut, batch: BrickBatch) -> Callable[[View], Orders]:
+        return lambda view: [(1.0, visible_bricks(batch, view))]
 
 
 def num_samples(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> float:

@@ -1,45 +1,60 @@
 """Turn a stage into bytes and back, so that another process or machine can draw frames of the film.
 
-    length of the header, uint64 little-endian | header, JSON | arrays, each at a multiple of ALIGNMENT
+    length of the header, uint64 little-endian | header | buffers, each at a multiple of ALIGNMENT
 
-The header is the tree of the stage's dataclasses by name, in which an array is its dtype, shape and offset. Arrays of
-the result are views of the bytes, which any number of processes can share. Voxels that are mapped from a file can stay
-there: the receiver maps the file, too. Only bytes from this version can be read, because they are not checked.
+The header is the stage as pickle writes it, and the sizes of its buffers: the arrays, which protocol 5 leaves outside.
+Arrays of the result are views of the bytes, which any number of processes can share. Voxels that are mapped from a file
+can stay there: the receiver maps the file, too. Only bytes of this version from this program can be read: they are not
+checked, and come from the parent process or from Dask, which unpickles messages anyway.
 """
 
 from __future__ import annotations
 
-import dataclasses
-import json
+import io
+import pickle
 import struct
 from collections.abc import Iterator
-from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks import BrickLevel, Bricks
 from renderer.frame.stage import Stage
-from renderer.pyramid import FinestCut, Level, Pyramid
-from renderer.scene import spec_types
-from renderer.transfer import Classifier, PiecewiseTransfer, TransferFunction, TransferTable, VoxelLighting
-from renderer.view import OrderBlending
-from renderer.volume import MappedCallback, MappedFile, Volume
-
-Array = npt.NDArray[Any]
+from renderer.volume import MappedCallback, MappedFile
 
 ALIGNMENT = 64
 
 _LENGTH = struct.Struct("<Q")
-# Every type in a stage, by name. A scene is rebuilt field by field, not parsed from plain data: the schedule of a
-# resolved goal need not be one that a user may write.
-_STAGE_TYPES = (
-    Stage, Volume, MappedFile, Pyramid, FinestCut, Level, Classifier, TransferTable, VoxelLighting, OrderBlending,
-    Bricks, BrickLevel, PiecewiseTransfer, TransferFunction,
-)  # fmt: skip
-_TYPES_BY_NAME: dict[str, type[Any]] = {kind.__name__: kind for kind in (*_STAGE_TYPES, *spec_types())}
+
+
+class _StagePickler(pickle.Pickler):
+    """Writes a stage, with its voxels or with the name of the file that they are mapped from."""
+
+    def __init__(self, file: io.BytesIO, buffers: list[pickle.PickleBuffer], stage: Stage, without_files: bool) -> None:
+        super().__init__(file, protocol=5, buffer_callback=buffers.append)
+        self._volume, self._without_files = stage.volume, without_files
+
+    def persistent_id(self, value: Any) -> MappedFile | None:
+        """Return what `_StageUnpickler.persistent_load` makes a value from; None for values that are pickled."""
+        is_mapped = self._volume.source is not None and value is self._volume.values
+        return self._volume.source if is_mapped and not self._without_files else None
+
+    def reducer_override(self, value: Any) -> Any:
+        """Write None in place of a file that the receiver does not have."""
+        return (type(None), ()) if self._without_files and isinstance(value, MappedFile) else NotImplemented
+
+
+class _StageUnpickler(pickle.Unpickler):
+    """Reads a stage, and maps its voxels."""
+
+    on_mapped: MappedCallback | None = None
+
+    def persistent_load(self, pid: MappedFile) -> npt.NDArray[Any]:
+        """Map the voxels of a file."""
+        values = pid.open_array()
+        if self.on_mapped is not None:
+            self.on_mapped(pid, values)
+        return values
 
 
 def serialize_stage(stage: Stage, *, without_files: bool) -> Iterator[memoryview]:
@@ -50,14 +65,14 @@ def serialize_stage(stage: Stage, *, without_files: bool) -> Iterator[memoryview
     without_files: write all voxels, because the receiver does not have this machine's files. Raises InputError if such
     a file was changed.
     """
-    arrays = _ArrayLayout(without_files)
-    header = json.dumps(_to_json_tree(stage, arrays)).encode("ascii")
-    yield memoryview(_LENGTH.pack(len(header)))
-    yield memoryview(header)
-    yield memoryview(bytes(_padding_bytes(_LENGTH.size + len(header))))
-    for array in arrays.contiguous_arrays():
-        yield array.reshape(-1).view(np.uint8).data
-        yield memoryview(bytes(_padding_bytes(array.nbytes)))
+    file, buffers = io.BytesIO(), list[pickle.PickleBuffer]()
+    _StagePickler(file, buffers, stage, without_files).dump(stage)
+    pieces = [buffer.raw() for buffer in buffers]
+    header = pickle.dumps((file.getvalue(), [piece.nbytes for piece in pieces]))
+    yield memoryview(_LENGTH.pack(len(header)) + header + bytes(_padding_bytes(_LENGTH.size + len(header))))
+    for piece in pieces:
+        yield piece
+        yield memoryview(bytes(_padding_bytes(piece.nbytes)))
     stage.volume.require_unchanged()
 
 
@@ -79,9 +94,16 @@ def deserialize_stage(content: memoryview, on_mapped: MappedCallback | None = No
     changed.
     """
     (length,) = _LENGTH.unpack_from(content)
-    end = _LENGTH.size + length
-    tree = json.loads(bytes(content[_LENGTH.size : end]))
-    stage = _from_json_tree(tree, content[end + _padding_bytes(end) :], on_mapped)
+    at = _LENGTH.size + length
+    pickled, sizes = pickle.loads(content[_LENGTH.size : at])  # noqa: S301
+    buffers = []
+    for size in sizes:
+        at += _padding_bytes(at)
+        buffers.append(content[at : at + size])
+        at += size
+    unpickler = _StageUnpickler(io.BytesIO(pickled), buffers=buffers)
+    unpickler.on_mapped = on_mapped
+    stage = unpickler.load()
     assert isinstance(stage, Stage)
     return stage
 
@@ -89,74 +111,3 @@ def deserialize_stage(content: memoryview, on_mapped: MappedCallback | None = No
 def _padding_bytes(num_bytes: int) -> int:
     """Return the number of bytes up to the next multiple of ALIGNMENT."""
     return -num_bytes % ALIGNMENT
-
-
-class _ArrayLayout:
-    """The offsets of arrays, one behind the other. without_files: voxels that are in files are among them."""
-
-    def __init__(self, without_files: bool) -> None:
-        self.without_files = without_files
-        self._end = 0
-        # By identity: the array, which keeps its identity in use, its contiguous form and its offset.
-        self._placed: dict[int, tuple[Array, Array, int]] = {}
-
-    def offset_of(self, array: Array) -> int:
-        """Return the offset of an array from the first one, in bytes; append it if it is new."""
-        if id(array) not in self._placed:
-            contiguous = np.ascontiguousarray(array)
-            self._placed[id(array)] = array, contiguous, self._end
-            self._end += contiguous.nbytes + _padding_bytes(contiguous.nbytes)
-        return self._placed[id(array)][2]
-
-    def contiguous_arrays(self) -> Iterator[Array]:
-        """Yield all arrays, as they are written."""
-        return (contiguous for _, contiguous, _ in self._placed.values())
-
-
-def _to_json_tree(value: Any, arrays: _ArrayLayout) -> Any:
-    """Return a value as JSON, in which a dictionary has one key, the kind of its value."""
-    if isinstance(value, np.ndarray):
-        # Compiled loops have separate versions for writable and read-only arrays.
-        facts = {"dtype": value.dtype.str, "shape": value.shape, "writeable": value.flags.writeable}
-        return {"array": facts | {"offset": arrays.offset_of(value)}}
-    if isinstance(value, Path):
-        return {"Path": str(value)}
-    if isinstance(value, Volume) and value.source is not None:
-        if not arrays.without_files:
-            return {"mapped": {name: _to_json_tree(item, arrays) for name, item in _items(value) if name != "values"}}
-        value = replace(value, source=None)
-    if type(value).__name__ in _TYPES_BY_NAME:
-        return {type(value).__name__: {name: _to_json_tree(item, arrays) for name, item in _items(value)}}
-    if isinstance(value, tuple):
-        return {"tuple": [_to_json_tree(item, arrays) for item in value]}
-    if isinstance(value, dict):
-        return {"dict": {name: _to_json_tree(item, arrays) for name, item in value.items()}}
-    assert value is None or type(value) in (bool, int, float, str), type(value)
-    return value
-
-
-def _items(record: Any) -> Iterator[tuple[str, Any]]:
-    if dataclasses.is_dataclass(record):
-        return ((field.name, getattr(record, field.name)) for field in dataclasses.fields(record))
-    return iter(record._asdict().items())
-
-
-def _from_json_tree(tree: Any, content: memoryview, on_mapped: MappedCallback | None) -> Any:
-    if not isinstance(tree, dict):
-        return tree
-    ((kind, value),) = tree.items()
-    if kind == "array":
-        array: Array = np.ndarray(value["shape"], value["dtype"], content, value["offset"])
-        array.flags.writeable = value["writeable"]
-        return array
-    if kind == "Path":
-        return Path(value)
-    if kind == "tuple":
-        return tuple(_from_json_tree(item, content, on_mapped) for item in value)
-    items = {name: _from_json_tree(item, content, on_mapped) for name, item in value.items()}
-    if kind == "mapped":
-        values = items["source"].open_array()
-        if on_mapped is not None:
-            on_mapped(items["source"], values)
-        return Volume(values=values, **items)
-    return items if kind == "dict" else _TYPES_BY_NAME[kind](**items)

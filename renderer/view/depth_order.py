@@ -14,46 +14,23 @@ from renderer.jit import jit
 from renderer.view.camera import View
 from renderer.volume import Volume
 
-# Three passes over a 32-bit key; the counters stay in the first-level cache.
-RADIX_BITS = 11
-NUM_PASSES = 3
-NUM_DIGITS = 1 << RADIX_BITS
-
 
 def depth_order(depths: npt.NDArray[np.float32]) -> npt.NDArray[np.uint32]:
     """Return the order of descending depths (float32 [n], no NaN), equal ones by ascending index: uint32 [n]."""
-    order = np.empty(len(depths), np.uint32)
-    _radix_sort(depths.view(np.uint32), order)
-    return order
+    keys = _sort_keys(depths.view(np.uint32))
+    keys.sort()
+    return keys.astype(np.uint32)
 
 
 @jit
-def _radix_sort(bits: npt.NDArray[np.uint32], order: npt.NDArray[np.uint32]) -> None:
-    """Write the stable descending order of float32 given by their bits: radix sort, least significant digit first."""
-    num = len(bits)
-    pairs, other = np.empty(num, np.uint64), np.empty(num, np.uint64)
-    starts = np.zeros((NUM_PASSES, NUM_DIGITS), np.uint32)
-    sign, last = np.uint32(1 << 31), np.uint32(NUM_DIGITS - 1)
-    for i in range(num):
+def _sort_keys(bits: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint64]:
+    """Return numbers that ascend as float32, given by their bits, descend; the low half of each is its index."""
+    keys, sign = np.empty(len(bits), np.uint64), np.uint32(1 << 31)
+    for i in range(len(bits)):
         # Bits of positive numbers ascend with the number, of negative ones descend, and the two zeros are equal.
         key = bits[i] if bits[i] > sign else np.uint32(sign - np.uint32(1)) - (bits[i] & ~sign)
-        pairs[i] = np.uint64(key) << np.uint64(32) | np.uint64(i)
-        for k in range(NUM_PASSES):
-            starts[k, key >> np.uint32(RADIX_BITS * k) & last] += np.uint32(1)
-    for k in range(NUM_PASSES):
-        before = np.uint32(0)
-        for digit in range(NUM_DIGITS):
-            here = starts[k, digit]
-            starts[k, digit] = before
-            before += here
-    for k in range(NUM_PASSES):
-        for i in range(num):
-            digit = pairs[i] >> np.uint64(32 + RADIX_BITS * k) & np.uint64(last)
-            other[starts[k, digit]] = pairs[i]
-            starts[k, digit] += np.uint32(1)
-        pairs, other = other, pairs
-    for i in range(num):
-        order[i] = np.uint32(pairs[i] & np.uint64(0xFFFFFFFF))
+        keys[i] = np.uint64(key) << np.uint64(32) | np.uint64(i)
+    return keys
 
 
 def box_order(

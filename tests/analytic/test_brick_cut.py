@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 from dense_bricks import OBLIQUE, Shape, depths_of, errors_of_bricks, patches
 
-from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, BrickCut, Bricks, cut_bricks, make_bricks, num_bricks_at
+from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, BrickCut, Bricks, cut_bricks, make_bricks
 from renderer.scene import ErrorSpec, PyramidSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import make_volume
@@ -76,7 +76,6 @@ def test_every_visible_voxel_lies_in_one_brick(shape: Shape, tolerance: float, f
         cut.visible_bounds <= regions(cut)[:, 1:] - 0.5
     )
     assert cut.levels.min(initial=255) >= min(finest_level, len(bricks.levels) - 1)
-    assert num_bricks_at(bricks, tolerance, finest_level) == len(cut)
 
 
 @each_shape

@@ -17,6 +17,7 @@ from brickwork import (
     EACH_SHADING,
     EXACTLY,
     LIT,
+    SHADED_AFFINES,
     batch_of,
     bricks_of,
     hills,
@@ -82,12 +83,12 @@ def test_one_ray_of_the_reference_by_hand() -> None:
 
 @pytest.mark.parametrize(
     ("affine", "dtype"),
-    list(zip(AFFINES, ("uint8", "int16", "uint16", "float32", "float64"), strict=True)),
+    list(zip(AFFINES, ("uint8", "float32", "uint8", "float32", "uint8"), strict=True)),
 )
-@pytest.mark.parametrize("precision", ["half", "single"])
-def test_constant_volumes_obey_beer_and_lambert(affine: str, dtype: str, precision: str) -> None:
+def test_constant_volumes_obey_beer_and_lambert(affine: str, dtype: str) -> None:
     """Every point of the volume is in one brick, and no more: neither gaps nor overlaps."""
     for seed, (shape, camera) in enumerate(zip((*SHAPES, SHAPES[0]), CAMERAS, strict=True)):
+        precision = "half" if seed % 2 else "single"
         volume = placed(np.full(shape, 77, dtype), AFFINES[affine])
         tau = 5 / diagonal(volume)
         bricks = bricks_of(volume, transfer_of((0, COLOR, 0.0), (77, COLOR, tau), (200, COLOR, tau)), None, precision)
@@ -99,7 +100,7 @@ def test_constant_volumes_obey_beer_and_lambert(affine: str, dtype: str, precisi
         assert error(image, alpha[..., None] * (*COLOR, 1.0)) < limit, (camera, shape)
 
 
-@pytest.mark.parametrize("depth", [1e-6, 1e-3, 0.1, 1.0, 5.0, 30.0])
+@pytest.mark.parametrize("depth", [1e-6, 0.1, 30.0])
 def test_slabs_from_thin_to_opaque(depth: float) -> None:
     """At one cell, or several, or a part of one as a step."""
     volume = placed(np.full((40, 20, 18), 1, np.uint8))
@@ -120,8 +121,7 @@ def ramp(shape: tuple[int, int, int], rng: np.random.Generator, affine: str) -> 
     return placed(((values - values.min()) / np.ptp(values)).astype(np.float32), AFFINES[affine])
 
 
-@EACH_SHADING
-@pytest.mark.parametrize("affine", AFFINES)
+@SHADED_AFFINES
 def test_ramps_meet_without_seams(affine: str, shading: ShadingSpec | None) -> None:
     """Means of a ramp are the ramp itself, so that bricks of all levels draw the same field, one colour at a time."""
     rng = np.random.default_rng(len(affine))
@@ -152,7 +152,7 @@ def errors_of_steps(
     return np.array(errors)
 
 
-@pytest.mark.parametrize("step", [0.25, 0.5, 1.0])
+@pytest.mark.parametrize("step", [0.25, 1.0])
 def test_samples_do_not_lie_alike_in_their_cells(step: float) -> None:
     """Every second slice is bright. Seen: 0.022 at most; up to 0.7 with 16 parts, or 8, or 32, in each brick."""
     volume = placed(np.tile(np.array([0, 1], np.uint8)[:, None, None], (64, 16, 16)))
@@ -165,21 +165,11 @@ def test_samples_do_not_lie_alike_in_their_cells(step: float) -> None:
     assert error(image, truth) < 0.03
 
 
-@pytest.mark.parametrize("azimuth", [0.0, 90.0])
-def test_the_error_falls_with_the_square_of_the_step(azimuth: float) -> None:
-    """Along an axis, where all rays are of one length, and only phases tell them apart. Seen: 2.06 and 2.11."""
-    volume = placed(hills((20, 36, 34), 14.0))
-    view = view_of(volume, "orthographic", azimuth=azimuth, elevation=0.0)
-    errors = errors_of_steps(volume, view, (1 / 2, 1 / 64))
-    assert 1e-8 < errors[1] < 1e-7
-    assert 1.9 < np.log2(errors[0] / errors[1]) / 5 < 2.2
-
-
 @pytest.mark.parametrize(
     ("affine", "camera", "shading"),
     [("oblique", "perspective", None), ("sheared", "inside", None), ("straight", "orthographic", LIT)],
 )
-def test_so_it_does_in_any_direction(affine: str, camera: str, shading: ShadingSpec | None) -> None:
+def test_the_error_falls_with_the_square_of_the_step(affine: str, camera: str, shading: ShadingSpec | None) -> None:
     """Kinks of the field, and of light, lie anywhere in a part: over four halvings 1.9 to 2.06 was seen."""
     volume = placed(hills((20, 36, 34), 14.0), AFFINES[affine])
     errors = errors_of_steps(volume, view_of(volume, camera, (40, 30)), (1.0, 1 / 16), shading)
@@ -206,8 +196,7 @@ def test_pictures_converge_to_the_truth_with_the_tolerance(shading: ShadingSpec 
     assert errors[-1] < 1e-6
 
 
-@pytest.mark.parametrize("period", [2, 3, 4])
-@pytest.mark.parametrize("azimuth", [90.0, 75.0])
+@pytest.mark.parametrize(("period", "azimuth"), [(2, 90.0), (3, 75.0), (4, 90.0)])
 def test_no_step_keeps_pace_with_what_is_regular(period: int, azimuth: float) -> None:
     """Sheets much thinner than a voxel, so many voxels apart: with the same number of parts for all pixels some steps
     meet all of them, and some none, by up to twice the tolerance. Seen: 0.7 of it."""
@@ -216,7 +205,7 @@ def test_no_step_keeps_pace_with_what_is_regular(period: int, azimuth: float) ->
     transfer = transfer_of((0.9, COLOR, 0.0), (1, COLOR, 0.3))
     bricks, view = bricks_of(volume, transfer), view_of(volume, "orthographic", (24, 24), azimuth=azimuth, elevation=0)
     truth = integrate(volume, transfer, view, step_voxels=0.02)
-    for tolerance in 0.01 * 10.0 ** (np.arange(13) / 8):
+    for tolerance in 0.01 * 10.0 ** (np.arange(7) / 4):
         batch = make_brick_batch(cut_bricks(bricks, tolerance), bricks, tolerance=tolerance, shading=None, voxel_px=1)
         image = rasterize_bricks_reference(replace(batch, screen_sampling=EXACTLY), visible_bricks(batch, view), view)
         assert np.sqrt(np.mean((image - truth) ** 2)) < tolerance, tolerance
@@ -239,19 +228,6 @@ def test_steps_at_the_ends_of_a_transfer_function(at: str, inside: float) -> Non
     batch = make_brick_batch(cut_bricks(bricks, 0.0), bricks, tolerance=0.0, shading=None, voxel_px=1)
     image = rasterize_bricks_reference(batch, visible_bricks(batch, view), view)
     assert np.sqrt(np.mean((image - truth) ** 2)) < 4e-3  # seen: 2.6e-3, steps of 1/16 across a jump
-
-
-def test_surfaces_between_far_scalars_are_where_they_belong() -> None:
-    """A ball of 1e6 in -2e4, and a step of 1 at 0: shares of a table for the step alone would be held on both sides."""
-    z, y, x = np.ogrid[:20, :24, :22]
-    inside = (x - 10.3) ** 2 + (y - 12.2) ** 2 + (z - 9.1) ** 2 < 49
-    volume = placed(np.where(inside, 1e6, -2e4).astype(np.float32))
-    transfer = transfer_of((-1, COLOR, 0.0), (0, COLOR, 0.0), (0, COLOR, 3.0), (1, COLOR, 3.0))
-    bricks, view = bricks_of(volume, transfer), view_of(volume, "perspective", (24, 18))
-    truth = integrate(volume, transfer, view, step_voxels=0.02)
-    batch = make_brick_batch(cut_bricks(bricks, 0.01), bricks, tolerance=0.01, shading=None, voxel_px=1)
-    image = rasterize_bricks_reference(batch, visible_bricks(batch, view), view)
-    assert np.sqrt(np.mean((image - truth) ** 2)) < 1e-2
 
 
 @pytest.mark.parametrize("error", [{}, {"measure": "rms"}, {"measure": "rms", "of": "scalar"}], ids=str)

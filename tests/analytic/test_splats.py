@@ -46,9 +46,11 @@ def energy(gl: GLRasterizer, batch: SplatBatch, view: View) -> float:
     return float(np.sum(depths * px_area) / batch.model_unit**2 / np.sum(batch.areas[:, 3], dtype=np.float64))
 
 
-@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 @pytest.mark.parametrize("footprint", ["gaussian", "gouraud"])
-@pytest.mark.parametrize("sigma_px", [1e-3, 0.5, 0.7, 2.0, 13.0])
+@pytest.mark.parametrize(
+    ("sigma_px", "projection"),
+    [(1e-3, "perspective"), (0.5, "orthographic"), (0.7, "perspective"), (2.0, "orthographic"), (13.0, "perspective")],
+)
 def test_energy_is_kept_from_a_thousandth_of_a_pixel_to_the_whole_screen(
     rasterizer: GLRasterizer, footprint: str, projection: str, sigma_px: float
 ) -> None:
@@ -137,8 +139,9 @@ DIRECTIONS = {
 
 
 @pytest.mark.parametrize("name", DIRECTIONS)
-@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
-@pytest.mark.parametrize("level", range(5))
+@pytest.mark.parametrize(
+    ("level", "projection"), [(0, "perspective"), (1, "orthographic"), (2, "perspective"), (4, "orthographic")]
+)
 def test_optical_depth_inside_a_constant_block(
     rasterizer: GLRasterizer, level: int, projection: str, name: str
 ) -> None:
@@ -231,8 +234,10 @@ def test_opacity_correction_makes_the_levels_agree(rasterizer: GLRasterizer) -> 
             np.testing.assert_allclose(ratios, 1.0 if is_corrected else 0.5**level, rtol=0.015)
 
 
-@pytest.mark.parametrize("azimuth", [0.0, 0.01, 0.5, 1.0])
-@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+@pytest.mark.parametrize(
+    ("projection", "azimuth"),
+    [("perspective", 0.0), ("orthographic", 0.01), ("perspective", 0.5), ("orthographic", 1.0)],
+)
 def test_views_near_an_axis_show_no_seams(rasterizer: GLRasterizer, projection: str, azimuth: float) -> None:
     """Colour and opacity change along the view only, so that a picture should be flat where it is inside the block.
 
@@ -242,7 +247,7 @@ def test_views_near_an_axis_show_no_seams(rasterizer: GLRasterizer, projection: 
     num = 32
     ramp = np.broadcast_to((60 + 6 * np.arange(num)).astype(np.uint8)[None, :, None], (num, num, num))
     view = look(projection, size=(128, 128), distance=2.5 * num, azimuth=azimuth, elevation=0.0)
-    for level, opacity in ((0, 0.5), (1, 0.3), (2, 0.2)):
+    for level, opacity in ((0, 0.5), (2, 0.2)):
         cut = cut_of(volume_of(ramp), opacity, level=level)
         batch = make_splats(cut, SplatSpec())
         steps = {}

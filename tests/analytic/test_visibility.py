@@ -110,12 +110,11 @@ def perspective_eye(rng: np.random.Generator, where: str, shape: Float64) -> Flo
 
 
 @each_affine
-@pytest.mark.parametrize("shape_xyz", SHAPES)
 @pytest.mark.parametrize("where", EYES)
-def test_boxes_in_perspective(affine: Float64, shape_xyz: tuple[int, int, int], where: str) -> None:
+def test_boxes_in_perspective(affine: Float64, where: str) -> None:
     rng = np.random.default_rng(EYES.index(where))
     num_pairs = 0
-    for _ in range(2):
+    for shape_xyz in SHAPES:
         cut = random_cut(rng, shape_xyz, affine)
         eye = perspective_eye(rng, where, np.array(shape_xyz, float))
         if where in ("plane", "face", "corner") and not np.array_equal(affine, np.eye(3)):
@@ -161,7 +160,7 @@ def stable(depths: npt.NDArray[np.float32]) -> npt.NDArray[np.int64]:
     return np.argsort(-depths.astype(np.float64), kind="stable")
 
 
-@pytest.mark.parametrize("num", [0, 1, 2, 1000, 70000])
+@pytest.mark.parametrize("num", [0, 1, 70000])
 def test_depths_of_any_sign_and_size(num: int) -> None:
     rng = np.random.default_rng(num)
     depths = (rng.normal(size=num) * 10.0 ** rng.integers(-30, 30, num)).astype(np.float32)
@@ -183,9 +182,3 @@ def test_the_ends_of_float32() -> None:
     biggest = np.finfo(np.float32).max
     depths = np.array([-biggest, biggest, 0, -1e-45, np.inf, -np.inf], np.float32)
     np.testing.assert_array_equal(depth_order(depths), [4, 1, 2, 3, 0, 5])
-
-
-def test_depths_of_one_value_and_every_other_entry() -> None:
-    np.testing.assert_array_equal(depth_order(np.full(3000, 7, np.float32)), np.arange(3000))
-    depths = np.random.default_rng(1).normal(size=6000).astype(np.float32)
-    np.testing.assert_array_equal(depth_order(depths[::2]), stable(depths[::2]))

@@ -11,7 +11,7 @@ import time
 import traceback
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -56,16 +56,13 @@ FAULTS = ("Traceback", "a bug; please report", "this is a fault of hsplat", "une
 
 @dataclass
 class Verdict:
-    """outcome: picture, refused, failed, or wrong, which is the one that must not be; why: of a wrong one, or the
-    message. worst: by quantity. kinds: what the scene has, for the summary."""
+    """The outcome: picture, refused, failed, or wrong, which no scene may have. why: what is wrong, or the message."""
 
     index: int
     legal: bool
     spoilt: str
     outcome: str
     why: str = ""
-    worst: dict[str, float] = field(default_factory=dict)
-    kinds: tuple[str, ...] = ()
     seconds: float = 0.0
 
 
@@ -88,7 +85,7 @@ def write_case(case: Case, folder: Path) -> Path:
 
 def judge(case: Case, folder: Path, rasterizer: GLRasterizer) -> Verdict:
     """Draw the scene in `folder`, which becomes the current one for the time."""
-    verdict = Verdict(case.index, not case.spoilt, case.spoilt, "wrong", kinds=_kinds(case))
+    verdict = Verdict(case.index, not case.spoilt, case.spoilt, "wrong")
     start = time.perf_counter()
     try:
         with _inside(folder), _hang_policy(), _loud():
@@ -191,7 +188,7 @@ def _judge_picture(scene: Scene, case: Case, rasterizer: GLRasterizer, verdict: 
         _require_finest(stage, frame, scheduled_value(scene.error.goal.by_frame, number))
     view = view_of(stage, number)
     if scene.splat.footprint == "integrated":
-        verdict.worst = compare_bricks(stage, frame, view, rasterizer)
+        compare_bricks(stage, frame, view, rasterizer)
         verdict.outcome = "picture"
         return frame
     with np.errstate(all="ignore"):
@@ -201,9 +198,9 @@ def _judge_picture(scene: Scene, case: Case, rasterizer: GLRasterizer, verdict: 
     radiance = frame.radiance
     if scene.overlay == "octree":
         radiance = without_overlay(stage, frame, view, rasterizer)
-    verdict.worst = compare_radiance(radiance, picture)
+    compare_radiance(radiance, picture)
     if scene.overlay == "none":
-        verdict.worst |= compare_8_bit(frame.image, picture, scene.output.background)
+        compare_8_bit(frame.image, picture, scene.output.background)
     verdict.outcome = "picture"
     return frame
 
@@ -228,15 +225,3 @@ def _require_same_volume(stage: Stage, case: Case) -> None:
     scale = np.abs(expected.world_from_index).max()
     if np.abs(got.world_from_index - expected.world_from_index).max() > 1e-12 * scale:
         raise WrongError(f"the volume lies elsewhere: {got.world_from_index}, not {expected.world_from_index}")
-
-
-def _kinds(case: Case) -> tuple[str, ...]:
-    """What a scene has that is worth a line in the summary."""
-    splat, error = case.tree.get("splat"), case.tree.get("error")
-    footprint = splat.get("footprint") if isinstance(splat, dict) else None
-    kinds = [
-        footprint if footprint in ("gouraud", "integrated") else "gaussian",
-        f"measure {error.get('measure', 'optical') if isinstance(error, dict) else 'optical'}",
-        "splats given" if isinstance(error, dict) and "splats" in error else "tolerance given",
-    ]
-    return tuple(kinds)

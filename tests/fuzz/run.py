@@ -19,8 +19,6 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import cache, partial
 from pathlib import Path
 
-import numpy as np
-
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support"), str(ROOT / "tests" / "fuzz")]
 
@@ -78,27 +76,14 @@ def report(verdicts: list[Verdict], seed: int, failures: Path) -> int:
         counts = Counter(verdict.outcome for verdict in of_kind)
         print(f"{len(of_kind)} {'legal' if legal else 'spoilt'}: " + ", ".join(f"{n} {k}" for k, n in counts.items()))
     print("spoilt by: " + ", ".join(f"{k} {n}" for k, n in Counter(v.spoilt for v in verdicts if v.spoilt).items()))
-    _print_worst(verdicts)
     slowest = max(verdicts, key=lambda verdict: verdict.seconds, default=None)
     if slowest is not None:
         print(f"slowest: {slowest.seconds:.1f} s, scene {slowest.index}")
     wrong = [verdict for verdict in verdicts if verdict.outcome == "wrong"]
     for verdict in sorted(wrong, key=lambda verdict: verdict.index):
         print(f"\npython tests/fuzz/run.py --seed {seed} --only {verdict.index}  # {failures / str(verdict.index)}")
-        print(f"  {verdict.spoilt or 'legal'}, {', '.join(verdict.kinds)}: {verdict.why.strip()}")
+        print(f"  {verdict.spoilt or 'legal'}: {verdict.why.strip()}")
     return int(bool(wrong))
-
-
-def _print_worst(verdicts: list[Verdict]) -> None:
-    """The worst of each quantity, and what nearly all scenes stay under, by kind of scene."""
-    print(f"\n{'':42} {'median':>9} {'99 %':>9} {'worst':>9}  scene")
-    for kind in sorted({kind for verdict in verdicts for kind in verdict.kinds}):
-        of_kind = [verdict for verdict in verdicts if kind in verdict.kinds and verdict.worst]
-        for quantity in dict.fromkeys(name for verdict in of_kind for name in verdict.worst):
-            values = {v.worst[quantity]: v.index for v in of_kind if quantity in v.worst}
-            some = np.array([v.worst[quantity] for v in of_kind if quantity in v.worst])
-            middle, most = np.quantile(some, [0.5, 0.99])
-            print(f"{kind + ', ' + quantity:42} {middle:9.2g} {most:9.2g} {some.max():9.2g}  {values[some.max()]}")
 
 
 if __name__ == "__main__":

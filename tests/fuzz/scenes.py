@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import io
 import math
 from collections.abc import Callable, Sequence
@@ -181,13 +180,10 @@ def _with_source(rng: Random, values: Array, of_spacing: Random) -> tuple[Tree, 
 
     of_spacing: numbers of their own for spacings in place of the files', so that all others are what they were.
     """
-    kind = _one_of(rng, ["npy", "raw", "raw", "nrrd", "nhdr", "memory", "memory"])
-    if kind in ("nrrd", "nhdr") and values.dtype == np.float16:
-        kind = "raw"
+    kind = _one_of(rng, ["npy", "npy", "raw", "raw", "memory", "memory"])
     affine = np.eye(4)
     if kind != "npy":
-        turned, sheared = kind != "raw", kind == "memory"
-        affine = random_affine(rng, values.shape[::-1], turned=turned, sheared=sheared, moved=turned)
+        affine = random_affine(rng, values.shape[::-1], is_plain=kind == "raw")
     tree: Tree = {"version": 1}
     spacing = [float(length) for length in np.diag(affine)[:3]]
     files: dict[str, bytes] = {}
@@ -206,15 +202,12 @@ def _with_source(rng: Random, values: Array, of_spacing: Random) -> tuple[Tree, 
                 "spacing": spacing, "offset": offset,
             }
         }  # fmt: skip
-    elif kind in ("nrrd", "nhdr"):
-        files |= _nrrd(rng, values, affine, detached=kind == "nhdr")
-        tree["volume"] = {"file": f"v.{kind}"}
     else:  # something to find in its place
         files["v.npy"] = _saved(values[:1, :1, :1])
         tree["volume"] = {"file": "v.npy"}
-    if kind in ("npy", "nrrd", "nhdr") and of_spacing.random() < RESPACED:
-        affine[:3, :3] = _respaced(of_spacing, values.shape[::-1], affine, is_plain=kind == "npy")
-        tree["volume"]["spacing"] = [float(length) for length in np.linalg.norm(affine[:3, :3], axis=0)]
+    if kind == "npy" and of_spacing.random() < RESPACED:
+        affine = random_affine(of_spacing, values.shape[::-1], is_plain=True)
+        tree["volume"]["spacing"] = [float(length) for length in np.diag(affine)[:3]]
     first = [0, 0, 0]
     if kind != "memory" and rng.random() < 0.15:
         crop = [sorted(rng.choice(n + 1, 2, replace=False).tolist()) for n in values.shape[::-1]]
@@ -225,62 +218,30 @@ def _with_source(rng: Random, values: Array, of_spacing: Random) -> tuple[Tree, 
     return tree, files, make_volume(np.array(values, order="C"), affine, "expected"), kind == "memory"
 
 
-def _respaced(rng: Random, shape_xyz: Sequence[int], affine: Float64, *, is_plain: bool) -> Float64:
-    """[3, 3]: the axes with other lengths; of a file without any, which is plain, any lengths, else each other's."""
-    if is_plain:
-        return random_affine(rng, shape_xyz, turned=False, sheared=False, moved=False)[:3, :3]
-    lengths = np.linalg.norm(affine[:3, :3], axis=0)
-    others = rng.permutation(lengths) * (2.0 if lengths.min() < 1 else 0.5)  # within the table
-    return np.asarray(affine[:3, :3] / lengths * others)
-
-
 def _saved(values: Array) -> bytes:
     stored = io.BytesIO()
     np.save(stored, values)
     return stored.getvalue()
 
 
-def random_affine(rng: Random, shape_xyz: Sequence[int], *, turned: bool, sheared: bool, moved: bool) -> Float64:
-    """Spacings within the table, if asked for turned or mirrored, sheared, and far from the origin."""
+def random_affine(rng: Random, shape_xyz: Sequence[int], *, is_plain: bool) -> Float64:
+    """Return spacings within the table, unless plain turned or mirrored, sheared, and far from the origin, too."""
     finest = 1.0 if rng.random() < 0.5 else _between(rng, LENGTH)
     ratios = np.ones(3)
     if rng.random() < 0.5:
         ratios = SPACING_RATIO ** (rng.uniform(0, 1, 3) * rng.uniform(0, 1))
     affine = np.eye(4)
     affine[:3, :3] = np.diag(finest * ratios / ratios.min())
-    if sheared and rng.random() < 0.3:
+    if is_plain:
+        return affine
+    if rng.random() < 0.3:
         affine[:3, :3] = (np.eye(3) + np.triu(rng.uniform(-0.5, 0.5, (3, 3)), 1)) @ affine[:3, :3]
-    if turned and rng.random() < 0.7:
+    if rng.random() < 0.7:
         affine[:3, :3] = np.linalg.qr(rng.standard_normal((3, 3)))[0] @ affine[:3, :3]
-    if moved and rng.random() < 0.5:
+    if rng.random() < 0.5:
         diagonal = float(np.linalg.norm(affine[:3, :3] @ np.array(shape_xyz)))
         affine[:3, 3] = rng.uniform(-1, 1, 3) * diagonal * _between(rng, (1.0, OFFSET))
     return affine
-
-
-NRRD_TYPES = {"float32": "float", "float64": "double"}
-
-
-def _nrrd(rng: Random, values: Array, affine: Float64, *, detached: bool) -> dict[str, bytes]:
-    gzipped = rng.random() < 0.4
-    data = gzip.compress(values.astype(values.dtype.newbyteorder("<")).tobytes(), 1) if gzipped else b""
-    data = data or values.astype(values.dtype.newbyteorder("<")).tobytes()
-    vector = "({!r},{!r},{!r})".format
-    lines = [
-        "NRRD0005",
-        f"type: {NRRD_TYPES.get(values.dtype.name, values.dtype.name)}",
-        "dimension: 3",
-        "space: left-posterior-superior",
-        f"sizes: {' '.join(map(str, values.shape[::-1]))}",
-        f"space directions: {' '.join(vector(*map(float, axis)) for axis in affine[:3, :3].T)}",
-        f"space origin: {vector(*map(float, affine[:3, 3]))}",
-        "endian: little",
-        f"encoding: {'gzip' if gzipped else 'raw'}",
-    ]
-    if detached:
-        lines.append("data file: v.bin")
-        return {"v.nhdr": ("\n".join(lines) + "\n").encode(), "v.bin": data}
-    return {"v.nrrd": ("\n".join(lines) + "\n\n").encode() + data}
 
 
 # The other sections

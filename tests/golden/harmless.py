@@ -21,7 +21,7 @@ from renderer.bricks import BrickBatch
 from renderer.draw import CPURasterizer, GLRasterizer
 from renderer.splats import SplatBatch
 from renderer.view import View
-from tests.support.machines import NothingLasting
+from tests.support.machines import WithoutUploads
 
 # The references take half a minute for this many splats, or pixels of bricks.
 MAX_REFERENCE_SPLATS, MAX_REFERENCE_PIXELS = 12_000, 128 * 128
@@ -63,7 +63,7 @@ def _rounded_otherwise(share: float) -> Callable[[Shot], Pixels]:
     return rounded
 
 
-class _Reference(NothingLasting):
+class _Reference(WithoutUploads):
     """Draws in float64."""
 
     def rasterize(

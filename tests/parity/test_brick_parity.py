@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -24,8 +23,8 @@ from brick_reference import rasterize_bricks_reference
 from brickwork import (
     AFFINES,
     CAMERAS,
-    EACH_SHADING,
     EXACTLY,
+    SHADED_AFFINES,
     batch_of,
     bricks_of,
     hills,
@@ -90,8 +89,7 @@ def hilly(affine: str, shading: ShadingSpec | None, dtype: str = "uint8") -> Bri
     return bricks_of(volume, transfer, shading)
 
 
-@EACH_SHADING
-@pytest.mark.parametrize("affine", AFFINES)
+@SHADED_AFFINES
 def test_cuts_of_one_level_and_of_many(rasterizer: GLRasterizer, affine: str, shading: ShadingSpec | None) -> None:
     """From outside and inside, through the near plane, and from where bricks meet."""
     bricks = hilly(affine, shading)
@@ -101,7 +99,7 @@ def test_cuts_of_one_level_and_of_many(rasterizer: GLRasterizer, affine: str, sh
         assert_parity(rasterizer, batch, view_of(bricks.volume, camera), (affine, camera, len(cut)))
 
 
-@pytest.mark.parametrize("azimuth", [0.0, 90.0, 180.0, 270.0])
+@pytest.mark.parametrize("azimuth", [0.0, 270.0])
 def test_rays_along_an_axis(rasterizer: GLRasterizer, azimuth: float) -> None:
     """Parallel to the faces of all boxes; every way through a brick is a whole number of steps long."""
     bricks = hilly("straight", None)
@@ -144,7 +142,7 @@ def test_subsampled_pixel_grids(rasterizer: GLRasterizer, strides: tuple[int, ..
     cut = random_cut(bricks, 5)
     for camera in ("perspective", "inside"):
         view = view_of(bricks.volume, camera, size)
-        for spread in (0.0, 0.05, 0.3):
+        for spread in (0.0, 0.05):
             batch = batch_of(cut, bricks, screen_sampling=ScreenSampling(strides, spread, 0.0))
             assert_parity(rasterizer, batch, view, (camera, spread))
 
@@ -183,12 +181,12 @@ def test_subsampled_grids_of_a_smooth_image(rasterizer: GLRasterizer) -> None:
     transfer = transfer_of((0, (0.9, 0.2, 0.1), 0.02), (200, (0.1, 0.5, 1.0), 0.06))
     bricks = bricks_of(volume, transfer)
     cut, view = level_cut(bricks, 0), view_of(volume, "perspective", (129, 97))
-    for strides in ((4, 1), (4, 2), (4, 2, 1)):
+    for strides in ((4, 1), (4, 2, 1)):
         pictures = []
-        for spread in (0.0, 0.03, 0.1):
+        for spread in (0.0, 0.05):
             batch = batch_of(cut, bricks, screen_sampling=ScreenSampling(strides, spread, 0.0))
             pictures.append(assert_parity(rasterizer, batch, view, (strides, spread)))
-        assert all(np.abs(a - b).max() > 0.01 for a, b in pairwise(pictures))
+        assert np.abs(pictures[0] - pictures[1]).max() > 0.01
 
 
 def test_an_axis_longer_than_any_texture(rasterizer: GLRasterizer) -> None:
@@ -198,5 +196,6 @@ def test_an_axis_longer_than_any_texture(rasterizer: GLRasterizer) -> None:
     assert volume.shape_xyz[0] == 3100
     bricks = bricks_of(volume, transfer_of((90, (0.2, 0.4, 0.9), 0.0), (200, (1, 0.8, 0.5), 0.3)))
     view = view_of(volume, "perspective", (90, 20))
-    for cut in (level_cut(bricks, 0), random_cut(bricks, 1)):
-        assert_parity(rasterizer, batch_of(cut, bricks), view)
+    cut = random_cut(bricks, 1)
+    assert set(cut.levels.tolist()) >= {0, 1}
+    assert_parity(rasterizer, batch_of(cut, bricks), view)

@@ -10,7 +10,7 @@ import pytest
 from splatting import cut_of, look, volume_of
 
 from renderer.bricks import BRICK_LEVELS, BrickCut
-from renderer.draw import CellEdges, GLRasterizer, make_brick_edges, make_cell_edges
+from renderer.draw import CellEdges, GLRasterizer, make_edges
 from renderer.draw.constants import LEVEL_COLORS, LINE_COVER, LINE_OPACITY, MIN_SIDE_PX
 from renderer.pyramid import Cut
 from renderer.view import View
@@ -59,7 +59,7 @@ def in_world(edges: CellEdges) -> list[tuple[int, tuple[float, ...], tuple[float
 
 def test_every_edge_of_every_cell_is_there_once(cut: Cut) -> None:
     assert {0, 1} <= set(cut.levels.tolist())
-    there = in_world(make_cell_edges(cut))
+    there = in_world(make_edges(cut))
     assert Counter(there) == Counter(edges_of_boxes(cut))
     assert [level for level, _, _ in there] == sorted((level for level, _, _ in there), reverse=True)
 
@@ -70,7 +70,7 @@ def test_edges_of_bricks_are_those_of_their_nodes_in_the_colours_of_their_cells(
     cells = np.array([[1, 0, 0], [0, 0, 0], [1, 2, 1]], np.int32)
     cut = BrickCut(levels, cells, np.zeros((3, 2, 3)), np.zeros(3), volume)
     nodes = Cut(levels + np.uint8(BRICK_LEVELS), cells, np.zeros((3, 4), np.float32), volume)
-    found, expected = make_brick_edges(cut), make_cell_edges(nodes)
+    found, expected = make_edges(cut), make_edges(nodes)
     np.testing.assert_array_equal(found.vertices[:, :6], expected.vertices[:, :6])
     np.testing.assert_array_equal(found.vertices[:, 6], expected.vertices[:, 6] - BRICK_LEVELS)
     sides = (each.voxel_side * 2.0 ** each.vertices[:, 6] for each in (found, expected))
@@ -79,7 +79,7 @@ def test_edges_of_bricks_are_those_of_their_nodes_in_the_colours_of_their_cells(
 
 def test_an_empty_cut_has_no_edges(rasterizer: GLRasterizer) -> None:
     nothing = cut_of(volume_of(np.zeros((2, 2, 2), np.uint8)), 0.5)
-    edges = make_cell_edges(nothing)
+    edges = make_edges(nothing)
     assert len(edges) == 0
     assert not rasterizer.rasterize_edges(edges, look()).any()
 
@@ -133,7 +133,7 @@ VIEWS = {
 
 @pytest.mark.parametrize("name", VIEWS)
 def test_lines_are_where_they_should_be(rasterizer: GLRasterizer, cut: Cut, name: str) -> None:
-    edges = make_cell_edges(cut)
+    edges = make_edges(cut)
     image = rasterizer.rasterize_edges(edges, VIEWS[name])
     assert np.abs(image - draw_reference(edges, VIEWS[name])).max() < PRECISION
     assert image[..., 3].max() > 0.1
@@ -150,22 +150,11 @@ def test_lines_that_vanish_behind_the_eye_are_cut(rasterizer: GLRasterizer) -> N
         assert image[..., 3].any()
 
 
-def test_small_cells_fade(rasterizer: GLRasterizer) -> None:
-    """In proportion to their size on the image, so that a dense region's lines cover no more where they are more."""
-    edges = CellEdges(np.array([[-0.5, 0, 0, 0.5, 0, 0, 3]], np.float32), 0.01, np.zeros(3), 1.0)
-    views = [look("orthographic", distance=1.0, field_of_view=fov, size=(128, 128)) for fov in (50, 90, 170)]
-    alphas = [rasterizer.rasterize_edges(edges, view)[..., 3].max() for view in views]
-    sides_px = [0.08 * view.scale_px for view in views]
-    assert sides_px[1] > MIN_SIDE_PX > sides_px[2]
-    assert alphas[0] / alphas[1] == pytest.approx(sides_px[0] / sides_px[1], rel=0.05)  # the pixels nearest to the line
-    assert alphas[2] == 0
-
-
 @pytest.mark.parametrize("batch_bytes", [32, 7 * 28])
 def test_batches_leave_no_trace(
     rasterizer: GLRasterizer, cut: Cut, monkeypatch: pytest.MonkeyPatch, batch_bytes: int
 ) -> None:
-    edges, view = make_cell_edges(cut), look(distance=14)
+    edges, view = make_edges(cut), look(distance=14)
     whole = rasterizer.rasterize_edges(edges, view)
     monkeypatch.setattr("renderer.draw.gl.raster.BATCH_SIZE", 1)
     monkeypatch.setattr("renderer.draw.gl.raster.VERTEX_BYTES", batch_bytes)

@@ -85,7 +85,7 @@ def assert_parity(
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
 def test_one_splat_of_any_size_at_any_place(rasterizer: GLRasterizer, footprint: str, projection: str) -> None:
     view = look(projection, size=(64, 48))
-    for sigma_px in (1e-3, 0.1, 0.45, 0.5, 0.55, 1.0, 3.7, 20.0, 64.0, 192.0):
+    for sigma_px in (1e-3, 0.45, 0.55, 3.7, 20.0, 192.0):
         sigma = sigma_px * np.linalg.norm(point_at(view, 1, 0, 4.0) - point_at(view, 0, 0, 4.0))
         outside = 1.5 * max(sigma_px, 0.5)
         for column, row in (
@@ -103,14 +103,22 @@ def random_axes(rng: np.random.Generator, num: int, sigma: float, stretch: float
     return sigma * skewed * stretch ** rng.uniform(-1, 1, (num, 1, 3)) * rng.choice([-1, 1], (num, 1, 3))
 
 
-@pytest.mark.parametrize("projection", PROJECTIONS)
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
-@pytest.mark.parametrize(("sigma", "stretch"), [(0.002, 3.0), (0.03, 1.5), (0.03, 30.0), (0.3, 3.0), (1.0, 20.0)])
+@pytest.mark.parametrize(
+    ("sigma", "stretch", "projection"),
+    [
+        (0.002, 3.0, "perspective"),
+        (0.03, 1.5, "orthographic"),
+        (0.03, 30.0, "perspective"),
+        (0.3, 3.0, "orthographic"),
+        (1.0, 20.0, "perspective"),
+    ],
+)
 def test_splats_of_any_shape_on_top_of_each_other(
     rasterizer: GLRasterizer, footprint: str, projection: str, sigma: float, stretch: float
 ) -> None:
     rng = np.random.default_rng(7)
-    num = 200
+    num = 120
     spec = SplatSpec(footprint, angular=6, radial=2)  # type: ignore[arg-type]
     batch = place_splats(
         rng.uniform(-1.2, 1.2, (num, 3)),
@@ -132,7 +140,7 @@ def test_the_near_plane_cuts_splats(rasterizer: GLRasterizer, footprint: str, pr
     rng = np.random.default_rng(3)
     for near, sigma in ((0.0, 0.3), (0.5, 0.3), (0.5, 1e-3)):
         view = look(projection, near=near)
-        for axes in random_axes(rng, 3, sigma, 2.0):
+        for axes in random_axes(rng, 2, sigma, 2.0):
             sigma_depth = float(np.linalg.norm(view.forward @ axes))
             for a in (6.0, 3.9, 2.0, 0.5, 0.0, -0.5, -2.0, -4.9, -5.1, -6.0):
                 center = point_at(view, 32.0, 24.0, near - a * sigma_depth)
@@ -146,20 +154,16 @@ def test_the_near_plane_cuts_splats(rasterizer: GLRasterizer, footprint: str, pr
 
 
 @pytest.mark.parametrize("projection", PROJECTIONS)
-def test_splats_behind_the_eye_leave_nothing(rasterizer: GLRasterizer, projection: str) -> None:
-    """However far behind: the reference sees the tail of the normal distribution, where float64 can hold it."""
+def test_splats_behind_the_eye_or_without_extinction_leave_nothing(rasterizer: GLRasterizer, projection: str) -> None:
+    """The reference sees the tail of the normal distribution, where float64 can hold it."""
     view = look(projection)
-    for depth in (-2.0, -3.0, -300.0):
+    for depth in (-2.0, -300.0):
         batch = place_splats(point_at(view, 32.0, 24.0, depth), 0.2)
         assert not rasterizer.rasterize(batch, in_order(batch), view).any()
         assert rasterize_reference(batch, in_order(batch), view).max() < 1e-20
-
-
-def test_splats_without_extinction_leave_nothing(rasterizer: GLRasterizer) -> None:
     for footprint in FOOTPRINTS:
         batch = place_splats(np.zeros((2, 3)), 0.2, 0.0, spec=SplatSpec(footprint))  # type: ignore[arg-type]
-        for rasterize in (rasterizer.rasterize, rasterize_reference):
-            assert not rasterize(batch, in_order(batch), look()).any()
+        assert not rasterizer.rasterize(batch, in_order(batch), view).any()
 
 
 def test_a_profile_that_ends_in_a_step(rasterizer: GLRasterizer) -> None:
@@ -173,7 +177,7 @@ def test_a_profile_that_ends_in_a_step(rasterizer: GLRasterizer) -> None:
         np.testing.assert_allclose(inside, inside[0], rtol=1e-6)
 
 
-@pytest.mark.parametrize("largest_point_px", [1.0, 6.5, 40.0])
+@pytest.mark.parametrize("largest_point_px", [1.0, 6.5])
 def test_quads_draw_what_points_draw(
     rasterizer: GLRasterizer, monkeypatch: pytest.MonkeyPatch, largest_point_px: float
 ) -> None:

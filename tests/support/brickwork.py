@@ -32,6 +32,13 @@ AFFINES = {
     "left-handed": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.2], [0.0, 0.0, 1.0]]),
 }
 
+# Shading transforms gradients by the affine; without it two affines show that plain samples are drawn.
+SHADED_AFFINES = pytest.mark.parametrize(
+    ("affine", "shading"),
+    [*((affine, LIT) for affine in AFFINES), ("straight", None), ("sheared", None)],
+    ids=[*(f"{affine}-lit" for affine in AFFINES), "straight-plain", "sheared-plain"],
+)
+
 CAMERAS = ("perspective", "orthographic", "inside", "near", "face")
 
 

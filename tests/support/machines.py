@@ -16,7 +16,7 @@ from renderer.splats import SplatBatch
 from renderer.view import View, model_view, total_square_area_px
 
 
-class NothingLasting:
+class WithoutUploads:
     """The part of a rasteriser that keeps nothing between pictures."""
 
     def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
@@ -24,7 +24,7 @@ class NothingLasting:
         return False
 
 
-class SimulatedMachine(NothingLasting):
+class SimulatedMachine(WithoutUploads):
     """A clock and a rasteriser that draws nothing.
 
     A drawing takes `per_frame + per_splat * splats + per_pixel * pixels`, or samples of bricks, times `pace(number of
@@ -72,7 +72,7 @@ class SimulatedMachine(NothingLasting):
         return np.zeros((view.size[1], view.size[0], 4), np.float32)
 
 
-class BringingMachine(SimulatedMachine):
+class UploadingMachine(SimulatedMachine):
     """A machine that keeps one batch, which takes `times` as long to upload as to draw.
 
     A batch that was not uploaded is uploaded when it is drawn.
@@ -81,13 +81,13 @@ class BringingMachine(SimulatedMachine):
     def __init__(self, times: float = 10.0, **options: Any) -> None:
         super().__init__(**options)
         self._times = times
-        self._there: SplatBatch | BrickBatch | None = None
+        self._uploaded: SplatBatch | BrickBatch | None = None
 
     def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """Take the time of an upload unless the batch is there."""
-        if self._there is batch:
+        if self._uploaded is batch:
             return False
-        self._there = batch
+        self._uploaded = batch
         self.now += self._times * self.seconds_of(batch, order, view)
         return True
 

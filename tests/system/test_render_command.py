@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import platform
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,8 @@ from small_scene import small_scene
 from hsplat_cli import main
 from renderer.scene import load_scene, parse_scene
 from renderer.volume import Array
+
+NO_TOLERANCE = ("--set", "error.tolerance=null")
 
 SCENE = small_scene(frames=6, size="48, 32", error="tolerance: 0.1")
 
@@ -137,17 +140,6 @@ def test_changes_of_the_command_line_reach_the_pictures() -> None:
     assert first[..., 2].max() > second[..., 2].max() + 40
 
 
-def test_the_fingerprint_is_that_of_the_voxels(folder: Path) -> None:
-    values = np.arange(60, dtype=np.uint8).reshape(3, 4, 5)
-    fingerprints = []
-    for name, changed in (("a", 0), ("b", 0), ("c", 1)):
-        values[0, 0, 0] = changed
-        np.save(f"{name}.npy", values)
-        render("--volume", f"{name}.npy", "--frames", "0")
-        fingerprints.append(sidecar("film.mp4.json")["volume"]["fingerprint"])
-    assert fingerprints[0] == fingerprints[1] != fingerprints[2]
-
-
 def test_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
     render("--output", "film.gif")
     said = capsys.readouterr()
@@ -160,11 +152,6 @@ def test_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
         "how it was made: film.gif.json",
     ]
     assert said.err.splitlines()[-1].startswith("film.gif: 6/6 frames, ")
-
-
-def test_quiet_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
-    render("--output", "film.gif", "--quiet")
-    assert capsys.readouterr() == ("", "")
 
 
 def test_nothing_visible_is_a_film_of_the_background(capsys: pytest.CaptureFixture[str]) -> None:
@@ -182,8 +169,14 @@ def test_nothing_visible_is_a_film_of_the_background(capsys: pytest.CaptureFixtu
     assert f"note: {note}\n" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("footprint", ["integrated", "gaussian"])
-@pytest.mark.parametrize("change", ["camera.near=1e9", "camera.target=[1e6, 0, 0]", "camera.distance=1e9"])
+@pytest.mark.parametrize(
+    ("footprint", "change"),
+    [
+        ("integrated", "camera.near=1e9"),
+        ("gaussian", "camera.target=[1e6, 0, 0]"),
+        ("integrated", "camera.distance=1e9"),
+    ],
+)
 def test_a_camera_that_sees_nothing_is_told(footprint: str, change: str, capsys: pytest.CaptureFixture[str]) -> None:
     """A brick, or a splat, is drawn, and changes no pixel."""
     reason = "the volume is out of the picture, nearer than `camera.near`, too small or too transparent"
@@ -207,3 +200,78 @@ def test_a_camera_that_looks_away_on_some_frames(capsys: pytest.CaptureFixture[s
     away = ["--set", "camera.target=[0, 200, 0]", "--set", "camera.distance=100", "--frames", str(empty[0])]
     render(*away, "--output", "still.png")
     assert sidecar("still.png.json")["notes"] == ["nothing is in view"]
+
+
+# Bricks, by every schedule
+
+
+LARGE = ("--set", "volume.procedural.shape=[48, 40, 24]", "--set", "camera.path.frames=4")
+
+
+def render_large(*options: str) -> dict[str, Any]:
+    """Return the sidecar of a film of several bricks."""
+    render(*LARGE, "--quiet", *options)
+    return sidecar("film.mp4.json")
+
+
+def column(made: dict[str, Any], key: str) -> list[Any]:
+    return [frame[key] for frame in made["frames"]]
+
+
+def test_the_sidecar_of_another_footprint() -> None:
+    """What it says of splats without being asked does not stand in the way; what was asked for does."""
+    still = ("--frames", "0")
+    render(*still, "--output", "bricks.png")
+    render("--set", "splat.footprint=gaussian", *still)
+    again = ["render", "film.mp4.json", *still, "--set", "splat.footprint=integrated", "--output", "a.png"]
+    assert main.run(again) == 0
+    assert Path("a.png").read_bytes() == Path("bricks.png").read_bytes()
+    render("--set", "splat={order: boxes}", *still, "--force")
+    assert main.run(["check", "film.mp4.json", "--set", "splat.footprint=integrated"]) == 2
+
+
+def test_bricks_are_called_bricks(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("bricks", "splats"):
+        assert main.run(["render", "scene.yaml", "--frames", "0:2", *LARGE]) == 0
+        told = capsys.readouterr()
+        other = {"bricks": "splats", "splats": "bricks"}[name]
+        assert f"{name} a frame" in told.out + told.err and other not in told.out + told.err
+        Path("scene.yaml").write_text(SCENE + "splat: {footprint: gaussian}\n", encoding="utf-8")
+
+
+def test_one_brick_is_no_bricks(capsys: pytest.CaptureFixture[str]) -> None:
+    """Nor one frame frames."""
+    one = ["scene.yaml", "--set", "volume.procedural.shape=[8, 8, 8]", "--frames", "0", "--output", "one.png"]
+    for how in ([], ["--progressive", "--force"]):
+        assert main.run(["render", *one, *how]) == 0
+        told = capsys.readouterr()
+        assert "1 brick a frame" in told.out and told.err.endswith(", 1 brick\n")
+        assert "1 bricks" not in told.out + told.err and "one.png: 1 frame in " in told.out
+    budget = [*NO_TOLERANCE, "--set", "error.splats=1", "--set", "output.frames_per_second=1"]
+    assert main.run(["check", "scene.yaml", *budget]) == 0
+    told = capsys.readouterr()
+    assert "optical, at most 1 brick\n" in told.out and "6 s at 1 frame per second\n" in told.out
+
+
+def test_a_budget_of_bricks() -> None:
+    """The last frame may have all that there are."""
+    made = render_large(*NO_TOLERANCE, "--set", "error.splats={0: 1, 3: 100}")
+    cells, tolerances = column(made, "cells"), column(made, "tolerance")
+    assert cells[0] == 1 and cells[-1] == 18 and tolerances[-1] == 0
+    assert all(a <= b for a, b in pairwise(cells)) and all(a >= b for a, b in pairwise(tolerances))
+
+
+def test_a_budget_of_time() -> None:
+    """So much that the finest detail fits."""
+    made = render_large(*NO_TOLERANCE, "--set", "error.seconds=20")
+    assert column(made, "tolerance") == [0] * 4
+    assert all(0 < seconds < 20 for seconds in column(made, "predicted_seconds"))
+    assert made["schedule"]["met"] and not made["schedule"]["reproducible"]
+
+
+@pytest.mark.parametrize(
+    "settings", ["pyramid={average: opacity, precision: single}", "error={measure: rms, of: scalar, tolerance: 2}"]
+)
+def test_means_and_errors_of_any_kind(settings: str) -> None:
+    made = render_large("--set", settings, "--set", "shading={ambient: 0.4}", "--set", "overlay=octree")
+    assert column(made, "cells")[0] > 1

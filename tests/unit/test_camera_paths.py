@@ -12,7 +12,7 @@ from splatting import camera_pose
 from renderer.scene import CameraSpec, KeyframePath, RockerPath, TurntablePath
 from renderer.scene.camera_section import Keyframe
 from renderer.view import make_view
-from renderer.view.paths import CameraPath, CameraPoses
+from renderer.view.paths import CameraPath, CameraPoses, camera_poses
 
 # Sines, cosines and a 3 x 3 product of float64: a few units in the last place.
 EXACT = 1e-14
@@ -82,7 +82,7 @@ def test_another_axis_is_reached_by_the_smallest_rotation(axis: tuple[float, flo
     np.testing.assert_allclose(rotation @ normal, normal, atol=EXACT)
 
 
-@pytest.mark.parametrize("azimuth", [-450.0, -270.0, -180.0, -90.0, 0.0, 90.0, 180.0, 270.0, 360.0, 36000.0 + 90.0])
+@pytest.mark.parametrize("azimuth", [-450.0, -180.0, 0.0, 270.0, 36000.0 + 90.0])
 @pytest.mark.parametrize("elevation", [-90.0, 0.0, 90.0])
 def test_along_an_axis_it_is_along_an_axis(azimuth: float, elevation: float) -> None:
     """Exactly: a cosine of 1e-16 would have rays cross the planes that the eye is in, behind what is ordered before."""
@@ -133,7 +133,7 @@ def test_smooth_easing_has_no_jump_in_velocity() -> None:
     def largest_acceleration(easing: str, loop: bool) -> float:
         path = keyed(*keys, frames=5000, loop=loop, easing=easing)
         frames = [frame % 5000 for frame in range(5002)] if loop else range(5000)
-        return float(np.abs(np.diff([camera_pose(path, frame).direction for frame in frames], n=2, axis=0)).max())
+        return float(np.abs(np.diff(camera_poses(path, frames).direction, n=2, axis=0)).max())
 
     for loop in (True, False):
         # A corner is a change of velocity within one frame: here 90 degrees in 1000 frames, 1.6e-3 a frame. Without

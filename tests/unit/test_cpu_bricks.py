@@ -13,8 +13,8 @@ from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, p
 from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.draw import CPURasterizer, GLRasterizer, brick_cache, is_software
 from renderer.draw.brick_cache import brick_bytes, max_slots_in_memory
-from renderer.draw.cpu.atlas import CPUAtlas
 from renderer.draw.cpu.march import draw_tiles
+from renderer.draw.cpu.raster import CPUAtlas
 from renderer.draw.cpu.sample import opacity_of_depth
 from renderer.jit import fma, jit
 

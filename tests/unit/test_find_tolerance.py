@@ -34,7 +34,7 @@ from renderer.study.tolerance_search import two_digit_numbers
 from renderer.study.truths import round_to_float32
 from renderer.truth import Convergence
 from renderer.view import View
-from tests.support.machines import NothingLasting
+from tests.support.machines import WithoutUploads
 
 NUM_FRAMES = 24
 SHAPE = (12, 16)
@@ -56,7 +56,7 @@ def stage() -> Stage:
     return prepare_stage(scene, clock=lambda: 0.0, num_threads=1)
 
 
-class Grey(NothingLasting):
+class Grey(WithoutUploads):
     """Draws a grey that approaches 0.5 as splats are added, and is furthest from it when seen from -y."""
 
     def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:
@@ -103,7 +103,7 @@ def test_the_coarsest_tolerance_that_passes_on_all_frames_is_found(stage: Stage)
     trials: list[Trial] = []
     found = search(stage, want, trials=trials)
     enough = (0.6 / want.value) ** 2
-    rungs = (number for number in two_digit_numbers(10.0, 0.01) if make_primitive(stage).num_cells(number) >= enough)
+    rungs = (number for number in two_digit_numbers(10.0, 0.01) if make_primitive(stage).work(number) >= enough)
     assert found.tolerance == next(rungs)
     final = [trial for trial in trials if trial.tolerance == found.tolerance]
     assert tuple(sorted(trial.frame for trial in final)) == found.frames
@@ -118,7 +118,7 @@ def test_an_accuracy_beyond_full_resolution_is_not_found(stage: Stage, metric: s
     found = search(stage, MetricTarget(metric, value))  # type: ignore[arg-type]
     assert found.tolerance is None
     assert found.worst.tolerance == 0
-    assert found.worst.num_cells == make_primitive(stage).num_cells(0.0)
+    assert found.worst.num_cells == make_primitive(stage).work(0.0)
 
 
 @pytest.mark.parametrize("frames", [range(6, 12), [1, 5, 20], [7]])

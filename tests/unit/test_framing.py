@@ -5,28 +5,21 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from film_stages import PLAIN, stage_of
 
-from renderer.frame import prepare_stage
 from renderer.pyramid import build_pyramid
 from renderer.scene import (
     CameraSpec,
-    ControlPoint,
     ErrorSpec,
     KeyframePath,
-    OutputSpec,
-    ProceduralSource,
     PyramidSpec,
     RockerPath,
-    Scene,
     SplatSpec,
-    TransferSpec,
     TurntablePath,
     Vector,
-    VolumeSpec,
 )
 from renderer.scene.camera_section import Keyframe
 from renderer.transfer import TransferFunction
@@ -66,11 +59,11 @@ def excess(camera: CameraSpec, points: Float64, target: Vector, distance: float,
     return worst
 
 
-@pytest.mark.parametrize("fov", [0.01, 1.0, 30.0, 120.0, 179.0])
+@pytest.mark.parametrize("fov", [0.01, 30.0, 179.0])
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 def test_all_points_are_inside_and_the_frame_is_full(projection: str, fov: float) -> None:
     rng = np.random.default_rng(5)
-    cases = itertools.product(PATHS, range(3), [(64, 64), (1920, 200), (30, 500)], [0.0, 2.0])
+    cases = itertools.product(PATHS, range(3), [(1920, 200), (30, 500)], [0.0, 2.0])
     for path, shape, size, near in cases:
         points = cloud(rng, shape)
         target = visible_centre(points) if shape else (0.1, 0.2, -0.3)
@@ -101,7 +94,7 @@ def test_long_paths_are_framed_exactly(shape: int) -> None:
     """What is left out in runs of like directions is not what decides: all points on all frames say the same."""
     points = cloud(np.random.default_rng(3), shape)
     for path in (
-        TurntablePath(20_000, elevation=20.0),
+        TurntablePath(5000, elevation=20.0),
         KeyframePath(3000, (Keyframe(0, 0.0, -80.0), Keyframe(2999, 1000.0, 80.0)), loop=False),
     ):
         camera, poses = CameraSpec(path, field_of_view=40.0), camera_poses(path, range(path.frames))
@@ -116,8 +109,9 @@ def test_visible_centre_is_the_middle_of_the_bounding_box() -> None:
     assert visible_centre(points) == (2.0, 4.0, -0.5)
 
 
-@pytest.mark.parametrize("shape", [(1, 1, 1), (5, 9, 14), (40, 3, 21), (17, 30, 30)])
-@pytest.mark.parametrize("share", [0.002, 0.05, 0.6])
+@pytest.mark.parametrize(
+    ("shape", "share"), [((1, 1, 1), 0.6), ((5, 9, 14), 0.05), ((40, 3, 21), 0.6), ((17, 30, 30), 0.002)]
+)
 def test_the_ends_of_each_line_of_corners_stand_for_all_corners(shape: tuple[int, int, int], share: float) -> None:
     rng = np.random.default_rng(6)
     values = (rng.random(shape) < share).astype(np.uint8)
@@ -166,16 +160,6 @@ def test_a_voxel_is_no_wider_than_one_half_a_diagonal_from_the_eye() -> None:
 
 def test_footprints_are_framed_alike() -> None:
     """Studies compare them by one truth, which is of one camera."""
-    scene = Scene(
-        volume=VolumeSpec(ProceduralSource("engine_block", (24, 24, 12))),
-        transfer_function=TransferSpec(
-            (ControlPoint(90, (0.4, 0.5, 0.9), 0.0), ControlPoint(255, (1.0, 1.0, 1.0), 0.7))
-        ),
-        camera=CameraSpec(TurntablePath(4), target="visible"),
-        output=OutputSpec(Path("{frame}.png"), (32, 32)),
-    )
-    stages = [
-        prepare_stage(replace(scene, splat=SplatSpec(footprint)), clock=lambda: 0.0, num_threads=1)
-        for footprint in ("integrated", "gaussian", "gouraud")
-    ]
+    scene = replace(PLAIN, camera=CameraSpec(TurntablePath(4), target="visible"))
+    stages = [stage_of(replace(scene, splat=SplatSpec(footprint))) for footprint in ("integrated", "gaussian")]
     assert len({(stage.target, stage.distance) for stage in stages}) == 1

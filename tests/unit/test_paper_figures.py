@@ -21,7 +21,7 @@ from renderer.pyramid import cut_pyramid
 from renderer.scene import Scene, load_scene
 from renderer.splats import SplatBatch
 from renderer.view import View
-from tests.support.machines import NothingLasting
+from tests.support.machines import WithoutUploads
 
 STAND_IN = "volume={procedural: {name: engine_block, shape: [40, 48, 24]}}"
 
@@ -196,7 +196,7 @@ def test_octrees_that_refine_elsewhere_are_not_confirmed() -> None:
 # 6: refinement
 
 
-class TimedRasterizer(NothingLasting):
+class TimedRasterizer(WithoutUploads):
     """Takes a fixed time for each splat, by its own clock, and draws nothing."""
 
     def __init__(self, seconds_per_splat: float) -> None:

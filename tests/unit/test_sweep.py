@@ -31,7 +31,7 @@ from renderer.study import Truth, measure_accuracy, measure_setting, plan_sweep,
 from renderer.study.truths import extreme_coverage_frames
 from renderer.truth import Convergence
 from renderer.view import View
-from tests.support.machines import NothingLasting
+from tests.support.machines import WithoutUploads
 
 FRAMES = (0, 5)
 RMS = ErrorSpec(measure="rms")
@@ -50,7 +50,7 @@ def stage() -> Stage:
     return prepare_stage(scene, clock=lambda: 0.0, num_threads=1, any_tolerance=True)
 
 
-class Grey(NothingLasting):
+class Grey(WithoutUploads):
     """Draws a grey that differs between frames, and remembers them."""
 
     def __init__(self) -> None:
@@ -110,7 +110,7 @@ def test_the_first_pass_warms_up_and_yields_the_pictures(stage: Stage) -> None:
     assert {name: len(times) for name, times in found.seconds.items()} == {"cut": 3, "splats": 3}
     assert found.pyramid_seconds == stage.seconds["pyramid"]
     assert found.frame_seconds == pytest.approx(3e-3)
-    assert found.num_cells == found.num_splats == make_primitive(stage).num_cells(0.1)
+    assert found.num_cells == found.num_splats == make_primitive(stage).make_lod(0.1, print).num_cells
     assert (found.picture == 64).all() and (found.difference == 0).all()
 
 
@@ -138,7 +138,9 @@ def test_a_plan_has_all_combinations_from_coarse_to_fine(stage: Stage) -> None:
         (measure, splat, tolerance) for measure in prepared for splat in splats for tolerance in (0.5, 0.1, 0.0)
     ]
     assert all(
-        p.work == make_primitive(stage).num_cells(p.tolerance) for p in plan if p.scene.error.measure == "optical"
+        p.work == make_primitive(stage).make_lod(p.tolerance, print).num_cells
+        for p in plan
+        if p.scene.error.measure == "optical"
     )
     # At tolerance 0 the six series have two pictures: one for each footprint.
     assert len({p.picture_key() for p in plan}) == 2 * 3 * 2 + 2
@@ -217,7 +219,7 @@ def test_frames_are_spread_evenly_over_a_path(
     assert spread_evenly(frames, num, is_loop=is_loop) == found
 
 
-class Growing(NothingLasting):
+class Growing(WithoutUploads):
     """Covers a part of the picture that depends on the direction of the view."""
 
     def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:

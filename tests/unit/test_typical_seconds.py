@@ -9,22 +9,15 @@ import pytest
 from splatting import look, place_splats
 
 from renderer.frame.frame import DrawList
-from renderer.frame.primitives import SplatLOD
-from renderer.pyramid import Cut
-from renderer.scene import TurntablePath
+from renderer.frame.primitives import LOD
 from renderer.splats import SplatBatch
-from renderer.view import make_order_blending
 from renderer.view.splat_projection import visible_order
 
 
 def draw_list_of(batch: SplatBatch, *shares: float, size: tuple[int, int] = (64, 48)) -> DrawList:
     view = look("orthographic", size=size, azimuth=0.0, elevation=0.0)
-    nothing = np.empty(0, np.uint8)
-    volume: object = None
-    cut = Cut(nothing, np.empty((0, 3), np.int32), np.empty((0, 4), np.float32), volume)  # type: ignore[arg-type]
-    order = visible_order(batch, cut, view, "unmixed")
-    lod = SplatLOD(0.1, batch, None, cut, "unmixed", make_order_blending(np.eye(4), TurntablePath(1)))
-    return DrawList(0, lod, view, [(share, order) for share in shares], 0.0)
+    order = visible_order(batch, None, view, "unmixed")  # type: ignore[arg-type]
+    return DrawList(0, LOD(0.1, batch, None, pytest.fail), view, [(share, order) for share in shares], 0.0)
 
 
 def num_pixels_of(draw_list: DrawList) -> float:

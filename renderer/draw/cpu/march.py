@@ -47,7 +47,9 @@ _RECIPROCALS = np.concatenate([[1.0], 1 / np.arange(1, MAX_SAMPLES + 1)])
 _TEXEL_OFFSET = HALO - 0.5
 _MIN_TEXEL, _MAX_TEXEL = MIN_SAMPLE_CELL + _TEXEL_OFFSET, MAX_SAMPLE_CELL + _TEXEL_OFFSET
 _CACHE_LINE_BYTES = 64
-_RAY_FLOATS = 12  # as in `_ray_at`
+# A ray as `_set_up_rays` writes it: origin [3]; direction [3]; its inverse [3], 0 where the direction is 0; the length
+# of the direction, dithered; 1/2 plus the jitter; length per depth, in model units.
+_ORIGIN, _DIRECTION, _INVERSE, _LENGTH, _ROUNDING_OFFSET, _LENGTH_PER_DEPTH, _RAY_FLOATS = 0, 3, 6, 9, 10, 11, 12
 
 _0: np.float32 = np.float32(0.0)
 _1: np.float32 = np.float32(1.0)
@@ -68,7 +70,7 @@ class TileBins(NamedTuple):
 
 class _Brick(NamedTuple):
     """A brick: lowest and highest corner of its visible bounds; lowest corner of its first cell; cells per voxel;
-    samples per length; where rays start; where its texels begin; whether these are means."""
+    samples per length; where rays start; where its texels begin."""
 
     low: Vector
     high: Vector
@@ -77,19 +79,6 @@ class _Brick(NamedTuple):
     samples_per_length: float
     start: float
     texel_offset: int
-    is_mean: bool
-
-
-class _Ray(NamedTuple):
-    """A pixel's ray. inverse: of the direction, 0 where that is 0. length: of the direction, dithered. rounding_offset:
-    1/2 plus the jitter. length_per_depth: in model units."""
-
-    origin: Vector
-    direction: Vector
-    inverse: Vector
-    length: float
-    rounding_offset: float
-    length_per_depth: float
 
 
 @jit
@@ -121,7 +110,9 @@ def draw_tiles(
     bins: TileBins,
     stride: int,
     rays: RaySetup,
-    bricks: npt.NDArray[np.void],
+    boxes: Float64,
+    texel_offsets: Int64,
+    is_mean: Bools,
     field: Field,
     is_drawn: Bools,
     image: Float32,
@@ -129,7 +120,8 @@ def draw_tiles(
 ) -> None:
     """Composite bricks under some tiles of `image`, float32 [rows, columns, 4], premultiplied RGBA.
 
-    stride: the pixels of the grid are every `stride`-th pixel along both axes. bricks: BRICK [n], front to back.
+    stride: the pixels of the grid are every `stride`-th pixel along both axes. boxes, is_mean: as in BrickView.
+    texel_offsets: int64 [n], where the texels of each brick begin in its atlas.
     is_drawn: [rows, columns], the pixels of the grid that are drawn. tiles: int64 [k], their numbers, row by row.
 
     Numba checks no array index. These keep them valid: rectangles are clipped to the grid, and windows to the tile;
@@ -149,18 +141,19 @@ def draw_tiles(
         _set_up_rays(rays, stride, frame, is_drawn, pixel_rays)
         for k in range(starts[tile], starts[tile + 1]):
             if stride > 1 and k + 1 < starts[tile + 1]:
-                following = _brick_at(bricks, numbers[k + 1], rays.start)
-                if following.is_mean:
-                    _prefetch_brick(following, mean_address, 4 * 4)
+                following = numbers[k + 1]
+                brick = _brick_at(boxes, texel_offsets, following, rays.start)
+                if is_mean[following]:
+                    _prefetch_brick(brick, mean_address, 4 * 4)
                 else:
-                    _prefetch_brick(following, scalar_address, 4)
+                    _prefetch_brick(brick, scalar_address, 4)
             number = numbers[k]
             window = (
                 max(left, rectangles[number, 0]), max(top, rectangles[number, 1]),
                 min(right, rectangles[number, 2]), min(bottom, rectangles[number, 3]),
             )  # fmt: skip
-            brick = _brick_at(bricks, number, rays.start)
-            if brick.is_mean:
+            brick = _brick_at(boxes, texel_offsets, number, rays.start)
+            if is_mean[number]:
                 _draw_brick(brick, window, frame, optics, means, None, guide, pixel_rays, is_drawn, image)
             else:
                 _draw_brick(brick, window, frame, optics, scalars, pieces, guide, pixel_rays, is_drawn, image)
@@ -193,7 +186,7 @@ def _texel_range(low: float, high: float, corner: float, scale: float) -> tuple[
 
 @jit
 def _set_up_rays(rays: RaySetup, stride: int, tile: Window, is_drawn: Bools, pixel_rays: Float64) -> None:
-    """Write the rays of a tile, row by row: float64 [pixels, _RAY_FLOATS], as `_ray_at` reads them."""
+    """Write the rays of a tile, row by row: float64 [pixels, _RAY_FLOATS]."""
     left, top, right, bottom = tile
     origins, directions, slope_per_px, center_px = rays.origins, rays.directions, rays.slope_per_px, rays.center_px
     number = 0
@@ -205,14 +198,14 @@ def _set_up_rays(rays: RaySetup, stride: int, tile: Window, is_drawn: Bools, pix
                 square = 0.0
                 for axis in range(3):
                     speed = directions[axis, 0] + directions[axis, 1] * x + directions[axis, 2] * y
-                    pixel_rays[number, axis] = origins[axis, 0] + origins[axis, 1] * x + origins[axis, 2] * y
-                    pixel_rays[number, 3 + axis] = speed
-                    pixel_rays[number, 6 + axis] = 1 / speed if speed != 0.0 else 0.0
+                    pixel_rays[number, _ORIGIN + axis] = origins[axis, 0] + origins[axis, 1] * x + origins[axis, 2] * y
+                    pixel_rays[number, _DIRECTION + axis] = speed
+                    pixel_rays[number, _INVERSE + axis] = 1 / speed if speed != 0.0 else 0.0
                     square += speed * speed
                 jitter = _jitter(column * stride, row * stride)
-                pixel_rays[number, 9] = math.sqrt(square) * (1 + DITHER * (jitter - 0.5))
-                pixel_rays[number, 10] = 0.5 + jitter
-                pixel_rays[number, 11] = math.sqrt(1 + slope_per_px**2 * (x * x + y * y))
+                pixel_rays[number, _LENGTH] = math.sqrt(square) * (1 + DITHER * (jitter - 0.5))
+                pixel_rays[number, _ROUNDING_OFFSET] = 0.5 + jitter
+                pixel_rays[number, _LENGTH_PER_DEPTH] = math.sqrt(1 + slope_per_px**2 * (x * x + y * y))
             number += 1
 
 
@@ -224,55 +217,38 @@ def _jitter(column: int, row: int) -> float:
 
 
 @jit
-def _brick_at(bricks: npt.NDArray[np.void], number: int, start: float) -> _Brick:
-    brick = bricks[number]
-    low, high, corner = brick["box_low"], brick["box_high"], brick["first_corner"]
+def _brick_at(boxes: Float64, texel_offsets: Int64, number: int, start: float) -> _Brick:
     return _Brick(
-        (low[0], low[1], low[2]),
-        (high[0], high[1], high[2]),
-        (corner[0], corner[1], corner[2]),
-        brick["cells_per_voxel"],
-        brick["cells_per_voxel"] / brick["step_cells"],
+        (boxes[number, 0], boxes[number, 1], boxes[number, 2]),
+        (boxes[number, 3], boxes[number, 4], boxes[number, 5]),
+        (boxes[number, 6], boxes[number, 7], boxes[number, 8]),
+        boxes[number, 9],
+        boxes[number, 9] / boxes[number, 10],
         start,
-        brick["texel_offset"],
-        brick["is_mean"],
+        texel_offsets[number],
     )
 
 
 @jit
-def _ray_at(pixel_rays: Float64, number: int) -> _Ray:
-    return _Ray(
-        (pixel_rays[number, 0], pixel_rays[number, 1], pixel_rays[number, 2]),
-        (pixel_rays[number, 3], pixel_rays[number, 4], pixel_rays[number, 5]),
-        (pixel_rays[number, 6], pixel_rays[number, 7], pixel_rays[number, 8]),
-        pixel_rays[number, 9],
-        pixel_rays[number, 10],
-        pixel_rays[number, 11],
-    )
-
-
-@jit
-def _clip_ray(brick: _Brick, ray: _Ray) -> tuple[int, np.float32, Float3, Float3]:
-    """Return a ray's samples in a brick: their number, 0 where the ray misses it; the length of a segment, in model
-    units; the first sample, in texels, and the step to the next one."""
+def _clip_ray(brick: _Brick, rays: Float64, k: int) -> tuple[int, np.float32, Float3, Float3]:
+    """Return the samples of ray k in a brick: their number, 0 where the ray misses it; the length of a segment, in
+    model units; the first sample, in texels, and the step to the next one."""
     low, high, corner, scale = brick.low, brick.high, brick.corner, brick.scale
-    origin, direction, inverse = ray.origin, ray.direction, ray.inverse
     enter, leave = brick.start, math.inf
-    enter, leave = _clip_slab(enter, leave, origin[0], inverse[0], low[0], high[0])
-    enter, leave = _clip_slab(enter, leave, origin[1], inverse[1], low[1], high[1])
-    enter, leave = _clip_slab(enter, leave, origin[2], inverse[2], low[2], high[2])
+    enter, leave = _clip_slab(enter, leave, rays[k, _ORIGIN], rays[k, _INVERSE], low[0], high[0])
+    enter, leave = _clip_slab(enter, leave, rays[k, _ORIGIN + 1], rays[k, _INVERSE + 1], low[1], high[1])
+    enter, leave = _clip_slab(enter, leave, rays[k, _ORIGIN + 2], rays[k, _INVERSE + 2], low[2], high[2])
     if not leave > enter:
         return 0, _0, (_0, _0, _0), (_0, _0, _0)
-    num = int((leave - enter) * brick.samples_per_length * ray.length + ray.rounding_offset)
+    num = int((leave - enter) * brick.samples_per_length * rays[k, _LENGTH] + rays[k, _ROUNDING_OFFSET])
     num = max(1, min(num, MAX_SAMPLES))
     num += num & 3 == 0
     segment = (leave - enter) * _RECIPROCALS[num]
-    begin, end = enter + 0.5 * segment, leave - 0.5 * segment
-    per_interval = _RECIPROCALS[num - 1]
-    x, step_x = _first_and_step(origin[0], direction[0], begin, end, corner[0], scale, per_interval)
-    y, step_y = _first_and_step(origin[1], direction[1], begin, end, corner[1], scale, per_interval)
-    z, step_z = _first_and_step(origin[2], direction[2], begin, end, corner[2], scale, per_interval)
-    return num, np.float32(segment * ray.length_per_depth), (x, y, z), (step_x, step_y, step_z)
+    way = enter + 0.5 * segment, leave - 0.5 * segment, _RECIPROCALS[num - 1]
+    x, step_x = _first_and_step(rays[k, _ORIGIN], rays[k, _DIRECTION], way, corner[0], scale)
+    y, step_y = _first_and_step(rays[k, _ORIGIN + 1], rays[k, _DIRECTION + 1], way, corner[1], scale)
+    z, step_z = _first_and_step(rays[k, _ORIGIN + 2], rays[k, _DIRECTION + 2], way, corner[2], scale)
+    return num, np.float32(segment * rays[k, _LENGTH_PER_DEPTH]), (x, y, z), (step_x, step_y, step_z)
 
 
 @jit
@@ -290,9 +266,13 @@ def _clip_slab(
 
 @jit
 def _first_and_step(
-    origin: float, direction: float, begin: float, end: float, corner: float, scale: float, per_interval: float
+    origin: float, direction: float, way: Vector, corner: float, scale: float
 ) -> tuple[np.float32, np.float32]:
-    """Return the first sample along an axis, in texels of the brick, and the step to the next one."""
+    """Return the first sample along an axis, in texels of the brick, and the step to the next one.
+
+    way: where the first and the last sample are along the ray, and 1 / the number of intervals between samples.
+    """
+    begin, end, per_interval = way
     first = _clamp_to_brick((origin + begin * direction - corner) * scale + _TEXEL_OFFSET)
     last = _clamp_to_brick((origin + end * direction - corner) * scale + _TEXEL_OFFSET)
     return np.float32(first), np.float32((last - first) * per_interval)
@@ -330,8 +310,8 @@ def _draw_brick(
             before = image[row, column, 3]
             if not is_drawn[row, column] or before > optics.termination_alpha:
                 continue
-            ray = _ray_at(pixel_rays, (row - frame[1]) * (frame[2] - frame[0]) + column - frame[0])
-            num, segment_length, first, step = _clip_ray(brick, ray)
+            ray = (row - frame[1]) * (frame[2] - frame[0]) + column - frame[0]
+            num, segment_length, first, step = _clip_ray(brick, pixel_rays, ray)
             red = green = blue = alpha = _0
             for number in range(num):
                 at, shares = cell_at(np.float32(number), first, step)

@@ -16,20 +16,17 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks import BrickBatch
-from renderer.draw.brick_cache import BrickCache
-from renderer.draw.brick_view import BrickView
+from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch
+from renderer.draw.brick_cache import Atlas, BrickCache, BrickView, Int64, max_slots_in_memory
 from renderer.draw.constants import RECTANGLE_ROUNDING_PX
-from renderer.draw.cpu.atlas import CPUAtlas
 from renderer.draw.cpu.march import Float64, TileBins, bin_bricks, draw_tiles
 from renderer.draw.cpu.sample import Field, Float32, Optics
 from renderer.draw.overlay import CellEdges
 from renderer.draw.subsampling import grid_size, refine_grid, upsample
 from renderer.scene import ShadingSpec
 from renderer.splats import SplatBatch
-from renderer.threads import ThreadPool
 from renderer.transfer import toward_light
-from renderer.view import View, ray_setup
+from renderer.view import View
 
 CPU_RENDERER_NAME = "no OpenGL: drawn on the processor"
 
@@ -40,7 +37,44 @@ TILE_SIDE, SUBSAMPLED_TILE_SIDE = 32, 16
 _TASKS_PER_THREAD = 4
 
 
-class CPURasterizer:
+class CPUAtlas(Atlas):
+    """Bricks in memory, one after the other. texels: float32 [slots * PADDED_BRICK_SIZE^3 * num_channels].
+
+    is_planar: a brick stores one channel after the other, and not one texel after the other. Scalars are read more
+    often than their gradients.
+    """
+
+    def __init__(self, num_channels: int, num_keys: int, *, is_planar: bool = False) -> None:
+        super().__init__(num_channels, num_keys)
+        self._is_planar, self._brick_floats = is_planar, PADDED_BRICK_SIZE**3 * num_channels
+        self.texels = np.empty(0, np.float32)
+
+    @property
+    def max_slots(self) -> int:
+        """The number of bricks that the atlas may hold."""
+        return max_slots_in_memory(self.num_channels, len(self._slot_from_key))
+
+    def texel_offsets(self, slots: Int64) -> Int64:
+        """Return where the bricks in these slots begin in `texels`, halo included: int64 [n]."""
+        return slots * self._brick_floats
+
+    def release(self) -> None:
+        """Free the memory."""
+        self.texels = np.empty(0, np.float32)
+        self._resize(0)
+
+    def _grow(self, num: int) -> None:
+        """Make all slots at once: unused ones take no memory, and growing later would need a copy of all texels."""
+        self.texels = np.empty(self.max_slots * self._brick_floats, np.float32)
+        self._resize(self.max_slots)
+
+    def _write(self, slots: Int64, texels: Float32) -> None:
+        if self._is_planar and self.num_channels > 1:
+            texels = np.moveaxis(texels, -1, 1)
+        self.texels.reshape(-1, self._brick_floats)[slots] = texels.reshape(len(slots), -1)
+
+
+class CPURasterizer(BrickCache[CPUAtlas]):
     """A rasteriser of bricks, for scenes that do not need OpenGL (`Scene.needs_opengl`); used like a GLRasterizer.
 
     The images do not depend on the number of threads. Use as a context manager, or call `release`.
@@ -49,8 +83,7 @@ class CPURasterizer:
     renderer_name = CPU_RENDERER_NAME
 
     def __init__(self, *, num_threads: int = 2) -> None:
-        self._threads = ThreadPool(num_threads)
-        self._cache = BrickCache(partial(CPUAtlas, is_planar=True), CPUAtlas, self._threads)
+        super().__init__(partial(CPUAtlas, is_planar=True), CPUAtlas, num_threads)
 
     def __enter__(self) -> CPURasterizer:
         return self
@@ -58,24 +91,10 @@ class CPURasterizer:
     def __exit__(self, *_: object) -> None:
         self.release()
 
-    def release(self) -> None:
-        """Free the bricks, and end the threads."""
-        self.evict_bricks()
-        self._threads.release()
-
-    def evict_bricks(self) -> None:
-        """Free the memory of all bricks."""
-        self._cache.evict_bricks()
-
-    def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
-        """Compute the texels of the bricks `batch[order]`, and return whether any was missing."""
-        assert isinstance(batch, BrickBatch)
-        return self._cache.upload(batch, order, view)
-
     def rasterize(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Float32:
         """Composite `batch[order]`, front to back: float32 [height, width, 4], premultiplied RGBA over nothing."""
         assert isinstance(batch, BrickBatch)
-        brick_view = self._cache.begin_frame(batch, order, view)
+        brick_view = self._begin_frame(batch, order, view)
         sampling = batch.screen_sampling
         columns, rows = grid_size(view.size, sampling.strides[0])
         image, is_drawn = np.zeros((rows, columns, 4), np.float32), np.ones((rows, columns), np.bool_)
@@ -93,14 +112,16 @@ class CPURasterizer:
 
     def _draw_bricks(self, brick_view: BrickView, stride: int, is_drawn: npt.NDArray[np.bool_], image: Float32) -> None:
         """Composite groups of bricks that have slots at once under the image, front to back."""
-        batch, bricks = brick_view.batch, brick_view.bricks
-        rays = ray_setup(batch.cut.volume, batch.model_unit, brick_view.view)
-        for group, uploaded in self._cache.upload_groups(brick_view, len(bricks)):
+        num = len(brick_view.order)
+        texel_offsets = np.empty(num, np.int64)
+        for group, uploaded in self._upload_groups(brick_view, num):
             for atlas, numbers, slots in uploaded:
-                bricks["texel_offset"][numbers] = atlas.texel_offsets(slots)
-            field = self._field(batch)
-            bins = _bin_bricks(bricks["rectangle_px"][group], stride, (is_drawn.shape[1], is_drawn.shape[0]))
-            draw = partial(draw_tiles, bins, stride, rays, bricks[group], field, is_drawn, image)
+                texel_offsets[numbers] = atlas.texel_offsets(slots)
+            bins = _bin_bricks(brick_view.rectangles_px[group], stride, (is_drawn.shape[1], is_drawn.shape[0]))
+            bricks = brick_view.boxes[group], texel_offsets[group], brick_view.is_mean[group]
+            draw = partial(
+                draw_tiles, bins, stride, brick_view.rays, *bricks, self._field(brick_view.batch), is_drawn, image
+            )
             tiles = np.flatnonzero(bins.starts[1:] > bins.starts[:-1])
             num_tasks = min(len(tiles), _TASKS_PER_THREAD * self._threads.num) if self._threads.num > 1 else 1
             self._threads.map(draw, np.array_split(tiles, max(1, num_tasks)))
@@ -114,7 +135,7 @@ class CPURasterizer:
             batch.shading is not None,
             (x, y, z, np.float32(shading.ambient), np.float32(shading.diffuse)),
         )
-        scalars, means = self._cache.atlases
+        scalars, means = self._atlases
         pieces = batch.bricks.pieces
         return Field(scalars.texels, means.texels, pieces.rows.reshape(-1), pieces.guide, optics)
 

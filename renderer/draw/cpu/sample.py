@@ -105,20 +105,14 @@ def _lerp(share: np.float32, one: np.float32, other: np.float32) -> np.float32:
 
 
 @jit
-def sample_scalar(texels: Float32, at: int, shares: Float3) -> np.float32:
-    """Interpolate between eight texels, the lowest of which is `at`."""
-    low = np.uint64(at)
-    high = low + np.uint64(_PLANE_STRIDE)
+def sample_scalar(texels: Float32, at: int, shares: Float3, texel_floats: int = 1) -> np.float32:
+    """Interpolate between eight texels of `texel_floats` channels, in the channel that the lowest has at `at`."""
+    low, right, up = np.uint64(at), np.uint64(texel_floats), np.uint64(texel_floats * _ROW_STRIDE)
+    high = low + np.uint64(texel_floats * _PLANE_STRIDE)
     u, v, w = shares
-    below = _lerp(
-        v,
-        _lerp(u, texels[low], texels[low + np.uint64(1)]),
-        _lerp(u, texels[low + np.uint64(_ROW_STRIDE)], texels[low + np.uint64(_ROW_STRIDE + 1)]),
-    )
+    below = _lerp(v, _lerp(u, texels[low], texels[low + right]), _lerp(u, texels[low + up], texels[low + up + right]))
     above = _lerp(
-        v,
-        _lerp(u, texels[high], texels[high + np.uint64(1)]),
-        _lerp(u, texels[high + np.uint64(_ROW_STRIDE)], texels[high + np.uint64(_ROW_STRIDE + 1)]),
+        v, _lerp(u, texels[high], texels[high + right]), _lerp(u, texels[high + up], texels[high + up + right])
     )
     return _lerp(w, below, above)
 
@@ -160,34 +154,9 @@ def opacity_of_depth(x: np.float32) -> np.float32:
 @jit
 def sample_rgba(texels: Float32, at: int, shares: Float3) -> Color:
     """Interpolate four channels between eight texels, the lowest of which begins at `at`."""
-    low = np.uint64(at)
-    high = low + np.uint64(4 * _PLANE_STRIDE)
-    u, v, w = shares
-    below = _lerp_rgba(
-        v, _lerp_texels_rgba(u, texels, low), _lerp_texels_rgba(u, texels, low + np.uint64(4 * _ROW_STRIDE))
-    )
-    above = _lerp_rgba(
-        v, _lerp_texels_rgba(u, texels, high), _lerp_texels_rgba(u, texels, high + np.uint64(4 * _ROW_STRIDE))
-    )
-    return _lerp_rgba(w, below, above)
-
-
-@jit
-def _lerp_texels_rgba(share: np.float32, texels: Float32, at: np.uint64) -> Color:
-    """Interpolate four channels between a texel and the next one along x."""
     return (
-        _lerp(share, texels[at], texels[at + np.uint64(4)]),
-        _lerp(share, texels[at + np.uint64(1)], texels[at + np.uint64(5)]),
-        _lerp(share, texels[at + np.uint64(2)], texels[at + np.uint64(6)]),
-        _lerp(share, texels[at + np.uint64(3)], texels[at + np.uint64(7)]),
-    )
-
-
-@jit
-def _lerp_rgba(share: np.float32, one: Color, other: Color) -> Color:
-    return (
-        _lerp(share, one[0], other[0]),
-        _lerp(share, one[1], other[1]),
-        _lerp(share, one[2], other[2]),
-        _lerp(share, one[3], other[3]),
+        sample_scalar(texels, at, shares, 4),
+        sample_scalar(texels, at + 1, shares, 4),
+        sample_scalar(texels, at + 2, shares, 4),
+        sample_scalar(texels, at + 3, shares, 4),
     )

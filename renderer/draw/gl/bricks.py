@@ -18,15 +18,13 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import HALO, JITTER_PER_PX, BrickBatch
-from renderer.draw.brick_cache import BrickCache
-from renderer.draw.brick_view import BRICK, BrickView
+from renderer.draw.brick_cache import BrickCache, BrickView
 from renderer.draw.constants import LARGE_FLOAT32, PIECES_IN_ROW
 from renderer.draw.gl.atlas import GLAtlas
 from renderer.draw.gl.programs import BRICK_VERTEX, vertex_content
 from renderer.draw.subsampling import grid_size, upsample
-from renderer.threads import ThreadPool
 from renderer.transfer import PiecewiseTransfer, toward_light
-from renderer.view import View, ray_setup
+from renderer.view import View
 
 Image = npt.NDArray[np.float32]
 LoadProgram = Callable[[str, str], Any]  # from the files of the vertex and of the fragment shader
@@ -35,7 +33,7 @@ LoadProgram = Callable[[str, str], Any]  # from the files of the vertex and of t
 # saves where few pixels are drawn.
 NUM_GROUPS = 4
 
-SCALARS, MEANS, GUIDE, PIECES, IMAGE, REFINEMENT = range(6)  # texture units
+SCALARS, MEANS, GUIDE, PIECES, IMAGE = range(5)  # texture units
 
 # The error of a device's filter between equal scalars: a scalar on a step must stay on its upper side.
 FILTER_ERROR = np.float32(2.0**-22)
@@ -45,7 +43,6 @@ class _PixelGrid(NamedTuple):
     """Every `stride`-th pixel along both axes, as many as cover the image.
 
     size: columns and rows. target: draws the colours of `image` and depths. mask: draws the same depths only.
-    refinement_mask: draws a mark for each block of pixels.
     """
 
     stride: int
@@ -53,32 +50,25 @@ class _PixelGrid(NamedTuple):
     image: Any
     target: Any
     mask: Any
-    refinement_mask: Any
 
 
-class GLBrickRenderer:
-    """Draws bricks in a context, and keeps them there for the next image.
+class GLBrickRenderer(BrickCache[GLAtlas]):
+    """Draws bricks in a context, which frees what `release` does not."""
 
-    num_threads: compute texels and interpolate pixels. `release` ends them.
-    """
-
-    def __init__(self, context: Any, load_program: LoadProgram, largest_point_px: float, num_threads: int) -> None:
-        self._context, self._load_program, self._largest_point_px = context, load_program, largest_point_px
-        self._threads = ThreadPool(num_threads)
+    def __init__(self, context: Any, load_program: LoadProgram, num_threads: int) -> None:
+        super().__init__(partial(GLAtlas, context), partial(GLAtlas, context), num_threads)
+        self._context, self._load_program = context, load_program
         self._pixel_grids: dict[int, _PixelGrid] = {}
         self._image_size = (0, 0)
-        self._cache = BrickCache(partial(GLAtlas, context), partial(GLAtlas, context), self._threads)
         self._transfer: tuple[PiecewiseTransfer, list[Any]] | None = None
-
-    def upload(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
-        """Upload the bricks `batch[order]` to the device, and return whether any was missing."""
-        return self._cache.upload(batch, order, view)
 
     def rasterize(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
         """Composite `batch[order]`, front to back: float32 [height, width, 4], premultiplied RGBA over nothing."""
         self._update_resources(batch, view.size)
-        brick_view = self._cache.begin_frame(batch, order, view)
-        programs, vertices = self._prepare_programs(batch, view), _vertices(brick_view.bricks)
+        brick_view = self._begin_frame(batch, order, view)
+        programs = self._prepare_programs(brick_view)
+        vertices = np.column_stack([brick_view.rectangles_px, brick_view.boxes, np.zeros((len(order), 3))])
+        vertices = vertices.astype(np.float32)  # BRICK_VERTEX; the places in the atlas are still missing
         coarse = None
         for stride in batch.screen_sampling.strides:
             grid = self._pixel_grid(stride)
@@ -89,15 +79,6 @@ class GLBrickRenderer:
         pixels = np.empty((coarse.size[1], coarse.size[0], 4), np.float32)
         coarse.target.read_into(pixels, components=4, dtype="f4")
         return pixels if coarse.stride == 1 else upsample(pixels, coarse.stride, view.size, self._threads)
-
-    def evict_bricks(self) -> None:
-        """Free the memory of all bricks, on the device and here."""
-        self._cache.evict_bricks()
-
-    def release(self) -> None:
-        """Free the bricks, and end the threads; the context frees the rest."""
-        self.evict_bricks()
-        self._threads.release()
 
     def _update_resources(self, batch: BrickBatch, size: tuple[int, int]) -> None:
         """Upload the transfer function, and drop the grids of another image size."""
@@ -124,8 +105,7 @@ class GLBrickRenderer:
             mask = self._context.framebuffer([], depths)
             image.filter = moderngl.LINEAR, moderngl.LINEAR
             image.repeat_x = image.repeat_y = False
-            refinement_mask = self._context.framebuffer([self._context.texture((width, height), 1)])
-            self._pixel_grids[stride] = _PixelGrid(stride, (width, height), image, target, mask, refinement_mask)
+            self._pixel_grids[stride] = _PixelGrid(stride, (width, height), image, target, mask)
         return self._pixel_grids[stride]
 
     def _init_grid(self, grid: _PixelGrid, coarse: _PixelGrid | None, difference_threshold: float) -> None:
@@ -135,26 +115,19 @@ class GLBrickRenderer:
             grid.target.depth_mask = True
             grid.target.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
             return
-        program = self._load_program("whole_vertex.glsl", "refinement_fragment.glsl")
-        program["image"], program["difference_threshold"] = IMAGE, difference_threshold
-        coarse.image.use(IMAGE)
-        coarse.refinement_mask.use()
-        self._context.enable_only(moderngl.NOTHING)
-        self._draw_fullscreen(program)
         program = self._load_program("whole_vertex.glsl", "refined_fragment.glsl")
         program["shift"] = (coarse.stride // grid.stride).bit_length() - 1
-        program["coarse"], program["refinement_mask"] = IMAGE, REFINEMENT
+        program["coarse"], program["difference_threshold"] = IMAGE, difference_threshold
         coarse.image.use(IMAGE)
-        coarse.refinement_mask.color_attachments[0].use(REFINEMENT)
         self._draw_depths(program, grid.target)
 
-    def _prepare_programs(self, batch: BrickBatch, view: View) -> tuple[Any, Any]:
+    def _prepare_programs(self, brick_view: BrickView) -> tuple[Any, Any]:
         """Return the programs of scalars and of means, with the uniforms of a batch and a view.
 
         There are two, because software renderers run all branches of a program for every pixel.
         """
+        batch, rays = brick_view.batch, brick_view.rays
         look_up_scalars = "brick_pieces.glsl " + ("brick_lit.glsl" if batch.shading else "brick_plain.glsl")
-        rays = ray_setup(batch.cut.volume, batch.model_unit, view)
         common = {
             "center_px": rays.center_px,
             "origins": tuple(rays.origins.T.ravel()),  # GL matrices are column by column
@@ -182,43 +155,37 @@ class GLBrickRenderer:
         return programs[0], programs[1]
 
     def _draw_bricks(
-        self, programs: tuple[Any, Any], brick_view: BrickView, vertices: npt.NDArray[Any], grid: _PixelGrid
+        self, programs: tuple[Any, Any], brick_view: BrickView, vertices: npt.NDArray[np.float32], grid: _PixelGrid
     ) -> None:
         """Draw groups of bricks, each group behind those before."""
         for program in programs:
             program["stride_px"], program["grid_size"] = grid.stride, grid.size
         screen_sampling, num = brick_view.batch.screen_sampling, len(brick_view.order)
         num_groups = NUM_GROUPS if screen_sampling.strides == (1,) else 1
-        for group, uploaded in self._cache.upload_groups(brick_view, -(-num // num_groups)):
+        for group, uploaded in self._upload_groups(brick_view, -(-num // num_groups)):
             for program, unit, (atlas, numbers, slots) in zip(programs, (SCALARS, MEANS), uploaded, strict=True):
                 if len(numbers):
-                    vertices["first_texel"][numbers] = atlas.corners(slots) + HALO
+                    vertices[numbers, -3:] = atlas.corners(slots) + HALO
                     atlas.texture.use(unit)
                     program["atlas_scale"] = tuple(1 / n for n in atlas.size)
             grid.target.use()
             grid.target.depth_mask = False
-            self._context.enable_only(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.PROGRAM_POINT_SIZE)
+            self._context.enable_only(moderngl.BLEND | moderngl.DEPTH_TEST)
             self._context.blend_func = moderngl.ONE_MINUS_DST_ALPHA, moderngl.ONE
             self._context.depth_func = "<"
-            self._draw_group(programs, brick_view.bricks["is_mean"][group], vertices[group], grid.stride)
+            self._draw_group(programs, brick_view.is_mean[group], vertices[group])
             if screen_sampling.termination_transmittance > 0 and num_groups > 1 and group.stop < num:
                 self._mask_saturated(grid, screen_sampling.termination_transmittance)
 
     def _draw_group(
-        self, programs: tuple[Any, Any], is_mean: npt.NDArray[np.bool_], vertices: npt.NDArray[Any], stride: int
+        self, programs: tuple[Any, Any], is_mean: npt.NDArray[np.bool_], vertices: npt.NDArray[np.float32]
     ) -> None:
-        """Draw bricks as points, or as quads where one is larger than the driver's points, in runs of one kind."""
-        sides = vertices["rectangle_px"][:, 2:] - vertices["rectangle_px"][:, :2]
-        quads = float(sides.max(initial=0.0)) / stride + 4 > self._largest_point_px
-        for program in programs:
-            program["quads"] = quads
-        mode, num_each = (moderngl.TRIANGLES, 6) if quads else (moderngl.POINTS, 1)
-        buffer = self._context.buffer(np.repeat(vertices, num_each))
-        content = [vertex_content(buffer, BRICK_VERTEX)]
+        """Draw bricks, each a quad of two triangles over its rectangle, in runs of one kind."""
+        content = [vertex_content(self._context.buffer(np.repeat(vertices, 6, axis=0)), BRICK_VERTEX)]
         arrays = [self._context.vertex_array(program, content) for program in programs]
         ends = np.flatnonzero(is_mean[1:] != is_mean[:-1]) + 1
         for first, end in pairwise([0, *ends.tolist(), len(vertices)]):
-            arrays[int(is_mean[first])].render(mode, vertices=num_each * (end - first), first=num_each * first)
+            arrays[int(is_mean[first])].render(moderngl.TRIANGLES, vertices=6 * (end - first), first=6 * first)
 
     def _mask_saturated(self, grid: _PixelGrid, termination_transmittance: float) -> None:
         """Write a near depth at pixels that are almost opaque: later bricks do not draw them."""
@@ -233,18 +200,7 @@ class GLBrickRenderer:
         target.depth_mask = True
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._context.depth_func = "1"
-        self._draw_fullscreen(program)
-
-    def _draw_fullscreen(self, program: Any) -> None:
         self._context.vertex_array(program, []).render(moderngl.TRIANGLES, vertices=3)
-
-
-def _vertices(bricks: npt.NDArray[np.void]) -> npt.NDArray[Any]:
-    """Return the vertices of bricks, BRICK_VERTEX [n], from BRICK [n]; their places in the atlas are still missing."""
-    vertices = np.zeros(len(bricks), BRICK_VERTEX)
-    for name in set(BRICK_VERTEX.names or ()) & set(BRICK.names or ()):
-        vertices[name] = bricks[name]
-    return vertices
 
 
 def _tables(pieces: PiecewiseTransfer) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:

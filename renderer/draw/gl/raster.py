@@ -80,7 +80,7 @@ class GLRasterizer:
         self._target: Any = None
         self._bricks: GLBrickRenderer | CPURasterizer
         if brick_backend == "device" or (brick_backend is None and not is_software(self.renderer_name)):
-            self._bricks = GLBrickRenderer(self._context, self._program, self._largest_point_px, num_threads)
+            self._bricks = GLBrickRenderer(self._context, self._program, num_threads)
         else:
             self._bricks = CPURasterizer(num_threads=num_threads)
 
@@ -96,12 +96,7 @@ class GLRasterizer:
         self._context.release()
 
     def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
-        """Upload the bricks `batch[order]` to the device, and return whether any was missing.
-
-        Splats are uploaded with every image: nothing is done for them.
-        """
-        if isinstance(batch, SplatBatch):
-            return False
+        """Upload the bricks `batch[order]` to the device, and return whether any was missing; splats need no upload."""
         with self._drawing():
             return self._bricks.upload(batch, order, view)
 

@@ -1,6 +1,5 @@
-// One point, or one quad of two triangles where the driver's points are too small, over a brick's rectangle.
+// One quad of two triangles over a brick's rectangle.
 
-uniform bool quads;
 uniform float stride_px;         // between the pixels of the grid
 uniform vec2 grid_size;          // its columns and rows
 
@@ -29,16 +28,9 @@ void main() {
     vec2 high = clamp(floor((rectangle_px.zw - 0.5 + RECTANGLE_ROUNDING_PX) / stride_px) + 1.0, low, grid_size);
     if (any(equal(low, high))) {
         gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
-        gl_PointSize = 1.0;
         return;
     }
-    // GL drops a point whose centre is outside the image: it stays inside, where its square still covers the rectangle.
-    gl_PointSize = max(high.x - low.x, high.y - low.y);
-    vec2 center = min(low + 0.5 * gl_PointSize, grid_size - 0.5);
-    if (quads) {
-        int corner = gl_VertexID % 6;
-        vec2 side = vec2(corner == 1 || corner == 2 || corner == 4, corner == 2 || corner == 4 || corner == 5);
-        center = mix(low, high, side);
-    }
-    gl_Position = vec4(2.0 * center / grid_size - 1.0, 0.0, 1.0);
+    int corner = gl_VertexID % 6;
+    vec2 side = vec2(corner == 1 || corner == 2 || corner == 4, corner == 2 || corner == 4 || corner == 5);
+    gl_Position = vec4(2.0 * mix(low, high, side) / grid_size - 1.0, 0.0, 1.0);
 }

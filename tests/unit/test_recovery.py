@@ -1,28 +1,27 @@
-"""A context that is lost while this process draws is replaced, and the film stays the same."""
+"""A context that is lost is an error by name, or is replaced, and the film stays the same."""
 
 from __future__ import annotations
 
 import ctypes
 import itertools
-import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import moderngl
+import numpy as np
 import pytest
 from film_stages import PLAIN, SCENES, stage_of
 from small_scene import small_scene
+from splatting import in_order, look, place_splats
 
 from hsplat_cli import main
 from hsplat_cli.executors import draw_locally, executor
-from renderer.draw import GLRasterizer, RecoveringRasterizer
+from renderer.draw import CellEdges, GLRasterizer, RecoveringRasterizer
 from renderer.errors import ContextLostError, RenderError
-from renderer.frame import BudgetController, LODCostEstimator, Stage, calibrate_costs
-from renderer.scene import with_tolerances
+from renderer.frame import Stage
 
 NO_CAPABILITY = 0xFFFF
 LOST_ONCE = ["OpenGL's context was lost once, and what it had was drawn again"]
@@ -73,9 +72,9 @@ def pngs(stage: Stage, rasterizer: GLRasterizer | RecoveringRasterizer) -> list[
 def test_the_film_is_the_same(rasterizer: GLRasterizer, kind: str) -> None:
     """Frames whose context was lost are drawn again, to the same bytes."""
     stage = stage_of(SCENES[kind])
-    with RecoveringRasterizer(failing_at({0, 4})) as lasting:
-        assert pngs(stage, lasting) == pngs(stage, rasterizer)
-        assert lasting.notes == ["OpenGL's context was lost 2 times, and what it had was drawn again"]
+    with RecoveringRasterizer(failing_at({0, 4})) as recovering:
+        assert pngs(stage, recovering) == pngs(stage, rasterizer)
+        assert recovering.notes == ["OpenGL's context was lost 2 times, and what it had was drawn again"]
 
 
 @pytest.mark.parametrize(("step", "refused"), [("texture3d", 0), ("texture", 1), ("framebuffer", 1), ("buffer", 2)])
@@ -93,48 +92,33 @@ def test_bricks_are_uploaded_again(monkeypatch: pytest.MonkeyPatch, step: str, r
             raise moderngl.Error("cannot create it")
         return whole_step(self, *arguments, **options)
 
-    with RecoveringRasterizer(on_device) as lasting:
+    with RecoveringRasterizer(on_device) as recovering:
         monkeypatch.setattr(moderngl.Context, step, refusing)
-        assert pngs(stage, lasting) == expected
+        assert pngs(stage, recovering) == expected
         assert next(calls) > refused + 1
-        assert lasting.notes == LOST_ONCE
+        assert recovering.notes == LOST_ONCE
 
 
 def test_a_frame_that_loses_it_again_is_an_error(stage: Stage, rasterizer: GLRasterizer) -> None:
     with (
-        RecoveringRasterizer(failing_at({3, 4})) as lasting,
+        RecoveringRasterizer(failing_at({3, 4})) as recovering,
         pytest.raises(ContextLostError, match="its context was lost\n  got: GL_INVALID_ENUM"),
     ):
-        pngs(stage, lasting)
+        pngs(stage, recovering)
 
 
-def test_frames_on_a_budget_of_time(stage: Stage, rasterizer: GLRasterizer) -> None:
-    """A frame at a tolerance is the same as without a loss. Trial drawings may lose their context, too."""
-    with RecoveringRasterizer(failing_at({0, 6, 9})) as lasting:
-        estimator = LODCostEstimator(stage)
-        calibrate_costs(estimator, 0, 0.0, lasting, clock=time.perf_counter)
-        controller = BudgetController(estimator, lambda frame: 0.01)
-        found = list(draw_locally(stage, range(8), lasting, controller))
-        assert lasting.notes == ["OpenGL's context was lost 3 times, and what it had was drawn again"]
-    tolerances = {drawn.number: drawn.record["tolerance"] for drawn in found}
-    assert list(tolerances) == list(range(8))
-    assert [drawn.picture.png for drawn in found] == pngs(
-        replace(stage, scene=with_tolerances(stage.scene, tolerances)), rasterizer
-    )
-
-
-def test_another_device_is_none(stage: Stage) -> None:
-    """A context of another device is refused, because its pictures would be other bytes."""
+def test_a_context_of_another_device_is_refused(stage: Stage) -> None:
+    """Its pictures would be other bytes."""
 
     def make_another() -> GLRasterizer:
         other = GLRasterizer()
         other.renderer_name = "another one"
         return other
 
-    with RecoveringRasterizer(run_sequentially(failing_at({2}), make_another)) as lasting:
+    with RecoveringRasterizer(run_sequentially(failing_at({2}), make_another)) as recovering:
         with pytest.raises(ContextLostError, match="its context was lost"):
-            pngs(stage, lasting)
-        assert lasting.notes == []
+            pngs(stage, recovering)
+        assert recovering.notes == []
 
 
 def test_no_other_context(stage: Stage) -> None:
@@ -142,13 +126,13 @@ def test_no_other_context(stage: Stage) -> None:
         raise RenderError("no OpenGL 3.3 context could be made")
 
     with (
-        RecoveringRasterizer(run_sequentially(failing_at({2}), refuse)) as lasting,
+        RecoveringRasterizer(run_sequentially(failing_at({2}), refuse)) as recovering,
         pytest.raises(ContextLostError, match="its context was lost"),
     ):
-        pngs(stage, lasting)
+        pngs(stage, recovering)
 
 
-def test_the_command_goes_on_and_says_so(
+def test_the_command_continues_and_prints_a_note(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -160,3 +144,65 @@ def test_the_command_goes_on_and_says_so(
     assert main.run(["render", "scene.yaml", "--workers", "1", "--output", "lost.mp4"]) == 0
     assert f"note: {LOST_ONCE[0]}\n" in capsys.readouterr().out
     assert Path("lost.mp4").read_bytes() == Path("whole.mp4").read_bytes()
+
+
+# Errors that are raised
+
+
+def test_an_error_of_gl_is_raised() -> None:
+    with GLRasterizer() as gl:
+        draw_splats(gl)
+        with gl._context:
+            ctypes.CDLL("libGL.so.1").glEnable(NO_CAPABILITY)
+        with pytest.raises(ContextLostError) as raised:
+            draw_splats(gl)
+        assert str(raised.value) == (
+            f"{gl.renderer_name}: OpenGL failed to draw, or its context was lost\n  got: GL_INVALID_ENUM"
+        )
+
+
+def refuse(*arguments: Any, **options: Any) -> None:
+    raise moderngl.Error("cannot create it")
+
+
+def draw_splats(gl: GLRasterizer) -> None:
+    splats = place_splats(np.zeros((1, 3)), 0.1)
+    gl.rasterize(splats, in_order(splats), look())
+
+
+def draw_edges(gl: GLRasterizer) -> None:
+    gl.rasterize_edges(CellEdges(np.zeros((1, 7), np.float32), 0.1, np.zeros(3), 1.0), look())
+
+
+@pytest.mark.parametrize(
+    ("picture", "step"),
+    [
+        (draw_splats, "buffer"),
+        (draw_splats, "program"),
+        (draw_edges, "vertex_array"),
+    ],
+)
+def test_what_gl_refuses_is_a_lost_context(
+    picture: Callable[[GLRasterizer], object], step: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A lost context is reported by name, although it answers no query any more."""
+    with GLRasterizer() as gl:
+        name = gl.renderer_name
+        monkeypatch.setattr(moderngl.Context, step, refuse)
+        monkeypatch.setattr(moderngl.Context, "info", {})
+        with pytest.raises(ContextLostError) as raised:
+            picture(gl)
+    assert str(raised.value) == f"{name}: OpenGL failed to draw, or its context was lost\n  got: cannot create it"
+
+
+def test_a_picture_without_memory_may_be_a_lost_context(monkeypatch: pytest.MonkeyPatch) -> None:
+    with GLRasterizer() as gl:
+        monkeypatch.setattr(moderngl.Context, "framebuffer", refuse)
+        with pytest.raises(ContextLostError, match="no room for a picture of this size, or its context was lost\n"):
+            draw_splats(gl)
+
+
+def test_a_context_is_lost_while_it_is_opened(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(moderngl.Context, "buffer", refuse)
+    with pytest.raises(ContextLostError, match="its context was lost\n  got: cannot create it"):
+        GLRasterizer()
