@@ -23,7 +23,7 @@ DIGITS = b"0123456789.e+-\\\n"  # and what else makes up numbers, and ends them
 
 
 def write(folder: Path, name: str) -> tuple[Path, Path]:
-    """The file to read and the file that holds the voxels."""
+    """Write a volume; return the file to read and the file that holds the voxels."""
     path = folder / name
     if name.endswith(".npy"):
         np.save(path, VALUES)
@@ -64,7 +64,7 @@ def test_damage_within_compressed_voxels_is_an_error(tmp_path, name):
 
 
 def header_places(name: str, data: bytes) -> np.ndarray:
-    """The bytes of a file, decompressed if it is gzip, that are its header."""
+    """Return the places of the header in a file, which is decompressed if it is gzip."""
     if name.endswith(".tif"):
         return field_places(data)
     if name.endswith(".nrrd"):
@@ -75,7 +75,7 @@ def header_places(name: str, data: bytes) -> np.ndarray:
 
 
 def altered(data: bytes, places: np.ndarray, seed: int, num_altered: int) -> Iterator[bytes]:
-    """The data with one to three bytes of those at `places` changed: to any, by a bit, to an end, to a digit."""
+    """Yield the data with one to three bytes at `places` changed: to any, by a bit, to an end, to a digit."""
     rng = np.random.default_rng(seed)
     for _ in range(num_altered):
         damaged = bytearray(data)
@@ -86,7 +86,7 @@ def altered(data: bytes, places: np.ndarray, seed: int, num_altered: int) -> Ite
 
 
 def read_or_refuse(path: Path, **choice: int) -> bool:
-    """Whether there is a volume; anything but a volume and an error for users fails."""
+    """Return whether there is a volume; anything but a volume and an error for users fails."""
     try:
         return read_volume(VolumeSpec(FileSource(path), **choice)).values.ndim == 3
     except HsplatError:
@@ -126,7 +126,7 @@ def test_altered_descriptions_never_escape(tmp_path, data):
 
 
 def test_altered_dicom_never_escapes(tmp_path):
-    """The elements of the image; altered lengths before them are GDCM's alone."""
+    """Altered elements of the image are refused or read; lengths before them are read by GDCM alone."""
     sitk.WriteImage(sitk.GetImageFromArray(VALUES[:1].astype(np.int16)), str(tmp_path / "a.dcm"))
     data = (tmp_path / "a.dcm").read_bytes()
     places = np.arange(data.index(b"\x28\x00\x02\x00"), data.rindex(b"\xe0\x7f\x10\x00"))

@@ -32,7 +32,7 @@ def with_nan(values: Array, where: Array) -> Array:
 
 
 def found(folder: Path, values: Array) -> tuple[float | None, str]:
-    """What NaN are to be, and what the volume is taken for then."""
+    """Return the fill value for NaN, and the kind of data that is recognised with it."""
     np.save(folder / "scan.npy", values)
     source = FileSource(folder / "scan.npy")
     volume = read_volume(VolumeSpec(source, nonfinite="lowest"))
@@ -102,7 +102,7 @@ def test_nan_make_a_mask(tmp_path: Path, value: float) -> None:
 
 
 def test_a_background_of_the_lowest_value_is_not_taken_for_nan(tmp_path: Path) -> None:
-    """A few NaN become 0, as the background is, which stays one."""
+    """A few NaN become 0, which remains the background."""
     values = np.maximum(KINDS["uint8"][0].astype(float) - 30, 0)
     without = found(tmp_path, values)[1]
     values[20, 20, 20:30] = np.nan

@@ -43,7 +43,7 @@ def test_marschner_lobb_is_its_formula():
         assert abs(int(values[z, y, x]) - 255 * rho) <= 0.5 + 1e-9
 
 
-# Digests of the values as they were when planes were made whole, with slabs of at most so many voxels.
+# Digests of the values, with slabs of at most this many voxels.
 DIGESTS = [
     ("engine_block", (7, 5, 3), 1, 2**20, "55a543a462f9acce"),
     ("engine_block", (2051, 777, 1), 4, 2**20, "4b7797523257964f"),
@@ -56,7 +56,7 @@ DIGESTS = [
 
 
 @pytest.mark.parametrize(("name", "shape", "seed", "most", "expected"), DIGESTS)
-def test_rows_in_blocks_are_those_of_whole_planes(name, shape, seed, most, expected, monkeypatch):
+def test_values_do_not_change(name, shape, seed, most, expected, monkeypatch):
     monkeypatch.setattr("renderer.readers.procedural._SLAB_VOXELS", most)
     values = procedural_values(ProceduralSource(name, shape, seed))
     assert hashlib.blake2b(values.tobytes(), digest_size=8).hexdigest() == expected

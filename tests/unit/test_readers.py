@@ -23,13 +23,13 @@ FLOATS = ("float16", "float32", "float64")
 
 
 def rotation() -> np.ndarray:
-    """A rotation about no axis of the frame."""
+    """Return a rotation about no coordinate axis."""
     (cx, sx), (cz, sz) = ((np.cos(a), np.sin(a)) for a in (0.3, 0.7))
     return np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]]) @ np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
 
 
 def assert_usable(volume: Volume) -> None:
-    """What the rest of the program relies on."""
+    """Check what the rest of the program relies on."""
     assert volume.values.flags.c_contiguous
     assert not volume.values.flags.writeable
     assert volume.values.dtype.isnative
@@ -228,7 +228,7 @@ def test_another_spacing_moves_what_a_crop_leaves(tmp_path):
 
 @pytest.mark.parametrize("spacing", [(1.0, 1.0, 1.0), (0.1, 0.1, 0.5), (1e-30, 3e-30, 1e-29), (1e30, 3e29, 1e29)])
 def test_a_spacing_beside_a_file_is_that_of_a_raw_volume(tmp_path, spacing):
-    """Which voxels they are, and where, is the same whoever said it; so frames that are kept are."""
+    """A spacing for a file gives the fingerprint of a raw volume with that spacing."""
     np.save(tmp_path / "a.npy", ramp("uint16"))
     ramp("uint16").tofile(tmp_path / "a.raw")
     x, y, z = ramp("uint16").shape[::-1]

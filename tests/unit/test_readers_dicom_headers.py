@@ -51,7 +51,7 @@ def test_low_values_that_are_light(tmp_path: Path, intercept: int) -> None:
         (PIXEL_SPACING.replace(b".25\\.5", b".25   "), "PixelSpacing = .25"),
     ],
 )
-def test_lengths_that_are_not_said(tmp_path: Path, field: bytes, got: str) -> None:
+def test_missing_lengths(tmp_path: Path, field: bytes, got: str) -> None:
     write(tmp_path)
     for path in tmp_path.iterdir():
         change(path, PIXEL_SPACING, field)
@@ -80,7 +80,7 @@ def test_lengths_in_another_field(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read(tmp_path / "a.dcm").spacing[:2], [0.5, 0.25])
 
 
-def test_frames_of_which_functional_groups_say_the_lengths(tmp_path: Path) -> None:
+def test_functional_groups_give_the_lengths_of_frames(tmp_path: Path) -> None:
     image = sitk.GetImageFromArray(VALUES.astype(np.int16))
     image.SetSpacing((0.5, 0.25, 7.0))
     image.SetMetaData("0008|0060", "MR")
@@ -91,7 +91,7 @@ def test_frames_of_which_functional_groups_say_the_lengths(tmp_path: Path) -> No
         read(tmp_path / "a.dcm")
 
 
-def test_frames_whose_distance_is_not_said(tmp_path: Path) -> None:
+def test_frames_need_a_distance(tmp_path: Path) -> None:
     write(tmp_path)
     data = (tmp_path / "0.dcm").read_bytes()
     begin, pixels = data.index(b"\xe0\x7f\x10\x00"), VALUES.astype("<i2").tobytes()

@@ -47,7 +47,7 @@ def test_each_slice_has_a_file(header: str, named: str) -> None:
     np.testing.assert_array_equal(read(header, NAMINGS[header] + named), VALUES)
 
 
-def test_blanks_behind_names_are_none_of_them() -> None:
+def test_blanks_after_names_are_ignored() -> None:
     np.testing.assert_array_equal(read("v.mhd", NAMINGS["v.mhd"] + LIST.replace(".raw", ".raw \t")), VALUES)
 
 
@@ -59,7 +59,7 @@ def test_components_may_be_the_last_axis() -> None:
 
 
 @pytest.mark.parametrize("skipped", [-1, 0, 5])
-def test_slices_behind_headers_of_their_own(skipped: int) -> None:
+def test_slices_may_have_headers_of_their_own(skipped: int) -> None:
     header = f"HeaderSize = {skipped}\n" + NAMINGS["v.mhd"]
     for number, plane in enumerate(VALUES, 1):
         Path(f"slice{number:02}.raw").write_bytes(bytes(max(0, skipped)) + plane.tobytes())

@@ -70,7 +70,7 @@ IMAGEJ = "ImageJ=1.53\nimages=3\nslices=3\nspacing=2.0\n"
 @pytest.mark.parametrize(
     ("tag", "per_unit", "lines", "expected"),
     [
-        (1, 10, "unit=micron\n", (0.1, 0.1, 2)),  # of Fiji, and of tifffile where it is told no unit of the resolution
+        (1, 10, "unit=micron\n", (0.1, 0.1, 2)),  # by Fiji, and by tifffile without a unit of the resolution
         (1, 10, "", (0.1, 0.1, 2)),
         (3, 100_000, "unit=um\n", (0.1, 0.1, 2)),  # of tifffile, told CENTIMETER
         (3, 100_000, "unit=\u03bcm\n", (0.1, 0.1, 2)),
@@ -109,7 +109,7 @@ def test_units_of_imagej_that_disagree(tmp_path, tag, lines, got):
 
 
 def ome_sizes(**attributes: str) -> str:
-    """Of x, y and z, with units as `XUnit`; a second image with others comes behind them."""
+    """Return a description with sizes of x, y and z and units such as `XUnit`; a second image has other ones."""
     sizes = " ".join(f'PhysicalSize{name}="{value}"' for name, value in attributes.items())
     counts = 'DimensionOrder="XYZCT" SizeX="5" SizeY="4" SizeZ="3" SizeC="1" SizeT="1"'
     second = 'PhysicalSizeX="9" PhysicalSizeXUnit="km" PhysicalSizeYUnit="km" PhysicalSizeZUnit="km"'
@@ -120,7 +120,7 @@ def ome_sizes(**attributes: str) -> str:
     ("sizes", "expected"),
     [
         ({"X": "0.1", "Y": "0.1", "Z": "500", "XUnit": "µm", "YUnit": "µm", "ZUnit": "nm"}, (0.1, 0.1, 0.5)),
-        ({"X": "0.1", "Y": "0.1", "Z": "500", "ZUnit": "nm"}, (0.1, 0.1, 0.5)),  # µm where nothing is said
+        ({"X": "0.1", "Y": "0.1", "Z": "500", "ZUnit": "nm"}, (0.1, 0.1, 0.5)),  # µm by default
         ({"X": "100", "Y": "0.1", "Z": "0.0005", "XUnit": "nm", "ZUnit": "mm"}, (100, 100, 500)),
         ({"X": "0.1", "Y": "0.2", "Z": "1", "XUnit": "mm", "YUnit": "mm", "ZUnit": "mm"}, (0.1, 0.2, 1)),
         ({"X": "0.1", "Y": "0.2", "Z": "1", "XUnit": "&#181;m", "YUnit": "&#xB5;m", "ZUnit": "\u03bcm"}, (0.1, 0.2, 1)),

@@ -14,7 +14,7 @@ DTYPES = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint6
 
 
 def mixture(*parts: tuple[float, float, int], seed: int = 0) -> np.ndarray:
-    """Normal parts of (mean, deviation, number)."""
+    """Return samples of normal distributions, from (mean, deviation, number)."""
     rng = np.random.default_rng(seed)
     return np.concatenate([rng.normal(mean, deviation, number) for mean, deviation, number in parts])
 
@@ -63,7 +63,7 @@ def test_floats_far_from_zero_and_of_tiny_range():
 
 @pytest.mark.parametrize("dtype", ["int32", "int64", "float16", "float32", "float64"])
 def test_percentiles_beside_outliers_are_values_of_the_volume(dtype, monkeypatch):
-    """Zeros of either sign, values that differ in their last bits, and one voxel at each end of the type."""
+    """Percentiles are exact with zeros of either sign, values that differ in their last bits, and outliers."""
     monkeypatch.setattr("renderer.suggest.histogram._CHUNK", 1000)
     kind = np.dtype(dtype)
     ends = np.iinfo(kind) if kind.kind == "i" else np.finfo(kind)

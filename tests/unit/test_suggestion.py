@@ -1,4 +1,4 @@
-"""The kinds of data are told apart, and what is suggested for each gives a picture that shows something."""
+"""Each kind of data is recognised, and its suggestion gives a picture that shows something."""
 
 from __future__ import annotations
 
@@ -177,7 +177,7 @@ def test_padding_is_not_seen() -> None:
 
 
 def test_signs_are_alike() -> None:
-    """Both lobes, mirrored, are as dense, in colours of their own."""
+    """Mirrored lobes are equally dense, and each has its own colours."""
     transfer = make_transfer_function(suggested(signed()).transfer, 1.0)
     value = 0.7 * float(signed().max())
     colors, depths = transfer.classify(np.array([-value, 0.0, value]))
@@ -187,7 +187,7 @@ def test_signs_are_alike() -> None:
 
 
 def test_a_label_has_its_own_colour_to_its_skin(rasterizer: GLRasterizer) -> None:
-    """Not that of the number between it and the background's, as interpolated numbers would have there."""
+    """The surface of a label does not have the colour of a number between it and the background."""
     values = np.zeros((N, N, N), np.uint8)
     values[4:18, 8:-8, 8:-8] = 1
     values[30:44, 8:-8, 8:-8] = 2
@@ -225,7 +225,7 @@ def test_labels_inside_of_each_other_are_all_glass_but_the_innermost() -> None:
 
 
 def test_smooth_volumes_of_few_levels_are_no_labels() -> None:
-    """Where values change slowly most neighbours are equal, too; but unequal ones are alike."""
+    """Most neighbours are equal in a slowly changing field, too, but unequal ones differ little."""
     z, y, x = np.meshgrid(*[np.linspace(-1, 1, 256)[:96]] * 3, indexing="ij")
     values = np.rint(60 * np.exp(-3 * (x**2 + y**2 + z**2))).astype(np.uint8)
     assert suggested(values).kind not in ("labels", "mask")
@@ -233,7 +233,7 @@ def test_smooth_volumes_of_few_levels_are_no_labels() -> None:
 
 @pytest.mark.parametrize("num_values", [7, 40, 255])
 def test_clipped_images_without_noise_are_no_labels(num_values: int) -> None:
-    """Most of it has the largest value, but the others are those that its edge goes through."""
+    """Most voxels have the largest value, and the other values are those of an edge."""
     z, y, x = axes()
     edge = np.clip(24 * (0.9 - np.sqrt((x + 0.03) ** 2 + (y - 0.06) ** 2 + z**2)), 0, 1)
     values = np.rint(edge * (num_values - 1)).astype(np.uint8)
@@ -241,7 +241,7 @@ def test_clipped_images_without_noise_are_no_labels(num_values: int) -> None:
 
 
 def test_layers_side_by_side_are_labels() -> None:
-    """Ascending from the inside out, as the values of an edge do, but each of some thickness."""
+    """Labels may ascend from the inside out, as the values of an edge do, if each layer is thick."""
     z, y, x = axes()
     radius = np.sqrt(x**2 + y**2 + z**2)
     values = np.where(radius < 0.9, 1 + radius * 6, 0).astype(np.uint8)
@@ -250,7 +250,7 @@ def test_layers_side_by_side_are_labels() -> None:
 
 @pytest.mark.parametrize("along", [(0, 1, 2), (2,)])
 def test_pieces_of_one_voxel_are_not_called_large(along: tuple[int, ...]) -> None:
-    """A chequerboard, and stripes."""
+    """A chequerboard and stripes are masks without large pieces."""
     suggestion = suggested(np.where(np.indices((32, 32, 32))[list(along)].sum(0) % 2, 200, 0).astype(np.uint8))
     assert (suggestion.kind, suggestion.reason) == ("mask", "there are 2 values, and 0 is the background")
     assert suggested(labels()).reason == "there are 5 values, in large pieces, and 0 is the background"
@@ -258,8 +258,7 @@ def test_pieces_of_one_voxel_are_not_called_large(along: tuple[int, ...]) -> Non
 
 @pytest.mark.parametrize(("extent", "offset"), [(10**6, 2**60), (10**10, -(2**60)), (10**15, 2**60)])
 def test_points_are_told_apart_on_a_large_offset(extent: int, offset: int) -> None:
-    """A ramp of as many points as without the offset, each within a thousandth of the range, which int64 has exactly
-    and float64 to 256 here."""
+    """An offset that float64 resolves only to 256 changes no point by more than two thousandths of the range."""
     values = (np.asarray(KINDS["temperature"][0], np.float64) - 273) / 80
     values = np.rint(values / np.ptp(values) * extent).astype(np.int64)
     plain, shifted = (suggested(values + by).transfer.mapping for by in (0, offset))
@@ -271,7 +270,7 @@ def test_points_are_told_apart_on_a_large_offset(extent: int, offset: int) -> No
 
 
 def test_points_are_told_apart_beside_hot_voxels() -> None:
-    """Which makes them much nearer to each other than a thousandth of the range."""
+    """Points stay apart although they are much closer than a thousandth of the range."""
     values = two_materials("uint8") / 255
     hot = values.copy()
     hot[5, 6, 7:12] = np.arange(1, 6) * 6e3
@@ -290,7 +289,7 @@ def test_thousands_of_labels() -> None:
 
 
 def test_light_comes_from_above_for_dark_objects_too() -> None:
-    """Gradients point out of a dark object; its light is turned."""
+    """Gradients point out of a dark object, so its light is turned."""
     bright, dark = (KINDS[name][0] for name in ("uint8", "dark object"))
     of_bright, of_dark = suggested(bright).shading, suggested(dark).shading
     assert of_bright is not None and of_dark is not None
