@@ -26,6 +26,7 @@ CODE = Path(main.__file__).parents[1]
 
 SCENE = small_scene(shape="16, 16, 8", frames=4)
 FOLDER = Path("goldens")
+FIRST: dict[str, bytes] = {}
 NAMES = [f"frame-000{number}.png" for number in range(4)]
 OTHER = ["--set", "transfer_function.points.2.color=red"]
 
@@ -55,6 +56,17 @@ def golden_json() -> dict[str, Any]:
 def files() -> dict[str, tuple[bytes, int]]:
     """Return content and time of all files in the folder."""
     return {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in FOLDER.iterdir()}
+
+
+def first_goldens() -> None:
+    """Write the goldens of SCENE, which are drawn once for all tests."""
+    if FIRST:
+        FOLDER.mkdir()
+        for name, content in FIRST.items():
+            (FOLDER / name).write_bytes(content)
+    else:
+        assert golden("--quiet") == 0
+        FIRST.update((name, content) for name, (content, _) in files().items())
 
 
 def answer(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
@@ -98,7 +110,7 @@ def test_some_frames_can_be_golden(capsys: pytest.CaptureFixture[str]) -> None:
 def test_without_update_or_with_a_declined_one_nothing_is_written(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert golden("--quiet") == 0
+    first_goldens()
     before = files()
     assert golden(*OTHER) == 2
     answer(monkeypatch, "n")
@@ -112,7 +124,7 @@ def test_without_update_or_with_a_declined_one_nothing_is_written(
 def test_without_an_answer_goldens_are_not_overwritten(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert golden("--quiet") == 0
+    first_goldens()
     before = files()
     monkeypatch.setenv("CI", "false")
     with open(os.devnull, encoding="utf-8") as nothing:
@@ -128,7 +140,7 @@ def test_without_an_answer_goldens_are_not_overwritten(
 
 
 def test_unchanged_frames_keep_their_files() -> None:
-    assert golden("--quiet") == 0
+    first_goldens()
     before, digests = files(), [frame["digest"] for frame in golden_json()["frames"]]
     coarser = "error.tolerance={0: 0.1, 1: 0.1, 2: 2, 3: 2}"
     assert golden("--update", "--yes", "--quiet", "--set", coarser) == 0
@@ -140,7 +152,7 @@ def test_unchanged_frames_keep_their_files() -> None:
 
 
 def test_unrequested_goldens_stay_until_they_are_pruned(capsys: pytest.CaptureFixture[str]) -> None:
-    assert golden("--quiet") == 0
+    first_goldens()
     (FOLDER / "compare.yaml").write_text("level: exact\n", encoding="utf-8")
     (FOLDER / "frame-0009.png").write_bytes(b"not a golden")
     before = files()
@@ -201,7 +213,7 @@ def killed_after(num_done: int, monkeypatch: pytest.MonkeyPatch, *options: str) 
 @pytest.mark.parametrize("num_done", [1, 2, 4])
 def test_the_next_update_repairs_what_a_kill_leaves(num_done: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The folder changes in this order: a golden is removed; golden.json and three goldens are written."""
-    assert golden("--quiet") == 0
+    first_goldens()
     options = ("--update", "--yes", "--prune", "--frames", ":3", *OTHER)
     done = killed_after(num_done, monkeypatch, *options)
     assert done == ["frame-0003.png", "golden.json", *NAMES][:num_done]
@@ -264,7 +276,7 @@ with lock_slots(Path("goldens/golden.unfinished"), [0], Path("goldens/golden.jso
 
 
 def test_two_commands_do_not_write_one_folder(capsys: pytest.CaptureFixture[str]) -> None:
-    assert golden("--quiet") == 0
+    first_goldens()
     before = {name: content for name, content in files().items() if name != "golden.unfinished"}
     holder = subprocess.Popen(
         [sys.executable, "-c", HOLDING],
@@ -288,7 +300,7 @@ def test_a_sidecar_with_the_tolerances_of_a_time_budget_can_be_golden() -> None:
 
 
 def test_an_interrupt_waits_until_all_files_are_written(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert golden("--quiet") == 0
+    first_goldens()
     replace = os.replace
 
     def interrupted(source: Path, target: Path) -> None:
@@ -303,7 +315,7 @@ def test_an_interrupt_waits_until_all_files_are_written(monkeypatch: pytest.Monk
 
 
 def test_an_interrupt_while_frames_are_drawn_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert golden("--quiet") == 0
+    first_goldens()
     before, original = files(), frame_result.render_frames
 
     def stopped(*arguments: Any, **options: Any) -> Iterator[Frame]:
@@ -351,7 +363,7 @@ def test_an_update_is_by_default_of_the_golden_frames() -> None:
 
 def test_goldens_of_two_scenes_are_refused() -> None:
     options = ["--set", "camera.path.frames=3"]
-    assert golden("--quiet") == 0
+    first_goldens()
     before = files()
     assert golden("--update", "--yes", *options) == 2
     assert files() == before
