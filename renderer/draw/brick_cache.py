@@ -181,9 +181,8 @@ class BrickCache(Generic[A]):
             return False
         brick_view = self._prepare(batch, order, view)
         keys = [(atlas, brick_view.keys[is_chosen]) for atlas, is_chosen in self._parts(brick_view)]
-        if any(len(of_atlas) > atlas.max_slots for atlas, of_atlas in keys):
-            return False
-        if not any(atlas.num_missing(of_atlas) for atlas, of_atlas in keys):
+        has_room = all(len(of_atlas) <= atlas.max_slots for atlas, of_atlas in keys)
+        if not has_room or not any(atlas.num_missing(of_atlas) for atlas, of_atlas in keys):
             return False
         self._means.begin(is_enabled=False)
         list(self._upload_groups(brick_view, len(order)))

@@ -33,12 +33,8 @@ def upsample(grid: Float32, stride: int, size: tuple[int, int], threads: ThreadP
     def work(first: int, end: int) -> None:
         _upsample_rows(grid, stride, (first, end), image)
 
-    threads.for_ranges(work, height, _min_rows_per_thread(width))
+    threads.for_ranges(work, height, -(-_MIN_PIXELS_PER_THREAD // width))
     return image
-
-
-def _min_rows_per_thread(num_columns: int) -> int:
-    return -(-_MIN_PIXELS_PER_THREAD // num_columns)
 
 
 @jit
@@ -77,7 +73,7 @@ def refine_grid(
     def work(first: int, end: int) -> None:
         _refine_rows(grid, factor, differ, (first, end), image, is_drawn)
 
-    threads.for_ranges(work, shape[1], _min_rows_per_thread(shape[0]))
+    threads.for_ranges(work, shape[1], -(-_MIN_PIXELS_PER_THREAD // shape[0]))
     return image, is_drawn
 
 

@@ -62,11 +62,6 @@ class LODCostEstimator:
         self._writing: deque[float] = deque([_TYPICAL_WRITING], maxlen=_NUM_RECENT)  # seconds
         self._seen: dict[float, tuple[float, float]] = {}  # by size: typical seconds, and those that sorting took
 
-    @property
-    def is_empty(self) -> bool:
-        """Whether nothing was drawn yet."""
-        return not (self._trials or self._frames)
-
     def size(self, lod: LOD) -> float:
         """Return the size of an LOD, as its primitive defines it."""
         return self.primitive.lod_size(lod.tolerance, lod.num_cells)
@@ -145,7 +140,7 @@ def calibrate_costs(
 ) -> None:
     """Draw a frame at rising sizes, until one takes `min_last_seconds`, to learn the costs of drawing.
 
-    first_size: the first size; None for the primitive's initial one.
+    first_size: the first size, after other frames were drawn; None for the primitive's initial one.
     on_step: called before each drawing; what it raises ends the calibration.
     """
     primitive = estimator.primitive
@@ -154,7 +149,7 @@ def calibrate_costs(
     while tolerance < before:
         on_step()
         draw_list = estimator.make_draw_list(number, tolerance, Stopwatch(clock))
-        if estimator.is_empty:  # the first drawing compiles shaders and makes buffers
+        if first_size is None and num_trials == 0:  # the first drawing compiles shaders and makes buffers
             draw_frame(estimator.stage, draw_list, rasterizer, Stopwatch(clock))
         watch = Stopwatch(clock)
         draw_frame(estimator.stage, draw_list, rasterizer, watch)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -71,8 +70,7 @@ def model_view(model: Model, view: View) -> ModelView:
     )
 
 
-@dataclass(frozen=True)
-class Region:
+class Region(NamedTuple):
     """A rectangle of pixels, which may be empty: its first column and row, and the numbers of both."""
 
     left: int

@@ -16,7 +16,6 @@ from brickwork import (
     CAMERAS,
     EACH_SHADING,
     EXACTLY,
-    LIT,
     SHADED_AFFINES,
     batch_of,
     bricks_of,
@@ -100,19 +99,6 @@ def test_constant_volumes_obey_beer_and_lambert(affine: str, dtype: str) -> None
         assert error(image, alpha[..., None] * (*COLOR, 1.0)) < limit, (camera, shape)
 
 
-@pytest.mark.parametrize("depth", [1e-6, 0.1, 30.0])
-def test_slabs_from_thin_to_opaque(depth: float) -> None:
-    """At one cell, or several, or a part of one as a step."""
-    volume = placed(np.full((40, 20, 18), 1, np.uint8))
-    bricks = bricks_of(volume, transfer_of((0, COLOR, 0.0), (1, COLOR, depth / 40)))
-    view = View(np.eye(3), volume.centre, 100.0, "orthographic", 0.2, (3, 2))
-    for step in (0.3, 1.0, 4.0):
-        cut = random_cut(bricks, 7)
-        image = rasterize_bricks_reference(batch_of(cut, bricks, step=step), ordered(cut, view), view)
-        expected = -np.expm1(-depth) * np.array([*COLOR, 1.0])
-        np.testing.assert_allclose(image, np.broadcast_to(expected, image.shape), rtol=1e-6)
-
-
 def ramp(shape: tuple[int, int, int], rng: np.random.Generator, affine: str) -> Volume:
     """Rises from 0 to 1 along a random direction."""
     z, y, x = np.ogrid[tuple(map(slice, shape))]
@@ -133,48 +119,6 @@ def test_ramps_meet_without_seams(affine: str, shading: ShadingSpec | None) -> N
         truth = integrate(volume, transfer, view, step_voxels=1.0, shading=shading)
         batch = batch_of(cut, bricks, shading=shading)
         assert error(rasterize_bricks_reference(batch, ordered(cut, view), view), truth) < LEVEL, camera
-
-
-def errors_of_steps(
-    volume: Volume, view: View, steps: tuple[float, ...], shading: ShadingSpec | None = None
-) -> Float64:
-    """Root mean square of pictures from scalars; their table has many entries, for between them (tau c, tau) is linear,
-    while the truth's colour is."""
-    transfer = transfer_of((0, (0.9, 0.2, 0.1), 0.0), (1, (0.1, 0.5, 1.0), 0.15))
-    bricks = bricks_of(volume, transfer)
-    cut = level_cut(bricks, 0)
-    truth = integrate(volume, transfer, view, step_voxels=0.25, shading=shading)
-    errors = []
-    for step in steps:
-        batch = batch_of(cut, bricks, step=step, shading=shading)
-        image = rasterize_bricks_reference(batch, ordered(cut, view), view)
-        errors.append(np.sqrt(np.mean((image - truth) ** 2)))
-    return np.array(errors)
-
-
-@pytest.mark.parametrize("step", [0.25, 1.0])
-def test_samples_do_not_lie_alike_in_their_cells(step: float) -> None:
-    """Every second slice is bright. Seen: 0.022 at most; up to 0.7 with 16 parts, or 8, or 32, in each brick."""
-    volume = placed(np.tile(np.array([0, 1], np.uint8)[:, None, None], (64, 16, 16)))
-    transfer = transfer_of((0.7, (0, 0, 1), 0.0), (1, (1, 0, 0), 0.1))
-    view = View(np.eye(3), volume.centre, 300.0, "orthographic", 0.5, (12, 12))
-    truth = integrate(volume, transfer, view, step_voxels=1 / 64)
-    bricks = bricks_of(volume, transfer)
-    cut = level_cut(bricks, 0)
-    image = rasterize_bricks_reference(batch_of(cut, bricks, step=step), ordered(cut, view), view)
-    assert error(image, truth) < 0.03
-
-
-@pytest.mark.parametrize(
-    ("affine", "camera", "shading"),
-    [("oblique", "perspective", None), ("sheared", "inside", None), ("straight", "orthographic", LIT)],
-)
-def test_the_error_falls_with_the_square_of_the_step(affine: str, camera: str, shading: ShadingSpec | None) -> None:
-    """Kinks of the field, and of light, lie anywhere in a part: over four halvings 1.9 to 2.06 was seen."""
-    volume = placed(hills((20, 36, 34), 14.0), AFFINES[affine])
-    errors = errors_of_steps(volume, view_of(volume, camera, (40, 30)), (1.0, 1 / 16), shading)
-    order = np.log2(errors[0] / errors[1]) / 4
-    assert 1.8 < order < 2.2
 
 
 @EACH_SHADING

@@ -164,16 +164,6 @@ def test_early_ray_termination(rasterizer: GLRasterizer, least: float) -> None:
         assert np.abs(image - whole).max() <= least + PRECISION
 
 
-def test_bricks_that_are_left_out(rasterizer: GLRasterizer) -> None:
-    """Any part of an order is drawn, also none of it."""
-    bricks = hilly("straight", None)
-    cut, view = level_cut(bricks, 0), view_of(bricks.volume, "perspective")
-    batch = batch_of(cut, bricks)
-    for order in (ordered(cut, view)[::3], np.empty(0, np.uint32)):
-        image = rasterizer.rasterize(batch, order, view)
-        np.testing.assert_allclose(image, rasterize_bricks_reference(batch, order, view), atol=PRECISION)
-
-
 def test_subsampled_grids_of_a_smooth_image(rasterizer: GLRasterizer) -> None:
     """A bank of fog: of its blocks some are flat, some on a slope, and some, where it ends, are drawn."""
     values = np.linspace(0, 200, 40 * 40 * 40).reshape(40, 40, 40)

@@ -139,17 +139,6 @@ def test_lines_are_where_they_should_be(rasterizer: GLRasterizer, cut: Cut, name
     assert image[..., 3].max() > 0.1
 
 
-def test_lines_that_vanish_behind_the_eye_are_cut(rasterizer: GLRasterizer) -> None:
-    """One line, from far ahead through the eye plane to far behind, with the eye beside it."""
-    vertices = np.array([[-0.5, 0, 0, 0.5, 0, 0, 0]], np.float32)
-    edges = CellEdges(vertices, 1.0, np.array([0.0, 0.1, 0.05]), 2.0)
-    for near in (0.0, 0.2):
-        view = look(distance=0.001, azimuth=90, elevation=0, field_of_view=60, near=near)
-        image = rasterizer.rasterize_edges(edges, view)
-        assert np.abs(image - draw_reference(edges, view)).max() < PRECISION
-        assert image[..., 3].any()
-
-
 @pytest.mark.parametrize("batch_bytes", [32, 7 * 28])
 def test_batches_leave_no_trace(
     rasterizer: GLRasterizer, cut: Cut, monkeypatch: pytest.MonkeyPatch, batch_bytes: int

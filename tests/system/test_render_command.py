@@ -15,7 +15,6 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import main
-from renderer.scene import load_scene, parse_scene
 from renderer.volume import Array
 
 NO_TOLERANCE = ("--set", "error.tolerance=null")
@@ -113,15 +112,6 @@ def test_the_sidecar_says_how_it_was_made() -> None:
     )
 
 
-def test_the_sidecar_holds_the_scene() -> None:
-    """With what the command line changed, and readable as a scene again, from any folder."""
-    np.save("scan.npy", np.arange(60, dtype=np.uint8).reshape(3, 4, 5))
-    change = "error.tolerance={0: 0.5, 5: 0.1}"
-    render("--volume", "scan.npy", "--output", "x.gif", "--set", change)
-    expected = load_scene(Path("scene.yaml"), overrides=[change], volume=Path("scan.npy"), output=Path("x.gif"))
-    assert parse_scene(sidecar("x.gif.json")["scene"], base=Path("/nowhere")) == expected
-
-
 def test_the_schedule_changes_the_cut_only_when_the_tolerance_changes() -> None:
     render("--set", "error.tolerance={1: 10, 3: 0.01}", "--set", "volume.procedural.shape=[48, 40, 24]")
     frames = sidecar("film.mp4.json")["frames"]
@@ -129,15 +119,6 @@ def test_the_schedule_changes_the_cut_only_when_the_tolerance_changes() -> None:
     assert tolerances == [10, 10, pytest.approx(0.1**0.5), 0.01, 0.01, 0.01]
     assert ["cut" in frame["seconds"] for frame in frames] == [True, False, True, True, False, False]
     assert [frame["cells"] for frame in frames] == [11, 11, 18, 18, 18, 18]
-
-
-def test_changes_of_the_command_line_reach_the_pictures() -> None:
-    still = ("--frames", "0", "--set", "error.tolerance=0")  # other tolerances choose other cells for other colours
-    render("--output", "a-{frame}.png", *still)
-    render("--output", "b-{frame}.png", *still, "--set", "transfer_function.points.2.color=#ff0000")
-    first, second = imageio.imread("a-0.png"), imageio.imread("b-0.png")
-    assert (first[..., 0] == second[..., 0]).all()
-    assert first[..., 2].max() > second[..., 2].max() + 40
 
 
 def test_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:

@@ -186,15 +186,6 @@ def test_uploads_do_not_count_as_drawing(stage: Stage, seconds: float, noise: fl
 
 
 @bricks
-@pytest.mark.parametrize(("seconds", "factor"), [(0.02, 0.5), (0.02, 2.0), (0.03, 3.0)])
-def test_uploads_do_not_count_on_a_machine_that_changes_its_speed(stage: Stage, seconds: float, factor: float) -> None:
-    needed = [draw(stage, SimulatedMachine(pace=lambda _, k=k: k), seconds).tolerances[-1] for k in (1, factor)]  # type: ignore[misc]
-    film = draw(stage, UploadingMachine(pace=changed_speed(factor)), seconds)
-    assert max(film.tolerances) <= 2 * max(needed)
-    assert sum(abs(t / seconds - 1) <= 0.2 for t in film.taken[NUM_FRAMES // 2 :]) >= 14
-
-
-@bricks
 @pytest.mark.parametrize("seconds", [0.02, 0.03])
 def test_frames_that_all_upload_something_are_learnt_from(stage: Stage, seconds: float) -> None:
     """A camera among the bricks sees others in each frame."""

@@ -12,7 +12,7 @@ from splatting import camera_pose
 from renderer.scene import CameraSpec, KeyframePath, RockerPath, TurntablePath
 from renderer.scene.camera_section import Keyframe
 from renderer.view import make_view
-from renderer.view.paths import CameraPath, CameraPoses, camera_poses
+from renderer.view.paths import CameraPoses, camera_poses
 
 # Sines, cosines and a 3 x 3 product of float64: a few units in the last place.
 EXACT = 1e-14
@@ -40,20 +40,6 @@ def test_turntable_is_the_formula_of_the_conventions() -> None:
         a, e = math.radians(10.0 + 3.0 * frame), math.radians(20.0)
         expected = [math.cos(e) * math.sin(a), -math.cos(e) * math.cos(a), math.sin(e)]
         np.testing.assert_allclose(camera_pose(path, frame).direction, expected, atol=EXACT)
-
-
-@pytest.mark.parametrize(
-    "path",
-    [
-        TurntablePath(frames=7, start=33.0, elevation=-12.0, axis=(1.0, 2.0, -3.0)),
-        RockerPath(frames=7, swing=50.0, start=5.0, elevation=30.0),
-        keyed((2, 30.0, 10.0), (4, 200.0, -40.0), (6, 260.0, 80.0), frames=7),
-    ],
-)
-def test_a_loop_meets_itself_one_frame_after_its_last(path: CameraPath) -> None:
-    np.testing.assert_allclose(camera_pose(path, 7).direction, camera_pose(path, 0).direction, atol=EXACT)
-    np.testing.assert_allclose(camera_pose(path, 7).right, camera_pose(path, 0).right, atol=EXACT)
-    assert not np.allclose(camera_pose(path, 6).direction, camera_pose(path, 0).direction, atol=1e-3)
 
 
 @given(

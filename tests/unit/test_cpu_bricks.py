@@ -79,7 +79,7 @@ def test_bricks_stay_where_they_are_when_there_are_more() -> None:
 def test_bricks_that_were_drawn_longest_ago_go_first(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", 4 * brick_bytes(1))
     assert max_slots_in_memory(1, 1000) == 4
-    assert max_slots_in_memory(1, 3) == 3
+    assert max_slots_in_memory(1, 3) == 3 and max_slots_in_memory(64, 3) == 1  # room for less than a brick
     atlas = CPUAtlas(1, 1000)
     atlas.reserve(1000)
     for keys in map(np.array, ([1, 2], [3, 4], [1], [7, 8])):
@@ -88,19 +88,12 @@ def test_bricks_that_were_drawn_longest_ago_go_first(monkeypatch: pytest.MonkeyP
     assert content(atlas, [8, 1, 7]) == [8, 1, 7]
 
 
-def test_an_atlas_with_room_for_less_than_a_brick_has_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", 1)
-    assert CPUAtlas(4, 10).max_slots == 1
-
-
 @pytest.mark.parametrize(
     ("name", "expected"),
     [
         ("llvmpipe (LLVM 15.0.6, 256 bits), GL 4.5 (Core Profile) Mesa 22.3.6", True),
-        ("softpipe, GL 3.3 (Core Profile) Mesa 22.3.6", True),
         ("ANGLE (Google, Vulkan 1.3.0 (SwiftShader Device (Subzero))), GL 3.3", True),
         ("NVIDIA H100 80GB HBM3/PCIe/SSE2, GL 4.6.0 NVIDIA 550.54.15", False),
-        ("Mesa Intel(R) UHD Graphics 620 (KBL GT2), GL 4.6", False),
     ],
 )
 def test_drivers_that_draw_on_the_processor(name: str, expected: bool) -> None:

@@ -107,29 +107,25 @@ def test_a_frame_that_loses_it_again_is_an_error(stage: Stage, rasterizer: GLRas
         pngs(stage, recovering)
 
 
-def test_a_context_of_another_device_is_refused(stage: Stage) -> None:
-    """Its pictures would be other bytes."""
+def another_device() -> GLRasterizer:
+    other = GLRasterizer()
+    other.renderer_name = "another one"
+    return other
 
-    def make_another() -> GLRasterizer:
-        other = GLRasterizer()
-        other.renderer_name = "another one"
-        return other
 
-    with RecoveringRasterizer(run_sequentially(failing_at({2}), make_another)) as recovering:
+def no_context() -> GLRasterizer:
+    raise RenderError("no OpenGL 3.3 context could be made")
+
+
+@pytest.mark.parametrize("make_second", [another_device, no_context])
+def test_only_a_context_of_the_same_device_replaces_a_lost_one(
+    stage: Stage, make_second: Callable[[], GLRasterizer]
+) -> None:
+    """Pictures of another device would be other bytes."""
+    with RecoveringRasterizer(run_sequentially(failing_at({2}), make_second)) as recovering:
         with pytest.raises(ContextLostError, match="its context was lost"):
             pngs(stage, recovering)
         assert recovering.notes == []
-
-
-def test_no_other_context(stage: Stage) -> None:
-    def refuse() -> GLRasterizer:
-        raise RenderError("no OpenGL 3.3 context could be made")
-
-    with (
-        RecoveringRasterizer(run_sequentially(failing_at({2}), refuse)) as recovering,
-        pytest.raises(ContextLostError, match="its context was lost"),
-    ):
-        pngs(stage, recovering)
 
 
 def test_the_command_continues_and_prints_a_note(

@@ -80,21 +80,22 @@ class GLAtlas(Atlas):
     def _try_make_texture(self) -> Any:
         """Return a texture of this size, or None where the device may have memory for a smaller one."""
         room = f"{_num_bytes(self.size, self.num_channels) >> 20} MiB, for {_num_slots(self.size)} bricks"
+        texture = None
         try:
             texture = self._context.texture3d(self.size, self.num_channels, dtype="f4")
+            failure = self._context.error
         except moderngl.Error as error:
-            raise ContextLostError(  # the two cannot be told apart
-                "the device has no room for the bricks of a picture, or its context was lost",
-                got=f"{room}: {error}",
-                hint="if it is the room, a larger error.tolerance needs fewer",
-            ) from error
-        error_name = self._context.error
-        if error_name == "GL_NO_ERROR":
+            failure = str(error)
+        if failure == "GL_NO_ERROR":
             return texture
         del texture
         self._context.gc()
-        if error_name != "GL_OUT_OF_MEMORY":
-            raise ContextLostError("OpenGL made no texture for bricks, or its context was lost", got=error_name)
+        if failure != "GL_OUT_OF_MEMORY":
+            raise ContextLostError(  # the two cannot be told apart
+                "the device has no room for the bricks of a picture, or its context was lost",
+                got=f"{room}: {failure}",
+                hint="if it is the room, a larger error.tolerance needs fewer",
+            )
         self._texture_sizes = self._texture_sizes[: self._texture_sizes.index(self.size)]
         if not self._texture_sizes:
             raise RenderError(
