@@ -54,7 +54,7 @@ class RecoveringRasterizer:
         self.release()
 
     def release(self) -> None:
-        """As in GLRasterizer."""
+        """Free the current context."""
         self._current.release()
 
     @property
@@ -64,19 +64,19 @@ class RecoveringRasterizer:
         return [f"OpenGL's context was lost {times}, and what it had was drawn again"] * (self._num_lost > 0)
 
     def evict_bricks(self) -> None:
-        """As in GLRasterizer."""
+        """Free the memory of all bricks."""
         self._current.evict_bricks()
 
     def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
-        """As in GLRasterizer."""
+        """Upload bricks, as `GLRasterizer.upload`."""
         return self._with_recovery(lambda gl: gl.upload(batch, order, view))
 
     def rasterize(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
-        """As in GLRasterizer."""
+        """Draw splats or bricks, as `GLRasterizer.rasterize`."""
         return self._with_recovery(lambda gl: gl.rasterize(batch, order, view))
 
     def rasterize_edges(self, edges: CellEdges, view: View) -> Image:
-        """As in GLRasterizer."""
+        """Draw the lines of an overlay, as `GLRasterizer.rasterize_edges`."""
         return self._with_recovery(lambda gl: gl.rasterize_edges(edges, view))
 
     def _with_recovery(self, draw: Callable[[GLRasterizer | CPURasterizer], Result]) -> Result:

@@ -235,7 +235,7 @@ class BudgetController:
         self._seconds, self._expected_share, self._num_frames = 0.0, _TARGET_SHARE, 0
 
     def prepare_frame(self, number: int, watch: Stopwatch) -> tuple[DrawList, float | None]:
-        """As in ScheduleController."""
+        """Return the frame to draw, and its predicted seconds, as `ScheduleController.prepare_frame`."""
         if self._lod is None:
             return self.choose(number, watch)
         seconds = self._seconds_of(number)
@@ -268,7 +268,7 @@ class BudgetController:
         return draw_list, predicted
 
     def finish_frame(self, draw_list: DrawList, watch: Stopwatch) -> None:
-        """As in ScheduleController."""
+        """Learn from the frame that has just been drawn and written."""
         self._estimator.record_frame(draw_list, watch, is_first=self._num_frames == 0)
         self._num_frames += 1
 

@@ -226,7 +226,7 @@ class BrickPrimitive(Primitive[BrickCut, BrickBatch]):
         self._largest_error = RAY_ERROR_FACTOR * root_error(bricks.pyramid) or 1.0
 
     def work(self, tolerance: float) -> float:
-        """As in Primitive: samples of one ray through every column of cells."""
+        """Return the number of samples of one ray through every column of cells."""
         batch = self._batch(self._cut(tolerance), tolerance)
         low, high = batch.cut.visible_bounds[:, 0], batch.cut.visible_bounds[:, 1]
         cells = (high - low).prod(axis=1) / np.exp2(3.0 * batch.cut.levels)
@@ -238,7 +238,7 @@ class BrickPrimitive(Primitive[BrickCut, BrickBatch]):
         return self._sizes.finest_within(max(1, int(min(num_cells, self._sizes.max_cells)))).tolerance
 
     def tolerance_for_size(self, size: float) -> float:
-        """As in Primitive; rounded to two digits, which read well in a record."""
+        """Return the tolerance of a size, rounded to two digits, which read well in a record."""
         tolerance = float(f"{self._largest_error / max(size, 1.0):.2g}") if size < _MAX_BRICK_SIZE else 0.0
         return tolerance if tolerance >= MIN_TOLERANCE else 0.0
 

@@ -102,7 +102,6 @@ from .spec import (
     parse_scene as parse_scene,
     scene_to_dict as scene_to_dict,
     spec_to_dict as spec_to_dict,
-    spec_types as spec_types,
 )
 from .splat_section import SplatSpec as SplatSpec
 from .transfer_section import (

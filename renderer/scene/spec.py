@@ -11,10 +11,9 @@ of the volume's spacing), angles in degrees, colours in [0, 1] as given (display
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args, get_type_hints
+from typing import Annotated, Any, Literal
 
 from renderer.errors import Problem, SceneError
 from renderer.scene import schema
@@ -161,14 +160,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, ArraySource):
         return {"shape": list(value.shape), "dtype": str(value.values.dtype), "spacing": list(value.spacing)}
     return spec_to_dict(value) if is_dataclass(value) else value
-
-
-def spec_types(cls: type[Any] = Scene) -> Iterator[type[Any]]:
-    """Yield the dataclasses that a scene is made of, for sending scenes to other processes."""
-    pending: list[Any] = [cls]
-    while pending:
-        hint = pending.pop()
-        pending += get_args(hint)
-        if isinstance(hint, type) and is_dataclass(hint):
-            yield hint
-            pending += get_type_hints(hint).values()
