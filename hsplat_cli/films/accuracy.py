@@ -1,4 +1,4 @@
-"""The search for the tolerance of an accuracy, and the true pictures that it compares with."""
+"""Search for the tolerance of an accuracy, and compute the true pictures that it compares with."""
 
 from __future__ import annotations
 

@@ -9,12 +9,6 @@ from typing import TypeVar
 Result = TypeVar("Result")
 
 
-def run_sequentially(tasks: Iterable[Callable[[], Result]]) -> Generator[Result, None, None]:
-    """Yield what tasks return, each run before the next is made."""
-    for task in tasks:
-        yield task()
-
-
 def run_overlapped(tasks: Iterable[Callable[[], Result]]) -> Generator[Result, None, None]:
     """Yield what tasks return, in order; one runs in a thread while the next is made, never two at a time.
 

@@ -1,4 +1,4 @@
-"""A finished film: its files, what its sidecar holds, and what is reported about it."""
+"""Write the sidecar of a film that was drawn, and report the film."""
 
 from __future__ import annotations
 
@@ -39,12 +39,6 @@ class FilmResult:
     record: Mapping[str, Any]
     summary: str = ""
     shortfall: RenderError | None = None
-
-    @property
-    def frames(self) -> Sequence[Record]:
-        """The records of the frames, ascending."""
-        frames: Sequence[Record] = self.record["frames"]
-        return frames
 
     def report(self, reporter: Reporter) -> None:
         """Print what was made and what it cost, in a few lines."""

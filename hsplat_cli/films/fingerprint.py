@@ -1,4 +1,4 @@
-"""Fingerprints: digests of everything that the frames of a film depend on."""
+"""Compute and compare fingerprints: digests of everything that the frames of a film depend on."""
 
 from __future__ import annotations
 

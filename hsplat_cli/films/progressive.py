@@ -1,4 +1,4 @@
-"""The passes of a film that refines while time remains: complete films, each more exact than the one before.
+"""Plan the passes of a film that refines while time remains: complete films, each more exact than the one before.
 
 The first pass has few cells and is finished soon. Its frames and some trial frames show what drawing costs here; each
 following pass takes 8 times as long, and the last one is what the scene requests. So all passes together take little

@@ -15,12 +15,11 @@ from functools import partial
 from pathlib import Path
 
 from hsplat_cli.executors import Executor, ExecutorSpec, FrameExecutor, FrameResult, open_executor
-from hsplat_cli.films.background import run_overlapped, run_sequentially
+from hsplat_cli.films.background import run_overlapped
 from hsplat_cli.films.film import DrawnPass, FilmResult, finish_film
 from hsplat_cli.films.goals import make_plan
 from hsplat_cli.films.progressive import DeadlineReached, Refinement, Refiner
 from hsplat_cli.films.resume import PreparedFilm, prepare_film, report_resumable, resume_checkpoint
-from hsplat_cli.films.sidecar_record import with_seconds
 from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import Reporter, counted, deferrable_interrupts
 from renderer.film import (
@@ -183,12 +182,14 @@ class _FilmRenderer:
                     write(number, picture)
                 if refiner is not None:
                     refiner.comparison.add_frame(number, picture.pixels)
-                return with_seconds(record, encode=time.perf_counter() - before) if drawn or write else record
+                if not (drawn or write):
+                    return record
+                return {**record, "seconds": {**record["seconds"], "encode": time.perf_counter() - before}}
 
             tasks = (partial(store, n, next(drawing) if is_missing(n) else None) for n in job.frames)
             # On a time budget each frame is stored before the next one is drawn: both count.
-            run = run_sequentially if drawer.plan.is_timing_dependent else run_overlapped
-            for record in stack.enter_context(contextlib.closing(run(tasks))):
+            stored = (task() for task in tasks) if drawer.plan.is_timing_dependent else run_overlapped(tasks)
+            for record in stack.enter_context(contextlib.closing(stored)):
                 records.append(record)
                 if refiner is not None and record["frame"] != job.frames[-1]:
                     refiner.require_time()

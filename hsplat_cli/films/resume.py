@@ -1,4 +1,4 @@
-"""What earlier jobs left of an output: a film that is up to date, or finished frames to resume from."""
+"""Find what earlier jobs left of an output: a film that is up to date, or finished frames to resume from."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The content of a sidecar, and the notes and figures that the terminal shows of the same film."""
+"""Build the content of a sidecar, and the notes and figures that the terminal shows of the same film."""
 
 from __future__ import annotations
 
@@ -23,11 +23,6 @@ TIME_BUDGET_MARGIN = 0.2
 
 
 # Frames
-
-
-def with_seconds(record: Record, **seconds: float) -> Record:
-    """Return a frame's record with the seconds of further steps."""
-    return {**record, "seconds": {**record["seconds"], **seconds}}
 
 
 def frame_seconds(frame: Record) -> float:

@@ -1,4 +1,4 @@
-"""Several volumes: one process for each, one after the other, so that a failure of one does not affect the others.
+"""Make films of several volumes, each in its own process, so that a failure of one does not affect the others.
 
 The memory of a process is freed with it, and a reader that crashes ends its own film only.
 """
@@ -32,9 +32,9 @@ from hsplat_cli.turntable.one_film import FilmRequest
 from renderer.errors import HsplatError, RenderError
 from renderer.film import require_writable
 
-# An interrupted process removes its unfinished work. One that does not end within this time is asked again, because an
-# interrupt can get lost in a library that is being loaded; after this number of times it is killed.
-_TERMINATE_TIMEOUT_S, _NUM_TERMINATES = 3.0, 4
+# An interrupted process removes its unfinished work. One that does not end within this time is killed, because an
+# interrupt can get lost in a library that is being loaded.
+_TERMINATE_TIMEOUT_S = 10.0
 
 
 def run_batch(requests: Sequence[FilmRequest], options: Mapping[str, Any], folder: Path, reporter: Reporter) -> None:
@@ -77,8 +77,10 @@ def _make_in_process(request: FilmRequest, options: Mapping[str, Any]) -> FilmRe
         process = child_processes.start("hsplat_cli", arguments, stdout=subprocess.PIPE)
         try:
             output, _ = process.communicate()
-        except KeyboardInterrupt:
-            _terminate(process)
+        except KeyboardInterrupt:  # no signal has reached the process
+            process.terminate()
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(_TERMINATE_TIMEOUT_S)
             raise
     with suppress(ValueError):
         record = json.loads(output.strip().rpartition(b"\n")[2])
@@ -96,14 +98,3 @@ def _make_in_process(request: FilmRequest, options: Mapping[str, Any]) -> FilmRe
     with suppress(HsplatError):
         update_manifest(request.scene.parent, [record], SHORT_LOCK_TIMEOUT_S)
     return record
-
-
-def _terminate(process: subprocess.Popen[bytes]) -> None:
-    """Let a process remove its unfinished work; no signal to this process has reached it."""
-    for _ in range(_NUM_TERMINATES):
-        process.terminate()
-        with suppress(subprocess.TimeoutExpired):
-            process.wait(_TERMINATE_TIMEOUT_S)
-            return
-    process.kill()
-    process.wait()

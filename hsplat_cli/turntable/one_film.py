@@ -1,4 +1,4 @@
-"""One volume: write its scene beside its film, and render that scene as `hsplat render` does."""
+"""Write the scene of one volume beside its film, and render that scene as `hsplat render` does."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import FilmOptions, Job, expand_pattern, suggest_scene, volume_file
@@ -37,9 +36,6 @@ from renderer.film import (
     write_staged,
 )
 from renderer.scene import VolumeSpec, parse_scene_content, schedule_to_dict
-
-if TYPE_CHECKING:
-    from hsplat_cli.films import FilmResult
 
 
 @dataclass(frozen=True)
@@ -139,7 +135,14 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmRecord:
         )
     if film.shortfall is not None:
         raise film.shortfall
-    return request.record(FINISHED) | {"kind": suggested.kind, "reason": suggested.reason} | film_statistics(film)
+    frames, seconds = film.record["frames"], film.record["seconds"]["total"]
+    return request.record(FINISHED) | {
+        "kind": suggested.kind,
+        "reason": suggested.reason,
+        "frames": len(frames),
+        "splats": round(sum(frame["splats"] for frame in frames) / len(frames)),
+        "seconds": round(seconds, 3),
+    }
 
 
 def write_scene(request: FilmRequest, content: bytes) -> None:
@@ -192,13 +195,6 @@ def _volume_of_unedited(content: bytes) -> str | None:
 
     found = re.fullmatch(rb'(.*; of ("[^\n]*"): )([0-9a-f]{32})\n', content, re.DOTALL)
     return json.loads(found[2]) if found and bytes_digest(found[1]).encode() == found[3] else None
-
-
-def film_statistics(film: FilmResult) -> FilmRecord:
-    """Return the frames, the mean number of bricks (as `splats`) and the seconds of a film."""
-    num_frames = len(film.frames)
-    mean = sum(frame["splats"] for frame in film.frames) / num_frames
-    return {"frames": num_frames, "splats": round(mean), "seconds": round(film.record["seconds"]["total"], 3)}
 
 
 def print_film_record(request: FilmRequest, reporter: Reporter) -> None:

@@ -26,7 +26,7 @@ from typing import Any
 
 PHASES = ("start", "drawing", "encoding", "finishing")
 EVENTS = ("open", "os.rename", "os.remove", "os.rmdir", "os.mkdir", "subprocess.Popen")
-NUM_FRAMES = 60
+NUM_FRAMES = 30
 
 
 class Hook:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.errors import InputError, RenderError
+from renderer.errors import RenderError
 from renderer.film import Picture, open_film, write_staged
 from renderer.film.atomic import staging
 from renderer.film.encode import gif_options, mp4_options, open_encoder
@@ -131,20 +131,6 @@ def test_a_folder_that_takes_no_files_is_told_at_once(tmp_path: Path, monkeypatc
     monkeypatch.setattr(Path, "touch", refuse)
     with pytest.raises(RenderError), open_film(OutputSpec(tmp_path / "film.mp4"), range(3)):
         pytest.fail("found out too late")
-
-
-def test_a_file_in_the_place_of_a_folder_is_told_at_once(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    for path in (tmp_path / "file" / "film.mp4", tmp_path / "file" / "deeper" / "film.mp4"):
-        with pytest.raises(InputError, match="the output folder is a file"), open_film(OutputSpec(path), [0]):
-            pytest.fail("found out too late")
-
-
-def test_a_folder_in_the_place_of_the_film_is_told_at_once(tmp_path: Path) -> None:
-    (tmp_path / "film.mp4").mkdir()
-    with pytest.raises(InputError, match="is a folder"), open_film(OutputSpec(tmp_path / "film.mp4"), [0]):
-        pytest.fail("found out too late")
-    assert [path.name for path in tmp_path.iterdir()] == ["film.mp4"]
 
 
 def test_a_name_that_is_too_long(tmp_path: Path) -> None:

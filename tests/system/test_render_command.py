@@ -133,6 +133,8 @@ def test_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
         "how it was made: film.gif.json",
     ]
     assert said.err.splitlines()[-1].startswith("film.gif: 6/6 frames, ")
+    render("--output", "film.gif", "--force", "--quiet")
+    assert capsys.readouterr() == ("", "")
 
 
 def test_nothing_visible_is_a_film_of_the_background(capsys: pytest.CaptureFixture[str]) -> None:

@@ -79,11 +79,6 @@ def test_numbers_that_json_does_not_have_are_refused(tmp_path: Path, value: obje
     assert not list(tmp_path.iterdir())
 
 
-def test_other_objects_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(TypeError, match="set has no form in JSON"):
-        write_sidecar(tmp_path / "film.json", {"value": {1, 2}})
-
-
 def test_a_folder_in_its_place(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is a folder"):
         write_sidecar(tmp_path, {})

@@ -134,10 +134,12 @@ def file_problems(picked: Sequence[PickedFrame], shape: tuple[int, int, int]) ->
     missing: dict[Path, list[PickedFrame]] = {}
     by_digest = {frame.record["digest"]: frame.number for frame in picked}
     for frame in picked:
-        content = _content(frame.file)
-        if content is None:
+        try:
+            why = _picture_problem(frame.file.read_bytes(), frame, shape, by_digest)
+        except OSError:
             missing.setdefault(frame.part.path, []).append(frame)
-        elif why := _picture_problem(content, frame, shape, by_digest):
+            continue
+        if why is not None:
             hint = f"remove it, and {shlex.join(['hsplat', 'render', str(frame.part.path)])} draws it again"
             yield Problem("", f"not the picture of frame {frame.number}", got=why, hint=hint, location=str(frame.file))
     for path, frames in missing.items():
@@ -168,10 +170,3 @@ def _picture_problem(
 
 def _size(shape: tuple[int, int, int]) -> str:
     return f"{shape[1]} x {shape[0]} pixels with{'' if shape[2] == 4 else 'out'} alpha"
-
-
-def _content(file: Path) -> bytes | None:
-    try:
-        return file.read_bytes()
-    except OSError:
-        return None

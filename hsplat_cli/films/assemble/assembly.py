@@ -72,9 +72,8 @@ def _write(
     picked: Sequence[PickedFrame], output: OutputSpec, folder: Path, finishing: Callable[[], None], reporter: Reporter
 ) -> None:
     """Encode the film from the pictures, or copy them to the names of the output."""
-    numbers = [frame.number for frame in picked]
     with (
-        open_film(output, numbers, staging_folder=folder, before_rename=finishing) as write,
+        open_film(output, [frame.number for frame in picked], staging_folder=folder, before_rename=finishing) as write,
         reporter.progress(len(picked), label=output.file.name) as bar,
     ):
         for frame in picked:

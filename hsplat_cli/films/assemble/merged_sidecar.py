@@ -1,4 +1,4 @@
-"""The sidecar of a film of parts: like that of a film that was drawn by one job."""
+"""Build the sidecar of a film of parts, like that of a film that was drawn by one job."""
 
 from __future__ import annotations
 

@@ -9,13 +9,29 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.films.assemble.part_schema import part_problems
-from hsplat_cli.scenes import Sidecar, expand_pattern, parse_sidecar, text_at
+from hsplat_cli.scenes import Sidecar, expand_pattern, is_shallow, parse_sidecar, read_known_fields, text_at
 from renderer.errors import InputError, Problem, SceneError
 from renderer.film import Record, film_path_of_sidecar, frame_path, is_frame_record
-from renderer.scene import MAX_FRAMES, ErrorSpec, read_content
+from renderer.scene import (
+    BOOLEAN_FIELD,
+    MAPPING_FIELD,
+    MAX_FRAMES,
+    OUTPUT_FILE_FIELD,
+    TEXT_FIELD,
+    ErrorSpec,
+    FieldTable,
+    FieldType,
+    TreeNode,
+    format_value,
+    read_content,
+)
 
 _EXPECTED = "a folder of numbered frames, or the .json files beside them"
+
+# No measured value comes near it, and sums over all parts stay finite.
+_MAX_AMOUNT = 1e100
+# More levels than any sidecar has that this program wrote.
+_MAX_LEVELS = 20
 
 
 @dataclass(frozen=True)
@@ -104,7 +120,7 @@ def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Pa
             what = "not the sidecar of numbered frames" if sidecar is None else "the sidecar of a film in one file"
             problems.append(Problem("", what, expected=_EXPECTED, location=str(path)))
         return
-    wrong = sidecar.problems or [*_record_problems(data, path), *part_problems(data)] or _path_problems(sidecar)
+    wrong = sidecar.problems or [*_record_problems(data, path), *_content_problems(data)] or _path_problems(sidecar)
     if wrong:
         problems.extend(replace(problem, location=str(path)) for problem in wrong)
         return
@@ -132,3 +148,68 @@ def _path_problems(sidecar: Sidecar) -> list[Problem]:
         return []
     expected = f"a whole number greater than {last}, the last frame"
     return [Problem("scene.camera.path.frames", "not the length of this path", str(num_frames), expected)]
+
+
+# What a film of parts takes over from their sidecars, which may have been edited
+
+
+def _content_problems(data: Mapping[str, Any]) -> list[Problem]:
+    """Return what is wrong with the content of a part's sidecar, besides what `parse_sidecar` checks."""
+    if not is_shallow(data, _MAX_LEVELS):
+        return [Problem("", "too many levels", expected=f"at most {_MAX_LEVELS}")]
+    problems: list[Problem] = []
+    _PART.read(TreeNode(data, "", problems))
+    return problems
+
+
+def _parse_amount(node: TreeNode) -> Any:
+    """Check a number that is copied into the next sidecar, so text that spells a number is refused."""
+    value: Any = node.value
+    if type(value) not in (int, float):
+        return _AMOUNT.reject(node, "not a number", got=format_value(value))
+    return value if 0 <= value <= _MAX_AMOUNT else _AMOUNT.reject(node, "out of range")
+
+
+_AMOUNT: FieldType[Any] = FieldType(f"a number from 0 to {_MAX_AMOUNT:g}", _parse_amount)
+
+
+def _mapping(table: FieldTable, optional: str = "") -> FieldType[Any]:
+    """Return the type of a mapping that has these keys, of which one is optional, and perhaps others."""
+    required = [key for key in table if key != optional]
+    return FieldType("a mapping", lambda node: read_known_fields(node, table, required=required))
+
+
+def _all(kind: type[dict[Any, Any]] | type[list[Any]], expected: str, item: FieldType[Any]) -> FieldType[Any]:
+    """Return the type of a mapping or a list of such items."""
+
+    def parse(node: TreeNode) -> Any:
+        value: Any = node.value
+        if not isinstance(value, kind):
+            return found.reject(node, f"not {expected}")
+        for key, each in value.items() if isinstance(value, dict) else enumerate(value):
+            item.read(node.child(key, each))
+        return value
+
+    found: FieldType[Any] = FieldType(expected, parse)
+    return found
+
+
+_SCHEDULE: FieldTable = {"met": BOOLEAN_FIELD, "reproducible": BOOLEAN_FIELD, "shortfall": TEXT_FIELD}
+_PART = _mapping(
+    {
+        "scene": _mapping(
+            {
+                "output": _mapping({"file": OUTPUT_FILE_FIELD}),
+                "camera": _mapping({"path": _mapping({"frames": _AMOUNT})}),
+                "error": MAPPING_FIELD,
+            }
+        ),
+        "camera": MAPPING_FIELD,
+        "pyramid": _mapping({"finest_level_drawn": _AMOUNT}),
+        "gl": TEXT_FIELD,
+        "versions": _all(dict, "a mapping", TEXT_FIELD),
+        "schedule": _mapping(_SCHEDULE, optional="shortfall"),
+        "notes": _all(list, "a list", TEXT_FIELD),
+        "seconds": _all(dict, "a mapping", _AMOUNT),
+    }
+)
