@@ -64,7 +64,7 @@ from renderer.scene import (
 from renderer.study import FilmPlan, make_plan
 
 if TYPE_CHECKING:  # the ray integral takes a while to load
-    from renderer.study import ToleranceSearchResult
+    from renderer.study import ToleranceSearchResult, Truth
 
 SceneLike: TypeAlias = "Scene | str | os.PathLike[str] | npt.ArrayLike"
 TransferLike: TypeAlias = "str | Sequence[Any] | Mapping[str, Any] | TransferSpec"
@@ -468,11 +468,13 @@ def _plan(scene: Scene, frames: Sequence[int], rasterizer: RecoveringRasterizer)
     """Read the volume and find the tolerances of these frames."""
 
     def search(stage: Stage, target: MetricTarget) -> ToleranceSearchResult:
-        from renderer.study import TRUTH_TOLERANCE, TruthCache, compute_truth, find_tolerance
+        from renderer.study import TRUTH_TOLERANCE, compute_truth, find_tolerance
 
-        truth_of = TruthCache(lambda frame: compute_truth(stage, frame, TRUTH_TOLERANCE, num_threads=num_cores()))
+        def find_truth(frame: int) -> Truth:
+            return compute_truth(stage, frame, TRUTH_TOLERANCE, num_threads=num_cores())
+
         return find_tolerance(
-            stage, frames, target, rasterizer, truth_of=truth_of, clock=perf_counter, on_trial=lambda _: None
+            stage, frames, target, rasterizer, find_truth=find_truth, clock=perf_counter, on_trial=lambda _: None
         )
 
     estimator = LODCostEstimator(_prepare(scene))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from hsplat_cli.terminal import Reporter, counted
 from renderer.cores import num_cores
@@ -14,11 +15,8 @@ from renderer.study import (
     ToleranceSearchResult,
     Trial,
     Truth,
-    TruthCache,
-    TruthRecord,
     compute_truth,
     find_tolerance,
-    thumbnail,
 )
 
 
@@ -39,7 +37,7 @@ def search_tolerance(
     """
 
     def find_truth(frame: int) -> Truth:
-        (truth,), _ = find_truths(stage, [frame], truth_tolerance, reporter, on_step=on_step)
+        (truth,) = find_truths(stage, [frame], truth_tolerance, reporter, on_step=on_step)
         return truth
 
     def report_trial(trial: Trial) -> None:
@@ -52,7 +50,7 @@ def search_tolerance(
         frames,
         want,
         rasterizer,
-        truth_of=TruthCache(find_truth),
+        find_truth=find_truth,
         clock=time.perf_counter,
         on_trial=report_trial,
     )
@@ -65,13 +63,12 @@ def find_truths(
     reporter: Reporter,
     *,
     on_step: Callable[[], None] = lambda: None,
-) -> tuple[list[Truth], list[TruthRecord]]:
-    """Return the truth of every frame and how it was computed, with progress in percent.
+) -> list[Truth]:
+    """Return the truth of every frame, with progress in percent.
 
     on_step: called now and then; what it raises is passed on.
     """
     truths: list[Truth] = []
-    records = []
     label = f"truth of frame{'s' * (len(frames) > 1)} {', '.join(map(str, frames))}"
     with reporter.progress([1.0] * 100, label=label, unit="percent") as bar:
         shown = 0
@@ -88,12 +85,9 @@ def find_truths(
         for frame in frames:
             start = time.perf_counter()
             truth = compute_truth(stage, frame, tolerance, num_threads=num_cores(), on_progress=show)
-            seconds = time.perf_counter() - start
-            truths.append(truth)
+            truths.append(replace(truth, seconds=time.perf_counter() - start))
             show(0.0)
-            on_volume = float(truth.on_volume.mean())
-            records.append(TruthRecord(frame, seconds, truth.convergence, on_volume, thumbnail(truth.picture)))
-    return truths, records
+    return truths
 
 
 def nothing_visible_error(num_frames: int) -> InputError:

@@ -53,7 +53,7 @@ def metric_column(name: str, pixels: str) -> Column:
     """Return the column of a metric of METRICS over the pixels `everywhere` or `on_volume`."""
     metric = METRICS[name]
     title, unit = _HEADINGS.get(name, (metric.label, metric.unit))
-    return _number(title, unit, lambda m: getattr(getattr(m.overall, pixels), name), partial(metric_text, metric))
+    return _number(title, unit, lambda m: getattr(m.overall, pixels)[name], partial(metric_text, metric))
 
 
 def _number(title: str, unit: str, value: Callable[[Measurement], float | None], text: Callable[[Any], str]) -> Column:

@@ -54,7 +54,7 @@ def cost_in_splats(measurement: Measurement) -> float:
 
 def pareto_fronts(measurements: Sequence[Measurement], cost: CostOf) -> dict[str, list[int]]:
     """Return the Pareto front of a cost and PSNR for each program, by rising cost, as indices."""
-    errors = [-m.overall.everywhere.psnr for m in measurements]
+    errors = [-m.overall.everywhere["psnr"] for m in measurements]
     return {
         program: pareto_front([cost(m) if program_of(m) == program else math.nan for m in measurements], errors)
         for program in (OWN, PEER)
@@ -98,7 +98,7 @@ def costs_by_psnr(measurements: Sequence[Measurement]) -> list[CostAtPsnr]:
 
 
 def _levels(measurements: Sequence[Measurement]) -> range:
-    reached = [m.overall.everywhere.psnr for m in measurements if math.isfinite(m.overall.everywhere.psnr)]
+    reached = [m.overall.everywhere["psnr"] for m in measurements if math.isfinite(m.overall.everywhere["psnr"])]
     if not reached:
         return range(0)
     highest = math.floor(max(reached) / _STEP_DB) * _STEP_DB
@@ -106,7 +106,7 @@ def _levels(measurements: Sequence[Measurement]) -> range:
 
 
 def _cost_at_psnr(wanted: float, own: Sequence[Measurement], peers: Sequence[Measurement]) -> CostAtPsnr:
-    enough = [m for m in own if m.overall.everywhere.psnr >= wanted]
+    enough = [m for m in own if m.overall.everywhere["psnr"] >= wanted]
     return CostAtPsnr(
         wanted,
         _cost(own, cost_in_time, wanted),
@@ -117,4 +117,4 @@ def _cost_at_psnr(wanted: float, own: Sequence[Measurement], peers: Sequence[Mea
 
 
 def _cost(measurements: Sequence[Measurement], cost: CostOf, wanted: float) -> Cost:
-    return cost_at_psnr([m.overall.everywhere.psnr for m in measurements], [cost(m) for m in measurements], wanted)
+    return cost_at_psnr([m.overall.everywhere["psnr"] for m in measurements], [cost(m) for m in measurements], wanted)

@@ -53,7 +53,7 @@ SPLATS_AXIS = CostAxis("splats of a frame", cost_in_splats)
 
 
 def _psnr(measurement: Measurement) -> float:
-    return measurement.overall.everywhere.psnr
+    return measurement.overall.everywhere["psnr"]
 
 
 def plottable(measurements: Sequence[Measurement], axis: CostAxis) -> list[int]:

@@ -34,7 +34,7 @@ from hsplat_cli.reports.plots import (
 )
 from hsplat_cli.reports.tables import to_plain
 from renderer.bricks import BRICK_SIZE
-from renderer.study import DIFFERENCE_GAIN, Cost, Measurement, Study, TruthRecord
+from renderer.study import DIFFERENCE_GAIN, Cost, Measurement, Study, Truth, thumbnail
 
 # In the order of the table: the metric of the plots comes first.
 _METRICS = ("psnr", "ssim", "flip", "flip_p99", "delta_e_share", "rmse", "max_error")
@@ -52,6 +52,7 @@ def study_page(study: Study, *, date: str) -> str:
             facts=_facts(study, date),
             charts=_charts(measurements),
             costs=_cost_lines(measurements),
+            truths=[(truth.frame, thumbnail(truth.picture)) for truth in study.truths],
             convergence=[_convergence_line(truth) for truth in study.truths],
             has_peer=any(program_of(m) == PEER for m in measurements),
             has_bricks=has_bricks(measurements),
@@ -103,7 +104,7 @@ def _tradeoff_caption(measurements: Sequence[Measurement], axis: CostAxis) -> st
     parts += [f"Labels at the points of a front, where they fit: {', '.join(names)}."] if names else []
     parts += ["Settings with bricks are not in this plot."] if axis is SPLATS_AXIS and has_bricks(measurements) else []
     parts += ["Bars reach from the first to the third quartile of the time."] if axis.quartiles else []
-    exact = sum(m.overall.everywhere.psnr == math.inf for m in measurements if axis.cost(m) > 0)
+    exact = sum(m.overall.everywhere["psnr"] == math.inf for m in measurements if axis.cost(m) > 0)
     parts += [f"Not shown, because equal to the truth: {exact}."] if exact else []
     return " ".join(parts)
 
@@ -132,7 +133,7 @@ def _cost_text(cost: Cost, text: Callable[[float], str]) -> str:
     return "not reached" if math.isinf(cost.value) else f"{'≤ ' if cost.is_bound else ''}{text(cost.value)}"
 
 
-def _convergence_line(truth: TruthRecord) -> dict[str, str]:
+def _convergence_line(truth: Truth) -> dict[str, str]:
     record = truth.convergence
     return {
         "frame": str(truth.frame),

@@ -16,7 +16,7 @@ from hsplat_cli.reports.columns import Column, cost_columns, metric_column
 from hsplat_cli.reports.costs import group_by_series, on_pareto_fronts
 from hsplat_cli.reports.number_format import short_count_text
 from hsplat_cli.terminal import format_table
-from renderer.study import METRICS, Accuracy, FrameMeasurement, Measurement, Study
+from renderer.study import METRICS, Accuracy, FrameMeasurement, Measurement, Study, Truth
 
 FORMAT = 1
 
@@ -96,7 +96,7 @@ def _frame_row(measurement: Measurement, sample: FrameMeasurement) -> dict[str, 
 def _accuracy_row(accuracy: Accuracy) -> dict[str, float]:
     pixels = {"": accuracy.everywhere, "volume_": accuracy.on_volume}
     return {
-        f"{prefix}{name}{'_db' if metric.unit == 'dB' else ''}": getattr(errors, name)
+        f"{prefix}{name}{'_db' if metric.unit == 'dB' else ''}": errors[name]
         for prefix, errors in pixels.items()
         for name, metric in METRICS.items()
     }
@@ -127,7 +127,7 @@ def json_text(study: Study, *, date: str) -> str:
         "machine": study.machine,
         "notes": study.notes,
         "truth_tolerance": study.truth_tolerance,
-        "truths": [_without_pictures(asdict(truth)) for truth in study.truths],
+        "truths": [_truth_record(truth) for truth in study.truths],
         "measurements": [
             _measurement_record(m) | {"on_front": {"time": on_time, "splats": on_splats}}
             for m, (on_time, on_splats) in zip(study.measurements, on_fronts, strict=True)
@@ -136,9 +136,18 @@ def json_text(study: Study, *, date: str) -> str:
     return json.dumps(to_plain(record), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
+def _truth_record(truth: Truth) -> dict[str, Any]:
+    return {
+        "frame": truth.frame,
+        "seconds": truth.seconds,
+        "convergence": asdict(truth.convergence),
+        "share_on_volume": truth.share_on_volume,
+    }
+
+
 def _measurement_record(measurement: Measurement) -> dict[str, Any]:
-    fields = _without_pictures(asdict(measurement))
-    setting, stages, samples = (fields.pop(name) for name in ("setting", "seconds", "frames"))
+    fields = asdict(measurement)
+    setting, stages, samples, *_ = map(fields.pop, ("setting", "seconds", "frames", "picture", "difference"))
     return {
         **setting,
         **fields,
@@ -147,10 +156,6 @@ def _measurement_record(measurement: Measurement) -> dict[str, Any]:
         "once_seconds": stages,
         "samples": samples,
     }
-
-
-def _without_pictures(fields: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in fields.items() if name not in ("picture", "difference")}
 
 
 def to_plain(value: Any) -> Any:

@@ -6,9 +6,9 @@ brick and integrated along each ray (Max 1995).
 
 - `bricks.py`: builds all levels; `subvoxel.py`: visible bounds and sub-voxel variation of the finest level, whose cells
   are voxels; `node_statistics.py`: errors, bounds and step error estimates of the others, whose cells are nodes.
-- `brick_cut.py`: which bricks are drawn at a tolerance, and how many; `sampling.py`: step lengths, samples and jitter.
-- `texels.py`: what is interpolated in a brick and its halo; `means.py`: means of fine levels, made when they are drawn;
-  `layout.py`: where cells lie in a brick, compiled.
+- `brick_cut.py`: which bricks are drawn at a tolerance; `sampling.py`: step lengths, samples and jitter.
+- `texels.py`: what is interpolated in a brick and its halo; `means.py`: means, gathered or recomputed when they are
+  drawn; `layout.py`: where cells lie in a brick.
 """
 
 import lazy_loader

@@ -13,7 +13,6 @@ show less of their surroundings.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,32 +55,24 @@ def cut_bricks(bricks: Bricks, tolerance: float, *, finest_level: int = 0) -> Br
 
     Bricks whose own level shows nothing are left out. Raises ValueError where either argument is below 0.
     """
-    leaves = list(_leaves(bricks, tolerance, finest_level))
-    levels = np.repeat(np.array([level for level, _ in leaves], np.uint8), [len(cells) for _, cells in leaves])
-    bounds, step_errors = [], []
-    for number, part in leaves:
-        (x, y, z), level = part.T, bricks.levels[number]
-        bounds.append((BRICK_SIZE * part[:, None] + level.visible_bounds[z, y, x]) * 2.0**number - 0.5)
-        step_errors.append(level.step_errors[z, y, x])
-    arrays = levels, np.concatenate([cells for _, cells in leaves]), np.concatenate(bounds), np.concatenate(step_errors)
-    for array in arrays:
-        array.flags.writeable = False
-    return BrickCut(*arrays, bricks.volume)
-
-
-def _leaves(bricks: Bricks, tolerance: float, finest_level: int) -> Iterator[tuple[int, Int32]]:
-    """Yield each level, coarse first, and the cells int32 [n, 3] of its bricks that are drawn."""
     if not tolerance >= 0:
         raise ValueError(f"no bricks for this tolerance: got {tolerance}, expected at least 0")
     if finest_level < 0:
         raise ValueError(f"no bricks of this level: got {finest_level}, expected at least 0")
-    cells = np.zeros((1, 3), np.int32)
+    cells, leaves = np.zeros((1, 3), np.int32), []
     for number in range(len(bricks.levels) - 1, -1, -1):
         (x, y, z), level = cells.T, bricks.levels[number]
         is_leaf = level.errors[z, y, x] < (tolerance if number > finest_level else math.inf)
-        yield number, cells[is_leaf & level.is_visible[z, y, x]]
+        drawn = cells[is_leaf & level.is_visible[z, y, x]]
+        x, y, z = drawn.T
+        bounds = (BRICK_SIZE * drawn[:, None] + level.visible_bounds[z, y, x]) * 2.0**number - 0.5
+        leaves.append((np.full(len(drawn), number, np.uint8), drawn, bounds, level.step_errors[z, y, x]))
         top = number + BRICK_LEVELS
         cells = subdivide(cells[~is_leaf], top, top - 1, bricks.volume.shape_xyz)
+    levels, drawn, bounds, step_errors = map(np.concatenate, zip(*leaves, strict=True))
+    for array in (levels, drawn, bounds, step_errors):
+        array.flags.writeable = False
+    return BrickCut(levels, drawn, bounds, step_errors, bricks.volume)
 
 
 def brick_cut_sizes(bricks: Bricks, *, finest_level: int, finest_level_at_zero: int) -> CutSizes:

@@ -12,12 +12,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE, brick_grid_shape, grid_cells, scatter
+from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE, brick_grid_shape, grid_cells
 from renderer.bricks.node_statistics import NodeStatistics
 from renderer.bricks.subvoxel import make_channel_curve, make_scalar_curve, measure_voxel_bricks
 from renderer.pyramid import (
@@ -25,10 +24,10 @@ from renderer.pyramid import (
     Pyramid,
     build_pyramid,
     cell_voxel_counts,
+    descendants,
     error_scale,
     node_errors,
-    packed_channels,
-    visible_children,
+    root_cells,
 )
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.threads import ThreadPool
@@ -41,9 +40,7 @@ from renderer.transfer import (
 )
 from renderer.volume import Volume
 
-Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]
-Int32 = npt.NDArray[np.int32]
 
 # A ray meets the cells of this many bricks. Their errors are random, so the sum is the root of their number times one
 # error. With one brick, 42 and 45 dB take 1.2 times as long, in the mean of 10 volumes, and other accuracies from 30 to
@@ -72,20 +69,15 @@ class BrickLevel:
         *above*: what cells twice as large would put wrong. Where it is 0, the largest of the neighbours, which may be
         visible in the halo. On level 0 the squares of the sub-voxel variation along such a segment are added. At least
         the estimate from differences between voxels, along such a segment.
-    slots: int32 [z, y, x], index of the brick in `means`, -1 where all of them are 0; empty up to STREAMED_LEVELS.
-    means: float16 or float32 [n, BRICK_SIZE, BRICK_SIZE, BRICK_SIZE, 4], cells in the order (z, y, x), stored units;
-        empty up to STREAMED_LEVELS, where they are recomputed for drawing (`renderer.bricks.means`).
     """
 
     visible_bounds: npt.NDArray[np.float32]
     errors: Float64
     step_errors: Float64
-    slots: Int32
-    means: npt.NDArray[np.float16] | npt.NDArray[np.float32]
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
-        for array in (self.visible_bounds, self.errors, self.step_errors, self.slots, self.means):
+        for array in (self.visible_bounds, self.errors, self.step_errors):
             array.flags.writeable = False
 
     @property
@@ -145,20 +137,18 @@ def make_bricks(
     )
     volume_range = volume.value_range()
     num_levels = max(1, pyramid.num_levels - BRICK_LEVELS + 1)
-    trees = _brick_cells_by_level(pyramid)
-    nodes = [(of_level, *_no_means()) for of_level in statistics[:num_levels]]
     for number in range(STREAMED_LEVELS + 1, num_levels + 1):
-        nodes.append(_gather_stored_level(pyramid, number, trees, num_threads))
+        statistics.append(_gather_stored_level(pyramid, number, num_threads))
     bounds, variation, steps, differences = _measure_voxels(pyramid, transfer, volume_range, num_threads)
     unit = _cell_error_scale(pyramid, 1)
-    step_errors = np.maximum(np.hypot(nodes[0][0].step_errors_below(), unit * steps), unit * differences)
-    levels = [BrickLevel(bounds, np.zeros_like(step_errors), step_errors, *_no_means())]
-    for number, (of_nodes, slots, means) in enumerate(nodes[: num_levels - 1], 1):
-        variation, differences = _max_of_children(variation), _root_mean_square_of_children(differences)
+    step_errors = np.maximum(np.hypot(statistics[0].step_errors_below(), unit * steps), unit * differences)
+    levels = [BrickLevel(bounds, np.zeros_like(step_errors), step_errors)]
+    for number, of_nodes in enumerate(statistics[: num_levels - 1], 1):
+        variation, differences = _over_children(np.maximum, variation), _root_mean_square_of_children(differences)
         errors = RAY_ERROR_FACTOR * np.maximum(of_nodes.max_error(), _cell_error_scale(pyramid, number) * variation)
-        of_parents = nodes[number][0].step_errors_below()
+        of_parents = statistics[number].step_errors_below()
         step_errors = np.maximum(of_parents, _cell_error_scale(pyramid, number + 1) * differences)
-        levels.append(BrickLevel(of_nodes.visible_bounds(), errors, step_errors, slots, means))
+        levels.append(BrickLevel(of_nodes.visible_bounds(), errors, step_errors))
     scalar_range = _scalar_range(transfer, *volume_range)
     pieces = make_piecewise_transfer(transfer.curve(volume.finest_spacing), *scalar_range)
     return Bricks(tuple(levels), pyramid, transfer, scalar_range, volume_range, pieces)
@@ -190,52 +180,26 @@ def _scalar_range(transfer: TransferFunction, low: float, high: float) -> tuple[
     return (low - width, low) if low > 0 else (low, low + width)
 
 
-def _brick_cells_by_level(pyramid: Pyramid) -> dict[int, Int32]:
-    """Return, by level, the cells int32 [n, 3] of the visible nodes that are bricks, and of the root; Morton order."""
-    cells = np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
-    trees = {pyramid.num_levels: cells}
-    for number in range(pyramid.num_levels, BRICK_LEVELS, -1):
-        level = pyramid.levels[number - 1]
-        _, cells = visible_children(np.arange(len(cells)), cells, level.masks, level.first_children)
-        trees[number - 1] = cells
-    return trees
-
-
-def _no_means() -> tuple[Int32, Array]:
-    """Return the slots and means of a level that stores none."""
-    return np.empty((0, 0, 0), np.int32), np.empty((0, BRICK_SIZE, BRICK_SIZE, BRICK_SIZE, 4), np.float32)
-
-
-def _gather_stored_level(
-    pyramid: Pyramid, number: int, trees: dict[int, Int32], num_threads: int
-) -> tuple[NodeStatistics, Int32, Array]:
-    """Return the statistics of the stored nodes of level `number`, and their slots and means by brick."""
+def _gather_stored_level(pyramid: Pyramid, number: int, num_threads: int) -> NodeStatistics:
+    """Return the statistics of the stored nodes of level `number`."""
     top = min(number + BRICK_LEVELS, pyramid.num_levels)
-    bricks, statistics = trees[top], NodeStatistics.empty(pyramid.volume, number)
-    slots = np.full(brick_grid_shape(pyramid.volume, number), -1, np.int32)
-    x, y, z = bricks.T >> (number + BRICK_LEVELS - top)
-    slots[z, y, x] = np.arange(len(bricks))
-    means = np.zeros((len(bricks), BRICK_SIZE, BRICK_SIZE, BRICK_SIZE, 4), pyramid.levels[0].means.dtype)
+    _, bricks = descendants(pyramid, *root_cells(pyramid), pyramid.num_levels, top)
+    statistics = NodeStatistics.empty(pyramid.volume, number)
 
     def work(part: slice) -> None:
-        cells, nodes = bricks[part], np.arange(part.start, part.stop)
-        for above in range(top, number, -1):
-            level = pyramid.levels[above - 1]
-            nodes, cells = visible_children(nodes, cells, level.masks, level.first_children)
-        means_of_nodes = pyramid.levels[number - 1].means[nodes]
-        sizes = cell_voxel_counts(cells, number, pyramid.volume)
-        statistics.add(cells, sizes, node_errors(pyramid, nodes, cells, number), means_of_nodes)
-        scatter(packed_channels(means_of_nodes), cells, slots, packed_channels(means))
+        nodes, cells = descendants(pyramid, np.arange(part.start, part.stop), bricks[part], top, number)
+        means, sizes = pyramid.levels[number - 1].means[nodes], cell_voxel_counts(cells, number, pyramid.volume)
+        statistics.add(cells, sizes, node_errors(pyramid, nodes, cells, number), means)
 
     with ThreadPool(num_threads) as pool:
         pool.map(work, _parts(len(bricks)))
-    return statistics, slots, means
+    return statistics
 
 
-def _max_of_children(of_brick: Float64) -> Float64:
-    """Return the largest value of the up to eight bricks of the level below, float64 [z, y, x]."""
+def _over_children(reduction: np.ufunc, of_brick: Float64) -> Float64:
+    """Return the largest value, or the sum, of the up to eight bricks of the level below, float64 [z, y, x]."""
     for axis in range(3):
-        of_brick = np.maximum.reduceat(of_brick, np.arange(0, of_brick.shape[axis], 2), axis)
+        of_brick = reduction.reduceat(of_brick, np.arange(0, of_brick.shape[axis], 2), axis)
     return of_brick
 
 
@@ -245,10 +209,7 @@ def _root_mean_square_of_children(of_brick: Float64) -> Float64:
     Bricks at the border count as whole ones.
     """
     largest = float(of_brick.max()) or 1.0  # squares of errors of scalars may overflow
-    squares, nums = (of_brick / largest) ** 2, np.ones_like(of_brick)
-    for axis in range(3):
-        starts = np.arange(0, squares.shape[axis], 2)
-        squares, nums = (np.add.reduceat(each, starts, axis) for each in (squares, nums))
+    squares, nums = _over_children(np.add, (of_brick / largest) ** 2), _over_children(np.add, np.ones_like(of_brick))
     return np.asarray(largest * np.sqrt(squares / nums))
 
 

@@ -47,29 +47,3 @@ def fill_padded(raw: RawVoxels, by_pattern: Any, brick: Int32, out: Array) -> No
             y = min(max(y0 + u, 0), num_y - 1)
             for v in range(out.shape[2]):
                 out[t, u, v] = scalar_at(raw, by_pattern, z, y, min(max(x0 + v, 0), num_x - 1))
-
-
-@jit
-def slot_at(slots: Int32, x: int, y: int, z: int) -> int:
-    """Return the slot of a brick in `slots` [z, y, x], -1 if it has none or is outside the volume."""
-    if x < 0 or y < 0 or z < 0 or z >= slots.shape[0] or y >= slots.shape[1] or x >= slots.shape[2]:
-        return -1
-    return int(slots[z, y, x])
-
-
-@jit
-def halo_span(step: int) -> tuple[int, int]:
-    """Return the first and last cell, from -1 to BRICK_SIZE, that the neighbour at -1, 0 or 1 fills."""
-    if step < 0:
-        return -HALO, -1
-    return (0, BRICK_SIZE - 1) if step == 0 else (BRICK_SIZE, BRICK_SIZE + HALO - 1)
-
-
-@jit
-def scatter(items: Array, cells: Int32, slots: Int32, out: Array) -> None:
-    """Copy packed nodes [n] at `cells` [n, 3] (x, y, z) into bricks [., BRICK_SIZE, BRICK_SIZE, BRICK_SIZE]."""
-    inside = BRICK_SIZE - 1
-    for i in range(len(items)):
-        x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
-        slot = slots[z >> BRICK_LEVELS, y >> BRICK_LEVELS, x >> BRICK_LEVELS]
-        out[slot, z & inside, y & inside, x & inside] = items[i]

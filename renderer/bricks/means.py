@@ -1,12 +1,12 @@
-"""Recompute the means of levels that a pyramid for bricks does not store, when a brick is drawn.
+"""Gather the means of a brick and its halo when it is drawn, and recompute those of levels that a pyramid for bricks
+does not store.
 
-The voxels of a brick and its halo, 18^3 cells, are classified and averaged block by block by the code that builds
-pyramids: the means are those that it would have stored, bit for bit.
+Of levels 1 and 2 the voxels of a brick and its halo, 18^3 cells, are classified and averaged block by block by the code
+that builds pyramids: the means are those that it would have stored, bit for bit.
 """
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from functools import partial
 from typing import Any
 
@@ -19,12 +19,16 @@ from renderer.pyramid import (
     BLOCK_SIZE,
     BLOCKS_PER_TASK,
     NODE_OFFSETS,
+    STREAMED_LEVELS,
     Pyramid,
     Scratch,
     classify_blocks,
     opacities_to_depths,
+    packed_channels,
+    root_cells,
     store_scaled,
     visible_blocks,
+    visible_children,
 )
 from renderer.threads import ThreadPool
 from renderer.transfer import raw_voxels
@@ -35,60 +39,63 @@ Int32 = npt.NDArray[np.int32]
 Int64 = npt.NDArray[np.int64]
 UInt64 = npt.NDArray[np.uint64]
 
-# Most memory of recomputed bricks.
+# Most memory of cached bricks.
 MAX_CACHE_BYTES = 256 << 20
 # Fewer bricks are not worth a thread.
 MIN_BRICKS_PER_THREAD = 8
 
 
 class MeanCache:
-    """Recomputed means, for pictures of more bricks than the device holds: each would compute them again.
+    """Computed means, for pictures of more bricks than the device holds: each would compute them again.
 
-    Bricks that the last two pictures did not need are evicted first, and those that they needed never: of bricks that
-    are read in turn and are too many, the least recently used one is the next to be read. threads: compute the means.
+    Bricks that a picture and the one before it did not need are evicted, and those that they needed never: of bricks
+    that are read in turn and are too many, the least recently used one is the next to be read. threads: compute the
+    means.
     """
 
     def __init__(self, threads: ThreadPool | None = None) -> None:
         self._threads = threads or ThreadPool()
-        # By level and cell, the least recently used one first: stored means, and the number of the last picture.
-        self._entries: OrderedDict[tuple[int, ...], tuple[Array, int]] = OrderedDict()
-        self._picture, self._num_bytes, self._is_enabled = 0, 0, False
+        # By level and cell: stored means, and the number of the last picture that needed them.
+        self._entries: dict[tuple[int, ...], tuple[Array, int]] = {}
+        self._picture, self._is_enabled = 0, False
 
     def begin(self, *, is_enabled: bool) -> None:
         """Begin a picture. is_enabled: whether it has more bricks than the device holds."""
-        self._picture, self._is_enabled = self._picture + 1, is_enabled
-        if not is_enabled:
-            self._entries.clear()
-            self._num_bytes = 0
+        oldest, self._picture, self._is_enabled = self._picture, self._picture + 1, is_enabled
+        self._entries = {key: entry for key, entry in self._entries.items() if is_enabled and entry[1] >= oldest}
 
     def get(self, pyramid: Pyramid, level: int, cells: Int32) -> Array:
-        """Return the means of bricks, as `recompute_means` does."""
+        """Return the means of bricks, as `recompute_means` and `stored_means` do."""
+        compute = partial(recompute_means if level <= STREAMED_LEVELS else stored_means, pyramid, level)
         if not self._is_enabled:
-            return self._recompute(pyramid, level, cells)
+            return self._threads.map_concatenated(compute, cells, MIN_BRICKS_PER_THREAD)
         keys = [(level, *cell) for cell in cells.tolist()]
         missing = [k for k, key in enumerate(keys) if key not in self._entries]
-        computed = dict(zip(missing, self._recompute(pyramid, level, cells[missing]), strict=True))
-        means = np.stack([computed[k] if k in computed else self._entries[key][0] for k, key in enumerate(keys)])
-        for k, key in enumerate(keys):
-            if k not in computed:
+        computed = iter(self._threads.map_concatenated(compute, cells[missing], MIN_BRICKS_PER_THREAD))
+        means = np.stack([self._entries[key][0] if key in self._entries else next(computed) for key in keys])
+        for key, brick in zip(keys, means, strict=True):
+            if key in self._entries:
                 self._entries[key] = self._entries[key][0], self._picture
-                self._entries.move_to_end(key)
-        for k, brick in computed.items():
-            self._insert(keys[k], brick)
+            elif (len(self._entries) + 1) * brick.nbytes <= MAX_CACHE_BYTES:
+                self._entries[key] = brick.copy(), self._picture  # not a view of all that was computed with it
         return means
 
-    def _recompute(self, pyramid: Pyramid, level: int, cells: Int32) -> Array:
-        return self._threads.map_concatenated(partial(recompute_means, pyramid, level), cells, MIN_BRICKS_PER_THREAD)
 
-    def _insert(self, key: tuple[int, ...], means: Array) -> None:
-        """Insert a brick if it fits, evicting others."""
-        while self._num_bytes + means.nbytes > MAX_CACHE_BYTES:
-            oldest = next(iter(self._entries), None)
-            if oldest is None or self._entries[oldest][1] >= self._picture - 1:
-                return
-            self._num_bytes -= self._entries.pop(oldest)[0].nbytes
-        self._entries[key] = means.copy(), self._picture  # not a view of all that was computed with it
-        self._num_bytes += means.nbytes
+def stored_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
+    """Return the means of bricks of a level that the pyramid stores, as `recompute_means` does."""
+    of_level = pyramid.levels[level - 1].means
+    means = np.zeros((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), of_level.dtype)
+    for first, out in zip(BRICK_SIZE * cells - HALO, means, strict=True):
+        nodes, found = root_cells(pyramid)
+        for shift in range(pyramid.num_levels - level - 1, -1, -1):  # from level to level, what meets the brick
+            nodes, found = visible_children(nodes, found, pyramid.levels[level + shift])
+            low = (found << shift) - first
+            is_near = (low > -(1 << shift)) & (low < PADDED_BRICK_SIZE)
+            kept = np.flatnonzero(is_near[:, 0] & is_near[:, 1] & is_near[:, 2])
+            nodes, found = nodes[kept], found[kept]
+        x, y, z = (found - first).T
+        packed_channels(out)[z, y, x] = packed_channels(of_level)[nodes]
+    return means
 
 
 def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:

@@ -19,19 +19,16 @@ colour of the transfer function.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks.bricks import Bricks
-from renderer.bricks.layout import BRICK_SIZE, HALO, PADDED_BRICK_SIZE, fill_padded, halo_span, slot_at
+from renderer.bricks.layout import BRICK_SIZE, HALO, PADDED_BRICK_SIZE, fill_padded
 from renderer.bricks.means import MeanCache
 from renderer.jit import jit
-from renderer.pyramid import STREAMED_LEVELS
 from renderer.transfer import RawVoxels, normalize_scalar, range_width, raw_voxels
 
-Array = npt.NDArray[Any]
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Int32 = npt.NDArray[np.int32]
@@ -57,49 +54,32 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
     Raises InputError where the volume's file was changed.
     """
     volume, scalars = bricks.volume, bricks.pyramid.classifier.scalars
-    texels = np.empty((len(cells), *(PADDED_BRICK_SIZE,) * 3, *((4,) if lit else ())), np.float32)
-    volume.require_unchanged()
+    texels = np.empty((len(cells), *(PADDED_BRICK_SIZE,) * 3, 4 if lit else 1), np.float32)
+    world_from_gradient = None
     if lit:
         world_from_gradient = np.linalg.inv(volume.world_from_index[:3, :3]).T
         world_from_gradient = np.ascontiguousarray(world_from_gradient / np.abs(world_from_gradient).max())
-        scale = _unit_scale(*bricks.volume_range)
-        _fill_lit_scalars(raw_voxels(volume), scalars, cells, bricks.scalar_range, scale, world_from_gradient, texels)
-    else:
-        _fill_scalars(raw_voxels(volume), scalars, cells, bricks.scalar_range, texels)
+    scale = _unit_scale(*bricks.volume_range)
     volume.require_unchanged()
-    return texels
+    _fill_scalars(raw_voxels(volume), scalars, cells, bricks.scalar_range, world_from_gradient, scale, texels)
+    volume.require_unchanged()
+    return texels if lit else texels[..., 0]
 
 
 def mean_texels(bricks: Bricks, level: int, cells: Int32, cache: MeanCache | None = None) -> Float32:
     """Return (tau c, tau) times the finest spacing, of bricks of a level above 0 at `cells` [n, 3] (x, y, z), float32
-    [n, 18, 18, 18, 4]; 0 where nothing is visible. cache: of means that are recomputed from voxels.
+    [n, 18, 18, 18, 4]; 0 where nothing is visible. cache: of means.
 
     Raises InputError where voxels are needed and the volume's file was changed.
     """
-    if level <= STREAMED_LEVELS:
-        texels = (cache or MeanCache()).get(bricks.pyramid, level, cells).astype(np.float32)
-        texels *= np.float32(bricks.pyramid.mean_unit)
-    else:
-        texels = _stored_means(bricks, level, cells)
+    texels: Float32 = (cache or MeanCache()).get(bricks.pyramid, level, cells).astype(np.float32)
+    texels *= np.float32(bricks.pyramid.mean_unit)
     extents = np.array(bricks.volume.shape_xyz) / 2.0**level
     lighting = bricks.pyramid.classifier.lighting
     lit = lighting.light[3] + lighting.light[4] if lighting else 1
     brightest = max(1.0, float(bricks.transfer.colors.max()) * lit)
     _extrapolate_border(texels.reshape(len(cells), PADDED_BRICK_SIZE**3, 4), extents, brightest * _ROUNDING, cells)
     return texels
-
-
-def _stored_means(bricks: Bricks, level: int, cells: Int32) -> Float32:
-    """Return the stored means of the cells in the volume, 0 beyond, float32 [n, 18, 18, 18, 4]."""
-    of_level = bricks.levels[level]
-    half = of_level.means.dtype == np.float16
-    bits, shift = of_level.means.view(np.uint16 if half else np.uint32), np.uint32(13 if half else 0)
-    # Shifted to where float32 has its bits, float16 has another bias of the exponent.
-    units = (2.0**112 if half else 1.0, bricks.pyramid.mean_unit)
-    bits = bits.reshape(-1, BRICK_SIZE, BRICK_SIZE, 4 * BRICK_SIZE)
-    texels = np.zeros((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4 * PADDED_BRICK_SIZE), np.float32)
-    _fill_means(bits, shift, units, of_level.slots, cells, texels)
-    return texels.reshape(len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4)
 
 
 def _unit_scale(low: float, high: float) -> float:
@@ -109,96 +89,60 @@ def _unit_scale(low: float, high: float) -> float:
 
 @jit
 def _fill_scalars(
-    raw: RawVoxels, scalars: Float64 | None, cells: Int32, scalar_range: tuple[float, float], texels: Float32
+    raw: RawVoxels,
+    scalars: Float64 | None,
+    cells: Int32,
+    scalar_range: tuple[float, float],
+    world_from_gradient: Float64 | None,
+    scale: float,
+    texels: Float32,
 ) -> None:
+    """Write texels [n, 18, 18, 18, c]. With the factor `scale`, no difference of two scalars overflows.
+
+    world_from_gradient: [3, 3]; None where texels have no gradient.
+    """
     first = scalar_range[0]
     width, factor = range_width(first, scalar_range[1])
-    field = np.empty((PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE))
+    margin = 0 if world_from_gradient is None else 1  # gradients need the voxels next to those of texels
+    side = PADDED_BRICK_SIZE + 2 * margin
+    field = np.empty((side, side, side))
     for i in range(len(cells)):
         fill_padded(raw, scalars, cells[i], field)
         for z in range(PADDED_BRICK_SIZE):
             for y in range(PADDED_BRICK_SIZE):
                 for x in range(PADDED_BRICK_SIZE):
-                    texels[i, z, y, x] = normalize_scalar(field[z, y, x], first, width, factor)
+                    scalar = field[z + margin, y + margin, x + margin]
+                    texels[i, z, y, x, 0] = normalize_scalar(scalar, first, width, factor)
+        if world_from_gradient is not None:
+            _fill_gradients(field, raw.shape, cells[i], world_from_gradient, scale, texels[i])
 
 
 @jit
-def _fill_lit_scalars(
-    raw: RawVoxels,
-    scalars: Float64 | None,
-    cells: Int32,
-    scalar_range: tuple[float, float],
-    scale: float,
-    world_from_gradient: Float64,
-    texels: Float32,
+def _fill_gradients(
+    field: Float64, shape: tuple[int, int, int], cell: Int32, m: Float64, scale: float, texels: Float32
 ) -> None:
-    """Write texels [n, 18, 18, 18, 4]. With the factor `scale`, no difference of two scalars overflows."""
-    first = scalar_range[0]
-    width, factor = range_width(first, scalar_range[1])
-    # The voxels of texels and those next to them.
-    field = np.empty((PADDED_BRICK_SIZE + 2, PADDED_BRICK_SIZE + 2, PADDED_BRICK_SIZE + 2))
+    """Write the gradients of a brick, which `m` takes to the world, to its texels [18, 18, 18, 1:]."""
     nearest, weights = np.empty((3, PADDED_BRICK_SIZE), np.int64), np.empty((3, PADDED_BRICK_SIZE))
-    m = world_from_gradient
-    for i in range(len(cells)):
-        fill_padded(raw, scalars, cells[i], field)
-        for axis in range(3):
-            num, start = raw.shape[2 - axis], BRICK_SIZE * cells[i, axis] - HALO
-            for t in range(PADDED_BRICK_SIZE):
-                voxel = min(max(start + t, 0), num - 1)
-                weights[axis, t] = 1.0 / max(min(voxel + 1, num - 1) - max(voxel - 1, 0), 1)
-                nearest[axis, t] = voxel - start  # the texel of the voxel that a texel takes
+    for axis in range(3):
+        num, start = shape[2 - axis], BRICK_SIZE * cell[axis] - HALO
         for t in range(PADDED_BRICK_SIZE):
-            for u in range(PADDED_BRICK_SIZE):
-                z, y = nearest[2, t], nearest[1, u]
-                row = texels[i, t, u]
-                for x in range(PADDED_BRICK_SIZE):
-                    row[x, 0] = normalize_scalar(field[z + 1, y + 1, x + 1], first, width, factor)
-                    gx = (field[z + 1, y + 1, x + 2] * scale - field[z + 1, y + 1, x] * scale) * weights[0, x]
-                    gy = (field[z + 1, y + 2, x + 1] * scale - field[z + 1, y, x + 1] * scale) * weights[1, u]
-                    gz = (field[z + 2, y + 1, x + 1] * scale - field[z, y + 1, x + 1] * scale) * weights[2, t]
-                    row[x, 1] = m[0, 0] * gx + m[0, 1] * gy + m[0, 2] * gz
-                    row[x, 2] = m[1, 0] * gx + m[1, 1] * gy + m[1, 2] * gz
-                    row[x, 3] = m[2, 0] * gx + m[2, 1] * gy + m[2, 2] * gz
-                for x in range(PADDED_BRICK_SIZE):
-                    if nearest[0, x] != x:
-                        row[x] = row[nearest[0, x]]
-
-
-@jit
-def _fill_means(
-    bits: Array, shift: Any, units: tuple[float, float], slots: Int32, cells: Int32, texels: Float32
-) -> None:
-    """Write texels [n, 18, 18, 4 * 18], 0 before, of bricks and the parts of their neighbours in the halo.
-
-    bits: of the means [., BRICK_SIZE, BRICK_SIZE, 4 * BRICK_SIZE]; shifted, and times one unit after the other, they
-    are float32.
-    """
-    for i in range(len(cells)):
-        for dz in range(-1, 2):
-            for dy in range(-1, 2):
-                for dx in range(-1, 2):
-                    slot = slot_at(slots, cells[i, 0] + dx, cells[i, 1] + dy, cells[i, 2] + dz)
-                    if slot >= 0:
-                        _copy_means(bits[slot], shift, units, dx, dy, dz, texels[i])
-
-
-@jit
-def _copy_means(
-    bits: Array, shift: Any, units: tuple[float, float], dx: int, dy: int, dz: int, texels: Float32
-) -> None:
-    """Copy the halo's part of a neighbour [z, y, 4 x] to texels [z, y, 4 x]."""
-    x0, x1 = halo_span(dx)
-    y0, y1 = halo_span(dy)
-    z0, z1 = halo_span(dz)
-    to_normal, unit = np.float32(units[0]), np.float32(units[1])
-    for z in range(z0, z1 + 1):
-        for y in range(y0, y1 + 1):
-            of_brick = bits[z - BRICK_SIZE * dz, y - BRICK_SIZE * dy]
-            row = of_brick[4 * (x0 - BRICK_SIZE * dx) : 4 * (x1 + 1 - BRICK_SIZE * dx)]
-            texel_row = texels[z + HALO, y + HALO, 4 * (x0 + HALO) : 4 * (x1 + 1 + HALO)]
-            for k in range(len(row)):
-                value = np.uint32(np.uint32(row[k]) << shift)
-                texel_row[k] = value.view(np.float32) * to_normal * unit
+            voxel = min(max(start + t, 0), num - 1)
+            weights[axis, t] = 1.0 / max(min(voxel + 1, num - 1) - max(voxel - 1, 0), 1)
+            nearest[axis, t] = voxel - start  # the texel of the voxel that a texel takes
+    for t in range(PADDED_BRICK_SIZE):
+        for u in range(PADDED_BRICK_SIZE):
+            z, y = nearest[2, t], nearest[1, u]
+            row = texels[t, u]
+            for x in range(PADDED_BRICK_SIZE):
+                gx = (field[z + 1, y + 1, x + 2] * scale - field[z + 1, y + 1, x] * scale) * weights[0, x]
+                gy = (field[z + 1, y + 2, x + 1] * scale - field[z + 1, y, x + 1] * scale) * weights[1, u]
+                gz = (field[z + 2, y + 1, x + 1] * scale - field[z, y + 1, x + 1] * scale) * weights[2, t]
+                row[x, 1] = m[0, 0] * gx + m[0, 1] * gy + m[0, 2] * gz
+                row[x, 2] = m[1, 0] * gx + m[1, 1] * gy + m[1, 2] * gz
+                row[x, 3] = m[2, 0] * gx + m[2, 1] * gy + m[2, 2] * gz
+            for x in range(PADDED_BRICK_SIZE):
+                if nearest[0, x] != x:
+                    row[x] = row[nearest[0, x]]
 
 
 @jit

@@ -178,7 +178,7 @@ class SplatPrimitive(Primitive[Cut, SplatBatch]):
     def tolerance_for_cells(self, num_cells: float) -> float:
         most = max(1, int(min(num_cells, self._stage.pyramid.volume.values.size)))
         sizes = self._sizes_to(most)
-        return sizes.finest_within(min(most, sizes.max_cells)).tolerance
+        return sizes.finest_within(min(most, sizes.max_cells))
 
     def tolerance_for_size(self, size: float) -> float:
         return self.tolerance_for_cells(size)
@@ -235,7 +235,7 @@ class BrickPrimitive(Primitive[BrickCut, BrickBatch]):
     def tolerance_for_cells(self, num_cells: float) -> float:
         if self._sizes is None:
             self._sizes = brick_cut_sizes(self._bricks, **self._finest_levels)
-        return self._sizes.finest_within(max(1, int(min(num_cells, self._sizes.max_cells)))).tolerance
+        return self._sizes.finest_within(max(1, int(min(num_cells, self._sizes.max_cells))))
 
     def tolerance_for_size(self, size: float) -> float:
         """Return the tolerance of a size, rounded to two digits, which read well in a record."""

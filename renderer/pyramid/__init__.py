@@ -5,8 +5,7 @@ Hanrahan 1991); `CutSizes`, from which a budget of cells finds its tolerance. Me
 as in Chan, Golub and LeVeque 1979.
 
 - `pyramid.py`: builds it, level by level, with the error of each node; `nodes.py`: voxels to nodes and nodes merged,
-  compiled; `memory.py`: its arrays; `empty_space.py`: leaves out macrocells (blocks of voxels)
-  in which the min-max test finds nothing visible.
+  compiled; `empty_space.py`: leaves out macrocells (blocks of voxels) in which the min-max test finds nothing visible.
 - `cut.py`: the nodes drawn at a tolerance; `cut_size.py`: the number of cells at any tolerance, for a budget of cells.
 """
 

@@ -2,16 +2,18 @@ from .cut import (
     Cut as Cut,
     cell_voxel_counts as cell_voxel_counts,
     cut_pyramid as cut_pyramid,
+    descendants as descendants,
     node_errors as node_errors,
+    root_cells as root_cells,
     root_error as root_error,
     visible_children as visible_children,
 )
 from .cut_size import CutSizes as CutSizes, cut_sizes as cut_sizes
 from .empty_space import visible_blocks as visible_blocks
-from .memory import Scratch as Scratch
 from .nodes import (
     BLOCK_SIZE as BLOCK_SIZE,
     NODE_OFFSETS as NODE_OFFSETS,
+    Scratch as Scratch,
     classify_blocks as classify_blocks,
     opacities_to_depths as opacities_to_depths,
     packed_channels as packed_channels,

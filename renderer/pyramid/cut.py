@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import jit
-from renderer.pyramid.pyramid import Pyramid, cell_extents, error_scale
+from renderer.pyramid.pyramid import Level, Pyramid, cell_extents, error_scale
 from renderer.transfer import Classifier, RawVoxels, classify_voxel, raw_voxels
 from renderer.volume import Volume
 
@@ -56,8 +56,7 @@ def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) ->
         raise ValueError(f"no pyramid for this tolerance: got {tolerance}, expected at least {finest.tolerance}")
     if finest_level < finest.level:
         raise ValueError(f"no pyramid for this level: got {finest_level}, expected at least {finest.level}")
-    cells = np.zeros((len(pyramid.levels[-1].errors), 3), np.int32)
-    nodes = np.arange(len(cells))
+    nodes, cells = root_cells(pyramid)
     leaves = []
     for number in range(pyramid.num_levels, 0, -1):
         level = pyramid.levels[number - 1]
@@ -68,14 +67,19 @@ def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) ->
         leaves.append((number, cells[is_leaf], depths))
         nodes, cells = nodes[~is_leaf], cells[~is_leaf]
         if number > 1:
-            nodes, cells = visible_children(nodes, cells, level.masks, level.first_children)
+            nodes, cells = visible_children(nodes, cells, level)
     return _join_leaves(pyramid, leaves, cells)
 
 
 def root_error(pyramid: Pyramid) -> float:
     """Return the error of the whole volume as one cell. A cut at any larger tolerance is a single cell."""
-    nodes = np.arange(len(pyramid.levels[-1].errors))
-    return float(node_errors(pyramid, nodes, np.zeros((len(nodes), 3), np.int32), pyramid.num_levels).max(initial=0.0))
+    return float(node_errors(pyramid, *root_cells(pyramid), pyramid.num_levels).max(initial=0.0))
+
+
+def root_cells(pyramid: Pyramid) -> tuple[Int64, Int32]:
+    """Return the index of the root and its cell, [1] and [1, 3]; [0] and [0, 3] where nothing is visible."""
+    num = len(pyramid.levels[-1].errors)
+    return np.arange(num), np.zeros((num, 3), np.int32)
 
 
 def node_errors(pyramid: Pyramid, nodes: Int64, cells: Int32, level: int) -> Float64:
@@ -91,16 +95,19 @@ def cell_voxel_counts(cells: Int32, level: int, volume: Volume) -> Int64:
     return np.asarray(x * y * z)
 
 
-def visible_children(
-    nodes: Int64, cells: Int32, masks: npt.NDArray[np.uint8], first_children: Int64
-) -> tuple[Int64, Int32]:
-    """Return the visible children of nodes at `cells`: their indices in the level below [m] and their cells [m, 3].
+def descendants(pyramid: Pyramid, nodes: Int64, cells: Int32, level: int, finer_level: int) -> tuple[Int64, Int32]:
+    """Return the visible nodes of a finer level in nodes of a level, as `visible_children` does."""
+    for number in range(level, finer_level, -1):
+        nodes, cells = visible_children(nodes, cells, pyramid.levels[number - 1])
+    return nodes, cells
 
-    masks, first_children: of the nodes' level.
-    """
-    num = int(np.bitwise_count(masks[nodes]).sum(dtype=np.int64))
+
+def visible_children(nodes: Int64, cells: Int32, level: Level) -> tuple[Int64, Int32]:
+    """Return the visible children of nodes of a level at `cells`: their indices in the level below [m] and their cells
+    [m, 3]."""
+    num = int(np.bitwise_count(level.masks[nodes]).sum(dtype=np.int64))
     child_nodes, child_cells = np.empty(num, np.int64), np.empty((num, 3), np.int32)
-    _fill_children(nodes, cells, masks, first_children, child_nodes, child_cells)
+    _fill_children(nodes, cells, level.masks, level.first_children, child_nodes, child_cells)
     return child_nodes, child_cells
 
 

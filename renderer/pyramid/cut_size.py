@@ -15,24 +15,16 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.pyramid.cut import node_errors, num_visible_voxels, visible_children
+from renderer.pyramid.cut import node_errors, num_visible_voxels, root_cells, visible_children
 from renderer.pyramid.pyramid import Pyramid
 from renderer.scene import MIN_TOLERANCE
 
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
-
-
-class CutSize(NamedTuple):
-    """A tolerance and the number of cells in its cut."""
-
-    tolerance: float
-    num_cells: int
 
 
 @dataclass(frozen=True)
@@ -52,19 +44,19 @@ class CutSizes:
     num_cells_at_zero: int | None
     max_cells: int
 
-    def finest_within(self, num_cells: int) -> CutSize:
-        """Return the finest cut of at most `num_cells` cells, from 1 to `max_cells`.
+    def finest_within(self, num_cells: int) -> float:
+        """Return the tolerance of the finest cut of at most `num_cells` cells, from 1 to `max_cells`.
 
-        Its tolerance is one that a scene can have: 0, or at least MIN_TOLERANCE. Raises ValueError for another number.
+        It is one that a scene can have: 0, or at least MIN_TOLERANCE. Raises ValueError for another number.
         """
         if not 1 <= num_cells <= self.max_cells:
             raise ValueError(f"sizes of other cuts: got {num_cells}, expected 1 to {self.max_cells}")
         if self.num_cells_at_zero is not None and self.num_cells_at_zero <= num_cells:
-            return CutSize(0.0, self.num_cells_at_zero)
+            return 0.0
         last = int(np.searchsorted(self.counts, num_cells, side="right")) - 1
         above = self.split_thresholds[last] if last < len(self.split_thresholds) else self.tolerance_limit
         up_to = self.split_thresholds[last - 1] if last > 0 else sys.float_info.max
-        return CutSize(_round_tolerance(float(above), float(up_to)), int(self.counts[last]))
+        return _round_tolerance(float(above), float(up_to))
 
 
 def cut_sizes(pyramid: Pyramid, max_cells: int, *, finest_level: int, finest_level_at_zero: int) -> CutSizes:
@@ -80,54 +72,49 @@ def cut_sizes(pyramid: Pyramid, max_cells: int, *, finest_level: int, finest_lev
         raise ValueError(f"no pyramid for this level: got {finest}, expected at least {pyramid.finest_cut.level}")
     if pyramid.finest_cut.tolerance > 0:
         just_below = math.nextafter(pyramid.finest_cut.tolerance, 0.0)
-        return CutSizes(*_collect_thresholds(pyramid, max_cells, finest_level, just_below), None, max_cells)
+        return _collect_thresholds(pyramid, max_cells, finest_level, just_below)
     at_zero = found = _collect_thresholds(pyramid, max_cells, finest_level_at_zero, -math.inf)
     if finest_level != finest_level_at_zero:
         found = _collect_thresholds(pyramid, max_cells, finest_level, 0.0)
-    num_cells_at_zero = int(at_zero.counts[-1]) if at_zero.limit < 0 else None
-    is_positive = found.thresholds > 0
+    num_cells_at_zero = int(at_zero.counts[-1]) if at_zero.tolerance_limit < 0 else None
+    is_positive = found.split_thresholds > 0
     counts = found.counts[np.append(True, is_positive)]
-    return CutSizes(found.thresholds[is_positive], counts, max(found.limit, 0.0), num_cells_at_zero, max_cells)
+    limit = max(found.tolerance_limit, 0.0)
+    return CutSizes(found.split_thresholds[is_positive], counts, limit, num_cells_at_zero, max_cells)
 
 
-class _Steps(NamedTuple):
-    """The first fields of CutSizes, at tolerances above `limit`, which may be negative. Thresholds may be 0."""
+def _collect_thresholds(pyramid: Pyramid, max_cells: int, finest_level: int, limit: float) -> CutSizes:
+    """Walk down the levels along nodes that are split at a tolerance above the limit, which rises meanwhile.
 
-    thresholds: Float64
-    counts: Int64
-    limit: float
-
-
-def _collect_thresholds(pyramid: Pyramid, max_cells: int, finest_level: int, limit: float) -> _Steps:
-    """Walk down the levels along nodes that are split at a tolerance above the limit, which rises meanwhile."""
-    num_roots = len(pyramid.levels[-1].errors)
-    nodes, cells = np.arange(num_roots), np.zeros((num_roots, 3), np.int32)
-    parent_thresholds = np.full(num_roots, np.inf)
-    found = _Steps(np.empty(0), np.array([num_roots]), limit)
+    limit: of tolerances, negative for thresholds of 0, too. The number of cells at tolerance 0 is left open.
+    """
+    nodes, cells = root_cells(pyramid)
+    parent_thresholds = np.full(len(nodes), np.inf)
+    found = CutSizes(np.empty(0), np.array([len(nodes)]), limit, None, max_cells)
     for number in range(pyramid.num_levels, finest_level, -1):
         level = pyramid.levels[number - 1]
         errors = node_errors(pyramid, nodes, cells, number)
         errors[errors < MIN_TOLERANCE] = 0.0  # no other tolerance is that small
         thresholds = np.minimum(errors, parent_thresholds)
-        is_split = thresholds > found.limit
+        is_split = thresholds > found.tolerance_limit
         nodes, cells, thresholds = nodes[is_split], cells[is_split], thresholds[is_split]
         num_children = np.bitwise_count(level.masks[nodes]) if number > 1 else num_visible_voxels(pyramid, cells)
-        found = _merge_level(found, thresholds, num_children.astype(np.int64) - 1, max_cells)
+        found = _merge_level(found, thresholds, num_children.astype(np.int64) - 1)
         if number > 1:
-            is_split = thresholds > found.limit
+            is_split = thresholds > found.tolerance_limit
             parent_thresholds = np.repeat(thresholds[is_split], num_children[is_split])
-            nodes, cells = visible_children(nodes[is_split], cells[is_split], level.masks, level.first_children)
+            nodes, cells = visible_children(nodes[is_split], cells[is_split], level)
     return found
 
 
-def _merge_level(found: _Steps, thresholds: Float64, num_more: Int64, max_cells: int) -> _Steps:
+def _merge_level(found: CutSizes, thresholds: Float64, num_more: Int64) -> CutSizes:
     """Add the nodes of a level, each of which `num_more` children replace besides one."""
-    falling, where = np.unique(-np.concatenate([found.thresholds, thresholds]), return_inverse=True)
+    falling, where = np.unique(-np.concatenate([found.split_thresholds, thresholds]), return_inverse=True)
     more = np.bincount(where, np.concatenate([np.diff(found.counts), num_more]))
     counts = found.counts[0] + np.append(0, np.cumsum(more)).astype(np.int64)
-    num_within = int(np.searchsorted(counts, max_cells, side="right")) - 1
-    limit = -float(falling[num_within]) if num_within < len(falling) else found.limit
-    return _Steps(-falling[:num_within], counts[: num_within + 1], limit)
+    num_within = int(np.searchsorted(counts, found.max_cells, side="right")) - 1
+    limit = -float(falling[num_within]) if num_within < len(falling) else found.tolerance_limit
+    return CutSizes(-falling[:num_within], counts[: num_within + 1], limit, None, found.max_cells)
 
 
 def _round_tolerance(above: float, up_to: float) -> float:

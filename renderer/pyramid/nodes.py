@@ -19,6 +19,7 @@ has its own variance.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,7 @@ PackedChannels = npt.NDArray[np.complex128]
 
 # Means and variances [g, n, c] of the 64 nodes of some groups, of their 8 parents, and of their root.
 Groups = list[tuple[Array, Array]]
+NODES_OF_GROUP = (64, 8, 1)
 
 BLOCK_SIZE = 8
 
@@ -57,63 +59,81 @@ GROUP_INDEX_OF_MORTON = np.array([(n & 7) << 3 | n >> 3 for n in range(64)], np.
 NODE_OFFSETS = np.array([0, 8, 1, 9, 0, 1])
 
 
+@dataclass(frozen=True)
+class Scratch:
+    """Memory of one running task, reused by the next: fresh pages cost more than the arithmetic done in them.
+
+    nodes, errors: groups of what is averaged, and of what errors are measured of, which may be the same.
+    visible, deviations: float32 [., 4] and [.], nodes on their way to where they are stored.
+    voxels: float32 [512, 4], one block.
+    """
+
+    nodes: Groups
+    errors: Groups
+    visible: Float32
+    deviations: Float32
+    voxels: Float32
+
+    @classmethod
+    def empty(cls, num_groups: int, error_layout: tuple[int, type[Any]] | None = None) -> Scratch:
+        """Return scratch for some groups.
+
+        error_layout: channels and dtype of what errors are measured of, where that is not what is averaged.
+        """
+
+        def groups(num_channels: int, dtype: type[Any]) -> Groups:
+            shapes = [(num_groups, num_nodes, num_channels) for num_nodes in NODES_OF_GROUP]
+            return [(np.empty(shape, dtype), np.empty(shape, dtype)) for shape in shapes]
+
+        nodes = groups(4, np.float32)
+        shapes = (num_groups * 64, 4), (num_groups * 64,), (BLOCK_SIZE**3, 4)
+        flat = (np.empty(shape, np.float32) for shape in shapes)
+        return cls(nodes, groups(*error_layout) if error_layout else nodes, *flat)
+
+    def limited_to(self, num_groups: int) -> Scratch:
+        """Return the part that this number of groups needs; views."""
+        nodes, errors = ([(m[:num_groups], v[:num_groups]) for m, v in each] for each in (self.nodes, self.errors))
+        return replace(self, nodes=nodes, errors=errors)
+
+
 @jit
-def _build_channel_level(
+def _build_first_level(
     raw: RawVoxels,
     classifier: Classifier,
-    packed_table: PackedChannels | None,
+    packed: tuple[PackedChannels, PackedChannels] | None,
     curve: TransferTable | None,
+    normalization: tuple[float, float] | None,
     starts: UInt64,
     extents: UInt64,
-    voxels: Float32,
-    packed_voxels: PackedChannels,
-    means: Float32,
-    variances: Float32,
+    voxels: Array,
+    means: Array,
+    variances: Array,
 ) -> None:
-    """Write level 1 [g, 64, 4] of the blocks at voxels `starts` [g, 3]; `extents` [g, 3] (x, y, z) of each are real.
+    """Write level 1 [g, 64, c] of the blocks at voxels `starts` [g, 3]; `extents` [g, 3] (x, y, z) of each are real.
 
-    packed_table, curve: what whole blocks are classified by, of the classifier; None with lighting. voxels: [512, 4],
-    scratch; packed_voxels: the same, packed.
+    packed: the classifier's table and the voxels, packed; curve: of the classifier. Whole blocks are classified by
+    them; both are None with lighting. normalization: (offset, scale) of scalars in place of channels. voxels: [512, c],
+    scratch.
     """
-    shares = np.empty((3, 64 * 4), np.float32)
+    width = 256 if normalization is None else 64
+    shares = np.empty((3, width), voxels.dtype)
+    if packed is not None:
+        packed_table, packed_voxels = packed
     block_voxels = np.empty((BLOCK_SIZE, BLOCK_SIZE, BLOCK_SIZE), raw.dtype)
     for g in range(len(starts)):
         if g == 0 or not _has_same_extents(extents, g):
             _set_shares(extents, g, VOXEL_SIDE, shares, means.shape[2])
             voxels[:] = 0  # those outside the volume stay 0
         whole = extents[g, 0] * extents[g, 1] * extents[g, 2] == BLOCK_SIZE**3
-        if whole and packed_table is not None:
+        if normalization is not None:
+            _normalize_block(raw, classifier.scalars, normalization, starts, extents, g, voxels)
+        elif whole and packed is not None:
             _look_up_block(raw, packed_table, starts, g, packed_voxels)
         elif whole and curve is not None:
             _evaluate_block(raw, curve, classifier.is_opacity, starts, g, block_voxels, voxels)
         else:
             _classify_block(raw, classifier, starts, extents, g, voxels)
-        _merge_voxels(voxels.reshape(8, 256), shares, means.reshape(-1, 256), variances.reshape(-1, 256), g)
-
-
-@jit
-def build_scalar_level(
-    raw: RawVoxels,
-    scalars: Float64 | None,
-    offset: float,
-    scale: float,
-    starts: UInt64,
-    extents: UInt64,
-    means: Float64,
-    variances: Float64,
-) -> None:
-    """Write level 1 [g, 64, 1] of `(scalar - offset) * scale`, as `_build_channel_level` does of channels."""
-    voxels, shares = np.empty(BLOCK_SIZE**3), np.empty((3, 64))
-    for g in range(len(starts)):
-        if g == 0 or not _has_same_extents(extents, g):
-            _set_shares(extents, g, VOXEL_SIDE, shares, means.shape[2])
-            voxels[:] = 0
-        for z in range(extents[g, 2]):
-            for y in range(extents[g, 1]):
-                for x in range(extents[g, 0]):
-                    s = scalar_at(raw, scalars, starts[g, 2] + z, starts[g, 1] + y, starts[g, 0] + x)
-                    voxels[VOXEL_OFFSET_Z[z] + VOXEL_OFFSET_Y[y] + VOXEL_OFFSET_X[x]] = (s - offset) * scale
-        _merge_voxels(voxels.reshape(8, 64), shares, means.reshape(-1, 64), variances.reshape(-1, 64), g)
+        _merge_voxels(voxels.reshape(8, width), shares, means.reshape(-1, width), variances.reshape(-1, width), g)
 
 
 @jit
@@ -183,6 +203,25 @@ def _classify_block(
                 out[at, 0], out[at, 1], out[at, 2], out[at, 3] = classify_voxel(
                     raw, table, scalars, curve, is_opacity, lighting, z0 + z, y0 + y, x0 + x
                 )
+
+
+@jit
+def _normalize_block(
+    raw: RawVoxels,
+    scalars: Float64 | None,
+    normalization: tuple[float, float],
+    starts: UInt64,
+    extents: UInt64,
+    g: int,
+    out: Float64,
+) -> None:
+    """Write `(scalar - offset) * scale` of the real voxels of a block to `out` [512, 1]."""
+    offset, scale = normalization
+    for z in range(extents[g, 2]):
+        for y in range(extents[g, 1]):
+            for x in range(extents[g, 0]):
+                s = scalar_at(raw, scalars, starts[g, 2] + z, starts[g, 1] + y, starts[g, 0] + x)
+                out[VOXEL_OFFSET_Z[z] + VOXEL_OFFSET_Y[y] + VOXEL_OFFSET_X[x], 0] = (s - offset) * scale
 
 
 @jit
@@ -266,21 +305,21 @@ def _merge_two(a: Any, b: Any, va: Any, vb: Any, h: Any) -> tuple[Any, Any]:
 
 
 @jit
-def mark_permanent_leaves(
-    parent_variances: Array,
-    root_variances: Array,
-    limits: tuple[float, float],
-    parents: npt.NDArray[np.bool_],
-    roots: npt.NDArray[np.bool_],
+def hide_below_leaves(
+    means: Float32, parent_means: Float32, parent_variances: Array, root_variances: Array, limits: tuple[float, float]
 ) -> None:
-    """Mark the nodes of groups, variances [g, 8, c] and [g, 1, c], that are leaves in every cut: [g, 8] and [g, 1].
+    """Negate the last channel of nodes [g, 64, 4] and of their parents [g, 8, 4] below a leaf of every cut.
 
-    Their total variance is below the limit of their level, or their root's is.
+    Such a leaf has a total variance [g, 8, c] or [g, 1, c] below the limit of its level. What is negated is not stored.
     """
-    for g in range(len(parents)):
-        roots[g, 0] = _total_variance(root_variances, g, 0) < limits[1]
-        for node in range(8):
-            parents[g, node] = roots[g, 0] or _total_variance(parent_variances, g, node) < limits[0]
+    for g in range(len(means)):
+        is_root_leaf = _total_variance(root_variances, g, 0) < limits[1]
+        for parent in range(8):
+            if is_root_leaf:
+                parent_means[g, parent, 3] *= -1
+            if is_root_leaf or _total_variance(parent_variances, g, parent) < limits[0]:
+                for k in range(8):
+                    means[g, 8 * k + parent, 3] *= -1
 
 
 @jit
@@ -303,7 +342,8 @@ def list_visible_cells(
     occupied: npt.NDArray[np.bool_],
 ) -> None:
     """Write the cells [., 3] (x, y, z) of the visible nodes [g, n, 4] of groups at `groups` [g, 3], in Morton order,
-    and their numbers of voxels [.]. Mark them in the grid `occupied` [z, y, x] of cells 2^shift times as wide.
+    and their numbers of voxels [.]. Mark them in the grid `occupied` [z, y, x] of cells 2^shift times as wide. Nodes
+    below a leaf of every cut, whose last channel is negative, count as visible.
 
     width: of a node, in voxels, where the border does not cut it. shape: of the volume, z, y, x. Nothing is written to
     `cells` and `sizes` if they are empty, and nothing is marked if `shift` is below 0.
@@ -313,7 +353,7 @@ def list_visible_cells(
     for g in range(len(means)):
         for index in range(num_nodes):
             node = GROUP_INDEX_OF_MORTON[index] if num_nodes == 64 else index
-            if means[g, node, 3] > 0:
+            if means[g, node, 3] != 0:
                 size = 1
                 for axis in range(3):
                     cell = groups[g, axis] << digits
@@ -334,8 +374,6 @@ def append_visible(
     packed_means: PackedChannels,
     variances: Array,
     children: Float32,
-    is_permanent_leaf: npt.NDArray[np.bool_],
-    is_below_permanent_leaf: npt.NDArray[np.bool_],
     packed_out: PackedChannels,
     deviations_out: Float32,
     masks_out: npt.NDArray[np.uint8],
@@ -345,21 +383,15 @@ def append_visible(
     variances: [g, n, c]; the roots of their sums over the channels go to `deviations_out` [.]. The root is taken before
         rounding to float32, which might not hold the square.
     children: [g, 8 n, 4], whose visibility becomes masks [.]; [0, ., 4] where they are voxels.
-    is_permanent_leaf: [g, n], nodes whose children are left out. is_below_permanent_leaf: [g, n / 8], parents whose
-        children are left out. [0, 0] where nothing is.
     """
     num, num_nodes = np.uint64(0), np.uint64(means.shape[1])
     for g in range(len(means)):
         for index in range(num_nodes):
-            if len(is_below_permanent_leaf) > 0 and is_below_permanent_leaf[g, index >> np.uint64(3)]:
-                continue
             node = GROUP_INDEX_OF_MORTON[index] if num_nodes == 64 else index
             if means[g, node, 3] > 0:
                 packed_out[num] = packed_means[g, node]
                 deviations_out[num] = np.sqrt(_total_variance(variances, g, node))
-                if len(is_permanent_leaf) > 0 and is_permanent_leaf[g, node]:
-                    masks_out[num] = 0
-                elif len(children) > 0:
+                if len(children) > 0:
                     mask = 0
                     for k in range(8):
                         if children[g, np.uint64(k) * num_nodes + node, 3] > 0:
@@ -393,18 +425,25 @@ def packed_channels(values: Array) -> Array:
 
 
 def classify_blocks(
-    raw: Array, classifier: Classifier, starts: UInt64, extents: UInt64, voxels: Float32, groups: Groups
+    raw: Array,
+    classifier: Classifier,
+    starts: UInt64,
+    extents: UInt64,
+    voxels: Array,
+    groups: Groups,
+    normalization: tuple[float, float] | None = None,
 ) -> None:
     """Build all nodes of the blocks at voxels `starts` [g, 3]; `extents` [g, 3] (x, y, z) of each are real.
 
-    voxels: float32 [512, 4], scratch.
+    voxels: float32 [512, 4], scratch. normalization: (offset, scale) of scalars that are averaged in place of channels.
     """
-    unlit = classifier.lighting is None
-    packed_table = packed_channels(classifier.table) if unlit and classifier.table is not None else None
-    curve = classifier.curve if unlit else None
-    _build_channel_level(
-        raw, classifier, packed_table, curve, starts, extents, voxels, packed_channels(voxels), *groups[0]
-    )
+    packed, curve, table = None, None, classifier.table
+    if normalization is not None:
+        voxels = np.empty((BLOCK_SIZE**3, 1))
+    elif classifier.lighting is None:
+        packed = (packed_channels(table), packed_channels(voxels)) if table is not None else None
+        curve = classifier.curve
+    _build_first_level(raw, classifier, packed, curve, normalization, starts, extents, voxels, *groups[0])
     merge(groups, extents, 2)
 
 

@@ -33,9 +33,10 @@ import numpy.typing as npt
 
 from renderer.pyramid import nodes as compiled
 from renderer.pyramid.empty_space import visible_blocks
-from renderer.pyramid.memory import NODES_OF_GROUP, NodeArrays, Scratch
 from renderer.pyramid.nodes import (
     BLOCK_SIZE,
+    NODES_OF_GROUP,
+    Scratch,
     classify_blocks,
     merge,
     opacities_to_depths,
@@ -106,13 +107,24 @@ class Level(NamedTuple):
     means: float16 or float32 [n, 4], stored units.
     errors: float16 or float32 [n], stored units.
     masks: uint8 [n], bit `x + 2 y + 4 z` set where that child is visible; empty on level 1.
-    first_children: int64 [n], index in the level below of the first visible child; empty on level 1.
+    first_children: int64 [n], index in the level below of the first visible child; empty on level 1, and while the
+        pyramid is built.
     """
 
     means: Array
     errors: Array
     masks: npt.NDArray[np.uint8]
     first_children: Int64
+
+    @classmethod
+    def empty(cls, num: int, dtype: type[Any], *, masked: bool) -> Level:
+        """Return arrays for `num` nodes, with masks or, on level 1, without. Memory is taken when they are written."""
+        masks = np.empty(num if masked else 0, np.uint8)
+        return cls(np.empty((num, 4), dtype), np.empty(num, dtype), masks, np.empty(0, np.int64))
+
+    def part(self, first: int, end: int) -> Level:
+        """Return the nodes from `first` to `end`; views."""
+        return Level._make(array[first:end] for array in self)
 
 
 @dataclass(frozen=True)
@@ -170,18 +182,19 @@ def build_pyramid(
     Raises InputError where the volume's file was changed.
     """
     num_levels = max(1 if on_nodes is None else BLOCK_LEVELS, (max(volume.shape_xyz) - 1).bit_length())
-    plan = _plan_build(volume, transfer, spec, error, shading)
-    if on_nodes is None:
-        plan = replace(plan, leaf_variance_limits=_leaf_variance_limits(plan, num_levels, finest_cut))
-    else:
+    if on_nodes is not None:
         finest_cut = FinestCut(level=STREAMED_LEVELS + 1)
-        plan = replace(plan, on_nodes=on_nodes, num_streamed=STREAMED_LEVELS)
+    plan = _plan_build(volume, transfer, spec, error, shading, finest_cut)
+    if on_nodes is None:
+        plan = replace(plan, leaf_variance_limits=_leaf_variance_limits(plan, num_levels))
+    else:
+        plan = replace(plan, on_nodes=on_nodes)
     tier, stored = _build_all_blocks(plan, num_threads)
     while len(stored) < num_levels:
         tier, levels = _next_tier(plan, tier, len(stored))
         stored += levels
     linked = tuple(_link_children(nodes) for nodes in stored[:num_levels])
-    return replace(plan.pyramid, levels=linked, finest_cut=finest_cut)
+    return replace(plan.pyramid, levels=linked)
 
 
 def error_scale(volume: Volume, measure: str, num_voxels: Any) -> Any:
@@ -207,11 +220,11 @@ class _Plan:
     """What all tasks share.
 
     pyramid: what is built, without its levels. raw: its voxels.
-    error_classifier: classifies for the errors. scalar_normalization: (offset, scale) of the scalar that errors are of.
-        Where both are None, the error is the variance that comes with the means.
+    error_classifier: classifies for the errors; None where the error is the variance that comes with the means.
+    scalar_normalization: (offset, scale) of the scalar that errors are of; None where they are of channels.
     error_factor: from the root of a variance to its stored unit.
     leaf_variance_limits: nodes of level 2, and of level 3, with a smaller variance are leaves in every cut.
-    on_nodes: as in `build_pyramid`. num_streamed: levels that are not stored.
+    on_nodes: as in `build_pyramid`.
     """
 
     pyramid: Pyramid
@@ -222,7 +235,6 @@ class _Plan:
     dtype: type[np.float16] | type[np.float32]
     leaf_variance_limits: tuple[float, float] = (0.0, 0.0)
     on_nodes: NodeCallback | None = None
-    num_streamed: int = 0
 
     @property
     def error_layout(self) -> tuple[int, type[Any]] | None:
@@ -233,7 +245,12 @@ class _Plan:
 
 
 def _plan_build(
-    volume: Volume, transfer: TransferFunction, spec: PyramidSpec, error: ErrorSpec, shading: ShadingSpec | None
+    volume: Volume,
+    transfer: TransferFunction,
+    spec: PyramidSpec,
+    error: ErrorSpec,
+    shading: ShadingSpec | None,
+    finest_cut: FinestCut,
 ) -> _Plan:
     averages_opacity, measures_opacity = spec.average == "opacity", error.measure == "rms"
     depth = volume.finest_spacing * transfer.max_extinction
@@ -245,16 +262,16 @@ def _plan_build(
     def classifier(of_opacity: bool) -> Classifier:
         return make_classifier(volume, transfer, shading, opacity=of_opacity)
 
+    mean_classifier = classifier(averages_opacity)
     error_classifier, normalization = None, None
     error_unit, error_factor = unit(measures_opacity), 1 / unit(measures_opacity)
     if error.of == "scalar":
         low, high = volume.value_range()
         offset = _exact_offset(low, high)
         error_unit, error_factor = _stored_unit(max(abs(low - offset), abs(high - offset))), 1.0
-        normalization = (offset, 1 / error_unit)
+        error_classifier, normalization = mean_classifier, (offset, 1 / error_unit)
     elif averages_opacity != measures_opacity:
         error_classifier = classifier(measures_opacity)
-    mean_classifier = classifier(averages_opacity)
     level = max(1, (max(volume.shape_xyz) - 1).bit_length() - (MAX_OCCUPANCY_SIDE - 1).bit_length())
     pyramid = Pyramid(
         levels=(),
@@ -268,18 +285,18 @@ def _plan_build(
         of=error.of,
         occupied=np.zeros([((num - 1) >> level) + 1 for num in volume.values.shape], np.bool_),
         occupied_level=level,
-        finest_cut=EVERY_CUT,
+        finest_cut=finest_cut,
     )
     dtype = np.float16 if spec.precision == "half" else np.float32
     return _Plan(pyramid, raw_voxels(volume), error_classifier, normalization, error_factor, dtype)
 
 
-def _leaf_variance_limits(plan: _Plan, num_levels: int, finest_cut: FinestCut) -> tuple[float, float]:
+def _leaf_variance_limits(plan: _Plan, num_levels: int) -> tuple[float, float]:
     """Return the total variances of nodes of levels 2 and 3 below which their errors are below any tolerance in use.
 
     They hold for whole cells, and all the more for cells that the border cuts.
     """
-    limits = []
+    limits, finest_cut = [], plan.pyramid.finest_cut
     for level in (2, 3):
         unit = float(error_scale(plan.pyramid.volume, plan.pyramid.measure, 8.0**level)) * plan.pyramid.error_unit
         root = (finest_cut.tolerance * ROUNDING_MARGIN - MAX_STORED_ROUNDING * unit) / (unit * plan.error_factor)
@@ -313,13 +330,8 @@ def _tasks(shape_xyz: Shape) -> tuple[list[Int64], list[int]]:
     top = max(CUBE_LEVELS, (max(shape_xyz) - 1).bit_length())
     cubes = subdivide(np.zeros((1, 3), np.int64), top, CUBE_LEVELS, shape_xyz)
     nums = (-(-cell_extents(cubes, CUBE_LEVELS, shape_xyz) // BLOCK_SIZE)).prod(axis=1)
-    first_cubes, first_blocks, end = [], [0], 0
-    for cube, num in enumerate(nums.tolist()):
-        if end + num > first_blocks[-1] + BLOCKS_PER_TASK:
-            first_cubes.append(cube)
-            first_blocks.append(end)
-        end += num
-    return np.split(cubes, first_cubes), [*first_blocks, end]
+    starts = range(0, len(cubes), max(1, BLOCKS_PER_TASK // int(nums.max())))
+    return np.split(cubes, starts[1:]), [0, *np.add.reduceat(nums, starts).cumsum().tolist()]
 
 
 def subdivide(cells: Array, level: int, finer_level: int, shape_xyz: Shape) -> Array:
@@ -341,7 +353,7 @@ class _Tier(NamedTuple):
     variances: Array
 
 
-def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[NodeArrays]]:
+def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]]:
     """Build the levels inside blocks, task by task, and the two above; return the upper one as a tier, and all levels
     as they are stored.
 
@@ -350,12 +362,12 @@ def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[NodeAr
     volume = plan.pyramid.volume
     cubes, first_blocks = _tasks(volume.shape_xyz)
     inside = [
-        NodeArrays.empty(first_blocks[-1] * num if k >= plan.num_streamed else 0, plan.dtype, masked=k > 0)
+        Level.empty(0 if _is_streamed(plan, k) else first_blocks[-1] * num, plan.dtype, masked=k > 0)
         for k, num in enumerate(NODES_OF_GROUP)
     ]
     scratches = [Scratch.empty(int(np.diff(first_blocks).max()), plan.error_layout) for _ in range(num_threads)]
 
-    def work(task: int) -> tuple[list[NodeArrays], _Tier, list[NodeArrays]]:
+    def work(task: int) -> tuple[list[Level], _Tier, list[Level]]:
         volume.require_unchanged()
         first, end = first_blocks[task : task + 2]
         targets = [level.part(first * num, end * num) for level, num in zip(inside, NODES_OF_GROUP, strict=True)]
@@ -377,16 +389,14 @@ def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[NodeAr
         volume.require_unchanged()
         pool.map(
             lambda at: compact(inside[at[0]][at[1]], [levels[at[0]][at[1]] for levels in stored]),
-            np.ndindex(BLOCK_LEVELS, len(NodeArrays._fields)),
+            np.ndindex(BLOCK_LEVELS, len(Level._fields)),
         )
     tier = _Tier(*map(np.concatenate, zip(*tiers, strict=True)))
-    joined = [NodeArrays(*map(np.concatenate, zip(*parts, strict=True))) for parts in zip(*above, strict=True)]
+    joined = [Level(*map(np.concatenate, zip(*parts, strict=True))) for parts in zip(*above, strict=True)]
     return tier, inside + joined
 
 
-def _build_blocks(
-    plan: _Plan, cubes: Int64, targets: list[NodeArrays], scratch: Scratch
-) -> tuple[list[NodeArrays], _Tier]:
+def _build_blocks(plan: _Plan, cubes: Int64, targets: list[Level], scratch: Scratch) -> tuple[list[Level], _Tier]:
     """Build the levels inside the blocks of one task; return what is stored of them, in `targets`, and their roots."""
     pyramid, raw, normalization = plan.pyramid, plan.raw, plan.scalar_normalization
     cells = subdivide(cubes, CUBE_LEVELS, BLOCK_LEVELS, pyramid.volume.shape_xyz)
@@ -398,20 +408,16 @@ def _build_blocks(
     scratch = scratch.limited_to(len(cells))
     nodes, errors = scratch.nodes, scratch.errors
     classify_blocks(raw, pyramid.mean_classifier, starts, extents, scratch.voxels, nodes)
-    if normalization:
-        scalars = pyramid.mean_classifier.scalars
-        compiled.build_scalar_level(raw, scalars, *normalization, starts, extents, *errors[0])
-        merge(errors, extents, 2)
-    elif plan.error_classifier:
-        classify_blocks(raw, plan.error_classifier, starts, extents, scratch.voxels, errors)
+    if plan.error_classifier:
+        classify_blocks(raw, plan.error_classifier, starts, extents, scratch.voxels, errors, normalization)
     if any(plan.leaf_variance_limits):
-        limits = plan.leaf_variance_limits
-        compiled.mark_permanent_leaves(errors[1][1], errors[2][1], limits, *scratch.permanent_leaves)
+        means = nodes[0][0], nodes[1][0]
+        compiled.hide_below_leaves(*means, errors[1][1], errors[2][1], plan.leaf_variance_limits)
     occupied_part, stored = min(pyramid.occupied_level, BLOCK_LEVELS) - 1, []
     for part in range(BLOCK_LEVELS):
-        is_streamed, target = part < plan.num_streamed, targets[part]
+        is_streamed, target = _is_streamed(plan, part), targets[part]
         if is_streamed:
-            target = NodeArrays.empty(len(cells) * NODES_OF_GROUP[part], plan.dtype, masked=part > 0)
+            target = Level.empty(len(cells) * NODES_OF_GROUP[part], plan.dtype, masked=part > 0)
         target = target.part(0, _store_visible(plan, scratch, part, target))
         if is_streamed or part == occupied_part:
             num_listed = len(target.means) if is_streamed else 0
@@ -420,7 +426,7 @@ def _build_blocks(
             compiled.list_visible_cells(
                 nodes[part][0], cells, 2 << part, raw.shape, visible_cells, sizes, shift, pyramid.occupied
             )
-        if plan.on_nodes and is_streamed:
+        if plan.on_nodes is not None and is_streamed:
             scales = error_scale(pyramid.volume, pyramid.measure, np.arange(8 ** (part + 1) + 1)) * pyramid.error_unit
             scaled_errors = target.errors * (scales[sizes] if scales.ndim else scales)
             plan.on_nodes(part + 1, visible_cells, sizes, scaled_errors, target.means)
@@ -428,7 +434,12 @@ def _build_blocks(
     return stored, _Tier(cells, *(roots[:, 0].copy() for roots in (nodes[2][0], *errors[2])))
 
 
-def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[NodeArrays]]:
+def _is_streamed(plan: _Plan, part: int) -> bool:
+    """Return whether the nodes of a part of the groups in blocks, of level `part + 1`, are not stored."""
+    return plan.on_nodes is not None and part < STREAMED_LEVELS
+
+
+def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[Level]]:
     """Build the two levels above `level`, on which the nodes of `tier` lie in Morton order; return the upper one as a
     tier, and both as they are stored."""
     cells = tier.cells >> TIER_LEVELS
@@ -450,7 +461,7 @@ def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[NodeAr
         merge(errors, extents, 1 << level)
     stored = []
     for part in (1, 2):
-        target = NodeArrays.empty(len(cells) * NODES_OF_GROUP[part], plan.dtype, masked=True)
+        target = Level.empty(len(cells) * NODES_OF_GROUP[part], plan.dtype, masked=True)
         stored.append(target.part(0, _store_visible(plan, scratch, part, target)))
     return _Tier(cells, *(roots[:, 0] for roots in (scratch.nodes[2][0], *errors[2]))), stored
 
@@ -460,24 +471,13 @@ def _octants(cells: Int64) -> Int64:
     return cells[:, 0] & 1 | (cells[:, 1] & 1) << 1 | (cells[:, 2] & 1) << 2
 
 
-def _store_visible(plan: _Plan, scratch: Scratch, part: int, target: NodeArrays) -> int:
+def _store_visible(plan: _Plan, scratch: Scratch, part: int, target: Level) -> int:
     """Write the visible nodes of one part of the groups to the beginning of `target`; return how many they are."""
     means, _ = scratch.nodes[part]
     _, variances = scratch.errors[part]
     children = scratch.nodes[part - 1][0] if part > 0 else means[:0]
-    parents, roots = scratch.permanent_leaves
-    is_permanent_leaf, is_below_permanent_leaf = ((roots[:0], parents), (parents, roots), (roots, roots[:0]))[part]
-    num = compiled.append_visible(
-        means,
-        packed_channels(means),
-        variances,
-        children,
-        is_permanent_leaf,
-        is_below_permanent_leaf,
-        packed_channels(scratch.visible),
-        scratch.deviations,
-        target.masks,
-    )
+    packed, packed_out = packed_channels(means), packed_channels(scratch.visible)
+    num = compiled.append_visible(means, packed, variances, children, packed_out, scratch.deviations, target.masks)
     if plan.pyramid.max_depth is not None:
         opacities_to_depths(scratch.visible[:num], plan.pyramid.max_depth)
     store_scaled(scratch.visible[:num], 1 / plan.pyramid.mean_unit, target.means[:num])
@@ -485,10 +485,10 @@ def _store_visible(plan: _Plan, scratch: Scratch, part: int, target: NodeArrays)
     return num
 
 
-def _link_children(nodes: NodeArrays) -> Level:
-    """Return a level with the index of each node's first child: children are in the order of their parents."""
-    num_children = np.bitwise_count(nodes.masks).astype(np.int64)
-    level = Level(*nodes, np.cumsum(num_children) - num_children)
+def _link_children(level: Level) -> Level:
+    """Return the level with the index of each node's first child: children are in the order of their parents."""
+    num_children = np.bitwise_count(level.masks).astype(np.int64)
+    level = level._replace(first_children=np.cumsum(num_children) - num_children)
     for array in level:
         array.flags.writeable = False
     return level

@@ -132,16 +132,6 @@ class SplatBatch:
         """The centres, float32 [n, 3]: a part of the vertices."""
         return self.vertices[:, :3]
 
-    @property
-    def areas(self) -> npt.NDArray[np.float32]:
-        """The optical areas, float32 [n, 4]: a part of the vertices."""
-        return self.vertices[:, 3:7]
-
-    @property
-    def shapes(self) -> npt.NDArray[np.int64]:
-        """int64 [n], a copy."""
-        return self.vertices[:, 7].astype(np.int64)
-
 
 def make_splats(cut: Cut, spec: SplatSpec) -> SplatBatch:
     """Return one splat for each cell of the cut. Raises RenderError for splats that are not finite."""

@@ -6,7 +6,7 @@ are compared.
 
 - `metrics.py`: RMSE, PSNR, SSIM, FLIP, Delta-E. `truths.py`: the truth of a frame. `thumbnails.py`: small pictures.
 - `plan.py`: the tolerance of each frame, from any goal of a scene; `tolerance_search.py`: the one for an accuracy.
-- `sweep.py`: cost and accuracy of many settings; `pareto.py`: those that no other beats; `results.py`: their record.
+- `sweep.py`: cost and accuracy of many settings, and the record of a study; `pareto.py`: those that no other beats.
 - `comparison.py`: a picture and its golden frame: errors, limits, and what exceeds them.
 """
 

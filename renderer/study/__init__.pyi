@@ -30,13 +30,13 @@ from .plan import (
     make_plan as make_plan,
     unreachable_accuracy_error as unreachable_accuracy_error,
 )
-from .results import Study as Study, TruthRecord as TruthRecord
 from .sweep import (
     FRAME_STAGES as FRAME_STAGES,
     FrameMeasurement as FrameMeasurement,
     Measurement as Measurement,
     PlannedSetting as PlannedSetting,
     Setting as Setting,
+    Study as Study,
     measure_setting as measure_setting,
     plan_sweep as plan_sweep,
     splat_setting as splat_setting,
@@ -50,13 +50,11 @@ from .thumbnails import (
 from .tolerance_search import (
     ToleranceSearchResult as ToleranceSearchResult,
     Trial as Trial,
-    TruthOf as TruthOf,
     find_tolerance as find_tolerance,
 )
 from .truths import (
     TRUTH_TOLERANCE as TRUTH_TOLERANCE,
     Truth as Truth,
-    TruthCache as TruthCache,
     compute_truth as compute_truth,
     is_loop as is_loop,
     spread_evenly as spread_evenly,

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,6 @@ import numpy.typing as npt
 from renderer.study.metrics import REACH_PX, SSIM_WINDOW_PX, Metric, metric_map
 
 Pixels = npt.NDArray[np.uint8]
-Levels = npt.NDArray[np.float32]
 Limits = Mapping[str, float]  # by the name of the metric
 
 WINDOW_PX = 8
@@ -57,11 +57,11 @@ class FrameDifference:
         self._signed_errors = _signed_errors_in_255ths(golden, actual)
 
     @property
-    def signed_levels(self) -> Levels:
-        """float32 [h, w]: the signed error of each pixel's worst channel, in levels."""
+    def signed_levels(self) -> npt.NDArray[np.float32]:
+        """float32 [h, w]: the signed error of each pixel's worst channel, actual minus golden, in levels."""
         largest = np.abs(self._signed_errors).argmax(axis=2)[..., None]
-        errors = np.take_along_axis(self._signed_errors, largest, axis=2)[..., 0]
-        levels: Levels = errors.astype(np.float32) / np.float32(_UNITS_PER_LEVEL)
+        levels = np.take_along_axis(self._signed_errors, largest, axis=2)[..., 0].astype(np.float32)
+        levels /= _UNITS_PER_LEVEL
         return levels
 
     @property
@@ -76,7 +76,15 @@ class FrameDifference:
         """
         wanted = set(names)
         assert wanted <= set(COMPARISON_METRICS), wanted
-        found = {name: compute(self) for name, compute in _COMPARISON_FUNCTIONS.items() if name in wanted}
+        functions: dict[str, Callable[[], float]] = {
+            "largest": self.largest,
+            "p99": self.p99,
+            "flip": partial(self.perceptual_metric, "flip"),
+            "ssim": partial(self.perceptual_metric, "ssim"),
+            "densest": self.densest,
+            "bias": lambda: max(map(abs, self.bias)),
+        }
+        found = {name: functions[name]() for name in COMPARISON_METRICS if name in wanted}
         return {name: value for name, value in found.items() if not math.isnan(value)}
 
     def largest(self) -> float:
@@ -84,7 +92,7 @@ class FrameDifference:
         return max(int(self._signed_errors.max()), -int(self._signed_errors.min())) / _UNITS_PER_LEVEL
 
     def p99(self) -> float:
-        """Return the 99th percentile of the pixels' largest errors, in levels."""
+        """Return the 99th percentile of the error of each pixel's worst channel, in levels."""
         return float(np.percentile(np.abs(self._signed_errors).max(axis=2), 99)) / _UNITS_PER_LEVEL
 
     def densest(self) -> float:
@@ -110,16 +118,6 @@ class FrameDifference:
                     actual, golden = _over(self._actual[around], ground), _over(self._golden[around], ground)
                     errors[ground] += float(np.sum(np.abs(metric_map(name, actual, golden)[cut] - perfect)))
         return float(abs(perfect - max(errors) / (height * width)))
-
-
-_COMPARISON_FUNCTIONS: dict[str, Callable[[FrameDifference], float]] = {
-    "largest": FrameDifference.largest,
-    "p99": FrameDifference.p99,
-    "flip": lambda difference: difference.perceptual_metric("flip"),
-    "ssim": lambda difference: difference.perceptual_metric("ssim"),
-    "densest": FrameDifference.densest,
-    "bias": lambda difference: max(map(abs, difference.bias)),
-}
 
 
 @dataclass(frozen=True)
@@ -220,13 +218,9 @@ def _blocks(height: int, width: int) -> Iterator[tuple[_Block, _Block]]:
     """Yield the squares of a picture, each with a margin of REACH_PX, and the square's place in it."""
     for top in range(0, height, _BLOCK_PX):
         for left in range(0, width, _BLOCK_PX):
-            rows, columns = _with_halo(top, height), _with_halo(left, width)
-            y, x = top - rows.start, left - columns.start
-            yield (rows, columns), (slice(y, y + _BLOCK_PX), slice(x, x + _BLOCK_PX))
-
-
-def _with_halo(start: int, length: int) -> slice:
-    return slice(max(start - REACH_PX, 0), min(start + _BLOCK_PX + REACH_PX, length))
+            y, x = max(top - REACH_PX, 0), max(left - REACH_PX, 0)
+            around = slice(y, top + _BLOCK_PX + REACH_PX), slice(x, left + _BLOCK_PX + REACH_PX)
+            yield around, (slice(top - y, top - y + _BLOCK_PX), slice(left - x, left - x + _BLOCK_PX))
 
 
 def _over(image: Pixels, ground: float) -> npt.NDArray[Any]:

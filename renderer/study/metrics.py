@@ -7,8 +7,8 @@ perceptual metrics take them as sRGB. The packages that compute those (the extra
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,8 @@ from renderer.scene import Color
 FloatImage = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 _Map = npt.NDArray[Any]
+# Of a picture against the truth over some pixels, by the names of METRICS; NaN where a metric is undefined.
+ErrorMetrics = Mapping[str, float]
 
 # FLIP's own default: a display 0.7 m wide with 3840 pixels, seen from 0.7 m.
 FLIP_PIXELS_PER_DEGREE = 0.7 * 3840 / 0.7 * math.pi / 180
@@ -50,42 +52,6 @@ class Metric:
     def passes(self, value: float, limit: float) -> bool:
         """Return whether a value is within a limit."""
         return value >= limit if self.higher_is_better else value <= limit
-
-
-METRICS = {
-    metric.name: metric
-    for metric in (
-        Metric("rmse", "RMSE"),
-        Metric("max_error", "largest error"),
-        Metric("psnr", "PSNR", "dB", higher_is_better=True),
-        Metric("ssim", "SSIM", higher_is_better=True),
-        Metric("flip", "FLIP"),
-        Metric("flip_p99", "FLIP, 99th percentile"),
-        Metric("delta_e_share", "pixels with Delta-E over 2.3"),
-    )
-}
-
-
-@dataclass(frozen=True)
-class ErrorMetrics:
-    """The metrics of a picture against the truth over some pixels; NaN where one is undefined.
-
-    rmse: root of the mean squared difference of the RGB channels. max_error: largest difference of a channel.
-    psnr: `-20 log10 rmse`, dB; infinite for equal pictures.
-    ssim: mean structural similarity (Wang et al. 2004) of the channels. The pictures are mirrored at the border. NaN
-        for a picture smaller than the window of 11 pixels.
-    flip, flip_p99: mean and 99th percentile of the perceived difference (Andersson et al. 2020), 0 to 1, at
-        FLIP_PIXELS_PER_DEGREE.
-    delta_e_share: share of the pixels whose CIE 1976 colour difference is over 2.3, the just noticeable one.
-    """
-
-    rmse: float
-    max_error: float
-    psnr: float
-    ssim: float
-    flip: float
-    flip_p99: float
-    delta_e_share: float
 
 
 @dataclass(frozen=True)
@@ -127,9 +93,7 @@ def measure_accuracy(picture: FloatImage, truth: FloatImage, on_volume: Mask) ->
     }
 
     def difference(pixels: Any) -> ErrorMetrics:
-        return ErrorMetrics(
-            **{name: _reduce(of, maps[make_map][pixels]) for name, (make_map, of) in _METRIC_FUNCTIONS.items()}
-        )
+        return {name: _reduce(of, maps[make_map][pixels]) for name, (make_map, of) in _METRIC_FUNCTIONS.items()}
 
     return Accuracy(difference(np.ones_like(on_volume)), difference(on_volume))
 
@@ -165,14 +129,12 @@ def pool_accuracies(accuracies: Sequence[Accuracy]) -> Accuracy:
 
 
 def _pool_metrics(differences: list[ErrorMetrics]) -> ErrorMetrics:
-    def defined(name: str) -> npt.NDArray[np.float64]:
-        values = np.array([getattr(each, name) for each in differences], np.float64)
-        return values[~np.isnan(values)]
-
-    rmse = _reduce(_root_mean_square, defined("rmse"))
-    means = {field.name: _reduce(np.mean, defined(field.name)) for field in fields(ErrorMetrics)}
-    max_error = _reduce(np.max, defined("max_error"))
-    return ErrorMetrics(**means | {"rmse": rmse, "psnr": _psnr_of(rmse), "max_error": max_error})
+    pools: dict[str, Callable[[_Map], Any]] = {"rmse": _root_mean_square, "max_error": np.max}
+    pooled = {}
+    for name in METRICS:
+        values = np.array([each[name] for each in differences], np.float64)
+        pooled[name] = _reduce(pools.get(name, np.mean), values[~np.isnan(values)])
+    return pooled | {"psnr": _psnr_of(pooled["rmse"])}
 
 
 def _require_images(*pictures: FloatImage) -> None:
@@ -223,8 +185,8 @@ def _flip_map(picture: FloatImage, truth: FloatImage) -> _Map:
     import flip_evaluator
 
     difference, _, _ = flip_evaluator.evaluate(
-        _for_flip(truth),
-        _for_flip(picture),
+        # Copies, because it needs arrays that are contiguous and writable.
+        *(np.array(each, np.float32, order="C") for each in (truth, picture)),
         "LDR",
         inputsRGB=True,
         applyMagma=False,
@@ -232,11 +194,6 @@ def _flip_map(picture: FloatImage, truth: FloatImage) -> _Map:
         parameters={"ppd": FLIP_PIXELS_PER_DEGREE},
     )
     return np.asarray(difference[..., 0], np.float64)
-
-
-def _for_flip(picture: FloatImage) -> npt.NDArray[np.float32]:
-    """Return a copy as flip_evaluator needs it: float32, contiguous, writable."""
-    return np.array(picture, np.float32, order="C")
 
 
 def _delta_e_map(picture: FloatImage, truth: FloatImage) -> _Map:
@@ -274,13 +231,24 @@ def _noticeable_share(values: _Map) -> float:
     return float(np.mean(values > NOTICEABLE_DELTA_E))
 
 
-# The map and the reduction of each field of ErrorMetrics.
+# rmse: root of the mean squared difference of the RGB channels. max_error: largest difference of a channel.
+# psnr: `-20 log10 rmse`; infinite for equal pictures.
+# ssim: mean structural similarity (Wang et al. 2004) of the channels. The pictures are mirrored at the border. NaN for
+#   a picture smaller than the window of 11 pixels.
+# flip, flip_p99: mean and 99th percentile of the perceived difference (Andersson et al. 2020), 0 to 1, at
+#   FLIP_PIXELS_PER_DEGREE.
+# delta_e_share: share of the pixels whose CIE 1976 colour difference is over 2.3, the just noticeable one.
+_TABLE = (
+    (Metric("rmse", "RMSE"), _error_map, _root_mean_square),
+    (Metric("max_error", "largest error"), _error_map, np.max),
+    (Metric("psnr", "PSNR", "dB", higher_is_better=True), _error_map, _psnr),
+    (Metric("ssim", "SSIM", higher_is_better=True), _ssim_map, np.mean),
+    (Metric("flip", "FLIP"), _flip_map, np.mean),
+    (Metric("flip_p99", "FLIP, 99th percentile"), _flip_map, _99th_percentile),
+    (Metric("delta_e_share", "pixels with Delta-E over 2.3"), _delta_e_map, _noticeable_share),
+)
+METRICS = {metric.name: metric for metric, _, _ in _TABLE}
+# The map and the reduction of each metric.
 _METRIC_FUNCTIONS: dict[str, tuple[Callable[[FloatImage, FloatImage], _Map], Callable[[_Map], Any]]] = {
-    "rmse": (_error_map, _root_mean_square),
-    "max_error": (_error_map, np.max),
-    "psnr": (_error_map, _psnr),
-    "ssim": (_ssim_map, np.mean),
-    "flip": (_flip_map, np.mean),
-    "flip_p99": (_flip_map, _99th_percentile),
-    "delta_e_share": (_delta_e_map, _noticeable_share),
+    metric.name: (make_map, of) for metric, make_map, of in _TABLE
 }

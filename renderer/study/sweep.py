@@ -10,7 +10,7 @@ import statistics
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -285,3 +285,24 @@ def _work_by_tolerance(stage: Stage, tolerances: Sequence[float] | None, own: fl
         tolerances = spread_tolerances(stage.pyramid, work, _MAX_TOLERANCES)
         tolerances += () if own is None else (own,)
     return {tolerance: work(tolerance) for tolerance in sorted(set(tolerances), reverse=True)}
+
+
+@dataclass(frozen=True)
+class Study:
+    """The results of one study.
+
+    name: of the scene file. scene: with all defaults, from `scene_to_dict`. volume: name, fingerprint, dtype, shape.
+    machine: what the numbers depend on: processor, cores, system, driver, commit, versions; and `peer`, with name,
+        version and driver, if there is one.
+    measurements: in the planned order; those of a peer last.
+    notes: what a reader must know: where an error is not monotonic, what was left out, whether it was interrupted.
+    """
+
+    name: str
+    scene: Mapping[str, Any]
+    volume: Mapping[str, Any]
+    machine: Mapping[str, Any]
+    truth_tolerance: float
+    truths: tuple[Truth, ...]
+    measurements: tuple[Measurement, ...]
+    notes: tuple[str, ...]

@@ -4,9 +4,11 @@ from .classify import (
     VoxelLighting as VoxelLighting,
     classify_scalar as classify_scalar,
     classify_voxel as classify_voxel,
+    lambert_factor as lambert_factor,
     make_classifier as make_classifier,
     raw_voxels as raw_voxels,
     scalar_at as scalar_at,
+    toward_light as toward_light,
 )
 from .piecewise import (
     GUIDE_SIZE as GUIDE_SIZE,
@@ -20,13 +22,10 @@ from .piecewise import (
     normalize_scalar as normalize_scalar,
     range_width as range_width,
 )
-from .shading import lambert_factor as lambert_factor, toward_light as toward_light
 from .transfer_function import (
     LARGEST_EXPONENT as LARGEST_EXPONENT,
-    TransferFunction as TransferFunction,
-    make_transfer_function as make_transfer_function,
-)
-from .visibility import (
     VISIBILITY_THRESHOLD as VISIBILITY_THRESHOLD,
+    TransferFunction as TransferFunction,
     is_range_visible as is_range_visible,
+    make_transfer_function as make_transfer_function,
 )

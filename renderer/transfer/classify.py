@@ -15,12 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.jit import jit
+from renderer.jit import fma, jit
 from renderer.scene import ShadingSpec
 from renderer.transfer.piecewise import Channels, TransferTable, evaluate
-from renderer.transfer.shading import lambert_factor, toward_light
-from renderer.transfer.transfer_function import TransferFunction
-from renderer.transfer.visibility import VISIBILITY_THRESHOLD, visibility_breakpoints
+from renderer.transfer.transfer_function import VISIBILITY_THRESHOLD, TransferFunction, visibility_breakpoints
 from renderer.volume import Volume
 
 RawVoxels = npt.NDArray[Any]
@@ -47,7 +45,7 @@ class Classifier(NamedTuple):
     curve: the transfer function, extinctions times the finest spacing; None where `table` is used.
     is_opacity: whether the channels are (a c, a).
     lighting: None without shading.
-    breakpoints: visibility breakpoints (`renderer.transfer.visibility`).
+    breakpoints: visibility breakpoints (`renderer.transfer.transfer_function`).
     """
 
     table: Float32 | None
@@ -161,3 +159,21 @@ def _lighting_factor(raw: RawVoxels, scalars: Float64 | None, lighting: VoxelLig
         lighting.light,
     )
     return factor
+
+
+def toward_light(shading: ShadingSpec) -> Float64:
+    """Return the unit vector towards the light, in world axes, float64 [3]."""
+    light = np.array(shading.light, np.float64)
+    return np.asarray(light / np.linalg.norm(light))
+
+
+@jit
+def lambert_factor(x: Any, y: Any, z: Any, light: tuple[Any, ...]) -> Any:
+    """Return `ambient + diffuse max(0, n . l)`, with the normal n against the world gradient (x, y, z).
+
+    The gradient's largest component is about 1, so that squares neither overflow nor vanish. In the precision of the
+    arguments, float32 or float64. light: the vector l towards the light, ambient, diffuse.
+    """
+    across = fma(x, light[0], fma(y, light[1], z * light[2]))
+    length = np.sqrt(fma(x, x, fma(y, y, z * z)))
+    return fma(light[4], max(np.float32(0.0), -across / length), light[3])

@@ -18,7 +18,6 @@ import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -78,9 +77,8 @@ def integrate(
         work, as an interrupt does: rays that have not started are dropped.
     """
     width, height = view.size
-    field = _make_field(volume, transfer, shading)
-    pixels = np.arange(width * height)
-    image = _integrate_pixels(field, view, pixels, step_voxels, num_threads, _progress_of_part(on_progress, 0.0, 1.0))
+    integrate_pixels = _make_integrator(volume, transfer, view, shading, num_threads)
+    image = integrate_pixels(np.arange(width * height), step_voxels, on_progress or (lambda _: None))
     return image.reshape(height, width, 4)
 
 
@@ -110,7 +108,7 @@ def converged_image(
     """
     assert max_refinements >= 1, max_refinements
     width, height = view.size
-    field = _make_field(volume, transfer, shading)
+    integrate_pixels = _make_integrator(volume, transfer, view, shading, num_threads)
     num_agreements = 1 if shading is None else 2
     pixels = np.arange(width * height)  # those that have not converged
     agreements = np.zeros(pixels.size, np.int64)  # in a row
@@ -121,7 +119,7 @@ def converged_image(
         counts.append(pixels.size)
         num_needed = num_done + pixels.size * max(1, num_agreements + 1 - num_halvings)
         progress = _progress_of_part(on_progress, num_done / num_needed, (num_done + pixels.size) / num_needed)
-        finer = _integrate_pixels(field, view, pixels, steps[-1], num_threads, progress)
+        finer = integrate_pixels(pixels, steps[-1], progress)
         num_done += pixels.size
         change = np.abs(finer - image[pixels]).max(axis=1)
         changes.append(float(change.max()))
@@ -166,35 +164,47 @@ def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tupl
     return origins @ view.axes, direction / length[:, None] @ view.axes, (view.near - depth) * length
 
 
-@dataclass(frozen=True)
-class _Field:
-    """What the kernel reads for all rays.
-
-    values: the volume's values, in a dtype that numba supports.
-    macrocells: uint8, one for each MACROCELL_SIZE^3 cells, in which the first ray notes whether anything is visible.
-    index_from_world: float64 [3, 3], for directions and for offsets from the volume's centre.
-    """
-
-    volume: Volume
-    values: npt.NDArray[Any]
-    macrocells: npt.NDArray[np.uint8]
-    index_from_world: Float64
-    intervals: Intervals
-    lambert: LambertShading
-
-
-def _make_field(volume: Volume, transfer: TransferFunction, shading: ShadingSpec | None) -> _Field:
+def _make_integrator(
+    volume: Volume, transfer: TransferFunction, view: View, shading: ShadingSpec | None, num_threads: int
+) -> Callable[[Int64, float, Progress], Float64]:
+    """Return a function that integrates pixels, with steps of a number of voxels, to their radiance, float64 [n, 4]."""
     values = volume.values
     if values.dtype == np.float16:  # numba lacks it; the copy is exact
         values = values.astype(np.float32)
         values.flags.writeable = False  # as in every Volume, for which kernels are compiled
+    # For each cube of cells, the first ray notes whether anything in it is visible.
     macrocells = np.zeros([n // MACROCELL_SIZE + 1 for n in values.shape], np.uint8)
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
     largest = max(*map(abs, volume.value_range()), float(np.abs(transfer.values).max()))
     exponent = math.frexp(largest)[1]
     scale = math.ldexp(1.0, min(max(exponent, _LEAST_EXPONENT), _LARGEST_EXPONENT) - exponent)
     intervals, lambert = _intervals(transfer, scale), _lambert_shading(shading, index_from_world)
-    return _Field(volume, values, macrocells, index_from_world, intervals, lambert)
+
+    def integrate_pixels(pixels: Int64, step_voxels: float, on_progress: Progress) -> Float64:
+        radiance = np.empty((pixels.size, 4))
+
+        def integrate_part(first: int) -> None:
+            volume.require_unchanged()
+            part = slice(first, first + _RAYS_PER_TASK)
+            origins, directions, starts = rays_through_pixels(volume.centre, view, pixels[part])
+            origins = origins @ index_from_world.T + volume.centre_index
+            directions = directions @ index_from_world.T
+            integrate_rays(
+                values, macrocells, origins, directions, starts, step_voxels, intervals, lambert, radiance[part]
+            )
+
+        with ThreadPoolExecutor(num_threads) as pool:
+            try:
+                parts = [pool.submit(integrate_part, first) for first in range(0, pixels.size, _RAYS_PER_TASK)]
+                for number, part in enumerate(parts, 1):
+                    part.result()
+                    on_progress(number / len(parts))
+            finally:  # after an interrupt or an error, drop what has not started
+                pool.shutdown(wait=False, cancel_futures=True)
+        volume.require_unchanged()
+        return radiance
+
+    return integrate_pixels
 
 
 def _progress_of_part(on_progress: Progress | None, start: float, end: float) -> Progress:
@@ -205,41 +215,6 @@ def _progress_of_part(on_progress: Progress | None, start: float, end: float) ->
             on_progress(start + share * (end - start))
 
     return report
-
-
-def _integrate_pixels(
-    field: _Field, view: View, pixels: Int64, step_voxels: float, num_threads: int, on_progress: Progress
-) -> Float64:
-    """Return the radiance of the given pixels, float64 [n, 4]."""
-    radiance = np.empty((pixels.size, 4))
-    index_from_world = field.index_from_world
-
-    def integrate_part(first: int) -> None:
-        field.volume.require_unchanged()
-        part = slice(first, first + _RAYS_PER_TASK)
-        origins, directions, starts = rays_through_pixels(field.volume.centre, view, pixels[part])
-        integrate_rays(
-            field.values,
-            field.macrocells,
-            origins @ index_from_world.T + field.volume.centre_index,
-            directions @ index_from_world.T,
-            starts,
-            step_voxels,
-            field.intervals,
-            field.lambert,
-            radiance[part],
-        )
-
-    with ThreadPoolExecutor(num_threads) as pool:
-        try:
-            parts = [pool.submit(integrate_part, first) for first in range(0, pixels.size, _RAYS_PER_TASK)]
-            for number, part in enumerate(parts, 1):
-                part.result()
-                on_progress(number / len(parts))
-        finally:  # after an interrupt or an error, drop what has not started
-            pool.shutdown(wait=False, cancel_futures=True)
-    field.volume.require_unchanged()
-    return radiance
 
 
 def _intervals(transfer: TransferFunction, scale: float) -> Intervals:

@@ -10,12 +10,11 @@ import pytest
 from dense_bricks import OBLIQUE, depths_of, errors_of_cells, spread_of_cells
 
 from renderer.pyramid import Cut, Pyramid, build_pyramid, cut_pyramid
-from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
+from renderer.scene import ErrorSpec, PyramidSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume, make_volume
 
 Array = npt.NDArray[Any]
-Float64 = npt.NDArray[np.float64]
 
 OPTICAL = ErrorSpec()
 RMS = ErrorSpec(measure="rms")
@@ -85,14 +84,6 @@ def test_tolerance_0_is_every_visible_voxel(error: ErrorSpec) -> None:
         np.testing.assert_allclose(cut.depths, want[z, y, x], rtol=2e-7)
 
 
-@MEASURES
-def test_a_finer_tolerance_never_gives_fewer_cells(error: ErrorSpec) -> None:
-    pyramid = build(blobs((33, 47, 65)), transfer(), error)
-    numbers = [len(cut_pyramid(pyramid, tolerance)) for tolerance in (*np.geomspace(100, 1e-6, 30), 0.0)]
-    assert np.all(np.diff(numbers) >= 0)
-    assert numbers[0] < numbers[-1]
-
-
 @pytest.mark.parametrize(
     ("error", "tolerance"),
     [(OPTICAL, 0.01), (OPTICAL, 0.5), (RMS, 0.05), (SCALAR, 8.0)],
@@ -119,16 +110,6 @@ def test_leaves_meet_the_tolerance_and_their_parents_do_not(error: ErrorSpec, to
         assert errors[level + 1][z // 2, y // 2, x // 2] >= tolerance * (1 - HALF_RTOL)
 
 
-def test_the_error_of_the_scalar_is_in_data_units() -> None:
-    """Two values 10 apart, half and half: 5 in root mean square."""
-    values = np.zeros((8, 8, 8), np.int16)
-    values[::2] = 10
-    opaque = TransferFunction(np.zeros(1), np.ones((1, 3)), np.ones(1), 1.0)
-    pyramid = build(plain(values - 3000), opaque, SCALAR)
-    assert len(cut_pyramid(pyramid, 5.01)) == 1
-    assert len(cut_pyramid(pyramid, 4.99)) == 512
-
-
 @pytest.mark.parametrize("precision", ["half", "single"])
 @pytest.mark.parametrize("deepest", [9.0, 40.0])
 def test_averages_of_opacities_near_1_are_no_deeper_than_the_deepest_voxel(precision: Any, deepest: float) -> None:
@@ -141,17 +122,6 @@ def test_averages_of_opacities_near_1_are_no_deeper_than_the_deepest_voxel(preci
         np.testing.assert_allclose(depths[:, :3], depths[:, 3:] * [0.2, 1, 0.4], rtol=HALF_RTOL)
 
 
-@pytest.mark.parametrize("precision", ["half", "single"])
-def test_a_mean_of_almost_opaque_voxels_keeps_its_depth(precision: Any) -> None:
-    """Half of the voxels at 0.9996 and half at 1 are as deep as 0.9998, which in float16 would be 1."""
-    values = (np.indices((8, 8, 8)).sum(axis=0) % 2).astype(np.uint8)
-    depths = np.array([-np.log1p(-0.9996), 40.0])
-    tf = TransferFunction(np.array([0.0, 1.0]), np.ones((2, 3)), depths, 1.0)
-    pyramid = build(plain(values), tf, spec=PyramidSpec("opacity", precision))
-    (depth,) = cut_pyramid(pyramid, 1e9).depths[:, 3]
-    assert depth == pytest.approx(-np.log1p(-0.9998), rel=6e-4)
-
-
 @pytest.mark.parametrize("finest", [0, 1, 3, 6, 20])
 def test_no_cell_is_finer_than_the_finest_level(finest: int) -> None:
     of = blobs((33, 20, 65))
@@ -161,30 +131,9 @@ def test_no_cell_is_finer_than_the_finest_level(finest: int) -> None:
     assert np.all(coverage(cut)[depths_of(of, transfer())[..., 3] > 0] == 1)
 
 
-@MEASURES
-def test_a_transparent_volume_has_an_empty_cut(error: ErrorSpec) -> None:
-    pyramid = build(plain(np.zeros((20, 40, 3), np.uint8)), transfer(), error)
-    assert [len(level.means) for level in pyramid.levels] == [0] * 6
-    cut = cut_pyramid(pyramid, 0.0)
-    assert (len(cut), cut.cells.shape, cut.depths.shape) == (0, (0, 3), (0, 4))
-    assert [array.dtype.name for array in (cut.levels, cut.cells, cut.depths)] == ["uint8", "int32", "float32"]
-
-
 def test_a_volume_of_one_voxel() -> None:
     pyramid = build(plain(np.full((1, 1, 1), 250, np.uint8)), transfer())
     voxel, whole = cut_pyramid(pyramid, 0.0), cut_pyramid(pyramid, 1e-9)
     assert (voxel.levels.tolist(), whole.levels.tolist()) == ([0], [1])
     np.testing.assert_allclose(voxel.depths, [[0.6, 3, 1.2, 3]], rtol=2e-7)
     np.testing.assert_allclose(whole.depths, [[0.6, 3, 1.2, 3]], rtol=HALF_RTOL)
-
-
-def test_lit_voxels_are_lit_in_the_cut() -> None:
-    """Brightness follows the light on both sides of a slab whose normals are +z and -z."""
-    values = np.zeros((12, 4, 4), np.uint8)
-    values[4:8] = 250
-    shading = ShadingSpec(0.25, 0.5, (0.0, 0.0, 1.0))
-    lit = build_pyramid(plain(values), transfer(), spec=PyramidSpec(), error=OPTICAL, shading=shading)
-    cut = cut_pyramid(lit, 0.0)
-    factor = cut.depths[:, 1] / cut.depths[:, 3]  # green is 1
-    want = {4: 0.25, 5: 0.25, 6: 0.25, 7: 0.75}
-    np.testing.assert_allclose(factor, [want[z] for z in cut.cells[:, 2]], rtol=1e-6)

@@ -16,11 +16,9 @@ from brickwork import (
     CAMERAS,
     EACH_SHADING,
     EXACTLY,
-    SHADED_AFFINES,
     batch_of,
     bricks_of,
     hills,
-    level_cut,
     ordered,
     placed,
     random_cut,
@@ -28,12 +26,11 @@ from brickwork import (
     view_of,
 )
 from ray_integrals import ray_spans
-from scipy.ndimage import map_coordinates
 
 from renderer.bricks import cut_bricks, make_brick_batch
 from renderer.scene import ErrorSpec, ShadingSpec
 from renderer.truth import integrate
-from renderer.view import View, visible_bricks
+from renderer.view import visible_bricks
 from renderer.volume import Float64, Volume
 
 LEVEL = 1 / 255  # of an image of 8 bits
@@ -54,41 +51,11 @@ def error(image: Float64, truth: Float64) -> float:
     return float(np.abs(image - truth).max())
 
 
-def test_one_ray_of_the_reference_by_hand() -> None:
-    """The reference draws one ray as the formulas say.
-
-    It runs along z through one brick, from the highest voxel to the lowest. The jitter of pixel 0 is 0, so that there
-    are 9 segments of 2/3 of a voxel: 10 * 0.925 + 0.5 is below 10.
-    """
-    values = np.random.default_rng(1).random((6, 3, 3)).astype(np.float32)
-    volume = placed(values)
-    bricks = bricks_of(volume, transfer_of((0, (1.0, 0.5, 0.0), 0.0), (1, (1.0, 0.5, 0.0), 1.0)))
-    batch = batch_of(level_cut(bricks, 0), bricks, step=0.6)
-    view = View(np.eye(3), np.array([0.8, 1.3, 0.0]), 50.0, "orthographic", 1.0, (1, 1))
-    z = 5.5 - 2 / 3 * (np.arange(9) + 0.5)
-    first, last = bricks.scalar_range
-    u = np.clip(
-        map_coordinates(values.astype(float), [z, np.full(9, 1.3), np.full(9, 0.8)], order=1, mode="nearest"),
-        first,
-        last,
-    )
-    alpha = -np.expm1(-2 / 3 * u)
-    behind = np.cumprod(np.append(1.0, 1 - alpha))[:-1]
-    expected = np.sum(alpha * behind) * np.array([1.0, 0.5, 0.0, 1.0])
-    np.testing.assert_allclose(
-        rasterize_bricks_reference(batch, np.array([0], np.uint32), view)[0, 0], expected, rtol=1e-6
-    )
-
-
-@pytest.mark.parametrize(
-    ("affine", "dtype"),
-    list(zip(AFFINES, ("uint8", "float32", "uint8", "float32", "uint8"), strict=True)),
-)
-def test_constant_volumes_obey_beer_and_lambert(affine: str, dtype: str) -> None:
+@pytest.mark.parametrize(("affine", "shape"), list(zip(AFFINES, (*SHAPES, SHAPES[0]), strict=True)), ids=str)
+def test_constant_volumes_obey_beer_and_lambert(affine: str, shape: tuple[int, int, int]) -> None:
     """Every point of the volume is in one brick, and no more: neither gaps nor overlaps."""
-    for seed, (shape, camera) in enumerate(zip((*SHAPES, SHAPES[0]), CAMERAS, strict=True)):
-        precision = "half" if seed % 2 else "single"
-        volume = placed(np.full(shape, 77, dtype), AFFINES[affine])
+    for seed, camera in enumerate(CAMERAS):
+        volume, precision = placed(np.full(shape, 77, np.int16), AFFINES[affine]), ("half", "single")[seed % 2]
         tau = 5 / diagonal(volume)
         bricks = bricks_of(volume, transfer_of((0, COLOR, 0.0), (77, COLOR, tau), (200, COLOR, tau)), None, precision)
         cut, view = random_cut(bricks, seed), view_of(volume, camera)
@@ -107,18 +74,17 @@ def ramp(shape: tuple[int, int, int], rng: np.random.Generator, affine: str) -> 
     return placed(((values - values.min()) / np.ptp(values)).astype(np.float32), AFFINES[affine])
 
 
-@SHADED_AFFINES
-def test_ramps_meet_without_seams(affine: str, shading: ShadingSpec | None) -> None:
+@EACH_SHADING
+@pytest.mark.parametrize(("affine", "camera"), list(zip(AFFINES, CAMERAS, strict=True)))
+def test_ramps_meet_without_seams(affine: str, camera: str, shading: ShadingSpec | None) -> None:
     """Means of a ramp are the ramp itself, so that bricks of all levels draw the same field, one colour at a time."""
-    rng = np.random.default_rng(len(affine))
-    for seed, camera in enumerate(CAMERAS):
-        volume = ramp((37, 50, 70), rng, affine)
-        transfer = transfer_of((0, COLOR, 0.0), (1, COLOR, 0.04 / volume.finest_spacing))
-        bricks = bricks_of(volume, transfer, shading)
-        cut, view = random_cut(bricks, seed), view_of(volume, camera)
-        truth = integrate(volume, transfer, view, step_voxels=1.0, shading=shading)
-        batch = batch_of(cut, bricks, shading=shading)
-        assert error(rasterize_bricks_reference(batch, ordered(cut, view), view), truth) < LEVEL, camera
+    volume = ramp((37, 50, 70), np.random.default_rng(len(affine)), affine)
+    transfer = transfer_of((0, COLOR, 0.0), (1, COLOR, 0.04 / volume.finest_spacing))
+    bricks = bricks_of(volume, transfer, shading)
+    cut, view = random_cut(bricks, len(camera)), view_of(volume, camera)
+    truth = integrate(volume, transfer, view, step_voxels=1.0, shading=shading)
+    batch = batch_of(cut, bricks, shading=shading)
+    assert error(rasterize_bricks_reference(batch, ordered(cut, view), view), truth) < LEVEL
 
 
 @EACH_SHADING
@@ -140,7 +106,7 @@ def test_pictures_converge_to_the_truth_with_the_tolerance(shading: ShadingSpec 
     assert errors[-1] < 1e-6
 
 
-@pytest.mark.parametrize(("period", "azimuth"), [(2, 90.0), (3, 75.0), (4, 90.0)])
+@pytest.mark.parametrize(("period", "azimuth"), [(2, 90.0), (3, 75.0)])
 def test_no_step_keeps_pace_with_what_is_regular(period: int, azimuth: float) -> None:
     """Sheets much thinner than a voxel, so many voxels apart: with the same number of parts for all pixels some steps
     meet all of them, and some none, by up to twice the tolerance. Seen: 0.7 of it."""

@@ -15,20 +15,6 @@ from renderer.volume import Volume
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
-@pytest.mark.parametrize("distance", [12.0, 1.0])
-def test_homogeneous_medium_obeys_beer_and_lambert(projection: str, distance: float) -> None:
-    """At distance 1 the eye, or the eye plane, is inside the volume, which is oblique, sheared and anisotropic."""
-    slab = volume(np.full((4, 5, 6), 7.0), oblique())
-    color, tau = (0.2, 0.7, 1.0), 0.3
-    view = look(tuple(slab.centre), distance, projection=projection, near=0.25)
-    alpha = -np.expm1(-tau * ray_spans(slab, view).length.reshape(view.size[::-1]))
-    image = integrate(slab, transfer((0.0, color, tau)), view, step_voxels=1.0)
-    np.testing.assert_allclose(image[..., 3], alpha, atol=EXACT)
-    np.testing.assert_allclose(image[..., :3], alpha[..., None] * color, atol=EXACT)
-    assert np.count_nonzero(alpha) > 0
-
-
-@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 @pytest.mark.parametrize("distance", [20.0, 1.0])
 @pytest.mark.parametrize("shading", [None, ShadingSpec(0.3, 0.6, (-1.0, 0.5, 2.0))])
 def test_linear_field_in_an_oblique_volume(projection: str, distance: float, shading: ShadingSpec | None) -> None:
@@ -82,21 +68,6 @@ def test_step_lies_exactly_where_the_field_crosses_it() -> None:
     assert along_z([0, 1], step)[3] == pytest.approx(-np.expm1(-2 * 1.25), abs=EXACT)
 
 
-@pytest.mark.parametrize(
-    ("azimuth", "elevation", "axis"), [(0, 0, 1), (180, 0, 1), (90, 0, 2), (0, 90, 0), (0, -90, 0)]
-)
-def test_rays_along_rows_of_voxels_integrate_their_sums(azimuth: float, elevation: float, axis: int) -> None:
-    """Extinction a tenth of the value: trapezoids and the two outer half voxels add up to the plain sum of a row."""
-    cube = volume(np.random.default_rng(12).integers(0, 9, (5, 5, 5)))
-    fov = 2 * np.degrees(np.arctan(2.5 / 50.0))  # one pixel per voxel
-    path = TurntablePath(1, azimuth, elevation)
-    view = look(tuple(cube.centre), 50.0, (5, 5), projection="orthographic", field_of_view=fov, path=path)
-    image = integrate(cube, transfer((0, (1, 1, 1), 0), (10, (1, 1, 1), 1)), view, step_voxels=1.0)
-    # Which row lands where is another test's matter.
-    expected = -np.expm1(-0.1 * cube.values.sum(axis=axis))
-    np.testing.assert_allclose(np.sort(image[..., 3], axis=None), np.sort(expected, axis=None), atol=1e-12)
-
-
 @pytest.mark.parametrize(("value", "alpha"), [(0.25, -np.expm1(-2.0)), (np.nextafter(0.25, 0), 0.0)])
 def test_at_a_step_the_value_belongs_to_the_upper_side(value: float, alpha: float) -> None:
     step = transfer((0.25, (1, 1, 1), 0.0), (0.25, (1, 1, 1), 2.0))
@@ -141,18 +112,6 @@ def test_skipped_macrocells_are_transparent(shape: tuple[int, int, int], dtype: 
         np.testing.assert_allclose(images[0], images[1], atol=1e-15)
         largest = max(largest, images[0][..., 3].max())
     assert (largest > 0) == (values.size > 1)  # of a shell between 60 and 100 a lone voxel has nothing
-
-
-def test_how_the_voxels_are_stored_changes_nothing() -> None:
-    """The same field with its axes permuted and one reversed, its affine adapted, shading included."""
-    values = np.random.default_rng(6).uniform(-1, 2, (3, 4, 5))
-    stored = volume(values, oblique())
-    # New index (i, j, k) holds the voxel that was (x, y, z) = (j, k, 2 - i).
-    old_from_new = np.array([[0, 1, 0, 0], [0, 0, 1, 0], [-1, 0, 0, 2], [0, 0, 0, 1]], float)
-    other = volume(np.ascontiguousarray(values[::-1].transpose(1, 2, 0)), oblique() @ old_from_new)
-    view = look(tuple(stored.centre), 14.0)
-    images = [integrate(of, COLORFUL, view, step_voxels=1.0, shading=ShadingSpec()) for of in (stored, other)]
-    np.testing.assert_allclose(images[0], images[1], atol=1e-10)
 
 
 def test_light_on_a_plane_is_lamberts_cosine() -> None:

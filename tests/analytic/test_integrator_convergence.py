@@ -7,21 +7,14 @@ import signal
 import threading
 import time
 from itertools import count
-from pathlib import Path
 
 import numpy as np
 import pytest
 from ray_integrals import COLORFUL, look, oblique, riemann, transfer, volume
-from scipy.ndimage import map_coordinates
 
-from renderer.readers import read_volume
 from renderer.readers.procedural import procedural_values
-from renderer.scene import FileSource, ProceduralSource, ShadingSpec, VolumeSpec
-from renderer.transfer import TransferFunction
+from renderer.scene import ProceduralSource, ShadingSpec
 from renderer.truth import converged_image, integrate
-from renderer.view import View
-from renderer.view.camera import Float64
-from renderer.volume import Volume
 
 
 @pytest.mark.parametrize("distance", [9.0, 1.3])
@@ -141,69 +134,3 @@ def test_an_error_in_the_progress_callback_ends_the_work() -> None:
 
     with pytest.raises(RuntimeError, match="enough"):
         integrate(volume(np.zeros((2, 2, 2))), COLORFUL, view, step_voxels=1.0, on_progress=stop)
-
-
-def summed(of: Volume, tf: TransferFunction, view: View, ds: float) -> Float64:
-    """Return RGB [height, width, 3] by the conventions alone, for voxels of length 1 along the world's axes.
-
-    Midpoints are `ds` apart; scipy interpolates, and takes the nearest value outside; then comes the transfer function.
-    """
-    width, height = view.size
-    column, row = np.meshgrid(np.arange(width), np.arange(height))
-    on_plane = (
-        ((column + 0.5 - width / 2) / view.scale_px)[..., None] * view.axes[0]
-        + ((height / 2 - row - 0.5) / view.scale_px)[..., None] * view.axes[1]
-    ).reshape(-1, 3)
-    if view.projection == "orthographic":
-        origin, direction = view.eye + on_plane, np.broadcast_to(view.forward, on_plane.shape)
-    else:
-        direction = (on_plane + view.forward) / np.linalg.norm(on_plane + view.forward, axis=1, keepdims=True)
-        origin = np.broadcast_to(view.eye, direction.shape)
-    low = of.world_from_index[:3, 3] - 0.5
-    near, far = np.sort([(low - origin) / direction, (low + of.shape_xyz - origin) / direction], axis=0)
-    enter, leave = np.maximum(near.max(axis=1), 0.0), far.min(axis=1)
-    color, depth = np.zeros((len(enter), 3)), np.zeros(len(enter))
-    for step in range(int(max(leave - enter) / ds) + 1):
-        s = enter + (step + 0.5) * ds
-        on = np.flatnonzero(s < leave)
-        index = origin[on] + s[on, None] * direction[on] - low - 0.5
-        field = map_coordinates(of.values, index[:, ::-1].T, output=np.float64, order=1, mode="nearest")
-        tau = np.interp(field, tf.values, tf.extinctions)
-        seen = np.exp(-depth[on]) * -np.expm1(-tau * ds)
-        color[on] += seen[:, None] * np.stack([np.interp(field, tf.values, c) for c in tf.colors.T], axis=1)
-        depth[on] += tau * ds
-    return color.reshape(height, width, 3)
-
-
-def psnr(image: Float64, truth: Float64) -> float:
-    return float(-10 * np.log10(np.mean((image - truth) ** 2)))
-
-
-@pytest.mark.real_data
-@pytest.mark.parametrize(
-    ("projection", "distance", "field_of_view", "least"),
-    # Seen 79.8, 80.4 and 69.6 dB at a quarter of a voxel, and 86.5, 89.9 and 81.4 dB at an eighth.
-    [("perspective", 716.0, 30.0, 75.0), ("orthographic", 716.0, 30.0, 75.0), ("perspective", 40.0, 60.0, 65.0)],
-    ids=["perspective", "orthographic", "eye inside"],
-)
-def test_the_engine_agrees_with_a_plain_sum(
-    data_dir: Path, projection: str, distance: float, field_of_view: float, least: float
-) -> None:
-    engine = read_volume(VolumeSpec(FileSource(data_dir / "engine.nhdr")))
-    opacities = {0: 0.0, 60: 0.0, 90: 0.01, 130: 0.01, 160: 0.0488, 200: 0.3935, 255: 0.5507}
-    colors = [
-        (0, 0, 0),
-        (0.3, 0.4, 0.8),
-        (0.4, 0.5, 0.9),
-        (0.5, 0.6, 0.9),
-        (0.9, 0.7, 0.3),
-        (1, 0.8, 0.4),
-        (1, 0.9, 0.7),
-    ]
-    tf = transfer(*[(v, c, -np.log1p(-a)) for (v, a), c in zip(opacities.items(), colors, strict=True)])
-    view = look(tuple(engine.centre), distance, (96, 96), projection=projection, field_of_view=field_of_view)
-    truth, _ = converged_image(engine, tf, view, tolerance=1e-6)
-    coarse, fine = (psnr(summed(engine, tf, view, ds), truth[..., :3]) for ds in (0.5, 0.25))
-    assert fine > least
-    # Midpoints of second order: 12 dB are due.
-    assert 9 < fine - coarse < 15

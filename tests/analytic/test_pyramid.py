@@ -27,9 +27,7 @@ OPTICAL = ErrorSpec()
 RMS = ErrorSpec(measure="rms")
 SCALAR = ErrorSpec(measure="rms", of="scalar")
 SINGLE = PyramidSpec(precision="single")
-SHAPES = [
-    (1, 1, 1), (1, 1, 70), (3, 1, 129), (9, 17, 33), (33, 65, 31), (64, 64, 64), (90, 100, 110),
-]  # fmt: skip
+SHAPES = [(1, 1, 1), (3, 1, 129), (9, 17, 33), (64, 64, 64), (33, 90, 70)]
 
 
 def volume(values: Array, world_from_index: Float64 | None = None) -> Volume:
@@ -223,18 +221,6 @@ def test_faint_voxels_beside_opaque_voxels_stay_finite(faintest: float) -> None:
             assert np.all(level.means >= 0)
             assert np.all(np.isfinite(level.errors))
             assert np.all(level.errors >= 0)
-
-
-@pytest.mark.parametrize("exponent", [-1074, 1015])
-def test_light_depends_on_the_direction_of_the_gradient_alone(exponent: int) -> None:
-    """Scalars of a few smallest numbers, or whose sums overflow, are lit like ordinary ones."""
-    tf = TransferFunction(np.zeros(1), np.ones((1, 3)), np.ones(1), 1.0)
-    plain = np.random.default_rng(0).integers(-200, 200, (9, 1, 20)).astype(np.float64)
-    means = [
-        build_pyramid(volume(values), tf, spec=SINGLE, error=OPTICAL, shading=ShadingSpec()).levels[0].means
-        for values in (plain, np.ldexp(plain, exponent))
-    ]
-    np.testing.assert_array_equal(*means)
 
 
 @pytest.mark.parametrize("extinction", [1e-300, 1e-25, 1e-20])

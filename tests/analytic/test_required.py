@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from renderer.pyramid import FinestCut, Pyramid, build_pyramid, cut_pyramid
-from renderer.scene import ErrorSpec, PyramidSpec, min_tolerance, tolerance_at
+from renderer.scene import ErrorSpec, PyramidSpec
 from renderer.transfer import TransferFunction
 from renderer.view import visible_points
 from renderer.volume import Volume, make_volume
@@ -111,17 +111,6 @@ def test_a_cut_that_was_not_announced_is_refused() -> None:
     pyramid = built(terraces((9, 9, 9), np.uint8, 0), finest_cut=FinestCut(level=2))
     with pytest.raises(ValueError, match=r"^no pyramid for this level: got 1, expected at least 2$"):
         cut_pyramid(pyramid, 0.1, finest_level=1)
-
-
-@settings(max_examples=60, deadline=None)
-@given(
-    tolerances=st.lists(st.floats(1e-300, 1e300), min_size=1, max_size=4),
-    gap=st.integers(1, 50),
-    frame=st.integers(0, 220),
-)
-def test_no_frame_of_a_schedule_asks_for_less_than_the_least(tolerances: list[float], gap: int, frame: int) -> None:
-    error = ErrorSpec(tolerance=tuple((gap * i, tolerance) for i, tolerance in enumerate(tolerances)))
-    assert tolerance_at(error, frame) >= min_tolerance(error)
 
 
 @pytest.mark.parametrize(("dtype", "average"), [(np.uint8, "extinction"), (np.float32, "opacity")])

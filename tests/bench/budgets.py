@@ -78,10 +78,10 @@ def splats(data: Path) -> Iterator[str]:
             start = time.perf_counter()
             tolerance = primitive.tolerance_for_cells(number)
             middle = time.perf_counter()
-            found = primitive.num_cells(tolerance)
+            found = primitive.make_lod(tolerance, lambda _: None).num_cells
             end = time.perf_counter()
             assert found <= number
-            next_finer = primitive.num_cells(tolerance * (1 - 1e-9))
+            next_finer = primitive.make_lod(tolerance * (1 - 1e-9), lambda _: None).num_cells
             assert tolerance == 0 or next_finer > number
             under = f"{1 - found / number:.2%}" if tolerance else "full resolution"
             yield (

@@ -94,7 +94,7 @@ def column_depth(depth: npt.NDArray[np.float32], level: int, spacing: float) -> 
     of = Volume(empty, np.diag([spacing, spacing, spacing, 1.0]), "a cube", "")
     cell = Cut(np.array([level], np.uint8), np.zeros((1, 3), np.int32), depth[None], of)
     splats = make_splats(cell, SplatSpec())
-    return float(splats.areas[0, 3]) * splats.model_unit**2 / (spacing * 2.0**level) ** 2
+    return float(splats.vertices[0, 6]) * splats.model_unit**2 / (spacing * 2.0**level) ** 2
 
 
 def voxel_depth(spec: TransferSpec, value: float, spacing: float) -> npt.NDArray[np.float32]:

@@ -45,7 +45,7 @@ def drawn(depths: Float64, colors: Float64, size: int = 16) -> tuple[Float64, Fl
         image = rasterizer.rasterize(batch, np.arange(len(depths), dtype=np.uint32), view)
     in_front = np.append(np.cumsum(exact_depths[::-1])[::-1][1:], 0.0)
     seen = -np.expm1(-exact_depths) * np.exp(-in_front)
-    exact_colors = batch.areas[:, :3].astype(np.float64) / batch.areas[:, 3:].astype(np.float64)
+    exact_colors = batch.vertices[:, 3:6].astype(np.float64) / batch.vertices[:, 6:7].astype(np.float64)
     return image[size // 2 - 1, size // 2].astype(np.float64), np.append(seen @ exact_colors, seen.sum())
 
 
@@ -85,7 +85,7 @@ def depth_as_drawn(cases: int, footprint: str) -> float:
             batch, view, _ = pile(np.array([depth]), np.ones(3), 4)
             batch = SplatBatch(batch.vertices, batch.axes, batch.origin, 1.0, made)
             alpha = float(rasterizer.rasterize(batch, np.zeros(1, np.uint32), view)[1, 2, 3])
-            expected = -math.expm1(-float(batch.areas[0, 3]) * weight)
+            expected = -math.expm1(-float(batch.vertices[0, 6]) * weight)
             worst = max(worst, abs(alpha / expected - 1))
     return worst
 

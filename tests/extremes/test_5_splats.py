@@ -72,7 +72,7 @@ def energy_error(gl: GLRasterizer, batch: SplatBatch, view: View) -> float:
     if view.projection == "perspective":
         per_px *= -in_view[2]
         slant = float(np.linalg.norm(in_view) / -in_view[2])
-    expected = float(batch.areas[0, 3]) * slant / per_px**2
+    expected = float(batch.vertices[0, 6]) * slant / per_px**2
     return abs(float(optical_depth(gl.rasterize(batch, FIRST, view)).sum()) / expected - 1)
 
 
@@ -117,7 +117,7 @@ def behind_the_near_plane(cases: int) -> float:
             sigma = float(np.linalg.norm(view.forward @ axes[0]))
             a = rng.uniform(-3, 3)
             batch = thin_splat(point_at(view, 48.2, 47.9, DISTANCE - a * sigma), axes, SplatSpec(), view)
-            expected = float(batch.areas[0, 3]) * view.scale_px**2 * 0.5 * math.erfc(a / math.sqrt(2))
+            expected = float(batch.vertices[0, 6]) * view.scale_px**2 * 0.5 * math.erfc(a / math.sqrt(2))
             worst = max(worst, abs(optical_depth(gl.rasterize(batch, FIRST, view)).sum() / expected - 1))
     return worst
 

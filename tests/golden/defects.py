@@ -109,7 +109,7 @@ def _overlapping_pairs(shot: Shot) -> Iterator[tuple[int, int]]:
         centers, reach = (rectangles[:, :2] + rectangles[:, 2:]) / 2, np.ptp(rectangles.reshape(-1, 2, 2), axis=1) / 2
     else:
         centers = (shot.batch.centers.astype(np.float64) @ shot.view.axes[:2].T)[order]
-        sigma = np.linalg.norm(shot.batch.axes, axis=(1, 2))[shot.batch.shapes] / math.sqrt(3)
+        sigma = np.linalg.norm(shot.batch.axes, axis=(1, 2))[shot.batch.vertices[:, 7].astype(np.int64)] / math.sqrt(3)
         reach = np.repeat(sigma[order, None], 2, axis=1)
     for place in _random(shot).permutation(len(order))[:TRIES]:
         later = slice(place + 1, None)

@@ -15,10 +15,7 @@ from renderer.scene import (
 )
 from renderer.splats import make_splats
 from renderer.view import (
-    Region,
     make_order_blending,
-    mean_footprint_area_px,
-    model_view,
     visible_orders,
 )
 from renderer.view.order_blending import FADE_ANGLE, MIN_WEIGHT, NEIGHBOURS, sort_directions
@@ -58,26 +55,6 @@ def test_chunks_draw_what_one_go_draws(
                 patch.setattr(raster_gl, "splats_per_chunk", lambda *_: 16)
                 chunked = rasterizer.rasterize(batch, in_order(batch), view)
             np.testing.assert_allclose(chunked, whole, atol=6 * 300 * 2.0**-24)
-
-
-@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
-def test_the_mean_footprint(projection: str) -> None:
-    """Round splats far from the eye, wide and narrow; around the eye none covers more than the region."""
-    centers = np.random.default_rng(5).uniform(-1e-3, 1e-3, (9000, 3))
-    region = Region(0, 0, 50, 40)
-    view = look(projection, distance=4.0)
-    for sigma in (0.03, 1e-6):
-        batch = place_splats(centers, sigma, 0.1, np.ones((9000, 3)), SplatSpec())
-        camera = model_view(batch, view)
-        scale_px = camera.scale_px / (4.0 / batch.model_unit if camera.perspective else 1.0)
-        radius_px = batch.footprint.cutoff * max(sigma / batch.model_unit * scale_px, batch.footprint.min_sigma_px)
-        # depths differ by 1e-3 / 4, areas by twice that
-        assert mean_footprint_area_px(batch, in_order(batch), camera, region) == pytest.approx(
-            np.pi * radius_px**2, rel=1e-3
-        )
-    batch = place_splats(100 * centers, 0.1, 0.1, np.ones((9000, 3)), SplatSpec())
-    camera = model_view(batch, look(projection, distance=1e-3, size=(2000, 2000)))
-    assert mean_footprint_area_px(batch, in_order(batch), camera, region) == region.num_pixels
 
 
 SHEARED = np.array([[1.0, 0.4, 0.0], [0.0, -0.9, 0.2], [0.0, 0.0, 3.0]])

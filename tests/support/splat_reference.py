@@ -47,7 +47,7 @@ def rasterize_reference(batch: SplatBatch, order: npt.NDArray[np.uint32], view: 
     """Composite `batch[order]`, back to front: float64 [height, width, 4], premultiplied RGBA over nothing."""
     image = np.zeros((view.size[1], view.size[0], 4))
     for index in order:
-        areas = batch.areas[index].astype(np.float64)
+        areas = batch.vertices[index, 3:7].astype(np.float64)
         gaussian = _beyond(view.near, _in_view(batch, index, view))
         if areas[3] == 0.0 or gaussian.mass == 0.0:
             continue
@@ -67,7 +67,7 @@ def _in_view(batch: SplatBatch, index: int, view: View) -> _Gaussian:
     """The splat's whole Gaussian, mass 1."""
     rotation = np.diag([1.0, 1.0, -1.0]) @ view.axes
     from_target = (batch.origin - view.target) + batch.model_unit * batch.centers[index].astype(np.float64)
-    axes_world = batch.model_unit * batch.axes[batch.shapes[index]]
+    axes_world = batch.model_unit * batch.axes[int(batch.vertices[index, 7])]
     covariance_world = axes_world @ axes_world.T
     mean = rotation @ from_target + (0.0, 0.0, view.distance)
     return _Gaussian(1.0, mean, rotation @ covariance_world @ rotation.T)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.study import Accuracy, FrameMeasurement, Measurement, Setting, Study, TruthRecord
+from renderer.study import METRICS, Accuracy, FrameMeasurement, Measurement, Setting, Study, Truth
 from renderer.study.metrics import ErrorMetrics
 from renderer.truth import Convergence
 
@@ -19,7 +19,7 @@ INFINITE = float("inf")
 def difference(psnr: float) -> ErrorMetrics:
     """Return the metrics of a picture of some PSNR; the others fall with it."""
     rmse = 10 ** (-psnr / 20)
-    return ErrorMetrics(rmse, min(1.0, 4 * rmse), psnr, 1 - rmse, 2 * rmse, 3 * rmse, rmse)
+    return dict(zip(METRICS, (rmse, min(1.0, 4 * rmse), psnr, 1 - rmse, 2 * rmse, 3 * rmse, rmse), strict=True))
 
 
 def accuracy(psnr: float) -> Accuracy:
@@ -27,7 +27,7 @@ def accuracy(psnr: float) -> Accuracy:
     return Accuracy(difference(psnr), difference(psnr - 3))
 
 
-UNDEFINED = Accuracy(*[ErrorMetrics(*[NAN] * len(dataclasses.fields(ErrorMetrics)))] * 2)
+UNDEFINED = Accuracy(*[dict.fromkeys(METRICS, NAN)] * 2)
 
 
 def measure(
@@ -100,6 +100,7 @@ def study_of(measurements: Sequence[Measurement], **changes: Any) -> Study:
     """Return a study of these measurements, on any machine and scene."""
     frames = sorted({sample.frame for m in measurements for sample in m.frames})
     convergence = Convergence((0.5, 0.25), (1e-5, 3e-9), (48, 40))
+    on_volume = np.arange(40).reshape(5, 8) < 16
     study = Study(
         name="engine",
         scene={"volume": {"file": "engine.nhdr"}, "output": {"size": [8, 6], "background": [0.0, 0.0, 0.0]}},
@@ -112,7 +113,7 @@ def study_of(measurements: Sequence[Measurement], **changes: Any) -> Study:
             "versions": {"numpy": "2"},
         },
         truth_tolerance=1e-4,
-        truths=tuple(TruthRecord(f, 1.5, convergence, 0.4, np.full((6, 8, 3), 9, np.uint8)) for f in frames),
+        truths=tuple(Truth(f, np.full((5, 8, 3), 9 / 255), on_volume, convergence, 1.5) for f in frames),
         measurements=tuple(measurements),
         notes=("the error rises from tolerance 0.2 to 0.1",),
     )

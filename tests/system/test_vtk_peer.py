@@ -81,7 +81,7 @@ def measured(volume: Volume, of: TransferFunction, *views: View) -> list[Measure
 def require_near(measurements: list[Measurement]) -> None:
     for measurement in measurements:
         for sample in measurement.frames:
-            assert sample.accuracy.everywhere.psnr > NEAR[measurement.setting.series], sample.frame
+            assert sample.accuracy.everywhere["psnr"] > NEAR[measurement.setting.series], sample.frame
 
 
 def oblique(columns: tuple[float, float, float]) -> Float64:
@@ -111,7 +111,7 @@ def test_pictures_are_near_the_truth_in_every_projection_and_shape() -> None:
     ]
     measurements = measured(volume, transfer(), *views)
     require_near(measurements)
-    assert all(measurement.frames[-1].accuracy.everywhere.max_error < 1e-12 for measurement in measurements)
+    assert all(measurement.frames[-1].accuracy.everywhere["max_error"] < 1e-12 for measurement in measurements)
 
 
 def test_coarse_settings_are_worse() -> None:
@@ -133,7 +133,7 @@ def test_coarse_settings_are_worse() -> None:
         assert len(sample.frame_seconds) == 3 and min(sample.frame_seconds) > 0
         assert measurement.picture.shape == measurement.difference.shape == (54, 72, 3)
         assert measurement.overall == sample.accuracy
-        measurements[setting.series, setting.label] = measurement.overall.everywhere.psnr
+        measurements[setting.series, setting.label] = measurement.overall.everywhere["psnr"]
     for series in NEAR:
         fine, coarse = measurements[series, "step 0.5"], measurements[series, "step 4"]
         quarter = measurements[f"{series}, 1/4 px", "step 0.5"]
@@ -164,10 +164,10 @@ def test_tables_resolve_a_narrow_window_and_a_step() -> None:
     volume = engine("float32", 0, 255e3)
     narrow = TransferFunction(window, colors, np.array([0.0, 0.0, 0.4, 0.0, 0.0]), 1.0)
     for measurement in measured(volume, narrow, look(volume)):
-        assert measurement.overall.everywhere.psnr > 39
+        assert measurement.overall.everywhere["psnr"] > 39
     step = TransferFunction(np.array([0.0, 90, 90, 255]), colors[:4], np.array([0.0, 0.0, 0.2, 0.2]), 1.0)
     for measurement in measured(engine(), step, look(engine())):
-        assert measurement.overall.everywhere.psnr > 39
+        assert measurement.overall.everywhere["psnr"] > 39
 
 
 @pytest.mark.parametrize(
@@ -287,7 +287,7 @@ def test_an_interrupted_measurement_ends_its_worker(tmp_path: Path, monkeypatch:
     measurements = with_stand_in(DRAW, tmp_path, monkeypatch)
     first = next(measurements)
     assert first.frame_seconds == 0.5
-    assert first.overall.everywhere.psnr == math.inf
+    assert first.overall.everywhere["psnr"] == math.inf
     measurements.close()  # type: ignore[attr-defined]
     require_ended(tmp_path)
 

@@ -7,7 +7,6 @@ from collections import defaultdict
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from dense_bricks import (
     OBLIQUE,
@@ -36,8 +35,6 @@ from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume, make_volume
 
-Float64 = npt.NDArray[np.float64]
-
 # Thin, tiny, whole bricks, cut by the border, and levels enough for three and for five of bricks.
 SHAPES: list[Shape] = [
     (1, 1, 1), (1, 40, 20), (5, 17, 33), (16, 16, 16), (48, 16, 35), (20, 1, 1), (35, 30, 65), (5, 140, 24),
@@ -57,6 +54,7 @@ def hills(*points: tuple[float, float]) -> TransferFunction:
 
 
 SOFT = hills((0, 0), (100, 0), (200, 1.5), (250, 0.1))
+STEPS = hills((0, 0), (60, 0), (60, 0.4), (100, 0.1), (101, 2.0), (102, 0.1), (180, 1.5), (180, 0.2), (250, 0.7))
 
 
 def soft(shape: Shape, dtype: str = "uint8") -> Volume:
@@ -67,9 +65,9 @@ def soft(shape: Shape, dtype: str = "uint8") -> Volume:
 def test_visible_bounds_of_voxels_are_tight(dtype: str) -> None:
     """They enclose the dual cells with a visible scalar between their corners, and nothing else, for every type."""
     shares = []
-    for seed, shape in enumerate(2 * SHAPES[:-1]):
+    for seed, shape in enumerate(SHAPES[:-1]):
         rng = np.random.default_rng(seed)
-        low, high = limits(dtype) if seed < len(SHAPES) - 1 else (10, 100)
+        low, high = limits(dtype) if seed % 2 else (10, 100)
         values = low * (1 - patches(shape, seed)) + high * patches(shape, seed)
         values = np.clip(values, low, np.nextafter(float(high), 0)).astype(dtype)
         volume = make_volume(values, OBLIQUE, "patches")
@@ -101,10 +99,9 @@ def test_visible_bounds_of_voxels_are_tight(dtype: str) -> None:
         (((25, 1),), True),
     ],
 )
-@pytest.mark.parametrize("dtype", ["uint8", "float32"])
-def test_visible_bounds_between_two_voxels(points: tuple[tuple[float, float], ...], shown: bool, dtype: str) -> None:
+def test_visible_bounds_between_two_voxels(points: tuple[tuple[float, float], ...], shown: bool) -> None:
     """The step between the third and the fourth voxel shows half a cell to either side, or nothing."""
-    values = np.full((1, 1, 16), 10, dtype)
+    values = np.full((1, 1, 16), 10, np.uint8)
     values[0, 0, 3:] = 20
     transfer = hills(*points)
     box = bricks_of(make_volume(values, np.eye(4), "step"), transfer).levels[0].visible_bounds[0, 0, 0]
@@ -125,20 +122,22 @@ def test_visible_bounds_of_nodes_reach_to_the_next_centres(shape: Shape) -> None
             np.testing.assert_array_equal(level.visible_bounds[z, y, x], box_of(nodes_shown(cells), (x, y, z), extent))
 
 
-@pytest.mark.parametrize("dtype", ["uint8", "float32", "int64"])
-@pytest.mark.parametrize("shape", SHAPES, ids=str)
-def test_errors_and_step_errors_equal_the_dense_reference(shape: Shape, dtype: str) -> None:
+@pytest.mark.parametrize(
+    ("shape", "dtype", "transfer"),
+    [*((shape, "uint8", SOFT) for shape in SHAPES), *((shape, "float32", STEPS) for shape in SHAPES[2:-1])],
+)
+def test_errors_and_step_errors_equal_the_dense_reference(shape: Shape, dtype: str, transfer: TransferFunction) -> None:
     """The largest of its nodes and its halo's, of what shows between its voxels, and of their differences; and the
     root mean square, over its volume, of nodes twice as large and of what shows between voxels, or of differences."""
     volume = soft(shape, dtype)
-    depths = depths_of(volume, SOFT)
+    depths = depths_of(volume, transfer)
     between, widths, jumps = between_scalars(
-        *ranges_of_dual_cells(volume), SOFT.values, channels_of(SOFT, volume.finest_spacing)
+        *ranges_of_dual_cells(volume), transfer.values, channels_of(transfer, volume.finest_spacing)
     )
     side = np.cbrt(volume.voxel_volume) / volume.finest_spacing
     rough, steep = means_over_dual_cells(between / widths**2), means_over_dual_cells(jumps)
-    for number, level in enumerate(bricks_of(volume, SOFT).levels):
-        errors = errors_of_bricks(volume, SOFT, number)
+    for number, level in enumerate(bricks_of(volume, transfer).levels):
+        errors = errors_of_bricks(volume, transfer, number)
         above = errors_of_cells(volume, depths, number + 1)
         num_voxels = sums_over_cells(np.ones(shape), number + 1)
         squares, sizes = per_brick(above**2 * num_voxels, BRICK_SIZE // 2), per_brick(num_voxels, BRICK_SIZE // 2)
@@ -195,7 +194,7 @@ def test_errors_are_in_the_unit_of_the_measure(measure: Literal["rms"], of: Lite
         assert fine.step_errors[1, 0, 0] > 0.1
 
 
-@pytest.mark.parametrize("shift", [0, 1, 2, 8, 16])
+@pytest.mark.parametrize("shift", [0, 1, 8])
 def test_errors_of_a_surface_do_not_depend_on_node_borders(shift: int) -> None:
     """A box has the errors of its surface also where nodes end there, each of which is constant: of each level, about
     as it has where it is in the middle of nodes."""
@@ -242,7 +241,6 @@ def test_a_transparent_volume_has_empty_bricks() -> None:
     bricks = bricks_of(volume, SOFT)
     for level in bricks.levels:
         assert not level.visible_bounds.any() and not level.errors.any() and not level.step_errors.any()
-        assert len(level.means) == 0
     assert len(cut_bricks(bricks, 0.0)) == 0
 
 
@@ -250,7 +248,7 @@ def test_threads_change_no_byte() -> None:
     volume = soft((70, 90, 130))
     one, many = bricks_of(volume, SOFT), bricks_of(volume, SOFT, num_threads=3)
     for level, other in zip(one.levels, many.levels, strict=True):
-        for name in ("visible_bounds", "errors", "step_errors", "slots", "means"):
+        for name in ("visible_bounds", "errors", "step_errors"):
             assert not getattr(level, name).flags.writeable
             np.testing.assert_array_equal(getattr(level, name), getattr(other, name))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tracemalloc
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -29,9 +28,8 @@ from renderer.scene import (
     VolumeSpec,
 )
 from renderer.splats import SplatBatch
-from renderer.study import ToleranceSearchResult, Trial, Truth, TruthCache, find_tolerance
+from renderer.study import ToleranceSearchResult, Trial, Truth, find_tolerance
 from renderer.study.tolerance_search import two_digit_numbers
-from renderer.study.truths import round_to_float32
 from renderer.truth import Convergence
 from renderer.view import View
 from tests.support.machines import WithoutUploads
@@ -72,13 +70,14 @@ def error_of(num_splats: int, view: View) -> float:
 
 
 class Truths:
-    """Returns an even grey for every frame, and remembers the frames."""
+    """Returns an even grey for every frame, and remembers the frames, each of which is asked for once."""
 
     def __init__(self, *, covered: bool = True) -> None:
         self.asked: set[int] = set()
         self._covered = covered
 
     def __call__(self, frame: int) -> Truth:
+        assert frame not in self.asked
         self.asked.add(frame)
         convergence = Convergence((0.5,), (0.0,), (SHAPE[0] * SHAPE[1],))
         return Truth(frame, np.full((*SHAPE, 3), 0.5), np.full(SHAPE, self._covered), convergence)
@@ -88,12 +87,12 @@ def search(
     stage: Stage,
     want: MetricTarget,
     frames: Sequence[int] = range(NUM_FRAMES),
-    truth_of: Callable[[int], Truth] | None = None,
+    find_truth: Callable[[int], Truth] | None = None,
     trials: list[Trial] | None = None,
 ) -> ToleranceSearchResult:
     on_trial = [].append if trials is None else trials.append  # type: ignore[var-annotated]
     return find_tolerance(
-        stage, frames, want, Grey(), truth_of=truth_of or Truths(), clock=lambda: 0.0, on_trial=on_trial
+        stage, frames, want, Grey(), find_truth=find_truth or Truths(), clock=lambda: 0.0, on_trial=on_trial
     )
 
 
@@ -137,32 +136,7 @@ def test_both_ends_of_an_open_path_are_tried(stage: Stage) -> None:
         assert {frames[0], frames[-1]} <= set(found.frames)
 
 
-def test_truths_are_computed_once_and_cached_in_float32() -> None:
-    shape, asked = (200, 300, 3), []
-    exact = np.random.default_rng(4).random(shape)
-
-    def find(frame: int) -> Truth:
-        asked.append(frame)
-        return Truth(frame, exact + frame, np.full(shape[:2], frame > 0), Convergence((0.5,), (0.0,), (frame,)))
-
-    truth_of = TruthCache(find)
-    tracemalloc.start()
-    try:
-        for frame in (0, 1, 2, 1, 0):
-            truth_of(frame)
-        held, _ = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert asked == [0, 1, 2]
-    assert held < 3 * 14 * (200 * 300)  # 12 bytes a pixel for the picture, 1 for where the volume is
-    truth = truth_of(2)
-    assert (truth.frame, truth.convergence.num_pixels, truth.on_volume.all()) == (2, (2,), True)
-    assert truth.picture.dtype == np.float64
-    np.testing.assert_array_equal(truth.picture, round_to_float32(exact + 2))
-    np.testing.assert_array_max_ulp(truth_of(0).picture.astype(np.float32), exact.astype(np.float32), 0)
-
-
-def test_equal_pictures_stay_equal_in_the_cache(stage: Stage) -> None:
+def test_equal_pictures_stay_equal(stage: Stage) -> None:
     """Although float32 cannot hold 0.1, the background."""
 
     class Nothing(Grey):
@@ -171,15 +145,19 @@ def test_equal_pictures_stay_equal_in_the_cache(stage: Stage) -> None:
 
     behind = replace(stage.scene.output, background=(0.1, 0.1, 0.1))
     empty = replace(stage, scene=replace(stage.scene, output=behind))
-    truths = TruthCache(lambda frame: replace(Truths()(frame), picture=np.full((*SHAPE, 3), 0.1)))
+
+    def find_truth(frame: int) -> Truth:
+        return replace(Truths()(frame), picture=np.full((*SHAPE, 3), 0.1))
+
+    want = MetricTarget("psnr", 90.0)
     found = find_tolerance(
-        empty, range(3), MetricTarget("psnr", 90.0), Nothing(), truth_of=truths, clock=lambda: 0.0, on_trial=[].append
+        empty, range(3), want, Nothing(), find_truth=find_truth, clock=lambda: 0.0, on_trial=[].append
     )
     assert found.worst.value == math.inf
 
 
 def test_a_film_of_nothing_is_reported(stage: Stage) -> None:
-    assert search(stage, MetricTarget("psnr", 20.0), truth_of=Truths(covered=False)).shows_nothing
+    assert search(stage, MetricTarget("psnr", 20.0), find_truth=Truths(covered=False)).shows_nothing
 
 
 def test_targets_know_their_direction_and_their_unit() -> None:

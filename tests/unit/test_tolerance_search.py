@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -107,22 +106,19 @@ def test_the_search_may_end_at_zero_or_without_a_tolerance() -> None:
 
 
 class Film:
-    """Stands in for TrialRenderer: each frame passes up to its own limit."""
+    """Each frame passes up to its own limit."""
 
     def __init__(self, limits: Sequence[float]) -> None:
         self._limits = limits
         self.drawn: list[tuple[float, int]] = []
 
-    def first_bad(self, tolerance: float, frames: Sequence[int]) -> int | None:
-        for frame in frames:
-            self.drawn.append((tolerance, frame))
-            if tolerance > self._limits[frame]:
-                return frame
-        return None
+    def is_good_on(self, tolerance: float, frame: int) -> bool:
+        self.drawn.append((tolerance, frame))
+        return tolerance <= self._limits[frame]
 
 
 def search(film: Film, probes: Sequence[int], checks: Sequence[int]) -> float | None:
-    return coarsest_tolerance(cast(Any, film), CANDIDATES, probes, checks)
+    return coarsest_tolerance(film.is_good_on, CANDIDATES, probes, checks)
 
 
 @given(st.lists(st.floats(2e-4, 40), min_size=6, max_size=6))

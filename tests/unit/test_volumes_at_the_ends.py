@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -17,20 +16,12 @@ from number_types import RANGES, TYPES, random_ranges
 from hsplat_cli import main
 from hsplat_cli.commands.info import info
 from renderer.errors import InputError
-from renderer.pyramid import build_pyramid, cut_pyramid
 from renderer.readers import read_volume
 from renderer.scene import (
-    ControlPoint,
-    ErrorSpec,
     FileSource,
-    PyramidSpec,
-    RawSource,
-    SplatSpec,
-    TransferSpec,
     VolumeSpec,
     parse_scene,
 )
-from renderer.splats import make_splats
 from renderer.transfer import make_transfer_function
 
 Array = npt.NDArray[Any]
@@ -107,16 +98,3 @@ def test_integers_too_large_for_their_differences_are_refused(tmp_path: Path, lo
 def test_integers_that_float64_tells_apart_are_read(tmp_path: Path, low: int, high: int) -> None:
     np.save(tmp_path / "a.npy", np.array([low, high], np.int64).reshape(1, 1, 2))
     assert read_volume(VolumeSpec(FileSource(tmp_path / "a.npy"))).values.tolist() == [[[low, high]]]
-
-
-@pytest.mark.parametrize("scale", [1e-30, 1e30])
-def test_the_smallest_and_the_largest_voxels_are_drawn(tmp_path: Path, scale: float) -> None:
-    (tmp_path / "a.raw").write_bytes(bytes(range(1, 9)))
-    source = RawSource(tmp_path / "a.raw", (2, 2, 2), "uint8", spacing=(scale, scale, scale))
-    of = read_volume(VolumeSpec(source))
-    by = make_transfer_function(TransferSpec((ControlPoint(0.0, (1.0, 1.0, 1.0), 0.5),)), of.finest_spacing)
-    pyramid = build_pyramid(of, by, spec=PyramidSpec(), error=ErrorSpec(), num_threads=1)
-    for tolerance in (0.0, 1e-3):
-        splats = make_splats(cut_pyramid(pyramid, tolerance), SplatSpec())
-        energy = splats.areas[:, 3].sum(dtype=np.float64) * splats.model_unit**2 / of.finest_spacing**2
-        assert energy == pytest.approx(8 * math.log(2), rel=1e-3)

@@ -55,7 +55,7 @@ def monotonicity_notes(measurements: Sequence[Measurement]) -> list[str]:
         for metric in METRICS.values():
             if metric.name not in _MIN_SETBACK:
                 continue
-            values = [float(getattr(point.overall.everywhere, metric.name)) for point in points]
+            values = [point.overall.everywhere[metric.name] for point in points]
             worse = find_regressions(values, higher_is_better=metric.higher_is_better, least=_MIN_SETBACK[metric.name])
             if worse:
                 at = max(worse, key=lambda i: abs(values[i] - values[i - 1]))

@@ -90,7 +90,7 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
     frames = request.frames or spread_evenly(range(path.frames), _NUM_FRAMES, is_loop=is_loop(path))
     stage = stage_at_any_tolerance(scene, volume)
     views = [view_of(stage, frame) for frame in frames]
-    truths, records = find_truths(stage, frames, request.truth_tolerance, reporter)
+    truths = find_truths(stage, frames, request.truth_tolerance, reporter)
     del stage  # keeps one pyramid at a time in memory
     if not any(truth.on_volume.any() for truth in truths):
         raise nothing_visible_error(len(truths))
@@ -117,7 +117,7 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
             },
             machine=machine,
             truth_tolerance=request.truth_tolerance,
-            truths=tuple(records),
+            truths=tuple(truths),
             measurements=tuple(measurements),
             notes=(*notes, *monotonicity_notes(measurements)),
         )
