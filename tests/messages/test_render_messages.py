@@ -147,7 +147,7 @@ def test_an_output_folder_that_vanishes(
 def test_a_checkpoint_frame_that_cannot_be_decoded(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Its record agrees with it. The next run draws it again."""
+    """Its record agrees with it. Once it is removed, it is drawn again."""
 
     def interrupt() -> None:
         raise KeyboardInterrupt
@@ -162,12 +162,13 @@ def test_a_checkpoint_frame_that_cannot_be_decoded(
     data["record"]["digest"] = bytes_digest(picture.read_bytes())
     record.write_text(json.dumps(data), encoding="utf-8")
     assert render(capsys, "--output", "film.mp4") == (
-        1,
+        2,
         "4 of 6 frames are already finished\n"
-        "3 of 6 frames are kept; the same command resumes there\n"
-        "film.mp4.unfinished/000001.png: a checkpoint frame cannot be decoded\n"
-        "  hint: run the same command again to redraw it\n",
+        "4 of 6 frames are kept; the same command resumes there\n"
+        "film.mp4.unfinished/000001.png: a frame that cannot be decoded\n"
+        "  hint: remove it, and the command that drew it draws it again\n",
     )
+    picture.unlink()
     assert render(capsys, "--output", "film.mp4") == (0, "3 of 6 frames are already finished\n")
 
 
