@@ -34,8 +34,8 @@ HEAD = """# What a scene does not ask for
 Footprint: `integrated`, the default, drawn by compiled loops. Measure again when the pyramid, the cut, bricks or the
 start of a command change.
 
-`python tests/bench/required.py DATA` writes this page. Each row does the same work twice: as the scene needs it, and
-as it is when the scene asks for more. Times are CPU milliseconds of all threads, of commands wall milliseconds, medians
+`python tests/bench/required.py DATA` writes this page. Each row does the same work twice: for a scene that does not ask
+for something, and for one that does. Times are CPU milliseconds of all threads, of commands wall milliseconds, medians
 of {repeats} runs that take turns.
 
 Commit {commit}; {processor}, {cores} cores.
