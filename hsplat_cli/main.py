@@ -77,7 +77,7 @@ def _print_version(context: click.Context, _: click.Parameter, wanted: bool) -> 
     "--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version, help="Show the version."
 )
 def hsplat() -> None:
-    """Film loops from scalar volumes by hierarchical splatting."""
+    """Turn scalar volumes into film loops by hierarchical splatting."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

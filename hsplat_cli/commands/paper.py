@@ -27,7 +27,7 @@ PAGE_FILE = "index.html"
 
 @dataclass(frozen=True)
 class _FigureSpec:
-    """The scene file and the module of a figure. work: relative duration. takes_volume: draws any volume."""
+    """A figure to draw: its scene file and its module. work: relative duration. takes_volume: draws any volume."""
 
     scene: str
     module: str

@@ -74,7 +74,7 @@ class Gallery:
 
     @property
     def gallery_frames(self) -> list[GalleryFrame]:
-        """The failing frames, worst first; if none fails, the NUM_PASSING_SHOWN closest to their limits."""
+        """Return the failing frames, worst first; if none fails, the NUM_PASSING_SHOWN closest to their limits."""
         failing = [frame for frame in self._frames if not frame.outcome.passes]
         return failing or self._frames[:NUM_PASSING_SHOWN]
 

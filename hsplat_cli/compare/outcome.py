@@ -69,12 +69,12 @@ class Outcome:
 
     @property
     def passes(self) -> bool:
-        """Whether the frame is within its limits."""
+        """Return whether the frame is within its limits."""
         return self.status in _PASSES
 
     @property
     def severity(self) -> float:
-        """The largest error as a multiple of its limit; infinite without a comparable pair."""
+        """Return the largest error as a multiple of its limit; infinite without a comparable pair."""
         is_comparable = self.passes or self.status == "different"
         return severity(self.figures, self.limits) if is_comparable else math.inf
 
@@ -102,32 +102,32 @@ class Comparison:
 
     @property
     def strictness(self) -> str:
-        """The level, with the limits that replace its own."""
+        """Return the level, with the limits that replace its own."""
         return f"{self.level} (with other limits: {'; '.join(self.other_limits)})" if self.other_limits else self.level
 
     @property
     def num_failing(self) -> int:
-        """The number of frames that fail."""
+        """Return the number of frames that fail."""
         return sum(not outcome.passes for outcome in self.outcomes)
 
     @property
     def passes(self) -> bool:
-        """Whether every frame passes."""
+        """Return whether every frame passes."""
         return self.num_failing == 0
 
     @cached_property
     def counts(self) -> Mapping[str, int]:
-        """The number of outcomes of each status."""
+        """Return the number of outcomes of each status."""
         return Counter(outcome.status for outcome in self.outcomes)
 
     @property
     def worst_first(self) -> list[Outcome]:
-        """The outcomes by `Outcome.rank`, equal ones in the order of their names."""
+        """Return the outcomes by `Outcome.rank`, equal ones in the order of their names."""
         return sorted(self.outcomes, key=lambda outcome: outcome.rank)
 
     @cached_property
     def frame_numbers(self) -> Mapping[str, int]:
-        """The last number in each frame's name; empty unless the names differ in it alone."""
+        """Return the last number in each frame's name; empty unless the names differ in it alone."""
         names = [outcome.name for outcome in self.outcomes]
         found = {name: re.fullmatch("(.*?)([0-9]+)([^0-9]*)", name, re.DOTALL) for name in names}
         patterns = {(match[1], match[3]) if match else None for match in found.values()}

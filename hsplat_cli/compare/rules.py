@@ -76,7 +76,7 @@ class Rules:
 
     @property
     def other_limits(self) -> list[str]:
-        """Limits that differ from the level's, with their source: `largest 200, flip none by golden/compare.yaml`."""
+        """Return the limits that differ from the level's, as in `largest 200, flip none by golden/compare.yaml`."""
         of_level = STRICTNESS_LEVELS[self.level].limits
         by_file = {figure: limit for figure, limit in self.limits.items() if figure not in self.overrides}
         descriptions = []

@@ -42,7 +42,7 @@ class SceneOptions:
 
     @property
     def given(self) -> list[str]:
-        """Names of the options with a value."""
+        """Return the names of the options with a value."""
         values = {"--frames": self.frames, "--set": self.overrides, "--volume": self.volume, "--workers": self.workers}
         return [option for option, value in values.items() if value]
 

@@ -54,7 +54,7 @@ def open_executor(spec: ExecutorSpec, scene: Scene, reporter: Reporter) -> Itera
 
 @dataclass(frozen=True)
 class Executor:
-    """What can draw films; made by `open_executor`. rasterizer: of this process, where it draws anything."""
+    """Draws films; made by `open_executor`. rasterizer: of this process, where it draws anything."""
 
     _spec: ExecutorSpec
     rasterizer: RecoveringRasterizer | None
@@ -63,7 +63,7 @@ class Executor:
 
     @property
     def renderer_name(self) -> str:
-        """Device and driver, as OpenGL names them; those of a cluster are known when it has drawn."""
+        """Return device and driver, as OpenGL names them; those of a cluster are known when it has drawn."""
         if self._client is not None:
             return "that of a cluster's workers"
         assert self.rasterizer is not None

@@ -20,7 +20,10 @@ _ADDRESS = re.compile(r"(?:(?:tcp|tls)://)?(?:\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+
 
 @dataclass(frozen=True)
 class ExecutorSpec:
-    """What draws. workers: number of processes, None for the fastest. scheduler: address of a cluster's, or `local`."""
+    """The choice of processes that draw.
+
+    workers: their number, None for the fastest. scheduler: address of a cluster's, or `local`.
+    """
 
     workers: int | None = None
     scheduler: str | None = None

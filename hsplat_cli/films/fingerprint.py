@@ -22,7 +22,7 @@ _MAX_LEVELS = 12
 
 @dataclass(frozen=True)
 class JobFingerprint:
-    """What a film depends on, besides the numbers of its frames. The sidecar stores it as `cause`.
+    """Identifies what a film depends on, besides the numbers of its frames. The sidecar stores it as `cause`.
 
     frames: the digest of `of`.
     film: how the frames were encoded, as plain JSON data.

@@ -56,7 +56,7 @@ class DeadlineReached(Exception):  # noqa: N818  no error
 
 @dataclass(frozen=True)
 class Refinement:
-    """How a film is refined.
+    """The options of a progressive render.
 
     time_limit: seconds from the start of the job, or None; the first pass is drawn in any case.
     best_effort: an interrupt after the first pass is no error.

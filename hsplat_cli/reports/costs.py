@@ -84,7 +84,7 @@ class CostAtPsnr:
 
     @property
     def ratio(self) -> float:
-        """Time of the peer over time of hsplat; NaN if one does not reach the PSNR, or both are bounds."""
+        """Return the time of the peer over time of hsplat; NaN if one does not reach the PSNR, or both are bounds."""
         if self.peer is None or not (math.isfinite(self.peer.value) and math.isfinite(self.time.value)):
             return math.nan
         return math.nan if self.peer.is_bound and self.time.is_bound else self.peer.value / self.time.value

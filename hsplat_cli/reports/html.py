@@ -109,7 +109,7 @@ def render_page(template: str, *, title: str, **values: object) -> str:
 
 @contextmanager
 def plot_style() -> Iterator[None]:
-    """Give figures that are made and turned into SVG inside the block the style of the page."""
+    """Apply the style of the page to figures that are made and turned into SVG inside the block."""
     from matplotlib import rc_context, rcParamsDefault
 
     # matplotlib's defaults in place of the user's matplotlibrc; the backend stays as it is set.

@@ -27,7 +27,10 @@ _OPTIONS = {
 
 @dataclass(frozen=True)
 class SuggestedScene:
-    """text: the YAML. kind, reason: what the volume is taken for, and why. notes: about values that are not shown."""
+    """A scene suggested for a volume.
+
+    text: the YAML. kind, reason: what the volume is taken for, and why. notes: about values that are not shown.
+    """
 
     text: str
     kind: str

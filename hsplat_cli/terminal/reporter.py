@@ -17,7 +17,7 @@ from hsplat_cli.terminal.progress_bar import Progress
 
 @dataclass(frozen=True)
 class Reporter:
-    """What a command prints. The command makes one from its option `--quiet` and hands it down.
+    """Prints the output of a command. The command makes one from its option `--quiet` and hands it down.
 
     is_quiet: print results and warnings alone.
     """

@@ -67,7 +67,7 @@ class FilmRequest:
 
     @property
     def volume_path(self) -> str:
-        """The path of the volume, relative to the folder and without links."""
+        """Return the path of the volume, relative to the folder and without links."""
         return os.path.relpath(os.path.realpath(volume_file(self.volume)), os.path.realpath(self.scene.parent))
 
     def failure_record(self, error: HsplatError) -> FilmRecord:

@@ -82,7 +82,7 @@ class BrickLevel:
 
     @property
     def is_visible(self) -> npt.NDArray[np.bool_]:
-        """Whether anything may be visible in each brick, bool [z, y, x]."""
+        """Return whether anything may be visible in each brick, bool [z, y, x]."""
         return np.asarray(self.visible_bounds[..., 1, 0] > self.visible_bounds[..., 0, 0])
 
 
@@ -105,7 +105,7 @@ class Bricks:
 
     @property
     def volume(self) -> Volume:
-        """The volume that the bricks divide."""
+        """Return the volume that the bricks divide."""
         return self.pyramid.volume
 
 

@@ -46,7 +46,7 @@ MIN_BRICKS_PER_THREAD = 8
 
 
 class MeanCache:
-    """Computed means, for pictures of more bricks than the device holds: each would compute them again.
+    """Keeps computed means for pictures of more bricks than the device holds, which would compute them again.
 
     Bricks that a picture and the one before it did not need are evicted, and those that they needed never: of bricks
     that are read in turn and are too many, the least recently used one is the next to be read. threads: compute the

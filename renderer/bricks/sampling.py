@@ -90,7 +90,7 @@ class ScreenSampling:
 
     @property
     def termination_alpha(self) -> float:
-        """The alpha at which a ray may end: nothing behind it is drawn, or float32 would lose it."""
+        """Return the alpha at which a ray may end: nothing behind it is drawn, or float32 would lose it."""
         return 1 - max(self.termination_transmittance, _MIN_TERMINATION_TRANSMITTANCE)
 
 
@@ -116,7 +116,7 @@ class BrickBatch:
 
     @property
     def spacings_per_model_unit(self) -> float:
-        """The factor from tau times the finest spacing to tau per model unit."""
+        """Return the factor from tau times the finest spacing to tau per model unit."""
         return self.model_unit / self.cut.volume.finest_spacing
 
 

@@ -41,7 +41,7 @@ _UPLOAD_BATCH = 256
 
 
 class Atlas(ABC):
-    """Slots for bricks of one kind. Keys are numbers from 0 up, below `num_keys`, that the caller gives to bricks.
+    """Holds bricks of one kind in slots. Keys are numbers from 0 up, below `num_keys`, that the caller gives to bricks.
 
     num_channels: 1 or 4, float32.
     """
@@ -56,7 +56,7 @@ class Atlas(ABC):
     @property
     @abstractmethod
     def max_slots(self) -> int:
-        """The number of bricks that the atlas may hold."""
+        """Return the number of bricks that the atlas may hold."""
 
     @abstractmethod
     def _grow(self, num: int) -> None:

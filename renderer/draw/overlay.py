@@ -22,7 +22,7 @@ Int64 = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class CellEdges:
-    """The edges of cells: coarse levels first, within a level sorted by axis and position.
+    """The edges of the drawn cells: coarse levels first, within a level sorted by axis and position.
 
     vertices: float32 [n, 7], as the device reads them: start [3] and end [3] in model units and world axes,
         and the level of the cell.

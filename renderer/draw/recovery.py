@@ -59,7 +59,7 @@ class RecoveringRasterizer:
 
     @property
     def notes(self) -> Sequence[str]:
-        """Notes for the user."""
+        """Return notes for the user."""
         times = "once" if self._num_lost == 1 else f"{self._num_lost} times"
         return [f"OpenGL's context was lost {times}, and what it had was drawn again"] * (self._num_lost > 0)
 

@@ -114,7 +114,7 @@ def _require_regular(file: Path) -> None:
 
 
 def _copy_folder_permissions(descriptor: int, folder: Path) -> None:
-    """Let all who may write in the folder lock the file, even if its maker is killed and it stays."""
+    """Permit all who may write in the folder to lock the file, even if its maker is killed and it stays."""
     with contextlib.suppress(OSError):  # not every file system has owners
         status = folder.stat()
         for owner in (-1, status.st_uid):  # the second for a superuser in the folder of another user

@@ -31,7 +31,7 @@ class Picture:
 
     @cached_property
     def pixels(self) -> Pixels:
-        """The picture as an array. Raises InputError if the file is damaged."""
+        """Return the picture as an array. Raises InputError if the file is damaged."""
         try:
             return decode_png(self.png)
         except ValueError as error:
@@ -40,7 +40,7 @@ class Picture:
 
     @cached_property
     def png(self) -> bytes:
-        """The content of the PNG file. Raises RenderError where it cannot be read."""
+        """Return the content of the PNG file. Raises RenderError where it cannot be read."""
         if self._file is None:
             return encode_png(self.pixels)
         with translate_os_errors(self._file):

@@ -48,7 +48,7 @@ class DrawList:
 
     @property
     def typical_seconds(self) -> float:
-        """The time to draw the frame, in all its orders, on a typical machine."""
+        """Return the time to draw the frame, in all its orders, on a typical machine."""
         return self.lod.typical_seconds(self.orders, self.view)
 
     def upload(self, rasterizer: Rasterizer) -> bool:

@@ -59,7 +59,7 @@ _MAX_SAMPLED_BRICKS = 4096
 
 @dataclass(frozen=True)
 class LOD:
-    """What is drawn at a tolerance, from any view. edges: the lines of an overlay.
+    """A level of detail: the cells drawn at a tolerance, from any view. edges: the lines of an overlay.
 
     orders: returns what is visible in a view, in the order in which it is drawn; each order has the same elements.
     """
@@ -71,7 +71,7 @@ class LOD:
 
     @property
     def num_cells(self) -> int:
-        """The number of cells in the cut, each a splat or a brick."""
+        """Return the number of cells in the cut, each a splat or a brick."""
         return len(self.batch)
 
     def num_pixels(self, orders: Orders, view: View) -> float:
@@ -96,7 +96,7 @@ AnyBatch = TypeVar("AnyBatch", SplatBatch, BrickBatch)
 
 
 class Primitive(ABC, Generic[AnyCut, AnyBatch]):
-    """The way from a tolerance to a level of detail, for one footprint.
+    """Turns a tolerance into a level of detail, for one footprint.
 
     initial_size: a size at which a frame shows its content. size_ratio: from one size worth trying to the next, and the
     largest change at once.
@@ -167,7 +167,7 @@ def make_primitive(stage: Stage) -> SplatPrimitive | BrickPrimitive:
 
 
 class SplatPrimitive(Primitive[Cut, SplatBatch]):
-    """Cells of the octree as splats; a size is a number of cells."""
+    """Draws cells of the octree as splats; a size is a number of cells."""
 
     initial_size = 1000
     size_ratio = 4
@@ -209,7 +209,7 @@ class SplatPrimitive(Primitive[Cut, SplatBatch]):
 
 
 class BrickPrimitive(Primitive[BrickCut, BrickBatch]):
-    """Bricks, for the integrated footprint. One order is enough, because they do not overlap.
+    """Draws cells as bricks, for the integrated footprint. One order is enough, because bricks do not overlap.
 
     A size is the error of the whole volume as one cell, divided by the tolerance.
     """

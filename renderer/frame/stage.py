@@ -40,7 +40,7 @@ class Stage:
 
 
 class Stopwatch:
-    """Seconds between laps, by name. The caller passes the clock."""
+    """Measures seconds between laps, by name. The caller passes the clock."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock, self._last = clock, clock()

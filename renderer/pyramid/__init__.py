@@ -1,8 +1,8 @@
 """The pyramid of averages and errors, and the octree that is cut from it.
 
-In: `Volume`, `TransferFunction`. Out: `Pyramid`; `Cut`, the coarsest nodes whose error is below a tolerance (Laur and
-Hanrahan 1991); `CutSizes`, from which a budget of cells finds its tolerance. Means and variances of children are merged
-as in Chan, Golub and LeVeque 1979.
+In: `Volume`, `TransferFunction`. Out: `Pyramid`, whose nodes of level l are averages over cells, cubes of 2^l voxels;
+`Cut`, the coarsest nodes whose error is below a tolerance (Laur and Hanrahan 1991); `CutSizes`, from which a budget of
+cells finds its tolerance. Means and variances of children are merged as in Chan, Golub and LeVeque 1979.
 
 - `pyramid.py`: builds it, level by level, with the error of each node; `nodes.py`: voxels to nodes and nodes merged,
   compiled; `empty_space.py`: leaves out macrocells (blocks of voxels) in which the min-max test finds nothing visible.

@@ -154,12 +154,12 @@ class Pyramid:
 
     @property
     def num_levels(self) -> int:
-        """The root's level."""
+        """Return the root's level."""
         return len(self.levels)
 
     @property
     def num_bytes(self) -> int:
-        """Memory of all levels."""
+        """Return the memory of all levels, in bytes."""
         return sum(array.nbytes for level in self.levels for array in level)
 
 
@@ -217,7 +217,7 @@ def cell_extents(cells: Array, level: int, shape_xyz: Shape) -> Int64:
 
 @dataclass(frozen=True)
 class _Plan:
-    """What all tasks share.
+    """The data that all tasks of a build share.
 
     pyramid: what is built, without its levels. raw: its voxels.
     error_classifier: classifies for the errors; None where the error is the variance that comes with the means.
@@ -238,7 +238,7 @@ class _Plan:
 
     @property
     def error_layout(self) -> tuple[int, type[Any]] | None:
-        """Channels and dtype of what errors are measured of, where that is not what is averaged."""
+        """Return the channels and dtype of what errors are measured of, where that is not what is averaged."""
         if self.scalar_normalization:  # scalars may lie close together and far from zero: float64
             return 1, np.float64
         return (4, np.float32) if self.error_classifier else None

@@ -190,7 +190,7 @@ def check_size(shape_xyz: tuple[int, ...], dtype: npt.DTypeLike, where: str) -> 
 
 @dataclass(frozen=True)
 class StoredVoxels:
-    """Where a file stores its voxels: from byte `offset` on, plain or compressed by deflate (gzip or zlib).
+    """The place of the voxels in a file: from byte `offset` on, plain or compressed by deflate (gzip or zlib).
 
     byte_order: "<" or ">" of plain voxels stored without gaps, "|" if the header does not give it; None if only the
         format's library can find them.

@@ -75,19 +75,19 @@ class Page:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Pixels along x and y."""
+        """Return the number of pixels along x and y."""
         return self.number(_WIDTH, 0), self.number(_HEIGHT, 0)
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """The dtype of one decoded sample; opaque bytes (kind V) for samples that are not numbers of 8, 16, 32 or 64
-        bits."""
+        """Return the dtype of a decoded sample; opaque bytes (kind V) for samples that are not numbers of 8, 16, 32 or
+        64 bits."""
         bits, kind = max(8, self.number(BITS, 1)), _KINDS.get(self.number(_SAMPLE_FORMAT, 1), "V")
         return np.dtype(f"{kind if bits in _BITS_OF_KINDS.get(kind, ()) else 'V'}{-(-bits // 8)}")
 
     @property
     def num_plain_bytes(self) -> int:
-        """The number of bytes of all samples of the page without compression."""
+        """Return the number of bytes of all samples of the page without compression."""
         return self.size[0] * self.size[1] * self.number(SAMPLES, 1) * self.number(BITS, 1) // 8
 
     def difference(self, other: Page) -> str | None:

@@ -103,7 +103,7 @@ class SceneEditor:
 
     @property
     def overridden_paths(self) -> list[str]:
-        """The paths that options have written."""
+        """Return the paths that options have written."""
         return [path for path, writer in self._writers.items() if isinstance(writer, int)]
 
     def parse(self, *, is_single_frame: bool = False, extra_problems: Sequence[Problem] = ()) -> Scene:

@@ -56,7 +56,7 @@ class ShadingSpec:
 
 @dataclass(frozen=True)
 class PyramidSpec:
-    """What a node averages, and in which precision it is stored."""
+    """The quantities that a node averages, and the precision in which they are stored."""
 
     average: Literal["extinction", "opacity"] = "extinction"
     precision: Literal["half", "single"] = "half"
@@ -79,7 +79,7 @@ class Scene:
 
     @property
     def needs_opengl(self) -> bool:
-        """Whether it has splats or lines; bricks are drawn without OpenGL, too."""
+        """Return whether it has splats or lines; bricks are drawn without OpenGL, too."""
         return self.splat.footprint != "integrated" or self.overlay != "none"
 
 

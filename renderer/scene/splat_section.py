@@ -31,7 +31,7 @@ _PROFILE = schema.sequence_field(
 
 @dataclass(frozen=True)
 class SplatSpec:
-    """What is drawn, and how.
+    """The primitive that is drawn, and its parameters.
 
     footprint: `integrated`, the default of a scene, integrates the field through bricks of cells in their exact order
         and has no other settings; a section that sets anything asks for splats. sigma: the standard deviation of the
@@ -49,7 +49,7 @@ class SplatSpec:
 
     @property
     def primitive_name(self) -> str:
-        """What is drawn, in the singular, for messages."""
+        """Return the name of what is drawn, in the singular, for messages."""
         return "brick" if self.footprint == "integrated" else "splat"
 
 

@@ -159,7 +159,7 @@ class ArraySource:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Number of voxels along x, y, z."""
+        """Return the number of voxels along x, y, z."""
         return tuple(self.values.shape[::-1])
 
 

@@ -58,7 +58,7 @@ class YamlTree:
 
 
 class NotYamlError(Exception):
-    """Text that cannot be parsed at all: what is wrong, where if known, and a hint."""
+    """Raised for text that cannot be parsed at all: what is wrong, where if known, and a hint."""
 
     def __init__(self, what: str, mark: TextPosition | None = None, hint: str | None = None) -> None:
         self.what, self.mark, self.hint = what, mark, hint

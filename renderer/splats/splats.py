@@ -89,7 +89,7 @@ class GouraudFootprint:
 
     @property
     def cutoff(self) -> float:
-        """Outer radius in standard deviations."""
+        """Return the outer radius in standard deviations."""
         return float(np.hypot(*self.vertices.T).max())
 
 
@@ -129,7 +129,7 @@ class SplatBatch:
 
     @property
     def centers(self) -> npt.NDArray[np.float32]:
-        """The centres, float32 [n, 3]: a part of the vertices."""
+        """Return the centres, float32 [n, 3]: a part of the vertices."""
         return self.vertices[:, :3]
 
 

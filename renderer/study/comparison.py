@@ -58,7 +58,7 @@ class FrameDifference:
 
     @property
     def signed_levels(self) -> npt.NDArray[np.float32]:
-        """float32 [h, w]: the signed error of each pixel's worst channel, actual minus golden, in levels."""
+        """Return float32 [h, w]: the signed error of each pixel's worst channel, actual minus golden, in levels."""
         largest = np.abs(self._signed_errors).argmax(axis=2)[..., None]
         levels = np.take_along_axis(self._signed_errors, largest, axis=2)[..., 0].astype(np.float32)
         levels /= _UNITS_PER_LEVEL
@@ -66,7 +66,7 @@ class FrameDifference:
 
     @property
     def bias(self) -> tuple[float, ...]:
-        """The mean signed error of each channel, actual minus golden, in levels."""
+        """Return the mean signed error of each channel, actual minus golden, in levels."""
         return tuple((self._signed_errors.mean(axis=(0, 1)) / _UNITS_PER_LEVEL).tolist())
 
     def metrics(self, names: Iterable[str]) -> dict[str, float]:

@@ -38,7 +38,7 @@ REACH_PX = 10
 
 @dataclass(frozen=True)
 class Metric:
-    """A number that a comparison of two images comes to.
+    """A number that says how much two images differ.
 
     name: in options, files and reports. label: in words. unit: "dB", "levels" or "".
     higher_is_better: its limit is the least value that passes, not the most.

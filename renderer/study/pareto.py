@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 
 class Cost(NamedTuple):
-    """The cost of a PSNR, infinite if it is not reached.
+    """The cost at which a PSNR is reached, infinite if it is not.
 
     is_bound: the cheapest setting measured is already more exact, and the true cost may be lower.
     """

@@ -36,7 +36,7 @@ BEST_EFFORT_HINT = "with --best-effort it is good enough"
 
 @dataclass(frozen=True)
 class FilmPlan:
-    """How frames get their tolerances: from the schedule of the stage's scene, without a goal, or from a controller.
+    """Gives each frame its tolerance: from the schedule of the stage's scene, without a goal, or from a controller.
 
     shortfall: the goal that cannot be reached; the film is then drawn as well as possible.
     is_unfinished: finer passes follow.

@@ -49,7 +49,7 @@ class MemoryMeter(Protocol):
 
 @dataclass(frozen=True)
 class Setting:
-    """One way to draw the film: a point of a series.
+    """The parameters of one measurement: a point of a series.
 
     series: the curve, such as "gaussian, optical", "gouraud 8x3, rms, uncorrected", "vtk gpu".
     label: the point, such as "tolerance 0.1", "step 0.5".
@@ -63,7 +63,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class FrameMeasurement:
-    """One frame at one setting.
+    """What was measured of one frame at one setting.
 
     num_splats: those that the frame can show; None for a peer, and for bricks, which do not compare with splats.
     seconds: by stage, one for each warm repetition.
@@ -76,13 +76,13 @@ class FrameMeasurement:
 
     @property
     def frame_seconds(self) -> tuple[float, ...]:
-        """The sum of all stages, for each repetition."""
+        """Return the sum of all stages, for each repetition."""
         return tuple(map(sum, zip(*self.seconds.values(), strict=True)))
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """One setting on some frames.
+    """What was measured of one setting, frame by frame.
 
     num_cells: cells or bricks in the cut; None for a peer.
     pyramid_seconds: the time to build the pyramid and bricks, once; None for a peer.
@@ -105,18 +105,18 @@ class Measurement:
 
     @property
     def frame_seconds(self) -> float:
-        """The median time of a frame, over frames and repetitions."""
+        """Return the median time of a frame, over frames and repetitions."""
         return statistics.median(self._all_frame_seconds)
 
     @property
     def frame_seconds_spread(self) -> tuple[float, float]:
-        """The first and third quartile of the time of a frame, over frames and repetitions."""
+        """Return the first and third quartile of the time of a frame, over frames and repetitions."""
         low, high = np.quantile(self._all_frame_seconds, [0.25, 0.75])
         return float(low), float(high)
 
     @property
     def num_splats(self) -> float | None:
-        """The mean number over the frames; None if no frame has one."""
+        """Return the mean number over the frames; None if no frame has one."""
         counts = [sample.num_splats for sample in self.frames if sample.num_splats is not None]
         return statistics.fmean(counts) if counts else None
 
@@ -222,7 +222,7 @@ class PlannedSetting:
 
     @property
     def tolerance(self) -> float:
-        """The constant tolerance."""
+        """Return the constant tolerance."""
         return self.scene.error.tolerance[0][1]
 
     def picture_key(self) -> Hashable:

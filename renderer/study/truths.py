@@ -40,7 +40,7 @@ class Truth:
 
     @property
     def share_on_volume(self) -> float:
-        """The share of the pixels that show the volume."""
+        """Return the share of the pixels that show the volume."""
         return float(self.on_volume.mean())
 
 

@@ -43,7 +43,7 @@ _CONTRAST_PERCENTILES = (0.01, 99.99)
 
 @dataclass(frozen=True)
 class VoxelSample:
-    """Voxels on a coarser grid, normalised to the volume's range.
+    """A sample of the voxels, on a coarser grid, normalised to the volume's range.
 
     normalized: float64 [z, y, x] in [0, 1].
     is_valid: bool [z, y, x]; False where NaN and infinities were, as far as these can be told from other voxels, and

@@ -22,7 +22,7 @@ _MAX_LAYER_DEPTH = 6.0
 
 @dataclass(frozen=True)
 class Layer:
-    """One material, or one range of values.
+    """A material, or a range of values, with its opacity.
 
     name: what it is, in words. knots: (normalised value, weight), ascending; linear between, constant outside.
     coverage: the mean opacity of the rays that meet it.

@@ -27,7 +27,7 @@ Float64 = npt.NDArray[np.float64]
 
 
 class VoxelLighting(NamedTuple):
-    """How voxels are lit.
+    """The parameters that light voxels.
 
     light: the unit vector towards the light in world axes, ambient, diffuse; as `lambert_factor` takes it.
     world_from_gradient: float64 [3, 3], takes a gradient along the index axes to the world.
@@ -38,7 +38,7 @@ class VoxelLighting(NamedTuple):
 
 
 class Classifier(NamedTuple):
-    """What compiled loops need to classify a voxel.
+    """The tables with which compiled loops classify a voxel.
 
     table: float32 [num_patterns, 4], channels by bit pattern; None for wider values.
     scalars: float64 [num_patterns], the scalar of each bit pattern; None for wider values.

@@ -59,7 +59,7 @@ class TransferFunction:
 
     @property
     def max_extinction(self) -> float:
-        """The largest extinction anywhere; 1 / world unit."""
+        """Return the largest extinction anywhere; 1 / world unit."""
         return float(self.extinctions.max())
 
     def curve(self, finest_spacing: float = 1.0) -> TransferTable:

@@ -43,7 +43,7 @@ _LEAST_EXPONENT, _LARGEST_EXPONENT = -50, 1000
 
 @dataclass(frozen=True)
 class Convergence:
-    """How an image converged, one entry for each halving of the step.
+    """The convergence of an image, one entry for each halving of the step.
 
     step_voxels: the step, compared with one twice as long. change: the largest change of a channel of any pixel.
     num_pixels: the pixels integrated at this step; the others had converged before.

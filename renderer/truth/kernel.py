@@ -65,7 +65,7 @@ class Intervals(NamedTuple):
 
 
 class LambertShading(NamedTuple):
-    """Lambert's law on the world gradient.
+    """The parameters of Lambert shading by the world gradient.
 
     enabled: if not, every factor is 1 and the rest is unused.
     light: unit vector to the light. world_from_index_gradient: the rows of the matrix.

@@ -43,10 +43,10 @@ class View:
 
     @property
     def eye(self) -> Float64:
-        """The eye in world coordinates (orthographic: a point on the eye plane): float64 [3]."""
+        """Return the eye in world coordinates (orthographic: a point on the eye plane): float64 [3]."""
         return np.asarray(self.target + self.distance * self.axes[2])
 
     @property
     def forward(self) -> Float64:
-        """The unit viewing direction in world coordinates: float64 [3]."""
+        """Return the unit viewing direction in world coordinates: float64 [3]."""
         return np.asarray(-self.axes[2])

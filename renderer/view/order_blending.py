@@ -47,7 +47,7 @@ _POINTS_PER_OCTANT = 2048
 
 @dataclass(frozen=True)
 class OrderBlending:
-    """How the camera of a film turns relative to the grid of its volume.
+    """Blends draw orders as the camera of a film turns relative to the grid of its volume.
 
     crossing_steps: float64 [k, 3], unit vectors in the world: steps whose neighbours change their order on the path.
     nearby_from_sphere: float64 [3, 3], takes the points of the unit sphere to nearby views: as far as FADE_ANGLE in

@@ -50,7 +50,7 @@ class CameraPoses:
 
     @property
     def axes(self) -> Float64:
-        """The axes as in `View`: float64 [n, 3, 3]."""
+        """Return the axes as in `View`: float64 [n, 3, 3]."""
         return np.stack([self.right, self.up, self.direction], axis=1)
 
 

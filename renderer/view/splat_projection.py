@@ -47,7 +47,7 @@ class ModelView(NamedTuple):
 
 
 class Model(Protocol):
-    """Something with model units: its origin in the world, float64 [3], and the world length of a unit."""
+    """The frame of model units: its origin in the world, float64 [3], and the world length of a unit."""
 
     @property
     def origin(self) -> Float64: ...
@@ -80,7 +80,7 @@ class Region(NamedTuple):
 
     @property
     def num_pixels(self) -> int:
-        """The number of pixels."""
+        """Return the number of pixels."""
         return self.width * self.height
 
 

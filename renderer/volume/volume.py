@@ -15,7 +15,7 @@ Float64 = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Volume:
-    """Voxels and their place in the world.
+    """A scalar volume: voxels and their place in the world.
 
     values: [z, y, x], any integer or float dtype in native byte order, read-only, C-contiguous, finite.
     world_from_index: float64 [4, 4], affine: (x, y, z) voxel index to world; voxel centres sit at integer indices and
@@ -51,33 +51,33 @@ class Volume:
 
     @property
     def shape_xyz(self) -> tuple[int, int, int]:
-        """Number of voxels along x, y, z."""
+        """Return the number of voxels along x, y, z."""
         z, y, x = self.values.shape
         return x, y, z
 
     @property
     def spacing(self) -> Float64:
-        """float64 [3]: world distance between neighbouring voxel centres along the index axes x, y, z."""
+        """Return float64 [3]: world distance between neighbouring voxel centres along the index axes x, y, z."""
         return np.asarray(np.linalg.norm(self.world_from_index[:3, :3], axis=0), np.float64)
 
     @property
     def finest_spacing(self) -> float:
-        """The smallest spacing: the unit length of optical depths."""
+        """Return the smallest spacing: the unit length of optical depths."""
         return float(self.spacing.min())
 
     @property
     def voxel_volume(self) -> float:
-        """World volume of one voxel."""
+        """Return the world volume of one voxel."""
         return abs(float(np.linalg.det(self.world_from_index[:3, :3])))
 
     @property
     def centre_index(self) -> Float64:
-        """float64 [3]: the centre of the volume in voxel indices x, y, z."""
+        """Return float64 [3]: the centre of the volume in voxel indices x, y, z."""
         return (np.array(self.shape_xyz) - 1) / 2
 
     @property
     def centre(self) -> Float64:
-        """float64 [3]: world centre of the volume, to which all drawing is relative."""
+        """Return float64 [3]: world centre of the volume, to which all drawing is relative."""
         return self.world_from_index[:3, :3] @ self.centre_index + self.world_from_index[:3, 3]
 
 

@@ -198,9 +198,7 @@ CASES = (
         ),
         volume=signed_floats,
     ),
-    Case(
-        "default", "the default footprint, every pixel drawn", (_DEFAULT,), "::4"
-    ),
+    Case("default", "the default footprint, every pixel drawn", (_DEFAULT,), "::4"),
     Case("default_coarse", "bricks of large cells, and pixels between others", (_DEFAULT, "error.tolerance=1.0")),
     Case("default_voxels", "the finest steps", (_DEFAULT, _VOXELS, "camera.path.start=50")),
     Case("default_shading", "gradients in bricks", (_DEFAULT, "shading={light: [1, -1, 1]}")),

@@ -34,9 +34,7 @@ def test_an_error_in_a_thread_is_raised(threads: ThreadPool) -> None:
 
 
 @pytest.mark.parametrize(("num", "least", "num_parts"), [(0, 5, 1), (9, 5, 1), (10, 5, 2), (15, 5, 3), (100, 1, 3)])
-def test_ranges_are_large_enough_and_cover_all(
-    threads: ThreadPool, num: int, least: int, num_parts: int
-) -> None:
+def test_ranges_are_large_enough_and_cover_all(threads: ThreadPool, num: int, least: int, num_parts: int) -> None:
     parts: list[tuple[int, int]] = []
     threads.for_ranges(lambda first, end: parts.append((first, end)), num, least)
     parts.sort()

@@ -64,9 +64,7 @@ def test_workers_with_another_hsplat_are_refused(other: Any, reason: str) -> Non
     )
 
 
-def test_waiting_is_reported_once(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_waiting_is_reported_once(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(registry, "_CHECK_INTERVAL_S", 0.0)
     answers: dict[str, Any] = {}  # workers come, and go again
     waits = "waiting 60 s for one; `dask worker ADDRESS` starts one\n"

@@ -82,7 +82,7 @@ class Golden:
 
 @dataclass(frozen=True)
 class Provenance:
-    """The content of golden.json.
+    """Where the goldens of a folder come from: the content of golden.json.
 
     origin: what the frames were rendered from: `volume`, `gl`, `scene`, `versions`. goldens: ascending, at least one.
     """

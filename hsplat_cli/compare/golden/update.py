@@ -33,7 +33,10 @@ _STAGING_FOLDER = "golden.unfinished"
 
 @dataclass(frozen=True)
 class GoldenOptions:
-    """The options of `hsplat golden`. frames: None for those that are golden already, or for all frames at first."""
+    """Holds the options of `hsplat golden`.
+
+    frames: None for those that are golden already, or for all frames at first.
+    """
 
     folder: Path
     frames: Sequence[int] | None = None

@@ -41,7 +41,7 @@ class GoldenUpdate:
 
     @property
     def changes_anything(self) -> bool:
-        """Whether anything is written. A new date, version or driver alone is not: the pictures' origin stays."""
+        """Return whether anything is written. A new date, version or driver alone is not: the pictures keep theirs."""
         is_listed = self.before is not None and self.before.goldens == self.after.goldens
         return not is_listed or bool(self.changes or self._scene_changes)
 
@@ -57,7 +57,7 @@ class GoldenUpdate:
 
     @property
     def _scene_changes(self) -> str:
-        """Changes of the scene or the volume, in words."""
+        """Return the changes of the scene or the volume, in words."""
         return "" if self.before is None else describe_changes(self.before.origin, self.after.origin, "volume", "scene")
 
 

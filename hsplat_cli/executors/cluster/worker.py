@@ -22,7 +22,7 @@ from renderer.versions import package_versions, sources_digest
 
 
 class SerializedStage:
-    """The bytes of a stage, as `renderer.frame.transport` writes them, and in a worker what draws it.
+    """Holds the bytes of a stage, as `renderer.frame.transport` writes them, and in a worker what draws it.
 
     Dask keeps one in each worker's memory for as long as the client needs it, even if the client is killed. Copies for
     other workers have the bytes alone. One thread draws, because OpenGL's contexts belong to threads.

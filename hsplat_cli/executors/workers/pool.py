@@ -90,7 +90,7 @@ class Pool:
 
     @property
     def is_ready(self) -> bool:
-        """Whether a worker can draw; raises what workers failed to start with."""
+        """Return whether a worker can draw; raises what workers failed to start with."""
         return [start.result() for start in self._starts if start.done()] != []
 
     def draw(self, numbers: Sequence[int]) -> Generator[FrameResult, None, None]:

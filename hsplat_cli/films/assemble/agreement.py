@@ -31,7 +31,7 @@ class PickedFrame:
 
     @property
     def file(self) -> Path:
-        """The picture of the frame."""
+        """Return the picture of the frame."""
         return self.part.file(self.number)
 
 

@@ -52,12 +52,12 @@ class Part:
 
     @property
     def num_frames(self) -> int:
-        """The number of frames of the whole path."""
+        """Return the number of frames of the whole path."""
         return int(self.scene["camera"]["path"]["frames"])
 
     @property
     def has_goal(self) -> bool:
-        """Whether its tolerances were found for a goal, so that they differ from part to part."""
+        """Return whether its tolerances were found for a goal, so that they differ from part to part."""
         return self.requested_error.goal is not None
 
     def file(self, number: int) -> Path:

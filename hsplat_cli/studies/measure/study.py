@@ -52,7 +52,7 @@ _PEER_FRAME_S = 0.4
 
 @dataclass(frozen=True)
 class StudyRequest:
-    """What to measure.
+    """The scene, the settings and the frames to measure.
 
     name: of the scene's file. frames: None for a few spread over the path. peer: "vtk" or None. folder: of the report.
     """

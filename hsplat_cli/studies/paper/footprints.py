@@ -34,7 +34,7 @@ MAX_DEVIATION = 0.02
 
 @dataclass(frozen=True)
 class FootprintError:
-    """One way to draw the splat, and its error against the smooth profile.
+    """A footprint that draws the splat, and its error against the smooth profile.
 
     deviation: largest difference of a pixel's alpha, as a share of the profile's peak.
     integral_error: relative error of the sum of all alphas.

@@ -33,7 +33,7 @@ MIN_ERROR_RATIO = 5.0
 
 @dataclass(frozen=True)
 class LevelError:
-    """Error of a level's picture against that of level 0, in RGB over the background.
+    """The error of a level's picture against that of level 0, in RGB over the background.
 
     mean_alpha, rmse, largest: over the inside.
     """

@@ -46,12 +46,12 @@ class Octree:
 
     @property
     def num_cells(self) -> int:
-        """Number of cells of all levels."""
+        """Return the number of cells of all levels."""
         return sum(self.cells_by_level)
 
     @property
     def cell_ratio(self) -> float:
-        """Ratio of the cells at high variation to those at low variation; 0 if both are 0."""
+        """Return the ratio of the cells at high variation to those at low variation; 0 if both are 0."""
         return self.cells_high_variation / max(self.cells_low_variation, 1e-9)
 
 

@@ -30,7 +30,7 @@ MIN_VISIBLE_LOSS = 0.1
 
 @dataclass(frozen=True)
 class Slab:
-    """Alpha of a slab of one material, drawn with cells of each level; float64 [num_opacities, num_levels].
+    """The alpha of a slab of one material, drawn with cells of each level; float64 [num_opacities, num_levels].
 
     depth: of the slab in voxels, a power of two: one cell of the last level is as thick as the slab.
     rows: pictures of the slab at SHOWN_OPACITY.
@@ -44,7 +44,7 @@ class Slab:
 
     @property
     def num_levels(self) -> int:
-        """Number of levels, from the voxels to cells as thick as the slab."""
+        """Return the number of levels, from the voxels to cells as thick as the slab."""
         return self.depth.bit_length()
 
     def expected(self, *, corrected: bool) -> Float64:

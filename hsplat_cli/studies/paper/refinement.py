@@ -44,7 +44,7 @@ class TimedFrame:
 
     @property
     def is_within_budget(self) -> bool:
-        """Whether the frame takes no longer than its budget."""
+        """Return whether the frame takes no longer than its budget."""
         return self.budget is None or self.seconds <= self.budget
 
 

@@ -51,7 +51,7 @@ class CPUAtlas(Atlas):
 
     @property
     def max_slots(self) -> int:
-        """The number of bricks that the atlas may hold."""
+        """Return the number of bricks that the atlas may hold."""
         return max_slots_in_memory(self.num_channels, len(self._slot_from_key))
 
     def texel_offsets(self, slots: Int64) -> Int64:
@@ -107,7 +107,7 @@ class CPURasterizer(BrickCache[CPUAtlas]):
         return image if sampling.strides[-1] == 1 else upsample(image, sampling.strides[-1], view.size, self._threads)
 
     def rasterize_edges(self, edges: CellEdges, view: View) -> Float32:
-        """Never called: the scenes that this rasteriser draws have no lines."""
+        """Raise AssertionError: the scenes that this rasteriser draws have no lines."""
         raise AssertionError("lines need OpenGL")
 
     def _draw_bricks(self, brick_view: BrickView, stride: int, is_drawn: npt.NDArray[np.bool_], image: Float32) -> None:

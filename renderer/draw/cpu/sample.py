@@ -38,7 +38,7 @@ _A, _B, _C, _D = (np.float32(coefficient) for coefficient in OPACITY_SERIES)
 
 
 class Optics(NamedTuple):
-    """The numbers that all samples share.
+    """Parameters that all samples of a picture share.
 
     termination_alpha, spacings_per_model_unit: as in ScreenSampling and BrickBatch.
     light: unit vector to the light (x, y, z), ambient and diffuse; used if `is_lit`.
@@ -51,7 +51,7 @@ class Optics(NamedTuple):
 
 
 class Field(NamedTuple):
-    """The texels of all bricks, and how they are classified.
+    """The texels of all bricks, with the tables that classify them.
 
     scalars: float32, of each brick [PADDED_BRICK_SIZE^3]; with shading [4, PADDED_BRICK_SIZE^3], with the gradient.
     means: float32, of each brick [PADDED_BRICK_SIZE^3, 4]. pieces: float32 [pieces * PIECE_FLOATS]. guide: int32

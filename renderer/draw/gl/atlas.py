@@ -48,7 +48,7 @@ class GLAtlas(Atlas):
 
     @property
     def max_slots(self) -> int:
-        """The number of bricks that the device may hold."""
+        """Return the number of bricks that the device may hold."""
         return _num_slots(self._texture_sizes[-1])
 
     def corners(self, slots: Int64) -> Int64:
