@@ -1,34 +1,49 @@
-"""A frame against the oracle: its cut, its order, its radiance and its 8 bits."""
+"""A frame of splats against the oracle (its cut, its splats, their order) and the reference rasteriser."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from oracle import FLOAT32, Leaf, classify, drawn, require_cut
-from oracle_splats import Order, Picture, centers, make_picture
+from oracle import FLOAT32, Cells, Field, Leaf, centers, classify, drawn, require_cut
+from splat_reference import rasterize_reference
 
 from renderer.draw import GLRasterizer, make_edges
+from renderer.film import quantize
 from renderer.frame import Frame, Stage, finest_level_at, render_frames
 from renderer.pyramid import Cut, cut_pyramid
-from renderer.scene import Color
-from renderer.splats import make_splats
+from renderer.scene import SplatSpec
+from renderer.splats import SplatBatch, make_splats
 from renderer.view import View, visible_orders
 from renderer.view.order_blending import FADE_ANGLE, MIN_SLOPE, sort_directions
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]
+Order = tuple[float, npt.NDArray[np.int64]]  # a share of the picture, and the splats back to front
+
+# The device's exponential and a few operations; where the near plane cuts a splat, its moments are differences of
+# larger numbers (tests/parity/test_raster_parity.py).
+PRECISION, PRECISION_CUT = 2e-5, 3e-4
+# By how much sizes and places are off: a part, and units of the last place of the largest part of a coordinate, to some
+# sides. SPREADS times the spread of such pictures may be off.
+NUDGES = ((-1e-5, (1, 1, 1)), (1e-5, (-1, -1, 1)), (-1e-5, (1, -1, -1)), (1e-5, (-1, 1, -1)))
+ULPS = 6 * FLOAT32
+SPREADS = 4.0
+# Rounding decides to which side of a rim or of a step a pixel belongs: so many, at least and by share.
+FEWEST_STRAYS, MOST_STRAYS = 2, 0.02
+TINY = 2.0**-126  # below it float32 has fewer digits
 
 
 class WrongError(AssertionError):
     """The picture or the message is not right."""
 
 
-def reference(stage: Stage, frame: Frame, view: View) -> Picture:
-    """What the frame must look like; takes the renderer's cut and orders, and verifies them."""
+def compare_splats(stage: Stage, frame: Frame, view: View, rasterizer: GLRasterizer) -> None:
+    """Raise WrongError where the frame is not as the definitions have it; its cut and its orders are verified."""
     scene, volume = stage.scene, stage.volume
     finest_level = finest_level_at(stage, frame.tolerance)
     cut = cut_pyramid(stage.pyramid, frame.tolerance, finest_level=finest_level)
@@ -41,6 +56,7 @@ def reference(stage: Stage, frame: Frame, view: View) -> Picture:
     require_cut(field, scene, frame.tolerance, finest_level, leaves)
     cells = drawn(field, scene, leaves)
     splats = make_splats(cut, scene.splat)
+    _require_splats(splats, field, cells, scene.splat)
     orders = [
         (share, order.astype(np.int64))
         for share, order in visible_orders(splats, cut, view, scene.splat.order, stage.order_blending)
@@ -54,7 +70,56 @@ def reference(stage: Stage, frame: Frame, view: View) -> Picture:
         if scene.splat.order == "unmixed":
             turned = [(1.0, view.forward)]
         _require_depth_orders(cut, orders, centers(field, cells), view, turned)
-    return make_picture(field, cells, scene, view, orders)
+    hidden = rasterize_reference(splats, np.setdiff1d(np.arange(len(splats)), orders[0][1]), view)
+    if hidden.max() > PRECISION_CUT:
+        raise WrongError(f"splats with an alpha of {hidden[..., 3].max():.3g} are left out")
+    expected = _blended(splats, orders, view)
+    others = [_blended(nudged, orders, moved) for nudged, moved in (_nudged(splats, view, *nudge) for nudge in NUDGES)]
+    if not np.array_equal(frame.image, quantize(frame.radiance, scene.output.background)):
+        raise WrongError("the 8 bits are not those of the radiance")
+    radiance = frame.radiance
+    if scene.overlay == "octree":
+        radiance = without_overlay(stage, frame, view, rasterizer)
+    require_close(radiance, expected, PRECISION + SPREADS * np.ptp([expected, *others], axis=0))
+
+
+def _require_splats(splats: SplatBatch, field: Field, cells: Cells, spec: SplatSpec) -> None:
+    """Their centres, sizes, optical areas and colours are those of the cells, but for rounding."""
+    edges = field.volume.world_from_index[:3, :3]
+    spacing = float(np.linalg.norm(edges, axis=0).min())
+    num_voxels = np.prod(cells.extent, axis=1, dtype=np.float64)
+    thickness = num_voxels if spec.opacity_correction else num_voxels ** (2 / 3)
+    area = spacing**2 * abs(np.linalg.det(edges / spacing)) * thickness / splats.model_unit**2
+    axes = edges * (spec.sigma * cells.extent)[:, None, :] / splats.model_unit
+    off = (centers(field, cells) - splats.origin) / splats.model_unit - splats.centers
+    emitted, depth = splats.vertices[:, 3:6], splats.vertices[:, 6].astype(np.float64)
+    slack = cells.color_slack[:, None] + 4 * FLOAT32
+    is_right = {
+        "centre": np.abs(off).max(axis=1) <= 4 * FLOAT32,
+        "size": np.isclose(splats.axes[splats.vertices[:, 7].astype(int)], axes, rtol=1e-9, atol=1e-30).all((1, 2)),
+        "optical area": (depth >= cells.low * area * (1 - 4 * FLOAT32) - TINY)
+        & (depth <= cells.high * area * (1 + 4 * FLOAT32) + TINY),
+        "colour": (np.abs(emitted - cells.colors * depth[:, None]) <= slack * depth[:, None] + TINY).all(axis=1),
+    }
+    for name, is_so in is_right.items():
+        if not is_so.all():
+            i = int(np.argmin(is_so))
+            raise WrongError(f"{np.count_nonzero(~is_so)} splats of another {name}, the first is {splats.vertices[i]}")
+
+
+def _blended(splats: SplatBatch, orders: Sequence[Order], view: View) -> Float64:
+    """The picture of the splats in all orders."""
+    return np.asarray(sum(share * rasterize_reference(splats, order, view) for share, order in orders))
+
+
+def _nudged(splats: SplatBatch, view: View, factor: float, sides: tuple[int, int, int]) -> tuple[SplatBatch, View]:
+    """Splats and a view that are off by what float32 rounds away."""
+    steps = ULPS * (splats.model_unit + np.abs(view.view_from_world(splats.origin)))
+    vertices = splats.vertices * np.array([1, 1, 1, *[1 + factor] * 4, 1], np.float32)
+    return (
+        replace(splats, axes=splats.axes * (1 + factor), vertices=vertices),
+        replace(view, target=view.target + (steps * np.array(sides)) @ view.axes),
+    )
 
 
 def _require_shares(orders: list[Order]) -> None:
@@ -130,48 +195,14 @@ def without_overlay(stage: Stage, frame: Frame, view: View, rasterizer: GLRaster
     return below.radiance
 
 
-def compare_radiance(radiance: Array, picture: Picture) -> None:
-    """Require a radiance within the bound of the reference."""
-    off = np.abs(radiance - picture.radiance)
-    excess = off - picture.bound - 1e-30
-    if excess.max() > 0:
+def require_close(radiance: Array, expected: Float64, bound: Float64 | float) -> None:
+    """Raise WrongError where too many pixels are farther from the reference than the bound."""
+    off = np.abs(radiance - expected)
+    excess = off - bound
+    num_strays, num_pixels = int(np.count_nonzero(excess.max(axis=2) > 0)), off.shape[0] * off.shape[1]
+    if num_strays > max(FEWEST_STRAYS, MOST_STRAYS * num_pixels):
         row, column, channel = np.unravel_index(excess.argmax(), excess.shape)
         raise WrongError(
-            f"row {row}, column {column}, channel {channel}: {radiance[row, column].tolist()} instead of "
-            f"{picture.radiance[row, column].tolist()}, bound {picture.bound[row, column].tolist()}; "
-            f"{np.count_nonzero(excess.max(axis=2) > 0)} of {off.shape[0] * off.shape[1]} pixels"
+            f"{num_strays} of {num_pixels} pixels; row {row}, column {column}, channel {channel}: "
+            f"{radiance[row, column].tolist()} instead of {expected[row, column].tolist()}"
         )
-
-
-def compare_8_bit(image: Array, picture: Picture, background: Color | None) -> None:
-    """Each level must be one that a radiance within the bound can be rounded to."""
-    slack = picture.bound + 4 * FLOAT32
-    color, alpha = picture.radiance[..., :3], picture.radiance[..., 3:]
-    if background is not None:
-        value = color + (1 - alpha) * np.array(background)
-        more = slack[..., :3] + slack[..., 3:] * np.array(background)
-        low, high, exact = value - more, value + more, value
-        got = image
-    else:
-        low = np.maximum(color - slack[..., :3], 0) / np.maximum(alpha + slack[..., 3:], 1e-12)
-        high = (color + slack[..., :3]) / np.maximum(alpha - slack[..., 3:], 0.5 / 255)
-        exact = color / np.maximum(alpha, 0.5 / 255)
-        ends = np.concatenate([low, alpha - slack[..., 3:]], -1), np.concatenate([high, alpha + slack[..., 3:]], -1)
-        (low, high), exact = ends, np.concatenate([exact, alpha], -1)
-        got = image
-        # Where the alpha written is 0 there is no colour.
-        is_clear = got[..., 3] == 0
-        if got[is_clear].any():
-            raise WrongError("a colour where the alpha is 0")
-        low[is_clear, :3] = 0
-    wrong = (got < _level(low)) | (got > _level(high))
-    if wrong.any():
-        row, column, _ = np.argwhere(wrong)[0]
-        raise WrongError(
-            f"8 bits: row {row}, column {column}: {got[row, column].tolist()} instead of "
-            f"{_level(exact)[row, column].tolist()}"
-        )
-
-
-def _level(values: Float64) -> npt.NDArray[np.int64]:
-    return np.clip(np.floor(values * 255 + 0.5), 0, 255).astype(np.int64)

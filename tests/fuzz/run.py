@@ -2,8 +2,8 @@
 
     python tests/fuzz/run.py [--scenes 20000] [--seed 1] [--workers 2] [--only INDEX]
 
-A legal scene must give the picture of `tests/support/oracle.py` within a bound that follows from its numbers, and the
-frame's 8 bits one of the levels that this leaves open; a spoilt one an error with its place, or the right picture where
+A legal scene must give the cells of `tests/support/oracle.py` and the picture that the reference rasteriser makes of
+them, within a bound that follows from its numbers; a spoilt one an error with its place, or the right picture where
 it turns out to be legal. What fails is written to a folder, with the command that repeats it; then the exit code is 1.
 """
 

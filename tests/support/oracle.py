@@ -1,9 +1,8 @@
 """What a scene must look like, from the definitions alone: plain float64, without a pyramid, a merge or a shader.
 
 Voxels are classified by interpolation, the mean and the variance of every octree cell are taken over its voxels in two
-passes, the cut is made from the top, and every cell becomes a Gaussian in world coordinates (`oracle_splats`). It
-shares with the renderer the descriptions (Scene, Volume, View), the points of the colormaps, and constants that define
-what is meant: the cap of an opacity of 1, what counts as no opacity at all, and those of the footprints.
+passes, and the cut is made from the top. It shares with the renderer the descriptions (Scene, Volume), the points of
+the colormaps, and constants that define what is meant: the cap of an opacity of 1, and what counts as no opacity.
 
 Two things are left to the renderer, because the definition leaves them open within rounding, and are verified to lie
 there: whether a cell whose error is next to the tolerance is a leaf, and the order of cells at the same depth.
@@ -292,3 +291,9 @@ def _as_depths(channels: Float64, deepest: float) -> Float64:
     opacity = float(channels[3])
     depth = deepest if opacity >= 1 else min(-math.log1p(-opacity), deepest)
     return channels * (depth / opacity if opacity > 0 else 1.0)
+
+
+def centers(field: Field, cells: Cells) -> Float64:
+    """float64 [n, 3]: of the cells, in the world."""
+    world_from_index = field.volume.world_from_index
+    return np.asarray((cells.first + (cells.extent - 1) / 2) @ world_from_index[:3, :3].T + world_from_index[:3, 3])
