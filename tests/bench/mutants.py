@@ -165,7 +165,7 @@ class Coverage:
             "join file on file.id = file_id join context on context.id = context_id"
         )
         for path, context, bits in database.execute(query):
-            test = context.partition("|")[0]
+            test = context.rpartition("|")[0]  # phases of a test: setup, run, teardown
             if test:
                 lines = self._lines[str(Path(path).relative_to(ROOT))]
                 for number in _numbers(bits):

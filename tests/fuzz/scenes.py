@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from renderer.scene import MIN_TOLERANCE
 from renderer.volume import Volume, make_volume
 
 Array = npt.NDArray[Any]
@@ -347,7 +348,8 @@ def random_error(rng: Random, num_frames: int, values: tuple[float, float]) -> T
     tolerance = float(_one_of(rng, TOLERANCES)) if rng.random() < 0.4 else _between(rng, (1e-4, 2.0))
     if error["measure"] == "rms" and rng.random() < 0.4:
         error["of"] = "scalar"
-        tolerance = min(tolerance * max(values[1] / 2 - values[0] / 2, 1e-300), 1e300)
+        spread = max(values[1] / 2 - values[0] / 2, MIN_TOLERANCE)
+        tolerance = min(max(tolerance * spread, MIN_TOLERANCE if tolerance else 0.0), 1e300)
     error["tolerance"] = tolerance
     if rng.random() < 0.15:
         error["tolerance"] = {frame: _between(rng, (1e-3, 1.0)) for frame in range(num_frames) if rng.random() < 0.6}

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+from typing import Any
+
 
 def small_scene(
     *,
@@ -32,3 +36,9 @@ camera:
   file: film.mp4
   size: [{size}]
 """
+
+
+def sidecar(path: str | Path = "film.mp4.json") -> dict[str, Any]:
+    """Return the content of a sidecar."""
+    data: dict[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
+    return data

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -13,7 +12,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from small_scene import small_scene
+from small_scene import sidecar, small_scene
 
 import renderer
 from hsplat_cli import main
@@ -40,11 +39,6 @@ def command(*options: str, scene: str = "scene.yaml") -> None:
     assert main.run(["render", scene, "--quiet", *options]) == 0
 
 
-def sidecar_of(path: Path) -> dict[str, Any]:
-    data: dict[str, Any] = json.loads(path.read_bytes())
-    return data
-
-
 def blob() -> np.ndarray[Any, np.dtype[np.float32]]:
     """A soft ball with a wave in it."""
     z, y, x = np.meshgrid(*(np.linspace(-1, 1, num) for num in (12, 14, 16)), indexing="ij")
@@ -68,15 +62,15 @@ def test_a_film_is_that_of_the_command(footprint: str | None, error: str | None)
     write_scene(footprint, error)
     film = renderer.render("scene.yaml")
     assert (film.path, film.frames, film.sidecar) == (Path("film.mp4"), (0, 1, 2), Path("film.mp4.json"))
-    made, sidecar = film.path.read_bytes(), sidecar_of(film.sidecar)
+    made, record = film.path.read_bytes(), sidecar(film.sidecar)
     assert sorted(os.listdir()) == ["film.mp4", "film.mp4.json", "scene.yaml"]
     command("--force")
-    told = sidecar_of(film.sidecar)
+    told = sidecar(film.sidecar)
     assert film.path.read_bytes() == made
     for key in ("scene", "volume", "camera", "pyramid", "gl", "versions", "notes"):
-        assert sidecar[key] == told[key], key
-    assert sidecar["schedule"].items() <= told["schedule"].items()
-    for frame, other in zip(sidecar["frames"], told["frames"], strict=True):
+        assert record[key] == told[key], key
+    assert record["schedule"].items() <= told["schedule"].items()
+    for frame, other in zip(record["frames"], told["frames"], strict=True):
         assert frame.pop("seconds").keys() <= other.pop("seconds").keys()
         assert frame.items() <= other.items()  # which tells the digest of its picture, too
 
@@ -144,7 +138,7 @@ def test_arrays_are_never_changed(change: Any) -> None:
 def test_the_film_of_an_array_is_not_drawn_again(capfd: pytest.CaptureFixture[str]) -> None:
     """Its sidecar tells what the array was, and the command what to do about it."""
     film = renderer.render(renderer.suggest_scene(blob(), size=(16, 16), output="film.gif"), frames=[0])
-    told = sidecar_of(film.sidecar)["scene"]["volume"]["array"]
+    told = sidecar(film.sidecar)["scene"]["volume"]["array"]
     assert told == {"shape": [16, 14, 12], "dtype": "float32", "spacing": [1.0, 1.0, 1.0]}
     assert main.run(["render", str(film.sidecar), "--quiet"]) == 2
     assert "scene.volume.array: unknown key" in (message := capfd.readouterr().err)
@@ -217,7 +211,7 @@ def test_an_accuracy_that_cannot_be_had() -> None:
         renderer.render("scene.yaml")
     assert Path("film.mp4").exists()
     film = renderer.render("scene.yaml", best_effort=True)
-    told = sidecar_of(film.sidecar)["schedule"]
+    told = sidecar(film.sidecar)["schedule"]
     assert not told["met"] and told["asked"] == {"psnr": 150.0} and "beyond full resolution" in told["shortfall"]
 
 

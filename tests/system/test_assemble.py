@@ -12,12 +12,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_scene import small_scene
+from small_scene import sidecar, small_scene
 
 from hsplat_cli import main
 from hsplat_cli.films.assemble import assembly, merged_sidecar as merged
 from renderer.film import bytes_digest, encode_png, join_png_chunks, locked_output, png_chunks
 from renderer.versions import package_versions
+
+pytestmark = pytest.mark.usefixtures("folder")
 
 SCENE = small_scene(frames=7)
 # Of one run and its clock, or of the file's place.
@@ -39,14 +41,6 @@ def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def parts(folder: Path, template: Path) -> None:
     """Copy the parts of SCENE to the current folder."""
     shutil.copytree(template / "parts", "parts")
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the current folder, with SCENE in scene.yaml."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
-    return tmp_path
 
 
 def run(*arguments: str, code: int = 0) -> None:
@@ -165,11 +159,6 @@ def test_the_output_may_lie_among_the_parts(parts: None) -> None:
 
 def touched(folder: Path) -> dict[Path, int]:
     return {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
-
-
-def sidecar(path: str) -> dict[str, Any]:
-    data: dict[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
-    return data
 
 
 @pytest.mark.parametrize(

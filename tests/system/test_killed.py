@@ -15,17 +15,11 @@ from small_scene import small_scene
 
 from hsplat_cli import main
 
+pytestmark = pytest.mark.usefixtures("folder")
+
 CODE = Path(main.__file__).parents[1]
 
 SCENE = small_scene()
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The current folder, with SCENE in scene.yaml."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
-    return tmp_path
 
 
 def arguments(output: str, *options: str) -> list[str]:
@@ -48,6 +42,7 @@ import hashlib, json, os, signal, sys
 from pathlib import Path
 from hsplat_cli import main
 first, step, arguments = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:]
+
 EVENTS = ("open", "os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate", "fcntl.lockf", "subprocess.Popen")
 
 def run(kill_before=None):

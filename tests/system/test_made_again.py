@@ -14,15 +14,9 @@ from small_scene import small_scene
 from hsplat_cli import main
 from renderer.versions import sources_digest
 
+pytestmark = pytest.mark.usefixtures("folder")
+
 SCENE = small_scene(frames=7, size="48, 32")
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The current folder, with SCENE in scene.yaml."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
-    return tmp_path
 
 
 def render(*arguments: str) -> None:

@@ -25,12 +25,9 @@ QUICK = ("--repeats", "1", "--frames", "0:8:4")
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the current folder, with SCENE in scene.yaml."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(study_files, "study_page", lambda *_, **__: "the page")  # its plots take their time
-    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
-    return tmp_path
+def quick_page(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the page, whose plots take their time."""
+    monkeypatch.setattr(study_files, "study_page", lambda *_, **__: "the page")
 
 
 def measure(*arguments: str) -> None:

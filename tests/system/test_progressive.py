@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 from collections.abc import Callable, Iterator
@@ -13,12 +12,14 @@ from typing import Any
 import imageio.v3 as imageio
 import pytest
 from resuming import printed_lines
-from small_scene import small_scene
+from small_scene import sidecar, small_scene
 
 from hsplat_cli import main
 from hsplat_cli.executors import frame_result
 from renderer.film import file_digest
 from renderer.frame import Frame
+
+pytestmark = pytest.mark.usefixtures("folder")
 
 NUM_FRAMES = 4
 
@@ -26,21 +27,8 @@ NUM_FRAMES = 4
 SCENE = small_scene(shape="96, 96, 64", frames=4, size="48, 32", error="tolerance: 0", footprint="gaussian")
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The current folder, with SCENE in scene.yaml."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
-    return tmp_path
-
-
 def render(*options: str) -> int:
     return main.run(["render", "scene.yaml", "--quiet", *options])
-
-
-def sidecar(name: str = "film.mp4.json") -> dict[str, Any]:
-    data: dict[str, Any] = json.loads(Path(name).read_text(encoding="utf-8"))
-    return data
 
 
 def files(folder: Path) -> list[str]:

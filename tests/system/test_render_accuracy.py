@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -13,7 +12,7 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 import yaml
-from small_scene import small_scene
+from small_scene import sidecar, small_scene
 
 from hsplat_cli import main
 from hsplat_cli.films import accuracy as search
@@ -21,6 +20,8 @@ from renderer.draw import GLRasterizer
 from renderer.frame import prepare_stage, render_frames
 from renderer.scene import Scene, load_scene, with_tolerance
 from renderer.study import TRUTH_TOLERANCE, compute_metric, compute_truth, over_background
+
+pytestmark = pytest.mark.usefixtures("folder")
 
 ROOT = Path(__file__).resolve().parents[2]
 NUM_FRAMES = 24
@@ -32,21 +33,8 @@ ELSEWHERE = ("--set", "camera.target=[10000, 0, 0]")
 EXTRAS = ("skimage", "flip_evaluator", "matplotlib", "jinja2", "scipy", "vtkmodules")
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the current folder, with SCENE in scene.yaml."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
-    return tmp_path
-
-
 def render(*arguments: str, code: int = 0) -> None:
     assert main.run(["render", "scene.yaml", *arguments]) == code
-
-
-def sidecar(name: str = "film.mp4.json") -> dict[str, Any]:
-    data: dict[str, Any] = json.loads(Path(name).read_text(encoding="utf-8"))
-    return data
 
 
 def accuracies(metric: str, scene: Scene, frames: Sequence[int], rasterizer: GLRasterizer) -> dict[int, float]:

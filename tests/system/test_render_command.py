@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import platform
 from itertools import pairwise
@@ -12,31 +11,20 @@ from typing import Any
 import imageio.v3 as imageio
 import numpy as np
 import pytest
-from small_scene import small_scene
+from small_scene import sidecar, small_scene
 
 from hsplat_cli import main
 from renderer.volume import Array
+
+pytestmark = pytest.mark.usefixtures("folder")
 
 NO_TOLERANCE = ("--set", "error.tolerance=null")
 
 SCENE = small_scene(frames=6, size="48, 32", error="tolerance: 0.1")
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The current folder, with SCENE in scene.yaml."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
-    return tmp_path
-
-
 def render(*arguments: str) -> None:
     assert main.run(["render", "scene.yaml", *arguments]) == 0
-
-
-def sidecar(name: str) -> dict[str, Any]:
-    data: dict[str, Any] = json.loads(Path(name).read_text(encoding="utf-8"))
-    return data
 
 
 def files(folder: Path) -> list[str]:

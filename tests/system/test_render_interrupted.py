@@ -42,12 +42,9 @@ def _listen_to_interrupts() -> Iterator[None]:
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The current folder, with SCENE in scene.yaml and the folder `out` for what is rendered."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
-    (tmp_path / "out").mkdir()
-    return tmp_path
+def out(folder: Path) -> None:
+    """Make the folder for what is rendered."""
+    (folder / "out").mkdir()
 
 
 class Interrupted:

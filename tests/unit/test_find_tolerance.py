@@ -13,25 +13,13 @@ import pytest
 
 from renderer.draw import CellEdges
 from renderer.frame import Stage, make_primitive, prepare_stage
-from renderer.scene import (
-    CameraSpec,
-    ControlPoint,
-    ErrorSpec,
-    MetricTarget,
-    OutputSpec,
-    ProceduralSource,
-    RockerPath,
-    Scene,
-    SplatSpec,
-    TransferSpec,
-    TurntablePath,
-    VolumeSpec,
-)
+from renderer.scene import CameraSpec, ErrorSpec, MetricTarget, OutputSpec, RockerPath, TurntablePath
 from renderer.splats import SplatBatch
 from renderer.study import ToleranceSearchResult, Trial, Truth, find_tolerance
 from renderer.study.tolerance_search import two_digit_numbers
 from renderer.truth import Convergence
 from renderer.view import View
+from tests.support.film_stages import SPLATS
 from tests.support.machines import WithoutUploads
 
 NUM_FRAMES = 24
@@ -41,14 +29,11 @@ SHAPE = (12, 16)
 @pytest.fixture(scope="module")
 def stage() -> Stage:
     """Return the stage of a scene that has an accuracy as its goal, and an overlay."""
-    points = ControlPoint(50.0, (0.0, 0.0, 0.0), 0.0), ControlPoint(255.0, (1.0, 1.0, 1.0), 0.6)
-    scene = Scene(
-        volume=VolumeSpec(ProceduralSource("engine_block", (24, 24, 12))),
-        transfer_function=TransferSpec(points, 1.0),
+    scene = replace(
+        SPLATS,
         camera=CameraSpec(TurntablePath(NUM_FRAMES, elevation=20.0)),
         output=OutputSpec(Path("unused.mp4"), size=SHAPE[::-1]),
         error=ErrorSpec(goal=MetricTarget("psnr", 30.0)),
-        splat=SplatSpec("gaussian"),
         overlay="octree",
     )
     return prepare_stage(scene, clock=lambda: 0.0, num_threads=1)

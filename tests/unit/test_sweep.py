@@ -13,24 +13,13 @@ import pytest
 
 from renderer.draw import CellEdges
 from renderer.frame import Stage, make_primitive, prepare_stage
-from renderer.scene import (
-    CameraSpec,
-    ControlPoint,
-    ErrorSpec,
-    MetricTarget,
-    OutputSpec,
-    ProceduralSource,
-    Scene,
-    SplatSpec,
-    TransferSpec,
-    TurntablePath,
-    VolumeSpec,
-)
+from renderer.scene import CameraSpec, ErrorSpec, MetricTarget, OutputSpec, Scene, SplatSpec, TurntablePath
 from renderer.splats import SplatBatch
 from renderer.study import Truth, measure_accuracy, measure_setting, plan_sweep, pool_accuracies, spread_evenly
 from renderer.study.truths import extreme_coverage_frames
 from renderer.truth import Convergence
 from renderer.view import View
+from tests.support.film_stages import SPLATS
 from tests.support.machines import WithoutUploads
 
 FRAMES = (0, 5)
@@ -39,14 +28,9 @@ RMS = ErrorSpec(measure="rms")
 
 @pytest.fixture(scope="module")
 def stage() -> Stage:
-    points = ControlPoint(50.0, (0.0, 0.0, 0.0), 0.0), ControlPoint(255.0, (1.0, 1.0, 1.0), 0.6)
-    scene = Scene(
-        volume=VolumeSpec(ProceduralSource("engine_block", (24, 24, 12))),
-        transfer_function=TransferSpec(points, 1.0),
-        camera=CameraSpec(TurntablePath(8, start=10.0, elevation=20.0)),
-        output=OutputSpec(Path("unused.mp4"), size=(20, 16)),
-        splat=SplatSpec("gaussian"),
-    )
+    camera = CameraSpec(TurntablePath(8, start=10.0, elevation=20.0))
+    output = OutputSpec(Path("unused.mp4"), size=(20, 16))
+    scene = replace(SPLATS, camera=camera, error=ErrorSpec(), output=output)
     return prepare_stage(scene, clock=lambda: 0.0, num_threads=1, any_tolerance=True)
 
 
@@ -183,7 +167,7 @@ def test_a_measurement_of_bricks_counts_no_splats(stage: Stage) -> None:
     found = measure_setting(integrated(stage), truths(), Grey(), clock=ticking(1e-3), memory=Memory(), repeats=1)
     assert found.setting.series == "integrated, optical" and found.setting.label == "tolerance 0.1"
     assert "opacity_correction" not in found.setting.options
-    assert found.num_cells == 4 and found.num_splats is None
+    assert found.num_cells == 8 and found.num_splats is None
     assert [sample.num_splats for sample in found.frames] == [None, None]
     assert set(found.seconds) == {"cut", "splats"}
 
