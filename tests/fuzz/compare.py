@@ -17,7 +17,7 @@ from renderer.film import quantize
 from renderer.frame import Frame, Stage, finest_level_at, render_frames
 from renderer.pyramid import Cut, cut_pyramid
 from renderer.scene import SplatSpec
-from renderer.splats import SplatBatch, make_splats
+from renderer.splats import GouraudFootprint, SplatBatch, make_splats
 from renderer.view import View, visible_orders
 from renderer.view.order_blending import FADE_ANGLE, MIN_SLOPE, sort_directions
 
@@ -33,6 +33,7 @@ PRECISION, PRECISION_CUT = 2e-5, 3e-4
 NUDGES = ((-1e-5, (1, 1, 1)), (1e-5, (-1, -1, 1)), (-1e-5, (1, -1, -1)), (1e-5, (-1, 1, -1)))
 ULPS = 6 * FLOAT32
 SPREADS = 4.0
+SUBPIXEL = 1 / 256  # the device places the vertices of triangles on a grid: llvmpipe's; GL guarantees 1/16
 # Rounding decides to which side of a rim or of a step a pixel belongs: so many, at least and by share.
 FEWEST_STRAYS, MOST_STRAYS = 2, 0.02
 TINY = 2.0**-126  # below it float32 has fewer digits
@@ -114,7 +115,10 @@ def _blended(splats: SplatBatch, orders: Sequence[Order], view: View) -> Float64
 
 def _nudged(splats: SplatBatch, view: View, factor: float, sides: tuple[int, int, int]) -> tuple[SplatBatch, View]:
     """Splats and a view that are off by what float32 rounds away."""
-    steps = ULPS * (splats.model_unit + np.abs(view.view_from_world(splats.origin)))
+    origin = view.view_from_world(splats.origin)
+    steps = ULPS * (splats.model_unit + np.abs(origin))
+    if isinstance(splats.footprint, GouraudFootprint):
+        steps[:2] += SUBPIXEL / view.scale_px * (abs(origin[2]) if view.projection == "perspective" else 1.0)
     vertices = splats.vertices * np.array([1, 1, 1, *[1 + factor] * 4, 1], np.float32)
     return (
         replace(splats, axes=splats.axes * (1 + factor), vertices=vertices),

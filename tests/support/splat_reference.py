@@ -23,6 +23,9 @@ from renderer.view import SLOPE_LIMIT, View
 
 Float64 = npt.NDArray[np.float64]
 
+# The near plane leaves nothing of a splat that lies this many standard deviations before it: 3e-5 of its mass.
+FARTHEST_CUT = 4.0
+
 
 @dataclass(frozen=True)
 class _Gaussian:
@@ -82,7 +85,7 @@ def _beyond(near: float, gaussian: _Gaussian) -> _Gaussian:
     sigma = math.sqrt(covariance[2, 2])
     a = (near - mean[2]) / sigma
     mass = 0.5 * math.erfc(a / math.sqrt(2))
-    if mass == 0.0:
+    if a > FARTHEST_CUT:
         return _Gaussian(0.0, mean, covariance)
     hazard = math.exp(-0.5 * a**2) / math.sqrt(2 * math.pi) / mass
     variance_kept = 1 + a * hazard - hazard**2
