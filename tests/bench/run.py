@@ -1,4 +1,4 @@
-"""Speed and memory, as ratios where possible: `python tests/bench/run.py [engine.nhdr]`.
+"""Speed of the pyramid, memory, and time to the first frame: `python tests/bench/run.py [engine.nhdr]`.
 
 Every figure is printed with the goal it is held against, and nothing is timed before its result was verified. Times are
 medians; where the machine is shared, CPU seconds say more than wall seconds, so that both are given.
@@ -19,34 +19,13 @@ from pathlib import Path
 
 import numpy as np
 
-from renderer.draw import GLRasterizer
-from renderer.frame import finest_level_at, prepare_stage, render_frames
-from renderer.pyramid import CutSizes, Pyramid, build_pyramid, cut_pyramid, cut_sizes
-from renderer.scene import (
-    CameraSpec,
-    ControlPoint,
-    ErrorSpec,
-    OutputSpec,
-    ProceduralSource,
-    PyramidSpec,
-    Scene,
-    SplatSpec,
-    TransferSpec,
-    TurntablePath,
-    VolumeSpec,
-    load_scene,
-)
-from renderer.splats import make_splats
+from renderer.pyramid import Pyramid, build_pyramid
+from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, TransferSpec
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.versions import commit
-from renderer.view import make_view
-from renderer.view.splat_projection import visible_order
 from renderer.volume import Volume, make_volume
 
 ROOT = Path(__file__).resolve().parents[2]
-
-# About 150 000 splats of the phantom, which the goals for cut and order speak of.
-FRAME_TOLERANCE = 0.35
 
 
 def main() -> None:
@@ -57,18 +36,8 @@ def main() -> None:
     if arguments.memory_child:
         _memory_child(arguments.memory_child)
         return
-    with GLRasterizer() as rasterizer:
-        print(f"{rasterizer.renderer_name}; {platform.machine()}, {os.cpu_count()} cores; commit {commit()}")
-        bench_pyramid()
-        bench_frame(rasterizer)
-    bench_splats("phantom", _phantom_scene((256, 256, 128), FRAME_TOLERANCE))
-    if arguments.engine:
-        bench_splats(
-            "engine",
-            load_scene(
-                ROOT / "configs" / "engine.yaml", overrides=["splat={footprint: gaussian}"], volume=arguments.engine
-            ),
-        )
+    print(f"{platform.machine()}, {os.cpu_count()} cores; commit {commit()}")
+    bench_pyramid()
     bench_memory()
     if arguments.engine:
         bench_first_frame(arguments.engine)
@@ -91,58 +60,6 @@ def bench_pyramid() -> None:
         print(
             f"pyramid {dtype}: {voxels / wall:.0f} Mvoxel/s (goal {goal}); {voxels / cpu:.0f} Mvoxel per CPU second; "
             f"first call {cold:.1f} s; {pyramid.num_bytes / volume.values.size:.2f} bytes a voxel"
-        )
-
-
-def bench_frame(rasterizer: GLRasterizer) -> None:
-    """A whole frame against drawing its splats alone; cut and order on their own."""
-    scene = _phantom_scene((256, 256, 128), FRAME_TOLERANCE)
-    stage = prepare_stage(scene, clock=time.perf_counter, num_threads=os.cpu_count() or 1)
-    cut = cut_pyramid(stage.pyramid, FRAME_TOLERANCE)
-    splats = make_splats(cut, scene.splat)
-    view = make_view(scene.camera, 1, stage.target, stage.distance, scene.output.size)
-    order = visible_order(splats, cut, view, "depth")
-    depth = -(splats.centers[order] @ view.axes[2])
-    assert np.all(np.diff(depth) <= 1e-6), "not back to front"
-    per = 150_000 / len(cut)
-    cut_wall, _ = _timed(lambda: cut_pyramid(stage.pyramid, FRAME_TOLERANCE), 9)
-    order_wall, _ = _timed(lambda: visible_order(splats, cut, view, "depth"), 9)
-    draw_wall, _ = _timed(lambda: rasterizer.rasterize(splats, order, view), 9)
-    frames = render_frames(stage, range(10), rasterizer, clock=time.perf_counter)
-    next(frames)
-    walls = []
-    for _ in range(9):
-        start = time.perf_counter()
-        next(frames)
-        walls.append(time.perf_counter() - start)
-    print(f"frame: {statistics.median(walls) / draw_wall:.2f} x drawing its {len(cut)} splats alone (goal 1.3)")
-    cut_ms, order_ms = cut_wall * per * 1e3, order_wall * per * 1e3
-    print(f"  per 150 k splats: cut {cut_ms:.1f} ms (goal 10), order {order_ms:.1f} ms (goal 4)")
-    print(f"  {len(cut) / draw_wall / 1e6:.2f} M splats/s")
-
-
-def bench_splats(name: str, scene: Scene) -> None:
-    """The finest cut of at most N cells: how near to N it is, and how long it takes to know its tolerance."""
-    stage = prepare_stage(scene, clock=time.perf_counter, num_threads=os.cpu_count() or 1, any_tolerance=True)
-    above_zero, at_zero = finest_level_at(stage, 1.0), finest_level_at(stage, 0.0)
-    for num in (10**3, 10**4, 10**5, 10**6):
-
-        def search(num: int = num) -> CutSizes:
-            return cut_sizes(stage.pyramid, num, finest_level=above_zero, finest_level_at_zero=at_zero)
-
-        sizes = search()
-        found = sizes.finest_within(num)
-        cut = cut_pyramid(stage.pyramid, found, finest_level=finest_level_at(stage, found))
-        finer = cut_pyramid(
-            stage.pyramid, sizes.tolerance_limit, finest_level=finest_level_at(stage, sizes.tolerance_limit)
-        )
-        assert len(cut) <= num, "another cut"
-        assert len(finer) > num or found == 0, "not the finest"
-        wall, _ = _timed(search, 5)
-        print(
-            f"splats: {num} of the {name}: {len(cut)} cells, {1 - len(cut) / num:.2%} under "
-            f"(goal 0.5 %, or the next finer cut has more: {len(finer)}); "
-            f"tolerance {found:g} found in {wall * 1e3:.1f} ms"
         )
 
 
@@ -207,23 +124,6 @@ def _verify_root(pyramid: Pyramid, transfer: TransferFunction) -> None:
     expected = np.append((colors * extinctions[..., None]).mean(axis=(0, 1, 2)), extinctions.mean())
     found = pyramid.levels[-1].means[0].astype(np.float64) * pyramid.mean_unit
     assert np.allclose(found, expected, rtol=0.01), (found, expected)
-
-
-def _phantom_scene(shape: tuple[int, int, int], tolerance: float) -> Scene:
-    mapping = (
-        ControlPoint(60, (0.3, 0.4, 0.8), 0.0),
-        ControlPoint(85, (0.4, 0.6, 0.9), 0.02),
-        ControlPoint(145, (0.9, 0.7, 0.3), 0.25),
-        ControlPoint(255, (1.0, 0.9, 0.8), 0.7),
-    )
-    return Scene(
-        volume=VolumeSpec(ProceduralSource("engine_block", shape)),
-        transfer_function=TransferSpec(mapping, 1.0),
-        camera=CameraSpec(TurntablePath(36, elevation=20.0)),
-        error=ErrorSpec(((0, tolerance),)),
-        output=OutputSpec(Path("unused.mp4")),
-        splat=SplatSpec("gaussian"),
-    )
 
 
 def _timed(function: Callable[[], object], times: int) -> tuple[float, float]:
