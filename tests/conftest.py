@@ -43,6 +43,13 @@ def data_dir() -> Path:
     return folder
 
 
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the current folder, which is empty: messages hold names without a path."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
 @pytest.fixture(scope="session")
 def rasterizer() -> Iterator[GLRasterizer]:
     """The one GL context of the run. Where there is none this is an error, not a skip."""

@@ -33,10 +33,9 @@ output:
 
 
 @pytest.fixture
-def scene_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def scene_folder(folder: Path) -> Path:
     """Return the current folder, with SCENE in scene.yaml and two files that hold no volumes."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
-    (tmp_path / "scan.nrrd").write_bytes(bytes(30))
-    (tmp_path / "walnut.raw").write_bytes(bytes(16))
-    return tmp_path
+    (folder / "scene.yaml").write_text(SCENE, encoding="utf-8")
+    (folder / "scan.nrrd").write_bytes(bytes(30))
+    (folder / "walnut.raw").write_bytes(bytes(16))
+    return folder

@@ -152,13 +152,6 @@ def test_messages(case: Case, files: Path, monkeypatch: pytest.MonkeyPatch, capf
     case.check(capfd)
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory, so that messages hold names without a path."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def message(name: str) -> str:
     with pytest.raises(InputError) as error:
         read_volume(VolumeSpec(FileSource(Path(name))))

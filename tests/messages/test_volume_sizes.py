@@ -12,19 +12,14 @@ from renderer.errors import InputError
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
 
+pytestmark = pytest.mark.usefixtures("folder")
+
 VALUES = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
 HEADERS = {
     "a.nhdr": "NRRD0004\ntype: uint16\ndimension: 3\nsizes: {} {} {}\nendian: little\nencoding: raw\n"
     "data file: a.raw\n",
     "a.mhd": "NDims = 3\nDimSize = {} {} {}\nElementType = MET_USHORT\nElementDataFile = a.raw\n",
 }
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory, so that messages hold names without a path."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def message(name: str) -> str:

@@ -8,8 +8,7 @@ import pytest
 
 
 @pytest.fixture
-def folder(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def scene_folder(request: pytest.FixtureRequest, folder: Path) -> Path:
     """Return the current folder, with the module's SCENE in scene.yaml."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.yaml").write_text(request.module.SCENE, encoding="utf-8")
-    return tmp_path
+    (folder / "scene.yaml").write_text(request.module.SCENE, encoding="utf-8")
+    return folder

@@ -19,7 +19,7 @@ from hsplat_cli.films.assemble import assembly, merged_sidecar as merged
 from renderer.film import bytes_digest, encode_png, join_png_chunks, locked_output, png_chunks
 from renderer.versions import package_versions
 
-pytestmark = pytest.mark.usefixtures("folder")
+pytestmark = pytest.mark.usefixtures("scene_folder")
 
 SCENE = small_scene(frames=7)
 # Of one run and its clock, or of the file's place.

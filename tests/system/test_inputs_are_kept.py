@@ -12,13 +12,10 @@ from volume_files import write_volume
 from hsplat_cli import main
 from hsplat_cli.commands.paper import SCENES
 
+pytestmark = pytest.mark.usefixtures("folder")
+
 PROCEDURAL = "procedural: {name: engine_block, shape: [24, 24, 12]}"
 VALUES = (np.indices((6, 6, 6)).sum(axis=0) * 16).astype(np.uint8)
-
-
-@pytest.fixture(autouse=True)
-def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 def scene_of(volume: str) -> None:

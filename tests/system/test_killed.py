@@ -15,7 +15,7 @@ from small_scene import small_scene
 
 from hsplat_cli import main
 
-pytestmark = pytest.mark.usefixtures("folder")
+pytestmark = pytest.mark.usefixtures("scene_folder")
 
 CODE = Path(main.__file__).parents[1]
 

@@ -14,7 +14,7 @@ from small_scene import small_scene
 from hsplat_cli import main
 from renderer.versions import sources_digest
 
-pytestmark = pytest.mark.usefixtures("folder")
+pytestmark = pytest.mark.usefixtures("scene_folder")
 
 SCENE = small_scene(frames=7, size="48, 32")
 

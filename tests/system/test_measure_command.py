@@ -25,7 +25,7 @@ QUICK = ("--repeats", "1", "--frames", "0:8:4")
 
 
 @pytest.fixture(autouse=True)
-def quick_page(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def quick_page(scene_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the page, whose plots take their time."""
     monkeypatch.setattr(study_files, "study_page", lambda *_, **__: "the page")
 

@@ -19,7 +19,7 @@ from hsplat_cli.executors import frame_result
 from renderer.film import file_digest
 from renderer.frame import Frame
 
-pytestmark = pytest.mark.usefixtures("folder")
+pytestmark = pytest.mark.usefixtures("scene_folder")
 
 NUM_FRAMES = 4
 

@@ -21,7 +21,7 @@ from renderer.frame import prepare_stage, render_frames
 from renderer.scene import Scene, load_scene, with_tolerance
 from renderer.study import TRUTH_TOLERANCE, compute_metric, compute_truth, over_background
 
-pytestmark = pytest.mark.usefixtures("folder")
+pytestmark = pytest.mark.usefixtures("scene_folder")
 
 ROOT = Path(__file__).resolve().parents[2]
 NUM_FRAMES = 24

@@ -16,7 +16,7 @@ from small_scene import sidecar, small_scene
 from hsplat_cli import main
 from renderer.volume import Array
 
-pytestmark = pytest.mark.usefixtures("folder")
+pytestmark = pytest.mark.usefixtures("scene_folder")
 
 NO_TOLERANCE = ("--set", "error.tolerance=null")
 

@@ -42,9 +42,9 @@ def _listen_to_interrupts() -> Iterator[None]:
 
 
 @pytest.fixture(autouse=True)
-def out(folder: Path) -> None:
+def out(scene_folder: Path) -> None:
     """Make the folder for what is rendered."""
-    (folder / "out").mkdir()
+    (scene_folder / "out").mkdir()
 
 
 class Interrupted:

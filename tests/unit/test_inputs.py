@@ -10,12 +10,9 @@ from renderer.errors import InputError
 from renderer.film import require_no_input, volume_files
 from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec
 
+pytestmark = pytest.mark.usefixtures("folder")
+
 NRRD = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\n"
-
-
-@pytest.fixture(autouse=True)
-def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 def names_of(volume: str) -> list[str]:

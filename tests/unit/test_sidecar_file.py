@@ -35,12 +35,6 @@ SIDECAR: dict[str, Any] = {
 }
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def load(content: str | bytes | object, name: str = "film.mp4.json", **options: Any) -> Job:
     path = Path(name)
     if not isinstance(content, (str, bytes)):

@@ -10,10 +10,7 @@ import pytest
 from hsplat_cli.scenes import base_name, expand_pattern, expand_volumes, name_volumes
 from renderer.errors import InputError
 
-
-@pytest.fixture(autouse=True)
-def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("folder")
 
 
 def touch(*names: str) -> None:
