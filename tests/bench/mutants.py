@@ -186,8 +186,8 @@ class Coverage:
         """Return the tests that run a mutant, the quickest first, no more than MAX_TESTS_S of them."""
         lines = self._lines[mutant.file]
         tests = set().union(*(lines[number] for number in range(mutant.first_line, mutant.last_line + 1)))
-        if not tests:
-            tests = self._by_name(mutant)
+        if not tests or _is_run_at_import(mutant):
+            tests |= self._by_name(mutant)
         picked, seconds = [], 0.0
         for test in sorted(tests - self._failed, key=lambda name: (self._durations.get(name, 1.0), name)):
             seconds += self._durations.get(test, 1.0)
@@ -198,7 +198,7 @@ class Coverage:
 
     def _by_name(self, mutant: Mutant) -> set[str]:
         """Of compiled loops and constants: what runs the functions that name them, at whatever remove."""
-        names = {mutant.function.rpartition(".")[2]} if mutant.function else _names_set_at(mutant)
+        names = _names_set_at(mutant) if _is_run_at_import(mutant) else {mutant.function.rpartition(".")[2]}
         seen: set[str] = set()
         tests: set[str] = set()
         while names - seen:
@@ -231,14 +231,24 @@ def _functions_of(path: Path) -> Iterator[tuple[str, str, int, int, frozenset[st
             yield str(path.relative_to(ROOT)), node.name, node.body[0].lineno, last, frozenset(used)
 
 
+def _is_run_at_import(mutant: Mutant) -> bool:
+    functions = [node for node in ast.walk(_tree_of(mutant)) if isinstance(node, (ast.FunctionDef, ast.Lambda))]
+    return not any(node.lineno <= mutant.first_line <= (node.end_lineno or 0) for node in functions)
+
+
 def _names_set_at(mutant: Mutant) -> set[str]:
-    """Return the names that a statement at the top of a file binds."""
-    for node in ast.parse((ROOT / mutant.file).read_text("utf-8")).body:
-        if node.lineno <= mutant.first_line <= (node.end_lineno or node.lineno):
-            return {
+    """Return the names that a statement at the top of a file or of a class binds."""
+    names: set[str] = set()
+    for node in ast.walk(_tree_of(mutant)):
+        if isinstance(node, (ast.Assign, ast.AnnAssign)) and node.lineno <= mutant.first_line <= (node.end_lineno or 0):
+            names |= {
                 part.id for part in ast.walk(node) if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)
             }
-    return set()
+    return names
+
+
+def _tree_of(mutant: Mutant) -> ast.Module:
+    return ast.parse((ROOT / mutant.file).read_text("utf-8"))
 
 
 def run(folder: Path) -> None:

@@ -136,7 +136,9 @@ def test_errors_and_step_errors_equal_the_dense_reference(shape: Shape, dtype: s
     )
     side = np.cbrt(volume.voxel_volume) / volume.finest_spacing
     rough, steep = means_over_dual_cells(between / widths**2), means_over_dual_cells(jumps)
-    for number, level in enumerate(bricks_of(volume, transfer).levels):
+    levels = bricks_of(volume, transfer).levels
+    assert [level.errors.size == 1 for level in levels] == [False] * (len(levels) - 1) + [True]
+    for number, level in enumerate(levels):
         errors = errors_of_bricks(volume, transfer, number)
         above = errors_of_cells(volume, depths, number + 1)
         num_voxels = sums_over_cells(np.ones(shape), number + 1)

@@ -212,6 +212,7 @@ def test_the_curve_has_a_point_for_each_frame_and_a_mark_for_each_failure() -> N
     assert none > limit > ten > hundred
     assert ten - hundred == pytest.approx(limit - ten, abs=0.11)  # both are a decade; written to a tenth
     assert f"M62 {limit:.1f}H850" in svg  # the line of the limit
+    assert re.findall(r'<text x="54"[^>]*>([^<]*)<', svg) == ["0", "0.5", "1", "10", "100"]
 
 
 def test_the_curve_breaks_at_frames_without_errors() -> None:

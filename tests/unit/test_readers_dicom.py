@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import SimpleITK as sitk  # noqa: N813
 
 from renderer.errors import InputError
 from tests.support.dicom_files import COLUMN, NORMAL, ROW, write_series, write_slice
@@ -91,3 +92,18 @@ def test_folder_without_a_series(tmp_path):
     (tmp_path / "notes.txt").write_text("no volume here")
     with pytest.raises(InputError, match="this folder holds neither a DICOM series nor TIFF slices"):
         read(tmp_path)
+
+
+@pytest.mark.parametrize("num_slices", [2, 3])
+def test_files_of_several_slices_each_are_no_series(tmp_path, num_slices):
+    writer = sitk.ImageFileWriter()
+    writer.KeepOriginalImageUIDOn()
+    for k in range(2):
+        image = sitk.GetImageFromArray(np.zeros((num_slices, 6, 5), np.int16))
+        for key, text in {"0008|0060": "MR", "0020|000d": "1.2.3", "0020|000e": "1.2.3.4"}.items():
+            image.SetMetaData(key, text)
+        writer.SetFileName(str(tmp_path / f"{k}.dcm"))
+        writer.Execute(image)
+    with pytest.raises(InputError, match="several files of this series hold several slices each") as error:
+        read(tmp_path)
+    assert error.value.got == f"{num_slices} slices"

@@ -248,6 +248,15 @@ def test_layers_side_by_side_are_labels() -> None:
     assert suggested(values).kind == "labels"
 
 
+def test_every_label_has_a_colour_of_its_own() -> None:
+    values = np.zeros((40, 24, 24), np.uint8)
+    values[4:36, 4:20, 4:20] = np.repeat([1, 2, 3, 4, 5, 6, 7, 8, 9, 10], [4, 4, 3, 3, 3, 3, 3, 3, 3, 3])[:, None, None]
+    mapping = suggested(values).transfer.mapping
+    assert not isinstance(mapping, ColormapSpec)
+    colors = {point.color for point in mapping if point.opacity > 0}
+    assert len(colors) == 10 and min(map(min, colors)) > 0.2 and max(map(max, colors)) < 0.95
+
+
 @pytest.mark.parametrize("along", [(0, 1, 2), (2,)])
 def test_pieces_of_one_voxel_are_not_called_large(along: tuple[int, ...]) -> None:
     """A chequerboard and stripes are masks without large pieces."""
