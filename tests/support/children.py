@@ -54,6 +54,10 @@ def wait() -> None:
     time.sleep(LONG_S)
 
 
+def end() -> None:
+    """Do nothing."""
+
+
 def show_modules() -> None:
     """Print the import path, the arguments and the standard input."""
     say(repr((sys.path, sys.argv[1:], sys.stdin.read())))
@@ -66,5 +70,5 @@ def say(text: str) -> None:
 if __name__ == "__main__":
     {
         function.__name__: function
-        for function in (draw_for_ever, start_workers, have_a_child, hold_the_lock, wait, show_modules)
+        for function in (draw_for_ever, start_workers, have_a_child, hold_the_lock, wait, end, show_modules)
     }[sys.argv[1]]()

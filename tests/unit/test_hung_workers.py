@@ -39,6 +39,14 @@ def test_a_worker_hangs_after_three_checks_without_progress(
         worker.close()
 
 
+def test_a_worker_that_ends_is_not_killed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(process, "_EXIT_TIMEOUT_S", 60.0)
+    with open(os.devnull, "rb") as nothing, ChildProcesses() as child_processes:
+        worker = WorkerProcess(child_processes, ("children", "end"), nothing.fileno(), os.environ)
+        worker.close()
+        assert worker._process.returncode == 0
+
+
 def test_the_processor_time_is_that_of_linux() -> None:
     """It differs by at most a tick from each of the times of `os.times`, which are rounded."""
     before, used, after = os.times(), process._processor_time(os.getpid()), os.times()

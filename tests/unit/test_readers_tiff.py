@@ -129,6 +129,9 @@ def ome_sizes(**attributes: str) -> str:
         ({"X": "72", "Y": "12", "Z": "1000", "XUnit": "pt", "YUnit": "li", "ZUnit": "thou"}, (72, 72, 72)),
         ({"X": "1", "Y": "1760", "Z": "1", "XUnit": "mi", "YUnit": "yd", "ZUnit": "km"}, (1, 1, 1 / 1.609344)),
         ({"X": "1", "Y": "1", "Z": "1", "XUnit": "ua", "YUnit": "pc", "ZUnit": "ly"}, (1, 206264.806, 63241.077)),
+        ({"X": "1", "Y": "1e-3", "Z": "1e-6", "XUnit": "Em", "YUnit": "Zm", "ZUnit": "Ym"}, (1, 1, 1)),
+        ({"X": "1e6", "Y": "1e3", "Z": "1", "XUnit": "Gm", "YUnit": "Tm", "ZUnit": "Pm"}, (1e6, 1e6, 1e6)),
+        ({"X": "1e3", "Y": "1", "Z": "1e-3", "XUnit": "zm", "YUnit": "am", "ZUnit": "fm"}, (1e3, 1e3, 1e3)),
         ({"X": "2", "Y": "3", "Z": "4", "XUnit": "pixel", "YUnit": "pixel", "ZUnit": "pixel"}, (2, 3, 4)),
         ({"Y": "2", "Z": "1", "YUnit": "nm", "ZUnit": "µm"}, (1, 2, 1000)),  # in the unit of the first that is said
     ],
