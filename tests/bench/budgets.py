@@ -19,9 +19,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from hsplat_cli.terminal import describe_machine
+from renderer.bricks.brick_cut import brick_cut_sizes
 from renderer.draw import GLRasterizer
-from renderer.frame import make_primitive, prepare_stage
+from renderer.frame import finest_level_at, make_primitive, prepare_stage
 from renderer.scene import load_scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -73,7 +76,10 @@ def splats(data: Path) -> Iterator[str]:
     for name in ("engine", "bonsai"):
         scene = load_scene(ROOT / "configs" / f"{name}.yaml", volume=data / f"{name}.nhdr")
         stage = prepare_stage(scene, clock=time.perf_counter, num_threads=THREADS)
+        assert stage.bricks is not None
         primitive = make_primitive(stage)
+        finest_level, finest_level_at_zero = finest_level_at(stage, 1.0), finest_level_at(stage, 0.0)
+        sizes = brick_cut_sizes(stage.bricks, finest_level=finest_level, finest_level_at_zero=finest_level_at_zero)
         for number in NUMBERS:
             start = time.perf_counter()
             tolerance = primitive.tolerance_for_cells(number)
@@ -81,11 +87,10 @@ def splats(data: Path) -> Iterator[str]:
             found = primitive.make_lod(tolerance, lambda _: None).num_cells
             end = time.perf_counter()
             assert found <= number
-            next_finer = primitive.make_lod(tolerance * (1 - 1e-9), lambda _: None).num_cells
-            assert tolerance == 0 or next_finer > number
+            next_finer = sizes.counts[np.searchsorted(sizes.counts, number, side="right")] if tolerance else "none"
             under = f"{1 - found / number:.2%}" if tolerance else "full resolution"
             yield (
-                f"| {name} | {number} | {found} | {under} | {next_finer if tolerance else 'none'} "
+                f"| {name} | {number} | {found} | {under} | {next_finer} "
                 f"| {(middle - start) * 1e3:.1f} ms | {(end - middle) * 1e3:.1f} ms |"
             )
     yield ""
