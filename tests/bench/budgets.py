@@ -31,7 +31,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "benchmarks" / "budgets.md"
 THREADS = os.cpu_count() or 1
 
-NUMBERS = (100, 1_000, 10_000, 100_000)
+NUMBERS = (30, 100, 300, 1_000)
 SECONDS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 # A film on a budget of time takes about this long to be measured.
 FILM_S, FEWEST_FRAMES, MOST_FRAMES = 12.0, 15, 120
