@@ -25,9 +25,9 @@ Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]
 Order = tuple[float, npt.NDArray[np.int64]]  # a share of the picture, and the splats back to front
 
-# The device's exponential and a few operations; where the near plane cuts a splat, its moments are differences of
-# larger numbers (tests/parity/test_raster_parity.py).
-PRECISION, PRECISION_CUT = 2e-5, 3e-4
+# The device's exponential and a few operations; and what may be left of splats that are not drawn, where the near
+# plane cuts them: their moments are differences of larger numbers (tests/parity/test_raster_parity.py).
+PRECISION, LEFT_OUT = 2e-5, 3e-4
 # By how much sizes and places are off: a part, and units of the last place of the largest part of a coordinate, to some
 # sides. SPREADS times the spread of such pictures may be off.
 NUDGES = ((-1e-5, (1, 1, 1)), (1e-5, (-1, -1, 1)), (-1e-5, (1, -1, -1)), (1e-5, (-1, 1, -1)))
@@ -72,7 +72,7 @@ def compare_splats(stage: Stage, frame: Frame, view: View, rasterizer: GLRasteri
             turned = [(1.0, view.forward)]
         _require_depth_orders(cut, orders, centers(field, cells), view, turned)
     hidden = rasterize_reference(splats, np.setdiff1d(np.arange(len(splats)), orders[0][1]), view)
-    if hidden.max() > PRECISION_CUT:
+    if hidden.max() > LEFT_OUT:
         raise WrongError(f"splats with an alpha of {hidden[..., 3].max():.3g} are left out")
     expected = _blended(splats, orders, view)
     others = [_blended(nudged, orders, moved) for nudged, moved in (_nudged(splats, view, *nudge) for nudge in NUDGES)]
