@@ -49,7 +49,8 @@ draws until workers are worth starting and are ready.
 A single process with two threads keeps both cores busy where footprints cover many pixels, and little is left to
 gain. It does not where vertices, sorting, PNG and the encoder are most of the work, because these have one thread in
 a process. "Possible" is the gain if all the work of `1 x 1`, with start and encoder, were divided by the cores
-without loss. """
+without loss. In the table of memory, the two workers have not started at frame 100 yet.
+"""
 SMALL = """\
 volume: {procedural: {name: engine_block, shape: [32, 32, 16], seed: 1}}
 transfer_function:
