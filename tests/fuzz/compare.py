@@ -34,7 +34,7 @@ NUDGES = ((-1e-5, (1, 1, 1)), (1e-5, (-1, -1, 1)), (-1e-5, (1, -1, -1)), (1e-5, 
 ULPS = 6 * FLOAT32
 SPREADS = 4.0
 SUBPIXEL = 1 / 256  # the device places the vertices of triangles on a grid: llvmpipe's; GL guarantees 1/16
-# Rounding decides to which side of a rim or of a step a pixel belongs: so many, at least and by share.
+# Rounding decides on which side of a rim or a step a pixel lies. The larger of this number and this share may differ.
 FEWEST_STRAYS, MOST_STRAYS = 2, 0.02
 TINY = 2.0**-126  # below it float32 has fewer digits
 

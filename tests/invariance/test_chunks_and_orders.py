@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -48,13 +50,14 @@ def test_chunks_draw_what_one_go_draws(
             centers = rng.uniform(-spread, spread, (300, 3))
             sigma = spread * rng.uniform(0.02, 0.3)
             batch = place_splats(centers, sigma, 0.1, rng.uniform(0, 1, (300, 3)), SplatSpec(footprint))  # type: ignore[arg-type]
-            view = look(projection, target=target)
-            whole = rasterizer.rasterize(batch, in_order(batch), view)
-            with monkeypatch.context() as patch:
-                patch.setattr(raster_gl, "MIN_CHUNK_SPLATS", 16)
-                patch.setattr(raster_gl, "splats_per_chunk", lambda *_: 16)
-                chunked = rasterizer.rasterize(batch, in_order(batch), view)
-            np.testing.assert_allclose(chunked, whole, atol=6 * 300 * 2.0**-24)
+            seen = look(projection, target=target)
+            for view in (seen, replace(seen, size=(1, 1))):
+                whole = rasterizer.rasterize(batch, in_order(batch), view)
+                with monkeypatch.context() as patch:
+                    patch.setattr(raster_gl, "MIN_CHUNK_SPLATS", 16)
+                    patch.setattr(raster_gl, "splats_per_chunk", lambda *_: 16)
+                    chunked = rasterizer.rasterize(batch, in_order(batch), view)
+                np.testing.assert_allclose(chunked, whole, atol=6 * 300 * 2.0**-24)
 
 
 SHEARED = np.array([[1.0, 0.4, 0.0], [0.0, -0.9, 0.2], [0.0, 0.0, 3.0]])
