@@ -17,7 +17,7 @@ from renderer.film import (
     sidecar_path,
     unfinished_folder,
 )
-from renderer.readers import require_volume_file
+from renderer.readers import find_volume
 from renderer.scene import (
     ArraySource,
     ByFrame,
@@ -55,7 +55,7 @@ def check(
         require_writable_dry_run(file)
     require_folder_if_exists(unfinished_folder(job.scene.output))
     if isinstance(job.scene.volume.source, FileSource):
-        require_volume_file(job.scene.volume.source.file)
+        find_volume(job.scene.volume.source.file)
     rows = [f"  {name:<8} {text}" for name, text in _summary(job.scene, len(job.frames))]
     Reporter().result("\n".join([f"{scene}: ok", *rows]))
 

@@ -7,4 +7,3 @@ from .options import (
     require_executor_for as require_executor_for,
     workers_option as workers_option,
 )
-from .workers.child_processes import ChildProcesses as ChildProcesses, describe_exit as describe_exit

@@ -15,7 +15,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.executors import ChildProcesses, describe_exit
 from hsplat_cli.scenes import as_arguments, volume_file
 from hsplat_cli.terminal import Reporter, counted
 from hsplat_cli.turntable.manifest import (
@@ -29,6 +28,7 @@ from hsplat_cli.turntable.manifest import (
     update_manifest,
 )
 from hsplat_cli.turntable.one_film import FilmRequest
+from renderer.child_processes import ChildProcesses, describe_exit
 from renderer.errors import HsplatError, RenderError
 from renderer.film import require_writable
 

@@ -57,14 +57,12 @@ def header_data_files(header: Path) -> list[Path]:
         return [header.with_suffix(ending).resolve() for ending in (".img", ".IMG")]
     if suffix not in _NRRD + _METAIMAGE or not header.is_file():
         return []
-    from renderer.readers import metaimage_voxels, nrrd_voxels
+    from renderer.readers import data_files
 
     try:
-        stored = nrrd_voxels(header) if suffix in _NRRD else metaimage_voxels(header)
+        return [file.resolve() for file in data_files(header)]
     except (InputError, OSError):  # its reader reports it later
         return []
-    files = stored if isinstance(stored, list) else [stored] if stored else []
-    return [each.file.resolve() for each in files]
 
 
 def _mark(path: Path) -> tuple[int, int] | None:

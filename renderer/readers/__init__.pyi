@@ -1,3 +1,2 @@
-from .headers import metaimage_voxels as metaimage_voxels, nrrd_voxels as nrrd_voxels
-from .read import read_volume as read_volume
-from .sniff import UnknownFormatError as UnknownFormatError, require_volume_file as require_volume_file
+from .read import data_files as data_files, read_volume as read_volume
+from .sniff import UnknownFormatError as UnknownFormatError, find_volume as find_volume

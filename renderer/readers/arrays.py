@@ -1,11 +1,16 @@
-"""Read plain arrays: `.npy` files and headerless `raw` ones, mapped into memory so that a crop reads only its part."""
+"""Read plain arrays: `.npy` and `.npz` files, and headerless `raw` ones; only those of `.npz` are not mapped from their
+file."""
 
 from __future__ import annotations
 
+import lzma
 import math
+import zipfile
+import zlib
+from dataclasses import dataclass
 from pathlib import Path
 from tokenize import TokenError
-from typing import Any
+from typing import IO, Any, Literal
 
 import numpy as np
 
@@ -13,6 +18,7 @@ from renderer.errors import InputError
 from renderer.readers.common import (
     Image,
     affine,
+    bytes_of,
     check_dtype,
     check_size,
     describe_shape,
@@ -20,22 +26,90 @@ from renderer.readers.common import (
     select_index,
     unreadable_error,
 )
-from renderer.scene import ArraySource, RawSource
+from renderer.scene import ArraySource, RawSource, format_value, printable_text
 from renderer.volume import Array
 
 # The largest number of axes in any version of numpy; a volume has fewer.
 _MAX_AXES = 32
 
+# Archives are read in pieces of this many bytes. No method of compression packs typical voxels this much.
+_PIECE = 2**20
+_MAX_PACKING = 2**16
+
+
+@dataclass(frozen=True)
+class _Header:
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    order: Literal["C", "F"]
+
 
 def read_npy(path: Path, time: int | None, component: int | None) -> Image:
-    """Read a `.npy` array [z, y, x] (or [y, x]), with spacing 1 and origin 0.
+    """Read a `.npy` array [z, y, x] (or [y, x]), with spacing 1 and origin 0; booleans become 0 and 1.
 
     A fourth axis is the first with `time: k` ([t, z, y, x]) and the last with `component: k` ([z, y, x, c]); five axes
         are [t, z, y, x, c]. Pickled objects are never loaded. Raises InputError for files that are foreign, truncated
         or not numeric.
     """
+    with path.open("rb") as file:
+        header = _npy_header(file, path)
+        offset = file.tell()
+    _check_npy_size(path.stat().st_size - offset, header, str(path))
+    values = np.memmap(path, header.dtype, "r", offset, header.shape, header.order)
+    return _chosen(values, time, component, str(path))
+
+
+def read_npz(path: Path, time: int | None, component: int | None) -> Image:
+    """Read one array of a `.npz` archive as `read_npy` does; `component` chooses one of several.
+
+    Raises InputError for archives that are damaged, encrypted or hold no array.
+    """
     where = str(path)
-    values = _map_npy(path)
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
+            if not members:
+                raise InputError("this archive holds no array", where=where, expected="arrays saved by numpy.savez")
+            names = [printable_text(member.filename.removesuffix(".npy")) for member in members]
+            if len(members) > 1 and component is None:
+                raise InputError(
+                    f"this archive holds {len(members)} arrays, and one is rendered",
+                    where=where,
+                    got=", ".join(f"{k} is {name}" for k, name in enumerate(names)),
+                    expected=f"`component: k` with k from 0 to {len(members) - 1}",
+                )
+            member = members[select_index("component", component, len(members), where) if len(members) > 1 else 0]
+            with archive.open(member) as file:
+                values = _unpacked(file, member, path)
+    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError, lzma.LZMAError) as error:
+        raise InputError(
+            "this archive cannot be read",
+            where=where,
+            got=printable_text(str(error)),
+            expected="an archive saved by numpy.savez",
+            hint="the file is truncated or damaged",
+        ) from error
+    return _chosen(values, time, component if len(members) == 1 else None, where)
+
+
+def _unpacked(file: IO[bytes], member: zipfile.ZipInfo, path: Path) -> Array:
+    """Return the array in an archive; its checksum is compared when it has been read to its end."""
+    header = _npy_header(file, path)
+    _check_npy_size(min(member.file_size, _MAX_PACKING * member.compress_size) - file.tell(), header, str(path))
+    values = np.empty(math.prod(header.shape), header.dtype)
+    target, num_read = bytes_of(values), 0
+    while num_read < len(target) and (piece := file.read(min(_PIECE, len(target) - num_read))):
+        target[num_read : num_read + len(piece)] = piece
+        num_read += len(piece)
+    if num_read < len(target) or file.read(1):
+        raise EOFError("an array has another length than its header says")
+    return values.reshape(header.shape, order=header.order)
+
+
+def _chosen(values: Array, time: int | None, component: int | None, where: str) -> Image:
+    """Return one time step and component of an array."""
+    if values.dtype.kind == "b":
+        values = values.view(np.uint8)
     if values.ndim == 2:
         values = values[np.newaxis]
     if values.ndim == 4 and time is None and component is None:
@@ -70,27 +144,24 @@ def read_array(source: ArraySource) -> Image:
     return Image(values, np.diag([*source.spacing, 1.0]))
 
 
-def _map_npy(path: Path) -> Array:
+def _npy_header(file: IO[bytes], path: Path) -> _Header:
+    """Return the header of an array, and leave the file at its first byte; raises InputError for anything else."""
     where = str(path)
     try:
-        with path.open("rb") as file:
-            if file.read(6) != b"\x93NUMPY":
-                raise InputError(
-                    "this is not a .npy file",
-                    where=where,
-                    got="an empty file" if path.stat().st_size == 0 else None,
-                    expected="an array saved by numpy.save",
-                )
-            file.seek(0)
-            version = np.lib.format.read_magic(file)
-            read_header = {
-                (1, 0): np.lib.format.read_array_header_1_0,
-                (2, 0): np.lib.format.read_array_header_2_0,
-            }
-            if version not in read_header:
-                raise InputError("this version of .npy is not supported", where=where, got=f"{version[0]}.{version[1]}")
-            shape, is_fortran, dtype = read_header[version](file)
-            offset = file.tell()
+        if file.read(6) != b"\x93NUMPY":
+            raise InputError(
+                "this is not a .npy file",
+                where=where,
+                got="an empty file" if path.stat().st_size == 0 else None,
+                expected="an array saved by numpy.save",
+            )
+        version = (*file.read(2),)
+        read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+        if version not in read_header:
+            raise InputError(
+                "this version of .npy is not supported", where=where, got=".".join(map(str, version)) or None
+            )
+        shape, is_fortran, dtype = read_header[version](file)
     except OSError as error:
         raise unreadable_error(path, error) from error
     except (ValueError, TypeError, SyntaxError, TokenError, EOFError, MemoryError, RecursionError) as error:
@@ -102,26 +173,30 @@ def _map_npy(path: Path) -> Array:
             expected="an array saved by numpy.save",
             hint="the file is truncated or damaged",
         ) from error
-    if len(shape) > _MAX_AXES or any(n < 0 for n in shape):  # which numpy writes, and maps, in no file
+    if len(shape) > _MAX_AXES or any(type(n) is not int or n < 0 for n in shape):  # booleans are integers, too
         raise InputError(
             "the header has no shape of an array",
             where=where,
-            got=f"{len(shape)} axes" if len(shape) > _MAX_AXES else f"a length of {min(shape)}",
-            expected=f"at most {_MAX_AXES} axes, none of them negative",
+            got=f"{len(shape)} axes" if len(shape) > _MAX_AXES else format_value(shape),
+            expected=f"at most {_MAX_AXES} axes, their lengths whole numbers from 0 on",
             hint="the file is damaged",
         )
-    check_dtype(dtype, where)
-    num_bytes = check_size(shape[::-1], dtype, where)
-    stored_bytes = path.stat().st_size - offset
-    if stored_bytes < num_bytes:
+    if dtype.kind != "b":
+        check_dtype(dtype, where)
+    return _Header(shape, dtype, "F" if is_fortran else "C")
+
+
+def _check_npy_size(num_stored: int, header: _Header, where: str) -> None:
+    """Raise InputError for fewer bytes than the array has, and for an array that is empty or too large."""
+    num_bytes = check_size(header.shape[::-1], header.dtype, where)
+    if num_stored < num_bytes:
         raise InputError(
             "the file is shorter than its header says",
             where=where,
-            got=f"{stored_bytes} bytes of voxels",
-            expected=f"{num_bytes} bytes ({describe_shape(shape)} values of {dtype.name})",
+            got=f"{num_stored} bytes of voxels",
+            expected=f"{num_bytes} bytes ({describe_shape(header.shape)} values of {header.dtype.name})",
             hint="the file is truncated",
         )
-    return np.memmap(path, dtype, "r", offset, shape, "F" if is_fortran else "C")
 
 
 def read_raw(source: RawSource) -> Image:

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-import zlib
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -27,8 +24,8 @@ _MIN_MAPPED_BYTES = 64 << 20
 # Integers beyond 2^53 are rounded when they are drawn; at least this many steps of a volume's range remain.
 _NUM_STEPS = 2**16
 
-# Compressed files are checked in pieces of this many bytes.
-_PIECE = 2**20
+# The note for a file without voxel sizes.
+NO_LENGTHS = "the file does not give its voxel size; 1 x 1 x 1 is assumed"
 
 LPS_FROM_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
 
@@ -62,6 +59,11 @@ def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLi
         world_from_index[:3, :3] = np.asarray(direction, np.float64) * np.asarray(spacing, np.float64)
     world_from_index[:3, 3] = origin
     return world_from_index
+
+
+def bytes_of(values: Array) -> memoryview:
+    """Return the memory of a contiguous array, byte by byte."""
+    return memoryview(values.reshape(-1).view(np.uint8))  # type: ignore[arg-type]
 
 
 def has_volume(world_from_index: Float64) -> bool:
@@ -186,126 +188,6 @@ def check_size(shape_xyz: tuple[int, ...], dtype: npt.DTypeLike, where: str) -> 
             hint="if the file is smaller than that, its header is wrong",
         )
     return num_bytes
-
-
-@dataclass(frozen=True)
-class StoredVoxels:
-    """The place of the voxels in a file: from byte `offset` on, plain or compressed by deflate (gzip or zlib).
-
-    byte_order: "<" or ">" of plain voxels stored without gaps, "|" if the header does not give it; None if only the
-        format's library can find them.
-    is_text: whether they are numbers in text, at least a digit and a separator each.
-    num_compressed: the number of compressed bytes, if the header gives it; the format's library reads no more.
-    """
-
-    file: Path
-    offset: int
-    compressed: bool
-    byte_order: str | None = None
-    is_text: bool = False
-    num_compressed: int | None = None
-
-
-def check_text(stored: StoredVoxels, num_values: int, shape_xyz: tuple[int, ...]) -> None:
-    """Raise InputError unless the file has room for this many values as text; called before memory is allocated."""
-    found_bytes, needed = stored.file.stat().st_size - stored.offset, 2 * num_values - 1
-    if found_bytes < needed:
-        raise InputError(
-            "the file is shorter than its header says",
-            where=str(stored.file),
-            got=f"{max(found_bytes, 0)} bytes of text",
-            expected=f"at least {needed} bytes ({describe_shape(shape_xyz)} voxels)",
-            hint="the file is truncated or its header is wrong",
-        )
-
-
-def check_stored(stored: StoredVoxels, num_bytes: int, shape_xyz: tuple[int, ...]) -> None:
-    """Raise InputError unless the file has `num_bytes` of intact voxels; called before memory is allocated.
-
-    A compressed stream is decompressed once to compare its checksum: SimpleITK and nibabel silently return the voxels
-        of a damaged stream.
-    """
-    found_bytes = stored.file.stat().st_size - stored.offset
-    if stored.num_compressed is not None and found_bytes < stored.num_compressed:
-        raise InputError(
-            "the file is shorter than its header says",
-            where=str(stored.file),
-            got=f"{max(found_bytes, 0)} bytes",
-            expected=f"{stored.num_compressed} bytes of compressed voxels",
-            hint="the file is truncated or its header is wrong",
-        )
-    if stored.compressed:
-        try:
-            found_bytes = _inflated_size(stored, num_bytes)
-        except (zlib.error, EOFError) as error:
-            raise InputError(
-                "the compressed voxels are damaged",
-                where=str(stored.file),
-                got=str(error),
-                hint="copy or download the file again",
-            ) from error
-    if found_bytes < num_bytes:
-        raise InputError(
-            "the file is shorter than its header says",
-            where=str(stored.file),
-            got=f"{max(found_bytes, 0)} bytes" + (" after decompression" if stored.compressed else ""),
-            expected=f"{num_bytes} bytes ({describe_shape(shape_xyz)} voxels)",
-            hint="the file is truncated or its header is wrong",
-        )
-
-
-def check_no_excess_voxels(stored: StoredVoxels, num_bytes: int, shape_xyz: tuple[int, ...]) -> None:
-    """Raise InputError if plain voxels continue after `num_bytes`, by at least as many as make one axis longer.
-
-    Fewer bytes may be a line break or the rest of a block.
-    """
-    found_bytes = stored.file.stat().st_size - stored.offset
-    if found_bytes - num_bytes < min(num_bytes // n for n in shape_xyz[:3]):
-        return
-    fits = [
-        (*shape_xyz[:k], found_bytes // (num_bytes // n), *shape_xyz[k + 1 :])
-        for k, n in enumerate(shape_xyz)
-        if found_bytes % (num_bytes // n) == 0
-    ]
-    raise InputError(
-        "the file is longer than its header says",
-        where=str(stored.file),
-        got=f"{found_bytes} bytes",
-        expected=f"{num_bytes} bytes ({describe_shape(shape_xyz)} voxels)",
-        hint=f"these would fit: {'; '.join(map(describe_shape, fits))}" if fits else "the header is wrong",
-    )
-
-
-def _inflated_size(stored: StoredVoxels, enough: int) -> int:
-    """Return the number of bytes in the zlib stream or the gzip members at `offset`; stop when `enough` are found.
-
-    Raises zlib.error for damage and a wrong checksum, EOFError if the stream breaks off.
-    """
-    total = 0
-    with stored.file.open("rb") as file:
-        file.seek(stored.offset)
-        pieces = _pieces(file, stored.num_compressed)
-        data = next(pieces, b"")
-        while data and total < enough:
-            stream = zlib.decompressobj(zlib.MAX_WBITS | 32)  # recognises gzip and zlib
-            while not stream.eof:
-                num_out = len(stream.decompress(data, _PIECE))
-                total += num_out
-                data = stream.unconsumed_tail
-                if not data and not stream.eof and num_out < _PIECE:  # a full piece may leave more inside the stream
-                    data = next(pieces, b"")
-                    if not data:
-                        raise EOFError(f"the compressed data break off after {total} bytes of voxels")
-            data = stream.unused_data or next(pieces, b"")
-    return total
-
-
-def _pieces(file: BinaryIO, num_bytes: int | None) -> Iterator[bytes]:
-    """Yield the rest of a file in pieces, `num_bytes` of it at most."""
-    left = math.inf if num_bytes is None else num_bytes
-    while data := file.read(int(min(_PIECE, left))):
-        left -= len(data)
-        yield data
 
 
 def select_index(key: str, wanted: int | None, count: int, where: str) -> int:

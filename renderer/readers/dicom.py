@@ -1,137 +1,128 @@
-"""Read a folder with one DICOM series, a slice per file, placed by the positions in the slices.
+"""Read DICOM: a folder with one series, or one file of one frame or several, placed by the positions of its frames.
 
-SimpleITK's GDCM finds the series; each slice is read by itself, so that a message can name its file. The third axis of
-the volume is the step from slice to slice, not the normal of the slices: a tilted gantry gives a sheared volume.
+pydicom parses, in a child process (`isolation.py`); it decodes plain and run-length pixels, and others with GDCM. The
+third axis of the volume is the step from frame to frame, not their normal: a tilted gantry gives a sheared volume.
+Values are those after each frame's rescale slope and intercept, whatever is light and what is dark.
 """
 
 from __future__ import annotations
 
+import contextlib
 import re
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, affine, check_size, describe_shape, select_index
-from renderer.readers.dicom_header import dicom_spacing
-from renderer.readers.headers import PIXEL_DATA, has_dicom_magic
-from renderer.readers.itk import (
-    array_view,
-    itk_name,
-    open_itk,
-    path_from_itk_name,
-    pixel_dtype,
-    quiet_simpleitk,
-    read_image,
-    read_itk,
-    shorten_itk_error,
-)
-from renderer.volume import Array, Float64
+from renderer.readers.common import Image, affine, check_size, select_index
+from renderer.readers.dicom_frames import Frame, frames_of, open_dicom, pixels_of, text_of, unreadable_slice
+from renderer.readers.isolation import Allocate
+from renderer.readers.sniff import is_dicom
+from renderer.scene import printable_text
+from renderer.volume import Float64
 
-# Slices may be off by this part of the spacing: positions have few digits, and gantries are not perfect. A missing
-# slice is off by a whole step.
+# Frames may be off by this part of the spacing: positions have few digits, and gantries are not perfect. A missing
+# one is off by a whole step.
 _UNEVEN = 0.05
 
-_DESCRIPTION = "0008|103e"
+_SERIES, _DESCRIPTION = 0x0020000E, 0x0008103E
 
 
-@dataclass(frozen=True)
-class _Slice:
-    """The header of one file: position float64 [3] of its first voxel, direction float64 [3, 3]."""
+def read_dicom(
+    path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, allocate: Allocate
+) -> Image:
+    """Read the only series in a folder, or one file; frames in ascending order along their normal.
 
-    file: Path
-    reader: Any
-    dtype: np.dtype[Any]
-    size: tuple[int, int]
-    spacing: tuple[float, float]
-    position: Float64
-    direction: Float64
-
-
-def read_dicom(folder: Path, time: int | None, component: int | None, *, has_spacing_override: bool = False) -> Image:
-    """Read the only series in `folder`, slices in ascending order along their normal.
-
-    has_spacing_override: the scene gives the spacing, so that lengths in the files are not checked. Values are those
-        after each slice's rescale slope and intercept. Raises InputError for no series or several, and for slices that
-        differ in size or orientation, are missing, double or unevenly spaced.
+    has_spacing_override: the scene gives the spacing, so that lengths in the files are not checked. Raises InputError
+        for no series or several, and for frames that differ in size or orientation, are missing, double or unevenly
+        spaced.
     """
-    with quiet_simpleitk() as sitk:
-        files = _series_files(sitk, folder)
-        if len(files) == 1:  # one slice, or all of them in one enhanced file
-            return read_itk(files[0], time, component, has_spacing_override=has_spacing_override)
-        select_index("time", time, 1, str(folder))
-        slices = [_header(sitk, file, has_spacing_override) for file in files]
-        slices.sort(key=lambda part: float(part.position @ part.direction[:, 2]))
-        _check_alike(slices, folder)
-        step = _even_step(slices, folder)
-        first = slices[0]
-        num_components = first.reader.GetNumberOfComponents()
-        channel = select_index("component", component, num_components, str(folder))
-        dtype = np.result_type(*(part.dtype for part in slices))  # the rescale slope may differ from slice to slice
-        check_size((*first.size, len(slices)), dtype, str(folder))
-        values: Array = np.empty((len(slices), first.size[1], first.size[0]), dtype)
-        for part, target in zip(slices, values, strict=True):
-            plane = array_view(sitk, read_image(part.reader, part.file)).reshape(*target.shape, num_components)
-            target[...] = plane[..., channel]
-    axes = np.column_stack([first.direction[:, 0] * first.spacing[0], first.direction[:, 1] * first.spacing[1], step])
-    return Image(values, affine(np.ones(3), first.position, axes))
-
-
-def _series_files(sitk: Any, folder: Path) -> list[Path]:
-    name = itk_name(folder)
-    try:
-        series = sitk.ImageSeriesReader.GetGDCMSeriesIDs(name)
-        files = {uid: sitk.ImageSeriesReader.GetGDCMSeriesFileNames(name, uid) for uid in series}
-    except RuntimeError as error:
-        for path in sorted(folder.iterdir()):
-            if path.is_file() and has_dicom_magic(path):
-                _require_header(sitk, path)
+    files = _series_files(path) if path.is_dir() else [path]
+    select_index("time", time, 1, str(path))
+    frames = [frame for file in files for frame in frames_of(file, has_spacing_override=has_spacing_override)]
+    if len(files) > 1 and len(frames) > len(files):
+        several = next(frame for frame in frames if frame.number > 0)
         raise InputError(
-            "the DICOM files in this folder cannot be read",
-            where=str(folder),
-            got=shorten_itk_error(str(error)),
-            hint="one of them is damaged",
-        ) from error
+            "several files of this series hold several slices each",
+            where=str(several.file),
+            got=f"{sum(frame.file == several.file for frame in frames)} slices",
+            expected="one slice per file, or all of them in one file",
+        )
+    frames.sort(key=lambda frame: float(frame.position @ frame.normal))
+    _check_alike(frames, path)
+    first = frames[0]
+    step = first.normal * first.thickness if len(frames) == 1 else _even_step(frames, path)
+    channel = select_index("component", component, first.num_samples, str(path))
+    dtype = np.result_type(*(frame.dtype for frame in frames))  # the rescale slope may differ from frame to frame
+    check_size((*first.size, len(frames)), dtype, str(path))
+    values = allocate((len(frames), *first.size[::-1]), dtype)
+    opened, pixels = None, None
+    for target, frame in zip(values, frames, strict=True):
+        if opened != frame.file:
+            opened, pixels = frame.file, pixels_of(frame.file)
+        assert pixels is not None
+        target[...] = frame.rescaled(pixels[frame.number, :, :, channel])
+    axes = np.column_stack([first.across, first.down, step])
+    note = None if path.is_dir() or len(frames) > 1 else _one_of_a_series(path)
+    return Image(values, affine(np.ones(3), first.position, axes), note)
+
+
+def _series_files(folder: Path) -> list[Path]:
+    """Return the files of the only series of images in a folder."""
+    series: dict[str, list[Path]] = defaultdict(list)
+    descriptions: dict[str, str] = {}
+    without_image: dict[str, list[Path]] = defaultdict(list)
+    others = []
+    for path in sorted(folder.iterdir()):
+        if path.name.startswith(".") or not path.is_file():
+            continue
+        if not is_dicom(path):
+            others.append(path)
+            continue
+        dataset = open_dicom(path)
+        uid = text_of(dataset, _SERIES) or ""
+        if "Rows" not in dataset:  # a report, a plan, an index of files, each with a series of its own
+            without_image[uid].append(path)
+            continue
+        series[uid].append(path)
+        descriptions.setdefault(uid, text_of(dataset, _DESCRIPTION) or uid)
     if not series:
         raise InputError(
-            "this folder holds neither a DICOM series nor TIFF slices",
+            "this folder holds no volume",
             where=str(folder),
-            got="an empty folder" if not any(folder.iterdir()) else None,
+            got=None if others else "an empty folder",
             expected="the files of one DICOM series, or .tif files, directly in the folder",
         )
     if len(series) > 1:
+        names = (
+            f'"{printable_text(descriptions[uid])}", {len(files)} file{"s" * (len(files) > 1)} from {files[0].name}'
+            for uid, files in sorted(series.items())
+        )
         raise InputError(
             f"this folder holds {len(series)} DICOM series, and one is rendered",
             where=str(folder),
-            got="; ".join(_name_series(sitk, uid, files[uid]) for uid in sorted(series)),
+            got="; ".join(names),
             hint="put each series into its own folder",
         )
-    found = [path_from_itk_name(name) for name in files[series[0]]]
-    _check_none_left_out(folder, {path.name for path in found})
-    return found
+    uid, files = next(iter(series.items()))
+    if without_image[uid]:
+        raise unreadable_slice(without_image[uid][0])
+    _check_none_lost(others, files)
+    return files
 
 
-def _check_none_left_out(folder: Path, names: set[str]) -> None:
-    """Raise InputError for a damaged slice that the search for series passed over.
-
-    At either end of the stack nothing else would show it. Reports and plans are DICOM files without pixels. A file that
-    is not DICOM but is named like the slices was one.
-    """
-    shapes = {_shape(name) for name in names}
-    for path in sorted(folder.iterdir()):
-        if path.name in names or path.name.startswith(".") or not path.is_file():
-            continue
-        is_dicom = has_dicom_magic(path)
-        is_slice = PIXEL_DATA in path.read_bytes() if is_dicom else _shape(path.name) in shapes
-        if is_slice:
-            is_empty = path.stat().st_size == 0
-            raise InputError(
-                "this DICOM slice cannot be read",
-                where=str(path),
-                got="an empty file" if is_empty else None if is_dicom else "a file that is not DICOM",
-                hint="the file is truncated or damaged: copy it again, or remove it if it is no slice",
+def _check_none_lost(others: list[Path], files: list[Path]) -> None:
+    """Raise InputError for a file that is not DICOM but is named like the slices: at an end of the stack nothing else
+    would show that it was one."""
+    shapes = {_shape(path.name) for path in files}
+    for path in others:
+        if _shape(path.name) in shapes:
+            raise unreadable_slice(
+                path,
+                "the file is truncated or damaged: copy it again, or remove it if it is no slice",
+                "an empty file" if path.stat().st_size == 0 else "a file that is not DICOM",
             )
 
 
@@ -140,90 +131,43 @@ def _shape(name: str) -> str:
     return re.sub("[0-9]+", "#", name)
 
 
-def _require_header(sitk: Any, path: Path) -> None:
-    try:
-        open_itk(sitk, path)
-    except InputError as error:
-        raise InputError(
-            "this DICOM slice cannot be read",
-            where=str(path),
-            got=error.got,
-            hint="a field of it is damaged: copy it again, or save it again",
-        ) from error
+def _one_of_a_series(path: Path) -> str | None:
+    """Return a note for a file with one of several slices of a series in its folder; else None."""
+    uid, num = text_of(open_dicom(path), _SERIES), 0
+    for other in path.parent.iterdir():
+        with contextlib.suppress(InputError, OSError):  # of another file
+            num += uid is not None and is_dicom(other) and text_of(open_dicom(other), _SERIES) == uid
+    if num < 2:
+        return None
+    return f"one of {num} slices of a DICOM series; its folder, {path.parent}, stands for all of them"
 
 
-def _name_series(sitk: Any, uid: str, files: tuple[str, ...]) -> str:
-    """Return `"T1 sagittal", 40 files from N2D_0171.dcm`."""
-    first = path_from_itk_name(files[0])
-    reader = open_itk(sitk, first)
-    description = reader.GetMetaData(_DESCRIPTION).strip() if reader.HasMetaDataKey(_DESCRIPTION) else ""
-    return f'"{description or uid}", {len(files)} file{"s" if len(files) > 1 else ""} from {first.name}'
-
-
-def _header(sitk: Any, file: Path, has_spacing_override: bool) -> _Slice:
-    reader = open_itk(sitk, file)
-    size = reader.GetSize()
-    if len(size) == 3 and size[2] > 1:
-        raise InputError(
-            "several files of this series hold several slices each",
-            where=str(file),
-            got=f"{size[2]} slices",
-            expected="one slice per file, or all of them in one file",
-        )
-    width, height, *_ = size
-    across, down, *_ = dicom_spacing(reader, file, has_spacing_override=has_spacing_override)
-    return _Slice(
-        file,
-        reader,
-        pixel_dtype(sitk, reader, file),
-        (width, height),
-        (across, down),
-        np.array(reader.GetOrigin()),
-        np.reshape(reader.GetDirection(), (3, 3)),
-    )
-
-
-def _check_alike(slices: list[_Slice], folder: Path) -> None:
-    first = slices[0]
-    for part in slices[1:]:
-        for what, got, expected, alike in (
-            ("size", describe_shape(part.size), describe_shape(first.size), part.size == first.size),
-            (
-                "pixel spacing",
-                str(part.spacing),
-                str(first.spacing),
-                np.allclose(part.spacing, first.spacing, rtol=1e-3, atol=0),
-            ),
-            (
-                "orientation",
-                _numbers(part.direction),
-                _numbers(first.direction),
-                np.allclose(part.direction, first.direction, rtol=0, atol=1e-3),
-            ),
-            (
-                "number of components",
-                str(part.reader.GetNumberOfComponents()),
-                str(first.reader.GetNumberOfComponents()),
-                part.reader.GetNumberOfComponents() == first.reader.GetNumberOfComponents(),
-            ),
+def _check_alike(frames: list[Frame], path: Path) -> None:
+    first = frames[0]
+    for frame in frames[1:]:
+        for what, got, expected, tolerance in (
+            ("size", frame.size, first.size, 0),
+            ("pixel spacing", frame.spacing, first.spacing, 1e-3 * min(first.spacing)),
+            ("orientation", frame.orientation, first.orientation, 1e-3),
+            ("number of components", [frame.num_samples], [first.num_samples], 0),
         ):
-            if not alike:
+            if not np.allclose(got, expected, rtol=0, atol=tolerance):
                 raise InputError(
                     f"the slices of this series differ in their {what}",
-                    where=str(folder),
-                    got=f"{got} in {part.file.name}",
-                    expected=f"{expected} as in {first.file.name}",
+                    where=str(path),
+                    got=f"{_describe(got)} in {frame.label}",
+                    expected=f"{_describe(expected)} as in {first.label}",
                     hint="a localiser or a second scan among them? put it into its own folder",
                 )
 
 
-def _numbers(values: Float64) -> str:
-    return "[" + " ".join(f"{value:.4g}" for value in values[:, :2].T.flat) + "]"
+def _describe(numbers: Sequence[float]) -> str:
+    return (" x " if len(numbers) == 2 else " ").join(f"{number:.6g}" for number in numbers)
 
 
-def _even_step(slices: list[_Slice], folder: Path) -> Float64:
+def _even_step(frames: list[Frame], path: Path) -> Float64:
     """Return the step from slice to slice, float64 [3]; raises InputError if it is not the same everywhere."""
-    positions = np.array([part.position for part in slices])
+    positions = np.array([part.position for part in frames])
     gaps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     usual = float(np.median(gaps))
     doubled = np.flatnonzero(gaps <= _UNEVEN * usual)
@@ -231,8 +175,8 @@ def _even_step(slices: list[_Slice], folder: Path) -> Float64:
         i = int(doubled[0])
         raise InputError(
             "two slices of this series are at the same position",
-            where=str(folder),
-            got=f"{slices[i].file.name} and {slices[i + 1].file.name}",
+            where=str(path),
+            got=f"{frames[i].label} and {frames[i + 1].label}",
             expected="one slice at each position",
             hint="a time series or several echoes? put each volume into its own folder",
         )
@@ -242,19 +186,19 @@ def _even_step(slices: list[_Slice], folder: Path) -> Float64:
         num_missing = int(np.sum(np.rint(gaps[wide] / usual) - 1))
         raise InputError(
             "slices of this series are missing",
-            where=str(folder),
-            got=f"about {num_missing} missing; the first gap, {gaps[i]:.4g}, is between {slices[i].file.name} and "
-            f"{slices[i + 1].file.name}",
+            where=str(path),
+            got=f"about {num_missing} missing; the first gap, {gaps[i]:.4g}, is between {frames[i].label} and "
+            f"{frames[i + 1].label}",
             expected=f"a slice every {usual:.4g}",
         )
-    step = (positions[-1] - positions[0]) / (len(slices) - 1)
-    off = np.linalg.norm(positions - (positions[0] + np.arange(len(slices))[:, np.newaxis] * step), axis=1)
+    step = (positions[-1] - positions[0]) / (len(frames) - 1)
+    off = np.linalg.norm(positions - (positions[0] + np.arange(len(frames))[:, np.newaxis] * step), axis=1)
     worst = int(np.argmax(off))
     if off[worst] > _UNEVEN * np.linalg.norm(step):
         raise InputError(
             "the slices of this series are not evenly spaced",
-            where=str(folder),
-            got=f"gaps from {gaps.min():.4g} to {gaps.max():.4g}; {slices[worst].file.name} is off by {off[worst]:.4g}",
+            where=str(path),
+            got=f"gaps from {gaps.min():.4g} to {gaps.max():.4g}; {frames[worst].label} is off by {off[worst]:.4g}",
             expected=f"a slice every {np.linalg.norm(step):.4g}, within {_UNEVEN:.0%} of that",
             hint="resample the series to even spacing first",
         )

@@ -1,7 +1,6 @@
 """Read NIfTI-1 and NIfTI-2, single files (.nii, .nii.gz) and pairs (.hdr with .img), with nibabel.
 
-SimpleITK refuses sheared affines, may prefer the qform to a sheared sform, and silently pads a truncated file with
-zeros. nibabel returns the affine of the header unchanged.
+nibabel parses the header, and `stored.py` reads the voxels.
 
 The affine is the sform if it is set and invertible, else the qform, else the voxel sizes alone, with the first voxel at
 the origin. RAS becomes LPS by negating x and y. Axes after z are time (the fourth) and component (the fifth), as in the
@@ -26,16 +25,13 @@ from renderer.errors import InputError
 from renderer.readers.common import (
     LPS_FROM_RAS,
     Image,
-    StoredVoxels,
     check_dtype,
-    check_size,
-    check_stored,
     describe_shape,
     has_volume,
     select_index,
-    stays_mapped,
     unreadable_error,
 )
+from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.volume import Array, Float64
 
 # The lengths of NIfTI-1 and NIfTI-2 headers, which are their first number.
@@ -58,7 +54,6 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     fields = proxy.dtype.names  # RGB24 and RGBA32 are records of bytes
     if fields is None:
         check_dtype(proxy.dtype, where)
-    num_bytes = check_size(shape, proxy.dtype, where)
     if shape[5:].count(1) != len(shape[5:]):
         raise InputError(
             "the volume has too many axes",
@@ -66,45 +61,51 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
             got=describe_shape(shape),
             expected="x, y, z, then time and component",
         )
-    data_file = _checked_data_file(image, path, num_bytes, shape)
     step = select_index("time", time, shape[3], where)
     channel = select_index("component", component, shape[4] if fields is None else len(fields), where)
-    try:
-        last = step, channel if fields is None else 0
-        if stays_mapped(num_bytes) and data_file.suffix.lower() != ".gz":
-            stored = np.memmap(data_file, proxy.dtype, "r", proxy.offset, shape[4::-1])
-            values: Array = stored[last[1], last[0]]
-        else:
-            values = _stored_values(proxy, data_file, last)
-    except (OSError, EOFError, ValueError, zlib.error) as error:
-        raise InputError(
-            "cannot read the voxels",
-            where=str(data_file),
-            got=" ".join(str(error).split()),
-            hint="the file is truncated or damaged",
-        ) from error
+    layout = Layout(proxy.dtype, shape[4::-1], (_stored_voxels(image, path),))
+    whole = slice(None)
+    values = read_stored(layout, (channel if fields is None else 0, step, whole, whole, whole), where)
     if fields is not None:
         values = values[fields[channel]]
     try:
         ras_from_index = _ras_from_index(image.header)
     except ValueError as error:  # the quaternion is not a rotation
         raise unreadable_error(path, error) from error
-    return Image(_scaled(values, float(proxy.slope), float(proxy.inter)), LPS_FROM_RAS @ ras_from_index)
+    return Image(_scaled(values, *_scale(image, where)), LPS_FROM_RAS @ ras_from_index)
 
 
-def _checked_data_file(image: Any, path: Path, num_bytes: int, shape: tuple[int, ...]) -> Path:
-    """Return the file with the voxels, which differs from the header's for pairs; raises InputError unless it is
-    complete."""
+def _stored_voxels(image: Any, path: Path) -> StoredVoxels:
+    """Return where the voxels are: in a file beside the header's for pairs. Raises InputError if that is missing."""
     data_file = Path(image.file_map["image"].filename)
     if not data_file.is_file():
         raise InputError(
             "the data file that belongs to this header is not there", where=str(path), expected=f"a file {data_file}"
         )
     if data_file.suffix.lower() == ".gz":
-        check_stored(StoredVoxels(data_file, 0, True), image.dataobj.offset + num_bytes, shape)
-    else:
-        check_stored(StoredVoxels(data_file, image.dataobj.offset, False), num_bytes, shape)
-    return data_file
+        return StoredVoxels(data_file, 0, "deflate", image.dataobj.offset)
+    return StoredVoxels(data_file, image.dataobj.offset)
+
+
+def _scale(image: Any, where: str) -> tuple[float, float]:
+    """Return slope and intercept; a slope of 0, and NaN, mean that values are not scaled.
+
+    Raises InputError for an infinite slope, which nibabel takes for none.
+    """
+    file = Path(image.file_map.get("header", image.file_map["image"]).filename)
+    header, _ = _head(file)
+    is_second = type(image.header).sizeof_hdr == _NIFTI_2_BYTES
+    code, place = ("d", 176) if is_second else ("f", 112)
+    slope = struct.unpack_from(image.header.endianness + code, header, place)[0]
+    if math.isinf(slope):
+        raise InputError(
+            "this NIfTI header scales its values by what is no finite number",
+            where=where,
+            got=f"scl_slope = {slope:g}",
+            expected="a finite number, or 0 for values as they are stored",
+            hint="correct the header, or save the file again",
+        )
+    return float(image.dataobj.slope), float(image.dataobj.inter)
 
 
 @contextmanager
@@ -199,20 +200,6 @@ def _open(path: Path) -> Any:
     if "header" not in image.file_map and proxy.offset < least:  # whose first bytes were repaired
         raise _misplaced(path, proxy.offset, least)
     return image
-
-
-def _stored_values(proxy: Any, data_file: Path, last: tuple[int, int]) -> Array:
-    """Return the stored values [z, y, x] of one time step and component, and read nothing else from the file."""
-    import nibabel
-
-    nib: Any = nibabel
-
-    unscaled: Any = nib.arrayproxy.ArrayProxy(str(data_file), (proxy.shape, proxy.dtype, proxy.offset), mmap=False)
-    num_spatial = min(len(proxy.shape), 3)
-    rest = tuple(slice(k, k + 1) for k in (*last, *([0] * len(proxy.shape)))[: len(proxy.shape) - num_spatial])
-    values = np.asarray(unscaled[(slice(None),) * num_spatial + rest])
-    spatial: Array = values.reshape((*values.shape[:num_spatial], *([1] * (3 - num_spatial))), order="F")
-    return np.transpose(spatial)
 
 
 def _scaled(values: Array, slope: float, intercept: float) -> Array:

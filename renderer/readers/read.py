@@ -10,6 +10,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.common import (
+    NO_LENGTHS,
     Image,
     check_axes,
     check_dtype,
@@ -22,6 +23,8 @@ from renderer.readers.common import (
     unreadable_error,
     with_spacing,
 )
+from renderer.readers.isolation import read_isolated
+from renderer.readers.sniff import Format, find_format, find_volume
 from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec
 from renderer.volume import Array, MappedCallback, MappedFile, Volume, backing_file, iter_slabs, make_volume
 
@@ -48,7 +51,8 @@ def read_volume(spec: VolumeSpec, on_mapped: MappedCallback | None = None) -> Vo
         check_lengths(image.world_from_index, name)
         if spec.crop is not None:
             image = crop_image(image, spec.crop, name)
-        world_from_index, note = image.world_from_index, image.note
+        world_from_index = image.world_from_index
+        note = image.note if spacing is None or image.note != NO_LENGTHS else None
         first = tuple(begin for begin, _ in spec.crop) if spec.crop is not None else (0, 0, 0)
         mapped = backing_file(image.values) if stays_mapped(image.values.nbytes) else None
         if mapped is not None and on_mapped is not None:
@@ -98,50 +102,63 @@ def _load(spec: VolumeSpec, name: str) -> Image:
     return Image(procedural_values(source), procedural_affine(source))
 
 
+# Formats that large libraries parse, and their readers, which run in a child process.
+_ISOLATED = {
+    "tiff": "renderer.readers.tiff:read_tiff",
+    "dicom": "renderer.readers.dicom:read_dicom",
+    "vtk": "renderer.readers.vtk_image:read_vtk_image",
+}
+
+
 def _load_file(path: Path, time: int | None, component: int | None, has_spacing_override: bool) -> Image:
-    """Choose the reader by the file's name; SimpleITK recognises other formats by content."""
-    name = path.name.lower()
-    if path.is_dir():
-        return _load_folder(path, time, component, has_spacing_override)
-    if name.endswith((".nii", ".nii.gz", ".hdr", ".img")):
+    """Return the image in a file or a folder, from the reader of its format."""
+    found, form, note = find_volume(path)
+    image = _read_as(form, found, time, component, has_spacing_override)
+    return replace(image, note="; ".join(each for each in (note, image.note) if each) or None)
+
+
+def _read_as(form: Format, path: Path, time: int | None, component: int | None, has_spacing_override: bool) -> Image:
+    """Return the image in a file of this format; its reader is imported on first use."""
+    if form in _ISOLATED:
+        return read_isolated(
+            _ISOLATED[form], path, time=time, component=component, has_spacing_override=has_spacing_override
+        )
+    if form == "nifti":
         from renderer.readers.nifti import read_nifti
 
         return read_nifti(path, time, component)
-    if name.endswith(".npy"):
-        from renderer.readers.arrays import read_npy
+    if form == "nrrd":
+        from renderer.readers.nrrd import read_nrrd
 
-        return read_npy(path, time, component)
-    if name.endswith((".tif", ".tiff")):
-        from renderer.readers.tiff import read_tiff
+        return read_nrrd(path, time, component)
+    if form == "metaimage":
+        from renderer.readers.metaimage import read_metaimage
 
-        return read_tiff(path, time, component, has_spacing_override=has_spacing_override)
-    from renderer.readers.itk import read_itk
+        return read_metaimage(path, time, component)
+    if form == "cube":
+        from renderer.readers.cube import read_cube
 
-    return read_itk(path, time, component, has_spacing_override=has_spacing_override)
+        return read_cube(path, time, component)
+    from renderer.readers.arrays import read_npy, read_npz
+
+    return (read_npz if form == "npz" else read_npy)(path, time, component)
 
 
-def _load_folder(folder: Path, time: int | None, component: int | None, has_spacing_override: bool) -> Image:
-    from renderer.readers.headers import has_dicom_magic
-    from renderer.readers.tiff import SUFFIXES, read_tiff_folder
+def data_files(header: Path) -> list[Path]:
+    """Return the files that hold the voxels of a header, itself perhaps among them; an empty list if that is unknown.
 
-    names = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
-    tiffs = [entry for entry in names if entry.suffix.lower() in SUFFIXES]
-    if tiffs:
-        rest = (entry for entry in names if entry.suffix.lower() not in SUFFIXES and entry.is_file())
-        others = sorted(filter(has_dicom_magic, rest))
-        if others:
-            raise InputError(
-                "this folder holds both TIFF slices and DICOM files",
-                where=str(folder),
-                got=f"{min(tiffs).name} and {others[0].name}",
-                expected="the slices of one volume",
-                hint="put each volume into its own folder",
-            )
-        select_index("time", time, 1, str(folder))
-        return read_tiff_folder(folder, tiffs, component, has_spacing_override=has_spacing_override)
-    from renderer.readers.dicom import read_dicom
+    Raises InputError for damaged headers and missing files.
+    """
+    form = find_format(header)
+    if form == "nrrd":
+        from renderer.readers.nrrd import read_header as read_nrrd_header
 
-    return read_dicom(folder, time, component, has_spacing_override=has_spacing_override)
+        return [part.file for part in read_nrrd_header(header)[1].parts]
+    if form == "metaimage":
+        from renderer.readers.metaimage import read_header
+
+        return [part.file for part in read_header(header)[1].parts]
+    return []
 
 
 def crop_image(image: Image, ranges: Ranges, where: str) -> Image:

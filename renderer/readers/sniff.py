@@ -1,16 +1,45 @@
-"""Reject files and folders that cannot be a volume, from their first bytes and without loading a library.
-
-The readers reject all of these, too, and know far more.
-"""
+"""Find the format of a volume file by its first bytes and its name, and the volume in a folder; load no library."""
 
 from __future__ import annotations
 
+import gzip
 import os
+import struct
+import zlib
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Literal
 
 from renderer.errors import InputError
+from renderer.scene import printable_text
 
-KNOWN_FORMATS = "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), TIFF (.tif), NumPy (.npy) or DICOM"
+Format = Literal["nrrd", "metaimage", "nifti", "tiff", "npy", "npz", "vtk", "cube", "dicom"]
+
+KNOWN_FORMATS = (
+    "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), TIFF (.tif), NumPy (.npy, .npz), "
+    "VTK (.vti, .vtk), Gaussian cube (.cube) or DICOM"
+)
+
+_SIGNATURES: dict[bytes, Format] = {
+    b"NRRD": "nrrd",
+    b"\x93NUMPY": "npy",
+    b"PK\3\4": "npz",
+    b"# vtk DataFile": "vtk",
+    **dict.fromkeys((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), "tiff"),
+}
+# Suffixes that decide where no signature does. Those of formats that have a signature only serve the search.
+_SUFFIXES: dict[str, Format] = {
+    **dict.fromkeys((".mha", ".mhd"), "metaimage"),
+    **dict.fromkeys((".nii", ".hdr", ".img"), "nifti"),
+    ".cube": "cube",
+    **dict.fromkeys((".tif", ".tiff"), "tiff"),
+}
+_VOLUME_SUFFIXES = (".nrrd", ".nhdr", ".npy", ".npz", ".vti", ".vtk", ".mha", ".mhd", ".nii", ".nii.gz", ".cube")
+TIFF_SUFFIXES = (".tif", ".tiff")
+_FIRST_BYTES = 1024
+_NIFTI_HEADER_BYTES = (348, 540)
+# A search ends after this many entries, and a message lists this many volumes.
+_MAX_ENTRIES, _MAX_LISTED = 10_000, 12
 
 
 class UnknownFormatError(InputError):
@@ -26,62 +55,117 @@ class UnknownFormatError(InputError):
         )
 
 
-# The first bytes of files with these suffixes.
-_SIGNATURES = {
-    ".nrrd": (b"NRRD",),
-    ".nhdr": (b"NRRD",),
-    ".npy": (b"\x93NUMPY",),
-    ".tif": (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"),
-    ".tiff": (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"),
-}
-# Formats with text headers: MetaImage, and VTK's, which SimpleITK reads.
-_TEXT_FORMATS = (".mha", ".mhd", ".vtk")
-_FIRST_BYTES = 1024
+def find_format(path: Path) -> Format:
+    """Return the format of a volume file; raises UnknownFormatError for any other file."""
+    start = _start(path)
+    if _has_dicom_mark(start):
+        return "dicom"
+    for signature, found in _SIGNATURES.items():
+        if start.startswith(signature):
+            return found
+    if b"<VTKFile" in start:
+        return "vtk"
+    suffix = path.suffix.lower()
+    if suffix in _SUFFIXES:
+        return _SUFFIXES[suffix]
+    if path.name.lower().endswith(".nii.gz") or _is_nifti(start) or _is_nifti(_decompressed(path, start)):
+        return "nifti"
+    raise UnknownFormatError(path, is_empty=not start)
 
 
-def require_volume_file(path: Path) -> None:
-    """Raise InputError if `path`, an existing file with a header or a folder, cannot be a volume."""
-    if not os.access(path, os.R_OK):
-        raise InputError("no permission to read this", where=str(path))
-    if path.is_dir():
-        entries = list(path.iterdir())
-        if not any(_may_be_slice(entry) for entry in entries):
-            raise InputError(
-                "this folder holds neither a DICOM series nor TIFF slices",
-                where=str(path),
-                got=None if entries else "an empty folder",
-                expected="the files of one DICOM series, or .tif files, directly in the folder",
-            )
-        return
+def is_dicom(path: Path) -> bool:
+    """Return whether a file begins like DICOM: with a preamble of 128 bytes and a mark, or with its first group."""
+    return path.is_file() and _has_dicom_mark(_start(path))
+
+
+def find_volume(path: Path) -> tuple[Path, Format, str | None]:
+    """Return the volume in a folder, its format, and a note if it is not the folder itself; a file as it is.
+
+    The slices directly in a folder are a volume, and else the only volume file, or folder of slices, anywhere below it.
+    Raises InputError for no volume and for several.
+    """
+    if not path.is_dir():
+        return path, find_format(path), None
+    own = _format_of_slices(path)
+    if own is not None:
+        return path, own, None
+    found = list(_search(path))
+    if len(found) != 1:
+        names = [printable_text(str(each.relative_to(path))) for each in found]
+        raise InputError(
+            f"this folder holds {len(found)} volumes, and one is rendered" if found else "this folder holds no volume",
+            where=str(path),
+            got=", ".join(names[:_MAX_LISTED]) + f" and {len(names) - _MAX_LISTED} more" * (len(names) > _MAX_LISTED)
+            if found
+            else "an empty folder"
+            if not any(path.iterdir())
+            else None,
+            expected=None if found else f"the slices of a DICOM or TIFF series, or a file of {KNOWN_FORMATS}",
+            hint=f"name one of them: {path / found[0].relative_to(path)}" if found else None,
+        )
+    volume = found[0]
+    slices = _format_of_slices(volume) if volume.is_dir() else None
+    return volume, slices or find_format(volume), f"the only volume in this folder, {volume.relative_to(path)}, is read"
+
+
+def _format_of_slices(folder: Path) -> Format | None:
+    """Return the format of the slices directly in a folder; None if there are none.
+
+    Raises InputError for slices of both formats.
+    """
+    entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".") and entry.is_file()]
+    tiffs = [entry for entry in entries if entry.suffix.lower() in TIFF_SUFFIXES]
+    dicoms = (entry for entry in sorted(entries) if entry.suffix.lower() not in TIFF_SUFFIXES and is_dicom(entry))
+    first = next(dicoms, None)
+    if tiffs and first is not None:
+        raise InputError(
+            "this folder holds both TIFF slices and DICOM files",
+            where=str(folder),
+            got=f"{min(tiffs).name} and {first.name}",
+            expected="the slices of one volume",
+            hint="put each volume into its own folder",
+        )
+    return "tiff" if tiffs else "dicom" if first is not None else None
+
+
+def _search(folder: Path) -> Iterator[Path]:
+    """Yield the volume files below a folder, and the folders of slices; links to folders are not followed."""
+    num_left = _MAX_ENTRIES
+    for place, folders, files in os.walk(folder):
+        folders.sort()
+        num_left -= len(folders) + len(files)
+        if num_left < 0:
+            return
+        if Path(place) != folder and _format_of_slices(Path(place)) is not None:
+            yield Path(place)
+            continue
+        for name in sorted(files):
+            if name.lower().endswith(_VOLUME_SUFFIXES) and not name.startswith("."):
+                yield Path(place, name)
+
+
+def _start(path: Path) -> bytes:
     try:
         with path.open("rb") as file:
-            start = file.read(_FIRST_BYTES)
+            return file.read(_FIRST_BYTES)
     except OSError as error:
         raise InputError("cannot read this file", where=str(path), got=error.strerror) from error
-    if not _may_be_volume(path.suffix.lower(), start):
-        raise UnknownFormatError(path, is_empty=not start)
 
 
-def _may_be_slice(path: Path) -> bool:
-    """Return whether a folder's entry can be a TIFF file or a DICOM file, which may have any name.
+def _has_dicom_mark(start: bytes) -> bool:
+    return start[128:132] == b"DICM"
 
-    The numbers in their first bytes contain zeros. Entries that cannot be opened are left to the readers.
-    """
-    if path.suffix.lower() in (".tif", ".tiff"):
-        return True
+
+def _is_nifti(start: bytes) -> bool:
+    return len(start) >= 4 and any(struct.unpack(order + "i", start[:4])[0] in _NIFTI_HEADER_BYTES for order in "<>")
+
+
+def _decompressed(path: Path, start: bytes) -> bytes:
+    """Return the first bytes of a gzip file; none of any other file."""
+    if start[:2] != b"\x1f\x8b":
+        return b""
     try:
-        if not path.is_file():
-            return False
-        with path.open("rb") as file:
-            return b"\0" in file.read(_FIRST_BYTES)
-    except OSError:
-        return True
-
-
-def _may_be_volume(suffix: str, start: bytes) -> bool:
-    if suffix in _SIGNATURES:
-        return start.startswith(_SIGNATURES[suffix])
-    if suffix in _TEXT_FORMATS:
-        return bool(start)
-    # All other formats have headers with small binary numbers, and so with zeros.
-    return b"\0" in start or start.startswith(b"NRRD") or suffix in (".gz", ".bz2")
+        with gzip.open(path) as file:
+            return file.read(4)
+    except (OSError, EOFError, zlib.error):
+        return b""

@@ -1,249 +1,265 @@
 """Read TIFF: one file with a slice per page, or a folder with a slice per file in natural order (`2.tif` before
 `10.tif`).
 
-Plain strips and tiles of one sample a pixel are read here, other pixels by SimpleITK. SimpleITK is used for nothing
-else: it reads a truncated file as a shorter stack and 16-bit floats as integers, and knows no spacing along z. The
-directories of the file have all of that (TIFF revision 6.0; BigTIFF), as have the descriptions that ImageJ and OME
-write into the first page. Spacing along z is taken from there, and otherwise equals that along x: a resolution is often
-just that of a screen, and slices as thick as pixels keep proportions.
+tifffile parses and decodes, in a child process (`isolation.py`). Values are those of the file, whatever its colours: a
+palette is not applied, and white may be 0. Smaller previews among the pages are left out. Axes and spacing come from
+the descriptions of ImageJ and OME and from the resolution; spacing along z, if it is not given, equals that along x: a
+resolution is often just that of a screen, and slices as thick as pixels keep proportions.
 """
 
 from __future__ import annotations
 
-from itertools import product
+import logging
+import math
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from renderer.errors import InputError
-from renderer.readers.common import Image, affine, check_dtype, check_size, require_exists, select_index
-from renderer.readers.itk import array_view, open_itk, quiet_simpleitk, read_image
+from renderer.errors import InputError, require_package
+from renderer.readers.common import (
+    Image,
+    affine,
+    check_size,
+    require_exists,
+    select_index,
+)
+from renderer.readers.isolation import Allocate
 from renderer.readers.slice_names import sort_slices
-from renderer.readers.tiff_description import MM_PER_UNIT, hyperstack, imagej_spacing, is_imagej, is_ome, ome_spacing
-from renderer.readers.tiff_directory import (
-    BITS,
-    COMPRESSION,
-    RESOLUTION_UNIT,
-    SAMPLES,
-    TILE_HEIGHT,
-    TILE_WIDTH,
-    Page,
-    read_pages,
+from renderer.readers.sniff import TIFF_SUFFIXES
+from renderer.readers.tiff_description import (
+    MM_PER_UNIT,
+    hyperstack,
+    imagej_spacing,
+    is_imagej,
+    is_ome,
+    ome_page_order,
+    ome_spacing,
 )
 from renderer.volume import Array, Float64
 
-SUFFIXES = (".tif", ".tiff")
+# Fields by number.
+_X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT = 282, 283, 296
 
-# Compressions that every build of libtiff has, by number, and the names of others.
-_COMMON_COMPRESSIONS = (1, 5, 7, 8, 32773, 32946)
-_COMPRESSIONS = {
-    6: "old-style JPEG",
-    33003: "JPEG 2000",
-    33005: "JPEG 2000",
-    34712: "JPEG 2000",
-    34887: "LERC",
-    34925: "LZMA",
-    34926: "Zstandard",
-    34927: "WebP",
-    34933: "PNG",
-    34934: "JPEG XR",
-    50000: "Zstandard",
-    50001: "WebP",
-    50002: "JPEG XL",
-    52546: "JPEG XL",
-}
+# A tifffile.TiffPage.
+_Page = Any
 
 
-def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacing_override: bool = False) -> Image:
-    """Read the stack in one file; `time` and `component` (the channel) choose in hyperstacks of ImageJ and OME.
+def read_tiff(
+    path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, allocate: Allocate
+) -> Image:
+    """Read the stack in one file, or in a folder of slices.
 
-    has_spacing_override: the scene gives the spacing, so that lengths in the file are not checked.
-    Raises InputError for truncated, foreign and inconsistent files.
+    time, component: which of several, also of hyperstacks of ImageJ and OME, whose channels are components.
+
+    has_spacing_override: the scene gives the spacing, so that lengths in the file are not checked. Raises InputError
+        for truncated, foreign and inconsistent files.
     """
     where = str(path)
-    order, pages = read_pages(path)
-    first = pages[0]
-    for number, page in enumerate(pages):
-        if page.difference(first):
-            raise InputError(
-                "the pages differ",
-                where=where,
-                got=f"{page.difference(first)} on page {number + 1}",
-                expected=f"{first.difference(page)} as on page 1",
-                hint="previews among the slices? save the slices alone",
-            )
-    check_dtype(first.dtype, where)
-    num_samples = first.number(SAMPLES, 1)
-    check_size((*first.size, len(pages), num_samples), first.dtype, where)
-    description = _text(first)
-    axes, counts = hyperstack(description, len(pages), where)
-    step = select_index("time", time, counts[axes.index("T")], where)
-    world_from_index = _world_from_index(first, where, has_spacing_override)
-    values = _decoded(path, order, pages, where)
-    if num_samples > 1:
-        return Image(values[..., select_index("component", component, num_samples, where)], world_from_index)
-    channel = select_index("component", component, counts[axes.index("C")], where)
-    stack = np.moveaxis(values.reshape(*counts, *values.shape[1:]), [axes.index("T"), axes.index("C")], [0, 1])
-    return Image(stack[step, channel], world_from_index)
+    if path.is_dir():
+        select_index("time", time, 1, where)
+        return _read_folder(path, component, has_spacing_override=has_spacing_override, allocate=allocate)
+    with _open_pages(path) as pages:
+        first = pages[0]
+        slices = [page for page in pages if not _is_preview(page, first)]
+        for page in slices:
+            if _describe(page) != _describe(first):
+                raise InputError(
+                    "the pages differ",
+                    where=where,
+                    got=f"{_describe(page)} on page {page.index + 1}",
+                    expected=f"{_describe(first)} as on page 1",
+                    hint="previews among the slices? save the slices alone",
+                )
+        description = first.description
+        num_planes = len(slices) if len(slices) > 1 else _num_contiguous(first, description, path)
+        axes, counts = hyperstack(description, num_planes, where)
+        step = select_index("time", time, counts[axes.index("T")], where)
+        has_channels = counts[axes.index("C")] > 1
+        channel = select_index("component", component if has_channels else None, counts[axes.index("C")], where)
+        sample = select_index("component", None if has_channels else component, first.samplesperpixel, where)
+        order = ome_page_order(description, axes, counts, where) if is_ome(description) else range(num_planes)
+        numbers = np.moveaxis(np.reshape(order, counts), [axes.index("T"), axes.index("C")], [0, 1])[step, channel]
+        check_size((first.imagewidth, first.imagelength, len(numbers)), _dtype(first), where)
+        values = allocate((len(numbers), first.imagelength, first.imagewidth), _dtype(first))
+        for target, number in zip(values, numbers, strict=True):
+            if num_planes > len(slices):
+                target[...] = _contiguous_plane(first, int(number), path)
+            else:
+                target[...] = _plane(slices[number], sample, path)
+        world_from_index = _world_from_index(first, where, has_spacing_override)
+    num_left_out = len(pages) - len(slices)
+    note = f"{num_left_out} smaller previews among the pages are left out" if num_left_out else None
+    return Image(values, world_from_index, note)
 
 
-def read_tiff_folder(
-    folder: Path, files: list[Path], component: int | None, *, has_spacing_override: bool = False
-) -> Image:
-    """Read one slice from each of `files`, sorted by their names.
+def _read_folder(folder: Path, component: int | None, *, has_spacing_override: bool, allocate: Allocate) -> Image:
+    """Read one slice from each TIFF file in a folder, sorted by their names.
 
     has_spacing_override: as in `read_tiff`. Raises InputError if the slices differ or their names do not make up one
         stack.
     """
-    files = sort_slices(folder, files)
-    values, first = None, None
+    entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
+    files = sort_slices(folder, [entry for entry in entries if entry.suffix.lower() in TIFF_SUFFIXES])
+    values, expected, world_from_index = None, "", np.eye(4)
     for index, file in enumerate(files):
-        order, pages = read_pages(require_exists(file))
-        page = pages[0]
-        first = first or page
-        if len(pages) > 1:
-            raise InputError(
-                "a file among these slices has several pages",
-                where=str(file),
-                got=f"{len(pages)} pages",
-                expected="a slice in each file, or one file with all slices",
-            )
-        if page.difference(first):
-            raise InputError(
-                "the slices of this folder differ",
-                where=str(file),
-                got=page.difference(first),
-                expected=f"{first.difference(page)} as in {files[0].name}",
-            )
-        num_samples = page.number(SAMPLES, 1)
-        channel = select_index("component", component, num_samples, str(file))
-        if values is None:
-            check_dtype(first.dtype, str(file))
-            check_size((*first.size, len(files), num_samples), first.dtype, str(folder))
-        plane = _decoded(file, order, pages, str(file)).reshape(*first.size[::-1], num_samples)[..., channel]
-        if values is None:  # allocated only after one slice has been read
-            values = np.empty((len(files), *plane.shape), first.dtype)
-        values[index] = plane
+        with _open_pages(require_exists(file)) as pages:
+            page, where = pages[0], str(file)
+            expected = expected or _describe(page)
+            if not all(_is_preview(other, page) for other in pages[1:]):
+                raise InputError(
+                    "a file among these slices has several pages",
+                    where=where,
+                    got=f"{len(pages)} pages",
+                    expected="a slice in each file, or one file with all slices",
+                )
+            if _describe(page) != expected:
+                raise InputError(
+                    "the slices of this folder differ",
+                    where=where,
+                    got=_describe(page),
+                    expected=f"{expected} as in {files[0].name}",
+                )
+            plane = _plane(page, select_index("component", component, page.samplesperpixel, where), file)
+            if values is None:  # allocated only after one slice has been read
+                check_size((*plane.shape[::-1], len(files)), plane.dtype, str(folder))
+                values = allocate((len(files), *plane.shape), _dtype(page))
+                world_from_index = _world_from_index(page, where, has_spacing_override)
+            values[index] = plane
     assert values is not None, "called without files"
-    assert first is not None
-    return Image(values, _world_from_index(first, str(files[0]), has_spacing_override))
+    return Image(values, world_from_index)
 
 
-def _decoded(path: Path, order: str, pages: list[Page], where: str) -> Array:
-    """Return the pixels [page, y, x] or [page, y, x, sample]."""
-    first = pages[0]
-    num_samples, num_tiled = first.number(SAMPLES, 1), sum(page.has_tiles for page in pages)
-    if first.number(COMPRESSION, 1) == 1 and num_samples == 1 and first.number(BITS, 1) == 8 * first.dtype.itemsize:
-        if num_tiled == len(pages):
-            return _plain_tiles(path, order, pages)
-        if not num_tiled:
-            return _plain_strips(path, order, pages)
-    # SimpleITK would turn tiles into 8-bit colours, float16 into integers, and refuses 64 bits.
-    if num_tiled:
-        raise _undecodable(where, first)
-    if first.dtype.itemsize == 8 or first.dtype == np.float16:
-        raise _undecodable(where, first)
+@contextmanager
+def _open_pages(path: Path) -> Iterator[list[_Page]]:
+    """Yield the pages of a file, at least one, each with pixels inside the file.
+
+    Raises InputError for a file that is not TIFF, or whose directories are truncated or damaged.
+    """
+    import tifffile
+
+    damage = _Damage()
+    logging.getLogger("tifffile").addHandler(damage)
     try:
-        with quiet_simpleitk() as sitk:
-            values = array_view(sitk, read_image(open_itk(sitk, path), path))
-    except InputError as error:
-        if first.number(COMPRESSION, 1) in _COMMON_COMPRESSIONS:
-            raise
-        raise _unknown_compression(where, first, error.got) from error
-    shape = (len(pages), first.size[1], first.size[0])
-    if values.dtype != first.dtype or values.size != np.prod(shape) * num_samples:
-        raise _undecodable(where, first)
-    return values.reshape(*shape, num_samples) if num_samples > 1 else values.reshape(shape)
+        with tifffile.TiffFile(path) as tiff:
+            pages = list(tiff.pages)
+            damage.require_none(path)
+            _check_pages(pages, tiff.filehandle.size, str(path))
+            yield pages
+    except tifffile.TiffFileError as error:
+        raise _not_tiff(path) from error
+    finally:
+        logging.getLogger("tifffile").removeHandler(damage)
 
 
-def _plain_strips(path: Path, order: str, pages: list[Page]) -> Array:
-    """Return uncompressed strips as [page, y, x] in native byte order; bytes beyond a page's size are not read.
+class _Damage(logging.Handler):
+    """The errors that tifffile logs where it goes on without damaged pages and fields."""
 
-    Raises InputError if the file becomes shorter during reading.
-    """
-    first = pages[0]
-    is_native = np.dtype(order + first.dtype.str[1:]).isnative
-    values = np.empty((len(pages), first.size[1], first.size[0]), first.dtype)
-    with path.open("rb") as file:
-        for page, target in zip(pages, values, strict=True):
-            plane = memoryview(target.reshape(-1).view(np.uint8))
-            begin = 0
-            for offset, num_bytes in zip(page.offsets, page.lengths, strict=True):
-                end = min(begin + int(num_bytes), len(plane))
-                file.seek(int(offset))
-                if file.readinto(plane[begin:end]) < end - begin:
-                    raise InputError("the file has become shorter while it was read", where=str(path))
-                begin = end
-                if begin == len(plane):
-                    break
-            if not is_native:
-                target.byteswap(inplace=True)
-    return values
+    def __init__(self) -> None:
+        super().__init__(logging.ERROR)
+        self._num = 0
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._num += 1
+
+    def require_none(self, path: Path) -> None:
+        if self._num:
+            raise _not_tiff(path)
 
 
-def _plain_tiles(path: Path, order: str, pages: list[Page]) -> Array:
-    """Return uncompressed tiles as [page, y, x] in native byte order, without the parts beyond the edges.
+def _not_tiff(path: Path) -> InputError:
+    return InputError(
+        "this is not a TIFF file, or its directories are damaged",
+        where=str(path),
+        got="an empty file" if path.stat().st_size == 0 else None,
+        expected="II or MM and 42 or 43, by which TIFF and BigTIFF begin, and pages and fields inside the file",
+        hint="the file is truncated or damaged",
+    )
 
-    Raises InputError unless each page has all its tiles, and the file all of their bytes.
-    """
-    first = pages[0]
-    stored = np.dtype(order + first.dtype.str[1:])
-    width, height = first.number(TILE_WIDTH, 0), first.number(TILE_HEIGHT, 0)
-    ys, xs = range(0, first.size[1], height or 1), range(0, first.size[0], width or 1)
-    num_tiles, num_bytes, num_file_bytes = len(ys) * len(xs), width * height * stored.itemsize, path.stat().st_size
-    is_damaged = any(len(page.offsets) < num_tiles or page.lengths.min() < num_bytes for page in pages)
-    if not num_bytes or is_damaged or num_bytes * num_tiles * len(pages) > num_file_bytes:
+
+def _check_pages(pages: list[_Page], num_file_bytes: int, where: str) -> None:
+    """Raise InputError unless every page has pixels, all inside the file."""
+    if not pages or not all(page.dtype is not None and np.prod(page.shaped, dtype=object) for page in pages):
+        raise InputError("this TIFF file holds no image", where=where, hint="the file is truncated or damaged")
+    for number, page in enumerate(pages, 1):
+        offsets, lengths = page.dataoffsets, page.databytecounts
+        num_segments = int(np.prod(page.chunked, dtype=object))
+        is_there = len(offsets) >= num_segments <= len(lengths) and min(offsets) > 0 and min(lengths) > 0
+        end = max(map(sum, zip(offsets, lengths, strict=False)), default=0)
+        num_bytes = sum(lengths) if page.compression == 1 else math.inf
+        if not is_there or end > num_file_bytes or num_bytes < page.nbytes:
+            raise InputError(
+                f"page {number} of this TIFF file lacks pixels",
+                where=where,
+                got=f"{len(offsets)} strips or tiles up to byte {end}, in a file of {num_file_bytes} bytes",
+                expected=f"{num_segments} strips or tiles" + f" of {page.nbytes} bytes" * (page.compression == 1),
+                hint="the file is truncated or damaged",
+            )
+
+
+def _dtype(page: _Page) -> np.dtype[Any]:
+    """Return the dtype of the voxels; single bits become bytes of 0 and 1."""
+    return np.dtype(np.uint8) if page.dtype.kind == "b" else np.dtype(page.dtype)
+
+
+def _describe(page: _Page) -> str:
+    """Return size and type of a page, in which all slices agree."""
+    samples = f" of {page.samplesperpixel} samples" if page.samplesperpixel > 1 else ""
+    depth = f" x {page.imagedepth}" if page.imagedepth > 1 else ""
+    return f"{page.imagewidth} x {page.imagelength}{depth} {_dtype(page).name}{samples}"
+
+
+def _is_preview(page: _Page, first: _Page) -> bool:
+    """Return whether a page is marked as a reduced version of another one, and is smaller than the first page."""
+    return bool(page.is_reduced) and page.imagewidth * page.imagelength < first.imagewidth * first.imagelength
+
+
+def _plane(page: _Page, sample: int, path: Path) -> Array:
+    """Return one sample of the pixels of a page, [y, x]; raises InputError for pixels that cannot be decoded."""
+    try:
+        pixels = page.asarray(maxworkers=1).reshape(page.shaped)
+    except Exception as error:  # of its codecs
+        compression = getattr(page.compression, "name", str(page.compression))
+        if "imagecodecs" in str(error):
+            require_package("imagecodecs", extra="tiff")
         raise InputError(
-            "the tiles of this TIFF file do not make up its pages",
+            "the pixels of this TIFF file cannot be decoded",
             where=str(path),
-            got=f"{len(first.offsets)} tiles, {int(first.lengths.min())} bytes the smallest; "
-            f"a file of {num_file_bytes} bytes",
-            expected=f"{num_tiles} tiles of {width} x {height} pixels, {num_bytes} bytes each, "
-            f"on each of {len(pages)} pages",
-            hint="the file is damaged",
-        )
-    values = np.empty((len(pages), first.size[1], first.size[0]), first.dtype)
-    with path.open("rb") as file:
-        for page, target in zip(pages, values, strict=True):
-            for (y, x), offset in zip(product(ys, xs), page.offsets, strict=False):
-                file.seek(int(offset))
-                data = file.read(num_bytes)
-                if len(data) < num_bytes:
-                    raise InputError("the file has become shorter while it was read", where=str(path))
-                part = target[y : y + height, x : x + width]
-                part[...] = np.frombuffer(data, stored).reshape(height, width)[: part.shape[0], : part.shape[1]]
-    return values
+            got=f"page {page.index + 1} of {_describe(page)}, compressed by {compression}",
+            hint="the file is damaged, or of a kind that cannot be read: save it again without compression",
+        ) from error
+    plane: Array = pixels[sample, 0, :, :, 0] if page.planarconfig == 2 else pixels[0, 0, :, :, sample]
+    return plane
 
 
-def _unknown_compression(where: str, page: Page, reason: str | None) -> InputError:
-    """Return the error for a compression that this build of SimpleITK may lack."""
-    number = page.number(COMPRESSION, 1)
-    name = _COMPRESSIONS.get(number)
-    return InputError(
-        "this TIFF file's compression is not supported",
-        where=where,
-        got=f"compression {number}" + f", {name}" * (name is not None) + f": {reason}" * (reason is not None),
-        expected="no compression, LZW, Deflate, PackBits or JPEG",
-        hint="save it again without compression or with Deflate, or as NRRD or .npy",
-    )
+def _num_contiguous(page: _Page, description: str, path: Path) -> int:
+    """Return the number of planes behind the only page of a large ImageJ stack, which has no other pages; else 1."""
+    images = re.search(r"^images=([0-9]{1,9})\s*$", description, re.M) if is_imagej(description) else None
+    num = int(images[1]) if images else 1
+    is_plain = page.compression == 1 and page.samplesperpixel == 1 and page.is_contiguous
+    return num if is_plain and page.dataoffsets[0] + num * page.nbytes <= path.stat().st_size else 1
 
 
-def _undecodable(where: str, page: Page) -> InputError:
-    return InputError(
-        "this kind of TIFF cannot be decoded",
-        where=where,
-        got=f"{page.dtype.name}, {'tiles' if page.has_tiles else 'strips'}, "
-        f"compression {page.number(COMPRESSION, 1)}, {page.number(SAMPLES, 1)} samples a pixel",
-        expected="strips of 8 to 32 bits, or uncompressed strips or tiles of one sample a pixel",
-        hint="save it as NRRD or .npy",
-    )
+def _contiguous_plane(page: _Page, number: int, path: Path) -> Array:
+    """Return one of the planes that follow the only page one after the other, [y, x]."""
+    dtype = np.dtype(page.parent.byteorder + page.dtype.char)
+    offset = page.dataoffsets[0] + number * page.nbytes
+    plane: Array = np.fromfile(path, dtype, page.imagewidth * page.imagelength, offset=offset)
+    return np.reshape(plane, page.shaped[2:4])
 
 
-def _text(page: Page) -> str:
-    return page.description.decode("utf-8", "replace")
+def _pixel_size(page: _Page, tag: int) -> float | None:
+    """Return the length of a pixel by the resolution, which is a fraction; None without one."""
+    fraction: Any = page.tags.valueof(tag)
+    if not (isinstance(fraction, tuple) and len(fraction) == 2 and all(fraction)):
+        return None
+    return float(fraction[1] / fraction[0])
 
 
-def _world_from_index(first: Page, where: str, has_spacing_override: bool) -> Float64:
+def _world_from_index(first: _Page, where: str, has_spacing_override: bool) -> Float64:
     """Return the affine of a stack, with spacing 1 if its lengths make no sense and `has_spacing_override` is set."""
     try:
         spacing = _spacing(first, where)
@@ -256,17 +272,19 @@ def _world_from_index(first: Page, where: str, has_spacing_override: bool) -> Fl
     return affine(spacing, np.zeros(3), np.eye(3))
 
 
-def _spacing(first: Page, where: str) -> list[float]:
+def _spacing(first: _Page, where: str) -> list[float]:
     """Return the spacing along x, y, z: in mm if the resolution is per inch or cm, else in the description's unit,
     else 1."""
-    description = _text(first)
-    sizes: list[float | None] = [below / above if above and below else None for above, below in first.resolution]
+    description = first.description
+    sizes = [_pixel_size(first, tag) for tag in (_X_RESOLUTION, _Y_RESOLUTION)]
+    tag = first.tags.valueof(_RESOLUTION_UNIT)
+    unit = int(tag) if isinstance(tag, int) else None
     spacing: list[float | None] = [None, None, None]
     if is_ome(description):
         spacing = ome_spacing(description, where)
     elif is_imagej(description):
-        spacing = imagej_spacing(description, sizes, first.numbers.get(RESOLUTION_UNIT), where)
-    elif (mm := MM_PER_UNIT.get(first.number(RESOLUTION_UNIT, 2))) is not None:
+        spacing = imagej_spacing(description, sizes, unit, where)
+    elif (mm := MM_PER_UNIT.get(2 if unit is None else unit)) is not None:
         spacing = [size and size * mm for size in sizes] + [None]
     x = spacing[0] or 1.0
     return [x, spacing[1] or x, spacing[2] or x]

@@ -73,9 +73,14 @@ def hyperstack(description: str, num_pages: int, where: str) -> tuple[str, list[
         by_axis = {"T": frames, "C": channels}
         by_axis["Z"] = slices or (images // (frames * channels) if images else num_pages)
     elif is_ome(description):
-        order = re.search(r'DimensionOrder="XY([CZT]{3})"', description)
-        axes = order[1][::-1] if order and len(set(order[1])) == 3 else "TZC"
-        by_axis = {axis: _size(description, axis, where) for axis in "TZC"}
+        pixels = _pixels(description)
+        order = _attribute(pixels, "DimensionOrder") or ""
+        axes = order[:1:-1] if order[:2] == "XY" and sorted(order[2:]) == ["C", "T", "Z"] else "TZC"
+        sizes = {axis: _attribute(pixels, f"Size{axis}") for axis in "TZC"}
+        by_axis = {
+            axis: int(_number(text, f"Size{axis}", where, is_count=True)) if text is not None else 1
+            for axis, text in sizes.items()
+        }
     else:
         return "TZC", [1, num_pages, 1]
     counts = [by_axis[axis] for axis in axes]
@@ -88,6 +93,43 @@ def hyperstack(description: str, num_pages: int, where: str) -> tuple[str, list[
             hint="save it again as a plain stack, all slices in one file",
         )
     return axes, counts
+
+
+def ome_page_order(description: str, axes: str, counts: list[int], where: str) -> list[int]:
+    """Return the number of the page of each plane, planes in the order of `axes` and `counts`, as in `hyperstack`.
+
+    TiffData elements may place planes on any page. Raises InputError unless each plane has a page of its own.
+    """
+    order = list(range(math.prod(counts)))
+    for element in re.findall(r"<(?:\w+:)?TiffData\b[^<>]*>", description):
+        found = {
+            name: int(_number(text, name, where, is_index=True))
+            for name in ("IFD", "PlaneCount", "FirstT", "FirstZ", "FirstC")
+            if (text := _attribute(element, name)) is not None
+        }
+        plane = 0
+        for axis, count in zip(axes, counts, strict=True):
+            plane = plane * count + found.get(f"First{axis}", 0)
+        if "IFD" not in found:
+            continue
+        for k in range(found.get("PlaneCount", 1)):
+            if plane + k >= len(order):
+                break
+            order[plane + k] = found["IFD"] + k
+    if sorted(order) != list(range(len(order))):
+        raise InputError(
+            "the description in this TIFF file does not give each plane a page",
+            where=where,
+            expected=f"TiffData elements for {len(order)} pages, all in this file",
+            hint="save it again as a plain stack, all slices in one file",
+        )
+    return order
+
+
+def _attribute(element: str, name: str) -> str | None:
+    """Return the text of an attribute of an XML element, in either kind of quotes; None if it is missing."""
+    found = re.search(rf"""\b{name}\s*=\s*(?:"([^"]*)"|'([^']*)')""", element)
+    return None if found is None else found[1] if found[1] is not None else found[2]
 
 
 def imagej_spacing(description: str, sizes: list[float | None], tag: int | None, where: str) -> list[float | None]:
@@ -144,10 +186,9 @@ def ome_spacing(description: str, where: str) -> list[float | None]:
 
     Raises InputError for a spacing that is not a number, and for units that cannot be converted to each other.
     """
-    pixels = _PIXELS.search(description)
-    attributes = pixels[0] if pixels else description
-    found = {axis: re.search(rf'\bPhysicalSize{axis}="([0-9.eE+-]+)"', attributes) for axis in "XYZ"}
-    said = {axis: _number(match[1], f"PhysicalSize{axis}", where) for axis, match in found.items() if match}
+    attributes = _pixels(description)
+    found = {axis: _attribute(attributes, f"PhysicalSize{axis}") for axis in "XYZ"}
+    said = {axis: _number(text, f"PhysicalSize{axis}", where) for axis, text in found.items() if text}
     sizes = {axis: size for axis, size in said.items() if size}  # of which 0 is none
     units = {axis: _unit(attributes, axis) for axis in sizes}
     first = next(iter(units.values()), "")
@@ -164,9 +205,9 @@ def ome_spacing(description: str, where: str) -> list[float | None]:
 
 def _unit(attributes: str, axis: str) -> str:
     """Return the unit of a PhysicalSize, in one of its Unicode spellings."""
-    found = re.search(rf'\bPhysicalSize{axis}Unit="([^"]*)"', attributes)
+    found = _attribute(attributes, f"PhysicalSize{axis}Unit")
     # A Latin-1 file read as UTF-8 has a replacement character for its only letter outside ASCII.
-    text = html.unescape(found[1]).replace("\ufffdm", "µm").replace("\ufffd", "Å") if found else "µm"
+    text = "µm" if found is None else html.unescape(found).replace("\ufffdm", "µm").replace("\ufffd", "Å")
     return unicodedata.normalize("NFKC", text.strip())
 
 
@@ -185,9 +226,10 @@ def _line(description: str, key: str, where: str) -> int | None:
     return int(_number(found[1], key, where, is_count=True)) if found else None
 
 
-def _size(description: str, axis: str, where: str) -> int:
-    found = re.search(rf'\bSize{axis}="([^"]*)"', description)
-    return int(_number(found[1], f"Size{axis}", where, is_count=True)) if found else 1
+def _pixels(description: str) -> str:
+    """Return the first Pixels element of OME's XML, without what is inside it; all of the XML if there is none."""
+    found = _PIXELS.search(description)
+    return found[0] if found else description
 
 
 def _shown(text: str) -> str:
@@ -196,15 +238,18 @@ def _shown(text: str) -> str:
     return (short if short in _METRES else ascii(short)[1:-1]) + "..." * (len(text) > _SHOWN_CHARACTERS)
 
 
-def _number(text: str, key: str, where: str, *, is_count: bool = False) -> float:
-    """Return the number that `text`, the value of `key`, spells: finite, and whole and positive if it counts pages."""
+def _number(text: str, key: str, where: str, *, is_count: bool = False, is_index: bool = False) -> float:
+    """Return the number that `text`, the value of `key`, spells: finite, and whole if it counts or numbers pages."""
     value = float(text) if _NUMBER.fullmatch(text) else math.nan
-    if math.isfinite(value) and (not is_count or (value.is_integer() and 1 <= value <= _MAX_COUNT)):
+    is_whole = value.is_integer() and (0 if is_index else 1) <= value <= _MAX_COUNT
+    if math.isfinite(value) and (is_whole or not (is_count or is_index)):
         return value
     raise InputError(
         "the description in this TIFF file has something else where a number belongs",
         where=where,
         got=f"{key}={_shown(text)}",
-        expected=f"a whole number from 1 to {_MAX_COUNT}" if is_count else "a finite number",
+        expected=f"a whole number from {0 if is_index else 1} to {_MAX_COUNT}"
+        if is_count or is_index
+        else "a finite number",
         hint="save it again as a plain stack, all slices in one file",
     )

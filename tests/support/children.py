@@ -10,7 +10,7 @@ import time
 
 from film_stages import PLAIN, stage_of
 
-from hsplat_cli.executors import ChildProcesses
+from renderer.child_processes import ChildProcesses
 from hsplat_cli.executors.workers.pool import open_pool
 
 LONG_S = 600

@@ -22,7 +22,7 @@ from kills import GRACE_S, MARK, names_of, seconds_until_gone
 from kinds_of_data import KINDS
 
 from hsplat_cli import main
-from hsplat_cli.executors import ChildProcesses
+from renderer.child_processes import ChildProcesses
 from hsplat_cli.films import render as render_module
 from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable import batch

@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from hsplat_cli.executors import ChildProcesses
+from renderer.child_processes import ChildProcesses
 from hsplat_cli.executors.workers import process
 from hsplat_cli.executors.workers.process import WorkerProcess
 

@@ -22,9 +22,9 @@ from typing import Any
 from hsplat_cli.executors.frame_result import FrameResult
 from hsplat_cli.executors.schedule import MAX_LOSSES, draw_ahead
 from hsplat_cli.executors.workers import process
-from hsplat_cli.executors.workers.child_processes import ChildProcesses
 from hsplat_cli.executors.workers.process import WorkerLostError, WorkerProcess
 from hsplat_cli.executors.workers.shared_stage import map_stage, share_stage
+from renderer.child_processes import ChildProcesses
 from renderer.errors import HsplatError
 from renderer.frame import Stage
 

@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.executors.workers.child_processes import ChildProcesses, describe_exit
+from renderer.child_processes import ChildProcesses, describe_exit
 from renderer.errors import ContextLostError, HsplatError, RenderError
 from renderer.film import StreamTail
 

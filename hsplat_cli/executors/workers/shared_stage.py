@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import mmap
 import os
-import tempfile
-from typing import IO
 
 from hsplat_cli.scenes import guard_mapping
+from renderer.child_processes import open_anonymous_file
 from renderer.errors import RenderError
 from renderer.frame import Stage, deserialize_stage, serialize_stage
 
@@ -18,7 +17,7 @@ def share_stage(stage: Stage) -> int:
     Voxels that are mapped from a file stay there. Raises RenderError where there is not enough memory.
     """
     try:
-        with _anonymous_file() as file:
+        with open_anonymous_file() as file:
             # Written, because mapped memory that has no room would be a signal that kills.
             for piece in serialize_stage(stage, without_files=False):
                 file.write(piece)
@@ -38,10 +37,3 @@ def map_stage(descriptor: int) -> Stage:
     Nobody writes to its arrays, so pages stay shared.
     """
     return deserialize_stage(memoryview(mmap.mmap(descriptor, 0, access=mmap.ACCESS_COPY)), guard_mapping)
-
-
-def _anonymous_file() -> IO[bytes]:
-    """Open a file without a name, in memory where the system can, else on disk."""
-    if hasattr(os, "memfd_create"):
-        return open(os.memfd_create("hsplat-stage", os.MFD_CLOEXEC), "wb")
-    return tempfile.TemporaryFile(prefix="hsplat-")

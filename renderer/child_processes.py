@@ -18,6 +18,7 @@ import runpy
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Mapping, Sequence
 from typing import IO
@@ -77,6 +78,13 @@ class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
         end = self._ends.pop(child, None)
         if end is not None:
             os.close(end)
+
+
+def open_anonymous_file() -> IO[bytes]:
+    """Open a file without a name, in memory where the system can, else on disk."""
+    if hasattr(os, "memfd_create"):
+        return open(os.memfd_create("hsplat", os.MFD_CLOEXEC), "w+b")
+    return tempfile.TemporaryFile(prefix="hsplat-")
 
 
 def describe_exit(status: int) -> str:

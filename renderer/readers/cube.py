@@ -1,0 +1,67 @@
+"""Read Gaussian cube files (.cube): a text of a header, atoms, and values on a grid, x slowest.
+
+Format: https://gaussian.com/cubegen/. Lengths stay in the unit of the file: bohr, or angstrom if the numbers of voxels
+are negative. A negative number of atoms announces a line with the numbers of several orbitals, which are components.
+"""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+
+from renderer.errors import InputError
+from renderer.readers.common import Image, select_index
+from renderer.readers.stored import Layout, StoredVoxels, read_stored
+from renderer.readers.text_header import Field, decode_header
+
+_MAX_LINE_BYTES = 4096
+
+
+def read_cube(path: Path, time: int | None, component: int | None) -> Image:
+    """Read one orbital, or other component, of a cube file, as float32.
+
+    Raises InputError for damaged and truncated files, and if `time` or `component` do not fit.
+    """
+    select_index("time", time, 1, str(path))
+    with path.open("rb") as file:
+        lines = (_line(file.readline(_MAX_LINE_BYTES), number, path) for number in itertools.count(1))
+        next(lines), next(lines)  # comments
+        first = next(lines)
+        num_atoms, *origin = first.numbers(4 + (len(first.text.split()) == 5))
+        num_values = int(origin.pop()) if len(origin) == 4 else 1
+        steps = [next(lines).numbers(4) for _ in range(3)]
+        shape = tuple(abs(int(step[0])) for step in steps)
+        for _ in range(abs(int(num_atoms))):
+            next(lines)
+        if num_atoms < 0:
+            orbitals = next(lines)
+            num_values = int(orbitals.numbers(len(orbitals.text.split()))[0])
+            num_left = num_values + 1 - len(orbitals.text.split())
+            while num_left > 0:
+                num_left -= len(next(lines).text.split())
+        offset = file.tell()
+    if min(*shape, num_values) < 1:
+        raise first.error("a number of atoms, and below it three numbers of voxels")
+    channel = select_index("component", component, num_values, str(path))
+    whole = slice(None)
+    part = StoredVoxels(path, offset, "text")
+    values = read_stored(
+        Layout(np.dtype(np.float32), (*shape, num_values), (part,)), (whole, whole, whole, channel), str(path)
+    )
+    world_from_index = np.eye(4)
+    world_from_index[:3, :3] = np.array([step[1:] for step in steps]).T
+    world_from_index[:3, 3] = origin
+    return Image(values.transpose(2, 1, 0), world_from_index)
+
+
+def _line(line: bytes, number: int, path: Path) -> Field:
+    """Return a line of the header; raises InputError for none, and for one that is too long."""
+    if not line or len(line) == _MAX_LINE_BYTES:
+        raise InputError(
+            "the header of this cube file does not end" if line else "this cube file ends within its header",
+            where=f"{path}:{number}",
+            hint="the file is truncated or damaged",
+        )
+    return Field(f"line {number}", decode_header(line).strip(), f"{path}:{number}")

@@ -1,0 +1,70 @@
+"""Find the data files that NRRD and MetaImage headers name: one file, a list, or a pattern with numbers."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+from renderer.errors import InputError
+from renderer.readers.common import describe_shape, require_exists
+from renderer.scene import printable_text
+
+# Numbered data files: `slice%03d.raw 1 60 1`, first, last and step. No other conversion is accepted.
+_NUMBERED = re.compile(
+    r"([^%\s]*)%(0?[0-9]?)d([^%\s]*)\s+([0-9]{1,9})\s+([0-9]{1,9})\s+([1-9][0-9]{0,8})(?:\s+([0-9]+))?"
+)
+# What both forms may end with is the number of axes in each file.
+_LIST = re.compile(r"LIST(?:\s+([0-9]+))?", re.IGNORECASE)
+
+
+def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int, ...]) -> tuple[list[Path], int]:
+    """Return the data files in order, and the number of slowest axes that they divide: 0 for one file.
+
+    name: one file, `LIST`, or a pattern. listed: the lines below the header. shape: of the whole array, from the
+        slowest axis to the fastest. Raises InputError for files that are missing, too few or too many, and for names of
+        another form.
+    """
+    numbered, is_list = _NUMBERED.fullmatch(name), _LIST.fullmatch(name)
+    if numbered is None and is_list is None and ("%" not in name or (header.parent / name).is_file()):
+        return [_data_file(header, name)], 0
+    num_axes, num_files = None, 0
+    if numbered is not None:
+        before, width, after, first, last, step, num_axes = numbered.groups()
+        numbers = range(int(first), int(last) + 1, int(step))
+        num_files = len(numbers)
+    elif is_list is not None:
+        num_axes, num_files = is_list[1], len(listed)
+    num_split = len(shape) - int(num_axes) if num_axes else 1
+    if num_files == 0 or not 0 < num_split < len(shape):
+        raise InputError(
+            "data files cannot be named in this way",
+            where=str(header),
+            got=printable_text(name),
+            expected="one file, LIST, or a pattern with first number, last and step, such as slice%03d.raw 1 60 1",
+            hint="write LIST, and below it the name of the file of each slice on its own line",
+        )
+    num_expected = math.prod(shape[:num_split])
+    if num_files != num_expected:
+        raise InputError(
+            f"this header names too {'few' if num_files < num_expected else 'many'} data files",
+            where=str(header),
+            got=str(num_files),
+            expected=f"{num_expected}, one for each {describe_shape(shape[num_split:][::-1])} of "
+            f"{describe_shape(shape[::-1])} voxels",
+        )
+    names = [f"{before}{number:{width}d}{after}" for number in numbers] if numbered is not None else listed
+    return [_data_file(header, each) for each in names], num_split
+
+
+def _data_file(header: Path, name: str) -> Path:
+    file = header.parent / name
+    if not file.is_file():
+        raise InputError(
+            "the data file that this header names is not there",
+            where=str(header),
+            got=printable_text(name),
+            expected=f"a file {printable_text(str(file))}",
+            hint="the two belong together: move or copy both",
+        )
+    return require_exists(file)

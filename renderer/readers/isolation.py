@@ -1,0 +1,157 @@
+"""Run a reader in a child process with limits on memory and time, for formats that large libraries parse.
+
+A file that makes such a library crash, loop or fill the memory ends the child, and is an InputError here. Voxels come
+back in shared memory, all else as JSON, which is checked like a file: whatever the child answers, it is only numbers.
+
+This file is also the program of the child: `python -m renderer.readers.isolation` with the request as JSON.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import math
+import mmap
+import os
+import resource
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.child_processes import ChildProcesses, describe_exit, open_anonymous_file
+from renderer.errors import InputError
+from renderer.readers.common import Image, check_dtype, check_size
+from renderer.scene import printable_text
+from renderer.volume import Array
+
+# The limits of a child: memory beside the voxels, and processor time, which voxels extend.
+_MEMORY_BYTES = 1 << 30
+_SECONDS, _BYTES_PER_SECOND = 30, 1 << 20
+
+_MAX_ANSWER_BYTES = 1 << 20
+_ERROR_FIELDS = ("what", "where", "got", "expected", "hint")
+
+# Makes an array for the voxels, [z, y, x] of any dtype, which they need not be copied from.
+Allocate = Callable[[tuple[int, ...], npt.DTypeLike], Array]
+
+
+def read_isolated(reader: str, path: Path, **arguments: Any) -> Image:
+    """Return what `reader`, a function by its module and name, returns when a child process calls it.
+
+    reader: `module:function`, called with the path, the arguments, and `allocate`. arguments: as JSON has them.
+    Raises InputError as the function does, and where it fails in any other way; MemoryError without enough memory.
+    """
+    request = json.dumps({"reader": reader, "path": str(path), "arguments": arguments})
+    with open_anonymous_file() as voxels, ChildProcesses() as children:
+        receiver, sender = os.pipe()
+        with open(receiver, "rb") as answers:
+            try:
+                child = children.start(
+                    __name__,
+                    [str(sender), str(voxels.fileno()), request],
+                    pass_fds=(sender, voxels.fileno()),
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL,
+                )
+            finally:
+                os.close(sender)
+            answer = answers.read(_MAX_ANSWER_BYTES)
+        status = child.wait()
+        if not answer:
+            raise InputError(
+                "reading this file ended the process that decodes it",
+                where=str(path),
+                got=describe_exit(status),
+                hint=f"the file is damaged, or decoding it takes more than {_MEMORY_BYTES >> 20} MiB beside its voxels",
+            )
+        return _image(json.loads(answer), voxels, path)
+
+
+def _image(answer: dict[str, Any], voxels: IO[bytes], path: Path) -> Image:
+    """Return the image of an answer, mapped from the shared memory; raises InputError if the answer is an error."""
+    if "what" in answer:
+        what, *others = (answer[name] for name in _ERROR_FIELDS)
+        raise InputError(what, **dict(zip(_ERROR_FIELDS[1:], others, strict=True)))
+    shape, dtype = tuple(int(n) for n in answer["shape"]), np.dtype(str(answer["dtype"]))
+    check_dtype(dtype, str(path))
+    num_bytes = check_size(shape, dtype, str(path))
+    values = np.frombuffer(mmap.mmap(voxels.fileno(), num_bytes), dtype).reshape(shape)
+    world_from_index = np.array(answer["world_from_index"], np.float64).reshape(4, 4)
+    return Image(values, world_from_index, answer["note"])
+
+
+class _Voxels:
+    """Shared memory for voxels in the child: grows its limits by what is allocated."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._values: Array | None = None
+
+    def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
+        """Return an array of zeros in the shared memory, which replaces an earlier one."""
+        num_bytes = math.prod(shape) * np.dtype(dtype).itemsize
+        _extend_limit(resource.RLIMIT_AS, 2 * num_bytes)  # decoding may need them once more
+        _extend_limit(resource.RLIMIT_CPU, num_bytes // _BYTES_PER_SECOND)
+        os.ftruncate(self._descriptor, num_bytes)
+        self._values = np.frombuffer(mmap.mmap(self._descriptor, num_bytes), dtype).reshape(shape)
+        return self._values
+
+    def place(self, values: Array) -> Array:
+        """Copy values into the shared memory unless they are there, in native byte order."""
+        if values is self._values:
+            return values
+        target = self.allocate(values.shape, values.dtype.newbyteorder("="))
+        target[...] = values
+        return target
+
+
+def _extend_limit(kind: int, more: int) -> None:
+    limit, most = resource.getrlimit(kind)
+    if limit != resource.RLIM_INFINITY:
+        resource.setrlimit(kind, (limit + more, most))
+
+
+def _limit_child() -> None:
+    """Set the limits, above what the process has taken already."""
+    status = Path("/proc/self/statm")
+    taken = int(status.read_text("ascii").split()[0]) * resource.getpagesize() if status.exists() else None
+    for kind, limit in (
+        (resource.RLIMIT_AS, None if taken is None else taken + _MEMORY_BYTES),
+        (resource.RLIMIT_CPU, _SECONDS),
+        (resource.RLIMIT_CORE, 0),
+    ):
+        most = resource.getrlimit(kind)[1]
+        if limit is not None and (most == resource.RLIM_INFINITY or limit < most):
+            resource.setrlimit(kind, (limit, most))
+
+
+def _main() -> None:
+    """Read one file. Arguments: the descriptors of the answer and the voxels, and the request."""
+    sender, descriptor, request = int(sys.argv[1]), int(sys.argv[2]), json.loads(sys.argv[3])
+    path, voxels = Path(request["path"]), _Voxels(descriptor)
+    module, _, name = request["reader"].partition(":")
+    reader = getattr(importlib.import_module(module), name)
+    _limit_child()
+    try:
+        image = reader(path, **request["arguments"], allocate=voxels.allocate)
+        values = voxels.place(image.values)
+        answer = {"shape": values.shape, "dtype": values.dtype.str, "note": image.note}
+        answer["world_from_index"] = image.world_from_index.tolist()
+    except InputError as error:
+        answer = {name: getattr(error, name) for name in _ERROR_FIELDS}
+    except Exception as error:  # damaged bytes raise all kinds in the libraries
+        text = "it takes too much memory" if isinstance(error, MemoryError) else " ".join(str(error).split())
+        answer = dict.fromkeys(_ERROR_FIELDS)
+        answer |= {"what": "this file cannot be decoded", "where": str(path), "got": printable_text(text) or None}
+        answer["hint"] = "it is truncated or damaged, or of a kind that cannot be read"
+    with open(sender, "wb") as file:
+        file.write(json.dumps(answer).encode("ascii"))
+
+
+if __name__ == "__main__":
+    _main()

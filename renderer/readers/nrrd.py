@@ -1,0 +1,335 @@
+"""Read NRRD (.nrrd, .nhdr): a header of text, and voxels behind it or in data files.
+
+Format: http://teem.sourceforge.net/nrrd/format.html. An axis is either in space or time (a domain axis), or a list of
+components; its kind decides, and where that is unknown, whether it has a direction. Without a space, lengths are those
+of `spacings`. Spaces whose axes are named after the body become LPS; others are taken for LPS.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from renderer.errors import InputError, closest_match
+from renderer.readers.common import NO_LENGTHS, Image, affine, select_index
+from renderer.readers.data_files import find_data_files
+from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
+from renderer.readers.text_header import MAX_HEADER_BYTES, Field, decode_header
+from renderer.scene import format_value
+from renderer.volume import Float64
+
+MAGIC = b"NRRD"
+MAX_AXES = 16  # of the format
+
+# Fields by their names in lower case without blanks.
+_FIELDS = frozenset(
+    (
+        *("dimension", "type", "blocksize", "encoding", "endian", "content", "oldmin", "oldmax", "min", "max"),
+        *("datafile", "lineskip", "byteskip", "number", "sampleunits", "space", "spacedimension", "spaceunits"),
+        *("spaceorigin", "spacedirections", "measurementframe", "sizes", "spacings", "thicknesses", "axismins"),
+        *("axismaxs", "centers", "labels", "units", "kinds"),
+    )
+)
+_INTEGERS = {
+    "int8": "signed char, int8, int8_t",
+    "uint8": "uchar, unsigned char, uint8, uint8_t",
+    "int16": "short, short int, signed short, signed short int, int16, int16_t",
+    "uint16": "ushort, unsigned short, unsigned short int, uint16, uint16_t",
+    "int32": "int, signed int, int32, int32_t",
+    "uint32": "uint, unsigned int, uint32, uint32_t",
+    "int64": "longlong, long long, long long int, signed long long, signed long long int, int64, int64_t",
+    "uint64": "ulonglong, unsigned long long, unsigned long long int, uint64, uint64_t",
+}
+_TYPES = {name: dtype for dtype, names in _INTEGERS.items() for name in names.split(", ")}
+_TYPES |= {"float": "float32", "double": "float64"}
+_ENCODINGS: dict[str, Encoding] = {"raw": "raw", "gzip": "deflate", "gz": "deflate", "bzip2": "bzip2", "bz2": "bzip2"}
+_ENCODINGS |= {"text": "text", "txt": "text", "ascii": "text", "hex": "hex"}
+_UNKNOWN_KINDS = ("", "???", "none")
+# The factors of x, y and z into LPS, by the name of a space and its short form.
+_SPACES = {
+    "right-anterior-superior": (-1.0, -1.0, 1.0),
+    "left-anterior-superior": (1.0, -1.0, 1.0),
+    "left-posterior-superior": (1.0, 1.0, 1.0),
+}
+_SPACES |= {"".join(word[0] for word in name.split("-")): factors for name, factors in _SPACES.items()}
+_VECTOR = re.compile(r"\(([^()]*)\)|none")
+
+
+@dataclass(frozen=True)
+class _Axes:
+    """The axes of an array, by their numbers from the fastest to the slowest: `component` and `time` may be missing."""
+
+    space: tuple[int, ...]
+    time: int | None
+    component: int | None
+
+
+def read_nrrd(path: Path, time: int | None, component: int | None) -> Image:
+    """Read one time step and component of a NRRD file, in LPS.
+
+    Raises InputError for damaged, truncated and foreign files, and if `time` or `component` do not fit.
+    """
+    where = str(path)
+    fields, layout = read_header(path)
+    axes = _axes(fields, len(layout.shape), where)
+    sizes = layout.shape[::-1]
+    step = select_index("time", time, 1 if axes.time is None else sizes[axes.time], where)
+    channel = select_index("component", component, 1 if axes.component is None else sizes[axes.component], where)
+    world_from_index, has_lengths = _world_from_index(fields, axes, len(layout.shape))
+    chosen: dict[int | None, int] = {axes.time: step, axes.component: channel}
+    index = tuple(chosen.get(axis, slice(None)) for axis in reversed(range(len(sizes))))
+    values = read_stored(layout, index, where)
+    return Image(
+        values if values.ndim == 3 else values[np.newaxis], world_from_index, None if has_lengths else NO_LENGTHS
+    )
+
+
+def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
+    """Return the fields of a header by their names, in lower case without blanks, and where the voxels are.
+
+    Raises InputError for headers that are damaged or foreign, and for missing data files.
+    """
+    fields, listed, offset = _parse(path)
+    where = str(path)
+    num_axes = _whole(_required(fields, "dimension", where), 1, MAX_AXES)[0]
+    shape = tuple(int(n) for n in _required(fields, "sizes", where).numbers(num_axes, whole=True, least=1))[::-1]
+    kind = _required(fields, "type", where)
+    dtype = np.dtype(_choice(kind, _TYPES))
+    encoding = _choice(_required(fields, "encoding", where), _ENCODINGS)
+    if dtype.itemsize > 1 and encoding not in ("text",):
+        order = _choice(fields["endian"], {"little": "<", "big": ">"}) if "endian" in fields else "="
+        dtype = dtype.newbyteorder(order)
+    num_lines = _whole(fields["lineskip"], 0)[0] if "lineskip" in fields else 0
+    num_bytes = _whole(fields["byteskip"], -1)[0] if "byteskip" in fields else 0
+    if "datafile" in fields:
+        files, num_split = find_data_files(path, fields["datafile"].text, listed, shape)
+        places = [(file, 0) for file in files]
+    else:
+        places, num_split = [(path, offset)], 0
+    num_part_bytes = dtype.itemsize * math.prod(shape[num_split:])
+    if num_bytes == -1 and encoding != "raw":
+        raise fields["byteskip"].error("a number from 0 on, as the encoding is not raw")
+    parts = []
+    for file, begin in places:
+        skipped = max(0, file.stat().st_size - num_part_bytes) if num_bytes == -1 else num_bytes
+        start = 0 if num_bytes == -1 else _after_lines(file, begin, num_lines)
+        parts.append(StoredVoxels(file, start, encoding, skipped, has_rest=num_bytes > 0 or num_lines > 0))
+    return fields, Layout(dtype, shape, tuple(parts), num_split)
+
+
+def _parse(path: Path) -> tuple[dict[str, Field], list[str], int]:
+    """Return the fields, the names of a list of data files, and where the voxels begin behind the header."""
+    fields: dict[str, Field] = {}
+    with path.open("rb") as file:
+        lines = _lines(file.readline, path)
+        for number, text in lines:
+            where = f"{path}:{number}"
+            if number == 1:
+                if not re.fullmatch(r"NRRD00[0-9]+", text):
+                    raise InputError("this is not a NRRD file", where=str(path), expected="NRRD0004 or so in line 1")
+                continue
+            if not text:
+                return fields, [], file.tell()
+            if text.startswith("#") or ":=" in text:
+                continue
+            name, mark, value = text.partition(":")
+            key = name.lower().replace(" ", "").replace("centerings", "centers")
+            if not mark or key not in _FIELDS:
+                raise _unknown_line(text, name if mark else "", where)
+            if key in fields:
+                raise InputError(
+                    "this NRRD header has a field twice",
+                    where=where,
+                    got=f"{name}, as in {fields[key].where}",
+                    hint="remove one of the lines",
+                )
+            fields[key] = Field(name, value.strip(), where)
+            if key == "datafile" and value.split()[:1] == ["LIST"]:
+                return fields, [line for _, line in lines if line], file.tell()
+        return fields, [], file.tell()
+
+
+def _lines(readline: Callable[[int], bytes], path: Path) -> Iterator[tuple[int, str]]:
+    """Yield the number and the text of each line; raises InputError where no header can still be."""
+    left, number = MAX_HEADER_BYTES, 0
+    while line := readline(left):
+        number, left = number + 1, left - len(line)
+        if left == 0:
+            raise InputError(
+                "the header of this NRRD file does not end",
+                where=str(path),
+                got=f"{MAX_HEADER_BYTES} bytes without an empty line",
+                hint="an empty line is missing before the voxels, or the file is damaged",
+            )
+        yield number, decode_header(line.rstrip(b"\r\n"))
+
+
+def _unknown_line(text: str, name: str, where: str) -> InputError:
+    near = closest_match(name.lower().replace(" ", "")[:40], sorted(_FIELDS)) if name else None
+    return InputError(
+        "this line of a NRRD header cannot be read",
+        where=where,
+        got=format_value(text),
+        expected="a field with its value, a comment, or an empty line before the voxels",
+        hint=f"did you mean {near}?" if near else "an empty line is missing before the voxels, or the file is damaged",
+    )
+
+
+def _required(fields: dict[str, Field], name: str, where: str) -> Field:
+    if name not in fields:
+        raise InputError(
+            "this NRRD header lacks a field",
+            where=where,
+            expected=f"a line `{name}: ...`",
+            hint="add that line, or save the file again",
+        )
+    return fields[name]
+
+
+def _whole(field: Field, least: int, most: float = np.inf) -> list[int]:
+    """Return the whole number of a field in a list; raises InputError for any other text."""
+    number = field.numbers(1, whole=True)[0]
+    if not least <= number <= most:
+        raise field.error(f"a whole number from {least}" + (f" to {most:g}" if np.isfinite(most) else " on"))
+    return [int(number)]
+
+
+def _choice(field: Field, choices: dict[str, Any]) -> Any:
+    """Return what a field's word stands for; raises InputError for a word that is none of the choices."""
+    word = " ".join(field.text.lower().split())
+    if word not in choices:
+        near = closest_match(word[:40], choices)
+        expected = ", ".join(sorted(set(map(str, choices)))) if len(choices) < 10 else "a type such as uint8 or float"
+        raise field.error(expected, f"did you mean {near}?" if near else "save it again in another form")
+    return choices[word]
+
+
+def _after_lines(file: Path, begin: int, num_lines: int) -> int:
+    """Return where `num_lines` lines from byte `begin` of a file end."""
+    if num_lines == 0:
+        return begin
+    with file.open("rb") as opened:
+        opened.seek(begin)
+        for _ in range(num_lines):
+            if not opened.readline(MAX_HEADER_BYTES):
+                break
+        return opened.tell()
+
+
+def _axes(fields: dict[str, Field], num_axes: int, where: str) -> _Axes:
+    """Return which axes are space, time and components; raises InputError for more of them than a volume has."""
+    kinds = fields["kinds"].text.lower().split() if "kinds" in fields else []
+    if kinds and len(kinds) != num_axes:
+        raise fields["kinds"].error(f"{num_axes} words, one for each axis")
+    kinds = kinds or [""] * num_axes
+    directions = _directions(fields, num_axes)
+    space: list[int] = []
+    times: list[int] = []
+    lists: list[int] = []
+    for k, kind in enumerate(kinds):
+        if kind in ("time", "domain", "space", *_UNKNOWN_KINDS):
+            has_no_place = bool(directions) and directions[k] is None
+            (times if kind == "time" or (has_no_place and k > 0) else lists if has_no_place else space).append(k)
+        else:
+            lists.append(k)
+    if len(space) == 2 and times:  # a film is seen as a volume
+        space.append(times.pop(0))
+    if len(space) == 4 and not times:
+        times.append(space.pop())
+    if len(lists) > 1 or len(times) > 1 or not 2 <= len(space) <= 3:
+        raise InputError(
+            "the axes of this NRRD file are not those of a volume",
+            where=where,
+            got=f"{num_axes} axes" + f" of the kinds {' '.join(kinds)}" * any(kinds),
+            expected="two or three axes in space, at most one of components, and at most one of time",
+        )
+    return _Axes(tuple(space), times[0] if times else None, lists[0] if lists else None)
+
+
+def _directions(fields: dict[str, Field], num_axes: int) -> list[Float64 | None]:
+    """Return the vector of each axis, None for `none`; an empty list if the header has no directions."""
+    if "spacedirections" not in fields:
+        return []
+    field = fields["spacedirections"]
+    vectors = _vectors(field)
+    if len(vectors) != num_axes:
+        raise field.error(f"{num_axes} vectors such as (1,0,0), one for each axis; none for axes that are not in space")
+    return vectors
+
+
+def _vectors(field: Field) -> list[Float64 | None]:
+    """Return the vectors of a field in three dimensions; None for `none`, and for vectors of NaN."""
+    vectors: list[Float64 | None] = []
+    matches = list(_VECTOR.finditer(field.text))
+    if re.sub(r"\s", "", _VECTOR.sub("", field.text)) or not matches:
+        raise field.error("vectors such as (1,0,0)")
+    for match in matches:
+        words = match[1].split(",") if match[1] is not None else ["nan"]
+        try:
+            numbers = np.array([float(word) for word in words])
+        except ValueError:
+            raise field.error("vectors of numbers, such as (1,0,0)") from None
+        if not 1 <= len(numbers) <= 4 or (len(numbers) == 4 and numbers[3] not in (0.0, 1.0)):
+            raise field.error("vectors of three numbers")
+        vectors.append(None if np.isnan(numbers).all() else np.pad(numbers[:3], (0, 3 - len(numbers[:3]))))
+    return vectors
+
+
+def _world_from_index(fields: dict[str, Field], axes: _Axes, num_axes: int) -> tuple[Float64, bool]:
+    """Return the affine, float64 [4, 4], and whether the header gives lengths."""
+    directions = _directions(fields, num_axes)
+    spacing, first = _scalar_places(fields, num_axes, axes)
+    vectors = np.eye(3)
+    for column, k in enumerate(axes.space):
+        direction = directions[k] if directions else None
+        vectors[:, column] = vectors[:, column] * spacing[column] if direction is None else direction
+    origins = _vectors(fields["spaceorigin"]) if "spaceorigin" in fields else [None]
+    origin = first if origins[0] is None else origins[0]
+    name = fields["space"].text.lower().removesuffix("-time") if "space" in fields else ""
+    factors = _SPACES.get(name, _SPACES.get(name.removesuffix("t"), (1.0, 1.0, 1.0)))
+    flips = np.diag([*factors, 1.0])
+    has_lengths = bool(directions) or "spacings" in fields or {"axismins", "axismaxs"} <= fields.keys()
+    return flips @ affine(np.ones(3), origin, vectors), has_lengths
+
+
+def _scalar_places(fields: dict[str, Field], num_axes: int, axes: _Axes) -> tuple[Float64, Float64]:
+    """Return spacing and position of the first voxel, float64 [3] each, without a space: 1 and 0 where none is given.
+
+    Samples of `cell` lie in the middle of their step, those of `node` at its ends.
+    """
+    spacings, mins, maxs = (_axis_numbers(fields, name, num_axes) for name in ("spacings", "axismins", "axismaxs"))
+    centers = fields["centers"].text.split() if "centers" in fields else []
+    sizes = fields["sizes"].numbers(num_axes)
+    spacing, first = np.ones(3), np.zeros(3)
+    for column, k in enumerate(axes.space):
+        is_node = centers[k : k + 1] == ["node"]
+        step = spacings[k]
+        if "spacings" in fields and np.isnan(step):
+            raise fields["spacings"].error(
+                "a number for each axis of space", "correct that line; without it, voxels are 1 long"
+            )
+        if np.isnan(step):
+            step = (maxs[k] - mins[k]) / max(sizes[k] - is_node, 1)
+        spacing[column] = 1.0 if np.isnan(step) else step
+        if not np.isnan(mins[k]):
+            first[column] = mins[k] + (0.0 if is_node else spacing[column] / 2)
+    return spacing, first
+
+
+def _axis_numbers(fields: dict[str, Field], name: str, num_axes: int) -> list[float]:
+    """Return a field's number for each axis: NaN for `nan`, and if the field is missing."""
+    if name not in fields:
+        return [math.nan] * num_axes
+    try:
+        numbers = [float(word) for word in fields[name].text.split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) != num_axes:
+        raise fields[name].error(f"{num_axes} numbers, one for each axis")
+    return numbers

@@ -1,0 +1,260 @@
+"""Read voxels where a header says that they are: plain, compressed, or as text; in one file or a file for each slice.
+
+Compressed voxels are decompressed once, in pieces, and their checksum is compared. Sizes are checked before memory is
+taken. Large plain voxels stay in their file.
+"""
+
+from __future__ import annotations
+
+import bz2
+import math
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any, Literal
+
+import numpy as np
+
+from renderer.errors import InputError
+from renderer.readers.common import bytes_of, check_size, describe_shape, stays_mapped
+from renderer.volume import Array
+
+# Files are read and decompressed in pieces of this many bytes.
+_PIECE = 2**20
+
+# Deflate stores at most 258 bytes in 2 bits (RFC 1951), and no stream is longer than this multiple of its bytes.
+_MAX_DEFLATE_RATIO = 1032
+
+Encoding = Literal["raw", "deflate", "bzip2", "text", "hex"]
+
+
+@dataclass(frozen=True)
+class StoredVoxels:
+    """The place of encoded voxels in a file.
+
+    offset: the bytes before them.
+    encoding: "deflate" is gzip or zlib; "text" is decimal numbers, "hex" the hexadecimal digits of bytes.
+    num_skipped: the decoded bytes before the first voxel.
+    num_encoded: the number of encoded bytes, if the header gives it; the rest of the file otherwise.
+    has_rest: whether anything may follow the voxels.
+    """
+
+    file: Path
+    offset: int = 0
+    encoding: Encoding = "raw"
+    num_skipped: int = 0
+    num_encoded: int | None = None
+    has_rest: bool = False
+
+
+@dataclass(frozen=True)
+class Layout:
+    """An array as files store it.
+
+    dtype: in the byte order of the files. shape: from the slowest axis to the fastest.
+    parts: the files that hold it one after the other, in parts of the same length.
+    num_split: the number of slowest axes that the parts divide; 0 for one part.
+    """
+
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...]
+    parts: tuple[StoredVoxels, ...]
+    num_split: int = 0
+
+
+def read_stored(layout: Layout, index: tuple[int | slice, ...], where: str) -> Array:
+    """Return `array[index]` of the array that `layout` describes, or a view of it mapped from its file.
+
+    index: an item for each axis; slices are whole. Integers for the slowest axes save memory. Raises InputError for
+        files that are missing, truncated, damaged, or too long.
+    """
+    num_bytes = check_size(layout.shape[::-1], layout.dtype, where)
+    part_shape = layout.shape[layout.num_split :]
+    for part in layout.parts:
+        _check_length(part, part_shape[::-1], layout.dtype)
+    only = layout.parts[0]
+    if len(layout.parts) == 1 and only.encoding == "raw" and stays_mapped(num_bytes):
+        mapped: Array = np.memmap(only.file, layout.dtype, "r", only.offset + only.num_skipped, layout.shape)
+        return mapped[index]
+    first, num_chosen = 0, 0
+    for item, length in zip(index, layout.shape, strict=True):
+        if not isinstance(item, int):
+            break
+        first, num_chosen = first * length + item, num_chosen + 1
+    values = np.empty(layout.shape[num_chosen:], layout.dtype)
+    begin = first * values.nbytes
+    for part in layout.parts:
+        _copy_part(part, values, begin, part_shape[::-1])
+        begin -= num_bytes // len(layout.parts)
+    return values[index[num_chosen:]]
+
+
+def _copy_part(part: StoredVoxels, values: Array, begin: int, shape_xyz: tuple[int, ...]) -> None:
+    """Copy what `values` has of one part.
+
+    begin: the byte of the part at which `values` begins; before or after the part if outside of its range.
+    """
+    num_bytes = values.itemsize * math.prod(shape_xyz)
+    low, high = max(begin, 0), min(begin + values.nbytes, num_bytes)
+    if low >= high:
+        return
+    target = bytes_of(values)[low - begin : high - begin]
+    if part.encoding == "raw":
+        with part.file.open("rb") as file:
+            file.seek(part.offset + part.num_skipped + low)
+            if file.readinto(target) < len(target):
+                raise InputError("the file has become shorter while it was read", where=str(part.file))
+        return
+    found = -part.num_skipped
+    for piece in _decoded(part, values.dtype, num_bytes):
+        inside = piece[max(0, low - found) : max(0, high - found)]
+        place = max(found - low, 0)
+        target[place : place + len(inside)] = inside
+        found += len(piece)
+        if found > 2 * num_bytes + _PIECE:  # a small file may decompress to any length
+            break
+    _check_num_bytes(part, found, shape_xyz, values.dtype)
+
+
+def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+    """Raise InputError if the file cannot hold the voxels, as far as its length shows."""
+    num_values = math.prod(shape_xyz)
+    num_bytes = num_values * dtype.itemsize
+    found = part.file.stat().st_size - part.offset
+    if part.encoding == "raw":
+        _check_num_bytes(part, found - part.num_skipped, shape_xyz, dtype)
+        return
+    least = {
+        "deflate": -(-num_bytes // _MAX_DEFLATE_RATIO),
+        "bzip2": 1,
+        "text": 2 * num_values - 1,  # a digit each, and something between two of them
+        "hex": 2 * num_bytes,
+    }[part.encoding]
+    if found < max(least, part.num_encoded or 0):
+        encoded = "text" if part.encoding in ("text", "hex") else "compressed voxels"
+        expected = f"at least {least} bytes ({describe_shape(shape_xyz)} voxels)"
+        if part.num_encoded is not None:
+            expected = f"{part.num_encoded} bytes of compressed voxels"
+        raise _too_short(part.file, f"{max(found, 0)} bytes of {encoded}", expected)
+
+
+def _check_num_bytes(part: StoredVoxels, found: int, shape_xyz: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+    """Raise InputError for fewer bytes than the voxels have, and for so many more that an axis would be longer.
+
+    A few more bytes may be a line break or the rest of a block.
+    """
+    num_bytes = dtype.itemsize * math.prod(shape_xyz)
+    is_raw = part.encoding == "raw"
+    expected = f"{num_bytes} bytes ({describe_shape(shape_xyz)} voxels)"
+    if found < num_bytes:
+        raise _too_short(part.file, f"{max(found, 0)} bytes" + " after decoding" * (not is_raw), expected)
+    if part.has_rest or found - num_bytes < min(num_bytes // n for n in shape_xyz[:3]):
+        return
+    fits = [
+        (*shape_xyz[:k], found // (num_bytes // n), *shape_xyz[k + 1 :])
+        for k, n in enumerate(shape_xyz)
+        if found % (num_bytes // n) == 0
+    ]
+    raise InputError(
+        "the file is longer than its header says",
+        where=str(part.file),
+        got=f"{found} bytes" if is_raw else f"{found} bytes or more after decoding",
+        expected=expected,
+        hint=f"these would fit: {'; '.join(map(describe_shape, fits))}" if fits and is_raw else "the header is wrong",
+    )
+
+
+def _too_short(file: Path, got: str, expected: str) -> InputError:
+    return InputError(
+        "the file is shorter than its header says",
+        where=str(file),
+        got=got,
+        expected=expected,
+        hint="the file is truncated or its header is wrong",
+    )
+
+
+def _decoded(part: StoredVoxels, dtype: np.dtype[Any], enough: int) -> Iterator[bytes]:
+    """Yield the decoded bytes of a file in pieces, to the end of the stream that has byte `enough`.
+
+    Raises InputError for damage.
+    """
+    is_text = part.encoding in ("text", "hex")
+    try:
+        with part.file.open("rb") as file:
+            file.seek(part.offset)
+            if part.encoding == "deflate":
+                yield from _inflated(_pieces(file, part.num_encoded), part.num_skipped + enough)
+            elif part.encoding == "bzip2":
+                yield from _pieces(bz2.BZ2File(file))
+            elif part.encoding == "hex":
+                yield from _from_hex(_pieces(file))
+            else:
+                yield from (_numbers(words, dtype).tobytes() for words in _whole_words(_pieces(file)))
+    except (zlib.error, EOFError, OSError, ValueError, OverflowError) as error:
+        raise InputError(
+            "the text of the voxels is not numbers of their type" if is_text else "the compressed voxels are damaged",
+            where=str(part.file),
+            got=" ".join(str(error).split()),
+            hint="the header is wrong, or the file is damaged" if is_text else "copy or download the file again",
+        ) from error
+
+
+def _inflated(pieces: Iterator[bytes], enough: int) -> Iterator[bytes]:
+    """Yield the bytes of a zlib stream or of gzip members, to the end of the one that has byte `enough`.
+
+    Raises zlib.error for damage and a wrong checksum, EOFError if a stream breaks off.
+    """
+    total = 0
+    data = next(pieces, b"")
+    while data and total < enough:
+        stream = zlib.decompressobj(zlib.MAX_WBITS | 32)  # recognises gzip and zlib
+        while not stream.eof:
+            piece = stream.decompress(data, _PIECE)
+            total += len(piece)
+            yield piece
+            data = stream.unconsumed_tail
+            if not data and not stream.eof and len(piece) < _PIECE:  # a full piece may leave more inside the stream
+                data = next(pieces, b"")
+                if not data:
+                    raise EOFError(f"the compressed data break off after {total} bytes of voxels")
+        data = stream.unused_data or next(pieces, b"")
+
+
+def _pieces(file: IO[bytes], num_bytes: int | None = None) -> Iterator[bytes]:
+    """Yield the rest of a file in pieces, `num_bytes` of it at most."""
+    left = math.inf if num_bytes is None else num_bytes
+    while data := file.read(int(min(_PIECE, left))):
+        left -= len(data)
+        yield data
+
+
+def _from_hex(pieces: Iterator[bytes]) -> Iterator[bytes]:
+    """Yield the bytes that a text of hexadecimal digits spells; raises ValueError for any other word."""
+    rest = b""
+    for piece in pieces:
+        digits = rest + b"".join(piece.split())
+        num_even = len(digits) // 2 * 2
+        yield bytes.fromhex(digits[:num_even].decode("ascii"))
+        rest = digits[num_even:]
+
+
+def _whole_words(pieces: Iterator[bytes]) -> Iterator[bytes]:
+    """Yield the pieces of a text, divided between words; raises ValueError for a word longer than a piece."""
+    rest = b""
+    for piece in pieces:
+        text = rest + piece.replace(b",", b" ")
+        end = max(text.rfind(blank) for blank in (b" ", b"\n", b"\t", b"\r")) + 1
+        if end == 0 and len(text) > _PIECE:
+            raise ValueError("a number of more than a million digits")
+        yield text[:end]
+        rest = text[end:]
+    yield rest
+
+
+def _numbers(words: bytes, dtype: np.dtype[Any]) -> Array:
+    """Return the numbers in a text as this type; raises ValueError or OverflowError for any other word."""
+    if dtype.kind == "f":
+        return np.array([float(word) for word in words.split()], dtype)
+    return np.array([int(word) for word in words.split()], dtype)

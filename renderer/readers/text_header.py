@@ -1,0 +1,51 @@
+"""Read headers of text, of which each line belongs to one field."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from dataclasses import dataclass
+
+from renderer.errors import InputError
+from renderer.scene import printable_text
+
+# No header comes near this size, even with a file for each slice.
+MAX_HEADER_BYTES = 2**22
+
+NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+
+
+@dataclass(frozen=True)
+class Field:
+    """The text of one field, and the place that messages name: the file, and its line where that is known."""
+
+    name: str
+    text: str
+    where: str
+
+    def error(self, expected: str, hint: str = "correct that line, or save the file again") -> InputError:
+        """Return the error for a field whose text is not what belongs there."""
+        return InputError(
+            "a field of this header does not have what belongs there",
+            where=self.where,
+            got=f"{self.name}: {printable_text(self.text)}" if self.text else f"{self.name} without a value",
+            expected=expected,
+            hint=hint,
+        )
+
+    def numbers(self, count: int, *, whole: bool = False, least: float = -math.inf) -> list[float]:
+        """Return the numbers of the field; raises InputError unless there are `count` of them, all finite."""
+        words = self.text.split()
+        numbers = [float(word) for word in words if NUMBER.fullmatch(word)]
+        are_right = all(math.isfinite(x) and x >= least and (x.is_integer() or not whole) for x in numbers)
+        if len(words) != count or len(numbers) != count or not are_right:
+            kind = "whole number" if whole else "number"
+            at_least = f" from {least:g} on" * math.isfinite(least)
+            raise self.error(f"{count} {kind}{'s' * (count != 1)}{at_least}")
+        return numbers
+
+
+def decode_header(header: bytes) -> str:
+    """Return a header as text, decoded as file names are, whatever its bytes."""
+    return os.fsdecode(header)

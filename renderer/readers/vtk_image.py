@@ -1,0 +1,111 @@
+"""Read VTK images: XML (.vti) and legacy (.vtk) files of image data, by VTK, in a child process (`isolation.py`).
+
+Each component of each array is a component of the volume. Values of points are preferred to those of cells, which lie
+in the middle between points.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from renderer.errors import InputError, require_package
+from renderer.readers.common import Image, affine, check_dtype, check_size, select_index
+from renderer.readers.isolation import Allocate
+from renderer.scene import printable_text
+
+_MAX_LISTED = 12
+
+
+def read_vtk_image(
+    path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, allocate: Allocate
+) -> Image:
+    """Read one component of one array of an image.
+
+    has_spacing_override: not used; the file always has lengths. Raises InputError for files that are truncated or hold
+        other data, and if `time` or `component` do not fit.
+    """
+    require_package("vtkmodules", extra="vtk")
+    select_index("time", time, 1, str(path))
+    image = _read(path)
+    fields = image.GetPointData()
+    is_cells = fields.GetNumberOfArrays() == 0
+    if is_cells:
+        fields = image.GetCellData()
+    arrays = [each for k in range(fields.GetNumberOfArrays()) if (each := fields.GetArray(k)) is not None]
+    components = [(array, k) for array in arrays for k in range(array.GetNumberOfComponents())]
+    if component is None and len(components) > 1:
+        names = [f"{k} is {_name(*each)}" for k, each in enumerate(components[:_MAX_LISTED])]
+        raise InputError(
+            f"the volume has {len(components)} components, and one is rendered",
+            where=str(path),
+            got=", ".join(names) + ", ..." * (len(components) > _MAX_LISTED),
+            expected=f"`component: k` with k from 0 to {len(components) - 1}",
+        )
+    shape = tuple(max(n - is_cells, 1) for n in image.GetDimensions())
+    if not components or 0 in image.GetDimensions():
+        raise _damaged(path, "no values")
+    array, channel = components[select_index("component", component, len(components), str(path))]
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    stored = vtk_to_numpy(array)
+    check_dtype(stored.dtype, str(path))
+    check_size(shape, stored.dtype, str(path))
+    if array.GetNumberOfTuples() != int(np.prod(shape, dtype=object)):
+        raise _damaged(path, f"{array.GetNumberOfTuples()} values of {printable_text(array.GetName())}")
+    values = allocate(shape[::-1], stored.dtype)
+    values[...] = (stored if stored.ndim == 1 else stored[:, channel]).reshape(values.shape)
+    return Image(values, _world_from_index(image, is_cells=is_cells))
+
+
+def _name(array: Any, component: int) -> str:
+    name = printable_text(array.GetName() or "an array without a name")
+    return name if array.GetNumberOfComponents() == 1 else f"{name}[{component}]"
+
+
+def _read(path: Path) -> Any:
+    """Return a vtkImageData; raises InputError for any other content, and for errors that VTK reports."""
+    with path.open("rb") as file:
+        is_legacy = file.read(5) == b"# vtk"
+    reader: Any
+    if is_legacy:
+        from vtkmodules.vtkIOLegacy import vtkStructuredPointsReader
+
+        reader = vtkStructuredPointsReader()
+        reader.ReadAllScalarsOn()
+        reader.ReadAllVectorsOn()
+        reader.ReadAllFieldsOn()
+    else:
+        from vtkmodules.vtkIOXML import vtkXMLImageDataReader
+
+        reader = vtkXMLImageDataReader()
+    reader.SetFileName(str(path))
+    errors: list[str] = []
+    reader.AddObserver("ErrorEvent", lambda *_: errors.append(""))
+    reader.Update()
+    image = reader.GetOutput()
+    if errors or reader.GetErrorCode() != 0 or image is None or image.GetDimensions() == (0, 0, 0):
+        raise _damaged(path, None)
+    return image
+
+
+def _damaged(path: Path, got: str | None) -> InputError:
+    return InputError(
+        "this VTK file is damaged, or holds no image",
+        where=str(path),
+        got=got,
+        expected="image data (STRUCTURED_POINTS in legacy files) with values at its points or in its cells",
+        hint="grids of other kinds are resampled to an image first, for instance in ParaView",
+    )
+
+
+def _world_from_index(image: Any, *, is_cells: bool) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Return the affine, float64 [4, 4], of the first voxel of the image, which may be a part of a larger one."""
+    matrix = image.GetDirectionMatrix()
+    direction = np.array([[matrix.GetElement(i, j) for j in range(3)] for i in range(3)])
+    world_from_index = affine(image.GetSpacing(), image.GetOrigin(), direction)
+    first = np.array(image.GetExtent()[::2]) + (0.5 if is_cells else 0.0)
+    world_from_index[:3, 3] += world_from_index[:3, :3] @ first
+    return world_from_index
