@@ -5,11 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from renderer.draw import GLRasterizer
+from renderer.readers.common import Image
+from renderer.readers.isolation import call_reader
 
 DATA_VARIABLE = "HSPLAT_TEST_DATA"
 
@@ -48,6 +51,16 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return the current folder, which is empty: messages hold names without a path."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Read files of all formats in this process, which is quicker for hundreds of them."""
+
+    def read_here(reader: str, path: Path, **arguments: Any) -> Image:
+        return call_reader(reader, path, arguments, np.zeros)
+
+    monkeypatch.setattr("renderer.readers.read.read_isolated", read_here)
 
 
 @pytest.fixture(scope="session")

@@ -57,10 +57,10 @@ def header_data_files(header: Path) -> list[Path]:
         return [header.with_suffix(ending).resolve() for ending in (".img", ".IMG")]
     if suffix not in _NRRD + _METAIMAGE or not header.is_file():
         return []
-    from renderer.readers import data_files
+    from renderer.readers import voxel_files
 
     try:
-        return [file.resolve() for file in data_files(header)]
+        return [file.resolve() for file in voxel_files(header)]
     except (InputError, OSError):  # its reader reports it later
         return []
 

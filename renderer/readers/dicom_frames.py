@@ -83,14 +83,25 @@ class Frame:
         return np.asarray(stored * self.slope + self.intercept).astype(self.dtype)
 
 
-def open_dicom(path: Path, *, with_pixels: bool = False) -> _Dataset:
-    """Return the fields of a DICOM file; raises InputError if it is damaged."""
+def open_dicom(path: Path) -> _Dataset:
+    """Return the fields before the pixels of a DICOM file; raises InputError if it is damaged."""
+    return _open(path)[0]
+
+
+def _open(path: Path, *, with_pixels: bool = False) -> tuple[_Dataset, bool]:
+    """Return the fields of a DICOM file, and whether anything comes behind them."""
     import pydicom
 
     try:
-        return pydicom.dcmread(path, stop_before_pixels=not with_pixels, force=True)
+        with path.open("rb") as file:
+            dataset = pydicom.dcmread(file, stop_before_pixels=not with_pixels, force=True)
+            return dataset, bool(file.read(1))
     except Exception as error:  # of its parser, for damaged bytes
         raise unreadable_slice(path, "a field of it is damaged: copy it again, or save it again") from error
+
+
+def _transfer_syntax(dataset: _Dataset) -> Any:
+    return getattr(getattr(dataset, "file_meta", None), "TransferSyntaxUID", None)
 
 
 def unreadable_slice(path: Path, hint: str = "the file is truncated or damaged", got: str | None = None) -> InputError:
@@ -123,7 +134,10 @@ def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
     has_spacing_override: the scene gives the spacing; lengths that the file does not give are 1. Otherwise raises
         InputError for such lengths, as for damaged files and for files without pixels.
     """
-    dataset = open_dicom(path)
+    dataset, has_pixels = _open(path)
+    syntax = _transfer_syntax(dataset)
+    if not has_pixels and not (syntax is not None and syntax.is_deflated):
+        raise unreadable_slice(path)
     try:
         count = int(dataset.get("NumberOfFrames") or 1)
         shared, *_ = _groups(dataset, _SHARED_GROUPS) or [[]]
@@ -215,8 +229,8 @@ def _rescaled_dtype(dataset: _Dataset, slope: float, intercept: float) -> np.dty
 
 def pixels_of(path: Path) -> Array:
     """Return the stored pixels of a file, [frame, y, x, sample]; raises InputError if they cannot be decoded."""
-    dataset = open_dicom(path, with_pixels=True)
-    syntax = getattr(getattr(dataset, "file_meta", None), "TransferSyntaxUID", None)
+    dataset, _ = _open(path, with_pixels=True)
+    syntax = _transfer_syntax(dataset)
     try:
         pixels = np.asarray(dataset.pixel_array)
     except Exception as error:  # of its decoders

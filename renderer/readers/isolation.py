@@ -26,12 +26,11 @@ import numpy.typing as npt
 from renderer.child_processes import ChildProcesses, describe_exit, open_anonymous_file
 from renderer.errors import InputError
 from renderer.readers.common import Image, check_dtype, check_size
-from renderer.scene import printable_text
 from renderer.volume import Array
 
-# The limits of a child: memory beside the voxels, and processor time, which voxels extend.
+# The limits of a child: memory beside the voxels, and processor time, to which voxels and files in a folder add.
 _MEMORY_BYTES = 1 << 30
-_SECONDS, _BYTES_PER_SECOND = 30, 1 << 20
+_SECONDS, _BYTES_PER_SECOND, _FILES_PER_SECOND = 10, 1 << 20, 10
 
 _MAX_ANSWER_BYTES = 1 << 20
 _ERROR_FIELDS = ("what", "where", "got", "expected", "hint")
@@ -46,7 +45,9 @@ def read_isolated(reader: str, path: Path, **arguments: Any) -> Image:
     reader: `module:function`, called with the path, the arguments, and `allocate`. arguments: as JSON has them.
     Raises InputError as the function does, and where it fails in any other way; MemoryError without enough memory.
     """
-    request = json.dumps({"reader": reader, "path": str(path), "arguments": arguments})
+    seconds = _SECONDS + (len(os.listdir(path)) // _FILES_PER_SECOND if path.is_dir() else 0)
+    limits = {"memory": _MEMORY_BYTES, "seconds": seconds}
+    request = json.dumps({"reader": reader, "path": str(path), "arguments": arguments, "limits": limits})
     with open_anonymous_file() as voxels, ChildProcesses() as children:
         receiver, sender = os.pipe()
         with open(receiver, "rb") as answers:
@@ -67,7 +68,8 @@ def read_isolated(reader: str, path: Path, **arguments: Any) -> Image:
                 "reading this file ended the process that decodes it",
                 where=str(path),
                 got=describe_exit(status),
-                hint=f"the file is damaged, or decoding it takes more than {_MEMORY_BYTES >> 20} MiB beside its voxels",
+                expected=f"at most {_MEMORY_BYTES >> 20} MiB beside the voxels and {seconds} s without them",
+                hint="the file is damaged, or made to do harm",
             )
         return _image(json.loads(answer), voxels, path)
 
@@ -116,13 +118,13 @@ def _extend_limit(kind: int, more: int) -> None:
         resource.setrlimit(kind, (limit + more, most))
 
 
-def _limit_child() -> None:
-    """Set the limits, above what the process has taken already."""
+def _limit_child(memory: int, seconds: int) -> None:
+    """Set the limits of memory in bytes, above what the process has taken already, and of processor time."""
     status = Path("/proc/self/statm")
     taken = int(status.read_text("ascii").split()[0]) * resource.getpagesize() if status.exists() else None
     for kind, limit in (
-        (resource.RLIMIT_AS, None if taken is None else taken + _MEMORY_BYTES),
-        (resource.RLIMIT_CPU, _SECONDS),
+        (resource.RLIMIT_AS, None if taken is None else taken + memory),
+        (resource.RLIMIT_CPU, seconds),
         (resource.RLIMIT_CORE, 0),
     ):
         most = resource.getrlimit(kind)[1]
@@ -130,25 +132,37 @@ def _limit_child() -> None:
             resource.setrlimit(kind, (limit, most))
 
 
+def call_reader(reader: str, path: Path, arguments: dict[str, Any], allocate: Allocate) -> Image:
+    """Return what a reader returns; raises InputError for all exceptions that damaged bytes raise in its library."""
+    module, _, name = reader.partition(":")
+    function = getattr(importlib.import_module(module), name)
+    try:
+        image: Image = function(path, **arguments, allocate=allocate)
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(
+            "this file cannot be decoded",
+            where=str(path),
+            got="more memory than is allowed" if isinstance(error, MemoryError) else None,
+            hint="it is truncated or damaged, or of a kind that cannot be read",
+        ) from error
+    return image
+
+
 def _main() -> None:
     """Read one file. Arguments: the descriptors of the answer and the voxels, and the request."""
     sender, descriptor, request = int(sys.argv[1]), int(sys.argv[2]), json.loads(sys.argv[3])
-    path, voxels = Path(request["path"]), _Voxels(descriptor)
-    module, _, name = request["reader"].partition(":")
-    reader = getattr(importlib.import_module(module), name)
-    _limit_child()
+    voxels = _Voxels(descriptor)
+    answer: dict[str, Any]
+    _limit_child(**request["limits"])
     try:
-        image = reader(path, **request["arguments"], allocate=voxels.allocate)
+        image = call_reader(request["reader"], Path(request["path"]), request["arguments"], voxels.allocate)
         values = voxels.place(image.values)
         answer = {"shape": values.shape, "dtype": values.dtype.str, "note": image.note}
         answer["world_from_index"] = image.world_from_index.tolist()
     except InputError as error:
         answer = {name: getattr(error, name) for name in _ERROR_FIELDS}
-    except Exception as error:  # damaged bytes raise all kinds in the libraries
-        text = "it takes too much memory" if isinstance(error, MemoryError) else " ".join(str(error).split())
-        answer = dict.fromkeys(_ERROR_FIELDS)
-        answer |= {"what": "this file cannot be decoded", "where": str(path), "got": printable_text(text) or None}
-        answer["hint"] = "it is truncated or damaged, or of a kind that cannot be read"
     with open(sender, "wb") as file:
         file.write(json.dumps(answer).encode("ascii"))
 

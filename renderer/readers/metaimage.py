@@ -49,17 +49,17 @@ def read_metaimage(path: Path, time: int | None, component: int | None) -> Image
     Raises InputError for damaged, truncated and foreign files, and if `time` or `component` do not fit.
     """
     header, layout = read_header(path)
-    num_times = layout.shape[0] if len(layout.shape) == 5 else 1
-    step = select_index("time", time, num_times, str(path))
-    channel = select_index("component", component, layout.shape[-1], str(path))
-    whole = slice(None)
-    values = read_stored(layout, (step, whole, whole, whole, channel)[5 - len(layout.shape) :], str(path))
+    num_axes, num_components = header.whole("NDims", 0, least=2), header.whole("ElementNumberOfChannels", 1, least=1)
+    step = select_index("time", time, layout.shape[0] if num_axes == 4 else 1, str(path))
+    channel = select_index("component", component, num_components, str(path))
+    index = (step, *[slice(None)] * 3)[4 - num_axes :] + (channel,) * (num_components > 1)
+    values = read_stored(layout, index, str(path))
     note = None if any(name in header.fields for name in _SPACINGS) else NO_LENGTHS
     return Image(values if values.ndim == 3 else values[np.newaxis], _world_from_index(header), note)
 
 
 def read_header(path: Path) -> tuple[Header, Layout]:
-    """Return the fields of a header, and where the voxels are, as [time, z, y, x, component] without missing axes.
+    """Return the fields of a header, and where the voxels are: [time, z, y, x, component], without axes that it lacks.
 
     Raises InputError for headers that are damaged or foreign, and for missing data files.
     """
@@ -67,7 +67,9 @@ def read_header(path: Path) -> tuple[Header, Layout]:
     header.require("NDims", "DimSize", "ElementType", "ElementDataFile")
     num_axes = header.whole("NDims", 0, least=2, most=4)
     sizes = header.numbers(("DimSize",), num_axes, whole=True, least=1) or []
-    shape = (*(int(n) for n in sizes[::-1]), header.whole("ElementNumberOfChannels", 1, least=1))
+    space = tuple(int(n) for n in sizes[::-1])
+    num_components = header.whole("ElementNumberOfChannels", 1, least=1)
+    shape = space + (num_components,) * (num_components > 1)
     kind = header.text("ElementType").removesuffix("_ARRAY")
     if kind not in _TYPES:
         raise header.fields["ElementType"].error(", ".join(_TYPES), "save it again in another type")
@@ -76,7 +78,7 @@ def read_header(path: Path) -> tuple[Header, Layout]:
     dtype = np.dtype(_TYPES[kind]).newbyteorder(">" if is_big else "<")
     data_file = header.text("ElementDataFile")
     is_local = data_file.upper() == "LOCAL"
-    files, num_split = ([path], 0) if is_local else find_data_files(path, data_file, header.listed, shape[:-1])
+    files, num_split = ([path], 0) if is_local else find_data_files(path, data_file, header.listed, space)
     part = _part(header, is_local=is_local)
     parts = [replace(part, file=file) for file in files]
     if not is_local and header.whole("HeaderSize", 0, least=-1) == -1:

@@ -26,6 +26,7 @@ from renderer.volume import Float64
 
 MAGIC = b"NRRD"
 MAX_AXES = 16  # of the format
+_MAX_LISTED = 10
 
 # Fields by their names in lower case without blanks.
 _FIELDS = frozenset(
@@ -51,13 +52,16 @@ _TYPES |= {"float": "float32", "double": "float64"}
 _ENCODINGS: dict[str, Encoding] = {"raw": "raw", "gzip": "deflate", "gz": "deflate", "bzip2": "bzip2", "bz2": "bzip2"}
 _ENCODINGS |= {"text": "text", "txt": "text", "ascii": "text", "hex": "hex"}
 _UNKNOWN_KINDS = ("", "???", "none")
-# The factors of x, y and z into LPS, by the name of a space and its short form.
+# The factors of x, y and z into LPS, by the name of a space and its short form, also with time.
 _SPACES = {
     "right-anterior-superior": (-1.0, -1.0, 1.0),
     "left-anterior-superior": (1.0, -1.0, 1.0),
     "left-posterior-superior": (1.0, 1.0, 1.0),
 }
 _SPACES |= {"".join(word[0] for word in name.split("-")): factors for name, factors in _SPACES.items()}
+_SPACES |= dict.fromkeys(("scanner-xyz", "3d-right-handed", "3d-left-handed"), (1.0, 1.0, 1.0))
+_SPACES |= {name + ("-time" if "-" in name else "t"): factors for name, factors in _SPACES.items()}
+_CENTERS = ("cell", "node", *_UNKNOWN_KINDS)
 _VECTOR = re.compile(r"\(([^()]*)\)|none")
 
 
@@ -205,7 +209,7 @@ def _choice(field: Field, choices: dict[str, Any]) -> Any:
     word = " ".join(field.text.lower().split())
     if word not in choices:
         near = closest_match(word[:40], choices)
-        expected = ", ".join(sorted(set(map(str, choices)))) if len(choices) < 10 else "a type such as uint8 or float"
+        expected = ", ".join(list(choices)[:_MAX_LISTED]) + ", ..." * (len(choices) > _MAX_LISTED)
         raise field.error(expected, f"did you mean {near}?" if near else "save it again in another form")
     return choices[word]
 
@@ -264,7 +268,7 @@ def _directions(fields: dict[str, Field], num_axes: int) -> list[Float64 | None]
 
 
 def _vectors(field: Field) -> list[Float64 | None]:
-    """Return the vectors of a field in three dimensions; None for `none`, and for vectors of NaN."""
+    """Return the vectors of a field in three dimensions; None for `none`, NaN, and one of several only in time."""
     vectors: list[Float64 | None] = []
     matches = list(_VECTOR.finditer(field.text))
     if re.sub(r"\s", "", _VECTOR.sub("", field.text)) or not matches:
@@ -275,9 +279,11 @@ def _vectors(field: Field) -> list[Float64 | None]:
             numbers = np.array([float(word) for word in words])
         except ValueError:
             raise field.error("vectors of numbers, such as (1,0,0)") from None
-        if not 1 <= len(numbers) <= 4 or (len(numbers) == 4 and numbers[3] not in (0.0, 1.0)):
-            raise field.error("vectors of three numbers")
-        vectors.append(None if np.isnan(numbers).all() else np.pad(numbers[:3], (0, 3 - len(numbers[:3]))))
+        if len(numbers) > 4:
+            raise field.error("vectors of at most four numbers, of which the last is in time")
+        is_in_time = len(numbers) == 4 and not numbers[:3].any() and len(matches) > 1
+        has_place = not (np.isnan(numbers).all() or is_in_time)
+        vectors.append(np.pad(numbers[:3], (0, max(0, 3 - len(numbers)))) if has_place else None)
     return vectors
 
 
@@ -291,8 +297,7 @@ def _world_from_index(fields: dict[str, Field], axes: _Axes, num_axes: int) -> t
         vectors[:, column] = vectors[:, column] * spacing[column] if direction is None else direction
     origins = _vectors(fields["spaceorigin"]) if "spaceorigin" in fields else [None]
     origin = first if origins[0] is None else origins[0]
-    name = fields["space"].text.lower().removesuffix("-time") if "space" in fields else ""
-    factors = _SPACES.get(name, _SPACES.get(name.removesuffix("t"), (1.0, 1.0, 1.0)))
+    factors = _choice(fields["space"], _SPACES) if "space" in fields else (1.0, 1.0, 1.0)
     flips = np.diag([*factors, 1.0])
     has_lengths = bool(directions) or "spacings" in fields or {"axismins", "axismaxs"} <= fields.keys()
     return flips @ affine(np.ones(3), origin, vectors), has_lengths
@@ -304,7 +309,9 @@ def _scalar_places(fields: dict[str, Field], num_axes: int, axes: _Axes) -> tupl
     Samples of `cell` lie in the middle of their step, those of `node` at its ends.
     """
     spacings, mins, maxs = (_axis_numbers(fields, name, num_axes) for name in ("spacings", "axismins", "axismaxs"))
-    centers = fields["centers"].text.split() if "centers" in fields else []
+    centers = fields["centers"].text.lower().split() if "centers" in fields else []
+    if "centers" in fields and (len(centers) != num_axes or not set(centers) <= set(_CENTERS)):
+        raise fields["centers"].error(f"{num_axes} words, one for each axis: cell, node or ???")
     sizes = fields["sizes"].numbers(num_axes)
     spacing, first = np.ones(3), np.zeros(3)
     for column, k in enumerate(axes.space):

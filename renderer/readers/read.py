@@ -144,7 +144,7 @@ def _read_as(form: Format, path: Path, time: int | None, component: int | None, 
     return (read_npz if form == "npz" else read_npy)(path, time, component)
 
 
-def data_files(header: Path) -> list[Path]:
+def voxel_files(header: Path) -> list[Path]:
     """Return the files that hold the voxels of a header, itself perhaps among them; an empty list if that is unknown.
 
     Raises InputError for damaged headers and missing files.

@@ -40,9 +40,9 @@ class Field:
         numbers = [float(word) for word in words if NUMBER.fullmatch(word)]
         are_right = all(math.isfinite(x) and x >= least and (x.is_integer() or not whole) for x in numbers)
         if len(words) != count or len(numbers) != count or not are_right:
-            kind = "whole number" if whole else "number"
+            kind = "whole number" if whole else "finite number"
             at_least = f" from {least:g} on" * math.isfinite(least)
-            raise self.error(f"{count} {kind}{'s' * (count != 1)}{at_least}")
+            raise self.error(f"a {kind}{at_least}" if count == 1 else f"{count} {kind}s{at_least}")
         return numbers
 
 

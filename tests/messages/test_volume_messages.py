@@ -9,15 +9,14 @@ from pathlib import Path
 import nibabel as nib
 import numpy as np
 import pytest
-import SimpleITK as sitk  # noqa: N813
+import tifffile
 
 from renderer.errors import InputError
 from renderer.readers import read_volume
-from renderer.readers.headers import check_nrrd_header
-from renderer.readers.itk import shorten_itk_error
 from renderer.scene import FileSource, RawSource, VolumeSpec
 from tests.support.tiff_files import COMPRESSION, SHORT, tiff
 from tests.support.transcripts import Case, cases
+from tests.support.volume_files import write_image
 
 VALUES = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
 NRRD = "NRRD0004\ntype: uint16\ndimension: 3\nsizes: 5 4 3\nendian: little\nencoding: raw\n"
@@ -92,31 +91,30 @@ def write_arrays() -> None:
 
 def write_images() -> None:
     """Write volumes by their libraries, and remove or change a part of them."""
-    image = sitk.GetImageFromArray(VALUES)
-    for name in ("lonely.nhdr", "lonely.mhd", "cut.nhdr", "cut.nrrd", "cut.mha", "cut.nii", "pages.tif", "cut.tif"):
-        sitk.WriteImage(image, name)
+    for name in ("lonely.nhdr", "lonely.mhd", "cut.nhdr", "cut.nrrd", "cut.mha", "cut.nii", "cut.tif"):
+        write_image(Path(name), VALUES)
     Path("lonely.raw").unlink()
     Path("cut.raw").write_bytes(bytes(3))
     for name in ("cut.nrrd", "cut.mha", "cut.nii"):
         Path(name).write_bytes(Path(name).read_bytes()[:-7])
     Path("cut.tif").write_bytes(Path("cut.tif").read_bytes()[:400])
-    data, kind_of_page = bytearray(Path("pages.tif").read_bytes()), bytes([254, 0, 4, 0, 1, 0, 0, 0])
-    data[data.index(kind_of_page, data.index(kind_of_page) + 1) + len(kind_of_page)] = 1
-    Path("pages.tif").write_bytes(data)
+    with tifffile.TiffWriter("pages.tif") as pages:
+        pages.write(VALUES[0], photometric="minisblack")
+        pages.write(VALUES[1, :2], photometric="minisblack")
     nib.Nifti1Pair(VALUES, np.eye(4)).to_filename("half.hdr")
     Path("half.img").unlink()
     nifti = nib.Nifti1Image(VALUES, np.eye(4))
     nifti.header.set_sform(np.diag([np.nan, 1, 1, 1]), 1)
     nifti.header["pixdim"][1:4] = np.nan
     nib.Nifti1Image(VALUES, None, nifti.header).to_filename("nan.nii")
-    sitk.WriteImage(sitk.GetImageFromArray(np.zeros((7, 3, 4, 5), np.uint8), isVector=False), "times.mha")
-    sitk.WriteImage(sitk.GetImageFromArray(np.zeros((3, 4, 5, 3), np.uint8), isVector=True), "colours.mha")
+    write_image(Path("times.mha"), np.zeros((7, 3, 4, 5), np.uint8))
+    write_image(Path("colours.mha"), np.zeros((3, 4, 5, 3), np.uint8), has_components=True)
     for folder in ("nothing", "widths", "several"):
         Path(folder).mkdir()
         for k, width in enumerate((5, 5, 6) if folder == "widths" else (5, 5) if folder == "several" else ()):
-            sitk.WriteImage(sitk.GetImageFromArray(np.zeros((4, width), np.uint8)), f"{folder}/{k}.tif")
-    sitk.WriteImage(sitk.GetImageFromArray(np.zeros((2, 4, 5), np.uint8)), "several/2.tif")
-    sitk.WriteImage(image, "whole.mhd")
+            write_image(Path(f"{folder}/{k}.tif"), np.zeros((4, width), np.uint8))
+    write_image(Path("several/2.tif"), np.zeros((2, 4, 5), np.uint8))
+    write_image(Path("whole.mhd"), VALUES)
     lines = Path("whole.mhd").read_text().splitlines()
     for name, line in META_LINES.items():
         key = {"Position": "Offset", "ElementSize": "ElementSpacing"}.get(line.split()[0], line.split()[0])
@@ -175,27 +173,12 @@ def raising(error: Exception):
             raising(MemoryError()),
             "there is not enough memory for this volume\n  hint: `crop` it, or render on a larger machine",
         ),
-        (
-            "SimpleITK.ImageFileReader.Execute",
-            raising(RuntimeError("Exception thrown in SimpleITK ImageFileReader_Execute:\nstd::bad_alloc")),
-            "there is not enough memory for this volume\n  hint: `crop` it, or render on a larger machine",
-        ),
     ],
 )
 def test_errors_of_the_system(folder, monkeypatch, target, replacement, expected):
-    name = "a.mha" if "SimpleITK" in target else "a.npy"
-    if name == "a.npy":
-        np.save(name, VALUES)
-    else:
-        sitk.WriteImage(sitk.GetImageFromArray(VALUES), name, True)
+    np.save("a.npy", VALUES)
     monkeypatch.setattr(target, replacement)
-    assert message(name) == f"{name}: {expected}"
-
-
-def test_messages_have_no_words_of_a_library():
-    text = "itk ERROR: GDCMImageIO(0x1): GetVR().Compatible( de.GetVR() ) || de.GetVR() == VR::INVALID"
-    assert [shorten_itk_error(each) for each in (text, "std::bad_alloc")] == [None, None]
-    assert shorten_itk_error("a()\n[nrrd] nrrdLoad: couldn't parse type") == "couldn't parse type"
+    assert message("a.npy") == f"a.npy: {expected}"
 
 
 def test_a_raw_file_of_a_type_that_only_the_python_api_can_name(folder):
@@ -207,9 +190,9 @@ def test_a_raw_file_of_a_type_that_only_the_python_api_can_name(folder):
 
 
 def test_numbers_of_a_metaimage_may_stand_on_several_lines(folder):
-    sitk.WriteImage(sitk.GetImageFromArray(VALUES), "a.mhd")
-    text = Path("a.mhd").read_text().replace("TransformMatrix = 1 0 0 0 1 0 ", "TransformMatrix = 1 0 0\n0 1 0\n")
-    assert "0 1 0\n0 0 1" in text
+    write_image(Path("a.mhd"), VALUES)
+    text = Path("a.mhd").read_text().replace("1.0 0.0 0.0 0.0 1.0 0.0 0.0", "1 0 0\n0 1 0\n0")
+    assert "0 1 0\n0 0.0 1" in text
     Path("a.mhd").write_text(text)
     np.testing.assert_array_equal(read_volume(VolumeSpec(FileSource(Path("a.mhd")))).values, VALUES)
 
@@ -241,67 +224,48 @@ def test_missing_lengths_are_1_and_noted(folder, name, header, spacing, note):
     assert read_volume(VolumeSpec(FileSource(Path(name), (1.0, 1.0, 2.0)))).note is None
 
 
-# NRRD headers at which SimpleITK would end the process
+# NRRD headers at which a reader that copies lines into buffers of a fixed size ended the process
 
 
-def too_long(place: str, shown: str) -> str:
-    return (
-        f"{place}: a line of this NRRD header is too long\n"
-        f"  got: '{shown:.56}...\n"
-        "  expected: at most 900 bytes\n"
-        "  hint: shorten or remove that line"
-    )
-
-
-@pytest.mark.parametrize("start", ["", "# ", "key:=", "content: ", "data file: "])
 @pytest.mark.parametrize(
-    ("name", "end"), [("a.nrrd", "\n"), ("a.NRRD", "\r\n"), ("a.nhdr", "\r"), ("a.foo", "\n"), ("a", "\r\n")]
+    "line",
+    [
+        "x" * 1000,
+        *(
+            f"{name}: {'9' * 1000}"
+            for name in (
+                *("type", "encoding", "space", "kinds", "sizes", "spacings", "space directions", "space origin"),
+                *("axis mins", "centers", "old min", "dimension", "endian", "byte skip"),
+            )
+        ),
+    ],
 )
-def test_lines_have_at_most_900_bytes(folder, name, end, start):
-    header = NRRD.replace("\n", end) + start + "x" * (901 - len(start))
-    for rest in (end * 2 + "voxels", ""):
-        Path(name).write_bytes((header + rest).encode())
-        assert message(name) == too_long(f"{name}:7", start + "x" * 57)
-    if start != "data file: " and end != "\r":
-        longest = (NRRD + start + "x" * (900 - len(start)) + "\n\n").replace("\n", end)
-        Path("b.nrrd").write_bytes((longest if start else NRRD + "\n").encode() + VALUES.tobytes())
-        np.testing.assert_array_equal(read_volume(VolumeSpec(FileSource(Path("b.nrrd")))).values, VALUES)
+@pytest.mark.parametrize("name", ["a.nrrd", "a.foo"])
+def test_overlong_lines_are_errors_or_ignored(folder, name, line):
+    field = line.partition(":")[0]
+    kept = "".join(f"{each}\n" for each in NRRD.splitlines() if not each.startswith(f"{field}:"))
+    Path(name).write_bytes(f"{kept}{line}\n\n".encode() + VALUES.tobytes())
+    if field == "old min":
+        np.testing.assert_array_equal(read_volume(VolumeSpec(FileSource(Path(name)))).values, VALUES)
+        return
+    text = message(name)
+    assert text.startswith(f"{name}:") and max(map(len, text.splitlines())) < 300
 
 
-def test_voxels_have_no_lines(folder):
-    Path("a.nrrd").write_bytes(NRRD.encode() + b"\n" + b"x" * 120)
-    assert read_volume(VolumeSpec(FileSource(Path("a.nrrd")))).shape_xyz == (5, 4, 3)
-    Path("a.mha").write_bytes(b"x" * 2000)
-    check_nrrd_header(Path("a.mha"))
+def test_comments_and_keys_may_be_long(folder):
+    Path("a.nrrd").write_bytes(f"{NRRD}# {'x' * 5000}\nkey:={'x' * 5000}\n\n".encode() + VALUES.tobytes())
+    np.testing.assert_array_equal(read_volume(VolumeSpec(FileSource(Path("a.nrrd")))).values, VALUES)
 
 
-@pytest.mark.parametrize("key", ["data file: LIST", "datafile:  LIST 2", "DATA FILE: list"])
-def test_names_in_a_list_have_at_most_900_bytes(folder, key):
-    Path("a.nhdr").write_text(f"{NRRD}{key}\nslice.raw\n\n" + "x" * 901 + "\n", "ascii")
-    assert message("a.nhdr") == too_long("a.nhdr:10", "x" * 57)
+@pytest.mark.parametrize("dimension", ["17", "+11", "11abc", "4294967307", "0", "-1", "abc", "3.5", "3 11"])
+def test_dimensions_are_from_1_to_16(folder, dimension):
+    text = NRRD.replace("dimension: 3", f"dimension: {dimension}").replace("5 4 3", "1 " * 11)
+    Path("a.nrrd").write_text(text + "\n", "ascii")
+    assert message("a.nrrd").startswith("a.nrrd:")
 
 
-@pytest.mark.parametrize("dimension", ["11", "16", "+11", "11abc", "4294967307", "0", "-1", "abc", "3.5", "3 11"])
-@pytest.mark.parametrize("line", ["dimension: {}", "Dimension:   {} "])
-def test_dimensions_are_from_1_to_10(folder, line, dimension):
-    for before in ("", "dimension: 3\n"):
-        text = NRRD.replace("dimension: 3", before + line.format(dimension)).replace("5 4 3", "1 " * 11)
-        Path("a.nrrd").write_text(text + "\n", "ascii")
-        assert message("a.nrrd") == (
-            f"a.nrrd:{4 if before else 3}: this NRRD header has a dimension that cannot be read\n"
-            f"  got: {dimension}\n"
-            "  expected: a whole number from 1 to 10\n"
-            "  hint: correct that line, or save the file again"
-        )
-
-
-def test_paths_have_at_most_900_bytes(folder):
+def test_paths_may_be_long(folder):
     file = Path(*["d" * 200] * 5, "a.nrrd")
     file.parent.mkdir(parents=True)
     file.write_bytes(NRRD.encode() + b"\n" + VALUES.tobytes())
-    assert message(str(file)) == (
-        f"{file}: the path of this NRRD file is too long\n"
-        "  got: 1011 bytes\n"
-        "  expected: at most 900 bytes\n"
-        "  hint: move the file, or name it from a folder near it"
-    )
+    np.testing.assert_array_equal(read_volume(VolumeSpec(FileSource(file))).values, VALUES)

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import SimpleITK as sitk  # noqa: N813
 
 from renderer.errors import InputError
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
+from tests.support.volume_files import write_image
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -46,7 +46,7 @@ def test_more_voxels_than_the_header_says(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["a.nrrd", "a.mha"])
 def test_more_voxels_behind_the_header(name: str) -> None:
-    sitk.WriteImage(sitk.GetImageFromArray(VALUES), name)
+    write_image(Path(name), VALUES)
     data = Path(name).read_bytes()
     Path(name).write_bytes(data.replace(b"5 4 3", b"5 4 2"))
     assert message(name).startswith(

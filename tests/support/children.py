@@ -10,8 +10,8 @@ import time
 
 from film_stages import PLAIN, stage_of
 
-from renderer.child_processes import ChildProcesses
 from hsplat_cli.executors.workers.pool import open_pool
+from renderer.child_processes import ChildProcesses
 
 LONG_S = 600
 

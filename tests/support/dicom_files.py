@@ -1,13 +1,15 @@
-"""Write DICOM slices by SimpleITK."""
+"""Write DICOM files by pydicom."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import SimpleITK as sitk  # noqa: N813
+from pydicom.dataset import Dataset, FileMetaDataset
+from pydicom.uid import CTImageStorage, ImplicitVRLittleEndian
 
 Array = npt.NDArray[np.generic]
 
@@ -15,6 +17,52 @@ Array = npt.NDArray[np.generic]
 ROW = np.array([0.0, 0.8, 0.6])
 COLUMN = np.array([1.0, 0.0, 0.0])
 NORMAL = np.cross(ROW, COLUMN)
+
+
+def _text(numbers: Sequence[float] | Array) -> list[str]:
+    return [f"{number:.10g}" for number in numbers]
+
+
+def image_fields(values: Array, *, uid: str = "1.2.3.4", **fields: Any) -> Dataset:
+    """Return a CT image of stored `values` [y, x] or [frame, y, x], pixels 0.5 wide and 0.25 high.
+
+    fields: others by their keywords; None removes one.
+    """
+    dataset = Dataset()
+    dataset.file_meta = FileMetaDataset()
+    dataset.file_meta.TransferSyntaxUID = ImplicitVRLittleEndian
+    dataset.file_meta.MediaStorageSOPClassUID = CTImageStorage
+    dataset.file_meta.MediaStorageSOPInstanceUID = "1.2.3.4.5"
+    is_signed = values.dtype.kind == "i"
+    bits = 8 * values.dtype.itemsize
+    named = {
+        "ImageType": ["ORIGINAL", "PRIMARY", "AXIAL"],
+        "SOPClassUID": CTImageStorage,
+        "SOPInstanceUID": "1.2.3.4.5",
+        "Modality": "CT",
+        "StudyInstanceUID": "1.2.3",
+        "SeriesInstanceUID": uid,
+        "SamplesPerPixel": 1,
+        "PhotometricInterpretation": "MONOCHROME2",
+        "NumberOfFrames": str(len(values)) if values.ndim == 3 else None,
+        "Rows": values.shape[-2],
+        "Columns": values.shape[-1],
+        "PixelSpacing": [".25", ".5"],
+        "BitsAllocated": bits,
+        "BitsStored": bits,
+        "HighBit": bits - 1,
+        "PixelRepresentation": int(is_signed),
+        "PixelData": values.tobytes(),
+    }
+    for keyword, value in (named | fields).items():
+        if value is not None:
+            setattr(dataset, keyword, value)
+    return dataset
+
+
+def save(path: Path, dataset: Dataset) -> None:
+    """Write a dataset with a preamble."""
+    dataset.save_as(path, enforce_file_format=True)
 
 
 def write_slice(
@@ -27,28 +75,12 @@ def write_slice(
     uid: str = "1.2.3.4",
     name: str = "scan",
 ) -> None:
-    """Write one CT slice of `values` [y, x], pixels 0.5 wide and 0.25 high.
-
-    intercept: SimpleITK subtracts it from the values that it stores.
-    """
-    image = sitk.GetImageFromArray(values.astype(np.int16))
-    image.SetSpacing((0.5, 0.25))
-    for key, text in {
-        "0008|0008": "ORIGINAL\\PRIMARY\\AXIAL",
-        "0008|0060": "CT",
-        "0008|103e": name,
-        "0020|000d": "1.2.3",
-        "0020|000e": uid,
-        "0020|0032": "\\".join(f"{value:.10g}" for value in position),
-        "0020|0037": "\\".join(f"{value:.10g}" for value in axes),
-        "0028|1052": str(intercept),
-        "0028|1053": "1",
-    }.items():
-        image.SetMetaData(key, text)
-    writer = sitk.ImageFileWriter()
-    writer.KeepOriginalImageUIDOn()
-    writer.SetFileName(str(path))
-    writer.Execute(image)
+    """Write one CT slice of `values` [y, x], from which the intercept is subtracted before they are stored."""
+    stored = (values - intercept).astype(np.int16)
+    dataset = image_fields(stored, uid=uid, SeriesDescription=name, RescaleIntercept=str(intercept), RescaleSlope="1")
+    dataset.ImagePositionPatient = _text(position)
+    dataset.ImageOrientationPatient = _text(axes)
+    save(path, dataset)
 
 
 def write_series(folder: Path, positions: Sequence[Array]) -> Array:

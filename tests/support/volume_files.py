@@ -1,13 +1,17 @@
-"""Volumes as bytes of the formats that are read, in either byte order, written without SimpleITK."""
+"""Volumes as bytes of the formats that are read, in either byte order, by own code and by libraries of the formats."""
 
 from __future__ import annotations
 
+import zlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import nibabel
+import nrrd
 import numpy as np
 import numpy.typing as npt
+import tifffile
 
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
@@ -78,3 +82,80 @@ def _nifti(path: Path, stored: Array) -> None:
 
 def _tiff(path: Path, stored: Array) -> None:
     path.write_bytes(tiff_bytes(stored, ">" if _is_big(stored) else "<"))
+
+
+def write_image(
+    path: Path,
+    values: Array,
+    *,
+    spacing: Sequence[float] = (1.0, 1.0, 1.0),
+    origin: Sequence[float] = (0.0, 0.0, 0.0),
+    direction: Array | None = None,
+    compressed: bool = False,
+    has_components: bool = False,
+) -> None:
+    """Write [time, z, y, x], [z, y, x] or [y, x], with components last, as NRRD, MetaImage, NIfTI or TIFF, in LPS.
+
+    NRRD by pynrrd, NIfTI by nibabel, TIFF by tifffile. A compressed .mhd or .nhdr file has its voxels beside it.
+    """
+    axes = (np.eye(3) if direction is None else direction) * np.asarray(spacing, float)
+    if path.suffix in (".nrrd", ".nhdr"):
+        _write_nrrd(path, values, axes, origin, compressed=compressed, has_components=has_components)
+    elif path.suffix in (".mha", ".mhd"):
+        _write_metaimage(path, values, axes, origin, compressed=compressed, has_components=has_components)
+    elif path.suffix == ".nii":
+        affine = np.eye(4)
+        affine[:3, :3], affine[:3, 3] = axes, origin
+        NIBABEL.Nifti1Image(values.T, np.diag([-1.0, -1.0, 1.0, 1.0]) @ affine).to_filename(path)
+    else:
+        kind = "rgb" if has_components else "minisblack"
+        compression = "zlib" if compressed else None
+        tifffile.imwrite(path, values, photometric=kind, metadata=None, compression=compression)
+
+
+def _write_nrrd(
+    path: Path, values: Array, axes: Array, origin: Sequence[float], *, compressed: bool, has_components: bool
+) -> None:
+    num_space = min(values.ndim - has_components, 3)
+    vectors = [axes[:num_space, k] for k in range(num_space)]
+    others = [np.full(num_space, np.nan)]
+    kinds = ["domain"] * num_space
+    if has_components:
+        vectors, kinds = others + vectors, ["vector", *kinds]
+    elif values.ndim == 4:
+        vectors, kinds = vectors + others, [*kinds, "time"]
+    header = {"encoding": "gzip" if compressed else "raw", "kinds": kinds, "space directions": np.array(vectors)}
+    header |= {"space": "left-posterior-superior"} if num_space == 3 else {"space dimension": num_space}
+    header["space origin"] = np.asarray(origin, float)[:num_space]
+    nrrd.write(str(path), values, header, index_order="C")
+
+
+def _write_metaimage(
+    path: Path, values: Array, axes: Array, origin: Sequence[float], *, compressed: bool, has_components: bool
+) -> None:
+    n = values.ndim - has_components
+    spacing = np.linalg.norm(axes, axis=0)
+    matrix, lengths, place = np.eye(n), np.ones(n), np.zeros(n)
+    matrix[:3, :3] = (axes / spacing).T[:n, :n]
+    lengths[:3], place[:3] = spacing[:n], np.asarray(origin)[:n]
+    data = zlib.compress(values.tobytes()) if compressed else values.tobytes()
+    data_file = path.with_suffix(".zraw" if compressed else ".raw")
+    lines = {
+        "ObjectType": "Image",
+        "NDims": n,
+        "BinaryData": True,
+        "BinaryDataByteOrderMSB": False,
+        "CompressedData": compressed,
+        **({"CompressedDataSize": len(data)} if compressed else {}),
+        "TransformMatrix": " ".join(map(repr, matrix.ravel().tolist())),
+        "Offset": " ".join(map(repr, place.tolist())),
+        "ElementSpacing": " ".join(map(repr, lengths.tolist())),
+        "DimSize": " ".join(map(str, values.shape[:n][::-1])),
+        "ElementNumberOfChannels": values.shape[-1] if has_components else 1,
+        "ElementType": f"MET_{_METAIMAGE_TYPES[values.dtype.name]}",
+        "ElementDataFile": "LOCAL" if path.suffix == ".mha" else data_file.name,
+    }
+    header = "".join(f"{key} = {value}\n" for key, value in lines.items()).encode()
+    path.write_bytes(header + data if path.suffix == ".mha" else header)
+    if path.suffix == ".mhd":
+        data_file.write_bytes(data)

@@ -22,10 +22,10 @@ from kills import GRACE_S, MARK, names_of, seconds_until_gone
 from kinds_of_data import KINDS
 
 from hsplat_cli import main
-from renderer.child_processes import ChildProcesses
 from hsplat_cli.films import render as render_module
 from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable import batch
+from renderer.child_processes import ChildProcesses
 from renderer.scene import load_scene
 
 CODE = Path(main.__file__).parents[1]

@@ -9,12 +9,13 @@ from pathlib import Path
 import nibabel as nib
 import numpy as np
 import pytest
-import SimpleITK as sitk  # noqa: N813
 
 from renderer.errors import HsplatError, InputError
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
+from tests.support.dicom_files import image_fields, save
 from tests.support.tiff_files import described, field_places, ome
+from tests.support.volume_files import write_image
 
 VALUES = np.random.default_rng(0).integers(0, 2000, (6, 7, 8)).astype(np.uint16)
 FORMATS = ("raw.nrrd", "gzip.nrrd", "raw.nhdr", "gzip.nhdr", "raw.mha", "zlib.mha", "raw.mhd", "zlib.mhd")
@@ -30,7 +31,7 @@ def write(folder: Path, name: str) -> tuple[Path, Path]:
     elif ".nii" in name:
         nib.Nifti1Image(VALUES.T, np.eye(4)).to_filename(path)
     else:
-        sitk.WriteImage(sitk.GetImageFromArray(VALUES), str(path), not name.startswith("raw"))
+        write_image(path, VALUES, compressed=not name.startswith("raw"))
     others = [entry for entry in folder.iterdir() if entry != path]
     return path, others[0] if others else path
 
@@ -46,6 +47,9 @@ def test_every_truncation_is_an_error(tmp_path, name):
     data = data_file.read_bytes()
     for kept in (0, 1, 3, 60, 130, len(data) // 2, len(data) - 30, len(data) - 1):
         data_file.write_bytes(data[:kept])
+        if name == "raw.tif" and kept == len(data) - 1:  # part of a number that says that no page follows
+            np.testing.assert_array_equal(read(path), VALUES)
+            continue
         with pytest.raises(InputError):
             read(path)
 
@@ -102,6 +106,7 @@ def require_mixed_results(path: Path, damaged: Iterator[bytes]) -> None:
     assert results == {True, False}
 
 
+@pytest.mark.usefixtures("one_process")
 @pytest.mark.parametrize(("seed", "name"), list(enumerate(FORMATS + OTHERS)))
 def test_altered_headers_never_escape(tmp_path, seed, name):
     """Files of FORMATS are several of the same kind, and have their hundreds together."""
@@ -113,6 +118,7 @@ def test_altered_headers_never_escape(tmp_path, seed, name):
     require_mixed_results(path, (gzip.compress(each, 1) if is_gzip else each for each in damaged))
 
 
+@pytest.mark.usefixtures("one_process")
 @pytest.mark.parametrize(
     "data",
     [
@@ -125,12 +131,12 @@ def test_altered_descriptions_never_escape(tmp_path, data):
     require_mixed_results(tmp_path / "a.tif", altered(data, np.arange(24, data.index(b"\0", 24)), 0, 300))
 
 
+@pytest.mark.usefixtures("one_process")
 def test_altered_dicom_never_escapes(tmp_path):
-    """Altered elements of the image are refused or read; lengths before them are read by GDCM alone."""
-    sitk.WriteImage(sitk.GetImageFromArray(VALUES[:1].astype(np.int16)), str(tmp_path / "a.dcm"))
+    save(tmp_path / "a.dcm", image_fields(VALUES[0]))
     data = (tmp_path / "a.dcm").read_bytes()
-    places = np.arange(data.index(b"\x28\x00\x02\x00"), data.rindex(b"\xe0\x7f\x10\x00"))
-    require_mixed_results(tmp_path / "a.dcm", altered(data, places, 0, 150))
+    places = np.arange(data.rindex(b"\xe0\x7f\x10\x00") + 8)
+    require_mixed_results(tmp_path / "a.dcm", altered(data, places, 0, 300))
 
 
 def test_gzip_of_several_members_is_whole(tmp_path):
@@ -166,15 +172,11 @@ def test_headers_of_text_that_claim_too_much_take_no_memory(tmp_path):
     """A value takes a digit at least, and something between it and the next."""
     nrrd = "NRRD0004\ntype: uint16\ndimension: 3\nsizes: 5 4 3\nendian: little\nencoding: {}\n\n"
     meta = "ObjectType = Image\nNDims = 3\nDimSize = 5 4 3\nElementType = MET_USHORT\nBinaryData = False\n"
-    vtk = "# vtk DataFile Version 3.0\nscan\n{}\nDATASET STRUCTURED_POINTS\nDIMENSIONS 5 4 3\nORIGIN 0 0 0\n"
-    vtk += "SPACING 1 1 1\nPOINT_DATA 60\nSCALARS values unsigned_short\nLOOKUP_TABLE default\n"
-    text = b"7 " * 60  # MetaIO wants the last to be ended, too
+    text = b"7 " * 60
     for name, header, voxels in (
         ("a.nrrd", nrrd.format("text"), text),
         ("a.nrrd", nrrd.format("hex"), b"0007" * 60),
         ("a.mha", meta + "ElementDataFile = LOCAL\n", text),
-        ("a.vtk", vtk.format("ASCII"), text),
-        ("a.vtk", vtk.format("BINARY"), b"\0\7" * 60),
     ):
         (tmp_path / name).write_bytes(header.encode() + voxels)
         assert read(tmp_path / name).shape == (3, 4, 5)
@@ -201,11 +203,12 @@ def test_extensions_that_inflate_take_no_memory(tmp_path):
 @pytest.mark.parametrize(
     ("shape", "got"),
     [
-        ("-2, -3, 10", "the header has no shape of an array\n  got: a length of -3"),
+        ("-2, -3, 10", "the header has no shape of an array\n  got: [-2, -3, 10]"),
+        ("True, True, 64", "the header has no shape of an array\n  got: [true, true, 64]"),
         ("1, " * 100, "the header has no shape of an array\n  got: 100 axes"),
         ("-" * 9000 + "6, 7, 8", "cannot read the header\n  got: too many nested expressions"),
     ],
-    ids=["negative", "axes", "nested"],
+    ids=["negative", "booleans", "axes", "nested"],
 )
 def test_arrays_without_a_shape(tmp_path, shape, got):
     header = f"{{'descr': '<u2', 'fortran_order': False, 'shape': ({shape})}}\n".encode()

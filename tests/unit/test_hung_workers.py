@@ -6,9 +6,9 @@ import os
 
 import pytest
 
-from renderer.child_processes import ChildProcesses
 from hsplat_cli.executors.workers import process
 from hsplat_cli.executors.workers.process import WorkerProcess
+from renderer.child_processes import ChildProcesses
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Reading back what numpy and SimpleITK wrote: every dtype, both byte orders, geometry, crops, non-finite values."""
+"""Reading back what numpy and the formats' libraries wrote: every dtype, both byte orders, geometry, crops, NaN."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import SimpleITK as sitk  # noqa: N813
 from hypothesis import given, strategies as st
 
 from renderer.errors import InputError
@@ -16,7 +15,7 @@ from renderer.readers.common import Image
 from renderer.readers.read import crop_image
 from renderer.scene import ProceduralSource, RawSource, VolumeSpec
 from renderer.volume import Volume, make_volume
-from tests.support.volume_files import ramp, read, write_volume
+from tests.support.volume_files import ramp, read, write_image, write_volume
 
 INTEGERS = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
 FLOATS = ("float16", "float32", "float64")
@@ -74,20 +73,16 @@ def test_raw_keeps_every_dtype(tmp_path, dtype, byte_order):
 @pytest.mark.parametrize(
     ("name", "compressed"), [("a.nrrd", False), ("a.nhdr", True), ("a.mha", True), ("a.mhd", False)]
 )
-def test_simpleitk_formats_keep_geometry(tmp_path, name, compressed):
-    values = ramp("int16")
-    image = sitk.GetImageFromArray(values)
-    image.SetSpacing((0.5, 2.0, 3.0))
-    image.SetOrigin((-10.0, 20.0, 30.0))
-    image.SetDirection(rotation().ravel())
-    sitk.WriteImage(image, str(tmp_path / name), compressed)
+def test_headers_of_text_keep_geometry(tmp_path, name, compressed):
+    values, spacing, origin = ramp("int16"), np.array([0.5, 2.0, 3.0]), (-10.0, 20.0, 30.0)
+    write_image(tmp_path / name, values, spacing=spacing, origin=origin, direction=rotation(), compressed=compressed)
     volume = read(tmp_path / name)
     assert_usable(volume)
     np.testing.assert_array_equal(volume.values, values)
     for index in ((0, 0, 0), (4, 0, 0), (0, 3, 2), (4, 3, 2)):
         here = volume.world_from_index @ [*index, 1]
         # Headers are text of about 15 digits; coordinates are some tens.
-        np.testing.assert_allclose(here[:3], image.TransformIndexToPhysicalPoint(index), atol=1e-12)
+        np.testing.assert_allclose(here[:3], origin + rotation() @ (spacing * index), atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -110,14 +105,12 @@ def test_nrrd_spaces_become_lps(tmp_path, space, axes, expected):
 @pytest.mark.parametrize("name", ["a.nrrd", "a.mha"])
 def test_time_steps_and_components(tmp_path, name):
     steps = ramp("uint16", (2, 3, 4, 5))
-    image = sitk.GetImageFromArray(steps, isVector=False)
-    image.SetSpacing((1.0, 2.0, 3.0, 50.0))
-    sitk.WriteImage(image, str(tmp_path / name))
+    write_image(tmp_path / name, steps, spacing=(1.0, 2.0, 3.0))
     for k in range(2):
         volume = read(tmp_path / name, time=k)
         np.testing.assert_array_equal(volume.values, steps[k])
         np.testing.assert_array_equal(volume.spacing, [1.0, 2.0, 3.0])
-    sitk.WriteImage(sitk.GetImageFromArray(np.moveaxis(steps, 0, -1), isVector=True), str(tmp_path / name))
+    write_image(tmp_path / name, np.moveaxis(steps, 0, -1), has_components=True)
     for k in range(2):
         volume = read(tmp_path / name, component=k)
         assert_usable(volume)
@@ -136,21 +129,17 @@ def test_npy_axes(tmp_path):
 
 
 def test_plane_is_one_slice(tmp_path):
-    image = sitk.GetImageFromArray(ramp("uint8")[0])
-    image.SetSpacing((0.5, 2.0))
-    image.SetOrigin((7.0, 8.0))
-    sitk.WriteImage(image, str(tmp_path / "a.mha"))
+    write_image(tmp_path / "a.mha", ramp("uint8")[0], spacing=(0.5, 2.0, 1.0), origin=(7.0, 8.0, 0.0))
     volume = read(tmp_path / "a.mha")
     assert volume.shape_xyz == (5, 4, 1)
     np.testing.assert_array_equal(volume.world_from_index, [[0.5, 0, 0, 7], [0, 2, 0, 8], [0, 0, 1, 0], [0, 0, 0, 1]])
 
 
-def test_voxels_of_simpleitk_outlive_its_image(tmp_path):
-    """The array is a view of the image's buffer; it must keep that alive."""
+def test_voxels_in_shared_memory_outlive_their_reader(tmp_path):
     values = np.random.default_rng(0).integers(0, 256, (64, 64, 64), np.uint8)
-    sitk.WriteImage(sitk.GetImageFromArray(values), str(tmp_path / "a.nrrd"))
-    volume = read(tmp_path / "a.nrrd")
-    others = [read(tmp_path / "a.nrrd") for _ in range(3)]
+    write_image(tmp_path / "a.tif", values)
+    volume = read(tmp_path / "a.tif")
+    others = [read(tmp_path / "a.tif") for _ in range(3)]
     del others
     np.testing.assert_array_equal(volume.values, values)
 
@@ -158,7 +147,7 @@ def test_voxels_of_simpleitk_outlive_its_image(tmp_path):
 def test_fingerprint_is_of_the_content_not_of_the_file(tmp_path):
     values = ramp("uint16")
     np.save(tmp_path / "a.npy", values.astype(">u2"))
-    sitk.WriteImage(sitk.GetImageFromArray(values), str(tmp_path / "a.nrrd"), True)
+    write_image(tmp_path / "a.nrrd", values, compressed=True)
     same = {read(tmp_path / name).fingerprint for name in ("a.npy", "a.nrrd")}
     negative_zeros = np.copysign(np.eye(4), np.eye(4) - 0.5)
     same |= {make_volume(values.copy(), affine, "here").fingerprint for affine in (np.eye(4), negative_zeros)}
@@ -195,11 +184,8 @@ def test_crop_leaves_voxels_where_they_are(x, y, z, numbers):
 
 
 def oblique_file(path: Path) -> None:
-    image = sitk.GetImageFromArray(ramp("uint16"))
-    image.SetSpacing([0.8, 1.5, 2.5])
-    image.SetOrigin([-12.0, 5.0, 40.0])
-    image.SetDirection([0.8, -0.6, 0.0, 0.6, 0.8, 0.0, 0.0, 0.0, -1.0])
-    sitk.WriteImage(image, str(path))
+    direction = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, -1.0]])
+    write_image(path, ramp("uint16"), spacing=(0.8, 1.5, 2.5), origin=(-12.0, 5.0, 40.0), direction=direction)
 
 
 @pytest.mark.parametrize("name", ["a.nrrd", "a.mha", "a.nii"])
@@ -256,7 +242,7 @@ def test_cropped_volume_owns_just_its_voxels(tmp_path, crop, name):
     if name == "a.npy":
         np.save(tmp_path / name, values)
     else:
-        sitk.WriteImage(sitk.GetImageFromArray(values), str(tmp_path / name))
+        write_image(tmp_path / name, values)
     volume = read(tmp_path / name, crop=crop)
     assert_usable(volume)
     (x0, x1), (y0, y1), (z0, z1) = crop
@@ -293,10 +279,10 @@ def test_nonfinite_voxels_become_a_number(tmp_path, dtype, bad):
     assert len(fingerprints) == 2
 
 
-def test_nonfinite_voxels_in_memory_of_simpleitk(tmp_path):
+def test_nonfinite_voxels_of_a_compressed_file(tmp_path):
     values = ramp("float32")
     values[0, 0, 0] = np.nan
-    sitk.WriteImage(sitk.GetImageFromArray(values), str(tmp_path / "a.nrrd"))
+    write_image(tmp_path / "a.nrrd", values, compressed=True)
     assert read(tmp_path / "a.nrrd", nonfinite="lowest").values[0, 0, 0] == 1.0
 
 

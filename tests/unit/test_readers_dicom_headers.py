@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import gdcm
 import numpy as np
 import pytest
-import SimpleITK as sitk  # noqa: N813
 from click.testing import CliRunner
+from pydicom.dataset import Dataset
+from pydicom.uid import RLELossless
 
 from hsplat_cli.commands.info import info
 from renderer.errors import InputError
-from tests.support.dicom_files import write_slice
+from tests.support.dicom_files import image_fields, save, write_slice
 from tests.support.volume_files import read
 
 VALUES = np.arange(60).reshape(3, 4, 5) * 30 - 1000
@@ -71,24 +73,46 @@ def test_missing_lengths(tmp_path: Path, field: bytes, got: str) -> None:
 
 def test_lengths_in_another_field(tmp_path: Path) -> None:
     """ImagerPixelSpacing, which is that of an X-ray image, comes where no PixelSpacing has to be."""
-    image = sitk.GetImageFromArray(VALUES[0].astype(np.uint16))
-    image.SetSpacing((0.5, 0.25))
-    image.SetMetaData("0008|0016", "1.2.840.10008.5.1.4.1.1.1")  # computed radiography
-    image.SetMetaData("0008|0060", "CR")
-    image.SetMetaData("0018|1164", "0.25\\0.5")
-    sitk.WriteImage(image, str(tmp_path / "a.dcm"))
+    fields = image_fields(VALUES[0].astype(np.int16), PixelSpacing=None, ImagerPixelSpacing=["0.25", "0.5"])
+    save(tmp_path / "a.dcm", fields)
     np.testing.assert_array_equal(read(tmp_path / "a.dcm").spacing[:2], [0.5, 0.25])
 
 
-def test_functional_groups_give_the_lengths_of_frames(tmp_path: Path) -> None:
-    image = sitk.GetImageFromArray(VALUES.astype(np.int16))
-    image.SetSpacing((0.5, 0.25, 7.0))
-    image.SetMetaData("0008|0060", "MR")
-    sitk.WriteImage(image, str(tmp_path / "a.dcm"))
-    np.testing.assert_array_equal(read(tmp_path / "a.dcm").spacing, [0.5, 0.25, 7])
-    change(tmp_path / "a.dcm", b"\x28\x00\x10\x91", b"\x28\x00\x11\x91")
-    with pytest.raises(InputError, match="does not give its voxel size"):
+def functional_groups(order: list[int], *, spacing: float = 7.0) -> Dataset:
+    """Return an enhanced image of VALUES, stored in this order, whose frames have functional groups."""
+    measures, plane, transform = Dataset(), Dataset(), Dataset()
+    measures.PixelSpacing = ["0.25", "0.5"]
+    plane.ImageOrientationPatient = ["1", "0", "0", "0", "1", "0"]
+    transform.RescaleIntercept, transform.RescaleSlope = "-1000", "1"
+    shared = Dataset()
+    shared.PixelMeasuresSequence, shared.PlaneOrientationSequence = [measures], [plane]
+    shared.PixelValueTransformationSequence = [transform]
+    frames = []
+    for k in order:
+        position, frame = Dataset(), Dataset()
+        position.ImagePositionPatient = ["1", "2", f"{3 + spacing * k:g}"]
+        frame.PlanePositionSequence = [position]
+        frames.append(frame)
+    groups = {"SharedFunctionalGroupsSequence": [shared], "PerFrameFunctionalGroupsSequence": frames}
+    stored = (VALUES[order] + 1000).astype(np.uint16)
+    return image_fields(stored, PixelSpacing=None, BitsStored=12, HighBit=11, **groups)
+
+
+@pytest.mark.parametrize("order", [[0, 1, 2], [2, 0, 1]])
+def test_functional_groups_place_frames(tmp_path: Path, order: list[int]) -> None:
+    save(tmp_path / "a.dcm", functional_groups(order))
+    volume = read(tmp_path / "a.dcm")
+    np.testing.assert_array_equal(volume.values, VALUES)
+    assert volume.values.dtype == np.int16
+    np.testing.assert_array_equal(volume.spacing, [0.5, 0.25, 7])
+    np.testing.assert_array_equal(volume.world_from_index[:3, 3], [1, 2, 3])
+
+
+def test_frames_at_one_place_are_refused(tmp_path: Path) -> None:
+    save(tmp_path / "a.dcm", functional_groups([0, 1, 2], spacing=0.0))
+    with pytest.raises(InputError, match="two slices of this series are at the same position") as error:
         read(tmp_path / "a.dcm")
+    assert error.value.got == "a.dcm and a.dcm, frame 2"
 
 
 def test_frames_need_a_distance(tmp_path: Path) -> None:
@@ -96,7 +120,6 @@ def test_frames_need_a_distance(tmp_path: Path) -> None:
     data = (tmp_path / "0.dcm").read_bytes()
     begin, pixels = data.index(b"\xe0\x7f\x10\x00"), VALUES.astype("<i2").tobytes()
     data = data[:begin] + b"\xe0\x7f\x10\x00" + len(pixels).to_bytes(4, "little") + pixels
-    data = data.replace(b"\x18\x00\x88\x00\x02\x00\x00\x001 ", b"")  # which SimpleITK sometimes writes
     rows, orientation = b"\x28\x00\x10\x00", b"\x20\x00\x0d\x00"
     data = data.replace(rows, b"\x28\x00\x08\x00\x02\x00\x00\x003 " + rows, 1)  # the number of frames
     (tmp_path / "frames.dcm").write_bytes(data)
@@ -144,36 +167,62 @@ def test_one_slice_of_a_series(tmp_path: Path) -> None:
     assert read(tmp_path).note is None
 
 
-def test_fields_of_dicom_in_another_format(tmp_path: Path) -> None:
-    """SimpleITK copies them where it saves what it read as DICOM, and what was done in between is not in them."""
+def test_damaged_fields_name_their_file(tmp_path: Path) -> None:
     write(tmp_path)
-    image = sitk.GetImageFromArray(VALUES[:1].astype(np.int16))
-    image.SetSpacing((3.0, 4.0, 5.0))
-    for key, text in {"0028|0004": "MONOCHROME1", "0028|0030": "0\\0", "0020|000e": "1.2.3.4"}.items():
-        image.SetMetaData(key, text)
-    sitk.WriteImage(image, str(tmp_path / "a.nrrd"))
-    volume = read(tmp_path / "a.nrrd")
-    np.testing.assert_array_equal(volume.values, VALUES[:1])
-    assert (volume.spacing.tolist(), volume.note) == ([3, 4, 5], None)
-
-
-def test_a_field_at_which_the_search_for_series_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    write(tmp_path)
-    (tmp_path / "1.dcm").write_bytes((tmp_path / "1.dcm").read_bytes()[:140])
-
-    def fail(_folder: str) -> None:
-        raise RuntimeError("ITK ERROR: GDCMSeriesFileNames(0x1): GetVR().Compatible( de.GetVR() )")
-
-    monkeypatch.setattr(sitk.ImageSeriesReader, "GetGDCMSeriesIDs", fail)
-    with pytest.raises(InputError) as error:
+    data = (tmp_path / "1.dcm").read_bytes()
+    (tmp_path / "1.dcm").write_bytes(data[: data.index(PIXEL_SPACING)])
+    with pytest.raises(InputError, match="this DICOM slice cannot be read") as error:
         read(tmp_path)
-    assert str(error.value) == (
-        f"{tmp_path / '1.dcm'}: this DICOM slice cannot be read\n"
-        "  hint: a field of it is damaged: copy it again, or save it again"
-    )
-    write(tmp_path)
-    with pytest.raises(InputError) as error:
-        read(tmp_path)
-    assert str(error.value) == (
-        f"{tmp_path}: the DICOM files in this folder cannot be read\n  hint: one of them is damaged"
-    )
+    assert error.value.where == str(tmp_path / "1.dcm")
+
+
+def test_pixels_are_those_of_the_image_and_not_of_its_icon(tmp_path: Path) -> None:
+    icon = image_fields(np.full((2, 2), 7, np.uint8))
+    del icon.file_meta
+    save(tmp_path / "a.dcm", image_fields(VALUES[1].astype(np.int16), IconImageSequence=[icon]))
+    np.testing.assert_array_equal(read(tmp_path / "a.dcm").values[0], VALUES[1])
+
+
+@pytest.mark.parametrize("is_signed", [False, True])
+def test_unused_bits_are_no_part_of_values(tmp_path: Path, is_signed: bool) -> None:
+    """Overlays were stored there; the sign of 12 bits need not reach into them."""
+    stored = np.array([[0, 5, 2047], [-1, -2048, 9]] if is_signed else [[0, 5, 2047], [4095, 2048, 9]])
+    with_overlay = (stored & 0xFFF | 0x5000).astype(np.uint16)
+    fields = image_fields(with_overlay, BitsStored=12, HighBit=11, PixelRepresentation=int(is_signed))
+    save(tmp_path / "a.dcm", fields)
+    np.testing.assert_array_equal(read(tmp_path / "a.dcm").values[0], stored)
+
+
+def test_run_length_encoded_pixels_need_no_other_package(tmp_path: Path) -> None:
+    fields = image_fields(VALUES[0].astype(np.int16))
+    fields.compress(RLELossless, encoding_plugin="pydicom")
+    save(tmp_path / "a.dcm", fields)
+    np.testing.assert_array_equal(read(tmp_path / "a.dcm").values[0], VALUES[0])
+
+
+def transcode(plain: Path, compressed: Path, syntax: int) -> None:
+    """Compress the pixels of a file by GDCM, the package that reads them."""
+    reader, change, writer = gdcm.ImageReader(), gdcm.ImageChangeTransferSyntax(), gdcm.ImageWriter()
+    reader.SetFileName(str(plain))
+    assert reader.Read()
+    change.SetTransferSyntax(gdcm.TransferSyntax(syntax))
+    change.SetInput(reader.GetImage())
+    assert change.Change()
+    writer.SetFile(reader.GetFile())
+    writer.SetImage(change.GetOutput())
+    writer.SetFileName(str(compressed))
+    assert writer.Write()
+
+
+SYNTAXES = ("JPEGLosslessProcess14_1", "JPEGLSLossless", "JPEG2000Lossless")
+
+
+@pytest.mark.parametrize("syntax", SYNTAXES)
+def test_compressed_pixels(tmp_path: Path, syntax: str) -> None:
+    values = np.arange(60 * 50, dtype=np.uint16).reshape(60, 50)
+    save(tmp_path / "plain.dcm", image_fields(values))
+    transcode(tmp_path / "plain.dcm", tmp_path / "a.dcm", getattr(gdcm.TransferSyntax, syntax))
+    np.testing.assert_array_equal(read(tmp_path / "a.dcm").values[0], values)
+    (tmp_path / "a.dcm").write_bytes((tmp_path / "a.dcm").read_bytes()[:-200])
+    with pytest.raises(InputError, match="this DICOM slice cannot be read"):
+        read(tmp_path / "a.dcm")

@@ -6,17 +6,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import SimpleITK as sitk  # noqa: N813
 
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
+from tests.support.dicom_files import image_fields, save
 from tests.support.transcripts import Case, cases
+from tests.support.volume_files import write_image
 
 
 def write(folder: Path, names: list[str]) -> None:
     """Write a slice for each name, which holds its place among them."""
     for k, name in enumerate(names):
-        sitk.WriteImage(sitk.GetImageFromArray(np.full((4, 5), k, np.uint8)), str(folder / name))
+        plane = np.full((4, 5), k, np.uint8)
+        if name.endswith(".dcm"):
+            save(folder / name, image_fields(plane))
+        else:
+            write_image(folder / name, plane)
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import SimpleITK as sitk  # noqa: N813
 
 from renderer.errors import InputError
 from tests.support.tiff_files import SHORT, tiff_bytes
-from tests.support.volume_files import ramp, read
+from tests.support.volume_files import ramp, read, write_image
 
 
 def assert_sizes_cannot_be_compared(path: Path, got: str, expected: str) -> None:
@@ -36,7 +35,7 @@ def test_folder_of_colours_needs_a_component(tmp_path):
     for k in range(3):
         colours = np.zeros((4, 5, 3), np.uint8)
         colours[..., 1] = 10 + k
-        sitk.WriteImage(sitk.GetImageFromArray(colours, isVector=True), str(tmp_path / f"{k}.tif"))
+        write_image(tmp_path / f"{k}.tif", colours, has_components=True)
     assert read(tmp_path, component=1).values[:, 0, 0].tolist() == [10, 11, 12]
     with pytest.raises(InputError, match="the volume has 3 components"):
         read(tmp_path)

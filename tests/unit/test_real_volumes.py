@@ -1,13 +1,16 @@
-"""Real volumes have their published shapes and spacings, their kind, and positions as SimpleITK or nibabel has them."""
+"""Real volumes have their published shapes and spacings, their kind, and voxels and positions as other readers have."""
 
 from __future__ import annotations
 
 from itertools import product
 
 import nibabel as nib
+import nrrd
 import numpy as np
+import pydicom
 import pytest
-import SimpleITK as sitk  # noqa: N813
+from vtkmodules.util import numpy_support
+from vtkmodules.vtkIOImage import vtkMetaImageReader
 
 from renderer.readers import read_volume
 from renderer.scene import RawSource, VolumeSpec
@@ -61,13 +64,26 @@ def test_published_facts(data_dir, name):
         assert suggest(volume, compute_statistics(volume.values)).kind == KINDS[name]
 
 
-@pytest.mark.parametrize("name", ["engine.nhdr", "medical/LIDC2.mha", "medical/headsq_quarter.nrrd"])
-def test_voxels_and_corners_as_in_simpleitk(data_dir, name):
+@pytest.mark.parametrize("name", ["engine.nhdr", "neghip.nhdr", "medical/headsq_quarter.nrrd"])
+def test_voxels_and_corners_as_in_pynrrd(data_dir, name):
     volume = read(data_dir / name)
-    image = sitk.ReadImage(str(data_dir / name))
-    np.testing.assert_array_equal(volume.values, sitk.GetArrayViewFromImage(image))
-    expected = [image.TransformIndexToPhysicalPoint(index) for index in corners(volume)]
-    np.testing.assert_allclose(positions(volume), expected, atol=1e-9)
+    values, header = nrrd.read(str(data_dir / name), index_order="C")
+    np.testing.assert_array_equal(volume.values, values)
+    axes = header["space directions"].T if "space directions" in header else np.diag(header["spacings"])
+    origin = header.get("space origin", np.zeros(3))
+    assert header.get("space", "left-posterior-superior") == "left-posterior-superior"
+    np.testing.assert_allclose(positions(volume), [origin + axes @ index for index in corners(volume)], atol=1e-9)
+
+
+def test_voxels_and_corners_as_in_vtk(data_dir):
+    volume = read(data_dir / "medical/LIDC2.mha")
+    reader = vtkMetaImageReader()
+    reader.SetFileName(str(data_dir / "medical/LIDC2.mha"))
+    reader.Update()
+    image = reader.GetOutput()
+    np.testing.assert_array_equal(volume.values.ravel(), numpy_support.vtk_to_numpy(image.GetPointData().GetScalars()))
+    lps = np.multiply(corners(volume), image.GetSpacing()) * [1, -1, -1]  # by its TransformMatrix, which VTK ignores
+    np.testing.assert_allclose(positions(volume), image.GetOrigin() + lps, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -84,15 +100,17 @@ def test_voxels_and_corners_as_in_nibabel(data_dir, name, time):
     np.testing.assert_allclose(positions(volume), ras * [-1, -1, 1], atol=1e-9)
 
 
-def test_dicom_series_as_in_simpleitk(data_dir):
+def test_dicom_series_as_in_its_files(data_dir):
     volume = read(data_dir / "medical/t1_dicom_part")
-    reader = sitk.ImageSeriesReader()
-    reader.SetFileNames(reader.GetGDCMSeriesFileNames(str(data_dir / "medical/t1_dicom_part")))
-    image = reader.Execute()
-    np.testing.assert_array_equal(volume.values, sitk.GetArrayViewFromImage(image))
-    expected = [image.TransformIndexToPhysicalPoint(index) for index in corners(volume)]
-    # Positions in the files have 12 significant digits.
-    np.testing.assert_allclose(positions(volume), expected, atol=1e-6)
+    files = [pydicom.dcmread(path) for path in sorted((data_dir / "medical/t1_dicom_part").iterdir())]
+    np.testing.assert_array_equal(volume.values, [file.pixel_array for file in files])
+    # Positions in the files have 12 significant digits, and are not quite even.
+    places = [(volume.world_from_index @ [0, 0, k, 1])[:3] for k in range(len(files))]
+    np.testing.assert_allclose(places, [file.ImagePositionPatient for file in files], atol=1e-6)
+    across, down = np.reshape(files[0].ImageOrientationPatient, (2, 3))
+    spacing = files[0].PixelSpacing
+    axes = np.column_stack([across * spacing[1], down * spacing[0]])
+    np.testing.assert_allclose(volume.world_from_index[:3, :2], axes, atol=1e-9)
 
 
 def test_raw_walnut(data_dir):
