@@ -188,7 +188,11 @@ def ome_spacing(description: str, where: str) -> list[float | None]:
     """
     attributes = _pixels(description)
     found = {axis: _attribute(attributes, f"PhysicalSize{axis}") for axis in "XYZ"}
-    said = {axis: _number(text, f"PhysicalSize{axis}", where) for axis, text in found.items() if text}
+    said = {
+        axis: _number(text, f"PhysicalSize{axis}", where)
+        for axis, text in found.items()
+        if text and not text.strip("0123456789.eE+-")  # words mean that it is unknown
+    }
     sizes = {axis: size for axis, size in said.items() if size}  # of which 0 is none
     units = {axis: _unit(attributes, axis) for axis in sizes}
     first = next(iter(units.values()), "")

@@ -22,7 +22,6 @@ from tests.support.tiff_files import (
     PIXELS,
     PLANAR,
     SAMPLE_FORMAT,
-    SAMPLES,
     SHORT,
     STRIP_BYTES,
     STRIPS,
@@ -69,7 +68,6 @@ FILES = {
     "sizes-whose-product-overflows": ome(f'SizeZ="{2**31 - 1}" SizeC="{2**31 - 1}" SizeT="4"'),
     "planes-with-short-strips": tiff({PLANAR: (SHORT, 1, 2), STRIP_BYTES: (LONG, 1, 15)}),
     "floats-of-8-bits": tiff({SAMPLE_FORMAT: (SHORT, 1, 3)}),
-    "no-samples": tiff({SAMPLES: (SHORT, 1, 0)}),
     "pixels-in-several-strips-at-once": tiff(
         {HEIGHT: (SHORT, 1, 2000), STRIPS: (LONG, 500, 24), STRIP_BYTES: (LONG, 500, 2024)}, b"\x10\0\0\0" * 1000
     ),

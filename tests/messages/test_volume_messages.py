@@ -76,7 +76,6 @@ def write_arrays() -> None:
         "single": np.float32(1),
         "none": np.zeros((3, 0, 4)),
         "large": 2**60 + VALUES.astype(np.int64),
-        "bool": np.zeros((2, 2, 2), bool),
         "complex": np.zeros((2, 2, 2), complex),
         "records": np.zeros((2, 2, 2), [("a", "u1"), ("b", "f4")]),
         "objects": np.zeros((2, 2, 2), object),
