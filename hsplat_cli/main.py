@@ -16,6 +16,7 @@ import select
 import sys
 import traceback
 from collections.abc import Sequence
+from typing import TextIO
 
 import click
 
@@ -86,7 +87,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for stream in (sys.stdout, sys.stderr):  # a file name may have characters that the terminal's encoding lacks
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
-    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+    code = run(sys.argv[1:] if arguments is None else arguments)
+    for stream in (sys.stdout, sys.stderr):
+        _flush_or_discard(stream)
+    sys.exit(code)
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -133,6 +137,14 @@ def _replace_closed_streams() -> None:
             setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115  for the whole run
 
 
+def _flush_or_discard(stream: TextIO) -> None:
+    """Flush a stream for the last time: where Python's own flush at the end fails, it replaces the exit code by 120."""
+    try:
+        stream.flush()
+    except OSError:  # a full disk, or nobody reads it: the null device takes what is still buffered
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
 def _print_error(text: str) -> None:
     with contextlib.suppress(OSError):  # nobody reads it, or the disk is full
         print(text, file=sys.stderr)
@@ -166,13 +178,10 @@ def _address_space_hint() -> str | None:
 
 
 def _is_stdout_broken() -> bool:
-    """Return whether nobody reads the standard output any more, as in `hsplat ... | head`; Python can then exit."""
+    """Return whether nobody reads the standard output any more, as in `hsplat ... | head`."""
     poll = select.poll()
     try:
         poll.register(sys.stdout.fileno(), 0)
     except OSError:  # not a file
         return False
-    is_gone = any(event & select.POLLERR for _, event in poll.poll(0))
-    if is_gone:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return is_gone
+    return any(event & select.POLLERR for _, event in poll.poll(0))
