@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from renderer.printable import printable
 from renderer.scene import Color, ColormapSpec, FileSource, RawSource, TransferSpec, VolumeSpec, parse_yaml
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def scene_text(found: VolumeSuggestion, film: FilmOptions, *, folder: Path, outp
     """
     suggestion, elevation = found.suggestion, number_text(film.elevation)
     lines = [
-        f"# A turntable of {plain_text(volume_file(found.volume).name)}: {suggestion.kind};",
+        f"# A turntable of {printable(volume_file(found.volume).name)}: {suggestion.kind};",
         f"# {suggestion.reason}.",
         *(f"# {note}." for note in suggestion.outlier_notes),
         "# Everything here may be changed; `hsplat check` looks for mistakes, docs/scene.md lists all keys.",
@@ -175,15 +176,5 @@ def yaml_string(text: str | Path) -> str:
     plain = str(text)
     if re.fullmatch(r"[\w./][\w./-]*", plain, re.ASCII) and parse_yaml(plain).data == plain:
         return plain
-    return '"' + "".join(_escaped(char) for char in plain) + '"'
-
-
-def _escaped(char: str) -> str:
-    if char in '"\\':
-        return f"\\{char}"
-    return char if char.isprintable() else char.encode("unicode_escape").decode()
-
-
-def plain_text(text: str) -> str:
-    """Return text for a comment: one line of printable characters."""
-    return "".join(char if char.isprintable() else "?" for char in text)
+    quoted = plain.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{printable(quoted)}"'

@@ -122,4 +122,4 @@ def _row(record: FilmRecord) -> list[str]:
         shown = shown | {"film": record["error"].splitlines()[0]}
     if "seconds" in record:
         shown = shown | {"seconds": f"{record['seconds']:.1f}"}
-    return [str(shown.get(key, "-")).replace("\n", "?") for key in _COLUMNS.values()]
+    return [str(shown.get(key, "-")) for key in _COLUMNS.values()]

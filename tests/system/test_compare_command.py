@@ -206,7 +206,7 @@ def test_odd_names_are_printed_and_reported() -> None:
         env=os.environ | {"PYTHONPATH": str(CODE), "PYTHONIOENCODING": "ascii", "LC_ALL": "C"},
     )
     assert (done.returncode, done.stderr) == (1, b"")
-    for name in (b'a "b" & <c>.png', b"two\\nlines.png", b"\\xff\\x01.png"):
+    for name in (b'a "b" & <c>.png', b"two\\nlines.png", b"\\udcff\\x01.png"):
         assert b"\n" + name + b"  " in b"\n" + done.stdout
     reported = {frame["name"] for frame in json.loads(Path(REPORTS[0]).read_text())["frames"]}
     assert {os.fsdecode(name) for name in names} <= reported

@@ -96,3 +96,14 @@ def test_progress_goes_to_the_error_stream_or_nowhere(
         assert out == ""
         assert ("1/1 frames" in err and ", a note" in err) != is_quiet
         assert bool(err) != is_quiet
+
+
+@pytest.mark.parametrize("stream", [io.StringIO(), Terminal()], ids=["log", "terminal"])
+def test_a_film_of_any_name_has_its_progress_on_one_line(stream: io.StringIO) -> None:
+    progress = Progress(1, "\x1b[2J\u202e\nengine.mp4: done\r", stream)
+    progress.advance("\x1b[31m")
+    progress.close()
+    lines = stream.getvalue().removesuffix("\n").removeprefix("\r").replace("\r\\x1b", "\\x1b").split("\n")
+    assert len(lines) == 1
+    assert lines[0].isprintable()
+    assert r"\x1b[2J\u202e\nengine.mp4: done\r: " in lines[0]
