@@ -42,6 +42,11 @@ class HsplatError(Exception):
     def __str__(self) -> str:
         return format_message(self.what, where=self.where, got=self.got, expected=self.expected, hint=self.hint)
 
+    @property
+    def summary(self) -> str:
+        """Return what is wrong in a few words, without names and values, which may be private."""
+        return self.what.partition("\n")[0]
+
 
 class InputError(HsplatError):
     """The scene, the volume or the command line is wrong (exit code 2)."""
@@ -90,6 +95,11 @@ class SceneError(InputError):
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = tuple(problems)
         super().__init__(join_lines(map(str, self.problems)))
+
+    @property
+    def summary(self) -> str:
+        """Return the first problem in a few words."""
+        return self.problems[0].what.partition("\n")[0]
 
 
 def format_message(

@@ -57,9 +57,8 @@ def compare_frames(
         with open_pairs(golden, actual) as pairs:
             return _compare(pairs, rules, reports, reporter, (str(golden), str(actual)))
     except Exception as error:
-        why = str(error) if isinstance(error, HsplatError) else f"{type(error).__name__}: {error}"
         with contextlib.suppress(HsplatError):  # a report that cannot be written must not hide the reason
-            reports.write_failure(str(golden), str(actual), why)
+            reports.write_failure(golden, actual, error)
         raise
 
 

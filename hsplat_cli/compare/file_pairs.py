@@ -12,9 +12,8 @@ from hsplat_cli.compare.film_decoder import count_film_frames, decode_film
 from hsplat_cli.compare.outcome import Pair, Pairs
 from hsplat_cli.compare.picture_file import decode_picture, file_content, is_picture, read_picture
 from hsplat_cli.terminal import counted, first_few
-from renderer.errors import InputError
+from renderer.errors import InputError, Problem, SceneError
 from renderer.film import ANY_FRAME_FIELD, Pixels, frame_path
-from renderer.printable import join_lines
 from renderer.scene import FRAME_FIELD, is_same_file, nearest_file_hint
 
 _FILM_SUFFIXES = (".mp4", ".gif")
@@ -201,8 +200,10 @@ def _combined_error(errors: Sequence[InputError]) -> InputError:
     if len(errors) == 1:
         return errors[0]
     num_more = len(errors) - _MAX_ERRORS_SHOWN
-    more = [f"... and {counted(num_more, 'more frame')} that cannot be read"] if num_more > 0 else []
-    return InputError(join_lines([*map(str, errors[:_MAX_ERRORS_SHOWN]), *more]))
+    more = [Problem("", f"... and {counted(num_more, 'more frame')} that cannot be read")] if num_more > 0 else []
+    shown = errors[:_MAX_ERRORS_SHOWN]
+    problems = [Problem("", each.what, each.got, each.expected, each.hint, location=each.where) for each in shown]
+    return SceneError([*problems, *more])
 
 
 def _first_names(names: Iterable[str]) -> str:

@@ -42,6 +42,7 @@ class FilmOptions:
     size: tuple[int, int] = (512, 512)
     fps: float = 30.0
     background: str = "#000000"
+    no_paths: bool = False
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> FilmOptions:
@@ -84,6 +85,7 @@ def scene_text(found: VolumeSuggestion, film: FilmOptions, *, folder: Path, outp
         f"  size: [{film.size[0]}, {film.size[1]}]",
         f"  frames_per_second: {number_text(film.fps)}",
         f"  background: {yaml_string(film.background)}",
+        *(["  record_paths: false         # in the JSON file beside the film"] * film.no_paths),
     ]
     return "\n".join(lines) + "\n"
 

@@ -56,7 +56,7 @@ def film_problems(parts: Sequence[Part]) -> Iterator[Problem]:
 def _film_identity(part: Part) -> dict[str, Any]:
     """Return what all parts of a film share: what pixels depend on, except the machine, and the encoding."""
     scene = {key: value for key, value in part.scene.items() if key != "volume"}
-    output = {key: value for key, value in part.scene["output"].items() if key != "file"}
+    output = {key: value for key, value in part.scene["output"].items() if key not in ("file", "record_paths")}
     error = error_without_schedule(part) if part.has_goal else part.scene["error"]
     return {
         "scene": {**scene, "output": output, "error": error},
