@@ -78,7 +78,7 @@ def test_other_names_are_refused(folder: Path) -> None:
         os.rename(old, new)
     for text, name in zip(found("ascii", names), FILES, strict=True):
         assert text == ascii(
-            f"f\udcfcel{name}: a file or folder of this name cannot be read in its format\n"
+            f"f\\udcfcel{name}: a file or folder of this name cannot be read in its format\n"
             f"  got: 'f\\udcfcel{name}', which is not UTF-8\n"
             "  expected: a path in UTF-8\n"
             "  hint: rename that file or folder"
