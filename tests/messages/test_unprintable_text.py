@@ -141,11 +141,18 @@ def pictures_that_are_compared() -> list[str]:
     return ["compare", "golden", "actual"]
 
 
+def what_ffmpeg_prints() -> list[str]:
+    for folder in ("golden", "actual"):
+        Path(folder).mkdir()
+        Path(folder, f"{HOSTILE}.mp4").write_bytes(b"\0\0\0\x18ftypisom" + bytes(99))
+    return ["compare", f"golden/{HOSTILE}.mp4", f"actual/{HOSTILE}.mp4"]
+
+
 SOURCES: list[Callable[[], list[str]]] = [
     nrrd_data_file, metaimage_data_file, volume_that_is_read, volume_that_is_suggested, volume_that_is_missing,
     hint_at_a_volume, hint_in_a_scene, scene_that_is_right, scene_that_is_wrong, yaml_key, yaml_value, sidecar_field,
     argument_too_many, option_that_does_not_exist, option_of_a_wrong_type, command_that_does_not_exist, setting,
-    output, dicom_description, volumes_of_a_batch, pictures_that_are_compared,
+    output, dicom_description, volumes_of_a_batch, pictures_that_are_compared, what_ffmpeg_prints,
 ]  # fmt: skip
 
 
