@@ -16,10 +16,13 @@ import select
 import sys
 import traceback
 from collections.abc import Sequence
+from typing import TextIO
 
 import click
 
+from hsplat_cli.terminal import Reporter
 from renderer.errors import HsplatError, InputError, closest_match, format_message
+from renderer.printable import join_lines
 
 # The summary of each command, a function of the same name in a file of the same name. It is imported only when it is
 # called, so help is quick.
@@ -68,7 +71,7 @@ def _print_version(context: click.Context, _: click.Parameter, wanted: bool) -> 
     if wanted and not context.resilient_parsing:
         from renderer.versions import package_versions
 
-        click.echo(f"hsplat {package_versions()['hsplat']}")
+        Reporter().result(f"hsplat {package_versions()['hsplat']}")
         context.exit()
 
 
@@ -86,7 +89,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for stream in (sys.stdout, sys.stderr):  # a file name may have characters that the terminal's encoding lacks
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
-    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+    code = run(sys.argv[1:] if arguments is None else arguments)
+    for stream in (sys.stdout, sys.stderr):
+        _flush_or_discard(stream)
+    sys.exit(code)
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -106,7 +112,7 @@ def run(arguments: Sequence[str]) -> int:
         elif isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT) and error.filename is None:
             _print_error(f"hsplat: what is printed cannot be written: {error.strerror}")
         elif not (isinstance(error, BrokenPipeError) and _is_stdout_broken()):
-            what = " ".join(f"{type(error).__name__}: {error}".split())
+            what = f"{type(error).__name__}: {error}"
             _print_error(f"hsplat: unexpected {what} (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)")
         return failed
 
@@ -120,10 +126,19 @@ def _invoke(arguments: Sequence[str]) -> int:
     except click.exceptions.Exit as done:
         code = done.exit_code
     except click.ClickException as error:
-        error.show()
+        _print_usage_error(error)
         code = error.exit_code
     sys.stdout.flush()
     return code
+
+
+def _print_usage_error(error: click.ClickException) -> None:
+    """Print an error of click's, which quotes arguments, as click does."""
+    lines = [f"Error: {error.format_message()}"]
+    if isinstance(error, click.UsageError) and error.ctx is not None:
+        usage, help_hint = error.ctx.get_usage(), f"Try '{error.ctx.command_path} --help' for help."
+        lines = [*usage.splitlines(), help_hint, "", *lines]
+    Reporter().warning(join_lines(lines))
 
 
 def _replace_closed_streams() -> None:
@@ -133,11 +148,19 @@ def _replace_closed_streams() -> None:
             setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115  for the whole run
 
 
+def _flush_or_discard(stream: TextIO) -> None:
+    """Flush a stream for the last time: where Python's own flush at the end fails, it replaces the exit code by 120."""
+    try:
+        stream.flush()
+    except OSError:  # a full disk, or nobody reads it: the null device takes what is still buffered
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
 def _print_error(text: str) -> None:
     with contextlib.suppress(OSError):  # nobody reads it, or the disk is full
-        print(text, file=sys.stderr)
+        Reporter().warning(text)
         if os.environ.get("HSPLAT_DEBUG") == "1":
-            traceback.print_exc()
+            Reporter().warning(join_lines(traceback.format_exc().splitlines()))
 
 
 def _is_out_of_memory(error: BaseException) -> bool:
@@ -166,13 +189,10 @@ def _address_space_hint() -> str | None:
 
 
 def _is_stdout_broken() -> bool:
-    """Return whether nobody reads the standard output any more, as in `hsplat ... | head`; Python can then exit."""
+    """Return whether nobody reads the standard output any more, as in `hsplat ... | head`."""
     poll = select.poll()
     try:
         poll.register(sys.stdout.fileno(), 0)
     except OSError:  # not a file
         return False
-    is_gone = any(event & select.POLLERR for _, event in poll.poll(0))
-    if is_gone:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return is_gone
+    return any(event & select.POLLERR for _, event in poll.poll(0))

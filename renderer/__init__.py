@@ -3,7 +3,8 @@
 In: a scene file, a Scene or a numpy array [z, y, x]. Out: a frame, a film, or the exact picture, drawn in this process
 to the same bytes as by the command `hsplat render`. `docs/api.md` has all of it, with examples.
 
-- `api.py`: the functions of this door. `errors.py`: every error that a user sees.
+- `api.py`: the functions of this door. `errors.py`: every error that a user sees. `printable.py`: text
+  from outside, as it is shown.
 - `jit.py` compiles loops and caches them; `threads.py`: a pool of threads for them; `cores.py`: how many processors
   this process may use. `runs.py`: consecutive numbers as ranges. `versions.py`: versions of what made an output.
 """

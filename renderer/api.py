@@ -275,7 +275,9 @@ def render(
         notes = [*([read] if read else []), *film_notes(made.output), *rasterizer.notes, *visibility_notes(records)]
         missed = {} if plan.shortfall is None else {"shortfall": str(plan.shortfall)}
         schedule = {"asked": schedule_to_dict(made.error), "met": not missed, **missed}
-        content = film_record(plan.stage, records, rasterizer.renderer_name) | {"schedule": schedule, "notes": notes}
+        content = film_record(plan.stage, records, rasterizer.renderer_name) | {"schedule": schedule}
+        # The reader's note may quote the file's header.
+        content |= {"notes": notes if made.output.record_paths else [note for note in notes if note != read]}
         content |= {"seconds": plan.stage.seconds | {"total": perf_counter() - start}, "frames": records}
         write_sidecar(sidecar, content, folder)
     if plan.shortfall is not None and not best_effort:

@@ -11,6 +11,8 @@ import importlib.util
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from renderer.printable import PrintableText, join_lines, printable
+
 
 class HsplatError(Exception):
     """The root of all errors that are shown to a user.
@@ -21,6 +23,8 @@ class HsplatError(Exception):
     where: a file, a location in it, or a part of the scene.
     got, expected: what was found, and what would have been right.
     hint: what to do about it.
+
+    Each is one line, in which `str` escapes what is not printable, or several lines of `renderer.printable.join_lines`.
     """
 
     def __init__(
@@ -37,6 +41,11 @@ class HsplatError(Exception):
 
     def __str__(self) -> str:
         return format_message(self.what, where=self.where, got=self.got, expected=self.expected, hint=self.hint)
+
+    @property
+    def summary(self) -> str:
+        """Return what is wrong in a few words, without names and values, which may be private."""
+        return self.what.partition("\n")[0]
 
 
 class InputError(HsplatError):
@@ -85,16 +94,22 @@ class SceneError(InputError):
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = tuple(problems)
-        super().__init__("\n".join(map(str, self.problems)))
+        super().__init__(join_lines(map(str, self.problems)))
+
+    @property
+    def summary(self) -> str:
+        """Return the first problem in a few words."""
+        return self.problems[0].what.partition("\n")[0]
 
 
 def format_message(
     what: str, *, where: str | None = None, got: str | None = None, expected: str | None = None, hint: str | None = None
-) -> str:
-    """Return the text of a message: `where: what`, and one indented line for each further part."""
-    lines = [what if where is None else f"{where}: {what}"]
-    lines += [f"  {name}: {text}" for name, text in (("got", got), ("expected", expected), ("hint", hint)) if text]
-    return "\n".join(lines)
+) -> PrintableText:
+    """Return the printable text of a message: `where: what`, and one indented line for each further part."""
+    lines = [printable(what) if where is None else f"{printable(where)}: {printable(what)}"]
+    parts = (("got", got), ("expected", expected), ("hint", hint))
+    lines += [f"  {name}: {printable(text)}".replace("\n", "\n    ") for name, text in parts if text]
+    return PrintableText("\n".join(lines))
 
 
 def closest_match(name: str, names: Iterable[str]) -> str | None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hsplat_cli.commands.options import FILE, frames_option, quiet_option
+from hsplat_cli.commands.options import FILE, frames_option, no_paths_option, quiet_option
 from hsplat_cli.terminal import Reporter, parse_frames, sigterm_as_interrupt
 from renderer.errors import Problem, SceneError
 from renderer.film import has_frame_files
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 @frames_option(help="Take only these frames, as a Python slice: 0:30, ::10, 7, -1.")
 @click.option("--frames-per-second", type=float, metavar="RATE", help="Another rate than that of the scene.")
 @click.option("--quality", type=float, metavar="0-10", help="Another quality of an MP4 than that of the scene.")
+@no_paths_option(callback=None, help="Record names and no folders.")
 @click.option("--force", is_flag=True, help="Assemble again what is up to date.")
 @quiet_option()
 def assemble(
@@ -33,6 +34,7 @@ def assemble(
     frames: str | None,
     frames_per_second: float | None,
     quality: float | None,
+    no_paths: bool,
     force: bool,
     reporter: Reporter,
 ) -> None:
@@ -50,6 +52,7 @@ def assemble(
     options = {"file": (str(output), f"--output {output}")} | {
         key: (value, f"--{key.replace('_', '-')} {value:g}") for key, value in given.items() if value is not None
     }
+    options |= {"record_paths": (False, "--no-paths")} if no_paths else {}
     spec = _output_spec(found[0], options, numbers)
     with sigterm_as_interrupt():
         assemble_film(found, numbers, spec, reporter, force=force)

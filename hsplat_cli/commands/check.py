@@ -17,6 +17,7 @@ from renderer.film import (
     sidecar_path,
     unfinished_folder,
 )
+from renderer.printable import join_lines
 from renderer.readers import find_volume
 from renderer.scene import (
     ArraySource,
@@ -57,7 +58,7 @@ def check(
     if isinstance(job.scene.volume.source, FileSource):
         find_volume(job.scene.volume.source.file)
     rows = [f"  {name:<8} {text}" for name, text in _summary(job.scene, len(job.frames))]
-    Reporter().result("\n".join([f"{scene}: ok", *rows]))
+    Reporter().result(join_lines([f"{scene}: ok", *rows]))
 
 
 def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:

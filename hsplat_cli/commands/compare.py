@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.commands.options import frames_option, quiet_option, set_option, volume_option
+from hsplat_cli.commands.options import frames_option, no_paths_option, quiet_option, set_option, volume_option
 from hsplat_cli.executors import workers_option
 from hsplat_cli.terminal import OutputPath, Reporter, sigterm_as_interrupt
 from renderer.errors import InputError
@@ -38,6 +38,7 @@ def _parse_name(_: click.Context, parameter: click.Parameter, name: str) -> Path
 @click.option("--json", "json_file", type=_REPORT, metavar="FILE", help="Write the result of every frame as JSON.")
 @click.option("--junit", "junit_file", type=_REPORT, metavar="FILE", help="Write a JUnit report for CI systems.")
 @click.option("--html", "html_file", type=_REPORT, metavar="FILE", help="Write a page that shows the worst frames.")
+@no_paths_option(callback=None, help="Leave folders out of the reports.")
 @frames_option(help="Of a scene: compare only its goldens in this range.")
 @set_option(help="Of a scene: change a value.")
 @volume_option(help="Of a scene: take the volume from this file.")
@@ -53,6 +54,7 @@ def compare(
     json_file: Path | None,
     junit_file: Path | None,
     html_file: Path | None,
+    no_paths: bool,
     frames: str | None,
     overrides: tuple[str, ...],
     volume: Path | None,
@@ -71,7 +73,8 @@ def compare(
         from hsplat_cli.compare import ReportFiles, SceneOptions, compare_frames, comparison_table
 
         files = {"--json": json_file, "--junit": junit_file, "--html": html_file}
-        reports = ReportFiles({option: path for option, path in files.items() if path})
+        private = [golden, actual] if no_paths else []
+        reports = ReportFiles({option: path for option, path in files.items() if path}, private)
         drawing = SceneOptions(frames, overrides, volume, workers)
         comparison = compare_frames(golden, actual, reports, drawing, level=level, limits=limits, reporter=reporter)
     if comparison.passes:

@@ -13,6 +13,7 @@ import click
 from hsplat_cli.commands.options import FILE
 from hsplat_cli.scenes import read_with_options, transfer_lines, volume_options, volume_spec
 from hsplat_cli.terminal import Reporter, counted
+from renderer.printable import join_lines
 from renderer.scene import parse_yaml
 
 if TYPE_CHECKING:
@@ -40,8 +41,8 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     statistics = compute_statistics(read.values, read.source)
     suggestion = suggest(read, statistics)
     facts = _facts(read, statistics, suggest_ranges(statistics), suggestion)
-    text = "\n".join([_describe_facts(facts, _histogram_marks()), *_suggestion_lines(suggestion)])
-    reporter.result(json.dumps(facts, indent=2) if as_json else text)
+    text_lines = [*_fact_lines(facts, _histogram_marks()), *_suggestion_lines(suggestion)]
+    reporter.result(join_lines(json.dumps(facts, indent=2).splitlines() if as_json else text_lines))
 
 
 def _facts(
@@ -124,7 +125,7 @@ def _numbers(values: list[float], between: str = ", ") -> str:
     return between.join(_number(round(value, 9)) for value in values)
 
 
-def _describe_facts(facts: dict[str, Any], marks: str) -> str:
+def _fact_lines(facts: dict[str, Any], marks: str) -> list[str]:
     file_spacing = facts["replaced_spacing"]
     replaced = "" if file_spacing is None else f", in place of {_numbers(file_spacing, ' x ')}"
     lines = [
@@ -156,7 +157,7 @@ def _describe_facts(facts: dict[str, Any], marks: str) -> str:
             f"    {part['name']:<11} {_number(part['low']):>12} to {_number(part['high']):<12} "
             f"{100 * part['share']:6.2f}% of the voxels, median {_number(part['typical'])}"
         )
-    return "\n".join(lines)
+    return lines
 
 
 def _suggestion_lines(suggestion: Suggestion) -> Iterator[str]:

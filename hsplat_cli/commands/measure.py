@@ -7,7 +7,14 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.commands.options import frames_option, quiet_option, scene_argument, set_option, volume_option
+from hsplat_cli.commands.options import (
+    frames_option,
+    no_paths_option,
+    quiet_option,
+    scene_argument,
+    set_option,
+    volume_option,
+)
 from hsplat_cli.scenes import load_job
 from hsplat_cli.studies import parse_sweep, parse_want
 from hsplat_cli.terminal import OutputPath, Reporter, sigterm_as_interrupt
@@ -22,6 +29,7 @@ _SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections
 @scene_argument
 @set_option(help="Change a value of the scene.")
 @volume_option()
+@no_paths_option()
 @click.option("--output", type=OutputPath(), metavar="FOLDER", help="Write the report there, not to SCENE.measured.")
 @frames_option(help="Measure on these frames; by default on three of the path.")
 @click.option("--tolerances", metavar="LIST", help="Such as 1,0.1,0; by default some that suit the volume.")
@@ -53,6 +61,7 @@ def measure(
     scene: Path,
     overrides: tuple[str, ...],
     volume: Path | None,
+    no_paths: tuple[str, ...],
     output: Path | None,
     frames: str | None,
     tolerances: str | None,
@@ -69,6 +78,7 @@ def measure(
 
     SCENE is a YAML file. A page with plots, a CSV and a JSON file are written into the folder SCENE.measured.
     """
+    overrides = (*overrides, *no_paths)
     given = load_job(scene, overrides=overrides, frames=frames, volume=volume, draws="nothing")
     job, numbers = replace(given.scene, overlay="none"), given.frames  # lines are no error
     sweep = parse_sweep(job, tolerances=tolerances, footprints=footprints, measures=measures, corrections=corrections)

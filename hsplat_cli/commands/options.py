@@ -27,6 +27,20 @@ set_option = partial(
 )
 volume_option = partial(click.option, "--volume", type=FILE, metavar="FILE", help="Take the volume from this file.")
 frames_option = partial(click.option, "--frames", metavar="A:B:STEP")
+
+
+def _no_paths_override(_context: click.Context, _parameter: click.Parameter, is_given: bool) -> tuple[str, ...]:
+    return ("output.record_paths=false",) * is_given
+
+
+# What it gives belongs to the overrides of `--set`.
+no_paths_option = partial(
+    click.option,
+    "--no-paths",
+    is_flag=True,
+    callback=_no_paths_override,
+    help="Record names and no folders: the same as --set output.record_paths=false.",
+)
 quiet_option = partial(
     click.option, "--quiet", "reporter", is_flag=True, callback=_make_reporter, help="Print only errors."
 )

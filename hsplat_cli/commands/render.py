@@ -7,7 +7,15 @@ from typing import Literal
 
 import click
 
-from hsplat_cli.commands.options import FILE, frames_option, quiet_option, scene_argument, set_option, volume_option
+from hsplat_cli.commands.options import (
+    FILE,
+    frames_option,
+    no_paths_option,
+    quiet_option,
+    scene_argument,
+    set_option,
+    volume_option,
+)
 from hsplat_cli.executors import ExecutorSpec, executor_options, require_executor, require_executor_for
 from hsplat_cli.scenes import load_job
 from hsplat_cli.terminal import Reporter, parse_duration, sigterm_as_interrupt
@@ -20,6 +28,7 @@ from renderer.errors import InputError
 @click.option("--output", type=FILE, metavar="FILE", help="Write to this .mp4, .gif, {frame}.png or, for one, .png.")
 @frames_option(help="Draw only these frames, as a Python slice: 0:30, ::10, 7, -1.")
 @volume_option()
+@no_paths_option()
 @click.option("--progressive", is_flag=True, help="Draw a coarse film first, then finer ones in its place.")
 @click.option("--time-limit", metavar="TIME", help="With --progressive: refine no longer than 90s, 10m or 1h30m.")
 @click.option("--best-effort", is_flag=True, help="Exit with 0 even if less than what was requested is reached.")
@@ -32,6 +41,7 @@ def render(
     output: Path | None,
     frames: str | None,
     volume: Path | None,
+    no_paths: tuple[str, ...],
     progressive: bool,
     time_limit: str | None,
     best_effort: bool,
@@ -48,6 +58,7 @@ def render(
     executor = ExecutorSpec(workers, scheduler)
     require_executor(executor)
     draws: Literal["passes", "film"] = "passes" if progressive else "film"
+    overrides = (*overrides, *no_paths)
     job = load_job(scene, overrides=overrides, frames=frames, volume=volume, output=output, draws=draws)
     limit = None if time_limit is None else parse_duration(time_limit, where="--time-limit")
     if limit is not None and not progressive:

@@ -17,6 +17,7 @@ from hsplat_cli.compare.scene_pairs import SceneOptions, open_scene_pairs
 from hsplat_cli.compare.text_reports import comparison_table
 from hsplat_cli.terminal import Reporter
 from renderer.errors import HsplatError, InputError
+from renderer.printable import join_lines
 
 # A scene, or the sidecar of a film.
 _SCENE_SUFFIXES = (".yaml", ".yml", ".json")
@@ -56,9 +57,8 @@ def compare_frames(
         with open_pairs(golden, actual) as pairs:
             return _compare(pairs, rules, reports, reporter, (str(golden), str(actual)))
     except Exception as error:
-        why = str(error) if isinstance(error, HsplatError) else f"{type(error).__name__}: {error}"
         with contextlib.suppress(HsplatError):  # a report that cannot be written must not hide the reason
-            reports.write_failure(str(golden), str(actual), why)
+            reports.write_failure(golden, actual, error)
         raise
 
 
@@ -113,5 +113,6 @@ def require_match(
     except HsplatError as error:
         raise error.with_traceback(None) from None  # the traceback would only show this package
     if not comparison.passes:
-        page = "" if html is None else f"\nthe frames: {html}"
-        raise AssertionError(f"{golden} and {actual} do not match\n{comparison_table(comparison)}{page}")
+        page = [] if html is None else [f"the frames: {html}"]
+        lines = [f"{golden} and {actual} do not match", comparison_table(comparison), *page]
+        raise AssertionError(join_lines(lines))

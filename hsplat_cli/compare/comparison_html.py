@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hsplat_cli.compare.error_plot import plot_errors
-from hsplat_cli.compare.figure_format import limit_text, printable, share_text, signed_text, value_text
+from hsplat_cli.compare.figure_format import limit_text, share_text, signed_text, value_text
 from hsplat_cli.compare.gallery import PICTURE_PX, Gallery
 from hsplat_cli.compare.outcome import Comparison
 from hsplat_cli.compare.text_reports import summary
@@ -29,7 +29,7 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
         frames.append((frame, list(zip(frame.pictures, uris, strict=True))))
         difference = frame.pictures[2].pixels
         largest = max(largest, 0 if difference is None else int(difference.max()))
-    text = render_page(
+    return render_page(
         "compare.html",
         title=summary(comparison),
         comparison=comparison,
@@ -50,5 +50,3 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
         bias_lines=lambda bias: zip(("red", "green", "blue", "alpha"), map(signed_text, bias), strict=False),
         severity=severity,
     )
-    # File names may hold any bytes, also invalid UTF-8.
-    return "\n".join(line if line.isprintable() else printable(line) for line in text.split("\n"))

@@ -58,14 +58,3 @@ def _unit(name: str, text: str) -> str:
 
 def _side(name: str, value: float, limit: float) -> bool:
     return COMPARISON_METRICS[name].passes(value, limit)
-
-
-def printable(text: str) -> str:
-    """Escape every character that a terminal, HTML or XML cannot show; invalid UTF-8 becomes `\\xff`."""
-    return "".join(letter if letter.isprintable() else _escaped(letter) for letter in text)
-
-
-def _escaped(letter: str) -> str:
-    if "\udc80" <= letter <= "\udcff":  # an undecodable byte (PEP 383)
-        return f"\\x{ord(letter) - 0xDC00:02x}"
-    return letter.encode("unicode_escape").decode("ascii")

@@ -8,12 +8,11 @@ import unicodedata
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from hsplat_cli.compare.figure_format import printable
 from hsplat_cli.compare.film_decoder import count_film_frames, decode_film
 from hsplat_cli.compare.outcome import Pair, Pairs
 from hsplat_cli.compare.picture_file import decode_picture, file_content, is_picture, read_picture
 from hsplat_cli.terminal import counted, first_few
-from renderer.errors import InputError
+from renderer.errors import InputError, Problem, SceneError
 from renderer.film import ANY_FRAME_FIELD, Pixels, frame_path
 from renderer.scene import FRAME_FIELD, is_same_file, nearest_file_hint
 
@@ -131,15 +130,15 @@ def _ignored_notes(side: Path, compared: Collection[Path]) -> Iterator[str]:
         pattern = _pattern(side)
         others = [path for path in _entries(side.parent) if pattern.fullmatch(path.name) and path not in compared]
         if others:
-            yield f"not compared, because {printable(side.name)} has another number of digits: {_some(others)}"
+            yield f"not compared, because {side.name} has another number of digits: {_some(others)}"
         return
     visible = [path for path in _entries(side) if not path.name.startswith(".")]
     others = [path for path in visible if path.suffix.lower() in _OTHER_SUFFIXES]
     if others:
-        yield f"not compared, because they are not PNG files: {_some(others)} in {printable(str(side))}"
+        yield f"not compared, because they are not PNG files: {_some(others)} in {side}"
     folders = [path for path in visible if _has_pictures(path)]
     if folders:
-        yield f"not compared, because subfolders are ignored: PNG files in {_some(folders)} in {printable(str(side))}"
+        yield f"not compared, because subfolders are ignored: PNG files in {_some(folders)} in {side}"
 
 
 def _has_pictures(path: Path) -> bool:
@@ -150,7 +149,7 @@ def _has_pictures(path: Path) -> bool:
 
 
 def _some(paths: Iterable[Path]) -> str:
-    return first_few([printable(path.name) for path in paths], _MAX_NAMED)
+    return first_few([path.name for path in paths], _MAX_NAMED)
 
 
 def _entries(folder: Path) -> list[Path]:
@@ -201,8 +200,10 @@ def _combined_error(errors: Sequence[InputError]) -> InputError:
     if len(errors) == 1:
         return errors[0]
     num_more = len(errors) - _MAX_ERRORS_SHOWN
-    more = [f"... and {counted(num_more, 'more frame')} that cannot be read"] if num_more > 0 else []
-    return InputError("\n".join([*map(str, errors[:_MAX_ERRORS_SHOWN]), *more]))
+    more = [Problem("", f"... and {counted(num_more, 'more frame')} that cannot be read")] if num_more > 0 else []
+    shown = errors[:_MAX_ERRORS_SHOWN]
+    problems = [Problem("", each.what, each.got, each.expected, each.hint, location=each.where) for each in shown]
+    return SceneError([*problems, *more])
 
 
 def _first_names(names: Iterable[str]) -> str:

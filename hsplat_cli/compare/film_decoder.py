@@ -20,6 +20,7 @@ import numpy as np
 from hsplat_cli.compare.picture_file import MAX_PIXELS, require_file
 from renderer.errors import InputError
 from renderer.film import Pixels, find_ffmpeg
+from renderer.printable import join_lines
 
 # ffmpeg's most exact conversion, the same on every processor. A GIF may be transparent.
 _RGB_FILTER = "scale=flags=bicubic+accurate_rnd+full_chroma_int+full_chroma_inp+bitexact,format=rgb24"
@@ -83,7 +84,7 @@ def _frames(process: subprocess.Popen[bytes], stderr_file: IO[bytes], path: Path
     stderr_file.seek(0)
     messages = stderr_file.read(_MAX_STDERR_BYTES).decode("utf-8", "replace").strip()
     if status != 0 or messages or not is_whole:  # some errors leave the exit status at 0
-        got = "\n    ".join(messages.splitlines()) or f"exit status {status} of ffmpeg and no message"
+        got = join_lines(messages.splitlines()) or f"exit status {status} of ffmpeg and no message"
         raise InputError("the film cannot be decoded", where=str(path), got=got)
 
 

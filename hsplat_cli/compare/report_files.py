@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hsplat_cli.compare.gallery import Gallery
 from hsplat_cli.compare.outcome import Comparison
 from hsplat_cli.compare.text_reports import comparison_json, comparison_junit, failure_json, failure_junit
-from renderer.errors import InputError, require_package
-from renderer.film import require_writable, staged_files, translate_os_errors
+from renderer.errors import HsplatError, InputError, require_package
+from renderer.film import require_writable, shorten_paths, staged_files, translate_os_errors
 from renderer.scene import is_same_file
 
 # No frame, scene or volume has these suffixes, so that a typing mistake overwrites none of them.
@@ -20,9 +20,10 @@ _SUFFIXES = {"--json": (".json",), "--junit": (".xml",), "--html": (".html", ".h
 
 @dataclass(frozen=True)
 class ReportFiles:
-    """The paths of the requested reports, by option."""
+    """The paths of the requested reports, by option. private: inputs whose folders the reports leave out."""
 
     paths: Mapping[str, Path]
+    private: Sequence[Path] = ()
 
     def require_names(self, inputs: Sequence[Path]) -> None:
         """Raise InputError if a name has a wrong suffix, or is an existing input. Write nothing."""
@@ -52,6 +53,8 @@ class ReportFiles:
 
     def write(self, comparison: Comparison, gallery: Gallery) -> None:
         """Write all reports, or none."""
+        texts = {key: getattr(comparison, key) for key in ("golden", "actual", "notes")}
+        comparison = replace(comparison, **shorten_paths(texts, self.private))
 
         def page() -> str:
             # Imported here because only this report needs jinja2.
@@ -62,11 +65,15 @@ class ReportFiles:
         json, junit = (lambda: comparison_json(comparison)), (lambda: comparison_junit(comparison))
         self._write({"--json": json, "--junit": junit, "--html": page})
 
-    def write_failure(self, golden: str, actual: str, why: str) -> None:
+    def write_failure(self, golden: Path, actual: Path, error: Exception) -> None:
         """Report in JSON and JUnit, where requested, why nothing was compared."""
-        self._write(
-            {"--json": lambda: failure_json(golden, actual, why), "--junit": lambda: failure_junit(golden, actual, why)}
-        )
+        texts = [str(golden), str(actual), str(error)]
+        if not isinstance(error, HsplatError):
+            texts[-1] = f"{type(error).__name__}: {error}"
+        if self.private:
+            texts[-1] = error.summary if isinstance(error, HsplatError) else type(error).__name__
+            texts = shorten_paths(texts, self.private)
+        self._write({"--json": lambda: failure_json(*texts), "--junit": lambda: failure_junit(*texts)})
 
     def _write(self, texts: Mapping[str, Callable[[], str]]) -> None:
         with staged_files() as write:

@@ -38,8 +38,8 @@ from renderer.scene import (
     read_fields,
     read_option,
     section_field,
-    source_excerpt,
     valid_keys,
+    with_excerpt,
     word_or,
 )
 from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS, Limits, Metric
@@ -195,7 +195,7 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
         place = tree.locations[problem.path]
         marked.append((place.key if problem.at_key else place.value, problem))
     problems += [
-        replace(problem, location=format_location(path, mark), what=problem.what + source_excerpt(lines, mark))
+        replace(problem, location=format_location(path, mark), what=with_excerpt(problem.what, lines, mark))
         for mark, problem in sorted(marked, key=lambda item: item[0])
     ]
     frames = given["frames"] if valid_keys(given, "frames") else {}

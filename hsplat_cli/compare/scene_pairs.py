@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.compare.figure_format import printable
 from hsplat_cli.compare.golden.provenance import (
     PROVENANCE_FILE,
     Golden,
@@ -153,7 +152,7 @@ def _file_notes(folder: Path, goldens: Sequence[Golden], unlisted: Sequence[str]
     if changed:
         yield f"changed by hand or by an interrupted update since {PROVENANCE_FILE} was written: {_some(changed)}"
     if unlisted:
-        yield f"not compared, because {PROVENANCE_FILE} does not list them: {_some(list(map(printable, unlisted)))}"
+        yield f"not compared, because {PROVENANCE_FILE} does not list them: {_some(unlisted)}"
 
 
 def _some(items: Sequence[object]) -> str:

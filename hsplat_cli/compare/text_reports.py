@@ -1,6 +1,6 @@
 """Report a comparison as text for the terminal, as JSON and as JUnit XML, worst frames first.
 
-Equal comparisons give equal text. Unprintable characters are escaped, except in JSON.
+Equal comparisons give equal text. Text is printable, except in JSON.
 """
 
 from __future__ import annotations
@@ -10,9 +10,10 @@ from collections.abc import Iterator
 from typing import Any, get_args
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from hsplat_cli.compare.figure_format import figure_text, printable
+from hsplat_cli.compare.figure_format import figure_text
 from hsplat_cli.compare.outcome import Comparison, Outcome, Status
 from hsplat_cli.terminal import counted, format_table
+from renderer.printable import PrintableText, join_lines, printable
 from renderer.study import COMPARISON_METRICS
 
 # Only the worst failing frames are printed, so that they fit on a screen; files have all frames.
@@ -32,14 +33,14 @@ _DRIVER = "driver"
 _LOOSEST = "cross-driver"
 
 
-def comparison_table(comparison: Comparison) -> str:
+def comparison_table(comparison: Comparison) -> PrintableText:
     """Return a line for each of the worst failing frames, with the reason, then a summary and notes."""
     failing = [outcome for outcome in comparison.worst_first if not outcome.passes]
-    rows = [("frame", "status", "reason"), *((printable(o.name), o.status, _reason(o)) for o in failing[:MAX_ROWS])]
-    lines = [format_table(rows)] if failing else []
+    rows = [("frame", "status", "reason"), *((o.name, o.status, _reason(o)) for o in failing[:MAX_ROWS])]
+    lines: list[str] = [format_table(rows)] if failing else []
     if len(failing) > MAX_ROWS:
         lines.append(f"... and {counted(len(failing) - MAX_ROWS, 'more frame')} that fail; --json FILE has all of them")
-    return "\n".join([*lines, *([""] if lines else []), printable(summary(comparison)), *_remarks(comparison)])
+    return join_lines([*lines, *([""] if lines else []), summary(comparison), *_remarks(comparison)])
 
 
 def _reason(outcome: Outcome) -> str:
@@ -61,13 +62,13 @@ def summary(comparison: Comparison) -> str:
 def _remarks(comparison: Comparison) -> Iterator[str]:
     worst = comparison.worst_first[0]
     if worst.status == "close":
-        yield f"  {printable(worst.name)}: {worst.why}"
-    yield from (f"note: {printable(note)}" for note in comparison.notes)
+        yield f"  {worst.name}: {worst.why}"
+    yield from (f"note: {note}" for note in comparison.notes)
     if comparison.passes:
         return
     for name, (golden, actual) in comparison.facts.items():
         if golden != actual:
-            yield f"{printable(name)}: {printable(actual)}; of the goldens: {printable(golden)}"
+            yield f"{name}: {actual}; of the goldens: {golden}"
             if name == _DRIVER and comparison.level != _LOOSEST:
                 yield f"hint: another driver causes small differences; --level {_LOOSEST} allows for them"
 
@@ -120,11 +121,11 @@ def comparison_junit(comparison: Comparison) -> str:
     for outcome in comparison.worst_first:
         case = SubElement(suite, "testcase", classname=golden, name=printable(outcome.name))
         if not outcome.passes:
-            message = f"{outcome.status}: {_reason(outcome)}"
+            message = printable(f"{outcome.status}: {_reason(outcome)}")
             failure = SubElement(case, "failure", message=message, type=outcome.status)
-            failure.text = "\n".join(_details(comparison, outcome))
+            failure.text = join_lines(_details(comparison, outcome))
     if comparison.notes:
-        SubElement(suite, "system-out").text = "\n".join(map(printable, comparison.notes))
+        SubElement(suite, "system-out").text = join_lines(comparison.notes)
     return _xml_text(root)
 
 
@@ -139,9 +140,9 @@ def failure_junit(golden: str, actual: str, why: str) -> str:
     name = printable(golden)
     root, suite = _new_suite(name, 1, 0, 1)
     case = SubElement(suite, "testcase", classname=name, name="could not be compared")
-    lines = [printable(line) for line in why.split("\n")]
-    error = SubElement(case, "error", message=lines[0], type="not compared")
-    error.text = "\n".join([*lines, f"golden: {name}", f"actual: {printable(actual)}"])
+    lines = why.split("\n")
+    error = SubElement(case, "error", message=printable(lines[0]), type="not compared")
+    error.text = join_lines([*lines, f"golden: {golden}", f"actual: {actual}"])
     return _xml_text(root)
 
 
@@ -152,9 +153,9 @@ def _xml_text(root: Element) -> str:
 
 def _details(comparison: Comparison, outcome: Outcome) -> Iterator[str]:
     yield outcome.why
-    yield f"golden: {printable(comparison.golden)}"
-    yield f"actual: {printable(comparison.actual)}"
-    yield f"level: {printable(comparison.strictness)}"
+    yield f"golden: {comparison.golden}"
+    yield f"actual: {comparison.actual}"
+    yield f"level: {comparison.strictness}"
     for name, value in outcome.figures.items():
         verdict = "FAILS" if name in outcome.exceeded else "passes"
         yield f"{verdict}: {figure_text(name, value, outcome.limits[name])}"

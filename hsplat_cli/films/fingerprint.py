@@ -13,8 +13,8 @@ from renderer.film import data_digest, file_digest, has_frame_files, translate_o
 from renderer.scene import OutputSpec, format_value, join_keys, scene_to_dict, schedule_to_dict, with_draw_order
 from renderer.versions import package_versions, sources_digest
 
-# These keys say how frames become a film, not what is in them.
-_ENCODING_KEYS = ("file", "frames_per_second", "quality")
+# These keys say how frames become a film and what is told of it, not what is in them.
+_ENCODING_KEYS = ("file", "frames_per_second", "quality", "record_paths")
 _MAX_DIFFERENCES = 3
 # More levels than a fingerprint has.
 _MAX_LEVELS = 12

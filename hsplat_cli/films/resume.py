@@ -28,6 +28,8 @@ from renderer.film import (
     is_frame_record,
     remove_checkpoint_frames,
     sidecar_path,
+    without_paths,
+    write_sidecar,
 )
 from renderer.frame import Stage, prepare_stage
 from renderer.scene import MAX_SIDECAR_BYTES, OutputSpec, read_json_object, schedule_to_dict, tolerance_at
@@ -46,13 +48,15 @@ class RecordedFilm:
 
     is_complete: whether the sidecar describes all frames, and they meet what was requested.
     frames: the records of the frames.
-    data: the content of the sidecar.
+    data: the content of the sidecar, without paths where the output wants none. has_paths: whether the file has them
+    nevertheless.
     """
 
     fingerprint: JobFingerprint
     is_complete: bool
     frames: Sequence[Record]
     data: Mapping[str, Any]
+    has_paths: bool
 
     def why_stale(self, fingerprint: JobFingerprint, output: OutputSpec, frames: Sequence[int]) -> str | None:
         """Return why this film is not up to date, as the end of a sentence about it; None where it is.
@@ -94,9 +98,16 @@ def read_recorded_film(sidecar: Path, output: OutputSpec) -> RecordedFilm | None
         usable = [record for record in records if is_frame_record(record, has_digest=has_frame_files(output))]
         is_complete = data["schedule"]["met"] is True and len(usable) == len(records)
         is_complete &= 0 <= data["seconds"]["total"] < _MAX_SECONDS
-    except (KeyError, TypeError):
+        wanted = data if output.record_paths else without_paths(data)
+    except (AttributeError, KeyError, TypeError):
         return None
-    return None if fingerprint is None else RecordedFilm(fingerprint, is_complete, usable, data)
+    return None if fingerprint is None else RecordedFilm(fingerprint, is_complete, usable, wanted, wanted != data)
+
+
+def keep_sidecar(recorded: RecordedFilm, sidecar: Path, folder: Path) -> None:
+    """Take the paths that it should not have from the sidecar of a film that is up to date."""
+    if recorded.has_paths:
+        write_sidecar(sidecar, recorded.data, folder)
 
 
 # The start of a film
@@ -130,11 +141,13 @@ def prepare_film(job: Job, folder: Path, driver: str, reporter: Reporter, *, for
         reporter.status(f"{volume.name}: {volume.note}")
     job, fingerprint = _fingerprint_job(job, volume, driver)
     output = job.scene.output
-    recorded = None if force else read_recorded_film(sidecar_path(job.scene, job.frames), output)
+    sidecar = sidecar_path(job.scene, job.frames)
+    recorded = None if force else read_recorded_film(sidecar, output)
     why_stale = "" if recorded is None else recorded.why_stale(fingerprint, output, job.frames)
-    if why_stale is None:
+    if recorded is not None and why_stale is None:
         # Left by a job that was killed when its film was complete.
         remove_checkpoint_frames(folder, output, job.frames, fingerprint.of)
+        keep_sidecar(recorded, sidecar, folder)
         reporter.status(f"{output.file} is up to date; --force draws it again")
         return PreparedFilm(job, fingerprint, recorded, None)
     stage = prepare_stage(

@@ -103,7 +103,7 @@ def rerender_notes(job: Job, driver: str) -> list[str]:
         notes.append(f"the original film did not meet what was requested: {goals}")
     before, now = original.tool_versions, package_versions() | {"GL": driver, "sources": sources_digest()}
     changed = [
-        f"{name} {printable_text(now[name])}, which was {printable_text(before[name])}"
+        f"{name} {now[name]}, which was {printable_text(before[name])}"
         for name in now
         if name in before and before[name] != now[name]
     ]
@@ -114,7 +114,7 @@ def rerender_notes(job: Job, driver: str) -> list[str]:
 
 def driver_notes(drivers: Sequence[str]) -> list[str]:
     """Return a note where frames were drawn by different drivers: kept frames, or workers that differ."""
-    names = " and ".join(map(printable_text, drivers))
+    names = " and ".join(drivers)
     return [f"bytes may differ from frame to frame, drawn by different drivers: {names}"] * (len(drivers) > 1)
 
 

@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from renderer.errors import require_package
 from renderer.film import encode_png
+from renderer.printable import join_lines
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -87,7 +88,7 @@ def require_page_packages() -> None:
 
 
 def render_page(template: str, *, title: str, **values: object) -> str:
-    """Return the page of a template of this package; every value but Markup is escaped.
+    """Return the page of a template of this package; every value but Markup is escaped, and all is printable.
 
     values: the template's variables; a missing one raises jinja2.UndefinedError. Templates have the
     filters `data_uri` for uint8 pixels, `sort_key` for numbers, and `svg(name, alt)` for matplotlib figures, inside
@@ -104,7 +105,8 @@ def render_page(template: str, *, title: str, **values: object) -> str:
         keep_trailing_newline=True,
     )
     environment.filters |= {"data_uri": png_data_uri, "sort_key": sort_key, "svg": figure_to_svg}
-    return environment.get_template(template).render(title=title, palette=PALETTE, **values)
+    text: str = environment.get_template(template).render(title=title, palette=PALETTE, **values)
+    return join_lines(text.split("\n"))
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from hsplat_cli.reports.columns import Column, cost_columns, metric_column
 from hsplat_cli.reports.costs import group_by_series, on_pareto_fronts
 from hsplat_cli.reports.number_format import short_count_text
 from hsplat_cli.terminal import format_table
+from renderer.printable import join_lines
 from renderer.study import METRICS, Accuracy, FrameMeasurement, Measurement, Study, Truth
 
 FORMAT = 1
@@ -42,7 +43,7 @@ def terminal_table(study: Study) -> str:
     text.append("T: no other setting of the same program is as fast and as exact.")
     if any(on_splats for _, on_splats in on_fronts):
         text[-1] += " S: no other has as few splats and is as exact."
-    return "\n".join(text) + "\n"
+    return join_lines([*text, ""])
 
 
 def _terminal_columns(measurements: Sequence[Measurement]) -> list[Column]:

@@ -48,6 +48,7 @@ film_options = option_group(
     _option(
         "--colormap", metavar="NAME", callback=_check_colormap, help="Take the colours from it: viridis, gray, ..."
     ),
+    click.option("--no-paths", is_flag=True, help="Record names and no folders beside the film."),
     _option(
         "--tolerance", type=click.FloatRange(0), default=_DEFAULT.tolerance, help="Smaller is more exact and slower."
     ),

@@ -27,11 +27,10 @@ from renderer.scene import (
     tolerance_at,
 )
 
-# Hints for a volume that is gone. These keys say where the voxels are, and change no film.
-_MOVED_FILE_HINTS = {
-    "volume.file": "if it was moved, --volume names it",
-    "volume.raw.file": "if it was moved, --set volume.raw.file=FILE names it",
-}
+# What names a volume that is not found. These keys say where the voxels are, and change no film.
+_VOLUME_OPTIONS = {"volume.file": "--volume", "volume.raw.file": "--set volume.raw.file=FILE"}
+# Nor do these change it: where it is, and whether that is recorded.
+_PLACE_KEYS = ("output.file", "output.record_paths", *_VOLUME_OPTIONS)
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,7 @@ def load_job(
     _require_in_path(sidecar, scene)
     recorded = None if frames is not None and _has_whole_schedule(sidecar, editor) else sidecar.frames
     picked = parse_frames(frames, scene.camera.path.frames, recorded)
-    is_changed = any(key not in ("output.file", *_MOVED_FILE_HINTS) for key in editor.overridden_paths)
+    is_changed = any(key not in _PLACE_KEYS for key in editor.overridden_paths)
     is_beside = is_same_file(path, sidecar_path(scene, picked))
     is_elsewhere = ("output.file" in editor.overridden_paths or "output" in editor.overridden_paths) and not is_beside
     is_whole = [*picked] == [*sidecar.frames]
@@ -122,7 +121,10 @@ def _editor(sidecar: Sidecar) -> SceneEditor:
     output = scene.get("output")
     if isinstance(output, dict) and isinstance(output.get("file"), str):
         output["file"] = str(film_path_of_sidecar(path, Path(output["file"])))
-    return SceneEditor(YamlTree(scene), path, path_prefix="scene", hints=_MOVED_FILE_HINTS)
+    has_paths = not isinstance(output, dict) or output.get("record_paths", True)
+    why = "if it was moved," if has_paths else "the sidecar was written without paths:"
+    hints = {key: f"{why} {option} names it" for key, option in _VOLUME_OPTIONS.items()}
+    return SceneEditor(YamlTree(scene), path, path_prefix="scene", hints=hints)
 
 
 def _require_in_path(sidecar: Sidecar, scene: Scene) -> None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from renderer.printable import printable
 from renderer.scene import Color, ColormapSpec, FileSource, RawSource, TransferSpec, VolumeSpec, parse_yaml
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ class FilmOptions:
     size: tuple[int, int] = (512, 512)
     fps: float = 30.0
     background: str = "#000000"
+    no_paths: bool = False
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> FilmOptions:
@@ -56,7 +58,7 @@ def scene_text(found: VolumeSuggestion, film: FilmOptions, *, folder: Path, outp
     """
     suggestion, elevation = found.suggestion, number_text(film.elevation)
     lines = [
-        f"# A turntable of {plain_text(volume_file(found.volume).name)}: {suggestion.kind};",
+        f"# A turntable of {printable(volume_file(found.volume).name)}: {suggestion.kind};",
         f"# {suggestion.reason}.",
         *(f"# {note}." for note in suggestion.outlier_notes),
         "# Everything here may be changed; `hsplat check` looks for mistakes, docs/scene.md lists all keys.",
@@ -83,6 +85,7 @@ def scene_text(found: VolumeSuggestion, film: FilmOptions, *, folder: Path, outp
         f"  size: [{film.size[0]}, {film.size[1]}]",
         f"  frames_per_second: {number_text(film.fps)}",
         f"  background: {yaml_string(film.background)}",
+        *(["  record_paths: false         # in the JSON file beside the film"] * film.no_paths),
     ]
     return "\n".join(lines) + "\n"
 
@@ -175,15 +178,5 @@ def yaml_string(text: str | Path) -> str:
     plain = str(text)
     if re.fullmatch(r"[\w./][\w./-]*", plain, re.ASCII) and parse_yaml(plain).data == plain:
         return plain
-    return '"' + "".join(_escaped(char) for char in plain) + '"'
-
-
-def _escaped(char: str) -> str:
-    if char in '"\\':
-        return f"\\{char}"
-    return char if char.isprintable() else char.encode("unicode_escape").decode()
-
-
-def plain_text(text: str) -> str:
-    """Return text for a comment: one line of printable characters."""
-    return "".join(char if char.isprintable() else "?" for char in text)
+    quoted = plain.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{printable(quoted)}"'

@@ -34,7 +34,7 @@ from renderer.scene import (
     join_keys,
     may_be_json,
     read_fields,
-    source_excerpt,
+    with_excerpt,
 )
 
 # The keys of `schedule` that each film has of its own, whatever it was made from.
@@ -129,7 +129,7 @@ def load_json_object(text: str, path: Path, *, kind: str = "a sidecar") -> dict[
         begin, end = text.rfind("\n", 0, error.pos) + 1, text.find("\n", error.pos)
         line = text[begin : end if end >= 0 else None]
         raise InputError(
-            f"not valid JSON{source_excerpt([line], TextPosition(1, error.colno))}",
+            with_excerpt("not valid JSON", [line], TextPosition(1, error.colno)),
             where=f"{path}:{error.lineno}:{error.colno}",
             hint=f"{kind} is written as a whole: this one was cut off, or changed since",
         ) from error

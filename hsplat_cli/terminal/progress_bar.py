@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import TextIO
 
+from renderer.printable import printable
+
 # A line is due after this part of the work or this time, whichever comes first, but never sooner than the least time:
 # a short film prints a few lines, a long one does not look dead, and neither floods a log.
 _LINE_EVERY_FRACTION = 0.1
@@ -33,7 +35,7 @@ class Progress:
     ) -> None:
         self._has_rate = isinstance(steps, int)
         self._work = [1.0] * steps if isinstance(steps, int) else list(steps)
-        self._label, self._stream, self._clock, self._unit = label, stream, clock, unit
+        self._label, self._stream, self._clock, self._unit = printable(label), stream, clock, unit
         self._is_terminal = stream is not None and stream.isatty()
         self._total_work = sum(self._work)
         self._num_finished, self._finished_work, self._work_at_line = 0, 0.0, 0.0
@@ -59,7 +61,7 @@ class Progress:
 
     def _show(self, now: float, note: str) -> None:
         self._work_at_line, self._time_of_line = self._finished_work, now
-        text = ", ".join(self._parts(now, note))
+        text = ", ".join(self._parts(now, printable(note)))
         if self._is_terminal:
             part, width = self._finished_part(0.0), shutil.get_terminal_size().columns - 1
             text = f"{self._label}: {part:4.0%} [{'#' * int(_BAR_WIDTH * part):<{_BAR_WIDTH}}] {text}"

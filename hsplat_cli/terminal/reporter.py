@@ -1,6 +1,7 @@
-"""Prints what a command has to say; nothing else in the package prints, but for `main.py` and its errors.
+"""Prints what a command has to say; nothing else in the package prints.
 
-Results and lines go to the standard output stream, all else to the standard error stream.
+Results and lines go to the standard output stream, all else to the standard error stream. Text is one line, in which
+what is not printable is escaped, unless `join_lines` made it of several.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 import click
 
 from hsplat_cli.terminal.progress_bar import Progress
+from renderer.printable import PrintableText, join_lines, printable
 
 
 @dataclass(frozen=True)
@@ -26,12 +28,12 @@ class Reporter:
 
     def result(self, text: str) -> None:
         """Print what the user asked for, also when quiet."""
-        click.echo(text)
+        click.echo(printable(text))
 
     def line(self, text: str) -> None:
         """Print what came of the work, such as the file that was written."""
         if not self.is_quiet:
-            click.echo(text)
+            self.result(text)
 
     def note(self, text: str) -> None:
         """Print a line that begins with `note:`."""
@@ -40,11 +42,11 @@ class Reporter:
     def status(self, text: str) -> None:
         """Print what happens, on the standard error stream."""
         if not self.is_quiet:
-            click.echo(text, err=True)
+            self.warning(text)
 
     def warning(self, text: str) -> None:
         """Print what the user must not miss, also when quiet, on the standard error stream."""
-        click.echo(text, err=True)
+        click.echo(printable(text), err=True)
 
     def progress(
         self, steps: int | Sequence[float], *, label: str, unit: str = "frames"
@@ -64,16 +66,17 @@ class Reporter:
             self.status("compiling for this machine: the first run takes some seconds longer")
 
 
-def format_table(rows: Sequence[Sequence[str]], right_aligned: Collection[int] = ()) -> str:
+def format_table(rows: Sequence[Sequence[str]], right_aligned: Collection[int] = ()) -> PrintableText:
     """Return rows of cells as lines, in columns two spaces apart, without trailing spaces.
 
     right_aligned: the numbers of the columns that are aligned to the right.
     """
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return "\n".join(
+    cells = [[printable(cell) for cell in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    return join_lines(
         "  ".join(
             cell.rjust(width) if k in right_aligned else cell.ljust(width)
             for k, (cell, width) in enumerate(zip(row, widths, strict=True))
         ).rstrip()
-        for row in rows
+        for row in cells
     )

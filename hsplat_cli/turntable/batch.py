@@ -31,6 +31,7 @@ from hsplat_cli.turntable.one_film import FilmRequest
 from renderer.child_processes import ChildProcesses, describe_exit
 from renderer.errors import HsplatError, RenderError
 from renderer.film import require_writable
+from renderer.printable import join_lines
 
 # An interrupted process removes its unfinished work. One that does not end within this time is killed, because an
 # interrupt can get lost in a library that is being loaded.
@@ -49,7 +50,7 @@ def run_batch(requests: Sequence[FilmRequest], options: Mapping[str, Any], folde
             reporter.status(f"[{number}/{len(requests)}] {volume_file(request.volume)}")
             records.append(_make_in_process(request, options))
             if records[-1]["status"] != FINISHED:
-                reporter.warning(records[-1]["error"])
+                reporter.warning(join_lines(records[-1]["error"].splitlines()))
     finally:
         remaining = requests[len(records) :]
         statuses = [INTERRUPTED, *[NOT_STARTED] * len(remaining)]

@@ -53,7 +53,7 @@ def update_manifest(folder: Path, records: Sequence[FilmRecord], lock_timeout_s:
     with _locked(folder, lock_timeout_s):
         films = _read(folder)
         changed = {
-            Path(record["scene"]).name: record
+            Path(record["scene"]).name: _to_be_shared(record)
             for record in records
             if record["status"] != NOT_STARTED
             and (record["status"] != INTERRUPTED or films.get(Path(record["scene"]).name, {}).get("status") == STARTED)
@@ -64,6 +64,16 @@ def update_manifest(folder: Path, records: Sequence[FilmRecord], lock_timeout_s:
         # In ASCII even names with bytes that are no UTF-8 have a form.
         content = json.dumps({"films": [*kept.values(), *changed.values()]}, indent=2, allow_nan=False)
         write_staged(folder / MANIFEST_FILE, f"{content}\n".encode())
+
+
+def _to_be_shared(record: FilmRecord) -> FilmRecord:
+    """Return a record without folders, and without the names and values of an error, if `record_paths` is false."""
+    if record.get("record_paths", True):
+        return record
+    shown = {key: value for key, value in record.items() if key != "summary"}
+    shown |= {key: Path(record[key]).name for key in ("volume", "scene", VOLUME_KEY)}
+    shown["film"] = str(Path(record["film"]).relative_to(Path(record["scene"]).parent))
+    return shown | ({"error": record["summary"]} if "error" in record else {})
 
 
 @contextlib.contextmanager
@@ -108,7 +118,9 @@ def _is_current(folder: Path, record: FilmRecord) -> bool:
     """Return whether the scene of a record still exists, or its volume where no film could be made."""
     if os.path.exists(folder / Path(record["scene"]).name):  # no error for impossible names
         return True
-    return record["status"] == FAILED and os.path.exists(os.path.join(os.path.realpath(folder), record[VOLUME_KEY]))
+    is_private = not record.get("record_paths", True)  # nobody knows where its volume was
+    place = os.path.join(os.path.realpath(folder), record[VOLUME_KEY])
+    return record["status"] == FAILED and (is_private or os.path.exists(place))
 
 
 def manifest_table(records: Sequence[FilmRecord]) -> str:
@@ -122,4 +134,4 @@ def _row(record: FilmRecord) -> list[str]:
         shown = shown | {"film": record["error"].splitlines()[0]}
     if "seconds" in record:
         shown = shown | {"seconds": f"{record['seconds']:.1f}"}
-    return [str(shown.get(key, "-")).replace("\n", "?") for key in _COLUMNS.values()]
+    return [str(shown.get(key, "-")) for key in _COLUMNS.values()]

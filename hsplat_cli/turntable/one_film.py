@@ -57,7 +57,8 @@ class FilmRequest:
 
     def record(self, status: str) -> FilmRecord:
         """Return what the record of the film has in any case."""
-        return {
+        paths = {"record_paths": False} if self.film.no_paths else {}
+        return paths | {
             "volume": str(volume_file(self.volume)),
             "scene": str(self.scene),
             "film": str(self.output),
@@ -73,7 +74,9 @@ class FilmRequest:
     def failure_record(self, error: HsplatError) -> FilmRecord:
         """Return the record of a film that failed, or that another job is making. Exit code 2 is for wrong input."""
         status = NOT_STARTED if isinstance(error, OutputLockedError) else FAILED
-        return self.record(status) | {"exit_code": 2 if isinstance(error, InputError) else 1, "error": str(error)}
+        summary = {"summary": error.summary} if self.film.no_paths else {}
+        exit_code = 2 if isinstance(error, InputError) else 1
+        return self.record(status) | {"exit_code": exit_code, "error": str(error)} | summary
 
 
 def make_film(request: FilmRequest, reporter: Reporter) -> FilmRecord:

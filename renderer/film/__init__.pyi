@@ -47,7 +47,11 @@ from .png import (
     png_shape as png_shape,
 )
 from .quantization import quantize as quantize, require_finite as require_finite
-from .sidecar import write_sidecar as write_sidecar
+from .sidecar import (
+    shorten_paths as shorten_paths,
+    without_paths as without_paths,
+    write_sidecar as write_sidecar,
+)
 from .stream_tail import StreamTail as StreamTail
 from .writer import (
     WriteFrame as WriteFrame,

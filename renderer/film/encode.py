@@ -18,6 +18,7 @@ import numpy.typing as npt
 from renderer.errors import HsplatError, RenderError
 from renderer.film.atomic import output_error
 from renderer.film.stream_tail import StreamTail
+from renderer.printable import join_lines
 
 # Without out_color_matrix, ffmpeg converts RGB with the BT.601 matrix, whatever the tags say. The chroma position is
 # H.264's default, left; `accurate_rnd` and `bitexact` give the same result on every processor.
@@ -101,7 +102,7 @@ def open_encoder(
 
 def _failure(what: str, status: int, lines: Sequence[str], output: Path) -> HsplatError:
     """Return the error for a failure of ffmpeg with this exit status, which printed these lines."""
-    words = "\n    ".join(lines)  # aligned in a message
+    words = join_lines(lines)
     if os.strerror(errno.ENOSPC) in words:
         return output_error(OSError(errno.ENOSPC, words), output)
     exit_text = f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"

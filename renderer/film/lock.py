@@ -147,9 +147,8 @@ def _write_owner(descriptor: int) -> None:
 
 
 def _read_owner(descriptor: int) -> str | None:
-    """Return the last process that wrote itself into the file, if it can be shown."""
-    note = os.pread(descriptor, _MAX_OWNER_BYTES, 0).decode(errors="replace")
-    return note if note and note.isprintable() else None
+    """Return the last process that wrote itself into the file."""
+    return os.pread(descriptor, _MAX_OWNER_BYTES, 0).decode(errors="replace") or None
 
 
 def _release_slots(file: Path, descriptor: int, *, owns_folder: bool) -> None:

@@ -125,5 +125,5 @@ from .yaml_tree import (
     format_location as format_location,
     parse_yaml as parse_yaml,
     parse_yaml_file as parse_yaml_file,
-    source_excerpt as source_excerpt,
+    with_excerpt as with_excerpt,
 )

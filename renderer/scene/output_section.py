@@ -57,6 +57,7 @@ class OutputSpec:
 
     file: ends in .mp4 or .gif, or is a template of PNG frames such as `frames/{frame:04}.png` or, for one frame, a PNG.
         background: None is transparent (PNG, straight alpha). quality: 0 (smallest) to 10 (best), for MP4.
+    record_paths: whether sidecars and reports say in which folders the volume and the film are.
     """
 
     file: Annotated[Path, OUTPUT_FILE_FIELD]
@@ -64,6 +65,7 @@ class OutputSpec:
     frames_per_second: Annotated[float, schema.number_field(minimum=0.01, maximum=1000)] = 30.0
     background: Annotated[Color | None, _BACKGROUND] = (0.0, 0.0, 0.0)
     quality: Annotated[float, schema.number_field(minimum=0, maximum=10)] = 8.0
+    record_paths: bool = True
 
 
 def _check_output(node: TreeNode, given: dict[str, Any]) -> None:

@@ -206,7 +206,7 @@ class SceneEditor:
         """Return the problem with its location and, if that is in the file, the line itself."""
         if isinstance(origin, int):
             return replace(problem, location=self._options[origin])
-        what = problem.what + yaml_tree.source_excerpt(self.lines, origin)
+        what = yaml_tree.with_excerpt(problem.what, self.lines, origin)
         return replace(problem, location=yaml_tree.format_location(self.path, origin), what=what)
 
 

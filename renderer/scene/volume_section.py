@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from renderer.scene import schema
-from renderer.scene.message_text import did_you_mean, format_value
+from renderer.scene.message_text import did_you_mean
 from renderer.scene.schema import INVALID, TreeNode
 
 # The volumes of `renderer.readers.procedural`; here, so that names are checked without numpy.
@@ -83,11 +83,11 @@ def _file_field(expected: str, *, folder: bool) -> schema.FieldType[Path]:
         if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
             return node.reject("not a file name")
         path = node.base / node.value
-        got = str(path) if str(path).isprintable() else repr(str(path))
+        got = str(path)
         try:
             is_file, is_folder, is_other = path.is_file(), path.is_dir(), path.exists()
         except OSError as error:  # a folder without permission, a name that is too long
-            return node.reject(f"cannot be read: {error.strerror}", got=format_value(str(path)))
+            return node.reject(f"cannot be read: {error.strerror}", got=got)
         if folder and is_file and path.suffix.lower() in _HEADERLESS:
             hint = "give volume.raw: {file: ..., shape: [...], dtype: ...} instead"
             return node.reject("a file without a header", got=got, hint=hint)

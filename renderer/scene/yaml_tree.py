@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from renderer.errors import InputError, Problem
+from renderer.printable import join_lines, printable
 from renderer.scene.input_file import decode_utf8
 from renderer.scene.message_text import format_value, join_keys
 
@@ -66,13 +67,13 @@ class NotYamlError(Exception):
 
 
 def parse_yaml_file(content: bytes, path: Path) -> tuple[YamlTree, list[str]]:
-    """Return the data in the content of a file, and its lines for `source_excerpt`. Raises InputError."""
+    """Return the data in the content of a file, and its lines for `with_excerpt`. Raises InputError."""
     text = decode_utf8(content, path)
     lines = LINE_BREAK.split(text)
     try:
         return parse_yaml(text), lines
     except NotYamlError as error:
-        what = error.what + source_excerpt(lines, error.mark)
+        what = with_excerpt(error.what, lines, error.mark)
         raise InputError(what, where=format_location(path, error.mark), hint=error.hint) from error
 
 
@@ -81,15 +82,15 @@ def format_location(path: Path, mark: TextPosition | None) -> str:
     return str(path) if mark is None else f"{path}:{mark.line}:{mark.column}"
 
 
-def source_excerpt(lines: Sequence[str], mark: TextPosition | None) -> str:
-    """Return a line of the file with a caret below the column, to append to a message."""
+def with_excerpt(what: str, lines: Sequence[str], mark: TextPosition | None) -> str:
+    """Return a message with a line of the file below it, and a caret below the column."""
     if mark is None:
-        return ""
+        return what
     line = lines[mark.line - 1].replace("\t", " ").rstrip()
-    if not line.isprintable() or not 0 < len(line) <= _MAX_LINE:
-        return ""
+    if printable(line) != line or not 0 < len(line) <= _MAX_LINE:  # with escapes the column would be another
+        return what
     indent = len(line) - len(line.lstrip())
-    return f"\n    | {line[indent:]}\n    | {' ' * (mark.column - 1 - indent)}^"
+    return join_lines([what, f"    | {line[indent:]}", f"    | {' ' * (mark.column - 1 - indent)}^"])
 
 
 _MAX_LINE = 120

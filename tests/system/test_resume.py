@@ -30,6 +30,7 @@ from resuming import (
 
 from hsplat_cli import main
 from hsplat_cli.films import fingerprint
+from renderer.printable import printable
 
 
 @pytest.fixture(autouse=True)
@@ -281,10 +282,10 @@ def test_frames_of_different_drivers(draws: Draws, capsys: pytest.CaptureFixture
     render("film.mp4")
     told = sidecar("film.mp4.json")
     here = told["gl"].removeprefix("Other GL\x1b[31m and ")
-    note = f"bytes may differ from frame to frame, drawn by different drivers: 'Other GL\\x1b[31m' and {here}"
+    note = f"bytes may differ from frame to frame, drawn by different drivers: Other GL\x1b[31m and {here}"
     assert told["notes"] == [note]
     lines = capsys.readouterr().out.splitlines()
-    assert lines[1:] == [f"note: {note}", "how it was made: out/film.mp4.json"]
+    assert lines[1:] == [f"note: {printable(note)}", "how it was made: out/film.mp4.json"]
 
 
 def test_frames_on_a_budget_of_time_are_kept(draws: Draws) -> None:

@@ -202,7 +202,7 @@ def test_a_program_that_does_not_start_is_an_error_with_its_last_lines(stage: St
     assert error.what == "a process that draws has died"
     assert error.got is not None
     lines = error.got.splitlines()
-    assert (lines[0], lines[-1]) == ("exit status 1", "    ImportError: there is no such library")
+    assert (lines[0], lines[-1]) == ("exit status 1", "ImportError: there is no such library")
 
 
 def test_a_missing_python_is_an_error(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:

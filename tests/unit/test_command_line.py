@@ -162,7 +162,7 @@ def fail(monkeypatch: pytest.MonkeyPatch) -> Fail:
         (
             EOFError("two\nlines"),
             1,
-            "hsplat: unexpected EOFError: two lines (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)\n",
+            "hsplat: unexpected EOFError: two\\nlines (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)\n",
         ),
         (
             BrokenPipeError(32, "Broken pipe"),  # not that of the standard output, which is fine

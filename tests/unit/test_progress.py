@@ -1,6 +1,7 @@
 """Progress: lines that neither flood a log nor stop, one line on a terminal, silence on request."""
 
 import io
+import re
 import sys
 
 import pytest
@@ -96,3 +97,14 @@ def test_progress_goes_to_the_error_stream_or_nowhere(
         assert out == ""
         assert ("1/1 frames" in err and ", a note" in err) != is_quiet
         assert bool(err) != is_quiet
+
+
+@pytest.mark.parametrize("stream", [io.StringIO(), Terminal()], ids=["log", "terminal"])
+def test_the_progress_of_a_film_of_any_name_is_printable(stream: io.StringIO) -> None:
+    progress = Progress(1, "\x1b[2J\u202e\nengine.mp4: done\r", stream)
+    progress.advance("\x1b[31m")
+    progress.close()
+    pieces = list(filter(None, re.split("[\r\n]", stream.getvalue())))
+    assert pieces
+    assert all(piece.isprintable() for piece in pieces)
+    assert all(piece.startswith(r"\x1b[2J\u202e\nengine.mp4: done\r: ") for piece in pieces)

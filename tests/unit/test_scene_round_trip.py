@@ -79,7 +79,7 @@ SCENES = {
         transfer_function=TransferSpec(POINTS),
         camera=CameraSpec(TurntablePath(9, 0.1, 12.5, AXIS)),
         error=ErrorSpec(goal=MetricTarget("psnr", 30.1)),
-        output=OutputSpec(Path("b/c.gif")),
+        output=OutputSpec(Path("b/c.gif"), record_paths=False),
     ),
     "time budget": Scene(
         volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9))),

@@ -16,6 +16,7 @@ from typing import Any
 from renderer.child_processes import ChildProcesses, describe_exit
 from renderer.errors import ContextLostError, HsplatError, RenderError
 from renderer.film import StreamTail
+from renderer.printable import join_lines
 
 # Lines of a worker's standard error stream that a message shows.
 _NUM_LAST_LINES = 5
@@ -152,7 +153,7 @@ class WorkerProcess:
             hint = "where memory runs out the system sends this signal: fewer workers need less"
         error = RenderError(
             f"a process that draws has {'hung' if is_hung or status is None else 'died'}",
-            got="\n    ".join([end, *self._stderr_tail.lines()[-_NUM_LAST_LINES:]]),
+            got=join_lines([end, *self._stderr_tail.lines()[-_NUM_LAST_LINES:]]),
             hint=hint,
         )
         return WorkerLostError(how, error, may_be_chance=status is None or status < 0)

@@ -15,6 +15,7 @@ from hsplat_cli.films.fingerprint import differences
 from hsplat_cli.terminal import first_few
 from renderer.errors import Problem
 from renderer.film import Record, bytes_digest, png_shape
+from renderer.printable import join_lines
 from renderer.runs import consecutive_ranges
 from renderer.scene import FRAME_FIELD, format_value, schedule_to_dict
 
@@ -55,7 +56,7 @@ def film_problems(parts: Sequence[Part]) -> Iterator[Problem]:
 def _film_identity(part: Part) -> dict[str, Any]:
     """Return what all parts of a film share: what pixels depend on, except the machine, and the encoding."""
     scene = {key: value for key, value in part.scene.items() if key != "volume"}
-    output = {key: value for key, value in part.scene["output"].items() if key != "file"}
+    output = {key: value for key, value in part.scene["output"].items() if key not in ("file", "record_paths")}
     error = error_without_schedule(part) if part.has_goal else part.scene["error"]
     return {
         "scene": {**scene, "output": output, "error": error},
@@ -107,7 +108,7 @@ def _missing_problems(missing: Sequence[int], part: Part) -> Iterator[Problem]:
     verb = "frame is" if len(missing) == 1 else "frames are"
     commands = [_command(part, start, stop) for start, stop in gaps[:_MAX_SHOWN]]
     commands += ["and so on"] * (len(gaps) > _MAX_SHOWN)
-    hint = "draw them by:\n    " + "\n    ".join(commands)
+    hint = join_lines(["draw them by:", *commands])
     yield Problem("", f"{len(missing)} {verb} in no part", got=f"no part with {ranges}", hint=hint)
 
 

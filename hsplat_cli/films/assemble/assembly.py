@@ -11,7 +11,7 @@ from hsplat_cli.films.assemble.merged_sidecar import merged_record, parts_finger
 from hsplat_cli.films.assemble.parts import Part
 from hsplat_cli.films.film import FilmResult
 from hsplat_cli.films.fingerprint import JobFingerprint, fingerprint_record
-from hsplat_cli.films.resume import read_recorded_film
+from hsplat_cli.films.resume import RecordedFilm, keep_sidecar, read_recorded_film
 from hsplat_cli.terminal import Reporter, counted, deferrable_interrupts
 from renderer.errors import SceneError
 from renderer.film import (
@@ -40,7 +40,9 @@ def assemble_film(
     sidecar = sidecar_path_of_file(output.file, numbers, parts[0].num_frames)
     with locked_output(output, numbers, sidecar) as folder, deferrable_interrupts() as defer_interrupts:
         fingerprint = None if problems else parts_fingerprint(picked, output)
-        if fingerprint is not None and not force and _is_up_to_date(sidecar, fingerprint, picked, output):
+        recorded = None if fingerprint is None or force else _film_up_to_date(sidecar, fingerprint, picked, output)
+        if recorded is not None:
+            keep_sidecar(recorded, sidecar, folder)
             reporter.status(f"{output.file} is up to date; --force assembles it again")
             return
         if problems := [*problems, *file_problems(picked, picture_shape(output))]:
@@ -55,17 +57,18 @@ def assemble_film(
     FilmResult(output.file, sidecar, record, f"{counted(len(picked), 'frame')} of {num_parts}").report(reporter)
 
 
-def _is_up_to_date(
+def _film_up_to_date(
     sidecar: Path, fingerprint: JobFingerprint, picked: Sequence[PickedFrame], output: OutputSpec
-) -> bool:
-    """Return whether the film exists and has the pictures that the parts record.
+) -> RecordedFilm | None:
+    """Return the film if it exists and has the pictures that the parts record.
 
     With a time budget a part has other pictures each time it is drawn, though the fingerprint is the same.
     """
     recorded = read_recorded_film(sidecar, output)
     if recorded is None or recorded.why_stale(fingerprint, output, [frame.number for frame in picked]) is not None:
-        return False
-    return [record.get("digest") for record in recorded.frames] == [frame.record["digest"] for frame in picked]
+        return None
+    digests = [record.get("digest") for record in recorded.frames]
+    return recorded if digests == [frame.record["digest"] for frame in picked] else None
 
 
 def _write(

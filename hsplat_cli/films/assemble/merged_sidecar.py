@@ -95,8 +95,8 @@ def parts_fingerprint(picked: Sequence[PickedFrame], output: OutputSpec) -> JobF
 
 def _scene(picked: Sequence[PickedFrame], output: OutputSpec) -> dict[str, Any]:
     part = picked[0].part
-    coding = {"frames_per_second": output.frames_per_second, "quality": output.quality}
-    recorded = {**part.scene["output"], "file": str(output.file), **coding}
+    keys = ("frames_per_second", "quality", "record_paths")
+    recorded = {**part.scene["output"], "file": str(output.file), **{key: getattr(output, key) for key in keys}}
     error = part.scene["error"]
     if part.has_goal:
         found = ErrorSpec(schedule_from_tolerances({frame.number: frame.record["tolerance"] for frame in picked}))

@@ -8,6 +8,7 @@ from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 from hsplat_cli.films import find_truths, nothing_visible_error
 from hsplat_cli.reports import REPORT_FILES, require_page_packages, terminal_table, write_study
@@ -25,7 +26,7 @@ from hsplat_cli.studies.peers.vtk_peer import (
 from hsplat_cli.terminal import PeakMemory, Reporter, counted, describe_machine
 from renderer.draw import open_rasterizer
 from renderer.errors import HsplatError
-from renderer.film import require_writable_dry_run
+from renderer.film import require_writable_dry_run, without_paths
 from renderer.frame import Stage, view_of
 from renderer.scene import Scene, scene_to_dict
 from renderer.study import (
@@ -106,20 +107,23 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
         if end:
             why = f"ended by an error ({end.what})" if isinstance(end, HsplatError) else "interrupted"
             notes.insert(0, f"{why}: {counted(len(measurements), 'setting')} had been measured")
-        study = Study(
-            name=request.name,
-            scene=scene_to_dict(scene),
-            volume={
+        record: dict[str, Any] = {
+            "scene": scene_to_dict(scene),
+            "volume": {
                 "name": volume.name,
                 "fingerprint": volume.fingerprint,
                 "dtype": str(volume.values.dtype),
                 "shape": volume.shape_xyz,
             },
+            "notes": (*notes, *monotonicity_notes(measurements)),
+        }
+        study = Study(
+            name=request.name,
             machine=machine,
             truth_tolerance=request.truth_tolerance,
             truths=tuple(truths),
             measurements=tuple(measurements),
-            notes=(*notes, *monotonicity_notes(measurements)),
+            **(record if scene.output.record_paths else without_paths(record)),
         )
         paths = write_study(study, request.folder, date=datetime.date.today().isoformat())
         reporter.result(terminal_table(study))

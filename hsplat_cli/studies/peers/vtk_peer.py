@@ -26,6 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError, RenderError, require_package
+from renderer.printable import join_lines
 from renderer.scene import Color, Scene
 from renderer.study import (
     Accuracy,
@@ -321,4 +322,4 @@ class _Worker:
         self.output.seek(0)
         text = _TERMINAL_COLOR.sub("", self.output.read().decode(errors="replace"))
         last = [line for line in text.splitlines() if line.strip()][-_NUM_LAST_LINES:]
-        raise RenderError(what, where=where, got="\n    ".join([ending, *last]), hint="measure without the peer")
+        raise RenderError(what, where=where, got=join_lines([ending, *last]), hint="measure without the peer")
