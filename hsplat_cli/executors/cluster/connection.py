@@ -37,10 +37,8 @@ def connect(address: str, num_workers: int | None = None) -> Iterator[Client]:
     """
     from distributed import Client
 
-    # What matters to users of the logs of Dask, and of what it uses, is reported as an error or a note. Nothing else in
-    # the program logs, and ended clients log until Python ends.
-    logging.disable(logging.CRITICAL)
     with contextlib.ExitStack() as stack:
+        stack.enter_context(_logging_disabled())
         stack.enter_context(warnings.catch_warnings())
         warnings.simplefilter("ignore")
         if address == LOCAL:
@@ -55,6 +53,17 @@ def connect(address: str, num_workers: int | None = None) -> Iterator[Client]:
             yield client
         finally:
             client.close(timeout=_CLOSE_TIMEOUT_S)
+
+
+@contextlib.contextmanager
+def _logging_disabled() -> Iterator[None]:
+    """Log nothing: what matters to users in the logs of Dask and its libraries is reported as an error or a note."""
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logging.disable(before)
 
 
 def _require_scheduler(address: str) -> None:
