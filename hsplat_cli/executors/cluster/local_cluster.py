@@ -1,9 +1,9 @@
 """Starts a Dask cluster of processes on this machine, which other users of the machine cannot use.
 
 A scheduler, a worker and its nanny run any function that they are sent. Dask's TCP ports take messages from every user
-of the machine. Here they speak TLS with a certificate that is made for this cluster and stays in the memory of its
-processes, and refuse all that do not have it. The workers' folder, where Python looks for modules first, belongs to
-this user; Dask's default, /tmp/dask-scratch-space, can be made by any user.
+of the machine. Here they speak TLS with a certificate that is made for this cluster, which only its processes have,
+and refuse all others. The workers' folder, where Python looks for modules first, belongs to this user; Dask's default,
+/tmp/dask-scratch-space, can be made by any user.
 """
 
 from __future__ import annotations
