@@ -21,23 +21,28 @@ def num_drawing_threads() -> int:
     return max(1, int(wanted)) if wanted.isascii() and wanted.isdecimal() and len(wanted) < 4 else num_cores()
 
 
-def _quota(groups: Path = _CGROUP_ROOT, own: Path = _OWN) -> float:
-    """Return the processors' worth of time that Linux' control groups allow (cgroups(7)); infinite without a limit.
+def control_groups(controller: str, groups: Path = _CGROUP_ROOT, own: Path = _OWN) -> set[Path]:
+    """Return the folders of this process' control group and of those around it, where they exist (cgroups(7)).
 
     A group has no more than the groups around it. In a container its own group is usually the root of the visible
-    ones, and the path in `own` does not exist.
+    ones, and the path in `own` does not exist. controller: `cpu` or `memory`.
     """
     try:
         lines = [line.split(":", 2) for line in own.read_text(encoding="utf-8").splitlines()]
     except (OSError, ValueError):
         lines = []
-    folders = {groups, groups / "cpu"}
+    folders = {groups, groups / controller}
     for _, controllers, path in (line for line in lines if len(line) == 3):
-        if controllers == "" or "cpu" in controllers.split(","):  # of version 2, or of version 1
-            root = groups / "cpu" if controllers else groups
+        if controllers == "" or controller in controllers.split(","):  # of version 2, or of version 1
+            root = groups / controller if controllers else groups
             inner = root / path.lstrip("/")
             folders.update(folder for folder in (inner, *inner.parents) if folder.is_relative_to(root))
-    return min(map(_group_quota, folders))
+    return folders
+
+
+def _quota() -> float:
+    """Return the processors' worth of time that control groups allow; infinite without a limit."""
+    return min(map(_group_quota, control_groups("cpu")))
 
 
 def _group_quota(group: Path) -> float:

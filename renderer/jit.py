@@ -12,7 +12,8 @@ import importlib
 import os
 import shutil
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -38,42 +39,49 @@ if _SCIPY_BLAS not in sys.modules:
 
 # The cache folder of sources that nobody has run for 30 days is removed when another one is created.
 _PREFIX, _MAX_UNUSED_S = "kernels-", 30 * 86400.0
+# Marks a folder as a cache, which backups may leave out (bford.info/cachedir), and as one of ours.
+_TAG_FILE, _TAG = "CACHEDIR.TAG", "Signature: 8a477f597d28d172789f06886806bc55\n# compiled loops of hsplat\n"
+_setting = threading.Lock()
 
 
 def _cache_folder() -> Path | None:
-    """Return a writable folder for these sources, beside them or in the user's home, or None."""
+    """Return a writable folder for these sources, where the user wants it, beside them, or in the user's home; or None.
+
+    Nothing is removed from a folder that the user has set.
+    """
     here = Path(__file__).resolve().parent
     digest = hashlib.blake2b(numba.__version__.encode(), digest_size=8)
     for source in sorted(here.rglob("*.py")):
         digest.update(source.read_bytes())
-    configured_dirs = [Path(_config.CACHE_DIR)] if _config.CACHE_DIR else []
-    for base in (*configured_dirs, here / "__pycache__", Path("~/.cache/hsplat")):
+    chosen = [Path(_config.CACHE_DIR)] if _config.CACHE_DIR else []
+    for base in (*chosen, here / "__pycache__", Path("~/.cache/hsplat")):
         try:
             folder = base.expanduser() / f"{_PREFIX}{digest.hexdigest()}"
             is_new = not folder.is_dir()
             folder.mkdir(parents=True, exist_ok=True)
+            if is_new:
+                (folder / _TAG_FILE).write_text(_TAG, encoding="ascii")
             os.utime(folder)  # marks it as in use
         except (OSError, RuntimeError):  # RuntimeError: no home folder
             continue
         if os.access(folder, os.W_OK):
-            if is_new:
+            if is_new and base not in chosen:
                 _remove_unused(folder)
             return folder
     return None
 
 
 def _remove_unused(folder: Path) -> None:
-    """Remove the caches of other sources beside a folder that have not been used for long."""
+    """Remove our caches of other sources beside a folder that have not been used for long."""
     now = folder.stat().st_mtime
     for other in folder.parent.glob(f"{_PREFIX}*"):
-        with contextlib.suppress(OSError):
-            if now - other.stat().st_mtime > _MAX_UNUSED_S:
+        with contextlib.suppress(OSError, ValueError):
+            is_ours = (other / _TAG_FILE).read_text(encoding="ascii") == _TAG
+            if is_ours and now - other.stat().st_mtime > _MAX_UNUSED_S:
                 shutil.rmtree(other, ignore_errors=True)
 
 
 _FOLDER = _cache_folder()
-if _FOLDER is not None:
-    _config.CACHE_DIR = str(_FOLDER)
 
 
 def has_cached_kernels() -> bool:
@@ -102,12 +110,26 @@ def jit(function: Function) -> Function:
     Without a writable folder for the cache, as in a container with a read-only file system, every process compiles for
     itself.
     """
-    compiled: Any = numba.njit(cache=_FOLDER is not None, nogil=True, error_model="numpy")(function)
-    if _FOLDER is not None:
-        cache = compiled._cache
-        stamp = cache._impl.locator.get_source_stamp()
-        cache._cache_file = _KernelFiles(cache.cache_path, cache._impl.filename_base, stamp)
+    if _FOLDER is None:
+        return cast(Function, numba.njit(nogil=True, error_model="numpy")(function))
+    with _numba_cache_folder(_FOLDER):
+        compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    cache = compiled._cache
+    stamp = cache._impl.locator.get_source_stamp()
+    cache._cache_file = _KernelFiles(cache.cache_path, cache._impl.filename_base, stamp)
     return cast(Function, compiled)
+
+
+@contextlib.contextmanager
+def _numba_cache_folder(folder: Path) -> Iterator[None]:
+    """Set the folder in which numba caches functions that are declared in the block; other code keeps its own."""
+    with _setting:
+        before = _config.CACHE_DIR
+        _config.CACHE_DIR = str(folder)
+        try:
+            yield
+        finally:
+            _config.CACHE_DIR = before
 
 
 @intrinsic

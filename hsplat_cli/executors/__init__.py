@@ -8,7 +8,8 @@ entrance.
 - `frame_result.py`: a drawn frame, and how this process draws it.
 - `workers/`: processes of this machine: `pool.py`, `process.py` (one worker; whether it hangs), `worker.py` (its
   program), `shared_stage.py` (memory for all).
-- `cluster/`: Dask: `cluster_executor.py`, `connection.py`, `registry.py` (workers come and go), `worker.py`.
+- `cluster/`: Dask: `cluster_executor.py`, `connection.py`, `local_cluster.py` (of this machine, with TLS),
+  `registry.py` (workers come and go), `worker.py`.
 """
 
 import lazy_loader

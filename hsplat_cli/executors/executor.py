@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from hsplat_cli.executors.cluster.cluster_executor import ClusterExecutor
@@ -20,6 +19,7 @@ from renderer.cores import num_cores
 from renderer.draw import RecoveringRasterizer, is_software, max_brick_bytes, open_rasterizer
 from renderer.errors import RenderError
 from renderer.frame import Stage
+from renderer.memory import free_bytes
 from renderer.scene import MetricTarget, Scene
 from renderer.study import FilmPlan
 
@@ -173,13 +173,4 @@ def _default_num_workers(renderer_name: str, stage: Stage) -> int:
     """Return one for each core where cores draw, and at most as many as there is memory for."""
     most = num_cores() if is_software(renderer_name) else min(num_cores(), _MAX_WORKERS_PER_DEVICE)
     each = _WORKER_BYTES + (max_brick_bytes(stage.bricks, lit=stage.scene.shading is not None) if stage.bricks else 0)
-    return max(1, int(min(most, _free_bytes() / 2 / each)))
-
-
-def _free_bytes() -> float:
-    """Return the memory that can be had without swapping; infinite where the system does not tell."""
-    try:
-        text = Path("/proc/meminfo").read_text(encoding="ascii")
-        return int(text.partition("MemAvailable:")[2].split()[0]) * 1024
-    except (OSError, ValueError, IndexError):
-        return math.inf
+    return max(1, int(min(most, free_bytes() / 2 / each)))

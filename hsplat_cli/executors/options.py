@@ -51,7 +51,8 @@ def require_executor(spec: ExecutorSpec) -> None:
     found = _ADDRESS.fullmatch(address)
     if address != LOCAL and not (found and 0 < int(found[1]) < 2**16):
         raise InputError("not an address", where="--scheduler", got=format_value(address), expected=ADDRESSES)
-    require_package("distributed", extra="cluster")
+    for package in ("distributed", *["cryptography"] * (address == LOCAL)):
+        require_package(package, extra="cluster")
     if spec.workers is not None and address != LOCAL:
         raise InputError("the workers are those of the scheduler", where="--workers")
 

@@ -1,8 +1,13 @@
-"""Makes SIGTERM unwind like Ctrl-C, and lets both wait while files get their final names."""
+"""Makes SIGTERM unwind like Ctrl-C, and lets both wait while files get their final names.
+
+Python handles signals in the main thread, and sets handlers only there. In other threads both functions do nothing: no
+signal interrupts those.
+"""
 
 from __future__ import annotations
 
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -16,6 +21,9 @@ def sigterm_as_interrupt() -> Iterator[None]:
     def interrupt(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
+    if not _is_main_thread():
+        yield
+        return
     before = signal.signal(signal.SIGTERM, interrupt)
     try:
         yield
@@ -33,7 +41,7 @@ def deferrable_interrupts() -> Iterator[Callable[[], None]]:
     pending: list[int] = []
 
     def defer() -> None:
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in (signal.SIGINT, signal.SIGTERM) if _is_main_thread() else ():
             before[number] = signal.signal(number, lambda number, frame: pending.append(number))
 
     try:
@@ -43,3 +51,7 @@ def deferrable_interrupts() -> Iterator[Callable[[], None]]:
             signal.signal(number, handler)
     if pending:
         raise KeyboardInterrupt
+
+
+def _is_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()

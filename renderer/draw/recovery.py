@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
@@ -40,11 +41,12 @@ class RecoveringRasterizer:
 
     An image whose context was lost is drawn again, to the same bytes, because no image depends on those before it.
     Raises ContextLostError where the new context is lost, too, where none can be made, or only one of another device or
-    driver, which would draw other bytes. make: returns a new rasteriser.
+    driver, which would draw other bytes; without a new context it does so from then on. make: returns a new rasteriser.
     """
 
     def __init__(self, make: Callable[[], GLRasterizer | CPURasterizer] = GLRasterizer) -> None:
         self._make, self._current, self._num_lost = make, make(), 0
+        self._last_loss: ContextLostError | None = None  # after which there is no context
         self.renderer_name = self._current.renderer_name
 
     def __enter__(self) -> RecoveringRasterizer:
@@ -80,15 +82,22 @@ class RecoveringRasterizer:
         return self._with_recovery(lambda gl: gl.rasterize_edges(edges, view))
 
     def _with_recovery(self, draw: Callable[[GLRasterizer | CPURasterizer], Result]) -> Result:
+        if self._last_loss is not None:
+            raise self._last_loss
         try:
             return draw(self._current)
         except ContextLostError as lost:
             self._current.release()  # first, because memory may not suffice for two
-            try:
-                self._current = self._make()
-            except RenderError:
-                raise lost from None
-            if self._current.renderer_name != self.renderer_name:
-                raise
+            self._current = self._make_replacement(lost)
             self._num_lost += 1
         return draw(self._current)
+
+    def _make_replacement(self, lost: ContextLostError) -> GLRasterizer | CPURasterizer:
+        """Return a rasteriser of the same device; raise what lost the last one where there is none."""
+        with contextlib.suppress(RenderError):
+            replacement = self._make()
+            if replacement.renderer_name == self.renderer_name:
+                return replacement
+            replacement.release()
+        self._last_loss = lost
+        raise lost

@@ -1,4 +1,7 @@
-"""Lock an output, so that one job at a time writes it. A lock ends with its process, however that ends."""
+"""Lock an output, so that one job at a time writes it, in this process or another.
+
+A lock ends with its process, however that ends.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,8 @@ import errno
 import fcntl
 import os
 import stat
+import struct
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -20,6 +25,10 @@ _MAX_OWNER_BYTES = 200
 # The gate: a job holds the file's first byte while it enters or leaves, so that none is refused because of one that is
 # just leaving.
 _GATE_BYTE, _FIRST_SLOT_BYTE = 0, 1
+# Locks of an open file exclude other threads of this process, too, which open it themselves. POSIX locks, for systems
+# that lack these, belong to the process. Both work over NFS, and need no bytes in the file.
+_SET_LOCK = getattr(fcntl, "F_OFD_SETLK", fcntl.F_SETLK)
+_WAIT_FOR_LOCK = getattr(fcntl, "F_OFD_SETLKW", fcntl.F_SETLKW)
 
 
 @contextlib.contextmanager
@@ -44,7 +53,7 @@ def lock_slots(folder: Path, slots: Sequence[int], output: Path, *, shared_file:
     jobs, and the folder if nothing else is in it. On a file system without locks no job is excluded.
 
     output: for messages. shared_file: the name of the lock file in a folder for other things, which then stay.
-    Raises OutputLockedError if another process holds one of the slots; InputError if something else has the folder's
+    Raises OutputLockedError if another job holds one of the slots; InputError if something else has the folder's
     name, RenderError if the folder cannot be made.
     """
     file = folder / (shared_file or "lock")
@@ -137,8 +146,7 @@ def _acquire_slots(descriptor: int, slots: Sequence[int], output: Path) -> None:
                 hint="wait until it has finished, or choose another output",
             )
     _write_owner(descriptor)
-    with contextlib.suppress(OSError):  # the file system has no locks
-        fcntl.lockf(descriptor, fcntl.LOCK_UN, 1, _GATE_BYTE)
+    _unlock(descriptor, _GATE_BYTE, 1)
 
 
 def _write_owner(descriptor: int) -> None:
@@ -166,17 +174,17 @@ def _release_slots(file: Path, descriptor: int, *, owns_folder: bool) -> None:
     except OSError:  # something is in it, or it has vanished
         pass
     finally:
+        _unlock(descriptor, _GATE_BYTE, 0)  # a child that is just being started has the open file, too
         os.close(descriptor)
 
 
 def _lock(descriptor: int, first: int, length: int, *, wait: bool = False) -> bool | None:
-    """Lock a run of bytes, to the end of the file for length 0; return False if another process holds one of them.
+    """Lock a run of bytes, to the end of the file for length 0; return False if another job holds one of them.
 
     None if the file system has no locks.
     """
-    # POSIX locks work over NFS, are not inherited by children, and need no bytes in the file.
     try:
-        fcntl.lockf(descriptor, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB, length, first)
+        fcntl.fcntl(descriptor, _WAIT_FOR_LOCK if wait else _SET_LOCK, _flock(fcntl.F_WRLCK, first, length))
     except OSError as error:
         if error.errno in (errno.EACCES, errno.EAGAIN):
             return False
@@ -184,6 +192,18 @@ def _lock(descriptor: int, first: int, length: int, *, wait: bool = False) -> bo
             raise
         return None
     return True
+
+
+def _unlock(descriptor: int, first: int, length: int) -> None:
+    with contextlib.suppress(OSError):  # the file system has no locks
+        fcntl.fcntl(descriptor, _SET_LOCK, _flock(fcntl.F_UNLCK, first, length))
+
+
+def _flock(kind: int, first: int, length: int) -> bytes:
+    """Return C's `struct flock`, of bytes counted from the start of the file."""
+    if sys.platform == "darwin":
+        return struct.pack("qqihh", first, length, 0, kind, os.SEEK_SET)
+    return struct.pack("hhqqi", kind, os.SEEK_SET, first, length, 0)
 
 
 def _is_there(file: Path, descriptor: int) -> bool:

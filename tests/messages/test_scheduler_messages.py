@@ -63,10 +63,14 @@ def test_another_server(
     assert capsys.readouterr() == ("", f"--scheduler {address}: {text}\n{END}")
 
 
-def test_dask_is_not_installed(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+@pytest.mark.parametrize("package", ["distributed", "cryptography"])
+def test_a_package_is_not_installed(
+    package: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    find_spec = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == package else find_spec(name))
     assert main.run(["render", "scene.yaml", "--quiet", "--scheduler", "local"]) == 2
     assert capsys.readouterr() == (
         "",
-        "the package distributed is not installed\n  hint: pip install 'hsplat[cluster]'\n",
+        f"the package {package} is not installed\n  hint: pip install 'hsplat[cluster]'\n",
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import time
@@ -162,3 +163,4 @@ output: {file: film.mp4, size: [32, 32]}
     options = ["--scheduler", "local", "--workers", "1", "--output", "cluster.mp4", "--quiet"]
     assert main.run(["render", "scene.yaml", *options]) == 0
     assert Path("cluster.mp4").read_bytes() == Path("film.mp4").read_bytes()
+    assert all(logging.getLogger(name).isEnabledFor(logging.CRITICAL) for name in ("distributed", "another"))

@@ -7,9 +7,11 @@ import shutil
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
+import numba
 import pytest
 
 import renderer.jit
@@ -43,30 +45,48 @@ def _package(folder: Path, number: int) -> None:
     (package / "outer.py").write_text(OUTER)
 
 
-def _run(folder: Path, home: str) -> str:
-    environment = os.environ | {"PYTHONPATH": str(folder), "HOME": home, "NUMBA_CACHE_DIR": ""}
+def _run(folder: Path, home: str, numba_cache_dir: str = "") -> str:
+    environment = os.environ | {"PYTHONPATH": str(folder), "HOME": home, "NUMBA_CACHE_DIR": numba_cache_dir}
     command = [sys.executable, "-m", "renderer.outer"]
     return subprocess.run(
         command, cwd=folder, env=environment, check=True, capture_output=True, text=True
     ).stdout.strip()
 
 
-def test_a_change_in_another_file_compiles_again_and_removes_old_caches(tmp_path: Path) -> None:
-    """Young caches and other folders stay."""
+def _set_age(folder: Path, days: int) -> None:
+    then = time.time() - days * 86400
+    os.utime(folder, (then, then))
+
+
+@pytest.mark.parametrize("is_ours", [True, False])
+def test_a_change_in_another_file_compiles_again_and_removes_old_caches(tmp_path: Path, is_ours: bool) -> None:
+    """Only those that hsplat has made, and none in a folder that the user has set."""
     _package(tmp_path, 21)
-    caches = tmp_path / "renderer" / "__pycache__"
-    now = time.time()
-    for name, days in (("kernels-old", 31), ("kernels-young", 29), ("else", 400)):
-        (caches / name).mkdir(parents=True)
-        (caches / name / "file").touch()
-        os.utime(caches / name, (now - days * 86400, now - days * 86400))
-    assert _run(tmp_path, str(tmp_path)) == "42 False True"
-    left = {path.name for path in caches.iterdir() if path.is_dir()}
-    assert {"kernels-young", "else"} < left
-    assert "kernels-old" not in left
-    assert _run(tmp_path, str(tmp_path)) == "42 True True"
+    caches = tmp_path / ("renderer/__pycache__" if is_ours else "of the user")
+    run = partial(_run, tmp_path, str(tmp_path), "" if is_ours else str(caches))
+    assert run() == "42 False True"
+    (first,) = caches.glob("kernels-*")
+    of_others = [caches / "kernels-0123456789abcdef", caches / "kernels-of-mine"]
+    for folder in of_others:
+        folder.mkdir()
+        (folder / "file").touch()
+        _set_age(folder, 400)
+    _set_age(first, 29)
     _package(tmp_path, 4)
-    assert _run(tmp_path, str(tmp_path)) == "8 False True"
+    assert run() == "8 False True"
+    assert run() == "8 True True"
+    (second,) = {*caches.glob("kernels-*")} - {first, *of_others}
+    _set_age(first, 31)
+    _package(tmp_path, 5)
+    assert run() == "10 False True"
+    assert second.is_dir() and first.is_dir() != is_ours
+    assert all((folder / "file").exists() for folder in of_others)
+
+
+def test_the_cache_of_other_loops_is_where_it_was() -> None:
+    cache: Any = cast(Any, renderer.jit.jit(_doubled))._cache
+    assert "kernels-" in cache.cache_path
+    assert os.environ.get("NUMBA_CACHE_DIR", "") == numba.config.CACHE_DIR
 
 
 def test_loops_work_where_no_cache_can_be_written(tmp_path: Path) -> None:

@@ -47,6 +47,14 @@ def test_help_and_check_import_no_heavy_package(tmp_path: Path) -> None:
     assert python("-c", program).stdout.splitlines()[-1] == f"[] {[0] * len(commands)}"
 
 
+@pytest.mark.parametrize("hidden", ["fcntl", "resource"])
+def test_a_system_without_what_linux_and_macos_have_is_named(hidden: str) -> None:
+    program = f"import sys; sys.modules[{hidden!r}] = None; from hsplat_cli.__main__ import main; main()"
+    result = python("-c", program, "--help")
+    assert (result.returncode, result.stdout) == (1, "")
+    assert result.stderr == "hsplat: this system is not supported; hsplat runs on Linux and macOS\n"
+
+
 def test_compiled_loops_run_without_scipy_linalg(tmp_path: Path) -> None:
     """Loops of others in the same process still have its BLAS."""
     program = (

@@ -51,7 +51,8 @@ def test_control_groups_limit_the_cores(own: str | None, files: dict[str, str], 
         (tmp_path / name).write_text(content)
     if own is not None:
         (tmp_path / "own").write_text(own)
-    assert cores._quota(tmp_path, tmp_path / "own") == quota
+    groups = cores.control_groups("cpu", tmp_path, tmp_path / "own")
+    assert min(map(cores._group_quota, groups)) == quota
 
 
 def test_a_quota_is_rounded_up_to_whole_cores(monkeypatch: pytest.MonkeyPatch) -> None:

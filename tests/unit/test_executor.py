@@ -121,7 +121,7 @@ def test_without_workers_this_process_draws_unless_they_are_required(fails: str,
 def test_the_number_of_workers_fits_cores_and_memory(
     name: str, free: float, size: int, most: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(executor, "_free_bytes", lambda: free)
+    monkeypatch.setattr(executor, "free_bytes", lambda: free)
     grids = [(max(1, size >> 4 + level),) * 3 for level in range(max(1, size.bit_length() - 4))]
     levels = [SimpleNamespace(visible_bounds=np.empty((*grid, 2, 3), np.float32)) for grid in grids]
     stage = SimpleNamespace(bricks=SimpleNamespace(levels=levels), scene=SimpleNamespace(shading=None))

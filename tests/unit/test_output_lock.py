@@ -1,4 +1,4 @@
-"""The lock of an output keeps other processes out, and leaves nothing when its process ends."""
+"""The lock of an output keeps other processes and threads out, and leaves nothing when its process ends."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ import stat
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import pytest
 
 import renderer
-from renderer.errors import HsplatError, InputError, RenderError
+from renderer.errors import HsplatError, InputError, OutputLockedError, RenderError
 from renderer.film import lock_slots
 
 CODE = Path(renderer.__file__).parents[1]
@@ -179,6 +180,36 @@ def test_processes_that_take_turns(folder: Path, kind: str) -> None:
     assert list(folder.parent.iterdir()) == []
 
 
+def test_threads_of_one_process_exclude_each_other(folder: Path) -> None:
+    """The refused one neither takes the lock away from the other, nor its folder."""
+    with ThreadPoolExecutor(1) as pool:
+        with lock_slots(folder, [0, 1], OUTPUT):
+            for _ in range(2):
+                with pytest.raises(OutputLockedError):
+                    pool.submit(take, folder, [1, 2]).result()
+            pool.submit(take, folder, [2]).result()
+            with start(HOLDER, folder, 1) as process:
+                assert "OutputLockedError" in process.communicate("")[1]
+        pool.submit(take, folder, [1]).result()
+    assert not folder.exists()
+
+
+def test_threads_that_take_turns(folder: Path) -> None:
+    def take_turns(_: int) -> int:
+        num_held = 0
+        while num_held < 40:
+            with suppress(OutputLockedError), lock_slots(folder, [0], OUTPUT):
+                mine = folder.parent / "only-one-has-it"
+                mine.touch(exist_ok=False)
+                mine.unlink()
+                num_held += 1
+        return num_held
+
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(take_turns, range(4))) == [40] * 4
+    assert list(folder.parent.iterdir()) == []
+
+
 def test_a_lock_file_in_a_folder_for_other_things(tmp_path: Path) -> None:
     """The folder, which may be a link, and the files in it stay."""
     (tmp_path / "films").mkdir()
@@ -195,7 +226,7 @@ def test_a_file_system_without_locks(folder: Path, monkeypatch: pytest.MonkeyPat
     def refuse(*arguments: object) -> None:
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
-    monkeypatch.setattr(fcntl, "lockf", refuse)
+    monkeypatch.setattr(fcntl, "fcntl", refuse)
     with lock_slots(folder, [0], OUTPUT):
         (folder / ".theirs.partial-0a1b").touch()
         (folder / "000001.json").touch()
@@ -211,7 +242,7 @@ def test_locks_that_fail(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*arguments: object) -> None:
         raise OSError(errno.EIO, os.strerror(errno.EIO))
 
-    monkeypatch.setattr(fcntl, "lockf", refuse)
+    monkeypatch.setattr(fcntl, "fcntl", refuse)
     with pytest.raises(RenderError, match=r"film\.mp4: the output cannot be written\n  got: Input/output error"):
         take(folder, [0])
 

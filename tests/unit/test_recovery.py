@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import itertools
+import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -85,10 +86,12 @@ def test_bricks_are_uploaded_again(monkeypatch: pytest.MonkeyPatch, step: str, r
     with on_device() as gl:
         expected = pngs(stage, gl)
     whole_step = getattr(moderngl.Context, step)
-    calls = itertools.count()
+    calls, lost = itertools.count(), list[moderngl.Context]()
 
     def refusing(self: moderngl.Context, *arguments: Any, **options: Any) -> Any:
         if next(calls) == refused:
+            lost.append(self)
+        if self in lost:
             raise moderngl.Error("cannot create it")
         return whole_step(self, *arguments, **options)
 
@@ -123,8 +126,9 @@ def test_only_a_context_of_the_same_device_replaces_a_lost_one(
 ) -> None:
     """Pictures of another device would be other bytes."""
     with RecoveringRasterizer(run_sequentially(failing_at({2}), make_second)) as recovering:
-        with pytest.raises(ContextLostError, match="its context was lost"):
-            pngs(stage, recovering)
+        for _ in range(2):  # nor later, where a caller goes on
+            with pytest.raises(ContextLostError, match="its context was lost\n  got: GL_INVALID_ENUM"):
+                pngs(stage, recovering)
         assert recovering.notes == []
 
 
@@ -170,19 +174,24 @@ def draw_edges(gl: GLRasterizer) -> None:
     gl.rasterize_edges(CellEdges(np.zeros((1, 7), np.float32), 0.1, np.zeros(3), 1.0), look())
 
 
+def draw_bricks(gl: GLRasterizer) -> None:
+    pngs(stage_of(PLAIN), gl)
+
+
 @pytest.mark.parametrize(
     ("picture", "step"),
     [
         (draw_splats, "buffer"),
         (draw_splats, "program"),
         (draw_edges, "vertex_array"),
+        (draw_bricks, "texture3d"),
     ],
 )
 def test_what_gl_refuses_is_a_lost_context(
     picture: Callable[[GLRasterizer], object], step: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A lost context is reported by name, although it answers no query any more."""
-    with GLRasterizer() as gl:
+    with GLRasterizer(brick_backend="device") as gl:
         name = gl.renderer_name
         monkeypatch.setattr(moderngl.Context, step, refuse)
         monkeypatch.setattr(moderngl.Context, "info", {})
@@ -191,11 +200,79 @@ def test_what_gl_refuses_is_a_lost_context(
     assert str(raised.value) == f"{name}: OpenGL failed to draw, or its context was lost\n  got: cannot create it"
 
 
-def test_a_picture_without_memory_may_be_a_lost_context(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_context_is_lost_while_a_target_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
     with GLRasterizer() as gl:
         monkeypatch.setattr(moderngl.Context, "framebuffer", refuse)
-        with pytest.raises(ContextLostError, match="no room for a picture of this size, or its context was lost\n"):
+        with pytest.raises(ContextLostError, match="its context was lost\n  got: cannot create it"):
             draw_splats(gl)
+
+
+def refusal_of(picture: Callable[[GLRasterizer], object]) -> str:
+    """Return the error of a device that is not tried a second time: another context would refuse it, too."""
+    with RecoveringRasterizer(run_sequentially(partial(GLRasterizer, brick_backend="device"))) as recovering:
+        with pytest.raises(RenderError) as raised:
+            picture(recovering)  # type: ignore[arg-type]
+        assert not isinstance(raised.value, ContextLostError)
+        assert recovering.notes == []
+        return str(raised.value).replace(recovering.renderer_name, "device")
+
+
+def refuse_pictures(step: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a device refuse pictures, as one without memory does; tables are larger."""
+    whole_step = getattr(moderngl.Context, step)
+
+    def refuse_some(self: moderngl.Context, size: tuple[int, int], *arguments: Any, **options: Any) -> Any:
+        if 16 < max(size) < 100:
+            ctypes.CDLL("libGL.so.1").glEnable(NO_CAPABILITY)
+            raise moderngl.Error("the framebuffer is not complete")
+        return whole_step(self, size, *arguments, **options)
+
+    monkeypatch.setattr(moderngl.Context, step, refuse_some)
+
+
+@pytest.mark.parametrize("picture", [draw_splats, draw_edges, draw_bricks])
+@pytest.mark.parametrize("limit", ["GL_MAX_TEXTURE_SIZE", "GL_MAX_RENDERBUFFER_SIZE", "GL_MAX_VIEWPORT_DIMS"])
+def test_a_picture_beyond_the_limits_of_a_device(
+    picture: Callable[[GLRasterizer], object], limit: str, rasterizer: GLRasterizer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is not asked to draw one: a viewport that is too large would be cut off in silence."""
+    value: Any = (2048, 24) if limit.endswith("DIMS") else 24
+    monkeypatch.setattr(moderngl.Context, "info", rasterizer._context.info | {limit: value})
+    assert re.fullmatch(
+        r"device: this device cannot draw a picture of this size\n  got: \d+ x \d+ pixels\n"
+        r"  expected: at most 24 pixels a side\n  hint: choose a smaller output\.size",
+        refusal_of(picture),
+    )
+
+
+@pytest.mark.parametrize(
+    ("picture", "step"),
+    [
+        (draw_splats, "renderbuffer"),
+        (draw_edges, "renderbuffer"),
+        (draw_bricks, "texture"),
+        (draw_bricks, "depth_renderbuffer"),
+    ],
+)
+def test_a_picture_that_a_device_has_no_room_for(
+    picture: Callable[[GLRasterizer], object], step: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refuse_pictures(step, monkeypatch)
+    assert re.fullmatch(
+        r"device: the device has no room for a picture of this size\n  got: \d+ x \d+ pixels\n"
+        r"  hint: choose a smaller output\.size",
+        refusal_of(picture),
+    )
+
+
+def test_a_device_draws_after_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What GL says of the refused picture is not held against the next one."""
+    refuse_pictures("renderbuffer", monkeypatch)
+    with GLRasterizer() as gl:
+        with pytest.raises(RenderError):
+            draw_splats(gl)
+        splats = place_splats(np.zeros((1, 3)), 0.1)
+        assert gl.rasterize(splats, in_order(splats), look(size=(16, 16))).any()
 
 
 def test_a_context_is_lost_while_it_is_opened(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,27 +1,30 @@
-"""Connects to a Dask cluster at an address, or starts one of processes on this machine."""
+"""Connects to a Dask cluster."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 import logging
-import signal
+import ssl
 import warnings
 from collections.abc import Iterator
-from multiprocessing import resource_tracker
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.executors.options import ADDRESSES, LOCAL
-from hsplat_cli.terminal import deferrable_interrupts
 from renderer.cores import num_cores
-from renderer.errors import InputError, RenderError
+from renderer.errors import InputError
 
 if TYPE_CHECKING:
     from distributed import Client
 
 # Time for the scheduler to answer.
 _CONNECT_TIMEOUT_S = 6.0
-# Time for clients and processes to end by themselves.
+_START_HINT = "`dask scheduler` starts one, and says its address"
+_NOBODY, _NO_SCHEDULER = "nobody answers at this address", "the server at this address is not a Dask scheduler"
+_CERTIFICATES = "distributed.comm.tls.ca-file and distributed.comm.tls.client.cert, and .key if it is a file of its own"
+_TLS_HINT = "set DASK_DISTRIBUTED__COMM__TLS__CA_FILE and DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT (docs/security.md)"
+# Time for clients to end by themselves.
 _CLOSE_TIMEOUT_S = 2.0
 
 
@@ -34,14 +37,14 @@ def connect(address: str, num_workers: int | None = None) -> Iterator[Client]:
     """
     from distributed import Client
 
-    # What matters to users of the logs of Dask, and of what it uses, is reported as an error or a note. Nothing else in
-    # the program logs, and ended clients log until Python ends.
-    logging.disable(logging.CRITICAL)
     with contextlib.ExitStack() as stack:
+        stack.enter_context(_logging_disabled())
         stack.enter_context(warnings.catch_warnings())
         warnings.simplefilter("ignore")
         if address == LOCAL:
-            scheduler = stack.enter_context(_local_cluster(num_workers or num_cores()))
+            from hsplat_cli.executors.cluster.local_cluster import local_cluster
+
+            scheduler = stack.enter_context(local_cluster(num_workers or num_cores()))
         else:
             _require_scheduler(address)
             scheduler = address
@@ -52,70 +55,73 @@ def connect(address: str, num_workers: int | None = None) -> Iterator[Client]:
             client.close(timeout=_CLOSE_TIMEOUT_S)
 
 
+@contextlib.contextmanager
+def _logging_disabled() -> Iterator[None]:
+    """Log nothing: what matters to users in the logs of Dask and its libraries is reported as an error or a note."""
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logging.disable(before)
+
+
 def _require_scheduler(address: str) -> None:
     """Raise InputError unless a scheduler answers: a Client would wait without end for a server that is silent."""
-    nobody, other = "nobody answers at this address", "the server at this address is not a Dask scheduler"
-    hint = "`dask scheduler` starts one, and says its address"
+    from distributed.comm import CommClosedError
+
+    fails = partial(InputError, where=f"--scheduler {address}", expected=ADDRESSES, hint=_START_HINT)
+    settings = _connection_settings(address)
     try:
-        kind = asyncio.run(asyncio.wait_for(_kind_of_server(address), _CONNECT_TIMEOUT_S))
+        kind = asyncio.run(asyncio.wait_for(_kind_of_server(address, settings), _CONNECT_TIMEOUT_S))
+    except CommClosedError as error:  # after TCP has connected
+        if not address.startswith("tls://"):
+            hint = f"{_START_HINT}; that of one with TLS begins with tls://"
+            raise fails("the server at this address hangs up", hint=hint) from error
+        is_refused_here = isinstance(error.__cause__, ssl.SSLCertVerificationError)
+        got = error.__cause__.verify_message if is_refused_here else "it does not accept our certificate, or has none"
+        expected = "certificates of the same authority on both sides"
+        raise fails("no TLS connection to this address", got=got, expected=expected, hint=_TLS_HINT) from error
     except Exception as error:  # Dask fails in many ways on the answer of another kind of server
-        what = nobody if isinstance(error, (OSError, asyncio.TimeoutError)) else other
-        raise InputError(what, where=f"--scheduler {address}", expected=ADDRESSES, hint=hint) from error
+        is_silent = isinstance(error, (OSError, asyncio.TimeoutError))
+        raise fails(_NOBODY if is_silent else _NO_SCHEDULER) from error
     if kind != "Scheduler":
-        raise InputError(other, where=f"--scheduler {address}", got=f"a {kind}", expected=ADDRESSES, hint=hint)
+        raise fails(_NO_SCHEDULER, got=f"a {kind}")
 
 
-async def _kind_of_server(address: str) -> str:
-    """Return `Scheduler`, `Worker` or `Nanny`."""
+def _connection_settings(address: str) -> dict[str, Any]:
+    """Return what Dask's configuration says of connections.
+
+    Raises InputError where its certificates cannot be read, are missing for TLS, or are required and not used.
+    """
     from distributed import Security
+
+    security = Security()
+    fails = partial(InputError, where=f"--scheduler {address}", expected=_CERTIFICATES, hint=_TLS_HINT)
+    try:
+        settings: dict[str, Any] = security.get_connection_args("client")
+    except OSError as error:
+        files = dict.fromkeys([security.tls_ca_file, security.tls_client_cert, security.tls_client_key])
+        reason = "no certificate, or no key that fits" if isinstance(error, ssl.SSLError) else error.strerror
+        got = f"{reason}: {', '.join(filter(None, files))}"
+        raise fails("the certificates of Dask's configuration cannot be read", got=got) from error
+    is_tls = address.startswith("tls://")
+    if is_tls and settings["ssl_context"] is None:
+        raise fails("TLS needs certificates, and Dask's configuration has none")
+    if security.require_encryption and not is_tls:
+        raise fails(
+            "Dask's configuration requires encryption", expected="an address that begins with tls://", hint=None
+        )
+    return settings
+
+
+async def _kind_of_server(address: str, settings: dict[str, Any]) -> str:
+    """Return `Scheduler`, `Worker` or `Nanny`."""
     from distributed.comm import connect
     from distributed.core import send_recv
 
-    comm = await connect(address, timeout=_CONNECT_TIMEOUT_S, **Security().get_connection_args("client"))
+    comm = await connect(address, timeout=_CONNECT_TIMEOUT_S, **settings)
     try:
         return str((await send_recv(comm, op="identity"))["type"])
     finally:
         comm.abort()
-
-
-@contextlib.contextmanager
-def _local_cluster(num_workers: int) -> Iterator[Any]:
-    """Start processes of one thread each."""
-    from distributed import LocalCluster
-
-    with contextlib.ExitStack() as stack:
-        with deferrable_interrupts() as defer_interrupts, _sigint_blocked_in_children():
-            defer_interrupts()  # a cluster that is half started cannot be ended
-            try:
-                cluster = LocalCluster(
-                    n_workers=num_workers,
-                    threads_per_worker=1,
-                    processes=True,
-                    memory_limit=0,  # no limit: no spilling to disk, no process ended for its size
-                    dashboard_address="127.0.0.1:0",  # not the default port, which may be in use
-                    silence_logs=logging.CRITICAL,
-                )
-            except (OSError, RuntimeError) as error:
-                what, where = "no cluster can be started here", "--scheduler local"
-                raise RenderError(what, where=where, got=str(error)) from error
-            stack.callback(_close, cluster)
-        yield cluster
-
-
-def _close(cluster: Any) -> None:
-    with contextlib.suppress(TimeoutError):  # its processes end with this one
-        cluster.close(timeout=_CLOSE_TIMEOUT_S)
-
-
-@contextlib.contextmanager
-def _sigint_blocked_in_children() -> Iterator[None]:
-    """Block SIGINT in processes that start in this block.
-
-    Ctrl-C reaches all processes of a terminal: they would end, and be replaced, while this process ends them.
-    """
-    resource_tracker.ensure_running()  # it would unblock the signal if it started later
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -21,7 +21,7 @@ from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.draw import brick_cache
 from renderer.draw.brick_cache import Atlas, Float32, Int64
 from renderer.draw.constants import MAX_ATLAS_SIDE
-from renderer.errors import ContextLostError, RenderError
+from renderer.errors import RenderError
 
 Size = tuple[int, int, int]
 
@@ -29,12 +29,15 @@ _MIN_SIDE = 64  # texels
 
 
 class GLAtlas(Atlas):
-    """An atlas on the device, linearly filtered. Raises RenderError where the smallest texture is too large for it."""
+    """An atlas on the device, linearly filtered. largest_side: of 3D textures on the device, in texels.
 
-    def __init__(self, context: Any, num_channels: int, num_keys: int) -> None:
+    Raises RenderError where the smallest texture is too large for the device, and moderngl.Error where its context is
+    lost.
+    """
+
+    def __init__(self, context: Any, largest_side: int, num_channels: int, num_keys: int) -> None:
         super().__init__(num_channels, num_keys)
         self._context = context
-        largest_side = int(context.info["GL_MAX_3D_TEXTURE_SIZE"])
         self._texture_sizes = _texture_sizes(num_channels, largest_side)
         if not self._texture_sizes:
             raise RenderError(
@@ -79,23 +82,17 @@ class GLAtlas(Atlas):
 
     def _try_make_texture(self) -> Any:
         """Return a texture of this size, or None where the device may have memory for a smaller one."""
+        if (error_before := self._context.error) != "GL_NO_ERROR":  # which is reported once, and is not this texture's
+            raise moderngl.Error(error_before)
         room = f"{_num_bytes(self.size, self.num_channels) >> 20} MiB, for {_num_slots(self.size)} bricks"
-        texture = None
-        try:
-            texture = self._context.texture3d(self.size, self.num_channels, dtype="f4")
-            failure = self._context.error
-        except moderngl.Error as error:
-            failure = str(error)
+        texture = self._context.texture3d(self.size, self.num_channels, dtype="f4")
+        failure = self._context.error
         if failure == "GL_NO_ERROR":
             return texture
         del texture
         self._context.gc()
         if failure != "GL_OUT_OF_MEMORY":
-            raise ContextLostError(  # the two cannot be told apart
-                "the device has no room for the bricks of a picture, or its context was lost",
-                got=f"{room}: {failure}",
-                hint="if it is the room, a larger error.tolerance needs fewer",
-            )
+            raise moderngl.Error(failure)
         self._texture_sizes = self._texture_sizes[: self._texture_sizes.index(self.size)]
         if not self._texture_sizes:
             raise RenderError(

@@ -28,6 +28,9 @@ from renderer.view import View
 
 Image = npt.NDArray[np.float32]
 LoadProgram = Callable[[str, str], Any]  # from the files of the vertex and of the fragment shader
+MakeTarget = Callable[
+    [Callable[[tuple[int, int]], Any], tuple[int, int]], Any
+]  # raises RenderError for what is too large
 
 # Groups of bricks in an image without subsampling. Saturated pixels are masked between groups, which costs more than it
 # saves where few pixels are drawn.
@@ -55,9 +58,11 @@ class _PixelGrid(NamedTuple):
 class GLBrickRenderer(BrickCache[GLAtlas]):
     """Draws bricks in a context, which frees what `release` does not."""
 
-    def __init__(self, context: Any, load_program: LoadProgram, num_threads: int) -> None:
-        super().__init__(partial(GLAtlas, context), partial(GLAtlas, context), num_threads)
-        self._context, self._load_program = context, load_program
+    def __init__(self, context: Any, load_program: LoadProgram, make_target: MakeTarget, num_threads: int) -> None:
+        # Asked now: a lost context has no info.
+        make_atlas = partial(GLAtlas, context, int(context.info["GL_MAX_3D_TEXTURE_SIZE"]))
+        super().__init__(make_atlas, make_atlas, num_threads)
+        self._context, self._load_program, self._make_target = context, load_program, make_target
         self._pixel_grids: dict[int, _PixelGrid] = {}
         self._image_size = (0, 0)
         self._transfer: tuple[PiecewiseTransfer, list[Any]] | None = None
@@ -98,15 +103,18 @@ class GLBrickRenderer(BrickCache[GLAtlas]):
 
     def _pixel_grid(self, stride: int) -> _PixelGrid:
         if stride not in self._pixel_grids:
-            width, height = grid_size(self._image_size, stride)
-            image = self._context.texture((width, height), 4, dtype="f4")
-            depths = self._context.depth_renderbuffer((width, height))
-            target = self._context.framebuffer([image], depths)
-            mask = self._context.framebuffer([], depths)
-            image.filter = moderngl.LINEAR, moderngl.LINEAR
-            image.repeat_x = image.repeat_y = False
-            self._pixel_grids[stride] = _PixelGrid(stride, (width, height), image, target, mask)
+            size = grid_size(self._image_size, stride)
+            self._pixel_grids[stride] = self._make_target(partial(self._make_pixel_grid, stride), size)
         return self._pixel_grids[stride]
+
+    def _make_pixel_grid(self, stride: int, size: tuple[int, int]) -> _PixelGrid:
+        image = self._context.texture(size, 4, dtype="f4")
+        depths = self._context.depth_renderbuffer(size)
+        target = self._context.framebuffer([image], depths)
+        mask = self._context.framebuffer([], depths)
+        image.filter = moderngl.LINEAR, moderngl.LINEAR
+        image.repeat_x = image.repeat_y = False
+        return _PixelGrid(stride, size, image, target, mask)
 
     def _init_grid(self, grid: _PixelGrid, coarse: _PixelGrid | None, difference_threshold: float) -> None:
         """Clear a grid, or fill it from a coarser one where it is not drawn."""

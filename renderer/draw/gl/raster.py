@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import moderngl
 import numpy as np
@@ -44,6 +44,7 @@ from renderer.view import (
 
 Image = npt.NDArray[np.float32]
 BrickBackend = Literal["device", "processor"]
+Target = TypeVar("Target")
 DrawSplats = Callable[[npt.NDArray[np.uint32]], None]  # draws these splats of a batch, back to front
 
 # Splats on the device at a time: 8 MiB of vertices. Edges use the same buffer.
@@ -63,8 +64,8 @@ class GLRasterizer:
 
     Where the driver draws on the CPU, CPURasterizer draws bricks instead, because it is faster. num_threads: threads of
     its loops. brick_backend: draws bricks, for tests. Use as a context manager, or call `release`. Raises RenderError
-    where no context can be made, and ContextLostError where the context is lost while it draws; then the rasteriser
-    cannot be used any more, and RecoveringRasterizer makes another one.
+    where no context can be made, or for a picture that is too large for the device, and ContextLostError where the
+    context is lost while it draws; then the rasteriser cannot be used any more, and RecoveringRasterizer makes another.
     """
 
     def __init__(self, *, num_threads: int = 2, brick_backend: BrickBackend | None = None) -> None:
@@ -73,6 +74,8 @@ class GLRasterizer:
         # The names of device and driver; a lost context has no info.
         self.renderer_name = f"{info['GL_RENDERER']}, GL {info['GL_VERSION']}"
         self._largest_point_px = float(info["GL_POINT_SIZE_RANGE"][1])
+        sides = info["GL_MAX_TEXTURE_SIZE"], info["GL_MAX_RENDERBUFFER_SIZE"], *info["GL_MAX_VIEWPORT_DIMS"]
+        self._largest_side_px = int(min(sides))
         with self._drawing():
             self._splat_buffer = self._context.buffer(reserve=BATCH_SIZE * VERTEX_BYTES, dynamic=True)
             self._shape_buffer = self._context.buffer(reserve=MAX_SHAPES * 48, dynamic=True)
@@ -80,7 +83,7 @@ class GLRasterizer:
         self._target: Any = None
         self._bricks: GLBrickRenderer | CPURasterizer
         if brick_backend == "device" or (brick_backend is None and not is_software(self.renderer_name)):
-            self._bricks = GLBrickRenderer(self._context, self._program, num_threads)
+            self._bricks = GLBrickRenderer(self._context, self._program, self._make_target, num_threads)
         else:
             self._bricks = CPURasterizer(num_threads=num_threads)
 
@@ -123,9 +126,11 @@ class GLRasterizer:
         """
         try:
             with self._context:  # another one may have been made since
-                yield
-                self._context.gc()
-                got = self._context.error
+                try:
+                    yield
+                    self._context.gc()
+                finally:
+                    got = self._context.error  # also where something is refused: the next picture is another one
         except moderngl.Error as error:
             raise self._context_lost_error(str(error)) from error
         if got != "GL_NO_ERROR":
@@ -265,16 +270,31 @@ class GLRasterizer:
         """Return a float32 RGBA framebuffer of (width, height), which is reused for images of one size."""
         if self._target is None or self._target.size != size:
             self._target = None
-            try:
-                self._target = self._context.framebuffer([self._context.renderbuffer(size, 4, dtype="f4")])
-            except moderngl.Error as error:
-                raise ContextLostError(  # the two cannot be told apart
-                    "the device has no room for a picture of this size, or its context was lost",
-                    where=self.renderer_name,
-                    got=f"{size[0]} x {size[1]} pixels of 16 bytes",
-                    hint="choose a smaller output.size",
-                ) from error
+            context = self._context
+            self._target = self._make_target(
+                lambda size: context.framebuffer([context.renderbuffer(size, 4, dtype="f4")]), size
+            )
         return self._target
+
+    def _make_target(self, make: Callable[[tuple[int, int]], Target], size: tuple[int, int]) -> Target:
+        """Return `make(size)`, which a picture of (width, height) is drawn to.
+
+        Raises RenderError where the device refuses this size; a lost context refuses a single pixel, too.
+        """
+        fails = partial(
+            RenderError,
+            where=self.renderer_name,
+            got=f"{size[0]} x {size[1]} pixels",
+            hint="choose a smaller output.size",
+        )
+        if max(size) > self._largest_side_px:  # larger viewports are cut off in silence
+            most = f"at most {self._largest_side_px} pixels a side"
+            raise fails("this device cannot draw a picture of this size", expected=most)
+        try:
+            return make(size)
+        except moderngl.Error as error:
+            make((1, 1))
+            raise fails("the device has no room for a picture of this size") from error
 
 
 def is_software(renderer_name: str) -> bool:

@@ -1,0 +1,50 @@
+"""Measure the memory that is left for this process: in a container or a batch job less than the machine has."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from renderer.cores import control_groups
+
+_MEMINFO = Path("/proc/meminfo")
+# The files of limits, of what is in use and of its parts, by the version of control groups.
+_FILES = {
+    2: (("memory.max", "memory.high"), "memory.current", ("inactive_file", "active_file")),
+    1: (("memory.limit_in_bytes",), "memory.usage_in_bytes", ("total_inactive_file", "total_active_file")),
+}
+
+
+def free_bytes() -> float:
+    """Return the memory that can be had without swapping and without being killed; infinite where nobody knows."""
+    return min(_machine_free_bytes(), *map(_group_free_bytes, control_groups("memory")))
+
+
+def _machine_free_bytes() -> float:
+    try:
+        text = _MEMINFO.read_text(encoding="ascii")
+        return int(text.partition("MemAvailable:")[2].split()[0]) * 1024
+    except (OSError, ValueError, IndexError):
+        return math.inf
+
+
+def _group_free_bytes(group: Path) -> float:
+    """Return what one control group has left. The kernel takes back the pages of files before it kills a process."""
+    limits, usage, caches = _FILES[2 if (group / "memory.current").exists() else 1]
+    limit = min(_read_number(group / name) for name in limits)
+    if math.isinf(limit):
+        return limit
+    try:
+        used = int((group / usage).read_text())
+        parts = dict(line.split() for line in (group / "memory.stat").read_text().splitlines())
+        return max(0, limit - used + sum(int(parts[name]) for name in caches))
+    except (OSError, ValueError, KeyError):
+        return limit
+
+
+def _read_number(file: Path) -> float:
+    """Return the number in a file; infinite where it is missing, or `max`."""
+    try:
+        return int(file.read_text())
+    except (OSError, ValueError):
+        return math.inf
