@@ -10,7 +10,10 @@ from pathlib import Path
 
 # What the pixels or the files depend on, and what measured numbers do besides.
 MEASURING_PACKAGES = ("flip-evaluator", "scikit-image", "vtk")
-_PACKAGES = ("hsplat", "imageio-ffmpeg", "llvmlite", "moderngl", "nibabel", "numba", "numpy", "SimpleITK")
+_PACKAGES = (
+    *("hsplat", "imagecodecs", "imageio-ffmpeg", "llvmlite", "moderngl", "nibabel", "numba", "numpy", "pydicom"),
+    *("python-gdcm", "tifffile"),
+)
 
 _ROOT = Path(__file__).resolve().parents[1]
 

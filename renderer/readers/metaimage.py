@@ -52,7 +52,8 @@ def read_metaimage(path: Path, time: int | None, component: int | None) -> Image
     num_axes, num_components = header.whole("NDims", 0, least=2), header.whole("ElementNumberOfChannels", 1, least=1)
     step = select_index("time", time, layout.shape[0] if num_axes == 4 else 1, str(path))
     channel = select_index("component", component, num_components, str(path))
-    index = (step, *[slice(None)] * 3)[4 - num_axes :] + (channel,) * (num_components > 1)
+    whole: list[int | slice] = [step, slice(None), slice(None), slice(None)]
+    index = (*whole[4 - num_axes :], *([channel] if num_components > 1 else []))
     values = read_stored(layout, index, str(path))
     note = None if any(name in header.fields for name in _SPACINGS) else NO_LENGTHS
     return Image(values if values.ndim == 3 else values[np.newaxis], _world_from_index(header), note)

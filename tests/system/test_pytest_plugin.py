@@ -17,7 +17,7 @@ from renderer.film import encode_png
 
 CODE = Path(main.__file__).parents[1]
 PLUGIN = "hsplat_cli.compare.pytest_plugin"
-HEAVY = ("numpy", "moderngl", "numba", "SimpleITK", "nibabel", "imageio", "cmap", "click", "yaml", "renderer")
+HEAVY = ("numpy", "moderngl", "numba", "tifffile", "pydicom", "nibabel", "imageio", "cmap", "click", "yaml", "renderer")
 
 TESTS = """\
 from pathlib import Path

@@ -20,7 +20,7 @@ from renderer.errors import InputError, RenderError
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "configs" / "demo.yaml"
 
-HEAVY = ("numpy", "moderngl", "numba", "SimpleITK", "nibabel", "imageio", "cmap")
+HEAVY = ("numpy", "moderngl", "numba", "tifffile", "pydicom", "nibabel", "imageio", "cmap")
 
 
 def python(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
