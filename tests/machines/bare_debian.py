@@ -7,8 +7,9 @@ OpenGL. debootstrap makes it from MIRROR, such as http://HOST/debian, and chroot
 and network, processes and mounts of its own, which end with each command, and the sources of the last commit. What pip
 or the network need in addition, such as a certificate or pip.conf, is copied by `--copy FILE`.
 
-Root has both commands pass. The user's tests end with 1 and the line that an administrator has to run, and pass after
-root has run it. FOLDER keeps the machines and the logs. The exit status is 1 where a step did not end as expected.
+As root both commands pass. As a user the second one ends with 1 and prints the line that an administrator has to run;
+it passes after root has run that line. A table at the end says what passed, with seconds. FOLDER keeps the machines and
+their logs. The exit status is 1 where a step did not end as expected.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import datetime
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -42,7 +44,7 @@ mount -t tmpfs -o mode=1777 tmpfs dev/shm
 chroot --userspec="$1" . bash -c 'cd "$HOME/hsplat" && '"$2"
 exit $?
 """
-NAMESPACES = ("unshare", "--mount", "--pid", "--fork", "--kill-child")
+NAMESPACES = ("unshare", "--mount", "--pid", "--fork", "--kill-child")  # mounts and processes end with the command
 NUM_LINES = 40  # of a log that is printed
 
 
@@ -133,9 +135,11 @@ def main() -> int:
     for program in ("debootstrap", "git", "unshare", "chroot"):
         if not shutil.which(program):
             parser.error(f"{program} is missing")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as for Ctrl-C, what runs in a machine is killed
     base = options.folder.resolve() / options.suite
     options.folder.mkdir(parents=True)
-    make_base(base, options.suite, options.mirror, [*NETWORK, *options.copy])
+    commit = read("git", "-C", ROOT, "rev-parse", "--short", "HEAD")
+    make_base(base, options.mirror, commit, [*NETWORK, *options.copy])
     steps = []
     for user in options.users:
         for step in USERS[user](make_machine(base, user)):
@@ -144,18 +148,17 @@ def main() -> int:
                 break
     version = read("chroot", base, "python3", "--version")
     release = (base / "etc/debian_version").read_text().strip()
-    commit = read("git", "-C", ROOT, "rev-parse", "--short", "HEAD")
     print(f"\nDebian {release}, {version}, commit {commit}, {datetime.date.today()}, {os.cpu_count()} cores\n")
     print("| user | command | exit status | seconds | its last line |\n|---|---|---|---|---|")
     print(*(step.row for step in steps), sep="\n")
     return 0 if all(step.passed for step in steps) else 1
 
 
-def make_base(base: Path, suite: str, mirror: str, files: list[Path]) -> None:
-    """Make the machine of which the others are copies, with the sources of the last commit for each user."""
+def make_base(base: Path, mirror: str, commit: str, files: list[Path]) -> None:
+    """Make the machine of which the others are copies; its name is the suite's, and each user has the sources."""
     print(f"making {base} ...", flush=True)
     with base.with_suffix(".log").open("w") as log:
-        command = ["debootstrap", "--variant=minbase", f"--include={PACKAGES}", suite, base, mirror]
+        command = [*NAMESPACES, "debootstrap", "--variant=minbase", f"--include={PACKAGES}", base.name, base, mirror]
         if subprocess.run(command, stdout=log, stderr=subprocess.STDOUT, check=False).returncode != 0:
             raise SystemExit(f"debootstrap failed: its output is in {log.name}")
     for file in files:
@@ -163,7 +166,7 @@ def make_base(base: Path, suite: str, mirror: str, files: list[Path]) -> None:
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(file, target)
     read("chroot", base, "useradd", "--create-home", "--shell", "/bin/bash", "user")
-    archive = subprocess.run(["git", "-C", ROOT, "archive", "HEAD"], stdout=subprocess.PIPE, check=True).stdout
+    archive = subprocess.run(["git", "-C", ROOT, "archive", commit], stdout=subprocess.PIPE, check=True).stdout
     for user, home in HOMES.items():
         sources = base / home.lstrip("/") / "hsplat"
         sources.mkdir()
