@@ -85,7 +85,7 @@ _PARAMETERS = {
 }
 
 
-class FrameImage(npt.NDArray[np.uint8]):
+class FrameImage(np.ndarray[tuple[int, ...], np.dtype[np.uint8]]):  # npt.NDArray is no class from NumPy 2.5 on
     """A picture: a uint8 array [height, width, 3 or 4] that notebooks display.
 
     It is a numpy array in every other respect: `image.shape`, `image[:100]`, `np.asarray(image)`. Row 0 is the top. The
