@@ -18,6 +18,8 @@ from .checkpoint import (
 )
 from .encode import find_ffmpeg as find_ffmpeg
 from .inputs import (
+    film_files as film_files,
+    folder_files as folder_files,
     header_data_files as header_data_files,
     require_no_input as require_no_input,
     volume_files as volume_files,

@@ -104,12 +104,21 @@ def _check_nrrd_line(line: str, where: str) -> None:
         )
 
 
-def nrrd_voxels(path: Path) -> Stored | None:
-    """Return where the voxels of a NRRD file are; None if they are compressed after skipped lines, which SimpleITK
-    checks.
+def nrrd_voxels(path: Path) -> Stored:
+    """Return where the voxels of a NRRD file are, before lines that are skipped.
 
     Raises InputError for a missing data file, for bzip2, and as `check_nrrd_header`.
     """
+    return _nrrd_voxels(path)[0]
+
+
+def checkable_nrrd_voxels(path: Path) -> Stored | None:
+    """Return `nrrd_voxels`; None if they are compressed after skipped lines, which SimpleITK checks."""
+    stored, is_checkable = _nrrd_voxels(path)
+    return stored if is_checkable else None
+
+
+def _nrrd_voxels(path: Path) -> tuple[Stored, bool]:
     check_nrrd_header(path)
     header, offset = _split(_head(path))
     header, listed = _without_list(header)
@@ -135,7 +144,7 @@ def nrrd_voxels(path: Path) -> Stored | None:
         name = _plain_list(name, fields.get("dimension", ""))
         each = partial(StoredVoxels, offset=0, compressed=is_packed, byte_order=order, is_text=is_text)
         stored = _detached(path, name, listed, each, is_pattern=is_pattern)
-    return None if is_packed and lines_skipped != "0" else stored
+    return stored, not is_packed or lines_skipped == "0"
 
 
 def missing_spacing_note(path: Path) -> str | None:

@@ -37,9 +37,9 @@ from renderer.readers.headers import (
     Stored,
     check_dicom_pixels,
     check_nrrd_header,
+    checkable_nrrd_voxels,
     metaimage_voxels,
     missing_spacing_note,
-    nrrd_voxels,
     vtk_voxels,
 )
 from renderer.readers.sniff import UnknownFormatError
@@ -53,8 +53,8 @@ _BITS_ALLOCATED, _SERIES = "0028|0100", "0020|000e"
 
 # Formats whose voxels can be located in the file.
 _VOXEL_LOCATORS: dict[str, Callable[[Path], Stored | None]] = {
-    ".nrrd": nrrd_voxels,
-    ".nhdr": nrrd_voxels,
+    ".nrrd": checkable_nrrd_voxels,
+    ".nhdr": checkable_nrrd_voxels,
     ".mha": metaimage_voxels,
     ".mhd": metaimage_voxels,
     ".vtk": vtk_voxels,
