@@ -12,9 +12,10 @@ from hsplat_cli.terminal import Reporter, counted
 from renderer.film import (
     frame_path,
     has_frame_files,
-    require_folder_if_exists,
+    require_own_folder,
     require_writable_dry_run,
     sidecar_path,
+    translate_os_errors,
     unfinished_folder,
 )
 from renderer.readers import require_volume_file
@@ -53,7 +54,8 @@ def check(
     job = load_job(scene, overrides=overrides, frames=frames, volume=volume, output=output)
     for file in (frame_path(job.scene.output.file, job.frames[0]), sidecar_path(job.scene, job.frames)):
         require_writable_dry_run(file)
-    require_folder_if_exists(unfinished_folder(job.scene.output))
+    with translate_os_errors(job.scene.output.file):
+        require_own_folder(unfinished_folder(job.scene.output))
     if isinstance(job.scene.volume.source, FileSource):
         require_volume_file(job.scene.volume.source.file)
     rows = [f"  {name:<8} {text}" for name, text in _summary(job.scene, len(job.frames))]

@@ -27,7 +27,7 @@ from .inputs import (
 from .lock import (
     lock_slots as lock_slots,
     locked_output as locked_output,
-    require_folder_if_exists as require_folder_if_exists,
+    require_own_folder as require_own_folder,
 )
 from .names import (
     ANY_FRAME_FIELD as ANY_FRAME_FIELD,

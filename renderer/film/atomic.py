@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -126,11 +127,12 @@ def output_error(error: OSError, path: Path) -> HsplatError:
 
 def remove_temporaries(folder: Path) -> None:
     """Remove the temporary files that killed programs left in a folder. Raises OSError."""
-    for path in folder.glob(f".*{_PARTIAL_TAG}*"):
-        path.unlink(missing_ok=True)
+    for path in folder.iterdir():
+        if _TEMPORARY_PATTERN.fullmatch(path.name):
+            path.unlink(missing_ok=True)
 
 
-_PARTIAL_TAG = ".partial-"
+_TEMPORARY_PATTERN = re.compile(r"\..+\.partial-[0-9a-f]{8}", re.DOTALL)  # of `_temporary_path`
 _ANOTHER_FOLDER = "choose another folder for the output"
 # Nobody can make files here, although `os.access` says that the superuser can.
 _KERNEL_MOUNTS = (Path("/proc"), Path("/sys"))
@@ -150,7 +152,7 @@ def _is_kernel_filesystem(path: Path) -> bool:
 
 def _temporary_path(path: Path, folder: Path | None = None) -> Path:
     # Random, because frames in different folders, and programs on other machines, must not share a temporary file.
-    return (folder or path.parent) / f".{path.name}{_PARTIAL_TAG}{os.urandom(4).hex()}"
+    return (folder or path.parent) / f".{path.name}.partial-{os.urandom(4).hex()}"
 
 
 def _create(temporary: Path, path: Path, folder: Path | None) -> None:

@@ -26,6 +26,7 @@ Record = Mapping[str, Any]
 
 _RECORD_KEYS = {"frame", "digest", "tolerance", "cells", "splats", "seconds", "predicted_seconds", "gl", "blank"}
 _FILE_PATTERN = re.compile(r"([0-9]{6,9})\.(json|png)")
+_FINGERPRINT_PATTERN = re.compile(r"cause-[0-9a-f]{32}\.json")
 _DIGEST_PATTERN = re.compile(r"[0-9a-f]{32}")
 _MAX_JSON_BYTES = 2**26  # of a record or a fingerprint; some kilobytes are usual
 _BLOCK_BYTES = 2**20
@@ -134,7 +135,8 @@ def remove_checkpoint_frames(
                 path.unlink(missing_ok=True)
         if not any(path.exists() for path, _ in files):
             for path in folder.glob("cause-*.json"):
-                path.unlink(missing_ok=True)
+                if _FINGERPRINT_PATTERN.fullmatch(path.name):
+                    path.unlink(missing_ok=True)
 
 
 def is_frame_record(record: Any, *, has_digest: bool = True) -> bool:

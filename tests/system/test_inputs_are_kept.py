@@ -146,6 +146,17 @@ def test_a_film_beside_its_slices() -> None:
     assert Path("slices/frames.json").exists()
 
 
+@pytest.mark.parametrize("command", [["render"], ["render", "--force"], ["render", "--progressive"], ["check"]])
+def test_a_folder_that_hsplat_did_not_make(command: list[str], capsys) -> None:
+    scene_of(PROCEDURAL)
+    Path("film.mp4.unfinished").mkdir()
+    Path("film.mp4.unfinished/000000.png").write_bytes(b"mine")
+    before = contents()
+    assert main.run([command[0], "scene.yaml", *command[1:]]) == 2
+    assert "film.mp4.unfinished: something else has the name of the folder" in capsys.readouterr().err
+    assert contents() == before
+
+
 def test_scenes_and_reports(capsys) -> None:
     write_volume(Path("scan.nrrd"), VALUES, "<")
     Path("films").mkdir()
