@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.commands.options import FILE, frames_option, scene_argument, set_option, volume_option
+from hsplat_cli.commands.options import frames_option, scene_argument, set_option, volume_option
 from hsplat_cli.scenes import load_job
 from hsplat_cli.terminal import Reporter, counted
 from renderer.film import (
@@ -38,12 +38,10 @@ _MAX_TURNS = 4
 @click.command()
 @scene_argument
 @set_option()
-@click.option("--output", type=FILE, metavar="FILE", help="As for render.")
+@click.option("--output", metavar="FILE", help="As for render.")
 @frames_option(help="As for render.")
 @volume_option()
-def check(
-    scene: Path, overrides: tuple[str, ...], output: Path | None, frames: str | None, volume: Path | None
-) -> None:
+def check(scene: Path, overrides: tuple[str, ...], output: str | None, frames: str | None, volume: Path | None) -> None:
     """Check a scene file and list everything that is wrong with it.
 
     SCENE is a YAML file, or the JSON file beside a film. Finds all that render refuses before it loads a library to

@@ -7,7 +7,7 @@ from typing import Literal
 
 import click
 
-from hsplat_cli.commands.options import FILE, frames_option, quiet_option, scene_argument, set_option, volume_option
+from hsplat_cli.commands.options import frames_option, quiet_option, scene_argument, set_option, volume_option
 from hsplat_cli.executors import ExecutorSpec, executor_options, require_executor, require_executor_for
 from hsplat_cli.scenes import load_job
 from hsplat_cli.terminal import Reporter, parse_duration, sigterm_as_interrupt
@@ -17,7 +17,7 @@ from renderer.errors import InputError
 @click.command()
 @scene_argument
 @set_option()
-@click.option("--output", type=FILE, metavar="FILE", help="Write to this .mp4, .gif, {frame}.png or, for one, .png.")
+@click.option("--output", metavar="FILE", help="Write to this .mp4, .gif, {frame}.png or, for one, .png.")
 @frames_option(help="Draw only these frames, as a Python slice: 0:30, ::10, 7, -1.")
 @volume_option()
 @click.option("--progressive", is_flag=True, help="Draw a coarse film first, then finer ones in its place.")
@@ -29,7 +29,7 @@ from renderer.errors import InputError
 def render(
     scene: Path,
     overrides: tuple[str, ...],
-    output: Path | None,
+    output: str | None,
     frames: str | None,
     volume: Path | None,
     progressive: bool,

@@ -60,7 +60,7 @@ def load_job(
     overrides: Sequence[str] = (),
     frames: str | None = None,
     volume: Path | None = None,
-    output: Path | None = None,
+    output: Path | str | None = None,
     draws: Literal["film", "passes", "nothing"] = "film",
 ) -> Job:
     """Load the job of a scene file or a sidecar, with the changes of the command line's options.

@@ -10,7 +10,6 @@ from pathlib import Path
 from renderer.errors import InputError
 from renderer.film.names import picture_files, unfinished_folder
 from renderer.scene import ArraySource, FileSource, OutputSpec, ProceduralSource, VolumeSpec
-from renderer.volume import backing_file
 
 _TIFF, _NRRD, _METAIMAGE = (".tif", ".tiff"), (".nrrd", ".nhdr"), (".mha", ".mhd")
 # The first bytes of pictures, films and sidecars, which may lie among the slices of a volume; MP4 has a length before.
@@ -56,6 +55,8 @@ def volume_files(volume: VolumeSpec) -> Iterator[Path]:
     if isinstance(source, ProceduralSource):
         return
     if isinstance(source, ArraySource):
+        from renderer.volume import backing_file
+
         with contextlib.suppress(OSError):
             mapped = backing_file(source.values)
             yield from [] if mapped is None else [mapped.path]
