@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from renderer.errors import InputError, OutputLockedError
-from renderer.film.atomic import remove_temporaries, require_writable, translate_os_errors
+from renderer.film.atomic import remove_temporaries, require_writable, sync_to_disk, translate_os_errors
 from renderer.film.names import frame_path, is_numbered, unfinished_folder
 from renderer.runs import consecutive_ranges
 from renderer.scene import OutputSpec
@@ -185,9 +185,11 @@ def _acquire_slots(descriptor: int, slots: Sequence[int], output: Path) -> None:
 
 
 def _write_owner(descriptor: int) -> None:
-    note = f"process {os.getpid()} on {os.uname().nodename}".encode()
+    note, is_new = f"process {os.getpid()} on {os.uname().nodename}".encode(), os.fstat(descriptor).st_size == 0
     os.pwrite(descriptor, note, 0)
     os.ftruncate(descriptor, len(note))  # last: at no moment is it empty again
+    if is_new:  # it shows whose folder it is, also after a power failure
+        sync_to_disk(descriptor)
 
 
 def _read_owner(descriptor: int) -> str | None:
