@@ -104,6 +104,8 @@ def _mark(path: Path) -> tuple[int, int] | None:
 
 
 def _may_be_dicom(path: Path) -> bool:
+    if not path.is_file():  # a pipe would be waited for
+        return False
     try:
         with path.open("rb") as file:
             start = file.read(132)
