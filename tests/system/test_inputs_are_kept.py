@@ -138,6 +138,17 @@ def test_the_sidecar(capsys) -> None:
     assert contents() == before
 
 
+def test_a_sidecar_that_is_the_volume(capsys) -> None:
+    Path("scan.raw").write_bytes(bytes(range(200)) * 100)
+    scene_of("raw: {file: scan.raw, shape: [100, 20, 10], dtype: uint8}")
+    assert main.run(["render", "scene.yaml", "--quiet"]) == 0
+    capsys.readouterr()
+    sidecar = Path("film.mp4.json")
+    sidecar.write_bytes(sidecar.read_bytes().ljust(100 * 20 * 10))
+    command = ["render", "film.mp4.json", "--set", "volume.raw.file=film.mp4.json", "--force"]
+    refused(capsys, "film.mp4.json", str(Path("film.mp4.json").resolve()), *command)
+
+
 def test_a_film_beside_its_slices() -> None:
     """It is no slice, and may be drawn again."""
     scene_of(slices("other.tif"))
