@@ -140,7 +140,8 @@ def _search(folder: Path) -> Iterator[Path]:
             yield Path(place)
             continue
         for name in sorted(files):
-            if name.lower().endswith(_VOLUME_SUFFIXES) and not name.startswith("."):
+            is_named_so = name.lower().endswith(_VOLUME_SUFFIXES) and not name.startswith(".")
+            if is_named_so and os.path.isfile(os.path.join(place, name)):  # a pipe would be waited for
                 yield Path(place, name)
 
 
