@@ -10,7 +10,6 @@ resolution is often just that of a screen, and slices as thick as pixels keep pr
 from __future__ import annotations
 
 import logging
-import math
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -189,15 +188,21 @@ def _check_pages(pages: list[_Page], num_file_bytes: int, where: str) -> None:
         num_segments = int(np.prod(page.chunked, dtype=object))
         is_there = len(offsets) >= num_segments <= len(lengths) and min(offsets) > 0 and min(lengths) > 0
         end = max(map(sum, zip(offsets, lengths, strict=False)), default=0)
-        num_bytes = sum(lengths) if page.compression == 1 else math.inf
-        if not is_there or end > num_file_bytes or num_bytes < page.nbytes:
+        needed = _num_plain_bytes(page) if page.compression == 1 else 0
+        if not is_there or end > num_file_bytes or sum(lengths) < needed:
             raise InputError(
                 f"page {number} of this TIFF file lacks pixels",
                 where=where,
                 got=f"{len(offsets)} strips or tiles up to byte {end}, in a file of {num_file_bytes} bytes",
-                expected=f"{num_segments} strips or tiles" + f" of {page.nbytes} bytes" * (page.compression == 1),
+                expected=f"{num_segments} strips or tiles" + f" of {needed} bytes in all" * (needed > 0),
                 hint="the file is truncated or damaged",
             )
+
+
+def _num_plain_bytes(page: _Page) -> int:
+    """Return the number of bytes of all pixels of a page without compression; rows begin at whole bytes."""
+    row = -(-page.imagewidth * page.samplesperpixel * int(page.bitspersample) // 8)
+    return int(page.imagedepth) * int(page.imagelength) * row
 
 
 def _dtype(page: _Page) -> np.dtype[Any]:
