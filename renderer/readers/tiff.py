@@ -202,7 +202,8 @@ def _check_pages(pages: list[_Page], num_file_bytes: int, where: str) -> None:
 def _num_plain_bytes(page: _Page) -> int:
     """Return the number of bytes of all pixels of a page without compression; rows begin at whole bytes."""
     row = -(-page.imagewidth * page.samplesperpixel * int(page.bitspersample) // 8)
-    return int(page.imagedepth) * int(page.imagelength) * row
+    num_rows: int = page.imagedepth * page.imagelength
+    return num_rows * int(row)
 
 
 def _dtype(page: _Page) -> np.dtype[Any]:

@@ -1,4 +1,4 @@
-"""NIfTI that nibabel wrote: affines that SimpleITK refuses or replaces, scaling, time and components, pairs."""
+"""NIfTI that nibabel wrote: affines of every kind, scaling, time and components, pairs."""
 
 from __future__ import annotations
 
