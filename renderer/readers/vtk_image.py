@@ -13,14 +13,14 @@ import numpy as np
 
 from renderer.errors import InputError, require_package
 from renderer.readers.common import Image, affine, check_dtype, check_size, select_index
-from renderer.readers.isolation import Allocate
+from renderer.readers.isolation import Host
 from renderer.scene import printable_text
 
 _MAX_LISTED = 12
 
 
 def read_vtk_image(
-    path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, allocate: Allocate
+    path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, host: Host
 ) -> Image:
     """Read one component of one array of an image.
 
@@ -55,7 +55,7 @@ def read_vtk_image(
     check_size(shape, stored.dtype, str(path))
     if array.GetNumberOfTuples() != int(np.prod(shape, dtype=object)):
         raise _damaged(path, f"{array.GetNumberOfTuples()} values of {printable_text(array.GetName())}")
-    values = allocate(shape[::-1], stored.dtype)
+    values = host.allocate(shape[::-1], stored.dtype)
     values[...] = (stored if stored.ndim == 1 else stored[:, channel]).reshape(values.shape)
     return Image(values, _world_from_index(image, is_cells=is_cells))
 

@@ -14,51 +14,57 @@ import pytest
 
 from renderer.errors import InputError
 from renderer.readers.common import Image
-from renderer.readers.isolation import Allocate, read_isolated
+from renderer.readers.isolation import Host, read_isolated
 
 
-def ramp(path: Path, *, allocate: Allocate) -> Image:
-    values = allocate((3, 4, 5), np.int16)
+def ramp(path: Path, *, host: Host) -> Image:
+    values = host.allocate((3, 4, 5), np.int16)
     values[...] = np.arange(60).reshape(3, 4, 5)
     return Image(values, np.diag([1.0, 2.0, 3.0, 1.0]), f"read {path.name}")
 
 
-def other_memory(_path: Path, *, allocate: Allocate) -> Image:
+def other_memory(_path: Path, *, host: Host) -> Image:
     """Return values that are not in the shared memory, in the other byte order."""
     return Image(np.arange(60, dtype=">i2").reshape(3, 4, 5)[:, ::-1], np.eye(4))
 
 
-def refuse(path: Path, *, allocate: Allocate) -> Image:
+def refuse(path: Path, *, host: Host) -> Image:
     raise InputError("no good", where=str(path), got="a", expected="b", hint="c")
 
 
-def fail(_path: Path, *, allocate: Allocate) -> Image:
+def fail(_path: Path, *, host: Host) -> Image:
     raise ZeroDivisionError("of the library")
 
 
-def crash(_path: Path, *, allocate: Allocate) -> Image:
+def crash(_path: Path, *, host: Host) -> Image:
     ctypes.string_at(0)
     raise AssertionError
 
 
-def abort(_path: Path, *, allocate: Allocate) -> Image:
+def abort(_path: Path, *, host: Host) -> Image:
     os.kill(os.getpid(), signal.SIGABRT)
     raise AssertionError
 
 
-def loop(_path: Path, *, allocate: Allocate) -> Image:
+def crash_in_the_second_file(path: Path, *, host: Host) -> Image:
+    for name in ("1", "2"):
+        host.begin_file(path / name)
+    return crash(path, host=host)
+
+
+def loop(_path: Path, *, host: Host) -> Image:
     while True:
         pass
 
 
-def fill_memory(_path: Path, *, allocate: Allocate) -> Image:
+def fill_memory(_path: Path, *, host: Host) -> Image:
     return Image(np.ones((1, 1, 3 << 30), np.uint8), np.eye(4))
 
 
-def print_much(path: Path, *, allocate: Allocate) -> Image:
+def print_much(path: Path, *, host: Host) -> Image:
     os.write(1, b"out" * 100_000)
     os.write(2, b"\x1b[31mwarning" * 100_000)
-    return ramp(path, allocate=allocate)
+    return ramp(path, host=host)
 
 
 def read(name: str, **arguments: Any) -> Image:
@@ -100,6 +106,12 @@ def test_all_else_is_an_error_of_the_input(
         read(name)
     assert (error.value.what, error.value.where, error.value.got) == (what, "scan.x", got)
     assert not Path("core").exists()
+
+
+def test_the_file_that_ends_the_process_is_named() -> None:
+    with pytest.raises(InputError) as error:
+        read("crash_in_the_second_file")
+    assert error.value.where == "scan.x/2"
 
 
 def test_nothing_is_printed(capfd: pytest.CaptureFixture[str]) -> None:
