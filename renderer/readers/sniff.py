@@ -80,6 +80,8 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
     The slices directly in a folder are a volume, and else the only volume file, or folder of slices, anywhere below it.
     Raises InputError for no volume and for several.
     """
+    if not os.access(path, os.R_OK):
+        raise InputError("no permission to read this", where=str(path))
     if not path.is_dir():
         return path, find_format(path), None
     own = _format_of_slices(path)
