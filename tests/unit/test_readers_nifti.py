@@ -145,3 +145,17 @@ def test_infinite_slopes_are_refused(tmp_path, kind, place, code):
     data[place : place + int(code[2])] = np.array(np.nan, code).tobytes()
     (tmp_path / "a.nii").write_bytes(data)
     assert read(tmp_path / "a.nii").values.dtype == np.uint8
+
+
+@pytest.mark.parametrize("name", ["a.nii", "a.nii.gz"])
+def test_what_follows_the_voxels_is_ignored(tmp_path, name):
+    """The standard allows it; a stream that goes on without end is refused."""
+    values = np.arange(60, dtype=np.uint8).reshape(3, 4, 5)
+    nib.Nifti1Image(values.T, np.eye(4)).to_filename(tmp_path / "whole.nii")
+    pack = gzip.compress if name.endswith(".gz") else bytes
+    (tmp_path / name).write_bytes(pack((tmp_path / "whole.nii").read_bytes() + b"made by a program" * 10))
+    np.testing.assert_array_equal(read(tmp_path / name).values, values)
+    if name.endswith(".gz"):
+        (tmp_path / name).write_bytes(pack((tmp_path / "whole.nii").read_bytes() + bytes(1 << 26)))
+        with pytest.raises(InputError, match="the file is longer than its header says"):
+            read(tmp_path / name)
