@@ -154,7 +154,8 @@ def call_reader(reader: str, path: Path, arguments: dict[str, Any], host: Host) 
     function = getattr(importlib.import_module(module), name)
     try:
         image: Image = function(path, **arguments, host=host)
-    except InputError:
+    except InputError as error:
+        error.where = error.where or str(path)  # a package that is missing
         raise
     except Exception as error:
         raise InputError(

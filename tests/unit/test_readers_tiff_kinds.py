@@ -179,7 +179,8 @@ def test_missing_codecs_are_named(tmp_path, monkeypatch):
     monkeypatch.setattr(tifffile.TiffPage, "asarray", fail)
     with pytest.raises(InputError) as error:
         read(tmp_path / "a.tif")
-    assert str(error.value) == "the package imagecodecs is not installed\n  hint: pip install 'hsplat[tiff]'"
+    hint = "hint: pip install 'hsplat[tiff]'"
+    assert str(error.value) == f"{tmp_path / 'a.tif'}: the package imagecodecs is not installed\n  {hint}"
 
 
 def test_a_bomb_of_deflate_is_refused(tmp_path):
