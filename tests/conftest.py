@@ -60,6 +60,9 @@ class ThisProcess:
     def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
         return np.zeros(shape, dtype)
 
+    def expect_bytes(self, num_bytes: int) -> None:
+        """This process has no limit."""
+
     def begin_file(self, path: Path) -> None:
         """No other process asks."""
 

@@ -27,8 +27,9 @@ from renderer.errors import InputError
 from renderer.readers.common import Image, check_dtype, check_size
 from renderer.volume import Array
 
-# The limits of a child: memory beside the voxels, and processor time, to which voxels and files in a folder add.
-_MEMORY_BYTES = 1 << 30
+# The limits of a child: memory, and processor time, to which voxels and files add. Libraries hold what they have read,
+# what they have decoded, and copies of both.
+_MEMORY_BYTES, _NUM_COPIES = 1 << 30, 4
 _SECONDS, _BYTES_PER_SECOND, _FILES_PER_SECOND = 10, 1 << 20, 10
 
 _MAX_ANSWER_BYTES = 1 << 24
@@ -41,6 +42,9 @@ class Host(Protocol):
     def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
         """Return an array of zeros for the voxels, which need not be copied from it afterwards."""
 
+    def expect_bytes(self, num_bytes: int) -> None:
+        """Extend the limit of memory by what a library needs before `allocate` is called."""
+
     def begin_file(self, path: Path) -> None:
         """Record the file that is read next, for the message if that ends the process."""
 
@@ -51,8 +55,9 @@ def read_isolated(reader: str, path: Path, **arguments: Any) -> Image:
     reader: `module:function`, called with the path, the arguments, and a `host`. arguments: as JSON has them.
     Raises InputError as the function does, and where it fails in any other way; MemoryError without enough memory.
     """
-    seconds = _SECONDS + (len(os.listdir(path)) // _FILES_PER_SECOND if path.is_dir() else 0)
-    limits = {"memory": _MEMORY_BYTES, "seconds": seconds}
+    sizes = [entry.stat().st_size for entry in os.scandir(path)] if path.is_dir() else [path.stat().st_size]
+    seconds = _SECONDS + len(sizes) // _FILES_PER_SECOND
+    limits = {"memory": _MEMORY_BYTES + _NUM_COPIES * max(sizes), "seconds": seconds}
     request = json.dumps({"reader": reader, "path": str(path), "arguments": arguments, "limits": limits})
     with open_anonymous_file() as voxels, ChildProcesses() as children:
         receiver, sender = os.pipe()
@@ -101,6 +106,10 @@ class _Child:
         self._sender, self._descriptor = sender, descriptor
         self._values: Array | None = None
 
+    def expect_bytes(self, num_bytes: int) -> None:
+        """Extend the limit of memory."""
+        _extend_limit(resource.RLIMIT_AS, num_bytes)
+
     def begin_file(self, path: Path) -> None:
         """Tell the parent which file is read next."""
         self.send(str(path))
@@ -113,7 +122,7 @@ class _Child:
     def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
         """Return an array of zeros in the shared memory, which replaces an earlier one, and extend the limits by it."""
         num_bytes = math.prod(shape) * np.dtype(dtype).itemsize
-        _extend_limit(resource.RLIMIT_AS, 2 * num_bytes)  # decoding may need them once more
+        self.expect_bytes((1 + _NUM_COPIES) * num_bytes)
         _extend_limit(resource.RLIMIT_CPU, num_bytes // _BYTES_PER_SECOND)
         os.ftruncate(self._descriptor, num_bytes)
         self._values = np.frombuffer(mmap.mmap(self._descriptor, num_bytes), dtype).reshape(shape)

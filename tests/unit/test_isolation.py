@@ -67,6 +67,11 @@ def print_much(path: Path, *, host: Host) -> Image:
     return ramp(path, host=host)
 
 
+@pytest.fixture(autouse=True)
+def _file(folder: Path) -> None:
+    Path("scan.x").write_bytes(b"any")
+
+
 def read(name: str, **arguments: Any) -> Image:
     return read_isolated(f"{__name__}:{name}", Path("scan.x"), **arguments)
 
