@@ -7,7 +7,7 @@ to the same bytes as by the command `hsplat render`. `docs/api.md` has all of it
   from outside, as it is shown.
 - `jit.py` compiles loops and caches them; `threads.py`: a pool of threads for them; `cores.py`: how many processors
   this process may use; `memory.py`: how much memory is left for it. `runs.py`: consecutive numbers as ranges.
-  `versions.py`: versions of what made an output.
+  `versions.py`: versions of what made an output. `child_processes.py`: processes that end with this one.
 """
 
 import lazy_loader

@@ -13,6 +13,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -26,11 +27,11 @@ from renderer.errors import InputError, SceneError
 from renderer.film import (
     Picture,
     encode_png,
+    film_files,
     film_notes,
     frame_path,
     locked_output,
     open_film,
-    picture_files,
     require_encoder,
     require_no_input,
     sidecar_path,
@@ -258,7 +259,7 @@ def render(
     made = _scene(made, {}, is_single_frame=len(numbers) == 1)
     sidecar = sidecar_path(made, numbers)
     inputs = [Path(scene)] if isinstance(scene, (str, os.PathLike)) else []
-    require_no_input([*picture_files(made.output, numbers), sidecar], [*inputs, *volume_files(made.volume)])
+    require_no_input(film_files(made.output, numbers, sidecar), chain(inputs, volume_files(made.volume)))
     with (
         locked_output(made.output, numbers, sidecar) as folder,
         _open_rasterizer(made) as rasterizer,

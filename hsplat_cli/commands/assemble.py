@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from hsplat_cli.commands.options import FILE, frames_option, no_paths_option, quiet_option
+from hsplat_cli.commands.options import frames_option, no_paths_option, quiet_option
 from hsplat_cli.terminal import Reporter, parse_frames, sigterm_as_interrupt
 from renderer.errors import Problem, SceneError
 from renderer.film import has_frame_files
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("parts", nargs=-1, required=True)
-@click.option("--output", type=FILE, required=True, metavar="FILE", help="Write to this .mp4, .gif or {frame}.png.")
+@click.option("--output", required=True, metavar="FILE", help="Write to this .mp4, .gif or {frame}.png.")
 @frames_option(help="Take only these frames, as a Python slice: 0:30, ::10, 7, -1.")
 @click.option("--frames-per-second", type=float, metavar="RATE", help="Another rate than that of the scene.")
 @click.option("--quality", type=float, metavar="0-10", help="Another quality of an MP4 than that of the scene.")
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
 @quiet_option()
 def assemble(
     parts: tuple[str, ...],
-    output: Path,
+    output: str,
     frames: str | None,
     frames_per_second: float | None,
     quality: float | None,
@@ -49,7 +48,7 @@ def assemble(
     found = find_parts(parts)
     numbers = parse_frames(frames, found[0].num_frames)
     given = {"frames_per_second": frames_per_second, "quality": quality}
-    options = {"file": (str(output), f"--output {output}")} | {
+    options = {"file": (output, f"--output {output}")} | {
         key: (value, f"--{key.replace('_', '-')} {value:g}") for key, value in given.items() if value is not None
     }
     options |= {"record_paths": (False, "--no-paths")} if no_paths else {}

@@ -6,15 +6,16 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.commands.options import FILE, frames_option, scene_argument, set_option, volume_option
+from hsplat_cli.commands.options import frames_option, scene_argument, set_option, volume_option
 from hsplat_cli.scenes import load_job
 from hsplat_cli.terminal import Reporter, counted
 from renderer.film import (
     frame_path,
     has_frame_files,
-    require_folder_if_exists,
+    require_own_folder,
     require_writable_dry_run,
     sidecar_path,
+    translate_os_errors,
     unfinished_folder,
 )
 from renderer.printable import join_lines
@@ -38,12 +39,10 @@ _MAX_TURNS = 4
 @click.command()
 @scene_argument
 @set_option()
-@click.option("--output", type=FILE, metavar="FILE", help="As for render.")
+@click.option("--output", metavar="FILE", help="As for render.")
 @frames_option(help="As for render.")
 @volume_option()
-def check(
-    scene: Path, overrides: tuple[str, ...], output: Path | None, frames: str | None, volume: Path | None
-) -> None:
+def check(scene: Path, overrides: tuple[str, ...], output: str | None, frames: str | None, volume: Path | None) -> None:
     """Check a scene file and list everything that is wrong with it.
 
     SCENE is a YAML file, or the JSON file beside a film. Finds all that render refuses before it loads a library to
@@ -54,7 +53,8 @@ def check(
     job = load_job(scene, overrides=overrides, frames=frames, volume=volume, output=output)
     for file in (frame_path(job.scene.output.file, job.frames[0]), sidecar_path(job.scene, job.frames)):
         require_writable_dry_run(file)
-    require_folder_if_exists(unfinished_folder(job.scene.output))
+    with translate_os_errors(job.scene.output.file):
+        require_own_folder(unfinished_folder(job.scene.output))
     if isinstance(job.scene.volume.source, FileSource):
         find_volume(job.scene.volume.source.file)
     rows = [f"  {name:<8} {text}" for name, text in _summary(job.scene, len(job.frames))]

@@ -14,7 +14,7 @@ from hsplat_cli.executors import workers_option
 from hsplat_cli.terminal import OutputPath, Reporter, sigterm_as_interrupt
 from renderer.errors import InputError
 
-_REPORT = OutputPath()
+_REPORT = OutputPath(dir_okay=False)
 
 
 def _parse_name(_: click.Context, parameter: click.Parameter, name: str) -> Path:

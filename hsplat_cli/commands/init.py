@@ -24,7 +24,9 @@ from renderer.film import require_no_input, require_writable_dry_run, volume_fil
 
 @click.command()
 @click.argument("volume", type=FILE)
-@click.option("--output", type=OutputPath(), metavar="FILE", help="Write to this file, not to the standard output.")
+@click.option(
+    "--output", type=OutputPath(dir_okay=False), metavar="FILE", help="Write to this file, not to the standard output."
+)
 @click.option("--force", is_flag=True, help="Overwrite an existing file.")
 @film_options
 @volume_options(nonfinite=None)

@@ -19,7 +19,7 @@ from hsplat_cli.scenes import load_job
 from hsplat_cli.studies import parse_sweep, parse_want
 from hsplat_cli.terminal import OutputPath, Reporter, sigterm_as_interrupt
 from renderer.errors import InputError
-from renderer.film import require_no_input, volume_files
+from renderer.film import require_no_input
 
 # Options of a sweep and its report, which a search for one tolerance does not have.
 _SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections", "repeats", "peer")
@@ -94,7 +94,7 @@ def measure(
         from hsplat_cli.studies import StudyRequest, run_study
 
         folder = output or Path(f"{scene.stem}.measured")
-        require_no_input([folder / name for name in REPORT_FILES], [scene, *volume_files(job.volume)])
+        require_no_input([folder / name for name in REPORT_FILES], given.input_files())
         picked = list(numbers) if frames else None
         request = StudyRequest(scene.stem, job, sweep, picked, repeats, peer, truth_tolerance, folder)
         run_study(request, reporter)

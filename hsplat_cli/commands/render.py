@@ -8,7 +8,6 @@ from typing import Literal
 import click
 
 from hsplat_cli.commands.options import (
-    FILE,
     frames_option,
     no_paths_option,
     quiet_option,
@@ -25,7 +24,7 @@ from renderer.errors import InputError
 @click.command()
 @scene_argument
 @set_option()
-@click.option("--output", type=FILE, metavar="FILE", help="Write to this .mp4, .gif, {frame}.png or, for one, .png.")
+@click.option("--output", metavar="FILE", help="Write to this .mp4, .gif, {frame}.png or, for one, .png.")
 @frames_option(help="Draw only these frames, as a Python slice: 0:30, ::10, 7, -1.")
 @volume_option()
 @no_paths_option()
@@ -38,7 +37,7 @@ from renderer.errors import InputError
 def render(
     scene: Path,
     overrides: tuple[str, ...],
-    output: Path | None,
+    output: str | None,
     frames: str | None,
     volume: Path | None,
     no_paths: tuple[str, ...],

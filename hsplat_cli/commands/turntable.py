@@ -19,7 +19,7 @@ from hsplat_cli.scenes import (
     volume_spec,
 )
 from hsplat_cli.terminal import OutputPath, Reporter, sigterm_as_interrupt
-from hsplat_cli.turntable import FilmRequest, make_film, print_film_record, run_batch
+from hsplat_cli.turntable import FilmRequest, make_film, print_film_record, require_inputs_kept, run_batch
 from renderer.errors import InputError
 
 
@@ -83,6 +83,7 @@ def turntable(
         )
         for film_name, volume in _named_volumes(volumes, name, reporter).items()
     ]
+    require_inputs_kept(requests)
     with sigterm_as_interrupt():
         if name is not None:
             print_film_record(requests[0], reporter)

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from hsplat_cli.compare.file_pairs import open_pairs
 from hsplat_cli.compare.gallery import Gallery
 from hsplat_cli.compare.golden.provenance import PROVENANCE_FILE
+from hsplat_cli.compare.golden.render import load_reproducible_job
 from hsplat_cli.compare.outcome import Comparison, Pairs, compare_pair
+from hsplat_cli.compare.picture_file import is_picture
 from hsplat_cli.compare.report_files import ReportFiles
-from hsplat_cli.compare.rules import Rules, load_rules
+from hsplat_cli.compare.rules import LIMITS_FILE, Rules, load_rules
 from hsplat_cli.compare.scene_pairs import SceneOptions, open_scene_pairs
 from hsplat_cli.compare.text_reports import comparison_table
 from hsplat_cli.terminal import Reporter
 from renderer.errors import HsplatError, InputError
+from renderer.film import folder_files
 from renderer.printable import join_lines
 
 # A scene, or the sidecar of a film.
@@ -41,7 +44,7 @@ def compare_frames(
 
     Raises HsplatError if they cannot be compared.
     """
-    reports.require_names((golden, actual, golden / PROVENANCE_FILE, actual / PROVENANCE_FILE))
+    reports.require_names(_input_files(golden, actual, drawing))
     try:
         reports.prepare()
         draws = _is_scene(golden)
@@ -60,6 +63,17 @@ def compare_frames(
         with contextlib.suppress(HsplatError):  # a report that cannot be written must not hide the reason
             reports.write_failure(golden, actual, error)
         raise
+
+
+def _input_files(golden: Path, actual: Path, drawing: SceneOptions) -> Iterator[Path]:
+    """Yield all files that a comparison may read; those of a scene's volume unless the scene is wrong."""
+    if _is_scene(golden):
+        with contextlib.suppress(HsplatError):
+            yield from load_reproducible_job(golden, overrides=drawing.overrides, volume=drawing.volume).input_files()
+    for side in (golden, actual):
+        folder = side if os.path.isdir(side) else side.parent
+        yield from (side, folder / PROVENANCE_FILE, folder / LIMITS_FILE)
+        yield from (file for file in folder_files(folder) if is_picture(file.name))
 
 
 def _is_scene(path: Path) -> bool:

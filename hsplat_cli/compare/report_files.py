@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,8 +11,7 @@ from hsplat_cli.compare.gallery import Gallery
 from hsplat_cli.compare.outcome import Comparison
 from hsplat_cli.compare.text_reports import comparison_json, comparison_junit, failure_json, failure_junit
 from renderer.errors import HsplatError, InputError, require_package
-from renderer.film import require_writable, shorten_paths, staged_files, translate_os_errors
-from renderer.scene import is_same_file
+from renderer.film import require_no_input, require_writable, shorten_paths, staged_files, translate_os_errors
 
 # No frame, scene or volume has these suffixes, so that a typing mistake overwrites none of them.
 _SUFFIXES = {"--json": (".json",), "--junit": (".xml",), "--html": (".html", ".htm")}
@@ -25,8 +24,8 @@ class ReportFiles:
     paths: Mapping[str, Path]
     private: Sequence[Path] = ()
 
-    def require_names(self, inputs: Sequence[Path]) -> None:
-        """Raise InputError if a name has a wrong suffix, or is an existing input. Write nothing."""
+    def require_names(self, inputs: Iterable[Path]) -> None:
+        """Raise InputError if a name has a wrong suffix, or is that of an input. Write nothing."""
         for option, path in self.paths.items():
             where, suffixes = f"{option} {path}", _SUFFIXES[option]
             if path.suffix.lower() not in suffixes:
@@ -35,8 +34,7 @@ class ReportFiles:
             if os.path.exists(path) and not os.path.isfile(path):  # a device, or a pipe
                 got = "a folder" if os.path.isdir(path) else "a special file"
                 raise InputError("a report cannot replace this", where=where, got=got)
-            if any(is_same_file(path, other) for other in inputs):
-                raise InputError("a report would overwrite an input of the comparison", where=where)
+        require_no_input(self.paths.values(), inputs)
 
     def prepare(self) -> None:
         """Remove the reports of an earlier comparison, which would be wrong if this one fails; create missing folders.

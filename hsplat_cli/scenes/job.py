@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 from pathlib import Path
 from typing import Any, Literal
 
 from hsplat_cli.scenes.sidecar_file import Sidecar, parse_sidecar
 from hsplat_cli.terminal import is_one_frame, parse_frames
 from renderer.errors import InputError, Problem
-from renderer.film import film_path_of_sidecar, picture_files, require_no_input, sidecar_path, volume_files
+from renderer.film import film_files, film_path_of_sidecar, require_no_input, sidecar_path, volume_files
 from renderer.scene import (
     Scene,
     SceneEditor,
@@ -38,13 +37,20 @@ class Job:
     """A scene, and what to draw of it.
 
     frames: their numbers, ascending. requested_error: the accuracy, as a section `error`: `{"splats": 100000}`.
-    original: the film that is made again, if any.
+    original: the film that is made again, if any. path: the scene file or the sidecar that was read, if any.
     """
 
     scene: Scene
     frames: Sequence[int]
     requested_error: Mapping[str, Any]
     original: Sidecar | None = None
+    path: Path | None = None
+
+    def input_files(self) -> Iterator[Path]:
+        """Yield the files that the job reads: its own, and those of the volume."""
+        if self.path is not None:
+            yield self.path
+        yield from volume_files(self.scene.volume)
 
 
 def load_job(
@@ -53,7 +59,7 @@ def load_job(
     overrides: Sequence[str] = (),
     frames: str | None = None,
     volume: Path | None = None,
-    output: Path | None = None,
+    output: Path | str | None = None,
     draws: Literal["film", "passes", "nothing"] = "film",
 ) -> Job:
     """Load the job of a scene file or a sidecar, with the changes of the command line's options.
@@ -69,9 +75,10 @@ def load_job(
             content, path, overrides=overrides, volume=volume, output=output, is_single_frame=still
         )
         picked = parse_frames(frames, scene.camera.path.frames)
+        job = Job(scene, picked, schedule_to_dict(scene.error), path=path)
         if draws != "nothing":
-            _require_no_input(path, scene, picked, sidecar_path(scene, picked))
-        return Job(scene, picked, schedule_to_dict(scene.error))
+            _require_no_input(job)
+        return job
     editor = _editor(sidecar)
     editor.apply(overrides, volume, output)
     scene = editor.parse(is_single_frame=still or len(sidecar.frames) <= 1, extra_problems=sidecar.problems)
@@ -88,19 +95,27 @@ def load_job(
             where=str(path),
             hint="--output names another file",
         )
+    job = Job(scene, picked, schedule_to_dict(scene.error), sidecar, path)
     if draws != "nothing":
-        _require_no_input(path, scene, picked, *([] if is_beside else [sidecar_path(scene, picked)]))
+        _require_no_input(job, rewrites_sidecar=is_beside)
     if is_changed or not _has_recorded_tolerances(sidecar, scene):
-        original = replace(sidecar, other_schedule_keys={}, tool_versions={})
-        return Job(scene, picked, schedule_to_dict(scene.error), original)
+        return replace(job, original=replace(sidecar, other_schedule_keys={}, tool_versions={}))
     if not is_whole and is_film_wide_goal(sidecar.requested_error):
-        return Job(scene, picked, schedule_to_dict(scene.error), replace(sidecar, other_schedule_keys={}))
-    return Job(scene, picked, schedule_to_dict(sidecar.requested_error), sidecar)
+        return replace(job, original=replace(sidecar, other_schedule_keys={}))
+    return replace(job, requested_error=schedule_to_dict(sidecar.requested_error))
 
 
-def _require_no_input(path: Path, scene: Scene, frames: Sequence[int], *sidecar: Path) -> None:
-    """Raise InputError where an output is the scene's file, or one of the volume's."""
-    require_no_input(chain(picture_files(scene.output, frames), sidecar), chain([path], volume_files(scene.volume)))
+def _require_no_input(job: Job, *, rewrites_sidecar: bool = False) -> None:
+    """Raise InputError where an output is an input.
+
+    rewrites_sidecar: the job's file is the sidecar of its output, which is written again.
+    """
+    sidecar = sidecar_path(job.scene, job.frames)
+    outputs = film_files(job.scene.output, job.frames, sidecar)
+    if rewrites_sidecar:
+        require_no_input([sidecar], volume_files(job.scene.volume))
+        outputs = (file for file in outputs if file != sidecar)
+    require_no_input(outputs, job.input_files())
 
 
 def _has_recorded_tolerances(sidecar: Sidecar, scene: Scene) -> bool:

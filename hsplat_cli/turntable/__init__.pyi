@@ -1,3 +1,8 @@
 from .batch import run_batch as run_batch
 from .manifest import update_manifest as update_manifest
-from .one_film import FilmRequest as FilmRequest, make_film as make_film, print_film_record as print_film_record
+from .one_film import (
+    FilmRequest as FilmRequest,
+    make_film as make_film,
+    print_film_record as print_film_record,
+    require_inputs_kept as require_inputs_kept,
+)

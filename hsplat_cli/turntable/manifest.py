@@ -22,6 +22,7 @@ from renderer.scene import read_json_object
 FilmRecord = dict[str, Any]
 
 MANIFEST_FILE = "turntable.json"
+LOCK_FILE = f".{MANIFEST_FILE}.lock"
 STARTED, FINISHED, FAILED, INTERRUPTED = "begun", "done", "failed", "interrupted"
 # Nothing of the film was touched. Shown in the table only: turntable.json keeps the record of the film before.
 NOT_STARTED = "not begun"
@@ -83,7 +84,7 @@ def _locked(folder: Path, timeout_s: float) -> Iterator[None]:
     with contextlib.ExitStack() as stack:
         while True:
             try:
-                stack.enter_context(lock_slots(folder, [0], file, shared_file=f".{MANIFEST_FILE}.lock"))
+                stack.enter_context(lock_slots(folder, [0], file, shared_file=LOCK_FILE))
                 break
             except OutputLockedError as error:
                 waited = time.perf_counter() - start

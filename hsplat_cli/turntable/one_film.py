@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import os
 import re
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from pathlib import Path
 
 from hsplat_cli.executors import ExecutorSpec
@@ -17,6 +19,8 @@ from hsplat_cli.turntable.manifest import (
     FAILED,
     FINISHED,
     INTERRUPTED,
+    LOCK_FILE,
+    MANIFEST_FILE,
     NOT_STARTED,
     SHORT_LOCK_TIMEOUT_S,
     STARTED,
@@ -26,16 +30,17 @@ from hsplat_cli.turntable.manifest import (
 )
 from renderer.errors import HsplatError, InputError, OutputLockedError
 from renderer.film import (
+    film_files,
     locked_output,
-    picture_files,
     require_no_input,
     require_writable,
     sidecar_path,
+    sidecar_path_of_file,
     translate_os_errors,
     volume_files,
     write_staged,
 )
-from renderer.scene import VolumeSpec, parse_scene_content, schedule_to_dict
+from renderer.scene import OutputSpec, VolumeSpec, parse_scene_content, schedule_to_dict
 
 
 @dataclass(frozen=True)
@@ -71,12 +76,24 @@ class FilmRequest:
         """Return the path of the volume, relative to the folder and without links."""
         return os.path.relpath(os.path.realpath(volume_file(self.volume)), os.path.realpath(self.scene.parent))
 
+    def output_files(self) -> Iterator[Path]:
+        """Yield all files that making the film may replace or remove."""
+        frames = range(self.film.frames)
+        yield from (self.scene.parent / name for name in (self.scene.name, MANIFEST_FILE, LOCK_FILE))
+        yield from film_files(OutputSpec(self.output), frames, sidecar_path_of_file(self.output, frames, len(frames)))
+
     def failure_record(self, error: HsplatError) -> FilmRecord:
         """Return the record of a film that failed, or that another job is making. Exit code 2 is for wrong input."""
         status = NOT_STARTED if isinstance(error, OutputLockedError) else FAILED
         summary = {"summary": error.summary} if self.film.no_paths else {}
         exit_code = 2 if isinstance(error, InputError) else 1
         return self.record(status) | {"exit_code": exit_code, "error": str(error)} | summary
+
+
+def require_inputs_kept(requests: Sequence[FilmRequest]) -> None:
+    """Raise InputError if an output of one of the films is a file of one of the volumes."""
+    outputs = chain.from_iterable(request.output_files() for request in requests)
+    require_no_input(outputs, chain.from_iterable(volume_files(request.volume) for request in requests))
 
 
 def make_film(request: FilmRequest, reporter: Reporter) -> FilmRecord:
@@ -123,8 +140,6 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmRecord:
     scene = parse_scene_content(content, request.scene)  # before the file exists: no change to it affects the job
     job = Job(scene, range(scene.camera.path.frames), schedule_to_dict(scene.error))
     sidecar = sidecar_path(job.scene, job.frames)
-    outputs = [request.scene, *picture_files(job.scene.output, job.frames), sidecar]
-    require_no_input(outputs, volume_files(request.volume))
     # Locked from before the scene is written until the film is finished, because they belong together.
     with locked_output(job.scene.output, job.frames, sidecar) as work_folder:
         write_scene(request, content)

@@ -18,6 +18,8 @@ from .checkpoint import (
 )
 from .encode import find_ffmpeg as find_ffmpeg
 from .inputs import (
+    film_files as film_files,
+    folder_files as folder_files,
     header_data_files as header_data_files,
     require_no_input as require_no_input,
     volume_files as volume_files,
@@ -25,7 +27,7 @@ from .inputs import (
 from .lock import (
     lock_slots as lock_slots,
     locked_output as locked_output,
-    require_folder_if_exists as require_folder_if_exists,
+    require_own_folder as require_own_folder,
 )
 from .names import (
     ANY_FRAME_FIELD as ANY_FRAME_FIELD,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -12,12 +13,13 @@ from renderer.errors import HsplatError, InputError, RenderError
 
 
 @contextlib.contextmanager
-def staging(folder: Path | None = None) -> Iterator[Callable[[Path], Path]]:
+def staging(folder: Path | None = None, *, is_durable: bool = True) -> Iterator[Callable[[Path], Path]]:
     """Yield a function that makes a temporary file for a path. After the block, all are renamed, one by one.
 
     folder: where temporary files lie, on the same disk as the paths; None for beside each path. Missing folders of the
-    paths are made, but not `folder`. If the block raises, KeyboardInterrupt included, temporary files are removed and
-    nothing else changes. Refusals of the operating system become InputError or RenderError, as in
+    paths are made, but not `folder`. is_durable: the files are on the disk before they are renamed. Without it a power
+    failure may leave a file empty under its final name. If the block raises, KeyboardInterrupt included, temporary
+    files are removed and nothing else changes. Refusals of the operating system become InputError or RenderError, as in
     `translate_os_errors`; an OSError that the block itself raises passes unchanged.
     """
     staged: list[tuple[Path, Path]] = []
@@ -30,6 +32,9 @@ def staging(folder: Path | None = None) -> Iterator[Callable[[Path], Path]]:
 
     try:
         yield stage
+        for temporary, path in staged if is_durable else ():
+            with translate_os_errors(path), temporary.open("rb") as stream:
+                sync_to_disk(stream.fileno())
         for temporary, path in staged:
             with translate_os_errors(path):
                 os.replace(temporary, path)
@@ -41,9 +46,9 @@ def staging(folder: Path | None = None) -> Iterator[Callable[[Path], Path]]:
 
 
 @contextlib.contextmanager
-def staged_files(folder: Path | None = None) -> Iterator[Callable[[Path, bytes], None]]:
+def staged_files(folder: Path | None = None, *, is_durable: bool = True) -> Iterator[Callable[[Path, bytes], None]]:
     """Yield a function that writes whole files, which get their names after the block; as `staging`."""
-    with staging(folder) as stage:
+    with staging(folder, is_durable=is_durable) as stage:
 
         def write(path: Path, content: bytes) -> None:
             with translate_os_errors(path):
@@ -52,10 +57,19 @@ def staged_files(folder: Path | None = None) -> Iterator[Callable[[Path, bytes],
         yield write
 
 
-def write_staged(path: Path, content: bytes, folder: Path | None = None) -> None:
+def write_staged(path: Path, content: bytes, folder: Path | None = None, *, is_durable: bool = True) -> None:
     """Write one file, whole or not at all; as `staging`."""
-    with staged_files(folder) as write:
+    with staged_files(folder, is_durable=is_durable) as write:
         write(path, content)
+
+
+def sync_to_disk(descriptor: int) -> None:
+    """Wait until all bytes of an open file are on the disk, as far as the file system can. Raises OSError."""
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP):
+            raise
 
 
 def require_writable(path: Path, folder: Path | None = None) -> None:
@@ -126,11 +140,12 @@ def output_error(error: OSError, path: Path) -> HsplatError:
 
 def remove_temporaries(folder: Path) -> None:
     """Remove the temporary files that killed programs left in a folder. Raises OSError."""
-    for path in folder.glob(f".*{_PARTIAL_TAG}*"):
-        path.unlink(missing_ok=True)
+    for path in folder.iterdir():
+        if _TEMPORARY_PATTERN.fullmatch(path.name):
+            path.unlink(missing_ok=True)
 
 
-_PARTIAL_TAG = ".partial-"
+_TEMPORARY_PATTERN = re.compile(r"\..+\.partial-[0-9a-f]{8}", re.DOTALL)  # of `_temporary_path`
 _ANOTHER_FOLDER = "choose another folder for the output"
 # Nobody can make files here, although `os.access` says that the superuser can.
 _KERNEL_MOUNTS = (Path("/proc"), Path("/sys"))
@@ -150,7 +165,7 @@ def _is_kernel_filesystem(path: Path) -> bool:
 
 def _temporary_path(path: Path, folder: Path | None = None) -> Path:
     # Random, because frames in different folders, and programs on other machines, must not share a temporary file.
-    return (folder or path.parent) / f".{path.name}{_PARTIAL_TAG}{os.urandom(4).hex()}"
+    return (folder or path.parent) / f".{path.name}.partial-{os.urandom(4).hex()}"
 
 
 def _create(temporary: Path, path: Path, folder: Path | None) -> None:

@@ -26,6 +26,7 @@ Record = Mapping[str, Any]
 
 _RECORD_KEYS = {"frame", "digest", "tolerance", "cells", "splats", "seconds", "predicted_seconds", "gl", "blank"}
 _FILE_PATTERN = re.compile(r"([0-9]{6,9})\.(json|png)")
+_FINGERPRINT_PATTERN = re.compile(r"cause-[0-9a-f]{32}\.json")
 _DIGEST_PATTERN = re.compile(r"[0-9a-f]{32}")
 _MAX_JSON_BYTES = 2**26  # of a record or a fingerprint; some kilobytes are usual
 _BLOCK_BYTES = 2**20
@@ -91,14 +92,18 @@ class FrameCheckpoint:
     def save_frame(self, number: int, png: bytes, record: Record) -> Record:
         """Write a frame's picture, then its record. Return the record with its digest."""
         record = {**record, "digest": bytes_digest(png)}
-        write_staged(self._file(number), png, self._folder)
+        self._write(self._file(number), png)
         path = _fingerprint_path(self._folder, self._digest)
         if not path.exists():
-            write_staged(path, json.dumps(self.fingerprint).encode(), self._folder)
+            self._write(path, json.dumps(self.fingerprint).encode())
         content = json.dumps({"cause": self._digest, "record": record}).encode()
-        write_staged(self._checkpoint_path(number, "json"), content, self._folder)
+        self._write(self._checkpoint_path(number, "json"), content)
         self.records[number] = record
         return record
+
+    def _write(self, path: Path, content: bytes) -> None:
+        # No frame waits for the disk: one that a power failure damages does not match its record, and is drawn again.
+        write_staged(path, content, self._folder, is_durable=False)
 
     def picture(self, number: int) -> Picture:
         """Return a finished frame, which is read on demand."""
@@ -134,7 +139,8 @@ def remove_checkpoint_frames(
                 path.unlink(missing_ok=True)
         if not any(path.exists() for path, _ in files):
             for path in folder.glob("cause-*.json"):
-                path.unlink(missing_ok=True)
+                if _FINGERPRINT_PATTERN.fullmatch(path.name):
+                    path.unlink(missing_ok=True)
 
 
 def is_frame_record(record: Any, *, has_digest: bool = True) -> bool:

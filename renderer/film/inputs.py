@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from renderer.errors import InputError
-from renderer.scene import ArraySource, FileSource, ProceduralSource, VolumeSpec
+from renderer.film.names import picture_files, unfinished_folder
+from renderer.scene import ArraySource, FileSource, OutputSpec, ProceduralSource, VolumeSpec
 
 _TIFF, _NRRD, _METAIMAGE = (".tif", ".tiff"), (".nrrd", ".nhdr"), (".mha", ".mhd")
 # The first bytes of pictures, films and sidecars, which may lie among the slices of a volume; MP4 has a length before.
@@ -35,19 +36,51 @@ def require_no_input(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
             )
 
 
+def film_files(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> Iterator[Path]:
+    """Yield all files that a job may replace or remove: pictures, sidecar, and what is in the unfinished folder."""
+    yield from picture_files(output, frames)
+    yield sidecar
+    yield from folder_files(unfinished_folder(output))
+
+
+def folder_files(folder: Path) -> Iterator[Path]:
+    """Yield what is in a folder; nothing where there is none, or it cannot be read."""
+    with contextlib.suppress(OSError):
+        yield from folder.iterdir()
+
+
 def volume_files(volume: VolumeSpec) -> Iterator[Path]:
     """Yield the known files of a volume, with the data files of a header and the slices of a folder."""
     source = volume.source
-    if isinstance(source, (ProceduralSource, ArraySource)):
+    if isinstance(source, ProceduralSource):
+        return
+    if isinstance(source, ArraySource):
+        from renderer.volume import backing_file
+
+        with contextlib.suppress(OSError):
+            mapped = backing_file(source.values)
+            yield from [] if mapped is None else [mapped.path]
         return
     yield source.file
-    with contextlib.suppress(OSError):  # its reader reports it
-        if source.file.is_dir():
-            entries = list(source.file.iterdir())
-            tiffs = [entry for entry in entries if entry.suffix.lower() in _TIFF]
-            yield from tiffs or filter(_may_be_dicom, entries)
-        elif isinstance(source, FileSource):
-            yield from header_data_files(source.file)
+    if os.path.isdir(source.file):
+        entries = list(folder_files(source.file))
+        tiffs = [entry for entry in entries if entry.suffix.lower() in _TIFF]
+        yield from tiffs or filter(_may_be_dicom, entries)
+        yield from _files_of_volume_inside(source.file)
+    elif isinstance(source, FileSource):
+        yield from header_data_files(source.file)
+        if source.file.suffix.lower() == ".img":  # with the voxels of a pair
+            yield from (source.file.with_suffix(ending) for ending in (".hdr", ".HDR"))
+
+
+def _files_of_volume_inside(folder: Path) -> Iterator[Path]:
+    """Yield the files of the only volume below a folder that is not one itself."""
+    from renderer.readers import find_volume
+
+    with contextlib.suppress(InputError, OSError):  # its reader reports it
+        found = find_volume(folder)[0]
+        if found != folder:
+            yield from volume_files(VolumeSpec(FileSource(found)))
 
 
 def header_data_files(header: Path) -> list[Path]:
@@ -66,15 +99,22 @@ def header_data_files(header: Path) -> list[Path]:
 
 
 def _mark(path: Path) -> tuple[int, int] | None:
-    """Return what a file shares with all links to it; None if it does not exist."""
+    """Return what a file shares with all links to it; None if it does not exist.
+
+    `missing/../film.mp4` exists, if `film.mp4` does: folders of outputs are made.
+    """
     try:
         status = os.stat(path)
     except (OSError, ValueError):
-        return None
+        if ".." not in path.parts:
+            return None
+        return _mark(Path(os.path.realpath(path)))
     return status.st_dev, status.st_ino
 
 
 def _may_be_dicom(path: Path) -> bool:
+    if not path.is_file():  # a pipe would be waited for
+        return False
     try:
         with path.open("rb") as file:
             start = file.read(132)

@@ -9,6 +9,7 @@ import contextlib
 import errno
 import fcntl
 import os
+import re
 import stat
 import struct
 import sys
@@ -16,11 +17,13 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from renderer.errors import InputError, OutputLockedError
-from renderer.film.atomic import remove_temporaries, require_writable, translate_os_errors
+from renderer.film.atomic import remove_temporaries, require_writable, sync_to_disk, translate_os_errors
 from renderer.film.names import frame_path, is_numbered, unfinished_folder
 from renderer.runs import consecutive_ranges
 from renderer.scene import OutputSpec
 
+_LOCK_FILE = "lock"
+_OWNER_PATTERN = re.compile(rb"process [0-9]+ on .+", re.DOTALL)
 _MAX_OWNER_BYTES = 200
 # The gate: a job holds the file's first byte while it enters or leaves, so that none is refused because of one that is
 # just leaving.
@@ -50,13 +53,14 @@ def lock_slots(folder: Path, slots: Sequence[int], output: Path, *, shared_file:
     """Lock ascending slots, one for each frame, of a folder for unfinished work, which is made if it is missing.
 
     Jobs without a common slot do not exclude each other. The last job to leave removes the temporary files of killed
-    jobs, and the folder if nothing else is in it. On a file system without locks no job is excluded.
+    jobs, and the folder if nothing else is in it; otherwise the lock file stays, which shows who made the folder. On a
+    file system without locks no job is excluded.
 
     output: for messages. shared_file: the name of the lock file in a folder for other things, which then stay.
-    Raises OutputLockedError if another job holds one of the slots; InputError if something else has the folder's
-    name, RenderError if the folder cannot be made.
+    Raises OutputLockedError if another job holds one of the slots; InputError if something else has the name of the
+    folder or the lock file, RenderError if the folder cannot be made.
     """
-    file = folder / (shared_file or "lock")
+    file = folder / (shared_file or _LOCK_FILE)
     with translate_os_errors(output):
         descriptor = _acquire_gate(file, owns_folder=shared_file is None)
     try:
@@ -67,17 +71,55 @@ def lock_slots(folder: Path, slots: Sequence[int], output: Path, *, shared_file:
         _release_slots(file, descriptor, owns_folder=shared_file is None)
 
 
-def require_folder_if_exists(folder: Path) -> None:
-    """Raise InputError if something else than a folder has the name of the folder for unfinished work."""
+def require_own_folder(folder: Path) -> None:
+    """Raise InputError if a folder for unfinished work exists that no job has made, or something else has its name.
+
+    Such a folder is empty, or has the lock file of a job. Raises OSError.
+    """
     with contextlib.suppress(FileNotFoundError):
         mode = folder.lstat().st_mode
-        if not stat.S_ISDIR(mode):
-            raise InputError(
-                "something else has the name of the folder for unfinished frames",
-                where=str(folder),
-                got="a link" if stat.S_ISLNK(mode) else "a file",
-                hint="rename it, or choose another --output",
-            )
+        got = "a link" if stat.S_ISLNK(mode) else "a file"
+        if stat.S_ISDIR(mode):
+            if _is_own_folder(folder):
+                return
+            got = "a folder with files, and without the lock file of a job"
+        raise InputError(
+            "something else has the name of the folder for unfinished frames",
+            where=str(folder),
+            got=got,
+            hint="rename it, or choose another --output",
+        )
+
+
+def _is_own_folder(folder: Path) -> bool:
+    # The names come first: a job makes the lock file before all others, and removes it after them.
+    names = {*os.listdir(folder)}
+    has_others = bool(names - {_LOCK_FILE})
+    note = _read_note(folder / _LOCK_FILE)
+    if note is None:
+        return not has_others or _LOCK_FILE in names
+    return _OWNER_PATTERN.fullmatch(note) is not None or not (note or has_others)
+
+
+def _read_note(file: Path) -> bytes | None:
+    """Return the first bytes of a lock file, in which jobs write who they are; None if it is missing."""
+    with contextlib.suppress(FileNotFoundError):
+        _require_regular(file)
+        with file.open("rb") as stream:
+            return stream.read(_MAX_OWNER_BYTES)
+    return None
+
+
+def _require_own_file(file: Path) -> None:
+    """Raise InputError if a lock file has the content of another program."""
+    note = _read_note(file)
+    if note and not _OWNER_PATTERN.fullmatch(note):
+        raise _foreign_lock_file(file, "a file of another program")
+
+
+def _foreign_lock_file(file: Path, got: str) -> InputError:
+    what = "something else has the name of the lock file"
+    return InputError(what, where=str(file), got=got, hint="rename or remove it")
 
 
 def _acquire_gate(file: Path, *, owns_folder: bool) -> int:
@@ -88,7 +130,9 @@ def _acquire_gate(file: Path, *, owns_folder: bool) -> int:
         with contextlib.suppress(FileExistsError):
             folder.mkdir()
         if owns_folder:
-            require_folder_if_exists(folder)
+            require_own_folder(folder)
+        else:
+            _require_own_file(file)
         with contextlib.suppress(FileNotFoundError):  # the last holder has just removed the folder
             descriptor = _open(file)
             try:
@@ -118,8 +162,7 @@ def _require_regular(file: Path) -> None:
     mode = file.lstat().st_mode
     if not stat.S_ISREG(mode):
         kinds = ((stat.S_ISLNK, "a link"), (stat.S_ISDIR, "a folder"))
-        got = next((kind for is_of, kind in kinds if is_of(mode)), "a device or a pipe")
-        raise InputError("something else has the name of the lock file", where=str(file), got=got, hint="remove it")
+        raise _foreign_lock_file(file, next((kind for is_of, kind in kinds if is_of(mode)), "a device or a pipe"))
 
 
 def _copy_folder_permissions(descriptor: int, folder: Path) -> None:
@@ -150,8 +193,11 @@ def _acquire_slots(descriptor: int, slots: Sequence[int], output: Path) -> None:
 
 
 def _write_owner(descriptor: int) -> None:
-    os.ftruncate(descriptor, 0)
-    os.pwrite(descriptor, f"process {os.getpid()} on {os.uname().nodename}".encode(), 0)
+    note, is_new = f"process {os.getpid()} on {os.uname().nodename}".encode(), os.fstat(descriptor).st_size == 0
+    os.pwrite(descriptor, note, 0)
+    os.ftruncate(descriptor, len(note))  # last: at no moment is it empty again
+    if is_new:  # it shows whose folder it is, also after a power failure
+        sync_to_disk(descriptor)
 
 
 def _read_owner(descriptor: int) -> str | None:
@@ -168,6 +214,8 @@ def _release_slots(file: Path, descriptor: int, *, owns_folder: bool) -> None:
             return
         if is_last and owns_folder:  # None, without locks, may be one of many
             remove_temporaries(file.parent)
+        if owns_folder and any(entry.name != file.name for entry in os.scandir(file.parent)):
+            return
         file.unlink(missing_ok=True)
         if owns_folder:
             file.parent.rmdir()

@@ -34,14 +34,15 @@ def open_film(
 
     All frames must be written, in this order. Files get their final names at the end of the block, one by one, when all
     are complete. If the block raises, KeyboardInterrupt included, nothing is left. Raises InputError if the name of
-    the output cannot be a file, RenderError if it cannot be written or the encoder fails.
+    the output cannot be a file, RenderError if it cannot be written or the encoder fails. A power failure may damage
+    frames in files, which are known by their digests.
 
     staging_folder: on the same disk, for incomplete files; None for beside the output.
     before_rename: called when everything is written, before files get their final names.
     """
     open_writer = _open_pngs if has_frame_files(output) else _open_video
     remaining = iter(frames)
-    with staging(staging_folder) as stage:
+    with staging(staging_folder, is_durable=not has_frame_files(output)) as stage:
         with open_writer(output, stage) as write:
 
             def write_next(frame: int, picture: Picture) -> None:

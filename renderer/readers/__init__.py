@@ -1,14 +1,16 @@
-"""Read volume files: one reader for each family of formats.
+"""Read volume files: one file for each format.
 
 In: a `VolumeSpec`. Out: `Volume`, cropped, checked and finite, in LPS world coordinates where the format has them.
-Headers are checked before a library reads them and before memory is allocated.
+Sizes are checked before memory is taken, and all compressed voxels with a checksum are compared with it.
 
-- `read.py` chooses the reader and crops, checks and replaces NaN; `sniff.py` rejects files that are not volumes;
-  `common.py` has the checks that hold for all formats.
-- `itk.py`: NRRD and MetaImage by SimpleITK; `headers.py`: their headers, checked first. `nifti.py`: NIfTI.
-- `dicom.py`: a DICOM series and its affine; `dicom_header.py`: checks of its headers. `arrays.py`: .npy and raw voxels.
-- `tiff.py`: TIFF files and stacks; `tiff_directory.py`: their pages; `tiff_description.py`: axes and spacing by ImageJ
-  and OME. `slice_names.py`: the order of slices in separate files. `procedural.py`: volumes from formulas.
+- `read.py` chooses the reader, and crops, checks and replaces NaN; `sniff.py` finds formats and volumes in folders;
+  `common.py`: the checks that hold for all formats.
+- `nrrd.py`, `metaimage.py`, `nifti.py` (nibabel), `arrays.py` (.npy, .npz, raw), `cube.py`: parsed in Python;
+  `text_header.py` and `data_files.py`: fields and files of text headers; `stored.py` reads and decompresses voxels.
+- `isolation.py`: a child process with limits for `tiff.py` (tifffile), `dicom.py` (pydicom, GDCM) and `vtk_image.py`;
+  `tiff_description.py`: axes and spacing by ImageJ and OME; `dicom_frames.py`: the frames of one file;
+  `slice_names.py`: the order of slices in separate files.
+- `procedural.py`: volumes from formulas.
 """
 
 import lazy_loader

@@ -18,7 +18,7 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.common import Image, affine, check_size, select_index
 from renderer.readers.dicom_frames import Frame, frames_of, open_dicom, pixels_of, text_of, unreadable_slice
-from renderer.readers.isolation import Allocate
+from renderer.readers.isolation import Host
 from renderer.readers.sniff import is_dicom
 from renderer.scene import printable_text
 from renderer.volume import Float64
@@ -30,9 +30,7 @@ _UNEVEN = 0.05
 _SERIES, _DESCRIPTION = 0x0020000E, 0x0008103E
 
 
-def read_dicom(
-    path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, allocate: Allocate
-) -> Image:
+def read_dicom(path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, host: Host) -> Image:
     """Read the only series in a folder, or one file; frames in ascending order along their normal.
 
     has_spacing_override: the scene gives the spacing, so that lengths in the files are not checked. Raises InputError
@@ -57,10 +55,11 @@ def read_dicom(
     channel = select_index("component", component, first.num_samples, str(path))
     dtype = np.result_type(*(frame.dtype for frame in frames))  # the rescale slope may differ from frame to frame
     check_size((*first.size, len(frames)), dtype, str(path))
-    values = allocate((len(frames), *first.size[::-1]), dtype)
+    values = host.allocate((len(frames), *first.size[::-1]), dtype)
     opened, pixels = None, None
     for target, frame in zip(values, frames, strict=True):
         if opened != frame.file:
+            host.begin_file(frame.file)
             opened, pixels = frame.file, pixels_of(frame.file)
         assert pixels is not None
         target[...] = frame.rescaled(pixels[frame.number, :, :, channel])

@@ -16,9 +16,8 @@ import os
 import resource
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -28,25 +27,37 @@ from renderer.errors import InputError
 from renderer.readers.common import Image, check_dtype, check_size
 from renderer.volume import Array
 
-# The limits of a child: memory beside the voxels, and processor time, to which voxels and files in a folder add.
-_MEMORY_BYTES = 1 << 30
+# The limits of a child: memory, and processor time, to which voxels and files add. Libraries hold what they have read,
+# what they have decoded, and copies of both.
+_MEMORY_BYTES, _NUM_COPIES = 1 << 30, 4
 _SECONDS, _BYTES_PER_SECOND, _FILES_PER_SECOND = 10, 1 << 20, 10
 
-_MAX_ANSWER_BYTES = 1 << 20
+_MAX_ANSWER_BYTES = 1 << 24
 _ERROR_FIELDS = ("what", "where", "got", "expected", "hint")
 
-# Makes an array for the voxels, [z, y, x] of any dtype, which they need not be copied from.
-Allocate = Callable[[tuple[int, ...], npt.DTypeLike], Array]
+
+class Host(Protocol):
+    """What a reader uses of the process in which it runs."""
+
+    def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
+        """Return an array of zeros for the voxels, which need not be copied from it afterwards."""
+
+    def expect_bytes(self, num_bytes: int) -> None:
+        """Extend the limit of memory by what a library needs before `allocate` is called."""
+
+    def begin_file(self, path: Path) -> None:
+        """Record the file that is read next, for the message if that ends the process."""
 
 
 def read_isolated(reader: str, path: Path, **arguments: Any) -> Image:
     """Return what `reader`, a function by its module and name, returns when a child process calls it.
 
-    reader: `module:function`, called with the path, the arguments, and `allocate`. arguments: as JSON has them.
+    reader: `module:function`, called with the path, the arguments, and a `host`. arguments: as JSON has them.
     Raises InputError as the function does, and where it fails in any other way; MemoryError without enough memory.
     """
-    seconds = _SECONDS + (len(os.listdir(path)) // _FILES_PER_SECOND if path.is_dir() else 0)
-    limits = {"memory": _MEMORY_BYTES, "seconds": seconds}
+    sizes = [entry.stat().st_size for entry in os.scandir(path)] if path.is_dir() else [path.stat().st_size]
+    seconds = _SECONDS + len(sizes) // _FILES_PER_SECOND
+    limits = {"memory": _MEMORY_BYTES + _NUM_COPIES * max(sizes), "seconds": seconds}
     request = json.dumps({"reader": reader, "path": str(path), "arguments": arguments, "limits": limits})
     with open_anonymous_file() as voxels, ChildProcesses() as children:
         receiver, sender = os.pipe()
@@ -61,17 +72,18 @@ def read_isolated(reader: str, path: Path, **arguments: Any) -> Image:
                 )
             finally:
                 os.close(sender)
-            answer = answers.read(_MAX_ANSWER_BYTES)
+            lines = [json.loads(line) for line in answers.read(_MAX_ANSWER_BYTES).splitlines()]
         status = child.wait()
-        if not answer:
+        answer = lines[-1] if lines else str(path)
+        if isinstance(answer, str):
             raise InputError(
                 "reading this file ended the process that decodes it",
-                where=str(path),
+                where=answer,
                 got=describe_exit(status),
                 expected=f"at most {_MEMORY_BYTES >> 20} MiB beside the voxels and {seconds} s without them",
                 hint="the file is damaged, or made to do harm",
             )
-        return _image(json.loads(answer), voxels, path)
+        return _image(answer, voxels, path)
 
 
 def _image(answer: dict[str, Any], voxels: IO[bytes], path: Path) -> Image:
@@ -87,17 +99,30 @@ def _image(answer: dict[str, Any], voxels: IO[bytes], path: Path) -> Image:
     return Image(values, world_from_index, answer["note"])
 
 
-class _Voxels:
-    """Shared memory for voxels in the child: grows its limits by what is allocated."""
+class _Child:
+    """The host of a reader in a child process: shared memory for voxels, and lines of JSON to the parent."""
 
-    def __init__(self, descriptor: int) -> None:
-        self._descriptor = descriptor
+    def __init__(self, sender: IO[bytes], descriptor: int) -> None:
+        self._sender, self._descriptor = sender, descriptor
         self._values: Array | None = None
 
+    def expect_bytes(self, num_bytes: int) -> None:
+        """Extend the limit of memory."""
+        _extend_limit(resource.RLIMIT_AS, num_bytes)
+
+    def begin_file(self, path: Path) -> None:
+        """Tell the parent which file is read next."""
+        self.send(str(path))
+
+    def send(self, answer: str | dict[str, Any]) -> None:
+        """Send a line; the last one is the answer."""
+        self._sender.write(json.dumps(answer).encode("ascii") + b"\n")
+        self._sender.flush()
+
     def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
-        """Return an array of zeros in the shared memory, which replaces an earlier one."""
+        """Return an array of zeros in the shared memory, which replaces an earlier one, and extend the limits by it."""
         num_bytes = math.prod(shape) * np.dtype(dtype).itemsize
-        _extend_limit(resource.RLIMIT_AS, 2 * num_bytes)  # decoding may need them once more
+        self.expect_bytes((1 + _NUM_COPIES) * num_bytes)
         _extend_limit(resource.RLIMIT_CPU, num_bytes // _BYTES_PER_SECOND)
         os.ftruncate(self._descriptor, num_bytes)
         self._values = np.frombuffer(mmap.mmap(self._descriptor, num_bytes), dtype).reshape(shape)
@@ -132,13 +157,14 @@ def _limit_child(memory: int, seconds: int) -> None:
             resource.setrlimit(kind, (limit, most))
 
 
-def call_reader(reader: str, path: Path, arguments: dict[str, Any], allocate: Allocate) -> Image:
+def call_reader(reader: str, path: Path, arguments: dict[str, Any], host: Host) -> Image:
     """Return what a reader returns; raises InputError for all exceptions that damaged bytes raise in its library."""
     module, _, name = reader.partition(":")
     function = getattr(importlib.import_module(module), name)
     try:
-        image: Image = function(path, **arguments, allocate=allocate)
-    except InputError:
+        image: Image = function(path, **arguments, host=host)
+    except InputError as error:
+        error.where = error.where or str(path)  # a package that is missing
         raise
     except Exception as error:
         raise InputError(
@@ -153,18 +179,17 @@ def call_reader(reader: str, path: Path, arguments: dict[str, Any], allocate: Al
 def _main() -> None:
     """Read one file. Arguments: the descriptors of the answer and the voxels, and the request."""
     sender, descriptor, request = int(sys.argv[1]), int(sys.argv[2]), json.loads(sys.argv[3])
-    voxels = _Voxels(descriptor)
-    answer: dict[str, Any]
     _limit_child(**request["limits"])
-    try:
-        image = call_reader(request["reader"], Path(request["path"]), request["arguments"], voxels.allocate)
-        values = voxels.place(image.values)
-        answer = {"shape": values.shape, "dtype": values.dtype.str, "note": image.note}
-        answer["world_from_index"] = image.world_from_index.tolist()
-    except InputError as error:
-        answer = {name: getattr(error, name) for name in _ERROR_FIELDS}
     with open(sender, "wb") as file:
-        file.write(json.dumps(answer).encode("ascii"))
+        child = _Child(file, descriptor)
+        try:
+            image = call_reader(request["reader"], Path(request["path"]), request["arguments"], child)
+        except InputError as error:
+            child.send({name: getattr(error, name) for name in _ERROR_FIELDS})
+            return
+        values = child.place(image.values)
+        answer = {"shape": values.shape, "dtype": values.dtype.str, "note": image.note}
+        child.send(answer | {"world_from_index": image.world_from_index.tolist()})
 
 
 if __name__ == "__main__":

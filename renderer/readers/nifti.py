@@ -83,8 +83,8 @@ def _stored_voxels(image: Any, path: Path) -> StoredVoxels:
             "the data file that belongs to this header is not there", where=str(path), expected=f"a file {data_file}"
         )
     if data_file.suffix.lower() == ".gz":
-        return StoredVoxels(data_file, 0, "deflate", image.dataobj.offset)
-    return StoredVoxels(data_file, image.dataobj.offset)
+        return StoredVoxels(data_file, 0, "deflate", image.dataobj.offset, has_rest=True)
+    return StoredVoxels(data_file, image.dataobj.offset, has_rest=True)
 
 
 def _scale(image: Any, where: str) -> tuple[float, float]:

@@ -24,8 +24,7 @@ from renderer.readers.text_header import MAX_HEADER_BYTES, Field, decode_header
 from renderer.scene import format_value
 from renderer.volume import Float64
 
-MAGIC = b"NRRD"
-MAX_AXES = 16  # of the format
+_MAX_AXES = 16  # of the format
 _MAX_LISTED = 10
 
 # Fields by their names in lower case without blanks.
@@ -101,7 +100,7 @@ def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
     """
     fields, listed, offset = _parse(path)
     where = str(path)
-    num_axes = _whole(_required(fields, "dimension", where), 1, MAX_AXES)[0]
+    num_axes = _whole(_required(fields, "dimension", where), 1, _MAX_AXES)[0]
     shape = tuple(int(n) for n in _required(fields, "sizes", where).numbers(num_axes, whole=True, least=1))[::-1]
     kind = _required(fields, "type", where)
     dtype = np.dtype(_choice(kind, _TYPES))

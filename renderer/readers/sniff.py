@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import gzip
 import os
-import struct
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
@@ -37,7 +34,6 @@ _SUFFIXES: dict[str, Format] = {
 _VOLUME_SUFFIXES = (".nrrd", ".nhdr", ".npy", ".npz", ".vti", ".vtk", ".mha", ".mhd", ".nii", ".nii.gz", ".cube")
 TIFF_SUFFIXES = (".tif", ".tiff")
 _FIRST_BYTES = 1024
-_NIFTI_HEADER_BYTES = (348, 540)
 # A search ends after this many entries, and a message lists this many volumes.
 _MAX_ENTRIES, _MAX_LISTED = 10_000, 12
 
@@ -68,7 +64,7 @@ def find_format(path: Path) -> Format:
     suffix = path.suffix.lower()
     if suffix in _SUFFIXES:
         return _SUFFIXES[suffix]
-    if path.name.lower().endswith(".nii.gz") or _is_nifti(start) or _is_nifti(_decompressed(path, start)):
+    if path.name.lower().endswith(".nii.gz"):
         return "nifti"
     raise UnknownFormatError(path, is_empty=not start)
 
@@ -84,6 +80,8 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
     The slices directly in a folder are a volume, and else the only volume file, or folder of slices, anywhere below it.
     Raises InputError for no volume and for several.
     """
+    if not os.access(path, os.R_OK):
+        raise InputError("no permission to read this", where=str(path))
     if not path.is_dir():
         return path, find_format(path), None
     own = _format_of_slices(path)
@@ -140,7 +138,8 @@ def _search(folder: Path) -> Iterator[Path]:
             yield Path(place)
             continue
         for name in sorted(files):
-            if name.lower().endswith(_VOLUME_SUFFIXES) and not name.startswith("."):
+            is_named_so = name.lower().endswith(_VOLUME_SUFFIXES) and not name.startswith(".")
+            if is_named_so and os.path.isfile(os.path.join(place, name)):  # a pipe would be waited for
                 yield Path(place, name)
 
 
@@ -154,18 +153,3 @@ def _start(path: Path) -> bytes:
 
 def _has_dicom_mark(start: bytes) -> bool:
     return start[128:132] == b"DICM"
-
-
-def _is_nifti(start: bytes) -> bool:
-    return len(start) >= 4 and any(struct.unpack(order + "i", start[:4])[0] in _NIFTI_HEADER_BYTES for order in "<>")
-
-
-def _decompressed(path: Path, start: bytes) -> bytes:
-    """Return the first bytes of a gzip file; none of any other file."""
-    if start[:2] != b"\x1f\x8b":
-        return b""
-    try:
-        with gzip.open(path) as file:
-            return file.read(4)
-    except (OSError, EOFError, zlib.error):
-        return b""

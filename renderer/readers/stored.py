@@ -10,7 +10,7 @@ import bz2
 import math
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any, Literal
 
@@ -113,6 +113,7 @@ def _copy_part(part: StoredVoxels, values: Array, begin: int, shape_xyz: tuple[i
         target[place : place + len(inside)] = inside
         found += len(piece)
         if found > 2 * num_bytes + _PIECE:  # a small file may decompress to any length
+            part = replace(part, has_rest=False)
             break
     _check_num_bytes(part, found, shape_xyz, values.dtype)
 

@@ -10,7 +10,6 @@ resolution is often just that of a screen, and slices as thick as pixels keep pr
 from __future__ import annotations
 
 import logging
-import math
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -27,7 +26,7 @@ from renderer.readers.common import (
     require_exists,
     select_index,
 )
-from renderer.readers.isolation import Allocate
+from renderer.readers.isolation import Host
 from renderer.readers.slice_names import sort_slices
 from renderer.readers.sniff import TIFF_SUFFIXES
 from renderer.readers.tiff_description import (
@@ -48,9 +47,7 @@ _X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT = 282, 283, 296
 _Page = Any
 
 
-def read_tiff(
-    path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, allocate: Allocate
-) -> Image:
+def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, host: Host) -> Image:
     """Read the stack in one file, or in a folder of slices.
 
     time, component: which of several, also of hyperstacks of ImageJ and OME, whose channels are components.
@@ -61,7 +58,7 @@ def read_tiff(
     where = str(path)
     if path.is_dir():
         select_index("time", time, 1, where)
-        return _read_folder(path, component, has_spacing_override=has_spacing_override, allocate=allocate)
+        return _read_folder(path, component, has_spacing_override=has_spacing_override, host=host)
     with _open_pages(path) as pages:
         first = pages[0]
         slices = [page for page in pages if not _is_preview(page, first)]
@@ -84,7 +81,7 @@ def read_tiff(
         order = ome_page_order(description, axes, counts, where) if is_ome(description) else range(num_planes)
         numbers = np.moveaxis(np.reshape(order, counts), [axes.index("T"), axes.index("C")], [0, 1])[step, channel]
         check_size((first.imagewidth, first.imagelength, len(numbers)), _dtype(first), where)
-        values = allocate((len(numbers), first.imagelength, first.imagewidth), _dtype(first))
+        values = host.allocate((len(numbers), first.imagelength, first.imagewidth), _dtype(first))
         for target, number in zip(values, numbers, strict=True):
             if num_planes > len(slices):
                 target[...] = _contiguous_plane(first, int(number), path)
@@ -96,7 +93,7 @@ def read_tiff(
     return Image(values, world_from_index, note)
 
 
-def _read_folder(folder: Path, component: int | None, *, has_spacing_override: bool, allocate: Allocate) -> Image:
+def _read_folder(folder: Path, component: int | None, *, has_spacing_override: bool, host: Host) -> Image:
     """Read one slice from each TIFF file in a folder, sorted by their names.
 
     has_spacing_override: as in `read_tiff`. Raises InputError if the slices differ or their names do not make up one
@@ -106,6 +103,7 @@ def _read_folder(folder: Path, component: int | None, *, has_spacing_override: b
     files = sort_slices(folder, [entry for entry in entries if entry.suffix.lower() in TIFF_SUFFIXES])
     values, expected, world_from_index = None, "", np.eye(4)
     for index, file in enumerate(files):
+        host.begin_file(file)
         with _open_pages(require_exists(file)) as pages:
             page, where = pages[0], str(file)
             expected = expected or _describe(page)
@@ -126,7 +124,7 @@ def _read_folder(folder: Path, component: int | None, *, has_spacing_override: b
             plane = _plane(page, select_index("component", component, page.samplesperpixel, where), file)
             if values is None:  # allocated only after one slice has been read
                 check_size((*plane.shape[::-1], len(files)), plane.dtype, str(folder))
-                values = allocate((len(files), *plane.shape), _dtype(page))
+                values = host.allocate((len(files), *plane.shape), _dtype(page))
                 world_from_index = _world_from_index(page, where, has_spacing_override)
             values[index] = plane
     assert values is not None, "called without files"
@@ -189,15 +187,22 @@ def _check_pages(pages: list[_Page], num_file_bytes: int, where: str) -> None:
         num_segments = int(np.prod(page.chunked, dtype=object))
         is_there = len(offsets) >= num_segments <= len(lengths) and min(offsets) > 0 and min(lengths) > 0
         end = max(map(sum, zip(offsets, lengths, strict=False)), default=0)
-        num_bytes = sum(lengths) if page.compression == 1 else math.inf
-        if not is_there or end > num_file_bytes or num_bytes < page.nbytes:
+        needed = _num_plain_bytes(page) if page.compression == 1 else 0
+        if not is_there or end > num_file_bytes or sum(lengths) < needed:
             raise InputError(
                 f"page {number} of this TIFF file lacks pixels",
                 where=where,
                 got=f"{len(offsets)} strips or tiles up to byte {end}, in a file of {num_file_bytes} bytes",
-                expected=f"{num_segments} strips or tiles" + f" of {page.nbytes} bytes" * (page.compression == 1),
+                expected=f"{num_segments} strips or tiles" + f" of {needed} bytes in all" * (needed > 0),
                 hint="the file is truncated or damaged",
             )
+
+
+def _num_plain_bytes(page: _Page) -> int:
+    """Return the number of bytes of all pixels of a page without compression; rows begin at whole bytes."""
+    row = -(-page.imagewidth * page.samplesperpixel * int(page.bitspersample) // 8)
+    num_rows: int = page.imagedepth * page.imagelength
+    return num_rows * int(row)
 
 
 def _dtype(page: _Page) -> np.dtype[Any]:

@@ -6,6 +6,7 @@ in the middle between points.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +14,15 @@ import numpy as np
 
 from renderer.errors import InputError, require_package
 from renderer.readers.common import Image, affine, check_dtype, check_size, select_index
-from renderer.readers.isolation import Allocate
+from renderer.readers.isolation import Host
 from renderer.scene import printable_text
 
 _MAX_LISTED = 12
+_MAX_PACKING = 1032  # of deflate
 
 
 def read_vtk_image(
-    path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, allocate: Allocate
+    path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, host: Host
 ) -> Image:
     """Read one component of one array of an image.
 
@@ -29,7 +31,7 @@ def read_vtk_image(
     """
     require_package("vtkmodules", extra="vtk")
     select_index("time", time, 1, str(path))
-    image = _read(path)
+    image = _read(path, host)
     fields = image.GetPointData()
     is_cells = fields.GetNumberOfArrays() == 0
     if is_cells:
@@ -55,7 +57,7 @@ def read_vtk_image(
     check_size(shape, stored.dtype, str(path))
     if array.GetNumberOfTuples() != int(np.prod(shape, dtype=object)):
         raise _damaged(path, f"{array.GetNumberOfTuples()} values of {printable_text(array.GetName())}")
-    values = allocate(shape[::-1], stored.dtype)
+    values = host.allocate(shape[::-1], stored.dtype)
     values[...] = (stored if stored.ndim == 1 else stored[:, channel]).reshape(values.shape)
     return Image(values, _world_from_index(image, is_cells=is_cells))
 
@@ -65,7 +67,7 @@ def _name(array: Any, component: int) -> str:
     return name if array.GetNumberOfComponents() == 1 else f"{name}[{component}]"
 
 
-def _read(path: Path) -> Any:
+def _read(path: Path, host: Host) -> Any:
     """Return a vtkImageData; raises InputError for any other content, and for errors that VTK reports."""
     with path.open("rb") as file:
         is_legacy = file.read(5) == b"# vtk"
@@ -84,11 +86,24 @@ def _read(path: Path) -> Any:
     reader.SetFileName(str(path))
     errors: list[str] = []
     reader.AddObserver("ErrorEvent", lambda *_: errors.append(""))
+    if not is_legacy:  # which may be compressed
+        reader.UpdateInformation()
+        host.expect_bytes(min(_num_bytes(reader), _MAX_PACKING * path.stat().st_size))
     reader.Update()
     image = reader.GetOutput()
     if errors or reader.GetErrorCode() != 0 or image is None or image.GetDimensions() == (0, 0, 0):
         raise _damaged(path, None)
     return image
+
+
+def _num_bytes(reader: Any) -> int:
+    """Return more than the bytes of all arrays that an XML reader has found: those of tensors of float64."""
+    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
+
+    extent = reader.GetOutputInformation(0).Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT()) or (0,) * 6
+    num_points: int = math.prod(last - first + 1 for first, last in zip(extent[::2], extent[1::2], strict=True))
+    num_arrays = int(reader.GetNumberOfPointArrays()) + int(reader.GetNumberOfCellArrays())
+    return 9 * 8 * num_points * num_arrays
 
 
 def _damaged(path: Path, got: str | None) -> InputError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,9 +29,11 @@ def _parse_file(node: TreeNode) -> Any:
         return node.reject("not a file name")
     if schema.has_unexpanded_tilde(node.value):
         return node.reject("a folder named ~", hint=schema.TILDE_HINT)
+    if os.path.basename(node.value) in ("", ".", ".."):  # which a Path would leave out
+        return node.reject("the output is a folder")
     name = PurePath(node.value).name
     suffix = PurePath(name).suffix.lower()
-    if suffix not in _SUFFIXES or node.value.endswith(("/", "\\")):
+    if suffix not in _SUFFIXES:
         return node.reject("unknown output format")
     rest, num_fields = FRAME_FIELD.subn("", node.value)
     if num_fields > 1 or "{" in rest or "}" in rest or (num_fields and not FRAME_FIELD.search(name)):

@@ -29,7 +29,7 @@ def parse_scene_content(
     *,
     overrides: Sequence[str] = (),
     volume: Path | None = None,
-    output: Path | None = None,
+    output: Path | str | None = None,
     is_single_frame: bool = False,
 ) -> Scene:
     """Return the scene in the content of the YAML file `path`.
@@ -89,7 +89,7 @@ class SceneEditor:
         self._writers: dict[str, yaml_tree.SourceLocation | int] = {**self.tree.locations}
         self._options: list[str] = []
 
-    def apply(self, overrides: Sequence[str], volume: Path | None, output: Path | None) -> None:
+    def apply(self, overrides: Sequence[str], volume: Path | None, output: Path | str | None) -> None:
         """Apply `--set`, `--volume` and `--output`, in this order."""
         for override in overrides:
             self._override(override)

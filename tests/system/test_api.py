@@ -186,6 +186,15 @@ def test_a_film_never_takes_the_place_of_a_volume(output: str) -> None:
     assert sorted(os.listdir()) == ["film.gif", "link.gif", "scene.yaml"]
 
 
+def test_a_film_never_takes_the_place_of_a_mapped_array() -> None:
+    content = (np.indices((6, 6, 6)).sum(axis=0) * 16).astype(np.uint8).tobytes()
+    Path("film.gif").write_bytes(content)
+    scene = renderer.suggest_scene(np.memmap("film.gif", np.uint8, "r", 0, (6, 6, 6)))
+    with pytest.raises(renderer.InputError, match="would overwrite an input"):
+        renderer.render(scene, output="film.gif", frames=range(2))
+    assert Path("film.gif").read_bytes() == content
+
+
 @pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
 def test_a_film_is_whole_or_not_at_all(output: str, monkeypatch: pytest.MonkeyPatch) -> None:
     renderer.render("scene.yaml", output=output)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gzip
 from pathlib import Path
 
+import nibabel
 import numpy as np
 import pytest
 from small_scene import small_scene
@@ -34,6 +36,25 @@ def header(name: str) -> str:
     text = f"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 6 6 6\nencoding: raw\ndata file: {name}\n"
     Path("scan.nhdr").write_text(text, encoding="ascii")
     return "file: scan.nhdr"
+
+
+def header_of_gzip(name: str) -> str:
+    Path(name).write_bytes(b"a line\n" + gzip.compress(VALUES.tobytes()))
+    text = f"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 6 6 6\nencoding: gzip\nline skip: 1\ndata file: {name}\n"
+    Path("scan.nhdr").write_text(text, encoding="ascii")
+    return "file: scan.nhdr"
+
+
+def header_of_pair(link: str) -> str:
+    nibabel.Nifti1Pair(VALUES, np.eye(4)).to_filename("scan.hdr")  # type: ignore[no-untyped-call]
+    Path(link).hardlink_to("scan.hdr")
+    return "file: scan.img"
+
+
+def unfinished(name: str) -> str:
+    volume = raw(name)
+    Path(name).with_name("lock").write_text("process 1 on host", encoding="ascii")
+    return volume
 
 
 def slices(link: str) -> str:
@@ -77,6 +98,15 @@ def refused(capsys: pytest.CaptureFixture[str], output: str, source: str, *argum
         (lambda: raw("frames/frames.json"), "frames/{frame}.png", "frames/frames.json", "frames/frames.json"),
         (lambda: linked("film.gif", "scan.raw"), "film.gif", "film.gif", "scan.raw"),
         (lambda: header("film.mp4"), "film.mp4", "film.mp4", "film.mp4"),
+        (lambda: header_of_gzip("film.mp4"), "film.mp4", "film.mp4", "film.mp4"),
+        (lambda: header_of_pair("film.mp4"), "film.mp4", "film.mp4", "scan.hdr"),
+        (lambda: raw("scan.mp4"), "missing/../scan.mp4", "missing/../scan.mp4", "scan.mp4"),
+        (
+            lambda: unfinished("film.mp4.unfinished/000000.png"),
+            "film.mp4",
+            "film.mp4.unfinished/000000.png",
+            "film.mp4.unfinished/000000.png",
+        ),
         (lambda: slices("frames/2.png"), "frames/{frame}.png", "frames/2.png", "slices/1.tif"),
     ],
 )
@@ -108,12 +138,34 @@ def test_the_sidecar(capsys) -> None:
     assert contents() == before
 
 
+def test_a_sidecar_that_is_the_volume(capsys) -> None:
+    Path("scan.raw").write_bytes(bytes(range(200)) * 100)
+    scene_of("raw: {file: scan.raw, shape: [100, 20, 10], dtype: uint8}")
+    assert main.run(["render", "scene.yaml", "--quiet"]) == 0
+    capsys.readouterr()
+    sidecar = Path("film.mp4.json")
+    sidecar.write_bytes(sidecar.read_bytes().ljust(100 * 20 * 10))
+    command = ["render", "film.mp4.json", "--set", "volume.raw.file=film.mp4.json", "--force"]
+    refused(capsys, "film.mp4.json", str(Path("film.mp4.json").resolve()), *command)
+
+
 def test_a_film_beside_its_slices() -> None:
     """It is no slice, and may be drawn again."""
     scene_of(slices("other.tif"))
     for _ in range(2):
         assert main.run(["render", "scene.yaml", "--force", "--quiet", "--output", "slices/{frame}.png"]) == 0
     assert Path("slices/frames.json").exists()
+
+
+@pytest.mark.parametrize("command", [["render"], ["render", "--force"], ["render", "--progressive"], ["check"]])
+def test_a_folder_that_hsplat_did_not_make(command: list[str], capsys) -> None:
+    scene_of(PROCEDURAL)
+    Path("film.mp4.unfinished").mkdir()
+    Path("film.mp4.unfinished/000000.png").write_bytes(b"mine")
+    before = contents()
+    assert main.run([command[0], "scene.yaml", *command[1:]]) == 2
+    assert "film.mp4.unfinished: something else has the name of the folder" in capsys.readouterr().err
+    assert contents() == before
 
 
 def test_scenes_and_reports(capsys) -> None:
@@ -127,8 +179,68 @@ def test_scenes_and_reports(capsys) -> None:
     scan = str(Path("scan.nrrd").resolve())
     refused(capsys, "measure.csv", scan, "measure", "scene.yaml", "--output", ".")
     refused(capsys, "page/index.html", scan, "paper", str(SCENES), "--volume", "scan.nrrd", "--output", "page")
-    before = contents()
-    assert main.run(["turntable", "scan.nrrd", "-o", "films", "--quiet"]) == 2
-    assert "films/scan.mp4: this output would overwrite an input" in capsys.readouterr().err
-    assert before.items() <= contents().items()
-    assert not Path("films/scan.yaml").exists()
+    refused(capsys, "films/scan.mp4", "scan.nrrd", "turntable", "scan.nrrd", "-o", "films")
+
+
+@pytest.mark.parametrize("output", ["turntable.json", ".turntable.json.lock", "scan.yaml", "other.mp4"])
+def test_turntables(output: str, capsys) -> None:
+    """All volumes are compared with the outputs of all films."""
+    header(output)
+    write_volume(Path("other.nrrd"), VALUES, "<")
+    source = str(Path(output).resolve())
+    refused(capsys, output, source, "turntable", "scan.nhdr", "other.nrrd", "-o", ".", "--force")
+
+
+@pytest.mark.parametrize("options", [[], ["--prune", "--frames", "0"]])
+def test_goldens(options: list[str], capsys) -> None:
+    scene_of(PROCEDURAL)
+    assert main.run(["golden", "scene.yaml", "goldens", "--quiet"]) == 0
+    scene_of(raw("goldens/frame-0001.png"))
+    source = str(Path("goldens/frame-0001.png").resolve())
+    command = ["golden", "scene.yaml", "goldens", "--update", "--yes", *options]
+    refused(capsys, "goldens/frame-0001.png", source, *command)
+
+
+@pytest.mark.parametrize("source", ["one/0000.png", "two/0000.png", "one/compare.yaml"])
+@pytest.mark.parametrize(
+    "sides",
+    [("one", "two"), ("one/{frame:04}.png", "two"), ("one/0000.png", "two/0001.png"), ("scene.yaml", "one")],
+)
+def test_reports_of_comparisons(source: str, sides: tuple[str, str], capsys) -> None:
+    scene_of(raw("two/0000.png") if sides[1] == "one" else PROCEDURAL)
+    for name in ("one/0000.png", "two/0000.png", "two/0001.png", "one/compare.yaml"):
+        raw(name)
+    Path("report.html").hardlink_to(source)
+    found = Path(source).resolve() if sides == ("scene.yaml", "one") and source == "two/0000.png" else source
+    refused(capsys, "report.html", str(found), "compare", *sides, "--html", "report.html")
+
+
+@pytest.mark.parametrize(
+    ("output", "overwritten", "source"),
+    [
+        ("parts/{frame}.png", "parts/0.png", "parts/0.png"),
+        ("film.mp4", "film.mp4", "parts/frames.0-1.json"),
+        ("film.gif", "film.gif.json", "parts/2.png"),
+        ("missing/../parts/{frame}.png", "missing/../parts/0.png", "parts/0.png"),
+    ],
+)
+def test_parts_of_films(output: str, overwritten: str, source: str, capsys) -> None:
+    scene_of(PROCEDURAL)
+    for frames in ("0:2", "2:3"):
+        assert main.run(["render", "scene.yaml", "--frames", frames, "--output", "parts/{frame}.png", "--quiet"]) == 0
+    Path("film.mp4").hardlink_to("parts/frames.0-1.json")
+    Path("film.gif.json").hardlink_to("parts/2.png")
+    refused(capsys, overwritten, source, "assemble", "parts", "--force", "--output", output)
+
+
+def test_a_film_assembled_among_its_parts(capsys) -> None:
+    """It is none of them, and is assembled again when they have changed."""
+    scene_of(PROCEDURAL)
+    for changes in ([], ["--set", "error.tolerance=0.5"]):
+        for frames in ("0:2", "2:3"):
+            command = ["render", "scene.yaml", "--frames", frames, "--output", "parts/{frame}.png", "--quiet", *changes]
+            assert main.run(command) == 0
+        assert main.run(["assemble", "parts", "--output", "parts/whole-{frame}.png", "--quiet"]) == 0
+        assert Path("parts/whole-1.png").read_bytes() == Path("parts/1.png").read_bytes()
+    assert main.run(["assemble", "parts", "--output", "parts/whole-{frame}.png"]) == 0
+    assert "is up to date" in capsys.readouterr().err

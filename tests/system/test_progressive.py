@@ -269,7 +269,7 @@ def test_an_interrupt_between_film_and_sidecar_waits_for_both(
         assert Path("film.mp4").read_bytes() == first
     else:  # frames appear one by one, each whole: the one that was being written has its record, too
         assert [name for name in files(folder) if "cause-" not in name] == [
-            "0.png", "frames.unfinished/000000.json", "scene.yaml",
+            "0.png", "frames.unfinished/000000.json", "frames.unfinished/lock", "scene.yaml",
         ]  # fmt: skip
     assert not [path for path in folder.rglob("*") if "partial" in path.name]
 

@@ -141,6 +141,7 @@ def test_stills_of_one_name(draws: Draws) -> None:
     interrupt_render(draws, "still.png", "--frames", "2", at=2)
     Path("out/still.png.unfinished").mkdir()
     Path("out/still.png.unfinished/000002.json").touch()  # as when it was killed later
+    Path("out/still.png.unfinished/lock").write_text("process 1 on host", encoding="ascii")
     for number in (3, 2):
         render("still.png", "--frames", str(number))
         assert draws.take_numbers() == [number]

@@ -233,7 +233,7 @@ def test_all_frames_of_a_film_in_one_file_are_removed(folder: Path, tmp_path: Pa
     keep(folder, output, 0, 1, 3)
     (folder / "000002.json").unlink(missing_ok=True)
     (folder / "000002.png").write_bytes(b"no record came")
-    names = ["note.txt", "1.png", "000001.json.bak", "a000001.png", "lock"]
+    names = ["note.txt", "1.png", "000001.json.bak", "a000001.png", "cause-mine.json", "lock"]
     for name in names:
         (folder / name).touch()
     remove_checkpoint_frames(folder, output, [0])

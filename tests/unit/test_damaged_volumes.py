@@ -132,6 +132,7 @@ def test_altered_descriptions_never_escape(tmp_path, data):
 
 
 @pytest.mark.usefixtures("one_process")
+@pytest.mark.filterwarnings("ignore::UserWarning:pydicom")
 def test_altered_dicom_never_escapes(tmp_path):
     save(tmp_path / "a.dcm", image_fields(VALUES[0]))
     data = (tmp_path / "a.dcm").read_bytes()

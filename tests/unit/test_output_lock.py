@@ -86,17 +86,19 @@ def take(folder: Path, places: Sequence[int]) -> None:
 
 
 def test_it_makes_its_folder_and_removes_it(folder: Path) -> None:
-    take(folder / "deeper" / "still", [0])
-    assert not (folder / "deeper" / "still").exists()
+    take(folder.parent / "deeper" / "still", [0])
+    assert not (folder.parent / "deeper" / "still").exists()
     take(folder, [0])
     take(folder, [0])
 
 
 def test_a_folder_with_something_in_it_stays(folder: Path) -> None:
-    with lock_slots(folder, [0], OUTPUT):
-        (folder / "000000.json").touch()
-        (folder / ".film.mp4.partial-0a1b").touch()
-    assert [path.name for path in folder.iterdir()] == ["000000.json"]
+    """Its lock file shows that it is ours."""
+    for _ in range(2):
+        with lock_slots(folder, [0], OUTPUT):
+            for name in ("000000.json", ".film.mp4.partial-0a1b2c3d", ".film.mp4.partial-mine"):
+                (folder / name).touch()
+        assert sorted(path.name for path in folder.iterdir()) == [".film.mp4.partial-mine", "000000.json", "lock"]
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
@@ -136,9 +138,9 @@ def test_places_that_do_not_overlap(folder: Path, theirs: Sequence[int], ours: S
         take(folder, ours)
         with pytest.raises(InputError):
             take(folder, [*theirs])
-        (folder / ".theirs.partial-0a1b").touch()
+        (folder / ".theirs.partial-0a1b2c3d").touch()
         take(folder, ours)
-        assert (folder / ".theirs.partial-0a1b").exists(), "it may be at work on it"
+        assert (folder / ".theirs.partial-0a1b2c3d").exists(), "it may be at work on it"
     assert not folder.exists()
 
 
@@ -154,6 +156,52 @@ def test_the_first_to_come_may_be_the_first_to_go(folder: Path) -> None:
 def take_in_another(folder: Path, *places: int) -> None:
     with held(folder, *places):
         pass
+
+
+@pytest.mark.parametrize(
+    "content", [None, b"", b"process 7 on a machine", b"process 7 on h and the end of a longer note"]
+)
+def test_what_a_job_leaves_that_is_killed_as_it_begins(folder: Path, content: bytes | None) -> None:
+    folder.mkdir()
+    if content is not None:
+        (folder / "lock").write_bytes(content)
+    take(folder, [0])
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        {"000000.png": b"mine"},
+        {"lock": b"mine"},
+        {"lock": b"", "000000.png": b"mine"},
+        {"lock": b"mine", "000000.json": b"{}", ".film.mp4.partial-0a1b2c3d": b""},
+    ],
+)
+def test_a_folder_that_somebody_else_made(folder: Path, files: dict[str, bytes]) -> None:
+    folder.mkdir()
+    for name, content in files.items():
+        (folder / name).write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        take(folder, [0])
+    assert str(caught.value) == (
+        f"{folder}: something else has the name of the folder for unfinished frames\n"
+        "  got: a folder with files, and without the lock file of a job\n"
+        "  hint: rename it, or choose another --output"
+    )
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == files
+
+
+def test_a_lock_file_that_somebody_else_wrote(tmp_path: Path) -> None:
+    (tmp_path / ".x.lock").write_bytes(b"mine")
+    with (
+        pytest.raises(
+            InputError, match="something else has the name of the lock file\n  got: a file of another program"
+        ),
+        lock_slots(tmp_path, [0], OUTPUT, shared_file=".x.lock"),
+    ):
+        pytest.fail("it would be emptied")
+    assert (tmp_path / ".x.lock").read_bytes() == b"mine"
 
 
 def test_a_holder_that_is_killed(folder: Path) -> None:
@@ -214,12 +262,12 @@ def test_a_lock_file_in_a_folder_for_other_things(tmp_path: Path) -> None:
     """The folder, which may be a link, and the files in it stay."""
     (tmp_path / "films").mkdir()
     (tmp_path / "link").symlink_to("films")
-    (tmp_path / "films" / ".a.partial-0a1b").touch()
+    (tmp_path / "films" / ".a.partial-0a1b2c3d").touch()
     with lock_slots(tmp_path / "link", [0], OUTPUT, shared_file=".x.lock"):
         assert (tmp_path / "films" / ".x.lock").is_file()
         (tmp_path / "films" / ".x.lock").unlink()
         (tmp_path / "films" / ".x.lock").touch()  # the file of another process now
-    assert sorted(path.name for path in (tmp_path / "films").iterdir()) == [".a.partial-0a1b", ".x.lock"]
+    assert sorted(path.name for path in (tmp_path / "films").iterdir()) == [".a.partial-0a1b2c3d", ".x.lock"]
 
 
 def test_a_file_system_without_locks(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -228,11 +276,11 @@ def test_a_file_system_without_locks(folder: Path, monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(fcntl, "fcntl", refuse)
     with lock_slots(folder, [0], OUTPUT):
-        (folder / ".theirs.partial-0a1b").touch()
+        (folder / ".theirs.partial-0a1b2c3d").touch()
         (folder / "000001.json").touch()
         with held(folder, 0):
             take(folder, [0])
-        assert (folder / ".theirs.partial-0a1b").exists(), "nobody knows who is at work"
+            assert (folder / ".theirs.partial-0a1b2c3d").exists(), "nobody knows who is at work"
         for path in folder.iterdir():
             path.unlink()
     assert not folder.exists()
@@ -287,7 +335,7 @@ def test_something_else_under_the_name_of_a_lock_file(kind: str, make: Callable[
     with pytest.raises(InputError) as caught:
         take(tmp_path, [0])
     assert str(caught.value) == (
-        f"{tmp_path / 'lock'}: something else has the name of the lock file\n  got: {kind}\n  hint: remove it"
+        f"{tmp_path / 'lock'}: something else has the name of the lock file\n  got: {kind}\n  hint: rename or remove it"
     )
     assert [path.name for path in tmp_path.iterdir()] == ["lock"]
 

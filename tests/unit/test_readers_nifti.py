@@ -1,4 +1,4 @@
-"""NIfTI that nibabel wrote: affines that SimpleITK refuses or replaces, scaling, time and components, pairs."""
+"""NIfTI that nibabel wrote: affines of every kind, scaling, time and components, pairs."""
 
 from __future__ import annotations
 
@@ -130,3 +130,32 @@ def test_repairs_of_a_header_are_not_printed(tmp_path, capfd):
     (tmp_path / "a.nii").write_bytes(data)
     np.testing.assert_array_equal(read(tmp_path / "a.nii").values, ramp("uint8").T)
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(("kind", "place", "code"), [("Nifti1Image", 112, "<f4"), ("Nifti2Image", 176, "<f8")])
+def test_infinite_slopes_are_refused(tmp_path, kind, place, code):
+    """nibabel takes them for none."""
+    getattr(nib, kind)(np.ones((3, 4, 5), np.uint8), np.eye(4)).to_filename(tmp_path / "a.nii")
+    data = bytearray((tmp_path / "a.nii").read_bytes())
+    for slope in (np.inf, -np.inf):
+        data[place : place + int(code[2])] = np.array(slope, code).tobytes()
+        (tmp_path / "a.nii").write_bytes(data)
+        with pytest.raises(InputError, match="scales its values by what is no finite number"):
+            read(tmp_path / "a.nii")
+    data[place : place + int(code[2])] = np.array(np.nan, code).tobytes()
+    (tmp_path / "a.nii").write_bytes(data)
+    assert read(tmp_path / "a.nii").values.dtype == np.uint8
+
+
+@pytest.mark.parametrize("name", ["a.nii", "a.nii.gz"])
+def test_what_follows_the_voxels_is_ignored(tmp_path, name):
+    """The standard allows it; a stream that goes on without end is refused."""
+    values = np.arange(60, dtype=np.uint8).reshape(3, 4, 5)
+    nib.Nifti1Image(values.T, np.eye(4)).to_filename(tmp_path / "whole.nii")
+    pack = gzip.compress if name.endswith(".gz") else bytes
+    (tmp_path / name).write_bytes(pack((tmp_path / "whole.nii").read_bytes() + b"made by a program" * 10))
+    np.testing.assert_array_equal(read(tmp_path / name).values, values)
+    if name.endswith(".gz"):
+        (tmp_path / name).write_bytes(pack((tmp_path / "whole.nii").read_bytes() + bytes(1 << 26)))
+        with pytest.raises(InputError, match="the file is longer than its header says"):
+            read(tmp_path / name)

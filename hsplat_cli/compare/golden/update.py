@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import click
@@ -26,7 +27,7 @@ from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import Reporter, counted, deferrable_interrupts
 from renderer.errors import InputError
-from renderer.film import lock_slots, staged_files, translate_os_errors
+from renderer.film import folder_files, lock_slots, require_no_input, staged_files, translate_os_errors
 
 _STAGING_FOLDER = "golden.unfinished"
 
@@ -51,8 +52,9 @@ def update_goldens(
 ) -> None:
     """Render the frames and keep them; existing goldens change only if `ask` returns True.
 
-    Raises InputError if goldens exist and no update is requested, if other files have their names, or if goldens of
-    another scene would stay; the errors of rendering and writing; and click's Exit with 1 if the user declines.
+    Raises InputError if goldens exist and no update is requested, if inputs or other files have their names, or if
+    goldens of another scene would stay; the errors of rendering and writing; and click's Exit with 1 if the user
+    declines.
     """
     folder = golden_options.folder
     with lock_slots(folder / _STAGING_FOLDER, [0], folder / PROVENANCE_FILE):
@@ -68,6 +70,8 @@ def update_goldens(
         frames = golden_options.frames or [frame for frame in job.frames if frame in listed] or job.frames
         num_frames = job.scene.camera.path.frames
         names = {frame: listed.get(frame) or golden_file_name(frame, num_frames) for frame in frames}
+        outputs = (folder / name for name in (PROVENANCE_FILE, *names.values(), *listed.values()))
+        require_no_input(chain(outputs, folder_files(folder / _STAGING_FOLDER)), job.input_files())
         _require_free(folder, [name for name in names.values() if name not in listed.values()])
         with rendered_frames(job, frames, executor, reporter) as rendered:
             plan = plan_update(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from hsplat_cli.films.assemble.agreement import PickedFrame, file_problems, film_problems, pick_frames
@@ -16,14 +16,16 @@ from hsplat_cli.terminal import Reporter, counted, deferrable_interrupts
 from renderer.errors import SceneError
 from renderer.film import (
     Picture,
+    film_files,
     locked_output,
     open_film,
     picture_shape,
     require_encoder,
+    require_no_input,
     sidecar_path_of_file,
     write_sidecar,
 )
-from renderer.scene import OutputSpec
+from renderer.scene import OutputSpec, is_same_file
 
 
 def assemble_film(
@@ -34,10 +36,13 @@ def assemble_film(
     Raises SceneError with all that is wrong with the parts, and what writing raises; then no film is written.
     """
     start = time.perf_counter()
+    sidecar = sidecar_path_of_file(output.file, numbers, parts[0].num_frames)
+    # A film that was assembled among its parts is none of them.
+    parts = [part for part in parts if not is_same_file(part.path, sidecar)] or parts
+    require_no_input(film_files(output, numbers, sidecar), _input_files(parts))
     if problems := list(film_problems(parts)):
         raise SceneError(problems)  # the size and the frames of another film say nothing about this one
     picked, problems = pick_frames(parts, numbers)
-    sidecar = sidecar_path_of_file(output.file, numbers, parts[0].num_frames)
     with locked_output(output, numbers, sidecar) as folder, deferrable_interrupts() as defer_interrupts:
         fingerprint = None if problems else parts_fingerprint(picked, output)
         recorded = None if fingerprint is None or force else _film_up_to_date(sidecar, fingerprint, picked, output)
@@ -55,6 +60,12 @@ def assemble_film(
         write_sidecar(sidecar, record, folder)
     num_parts = counted(len(parts_of(picked)), "part")
     FilmResult(output.file, sidecar, record, f"{counted(len(picked), 'frame')} of {num_parts}").report(reporter)
+
+
+def _input_files(parts: Sequence[Part]) -> Iterator[Path]:
+    for part in parts:
+        yield part.path
+        yield from (part.file(record["frame"]) for record in part.records)
 
 
 def _film_up_to_date(

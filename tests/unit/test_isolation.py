@@ -1,0 +1,132 @@
+"""Readers in a child process: whatever happens there is an error of the input, and the child leaves nothing behind."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from renderer.errors import InputError
+from renderer.readers.common import Image
+from renderer.readers.isolation import Host, read_isolated
+
+
+def ramp(path: Path, *, host: Host) -> Image:
+    values = host.allocate((3, 4, 5), np.int16)
+    values[...] = np.arange(60).reshape(3, 4, 5)
+    return Image(values, np.diag([1.0, 2.0, 3.0, 1.0]), f"read {path.name}")
+
+
+def other_memory(_path: Path, *, host: Host) -> Image:
+    """Return values that are not in the shared memory, in the other byte order."""
+    return Image(np.arange(60, dtype=">i2").reshape(3, 4, 5)[:, ::-1], np.eye(4))
+
+
+def refuse(path: Path, *, host: Host) -> Image:
+    raise InputError("no good", where=str(path), got="a", expected="b", hint="c")
+
+
+def fail(_path: Path, *, host: Host) -> Image:
+    raise ZeroDivisionError("of the library")
+
+
+def crash(_path: Path, *, host: Host) -> Image:
+    ctypes.string_at(0)
+    raise AssertionError
+
+
+def abort(_path: Path, *, host: Host) -> Image:
+    os.kill(os.getpid(), signal.SIGABRT)
+    raise AssertionError
+
+
+def crash_in_the_second_file(path: Path, *, host: Host) -> Image:
+    for name in ("1", "2"):
+        host.begin_file(path / name)
+    return crash(path, host=host)
+
+
+def loop(_path: Path, *, host: Host) -> Image:
+    while True:
+        pass
+
+
+def fill_memory(_path: Path, *, host: Host) -> Image:
+    return Image(np.ones((1, 1, 3 << 30), np.uint8), np.eye(4))
+
+
+def print_much(path: Path, *, host: Host) -> Image:
+    os.write(1, b"out" * 100_000)
+    os.write(2, b"\x1b[31mwarning" * 100_000)
+    return ramp(path, host=host)
+
+
+@pytest.fixture(autouse=True)
+def _file(folder: Path) -> None:
+    Path("scan.x").write_bytes(b"any")
+
+
+def read(name: str, **arguments: Any) -> Image:
+    return read_isolated(f"{__name__}:{name}", Path("scan.x"), **arguments)
+
+
+def test_voxels_come_back_in_shared_memory() -> None:
+    image = read("ramp")
+    np.testing.assert_array_equal(image.values, np.arange(60).reshape(3, 4, 5))
+    assert image.values.dtype == np.int16 and image.values.flags.c_contiguous
+    np.testing.assert_array_equal(image.world_from_index, np.diag([1.0, 2.0, 3.0, 1.0]))
+    assert image.note == "read scan.x"
+    values = read("other_memory").values
+    np.testing.assert_array_equal(values, np.arange(60).reshape(3, 4, 5)[:, ::-1])
+    assert values.dtype.isnative
+
+
+def test_errors_of_the_input_come_back_as_they_are() -> None:
+    with pytest.raises(InputError) as error:
+        read("refuse")
+    assert str(error.value) == "scan.x: no good\n  got: a\n  expected: b\n  hint: c"
+
+
+@pytest.mark.parametrize(
+    ("name", "what", "got"),
+    [
+        ("fail", "this file cannot be decoded", None),
+        ("fill_memory", "this file cannot be decoded", "more memory than is allowed"),
+        ("crash", "reading this file ended the process that decodes it", "signal SIGSEGV"),
+        ("abort", "reading this file ended the process that decodes it", "signal SIGABRT"),
+        ("loop", "reading this file ended the process that decodes it", "signal SIGXCPU"),
+    ],
+)
+def test_all_else_is_an_error_of_the_input(
+    name: str, what: str, got: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("renderer.readers.isolation._SECONDS", 2)
+    with pytest.raises(InputError) as error:
+        read(name)
+    assert (error.value.what, error.value.where, error.value.got) == (what, "scan.x", got)
+    assert not Path("core").exists()
+
+
+def test_the_file_that_ends_the_process_is_named() -> None:
+    with pytest.raises(InputError) as error:
+        read("crash_in_the_second_file")
+    assert error.value.where == "scan.x/2"
+
+
+def test_nothing_is_printed(capfd: pytest.CaptureFixture[str]) -> None:
+    read("print_much")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_descriptors_are_closed() -> None:
+    before = os.listdir("/proc/self/fd") if os.path.isdir("/proc/self/fd") else []
+    for name in ("ramp", "crash"):
+        with contextlib.suppress(InputError):
+            read(name)
+    assert len(before) == (len(os.listdir("/proc/self/fd")) if before else 0)

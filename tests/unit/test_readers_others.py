@@ -1,0 +1,282 @@
+"""Archives of arrays, cube files, segmentations and VTK images; volumes that are found in folders or by content."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import shutil
+import zipfile
+from pathlib import Path
+
+import nrrd
+import numpy as np
+import pytest
+from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.vtkCommonDataModel import vtkImageData
+from vtkmodules.vtkIOLegacy import vtkStructuredPointsWriter
+from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
+
+from renderer.errors import InputError
+from tests.support.dicom_files import NORMAL, write_series
+from tests.support.volume_files import ramp, read, write_image
+
+VALUES = ramp("int16")
+
+
+# Arrays
+
+
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_archives_of_one_array(tmp_path, save):
+    save(tmp_path / "a.npz", np.asfortranarray(VALUES))
+    np.testing.assert_array_equal(read(tmp_path / "a.npz").values, VALUES)
+    save(tmp_path / "a.npz", np.stack([VALUES, VALUES + 1]))
+    np.testing.assert_array_equal(read(tmp_path / "a.npz", time=1).values, VALUES + 1)
+
+
+def test_archives_of_several_arrays_need_a_component(tmp_path):
+    np.savez(tmp_path / "a.npz", density=VALUES, energy=VALUES + 1)
+    np.testing.assert_array_equal(read(tmp_path / "a.npz", component=1).values, VALUES + 1)
+    with pytest.raises(InputError) as error:
+        read(tmp_path / "a.npz")
+    assert str(error.value) == (
+        f"{tmp_path / 'a.npz'}: this archive holds 2 arrays, and one is rendered\n"
+        "  got: 0 is density, 1 is energy\n"
+        "  expected: `component: k` with k from 0 to 1"
+    )
+
+
+def test_damaged_archives_are_refused(tmp_path):
+    np.savez_compressed(tmp_path / "a.npz", VALUES)
+    data = (tmp_path / "a.npz").read_bytes()
+    for place in range(60, len(data) - 100, 7):
+        damaged = bytearray(data)
+        damaged[place] ^= 4
+        (tmp_path / "a.npz").write_bytes(damaged)
+        with pytest.raises(InputError):
+            read(tmp_path / "a.npz")
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        archive.writestr("readme.txt", "no array")
+    with pytest.raises(InputError, match="this archive holds no array"):
+        read(tmp_path / "a.npz")
+
+
+def test_archives_that_claim_too_much_take_no_memory(tmp_path):
+    np.savez_compressed(tmp_path / "small.npz", np.zeros((8, 8, 8), np.uint8))
+    with zipfile.ZipFile(tmp_path / "small.npz") as archive:
+        array = archive.read("arr_0.npy")
+    huge = array.replace(b"(8, 8, 8)", b"(9999, 9999, 9999)"[:17])
+    for text in (array.replace(b"(8, 8, 8), }       ", b"(8192, 8192, 8192)}"), huge[: len(array)]):
+        with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+            archive.writestr("arr_0.npy", text)
+        with pytest.raises(InputError, match=r"shorter than its header says|cannot read the header"):
+            read(tmp_path / "a.npz")
+
+
+def test_masks_are_0_and_1(tmp_path):
+    np.save(tmp_path / "a.npy", VALUES % 2 == 0)
+    np.testing.assert_array_equal(read(tmp_path / "a.npy").values, (VALUES % 2 == 0).astype(np.uint8))
+
+
+# Cube files
+
+
+def cube(values: np.ndarray, orbitals: str = "", num_atoms: int = 1) -> str:
+    nx, ny, nz = values.shape[:3]
+    text = f"water\ndensity\n {num_atoms} -1.0 2.0 0.5\n {nx} 0.5 0 0\n {ny} 0.1 0.25 0\n {nz} 0 0 2\n 8 8.0 0 0 0\n"
+    rows = values.reshape(nx * ny, -1)
+    return text + orbitals + "".join(" ".join(f"{value:.5E}" for value in row) + "\n" for row in rows)
+
+
+def test_cube_files(tmp_path):
+    values = np.arange(60).reshape(3, 4, 5) / 8
+    (tmp_path / "a.cube").write_text(cube(values))
+    volume = read(tmp_path / "a.cube")
+    np.testing.assert_array_equal(volume.values, values.T.astype(np.float32))
+    np.testing.assert_array_equal(volume.world_from_index[:3], [[0.5, 0.1, 0, -1], [0, 0.25, 0, 2], [0, 0, 2, 0.5]])
+
+
+def test_orbitals_are_components(tmp_path):
+    values = np.arange(120).reshape(3, 4, 5, 2) / 8
+    (tmp_path / "a.cube").write_text(cube(values, " 2 20 21\n", num_atoms=-1))
+    np.testing.assert_array_equal(read(tmp_path / "a.cube", component=1).values, values[..., 1].T)
+    with pytest.raises(InputError, match="the volume has 2 components"):
+        read(tmp_path / "a.cube")
+
+
+@pytest.mark.parametrize("num_lines", [1, 4, 6, 7, 12])
+def test_truncated_cube_files_are_refused(tmp_path, num_lines):
+    lines = cube(np.zeros((3, 4, 5))).splitlines(keepends=True)
+    (tmp_path / "a.cube").write_text("".join(lines[:num_lines]))
+    with pytest.raises(InputError):
+        read(tmp_path / "a.cube")
+
+
+# Headers of text
+
+
+@pytest.mark.parametrize("encoding", ["raw", "gzip", "bzip2", "ascii"])
+def test_encodings_of_nrrd(tmp_path, encoding):
+    nrrd.write(str(tmp_path / "a.nrrd"), VALUES, {"encoding": encoding}, index_order="C")
+    np.testing.assert_array_equal(read(tmp_path / "a.nrrd").values, VALUES)
+
+
+@pytest.mark.parametrize("layer_axis", ["none", "list"])
+def test_segmentations_of_slicer(tmp_path, layer_axis):
+    """Layers are components; older files have no kind for their axis."""
+    layers = np.stack([VALUES, VALUES + 1], axis=-1).astype(np.uint16)
+    kinds = f"kinds: {layer_axis if layer_axis == 'list' else '???'} domain domain domain\n"
+    header = (
+        f"NRRD0004\ntype: unsigned short\ndimension: 4\nspace: left-posterior-superior\nsizes: 2 5 4 3\n{kinds}"
+        "space directions: none (1,0,0) (0,2,0) (0,0,3)\nspace origin: (1,2,3)\nendian: little\nencoding: gzip\n"
+        "Segment0_ID:=Segment_1\nSegment0_LabelValue:=1\n\n"
+    )
+    (tmp_path / "a.seg.nrrd").write_bytes(header.encode() + gzip.compress(layers.tobytes()))
+    volume = read(tmp_path / "a.seg.nrrd", component=1)
+    np.testing.assert_array_equal(volume.values, VALUES.astype(np.uint16) + 1)
+    np.testing.assert_array_equal(volume.spacing, [1, 2, 3])
+
+
+@pytest.mark.parametrize(
+    ("lines", "spacing", "origin"),
+    [
+        ("spacings: 1 2 3\naxis mins: 10 20 30\n", [1, 2, 3], [10.5, 21, 31.5]),
+        ("spacings: 1 2 3\naxis mins: 10 20 30\ncenters: node node node\n", [1, 2, 3], [10, 20, 30]),
+        ("axis mins: 0 0 0\naxis maxs: 5 8 9\n", [1, 2, 3], [0.5, 1, 1.5]),
+        ("axis mins: 0 0 0\naxis maxs: 4 6 6\ncenterings: node node node\n", [1, 2, 3], [0, 0, 0]),
+    ],
+)
+def test_places_of_nrrd_without_a_space(tmp_path, lines, spacing, origin):
+    header = f"NRRD0004\ntype: short\ndimension: 3\nsizes: 5 4 3\nendian: little\nencoding: raw\n{lines}\n"
+    (tmp_path / "a.nrrd").write_bytes(header.encode() + VALUES.tobytes())
+    volume = read(tmp_path / "a.nrrd")
+    np.testing.assert_array_equal(volume.spacing, spacing)
+    np.testing.assert_array_equal(volume.world_from_index[:3, 3], origin)
+
+
+@pytest.mark.parametrize(
+    ("line", "where"),
+    [("sizes: 5 4 3", 8), ("spacinks: 1 2 3", 8), ("no field at all", 8), ("spacings: 1 2", 8), ("space: XYZ", 8)],
+)
+def test_lines_of_nrrd_that_cannot_be_read_are_located(tmp_path, line, where):
+    header = "NRRD0004\n# made by hand\ntype: short\ndimension: 3\nsizes: 5 4 3\nendian: little\nencoding: raw\n"
+    (tmp_path / "a.nrrd").write_bytes(f"{header}{line}\n\n".encode() + VALUES.tobytes())
+    with pytest.raises(InputError) as error:
+        read(tmp_path / "a.nrrd")
+    assert error.value.where == f"{tmp_path / 'a.nrrd'}:{where}"
+
+
+def test_voxels_without_an_empty_line_before_them_are_refused(tmp_path):
+    header = b"NRRD0004\ntype: short\ndimension: 3\nsizes: 5 4 3\nendian: little\nencoding: raw\n"
+    (tmp_path / "a.nrrd").write_bytes(header + VALUES.tobytes())
+    with pytest.raises(InputError, match="this line of a NRRD header cannot be read"):
+        read(tmp_path / "a.nrrd")
+
+
+# VTK
+
+
+def vtk_image(arrays: dict[str, np.ndarray], *, is_cells: bool = False) -> vtkImageData:
+    image = vtkImageData()
+    image.SetDimensions(*(n + is_cells for n in (5, 4, 3)))
+    image.SetSpacing(0.5, 2.0, 3.0)
+    image.SetOrigin(10.0, 20.0, 30.0)
+    for name, values in arrays.items():
+        array = numpy_to_vtk(values.reshape(60, -1), deep=True)
+        array.SetName(name)
+        (image.GetCellData() if is_cells else image.GetPointData()).AddArray(array)
+    return image
+
+
+def write_vtk(path: Path, image: vtkImageData, *, is_text: bool) -> None:
+    if path.suffix == ".vti":
+        writer = vtkXMLImageDataWriter()
+        writer.SetDataModeToAscii() if is_text else writer.SetDataModeToAppended()
+    else:
+        writer = vtkStructuredPointsWriter()
+        writer.SetFileTypeToASCII() if is_text else writer.SetFileTypeToBinary()
+    writer.SetFileName(str(path))
+    writer.SetInputData(image)
+    assert writer.Write() == 1
+
+
+@pytest.mark.parametrize("is_text", [False, True])
+@pytest.mark.parametrize("name", ["a.vti", "a.vtk"])
+def test_vtk_images(tmp_path, name, is_text):
+    write_vtk(tmp_path / name, vtk_image({"density": VALUES}), is_text=is_text)
+    volume = read(tmp_path / name)
+    np.testing.assert_array_equal(volume.values, VALUES)
+    np.testing.assert_array_equal(volume.spacing, [0.5, 2, 3])
+    np.testing.assert_array_equal(volume.world_from_index[:3, 3], [10, 20, 30])
+    data = (tmp_path / name).read_bytes()
+    (tmp_path / name).write_bytes(data[: len(data) // 2])
+    with pytest.raises(InputError, match=r"damaged|ended the process"):
+        read(tmp_path / name)
+
+
+@pytest.mark.usefixtures("one_process")
+def test_arrays_of_vtk_are_components(tmp_path):
+    velocity = np.stack([VALUES.astype(np.float32) + k for k in range(3)], axis=-1)
+    write_vtk(tmp_path / "a.vti", vtk_image({"p": VALUES, "v": velocity}), is_text=False)
+    np.testing.assert_array_equal(read(tmp_path / "a.vti", component=3).values, VALUES.astype(np.float32) + 2)
+    with pytest.raises(InputError) as error:
+        read(tmp_path / "a.vti")
+    assert error.value.got == "0 is p, 1 is v[0], 2 is v[1], 3 is v[2]"
+
+
+@pytest.mark.usefixtures("one_process")
+def test_cells_lie_between_points(tmp_path):
+    write_vtk(tmp_path / "a.vti", vtk_image({"p": VALUES}, is_cells=True), is_text=False)
+    volume = read(tmp_path / "a.vti")
+    np.testing.assert_array_equal(volume.values, VALUES)
+    np.testing.assert_array_equal(volume.world_from_index[:3, 3], [10.25, 21, 31.5])
+
+
+def test_type_names_of_legacy_vtk_may_be_long(tmp_path):
+    """A reader that copied them into a buffer ended the process."""
+    head = "# vtk DataFile Version 3.0\nscan\nBINARY\nDATASET STRUCTURED_POINTS\nDIMENSIONS 5 4 3\nORIGIN 0 0 0\n"
+    text = f"{head}SPACING 1 1 1\nPOINT_DATA 60\nSCALARS values {'x' * 5000}\nLOOKUP_TABLE default\n"
+    (tmp_path / "a.vtk").write_bytes(text.encode() + VALUES.tobytes())
+    with pytest.raises(InputError):
+        read(tmp_path / "a.vtk")
+
+
+# Folders and content
+
+
+def test_the_only_volume_in_a_folder(tmp_path):
+    (tmp_path / "study" / "scan").mkdir(parents=True)
+    (tmp_path / "study" / "notes.txt").write_text("no volume")
+    os.mkfifo(tmp_path / "study" / "pipe.nrrd")
+    write_image(tmp_path / "study" / "scan" / "a.nrrd", VALUES)
+    volume = read(tmp_path)
+    np.testing.assert_array_equal(volume.values, VALUES)
+    assert volume.note == "the only volume in this folder, study/scan/a.nrrd, is read"
+    (tmp_path / "series").mkdir()
+    write_series(tmp_path / "series", [k * NORMAL for k in range(3)])
+    with pytest.raises(InputError) as error:
+        read(tmp_path)
+    assert str(error.value) == (
+        f"{tmp_path}: this folder holds 2 volumes, and one is rendered\n"
+        "  got: series, study/scan/a.nrrd\n"
+        f"  hint: name one of them: {tmp_path / 'series'}"
+    )
+    shutil.rmtree(tmp_path / "study")
+    assert read(tmp_path).shape_xyz == (5, 6, 3)
+    assert read(tmp_path).note == "the only volume in this folder, series, is read"
+
+
+@pytest.mark.parametrize("name", ["a.nrrd", "a.npy", "a.tif"])
+def test_formats_are_known_by_their_content(tmp_path, name):
+    if name == "a.npy":
+        np.save(tmp_path / name, VALUES)
+    else:
+        write_image(tmp_path / name, VALUES)
+    (tmp_path / name).rename(tmp_path / "scan.nii")
+    np.testing.assert_array_equal(read(tmp_path / "scan.nii").values, VALUES)
+
+
+def test_dicom_may_have_any_name(tmp_path):
+    write_series(tmp_path, [0 * NORMAL])
+    (tmp_path / "99.dcm").rename(tmp_path / "image.img")
+    assert read(tmp_path / "image.img").shape_xyz == (5, 6, 1)

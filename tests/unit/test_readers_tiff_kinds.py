@@ -1,0 +1,199 @@
+"""Kinds of TIFF that cameras, scanners and microscopes write: compressed, tiled, pyramids, OME, masks, large stacks."""
+
+from __future__ import annotations
+
+import itertools
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tifffile
+
+from renderer.errors import InputError
+from tests.support.tiff_files import tiff_bytes
+from tests.support.volume_files import ramp, read
+
+pytestmark = pytest.mark.usefixtures("one_process")
+
+VALUES = np.random.default_rng(0).integers(0, 50, (3, 45, 40)).cumsum(axis=2).astype(np.uint16)
+
+
+LAYOUTS = ({}, {"tile": (32, 16)}, {"rowsperstrip": 7}, {"predictor": True})
+
+
+@pytest.mark.parametrize(
+    ("compression", "layout"),
+    [
+        *itertools.product(("zlib", "lzw", "zstd", "lzma"), LAYOUTS),
+        *(("packbits", layout) for layout in LAYOUTS[:-1]),  # no program writes it with a predictor
+    ],
+)
+def test_compressions_without_loss(tmp_path, compression, layout):
+    tifffile.imwrite(
+        tmp_path / "a.tif", VALUES, compression=compression, photometric="minisblack", metadata=None, **layout
+    )
+    np.testing.assert_array_equal(read(tmp_path / "a.tif").values, VALUES)
+
+
+def test_jpeg(tmp_path):
+    smooth = np.linspace(0, 255, 64 * 64).reshape(1, 64, 64).astype(np.uint8)
+    tifffile.imwrite(tmp_path / "a.tif", smooth, compression="jpeg", photometric="minisblack", tile=(32, 32))
+    values = read(tmp_path / "a.tif").values
+    assert np.abs(values.astype(int) - smooth).max() <= 4  # of JPEG itself at this quality
+
+
+def test_damaged_pixels_are_never_wrong_ones(tmp_path):
+    """Deflate has a checksum."""
+    tifffile.imwrite(tmp_path / "a.tif", VALUES, compression="zlib", photometric="minisblack", metadata=None)
+    data = (tmp_path / "a.tif").read_bytes()
+    with tifffile.TiffFile(tmp_path / "a.tif") as pages:
+        begin, length = pages.pages[1].dataoffsets[0], pages.pages[1].databytecounts[0]
+    rng = np.random.default_rng(0)
+    num_refused = 0
+    for place in rng.integers(begin, begin + length, 60):
+        damaged = bytearray(data)
+        damaged[place] ^= 1 << rng.integers(8)
+        (tmp_path / "a.tif").write_bytes(damaged)
+        try:
+            np.testing.assert_array_equal(read(tmp_path / "a.tif").values, VALUES)
+        except InputError:
+            num_refused += 1
+    assert num_refused > 50
+
+
+@pytest.mark.parametrize("compression", [None, "zlib", "lzw"])
+def test_values_are_stored_ones_where_white_is_0(tmp_path, compression):
+    tifffile.imwrite(tmp_path / "a.tif", VALUES, compression=compression, photometric="miniswhite", metadata=None)
+    np.testing.assert_array_equal(read(tmp_path / "a.tif").values, VALUES)
+
+
+def test_indices_of_a_palette_are_values(tmp_path):
+    labels = (VALUES % 7).astype(np.uint8)
+    colours = np.zeros((3, 256), np.uint16)
+    tifffile.imwrite(tmp_path / "a.tif", labels, photometric="palette", colormap=colours, metadata=None)
+    np.testing.assert_array_equal(read(tmp_path / "a.tif").values, labels)
+
+
+def test_masks_of_single_bits(tmp_path):
+    tifffile.imwrite(tmp_path / "a.tif", VALUES % 3 == 0, photometric="minisblack", metadata=None)
+    np.testing.assert_array_equal(read(tmp_path / "a.tif").values, (VALUES % 3 == 0).astype(np.uint8))
+
+
+@pytest.mark.parametrize("planarconfig", ["contig", "separate"])
+def test_colours_are_components(tmp_path, planarconfig):
+    colours = np.stack([VALUES, VALUES + 1, VALUES + 2], axis=-1 if planarconfig == "contig" else 1)
+    tifffile.imwrite(tmp_path / "a.tif", colours, photometric="rgb", planarconfig=planarconfig, metadata=None)
+    for component in range(3):
+        np.testing.assert_array_equal(read(tmp_path / "a.tif", component=component).values, VALUES + component)
+
+
+@pytest.mark.parametrize("subifds", [0, 2])
+def test_pyramids_have_full_resolution(tmp_path, subifds):
+    """Smaller levels are pages below each page, or pages after it that are marked as reduced."""
+    with tifffile.TiffWriter(tmp_path / "a.tif") as file:
+        for plane in VALUES:
+            options = {"tile": (16, 16), "photometric": "minisblack", "compression": "zlib", "metadata": None}
+            file.write(plane, subifds=subifds or None, **options)
+            for step in (2, 4):
+                file.write(plane[::step, ::step], subfiletype=1, **options)
+    volume = read(tmp_path / "a.tif")
+    np.testing.assert_array_equal(volume.values, VALUES)
+    assert volume.note == (None if subifds else "6 smaller previews among the pages are left out")
+
+
+def test_pages_of_another_size_are_refused(tmp_path):
+    with tifffile.TiffWriter(tmp_path / "a.tif") as file:
+        for plane in (VALUES[0], VALUES[1, ::2]):
+            file.write(plane, photometric="minisblack", metadata=None)
+    with pytest.raises(InputError, match="the pages differ"):
+        read(tmp_path / "a.tif")
+
+
+STACK = ramp("uint16", (2, 3, 4, 5, 6))  # time, channel, z, y, x
+
+
+def test_ome_files_of_tifffile(tmp_path):
+    sizes = {"axes": "TCZYX", "PhysicalSizeX": 0.5, "PhysicalSizeY": 0.25, "PhysicalSizeZ": 2.0}
+    tifffile.imwrite(tmp_path / "a.ome.tif", STACK, ome=True, metadata=sizes, compression="zlib")
+    for time in range(2):
+        for component in range(3):
+            volume = read(tmp_path / "a.ome.tif", time=time, component=component)
+            np.testing.assert_array_equal(volume.values, STACK[time, component])
+            np.testing.assert_array_equal(volume.spacing, [0.5, 0.25, 2.0])
+
+
+OME = (
+    "<OME><Image><Pixels DimensionOrder='XYZCT' SizeX='6' SizeY='5' SizeZ='4' SizeC='3' SizeT='2' PhysicalSizeX='0.5' "
+    "PhysicalSizeXUnit='nm'>{}</Pixels></Image></OME>"
+)
+
+
+@pytest.mark.parametrize("is_reversed", [False, True])
+def test_ome_planes_may_be_on_any_page(tmp_path, is_reversed):
+    """Attributes may be in single quotes."""
+    pages = STACK.reshape(24, 5, 6)
+    order = np.arange(24)[::-1] if is_reversed else np.arange(24)
+    places = "".join(
+        f"<TiffData IFD='{order[(t * 3 + c) * 4 + z]}' FirstT='{t}' FirstC='{c}' FirstZ='{z}' PlaneCount='1'/>"
+        for t, c, z in np.ndindex(2, 3, 4)
+    )
+    (tmp_path / "a.tif").write_bytes(tiff_bytes(pages[order], description=OME.format(places)))
+    volume = read(tmp_path / "a.tif", time=1, component=2)
+    np.testing.assert_array_equal(volume.values, STACK[1, 2])
+    assert volume.spacing[0] == 0.5
+
+
+@pytest.mark.parametrize("places", ["<TiffData IFD='3'/>", "<TiffData IFD='24'/>", "<TiffData IFD='0' FirstZ='1'/>"])
+def test_ome_planes_without_a_page_are_refused(tmp_path, places):
+    (tmp_path / "a.tif").write_bytes(tiff_bytes(STACK.reshape(24, 5, 6), description=OME.format(places)))
+    with pytest.raises(InputError, match="does not give each plane a page"):
+        read(tmp_path / "a.tif", time=0, component=0)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_large_stacks_of_imagej_have_one_page(tmp_path, order):
+    """Beyond 4 GB ImageJ writes one page, and all planes behind its pixels."""
+    values = ramp("int16", (7, 4, 5))
+    data = tiff_bytes(values[:1], order, description="ImageJ=1.53\nimages=7\nslices=7\n")
+    strips = struct.pack(f"{order}HHI", 273, 4, 1)
+    assert data.count(strips) == 1
+    place = data.index(strips) + len(strips)
+    planes = values.astype(values.dtype.newbyteorder(order)).tobytes()
+    data = data[:place] + struct.pack(f"{order}I", len(data)) + data[place + 4 :] + planes
+    (tmp_path / "a.tif").write_bytes(data)
+    np.testing.assert_array_equal(read(tmp_path / "a.tif").values, values)
+    (tmp_path / "a.tif").write_bytes(data[:-1])
+    with pytest.raises(InputError, match="does not fit its pages"):
+        read(tmp_path / "a.tif")
+
+
+def test_missing_codecs_are_named(tmp_path, monkeypatch):
+    tifffile.imwrite(tmp_path / "a.tif", VALUES, compression="lzw", photometric="minisblack", metadata=None)
+    monkeypatch.setattr("renderer.errors.importlib.util.find_spec", lambda _: None)
+
+    def fail(*_args: object, **_options: object) -> None:
+        raise ValueError("<COMPRESSION.LZW: 5> requires the 'imagecodecs' package")
+
+    monkeypatch.setattr(tifffile.TiffPage, "asarray", fail)
+    with pytest.raises(InputError) as error:
+        read(tmp_path / "a.tif")
+    hint = "hint: pip install 'hsplat[tiff]'"
+    assert str(error.value) == f"{tmp_path / 'a.tif'}: the package imagecodecs is not installed\n  {hint}"
+
+
+def test_a_bomb_of_deflate_is_refused(tmp_path):
+    """It says that it is 45 x 40 pixels, and decompresses to a gigabyte."""
+    packer = zlib.compressobj(9)
+    bomb = b"".join([packer.compress(bytes(1 << 24)) for _ in range(64)] + [packer.flush()])
+    tifffile.imwrite(tmp_path / "a.tif", VALUES[:1], compression="zlib", photometric="minisblack", metadata=None)
+    with tifffile.TiffFile(tmp_path / "a.tif") as pages:
+        tags = pages.pages[0].tags
+        places = tags[273].valueoffset, tags[279].valueoffset
+    data = bytearray((tmp_path / "a.tif").read_bytes())
+    struct.pack_into("<I", data, places[0], len(data))
+    struct.pack_into("<I", data, places[1], len(bomb))
+    (tmp_path / "a.tif").write_bytes(bytes(data) + bomb)
+    with pytest.raises(InputError):
+        read(Path(tmp_path / "a.tif"))
