@@ -10,12 +10,14 @@ from renderer.errors import InputError
 from renderer.readers.common import describe_shape, require_exists
 from renderer.scene import printable_text
 
-# Numbered data files: `slice%03d.raw 1 60 1`, first, last and step. No other conversion is accepted.
+# Numbered data files: `slice%03d.raw 1 60 1`, first, last and step, of which MetaImage may leave out some. No other
+# conversion is accepted.
 _NUMBERED = re.compile(
-    r"([^%\s]*)%(0?[0-9]?)d([^%\s]*)\s+([0-9]{1,9})\s+([0-9]{1,9})\s+([1-9][0-9]{0,8})(?:\s+([0-9]+))?"
+    r"([^%]*)%(0?[0-9]?)d([^%]*?)"
+    r"(?:\s{1,9}([0-9]{1,9})(?:\s{1,9}([0-9]{1,9})(?:\s{1,9}(-?[1-9][0-9]{0,8})(?:\s{1,9}([0-9]{1,2}))?)?)?)?"
 )
 # What both forms may end with is the number of axes in each file.
-_LIST = re.compile(r"LIST(?:\s+([0-9]+))?", re.IGNORECASE)
+_LIST = re.compile(r"LIST(?:\s+([0-9]+)D?)?", re.IGNORECASE)
 
 
 def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int, ...]) -> tuple[list[Path], int]:
@@ -30,8 +32,11 @@ def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int
         return [_data_file(header, name)], 0
     num_axes, num_files = None, 0
     if numbered is not None:
-        before, width, after, first, last, step, num_axes = numbered.groups()
-        numbers = range(int(first), int(last) + 1, int(step))
+        before, width, after, *words, num_axes = numbered.groups()
+        first, last, step = (None if word is None else int(word) for word in words)
+        first, step = 1 if first is None else first, step or 1
+        last = first + shape[0] - 1 if last is None else last
+        numbers = range(first, last + (1 if step > 0 else -1), step)
         num_files = len(numbers)
     elif is_list is not None:
         num_axes, num_files = is_list[1], len(listed)

@@ -181,11 +181,11 @@ class Header:
         return self.fields[name].text if name in self.fields else ""
 
     def is_true(self, name: str, *, default: bool) -> bool:
-        """Return whether a field is true; raises InputError for any word but True and False."""
+        """Return whether a field is true; raises InputError for any word but True and False, T and F, 1 and 0."""
         word = self.text(name).lower() or str(default).lower()
-        if word not in ("true", "false", "1", "0"):
+        if word not in ("true", "t", "1", "false", "f", "0"):
             raise self.fields[name].error("True or False")
-        return word in ("true", "1")
+        return word in ("true", "t", "1")
 
     def whole(self, name: str, default: int, least: int, most: float = math.inf) -> int:
         """Return the whole number of a field; raises InputError for any other text."""

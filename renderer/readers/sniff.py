@@ -64,7 +64,7 @@ def find_format(path: Path) -> Format:
     suffix = path.suffix.lower()
     if suffix in _SUFFIXES:
         return _SUFFIXES[suffix]
-    if path.name.lower().endswith(".nii.gz"):
+    if path.name.lower().endswith((".nii.gz", ".hdr.gz", ".img.gz")):
         return "nifti"
     raise UnknownFormatError(path, is_empty=not start)
 

@@ -48,6 +48,7 @@ def write(name: str, lines: str, data: bytes) -> None:
         ("a.mhd", "HeaderSize = 5\n", b"12345" + RAW + bytes(500)),
         ("a.mhd", "HeaderSize = -1\n", b"12345" + RAW),
         ("a.mha", f"{SCALED}Slope = 1\n{SCALED}Offset = 0.0\n", RAW),
+        ("a.mha", "BinaryData = T\nCompressedData = f\n", RAW),
     ],
 )
 def test_voxels_are_where_the_header_says(

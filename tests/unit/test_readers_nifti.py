@@ -17,11 +17,11 @@ AFFINE = np.array([[2.0, 0.5, 0.0, -7.0], [0.0, 1.5, 0.25, 5.0], [0.0, 0.0, 3.0,
 LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 
-@pytest.mark.parametrize("name", ["a.nii", "a.nii.gz", "a.hdr"])
+@pytest.mark.parametrize("name", ["a.nii", "a.nii.gz", "a.hdr", "a.hdr.gz"])
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_byte_orders_and_sheared_affine(tmp_path, name, order):
     values = ramp("int16")
-    kind = nib.Nifti1Pair if name == "a.hdr" else nib.Nifti1Image
+    kind = nib.Nifti1Pair if ".hdr" in name else nib.Nifti1Image
     kind(values, AFFINE, kind.header_class(endianness=order), dtype="int16").to_filename(tmp_path / name)
     volume = read(tmp_path / name)
     np.testing.assert_array_equal(volume.values, values.T)

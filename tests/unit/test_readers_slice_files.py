@@ -46,12 +46,21 @@ def read(header: str, text: str) -> npt.NDArray[np.generic]:
         LIST,
         LIST.replace("\n", "\r\n"),
         LIST.replace("LIST", "LIST 2"),
+        LIST.replace("LIST", "LIST 2D"),
         "slice%02d.raw 1 4 1\n",
         "slice%02d.raw 1 4 1 2\n",
+        "slice%02d.raw\n",
     ],
 )
 def test_each_slice_has_a_file(header: str, named: str) -> None:
     np.testing.assert_array_equal(read(header, NAMINGS[header] + named), VALUES)
+
+
+@pytest.mark.parametrize("header", NAMINGS)
+def test_numbers_may_decrease_and_names_have_blanks(header: str) -> None:
+    for number in range(1, 5):
+        Path(f"slice{number:02}.raw").rename(f"a slice {number} of 4.raw")
+    np.testing.assert_array_equal(read(header, NAMINGS[header] + "a slice %d of 4.raw 4 1 -1\n"), VALUES[::-1])
 
 
 def test_blanks_after_names_are_ignored() -> None:
@@ -113,8 +122,6 @@ REFUSED = {
     "way-1": "slice%09999d.raw 1 4 1\n",
     "way-2": "%s%d.raw 1 4 1\n",
     "way-3": "slice%02d.raw 1 4 0\n",
-    "way-4": "slice%02d.raw 4 1 -1\n",
-    "way-6": "slice%02d.raw\n",
     "way-7": "LIST 1\n",
     "way-8": "LIST two\n",
     "way-9": "LIST\n",
