@@ -39,6 +39,7 @@ from renderer.volume import Volume
 MAX_SECONDS = 10
 MAX_BYTES = 2**30
 _CHILD_SECONDS, _CHILD_BYTES = 3, 2**28
+_FEW_SECONDS = 3
 # A fork that waits instead of working ends after this many seconds; one that takes as much memory gets no more.
 _PATIENCE_S = 60
 _ADDRESS_SPACE = 6 * 2**30
@@ -165,7 +166,11 @@ def _read_in_fork(case: Case, folder: Path, path: Path, *, in_child: bool) -> _R
     if pid == 0:
         try:
             os.close(receiver)
-            _limit()
+            ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # when this process ends
+            signal.signal(signal.SIGALRM, signal.SIG_DFL)
+            signal.alarm(_PATIENCE_S)
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+            _limit(MAX_SECONDS + _CHILD_SECONDS, _ADDRESS_SPACE)
             _answer(sender, case, path, undamaged, in_child=in_child)
         finally:
             os._exit(0)
@@ -179,16 +184,11 @@ def _read_in_fork(case: Case, folder: Path, path: Path, *, in_child: bool) -> _R
     return _Reading(os.waitstatus_to_exitcode(status), seconds, num_bytes, in_child and "is_foreign" in found, found)
 
 
-def _limit() -> None:
-    """Limit memory, processor time and waiting, all above what a file may take; die with the parent."""
-    ctypes.CDLL(None).prctl(1, signal.SIGKILL)
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)
-    signal.alarm(_PATIENCE_S)
-    seconds = MAX_SECONDS + _CHILD_SECONDS
-    resource.setrlimit(resource.RLIMIT_CPU, (seconds, resource.getrlimit(resource.RLIMIT_CPU)[1]))
+def _limit(seconds: int, num_bytes: int) -> None:
+    """Limit processor time, and memory beside what this process has."""
     taken = int(Path("/proc/self/statm").read_text("ascii").split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (taken + _ADDRESS_SPACE, resource.getrlimit(resource.RLIMIT_AS)[1]))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    for kind, limit in ((resource.RLIMIT_CPU, seconds), (resource.RLIMIT_AS, taken + num_bytes)):
+        resource.setrlimit(kind, (limit, resource.getrlimit(kind)[1]))
 
 
 def _answer(sender: int, case: Case, path: Path, undamaged: Volume, *, in_child: bool) -> None:
@@ -201,7 +201,10 @@ def _answer(sender: int, case: Case, path: Path, undamaged: Volume, *, in_child:
 
     def read_foreign(reader: str, path: Path, **arguments: Any) -> Image:
         tell(is_foreign=True)
-        return (read_as_program if in_child else _read_here)(reader, path, **arguments)
+        if in_child:
+            return read_as_program(reader, path, **arguments)
+        _limit(_FEW_SECONDS, MAX_BYTES)  # what needs more is read again in a child process
+        return _read_here(reader, path, **arguments)
 
     reading.read_isolated = read_foreign
     warnings.resetwarnings()  # as they are outside of tests
