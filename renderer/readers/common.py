@@ -17,6 +17,9 @@ from renderer.volume import Array, Float64, MappedFile, iter_slabs
 # Larger volumes are refused, whatever their header says: a corrupt header must not exhaust the machine's memory.
 MAX_VOLUME_BYTES = 2**40
 
+# Counts from here on are shown by their magnitude alone.
+_MAX_SHOWN_COUNT = 10**15
+
 # From this size on, voxels stay in their file if it stores them ready for use. Smaller volumes are copied: that is
 # cheap, and the file may change.
 _MIN_MAPPED_BYTES = 64 << 20
@@ -45,10 +48,15 @@ class Image:
     note: str | None = None
 
 
+def describe_count(n: int) -> str:
+    """Return the digits of a count, or the magnitude of one that only a damaged header has."""
+    return str(n) if n < _MAX_SHOWN_COUNT else f"about 10^{int(math.log10(n))}"
+
+
 def describe_shape(shape_xyz: tuple[int, ...]) -> str:
     """Return `256 x 256 x 128`, without axes of length one after the third."""
     num = max(3, *(k + 1 for k, n in enumerate(shape_xyz) if n != 1), 0)
-    return " x ".join(str(n) for n in shape_xyz[:num])
+    return " x ".join(map(describe_count, shape_xyz[:num]))
 
 
 def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLike) -> Float64:
@@ -180,10 +188,11 @@ def check_size(shape_xyz: tuple[int, ...], dtype: npt.DTypeLike, where: str) -> 
     if num_bytes <= 0:
         raise InputError("the volume has no voxels", where=where, got=describe_shape(shape_xyz))
     if num_bytes > MAX_VOLUME_BYTES:
+        num_gibibytes = describe_count(-(-num_bytes // 2**30))
         raise InputError(
             "the volume is too large",
             where=where,
-            got=f"{describe_shape(shape_xyz)} voxels of {np.dtype(dtype).name}, {num_bytes / 2**30:.1f} GiB",
+            got=f"{describe_shape(shape_xyz)} voxels of {np.dtype(dtype).name}, {num_gibibytes} GiB",
             expected=f"at most {MAX_VOLUME_BYTES / 2**30:.0f} GiB",
             hint="if the file is smaller than that, its header is wrong",
         )

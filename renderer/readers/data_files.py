@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from renderer.errors import InputError
-from renderer.readers.common import describe_shape, require_exists
+from renderer.readers.common import describe_count, describe_shape, require_exists
 from renderer.scene import printable_text
 
 # Numbered data files: `slice%03d.raw 1 60 1`, first, last and step. No other conversion is accepted.
@@ -50,7 +50,7 @@ def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int
             f"this header names too {'few' if num_files < num_expected else 'many'} data files",
             where=str(header),
             got=str(num_files),
-            expected=f"{num_expected}, one for each {describe_shape(shape[num_split:][::-1])} of "
+            expected=f"{describe_count(num_expected)}, one for each {describe_shape(shape[num_split:][::-1])} of "
             f"{describe_shape(shape[::-1])} voxels",
         )
     names = [f"{before}{number:{width}d}{after}" for number in numbers] if numbered is not None else listed

@@ -228,3 +228,34 @@ def test_warnings_of_the_libraries_stay_off_the_terminal(tmp_path, capfd):
         with pytest.raises(InputError):
             read(path)
     assert capfd.readouterr() == ("", "")
+
+
+BEYOND = "1e300 2 1e300"
+NRRD_LINES = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: {}\nencoding: {}\n{}\n"
+META_LINES = "ObjectType = Image\nNDims = 3\nDimSize = {}\nElementType = MET_UCHAR\nElementDataFile = {}\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "header", "got"),
+    [
+        ("a.nrrd", NRRD_LINES.format(BEYOND, "raw", ""), "about 10^300 x 2 x about"),
+        ("a.mha", META_LINES.format(BEYOND, "LOCAL"), "about 10^300 x 2 x about"),
+        ("a.cube", "a\nb\n0 0 0 0\n1e300 1 0 0\n2 0 1 0\n1e300 0 0 1\n1 1 1\n", "1 x about 10^300 x 2 x about"),
+    ],
+)
+def test_lengths_beyond_all_numbers(tmp_path, name, header, got):
+    (tmp_path / name).write_text(header)
+    with pytest.raises(InputError) as caught:
+        read(tmp_path / name)
+    assert str(caught.value).startswith(f"{tmp_path / name}: the volume is too large\n  got: {got} 10^300 voxels of ")
+
+
+def test_more_data_files_than_there_are_numbers(tmp_path):
+    (tmp_path / "a.mhd").write_text(META_LINES.format(BEYOND, "LIST\nb\nc"))
+    with pytest.raises(InputError) as caught:
+        read(tmp_path / "a.mhd")
+    assert str(caught.value) == (
+        f"{tmp_path / 'a.mhd'}: this header names too few data files\n"
+        "  got: 2\n"
+        "  expected: about 10^300, one for each about 10^300 x 2 of about 10^300 x 2 x about 10^300 voxels"
+    )
