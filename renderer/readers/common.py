@@ -30,8 +30,6 @@ _NUM_STEPS = 2**16
 # The note for a file without voxel sizes.
 NO_LENGTHS = "the file does not give its voxel size; 1 x 1 x 1 is assumed"
 
-LPS_FROM_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
-
 
 @dataclass(frozen=True)
 class Image:
@@ -67,6 +65,11 @@ def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLi
         world_from_index[:3, :3] = np.asarray(direction, np.float64) * np.asarray(spacing, np.float64)
     world_from_index[:3, 3] = origin
     return world_from_index
+
+
+def in_lps(world_from_index: Float64, factors: tuple[float, ...]) -> Float64:
+    """Return the affine with x, y and z of the world multiplied by these factors, each 1 or -1."""
+    return np.multiply(world_from_index, np.array([*factors, 1.0])[:, np.newaxis])
 
 
 def bytes_of(values: Array) -> memoryview:

@@ -23,11 +23,11 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.common import (
-    LPS_FROM_RAS,
     Image,
     check_dtype,
     describe_shape,
     has_volume,
+    in_lps,
     select_index,
     unreadable_error,
 )
@@ -72,7 +72,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
         ras_from_index = _ras_from_index(image.header)
     except ValueError as error:  # the quaternion is not a rotation
         raise unreadable_error(path, error) from error
-    return Image(_scaled(values, *_scale(image, where)), LPS_FROM_RAS @ ras_from_index)
+    return Image(_scaled(values, *_scale(image, where)), in_lps(ras_from_index, (-1.0, -1.0, 1.0)))
 
 
 def _stored_voxels(image: Any, path: Path) -> StoredVoxels:

@@ -17,14 +17,20 @@ from typing import IO, Any, Literal
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import bytes_of, check_size, describe_shape, stays_mapped
+from renderer.readers.common import bytes_of, check_size, describe_count, describe_shape, stays_mapped
 from renderer.volume import Array
 
 # Files are read and decompressed in pieces of this many bytes.
 _PIECE = 2**20
 
-# Deflate stores at most 258 bytes in 2 bits (RFC 1951), and no stream is longer than this multiple of its bytes.
+# Deflate stores at most 258 bytes in 2 bits (RFC 1951), and no stream is longer than this multiple of its bytes. Nor is
+# one of bzip2, whose blocks of at most 900,000 bytes store 255 equal ones in 5, and have at least 32 bytes themselves.
 _MAX_DEFLATE_RATIO = 1032
+_MAX_BZIP2_RATIO = 2**21
+
+# Reports, colours and names before the voxels are smaller than this. A compressed file a thousandth of this size can
+# claim as much.
+_MAX_SKIPPED = 2**26
 
 Encoding = Literal["raw", "deflate", "bzip2", "text", "hex"]
 
@@ -125,9 +131,17 @@ def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtyp
     if part.encoding == "raw":
         _check_num_bytes(part, found - part.num_skipped, shape_xyz, dtype)
         return
+    if part.num_skipped > _MAX_SKIPPED:
+        raise InputError(
+            "there is too much before the voxels",
+            where=str(part.file),
+            got=f"voxels from byte {describe_count(part.num_skipped)} on",
+            expected=f"at most {_MAX_SKIPPED} bytes before them",
+            hint="if nothing before them is that long, the header is damaged",
+        )
     least = {
         "deflate": -(-num_bytes // _MAX_DEFLATE_RATIO),
-        "bzip2": 1,
+        "bzip2": -(-num_bytes // _MAX_BZIP2_RATIO),
         "text": 2 * num_values - 1,  # a digit each, and something between two of them
         "hex": 2 * num_bytes,
     }[part.encoding]

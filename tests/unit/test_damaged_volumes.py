@@ -259,3 +259,56 @@ def test_more_data_files_than_there_are_numbers(tmp_path):
         "  got: 2\n"
         "  expected: about 10^300, one for each about 10^300 x 2 of about 10^300 x 2 x about 10^300 voxels"
     )
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        (
+            f"spac{' ' * 9999}ings: 1",
+            ":6: a field of this header does not have what belongs there\n  got: spac ings: 1\n",
+        ),
+        (
+            "space origin:" + "(1,1,1)" * 9,
+            ":6: a field of this header does not have what belongs there\n  got: space origin: ",
+        ),
+        ("byte skip: 67108865", ": there is too much before the voxels\n  got: voxels from byte 67108865 on\n"),
+    ],
+)
+def test_fields_that_are_too_much(tmp_path, line, message):
+    data = gzip.compress(bytes(8))
+    (tmp_path / "a.nrrd").write_bytes(NRRD_LINES.format("2 2 2", "gzip", f"{line}\n").encode() + data)
+    with pytest.raises(InputError) as caught:
+        read(tmp_path / "a.nrrd")
+    assert str(caught.value).startswith(f"{tmp_path / 'a.nrrd'}{message}")
+
+
+@pytest.mark.parametrize("encoding", ["raw", "gzip"])
+def test_lines_to_skip_that_do_not_end(tmp_path, encoding):
+    data = b"\n" * 2**22 + bytes(8)
+    (tmp_path / "a.nrrd").write_bytes(NRRD_LINES.format("2 2 2", encoding, "line skip: 9999999\n").encode() + data)
+    with pytest.raises(InputError, match="the lines before the voxels do not end"):
+        read(tmp_path / "a.nrrd")
+
+
+def test_infinite_directions_are_an_error_and_no_warning(tmp_path):
+    line = "space: RAS\nspace directions: (inf,0,0) (0,1,0) (0,0,1)\n"
+    (tmp_path / "a.nrrd").write_bytes(NRRD_LINES.format("2 2 2", "raw", line).encode() + bytes(8))
+    with pytest.raises(InputError, match="give the voxels no volume"):
+        read(tmp_path / "a.nrrd")
+
+
+@pytest.mark.parametrize("name", ["a.nhdr", "a.mhd"])
+def test_more_data_files_than_volumes_have(tmp_path, name):
+    lines = (
+        NRRD_LINES.format("1 1 99999", "raw", "data file: LIST")
+        if name == "a.nhdr"
+        else META_LINES.format("1 1 99999", "LIST")
+    )
+    (tmp_path / name).write_text(lines.rstrip("\n") + "\nb" * 99_999)
+    (tmp_path / "b").write_bytes(b"1")
+    with pytest.raises(InputError) as caught:
+        read(tmp_path / name)
+    assert str(caught.value) == (
+        f"{tmp_path / name}: this header names too many data files\n  got: 99999\n  expected: at most 65536"
+    )
