@@ -69,7 +69,7 @@ def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLi
 
 def in_lps(world_from_index: Float64, factors: tuple[float, ...]) -> Float64:
     """Return the affine with x, y and z of the world multiplied by these factors, each 1 or -1."""
-    return np.multiply(world_from_index, np.array([*factors, 1.0])[:, np.newaxis])
+    return np.asarray(world_from_index * np.array([*factors, 1.0])[:, np.newaxis], np.float64)
 
 
 def bytes_of(values: Array) -> memoryview:

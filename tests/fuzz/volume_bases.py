@@ -132,13 +132,19 @@ def _nrrd() -> Iterator[Base]:
             make = _attached if name == "a.nrrd" else _detached
             marks = (b"\n\n",) if name == "a.nrrd" else ()
             kind = "attached" if name == "a.nrrd" else "detached"
-            yield make(f"nrrd {encoding} {kind}", _written(write), *(marks or (name,)), guarded=is_guarded, values=values)
+            yield make(
+                f"nrrd {encoding} {kind}", _written(write), *(marks or (name,)), guarded=is_guarded, values=values
+            )
     lines = b"NRRD0004\n# a comment\ntype: uint16\ndimension: 3\nsizes: 10 12 4\nspacings: 0.5 0.5 2\nendian: big\n"
     digits = b"\n".join(plane.astype(">u2").tobytes().hex().encode() for plane in values)
-    yield _attached("nrrd hex", {"a.nrrd": lines + b"encoding: hex\n\n" + digits}, b"\n\n", guarded=False, values=values)
+    yield _attached(
+        "nrrd hex", {"a.nrrd": lines + b"encoding: hex\n\n" + digits}, b"\n\n", guarded=False, values=values
+    )
     names = [f"s{k}.raw.gz" for k in range(4)]
     listed = b"encoding: gzip\ndata file: LIST\n" + "\n".join(names).encode() + b"\n"
-    parts = {name: gzip.compress(plane.astype(">u2").tobytes(), mtime=0) for name, plane in zip(names, values, strict=True)}
+    parts = {
+        name: gzip.compress(plane.astype(">u2").tobytes(), mtime=0) for name, plane in zip(names, values, strict=True)
+    }
     yield _detached("nrrd gzip list", {"a.nhdr": lines + listed, **parts}, "a.nhdr", guarded=True, values=values)
     plain = {f"s{k}.raw": plane.astype(">u2").tobytes() for k, plane in enumerate(values)}
     listed = b"encoding: raw\nbyte skip: -1\ndata file: s%d.raw 0 3 1 2\n"
@@ -160,15 +166,19 @@ def _metaimage() -> Iterator[Base]:
         kind = "zlib" if is_compressed else "raw"
 
         def write(folder: Path, name: str, is_compressed: bool = is_compressed) -> None:
-            write_image(folder / name, values, spacing=(0.5, 0.5, 2.0), origin=(1.0, 2.0, 3.0), compressed=is_compressed)
+            write_image(
+                folder / name, values, spacing=(0.5, 0.5, 2.0), origin=(1.0, 2.0, 3.0), compressed=is_compressed
+            )
 
         files = _written(lambda folder, write=write: write(folder, "a.mha"))
         yield _attached(f"metaimage {kind} attached", files, mark, guarded=is_compressed, values=values)
         files = _written(lambda folder, write=write: write(folder, "a.mhd"))
         yield _detached(f"metaimage {kind} detached", files, "a.mhd", guarded=is_compressed, values=values)
     lines = b"ObjectType = Image\nNDims = 3\nDimSize = 10 12 4\nElementSpacing = 1 1 2\nElementType = MET_SHORT\n"
-    text = lines + b"BinaryData = False\nElementDataFile = LOCAL\n" + b"\n".join(
-        " ".join(map(str, row)).encode() for row in values.reshape(-1, 10).tolist()
+    text = (
+        lines
+        + b"BinaryData = False\nElementDataFile = LOCAL\n"
+        + b"\n".join(" ".join(map(str, row)).encode() for row in values.reshape(-1, 10).tolist())
     )
     yield _attached("metaimage text", {"a.mha": text}, mark, guarded=False, values=values)
     parts = {f"s{k}.raw": plane.tobytes() for k, plane in enumerate(values)}
@@ -326,14 +336,21 @@ _SUMMED = ("ADOBE_DEFLATE", "DEFLATE", "LZMA")
 
 
 def _tiff_of(
-    name: str, files: dict[str, bytes], values: Array | None, *, opened: str = "a.tif", choice: dict[str, int] | None = None
+    name: str,
+    files: dict[str, bytes],
+    values: Array | None,
+    *,
+    opened: str = "a.tif",
+    choice: dict[str, int] | None = None,
 ) -> Base:
     """Return a volume of TIFF files, of which zlib's streams, lzma's and some of zstd have checksums."""
     guarded, headers = {}, {}
     for file, data in files.items():
         with tifffile.TiffFile(io.BytesIO(data)) as tiff:
             pages = list(tiff.pages)
-            spans = [(at, at + n) for page in pages for at, n in zip(page.dataoffsets, page.databytecounts, strict=True)]
+            spans = [
+                (at, at + n) for page in pages for at, n in zip(page.dataoffsets, page.databytecounts, strict=True)
+            ]
             has_sum = pages[0].compression.name in _SUMMED or "checksum" in name
         spans.sort()
         guarded[file] = tuple(spans) if has_sum else ()
@@ -403,7 +420,9 @@ def _dicom() -> Iterator[Base]:
 
     data = _written(plain)["a.dcm"]
     yield _dicom_base("plain", data, values)
-    yield _dicom_base("implicit", _written(lambda folder: save(folder / "a.dcm", image_fields(values, **stack)))["a.dcm"], values)
+    yield _dicom_base(
+        "implicit", _written(lambda folder: save(folder / "a.dcm", image_fields(values, **stack)))["a.dcm"], values
+    )
 
     def deflated(folder: Path) -> None:
         fields = image_fields(values, **stack)
@@ -520,7 +539,9 @@ def _vtk_base(kind: str, image: Any, values: Array, mode: str, compressor: str, 
     writer.SetBlockSize(512)
     writer.SetEncodeAppendedData(is_base64)
     data = _written_by_vtk(writer, image, "a.vti")
-    text = re.search(rb"<DataArray[^>]*>\s*", data) if mode != "Appended" else re.search(rb"<AppendedData[^>]*>\s*_", data)
+    text = (
+        re.search(rb"<DataArray[^>]*>\s*", data) if mode != "Appended" else re.search(rb"<AppendedData[^>]*>\s*_", data)
+    )
     assert text is not None
     begin = text.end()
     num_blocks = -(-values.nbytes // 512)

@@ -18,7 +18,19 @@ from pydicom.uid import DeflatedExplicitVRLittleEndian, ExplicitVRLittleEndian, 
 
 from tests.support.dicom_files import image_fields
 from tests.support.tiff_files import (
-    BITS, BYTE, COMPRESSION, DESCRIPTION, HEIGHT, LONG, SAMPLES, SHORT, STRIP_BYTES, STRIPS, WIDTH, described, directory, tiff,
+    BITS,
+    BYTE,
+    COMPRESSION,
+    HEIGHT,
+    LONG,
+    SAMPLES,
+    SHORT,
+    STRIP_BYTES,
+    STRIPS,
+    WIDTH,
+    described,
+    directory,
+    tiff,
 )  # fmt: skip
 
 # The content of files by their names, the first of which is opened, or its folder; with a length, zeros follow.
@@ -146,7 +158,9 @@ def nrrd_listed_missing_files() -> Files:
 
 
 def nrrd_numbered_files() -> Files:
-    header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 1 1 999999999\nencoding: raw\ndata file: b%d 1 999999999 1\n\n"
+    header = (
+        "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 1 1 999999999\nencoding: raw\ndata file: b%d 1 999999999 1\n\n"
+    )
     return {"a.nrrd": header.encode(), "b1": b"1"}
 
 
@@ -203,7 +217,9 @@ def metaimage_text_of_blanks() -> Files:
     return _meta(b" " * 2**25, more="BinaryData = False\n")
 
 
-def _nifti_header(*, offset: float = 352, sizes: tuple[int, ...] = (3, 4, 4, 4, 1, 1, 1, 1), extended: int = 0) -> bytes:
+def _nifti_header(
+    *, offset: float = 352, sizes: tuple[int, ...] = (3, 4, 4, 4, 1, 1, 1, 1), extended: int = 0
+) -> bytes:
     header = bytearray(352)
     struct.pack_into("<i", header, 0, 348)
     struct.pack_into("<8h", header, 40, *sizes)
@@ -235,7 +251,11 @@ def nifti_extension_of_gigabytes() -> Files:
 
 def nifti_many_extensions() -> Files:
     extension = struct.pack("<ii", 16, 6) + bytes(8)
-    return {"a.nii.gz": gzip.compress(_nifti_header(offset=352 + 2**25, extended=1) + extension * 2**21 + bytes(64), 1, mtime=0)}
+    return {
+        "a.nii.gz": gzip.compress(
+            _nifti_header(offset=352 + 2**25, extended=1) + extension * 2**21 + bytes(64), 1, mtime=0
+        )
+    }
 
 
 def nifti_extension_of_a_pair() -> Files:
@@ -443,7 +463,9 @@ def tiff_planes_of_ome() -> Files:
 
 
 def tiff_images_of_imagej() -> Files:
-    return {"a.tif": described("ImageJ=1.53\nimages=999999999\nslices=2147483647\nframes=2147483647\nchannels=2147483647\n")}
+    return {
+        "a.tif": described("ImageJ=1.53\nimages=999999999\nslices=2147483647\nframes=2147483647\nchannels=2147483647\n")
+    }
 
 
 def tiff_brackets_of_ome() -> Files:
@@ -661,7 +683,11 @@ def vtk_legacy_other_grids() -> Files:
     return {"a.vtk": b"# vtk DataFile Version 3.0\na\nBINARY\n" + lines.encode() + bytes(64)}
 
 
-_ALL = {name: value for name, value in list(globals().items()) if callable(value) and getattr(value, "__module__", "") == __name__}
+_ALL = {
+    name: value
+    for name, value in list(globals().items())
+    if callable(value) and getattr(value, "__module__", "") == __name__
+}
 _FORMS = ("nrrd", "metaimage", "nifti", "npy", "npz", "cube", "tiff", "dicom", "vtk")
 BOMBS: dict[str, tuple[Callable[[], Files], ...]] = {
     form: tuple(value for name, value in _ALL.items() if name.startswith(f"{form}_")) for form in _FORMS

@@ -188,7 +188,14 @@ def _bytes(base: Base, rng: Random) -> Case:
 
 def _cut(base: Base, rng: Random) -> Case:
     name, data = _any_content(base, rng)
-    kept = int(_pick(rng, rng.integers(len(data)), len(data) - 1 - rng.integers(min(40, len(data))), rng.integers(min(400, len(data)))))
+    kept = int(
+        _pick(
+            rng,
+            rng.integers(len(data)),
+            len(data) - 1 - rng.integers(min(40, len(data))),
+            rng.integers(min(400, len(data))),
+        )
+    )
     return _changed(base, "truncated", name, data[:kept], **({} if name == "" else {"num_lost": len(data) - kept}))
 
 
@@ -333,7 +340,17 @@ def _node(base: Base, rng: Random) -> Case:
     """Something else has the name of a file."""
     names = list(base.files)
     name = names[int(rng.integers(len(names)))]
-    targets = ("nowhere", os.path.basename(name), "/dev/zero", "/dev/full", "/dev/null", "/dev/stdin", ".", "..", "/proc/self/mem")
+    targets = (
+        "nowhere",
+        os.path.basename(name),
+        "/dev/zero",
+        "/dev/full",
+        "/dev/null",
+        "/dev/stdin",
+        ".",
+        "..",
+        "/proc/self/mem",
+    )
     kinds = [Node("link", target) for target in targets]
     kinds += [Node("fifo"), Node("socket"), Node("folder")]
     node = kinds[int(rng.integers(len(kinds)))]
@@ -360,7 +377,20 @@ def _missing(base: Base, rng: Random) -> Case:
     return Case(base, "with a file missing or twice", files, base.opened)
 
 
-_NAMES = ("\x1b[31m\n\r", "\u202egnp", "\udcff\udcfe", "x" * 200, "\u200b", " ", "%d%n", "'\"", "\\x1b", "-", "{}", "\x7f")
+_NAMES = (
+    "\x1b[31m\n\r",
+    "\u202egnp",
+    "\udcff\udcfe",
+    "x" * 200,
+    "\u200b",
+    " ",
+    "%d%n",
+    "'\"",
+    "\\x1b",
+    "-",
+    "{}",
+    "\x7f",
+)
 
 
 def _renamed(base: Base, rng: Random) -> Case:
@@ -369,7 +399,9 @@ def _renamed(base: Base, rng: Random) -> Case:
     name = names[int(rng.integers(len(names)))]
     folder, file = os.path.split(name)
     part = _NAMES[int(rng.integers(len(_NAMES)))]
-    other = os.path.join(folder, str(_pick(rng, part + file, file.replace(".", part + ".", 1), "." + file, file + part)))
+    other = os.path.join(
+        folder, str(_pick(rng, part + file, file.replace(".", part + ".", 1), "." + file, file + part))
+    )
     files: dict[str, Content] = dict(base.files)
     data = base.files[name]
     del files[name]
@@ -389,8 +421,12 @@ def _folder(base: Base, rng: Random) -> Case:
     """The folder is opened in place of the file, with other things in it."""
     files: dict[str, Content] = {f"in/{name}": data for name, data in base.files.items()}
     for k in range(int(rng.integers(3))):
-        other = _pick(rng, Node("fifo"), Node("link", "."), Node("link", "/dev/zero"), b"text", b"", Node("link", "/proc"))
-        files[_pick(rng, f"in/{k}.tif", f"in/{k}", f"in/{k}.dcm", f"in/{k}.nrrd", f"in/.{k}", f"in/more/{k}.mha")] = other
+        other = _pick(
+            rng, Node("fifo"), Node("link", "."), Node("link", "/dev/zero"), b"text", b"", Node("link", "/proc")
+        )
+        files[_pick(rng, f"in/{k}.tif", f"in/{k}", f"in/{k}.dcm", f"in/{k}.nrrd", f"in/.{k}", f"in/more/{k}.mha")] = (
+            other
+        )
     return Case(base, "its folder is opened", files, _pick(rng, "in", "in", "in/more/..", "."))
 
 
