@@ -20,8 +20,10 @@ from renderer.errors import InputError
 from renderer.readers.common import bytes_of, check_size, describe_count, describe_shape, stays_mapped
 from renderer.volume import Array
 
-# Files are read and decompressed in pieces of this many bytes.
+# Files are read and decompressed in pieces of this many bytes. Those of deflate are smaller: behind each of perhaps very
+# many gzip members, zlib copies what is left of one.
 _PIECE = 2**20
+_DEFLATE_PIECE = 2**15
 
 # Deflate stores at most 258 bytes in 2 bits (RFC 1951), and no stream is longer than this multiple of its bytes. Nor is
 # one of bzip2, whose blocks of at most 900,000 bytes store 255 equal ones in 5, and have at least 32 bytes themselves.
@@ -199,7 +201,7 @@ def _decoded(part: StoredVoxels, dtype: np.dtype[Any], enough: int) -> Iterator[
         with part.file.open("rb") as file:
             file.seek(part.offset)
             if part.encoding == "deflate":
-                yield from _inflated(_pieces(file, part.num_encoded), part.num_skipped + enough)
+                yield from _inflated(_pieces(file, part.num_encoded, _DEFLATE_PIECE), part.num_skipped + enough)
             elif part.encoding == "bzip2":
                 yield from _pieces(bz2.BZ2File(file))
             elif part.encoding == "hex":
@@ -236,10 +238,10 @@ def _inflated(pieces: Iterator[bytes], enough: int) -> Iterator[bytes]:
         data = stream.unused_data or next(pieces, b"")
 
 
-def _pieces(file: IO[bytes], num_bytes: int | None = None) -> Iterator[bytes]:
+def _pieces(file: IO[bytes], num_bytes: int | None = None, piece: int = _PIECE) -> Iterator[bytes]:
     """Yield the rest of a file in pieces, `num_bytes` of it at most."""
     left = math.inf if num_bytes is None else num_bytes
-    while data := file.read(int(min(_PIECE, left))):
+    while data := file.read(int(min(piece, left))):
         left -= len(data)
         yield data
 
