@@ -68,8 +68,8 @@ def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLi
 
 
 def in_lps(world_from_index: Float64, factors: tuple[float, ...]) -> Float64:
-    """Return the affine with x, y and z of the world multiplied by these factors, each 1 or -1."""
-    return np.asarray(world_from_index * np.array([*factors, 1.0])[:, np.newaxis], np.float64)
+    """Return the affine with x, y and z of the world multiplied by these factors, each 1 or -1, and without -0."""
+    return np.asarray(world_from_index * np.array([*factors, 1.0])[:, np.newaxis] + 0.0, np.float64)
 
 
 def bytes_of(values: Array) -> memoryview:
@@ -188,7 +188,7 @@ def check_size(shape_xyz: tuple[int, ...], dtype: npt.DTypeLike, where: str) -> 
     num_bytes = np.dtype(dtype).itemsize
     for n in shape_xyz:
         num_bytes *= int(n)
-    if num_bytes <= 0:
+    if min(shape_xyz, default=1) < 1:
         raise InputError("the volume has no voxels", where=where, got=describe_shape(shape_xyz))
     if num_bytes > MAX_VOLUME_BYTES:
         num_gibibytes = describe_count(-(-num_bytes // 2**30))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import os
 import struct
 import zlib
@@ -36,7 +35,8 @@ _SUFFIXES: dict[str, Format] = {
 }
 _VOLUME_SUFFIXES = (".nrrd", ".nhdr", ".npy", ".npz", ".vti", ".vtk", ".mha", ".mhd", ".nii", ".nii.gz", ".cube")
 TIFF_SUFFIXES = (".tif", ".tiff")
-_FIRST_BYTES = 1024
+_FIRST_BYTES = 4096
+_GZIP = b"\x1f\x8b"
 _NIFTI_HEADER_BYTES = (348, 540)
 # A search ends after this many entries, and a message lists this many volumes.
 _MAX_ENTRIES, _MAX_LISTED = 10_000, 12
@@ -68,7 +68,7 @@ def find_format(path: Path) -> Format:
     suffix = path.suffix.lower()
     if suffix in _SUFFIXES:
         return _SUFFIXES[suffix]
-    if path.name.lower().endswith(".nii.gz") or _is_nifti(start) or _is_nifti(_decompressed(path, start)):
+    if path.name.lower().endswith(".nii.gz") or _is_nifti(read_start(path, 4)[0]):
         return "nifti"
     raise UnknownFormatError(path, is_empty=not start)
 
@@ -160,12 +160,12 @@ def _is_nifti(start: bytes) -> bool:
     return len(start) >= 4 and any(struct.unpack(order + "i", start[:4])[0] in _NIFTI_HEADER_BYTES for order in "<>")
 
 
-def _decompressed(path: Path, start: bytes) -> bytes:
-    """Return the first bytes of a gzip file; none of any other file."""
-    if start[:2] != b"\x1f\x8b":
-        return b""
+def read_start(path: Path, num_bytes: int) -> tuple[bytes, bool]:
+    """Return the first bytes of a file, decompressed if it is gzip, and whether it is; none of a damaged stream."""
+    start = _start(path)
+    if start[:2] != _GZIP:
+        return start[:num_bytes], False
     try:
-        with gzip.open(path) as file:
-            return file.read(4)
-    except (OSError, EOFError, zlib.error):
-        return b""
+        return zlib.decompressobj(zlib.MAX_WBITS | 16).decompress(start, num_bytes), True
+    except zlib.error:
+        return b"", True

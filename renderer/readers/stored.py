@@ -20,8 +20,8 @@ from renderer.errors import InputError
 from renderer.readers.common import bytes_of, check_size, describe_count, describe_shape, stays_mapped
 from renderer.volume import Array
 
-# Files are read and decompressed in pieces of this many bytes. Those of deflate are smaller: behind each of perhaps very
-# many gzip members, zlib copies what is left of one.
+# Files are read and decompressed in pieces of this many bytes. Those of deflate are smaller: behind each gzip member,
+# of which there may be very many, zlib copies what is left of one.
 _PIECE = 2**20
 _DEFLATE_PIECE = 2**15
 

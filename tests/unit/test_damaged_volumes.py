@@ -196,7 +196,7 @@ def test_extensions_that_inflate_take_no_memory(tmp_path):
             if is_fine:
                 assert read(tmp_path / "a.nii.gz").shape == (4, 4, 4)
                 continue
-            with pytest.raises(InputError, match="too much between the header and the voxels"):
+            with pytest.raises(InputError, match="too much before the voxels"):
                 read(tmp_path / "a.nii.gz")
 
 
@@ -312,3 +312,21 @@ def test_more_data_files_than_volumes_have(tmp_path, name):
     assert str(caught.value) == (
         f"{tmp_path / name}: this header names too many data files\n  got: 99999\n  expected: at most 65536"
     )
+
+
+def test_negative_lengths_make_no_volume(tmp_path):
+    """Two of them have a positive product."""
+    header = nib.Nifti1Header()
+    header.set_data_dtype(np.uint8)
+    header["dim"][:4] = 3, -2, -2, 4
+    header["vox_offset"] = 352
+    (tmp_path / "a.nii").write_bytes(header.binaryblock + bytes(100))
+    with pytest.raises(InputError, match="the volume has no voxels"):
+        read(tmp_path / "a.nii")
+
+
+def test_gzip_names_without_end_are_not_searched(tmp_path):
+    for name in ("a.nii.gz", "a"):
+        (tmp_path / name).write_bytes(b"\x1f\x8b\x08\x08" + bytes(6) + b"a" * 10_000)
+        with pytest.raises(InputError, match=r"not a (NIfTI file|volume in a known format), or it is damaged"):
+            read(tmp_path / name)
