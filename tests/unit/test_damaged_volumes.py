@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gzip
+import io
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -325,8 +327,35 @@ def test_negative_lengths_make_no_volume(tmp_path):
         read(tmp_path / "a.nii")
 
 
-def test_gzip_names_without_end_are_not_searched(tmp_path):
-    for name in ("a.nii.gz", "a"):
-        (tmp_path / name).write_bytes(b"\x1f\x8b\x08\x08" + bytes(6) + b"a" * 10_000)
-        with pytest.raises(InputError, match=r"not a (NIfTI file|volume in a known format), or it is damaged"):
-            read(tmp_path / name)
+def zipped(names: list[str], data: bytes = b"") -> bytes:
+    """Return an archive with files of the same content."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        for name in names:
+            archive.writestr(zipfile.ZipInfo(name), data)
+    return out.getvalue()
+
+
+def test_archives_of_many_arrays_are_listed_in_part(tmp_path):
+    (tmp_path / "a.npz").write_bytes(zipped([f"{'long' * 20} {k}.npy" for k in range(50)]))
+    with pytest.raises(InputError) as caught:
+        read(tmp_path / "a.npz")
+    assert str(caught.value) == (
+        f"{tmp_path / 'a.npz'}: this archive holds 50 arrays, and one is rendered\n  got: 0 is {'long' * 14}..., 1 is x"
+    )
+
+
+def test_archives_with_names_in_no_encoding(tmp_path):
+    data = zipped(["\u00e4\u00f6.npy"]).replace("\u00e4\u00f6".encode(), b"\xff\xfe\xff\xfe")
+    (tmp_path / "a.npz").write_bytes(data)
+    with pytest.raises(InputError, match="this archive cannot be read"):
+        read(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.npz"])
+def test_array_headers_that_claim_too_much_are_not_read(tmp_path, name):
+    start = b"\x93NUMPY\2\0" + np.uint32(2**32 - 1).tobytes()
+    (tmp_path / name).write_bytes(zipped(["a.npy"], start) if name == "a.npz" else start)
+    with pytest.raises(InputError, match="the header is too long") as caught:
+        read(tmp_path / name)
+    assert caught.value.got == "4294967295 bytes"
