@@ -3,8 +3,10 @@ file."""
 
 from __future__ import annotations
 
+import io
 import lzma
 import math
+import struct
 import zipfile
 import zlib
 from dataclasses import dataclass
@@ -29,12 +31,20 @@ from renderer.readers.common import (
 from renderer.scene import ArraySource, RawSource, format_value, printable_text
 from renderer.volume import Array
 
-# The largest number of axes in any version of numpy; a volume has fewer.
+# The largest number of axes in any version of numpy; a volume has fewer. Its headers are no longer than this.
 _MAX_AXES = 32
+_MAX_HEADER_BYTES = 10_000
 
 # Archives are read in pieces of this many bytes. No method of compression packs typical voxels this much.
 _PIECE = 2**20
 _MAX_PACKING = 2**16
+# What Python's zipfile raises for damaged bytes.
+_ARCHIVE_ERRORS = (
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
+    *(EOFError, OSError, RuntimeError, ValueError, ArithmeticError, LookupError),
+)
+# A message lists this many arrays, with this many characters of their names.
+_MAX_LISTED, _MAX_NAME = 5, 50
 
 
 @dataclass(frozen=True)
@@ -70,18 +80,21 @@ def read_npz(path: Path, time: int | None, component: int | None) -> Image:
             members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
             if not members:
                 raise InputError("this archive holds no array", where=where, expected="arrays saved by numpy.savez")
-            names = [printable_text(member.filename.removesuffix(".npy")) for member in members]
             if len(members) > 1 and component is None:
+                names = [
+                    printable_text(member.filename.removesuffix(".npy"), _MAX_NAME) for member in members[:_MAX_LISTED]
+                ]
                 raise InputError(
                     f"this archive holds {len(members)} arrays, and one is rendered",
                     where=where,
-                    got=", ".join(f"{k} is {name}" for k, name in enumerate(names)),
+                    got=", ".join(f"{k} is {name}" for k, name in enumerate(names))
+                    + ", ..." * (len(members) > _MAX_LISTED),
                     expected=f"`component: k` with k from 0 to {len(members) - 1}",
                 )
             member = members[select_index("component", component, len(members), where) if len(members) > 1 else 0]
             with archive.open(member) as file:
                 values = _unpacked(file, member, path)
-    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError, lzma.LZMAError) as error:
+    except _ARCHIVE_ERRORS as error:
         raise InputError(
             "this archive cannot be read",
             where=where,
@@ -161,7 +174,17 @@ def _npy_header(file: IO[bytes], path: Path) -> _Header:
             raise InputError(
                 "this version of .npy is not supported", where=where, got=".".join(map(str, version)) or None
             )
-        shape, is_fortran, dtype = read_header[version](file)
+        length = file.read(2 * version[0])
+        num_bytes = int.from_bytes(length, "little")
+        if num_bytes > _MAX_HEADER_BYTES:
+            raise InputError(
+                "the header is too long",
+                where=where,
+                got=f"{num_bytes} bytes",
+                expected=f"at most {_MAX_HEADER_BYTES}",
+                hint="the file is damaged",
+            )
+        shape, is_fortran, dtype = read_header[version](io.BytesIO(length + file.read(num_bytes)))
     except OSError as error:
         raise unreadable_error(path, error) from error
     except (ValueError, TypeError, SyntaxError, TokenError, EOFError, MemoryError, RecursionError) as error:

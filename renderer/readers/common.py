@@ -17,6 +17,9 @@ from renderer.volume import Array, Float64, MappedFile, iter_slabs
 # Larger volumes are refused, whatever their header says: a corrupt header must not exhaust the machine's memory.
 MAX_VOLUME_BYTES = 2**40
 
+# Counts from here on are shown by their magnitude alone.
+_MAX_SHOWN_COUNT = 10**15
+
 # From this size on, voxels stay in their file if it stores them ready for use. Smaller volumes are copied: that is
 # cheap, and the file may change.
 _MIN_MAPPED_BYTES = 64 << 20
@@ -26,8 +29,6 @@ _NUM_STEPS = 2**16
 
 # The note for a file without voxel sizes.
 NO_LENGTHS = "the file does not give its voxel size; 1 x 1 x 1 is assumed"
-
-LPS_FROM_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -45,10 +46,15 @@ class Image:
     note: str | None = None
 
 
+def describe_count(n: int) -> str:
+    """Return the digits of a count, or the magnitude of one that only a damaged header has."""
+    return str(n) if n < _MAX_SHOWN_COUNT else f"about 10^{int(math.log10(n))}"
+
+
 def describe_shape(shape_xyz: tuple[int, ...]) -> str:
     """Return `256 x 256 x 128`, without axes of length one after the third."""
     num = max(3, *(k + 1 for k, n in enumerate(shape_xyz) if n != 1), 0)
-    return " x ".join(str(n) for n in shape_xyz[:num])
+    return " x ".join(map(describe_count, shape_xyz[:num]))
 
 
 def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLike) -> Float64:
@@ -59,6 +65,11 @@ def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLi
         world_from_index[:3, :3] = np.asarray(direction, np.float64) * np.asarray(spacing, np.float64)
     world_from_index[:3, 3] = origin
     return world_from_index
+
+
+def in_lps(world_from_index: Float64, factors: tuple[float, ...]) -> Float64:
+    """Return the affine with x, y and z of the world multiplied by these factors, each 1 or -1, and without -0."""
+    return np.asarray(world_from_index * np.array([*factors, 1.0])[:, np.newaxis] + 0.0, np.float64)
 
 
 def bytes_of(values: Array) -> memoryview:
@@ -177,13 +188,14 @@ def check_size(shape_xyz: tuple[int, ...], dtype: npt.DTypeLike, where: str) -> 
     num_bytes = np.dtype(dtype).itemsize
     for n in shape_xyz:
         num_bytes *= int(n)
-    if num_bytes <= 0:
+    if min(shape_xyz, default=1) < 1:
         raise InputError("the volume has no voxels", where=where, got=describe_shape(shape_xyz))
     if num_bytes > MAX_VOLUME_BYTES:
+        num_gibibytes = describe_count(-(-num_bytes // 2**30))
         raise InputError(
             "the volume is too large",
             where=where,
-            got=f"{describe_shape(shape_xyz)} voxels of {np.dtype(dtype).name}, {num_bytes / 2**30:.1f} GiB",
+            got=f"{describe_shape(shape_xyz)} voxels of {np.dtype(dtype).name}, {num_gibibytes} GiB",
             expected=f"at most {MAX_VOLUME_BYTES / 2**30:.0f} GiB",
             hint="if the file is smaller than that, its header is wrong",
         )

@@ -7,7 +7,9 @@ are negative. A negative number of atoms announces a line with the numbers of se
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
@@ -16,6 +18,8 @@ from renderer.readers.common import Image, select_index
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field, decode_header
 
+# No molecule has as many atoms.
+_MAX_LINES = 2**17
 _MAX_LINE_BYTES = 4096
 
 
@@ -26,7 +30,7 @@ def read_cube(path: Path, time: int | None, component: int | None) -> Image:
     """
     select_index("time", time, 1, str(path))
     with path.open("rb") as file:
-        lines = (_line(file.readline(_MAX_LINE_BYTES), number, path) for number in itertools.count(1))
+        lines = _lines(file, path)
         next(lines), next(lines)  # comments
         first = next(lines)
         num_atoms, *origin = first.numbers(4 + (len(first.text.split()) == 5))
@@ -56,12 +60,14 @@ def read_cube(path: Path, time: int | None, component: int | None) -> Image:
     return Image(values.transpose(2, 1, 0), world_from_index)
 
 
-def _line(line: bytes, number: int, path: Path) -> Field:
-    """Return a line of the header; raises InputError for none, and for one that is too long."""
-    if not line or len(line) == _MAX_LINE_BYTES:
-        raise InputError(
-            "the header of this cube file does not end" if line else "this cube file ends within its header",
-            where=f"{path}:{number}",
-            hint="the file is truncated or damaged",
-        )
-    return Field(f"line {number}", decode_header(line).strip(), f"{path}:{number}")
+def _lines(file: IO[bytes], path: Path) -> Iterator[Field]:
+    """Yield the lines of the header; raises InputError where it cannot go on."""
+    for number in itertools.count(1):
+        line = file.readline(_MAX_LINE_BYTES)
+        if not line or len(line) == _MAX_LINE_BYTES or number > _MAX_LINES:
+            raise InputError(
+                "the header of this cube file does not end" if line else "this cube file ends within its header",
+                where=f"{path}:{number}",
+                hint="the file is truncated or damaged",
+            )
+        yield Field(f"line {number}", decode_header(line).strip(), f"{path}:{number}")

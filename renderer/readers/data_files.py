@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from renderer.errors import InputError
-from renderer.readers.common import describe_shape, require_exists
+from renderer.readers.common import describe_count, describe_shape, require_exists
 from renderer.scene import printable_text
 
 # Numbered data files: `slice%03d.raw 1 60 1`, first, last and step, of which MetaImage may leave out some. No other
@@ -18,6 +18,9 @@ _NUMBERED = re.compile(
 )
 # What both forms may end with is the number of axes in each file.
 _LIST = re.compile(r"LIST(?:\s+([0-9]+)D?)?", re.IGNORECASE)
+
+# No volume has more slices; a short pattern or a list of one name could stand for any number of files.
+_MAX_FILES = 2**16
 
 
 def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int, ...]) -> tuple[list[Path], int]:
@@ -55,8 +58,15 @@ def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int
             f"this header names too {'few' if num_files < num_expected else 'many'} data files",
             where=str(header),
             got=str(num_files),
-            expected=f"{num_expected}, one for each {describe_shape(shape[num_split:][::-1])} of "
+            expected=f"{describe_count(num_expected)}, one for each {describe_shape(shape[num_split:][::-1])} of "
             f"{describe_shape(shape[::-1])} voxels",
+        )
+    if num_files > _MAX_FILES:
+        raise InputError(
+            "this header names too many data files",
+            where=str(header),
+            got=str(num_files),
+            expected=f"at most {_MAX_FILES}",
         )
     names = [f"{before}{number:{width}d}{after}" for number in numbers] if numbered is not None else listed
     return [_data_file(header, each) for each in names], num_split

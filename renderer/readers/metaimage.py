@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import math
+from collections import defaultdict
 from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
@@ -140,7 +141,7 @@ class Header:
         self.listed: list[str] = []
         with path.open("rb") as file:
             head = file.read(MAX_HEADER_BYTES)
-        name = ""
+        name, continued = "", defaultdict[str, list[str]](list)
         for number, line in enumerate(io.BytesIO(head), 1):
             self.num_bytes += len(line)
             key, mark, value = decode_header(line).partition("=")
@@ -148,12 +149,14 @@ class Header:
                 name = key.strip()
                 self._add(Field(name, value.strip(), f"{path}:{number}"))
             elif name:
-                field = self.fields[name]
-                self.fields[name] = replace(field, text=f"{field.text} {key.strip()}".strip())
+                continued[name].append(key.strip())
             if name == "ElementDataFile":
                 below = decode_header(head[self.num_bytes :]).split("\n")
                 self.listed = list(takewhile(bool, map(str.strip, below)))
-                return
+                break
+        for name, more in continued.items():
+            field = self.fields[name]
+            self.fields[name] = replace(field, text=" ".join(filter(None, [field.text, *more])))
 
     def _add(self, field: Field) -> None:
         if field.name in self.fields and field.name != "Comment":

@@ -1,6 +1,7 @@
-"""Read NIfTI-1 and NIfTI-2, single files (.nii, .nii.gz) and pairs (.hdr with .img), with nibabel.
+"""Read NIfTI-1 and NIfTI-2, single files (.nii, .nii.gz) and pairs (.hdr with .img).
 
-nibabel parses the header, and `stored.py` reads the voxels.
+nibabel interprets the header, of which it is given no more than the fixed length: extensions are never read.
+`stored.py` reads the voxels.
 
 The affine is the sform if it is set and invertible, else the qform, else the voxel sizes alone, with the first voxel at
 the origin. RAS becomes LPS by negating x and y. Axes after z are time (the fourth) and component (the fifth), as in the
@@ -9,11 +10,10 @@ standard.
 
 from __future__ import annotations
 
-import gzip
 import logging
 import math
+import re
 import struct
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,22 +23,25 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.common import (
-    LPS_FROM_RAS,
     Image,
     check_dtype,
     describe_shape,
     has_volume,
+    in_lps,
+    require_exists,
     select_index,
     unreadable_error,
 )
+from renderer.readers.sniff import read_start
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.volume import Array, Float64
 
 # The lengths of NIfTI-1 and NIfTI-2 headers, which are their first number.
 _NIFTI_1_BYTES, _NIFTI_2_BYTES = 348, 540
-# Header extensions hold reports, colours and names, and are smaller than this. A compressed file a thousandth of this
-# size can claim as much.
-_MAX_OFFSET = 2**26
+_PAIR = re.compile(r"(.*\.)(hdr|img)(\.gz)?", re.IGNORECASE | re.DOTALL)
+
+# A nibabel.Nifti1Header, of which NIfTI-2 has a subclass.
+_Header = Any
 
 
 def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
@@ -47,13 +50,18 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     Scaled values are float32 if the stored ones have at most 16 bits or are float32, else float64. Raises InputError
     for truncated and foreign files, and if `time` or `component` do not fit.
     """
-    image = _open(path)
-    proxy, where = image.dataobj, str(path)
-    shape = tuple(int(n) for n in proxy.shape)
+    where = str(path)
+    header_file, data_file = _files(path)
+    start, is_compressed = read_start(header_file, _NIFTI_2_BYTES)
+    header = _header(start, header_file, is_single=data_file is None)
+    if data_file is not None:
+        is_compressed = data_file.suffix.lower() == ".gz"
+    shape = tuple(int(n) for n in header.get_data_shape())
     shape += (1,) * (5 - len(shape))
-    fields = proxy.dtype.names  # RGB24 and RGBA32 are records of bytes
+    dtype = header.get_data_dtype()
+    fields = dtype.names  # RGB24 and RGBA32 are records of bytes
     if fields is None:
-        check_dtype(proxy.dtype, where)
+        check_dtype(dtype, where)
     if shape[5:].count(1) != len(shape[5:]):
         raise InputError(
             "the volume has too many axes",
@@ -63,49 +71,93 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
         )
     step = select_index("time", time, shape[3], where)
     channel = select_index("component", component, shape[4] if fields is None else len(fields), where)
-    layout = Layout(proxy.dtype, shape[4::-1], (_stored_voxels(image, path),))
+    offset = int(header["vox_offset"])
+    part = StoredVoxels(data_file or header_file, offset, has_rest=True)
+    if is_compressed:
+        part = StoredVoxels(data_file or header_file, 0, "deflate", offset, has_rest=True)
     whole = slice(None)
-    values = read_stored(layout, (channel if fields is None else 0, step, whole, whole, whole), where)
+    index = (channel if fields is None else 0, step, whole, whole, whole)
+    values = read_stored(Layout(dtype, shape[4::-1], (part,)), index, where)
     if fields is not None:
         values = values[fields[channel]]
     try:
-        ras_from_index = _ras_from_index(image.header)
+        ras_from_index = _ras_from_index(header)
     except ValueError as error:  # the quaternion is not a rotation
         raise unreadable_error(path, error) from error
-    return Image(_scaled(values, *_scale(image, where)), LPS_FROM_RAS @ ras_from_index)
+    slope, intercept = header.get_slope_inter()
+    values = values if slope is None else _scaled(values, slope, intercept)
+    return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)))
 
 
-def _stored_voxels(image: Any, path: Path) -> StoredVoxels:
-    """Return where the voxels are: in a file beside the header's for pairs. Raises InputError if that is missing."""
-    data_file = Path(image.file_map["image"].filename)
-    if not data_file.is_file():
+def _files(path: Path) -> tuple[Path, Path | None]:
+    """Return the files of the header and, of a pair, of the voxels; raises InputError if one of a pair is missing."""
+    pair = _PAIR.fullmatch(path.name)
+    if pair is None:
+        return path, None
+    start, name, end = pair[1], pair[2], pair[3] or ""
+    header, data = (path.with_name(start + (each.upper() if name.isupper() else each) + end) for each in ("hdr", "img"))
+    require_exists(header)
+    if not data.is_file():
         raise InputError(
-            "the data file that belongs to this header is not there", where=str(path), expected=f"a file {data_file}"
+            "the data file that belongs to this header is not there", where=str(header), expected=f"a file {data}"
         )
-    if data_file.suffix.lower() == ".gz":
-        return StoredVoxels(data_file, 0, "deflate", image.dataobj.offset, has_rest=True)
-    return StoredVoxels(data_file, image.dataobj.offset, has_rest=True)
+    return header, require_exists(data)
 
 
-def _scale(image: Any, where: str) -> tuple[float, float]:
-    """Return slope and intercept; a slope of 0, and NaN, mean that values are not scaled.
+def _header(start: bytes, path: Path, *, is_single: bool) -> _Header:
+    """Return the header that a file begins with; raises InputError for other bytes, and for a header that is wrong."""
+    import nibabel
 
-    Raises InputError for an infinite slope, which nibabel takes for none.
-    """
-    file = Path(image.file_map.get("header", image.file_map["image"]).filename)
-    header, _ = _head(file)
-    is_second = type(image.header).sizeof_hdr == _NIFTI_2_BYTES
-    code, place = ("d", 176) if is_second else ("f", 112)
-    slope = struct.unpack_from(image.header.endianness + code, header, place)[0]
+    nib: Any = nibabel
+    classes = {
+        _NIFTI_1_BYTES: (nib.nifti1.Nifti1PairHeader, nib.Nifti1Header),
+        _NIFTI_2_BYTES: (nib.nifti2.Nifti2PairHeader, nib.Nifti2Header),
+    }
+    for order in "<>" if len(start) >= _NIFTI_1_BYTES else "":
+        num_bytes = struct.unpack_from(order + "i", start)[0]
+        if num_bytes in classes and len(start) >= num_bytes:
+            header = classes[num_bytes][is_single](start[:num_bytes], order, check=False)
+            _check_offset(header, path, least=num_bytes + 4 if is_single else 0)
+            _check_slope(header, path)
+            try:
+                with _quiet(nib.imageglobals.logger):
+                    header.check_fix()
+                    header.get_data_shape(), header.get_slope_inter()
+            except nib.spatialimages.HeaderDataError:
+                break
+            return header
+    raise InputError(
+        "this is not a NIfTI file, or it is damaged",
+        where=str(path),
+        got="an empty file" if path.stat().st_size == 0 else None,
+        expected="a header of NIfTI-1 or NIfTI-2, whose type of voxels and axes are known",
+    )
+
+
+def _check_offset(header: _Header, path: Path, least: int) -> None:
+    """Raise InputError if the voxels begin inside the header or nowhere."""
+    offset = header["vox_offset"].item()
+    if not (math.isfinite(offset) and offset >= least):
+        raise InputError(
+            "the voxels of this NIfTI file cannot be where its header says",
+            where=str(path),
+            got=f"vox_offset = {offset:g}",
+            expected=f"{least} or more" + ", behind the header" * (least > 0),
+            hint="save it again, or correct the header",
+        )
+
+
+def _check_slope(header: _Header, path: Path) -> None:
+    """Raise InputError for an infinite slope, which nibabel takes for none; 0 and NaN mean that there is none."""
+    slope = header["scl_slope"].item()
     if math.isinf(slope):
         raise InputError(
             "this NIfTI header scales its values by what is no finite number",
-            where=where,
+            where=str(path),
             got=f"scl_slope = {slope:g}",
             expected="a finite number, or 0 for values as they are stored",
             hint="correct the header, or save the file again",
         )
-    return float(image.dataobj.slope), float(image.dataobj.inter)
 
 
 @contextmanager
@@ -119,89 +171,6 @@ def _quiet(logger: logging.Logger) -> Iterator[None]:
         logger.setLevel(level)
 
 
-def _check_offset(path: Path) -> None:
-    """Raise InputError if the voxels of a single file begin inside its header or nowhere or, if compressed, far behind
-    it.
-
-    nibabel keeps the bytes in between in memory. Pairs and other files are left to nibabel.
-    """
-    head, compressed = _head(path)
-    for order in "<>" if len(head) >= _NIFTI_1_BYTES else "":
-        num_header_bytes = struct.unpack_from(order + "i", head)[0]
-        code, place, mark = {_NIFTI_1_BYTES: ("f", 108, 344), _NIFTI_2_BYTES: ("q", 168, 4)}.get(
-            num_header_bytes, ("", 0, 0)
-        )
-        if not code:
-            continue
-        offset = struct.unpack_from(order + code, head, place)[0]
-        least = num_header_bytes + 4
-        if not (math.isfinite(offset) and (offset >= least or head[mark : mark + 2] != b"n+")):
-            raise _misplaced(path, offset, least)
-        if compressed and offset > _MAX_OFFSET:
-            raise InputError(
-                "there is too much between the header and the voxels",
-                where=str(path),
-                got=f"voxels from byte {offset:.0f} on",
-                expected=f"at most {_MAX_OFFSET} bytes before them",
-                hint="if no extensions of the header are that long, it is damaged",
-            )
-
-
-def _misplaced(path: Path, offset: float, least: int) -> InputError:
-    return InputError(
-        "the voxels of this NIfTI file cannot be where its header says",
-        where=str(path),
-        got=f"vox_offset = {offset:g}",
-        expected=f"{least} or more, behind the header",
-        hint="save it again, or correct the header",
-    )
-
-
-def _head(path: Path) -> tuple[bytes, bool]:
-    """Return the first bytes of a file, at most those of a header, and whether it is compressed."""
-    try:
-        with gzip.open(path) as file:
-            return file.read(_NIFTI_2_BYTES), True
-    except (OSError, EOFError, zlib.error):  # not compressed, or damaged, which nibabel sees as well
-        with path.open("rb") as file:
-            return file.read(_NIFTI_2_BYTES), False
-
-
-def _open(path: Path) -> Any:
-    import nibabel as nib
-
-    _check_offset(path)
-    try:
-        with _quiet(nib.imageglobals.logger):
-            image = nib.load(path)
-    except (nib.filebasedimages.ImageFileError, nib.spatialimages.HeaderDataError) as error:
-        raise InputError(
-            "this is not a NIfTI file, or it is damaged",
-            where=str(path),
-            got="an empty file" if path.stat().st_size == 0 else None,
-            expected="a header of NIfTI-1 or NIfTI-2, whose type of voxels and axes are known",
-        ) from error
-    except (EOFError, ValueError, zlib.error) as error:
-        shown = unreadable_error(path, error)
-        raise InputError(
-            shown.what, where=shown.where, got=shown.got, hint="the file is truncated or damaged"
-        ) from error
-    except OSError as error:
-        raise unreadable_error(path, error) from error
-    if not isinstance(image, nib.Nifti1Pair):
-        raise InputError(
-            "this is not a NIfTI file",
-            where=str(path),
-            got=type(image).__name__,
-            expected="NIfTI-1 or NIfTI-2, which say where the voxels are",
-        )
-    proxy: Any = image.dataobj
-    least = image.header.single_vox_offset
-    if "header" not in image.file_map and proxy.offset < least:  # whose first bytes were repaired
-        raise _misplaced(path, proxy.offset, least)
-    return image
-
-
 def _scaled(values: Array, slope: float, intercept: float) -> Array:
     if slope == 1.0 and intercept == 0.0:
         return values
@@ -213,7 +182,7 @@ def _scaled(values: Array, slope: float, intercept: float) -> Array:
     return scaled
 
 
-def _ras_from_index(header: Any) -> Float64:
+def _ras_from_index(header: _Header) -> Float64:
     if header["sform_code"] > 0 and has_volume(header.get_sform()):
         return np.array(header.get_sform(), np.float64)
     if header["qform_code"] > 0 and has_volume(header.get_qform()):

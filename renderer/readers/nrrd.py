@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, closest_match
-from renderer.readers.common import NO_LENGTHS, Image, affine, select_index
+from renderer.readers.common import NO_LENGTHS, Image, affine, describe_count, in_lps, select_index
 from renderer.readers.data_files import find_data_files
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import MAX_HEADER_BYTES, Field, decode_header
@@ -149,10 +149,10 @@ def _parse(path: Path) -> tuple[dict[str, Field], list[str], int]:
                 raise InputError(
                     "this NRRD header has a field twice",
                     where=where,
-                    got=f"{name}, as in {fields[key].where}",
+                    got=f"{fields[key].name}, as in {fields[key].where}",
                     hint="remove one of the lines",
                 )
-            fields[key] = Field(name, value.strip(), where)
+            fields[key] = Field(" ".join(name.split()), value.strip(), where)
             if key == "datafile" and value.split()[:1] == ["LIST"]:
                 return fields, [line for _, line in lines if line], file.tell()
         return fields, [], file.tell()
@@ -214,14 +214,20 @@ def _choice(field: Field, choices: dict[str, Any]) -> Any:
 
 
 def _after_lines(file: Path, begin: int, num_lines: int) -> int:
-    """Return where `num_lines` lines from byte `begin` of a file end."""
+    """Return where `num_lines` lines from byte `begin` of a file end; raises InputError if that is not near."""
     if num_lines == 0:
         return begin
     with file.open("rb") as opened:
         opened.seek(begin)
         for _ in range(num_lines):
-            if not opened.readline(MAX_HEADER_BYTES):
-                break
+            left = begin + MAX_HEADER_BYTES - opened.tell()
+            if not opened.readline(left):
+                raise InputError(
+                    "the lines before the voxels do not end",
+                    where=str(file),
+                    expected=f"{describe_count(num_lines)} lines in {MAX_HEADER_BYTES >> 20} MiB",
+                    hint="the line skip of the header is wrong, or the file is truncated",
+                )
         return opened.tell()
 
 
@@ -259,19 +265,16 @@ def _directions(fields: dict[str, Field], num_axes: int) -> list[Float64 | None]
     """Return the vector of each axis, None for `none`; an empty list if the header has no directions."""
     if "spacedirections" not in fields:
         return []
-    field = fields["spacedirections"]
-    vectors = _vectors(field)
-    if len(vectors) != num_axes:
-        raise field.error(f"{num_axes} vectors such as (1,0,0), one for each axis; none for axes that are not in space")
-    return vectors
+    return _vectors(fields["spacedirections"], num_axes)
 
 
-def _vectors(field: Field) -> list[Float64 | None]:
-    """Return the vectors of a field in three dimensions; None for `none`, NaN, and one of several only in time."""
+def _vectors(field: Field, count: int) -> list[Float64 | None]:
+    """Return `count` vectors of a field in three dimensions; None for `none`, NaN, and one of several only in time."""
     vectors: list[Float64 | None] = []
     matches = list(_VECTOR.finditer(field.text))
-    if re.sub(r"\s", "", _VECTOR.sub("", field.text)) or not matches:
-        raise field.error("vectors such as (1,0,0)")
+    if re.sub(r"\s", "", _VECTOR.sub("", field.text)) or len(matches) != count:
+        each = ", one for each axis; none for axes that are not in space"
+        raise field.error("a vector such as (1,0,0)" if count == 1 else f"{count} vectors such as (1,0,0){each}")
     for match in matches:
         words = match[1].split(",") if match[1] is not None else ["nan"]
         try:
@@ -294,12 +297,11 @@ def _world_from_index(fields: dict[str, Field], axes: _Axes, num_axes: int) -> t
     for column, k in enumerate(axes.space):
         direction = directions[k] if directions else None
         vectors[:, column] = vectors[:, column] * spacing[column] if direction is None else direction
-    origins = _vectors(fields["spaceorigin"]) if "spaceorigin" in fields else [None]
+    origins = _vectors(fields["spaceorigin"], 1) if "spaceorigin" in fields else [None]
     origin = first if origins[0] is None else origins[0]
     factors = _choice(fields["space"], _SPACES) if "space" in fields else (1.0, 1.0, 1.0)
-    flips = np.diag([*factors, 1.0])
     has_lengths = bool(directions) or "spacings" in fields or {"axismins", "axismaxs"} <= fields.keys()
-    return flips @ affine(np.ones(3), origin, vectors), has_lengths
+    return in_lps(affine(np.ones(3), origin, vectors), factors), has_lengths
 
 
 def _scalar_places(fields: dict[str, Field], num_axes: int, axes: _Axes) -> tuple[Float64, Float64]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import struct
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
@@ -33,7 +35,9 @@ _SUFFIXES: dict[str, Format] = {
 }
 _VOLUME_SUFFIXES = (".nrrd", ".nhdr", ".npy", ".npz", ".vti", ".vtk", ".mha", ".mhd", ".nii", ".nii.gz", ".cube")
 TIFF_SUFFIXES = (".tif", ".tiff")
-_FIRST_BYTES = 1024
+_FIRST_BYTES = 4096
+_GZIP = b"\x1f\x8b"
+_NIFTI_HEADER_BYTES = (348, 540)
 # A search ends after this many entries, and a message lists this many volumes.
 _MAX_ENTRIES, _MAX_LISTED = 10_000, 12
 
@@ -64,7 +68,7 @@ def find_format(path: Path) -> Format:
     suffix = path.suffix.lower()
     if suffix in _SUFFIXES:
         return _SUFFIXES[suffix]
-    if path.name.lower().endswith((".nii.gz", ".hdr.gz", ".img.gz")):
+    if path.name.lower().endswith((".nii.gz", ".hdr.gz", ".img.gz")) or _is_nifti(read_start(path, 4)[0]):
         return "nifti"
     raise UnknownFormatError(path, is_empty=not start)
 
@@ -153,3 +157,18 @@ def _start(path: Path) -> bytes:
 
 def _has_dicom_mark(start: bytes) -> bool:
     return start[128:132] == b"DICM"
+
+
+def _is_nifti(start: bytes) -> bool:
+    return len(start) >= 4 and any(struct.unpack(order + "i", start[:4])[0] in _NIFTI_HEADER_BYTES for order in "<>")
+
+
+def read_start(path: Path, num_bytes: int) -> tuple[bytes, bool]:
+    """Return the first bytes of a file, decompressed if it is gzip, and whether it is; none of a damaged stream."""
+    start = _start(path)
+    if start[:2] != _GZIP:
+        return start[:num_bytes], False
+    try:
+        return zlib.decompressobj(zlib.MAX_WBITS | 16).decompress(start, num_bytes), True
+    except zlib.error:
+        return b"", True

@@ -17,14 +17,22 @@ from typing import IO, Any, Literal
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import bytes_of, check_size, describe_shape, stays_mapped
+from renderer.readers.common import bytes_of, check_size, describe_count, describe_shape, stays_mapped
 from renderer.volume import Array
 
-# Files are read and decompressed in pieces of this many bytes.
+# Files are read and decompressed in pieces of this many bytes. Those of deflate are smaller: behind each gzip member,
+# of which there may be very many, zlib copies what is left of one.
 _PIECE = 2**20
+_DEFLATE_PIECE = 2**15
 
-# Deflate stores at most 258 bytes in 2 bits (RFC 1951), and no stream is longer than this multiple of its bytes.
+# Deflate stores at most 258 bytes in 2 bits (RFC 1951), and no stream is longer than this multiple of its bytes. Nor is
+# one of bzip2, whose blocks of at most 900,000 bytes store 255 equal ones in 5, and have at least 32 bytes themselves.
 _MAX_DEFLATE_RATIO = 1032
+_MAX_BZIP2_RATIO = 2**21
+
+# Reports, colours and names before the voxels are smaller than this. A compressed file a thousandth of this size can
+# claim as much.
+_MAX_SKIPPED = 2**26
 
 Encoding = Literal["raw", "deflate", "bzip2", "text", "hex"]
 
@@ -126,9 +134,17 @@ def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtyp
     if part.encoding == "raw":
         _check_num_bytes(part, found - part.num_skipped, shape_xyz, dtype)
         return
+    if part.num_skipped > _MAX_SKIPPED:
+        raise InputError(
+            "there is too much before the voxels",
+            where=str(part.file),
+            got=f"voxels from byte {describe_count(part.num_skipped)} on",
+            expected=f"at most {_MAX_SKIPPED} bytes before them",
+            hint="if nothing before them is that long, the header is damaged",
+        )
     least = {
         "deflate": -(-num_bytes // _MAX_DEFLATE_RATIO),
-        "bzip2": 1,
+        "bzip2": -(-num_bytes // _MAX_BZIP2_RATIO),
         "text": 2 * num_values - 1,  # a digit each, and something between two of them
         "hex": 2 * num_bytes,
     }[part.encoding]
@@ -186,7 +202,7 @@ def _decoded(part: StoredVoxels, dtype: np.dtype[Any], enough: int) -> Iterator[
         with part.file.open("rb") as file:
             file.seek(part.offset)
             if part.encoding == "deflate":
-                yield from _inflated(_pieces(file, part.num_encoded), part.num_skipped + enough)
+                yield from _inflated(_pieces(file, part.num_encoded, _DEFLATE_PIECE), part.num_skipped + enough)
             elif part.encoding == "bzip2":
                 yield from _pieces(bz2.BZ2File(file))
             elif part.encoding == "hex":
@@ -223,10 +239,10 @@ def _inflated(pieces: Iterator[bytes], enough: int) -> Iterator[bytes]:
         data = stream.unused_data or next(pieces, b"")
 
 
-def _pieces(file: IO[bytes], num_bytes: int | None = None) -> Iterator[bytes]:
+def _pieces(file: IO[bytes], num_bytes: int | None = None, piece: int = _PIECE) -> Iterator[bytes]:
     """Yield the rest of a file in pieces, `num_bytes` of it at most."""
     left = math.inf if num_bytes is None else num_bytes
-    while data := file.read(int(min(_PIECE, left))):
+    while data := file.read(int(min(piece, left))):
         left -= len(data)
         yield data
 

@@ -8,12 +8,11 @@ import gdcm
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from pydicom.dataset import Dataset
 from pydicom.uid import RLELossless
 
 from hsplat_cli.commands.info import info
 from renderer.errors import InputError
-from tests.support.dicom_files import image_fields, save, write_slice
+from tests.support.dicom_files import functional_groups, image_fields, save, transcode, write_slice
 from tests.support.volume_files import read
 
 VALUES = np.arange(60).reshape(3, 4, 5) * 30 - 1000
@@ -78,29 +77,9 @@ def test_lengths_in_another_field(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read(tmp_path / "a.dcm").spacing[:2], [0.5, 0.25])
 
 
-def functional_groups(order: list[int], *, spacing: float = 7.0) -> Dataset:
-    """Return an enhanced image of VALUES, stored in this order, whose frames have functional groups."""
-    measures, plane, transform = Dataset(), Dataset(), Dataset()
-    measures.PixelSpacing = ["0.25", "0.5"]
-    plane.ImageOrientationPatient = ["1", "0", "0", "0", "1", "0"]
-    transform.RescaleIntercept, transform.RescaleSlope = "-1000", "1"
-    shared = Dataset()
-    shared.PixelMeasuresSequence, shared.PlaneOrientationSequence = [measures], [plane]
-    shared.PixelValueTransformationSequence = [transform]
-    frames = []
-    for k in order:
-        position, frame = Dataset(), Dataset()
-        position.ImagePositionPatient = ["1", "2", f"{3 + spacing * k:g}"]
-        frame.PlanePositionSequence = [position]
-        frames.append(frame)
-    groups = {"SharedFunctionalGroupsSequence": [shared], "PerFrameFunctionalGroupsSequence": frames}
-    stored = (VALUES[order] + 1000).astype(np.uint16)
-    return image_fields(stored, PixelSpacing=None, BitsStored=12, HighBit=11, **groups)
-
-
 @pytest.mark.parametrize("order", [[0, 1, 2], [2, 0, 1]])
 def test_functional_groups_place_frames(tmp_path: Path, order: list[int]) -> None:
-    save(tmp_path / "a.dcm", functional_groups(order))
+    save(tmp_path / "a.dcm", functional_groups(VALUES, order))
     volume = read(tmp_path / "a.dcm")
     np.testing.assert_array_equal(volume.values, VALUES)
     assert volume.values.dtype == np.int16
@@ -109,7 +88,7 @@ def test_functional_groups_place_frames(tmp_path: Path, order: list[int]) -> Non
 
 
 def test_frames_at_one_place_are_refused(tmp_path: Path) -> None:
-    save(tmp_path / "a.dcm", functional_groups([0, 1, 2], spacing=0.0))
+    save(tmp_path / "a.dcm", functional_groups(VALUES, [0, 1, 2], spacing=0.0))
     with pytest.raises(InputError, match="two slices of this series are at the same position") as error:
         read(tmp_path / "a.dcm")
     assert error.value.got == "a.dcm and a.dcm, frame 2"
@@ -198,20 +177,6 @@ def test_run_length_encoded_pixels_need_no_other_package(tmp_path: Path) -> None
     fields.compress(RLELossless, encoding_plugin="pydicom")
     save(tmp_path / "a.dcm", fields)
     np.testing.assert_array_equal(read(tmp_path / "a.dcm").values[0], VALUES[0])
-
-
-def transcode(plain: Path, compressed: Path, syntax: int) -> None:
-    """Compress the pixels of a file by GDCM, the package that reads them."""
-    reader, change, writer = gdcm.ImageReader(), gdcm.ImageChangeTransferSyntax(), gdcm.ImageWriter()
-    reader.SetFileName(str(plain))
-    assert reader.Read()
-    change.SetTransferSyntax(gdcm.TransferSyntax(syntax))
-    change.SetInput(reader.GetImage())
-    assert change.Change()
-    writer.SetFile(reader.GetFile())
-    writer.SetImage(change.GetOutput())
-    writer.SetFileName(str(compressed))
-    assert writer.Write()
 
 
 SYNTAXES = ("JPEGLosslessProcess14_1", "JPEGLSLossless", "JPEG2000Lossless")

@@ -1,0 +1,275 @@
+"""One volume file to its verdict: the voxels of the undamaged file, others where nothing guards them, or a clear error.
+
+Each file is read in a fork of this process, with limits, so that a crash, a loop or a flood of memory ends the fork
+alone and is measured. Formats that the program reads in a child process are mostly read in the fork itself, which is
+quicker; where that ends badly, the program's own way decides.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import resource
+import shutil
+import signal
+import tempfile
+import traceback
+import warnings
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from volume_bases import Base, make_bases, real_data
+from volume_damage import Case, is_within_checksums, make_case, write_case
+
+from renderer.child_processes import describe_exit
+from renderer.errors import InputError
+from renderer.readers import read as reading, read_volume, voxel_files
+from renderer.readers.common import Image
+from renderer.readers.isolation import call_reader
+from renderer.scene import FileSource, VolumeSpec
+from renderer.volume import Volume
+
+# What reading may take: processor time, and memory beside the voxels and this process. A child process, which has the
+# same limits, is started first, and its libraries are loaded.
+MAX_SECONDS = 10
+MAX_BYTES = 2**30
+_CHILD_SECONDS, _CHILD_BYTES = 3, 2**28
+_FEW_SECONDS = 3
+# A fork that waits instead of working ends after this many seconds; one that takes as much memory gets no more.
+_PATIENCE_S = 60
+_ADDRESS_SPACE = 6 * 2**30
+MAX_LINE = 400
+# Larger volumes are not compared, voxel by voxel, with undamaged ones, which are small.
+_MAX_COMPARED = 2**26
+
+
+@dataclass
+class Verdict:
+    """The outcome: `same` voxels, `other` ones, `refused`, or `wrong`, which no file may have.
+
+    why: what is wrong, or the message. seconds: of the processor. num_bytes: the most memory beside this process.
+    """
+
+    index: int
+    base: str
+    damage: str
+    outcome: str
+    why: str = ""
+    seconds: float = 0.0
+    num_bytes: int = 0
+    in_child: bool = False
+
+
+@dataclass
+class _Reading:
+    """What became of a fork: its exit status, what it took, and what it found out until then."""
+
+    status: int
+    seconds: float
+    num_bytes: int
+    in_child: bool
+    found: dict[str, Any] = field(default_factory=dict)
+
+
+def judge_number(seed: int, index: int) -> Verdict:
+    """Judge one volume in a temporary folder, with real volumes among the undamaged ones if there are any."""
+    case = make_case(make_bases(real_data()), seed, index)
+    folder = Path(tempfile.mkdtemp(prefix="hsplat-fuzz-"))
+    try:
+        return judge_volume(case, folder, index)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def judge_volume(case: Case, folder: Path, index: int = 0) -> Verdict:
+    """Write the files of a case into a folder, and read them there."""
+    verdict = Verdict(index, case.base.name, case.damage, "wrong")
+    path = write_case(case, folder)
+    reading = _read_in_fork(case, folder, path, in_child=case.in_child)
+    if reading.found.get("is_foreign") and _fault(case, folder, reading):
+        reading = _read_in_fork(case, folder, path, in_child=True)
+    verdict.in_child = reading.in_child
+    verdict.seconds, verdict.num_bytes = reading.seconds, reading.num_bytes
+    fault = _fault(case, folder, reading)
+    if fault is None:
+        verdict.outcome, verdict.why = reading.found["outcome"], reading.found.get("text", "")
+    else:
+        verdict.why = fault
+    return verdict
+
+
+def _fault(case: Case, folder: Path, reading: _Reading) -> str | None:
+    """Return what is wrong with the outcome; None if nothing is."""
+    found = reading.found
+    more_seconds, more_bytes = (_CHILD_SECONDS, _CHILD_BYTES) if reading.in_child else (0, 0)
+    num_voxel_bytes = found.get("num_bytes", 0)
+    if reading.status != 0:
+        return f"reading ended with {describe_exit(reading.status)} after {reading.seconds:.1f} s, and {found}"
+    if reading.seconds > MAX_SECONDS + more_seconds:
+        return f"{reading.seconds:.1f} s of processor time"
+    if reading.num_bytes > MAX_BYTES + more_bytes + 3 * num_voxel_bytes:
+        return f"{reading.num_bytes >> 20} MiB of memory, for {num_voxel_bytes >> 20} MiB of voxels"
+    if found.get("printed"):
+        return f"printed {found['printed']!r}"
+    if "escaped" in found:
+        return str(found["escaped"])
+    if found["outcome"] == "refused":
+        fault = _fault_of_message(found["text"], found["where"], folder)
+        return fault or ("refused what is not damaged: " + found["text"] if case.damage == "unchanged" else None)
+    return _fault_of_voxels(case, found)
+
+
+def _fault_of_voxels(case: Case, found: dict[str, Any]) -> str | None:
+    """Return why a volume must not have been read that is not the undamaged one; None if it may have been."""
+    if found["outcome"] == "same":
+        return None
+    if case.damage == "unchanged":
+        return f"other voxels of a file that is not damaged: {found['shown']}"
+    if case.num_lost and not (case.base.is_text and found["differs_at_end"]):
+        return f"other voxels of a file without its last {case.num_lost} bytes: {found['shown']}"
+    if is_within_checksums(case):
+        return f"other voxels where a checksum does not hold: {found['shown']}"
+    if _is_one_stream(case) and found["num_left"] > found["num_bytes"] // min(found["shape"]):
+        return f"{found['num_left']} bytes of the stream are left over: {found['shown']}"
+    return None
+
+
+def _is_one_stream(case: Case) -> bool:
+    """Return whether all voxels are in one compressed stream, of which a damaged header cannot leave a part out."""
+    is_alone = case.base.form in ("nrrd", "metaimage") and "list" not in case.base.name and not case.base.choice
+    return is_alone and bool(case.base.guarded) and not case.damage.startswith("bomb")
+
+
+def _fault_of_message(text: str, where: str | None, folder: Path) -> str | None:
+    """Return what is wrong with the text of an error; None if nothing is."""
+    if where is None or not where.startswith(str(folder)):
+        return f"an error that names {where} and not its file: {text}"
+    for line in text.replace(str(folder), "").split("\n"):
+        if len(line) > MAX_LINE:
+            return f"a line of {len(line)} characters: {line[:MAX_LINE]}"
+        if not line.isprintable():
+            return f"a line that is not printable: {line!r}"
+    return None
+
+
+def _read_in_fork(case: Case, folder: Path, path: Path, *, in_child: bool) -> _Reading:
+    """Read a volume in a fork of this process."""
+    undamaged = _undamaged(case.base)
+    baseline = _baseline()
+    receiver, sender = os.pipe()
+    pid = os.fork()
+    if pid == 0:
+        try:
+            os.close(receiver)
+            ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # when this process ends
+            signal.signal(signal.SIGALRM, signal.SIG_DFL)
+            signal.alarm(_PATIENCE_S)
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+            _limit(MAX_SECONDS + _CHILD_SECONDS, _ADDRESS_SPACE)
+            _answer(sender, case, path, undamaged, in_child=in_child)
+        finally:
+            os._exit(0)
+    os.close(sender)
+    with open(receiver, "rb") as answers:
+        lines = answers.read().splitlines()
+    _, status, usage = os.wait4(pid, 0)
+    found = {key: value for line in lines for key, value in json.loads(line).items()}
+    num_bytes = max(0, 1024 * usage.ru_maxrss - baseline)
+    seconds = usage.ru_utime + usage.ru_stime
+    return _Reading(os.waitstatus_to_exitcode(status), seconds, num_bytes, in_child and "is_foreign" in found, found)
+
+
+def _limit(seconds: int, num_bytes: int) -> None:
+    """Limit processor time, and memory beside what this process has."""
+    taken = int(Path("/proc/self/statm").read_text("ascii").split()[0]) * resource.getpagesize()
+    for kind, limit in ((resource.RLIMIT_CPU, seconds), (resource.RLIMIT_AS, taken + num_bytes)):
+        resource.setrlimit(kind, (limit, resource.getrlimit(kind)[1]))
+
+
+def _answer(sender: int, case: Case, path: Path, undamaged: Volume, *, in_child: bool) -> None:
+    """Read a volume, and write what became of it into a pipe, a line of JSON for each finding."""
+
+    def tell(**found: Any) -> None:
+        os.write(sender, json.dumps(found).encode("ascii") + b"\n")
+
+    read_as_program = reading.read_isolated
+
+    def read_foreign(reader: str, path: Path, **arguments: Any) -> Image:
+        tell(is_foreign=True)
+        if in_child:
+            return read_as_program(reader, path, **arguments)
+        _limit(_FEW_SECONDS, MAX_BYTES)  # what needs more is read again in a child process
+        return _read_here(reader, path, **arguments)
+
+    reading.read_isolated = read_foreign
+    warnings.resetwarnings()  # as they are outside of tests
+    warnings.simplefilter("ignore", DeprecationWarning)
+    with tempfile.TemporaryFile() as printed:
+        for stream in (1, 2):
+            os.dup2(printed.fileno(), stream)
+        try:
+            tell(**_compared(read_volume(_spec(case.base, path)), undamaged))
+            if path.is_file():
+                voxel_files(path)
+        except InputError as error:
+            tell(outcome="refused", text=str(error), where=error.where)
+        except BaseException:
+            tell(escaped=traceback.format_exc(limit=-6))
+        printed.seek(0)
+        is_quiet = in_child or case.base.form not in (
+            "tiff",
+            "dicom",
+            "vtk",
+        )  # libraries may print in their own process
+        tell(printed=printed.read(300).decode("utf-8", "replace") if is_quiet else "")
+
+
+def _compared(volume: Volume, undamaged: Volume) -> dict[str, Any]:
+    """Return how a volume compares with the undamaged one."""
+    values, expected = volume.values, undamaged.values
+    is_alike = values.dtype == expected.dtype and values.shape == expected.shape
+    is_same = is_alike and np.array_equal(volume.world_from_index, undamaged.world_from_index)
+    num_other = int(np.count_nonzero(values != expected)) if is_alike and values.nbytes <= _MAX_COMPARED else -1
+    last = (-1, -1, -1)
+    return {
+        "num_left": expected.nbytes - values.nbytes,
+        "shape": values.shape,
+        "outcome": "same" if is_same and num_other == 0 else "other",
+        "num_bytes": values.nbytes,
+        "differs_at_end": bool(is_same) and num_other == 1 and bool(values[last] != expected[last]),
+        "shown": f"{num_other} of {values.size} voxels, {values.dtype} {values.shape}, not {expected.dtype} {expected.shape}",
+    }
+
+
+@cache
+def _undamaged(base: Base) -> Volume:
+    """Return the volume of undamaged files, which are read in this process; raises AssertionError for wrong ones."""
+    with tempfile.TemporaryDirectory(prefix="hsplat-fuzz-") as name, pytest.MonkeyPatch.context() as patched:
+        patched.setattr(reading, "read_isolated", _read_here)
+        path = write_case(Case(base, "unchanged", dict(base.files), base.opened), Path(name))
+        volume = read_volume(_spec(base, path))
+        assert base.values is None or np.array_equal(volume.values, base.values), base.name
+        assert base.values is None or volume.values.dtype == base.values.dtype, base.name
+        return volume
+
+
+def _spec(base: Base, path: Path) -> VolumeSpec:
+    return VolumeSpec(base.source(path.parent) or FileSource(path), **base.choice)
+
+
+def _read_here(reader: str, path: Path, **arguments: Any) -> Image:
+    return call_reader(reader, path, arguments, np.zeros)
+
+
+@cache
+def _baseline() -> int:
+    """Return the peak memory of a fork that does nothing."""
+    pid = os.fork()
+    if pid == 0:
+        os._exit(0)
+    return 1024 * os.wait4(pid, 0)[2].ru_maxrss

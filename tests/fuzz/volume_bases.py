@@ -1,0 +1,593 @@
+"""Undamaged volume files of every format that is read, written by libraries of the formats or by hand, and small parts
+of real ones."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import os
+import re
+import struct
+import tempfile
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import gdcm
+import imagecodecs
+import nibabel
+import nrrd
+import numpy as np
+import numpy.typing as npt
+import tifffile
+from pydicom import dcmread
+from pydicom.uid import DeflatedExplicitVRLittleEndian, ExplicitVRLittleEndian, RLELossless
+from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.vtkCommonDataModel import vtkImageData
+from vtkmodules.vtkIOLegacy import vtkStructuredPointsWriter
+from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
+
+from renderer.scene import RawSource
+from tests.support.dicom_files import functional_groups, image_fields, save, transcode, write_slice
+from tests.support.volume_files import write_image
+
+Array = npt.NDArray[Any]
+Ranges = tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """An undamaged volume.
+
+    name: its format and what is special about it, such as `nrrd gzip`. files: by their names below a folder.
+    opened: the name of the file that is opened, or of the folder of slices. choice: `time` and `component`.
+    values: its voxels, [z, y, x], where they are known. guarded: the bytes of each file that a checksum covers.
+    headers: the bytes of each file that are no voxels, as far as that is known.
+    pack: compresses the damaged content of the only file, which is `unpacked` when it is not damaged.
+    raw: the declaration of a file without a header.
+    """
+
+    name: str
+    files: dict[str, bytes]
+    opened: str
+    choice: dict[str, int] = field(default_factory=dict)
+    values: Array | None = None
+    guarded: dict[str, Ranges] = field(default_factory=dict)
+    headers: dict[str, Ranges] = field(default_factory=dict)
+    pack: Callable[[bytes], bytes] | None = None
+    unpacked: bytes = b""
+    raw: dict[str, Any] | None = None
+
+    @property
+    def form(self) -> str:
+        """Return the name of the format alone."""
+        return self.name.split(" ", maxsplit=1)[0]
+
+    @property
+    def is_text(self) -> bool:
+        """Return whether voxels are written as numbers of text, whose end may be any digit."""
+        return any(word in self.name.split() for word in ("text", "hex", "ascii", "cube"))
+
+    def source(self, folder: Path) -> RawSource | None:
+        """Return the declaration of a file without a header; None for files that have one."""
+        return None if self.raw is None else RawSource(file=folder / self.opened, **self.raw)
+
+
+def _values(dtype: str = "uint16", shape: tuple[int, ...] = (4, 12, 10)) -> Array:
+    """Return voxels that compress a little: a ramp and some noise."""
+    noise = np.random.default_rng(7).integers(0, 40, shape)
+    ramp = sum(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"))
+    return (noise + 3 * np.asarray(ramp)).astype(dtype)
+
+
+@cache
+def make_bases(data: Path | None) -> tuple[Base, ...]:
+    """Return all undamaged volumes, in a fixed order. data: the folder of real ones, if there is one."""
+    groups = (_nrrd, _metaimage, _nifti, _arrays, _cube, _tiff, _dicom, _vtk)
+    return tuple(base for group in groups for base in group()) + (() if data is None else tuple(_real(data)))
+
+
+def _written(write: Callable[[Path], None]) -> dict[str, bytes]:
+    """Return the files that a function writes into an empty folder."""
+    with tempfile.TemporaryDirectory(prefix="hsplat-fuzz-") as name:
+        folder = Path(name)
+        write(folder)
+        files = sorted(path for path in folder.rglob("*") if path.is_file())
+        return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+def _behind(mark: bytes, data: bytes) -> int:
+    return data.index(mark) + len(mark)
+
+
+def _attached(name: str, files: dict[str, bytes], mark: bytes, *, guarded: bool, **more: Any) -> Base:
+    """Return a volume in one file, whose voxels begin behind a mark."""
+    ((opened, data),) = files.items()
+    begin = data.index(b"\n", _behind(mark, data) - 1) + 1
+    spans = {opened: ((begin, len(data)),)} if guarded else {}
+    return Base(name, files, opened, guarded=spans, headers={opened: ((0, begin),)}, **more)
+
+
+def _detached(name: str, files: dict[str, bytes], header: str, *, guarded: bool, **more: Any) -> Base:
+    """Return a volume whose header is a file of its own."""
+    spans = {other: ((0, len(data)),) for other, data in files.items() if other != header} if guarded else {}
+    return Base(name, files, header, guarded=spans, headers={header: ((0, len(files[header])),)}, **more)
+
+
+def _nrrd() -> Iterator[Base]:
+    values = _values()
+    space: dict[str, Any] = {"space": "left-posterior-superior", "space origin": [1.0, 2.0, 3.0]}
+    space |= {"space directions": np.diag([0.5, 0.5, 2.0]), "kinds": ["domain"] * 3}
+    for encoding in ("raw", "gzip", "bzip2", "text"):
+        is_guarded = encoding in ("gzip", "bzip2")
+        header = {"encoding": encoding, **space}
+        for name in ("a.nrrd", "a.nhdr"):
+
+            def write(folder: Path, name: str = name, header: dict[str, Any] = header) -> None:
+                nrrd.write(str(folder / name), values, header, index_order="C")
+
+            make = _attached if name == "a.nrrd" else _detached
+            marks = (b"\n\n",) if name == "a.nrrd" else ()
+            kind = "attached" if name == "a.nrrd" else "detached"
+            yield make(
+                f"nrrd {encoding} {kind}", _written(write), *(marks or (name,)), guarded=is_guarded, values=values
+            )
+    lines = b"NRRD0004\n# a comment\ntype: uint16\ndimension: 3\nsizes: 10 12 4\nspacings: 0.5 0.5 2\nendian: big\n"
+    digits = b"\n".join(plane.astype(">u2").tobytes().hex().encode() for plane in values)
+    yield _attached(
+        "nrrd hex", {"a.nrrd": lines + b"encoding: hex\n\n" + digits}, b"\n\n", guarded=False, values=values
+    )
+    names = [f"s{k}.raw.gz" for k in range(4)]
+    listed = b"encoding: gzip\ndata file: LIST\n" + "\n".join(names).encode() + b"\n"
+    parts = {
+        name: gzip.compress(plane.astype(">u2").tobytes(), mtime=0) for name, plane in zip(names, values, strict=True)
+    }
+    yield _detached("nrrd gzip list", {"a.nhdr": lines + listed, **parts}, "a.nhdr", guarded=True, values=values)
+    plain = {f"s{k}.raw": plane.astype(">u2").tobytes() for k, plane in enumerate(values)}
+    listed = b"encoding: raw\nbyte skip: -1\ndata file: s%d.raw 0 3 1 2\n"
+    yield _detached("nrrd raw pattern", {"a.nhdr": lines + listed, **plain}, "a.nhdr", guarded=False, values=values)
+    layers = np.stack([values, values // 7], axis=-1).astype(np.uint8)
+    segments = {"kinds": ["list", "domain", "domain", "domain"], "encoding": "gzip", "space": space["space"]}
+    segments["space directions"] = np.vstack([np.full((1, 3), np.nan), space["space directions"]])
+    segments["space origin"] = space["space origin"]
+    for k, name in enumerate(("bone", "air")):
+        segments |= {f"Segment{k}_ID": f"Segment_{k}", f"Segment{k}_Name": name, f"Segment{k}_Layer": str(k)}
+    files = _written(lambda folder: nrrd.write(str(folder / "a.seg.nrrd"), layers, segments, index_order="C"))
+    yield _attached("nrrd segmentation", files, b"\n\n", guarded=True, values=layers[..., 1], choice={"component": 1})
+
+
+def _metaimage() -> Iterator[Base]:
+    values = _values("int16")
+    mark = b"ElementDataFile = "
+    for is_compressed in (False, True):
+        kind = "zlib" if is_compressed else "raw"
+
+        def write(folder: Path, name: str, is_compressed: bool = is_compressed) -> None:
+            write_image(
+                folder / name, values, spacing=(0.5, 0.5, 2.0), origin=(1.0, 2.0, 3.0), compressed=is_compressed
+            )
+
+        files = _written(lambda folder, write=write: write(folder, "a.mha"))
+        yield _attached(f"metaimage {kind} attached", files, mark, guarded=is_compressed, values=values)
+        files = _written(lambda folder, write=write: write(folder, "a.mhd"))
+        yield _detached(f"metaimage {kind} detached", files, "a.mhd", guarded=is_compressed, values=values)
+    lines = b"ObjectType = Image\nNDims = 3\nDimSize = 10 12 4\nElementSpacing = 1 1 2\nElementType = MET_SHORT\n"
+    text = (
+        lines
+        + b"BinaryData = False\nElementDataFile = LOCAL\n"
+        + b"\n".join(" ".join(map(str, row)).encode() for row in values.reshape(-1, 10).tolist())
+    )
+    yield _attached("metaimage text", {"a.mha": text}, mark, guarded=False, values=values)
+    parts = {f"s{k}.raw": plane.tobytes() for k, plane in enumerate(values)}
+    listed = lines + b"ElementDataFile = LIST\n" + "\n".join(parts).encode() + b"\n"
+    yield _detached("metaimage list", {"a.mhd": listed, **parts}, "a.mhd", guarded=False, values=values)
+
+
+def _nifti() -> Iterator[Base]:
+    values = _values("int16")
+    affine = np.diag([-0.5, -0.5, 2.0, 1.0])
+    for version, kind, num_header in ((1, nibabel.Nifti1Image, 352), (2, nibabel.Nifti2Image, 544)):
+        image = kind(values.T, affine)
+        image.header.extensions.append(nibabel.nifti1.Nifti1Extension("comment", b"a text of 20 bytes.."))
+        data = _written(lambda folder, image=image: image.to_filename(folder / "a.nii"))["a.nii"]
+        headers = {"a.nii": ((0, num_header + 32),)}
+        yield Base(f"nifti {version} plain", {"a.nii": data}, "a.nii", values=values, headers=headers)
+        packed = _packed_by_gzip(data)
+        yield Base(
+            f"nifti {version} gzip",
+            {"a.nii.gz": packed},
+            "a.nii.gz",
+            values=values,
+            guarded={"a.nii.gz": ((0, len(packed)),)},
+            headers={"": ((0, num_header + 32),)},
+            pack=_packed_by_gzip,
+            unpacked=data,
+        )
+    pair = _written(lambda folder: nibabel.Nifti1Pair(values.T, affine).to_filename(folder / "a.img"))
+    yield _detached("nifti pair", pair, "a.hdr", guarded=False, values=values)
+    pair = {f"{name}.gz": _packed_by_gzip(data) for name, data in pair.items()}
+    spans = {name: ((0, len(data)),) for name, data in pair.items()}
+    yield Base("nifti pair gzip", pair, "a.hdr.gz", values=values, guarded=spans)
+    image = nibabel.Nifti1Image(np.stack([values, values + 1]).T, affine)
+    image.header.set_slope_inter(0.5, 3)
+    files = _written(lambda folder: image.to_filename(folder / "a.nii"))
+    yield Base("nifti time", files, "a.nii", {"time": 1}, headers={"a.nii": ((0, 352),)})
+
+
+def _packed_by_gzip(data: bytes) -> bytes:
+    return gzip.compress(data, 6, mtime=0)
+
+
+def _arrays() -> Iterator[Base]:
+    values = _values("float32")
+    out = io.BytesIO()
+    np.save(out, values)
+    data = out.getvalue()
+    headers: dict[str, Ranges] = {"a.npy": ((0, 128),)}
+    yield Base("npy plain", {"a.npy": data}, "a.npy", values=values, headers=headers)
+    wide = np.asfortranarray(_values(">u2", (2, 4, 6, 5)))
+    out = io.BytesIO()
+    np.save(out, wide)
+    second = wide[1].astype(np.uint16)
+    yield Base("npy time", {"a.npy": out.getvalue()}, "a.npy", {"time": 1}, second, headers=headers)
+    for name, save_as in (("stored", np.savez), ("deflate", np.savez_compressed)):
+        out = io.BytesIO()
+        save_as(out, a=values)
+        packed = out.getvalue()
+        spans = {"a.npz": ((0, len(packed)),)}
+        yield Base(f"npz {name}", {"a.npz": packed}, "a.npz", {}, values, spans, pack=_packed_by_zip, unpacked=data)
+    out = io.BytesIO()
+    np.savez_compressed(out, a=values, b=values + 1)
+    packed = out.getvalue()
+    spans = {"a.npz": ((0, packed.index(b"PK\1\2")),)}
+    yield Base("npz two", {"a.npz": packed}, "a.npz", {"component": 1}, values + 1, spans)
+    plain = _values("int16")
+    raw = {"shape": (10, 12, 4), "dtype": "int16", "spacing": (1.0, 1.0, 2.0), "offset": 16}
+    yield Base("raw", {"a.raw": bytes(16) + plain.tobytes()}, "a.raw", values=plain, raw=raw)
+
+
+def _packed_by_zip(data: bytes) -> bytes:
+    """Return an archive with one array, whose checksum is that of `data`."""
+    deflate = zlib.compressobj(6, zlib.DEFLATED, -15)
+    packed = deflate.compress(data) + deflate.flush()
+    common = struct.pack("<HHHHIII", 0, 8, 0, 33, zlib.crc32(data), len(packed), len(data))
+    local = b"PK\3\4" + struct.pack("<H", 20) + common + struct.pack("<HH", 5, 0) + b"a.npy"
+    central = b"PK\1\2" + struct.pack("<HH", 20, 20) + common + struct.pack("<HHHHHII", 5, 0, 0, 0, 0, 0, 0) + b"a.npy"
+    sizes = struct.pack("<IIH", len(central), len(local) + len(packed), 0)
+    return local + packed + central + b"PK\5\6" + struct.pack("<HHHH", 0, 0, 1, 1) + sizes
+
+
+def _cube() -> Iterator[Base]:
+    values = _values("float32", (3, 4, 7)) / 8
+    for name, num_atoms, after in (("plain", 2, b""), ("orbital", -2, b"    2    5    6\n")):
+        lines = b"a comment\nanother one\n%5d 0.1 0.2 0.3\n" % num_atoms
+        lines += b"    7 0.5 0.0 0.0\n    4 0.0 0.5 0.0\n    3 0.0 0.0 1.0\n" + b"    6 6.0 1.0 2.0 3.0\n" * 2 + after
+        stored = values if not after else np.stack([values + 1, values], axis=-1).swapaxes(0, 2)
+        rows = (stored.T if not after else stored).reshape(-1, stored.shape[0] if not after else 6)
+        text = "\n".join(" ".join(f"{x:.5E}" for x in row) for row in rows.tolist())
+        choice = {"component": 1} if after else {}
+        headers: dict[str, Ranges] = {"a.cube": ((0, len(lines)),)}
+        yield Base(f"cube {name}", {"a.cube": lines + text.encode() + b"\n"}, "a.cube", choice, values, headers=headers)
+
+
+def _tiff() -> Iterator[Base]:
+    values, small = _values(), _values("uint8")
+    tiled = _values("uint16", (3, 40, 36))
+    for compression in (None, "deflate", "lzw", "packbits", "zstd", "lzma"):
+        name = "plain" if compression is None else compression
+        yield _tiff_base(name, values, compression=compression, metadata=None)
+    # A baseline JPEG is not exact.
+    yield _tiff_base("jpeg", small, compression="jpeg", metadata=None, is_exact=False)
+    yield _tiff_base("jpeg2000", values, compression="jpeg2000", metadata=None)
+    yield _tiff_base("tiled", tiled, tile=(16, 16), metadata=None)
+    yield _tiff_base("tiled deflate", tiled, tile=(16, 16), compression="deflate", predictor=True, metadata=None)
+    yield _tiff_base("big", values, bigtiff=True, byteorder=">", metadata=None)
+    yield _tiff_base("predictor", _values("float32"), compression="deflate", predictor=True, metadata=None)
+    frames = _zstd_with_checksums(values)
+    yield _tiff_base("zstd-checksum", values, frames, compression="zstd", metadata=None, rowsperstrip=values.shape[1])
+    stack = np.stack([values, values + 1], axis=1)
+    described = {"axes": "ZCYX", "spacing": 2.0, "unit": "um"}
+    choice = {"component": 1}
+    yield _tiff_base("imagej", stack, imagej=True, metadata=described, seen=stack[:, 1], choice=choice)
+    described = {"axes": "ZCYX", "PhysicalSizeX": 0.5, "PhysicalSizeY": 0.5, "PhysicalSizeZ": 2.0}
+    yield _tiff_base("ome", stack, ome=True, metadata=described, seen=stack[:, 1], choice=choice, compression="deflate")
+    yield _tiff_base("rgb", np.stack([small] * 3, axis=-1), photometric="rgb", metadata=None, seen=small, choice=choice)
+    out = io.BytesIO()
+    with tifffile.TiffWriter(out) as writer:
+        for page in tiled:
+            writer.write(page, tile=(16, 16), compression="deflate", metadata=None)
+        for page in tiled:
+            writer.write(page[::2, ::2], tile=(16, 16), compression="deflate", metadata=None, subfiletype=1)
+    yield _tiff_of("pyramid", {"a.tif": out.getvalue()}, tiled)
+    files = {}
+    for k, page in enumerate(values):
+        out = io.BytesIO()
+        tifffile.imwrite(out, page, compression="deflate", metadata=None)
+        files[f"stack/s{k:02}.tif"] = out.getvalue()
+    yield _tiff_of("folder", files, values, opened="stack")
+
+
+def _tiff_base(
+    name: str,
+    values: Array,
+    stored: Any = None,
+    *,
+    seen: Array | None = None,
+    choice: dict[str, int] | None = None,
+    is_exact: bool = True,
+    **arguments: Any,
+) -> Base:
+    """Return a stack that tifffile writes. stored: its compressed strips. seen: what is read of it."""
+    out = io.BytesIO()
+    arguments = {"photometric": "minisblack", "software": False, **arguments}
+    if stored is None:
+        tifffile.imwrite(out, values, **arguments)
+    else:
+        tifffile.imwrite(out, stored, shape=values.shape, dtype=values.dtype, **arguments)
+    data = re.sub(rb"urn:uuid:[-0-9a-f]{36}", b"urn:uuid:" + b"0" * 36, out.getvalue())  # drawn at random
+    expected = (values if seen is None else seen) if is_exact else None
+    return _tiff_of(name, {"a.tif": data}, expected, choice=choice)
+
+
+_SUMMED = ("ADOBE_DEFLATE", "DEFLATE", "LZMA")
+
+
+def _tiff_of(
+    name: str,
+    files: dict[str, bytes],
+    values: Array | None,
+    *,
+    opened: str = "a.tif",
+    choice: dict[str, int] | None = None,
+) -> Base:
+    """Return a volume of TIFF files, of which zlib's streams, lzma's and some of zstd have checksums."""
+    guarded, headers = {}, {}
+    for file, data in files.items():
+        with tifffile.TiffFile(io.BytesIO(data)) as tiff:
+            pages = list(tiff.pages)
+            spans = [
+                (at, at + n) for page in pages for at, n in zip(page.dataoffsets, page.databytecounts, strict=True)
+            ]
+            has_sum = pages[0].compression.name in _SUMMED or "checksum" in name
+        spans.sort()
+        guarded[file] = tuple(spans) if has_sum else ()
+        ends = [0, *(end for _, end in spans)]
+        begins = [*(begin for begin, _ in spans), len(data)]
+        headers[file] = tuple(span for span in zip(ends, begins, strict=True) if span[0] < span[1])
+    return Base(f"tiff {name}", files, opened, choice or {}, values, guarded, headers)
+
+
+def _zstd_with_checksums(pages: Array) -> Iterator[bytes]:
+    """Yield a frame for each page with its checksum, which imagecodecs does not write: a bit in the descriptor, and
+    the low half of XXH64 at the end (RFC 8878)."""
+    for page in pages:
+        data = page.tobytes()
+        frame = bytearray(imagecodecs.zstd_encode(data))
+        frame[4] |= 4
+        yield bytes(frame) + struct.pack("<I", xxh64(data) & 0xFFFFFFFF)
+
+
+_PRIMES = (0x9E3779B185EBCA87, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0x85EBCA77C2B2AE63, 0x27D4EB2F165667C5)
+_MASK = 2**64 - 1
+
+
+def xxh64(data: bytes) -> int:
+    """Return the XXH64 of some bytes, with the seed 0."""
+    first, second, third, fourth, fifth = _PRIMES
+
+    def turned(x: int, bits: int) -> int:
+        return (x << bits | x >> 64 - bits) & _MASK
+
+    def mixed(lane: int, word: int) -> int:
+        return turned((lane + word * second) & _MASK, 31) * first & _MASK
+
+    at, end = 0, len(data)
+    if end >= 32:
+        lanes = [(first + second) & _MASK, second, 0, -first & _MASK]
+        while at + 32 <= end:
+            lanes = [mixed(lane, word) for lane, word in zip(lanes, struct.unpack_from("<4Q", data, at), strict=True)]
+            at += 32
+        total = sum(turned(lane, bits) for lane, bits in zip(lanes, (1, 7, 12, 18), strict=True)) & _MASK
+        for lane in lanes:
+            total = ((total ^ mixed(0, lane)) * first + fourth) & _MASK
+    else:
+        total = fifth
+    total = (total + end) & _MASK
+    while at + 8 <= end:
+        total = (turned(total ^ mixed(0, struct.unpack_from("<Q", data, at)[0]), 27) * first + fourth) & _MASK
+        at += 8
+    if at + 4 <= end:
+        total = (turned(total ^ struct.unpack_from("<I", data, at)[0] * first & _MASK, 23) * second + third) & _MASK
+        at += 4
+    for byte in data[at:]:
+        total = turned(total ^ byte * fifth & _MASK, 11) * first & _MASK
+    total = (total ^ total >> 33) * second & _MASK
+    total = (total ^ total >> 29) * third & _MASK
+    return total ^ total >> 32
+
+
+def _dicom() -> Iterator[Base]:
+    values = _values("int16")
+    stack = {"PixelSpacing": ["0.5", "0.5"], "SpacingBetweenSlices": "2", "SeriesDescription": "scan"}
+
+    def plain(folder: Path) -> None:
+        fields = image_fields(values, **stack)
+        fields.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
+        save(folder / "a.dcm", fields)
+
+    data = _written(plain)["a.dcm"]
+    yield _dicom_base("plain", data, values)
+    yield _dicom_base(
+        "implicit", _written(lambda folder: save(folder / "a.dcm", image_fields(values, **stack)))["a.dcm"], values
+    )
+
+    def deflated(folder: Path) -> None:
+        fields = image_fields(values, **stack)
+        fields.file_meta.TransferSyntaxUID = DeflatedExplicitVRLittleEndian
+        save(folder / "a.dcm", fields)
+
+    data = _written(deflated)["a.dcm"]
+    begin = 144 + struct.unpack_from("<I", data, 140)[0]
+    content = zlib.decompress(data[begin:], -15)
+    yield Base(
+        "dicom deflated",
+        {"a.dcm": data},
+        "a.dcm",
+        values=values,
+        headers={"a.dcm": ((128, begin),), "": ((0, content.rindex(b"\xe0\x7f\x10\x00") + 12),)},
+        pack=lambda damaged: data[:begin] + _deflated(damaged),
+        unpacked=content,
+    )
+
+    def run_lengths(folder: Path) -> None:
+        fields = image_fields(values, **stack)
+        fields.compress(RLELossless, encoding_plugin="pydicom", generate_instance_uid=False)
+        save(folder / "a.dcm", fields)
+
+    yield _dicom_base("rle", _written(run_lengths)["a.dcm"], values)
+    small = _values("uint8", (1, 40, 36))
+    kinds = ("JPEGLosslessProcess14_1", "JPEGLSLossless", "JPEG2000Lossless", "JPEGBaselineProcess1")
+    for kind in kinds:
+
+        def compressed(folder: Path, kind: str = kind) -> None:
+            with tempfile.TemporaryDirectory(prefix="hsplat-fuzz-") as other:
+                save(Path(other, "plain.dcm"), image_fields(small[0] if "Baseline" in kind else values, **stack))
+                transcode(Path(other, "plain.dcm"), folder / "a.dcm", getattr(gdcm.TransferSyntax, kind))
+            _name_again(folder / "a.dcm")
+
+        known = None if "Baseline" in kind else values
+        yield _dicom_base(kind.lower().removesuffix("lossless"), _written(compressed)["a.dcm"], known)
+    groups = _written(lambda folder: save(folder / "a.dcm", functional_groups(values, [0, 2, 1, 3])))["a.dcm"]
+    yield _dicom_base("enhanced", groups, values)
+
+    def series(folder: Path) -> None:
+        (folder / "series").mkdir()
+        for k, plane in enumerate(values):
+            write_slice(folder / "series" / f"{9 - k}.dcm", plane, (0, 0, 2 * k), axes=(1, 0, 0, 0, 1, 0))
+
+    files = _written(series)
+    headers = {name: _before_pixels(data) for name, data in files.items()}
+    yield Base("dicom series", files, "series", values=values.astype(np.int32), headers=headers)
+
+
+def _name_again(path: Path) -> None:
+    """Replace the identifiers that GDCM draws at random, and its date."""
+    dataset = dcmread(path)
+    dataset.StudyDate = dataset.StudyTime = ""
+    for element in (*dataset.file_meta, *dataset.iterall()):
+        if element.VR == "UI" and str(element.value).startswith(gdcm.UIDGenerator.GetGDCMUID()):
+            element.value = "1.2.3"
+    dataset.save_as(path)
+
+
+def _deflated(data: bytes) -> bytes:
+    deflate = zlib.compressobj(6, zlib.DEFLATED, -15)
+    return deflate.compress(data) + deflate.flush()
+
+
+def _before_pixels(data: bytes) -> Ranges:
+    return ((128, data.rindex(b"\xe0\x7f\x10\x00") + 12),)
+
+
+def _dicom_base(name: str, data: bytes, values: Array | None) -> Base:
+    return Base(f"dicom {name}", {"a.dcm": data}, "a.dcm", values=values, headers={"a.dcm": _before_pixels(data)})
+
+
+def _vtk() -> Iterator[Base]:
+    values = _values("int16")
+    image = vtkImageData()
+    image.SetDimensions(values.shape[::-1])
+    image.SetSpacing(0.5, 0.5, 2.0)
+    array = numpy_to_vtk(values.ravel(), deep=True)
+    array.SetName("density")
+    image.GetPointData().SetScalars(array)
+    for mode in ("Ascii", "Binary", "Appended"):
+        for compressor in ("None", "ZLib", "LZMA", "LZ4"):
+            if (mode == "Ascii") != (compressor == "None") and mode == "Ascii":
+                continue
+            if compressor in ("LZMA", "LZ4") and mode != "Appended":
+                continue
+            for is_base64 in (True, False) if mode == "Appended" and compressor == "ZLib" else (False,):
+                kind = f"{mode.lower()} {compressor.lower()}" + " base64" * is_base64
+                yield _vtk_base(kind, image, values, mode, compressor, is_base64=is_base64)
+    for name, is_binary in (("ascii", False), ("binary", True)):
+        writer = vtkStructuredPointsWriter()
+        writer.SetFileTypeToBinary() if is_binary else writer.SetFileTypeToASCII()
+        writer.SetHeader("a title")
+        data = _written_by_vtk(writer, image, "a.vtk")
+        headers: dict[str, Ranges] = {"a.vtk": ((0, _behind(b"LOOKUP_TABLE", data) + 9),)}
+        yield Base(f"vtk legacy {name}", {"a.vtk": data}, "a.vtk", values=values, headers=headers)
+
+
+def _written_by_vtk(writer: Any, image: Any, name: str) -> bytes:
+    def write(folder: Path) -> None:
+        writer.SetFileName(str(folder / name))
+        writer.SetInputData(image)
+        writer.Write()
+
+    return _written(write)[name]
+
+
+def _vtk_base(kind: str, image: Any, values: Array, mode: str, compressor: str, *, is_base64: bool) -> Base:
+    """Return an image that VTK writes as XML; blocks that are compressed by zlib or lzma have checksums."""
+    writer = vtkXMLImageDataWriter()
+    getattr(writer, f"SetDataModeTo{mode}")()
+    getattr(writer, f"SetCompressorTypeTo{compressor}")()
+    writer.SetBlockSize(512)
+    writer.SetEncodeAppendedData(is_base64)
+    data = _written_by_vtk(writer, image, "a.vti")
+    text = (
+        re.search(rb"<DataArray[^>]*>\s*", data) if mode != "Appended" else re.search(rb"<AppendedData[^>]*>\s*_", data)
+    )
+    assert text is not None
+    begin = text.end()
+    num_blocks = -(-values.nbytes // 512)
+    num_bytes = 4 * (3 + num_blocks)
+    first = begin + (num_bytes if not (is_base64 or mode == "Binary") else -(-num_bytes // 3) * 4)
+    last = data.rindex(b"</DataArray>" if mode != "Appended" else b"</AppendedData>")
+    last = begin + len(data[begin:last].rstrip())
+    guarded = {"a.vti": ((first, last),)} if compressor in ("ZLib", "LZMA") else {}
+    headers: dict[str, Ranges] = {"a.vti": ((0, begin), (begin, min(first, last)), (last, len(data)))}
+    return Base(f"vtk {kind}", {"a.vti": data}, "a.vti", values=values, guarded=guarded, headers=headers)
+
+
+def _real(data: Path) -> Iterator[Base]:
+    """Yield small parts of real files; of large ones the first slices."""
+    for name in ("fuel", "marschnerlobb"):
+        files = {file: (data / file).read_bytes() for file in (f"{name}.nhdr", f"{name}.raw.gz")}
+        yield _detached(f"nrrd real {name}", files, f"{name}.nhdr", guarded=True)
+    head = (data / "medical/headsq_quarter.nrrd").read_bytes()
+    begin = _behind(b"\n\n", head)
+    part = head[:begin].replace(b"64 64 93", b"64 64 3") + head[begin : begin + 3 * 64 * 64 * 2]
+    yield _attached("nrrd real head", {"a.nrrd": part}, b"\n\n", guarded=False)
+    chest = (data / "medical/LIDC2.mha").read_bytes()
+    begin = chest.index(b"\n", chest.index(b"ElementDataFile")) + 1
+    packed = zlib.compress(zlib.decompress(chest[begin:])[60 * 2**16 : 61 * 2**16])
+    lines = re.sub(rb"(CompressedDataSize =) \d+", rb"\1 %d" % len(packed), chest[:begin].replace(b"256 133", b"256 1"))
+    yield _attached("metaimage real chest", {"a.mha": lines + packed}, b"ElementDataFile = ", guarded=True)
+    plain = (data / "medical/functional.nii").read_bytes()
+    yield Base("nifti real time", {"a.nii": plain}, "a.nii", {"time": 3}, headers={"a.nii": ((0, 352),)})
+    packed = (data / "medical/PD25_labels.nii.gz").read_bytes()
+    spans = {"a.nii.gz": ((0, len(packed)),)}
+    unpacked = gzip.decompress(packed)
+    yield Base(
+        "nifti real labels", {"a.nii.gz": packed}, "a.nii.gz", guarded=spans, headers={"": ((0, 352),)},
+        pack=_packed_by_gzip, unpacked=unpacked,
+    )  # fmt: skip
+    names = [f"N2D_01{k}.dcm" for k in (71, 72, 73)]
+    files = {f"series/{name}": (data / "medical/t1_dicom_part" / name).read_bytes() for name in names}
+    headers = {name: _before_pixels(each) for name, each in files.items()}
+    yield Base("dicom real series", files, "series", headers=headers)
+    lines = (data / "simulation/benzene-homo.cube").read_bytes().split(b"\n")
+    lines[3] = lines[3].replace(b"55", b" 2")
+    text = b"\n".join(lines[:19]) + b"\n" + b"\n".join(lines[19 : 19 + 2 * 55 * 7]) + b"\n"
+    yield Base("cube real", {"a.cube": text}, "a.cube", headers={"a.cube": ((0, text.index(lines[19])),)})
+
+
+def real_data() -> Path | None:
+    """Return the folder of real volumes that HSPLAT_TEST_DATA names."""
+    folder = os.environ.get("HSPLAT_TEST_DATA")
+    return Path(folder).resolve() if folder else None

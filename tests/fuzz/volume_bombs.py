@@ -1,0 +1,694 @@
+"""Small files that ask for much work or memory: streams that inflate, counts that lie, deep nesting, entities."""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import io
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable
+from functools import cache
+
+import imagecodecs
+import numpy as np
+from pydicom.dataset import Dataset
+from pydicom.uid import DeflatedExplicitVRLittleEndian, ExplicitVRLittleEndian, JPEG2000Lossless
+
+from tests.support.dicom_files import image_fields
+from tests.support.tiff_files import (
+    BITS,
+    BYTE,
+    COMPRESSION,
+    HEIGHT,
+    LONG,
+    SAMPLES,
+    SHORT,
+    STRIP_BYTES,
+    STRIPS,
+    WIDTH,
+    described,
+    directory,
+    tiff,
+)  # fmt: skip
+
+# The content of files by their names, the first of which is opened, or its folder; with a length, zeros follow.
+Files = dict[str, bytes | tuple[bytes, int]]
+
+NRRD = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: {sizes}\nencoding: {encoding}\n{more}\n"
+META = "ObjectType = Image\nNDims = 3\nDimSize = {sizes}\nElementType = MET_UCHAR\n{more}ElementDataFile = LOCAL\n"
+
+
+@cache
+def zeros_by_deflate(num_mebibytes: int) -> bytes:
+    """Return a deflate stream of zeros: a block of them again and again."""
+    deflate = zlib.compressobj(9, zlib.DEFLATED, -15)
+    deflate.compress(bytes(2**16))
+    deflate.flush(zlib.Z_FULL_FLUSH)
+    block = deflate.compress(bytes(2**24)) + deflate.flush(zlib.Z_FULL_FLUSH)
+    empty = zlib.compressobj(9, zlib.DEFLATED, -15)
+    return block * (num_mebibytes // 16) + empty.compress(b"") + empty.flush()
+
+
+@cache
+def zeros_by_gzip(num_mebibytes: int) -> bytes:
+    """Return a gzip member of zeros, whose checksum is wrong."""
+    return gzip.compress(b"", mtime=0)[:10] + zeros_by_deflate(num_mebibytes) + bytes(8)
+
+
+@cache
+def zeros_by_bzip2(num_mebibytes: int) -> bytes:
+    """Return bzip2 streams of zeros."""
+    return bz2.compress(bytes(2**24)) * (num_mebibytes // 16)
+
+
+def _nrrd(data: bytes = b"", *, sizes: str = "4 4 4", encoding: str = "raw", more: str = "") -> Files:
+    return {"a.nrrd": NRRD.format(sizes=sizes, encoding=encoding, more=more).encode() + data}
+
+
+def nrrd_gzip_inflates() -> Files:
+    return _nrrd(zeros_by_gzip(4096), encoding="gzip")
+
+
+def nrrd_gzip_inflates_before_its_voxels() -> Files:
+    return _nrrd(zeros_by_gzip(32768), encoding="gzip", more="byte skip: 999999999999\n")
+
+
+def nrrd_bzip2_inflates() -> Files:
+    return _nrrd(zeros_by_bzip2(2**16), encoding="bzip2")
+
+
+def nrrd_bzip2_inflates_before_its_voxels() -> Files:
+    return _nrrd(zeros_by_bzip2(2**16), encoding="bzip2", more="byte skip: 999999999999\n")
+
+
+def nrrd_bzip2_claims_a_gigabyte() -> Files:
+    return _nrrd(bz2.compress(bytes(1000)), sizes="4096 4096 400", encoding="bzip2")
+
+
+def nrrd_gzip_of_no_bytes() -> Files:
+    return _nrrd(gzip.compress(b"", mtime=0) * 500_000, encoding="gzip")
+
+
+def nrrd_bzip2_of_no_bytes() -> Files:
+    return _nrrd(bz2.compress(b"") * 500_000, encoding="bzip2")
+
+
+def nrrd_text_of_blanks() -> Files:
+    return _nrrd(b" " * 2**25, encoding="text")
+
+
+def nrrd_hex_of_blanks() -> Files:
+    return _nrrd(b" " * 2**25, encoding="hex")
+
+
+def nrrd_text_of_one_word() -> Files:
+    return _nrrd(b"1" * 2**22, encoding="text")
+
+
+def nrrd_sizes_beyond_floats() -> Files:
+    return _nrrd(sizes="1e300 1e300 1e300")
+
+
+def nrrd_sizes_beyond_memory() -> Files:
+    return _nrrd(zeros_by_gzip(1024), sizes="4096 4096 4096", encoding="gzip")
+
+
+def nrrd_lines_to_skip() -> Files:
+    return _nrrd(b"\n" * 2**27, more="line skip: 999999999\n")
+
+
+def nrrd_comments() -> Files:
+    return {"a.nrrd": b"NRRD0004\n" + b"#\n" * 2_000_000}
+
+
+def nrrd_keys() -> Files:
+    return {"a.nrrd": b"NRRD0004\n" + b"a:=b\n" * 800_000}
+
+
+def nrrd_vectors() -> Files:
+    return _nrrd(bytes(64), more="space directions: " + "(1,0,0) " * 500_000 + "\n")
+
+
+def nrrd_origins() -> Files:
+    return _nrrd(bytes(64), more="space origin: " + "(1)" * 1_300_000 + "\n")
+
+
+def nrrd_spacings() -> Files:
+    return _nrrd(bytes(64), more="spacings: " + "1 " * 2_000_000 + "\n")
+
+
+def nrrd_parentheses() -> Files:
+    return _nrrd(bytes(64), more="space directions: " + "(" * 4_000_000 + "\n")
+
+
+def nrrd_blanks_in_a_name() -> Files:
+    return _nrrd(bytes(64), more="spac" + " " * 100_000 + "ings: 1 1\n")
+
+
+def nrrd_listed_files() -> Files:
+    header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 1 1 2000000\nencoding: raw\ndata file: LIST\n"
+    return {"a.nrrd": header.encode() + b"b\n" * 2_000_000, "b": b"1"}
+
+
+def nrrd_listed_missing_files() -> Files:
+    header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 1 1 2000000\nencoding: raw\ndata file: LIST 2\n"
+    return {"a.nrrd": header.encode() + b"c\n" * 2_000_000}
+
+
+def nrrd_numbered_files() -> Files:
+    header = (
+        "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 1 1 999999999\nencoding: raw\ndata file: b%d 1 999999999 1\n\n"
+    )
+    return {"a.nrrd": header.encode(), "b1": b"1"}
+
+
+def nrrd_long_name_of_a_data_file() -> Files:
+    return _nrrd(more=f"data file: {'x/' * 100_000}\n")
+
+
+def _meta(data: bytes = b"", *, sizes: str = "4 4 4", more: str = "") -> Files:
+    return {"a.mha": META.format(sizes=sizes, more=more).encode() + data}
+
+
+_ZLIB = b"\x78\x9c"
+
+
+def metaimage_zlib_inflates() -> Files:
+    return _meta(_ZLIB + zeros_by_deflate(4096), more="CompressedData = True\n")
+
+
+def metaimage_compressed_size_lies() -> Files:
+    size = "CompressedData = True\nCompressedDataSize = 999999999999999999\n"
+    return _meta(_ZLIB + zeros_by_deflate(64), more=size)
+
+
+def metaimage_continued_lines() -> Files:
+    return {"a.mha": b"ObjectType = Image\nNDims = 3\n" + b"1\n" * 2_000_000}
+
+
+def metaimage_words() -> Files:
+    return _meta(bytes(64), more="Offset = " + "1 " * 2_000_000 + "\n")
+
+
+def metaimage_comments() -> Files:
+    return _meta(bytes(64), more="Comment = a\n" * 300_000)
+
+
+def metaimage_other_keys() -> Files:
+    return _meta(bytes(64), more="".join(f"k{k} = 1\n" for k in range(400_000)))
+
+
+def metaimage_sizes_beyond_floats() -> Files:
+    return _meta(sizes="1e300 1e300 1e300")
+
+
+def metaimage_channels() -> Files:
+    return _meta(bytes(64), more="ElementNumberOfChannels = 999999999999\n")
+
+
+def metaimage_listed_files() -> Files:
+    header = META.format(sizes="1 1 2000000", more="").replace("LOCAL", "LIST").encode()
+    return {"a.mhd": header + b"b\n" * 2_000_000, "b": b"1"}
+
+
+def metaimage_text_of_blanks() -> Files:
+    return _meta(b" " * 2**25, more="BinaryData = False\n")
+
+
+def _nifti_header(
+    *, offset: float = 352, sizes: tuple[int, ...] = (3, 4, 4, 4, 1, 1, 1, 1), extended: int = 0
+) -> bytes:
+    header = bytearray(352)
+    struct.pack_into("<i", header, 0, 348)
+    struct.pack_into("<8h", header, 40, *sizes)
+    struct.pack_into("<hh", header, 70, 2, 8)
+    struct.pack_into("<8f", header, 76, *[1.0] * 8)
+    struct.pack_into("<f", header, 108, offset)
+    header[344:348] = b"n+1\0"
+    header[348] = extended
+    return bytes(header)
+
+
+def nifti_gzip_inflates() -> Files:
+    return {"a.nii.gz": gzip.compress(_nifti_header(), mtime=0) + zeros_by_gzip(4096)}
+
+
+def nifti_name_in_gzip() -> Files:
+    return {"a.nii.gz": b"\x1f\x8b\x08\x08" + bytes(6) + b"a" * 2**25}
+
+
+def nifti_name_in_gzip_before_sniffing() -> Files:
+    return {"a": b"\x1f\x8b\x08\x08" + bytes(6) + b"a" * 2**25}
+
+
+def nifti_extension_of_gigabytes() -> Files:
+    """Return a file of zeros with room for an extension of 2 GB before the voxels."""
+    start = _nifti_header(offset=2.0**31, extended=1) + struct.pack("<ii", 2**31 - 512, 6)
+    return {"a.nii": (start, 2**31 + 2**20)}
+
+
+def nifti_many_extensions() -> Files:
+    extension = struct.pack("<ii", 16, 6) + bytes(8)
+    return {
+        "a.nii.gz": gzip.compress(
+            _nifti_header(offset=352 + 2**25, extended=1) + extension * 2**21 + bytes(64), 1, mtime=0
+        )
+    }
+
+
+def nifti_extension_of_a_pair() -> Files:
+    start = _nifti_header(offset=0, extended=1).replace(b"n+1", b"ni1") + struct.pack("<ii", 2**31 - 512, 6)
+    return {"a.hdr": (start, 2**31 + 2**20), "a.img": bytes(64)}
+
+
+def nifti_dicom_in_an_extension() -> Files:
+    nested = _nested_sequences(3000)
+    size = -(-(len(nested) + 8) // 16) * 16
+    extension = struct.pack("<ii", size, 2) + nested.ljust(size - 8, b"\0")
+    return {"a.nii": _nifti_header(offset=352 + size, extended=1) + extension + bytes(64)}
+
+
+def nifti_huge_sizes() -> Files:
+    return {"a.nii.gz": gzip.compress(_nifti_header(sizes=(3, 32767, 32767, 500, 1, 1, 1, 1)) + bytes(1000), mtime=0)}
+
+
+def _npy(shape: str, descr: str = "'<u2'", *, length: int | None = None, version: int = 1) -> bytes:
+    header = f"{{'descr': {descr}, 'fortran_order': False, 'shape': ({shape})}}\n".encode()
+    size = len(header) if length is None else length
+    return b"\x93NUMPY" + bytes((version, 0)) + size.to_bytes(2 if version == 1 else 4, "little") + header
+
+
+def npy_header_of_gigabytes() -> Files:
+    return {"a.npy": (_npy("4, 4, 4", length=2**32 - 1, version=2), 2**33)}
+
+
+def npy_nested_types() -> Files:
+    return {"a.npy": _npy("4, 4, 4", "[('a', " * 900 + "'<u2'" + ")]" * 900) + bytes(128)}
+
+
+def npy_nested_parentheses() -> Files:
+    return {"a.npy": _npy("(" * 9000 + "4" + ")" * 9000) + bytes(128)}
+
+
+def npy_long_types() -> Files:
+    return {"a.npy": _npy("4, 4, 4", "'<U999999999'") + bytes(128)}
+
+
+def npy_long_shape() -> Files:
+    return {"a.npy": _npy("4, 4, " + "9" * 4000) + bytes(128)}
+
+
+def npy_powers() -> Files:
+    return {"a.npy": _npy("4, 4, 9**9**9") + bytes(128)}
+
+
+def npy_sparse() -> Files:
+    return {"a.npy": (_npy("1000, 1000, 500"), 2**30 + 2**20)}
+
+
+def _zip(content: bytes, *, size: int, name: str = "a.npy", method: int = 8) -> bytes:
+    """Return an archive with one member, whose content is compressed already; its checksum is wrong."""
+    common = struct.pack("<HHHHIII", 0, method, 0, 33, 0, len(content), size)
+    local = b"PK\3\4" + struct.pack("<H", 20) + common + struct.pack("<HH", len(name), 0) + name.encode()
+    rest = struct.pack("<HHHHHII", len(name), 0, 0, 0, 0, 0, 0) + name.encode()
+    central = b"PK\1\2" + struct.pack("<HH", 20, 20) + common + rest
+    sizes = struct.pack("<IIH", len(central), len(local) + len(content), 0)
+    return local + content + central + b"PK\5\6" + struct.pack("<HHHH", 0, 0, 1, 1) + sizes
+
+
+def _stored_block(data: bytes) -> bytes:
+    """Return a block of deflate that is not compressed, and not the last."""
+    return b"\0" + struct.pack("<HH", len(data), ~len(data) & 0xFFFF) + data
+
+
+def npz_inflates_behind_its_array() -> Files:
+    start = _stored_block(_npy("4, 4, 4") + bytes(128))
+    return {"a.npz": _zip(start + zeros_by_deflate(4096), size=2**32 - 1)}
+
+
+def npz_header_of_gigabytes() -> Files:
+    start = _stored_block(_npy("4, 4, 4", length=2**32 - 1, version=2))
+    return {"a.npz": _zip(start + zeros_by_deflate(4080), size=2**32 - 1)}
+
+
+def npz_claims_gigabytes() -> Files:
+    return {"a.npz": _zip(_stored_block(_npy("1000, 1000, 2000")) + zeros_by_deflate(64), size=2**32 - 1)}
+
+
+def npz_many_arrays() -> Files:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        for k in range(3000):
+            archive.writestr(zipfile.ZipInfo(f"an array with a long name of its own, number {k}.npy"), b"")
+    return {"a.npz": out.getvalue()}
+
+
+def npz_lzma_of_a_huge_window() -> Files:
+    return {"a.npz": _zip(b"\x09\x04\x05\x00\x5d\xff\xff\xff\xff" + bytes(100), size=1000, method=14)}
+
+
+def npz_bzip2_inflates() -> Files:
+    return {"a.npz": _zip(zeros_by_bzip2(4096), size=2**32 - 1, method=12)}
+
+
+def npz_names_in_bad_utf_8() -> Files:
+    data = bytearray(_zip(b"", size=0, method=0, name="a\xff\xfe.npy".encode("latin-1").decode("latin-1")))
+    data = bytearray(bytes(data).replace(b"\xc3\xbf\xc3\xbe", b"\xff\xfe\xff\xfe"))
+    for mark, at in ((b"PK\3\4", 6), (b"PK\1\2", 8)):
+        data[data.index(mark) + at + 1] |= 8
+    return {"a.npz": bytes(data)}
+
+
+def _cube(atoms: str, rest: bytes, axes: str = "4 4 4") -> Files:
+    lines = "".join(f"{n} 1 0 0\n" for n in axes.split())
+    return {"a.cube": f"a\nb\n{atoms} 0 0 0\n{lines}".encode() + rest}
+
+
+def cube_many_atoms() -> Files:
+    return _cube("999999999", b"\n" * 2**25)
+
+
+def cube_atoms_beyond_floats() -> Files:
+    return _cube("1e300", b"1 " * 64)
+
+
+def cube_many_orbitals() -> Files:
+    return _cube("-1", b"1\n" + b"999999999" + b"\n" * 2**25)
+
+
+def cube_sizes_beyond_floats() -> Files:
+    return _cube("0", b"1 " * 64, axes="1e300 1e300 1e300")
+
+
+def cube_blanks() -> Files:
+    return _cube("0", b" " * 2**25)
+
+
+def _strip(compressed: bytes, compression: int, side: int = 4) -> Files:
+    """Return a page of bytes with one compressed strip behind its directory."""
+    fields = {
+        WIDTH: (LONG, 1, side), HEIGHT: (LONG, 1, side), COMPRESSION: (SHORT, 1, compression), STRIPS: (LONG, 1, 300),
+        STRIP_BYTES: (LONG, 1, len(compressed)),
+    }  # fmt: skip
+    return {"a.tif": tiff(fields).ljust(300, b"\0") + compressed}
+
+
+def tiff_deflate_inflates() -> Files:
+    return _strip(_ZLIB + zeros_by_deflate(4096), 8)
+
+
+def tiff_deflate_claims_gigabytes() -> Files:
+    return _strip(_ZLIB + zeros_by_deflate(64), 8, side=60_000)
+
+
+def tiff_zstd_inflates() -> Files:
+    return _strip(imagecodecs.zstd_encode(bytes(2**28)) * 16, 50000)
+
+
+def tiff_lzw_claims_gigabytes() -> Files:
+    return _strip(imagecodecs.lzw_encode(bytes(2**16)), 5, side=60_000)
+
+
+def tiff_jpeg2000_of_other_sizes() -> Files:
+    data = bytearray(imagecodecs.jpeg2k_encode(np.zeros((16, 16), np.uint8), codecformat="j2k"))
+    place = data.index(b"\xff\x51") + 6
+    data[place : place + 8] = struct.pack(">II", 2**31 - 1, 2**31 - 1)
+    return _strip(bytes(data), 34712)
+
+
+def tiff_directory_of_itself() -> Files:
+    return {"a.tif": tiff({}, following=24)}
+
+
+def tiff_directories_in_a_ring() -> Files:
+    first = tiff({})
+    return {"a.tif": tiff({}, following=len(first)) + directory({WIDTH: (SHORT, 1, 4)}, 24)}
+
+
+def tiff_many_directories() -> Files:
+    first = tiff({})
+    page = len(directory({WIDTH: (SHORT, 1, 4)}))
+    pages = [directory({WIDTH: (SHORT, 1, 4)}, len(first) + (k + 1) * page) for k in range(60_000)]
+    return {"a.tif": tiff({}, following=len(first)) + b"".join(pages)}
+
+
+def tiff_values_of_gigabytes() -> Files:
+    return {"a.tif": (tiff({BITS: (SHORT, 2**31 - 1, 8), 700: (BYTE, 2**31, 8)}), 2**33)}
+
+
+def tiff_many_strips() -> Files:
+    fields = {STRIPS: (LONG, 2**28, 300), STRIP_BYTES: (LONG, 2**28, 300), HEIGHT: (LONG, 1, 2**28), 278: (LONG, 1, 1)}
+    return {"a.tif": (tiff(fields), 2**31)}
+
+
+def tiff_many_samples() -> Files:
+    return {"a.tif": tiff({SAMPLES: (SHORT, 1, 65535), WIDTH: (LONG, 1, 2**31), HEIGHT: (LONG, 1, 2**31)})}
+
+
+def tiff_entities() -> Files:
+    names = "abcdefghij"
+    entities = '<!ENTITY a "0">' + "".join(
+        f'<!ENTITY {after} "{f"&{name};" * 10}">' for name, after in zip(names, names[1:], strict=False)
+    )
+    text = f'<?xml version="1.0"?><!DOCTYPE OME [{entities}]><OME><Pixels SizeX="&j;" SizeZ="&j;" DimensionOrder="XYZCT"/></OME>'
+    return {"a.tif": described(text)}
+
+
+def tiff_planes_of_ome() -> Files:
+    data = '<TiffData IFD="0" PlaneCount="2147483647" FirstZ="2147483647"/>' * 20_000
+    text = f'<OME><Pixels DimensionOrder="XYZCT" SizeX="4" SizeZ="1" SizeT="1" SizeC="1">{data}</Pixels></OME>'
+    return {"a.tif": described(text)}
+
+
+def tiff_images_of_imagej() -> Files:
+    return {
+        "a.tif": described("ImageJ=1.53\nimages=999999999\nslices=2147483647\nframes=2147483647\nchannels=2147483647\n")
+    }
+
+
+def tiff_brackets_of_ome() -> Files:
+    return {"a.tif": described("<OME>" + "<Pixels " * 300_000 + "<a:" * 300_000)}
+
+
+def tiff_blanks_of_ome() -> Files:
+    return {"a.tif": described("<OME><Pixels " + ("SizeZ" + " " * 1000) * 2000 + "/></OME>")}
+
+
+def tiff_slices_of_many_names() -> Files:
+    return {f"many/s{k * k}.tif": tiff({}) for k in range(400)}
+
+
+def _dicom(dataset: Dataset, syntax: str = ExplicitVRLittleEndian) -> bytes:
+    out = io.BytesIO()
+    dataset.file_meta.TransferSyntaxUID = syntax
+    dataset.save_as(out, enforce_file_format=True)
+    return out.getvalue()
+
+
+_PLANE = np.arange(16, dtype=np.uint16).reshape(4, 4)
+
+
+def _nested_sequences(depth: int) -> bytes:
+    """Return sequences inside each other, of undefined length, in explicit little endian."""
+    start = b"\x08\x00\x40\x11SQ\0\0\xff\xff\xff\xff\xfe\xff\x00\xe0\xff\xff\xff\xff"
+    end = b"\xfe\xff\x0d\xe0\0\0\0\0\xfe\xff\xdd\xe0\0\0\0\0"
+    return start * depth + end * depth
+
+
+def _in_dicom(fields: bytes, before: bytes = b"\x08\x00\x60\x00") -> bytes:
+    """Return a file with more fields in it, before the one with this number."""
+    data = _dicom(image_fields(_PLANE))
+    place = data.index(before, 132)
+    return data[:place] + fields + data[place:]
+
+
+def dicom_nested_sequences() -> Files:
+    return {"a.dcm": _in_dicom(_nested_sequences(50_000))}
+
+
+def dicom_open_sequences() -> Files:
+    return {"a.dcm": _in_dicom(_nested_sequences(300)[: 300 * 20])}
+
+
+def dicom_deflate_inflates() -> Files:
+    data = _dicom(image_fields(_PLANE), DeflatedExplicitVRLittleEndian)
+    begin = 144 + struct.unpack_from("<I", data, 140)[0]
+    return {"a.dcm": data[:begin] + zeros_by_deflate(4096)}
+
+
+def dicom_deflate_inflates_into_a_field() -> Files:
+    data = _dicom(image_fields(_PLANE), DeflatedExplicitVRLittleEndian)
+    begin = 144 + struct.unpack_from("<I", data, 140)[0]
+    field = b"\x08\x00\x08\x00OB\0\0" + struct.pack("<I", 2**32 - 2)
+    return {"a.dcm": data[:begin] + _stored_block(field) + zeros_by_deflate(4096)}
+
+
+def dicom_many_frames() -> Files:
+    return {"a.dcm": _dicom(image_fields(_PLANE, NumberOfFrames="2147483647", SpacingBetweenSlices="1"))}
+
+
+def dicom_millions_of_frames() -> Files:
+    return {"a.dcm": _dicom(image_fields(_PLANE, NumberOfFrames="9999999", SpacingBetweenSlices="1"))}
+
+
+def dicom_huge_plane() -> Files:
+    return {"a.dcm": _dicom(image_fields(_PLANE, Rows=65535, Columns=65535, SamplesPerPixel=65535))}
+
+
+def dicom_huge_jpeg2000() -> Files:
+    stream = bytearray(imagecodecs.jpeg2k_encode(np.zeros((16, 16), np.uint16), codecformat="j2k"))
+    place = stream.index(b"\xff\x51") + 6
+    stream[place : place + 8] = struct.pack(">II", 65535, 65535)
+    fields = image_fields(_PLANE, Rows=65535, Columns=65535)
+    item = b"\xfe\xff\x00\xe0\0\0\0\0\xfe\xff\x00\xe0" + struct.pack("<I", len(stream)) + stream
+    fields.PixelData = item + b"\xfe\xff\xdd\xe0\0\0\0\0"
+    fields["PixelData"].is_undefined_length = True
+    return {"a.dcm": _dicom(fields, JPEG2000Lossless)}
+
+
+def dicom_field_of_gigabytes() -> Files:
+    return {"a.dcm": (_in_dicom(b"\x08\x00\x08\x00OB\0\0" + struct.pack("<I", 2**32 - 2)), 2**33)}
+
+
+def dicom_offsets_of_frames() -> Files:
+    fields = image_fields(_PLANE, NumberOfFrames="30000", GridFrameOffsetVector=["1"] * 30_000)
+    return {"a.dcm": _dicom(fields)}
+
+
+def dicom_many_series() -> Files:
+    return {
+        f"many/{k}.dcm": _dicom(image_fields(_PLANE, uid=f"1.2.{k}", SeriesDescription="a long description of it " * 2))
+        for k in range(60)
+    }
+
+
+_VTI = (
+    '<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian" header_type="{header}"{compressor}>'
+    '<ImageData WholeExtent="{extent}" Origin="0 0 0" Spacing="1 1 1"><Piece Extent="{extent}"><PointData Scalars="a">'
+    '<DataArray type="UInt8" Name="a" format="appended" offset="0" NumberOfComponents="{components}"/></PointData></Piece>'
+    '</ImageData><AppendedData encoding="raw">_'
+)
+
+
+def _vti(
+    data: bytes, *, extent: str = "0 3 0 3 0 3", header: str = "UInt32", components: int = 1, compressed: bool = True
+) -> Files:
+    compressor = ' compressor="vtkZLibDataCompressor"' if compressed else ""
+    text = _VTI.format(extent=extent, header=header, components=components, compressor=compressor)
+    return {"a.vti": text.encode() + data + b"</AppendedData></VTKFile>"}
+
+
+def vtk_blocks_inflate() -> Files:
+    stream = _ZLIB + zeros_by_deflate(4096)
+    return _vti(struct.pack("<4I", 1, 2**31, 64, len(stream)) + stream)
+
+
+def vtk_many_blocks() -> Files:
+    return _vti(struct.pack("<4I", 2**32 - 1, 1, 1, 1))
+
+
+def vtk_blocks_beyond_memory() -> Files:
+    return _vti(struct.pack("<4Q", 2**61, 2**61, 1, 1), header="UInt64")
+
+
+def vtk_blocks_of_no_bytes() -> Files:
+    return _vti(struct.pack("<3I", 2**27, 0, 0) + bytes(2**20))
+
+
+def vtk_huge_extent() -> Files:
+    return _vti(struct.pack("<4I", 1, 64, 64, 64) + bytes(64), extent="0 2147483646 0 2147483646 0 2147483646")
+
+
+def vtk_negative_extent() -> Files:
+    return _vti(struct.pack("<I", 64) + bytes(64), extent="0 -3 0 -3 0 3", compressed=False)
+
+
+def vtk_many_components() -> Files:
+    return _vti(struct.pack("<I", 64) + bytes(64), components=2**31 - 1, compressed=False)
+
+
+def vtk_length_lies() -> Files:
+    return _vti(struct.pack("<I", 2**32 - 1) + bytes(64), compressed=False)
+
+
+def vtk_nested_elements() -> Files:
+    return {"a.vti": b'<VTKFile type="ImageData">' + b"<a>" * 200_000}
+
+
+def vtk_entities() -> Files:
+    names = "abcdefghij"
+    entities = '<!ENTITY a "0">' + "".join(
+        f'<!ENTITY {after} "{f"&{name};" * 10}">' for name, after in zip(names, names[1:], strict=False)
+    )
+    text = f'<?xml version="1.0"?><!DOCTYPE VTKFile [{entities}]><VTKFile type="ImageData"><a b="&j;">&j;</a></VTKFile>'
+    return {"a.vti": text.encode()}
+
+
+def vtk_entity_of_a_file() -> Files:
+    start = b'<?xml version="1.0"?><!DOCTYPE VTKFile [<!ENTITY a SYSTEM "file:///dev/zero">]>'
+    return {"a.vti": start + b'<VTKFile type="ImageData"><ImageData>&a;</ImageData></VTKFile>'}
+
+
+def vtk_attributes() -> Files:
+    many = " ".join(f'a{k}="{k}"' for k in range(100_000))
+    return {"a.vti": f'<VTKFile type="ImageData" {many}></VTKFile>'.encode()}
+
+
+def _legacy(lines: str, data: bytes = bytes(64), *, sizes: str = "4 4 4") -> Files:
+    start = "# vtk DataFile Version 3.0\na title\nBINARY\nDATASET STRUCTURED_POINTS\n"
+    start += f"DIMENSIONS {sizes}\nSPACING 1 1 1\nORIGIN 0 0 0\n"
+    return {"a.vtk": start.encode() + lines.encode() + data}
+
+
+def vtk_legacy_huge_sizes() -> Files:
+    return _legacy("POINT_DATA 999999999999\nSCALARS a char\nLOOKUP_TABLE default\n", sizes="9999 9999 9999")
+
+
+def vtk_legacy_long_type() -> Files:
+    return _legacy(f"POINT_DATA 64\nSCALARS a {'x' * 5000}\nLOOKUP_TABLE default\n")
+
+
+def vtk_legacy_long_name() -> Files:
+    return _legacy(f"POINT_DATA 64\nSCALARS {'x' * 5000} char\nLOOKUP_TABLE default\n")
+
+
+def vtk_legacy_many_components() -> Files:
+    return _legacy("POINT_DATA 64\nSCALARS a char 999999999\nLOOKUP_TABLE default\n")
+
+
+def vtk_legacy_many_fields() -> Files:
+    return _legacy("POINT_DATA 64\nFIELD f 2147483647\na 1 64 char\n")
+
+
+def vtk_legacy_huge_field() -> Files:
+    return _legacy("POINT_DATA 64\nFIELD f 1\na 999999 999999 double\n")
+
+
+def vtk_legacy_huge_table() -> Files:
+    return _legacy("POINT_DATA 64\nSCALARS a char\nLOOKUP_TABLE b\n" + "LOOKUP_TABLE b 2147483647\n", bytes(64))
+
+
+def vtk_legacy_metadata_without_end() -> Files:
+    return _legacy("METADATA\nINFORMATION 999999999\nNAME a LOCATION b\n")
+
+
+def vtk_legacy_long_title() -> Files:
+    return {"a.vtk": b"# vtk DataFile Version 3.0\n" + b"x" * 2**22}
+
+
+def vtk_legacy_other_grids() -> Files:
+    lines = "DATASET UNSTRUCTURED_GRID\nPOINTS 999999999 double\nCELLS 999999999 999999999\n"
+    return {"a.vtk": b"# vtk DataFile Version 3.0\na\nBINARY\n" + lines.encode() + bytes(64)}
+
+
+_ALL = {
+    name: value
+    for name, value in list(globals().items())
+    if callable(value) and getattr(value, "__module__", "") == __name__
+}
+_FORMS = ("nrrd", "metaimage", "nifti", "npy", "npz", "cube", "tiff", "dicom", "vtk")
+BOMBS: dict[str, tuple[Callable[[], Files], ...]] = {
+    form: tuple(value for name, value in _ALL.items() if name.startswith(f"{form}_")) for form in _FORMS
+}
