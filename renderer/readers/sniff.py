@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
@@ -33,6 +34,9 @@ _SUFFIXES: dict[str, Format] = {
 }
 _VOLUME_SUFFIXES = (".nrrd", ".nhdr", ".npy", ".npz", ".vti", ".vtk", ".mha", ".mhd", ".nii", ".nii.gz", ".cube")
 TIFF_SUFFIXES = (".tif", ".tiff")
+# The first field of DICOM without a preamble: in group 2 or 8, with the letters of its type, or with its length alone;
+# then the next field is in group 8.
+_FIRST_FIELD = re.compile(rb"[\x02\x08]\0.\0(?:[A-Z]{2}|(?P<length>.)\0\0\0)", re.DOTALL)
 _FIRST_BYTES = 1024
 # A search ends after this many entries, and a message lists this many volumes.
 _MAX_ENTRIES, _MAX_LISTED = 10_000, 12
@@ -54,7 +58,7 @@ class UnknownFormatError(InputError):
 def find_format(path: Path) -> Format:
     """Return the format of a volume file; raises UnknownFormatError for any other file."""
     start = _start(path)
-    if _has_dicom_mark(start):
+    if _begins_like_dicom(start):
         return "dicom"
     for signature, found in _SIGNATURES.items():
         if start.startswith(signature):
@@ -70,8 +74,8 @@ def find_format(path: Path) -> Format:
 
 
 def is_dicom(path: Path) -> bool:
-    """Return whether a file begins like DICOM: with a preamble of 128 bytes and a mark, or with its first group."""
-    return path.is_file() and _has_dicom_mark(_start(path))
+    """Return whether a file begins like DICOM: with a preamble of 128 bytes and a mark, or without them."""
+    return path.is_file() and _begins_like_dicom(_start(path))
 
 
 def find_volume(path: Path) -> tuple[Path, Format, str | None]:
@@ -151,5 +155,8 @@ def _start(path: Path) -> bytes:
         raise InputError("cannot read this file", where=str(path), got=error.strerror) from error
 
 
-def _has_dicom_mark(start: bytes) -> bool:
-    return start[128:132] == b"DICM"
+def _begins_like_dicom(start: bytes) -> bool:
+    if start[128:132] == b"DICM":
+        return True
+    field = _FIRST_FIELD.match(start)
+    return field is not None and (field["length"] is None or start[8 + field["length"][0] :].startswith(b"\x08\0"))
