@@ -29,10 +29,13 @@ _SIGNATURES: dict[bytes, Format] = {
 _SUFFIXES: dict[str, Format] = {
     **dict.fromkeys((".mha", ".mhd"), "metaimage"),
     **dict.fromkeys((".nii", ".hdr", ".img"), "nifti"),
-    ".cube": "cube",
+    **dict.fromkeys((".cube", ".cub"), "cube"),
     **dict.fromkeys((".tif", ".tiff"), "tiff"),
 }
-_VOLUME_SUFFIXES = (".nrrd", ".nhdr", ".npy", ".npz", ".vti", ".vtk", ".mha", ".mhd", ".nii", ".nii.gz", ".cube")
+_VOLUME_SUFFIXES = (
+    *(".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".nii.gz"),
+    *(".npy", ".npz", ".vti", ".vtk", ".cube", ".cub"),
+)
 TIFF_SUFFIXES = (".tif", ".tiff")
 # The first field of DICOM without a preamble: in group 2 or 8, with the letters of its type, or with its length alone;
 # then the next field is in group 8.
