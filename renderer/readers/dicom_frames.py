@@ -231,6 +231,8 @@ def pixels_of(path: Path) -> Array:
     """Return the stored pixels of a file, [frame, y, x, sample]; raises InputError if they cannot be decoded."""
     dataset, _ = _open(path, with_pixels=True)
     syntax = _transfer_syntax(dataset)
+    if syntax is None:  # without a preamble
+        dataset.file_meta.TransferSyntaxUID = _plain_syntax(dataset)
     try:
         pixels = np.asarray(dataset.pixel_array)
     except Exception as error:  # of its decoders
@@ -241,6 +243,14 @@ def pixels_of(path: Path) -> Array:
     frames = int(dataset.get("NumberOfFrames") or 1)
     pixels = pixels.reshape(frames, int(dataset.Rows), int(dataset.Columns), samples)
     return _without_unused_bits(pixels, dataset)
+
+
+def _plain_syntax(dataset: _Dataset) -> Any:
+    """Return the transfer syntax without compression in which a dataset was read."""
+    from pydicom.uid import ExplicitVRBigEndian, ExplicitVRLittleEndian, ImplicitVRLittleEndian
+
+    is_implicit, is_little = dataset.original_encoding
+    return ImplicitVRLittleEndian if is_implicit else ExplicitVRLittleEndian if is_little else ExplicitVRBigEndian
 
 
 def _without_unused_bits(pixels: Array, dataset: _Dataset) -> Array:

@@ -61,7 +61,7 @@ _SPACES |= {"".join(word[0] for word in name.split("-")): factors for name, fact
 _SPACES |= dict.fromkeys(("scanner-xyz", "3d-right-handed", "3d-left-handed"), (1.0, 1.0, 1.0))
 _SPACES |= {name + ("-time" if "-" in name else "t"): factors for name, factors in _SPACES.items()}
 _CENTERS = ("cell", "node", *_UNKNOWN_KINDS)
-_VECTOR = re.compile(r"\(([^()]*)\)|none")
+_VECTOR = re.compile(r"\(([^()]*)\)|none", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -80,13 +80,13 @@ def read_nrrd(path: Path, time: int | None, component: int | None) -> Image:
     """
     where = str(path)
     fields, layout = read_header(path)
-    axes = _axes(fields, len(layout.shape), where)
     sizes = layout.shape[::-1]
+    axes = _axes(fields, sizes, where)
     step = select_index("time", time, 1 if axes.time is None else sizes[axes.time], where)
     channel = select_index("component", component, 1 if axes.component is None else sizes[axes.component], where)
     world_from_index, has_lengths = _world_from_index(fields, axes, len(layout.shape))
     chosen: dict[int | None, int] = {axes.time: step, axes.component: channel}
-    index = tuple(chosen.get(axis, slice(None)) for axis in reversed(range(len(sizes))))
+    index = tuple(slice(None) if k in axes.space else chosen.get(k, 0) for k in reversed(range(len(sizes))))
     values = read_stored(layout, index, where)
     return Image(
         values if values.ndim == 3 else values[np.newaxis], world_from_index, None if has_lengths else NO_LENGTHS
@@ -134,7 +134,7 @@ def _parse(path: Path) -> tuple[dict[str, Field], list[str], int]:
         for number, text in lines:
             where = f"{path}:{number}"
             if number == 1:
-                if not re.fullmatch(r"NRRD00[0-9]+", text):
+                if not re.fullmatch(r"NRRD00\.?[0-9]+", text):
                     raise InputError("this is not a NRRD file", where=str(path), expected="NRRD0004 or so in line 1")
                 continue
             if not text:
@@ -231,8 +231,12 @@ def _after_lines(file: Path, begin: int, num_lines: int) -> int:
         return opened.tell()
 
 
-def _axes(fields: dict[str, Field], num_axes: int, where: str) -> _Axes:
-    """Return which axes are space, time and components; raises InputError for more of them than a volume has."""
+def _axes(fields: dict[str, Field], sizes: tuple[int, ...], where: str) -> _Axes:
+    """Return which axes are space, time and components; raises InputError for more of them than a volume has.
+
+    Of several axes of time or components, those of length 1 do not count.
+    """
+    num_axes = len(sizes)
     kinds = fields["kinds"].text.lower().split() if "kinds" in fields else []
     if kinds and len(kinds) != num_axes:
         raise fields["kinds"].error(f"{num_axes} words, one for each axis")
@@ -251,6 +255,7 @@ def _axes(fields: dict[str, Field], num_axes: int, where: str) -> _Axes:
         space.append(times.pop(0))
     if len(space) == 4 and not times:
         times.append(space.pop())
+    lists, times = ([k for k in found if sizes[k] > 1] or found[:1] for found in (lists, times))
     if len(lists) > 1 or len(times) > 1 or not 2 <= len(space) <= 3:
         raise InputError(
             "the axes of this NRRD file are not those of a volume",

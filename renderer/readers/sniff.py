@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import struct
 import zlib
 from collections.abc import Iterator
@@ -30,11 +31,17 @@ _SIGNATURES: dict[bytes, Format] = {
 _SUFFIXES: dict[str, Format] = {
     **dict.fromkeys((".mha", ".mhd"), "metaimage"),
     **dict.fromkeys((".nii", ".hdr", ".img"), "nifti"),
-    ".cube": "cube",
+    **dict.fromkeys((".cube", ".cub"), "cube"),
     **dict.fromkeys((".tif", ".tiff"), "tiff"),
 }
-_VOLUME_SUFFIXES = (".nrrd", ".nhdr", ".npy", ".npz", ".vti", ".vtk", ".mha", ".mhd", ".nii", ".nii.gz", ".cube")
+_VOLUME_SUFFIXES = (
+    *(".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".nii.gz"),
+    *(".npy", ".npz", ".vti", ".vtk", ".cube", ".cub"),
+)
 TIFF_SUFFIXES = (".tif", ".tiff")
+# The first field of DICOM without a preamble: in group 2 or 8, with the letters of its type, or with its length alone;
+# then the next field is in group 8.
+_FIRST_FIELD = re.compile(rb"[\x02\x08]\0.\0(?:[A-Z]{2}|(?P<length>.)\0\0\0)", re.DOTALL)
 _FIRST_BYTES = 4096
 _GZIP = b"\x1f\x8b"
 _NIFTI_HEADER_BYTES = (348, 540)
@@ -58,7 +65,7 @@ class UnknownFormatError(InputError):
 def find_format(path: Path) -> Format:
     """Return the format of a volume file; raises UnknownFormatError for any other file."""
     start = _start(path)
-    if _has_dicom_mark(start):
+    if _begins_like_dicom(start):
         return "dicom"
     for signature, found in _SIGNATURES.items():
         if start.startswith(signature):
@@ -74,8 +81,8 @@ def find_format(path: Path) -> Format:
 
 
 def is_dicom(path: Path) -> bool:
-    """Return whether a file begins like DICOM: with a preamble of 128 bytes and a mark, or with its first group."""
-    return path.is_file() and _has_dicom_mark(_start(path))
+    """Return whether a file begins like DICOM: with a preamble of 128 bytes and a mark, or without them."""
+    return path.is_file() and _begins_like_dicom(_start(path))
 
 
 def find_volume(path: Path) -> tuple[Path, Format, str | None]:
@@ -155,10 +162,6 @@ def _start(path: Path) -> bytes:
         raise InputError("cannot read this file", where=str(path), got=error.strerror) from error
 
 
-def _has_dicom_mark(start: bytes) -> bool:
-    return start[128:132] == b"DICM"
-
-
 def _is_nifti(start: bytes) -> bool:
     return len(start) >= 4 and any(struct.unpack(order + "i", start[:4])[0] in _NIFTI_HEADER_BYTES for order in "<>")
 
@@ -172,3 +175,10 @@ def read_start(path: Path, num_bytes: int) -> tuple[bytes, bool]:
         return zlib.decompressobj(zlib.MAX_WBITS | 16).decompress(start, num_bytes), True
     except zlib.error:
         return b"", True
+
+
+def _begins_like_dicom(start: bytes) -> bool:
+    if start[128:132] == b"DICM":
+        return True
+    field = _FIRST_FIELD.match(start)
+    return field is not None and (field["length"] is None or start[8 + field["length"][0] :].startswith(b"\x08\0"))

@@ -42,6 +42,7 @@ from renderer.volume import Array, Float64
 
 # Fields by number.
 _X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT = 282, 283, 296
+_FIRST_PRIVATE, _DEPTHS = 32768, (32997, 32998)
 
 # A tifffile.TiffPage.
 _Page = Any
@@ -154,14 +155,19 @@ def _open_pages(path: Path) -> Iterator[list[_Page]]:
 
 
 class _Damage(logging.Handler):
-    """The errors that tifffile logs where it goes on without damaged pages and fields."""
+    """The errors that tifffile logs where it goes on without damaged pages and fields.
+
+    Private fields do not count: programs write what they like there.
+    """
 
     def __init__(self) -> None:
         super().__init__(logging.ERROR)
         self._num = 0
 
     def emit(self, record: logging.LogRecord) -> None:
-        self._num += 1
+        field = re.search(r"TiffTag ([0-9]+) @", record.getMessage())
+        number = int(field[1]) if field else 0
+        self._num += number < _FIRST_PRIVATE or number in _DEPTHS
 
     def require_none(self, path: Path) -> None:
         if self._num:

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import gdcm
 import numpy as np
+import pydicom
 import pytest
 from click.testing import CliRunner
-from pydicom.uid import RLELossless
+from pydicom.uid import ExplicitVRLittleEndian, ImplicitVRLittleEndian, RLELossless
 
 from hsplat_cli.commands.info import info
 from renderer.errors import InputError
@@ -126,6 +127,21 @@ def test_files_that_were_slices(tmp_path: Path, data: bytes, got: str) -> None:
         f"  got: {got}\n"
         "  hint: the file is truncated or damaged: copy it again, or remove it if it is no slice"
     )
+
+
+@pytest.mark.parametrize(("is_implicit", "with_syntax"), [(True, True), (False, True), (True, False), (False, False)])
+def test_files_without_a_preamble(tmp_path: Path, is_implicit: bool, with_syntax: bool) -> None:
+    write(tmp_path)
+    for path in sorted(tmp_path.iterdir()):
+        dataset = pydicom.dcmread(path)
+        dataset.file_meta.TransferSyntaxUID = ImplicitVRLittleEndian if is_implicit else ExplicitVRLittleEndian
+        if not with_syntax:
+            del dataset.file_meta
+        dataset.preamble = None
+        path.unlink()
+        dataset.save_as(path.with_suffix(""), implicit_vr=is_implicit, little_endian=True, enforce_file_format=False)
+    np.testing.assert_array_equal(read(tmp_path).values, VALUES)
+    np.testing.assert_array_equal(read(tmp_path / "1").values[0], VALUES[1])
 
 
 def test_one_slice_of_a_series(tmp_path: Path) -> None:

@@ -96,6 +96,12 @@ def test_cube_files(tmp_path):
     np.testing.assert_array_equal(volume.world_from_index[:3], [[0.5, 0.1, 0, -1], [0, 0.25, 0, 2], [0, 0, 2, 0.5]])
 
 
+def test_cube_files_of_fortran(tmp_path):
+    values = np.arange(60).reshape(3, 4, 5) / 8
+    (tmp_path / "a.cub").write_text(cube(values).replace("E+", "D+").replace("E-", "d-"))
+    np.testing.assert_array_equal(read(tmp_path / "a.cub").values, values.T)
+
+
 def test_orbitals_are_components(tmp_path):
     values = np.arange(120).reshape(3, 4, 5, 2) / 8
     (tmp_path / "a.cube").write_text(cube(values, " 2 20 21\n", num_atoms=-1))
@@ -118,6 +124,20 @@ def test_truncated_cube_files_are_refused(tmp_path, num_lines):
 @pytest.mark.parametrize("encoding", ["raw", "gzip", "bzip2", "ascii"])
 def test_encodings_of_nrrd(tmp_path, encoding):
     nrrd.write(str(tmp_path / "a.nrrd"), VALUES, {"encoding": encoding}, index_order="C")
+    np.testing.assert_array_equal(read(tmp_path / "a.nrrd").values, VALUES)
+
+
+@pytest.mark.parametrize(
+    ("magic", "lines"),
+    [
+        ("NRRD00.01", "dimension: 3\nsizes: 5 4 3\n"),
+        ("NRRD0005", "dimension: 4\nsizes: 1 5 4 3\nspace: LPS\nspace directions: None (1,0,0) (0,1,0) (0,0,1)\n"),
+        ("NRRD0004", "dimension: 5\nsizes: 1 1 5 4 3\nkinds: stub vector domain domain domain\n"),
+        ("NRRD0004", "dimension: 6\nsizes: 1 1 5 4 1 3\nkinds: vector list space space time space\n"),
+    ],
+)
+def test_headers_of_nrrd_that_are_rare(tmp_path, magic, lines):
+    (tmp_path / "a.nrrd").write_bytes(f"{magic}\ntype: int16\nencoding: raw\n{lines}\n".encode() + VALUES.tobytes())
     np.testing.assert_array_equal(read(tmp_path / "a.nrrd").values, VALUES)
 
 

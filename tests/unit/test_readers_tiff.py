@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from renderer.errors import InputError
-from tests.support.tiff_files import SHORT, tiff_bytes
+from tests.support.tiff_files import LONG, PIXELS, SHORT, tiff, tiff_bytes
 from tests.support.volume_files import ramp, read, write_image
 
 
@@ -235,3 +235,13 @@ def test_tiles_that_do_not_make_up_the_pages(tmp_path, changes):
     (tmp_path / "a.tif").write_bytes(data)
     with pytest.raises(InputError):
         read(tmp_path / "a.tif")
+
+
+@pytest.mark.parametrize(("code", "is_refused"), [(65000, False), (34665, False), (32997, True), (339, True)])
+def test_only_private_fields_may_be_damaged(tmp_path, code, is_refused):
+    (tmp_path / "a.tif").write_bytes(tiff({code: (LONG, 1000, 10**8)}))
+    if is_refused:
+        with pytest.raises(InputError, match="its directories are damaged"):
+            read(tmp_path / "a.tif")
+    else:
+        np.testing.assert_array_equal(read(tmp_path / "a.tif").values[0], PIXELS)
