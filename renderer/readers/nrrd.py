@@ -100,7 +100,7 @@ def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
     """
     fields, listed, offset = _parse(path)
     where = str(path)
-    num_axes = _whole(_required(fields, "dimension", where), 1, _MAX_AXES)[0]
+    num_axes = _whole(_required(fields, "dimension", where), 1, _MAX_AXES)
     shape = tuple(int(n) for n in _required(fields, "sizes", where).numbers(num_axes, whole=True, least=1))[::-1]
     kind = _required(fields, "type", where)
     dtype = np.dtype(_choice(kind, _TYPES))
@@ -108,22 +108,25 @@ def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
     if dtype.itemsize > 1 and encoding not in ("text",):
         order = _choice(fields["endian"], {"little": "<", "big": ">"}) if "endian" in fields else "="
         dtype = dtype.newbyteorder(order)
-    num_lines = _whole(fields["lineskip"], 0)[0] if "lineskip" in fields else 0
-    num_bytes = _whole(fields["byteskip"], -1)[0] if "byteskip" in fields else 0
+    files, num_split = [path], 0
     if "datafile" in fields:
         files, num_split = find_data_files(path, fields["datafile"].text, listed, shape)
-        places = [(file, 0) for file in files]
-    else:
-        places, num_split = [(path, offset)], 0
-    num_part_bytes = dtype.itemsize * math.prod(shape[num_split:])
-    if num_bytes == -1 and encoding != "raw":
+        offset = 0
+    num_bytes = dtype.itemsize * math.prod(shape[num_split:])
+    parts = tuple(_part(fields, file, offset, encoding, num_bytes) for file in files)
+    return fields, Layout(dtype, shape, parts, num_split)
+
+
+def _part(fields: dict[str, Field], file: Path, offset: int, encoding: Encoding, num_bytes: int) -> StoredVoxels:
+    """Return where `num_bytes` of voxels are in a file: from `offset` on, behind the lines and bytes to skip."""
+    num_lines = _whole(fields["lineskip"], 0) if "lineskip" in fields else 0
+    num_skipped = _whole(fields["byteskip"], -1) if "byteskip" in fields else 0
+    if num_skipped >= 0:
+        start = _after_lines(file, offset, num_lines)
+        return StoredVoxels(file, start, encoding, num_skipped, has_rest=num_skipped > 0 or num_lines > 0)
+    if encoding != "raw":
         raise fields["byteskip"].error("a number from 0 on, as the encoding is not raw")
-    parts = []
-    for file, begin in places:
-        skipped = max(0, file.stat().st_size - num_part_bytes) if num_bytes == -1 else num_bytes
-        start = 0 if num_bytes == -1 else _after_lines(file, begin, num_lines)
-        parts.append(StoredVoxels(file, start, encoding, skipped, has_rest=num_bytes > 0 or num_lines > 0))
-    return fields, Layout(dtype, shape, tuple(parts), num_split)
+    return StoredVoxels(file, max(0, file.stat().st_size - num_bytes))
 
 
 def _parse(path: Path) -> tuple[dict[str, Field], list[str], int]:
@@ -195,12 +198,12 @@ def _required(fields: dict[str, Field], name: str, where: str) -> Field:
     return fields[name]
 
 
-def _whole(field: Field, least: int, most: float = np.inf) -> list[int]:
-    """Return the whole number of a field in a list; raises InputError for any other text."""
+def _whole(field: Field, least: int, most: float = np.inf) -> int:
+    """Return the whole number of a field; raises InputError for any other text."""
     number = field.numbers(1, whole=True)[0]
     if not least <= number <= most:
         raise field.error(f"a whole number from {least}" + (f" to {most:g}" if np.isfinite(most) else " on"))
-    return [int(number)]
+    return int(number)
 
 
 def _choice(field: Field, choices: dict[str, Any]) -> Any:
