@@ -1,6 +1,6 @@
 """Read NIfTI-1 and NIfTI-2, single files (.nii, .nii.gz) and pairs (.hdr with .img), with nibabel.
 
-nibabel parses the header, and `stored.py` reads the voxels.
+nibabel parses the header, and `stored.py` reads the voxels; extensions of the header are skipped.
 
 The affine is the sform if it is set and invertible, else the qform, else the voxel sizes alone, with the first voxel at
 the origin. RAS becomes LPS by negating x and y. Axes after z are time (the fourth) and component (the fifth), as in the
@@ -12,10 +12,7 @@ from __future__ import annotations
 import gzip
 import logging
 import math
-import struct
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -34,11 +31,13 @@ from renderer.readers.common import (
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.volume import Array, Float64
 
-# The lengths of NIfTI-1 and NIfTI-2 headers, which are their first number.
-_NIFTI_1_BYTES, _NIFTI_2_BYTES = 348, 540
+_MAX_HEADER_BYTES = 540  # of NIfTI-2
 # Header extensions hold reports, colours and names, and are smaller than this. A compressed file a thousandth of this
 # size can claim as much.
 _MAX_OFFSET = 2**26
+
+# Keeps nibabel's remarks on a header, and on its repairs, off the terminal.
+_SILENT = logging.Logger(__name__, logging.CRITICAL + 1)
 
 
 def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
@@ -47,13 +46,15 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     Scaled values are float32 if the stored ones have at most 16 bits or are float32, else float64. Raises InputError
     for truncated and foreign files, and if `time` or `component` do not fit.
     """
-    image = _open(path)
-    proxy, where = image.dataobj, str(path)
-    shape = tuple(int(n) for n in proxy.shape)
+    header, part = _open(path)
+    where = str(path)
+    scale = _scale(header, where)
+    dtype = header.get_data_dtype()
+    shape = tuple(int(n) for n in header.get_data_shape())
     shape += (1,) * (5 - len(shape))
-    fields = proxy.dtype.names  # RGB24 and RGBA32 are records of bytes
+    fields = dtype.names  # RGB24 and RGBA32 are records of bytes
     if fields is None:
-        check_dtype(proxy.dtype, where)
+        check_dtype(dtype, where)
     if shape[5:].count(1) != len(shape[5:]):
         raise InputError(
             "the volume has too many axes",
@@ -63,40 +64,24 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
         )
     step = select_index("time", time, shape[3], where)
     channel = select_index("component", component, shape[4] if fields is None else len(fields), where)
-    layout = Layout(proxy.dtype, shape[4::-1], (_stored_voxels(image, path),))
+    layout = Layout(dtype, shape[4::-1], (part,))
     whole = slice(None)
     values = read_stored(layout, (channel if fields is None else 0, step, whole, whole, whole), where)
     if fields is not None:
         values = values[fields[channel]]
     try:
-        ras_from_index = _ras_from_index(image.header)
+        ras_from_index = _ras_from_index(header)
     except ValueError as error:  # the quaternion is not a rotation
         raise unreadable_error(path, error) from error
-    return Image(_scaled(values, *_scale(image, where)), LPS_FROM_RAS @ ras_from_index)
+    return Image(_scaled(values, *scale), LPS_FROM_RAS @ ras_from_index)
 
 
-def _stored_voxels(image: Any, path: Path) -> StoredVoxels:
-    """Return where the voxels are: in a file beside the header's for pairs. Raises InputError if that is missing."""
-    data_file = Path(image.file_map["image"].filename)
-    if not data_file.is_file():
-        raise InputError(
-            "the data file that belongs to this header is not there", where=str(path), expected=f"a file {data_file}"
-        )
-    if data_file.suffix.lower() == ".gz":
-        return StoredVoxels(data_file, 0, "deflate", image.dataobj.offset, has_rest=True)
-    return StoredVoxels(data_file, image.dataobj.offset, has_rest=True)
-
-
-def _scale(image: Any, where: str) -> tuple[float, float]:
+def _scale(header: Any, where: str) -> tuple[float, float]:
     """Return slope and intercept; a slope of 0, and NaN, mean that values are not scaled.
 
     Raises InputError for an infinite slope, which nibabel takes for none.
     """
-    file = Path(image.file_map.get("header", image.file_map["image"]).filename)
-    header, _ = _head(file)
-    is_second = type(image.header).sizeof_hdr == _NIFTI_2_BYTES
-    code, place = ("d", 176) if is_second else ("f", 112)
-    slope = struct.unpack_from(image.header.endianness + code, header, place)[0]
+    slope = float(header["scl_slope"])
     if math.isinf(slope):
         raise InputError(
             "this NIfTI header scales its values by what is no finite number",
@@ -105,101 +90,86 @@ def _scale(image: Any, where: str) -> tuple[float, float]:
             expected="a finite number, or 0 for values as they are stored",
             hint="correct the header, or save the file again",
         )
-    return float(image.dataobj.slope), float(image.dataobj.inter)
+    slope, intercept = header.get_slope_inter()
+    return (1.0, 0.0) if slope is None else (float(slope), float(intercept))
 
 
-@contextmanager
-def _quiet(logger: logging.Logger) -> Iterator[None]:
-    """Keep nibabel's remarks on a header, and on its repairs, off the terminal."""
-    level = logger.level
-    logger.setLevel(logging.CRITICAL + 1)
-    try:
-        yield
-    finally:
-        logger.setLevel(level)
+def _open(path: Path) -> tuple[Any, StoredVoxels]:
+    """Return nibabel's header of a file, checked and repaired, and where the voxels are.
 
-
-def _check_offset(path: Path) -> None:
-    """Raise InputError if the voxels of a single file begin inside its header or nowhere or, if compressed, far behind
-    it.
-
-    nibabel keeps the bytes in between in memory. Pairs and other files are left to nibabel.
+    Raises InputError for other and for damaged headers, and if the file that belongs to a header is missing.
     """
-    head, compressed = _head(path)
-    for order in "<>" if len(head) >= _NIFTI_1_BYTES else "":
-        num_header_bytes = struct.unpack_from(order + "i", head)[0]
-        code, place, mark = {_NIFTI_1_BYTES: ("f", 108, 344), _NIFTI_2_BYTES: ("q", 168, 4)}.get(
-            num_header_bytes, ("", 0, 0)
+    from nibabel.nifti1 import Nifti1Header
+    from nibabel.nifti2 import Nifti2Header
+    from nibabel.spatialimages import HeaderDataError
+
+    kinds: tuple[Any, ...] = (Nifti2Header, Nifti1Header)
+    header_file = _other_of_pair(path, ".img", ".hdr") or path
+    head, is_compressed = _head(header_file)
+    kind = next((each for each in kinds if each.may_contain_header(head)), None)
+    try:
+        if kind is None:
+            raise HeaderDataError
+        header = kind(head[: kind.template_dtype.itemsize], check=False)
+        part = _stored_voxels(header, header_file, is_compressed=is_compressed)
+        header.check_fix(_SILENT)
+        header.get_slope_inter()
+    except HeaderDataError as error:
+        raise InputError(
+            "this is not a NIfTI file, or it is damaged",
+            where=str(path),
+            got="an empty file" if not head else None,
+            expected="a header of NIfTI-1 or NIfTI-2, whose type of voxels and axes are known",
+        ) from error
+    return header, part
+
+
+def _stored_voxels(header: Any, path: Path, *, is_compressed: bool) -> StoredVoxels:
+    """Return where the voxels are that belong to a header: behind it, or in the other file of a pair."""
+    other = _other_of_pair(path, ".hdr", ".img")
+    offset, least = float(header["vox_offset"]), 0 if other else header.single_vox_offset
+    if not (math.isfinite(offset) and offset >= least):
+        raise InputError(
+            "the voxels of this NIfTI file cannot be where its header says",
+            where=str(path),
+            got=f"vox_offset = {offset:g}",
+            expected=f"{least} or more, behind the header",
+            hint="save it again, or correct the header",
         )
-        if not code:
-            continue
-        offset = struct.unpack_from(order + code, head, place)[0]
-        least = num_header_bytes + 4
-        if not (math.isfinite(offset) and (offset >= least or head[mark : mark + 2] != b"n+")):
-            raise _misplaced(path, offset, least)
-        if compressed and offset > _MAX_OFFSET:
-            raise InputError(
-                "there is too much between the header and the voxels",
-                where=str(path),
-                got=f"voxels from byte {offset:.0f} on",
-                expected=f"at most {_MAX_OFFSET} bytes before them",
-                hint="if no extensions of the header are that long, it is damaged",
-            )
+    if is_compressed and offset > _MAX_OFFSET:
+        raise InputError(
+            "there is too much between the header and the voxels",
+            where=str(path),
+            got=f"voxels from byte {offset:.0f} on",
+            expected=f"at most {_MAX_OFFSET} bytes before them",
+            hint="if no extensions of the header are that long, it is damaged",
+        )
+    if other is not None and not other.is_file():
+        raise InputError(
+            "the data file that belongs to this header is not there", where=str(path), expected=f"a file {other}"
+        )
+    if is_compressed:
+        return StoredVoxels(other or path, 0, "deflate", int(offset), has_rest=True)
+    return StoredVoxels(other or path, int(offset), has_rest=True)
 
 
-def _misplaced(path: Path, offset: float, least: int) -> InputError:
-    return InputError(
-        "the voxels of this NIfTI file cannot be where its header says",
-        where=str(path),
-        got=f"vox_offset = {offset:g}",
-        expected=f"{least} or more, behind the header",
-        hint="save it again, or correct the header",
-    )
+def _other_of_pair(path: Path, suffix: str, other: str) -> Path | None:
+    """Return the file of a pair with the suffix `other`, before `.gz` if any; None if `path` has not `suffix`."""
+    packed = path.suffix if path.suffix.lower() == ".gz" else ""
+    stem = path.with_suffix("") if packed else path
+    if stem.suffix.lower() != suffix:
+        return None
+    return stem.with_suffix((other.upper() if stem.suffix.isupper() else other) + packed)
 
 
 def _head(path: Path) -> tuple[bytes, bool]:
     """Return the first bytes of a file, at most those of a header, and whether it is compressed."""
     try:
         with gzip.open(path) as file:
-            return file.read(_NIFTI_2_BYTES), True
-    except (OSError, EOFError, zlib.error):  # not compressed, or damaged, which nibabel sees as well
+            return file.read(_MAX_HEADER_BYTES), True
+    except (OSError, EOFError, zlib.error):  # not compressed, or damaged
         with path.open("rb") as file:
-            return file.read(_NIFTI_2_BYTES), False
-
-
-def _open(path: Path) -> Any:
-    import nibabel as nib
-
-    _check_offset(path)
-    try:
-        with _quiet(nib.imageglobals.logger):
-            image = nib.load(path)
-    except (nib.filebasedimages.ImageFileError, nib.spatialimages.HeaderDataError) as error:
-        raise InputError(
-            "this is not a NIfTI file, or it is damaged",
-            where=str(path),
-            got="an empty file" if path.stat().st_size == 0 else None,
-            expected="a header of NIfTI-1 or NIfTI-2, whose type of voxels and axes are known",
-        ) from error
-    except (EOFError, ValueError, zlib.error) as error:
-        shown = unreadable_error(path, error)
-        raise InputError(
-            shown.what, where=shown.where, got=shown.got, hint="the file is truncated or damaged"
-        ) from error
-    except OSError as error:
-        raise unreadable_error(path, error) from error
-    if not isinstance(image, nib.Nifti1Pair):
-        raise InputError(
-            "this is not a NIfTI file",
-            where=str(path),
-            got=type(image).__name__,
-            expected="NIfTI-1 or NIfTI-2, which say where the voxels are",
-        )
-    proxy: Any = image.dataobj
-    least = image.header.single_vox_offset
-    if "header" not in image.file_map and proxy.offset < least:  # whose first bytes were repaired
-        raise _misplaced(path, proxy.offset, least)
-    return image
+            return file.read(_MAX_HEADER_BYTES), False
 
 
 def _scaled(values: Array, slope: float, intercept: float) -> Array:
