@@ -101,16 +101,16 @@ def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
     """
     fields, listed, offset = _parse(path)
     where = str(path)
-    num_axes = _whole(_required(fields, "dimension", where), 1, MAX_AXES)[0]
+    num_axes = _whole(_required(fields, "dimension", where), 1, MAX_AXES)
     shape = tuple(int(n) for n in _required(fields, "sizes", where).numbers(num_axes, whole=True, least=1))[::-1]
     kind = _required(fields, "type", where)
     dtype = np.dtype(_choice(kind, _TYPES))
     encoding = _choice(_required(fields, "encoding", where), _ENCODINGS)
-    if dtype.itemsize > 1 and encoding not in ("text",):
+    if dtype.itemsize > 1 and encoding != "text":
         order = _choice(fields["endian"], {"little": "<", "big": ">"}) if "endian" in fields else "="
         dtype = dtype.newbyteorder(order)
-    num_lines = _whole(fields["lineskip"], 0)[0] if "lineskip" in fields else 0
-    num_bytes = _whole(fields["byteskip"], -1)[0] if "byteskip" in fields else 0
+    num_lines = _whole(fields["lineskip"], 0) if "lineskip" in fields else 0
+    num_bytes = _whole(fields["byteskip"], -1) if "byteskip" in fields else 0
     if "datafile" in fields:
         files, num_split = find_data_files(path, fields["datafile"].text, listed, shape)
         places = [(file, 0) for file in files]
@@ -196,12 +196,12 @@ def _required(fields: dict[str, Field], name: str, where: str) -> Field:
     return fields[name]
 
 
-def _whole(field: Field, least: int, most: float = np.inf) -> list[int]:
-    """Return the whole number of a field in a list; raises InputError for any other text."""
+def _whole(field: Field, least: int, most: float = math.inf) -> int:
+    """Return the whole number of a field; raises InputError for any other text."""
     number = field.numbers(1, whole=True)[0]
     if not least <= number <= most:
-        raise field.error(f"a whole number from {least}" + (f" to {most:g}" if np.isfinite(most) else " on"))
-    return [int(number)]
+        raise field.error(f"a whole number from {least}" + (f" to {most:g}" if math.isfinite(most) else " on"))
+    return int(number)
 
 
 def _choice(field: Field, choices: dict[str, Any]) -> Any:
