@@ -29,6 +29,9 @@ _SHARED_GROUPS, _FRAME_GROUPS = 0x52009229, 0x52009230
 _GROUPS = (0x00289110, 0x00209113, 0x00209116, 0x00289145)
 PIXELS = (0x7FE00010, 0x7FE00008, 0x7FE00009)  # integers, float32, float64
 
+# Fields without which pydicom decodes no pixels, and what they are where a writer left them out.
+_USUAL = {"SamplesPerPixel": 1, "PhotometricInterpretation": "MONOCHROME2", "PixelRepresentation": 0}
+
 # A pydicom.Dataset.
 _Dataset = Any
 
@@ -156,7 +159,7 @@ def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
         position = np.array((_numbers(fields, _POSITION) or [0.0, 0.0, 0.0])[:3])
         if not any(_POSITION in group for group in own):
             position = position + step * np.cross(row, column)
-        slope, intercept = (_numbers(fields, _SLOPE) or [1.0])[0], (_numbers(fields, _INTERCEPT) or [0.0])[0]
+        slope, intercept = (_numbers(fields, _SLOPE) or [0.0])[0] or 1.0, (_numbers(fields, _INTERCEPT) or [0.0])[0]
         dtype = _rescaled_dtype(dataset, slope, intercept)
         thickness = (_numbers(fields, _BETWEEN_SLICES) or [1.0])[0] or 1.0
         across, down = row * pair[1], column * pair[0]
@@ -233,6 +236,8 @@ def pixels_of(path: Path) -> Array:
     syntax = _transfer_syntax(dataset)
     if syntax is None:  # without a preamble
         dataset.file_meta.TransferSyntaxUID = _plain_syntax(dataset)
+    for keyword, usual in _USUAL.items():
+        dataset.setdefault(keyword, usual)
     try:
         pixels = np.asarray(dataset.pixel_array)
     except Exception as error:  # of its decoders
@@ -241,8 +246,8 @@ def pixels_of(path: Path) -> Array:
         raise unreadable_slice(path) from error
     samples = int(dataset.get("SamplesPerPixel") or 1)
     frames = int(dataset.get("NumberOfFrames") or 1)
-    pixels = pixels.reshape(frames, int(dataset.Rows), int(dataset.Columns), samples)
-    return _without_unused_bits(pixels, dataset)
+    pixels = pixels.reshape(-1, int(dataset.Rows), int(dataset.Columns), samples)
+    return _without_unused_bits(pixels[:frames], dataset)  # what is left over may be padding
 
 
 def _plain_syntax(dataset: _Dataset) -> Any:

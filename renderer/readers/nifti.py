@@ -14,8 +14,6 @@ import logging
 import math
 import re
 import struct
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +37,9 @@ from renderer.volume import Array, Float64
 # The lengths of NIfTI-1 and NIfTI-2 headers, which are their first number.
 _NIFTI_1_BYTES, _NIFTI_2_BYTES = 348, 540
 _PAIR = re.compile(r"(.*\.)(hdr|img)(\.gz)?", re.IGNORECASE | re.DOTALL)
+
+# Keeps nibabel's remarks on a header, and on its repairs, off the terminal.
+_SILENT = logging.Logger(__name__, logging.CRITICAL + 1)
 
 # A nibabel.Nifti1Header, of which NIfTI-2 has a subclass.
 _Header = Any
@@ -120,9 +121,8 @@ def _header(start: bytes, path: Path, *, is_single: bool) -> _Header:
             _check_offset(header, path, least=num_bytes + 4 if is_single else 0)
             _check_slope(header, path)
             try:
-                with _quiet(nib.imageglobals.logger):
-                    header.check_fix()
-                    header.get_data_shape(), header.get_slope_inter()
+                header.check_fix(_SILENT)
+                header.get_data_shape(), header.get_slope_inter()
             except nib.spatialimages.HeaderDataError:
                 break
             return header
@@ -158,17 +158,6 @@ def _check_slope(header: _Header, path: Path) -> None:
             expected="a finite number, or 0 for values as they are stored",
             hint="correct the header, or save the file again",
         )
-
-
-@contextmanager
-def _quiet(logger: logging.Logger) -> Iterator[None]:
-    """Keep nibabel's remarks on a header, and on its repairs, off the terminal."""
-    level = logger.level
-    logger.setLevel(logging.CRITICAL + 1)
-    try:
-        yield
-    finally:
-        logger.setLevel(level)
 
 
 def _scaled(values: Array, slope: float, intercept: float) -> Array:

@@ -105,7 +105,7 @@ def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
     kind = _required(fields, "type", where)
     dtype = np.dtype(_choice(kind, _TYPES))
     encoding = _choice(_required(fields, "encoding", where), _ENCODINGS)
-    if dtype.itemsize > 1 and encoding not in ("text",):
+    if dtype.itemsize > 1 and encoding != "text":
         order = _choice(fields["endian"], {"little": "<", "big": ">"}) if "endian" in fields else "="
         dtype = dtype.newbyteorder(order)
     files, num_split = [path], 0

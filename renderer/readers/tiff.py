@@ -189,6 +189,13 @@ def _check_pages(pages: list[_Page], num_file_bytes: int, where: str) -> None:
     if not pages or not all(page.dtype is not None and np.prod(page.shaped, dtype=object) for page in pages):
         raise InputError("this TIFF file holds no image", where=where, hint="the file is truncated or damaged")
     for number, page in enumerate(pages, 1):
+        if page.dtype.kind == "u" and page.bitspersample == 24:  # tifffile takes their bytes in another order
+            raise InputError(
+                "pixels of this type cannot be read",
+                where=where,
+                got=f"integers of 24 bits on page {number}",
+                hint="save them with 32 bits",
+            )
         offsets, lengths = page.dataoffsets, page.databytecounts
         num_segments = int(np.prod(page.chunked, dtype=object))
         is_there = len(offsets) >= num_segments <= len(lengths) and min(offsets) > 0 and min(lengths) > 0

@@ -13,8 +13,8 @@ import unicodedata
 from fractions import Fraction
 
 from renderer.errors import InputError
+from renderer.readers.text_header import NUMBER
 
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _MAX_COUNT = 2**31 - 1
 _SHOWN_CHARACTERS = 40
 
@@ -244,7 +244,7 @@ def _shown(text: str) -> str:
 
 def _number(text: str, key: str, where: str, *, is_count: bool = False, is_index: bool = False) -> float:
     """Return the number that `text`, the value of `key`, spells: finite, and whole if it counts or numbers pages."""
-    value = float(text) if _NUMBER.fullmatch(text) else math.nan
+    value = float(text) if NUMBER.fullmatch(text) else math.nan
     is_whole = value.is_integer() and (0 if is_index else 1) <= value <= _MAX_COUNT
     if math.isfinite(value) and (is_whole or not (is_count or is_index)):
         return value

@@ -144,6 +144,22 @@ def test_files_without_a_preamble(tmp_path: Path, is_implicit: bool, with_syntax
     np.testing.assert_array_equal(read(tmp_path / "1").values[0], VALUES[1])
 
 
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"SamplesPerPixel": None},
+        {"PhotometricInterpretation": None},
+        {"PixelRepresentation": None},
+        {"RescaleSlope": "0", "RescaleIntercept": "0"},
+        {"PixelData": np.arange(60, dtype=np.uint16).tobytes()},  # of two more slices
+    ],
+)
+def test_careless_writers_are_forgiven(tmp_path: Path, fields: dict[str, object]) -> None:
+    values = np.arange(20, dtype=np.uint16).reshape(4, 5)
+    save(tmp_path / "a.dcm", image_fields(values, **fields))
+    np.testing.assert_array_equal(read(tmp_path / "a.dcm").values[0], values)
+
+
 def test_one_slice_of_a_series(tmp_path: Path) -> None:
     write(tmp_path)
     note = f"one of 3 slices of a DICOM series; its folder, {tmp_path}, stands for all of them"

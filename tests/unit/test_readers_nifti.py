@@ -80,6 +80,15 @@ def test_voxels_within_the_header(tmp_path, kind, place, code, least, name, orde
     np.testing.assert_array_equal(read(path).values, ramp("int16").T)
 
 
+def test_extensions_are_skipped_whatever_they_are(tmp_path):
+    """Programs leave bytes there that only look like one."""
+    data = bytearray(nib.Nifti1Image(ramp("int16"), AFFINE, dtype="int16").to_bytes())
+    struct.pack_into("<f", data, 108, 352 + 32)
+    for extension in (struct.pack("<ii24x", 16, 6), struct.pack("<ii24x", -5, 6), struct.pack("<ii24x", 1 << 30, 6)):
+        (tmp_path / "a.nii").write_bytes(data[:348] + b"\1\0\0\0" + extension + data[352:])
+        np.testing.assert_array_equal(read(tmp_path / "a.nii").values, ramp("int16").T)
+
+
 def test_singular_sform_gives_way_to_the_qform(tmp_path):
     image = nib.Nifti1Image(ramp("uint8"), np.eye(4))
     image.set_qform(np.diag([2.0, 3.0, 4.0, 1.0]), 1)

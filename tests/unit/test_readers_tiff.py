@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from renderer.errors import InputError
-from tests.support.tiff_files import LONG, PIXELS, SHORT, tiff, tiff_bytes
+from tests.support.tiff_files import BITS, HEIGHT, LONG, PIXELS, SHORT, WIDTH, tiff, tiff_bytes
 from tests.support.volume_files import ramp, read, write_image
 
 
@@ -245,3 +245,10 @@ def test_only_private_fields_may_be_damaged(tmp_path, code, is_refused):
             read(tmp_path / "a.tif")
     else:
         np.testing.assert_array_equal(read(tmp_path / "a.tif").values[0], PIXELS)
+
+
+def test_integers_of_24_bits_are_refused(tmp_path):
+    """tifffile takes their bytes in another order than the file's."""
+    (tmp_path / "a.tif").write_bytes(tiff({WIDTH: (SHORT, 1, 5), HEIGHT: (SHORT, 1, 1), BITS: (SHORT, 1, 24)}))
+    with pytest.raises(InputError, match="24 bits"):
+        read(tmp_path / "a.tif")
