@@ -46,8 +46,9 @@ def read_cube(path: Path, time: int | None, component: int | None) -> Image:
             while num_left > 0:
                 num_left -= len(next(lines).text.split())
         offset = file.tell()
-    if min(*shape, num_values) < 1:
-        raise first.error("a number of atoms, and below it three numbers of voxels")
+    counts = [num_atoms, *(step[0] for step in steps)]
+    if min(*shape, num_values) < 1 or not all(map(float.is_integer, counts)):
+        raise first.error("a whole number of atoms, and below it three of voxels")
     channel = select_index("component", component, num_values, str(path))
     whole = slice(None)
     part = StoredVoxels(path, offset, "text")

@@ -50,11 +50,11 @@ def read_metaimage(path: Path, time: int | None, component: int | None) -> Image
     Raises InputError for damaged, truncated and foreign files, and if `time` or `component` do not fit.
     """
     header, layout = read_header(path)
-    num_axes, num_components = header.whole("NDims", 0, least=2), header.whole("ElementNumberOfChannels", 1, least=1)
-    step = select_index("time", time, layout.shape[0] if num_axes == 4 else 1, str(path))
+    num_components = header.whole("ElementNumberOfChannels", 1, least=1)
+    step = select_index("time", time, layout.shape[0] if header.num_axes == 4 else 1, str(path))
     channel = select_index("component", component, num_components, str(path))
     whole: list[int | slice] = [step, slice(None), slice(None), slice(None)]
-    index = (*whole[4 - num_axes :], *([channel] if num_components > 1 else []))
+    index = (*whole[4 - header.num_axes :], *([channel] if num_components > 1 else []))
     values = read_stored(layout, index, str(path))
     note = None if any(name in header.fields for name in _SPACINGS) else NO_LENGTHS
     return Image(values if values.ndim == 3 else values[np.newaxis], _world_from_index(header), note)
@@ -67,8 +67,7 @@ def read_header(path: Path) -> tuple[Header, Layout]:
     """
     header = Header(path)
     header.require("NDims", "DimSize", "ElementType", "ElementDataFile")
-    num_axes = header.whole("NDims", 0, least=2, most=4)
-    sizes = header.numbers(("DimSize",), num_axes, whole=True, least=1) or []
+    sizes = header.numbers(("DimSize",), header.num_axes, whole=True, least=1) or []
     space = tuple(int(n) for n in sizes[::-1])
     num_components = header.whole("ElementNumberOfChannels", 1, least=1)
     shape = space + (num_components,) * (num_components > 1)
@@ -119,7 +118,7 @@ def _check_scale(header: Header) -> None:
 
 def _world_from_index(header: Header) -> Float64:
     """Return the affine, float64 [4, 4]; a plane lies at z = 0, and a time axis is left out."""
-    n = header.whole("NDims", 0, least=2)
+    n = header.num_axes
     num_space = min(n, 3)
     spacing, origin, direction = np.ones(3), np.zeros(3), np.eye(3)
     spacing[:num_space] = (header.numbers(_SPACINGS, n) or np.ones(n).tolist())[:num_space]
@@ -182,6 +181,11 @@ class Header:
     def text(self, name: str) -> str:
         """Return the text of a field; empty if it is missing."""
         return self.fields[name].text if name in self.fields else ""
+
+    @property
+    def num_axes(self) -> int:
+        """Return the number of axes; raises InputError unless it is from 2 to 4."""
+        return self.whole("NDims", 0, least=2, most=4)
 
     def is_true(self, name: str, *, default: bool) -> bool:
         """Return whether a field is true; raises InputError for any word but True and False, T and F, 1 and 0."""

@@ -186,8 +186,16 @@ def _not_tiff(path: Path) -> InputError:
 
 def _check_pages(pages: list[_Page], num_file_bytes: int, where: str) -> None:
     """Raise InputError unless every page has pixels, all inside the file."""
-    if not pages or not all(page.dtype is not None and np.prod(page.shaped, dtype=object) for page in pages):
+    if not pages or not all(np.prod(page.shaped, dtype=object) for page in pages):
         raise InputError("this TIFF file holds no image", where=where, hint="the file is truncated or damaged")
+    for page in pages:
+        if page.dtype is None:
+            raise InputError(
+                "voxels of this type cannot be rendered",
+                where=where,
+                got=f"{page.bitspersample} bits of the sample format {page.sampleformat}",
+                expected="integers of up to 32 bits and of 64, or floats of 16, 32 or 64",
+            )
     for number, page in enumerate(pages, 1):
         if page.dtype.kind == "u" and page.bitspersample == 24:  # tifffile takes their bytes in another order
             raise InputError(
