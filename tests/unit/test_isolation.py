@@ -68,12 +68,13 @@ def print_much(path: Path, *, host: Host) -> Image:
 
 
 @pytest.fixture(autouse=True)
-def _file(folder: Path) -> None:
+def _file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("scan.x").write_bytes(b"any")
+    monkeypatch.syspath_prepend(Path(__file__).parent)  # children find the readers of this file
 
 
 def read(name: str, **arguments: Any) -> Image:
-    return read_isolated(f"{__name__}:{name}", Path("scan.x"), **arguments)
+    return read_isolated(f"{Path(__file__).stem}:{name}", Path("scan.x"), **arguments)
 
 
 def test_voxels_come_back_in_shared_memory() -> None:
