@@ -123,7 +123,7 @@ def test_a_sidecar_away_from_its_volume_says_what_is_missing(capsys: pytest.Capt
     assert capsys.readouterr().err == (
         "film.mp4.json: scene.volume.file: no such file\n"
         f"  got: {Path.cwd()}/scan.npy\n"
-        "  expected: an NRRD, MetaImage, NIfTI, TIFF or .npy file, or a folder of DICOM or TIFF slices\n"
+        "  expected: a file such as NRRD, NIfTI, TIFF, DICOM or .npy, or a folder with one volume\n"
         "  hint: the sidecar was written without paths: --volume names it\n"
     )
     run("render", "film.mp4.json", "--volume", f"{SECRET}/scan.npy")
