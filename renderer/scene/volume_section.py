@@ -217,9 +217,7 @@ def _check_raw(node: TreeNode, given: dict[str, Any]) -> None:
 
 _ARRAY_HINT = "an array in memory, of a film that was made in Python: save it with numpy.save, and name that file"
 _SOURCES: dict[str, schema.FieldType[Any]] = {
-    "file": _file_field(
-        "a file such as NRRD, NIfTI, TIFF, DICOM or .npy, or a folder with one volume", folder=True
-    ),
+    "file": _file_field("a file such as NRRD, NIfTI, TIFF, DICOM or .npy, or a folder with one volume", folder=True),
     "raw": schema.dataclass_field(RawSource, _check_raw),
     "procedural": schema.dataclass_field(ProceduralSource),
 }
