@@ -5,15 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
+from this_process import read_here
 
 from renderer.draw import GLRasterizer
-from renderer.readers.common import Image
-from renderer.readers.isolation import call_reader
 
 DATA_VARIABLE = "HSPLAT_TEST_DATA"
 
@@ -54,26 +51,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-class ThisProcess:
-    """The host of a reader in this process."""
-
-    def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-        return np.zeros(shape, dtype)
-
-    def expect_bytes(self, num_bytes: int) -> None:
-        """This process has no limit."""
-
-    def begin_file(self, path: Path) -> None:
-        """No other process asks."""
-
-
 @pytest.fixture
 def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Read files of all formats in this process, which is quicker for hundreds of them."""
-
-    def read_here(reader: str, path: Path, **arguments: Any) -> Image:
-        return call_reader(reader, path, arguments, ThisProcess())
-
     monkeypatch.setattr("renderer.readers.read.read_isolated", read_here)
 
 

@@ -28,7 +28,7 @@ from renderer.readers.common import (
     select_index,
     unreadable_error,
 )
-from renderer.scene import ArraySource, RawSource, format_value, printable_text
+from renderer.scene import ArraySource, RawSource, format_value, join_some, printable_text
 from renderer.volume import Array
 
 # The largest number of axes in any version of numpy; a volume has fewer. Its headers are no longer than this.
@@ -43,8 +43,6 @@ _ARCHIVE_ERRORS = (
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
     *(EOFError, OSError, RuntimeError, ValueError, ArithmeticError, LookupError),
 )
-# A message lists this many arrays, with this many characters of their names.
-_MAX_LISTED, _MAX_NAME = 5, 50
 
 
 @dataclass(frozen=True)
@@ -81,14 +79,11 @@ def read_npz(path: Path, time: int | None, component: int | None) -> Image:
             if not members:
                 raise InputError("this archive holds no array", where=where, expected="arrays saved by numpy.savez")
             if len(members) > 1 and component is None:
-                names = [
-                    printable_text(member.filename.removesuffix(".npy"), _MAX_NAME) for member in members[:_MAX_LISTED]
-                ]
+                names = [printable_text(member.filename.removesuffix(".npy")) for member in members]
                 raise InputError(
                     f"this archive holds {len(members)} arrays, and one is rendered",
                     where=where,
-                    got=", ".join(f"{k} is {name}" for k, name in enumerate(names))
-                    + ", ..." * (len(members) > _MAX_LISTED),
+                    got=join_some([f"{k} is {name}" for k, name in enumerate(names)]),
                     expected=f"`component: k` with k from 0 to {len(members) - 1}",
                 )
             member = members[select_index("component", component, len(members), where) if len(members) > 1 else 0]

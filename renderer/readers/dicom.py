@@ -20,7 +20,7 @@ from renderer.readers.common import Image, affine, check_size, select_index
 from renderer.readers.dicom_frames import Frame, frames_of, open_dicom, pixels_of, text_of, unreadable_slice
 from renderer.readers.isolation import Host
 from renderer.readers.sniff import is_dicom
-from renderer.scene import printable_text
+from renderer.scene import join_some, printable_text
 from renderer.volume import Float64
 
 # Frames may be off by this part of the spacing: positions have few digits, and gantries are not perfect. A missing
@@ -75,7 +75,7 @@ def _series_files(folder: Path) -> list[Path]:
     without_image: dict[str, list[Path]] = defaultdict(list)
     others = []
     for path in sorted(folder.iterdir()):
-        if path.name.startswith(".") or not path.is_file():
+        if path.name.startswith(".") or path.is_dir():
             continue
         if not is_dicom(path):
             others.append(path)
@@ -83,7 +83,7 @@ def _series_files(folder: Path) -> list[Path]:
         dataset = open_dicom(path)
         uid = text_of(dataset, _SERIES) or ""
         if "Rows" not in dataset:  # a report, a plan, an index of files, each with a series of its own
-            without_image[uid].append(path)
+            (without_image[uid] if uid else others).append(path)
             continue
         series[uid].append(path)
         descriptions.setdefault(uid, text_of(dataset, _DESCRIPTION) or uid)
@@ -95,14 +95,14 @@ def _series_files(folder: Path) -> list[Path]:
             expected="the files of one DICOM series, or .tif files, directly in the folder",
         )
     if len(series) > 1:
-        names = (
+        names = [
             f'"{printable_text(descriptions[uid])}", {len(files)} file{"s" * (len(files) > 1)} from {files[0].name}'
             for uid, files in sorted(series.items())
-        )
+        ]
         raise InputError(
             f"this folder holds {len(series)} DICOM series, and one is rendered",
             where=str(folder),
-            got="; ".join(names),
+            got=join_some(names, "; "),
             hint="put each series into its own folder",
         )
     uid, files = next(iter(series.items()))
@@ -121,8 +121,14 @@ def _check_none_lost(others: list[Path], files: list[Path]) -> None:
             raise unreadable_slice(
                 path,
                 "the file is truncated or damaged: copy it again, or remove it if it is no slice",
-                "an empty file" if path.stat().st_size == 0 else "a file that is not DICOM",
+                _describe_other(path),
             )
+
+
+def _describe_other(path: Path) -> str:
+    if path.is_file() and path.stat().st_size == 0:
+        return "an empty file"
+    return "a DICOM file without a series" if is_dicom(path) else "a file that is not DICOM"
 
 
 def _shape(name: str) -> str:

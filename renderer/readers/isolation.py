@@ -55,9 +55,10 @@ def read_isolated(reader: str, path: Path, **arguments: Any) -> Image:
     reader: `module:function`, called with the path, the arguments, and a `host`. arguments: as JSON has them.
     Raises InputError as the function does, and where it fails in any other way; MemoryError without enough memory.
     """
-    sizes = [entry.stat().st_size for entry in os.scandir(path)] if path.is_dir() else [path.stat().st_size]
+    files = [entry for entry in os.scandir(path) if entry.is_file()] if path.is_dir() else [path]
+    sizes = [file.stat().st_size for file in files]
     seconds = _SECONDS + len(sizes) // _FILES_PER_SECOND
-    limits = {"memory": _MEMORY_BYTES + _NUM_COPIES * max(sizes), "seconds": seconds}
+    limits = {"memory": _MEMORY_BYTES + _NUM_COPIES * max(sizes, default=0), "seconds": seconds}
     request = json.dumps({"reader": reader, "path": str(path), "arguments": arguments, "limits": limits})
     with open_anonymous_file() as voxels, ChildProcesses() as children:
         receiver, sender = os.pipe()
@@ -72,9 +73,9 @@ def read_isolated(reader: str, path: Path, **arguments: Any) -> Image:
                 )
             finally:
                 os.close(sender)
-            lines = [json.loads(line) for line in answers.read(_MAX_ANSWER_BYTES).splitlines()]
+            whole, _, _ = answers.read(_MAX_ANSWER_BYTES).rpartition(b"\n")  # the child may end while it writes
         status = child.wait()
-        answer = lines[-1] if lines else str(path)
+        answer = json.loads(whole.splitlines()[-1]) if whole else str(path)
         if isinstance(answer, str):
             raise InputError(
                 "reading this file ended the process that decodes it",

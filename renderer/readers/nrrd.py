@@ -301,10 +301,11 @@ def _world_from_index(fields: dict[str, Field], axes: _Axes, num_axes: int) -> t
     """Return the affine, float64 [4, 4], and whether the header gives lengths."""
     directions = _directions(fields, num_axes)
     spacing, first = _scalar_places(fields, num_axes, axes)
-    vectors = np.eye(3)
-    for column, k in enumerate(axes.space):
-        direction = directions[k] if directions else None
-        vectors[:, column] = vectors[:, column] * spacing[column] if direction is None else direction
+    vectors = np.diag(spacing)
+    for column, k in enumerate(axes.space if directions else ()):
+        direction = directions[k]
+        if direction is not None:
+            vectors[:, column] = direction
     origins = _vectors(fields["spaceorigin"], 1) if "spaceorigin" in fields else [None]
     origin = first if origins[0] is None else origins[0]
     factors = _choice(fields["space"], _SPACES) if "space" in fields else (1.0, 1.0, 1.0)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Literal
 
 from renderer.errors import InputError
-from renderer.scene import printable_text
+from renderer.scene import join_some, printable_text
 
 Format = Literal["nrrd", "metaimage", "nifti", "tiff", "npy", "npz", "vtk", "cube", "dicom"]
 
@@ -45,8 +45,8 @@ _FIRST_FIELD = re.compile(rb"[\x02\x08]\0.\0(?:[A-Z]{2}|(?P<length>.)\0\0\0)", r
 _FIRST_BYTES = 4096
 _GZIP = b"\x1f\x8b"
 _NIFTI_HEADER_BYTES = (348, 540)
-# A search ends after this many entries, and a message lists this many volumes.
-_MAX_ENTRIES, _MAX_LISTED = 10_000, 12
+# A search ends after this many entries.
+_MAX_ENTRIES = 10_000
 
 
 class UnknownFormatError(InputError):
@@ -104,11 +104,7 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
         raise InputError(
             f"this folder holds {len(found)} volumes, and one is rendered" if found else "this folder holds no volume",
             where=str(path),
-            got=", ".join(names[:_MAX_LISTED]) + f" and {len(names) - _MAX_LISTED} more" * (len(names) > _MAX_LISTED)
-            if found
-            else "an empty folder"
-            if not any(path.iterdir())
-            else None,
+            got=join_some(names) if found else "an empty folder" if not any(path.iterdir()) else None,
             expected=None if found else f"the slices of a DICOM or TIFF series, or a file of {KNOWN_FORMATS}",
             hint=f"name one of them: {path / found[0].relative_to(path)}" if found else None,
         )

@@ -7,6 +7,8 @@ in the middle between points.
 from __future__ import annotations
 
 import math
+import mmap
+import re
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +17,8 @@ import numpy as np
 from renderer.errors import InputError, require_package
 from renderer.readers.common import Image, affine, check_dtype, check_size, select_index
 from renderer.readers.isolation import Host
-from renderer.scene import printable_text
+from renderer.scene import join_some, printable_text
 
-_MAX_LISTED = 12
 _MAX_PACKING = 1032  # of deflate
 
 
@@ -36,14 +37,12 @@ def read_vtk_image(
     is_cells = fields.GetNumberOfArrays() == 0
     if is_cells:
         fields = image.GetCellData()
-    arrays = [each for k in range(fields.GetNumberOfArrays()) if (each := fields.GetArray(k)) is not None]
-    components = [(array, k) for array in arrays for k in range(array.GetNumberOfComponents())]
+    components = [(array, k) for array in _arrays(fields) for k in range(array.GetNumberOfComponents())]
     if component is None and len(components) > 1:
-        names = [f"{k} is {_name(*each)}" for k, each in enumerate(components[:_MAX_LISTED])]
         raise InputError(
             f"the volume has {len(components)} components, and one is rendered",
             where=str(path),
-            got=", ".join(names) + ", ..." * (len(components) > _MAX_LISTED),
+            got=join_some([f"{k} is {_name(*each)}" for k, each in enumerate(components)]),
             expected=f"`component: k` with k from 0 to {len(components) - 1}",
         )
     shape = tuple(max(n - is_cells, 1) for n in image.GetDimensions())
@@ -69,6 +68,8 @@ def _name(array: Any, component: int) -> str:
 
 def _read(path: Path, host: Host) -> Any:
     """Return a vtkImageData; raises InputError for any other content, and for errors that VTK reports."""
+    from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
+
     with path.open("rb") as file:
         is_legacy = file.read(5) == b"# vtk"
     reader: Any
@@ -86,14 +87,45 @@ def _read(path: Path, host: Host) -> Any:
     reader.SetFileName(str(path))
     errors: list[str] = []
     reader.AddObserver("ErrorEvent", lambda *_: errors.append(""))
-    if not is_legacy:  # which may be compressed
-        reader.UpdateInformation()
-        host.expect_bytes(min(_num_bytes(reader), _MAX_PACKING * path.stat().st_size))
-    reader.Update()
+    window, before = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
+    vtkOutputWindow.SetInstance(window)
+    try:
+        if not is_legacy:  # which may be compressed
+            reader.UpdateInformation()
+            host.expect_bytes(min(_num_bytes(reader), _MAX_PACKING * path.stat().st_size))
+        reader.Update()
+    finally:
+        vtkOutputWindow.SetInstance(before)
     image = reader.GetOutput()
-    if errors or reader.GetErrorCode() != 0 or image is None or image.GetDimensions() == (0, 0, 0):
+    # Of a truncated legacy file VTK only warns, and not its observers.
+    is_damaged = bool(errors) or reader.GetErrorCode() != 0 or "Error reading" in window.GetOutput()
+    if is_damaged or image is None or image.GetDimensions() == (0, 0, 0):
         raise _damaged(path, None)
+    if not is_legacy:
+        _check_appended(path, image)
     return image
+
+
+def _check_appended(path: Path, image: Any) -> None:
+    """Raise InputError unless a file has its end, and plain values behind its XML are all there.
+
+    VTK goes on with whatever there is in memory.
+    """
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        if data.rfind(b"</VTKFile>") < 0:
+            raise _damaged(path, "a file that breaks off")
+        plain = re.search(rb"<AppendedData[^<>]*encoding\s*=\s*[\"']raw[^<>]*>\s*_", data)
+        if plain is None or b"compressor" in data[: plain.start()]:
+            return
+        found = data.rfind(b"</AppendedData>") - plain.end()
+    fields = [each for part in (image.GetPointData(), image.GetCellData()) for each in _arrays(part)]
+    expected = sum(each.GetNumberOfValues() * each.GetDataTypeSize() for each in fields)
+    if found < expected:
+        raise _damaged(path, f"{max(found, 0)} bytes of values, of {expected}")
+
+
+def _arrays(fields: Any) -> list[Any]:
+    return [each for k in range(fields.GetNumberOfArrays()) if (each := fields.GetArray(k)) is not None]
 
 
 def _num_bytes(reader: Any) -> int:

@@ -45,6 +45,7 @@ from .message_text import (
     did_you_mean as did_you_mean,
     format_value as format_value,
     join_keys as join_keys,
+    join_some as join_some,
     join_words as join_words,
     printable_text as printable_text,
 )

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from renderer.errors import closest_match
 
 _MAX_VALUE_LENGTH = 60
 _MAX_TEXT_LENGTH = 200  # a matrix with all its digits
 _MAX_KEY_LENGTH = 255  # the longest name of a file
+_MAX_WORDS, _MAX_LINE_LENGTH = 12, 300
 
 
 def format_value(value: object) -> str:
@@ -60,6 +61,15 @@ def join_words(names: Iterable[object], last: str = "or") -> str:
     """Return the names as `a, b or c`."""
     *others, final = [str(name) for name in names]
     return f"{', '.join(others)} {last} {final}" if others else final
+
+
+def join_some(words: Sequence[str], separator: str = ", ") -> str:
+    """Return the first words, as many as fit into a line of a message but at least one, and how many more there are."""
+    num, length = 1, len(words[0])
+    while num < min(len(words), _MAX_WORDS) and length + len(separator + words[num]) <= _MAX_LINE_LENGTH:
+        length += len(separator + words[num])
+        num += 1
+    return separator.join(words[:num]) + f" and {len(words) - num} more" * (num < len(words))
 
 
 def did_you_mean(name: object, names: Iterable[str]) -> str | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import io
+import os
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -341,8 +342,8 @@ def test_archives_of_many_arrays_are_listed_in_part(tmp_path):
     (tmp_path / "a.npz").write_bytes(zipped([f"{'long' * 20} {k}.npy" for k in range(50)]))
     with pytest.raises(InputError) as caught:
         read(tmp_path / "a.npz")
-    shown = ", ".join(f"{k} is '{'long' * 14}..." for k in range(5))
-    assert caught.value.got == f"{shown}, ..."
+    shown = ", ".join(f"{k} is {'long' * 20} {k}" for k in range(3))
+    assert caught.value.got == f"{shown} and 47 more"
 
 
 def test_archives_with_names_in_no_encoding(tmp_path):
@@ -367,3 +368,27 @@ def test_cube_headers_that_do_not_end(tmp_path, lines):
     (tmp_path / "a.cube").write_text(f"a\nb\n{lines}{axes}" + "\n" * 2**18 + "1 " * 8)
     with pytest.raises(InputError, match="the header of this cube file does not end"):
         read(tmp_path / "a.cube")
+
+
+def test_infinite_spacings_are_an_error_and_no_warning(tmp_path):
+    line = "spacings: inf 1 1\n"
+    (tmp_path / "a.nrrd").write_bytes(NRRD_LINES.format("2 2 2", "raw", line).encode() + bytes(8))
+    with pytest.raises(InputError, match="give the voxels no volume"):
+        read(tmp_path / "a.nrrd")
+
+
+def test_long_words_among_numbers_are_shown_in_part(tmp_path):
+    (tmp_path / "a.nrrd").write_bytes(NRRD_LINES.format("2 2 2", "text", "").encode() + b"1 " * 8 + b"x" * 5000)
+    with pytest.raises(InputError, match="the text of the voxels is not numbers of their type") as caught:
+        read(tmp_path / "a.nrrd")
+    assert len(caught.value.got) == 60
+
+
+def test_pipes_in_a_folder_are_not_opened(tmp_path):
+    """Opening one would wait until somebody writes."""
+    (tmp_path / "in").mkdir()
+    os.mkfifo(tmp_path / "in" / "a.nrrd")
+    with pytest.raises(InputError, match="this folder holds no volume"):
+        read(tmp_path)
+    write(tmp_path / "in", "raw.mha")
+    np.testing.assert_array_equal(read(tmp_path), VALUES)

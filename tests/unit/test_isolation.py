@@ -6,6 +6,7 @@ import contextlib
 import ctypes
 import os
 import signal
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +45,12 @@ def crash(_path: Path, *, host: Host) -> Image:
 def abort(_path: Path, *, host: Host) -> Image:
     os.kill(os.getpid(), signal.SIGABRT)
     raise AssertionError
+
+
+def break_off(path: Path, *, host: Host) -> Image:
+    """End in the middle of an answer."""
+    os.write(int(sys.argv[1]), b'{"shape": [3, 4')
+    return abort(path, host=host)
 
 
 def crash_in_the_second_file(path: Path, *, host: Host) -> Image:
@@ -101,6 +108,7 @@ def test_errors_of_the_input_come_back_as_they_are() -> None:
         ("fill_memory", "this file cannot be decoded", "more memory than is allowed"),
         ("crash", "reading this file ended the process that decodes it", "signal SIGSEGV"),
         ("abort", "reading this file ended the process that decodes it", "signal SIGABRT"),
+        ("break_off", "reading this file ended the process that decodes it", "signal SIGABRT"),
         ("loop", "reading this file ended the process that decodes it", "signal SIGXCPU"),
     ],
 )

@@ -77,6 +77,33 @@ def test_several_series_are_listed(tmp_path):
     assert error.value.got == '"scan", 3 files from 97.dcm; "scout", 1 file from scout.dcm'
 
 
+def test_many_series_are_listed_in_part(tmp_path):
+    for k in range(20):
+        write_slice(
+            tmp_path / f"{k:02}.dcm", np.zeros((6, 5)), NORMAL, uid=f"1.2.3.{k:02}", name=f"a scan of a head {k}"
+        )
+    with pytest.raises(InputError, match="this folder holds 20 DICOM series, and one is rendered") as error:
+        read(tmp_path)
+    shown = "; ".join(f'"a scan of a head {k}", 1 file from {k:02}.dcm' for k in range(7))
+    assert error.value.got == f"{shown} and 13 more"
+
+
+def test_links_to_nothing_beside_a_series_are_ignored(tmp_path):
+    planes = write_series(tmp_path, [k * NORMAL for k in range(3)])
+    (tmp_path / ".#notes").symlink_to("someone@somewhere")
+    np.testing.assert_array_equal(read(tmp_path).values, planes)
+
+
+@pytest.mark.parametrize("target", ["gone.dcm", "/dev/zero"])
+def test_links_in_place_of_a_slice_are_named(tmp_path, target):
+    write_series(tmp_path, [k * NORMAL for k in range(3)])
+    (tmp_path / "99.dcm").unlink()
+    (tmp_path / "99.dcm").symlink_to(target)
+    with pytest.raises(InputError, match="this DICOM slice cannot be read") as error:
+        read(tmp_path)
+    assert error.value.where == str(tmp_path / "99.dcm")
+
+
 @pytest.mark.parametrize("name", ["97.dcm", "98.dcm", "99.dcm"])
 def test_truncated_slice_is_named(tmp_path, name):
     """The search for series passes over it; at an end of the stack no gap would tell."""
@@ -85,6 +112,15 @@ def test_truncated_slice_is_named(tmp_path, name):
     with pytest.raises(InputError, match="this DICOM slice cannot be read") as error:
         read(tmp_path)
     assert error.value.where == str(tmp_path / name)
+
+
+def test_a_slice_that_breaks_off_before_its_series_is_named(tmp_path):
+    write_series(tmp_path, [k * NORMAL for k in range(3)])
+    data = (tmp_path / "99.dcm").read_bytes()
+    (tmp_path / "99.dcm").write_bytes(data[: data.index(b"\x20\x00\x0d\x00")])
+    with pytest.raises(InputError, match="this DICOM slice cannot be read") as error:
+        read(tmp_path)
+    assert error.value.where == str(tmp_path / "99.dcm")
 
 
 def test_folder_without_a_series(tmp_path):
