@@ -8,10 +8,10 @@ quicker; where that ends badly, the program's own way decides.
 from __future__ import annotations
 
 import ctypes
+import faulthandler
 import json
 import os
 import resource
-import shutil
 import signal
 import tempfile
 import traceback
@@ -25,7 +25,8 @@ import numpy as np
 import pytest
 from this_process import read_here
 from volume_bases import Base, make_bases, real_data
-from volume_damage import Case, Sparse, is_within_checksums, make_case, write_case
+from volume_bombs import BOMBS
+from volume_damage import Case, Sparse, is_within_checksums, make_bomb, make_case, write_case
 
 from renderer.child_processes import describe_exit
 from renderer.errors import InputError
@@ -81,16 +82,23 @@ class _Reading:
 def judge_number(seed: int, index: int) -> Verdict:
     """Judge one volume in a temporary folder, with real volumes among the undamaged ones if there are any."""
     case = make_case(make_bases(real_data()), seed, index)
-    folder = Path(tempfile.mkdtemp(prefix="hsplat-fuzz-"))
-    try:
-        return judge_volume(case, folder, index)
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
+    with tempfile.TemporaryDirectory(prefix="hsplat-fuzz-", ignore_cleanup_errors=True) as folder:
+        return judge_volume(case, Path(folder), index)
+
+
+def judge_bomb(name: str) -> Verdict:
+    """Judge a small file that asks for much, by the name of the function that makes it."""
+    form = name.split("_", maxsplit=1)[0]
+    make = next(make for make in BOMBS[form] if make.__name__ == name)
+    base = next(base for base in make_bases(None) if base.form == form)
+    with tempfile.TemporaryDirectory(prefix="hsplat-fuzz-") as folder:
+        return judge_volume(make_bomb(base, make), Path(folder))
 
 
 def judge_volume(case: Case, folder: Path, index: int = 0) -> Verdict:
     """Write the files of a case into a folder, and read them there."""
     verdict = Verdict(index, case.base.name, case.damage, "wrong")
+    folder.mkdir(exist_ok=True)
     path = write_case(case, folder)
     reading = _read_in_fork(case, folder, path, in_child=case.in_child)
     if reading.found.get("is_foreign") and _fault(case, folder, reading):
@@ -166,13 +174,14 @@ def _fault_of_message(text: str, where: str | None, folder: Path) -> str | None:
 
 def _read_in_fork(case: Case, folder: Path, path: Path, *, in_child: bool) -> _Reading:
     """Read a volume in a fork of this process."""
-    undamaged = _undamaged(case.base)
+    undamaged = undamaged_volume(case.base)
     baseline = _baseline()
     receiver, sender = os.pipe()
     pid = os.fork()
     if pid == 0:
         try:
             os.close(receiver)
+            faulthandler.disable()
             ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # when this process ends
             signal.signal(signal.SIGALRM, signal.SIG_DFL)
             signal.alarm(_PATIENCE_S)
@@ -255,7 +264,7 @@ def _compared(volume: Volume, undamaged: Volume) -> dict[str, Any]:
 
 
 @cache
-def _undamaged(base: Base) -> Volume:
+def undamaged_volume(base: Base) -> Volume:
     """Return the volume of undamaged files, which are read in this process; raises AssertionError for wrong ones."""
     with tempfile.TemporaryDirectory(prefix="hsplat-fuzz-") as name, pytest.MonkeyPatch.context() as patched:
         patched.setattr(reading, "read_isolated", read_here)

@@ -10,6 +10,7 @@ import zipfile
 import zlib
 from collections.abc import Callable
 from functools import cache
+from itertools import pairwise
 
 import imagecodecs
 import numpy as np
@@ -447,13 +448,15 @@ def tiff_many_samples() -> Files:
     return {"a.tif": tiff({SAMPLES: (SHORT, 1, 65535), WIDTH: (LONG, 1, 2**31), HEIGHT: (LONG, 1, 2**31)})}
 
 
+def _entities() -> str:
+    """Return entities of XML, each of which is ten of the one before: `j` is a gigabyte."""
+    more = (f'<!ENTITY {after} "{f"&{name};" * 10}">' for name, after in pairwise("abcdefghij"))
+    return '<!ENTITY a "0">' + "".join(more)
+
+
 def tiff_entities() -> Files:
-    names = "abcdefghij"
-    entities = '<!ENTITY a "0">' + "".join(
-        f'<!ENTITY {after} "{f"&{name};" * 10}">' for name, after in zip(names, names[1:], strict=False)
-    )
-    text = f'<?xml version="1.0"?><!DOCTYPE OME [{entities}]><OME><Pixels SizeX="&j;" SizeZ="&j;" DimensionOrder="XYZCT"/></OME>'
-    return {"a.tif": described(text)}
+    pixels = '<OME><Pixels SizeX="&j;" SizeZ="&j;" DimensionOrder="XYZCT"/></OME>'
+    return {"a.tif": described(f'<?xml version="1.0"?><!DOCTYPE OME [{_entities()}]>{pixels}')}
 
 
 def tiff_planes_of_ome() -> Files:
@@ -567,8 +570,8 @@ def dicom_many_series() -> Files:
 _VTI = (
     '<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian" header_type="{header}"{compressor}>'
     '<ImageData WholeExtent="{extent}" Origin="0 0 0" Spacing="1 1 1"><Piece Extent="{extent}"><PointData Scalars="a">'
-    '<DataArray type="UInt8" Name="a" format="appended" offset="0" NumberOfComponents="{components}"/></PointData></Piece>'
-    '</ImageData><AppendedData encoding="raw">_'
+    '<DataArray type="UInt8" Name="a" format="appended" offset="0" NumberOfComponents="{components}"/></PointData>'
+    '</Piece></ImageData><AppendedData encoding="raw">_'
 )
 
 
@@ -618,12 +621,8 @@ def vtk_nested_elements() -> Files:
 
 
 def vtk_entities() -> Files:
-    names = "abcdefghij"
-    entities = '<!ENTITY a "0">' + "".join(
-        f'<!ENTITY {after} "{f"&{name};" * 10}">' for name, after in zip(names, names[1:], strict=False)
-    )
-    text = f'<?xml version="1.0"?><!DOCTYPE VTKFile [{entities}]><VTKFile type="ImageData"><a b="&j;">&j;</a></VTKFile>'
-    return {"a.vti": text.encode()}
+    image = '<VTKFile type="ImageData"><a b="&j;">&j;</a></VTKFile>'
+    return {"a.vti": f'<?xml version="1.0"?><!DOCTYPE VTKFile [{_entities()}]>{image}'.encode()}
 
 
 def vtk_entity_of_a_file() -> Files:
@@ -683,12 +682,8 @@ def vtk_legacy_other_grids() -> Files:
     return {"a.vtk": b"# vtk DataFile Version 3.0\na\nBINARY\n" + lines.encode() + bytes(64)}
 
 
-_ALL = {
-    name: value
-    for name, value in list(globals().items())
-    if callable(value) and getattr(value, "__module__", "") == __name__
-}
 _FORMS = ("nrrd", "metaimage", "nifti", "npy", "npz", "cube", "tiff", "dicom", "vtk")
+# The functions above by the format that their names begin with.
 BOMBS: dict[str, tuple[Callable[[], Files], ...]] = {
-    form: tuple(value for name, value in _ALL.items() if name.startswith(f"{form}_")) for form in _FORMS
+    form: tuple(make for name, make in list(globals().items()) if name.startswith(f"{form}_")) for form in _FORMS
 }

@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import numpy as np
 from volume_bases import Base, Ranges
-from volume_bombs import BOMBS
+from volume_bombs import BOMBS, Files
 
 Random = np.random.Generator
 T = TypeVar("T")
@@ -140,7 +140,7 @@ def _changed(base: Base, damage: str, name: str, data: bytes, **more: int) -> Ca
     """Return a case with another content of one file. name: empty for the content of the file before it was packed."""
     if name == "":
         assert base.pack is not None
-        return Case(base, f"{damage} unpacked", {base.opened: base.pack(data)}, base.opened)
+        return Case(base, f"{damage} unpacked", {base.opened: base.pack(data)}, base.opened, **more)
     return Case(base, damage, {**base.files, name: data}, base.opened, **more)
 
 
@@ -188,15 +188,10 @@ def _bytes(base: Base, rng: Random) -> Case:
 
 def _cut(base: Base, rng: Random) -> Case:
     name, data = _any_content(base, rng)
-    kept = int(
-        _pick(
-            rng,
-            rng.integers(len(data)),
-            len(data) - 1 - rng.integers(min(40, len(data))),
-            rng.integers(min(400, len(data))),
-        )
-    )
-    return _changed(base, "truncated", name, data[:kept], **({} if name == "" else {"num_lost": len(data) - kept}))
+    most = _pick(rng, len(data), min(40, len(data)), len(data))
+    num_lost = int(rng.integers(1, most + 1))
+    kept = int(rng.integers(min(400, len(data)))) if rng.random() < 0.3 else len(data) - num_lost
+    return _changed(base, "truncated", name, data[:kept], num_lost=0 if name == "" else len(data) - kept)
 
 
 def _longer(base: Base, rng: Random) -> Case:
@@ -240,14 +235,14 @@ def _number(base: Base, rng: Random) -> Case:
     value = int(ends[int(rng.integers(len(ends)))]) % 2 ** (8 * num)
     written = value.to_bytes(num, "little" if order == "<" else "big")
     if num > 2 and rng.random() < 0.2:
-        written = struct.pack(order + ("f" if num == 4 else "d"), _FLOATS[int(rng.integers(len(_FLOATS)))])
+        written = struct.pack(order + ("f" if num == 4 else "d"), _pick(rng, *_FLOATS))
     return _changed(base, "with an extreme number", name, (data[:place] + written + data[place + num :])[: len(data)])
 
 
 _NUMBERS = (
-    "0", "-1", "1", "2", "3", "4", "5", "16", "17", "255", "65536", "2147483647", "2147483648", "4294967295", "4294967296",
-    "9223372036854775807", "18446744073709551616", "1e300", "1e309", "1e-320", "-0", "nan", "inf", "-inf", "0x10", "1_0",
-    "9" * 400, "0" * 5000 + "1", "1e5", "1.5", "\u0663", "", "100000", "1000000", "\x1b[2J", "1;2",
+    "0", "-1", "1", "2", "3", "4", "5", "16", "17", "255", "65536", "2147483647", "2147483648", "4294967295",
+    "4294967296", "9223372036854775807", "18446744073709551616", "1e300", "1e309", "1e-320", "-0", "nan", "inf", "-inf",
+    "0x10", "1_0", "9" * 400, "0" * 5000 + "1", "1e5", "1.5", "\u0663", "", "100000", "1000000", "\x1b[2J", "1;2",
 )  # fmt: skip
 
 
@@ -259,7 +254,7 @@ def _written_number(base: Base, rng: Random) -> Case | None:
     if not places:
         return None
     first, last = (begin + at for at in places[int(rng.integers(len(places)))])
-    written = _NUMBERS[int(rng.integers(len(_NUMBERS)))].encode()
+    written = _pick(rng, *_NUMBERS).encode()
     if base.form in ("tiff", "dicom", "npy"):  # of which the length must not change
         written = written[: last - first].ljust(last - first)
     return _changed(base, "with another number in its text", name, data[:first] + written + data[last:])
@@ -306,16 +301,17 @@ def _line(base: Base, rng: Random) -> Case | None:
 
 
 _WORDS = {
-    "nrrd": "int8 uchar short uint32 longlong double block raw gzip bzip2 text hex zrl little big LIST domain space time "
-    "list vector RGB-color none ??? cell node right-anterior-superior LPS scanner-xyz 3D-right-handed /dev/zero /dev/full "
-    "/dev/stdin .. . a.nrrd a.nhdr s%d.raw s%99d.raw %s %n s%03d.raw (1,0,0) (1,2) (nan,nan,nan) () (1e308,1e308,1e308)",
-    "metaimage": "MET_CHAR MET_ULONG_LONG MET_DOUBLE MET_UCHAR MET_STRING True False LOCAL Local LIST a.mha a.mhd a.raw "
-    "/dev/zero /dev/full .. . s%d.raw s%d.raw_0_3_1 Image Tube RAS",
+    "nrrd": """int8 uchar short uint32 longlong double block raw gzip bzip2 text hex zrl little big LIST domain space
+        time list vector RGB-color none ??? cell node right-anterior-superior LPS scanner-xyz 3D-right-handed /dev/zero
+        /dev/full /dev/stdin .. . a.nrrd a.nhdr s%d.raw s%99d.raw %s %n s%03d.raw (1,0,0) (1,2) (nan,nan,nan) ()
+        (1e308,1e308,1e308)""",
+    "metaimage": """MET_CHAR MET_ULONG_LONG MET_DOUBLE MET_UCHAR MET_STRING True False LOCAL Local LIST a.mha a.mhd
+        a.raw /dev/zero /dev/full .. . s%d.raw s%d.raw_0_3_1 Image Tube RAS""",
     "cube": "0 -1 1e300 nan 999999999 0.5 -7 x",
-    "vtk": "Int8 UInt64 Float64 Bit String ascii binary appended raw base64 UInt32 UInt64 LittleEndian BigEndian ImageData "
-    "RectilinearGrid PolyData vtkZLibDataCompressor vtkLZ4DataCompressor vtkLZMADataCompressor vtkFoo &lt; &a; "
-    "STRUCTURED_POINTS UNSTRUCTURED_GRID ASCII BINARY short vtkIdType unsigned_char bit string variant POINT_DATA CELL_DATA "
-    "FIELD SCALARS VECTORS LOOKUP_TABLE TENSORS COLOR_SCALARS METADATA DATASET NORMALS TEXTURE_COORDINATES",
+    "vtk": """Int8 UInt64 Float64 Bit String ascii binary appended raw base64 UInt32 UInt64 LittleEndian BigEndian
+        ImageData RectilinearGrid PolyData vtkZLibDataCompressor vtkLZ4DataCompressor vtkLZMADataCompressor vtkFoo &lt;
+        &a; STRUCTURED_POINTS UNSTRUCTURED_GRID ASCII BINARY short vtkIdType unsigned_char bit string variant POINT_DATA
+        CELL_DATA FIELD SCALARS VECTORS LOOKUP_TABLE TENSORS COLOR_SCALARS METADATA DATASET NORMALS""",
 }
 
 
@@ -327,41 +323,24 @@ def _word(base: Base, rng: Random) -> Case | None:
     begin, end = _header(base, name, data)
     places = [found.span() for found in re.finditer(rb"[^\s\"=<>]+", data[begin:end])]
     first, last = (begin + at for at in places[int(rng.integers(len(places)))])
-    words = _WORDS[base.form].split()
-    return _changed(
-        base,
-        "with another word in its header",
-        name,
-        data[:first] + words[int(rng.integers(len(words)))].encode() + data[last:],
-    )
+    word = _pick(rng, *_WORDS[base.form].split()).encode()
+    return _changed(base, "with another word in its header", name, data[:first] + word + data[last:])
+
+
+_TARGETS = ("nowhere", "/dev/zero", "/dev/full", "/dev/null", "/dev/stdin", ".", "..", "/proc/self/mem")
 
 
 def _node(base: Base, rng: Random) -> Case:
     """Something else has the name of a file."""
-    names = list(base.files)
-    name = names[int(rng.integers(len(names)))]
-    targets = (
-        "nowhere",
-        os.path.basename(name),
-        "/dev/zero",
-        "/dev/full",
-        "/dev/null",
-        "/dev/stdin",
-        ".",
-        "..",
-        "/proc/self/mem",
-    )
-    kinds = [Node("link", target) for target in targets]
-    kinds += [Node("fifo"), Node("socket"), Node("folder")]
-    node = kinds[int(rng.integers(len(kinds)))]
-    damage = f"a {node.kind}" + f" to {node.target}" * node.target.startswith("/")
-    return Case(base, f"replaced by {damage}", {**base.files, name: node}, base.opened)
+    name = _pick(rng, *base.files)
+    links = [Node("link", target) for target in (*_TARGETS, os.path.basename(name))]
+    node = _pick(rng, *links, Node("fifo"), Node("socket"), Node("folder"))
+    return Case(base, f"replaced by a {node.kind}", {**base.files, name: node}, base.opened)
 
 
 def _missing(base: Base, rng: Random) -> Case:
     """A file is missing, twice there, empty, or there under a link."""
-    names = list(base.files)
-    name = names[int(rng.integers(len(names)))]
+    name = _pick(rng, *base.files)
     files: dict[str, Content] = dict(base.files)
     kind, other = int(rng.integers(5)), os.path.join(os.path.dirname(name), f"copy of {os.path.basename(name)}")
     if kind == 0:
@@ -395,8 +374,7 @@ _NAMES = (
 
 def _renamed(base: Base, rng: Random) -> Case:
     """A file, perhaps damaged as well, has a name that must not reach a terminal."""
-    names = list(base.files)
-    name = names[int(rng.integers(len(names)))]
+    name = _pick(rng, *base.files)
     folder, file = os.path.split(name)
     part = _NAMES[int(rng.integers(len(_NAMES)))]
     other = os.path.join(
@@ -411,8 +389,7 @@ def _renamed(base: Base, rng: Random) -> Case:
 
 def _sparse(base: Base, rng: Random) -> Case:
     """A file goes on with zeros, up to a length that no memory holds."""
-    names = list(base.files)
-    name = names[int(rng.integers(len(names)))]
+    name = _pick(rng, *base.files)
     num_bytes = _pick(rng, 2**31, 2**32 + 2**20, 2**33)
     return Case(base, "with gigabytes of zeros", {**base.files, name: Sparse(base.files[name], num_bytes)}, base.opened)
 
@@ -444,21 +421,18 @@ def _spliced(base: Base, rng: Random) -> Case:
 
 def _bomb(base: Base, rng: Random) -> Case | None:
     """A small file that asks for much work or memory."""
-    bombs = BOMBS.get(base.form, ())
-    if not bombs:
-        return None
-    make = bombs[int(rng.integers(len(bombs)))]
-    made = make()
+    bombs = BOMBS.get(base.form)
+    return None if bombs is None else make_bomb(base, _pick(rng, *bombs))
+
+
+def make_bomb(base: Base, make: Callable[[], Files]) -> Case:
+    """Return a case with the files that a function returns in place of those of an undamaged volume."""
     files: dict[str, Content] = {
-        name: Sparse(*content) if isinstance(content, tuple) else content for name, content in made.items()
+        name: Sparse(*content) if isinstance(content, tuple) else content for name, content in make().items()
     }
     opened = next(iter(files))
-    return Case(
-        base,
-        f"bomb: {make.__name__.removeprefix(f'{base.form}_').replace('_', ' ')}",
-        files,
-        os.path.dirname(opened) or opened,
-    )
+    name = make.__name__.removeprefix(f"{base.form}_").replace("_", " ")
+    return Case(base, f"bomb: {name}", files, os.path.dirname(opened) or opened)
 
 
 _CHANGES: tuple[Callable[[Base, Random], Case | None], ...] = (
