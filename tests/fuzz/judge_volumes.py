@@ -149,7 +149,7 @@ def _fault_of_voxels(case: Case, found: dict[str, Any]) -> str | None:
         return f"other voxels of a file without its last {case.num_lost} bytes: {found['shown']}"
     if is_within_checksums(case) and not case.damage.startswith("bomb"):
         return f"other voxels where a checksum does not hold: {found['shown']}"
-    if _is_one_stream(case) and found["num_left"] > found["num_bytes"] // min(found["shape"]):
+    if _is_one_stream(case) and found["num_left"] >= found["num_bytes"] // max(found["shape"]):
         return f"{found['num_left']} bytes of the stream are left over: {found['shown']}"
     return None
 
@@ -195,9 +195,10 @@ def _read_in_fork(case: Case, folder: Path, path: Path, *, in_child: bool) -> _R
         lines = answers.read().splitlines()
     _, status, usage = os.wait4(pid, 0)
     found = {key: value for line in lines for key, value in json.loads(line).items()}
-    num_bytes = max(0, 1024 * usage.ru_maxrss - baseline)
+    is_apart = in_child and "is_foreign" in found
+    num_bytes = max(0, 1024 * usage.ru_maxrss - (0 if is_apart else baseline))
     seconds = usage.ru_utime + usage.ru_stime
-    return _Reading(os.waitstatus_to_exitcode(status), seconds, num_bytes, in_child and "is_foreign" in found, found)
+    return _Reading(os.waitstatus_to_exitcode(status), seconds, num_bytes, is_apart, found)
 
 
 def _limit(seconds: int, num_bytes: int) -> None:
@@ -225,6 +226,7 @@ def _answer(sender: int, case: Case, path: Path, undamaged: Volume, *, in_child:
     reading.read_isolated = read_foreign
     warnings.resetwarnings()  # as they are outside of tests
     warnings.simplefilter("ignore", DeprecationWarning)
+    warnings.showwarning = lambda message, *_: os.write(2, f"{message}\n".encode())
     with tempfile.TemporaryFile() as printed:
         for stream in (1, 2):
             os.dup2(printed.fileno(), stream)

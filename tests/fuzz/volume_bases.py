@@ -124,17 +124,10 @@ def _nrrd() -> Iterator[Base]:
     for encoding in ("raw", "gzip", "bzip2", "text"):
         is_guarded = encoding in ("gzip", "bzip2")
         header = {"encoding": encoding, **space}
-        for name in ("a.nrrd", "a.nhdr"):
-
-            def write(folder: Path, name: str = name, header: dict[str, Any] = header) -> None:
-                nrrd.write(str(folder / name), values, header, index_order="C")
-
-            make = _attached if name == "a.nrrd" else _detached
-            marks = (b"\n\n",) if name == "a.nrrd" else ()
-            kind = "attached" if name == "a.nrrd" else "detached"
-            yield make(
-                f"nrrd {encoding} {kind}", _written(write), *(marks or (name,)), guarded=is_guarded, values=values
-            )
+        files = _written_by_pynrrd("a.nrrd", values, header)
+        yield _attached(f"nrrd {encoding} attached", files, b"\n\n", guarded=is_guarded, values=values)
+        files = _written_by_pynrrd("a.nhdr", values, header)
+        yield _detached(f"nrrd {encoding} detached", files, "a.nhdr", guarded=is_guarded, values=values)
     lines = b"NRRD0004\n# a comment\ntype: uint16\ndimension: 3\nsizes: 10 12 4\nspacings: 0.5 0.5 2\nendian: big\n"
     digits = b"\n".join(plane.astype(">u2").tobytes().hex().encode() for plane in values)
     yield _attached(
@@ -155,8 +148,14 @@ def _nrrd() -> Iterator[Base]:
     segments["space origin"] = space["space origin"]
     for k, name in enumerate(("bone", "air")):
         segments |= {f"Segment{k}_ID": f"Segment_{k}", f"Segment{k}_Name": name, f"Segment{k}_Layer": str(k)}
-    files = _written(lambda folder: nrrd.write(str(folder / "a.seg.nrrd"), layers, segments, index_order="C"))
+    files = _written_by_pynrrd("a.seg.nrrd", layers, segments)
     yield _attached("nrrd segmentation", files, b"\n\n", guarded=True, values=layers[..., 1], choice={"component": 1})
+
+
+def _written_by_pynrrd(name: str, values: Array, header: dict[str, Any]) -> dict[str, bytes]:
+    """Return the files of a volume, without the day on which they were written."""
+    files = _written(lambda folder: nrrd.write(str(folder / name), values, header, index_order="C"))
+    return {name: re.sub(rb"(?m)^# on .*$", b"# on a day", data) for name, data in files.items()}
 
 
 def _metaimage() -> Iterator[Base]:
