@@ -31,7 +31,7 @@ from volume_damage import Case, Sparse, is_within_checksums, make_bomb, make_cas
 from renderer.child_processes import describe_exit
 from renderer.errors import InputError
 from renderer.film import volume_files
-from renderer.readers import read as reading, read_volume
+from renderer.readers import read as read_module, read_volume
 from renderer.readers.common import Image
 from renderer.scene import FileSource, VolumeSpec
 from renderer.volume import Volume
@@ -69,7 +69,7 @@ class Verdict:
 
 
 @dataclass
-class _Reading:
+class _Result:
     """What became of a fork: its exit status, what it took, and what it found out until then."""
 
     status: int
@@ -100,30 +100,30 @@ def judge_volume(case: Case, folder: Path, index: int = 0) -> Verdict:
     verdict = Verdict(index, case.base.name, case.damage, "wrong")
     folder.mkdir(exist_ok=True)
     path = write_case(case, folder)
-    reading = _read_in_fork(case, folder, path, in_child=case.in_child)
-    if reading.found.get("is_foreign") and _fault(case, folder, reading):
-        reading = _read_in_fork(case, folder, path, in_child=True)
-    verdict.in_child = reading.in_child
-    verdict.seconds, verdict.num_bytes = reading.seconds, reading.num_bytes
-    fault = _fault(case, folder, reading)
+    result = _read_in_fork(case, folder, path, in_child=case.in_child)
+    if result.found.get("is_foreign") and _fault(case, folder, result):
+        result = _read_in_fork(case, folder, path, in_child=True)
+    verdict.in_child = result.in_child
+    verdict.seconds, verdict.num_bytes = result.seconds, result.num_bytes
+    fault = _fault(case, folder, result)
     if fault is None:
-        verdict.outcome, verdict.why = reading.found["outcome"], reading.found.get("text", "")
+        verdict.outcome, verdict.why = result.found["outcome"], result.found.get("text", "")
     else:
         verdict.why = fault
     return verdict
 
 
-def _fault(case: Case, folder: Path, reading: _Reading) -> str | None:
+def _fault(case: Case, folder: Path, result: _Result) -> str | None:
     """Return what is wrong with the outcome; None if nothing is."""
-    found = reading.found
-    more_seconds, more_bytes = (_CHILD_SECONDS, _CHILD_BYTES) if reading.in_child else (0, 0)
+    found = result.found
+    more_seconds, more_bytes = (_CHILD_SECONDS, _CHILD_BYTES) if result.in_child else (0, 0)
     num_voxel_bytes = found.get("num_bytes", 0)
-    if reading.status != 0:
-        return f"reading ended with {describe_exit(reading.status)} after {reading.seconds:.1f} s, and {found}"
-    if reading.seconds > MAX_SECONDS + more_seconds:
-        return f"{reading.seconds:.1f} s of processor time"
-    if reading.num_bytes > MAX_BYTES + more_bytes + _NUM_COPIES * max(num_voxel_bytes, _num_file_bytes(case)):
-        return f"{reading.num_bytes >> 20} MiB of memory, for {num_voxel_bytes >> 20} MiB of voxels"
+    if result.status != 0:
+        return f"reading ended with {describe_exit(result.status)} after {result.seconds:.1f} s, and {found}"
+    if result.seconds > MAX_SECONDS + more_seconds:
+        return f"{result.seconds:.1f} s of processor time"
+    if result.num_bytes > MAX_BYTES + more_bytes + _NUM_COPIES * max(num_voxel_bytes, _num_file_bytes(case)):
+        return f"{result.num_bytes >> 20} MiB of memory, for {num_voxel_bytes >> 20} MiB of voxels"
     if found.get("printed"):
         return f"printed {found['printed']!r}"
     if "escaped" in found:
@@ -172,7 +172,7 @@ def _fault_of_message(text: str, where: str | None, folder: Path) -> str | None:
     return None
 
 
-def _read_in_fork(case: Case, folder: Path, path: Path, *, in_child: bool) -> _Reading:
+def _read_in_fork(case: Case, folder: Path, path: Path, *, in_child: bool) -> _Result:
     """Read a volume in a fork of this process."""
     undamaged = undamaged_volume(case.base)
     baseline = _baseline()
@@ -198,7 +198,7 @@ def _read_in_fork(case: Case, folder: Path, path: Path, *, in_child: bool) -> _R
     is_apart = in_child and "is_foreign" in found
     num_bytes = max(0, 1024 * usage.ru_maxrss - (0 if is_apart else baseline))
     seconds = usage.ru_utime + usage.ru_stime
-    return _Reading(os.waitstatus_to_exitcode(status), seconds, num_bytes, is_apart, found)
+    return _Result(os.waitstatus_to_exitcode(status), seconds, num_bytes, is_apart, found)
 
 
 def _limit(seconds: int, num_bytes: int) -> None:
@@ -214,7 +214,7 @@ def _answer(sender: int, case: Case, path: Path, undamaged: Volume, *, in_child:
     def tell(**found: Any) -> None:
         os.write(sender, json.dumps(found).encode("ascii") + b"\n")
 
-    read_as_program = reading.read_isolated
+    read_as_program = read_module.read_isolated
 
     def read_foreign(reader: str, path: Path, **arguments: Any) -> Image:
         tell(is_foreign=True)
@@ -223,7 +223,7 @@ def _answer(sender: int, case: Case, path: Path, undamaged: Volume, *, in_child:
         _limit(_FEW_SECONDS, MAX_BYTES)  # what needs more is read again in a child process
         return read_here(reader, path, **arguments)
 
-    reading.read_isolated = read_foreign
+    read_module.read_isolated = read_foreign
     warnings.resetwarnings()  # as they are outside of tests
     warnings.simplefilter("ignore", DeprecationWarning)
     warnings.showwarning = lambda message, *_: os.write(2, f"{message}\n".encode())
@@ -269,7 +269,7 @@ def _compared(volume: Volume, undamaged: Volume) -> dict[str, Any]:
 def undamaged_volume(base: Base) -> Volume:
     """Return the volume of undamaged files, which are read in this process; raises AssertionError for wrong ones."""
     with tempfile.TemporaryDirectory(prefix="hsplat-fuzz-") as name, pytest.MonkeyPatch.context() as patched:
-        patched.setattr(reading, "read_isolated", read_here)
+        patched.setattr(read_module, "read_isolated", read_here)
         path = write_case(Case(base, "unchanged", dict(base.files), base.opened), Path(name))
         volume = read_volume(_spec(base, path))
         assert base.values is None or np.array_equal(volume.values, base.values), base.name

@@ -24,7 +24,7 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"  # forks have no threads
 
 from judge_volumes import Verdict, judge_number, judge_volume  # noqa: E402
 from volume_bases import make_bases, real_data  # noqa: E402
-from volume_damage import make_case  # noqa: E402
+from volume_damage import make_case, write_case  # noqa: E402
 
 from hsplat_cli.terminal import Reporter  # noqa: E402
 
@@ -41,8 +41,10 @@ def main() -> int:
     parser.add_argument("--failures", type=Path, default=Path("fuzz-failures"), help="folder for files that fail")
     arguments = parser.parse_args()
     if arguments.only is not None:
-        verdict = _keep(arguments.seed, arguments.only, arguments.failures)
-        print(verdict)
+        folder = arguments.failures.absolute() / f"{arguments.seed}-{arguments.only}"
+        folder.mkdir(parents=True)
+        verdict = judge_volume(make_case(make_bases(real_data()), arguments.seed, arguments.only), folder)
+        print(f"{folder}\n{verdict}")
         return int(verdict.outcome == "wrong")
     numbers = range(arguments.first, arguments.first + arguments.files)
     verdicts: list[Verdict] = []
@@ -53,26 +55,14 @@ def main() -> int:
         for verdict in pool.map(partial(judge_number, arguments.seed), numbers, chunksize=8):
             verdicts.append(verdict)
             bar.advance(f"{sum(each.outcome == 'wrong' for each in verdicts)} wrong")
-    wrong = [verdict for verdict in verdicts if verdict.outcome == "wrong"]
     print("\n".join(tables(verdicts)))
+    wrong = [verdict for verdict in verdicts if verdict.outcome == "wrong"]
     for verdict in wrong:
-        folder = _keep(arguments.seed, verdict.index, arguments.failures, is_judged=True)
+        folder = arguments.failures.absolute() / f"{arguments.seed}-{verdict.index}"
+        write_case(make_case(make_bases(real_data()), arguments.seed, verdict.index), folder)
         print(f"\npython tests/fuzz/run_volumes.py --seed {arguments.seed} --only {verdict.index}  # {folder}")
         print(f"  {verdict.base}, {verdict.damage}: {verdict.why.strip()}")
     return int(bool(wrong))
-
-
-def _keep(seed: int, index: int, failures: Path, *, is_judged: bool = False) -> Verdict | Path:
-    """Write the files of a case, and judge them unless that is done."""
-    from volume_damage import write_case
-
-    case = make_case(make_bases(real_data()), seed, index)
-    folder = failures.absolute() / f"{seed}-{index}"
-    if not is_judged:
-        return judge_volume(case, folder, index)
-    if not folder.exists():
-        write_case(case, folder)
-    return folder
 
 
 def tables(verdicts: list[Verdict]) -> list[str]:
@@ -80,24 +70,26 @@ def tables(verdicts: list[Verdict]) -> list[str]:
     lines = [f"{len(verdicts)} files"]
     lines += ["", *_table("format", verdicts, lambda verdict: verdict.base.split(" ", maxsplit=1)[0])]
     lines += ["", *_table("damage", verdicts, lambda verdict: verdict.damage.split(":")[0].removesuffix(" unpacked"))]
-    for is_in_child, where in ((False, "in the process of the program"), (True, "in a child process")):
-        own = [verdict for verdict in verdicts if verdict.in_child == is_in_child]
-        slowest = max(own, key=lambda verdict: verdict.seconds, default=None)
-        largest = max(own, key=lambda verdict: verdict.num_bytes, default=None)
-        if slowest is not None and largest is not None:
-            lines += ["", f"{len(own)} files {where}"]
-            lines += [f"slowest: {slowest.seconds:.1f} s, {slowest.base}, {slowest.damage} ({slowest.index})"]
-            lines += [f"most memory: {largest.num_bytes >> 20} MiB, {largest.base}, {largest.damage} ({largest.index})"]
+    for is_in_child, where in ((False, "in one process"), (True, "with a child process")):
+        own = [verdict for verdict in verdicts if verdict.in_child == is_in_child] or verdicts[:1]
+        slowest = max(own, key=lambda verdict: verdict.seconds)
+        largest = max(own, key=lambda verdict: verdict.num_bytes)
+        lines += ["", f"{len(own)} files were read {where}."]
+        lines += [f"Slowest: {slowest.seconds:.1f} s, {slowest.base}, {slowest.damage} (file {slowest.index})."]
+        lines += [
+            f"Most memory: {largest.num_bytes >> 20} MiB, {largest.base}, {largest.damage} (file {largest.index})."
+        ]
     return lines
 
 
 def _table(name: str, verdicts: Iterable[Verdict], key: Callable[[Verdict], str]) -> list[str]:
     """Return a table of the outcomes, a row for each key."""
     counts = Counter((key(verdict), verdict.outcome) for verdict in verdicts)
-    rows = [[row, *(counts[row, outcome] for outcome in OUTCOMES)] for row in dict.fromkeys(row for row, _ in counts)]
-    rows.append(["all", *(sum(counts[row, outcome] for row in {row for row, _ in counts}) for outcome in OUTCOMES)])
+    names = sorted({row for row, _ in counts})
+    rows = {row: [counts[row, outcome] for outcome in OUTCOMES] for row in names}
+    rows["all"] = [sum(column) for column in zip(*rows.values(), strict=True)]
     lines = [[name, "files", "same voxels", "other voxels", "refused", "wrong"], ["---"] * 6]
-    lines += [[str(row[0]), str(sum(row[1:])), *map(str, row[1:])] for row in rows]
+    lines += [[row, *map(str, [sum(numbers), *numbers])] for row, numbers in rows.items()]
     return ["| " + " | ".join(line) + " |" for line in lines]
 
 
