@@ -25,7 +25,7 @@ import numpy as np
 import pytest
 from this_process import read_here
 from volume_bases import Base, make_bases, real_data
-from volume_bombs import BOMBS
+from volume_bombs_isolated import BOMBS
 from volume_damage import Case, Sparse, is_within_checksums, make_bomb, make_case, write_case
 
 from renderer.child_processes import describe_exit

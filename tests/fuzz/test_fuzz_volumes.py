@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -24,6 +25,7 @@ from volume_damage import Case, make_case
 from renderer.errors import InputError
 from renderer.readers import nrrd, vtk_image
 
+ROOT = Path(__file__).parents[2]
 SEED = 5
 FILES = 500
 FORMATS = {"nrrd", "metaimage", "nifti", "npy", "npz", "raw", "cube", "tiff", "dicom", "vtk"}
@@ -43,7 +45,8 @@ MENDED = (
 @pytest.fixture(scope="module")
 def pool() -> Iterator[ProcessPoolExecutor]:
     """A process without threads, which is forked for each file."""
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as opened:
+    with pytest.MonkeyPatch.context() as patch, ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as opened:
+        patch.setattr(sys, "path", [*sys.path, str(ROOT)])  # it imports tests.support
         yield opened
 
 

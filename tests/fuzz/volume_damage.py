@@ -14,7 +14,8 @@ from typing import TypeVar
 
 import numpy as np
 from volume_bases import Base, Ranges
-from volume_bombs import BOMBS, Files
+from volume_bombs import Files
+from volume_bombs_isolated import BOMBS
 
 Random = np.random.Generator
 T = TypeVar("T")

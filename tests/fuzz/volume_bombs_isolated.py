@@ -1,0 +1,328 @@
+"""Small files that ask for much work or memory of the libraries that read TIFF, DICOM and VTK; and all such files."""
+
+from __future__ import annotations
+
+import io
+import struct
+from collections.abc import Callable
+from itertools import pairwise
+
+import imagecodecs
+import numpy as np
+import volume_bombs
+from pydicom.dataset import Dataset
+from pydicom.uid import DeflatedExplicitVRLittleEndian, ExplicitVRLittleEndian, JPEG2000Lossless
+from volume_bombs import ZLIB, Files, nested_sequences, stored_block, zeros_by_deflate
+
+from tests.support.dicom_files import image_fields
+from tests.support.tiff_files import (
+    BITS,
+    BYTE,
+    COMPRESSION,
+    HEIGHT,
+    LONG,
+    SAMPLES,
+    SHORT,
+    STRIP_BYTES,
+    STRIPS,
+    WIDTH,
+    described,
+    directory,
+    tiff,
+)  # fmt: skip
+
+
+def _strip(compressed: bytes, compression: int, side: int = 4) -> Files:
+    """Return a page of bytes with one compressed strip behind its directory."""
+    fields = {
+        WIDTH: (LONG, 1, side), HEIGHT: (LONG, 1, side), COMPRESSION: (SHORT, 1, compression), STRIPS: (LONG, 1, 300),
+        STRIP_BYTES: (LONG, 1, len(compressed)),
+    }  # fmt: skip
+    return {"a.tif": tiff(fields).ljust(300, b"\0") + compressed}
+
+
+def tiff_deflate_inflates() -> Files:
+    return _strip(ZLIB + zeros_by_deflate(4096), 8)
+
+
+def tiff_deflate_claims_gigabytes() -> Files:
+    return _strip(ZLIB + zeros_by_deflate(64), 8, side=60_000)
+
+
+def tiff_zstd_inflates() -> Files:
+    return _strip(imagecodecs.zstd_encode(bytes(2**28)) * 16, 50000)
+
+
+def tiff_lzw_claims_gigabytes() -> Files:
+    return _strip(imagecodecs.lzw_encode(bytes(2**16)), 5, side=60_000)
+
+
+def tiff_jpeg2000_of_other_sizes() -> Files:
+    data = bytearray(imagecodecs.jpeg2k_encode(np.zeros((16, 16), np.uint8), codecformat="j2k"))
+    place = data.index(b"\xff\x51") + 6
+    data[place : place + 8] = struct.pack(">II", 2**31 - 1, 2**31 - 1)
+    return _strip(bytes(data), 34712)
+
+
+def tiff_directory_of_itself() -> Files:
+    return {"a.tif": tiff({}, following=24)}
+
+
+def tiff_directories_in_a_ring() -> Files:
+    first = tiff({})
+    return {"a.tif": tiff({}, following=len(first)) + directory({WIDTH: (SHORT, 1, 4)}, 24)}
+
+
+def tiff_many_directories() -> Files:
+    first = tiff({})
+    page = len(directory({WIDTH: (SHORT, 1, 4)}))
+    pages = [directory({WIDTH: (SHORT, 1, 4)}, len(first) + (k + 1) * page) for k in range(60_000)]
+    return {"a.tif": tiff({}, following=len(first)) + b"".join(pages)}
+
+
+def tiff_values_of_gigabytes() -> Files:
+    return {"a.tif": (tiff({BITS: (SHORT, 2**31 - 1, 8), 700: (BYTE, 2**31, 8)}), 2**33)}
+
+
+def tiff_many_strips() -> Files:
+    fields = {STRIPS: (LONG, 2**28, 300), STRIP_BYTES: (LONG, 2**28, 300), HEIGHT: (LONG, 1, 2**28), 278: (LONG, 1, 1)}
+    return {"a.tif": (tiff(fields), 2**31)}
+
+
+def tiff_many_samples() -> Files:
+    return {"a.tif": tiff({SAMPLES: (SHORT, 1, 65535), WIDTH: (LONG, 1, 2**31), HEIGHT: (LONG, 1, 2**31)})}
+
+
+def _entities() -> str:
+    """Return entities of XML, each of which is ten of the one before: `j` is a gigabyte."""
+    more = (f'<!ENTITY {after} "{f"&{name};" * 10}">' for name, after in pairwise("abcdefghij"))
+    return '<!ENTITY a "0">' + "".join(more)
+
+
+def tiff_entities() -> Files:
+    pixels = '<OME><Pixels SizeX="&j;" SizeZ="&j;" DimensionOrder="XYZCT"/></OME>'
+    return {"a.tif": described(f'<?xml version="1.0"?><!DOCTYPE OME [{_entities()}]>{pixels}')}
+
+
+def tiff_planes_of_ome() -> Files:
+    data = '<TiffData IFD="0" PlaneCount="2147483647" FirstZ="2147483647"/>' * 20_000
+    text = f'<OME><Pixels DimensionOrder="XYZCT" SizeX="4" SizeZ="1" SizeT="1" SizeC="1">{data}</Pixels></OME>'
+    return {"a.tif": described(text)}
+
+
+def tiff_images_of_imagej() -> Files:
+    return {
+        "a.tif": described("ImageJ=1.53\nimages=999999999\nslices=2147483647\nframes=2147483647\nchannels=2147483647\n")
+    }
+
+
+def tiff_brackets_of_ome() -> Files:
+    return {"a.tif": described("<OME>" + "<Pixels " * 300_000 + "<a:" * 300_000)}
+
+
+def tiff_blanks_of_ome() -> Files:
+    return {"a.tif": described("<OME><Pixels " + ("SizeZ" + " " * 1000) * 2000 + "/></OME>")}
+
+
+def tiff_slices_of_many_names() -> Files:
+    return {f"many/s{k * k}.tif": tiff({}) for k in range(400)}
+
+
+def _dicom(dataset: Dataset, syntax: str = ExplicitVRLittleEndian) -> bytes:
+    out = io.BytesIO()
+    dataset.file_meta.TransferSyntaxUID = syntax
+    dataset.save_as(out, enforce_file_format=True)
+    return out.getvalue()
+
+
+_PLANE = np.arange(16, dtype=np.uint16).reshape(4, 4)
+
+
+def _in_dicom(fields: bytes, before: bytes = b"\x08\x00\x60\x00") -> bytes:
+    """Return a file with more fields in it, before the one with this number."""
+    data = _dicom(image_fields(_PLANE))
+    place = data.index(before, 132)
+    return data[:place] + fields + data[place:]
+
+
+def dicomnested_sequences() -> Files:
+    return {"a.dcm": _in_dicom(nested_sequences(50_000))}
+
+
+def dicom_open_sequences() -> Files:
+    return {"a.dcm": _in_dicom(nested_sequences(300)[: 300 * 20])}
+
+
+def dicom_deflate_inflates() -> Files:
+    data = _dicom(image_fields(_PLANE), DeflatedExplicitVRLittleEndian)
+    begin = 144 + struct.unpack_from("<I", data, 140)[0]
+    return {"a.dcm": data[:begin] + zeros_by_deflate(4096)}
+
+
+def dicom_deflate_inflates_into_a_field() -> Files:
+    data = _dicom(image_fields(_PLANE), DeflatedExplicitVRLittleEndian)
+    begin = 144 + struct.unpack_from("<I", data, 140)[0]
+    field = b"\x08\x00\x08\x00OB\0\0" + struct.pack("<I", 2**32 - 2)
+    return {"a.dcm": data[:begin] + stored_block(field) + zeros_by_deflate(4096)}
+
+
+def dicom_many_frames() -> Files:
+    return {"a.dcm": _dicom(image_fields(_PLANE, NumberOfFrames="2147483647", SpacingBetweenSlices="1"))}
+
+
+def dicom_millions_of_frames() -> Files:
+    return {"a.dcm": _dicom(image_fields(_PLANE, NumberOfFrames="9999999", SpacingBetweenSlices="1"))}
+
+
+def dicom_huge_plane() -> Files:
+    return {"a.dcm": _dicom(image_fields(_PLANE, Rows=65535, Columns=65535, SamplesPerPixel=65535))}
+
+
+def dicom_huge_jpeg2000() -> Files:
+    stream = bytearray(imagecodecs.jpeg2k_encode(np.zeros((16, 16), np.uint16), codecformat="j2k"))
+    place = stream.index(b"\xff\x51") + 6
+    stream[place : place + 8] = struct.pack(">II", 65535, 65535)
+    fields = image_fields(_PLANE, Rows=65535, Columns=65535)
+    item = b"\xfe\xff\x00\xe0\0\0\0\0\xfe\xff\x00\xe0" + struct.pack("<I", len(stream)) + stream
+    fields.PixelData = item + b"\xfe\xff\xdd\xe0\0\0\0\0"
+    fields["PixelData"].is_undefined_length = True
+    return {"a.dcm": _dicom(fields, JPEG2000Lossless)}
+
+
+def dicom_field_of_gigabytes() -> Files:
+    return {"a.dcm": (_in_dicom(b"\x08\x00\x08\x00OB\0\0" + struct.pack("<I", 2**32 - 2)), 2**33)}
+
+
+def dicom_offsets_of_frames() -> Files:
+    fields = image_fields(_PLANE, NumberOfFrames="30000", GridFrameOffsetVector=["1"] * 30_000)
+    return {"a.dcm": _dicom(fields)}
+
+
+def dicom_many_series() -> Files:
+    return {
+        f"many/{k}.dcm": _dicom(image_fields(_PLANE, uid=f"1.2.{k}", SeriesDescription="a long description of it " * 2))
+        for k in range(60)
+    }
+
+
+_VTI = (
+    '<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian" header_type="{header}"{compressor}>'
+    '<ImageData WholeExtent="{extent}" Origin="0 0 0" Spacing="1 1 1"><Piece Extent="{extent}"><PointData Scalars="a">'
+    '<DataArray type="UInt8" Name="a" format="appended" offset="0" NumberOfComponents="{components}"/></PointData>'
+    '</Piece></ImageData><AppendedData encoding="raw">_'
+)
+
+
+def _vti(
+    data: bytes, *, extent: str = "0 3 0 3 0 3", header: str = "UInt32", components: int = 1, compressed: bool = True
+) -> Files:
+    compressor = ' compressor="vtkZLibDataCompressor"' if compressed else ""
+    text = _VTI.format(extent=extent, header=header, components=components, compressor=compressor)
+    return {"a.vti": text.encode() + data + b"</AppendedData></VTKFile>"}
+
+
+def vtk_blocks_inflate() -> Files:
+    stream = ZLIB + zeros_by_deflate(4096)
+    return _vti(struct.pack("<4I", 1, 2**31, 64, len(stream)) + stream)
+
+
+def vtk_many_blocks() -> Files:
+    return _vti(struct.pack("<4I", 2**32 - 1, 1, 1, 1))
+
+
+def vtk_blocks_beyond_memory() -> Files:
+    return _vti(struct.pack("<4Q", 2**61, 2**61, 1, 1), header="UInt64")
+
+
+def vtk_blocks_of_no_bytes() -> Files:
+    return _vti(struct.pack("<3I", 2**27, 0, 0) + bytes(2**20))
+
+
+def vtk_huge_extent() -> Files:
+    return _vti(struct.pack("<4I", 1, 64, 64, 64) + bytes(64), extent="0 2147483646 0 2147483646 0 2147483646")
+
+
+def vtk_negative_extent() -> Files:
+    return _vti(struct.pack("<I", 64) + bytes(64), extent="0 -3 0 -3 0 3", compressed=False)
+
+
+def vtk_many_components() -> Files:
+    return _vti(struct.pack("<I", 64) + bytes(64), components=2**31 - 1, compressed=False)
+
+
+def vtk_length_lies() -> Files:
+    return _vti(struct.pack("<I", 2**32 - 1) + bytes(64), compressed=False)
+
+
+def vtk_nested_elements() -> Files:
+    return {"a.vti": b'<VTKFile type="ImageData">' + b"<a>" * 200_000}
+
+
+def vtk_entities() -> Files:
+    image = '<VTKFile type="ImageData"><a b="&j;">&j;</a></VTKFile>'
+    return {"a.vti": f'<?xml version="1.0"?><!DOCTYPE VTKFile [{_entities()}]>{image}'.encode()}
+
+
+def vtk_entity_of_a_file() -> Files:
+    start = b'<?xml version="1.0"?><!DOCTYPE VTKFile [<!ENTITY a SYSTEM "file:///dev/zero">]>'
+    return {"a.vti": start + b'<VTKFile type="ImageData"><ImageData>&a;</ImageData></VTKFile>'}
+
+
+def vtk_attributes() -> Files:
+    many = " ".join(f'a{k}="{k}"' for k in range(100_000))
+    return {"a.vti": f'<VTKFile type="ImageData" {many}></VTKFile>'.encode()}
+
+
+def _legacy(lines: str, data: bytes = bytes(64), *, sizes: str = "4 4 4") -> Files:
+    start = "# vtk DataFile Version 3.0\na title\nBINARY\nDATASET STRUCTURED_POINTS\n"
+    start += f"DIMENSIONS {sizes}\nSPACING 1 1 1\nORIGIN 0 0 0\n"
+    return {"a.vtk": start.encode() + lines.encode() + data}
+
+
+def vtk_legacy_huge_sizes() -> Files:
+    return _legacy("POINT_DATA 999999999999\nSCALARS a char\nLOOKUP_TABLE default\n", sizes="9999 9999 9999")
+
+
+def vtk_legacy_long_type() -> Files:
+    return _legacy(f"POINT_DATA 64\nSCALARS a {'x' * 5000}\nLOOKUP_TABLE default\n")
+
+
+def vtk_legacy_long_name() -> Files:
+    return _legacy(f"POINT_DATA 64\nSCALARS {'x' * 5000} char\nLOOKUP_TABLE default\n")
+
+
+def vtk_legacy_many_components() -> Files:
+    return _legacy("POINT_DATA 64\nSCALARS a char 999999999\nLOOKUP_TABLE default\n")
+
+
+def vtk_legacy_many_fields() -> Files:
+    return _legacy("POINT_DATA 64\nFIELD f 2147483647\na 1 64 char\n")
+
+
+def vtk_legacy_huge_field() -> Files:
+    return _legacy("POINT_DATA 64\nFIELD f 1\na 999999 999999 double\n")
+
+
+def vtk_legacy_huge_table() -> Files:
+    return _legacy("POINT_DATA 64\nSCALARS a char\nLOOKUP_TABLE b\n" + "LOOKUP_TABLE b 2147483647\n", bytes(64))
+
+
+def vtk_legacy_metadata_without_end() -> Files:
+    return _legacy("METADATA\nINFORMATION 999999999\nNAME a LOCATION b\n")
+
+
+def vtk_legacy_long_title() -> Files:
+    return {"a.vtk": b"# vtk DataFile Version 3.0\n" + b"x" * 2**22}
+
+
+def vtk_legacy_other_grids() -> Files:
+    lines = "DATASET UNSTRUCTURED_GRID\nPOINTS 999999999 double\nCELLS 999999999 999999999\n"
+    return {"a.vtk": b"# vtk DataFile Version 3.0\na\nBINARY\n" + lines.encode() + bytes(64)}
+
+
+_FORMS = ("nrrd", "metaimage", "nifti", "npy", "npz", "cube", "tiff", "dicom", "vtk")
+# The functions of both modules by the format that their names begin with.
+BOMBS: dict[str, tuple[Callable[[], Files], ...]] = {
+    form: tuple(make for name, make in [*vars(volume_bombs).items(), *globals().items()] if name.startswith(f"{form}_"))
+    for form in _FORMS
+}
