@@ -10,70 +10,27 @@ import re
 import struct
 import tempfile
 import zlib
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import gdcm
-import imagecodecs
 import nibabel
 import nrrd
 import numpy as np
-import numpy.typing as npt
 import tifffile
 from pydicom import dcmread
 from pydicom.uid import DeflatedExplicitVRLittleEndian, ExplicitVRLittleEndian, RLELossless
+from volume_base import Array, Base, Ranges, attached, behind, detached, written
 from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkIOLegacy import vtkStructuredPointsWriter
 from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
+from zstd_frames import zstd_with_checksums
 
-from renderer.scene import RawSource
 from tests.support.dicom_files import functional_groups, image_fields, save, transcode, write_slice
 from tests.support.volume_files import write_image
-
-Array = npt.NDArray[Any]
-Ranges = tuple[tuple[int, int], ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Base:
-    """An undamaged volume.
-
-    name: its format and what is special about it, such as `nrrd gzip`. files: by their names below a folder.
-    opened: the name of the file that is opened, or of the folder of slices. choice: `time` and `component`.
-    values: its voxels, [z, y, x], where they are known. guarded: the bytes of each file that a checksum covers.
-    headers: the bytes of each file that are no voxels, as far as that is known.
-    pack: compresses the damaged content of the only file, which is `unpacked` when it is not damaged.
-    raw: the declaration of a file without a header.
-    """
-
-    name: str
-    files: dict[str, bytes]
-    opened: str
-    choice: dict[str, int] = field(default_factory=dict)
-    values: Array | None = None
-    guarded: dict[str, Ranges] = field(default_factory=dict)
-    headers: dict[str, Ranges] = field(default_factory=dict)
-    pack: Callable[[bytes], bytes] | None = None
-    unpacked: bytes = b""
-    raw: dict[str, Any] | None = None
-
-    @property
-    def form(self) -> str:
-        """Return the name of the format alone."""
-        return self.name.split(" ", maxsplit=1)[0]
-
-    @property
-    def is_text(self) -> bool:
-        """Return whether voxels are written as numbers of text, whose end may be any digit."""
-        return any(word in self.name.split() for word in ("text", "hex", "ascii", "cube"))
-
-    def source(self, folder: Path) -> RawSource | None:
-        """Return the declaration of a file without a header; None for files that have one."""
-        return None if self.raw is None else RawSource(file=folder / self.opened, **self.raw)
 
 
 def _values(dtype: str = "uint16", shape: tuple[int, ...] = (4, 12, 10)) -> Array:
@@ -90,33 +47,6 @@ def make_bases(data: Path | None) -> tuple[Base, ...]:
     return tuple(base for group in groups for base in group()) + (() if data is None else tuple(_real(data)))
 
 
-def _written(write: Callable[[Path], None]) -> dict[str, bytes]:
-    """Return the files that a function writes into an empty folder."""
-    with tempfile.TemporaryDirectory(prefix="hsplat-fuzz-") as name:
-        folder = Path(name)
-        write(folder)
-        files = sorted(path for path in folder.rglob("*") if path.is_file())
-        return {str(path.relative_to(folder)): path.read_bytes() for path in files}
-
-
-def _behind(mark: bytes, data: bytes) -> int:
-    return data.index(mark) + len(mark)
-
-
-def _attached(name: str, files: dict[str, bytes], mark: bytes, *, guarded: bool, **more: Any) -> Base:
-    """Return a volume in one file, whose voxels begin behind a mark."""
-    ((opened, data),) = files.items()
-    begin = data.index(b"\n", _behind(mark, data) - 1) + 1
-    spans = {opened: ((begin, len(data)),)} if guarded else {}
-    return Base(name, files, opened, guarded=spans, headers={opened: ((0, begin),)}, **more)
-
-
-def _detached(name: str, files: dict[str, bytes], header: str, *, guarded: bool, **more: Any) -> Base:
-    """Return a volume whose header is a file of its own."""
-    spans = {other: ((0, len(data)),) for other, data in files.items() if other != header} if guarded else {}
-    return Base(name, files, header, guarded=spans, headers={header: ((0, len(files[header])),)}, **more)
-
-
 def _nrrd() -> Iterator[Base]:
     values = _values()
     space: dict[str, Any] = {"space": "left-posterior-superior", "space origin": [1.0, 2.0, 3.0]}
@@ -125,23 +55,21 @@ def _nrrd() -> Iterator[Base]:
         is_guarded = encoding in ("gzip", "bzip2")
         header = {"encoding": encoding, **space}
         files = _written_by_pynrrd("a.nrrd", values, header)
-        yield _attached(f"nrrd {encoding} attached", files, b"\n\n", guarded=is_guarded, values=values)
+        yield attached(f"nrrd {encoding} attached", files, b"\n\n", guarded=is_guarded, values=values)
         files = _written_by_pynrrd("a.nhdr", values, header)
-        yield _detached(f"nrrd {encoding} detached", files, "a.nhdr", guarded=is_guarded, values=values)
+        yield detached(f"nrrd {encoding} detached", files, "a.nhdr", guarded=is_guarded, values=values)
     lines = b"NRRD0004\n# a comment\ntype: uint16\ndimension: 3\nsizes: 10 12 4\nspacings: 0.5 0.5 2\nendian: big\n"
     digits = b"\n".join(plane.astype(">u2").tobytes().hex().encode() for plane in values)
-    yield _attached(
-        "nrrd hex", {"a.nrrd": lines + b"encoding: hex\n\n" + digits}, b"\n\n", guarded=False, values=values
-    )
+    yield attached("nrrd hex", {"a.nrrd": lines + b"encoding: hex\n\n" + digits}, b"\n\n", guarded=False, values=values)
     names = [f"s{k}.raw.gz" for k in range(4)]
     listed = b"encoding: gzip\ndata file: LIST\n" + "\n".join(names).encode() + b"\n"
     parts = {
         name: gzip.compress(plane.astype(">u2").tobytes(), mtime=0) for name, plane in zip(names, values, strict=True)
     }
-    yield _detached("nrrd gzip list", {"a.nhdr": lines + listed, **parts}, "a.nhdr", guarded=True, values=values)
+    yield detached("nrrd gzip list", {"a.nhdr": lines + listed, **parts}, "a.nhdr", guarded=True, values=values)
     plain = {f"s{k}.raw": plane.astype(">u2").tobytes() for k, plane in enumerate(values)}
     listed = b"encoding: raw\nbyte skip: -1\ndata file: s%d.raw 0 3 1 2\n"
-    yield _detached("nrrd raw pattern", {"a.nhdr": lines + listed, **plain}, "a.nhdr", guarded=False, values=values)
+    yield detached("nrrd raw pattern", {"a.nhdr": lines + listed, **plain}, "a.nhdr", guarded=False, values=values)
     layers = np.stack([values, values // 7], axis=-1).astype(np.uint8)
     segments = {"kinds": ["list", "domain", "domain", "domain"], "encoding": "gzip", "space": space["space"]}
     segments["space directions"] = np.vstack([np.full((1, 3), np.nan), space["space directions"]])
@@ -149,12 +77,12 @@ def _nrrd() -> Iterator[Base]:
     for k, name in enumerate(("bone", "air")):
         segments |= {f"Segment{k}_ID": f"Segment_{k}", f"Segment{k}_Name": name, f"Segment{k}_Layer": str(k)}
     files = _written_by_pynrrd("a.seg.nrrd", layers, segments)
-    yield _attached("nrrd segmentation", files, b"\n\n", guarded=True, values=layers[..., 1], choice={"component": 1})
+    yield attached("nrrd segmentation", files, b"\n\n", guarded=True, values=layers[..., 1], choice={"component": 1})
 
 
 def _written_by_pynrrd(name: str, values: Array, header: dict[str, Any]) -> dict[str, bytes]:
     """Return the files of a volume, without the day on which they were written."""
-    files = _written(lambda folder: nrrd.write(str(folder / name), values, header, index_order="C"))
+    files = written(lambda folder: nrrd.write(str(folder / name), values, header, index_order="C"))
     return {name: re.sub(rb"(?m)^# on .*$", b"# on a day", data) for name, data in files.items()}
 
 
@@ -169,20 +97,20 @@ def _metaimage() -> Iterator[Base]:
                 folder / name, values, spacing=(0.5, 0.5, 2.0), origin=(1.0, 2.0, 3.0), compressed=is_compressed
             )
 
-        files = _written(lambda folder, write=write: write(folder, "a.mha"))
-        yield _attached(f"metaimage {kind} attached", files, mark, guarded=is_compressed, values=values)
-        files = _written(lambda folder, write=write: write(folder, "a.mhd"))
-        yield _detached(f"metaimage {kind} detached", files, "a.mhd", guarded=is_compressed, values=values)
+        files = written(lambda folder, write=write: write(folder, "a.mha"))
+        yield attached(f"metaimage {kind} attached", files, mark, guarded=is_compressed, values=values)
+        files = written(lambda folder, write=write: write(folder, "a.mhd"))
+        yield detached(f"metaimage {kind} detached", files, "a.mhd", guarded=is_compressed, values=values)
     lines = b"ObjectType = Image\nNDims = 3\nDimSize = 10 12 4\nElementSpacing = 1 1 2\nElementType = MET_SHORT\n"
     text = (
         lines
         + b"BinaryData = False\nElementDataFile = LOCAL\n"
         + b"\n".join(" ".join(map(str, row)).encode() for row in values.reshape(-1, 10).tolist())
     )
-    yield _attached("metaimage text", {"a.mha": text}, mark, guarded=False, values=values)
+    yield attached("metaimage text", {"a.mha": text}, mark, guarded=False, values=values)
     parts = {f"s{k}.raw": plane.tobytes() for k, plane in enumerate(values)}
     listed = lines + b"ElementDataFile = LIST\n" + "\n".join(parts).encode() + b"\n"
-    yield _detached("metaimage list", {"a.mhd": listed, **parts}, "a.mhd", guarded=False, values=values)
+    yield detached("metaimage list", {"a.mhd": listed, **parts}, "a.mhd", guarded=False, values=values)
 
 
 def _nifti() -> Iterator[Base]:
@@ -191,7 +119,7 @@ def _nifti() -> Iterator[Base]:
     for version, kind, num_header in ((1, nibabel.Nifti1Image, 352), (2, nibabel.Nifti2Image, 544)):
         image = kind(values.T, affine)
         image.header.extensions.append(nibabel.nifti1.Nifti1Extension("comment", b"a text of 20 bytes.."))
-        data = _written(lambda folder, image=image: image.to_filename(folder / "a.nii"))["a.nii"]
+        data = written(lambda folder, image=image: image.to_filename(folder / "a.nii"))["a.nii"]
         headers = {"a.nii": ((0, num_header + 32),)}
         yield Base(f"nifti {version} plain", {"a.nii": data}, "a.nii", values=values, headers=headers)
         packed = _packed_by_gzip(data)
@@ -205,14 +133,14 @@ def _nifti() -> Iterator[Base]:
             pack=_packed_by_gzip,
             unpacked=data,
         )
-    pair = _written(lambda folder: nibabel.Nifti1Pair(values.T, affine).to_filename(folder / "a.img"))
-    yield _detached("nifti pair", pair, "a.hdr", guarded=False, values=values)
+    pair = written(lambda folder: nibabel.Nifti1Pair(values.T, affine).to_filename(folder / "a.img"))
+    yield detached("nifti pair", pair, "a.hdr", guarded=False, values=values)
     pair = {f"{name}.gz": _packed_by_gzip(data) for name, data in pair.items()}
     spans = {name: ((0, len(data)),) for name, data in pair.items()}
     yield Base("nifti pair gzip", pair, "a.hdr.gz", values=values, guarded=spans)
     image = nibabel.Nifti1Image(np.stack([values, values + 1]).T, affine)
     image.header.set_slope_inter(0.5, 3)
-    files = _written(lambda folder: image.to_filename(folder / "a.nii"))
+    files = written(lambda folder: image.to_filename(folder / "a.nii"))
     yield Base("nifti time", files, "a.nii", {"time": 1}, headers={"a.nii": ((0, 352),)})
 
 
@@ -285,7 +213,7 @@ def _tiff() -> Iterator[Base]:
     yield _tiff_base("tiled deflate", tiled, tile=(16, 16), compression="deflate", predictor=True, metadata=None)
     yield _tiff_base("big", values, bigtiff=True, byteorder=">", metadata=None)
     yield _tiff_base("predictor", _values("float32"), compression="deflate", predictor=True, metadata=None)
-    frames = _zstd_with_checksums(values)
+    frames = zstd_with_checksums(values)
     yield _tiff_base("zstd-checksum", values, frames, compression="zstd", metadata=None, rowsperstrip=values.shape[1])
     stack = np.stack([values, values + 1], axis=1)
     described = {"axes": "ZCYX", "spacing": 2.0, "unit": "um"}
@@ -359,55 +287,6 @@ def _tiff_of(
     return Base(f"tiff {name}", files, opened, choice or {}, values, guarded, headers)
 
 
-def _zstd_with_checksums(pages: Array) -> Iterator[bytes]:
-    """Yield a frame for each page with its checksum, which imagecodecs does not write: a bit in the descriptor, and
-    the low half of XXH64 at the end (RFC 8878)."""
-    for page in pages:
-        data = page.tobytes()
-        frame = bytearray(imagecodecs.zstd_encode(data))
-        frame[4] |= 4
-        yield bytes(frame) + struct.pack("<I", xxh64(data) & 0xFFFFFFFF)
-
-
-_PRIMES = (0x9E3779B185EBCA87, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0x85EBCA77C2B2AE63, 0x27D4EB2F165667C5)
-_MASK = 2**64 - 1
-
-
-def xxh64(data: bytes) -> int:
-    """Return the XXH64 of some bytes, with the seed 0."""
-    first, second, third, fourth, fifth = _PRIMES
-
-    def turned(x: int, bits: int) -> int:
-        return (x << bits | x >> 64 - bits) & _MASK
-
-    def mixed(lane: int, word: int) -> int:
-        return turned((lane + word * second) & _MASK, 31) * first & _MASK
-
-    at, end = 0, len(data)
-    if end >= 32:
-        lanes = [(first + second) & _MASK, second, 0, -first & _MASK]
-        while at + 32 <= end:
-            lanes = [mixed(lane, word) for lane, word in zip(lanes, struct.unpack_from("<4Q", data, at), strict=True)]
-            at += 32
-        total = sum(turned(lane, bits) for lane, bits in zip(lanes, (1, 7, 12, 18), strict=True)) & _MASK
-        for lane in lanes:
-            total = ((total ^ mixed(0, lane)) * first + fourth) & _MASK
-    else:
-        total = fifth
-    total = (total + end) & _MASK
-    while at + 8 <= end:
-        total = (turned(total ^ mixed(0, struct.unpack_from("<Q", data, at)[0]), 27) * first + fourth) & _MASK
-        at += 8
-    if at + 4 <= end:
-        total = (turned(total ^ struct.unpack_from("<I", data, at)[0] * first & _MASK, 23) * second + third) & _MASK
-        at += 4
-    for byte in data[at:]:
-        total = turned(total ^ byte * fifth & _MASK, 11) * first & _MASK
-    total = (total ^ total >> 33) * second & _MASK
-    total = (total ^ total >> 29) * third & _MASK
-    return total ^ total >> 32
-
-
 def _dicom() -> Iterator[Base]:
     values = _values("int16")
     stack = {"PixelSpacing": ["0.5", "0.5"], "SpacingBetweenSlices": "2", "SeriesDescription": "scan"}
@@ -417,10 +296,10 @@ def _dicom() -> Iterator[Base]:
         fields.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
         save(folder / "a.dcm", fields)
 
-    data = _written(plain)["a.dcm"]
+    data = written(plain)["a.dcm"]
     yield _dicom_base("plain", data, values)
     yield _dicom_base(
-        "implicit", _written(lambda folder: save(folder / "a.dcm", image_fields(values, **stack)))["a.dcm"], values
+        "implicit", written(lambda folder: save(folder / "a.dcm", image_fields(values, **stack)))["a.dcm"], values
     )
 
     def deflated(folder: Path) -> None:
@@ -428,7 +307,7 @@ def _dicom() -> Iterator[Base]:
         fields.file_meta.TransferSyntaxUID = DeflatedExplicitVRLittleEndian
         save(folder / "a.dcm", fields)
 
-    data = _written(deflated)["a.dcm"]
+    data = written(deflated)["a.dcm"]
     begin = 144 + struct.unpack_from("<I", data, 140)[0]
     content = zlib.decompress(data[begin:], -15)
     yield Base(
@@ -446,7 +325,7 @@ def _dicom() -> Iterator[Base]:
         fields.compress(RLELossless, encoding_plugin="pydicom", generate_instance_uid=False)
         save(folder / "a.dcm", fields)
 
-    yield _dicom_base("rle", _written(run_lengths)["a.dcm"], values)
+    yield _dicom_base("rle", written(run_lengths)["a.dcm"], values)
     small = _values("uint8", (1, 40, 36))
     kinds = ("JPEGLosslessProcess14_1", "JPEGLSLossless", "JPEG2000Lossless", "JPEGBaselineProcess1")
     for kind in kinds:
@@ -458,8 +337,8 @@ def _dicom() -> Iterator[Base]:
             _name_again(folder / "a.dcm")
 
         known = None if "Baseline" in kind else values
-        yield _dicom_base(kind.lower().removesuffix("lossless"), _written(compressed)["a.dcm"], known)
-    groups = _written(lambda folder: save(folder / "a.dcm", functional_groups(values, [0, 2, 1, 3])))["a.dcm"]
+        yield _dicom_base(kind.lower().removesuffix("lossless"), written(compressed)["a.dcm"], known)
+    groups = written(lambda folder: save(folder / "a.dcm", functional_groups(values, [0, 2, 1, 3])))["a.dcm"]
     yield _dicom_base("enhanced", groups, values)
 
     def series(folder: Path) -> None:
@@ -467,7 +346,7 @@ def _dicom() -> Iterator[Base]:
         for k, plane in enumerate(values):
             write_slice(folder / "series" / f"{9 - k}.dcm", plane, (0, 0, 2 * k), axes=(1, 0, 0, 0, 1, 0))
 
-    files = _written(series)
+    files = written(series)
     headers = {name: _before_pixels(data) for name, data in files.items()}
     yield Base("dicom series", files, "series", values=values.astype(np.int32), headers=headers)
 
@@ -517,7 +396,7 @@ def _vtk() -> Iterator[Base]:
         writer.SetFileTypeToBinary() if is_binary else writer.SetFileTypeToASCII()
         writer.SetHeader("a title")
         data = _written_by_vtk(writer, image, "a.vtk")
-        headers: dict[str, Ranges] = {"a.vtk": ((0, _behind(b"LOOKUP_TABLE", data) + 9),)}
+        headers: dict[str, Ranges] = {"a.vtk": ((0, behind(b"LOOKUP_TABLE", data) + 9),)}
         yield Base(f"vtk legacy {name}", {"a.vtk": data}, "a.vtk", values=values, headers=headers)
 
 
@@ -527,7 +406,7 @@ def _written_by_vtk(writer: Any, image: Any, name: str) -> bytes:
         writer.SetInputData(image)
         writer.Write()
 
-    return _written(write)[name]
+    return written(write)[name]
 
 
 def _vtk_base(kind: str, image: Any, values: Array, mode: str, compressor: str, *, is_base64: bool) -> Base:
@@ -557,16 +436,16 @@ def _real(data: Path) -> Iterator[Base]:
     """Yield small parts of real files; of large ones the first slices."""
     for name in ("fuel", "marschnerlobb"):
         files = {file: (data / file).read_bytes() for file in (f"{name}.nhdr", f"{name}.raw.gz")}
-        yield _detached(f"nrrd real {name}", files, f"{name}.nhdr", guarded=True)
+        yield detached(f"nrrd real {name}", files, f"{name}.nhdr", guarded=True)
     head = (data / "medical/headsq_quarter.nrrd").read_bytes()
-    begin = _behind(b"\n\n", head)
+    begin = behind(b"\n\n", head)
     part = head[:begin].replace(b"64 64 93", b"64 64 3") + head[begin : begin + 3 * 64 * 64 * 2]
-    yield _attached("nrrd real head", {"a.nrrd": part}, b"\n\n", guarded=False)
+    yield attached("nrrd real head", {"a.nrrd": part}, b"\n\n", guarded=False)
     chest = (data / "medical/LIDC2.mha").read_bytes()
     begin = chest.index(b"\n", chest.index(b"ElementDataFile")) + 1
     packed = zlib.compress(zlib.decompress(chest[begin:])[60 * 2**16 : 61 * 2**16])
     lines = re.sub(rb"(CompressedDataSize =) \d+", rb"\1 %d" % len(packed), chest[:begin].replace(b"256 133", b"256 1"))
-    yield _attached("metaimage real chest", {"a.mha": lines + packed}, b"ElementDataFile = ", guarded=True)
+    yield attached("metaimage real chest", {"a.mha": lines + packed}, b"ElementDataFile = ", guarded=True)
     plain = (data / "medical/functional.nii").read_bytes()
     yield Base("nifti real time", {"a.nii": plain}, "a.nii", {"time": 3}, headers={"a.nii": ((0, 352),)})
     packed = (data / "medical/PD25_labels.nii.gz").read_bytes()
