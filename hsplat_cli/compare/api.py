@@ -10,7 +10,7 @@ from pathlib import Path
 from hsplat_cli.compare.file_pairs import open_pairs
 from hsplat_cli.compare.gallery import Gallery
 from hsplat_cli.compare.golden.provenance import PROVENANCE_FILE
-from hsplat_cli.compare.golden.render import load_reproducible_job
+from hsplat_cli.compare.golden.render import load_numbered_job
 from hsplat_cli.compare.outcome import Comparison, Pairs, compare_pair
 from hsplat_cli.compare.picture_file import is_picture
 from hsplat_cli.compare.report_files import ReportFiles
@@ -66,11 +66,11 @@ def compare_frames(
 
 
 def _input_files(golden: Path, actual: Path, drawing: SceneOptions) -> Iterator[Path]:
-    """Yield all files that a comparison may read; those of a scene's volume unless the scene is wrong."""
-    if _is_scene(golden):
-        with contextlib.suppress(HsplatError):
-            yield from load_reproducible_job(golden, overrides=drawing.overrides, volume=drawing.volume).input_files()
+    """Yield all files that a comparison may read, also in the wrong order; no volume of a scene that is wrong."""
     for side in (golden, actual):
+        if _is_scene(side):
+            with contextlib.suppress(HsplatError):
+                yield from load_numbered_job(side, overrides=drawing.overrides, volume=drawing.volume).input_files()
         folder = side if os.path.isdir(side) else side.parent
         yield from (side, folder / PROVENANCE_FILE, folder / LIMITS_FILE)
         yield from (file for file in folder_files(folder) if is_picture(file.name))

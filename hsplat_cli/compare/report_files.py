@@ -12,8 +12,9 @@ from hsplat_cli.compare.outcome import Comparison
 from hsplat_cli.compare.text_reports import comparison_json, comparison_junit, failure_json, failure_junit
 from renderer.errors import HsplatError, InputError, require_package
 from renderer.film import require_no_input, require_writable, shorten_paths, staged_files, translate_os_errors
+from renderer.scene import MAX_SIDECAR_BYTES, read_json_object
 
-# No frame, scene or volume has these suffixes, so that a typing mistake overwrites none of them.
+# No frame or scene file has these suffixes, so that a typing mistake overwrites none of them.
 _SUFFIXES = {"--json": (".json",), "--junit": (".xml",), "--html": (".html", ".htm")}
 
 
@@ -25,7 +26,7 @@ class ReportFiles:
     private: Sequence[Path] = ()
 
     def require_names(self, inputs: Iterable[Path]) -> None:
-        """Raise InputError if a name has a wrong suffix, or is that of an input. Write nothing."""
+        """Raise InputError if a name has a wrong suffix, or is that of an input or a sidecar. Write nothing."""
         for option, path in self.paths.items():
             where, suffixes = f"{option} {path}", _SUFFIXES[option]
             if path.suffix.lower() not in suffixes:
@@ -34,6 +35,9 @@ class ReportFiles:
             if os.path.exists(path) and not os.path.isfile(path):  # a device, or a pipe
                 got = "a folder" if os.path.isdir(path) else "a special file"
                 raise InputError("a report cannot replace this", where=where, got=got)
+            if option == "--json" and "scene" in (read_json_object(path, MAX_SIDECAR_BYTES) or {}):
+                what, hint = "this report would overwrite the record of a scene", "give the report another name"
+                raise InputError(what, where=where, got="such as the JSON file beside a film", hint=hint)
         require_no_input(self.paths.values(), inputs)
 
     def prepare(self) -> None:

@@ -11,10 +11,6 @@ from renderer.errors import InputError
 from renderer.film.names import picture_files, unfinished_folder
 from renderer.scene import ArraySource, FileSource, OutputSpec, ProceduralSource, VolumeSpec
 
-_TIFF, _NRRD, _METAIMAGE = (".tif", ".tiff"), (".nrrd", ".nhdr"), (".mha", ".mhd")
-# The first bytes of pictures, films and sidecars, which may lie among the slices of a volume; MP4 has a length before.
-_OUTPUTS, _MP4 = (b"\x89PNG", b"GIF8", b"{"), b"ftyp"
-
 
 def require_no_input(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
     """Raise InputError if an existing output is the same file as one of the inputs, through any links.
@@ -63,14 +59,21 @@ def volume_files(volume: VolumeSpec) -> Iterator[Path]:
         return
     yield source.file
     if os.path.isdir(source.file):
-        entries = list(folder_files(source.file))
-        tiffs = [entry for entry in entries if entry.suffix.lower() in _TIFF]
-        yield from tiffs or filter(_may_be_dicom, entries)
+        yield from _slices(source.file)
         yield from _files_of_volume_inside(source.file)
     elif isinstance(source, FileSource):
-        yield from header_data_files(source.file)
-        if source.file.suffix.lower() == ".img":  # with the voxels of a pair
-            yield from (source.file.with_suffix(ending) for ending in (".hdr", ".HDR"))
+        header, voxels = _header_and_voxel_files(source.file)
+        yield header
+        yield from voxels
+
+
+def _slices(folder: Path) -> Iterator[Path]:
+    """Yield the slices directly in a folder; a film may lie among them."""
+    from renderer.readers import TIFF_SUFFIXES, is_dicom
+
+    entries = list(folder_files(folder))
+    tiffs = [entry for entry in entries if entry.suffix.lower() in TIFF_SUFFIXES]
+    yield from tiffs or filter(is_dicom, entries)
 
 
 def _files_of_volume_inside(folder: Path) -> Iterator[Path]:
@@ -84,18 +87,18 @@ def _files_of_volume_inside(folder: Path) -> Iterator[Path]:
 
 
 def header_data_files(header: Path) -> list[Path]:
-    """Return the resolved files that hold the voxels of a header, itself perhaps among them; [] if that is unknown."""
-    suffix = header.suffix.lower()
-    if suffix == ".hdr":  # of a pair in the NIfTI or Analyze format
-        return [header.with_suffix(ending).resolve() for ending in (".img", ".IMG")]
-    if suffix not in _NRRD + _METAIMAGE or not header.is_file():
-        return []
-    from renderer.readers import voxel_files
+    """Return the resolved files that hold the voxels of a header, itself perhaps among them; [] for any other file."""
+    found, voxels = _header_and_voxel_files(header)
+    return [file.resolve() for file in voxels] if found == header else []
 
-    try:
-        return [file.resolve() for file in voxel_files(header)]
-    except (InputError, OSError):  # its reader reports it later
-        return []
+
+def _header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
+    from renderer.readers import header_and_voxel_files
+
+    with contextlib.suppress(InputError, OSError):  # its reader reports it
+        if file.is_file():  # a pipe would be waited for
+            return header_and_voxel_files(file)
+    return file, []
 
 
 def _mark(path: Path) -> tuple[int, int] | None:
@@ -110,14 +113,3 @@ def _mark(path: Path) -> tuple[int, int] | None:
             return None
         return _mark(Path(os.path.realpath(path)))
     return status.st_dev, status.st_ino
-
-
-def _may_be_dicom(path: Path) -> bool:
-    if not path.is_file():  # a pipe would be waited for
-        return False
-    try:
-        with path.open("rb") as file:
-            start = file.read(132)
-    except OSError:
-        return True
-    return start[128:] == b"DICM" or not (start.startswith(_OUTPUTS) or start[4:8] == _MP4)

@@ -1,2 +1,7 @@
-from .read import read_volume as read_volume, voxel_files as voxel_files
-from .sniff import UnknownFormatError as UnknownFormatError, find_volume as find_volume
+from .read import header_and_voxel_files as header_and_voxel_files, read_volume as read_volume
+from .sniff import (
+    TIFF_SUFFIXES as TIFF_SUFFIXES,
+    UnknownFormatError as UnknownFormatError,
+    find_volume as find_volume,
+    is_dicom as is_dicom,
+)

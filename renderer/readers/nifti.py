@@ -52,7 +52,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     for truncated and foreign files, and if `time` or `component` do not fit.
     """
     where = str(path)
-    header_file, data_file = _files(path)
+    header_file, data_file = find_pair(path)
     start, is_compressed = read_start(header_file, _NIFTI_2_BYTES)
     header = _header(start, header_file, is_single=data_file is None)
     if data_file is not None:
@@ -90,7 +90,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)))
 
 
-def _files(path: Path) -> tuple[Path, Path | None]:
+def find_pair(path: Path) -> tuple[Path, Path | None]:
     """Return the files of the header and, of a pair, of the voxels; raises InputError if one of a pair is missing."""
     pair = _PAIR.fullmatch(path.name)
     if pair is None:

@@ -144,21 +144,26 @@ def _read_as(form: Format, path: Path, time: int | None, component: int | None, 
     return (read_npz if form == "npz" else read_npy)(path, time, component)
 
 
-def voxel_files(header: Path) -> list[Path]:
-    """Return the files that hold the voxels of a header, itself perhaps among them; an empty list if that is unknown.
+def header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
+    """Return the file of a volume's header, and those of its voxels if a header names them: itself perhaps among them.
 
     Raises InputError for damaged headers and missing files.
     """
-    form = find_format(header)
+    form = find_format(file)
     if form == "nrrd":
         from renderer.readers.nrrd import read_header as read_nrrd_header
 
-        return [part.file for part in read_nrrd_header(header)[1].parts]
+        return file, [part.file for part in read_nrrd_header(file)[1].parts]
     if form == "metaimage":
         from renderer.readers.metaimage import read_header
 
-        return [part.file for part in read_header(header)[1].parts]
-    return []
+        return file, [part.file for part in read_header(file)[1].parts]
+    if form == "nifti":
+        from renderer.readers.nifti import find_pair
+
+        header, data = find_pair(file)
+        return header, [data or header]
+    return file, []
 
 
 def crop_image(image: Image, ranges: Ranges, where: str) -> Image:

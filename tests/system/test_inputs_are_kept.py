@@ -38,6 +38,12 @@ def header(name: str) -> str:
     return "file: scan.nhdr"
 
 
+def header_without_suffix(name: str) -> str:
+    header(name)
+    Path("scan.nhdr").rename("scan.txt")  # the content shows the format
+    return "file: scan.txt"
+
+
 def header_of_gzip(name: str) -> str:
     Path(name).write_bytes(b"a line\n" + gzip.compress(VALUES.tobytes()))
     text = f"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 6 6 6\nencoding: gzip\nline skip: 1\ndata file: {name}\n"
@@ -45,10 +51,10 @@ def header_of_gzip(name: str) -> str:
     return "file: scan.nhdr"
 
 
-def header_of_pair(link: str) -> str:
-    nibabel.Nifti1Pair(VALUES, np.eye(4)).to_filename("scan.hdr")  # type: ignore[no-untyped-call]
-    Path(link).hardlink_to("scan.hdr")
-    return "file: scan.img"
+def header_of_pair(link: str, end: str = "") -> str:
+    nibabel.Nifti1Pair(VALUES, np.eye(4)).to_filename(f"scan.hdr{end}")  # type: ignore[no-untyped-call]
+    Path(link).hardlink_to(f"scan.hdr{end}")
+    return f"file: scan.img{end}"
 
 
 def unfinished(name: str) -> str:
@@ -98,8 +104,10 @@ def refused(capsys: pytest.CaptureFixture[str], output: str, source: str, *argum
         (lambda: raw("frames/frames.json"), "frames/{frame}.png", "frames/frames.json", "frames/frames.json"),
         (lambda: linked("film.gif", "scan.raw"), "film.gif", "film.gif", "scan.raw"),
         (lambda: header("film.mp4"), "film.mp4", "film.mp4", "film.mp4"),
+        (lambda: header_without_suffix("film.mp4"), "film.mp4", "film.mp4", "film.mp4"),
         (lambda: header_of_gzip("film.mp4"), "film.mp4", "film.mp4", "film.mp4"),
         (lambda: header_of_pair("film.mp4"), "film.mp4", "film.mp4", "scan.hdr"),
+        (lambda: header_of_pair("film.mp4", ".gz"), "film.mp4", "film.mp4", "scan.hdr.gz"),
         (lambda: raw("scan.mp4"), "missing/../scan.mp4", "missing/../scan.mp4", "scan.mp4"),
         (
             lambda: unfinished("film.mp4.unfinished/000000.png"),
@@ -187,8 +195,7 @@ def test_turntables(output: str, capsys) -> None:
     """All volumes are compared with the outputs of all films."""
     header(output)
     write_volume(Path("other.nrrd"), VALUES, "<")
-    source = str(Path(output).resolve())
-    refused(capsys, output, source, "turntable", "scan.nhdr", "other.nrrd", "-o", ".", "--force")
+    refused(capsys, output, output, "turntable", "scan.nhdr", "other.nrrd", "-o", ".", "--force")
 
 
 @pytest.mark.parametrize("options", [[], ["--prune", "--frames", "0"]])
@@ -213,6 +220,26 @@ def test_reports_of_comparisons(source: str, sides: tuple[str, str], capsys) -> 
     Path("report.html").hardlink_to(source)
     found = Path(source).resolve() if sides == ("scene.yaml", "one") and source == "two/0000.png" else source
     refused(capsys, "report.html", str(found), "compare", *sides, "--html", "report.html")
+
+
+@pytest.mark.parametrize("sides", [("goldens", "scene.yaml"), ("scene.yaml", "goldens")])
+def test_reports_of_comparisons_that_are_refused(sides: tuple[str, str], capsys) -> None:
+    """The sides are in the wrong order, or the frames of the scene cannot be golden."""
+    scene_of(raw("scan.json"))
+    text = Path("scene.yaml").read_text(encoding="utf-8").replace("tolerance: 0.1", "seconds: 1")
+    Path("scene.yaml").write_text(text, encoding="utf-8")
+    Path("goldens").mkdir()
+    refused(capsys, "scan.json", str(Path("scan.json").resolve()), "compare", *sides, "--json", "scan.json")
+
+
+def test_a_report_beside_a_film(capsys) -> None:
+    scene_of(PROCEDURAL)
+    for folder in ("one", "two"):
+        assert main.run(["render", "scene.yaml", "--quiet", "--output", f"{folder}/film.gif"]) == 0
+    before = contents()
+    assert main.run(["compare", "one/film.gif", "two/film.gif", "--json", "two/film.gif.json"]) == 2
+    assert "would overwrite the record of a scene" in capsys.readouterr().err
+    assert contents() == before
 
 
 @pytest.mark.parametrize(

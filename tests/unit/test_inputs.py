@@ -81,7 +81,8 @@ def test_slices_of_folders() -> None:
     Path("slices").mkdir()
     Path("slices/I0001").write_bytes(bytes(128) + b"DICM")
     Path("slices/frame.png").write_bytes(b"\x89PNG" + bytes(124) + b"DICM")
-    Path("slices/old").write_bytes(b"\x08\0\x05\0")  # a slice without a mark
+    Path("slices/old").write_bytes(b"\x08\0\x05\0CS\x02\0x ")  # a slice without a mark
+    Path("slices/notes.txt").write_bytes(b"notes")
     os.mkfifo("slices/pipe")  # which nobody writes to
     films = {"0.png": b"\x89PNG", "f.gif": b"GIF89a", "f.mp4": b"\0\0\0\x20ftyp", "f.mp4.json": b"{"}
     for name, start in films.items():

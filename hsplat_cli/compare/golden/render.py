@@ -29,12 +29,17 @@ class RenderedFrames:
     notes: Sequence[str]
 
 
+def load_numbered_job(scene: Path, *, overrides: Sequence[str] = (), volume: Path | None = None) -> Job:
+    """Load the job of a scene, or of a film's sidecar, with all frames, as numbered pictures."""
+    return load_job(scene, overrides=overrides, volume=volume, output=_TEMPLATE, draws="nothing")
+
+
 def load_reproducible_job(scene: Path, *, overrides: Sequence[str] = (), volume: Path | None = None) -> Job:
-    """Load the job of a scene, or of a film's sidecar, with all frames.
+    """Load a job as `load_numbered_job`.
 
     Raises InputError if frames depend on the machine's speed or on other frames, or are too large to be read again.
     """
-    job = load_job(scene, overrides=overrides, volume=volume, output=_TEMPLATE, draws="nothing")
+    job = load_numbered_job(scene, overrides=overrides, volume=volume)
     reasons = {
         TimeBudget: "frames within a time budget differ from run to run",
         MetricTarget: "frames for an accuracy depend on the other frames",
