@@ -6,9 +6,11 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from hsplat_cli.compare.gallery import Gallery
 from hsplat_cli.compare.outcome import Comparison
+from hsplat_cli.compare.rules import LIMITS_FILE
 from hsplat_cli.compare.text_reports import comparison_json, comparison_junit, failure_json, failure_junit
 from renderer.errors import HsplatError, InputError, require_package
 from renderer.film import require_no_input, require_writable, shorten_paths, staged_files, translate_os_errors
@@ -20,7 +22,10 @@ _SUFFIXES = {"--json": (".json",), "--junit": (".xml",), "--html": (".html", ".h
 
 @dataclass(frozen=True)
 class ReportFiles:
-    """The paths of the requested reports, by option. private: inputs whose folders the reports leave out."""
+    """The paths of the requested reports, by option.
+
+    private: inputs whose folders, and those of the limits beside them, the reports leave out.
+    """
 
     paths: Mapping[str, Path]
     private: Sequence[Path] = ()
@@ -55,8 +60,8 @@ class ReportFiles:
 
     def write(self, comparison: Comparison, gallery: Gallery) -> None:
         """Write all reports, or none."""
-        texts = {key: getattr(comparison, key) for key in ("golden", "actual", "notes")}
-        comparison = replace(comparison, **shorten_paths(texts, self.private))
+        texts = {key: getattr(comparison, key) for key in ("golden", "actual", "notes", "other_limits")}
+        comparison = replace(comparison, **self._shorten(texts))
 
         def page() -> str:
             # Imported here because only this report needs jinja2.
@@ -74,8 +79,12 @@ class ReportFiles:
             texts[-1] = f"{type(error).__name__}: {error}"
         if self.private:
             texts[-1] = error.summary if isinstance(error, HsplatError) else type(error).__name__
-            texts = shorten_paths(texts, self.private)
+            texts = self._shorten(texts)
         self._write({"--json": lambda: failure_json(*texts), "--junit": lambda: failure_junit(*texts)})
+
+    def _shorten(self, texts: Any) -> Any:
+        limits = [path.parent / LIMITS_FILE for path in self.private]  # which notes and other limits name
+        return shorten_paths(texts, [*self.private, *limits])
 
     def _write(self, texts: Mapping[str, Callable[[], str]]) -> None:
         with staged_files() as write:

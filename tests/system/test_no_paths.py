@@ -197,6 +197,19 @@ def test_reports_of_a_comparison_without_paths(private_folder: Path) -> None:
     assert json.loads(Path("c.json").read_text())["error"]
 
 
+def test_reports_without_paths_name_limits(private_folder: Path) -> None:
+    for name, tolerance in (("golden", 0.1), ("actual", 1)):
+        run("render", "scene.yaml", "--output", f"{name}/{{frame}}.png", "--set", f"error.tolerance={tolerance}")
+    Path("golden/compare.yaml").write_text("limits: {largest: 1}\nframes: {0.png: {largest: 0}}\n", encoding="utf-8")
+    reports = ["--json=c.json", "--junit=c.xml", "--html=c.html", "--no-paths", "--quiet"]
+    for sides, level in (("{}", []), ("{}/0.png", []), ("{}/{{frame}}.png", ["--level=cross-driver"])):
+        files = [f"{private_folder}/{sides.format(name)}" for name in ("golden", "actual")]
+        assert main.run(["compare", *files, *level, *reports]) == 1
+        assert_no_secret("c.json", "c.xml", "c.html")
+        text = Path("c.json").read_text()
+        assert "by golden/compare.yaml" in text or "by compare.yaml" in text or "limits of compare.yaml" in text
+
+
 def test_goldens_have_no_paths() -> None:
     run("golden", "scene.yaml", "goldens")
     assert_no_secret("goldens/golden.json")
