@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import logging
 import ssl
+import threading
 import warnings
 from collections.abc import Iterator
 from functools import partial
@@ -38,9 +39,7 @@ def connect(address: str, num_workers: int | None = None) -> Iterator[Client]:
     from distributed import Client
 
     with contextlib.ExitStack() as stack:
-        stack.enter_context(_logging_disabled())
-        stack.enter_context(warnings.catch_warnings())
-        warnings.simplefilter("ignore")
+        stack.enter_context(silent_libraries)
         if address == LOCAL:
             from hsplat_cli.executors.cluster.local_cluster import local_cluster
 
@@ -55,15 +54,34 @@ def connect(address: str, num_workers: int | None = None) -> Iterator[Client]:
             client.close(timeout=_CLOSE_TIMEOUT_S)
 
 
-@contextlib.contextmanager
-def _logging_disabled() -> Iterator[None]:
-    """Log nothing: what matters to users in the logs of Dask and its libraries is reported as an error or a note."""
-    before = logging.root.manager.disable
-    logging.disable(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        logging.disable(before)
+class SilentLibraries(contextlib.AbstractContextManager["SilentLibraries"]):
+    """Logs nothing and shows no warnings from the first thread that enters the block to the last that leaves it.
+
+    What matters to users in the logs of Dask and its libraries is reported as an error or a note.
+    """
+
+    def __init__(self) -> None:
+        self._lock, self._num_users = threading.Lock(), 0
+        self._restore = contextlib.ExitStack()
+
+    def __enter__(self) -> SilentLibraries:
+        with self._lock:
+            if self._num_users == 0:
+                self._restore.callback(logging.disable, logging.root.manager.disable)
+                logging.disable(logging.CRITICAL)
+                self._restore.enter_context(warnings.catch_warnings())
+                warnings.simplefilter("ignore")
+            self._num_users += 1
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._num_users -= 1
+            if self._num_users == 0:
+                self._restore.close()
+
+
+silent_libraries = SilentLibraries()
 
 
 def _require_scheduler(address: str) -> None:

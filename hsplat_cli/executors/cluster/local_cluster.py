@@ -13,6 +13,7 @@ import logging
 import signal
 import sys
 import tempfile
+import threading
 from collections.abc import Iterator
 from multiprocessing import resource_tracker
 from typing import Any
@@ -26,6 +27,8 @@ from renderer.errors import RenderError
 
 # Time for processes to end by themselves.
 _CLOSE_TIMEOUT_S = 2.0
+# One thread at a time starts a cluster: Dask's configuration and sys.path are those of the process.
+_starting = threading.Lock()
 
 
 # Dask reads the configuration of its servers by the names of their classes.
@@ -52,7 +55,7 @@ def local_cluster(num_workers: int) -> Iterator[SpecCluster]:
             defer_interrupts()  # a cluster that is half started cannot be ended
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="hsplat-", ignore_cleanup_errors=True))
             try:
-                with dask.config.set({"temporary-directory": folder}), _same_sys_path():
+                with _starting, dask.config.set({"temporary-directory": folder}), _same_sys_path():
                     cluster = _start(num_workers)
             except (OSError, RuntimeError) as error:
                 what, where = "no cluster can be started here", "--scheduler local"
