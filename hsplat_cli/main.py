@@ -16,7 +16,7 @@ import select
 import sys
 import traceback
 from collections.abc import Sequence
-from typing import TextIO
+from typing import Any, TextIO
 
 import click
 
@@ -40,6 +40,8 @@ COMMANDS = {
 }
 
 
+# Raised by click 8.2 and newer for a command line without arguments.
+_NO_ARGUMENTS_ERROR: Any = getattr(click.exceptions, "NoArgsIsHelpError", ())
 # What the loader of libraries and Python's threads say.
 _OUT_OF_MEMORY_TEXTS = ("failed to map segment", "annot allocate memory", "can't start new thread")
 
@@ -135,7 +137,9 @@ def _invoke(arguments: Sequence[str]) -> int:
 def _print_usage_error(error: click.ClickException) -> None:
     """Print an error of click's, which quotes arguments, as click does."""
     lines = [f"Error: {error.format_message()}"]
-    if isinstance(error, click.UsageError) and error.ctx is not None:
+    if isinstance(error, _NO_ARGUMENTS_ERROR):  # its message is the help
+        lines = error.format_message().splitlines()
+    elif isinstance(error, click.UsageError) and error.ctx is not None:
         usage, help_hint = error.ctx.get_usage(), f"Try '{error.ctx.command_path} --help' for help."
         lines = [*usage.splitlines(), help_hint, "", *lines]
     Reporter().warning(join_lines(lines))

@@ -89,6 +89,13 @@ def test_results_and_errors_have_their_streams_and_codes(capsys: pytest.CaptureF
     assert (out, err.partition("\n")[0]) == ("", "--set camera.distance=-3: camera.distance: out of range")
 
 
+def test_no_arguments_are_answered_with_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+    main.run([])
+    lines = "".join(capsys.readouterr()).splitlines()
+    assert lines[0] == "Usage: hsplat [OPTIONS] COMMAND [ARGS]..."
+    assert any(line.split()[:1] == ["render"] for line in lines)
+
+
 def test_wrong_command_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["chekc", "x"]) == 2
     assert capsys.readouterr() == (

@@ -153,5 +153,6 @@ def _is_missing(answer: object) -> bool:
 
 
 def _count_reasons(reasons: Iterable[str]) -> str:
-    """Return `2 x hsplat 0.1.0; 1 x without hsplat`."""
-    return "; ".join(f"{num} x {why}" for why, num in sorted(Counter(reasons).items()))
+    """Return `2 x hsplat 0.1.0; 1 x without hsplat`, in one line."""
+    lines = (" ".join(why.split()) for why in reasons)
+    return "; ".join(f"{num} x {why}" for why, num in sorted(Counter(lines).items()))
