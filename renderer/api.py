@@ -47,6 +47,7 @@ from renderer.frame import (
     render_frames,
     visibility_notes,
 )
+from renderer.printable import printable
 from renderer.readers import read_volume
 from renderer.scene import (
     ArraySource,
@@ -124,7 +125,8 @@ class Film:
         shown = f'<img src="{data}">' if kind != "video/mp4" else f'<video controls loop muted src="{data}"></video>'
         count = f"{len(self.frames)} frame{'s' * (len(self.frames) != 1)}"
         lines = [f"{self.path}: {count}; how it was made: {self.sidecar}", *self.notes]
-        return f"<figure>{shown}<figcaption>{'<br>'.join(map(html.escape, lines))}</figcaption></figure>"
+        caption = "<br>".join(html.escape(printable(line)) for line in lines)
+        return f"<figure>{shown}<figcaption>{caption}</figcaption></figure>"
 
 
 def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = ()) -> Scene:

@@ -24,6 +24,8 @@ def write_study(study: Study, folder: Path, *, date: str) -> list[Path]:
     require_page_packages()
     texts = (csv_text(study), json_text(study, date=date), study_page(study, date=date))
     paths = [folder / name for name in REPORT_FILES]
-    for path, text in zip(paths, texts, strict=True):
-        write_staged(path, text.encode())
+    # File names that are not UTF-8 have surrogates in Python, which become escapes in JSON.
+    contents = [text.encode(errors="backslashreplace") for text in texts]
+    for path, content in zip(paths, contents, strict=True):
+        write_staged(path, content)
     return paths

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import html
 import importlib.util
+import json
 import os
 import re
 from dataclasses import replace
@@ -211,6 +212,13 @@ def test_three_files_are_the_same_every_time(tmp_path: Path) -> None:
     assert paths == [tmp_path / "new" / "a" / name for name in REPORT_FILES]
     assert sorted(paths) == sorted((tmp_path / "new" / "a").iterdir())
     assert paths[-1].read_text("utf-8") == text_of("nothing measured")
+
+
+def test_a_volume_whose_name_is_not_utf_8(tmp_path: Path) -> None:
+    study = CASES["nothing measured"]
+    name = os.fsdecode(b"scan\xff.npy")
+    paths = write_study(replace(study, volume={**study.volume, "name": name}), tmp_path, date=DATE)
+    assert json.loads(paths[1].read_bytes())["volume"]["name"] == name
 
 
 def test_a_full_disk_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

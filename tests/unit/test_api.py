@@ -131,3 +131,9 @@ def test_films_in_a_notebook(name: str, tag: str, tmp_path: Path) -> None:
     shown = Film(tmp_path / name, (3, 4), tmp_path / "a.json", ("one < two",))._repr_html_()
     assert tag in shown and "base64,ZmlsbQ==" in shown and "2 frames" in shown and shown.endswith("</figure>")
     assert "one &lt; two" in shown and ("a&amp;{frame:02}.png" in shown) == name.endswith(".png")
+
+
+def test_a_film_in_a_notebook_has_a_printable_name(tmp_path: Path) -> None:
+    file = tmp_path / os.fsdecode(b"a\x1b\xff.gif")
+    file.write_bytes(b"film")
+    assert r"a\x1b\udcff.gif: 1 frame" in Film(file, (0,), tmp_path / "a.json")._repr_html_()
