@@ -40,10 +40,15 @@ class ReportFiles:
             if os.path.exists(path) and not os.path.isfile(path):  # a device, or a pipe
                 got = "a folder" if os.path.isdir(path) else "a special file"
                 raise InputError("a report cannot replace this", where=where, got=got)
-            if option == "--json" and "scene" in (read_json_object(path, MAX_SIDECAR_BYTES) or {}):
-                what, hint = "this report would overwrite the record of a scene", "give the report another name"
-                raise InputError(what, where=where, got="such as the JSON file beside a film", hint=hint)
         require_no_input(self.paths.values(), inputs)
+        record = self.paths.get("--json")
+        if record is not None and "scene" in (read_json_object(record, MAX_SIDECAR_BYTES) or {}):
+            raise InputError(
+                "this report would overwrite the record of a scene",
+                where=f"--json {record}",
+                got="the JSON file of a film, of goldens or of a study",
+                hint="give the report another name",
+            )
 
     def prepare(self) -> None:
         """Remove the reports of an earlier comparison, which would be wrong if this one fails; create missing folders.
