@@ -83,7 +83,7 @@ def judge_number(seed: int, index: int) -> Verdict:
     """Judge one volume in a temporary folder, with real volumes among the undamaged ones if there are any."""
     case = make_case(make_bases(real_data()), seed, index)
     with tempfile.TemporaryDirectory(prefix="hsplat-fuzz-", ignore_cleanup_errors=True) as folder:
-        return judge_volume(case, Path(folder), index)
+        return judge_volume(case, Path(folder, "case"), index)  # a link to `..` finds nothing else
 
 
 def judge_bomb(name: str) -> Verdict:
@@ -92,7 +92,7 @@ def judge_bomb(name: str) -> Verdict:
     make = next(make for make in BOMBS[form] if make.__name__ == name)
     base = next(base for base in make_bases(None) if base.form == form)
     with tempfile.TemporaryDirectory(prefix="hsplat-fuzz-") as folder:
-        return judge_volume(make_bomb(base, make), Path(folder))
+        return judge_volume(make_bomb(base, make), Path(folder, "case"))
 
 
 def judge_volume(case: Case, folder: Path, index: int = 0) -> Verdict:
