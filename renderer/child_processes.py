@@ -6,12 +6,14 @@ needs Python's lock, which some libraries keep for long, so Linux is asked to se
 (PR_SET_PDEATHSIG would not do: it is about the thread that started the child, and not about a pipe.)
 
 This file is also the program of the children, `python child_processes.py ...`: it takes the pipe and runs the module.
-`python -m` would look for modules in the current folder first; the child gets the parent's `sys.path` instead.
+`python -m` would look for modules in the current folder first; the child gets the parent's `sys.path` instead, without
+the current folder, which may have changed.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import os
 import runpy
@@ -23,6 +25,9 @@ import threading
 from collections.abc import Mapping, Sequence
 from typing import IO
 
+# The folder of our packages.
+_ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+
 # Linux's number for "send this signal and not SIGIO", which `fcntl` knows by name only there.
 _SET_SIGNAL = "F_SETSIG"
 
@@ -32,6 +37,7 @@ class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
 
     def __init__(self) -> None:
         self._ends: dict[subprocess.Popen[bytes], int] = {}
+        _open_standard_descriptors()
 
     def __exit__(self, *_: object) -> None:
         """End all children, without waiting for them."""
@@ -53,8 +59,12 @@ class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
         It is in another session: Ctrl-C in the terminal reaches only this process, which ends it. pass_fds: the file
         descriptors that it inherits, under the same numbers. Raises OSError where it cannot be started.
         """
+        if not sys.executable:  # Python is part of another program
+            raise FileNotFoundError(errno.ENOENT, "sys.executable does not name a Python interpreter")
         child_end, parent_end = os.pipe()  # one for each child: the pipe's end says who gets a signal
-        command = [sys.executable, os.path.abspath(__file__), str(child_end), str(len(sys.path)), *sys.path]
+        folders = [*filter(None, sys.path)]  # without "", the current folder
+        folders += [_ROOT] * (_ROOT not in folders)
+        command = [sys.executable, os.path.abspath(__file__), str(child_end), str(len(folders)), *folders]
         try:
             child = subprocess.Popen(
                 [*command, module, *arguments],
@@ -78,6 +88,16 @@ class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
         end = self._ends.pop(child, None)
         if end is not None:
             os.close(end)
+
+
+def _open_standard_descriptors() -> None:
+    """Open the null device as standard input, output and error where these are closed.
+
+    Otherwise pipes get their numbers, and are replaced in children by what these have there.
+    """
+    while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass
+    os.close(descriptor)
 
 
 def open_anonymous_file() -> IO[bytes]:
@@ -111,7 +131,7 @@ def _end_when_broken(descriptor: int) -> None:
 
 
 def _main() -> None:
-    """Run a module. Arguments: the pipe, the length of the parent's `sys.path`, its items, the module and its own."""
+    """Run a module. Arguments: the pipe, the number of folders for `sys.path`, these, the module and its own."""
     exit_with_parent(int(sys.argv[1]))
     num_folders = int(sys.argv[2])
     sys.path[:] = sys.argv[3 : 3 + num_folders]

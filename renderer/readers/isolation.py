@@ -23,12 +23,12 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.child_processes import ChildProcesses, describe_exit, open_anonymous_file
-from renderer.errors import InputError
+from renderer.errors import InputError, RenderError
 from renderer.readers.common import Image, check_dtype, check_size
 from renderer.volume import Array
 
-# The limits of a child: memory, and processor time, to which voxels and files add. Libraries hold what they have read,
-# what they have decoded, and copies of both.
+# The limits of a child: memory, to which voxels and files add, as libraries hold what they have read, what they have
+# decoded, and copies of both; and processor time, to which their bytes and the number of files add.
 _MEMORY_BYTES, _NUM_COPIES = 1 << 30, 4
 _SECONDS, _BYTES_PER_SECOND, _FILES_PER_SECOND = 10, 1 << 20, 10
 
@@ -53,14 +53,14 @@ def read_isolated(reader: str, path: Path, **arguments: Any) -> Image:
     """Return what `reader`, a function by its module and name, returns when a child process calls it.
 
     reader: `module:function`, called with the path, the arguments, and a `host`. arguments: as JSON has them.
-    Raises InputError as the function does, and where it fails in any other way; MemoryError without enough memory.
+    Raises InputError as the function does, and where it fails in any other way; RenderError where no child can run.
     """
     files = [entry for entry in os.scandir(path) if entry.is_file()] if path.is_dir() else [path]
     sizes = [file.stat().st_size for file in files]
-    seconds = _SECONDS + len(sizes) // _FILES_PER_SECOND
+    seconds = _SECONDS + len(sizes) // _FILES_PER_SECOND + sum(sizes) // _BYTES_PER_SECOND
     limits = {"memory": _MEMORY_BYTES + _NUM_COPIES * max(sizes, default=0), "seconds": seconds}
     request = json.dumps({"reader": reader, "path": str(path), "arguments": arguments, "limits": limits})
-    with open_anonymous_file() as voxels, ChildProcesses() as children:
+    with ChildProcesses() as children, open_anonymous_file() as voxels:
         receiver, sender = os.pipe()
         with open(receiver, "rb") as answers:
             try:
@@ -71,11 +71,15 @@ def read_isolated(reader: str, path: Path, **arguments: Any) -> Image:
                     stdout=subprocess.DEVNULL,
                     stderr=subprocess.DEVNULL,
                 )
+            except OSError as error:
+                raise _no_process_error(path, str(error)) from error
             finally:
                 os.close(sender)
             whole, _, _ = answers.read(_MAX_ANSWER_BYTES).rpartition(b"\n")  # the child may end while it writes
         status = child.wait()
-        answer = json.loads(whole.splitlines()[-1]) if whole else str(path)
+        if not whole:
+            raise _no_process_error(path, describe_exit(status))
+        answer = json.loads(whole.splitlines()[-1])
         if isinstance(answer, str):
             raise InputError(
                 "reading this file ended the process that decodes it",
@@ -85,6 +89,15 @@ def read_isolated(reader: str, path: Path, **arguments: Any) -> Image:
                 hint="the file is damaged, or made to do harm",
             )
         return _image(answer, voxels, path)
+
+
+def _no_process_error(path: Path, got: str) -> RenderError:
+    return RenderError(
+        "the process that decodes this file cannot be started",
+        where=str(path),
+        got=got,
+        hint="check that `sys.executable` is a Python that runs, and that the system allows another process",
+    )
 
 
 def _image(answer: dict[str, Any], voxels: IO[bytes], path: Path) -> Image:
@@ -139,23 +152,24 @@ class _Child:
 
 
 def _extend_limit(kind: int, more: int) -> None:
-    limit, most = resource.getrlimit(kind)
+    limit = resource.getrlimit(kind)[0]
     if limit != resource.RLIM_INFINITY:
-        resource.setrlimit(kind, (limit + more, most))
+        _set_limit(kind, limit + more)
+
+
+def _set_limit(kind: int, limit: int) -> None:
+    """Set a limit of this process, or the most that the system allows it."""
+    most = resource.getrlimit(kind)[1]
+    resource.setrlimit(kind, (limit if most == resource.RLIM_INFINITY else min(limit, most), most))
 
 
 def _limit_child(memory: int, seconds: int) -> None:
     """Set the limits of memory in bytes, above what the process has taken already, and of processor time."""
     status = Path("/proc/self/statm")
-    taken = int(status.read_text("ascii").split()[0]) * resource.getpagesize() if status.exists() else None
-    for kind, limit in (
-        (resource.RLIMIT_AS, None if taken is None else taken + memory),
-        (resource.RLIMIT_CPU, seconds),
-        (resource.RLIMIT_CORE, 0),
-    ):
-        most = resource.getrlimit(kind)[1]
-        if limit is not None and (most == resource.RLIM_INFINITY or limit < most):
-            resource.setrlimit(kind, (limit, most))
+    if status.exists():
+        _set_limit(resource.RLIMIT_AS, int(status.read_text("ascii").split()[0]) * resource.getpagesize() + memory)
+    _set_limit(resource.RLIMIT_CPU, seconds)
+    _set_limit(resource.RLIMIT_CORE, 0)
 
 
 def call_reader(reader: str, path: Path, arguments: dict[str, Any], host: Host) -> Image:
@@ -182,9 +196,10 @@ def _main() -> None:
     sender, descriptor, request = int(sys.argv[1]), int(sys.argv[2]), json.loads(sys.argv[3])
     _limit_child(**request["limits"])
     with open(sender, "wb") as file:
-        child = _Child(file, descriptor)
+        child, path = _Child(file, descriptor), Path(request["path"])
+        child.begin_file(path)
         try:
-            image = call_reader(request["reader"], Path(request["path"]), request["arguments"], child)
+            image = call_reader(request["reader"], path, request["arguments"], child)
         except InputError as error:
             child.send({name: getattr(error, name) for name in _ERROR_FIELDS})
             return

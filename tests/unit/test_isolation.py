@@ -6,14 +6,17 @@ import contextlib
 import ctypes
 import os
 import signal
+import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from renderer.errors import InputError
+import renderer
+from renderer.errors import InputError, RenderError
 from renderer.readers.common import Image
 from renderer.readers.isolation import Host, read_isolated
 
@@ -66,6 +69,18 @@ def loop(_path: Path, *, host: Host) -> Image:
 
 def fill_memory(_path: Path, *, host: Host) -> Image:
     return Image(np.ones((1, 1, 3 << 30), np.uint8), np.eye(4))
+
+
+def use_the_processor(path: Path, *, host: Host) -> Image:
+    """Take longer than a file of no size may, before memory is allocated."""
+    end = time.process_time() + 3
+    while time.process_time() < end:
+        pass
+    return ramp(path, host=host)
+
+
+def large(_path: Path, *, host: Host) -> Image:
+    return Image(host.allocate((512, 1024, 1024), np.uint8), np.eye(4))
 
 
 def print_much(path: Path, *, host: Host) -> Image:
@@ -131,6 +146,64 @@ def test_the_file_that_ends_the_process_is_named() -> None:
 def test_nothing_is_printed(capfd: pytest.CaptureFixture[str]) -> None:
     read("print_much")
     assert capfd.readouterr() == ("", "")
+
+
+def test_large_files_have_time_to_be_parsed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("renderer.readers.isolation._SECONDS", 2)
+    os.truncate("scan.x", 4 << 20)
+    assert read("use_the_processor").values.shape == (3, 4, 5)
+
+
+@pytest.mark.parametrize("executable", ["", None, "/no/python"])
+def test_a_process_that_cannot_start_is_no_fault_of_the_file(
+    executable: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "executable", executable)
+    with pytest.raises(RenderError) as error:
+        read("ramp")
+    assert (error.value.what, error.value.where) == ("the process that decodes this file cannot be started", "scan.x")
+
+
+def test_a_process_that_ends_before_it_reads_is_no_fault_of_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "executable", "/bin/false")
+    with pytest.raises(RenderError) as error:
+        read("ramp")
+    assert error.value.got == "exit status 1"
+
+
+def test_the_current_folder_may_change(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A notebook finds its modules in the current folder at its start."""
+    root = str(Path(renderer.__file__).parents[1])
+    monkeypatch.setattr(sys, "path", ["", *(each for each in sys.path if each != root)])
+    Path("renderer.py").write_text("raise AssertionError")
+    assert read("ramp").values.shape == (3, 4, 5)
+
+
+_IN_ANOTHER = """
+import os, resource, sys
+sys.path[:0] = {folders}
+from pathlib import Path
+from renderer.readers.isolation import read_isolated
+{before}
+values = read_isolated("test_isolation:{reader}", Path("scan.x")).values
+sys.exit(0 if values.size else 3)
+"""
+
+
+@pytest.mark.parametrize(
+    ("before", "reader"),
+    [
+        ("os.closerange(0, 3)", "ramp"),
+        ("resource.setrlimit(resource.RLIMIT_CPU, (30, 30))", "large"),
+        ("resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))", "large"),
+    ],
+    ids=["closed", "processor", "memory"],
+)
+def test_other_surroundings(before: str, reader: str) -> None:
+    """Without standard streams, and under limits of the system."""
+    folders = [str(Path(__file__).parent), str(Path(renderer.__file__).parents[1])]
+    program = _IN_ANOTHER.format(folders=folders, before=before, reader=reader)
+    assert subprocess.run([sys.executable, "-c", program], check=False, timeout=60).returncode == 0
 
 
 def test_descriptors_are_closed() -> None:

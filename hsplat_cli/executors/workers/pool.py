@@ -45,10 +45,10 @@ def open_pool(stage: Stage, num_workers: int, *, threads_per_worker: int) -> Ite
     """
     environment = {"LP_NUM_THREADS": str(threads_per_worker)} | os.environ
     with ExitStack() as stack:
+        child_processes = stack.enter_context(ChildProcesses())
         descriptor = share_stage(stage)
         stack.callback(os.close, descriptor)
         del stage
-        child_processes = stack.enter_context(ChildProcesses())
         start_worker = partial(WorkerProcess, child_processes, PROGRAM, descriptor, environment)
         pool = Pool(map_stage(descriptor), start_worker, num_workers)
         stack.callback(pool.close)
