@@ -8,6 +8,7 @@ Values are those after each frame's rescale slope and intercept, whatever is lig
 from __future__ import annotations
 
 import contextlib
+import itertools
 import re
 from collections import defaultdict
 from collections.abc import Sequence
@@ -26,6 +27,9 @@ from renderer.volume import Float64
 # Frames may be off by this part of the spacing: positions have few digits, and gantries are not perfect. A missing
 # one is off by a whole step.
 _UNEVEN = 0.05
+
+# Beside a file that is read alone, other slices of its series are searched among this many files.
+_MAX_NEIGHBOURS = 1000
 
 _SERIES, _DESCRIPTION = 0x0020000E, 0x0008103E
 
@@ -137,14 +141,13 @@ def _shape(name: str) -> str:
 
 
 def _one_of_a_series(path: Path) -> str | None:
-    """Return a note for a file with one of several slices of a series in its folder; else None."""
-    uid, num = text_of(open_dicom(path), _SERIES), 0
-    for other in path.parent.iterdir():
+    """Return a note for a file with one of several slices of a series, of which another is in its folder; else None."""
+    uid = text_of(open_dicom(path), _SERIES)
+    for other in itertools.islice(path.parent.iterdir(), _MAX_NEIGHBOURS if uid is not None else 0):
         with contextlib.suppress(InputError, OSError):  # of another file
-            num += uid is not None and is_dicom(other) and text_of(open_dicom(other), _SERIES) == uid
-    if num < 2:
-        return None
-    return f"one of {num} slices of a DICOM series; its folder, {path.parent}, stands for all of them"
+            if other.name != path.name and is_dicom(other) and text_of(open_dicom(other), _SERIES) == uid:
+                return f"one of several slices of a DICOM series; its folder, {path.parent}, stands for all of them"
+    return None
 
 
 def _check_alike(frames: list[Frame], path: Path) -> None:

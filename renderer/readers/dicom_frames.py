@@ -27,7 +27,6 @@ _SHARED_GROUPS, _FRAME_GROUPS = 0x52009229, 0x52009230
 # The functional groups that have these fields: Pixel Measures, Plane Position and Orientation, Pixel Value
 # Transformation.
 _GROUPS = (0x00289110, 0x00209113, 0x00209116, 0x00289145)
-PIXELS = (0x7FE00010, 0x7FE00008, 0x7FE00009)  # integers, float32, float64
 
 # Fields without which pydicom decodes no pixels, and what they are where a writer left them out.
 _USUAL = {"SamplesPerPixel": 1, "PhotometricInterpretation": "MONOCHROME2", "PixelRepresentation": 0}
@@ -80,7 +79,10 @@ class Frame:
         return np.asarray(normal / np.linalg.norm(normal), np.float64)
 
     def rescaled(self, stored: Array) -> Array:
-        """Return the values of stored pixels, in the frame's dtype."""
+        """Return the values of stored pixels, in the frame's dtype; raises InputError for floats in a file whose fields
+        are those of integers."""
+        if stored.dtype.kind == "f" and self.dtype.kind != "f":
+            raise unreadable_slice(self.file, "save it again without BitsStored", "floats with the fields of integers")
         if self.slope == 1.0 and self.intercept == 0.0:
             return stored
         return np.asarray(stored * self.slope + self.intercept).astype(self.dtype)
@@ -212,14 +214,18 @@ def _lengths(
 
 
 def _rescaled_dtype(dataset: _Dataset, slope: float, intercept: float) -> np.dtype[Any]:
-    """Return the dtype of rescaled values: the smallest of integers if both numbers are whole, else float64."""
+    """Return the dtype of rescaled values: the smallest of integers if both numbers are whole, else float64.
+
+    Files of floats have no BitsStored.
+    """
     bits, stored = int(dataset.get("BitsAllocated") or 16), int(dataset.get("BitsStored") or 16)
     if not 1 <= stored <= bits or bits not in (1, 8, 16, 32, 64):
         raise unreadable_slice(Path(dataset.filename), got=f"{stored} of {bits} bits")
     is_signed = bool(dataset.get("PixelRepresentation"))
-    if slope == 1.0 and intercept == 0.0:
-        if PIXELS[0] not in dataset and "BitsStored" not in dataset:  # floats
-            return np.dtype("f4" if bits == 32 else "f8")
+    is_neutral = slope == 1.0 and intercept == 0.0
+    if "BitsStored" not in dataset:
+        return np.dtype("f4" if bits == 32 and is_neutral else "f8")
+    if is_neutral:
         return np.dtype(f"{'i' if is_signed else 'u'}{max(bits, 8) // 8}")
     low, high = (-(2 ** (stored - 1)), 2 ** (stored - 1) - 1) if is_signed else (0, 2**stored - 1)
     low, high = sorted((low * slope + intercept, high * slope + intercept))

@@ -114,11 +114,12 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
 
 
 def _format_of_slices(folder: Path) -> Format | None:
-    """Return the format of the slices directly in a folder; None if there are none.
+    """Return the format of the slices directly in a folder; None if there are none, but an index of others, DICOMDIR.
 
     Raises InputError for slices of both formats.
     """
-    entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".") and entry.is_file()]
+    names = (entry for entry in folder.iterdir() if not entry.name.startswith(".") and entry.name != "DICOMDIR")
+    entries = [entry for entry in names if entry.is_file()]
     tiffs = [entry for entry in entries if entry.suffix.lower() in TIFF_SUFFIXES]
     dicoms = (entry for entry in sorted(entries) if entry.suffix.lower() not in TIFF_SUFFIXES and is_dicom(entry))
     first = next(dicoms, None)

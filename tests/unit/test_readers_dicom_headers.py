@@ -160,9 +160,25 @@ def test_careless_writers_are_forgiven(tmp_path: Path, fields: dict[str, object]
     np.testing.assert_array_equal(read(tmp_path / "a.dcm").values[0], values)
 
 
+@pytest.mark.parametrize("fields", [{}, {"RescaleSlope": "2", "RescaleIntercept": "-1"}, {"BitsStored": 32}])
+def test_floats_stay_floats(tmp_path: Path, fields: dict[str, object]) -> None:
+    values = np.linspace(0, 3, 20, dtype=np.float32).reshape(4, 5)
+    of_integers = dict.fromkeys(("PixelData", "BitsStored", "HighBit", "PixelRepresentation"))
+    save(
+        tmp_path / "a.dcm",
+        image_fields(values, **(of_integers | {"FloatPixelData": values.tobytes()} | fields)),  # type: ignore[arg-type]
+    )
+    if "BitsStored" in fields:
+        with pytest.raises(InputError, match="this DICOM slice cannot be read"):
+            read(tmp_path / "a.dcm")
+    else:
+        expected = values * 2.0 - 1 if fields else values
+        np.testing.assert_array_equal(read(tmp_path / "a.dcm").values[0], expected)
+
+
 def test_one_slice_of_a_series(tmp_path: Path) -> None:
     write(tmp_path)
-    note = f"one of 3 slices of a DICOM series; its folder, {tmp_path}, stands for all of them"
+    note = f"one of several slices of a DICOM series; its folder, {tmp_path}, stands for all of them"
     assert read(tmp_path / "1.dcm").note == note
     assert read(tmp_path).note is None
     told = CliRunner().invoke(info, [str(tmp_path / "1.dcm")])

@@ -17,7 +17,7 @@ from vtkmodules.vtkIOLegacy import vtkStructuredPointsWriter
 from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
 
 from renderer.errors import InputError
-from tests.support.dicom_files import NORMAL, write_series
+from tests.support.dicom_files import NORMAL, write_series, write_slice
 from tests.support.volume_files import ramp, read, write_image
 
 VALUES = ramp("int16")
@@ -282,6 +282,7 @@ def test_the_only_volume_in_a_folder(tmp_path):
         f"  hint: name one of them: {tmp_path / 'series'}"
     )
     shutil.rmtree(tmp_path / "study")
+    write_slice(tmp_path / "DICOMDIR", np.zeros((4, 5)), 0 * NORMAL)  # an index of a medium is DICOM, too
     assert read(tmp_path).shape_xyz == (5, 6, 3)
     assert read(tmp_path).note == "the only volume in this folder, series, is read"
 
