@@ -42,7 +42,7 @@ from renderer.volume import Array, Float64
 
 # Fields by number.
 _X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT = 282, 283, 296
-_FIRST_PRIVATE, _DEPTHS = 32768, (32997, 32998)
+_FIRST_PRIVATE, _DEPTHS, _METAMORPH_PLANES = 32768, (32997, 32998), 33629
 
 # A tifffile.TiffPage.
 _Page = Any
@@ -74,7 +74,7 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
                 )
         description = first.description
         num_planes = len(slices) if len(slices) > 1 else _num_contiguous(first, description, path)
-        axes, counts = hyperstack(description, num_planes, where)
+        axes, counts = hyperstack(description, num_planes, first.samplesperpixel, where)
         step = select_index("time", time, counts[axes.index("T")], where)
         has_channels = counts[axes.index("C")] > 1
         channel = select_index("component", component if has_channels else None, counts[axes.index("C")], where)
@@ -185,7 +185,7 @@ def _not_tiff(path: Path) -> InputError:
 
 
 def _check_pages(pages: list[_Page], num_file_bytes: int, where: str) -> None:
-    """Raise InputError unless every page has pixels, all inside the file."""
+    """Raise InputError unless every page has one plane of pixels, and all are inside the file, each byte used once."""
     if not pages or not all(np.prod(page.shaped, dtype=object) for page in pages):
         raise InputError("this TIFF file holds no image", where=where, hint="the file is truncated or damaged")
     for page in pages:
@@ -196,6 +196,12 @@ def _check_pages(pages: list[_Page], num_file_bytes: int, where: str) -> None:
                 got=f"{page.bitspersample} bits of the sample format {page.sampleformat}",
                 expected="integers of up to 32 bits and of 64, or floats of 16, 32 or 64",
             )
+    if any(page.imagedepth > 1 for page in pages) or (len(pages) == 1 and _has_unlisted_planes(pages[0])):
+        raise InputError(
+            "this TIFF file has several planes in a page, or planes without one",
+            where=where,
+            hint="save it again as a plain stack, with a page for each plane",
+        )
     for number, page in enumerate(pages, 1):
         if page.dtype.kind == "u" and page.bitspersample == 24:  # tifffile takes their bytes in another order
             raise InputError(
@@ -217,13 +223,31 @@ def _check_pages(pages: list[_Page], num_file_bytes: int, where: str) -> None:
                 expected=f"{num_segments} strips or tiles" + f" of {needed} bytes in all" * (needed > 0),
                 hint="the file is truncated or damaged",
             )
+    num_used = sum(sum(page.databytecounts) for page in pages)
+    if num_used > num_file_bytes:  # a small file could stand for any number of voxels
+        raise InputError(
+            "strips or tiles of this TIFF file share their bytes",
+            where=where,
+            got=f"{num_used} bytes of pixels, in a file of {num_file_bytes} bytes",
+            hint="the file is damaged, or made to do harm",
+        )
+
+
+def _has_unlisted_planes(page: _Page) -> bool:
+    """Return whether planes follow the only page without a page of their own: of MetaMorph, or of tifffile.
+
+    Those of ImageJ are read.
+    """
+    if page.is_stk:
+        planes = page.tags.get(_METAMORPH_PLANES)
+        return planes is None or bool(planes.count > 1)
+    return re.search(r'"truncated": *true', page.description) is not None
 
 
 def _num_plain_bytes(page: _Page) -> int:
     """Return the number of bytes of all pixels of a page without compression; rows begin at whole bytes."""
     row = -(-page.imagewidth * page.samplesperpixel * int(page.bitspersample) // 8)
-    num_rows: int = page.imagedepth * page.imagelength
-    return num_rows * int(row)
+    return int(page.imagelength * row)
 
 
 def _dtype(page: _Page) -> np.dtype[Any]:
@@ -234,8 +258,7 @@ def _dtype(page: _Page) -> np.dtype[Any]:
 def _describe(page: _Page) -> str:
     """Return size and type of a page, in which all slices agree."""
     samples = f" of {page.samplesperpixel} samples" if page.samplesperpixel > 1 else ""
-    depth = f" x {page.imagedepth}" if page.imagedepth > 1 else ""
-    return f"{page.imagewidth} x {page.imagelength}{depth} {_dtype(page).name}{samples}"
+    return f"{page.imagewidth} x {page.imagelength} {_dtype(page).name}{samples}"
 
 
 def _is_preview(page: _Page, first: _Page) -> bool:

@@ -61,9 +61,10 @@ def is_ome(description: str) -> bool:
     return "<OME" in description
 
 
-def hyperstack(description: str, num_pages: int, where: str) -> tuple[str, list[int]]:
+def hyperstack(description: str, num_pages: int, num_samples: int, where: str) -> tuple[str, list[int]]:
     """Return the axes of the pages from slowest to fastest, a permutation of `TZC`, and the length of each.
 
+    num_samples: of a pixel; OME counts them as channels.
     Raises InputError if the description does not fit the number of pages, or has no numbers where they belong.
     """
     if is_imagej(description):
@@ -81,6 +82,8 @@ def hyperstack(description: str, num_pages: int, where: str) -> tuple[str, list[
             axis: int(_number(text, f"Size{axis}", where, is_count=True)) if text is not None else 1
             for axis, text in sizes.items()
         }
+        if by_axis["C"] % num_samples == 0:
+            by_axis["C"] //= num_samples
     else:
         return "TZC", [1, num_pages, 1]
     counts = [by_axis[axis] for axis in axes]

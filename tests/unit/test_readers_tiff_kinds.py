@@ -12,11 +12,12 @@ import pytest
 import tifffile
 
 from renderer.errors import InputError
-from tests.support.tiff_files import tiff_bytes
+from tests.support.tiff_files import HEIGHT, LONG, PAGE, STRIP_BYTES, STRIPS, WIDTH, directory, tiff, tiff_bytes
 from tests.support.volume_files import ramp, read
 
 pytestmark = pytest.mark.usefixtures("one_process")
 
+ROWS_PER_STRIP = 278
 VALUES = np.random.default_rng(0).integers(0, 50, (3, 45, 40)).cumsum(axis=2).astype(np.uint16)
 
 
@@ -101,6 +102,43 @@ def test_pyramids_have_full_resolution(tmp_path, subifds):
     volume = read(tmp_path / "a.tif")
     np.testing.assert_array_equal(volume.values, VALUES)
     assert volume.note == (None if subifds else "6 smaller previews among the pages are left out")
+
+
+def test_planes_that_are_no_pages_are_refused(tmp_path):
+    """Reading the first one alone would be a wrong picture."""
+    plain = {"photometric": "minisblack"}
+    tifffile.imwrite(tmp_path / "0.tif", np.zeros((16, 32, 32), np.uint8), volumetric=True, tile=(16, 16, 16), **plain)
+    tifffile.imwrite(tmp_path / "1.tif", VALUES, truncate=True, **plain)
+    of_metamorph = [(33628, "I", 3, (0,) * 3, True), (33629, "I", 18, (0,) * 18, True)]
+    tifffile.imwrite(tmp_path / "2.tif", VALUES, truncate=True, metadata=None, extratags=of_metamorph, **plain)
+    for k in range(3):
+        with pytest.raises(InputError, match="several planes in a page, or planes without one"):
+            read(tmp_path / f"{k}.tif")
+
+
+@pytest.mark.parametrize(("num_strips", "num_pages"), [(4, 1), (1, 4)])
+def test_strips_that_share_their_bytes_are_refused(tmp_path, num_strips, num_pages):
+    """A small file could stand for any number of voxels."""
+    side, begin = 64, 100
+    places = struct.pack("<8I", *[begin] * 4, *[side**2] * 4)
+    fields = {WIDTH: (LONG, 1, side), HEIGHT: (LONG, 1, side * num_strips), ROWS_PER_STRIP: (LONG, 1, side)}
+    fields |= {
+        STRIPS: (LONG, num_strips, 24 if num_strips > 1 else begin),
+        STRIP_BYTES: (LONG, num_strips, 40 if num_strips > 1 else side**2),
+    }
+    data = tiff(fields, places.ljust(begin - 24, b"\0") + bytes(side**2))
+    for _ in range(1, num_pages):
+        data = data[:-4] + struct.pack("<I", len(data)) + directory(PAGE | fields)
+    (tmp_path / "a.tif").write_bytes(data)
+    with pytest.raises(InputError, match="share their bytes"):
+        read(tmp_path / "a.tif")
+
+
+def test_colours_of_ome_are_components(tmp_path):
+    """OME counts samples of a pixel as channels."""
+    colours = np.stack([VALUES, VALUES + 1, VALUES + 2], axis=-1)
+    tifffile.imwrite(tmp_path / "a.ome.tif", colours, photometric="rgb", metadata={"axes": "ZYXS"})
+    np.testing.assert_array_equal(read(tmp_path / "a.ome.tif", component=1).values, VALUES + 1)
 
 
 def test_pages_of_another_size_are_refused(tmp_path):
