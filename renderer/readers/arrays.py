@@ -103,7 +103,8 @@ def read_npz(path: Path, time: int | None, component: int | None) -> Image:
 def _unpacked(file: IO[bytes], member: zipfile.ZipInfo, path: Path) -> Array:
     """Return the array in an archive; its checksum is compared when it has been read to its end."""
     header = _npy_header(file, path)
-    _check_npy_size(min(member.file_size, _MAX_PACKING * member.compress_size) - file.tell(), header, str(path))
+    num_packed = min(member.compress_size, path.stat().st_size)
+    _check_npy_size(min(member.file_size, _MAX_PACKING * num_packed) - file.tell(), header, str(path))
     values = np.empty(math.prod(header.shape), header.dtype)
     target, num_read = bytes_of(values), 0
     while num_read < len(target) and (piece := file.read(min(_PIECE, len(target) - num_read))):

@@ -45,7 +45,7 @@ _FIRST_FIELD = re.compile(rb"[\x02\x08]\0.\0(?:[A-Z]{2}|(?P<length>.)\0\0\0)", r
 _FIRST_BYTES = 4096
 _GZIP = b"\x1f\x8b"
 _NIFTI_HEADER_BYTES = (348, 540)
-# A search ends after this many entries.
+# The most files and folders that a search looks at.
 _MAX_ENTRIES = 10_000
 
 
@@ -135,13 +135,21 @@ def _format_of_slices(folder: Path) -> Format | None:
 
 
 def _search(folder: Path) -> Iterator[Path]:
-    """Yield the volume files below a folder, and the folders of slices; links to folders are not followed."""
+    """Yield the volume files below a folder, and the folders of slices; links to folders are not followed.
+
+    Raises InputError for more than _MAX_ENTRIES files and folders: there may be another volume among the others.
+    """
     num_left = _MAX_ENTRIES
     for place, folders, files in os.walk(folder):
         folders.sort()
         num_left -= len(folders) + len(files)
         if num_left < 0:
-            return
+            raise InputError(
+                "this folder holds too many files to be searched for a volume",
+                where=str(folder),
+                expected=f"at most {_MAX_ENTRIES} files and folders",
+                hint="name the volume itself",
+            )
         if Path(place) != folder and _format_of_slices(Path(place)) is not None:
             yield Path(place)
             continue

@@ -287,6 +287,16 @@ def test_the_only_volume_in_a_folder(tmp_path):
     assert read(tmp_path).note == "the only volume in this folder, series, is read"
 
 
+def test_a_search_that_does_not_see_all_finds_nothing(tmp_path, monkeypatch):
+    """Another volume may be among the rest."""
+    monkeypatch.setattr("renderer.readers.sniff._MAX_ENTRIES", 3)
+    for name in "abc":
+        (tmp_path / name).mkdir()
+    np.save(tmp_path / "a" / "a.npy", VALUES)
+    with pytest.raises(InputError, match="too many files to be searched"):
+        read(tmp_path)
+
+
 @pytest.mark.parametrize("name", ["a.nrrd", "a.npy", "a.tif"])
 def test_formats_are_known_by_their_content(tmp_path, name):
     if name == "a.npy":
