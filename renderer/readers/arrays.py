@@ -242,11 +242,7 @@ def read_raw(source: RawSource) -> Image:
             expected=f"{num_bytes} bytes ({describe_shape(source.shape)} voxels of {source.dtype}){after}",
             hint=_fitting_declarations(source, found_bytes, num_bytes, dtype),
         )
-    z_y_x = source.shape[::-1]
-    try:
-        values = np.memmap(path, dtype, "r", source.offset, z_y_x)
-    except OSError as error:
-        raise unreadable_error(path, error) from error
+    values = np.memmap(path, dtype, "r", source.offset, source.shape[::-1])
     return Image(values, affine(source.spacing, np.zeros(3), np.eye(3)))
 
 

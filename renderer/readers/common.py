@@ -28,7 +28,7 @@ _MIN_MAPPED_BYTES = 64 << 20
 _NUM_STEPS = 2**16
 
 # The note for a file without voxel sizes.
-NO_LENGTHS = "the file does not give its voxel size; 1 x 1 x 1 is assumed"
+NO_SPACING = "the file does not give its voxel size; 1 x 1 x 1 is assumed"
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,7 @@ def read_cube(path: Path, time: int | None, component: int | None) -> Image:
 
 
 def _lines(file: IO[bytes], path: Path) -> Iterator[Field]:
-    """Yield the lines of the header; raises InputError where it cannot go on."""
+    """Yield the lines of the header; raises InputError where the file ends, and for too many or too long lines."""
     for number in itertools.count(1):
         line = file.readline(_MAX_LINE_BYTES)
         if not line or len(line) == _MAX_LINE_BYTES or number > _MAX_LINES:

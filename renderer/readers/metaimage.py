@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_LENGTHS, Image, affine, select_index
+from renderer.readers.common import NO_SPACING, Image, affine, select_index
 from renderer.readers.data_files import find_data_files
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import MAX_HEADER_BYTES, Field, decode_header
@@ -56,7 +56,7 @@ def read_metaimage(path: Path, time: int | None, component: int | None) -> Image
     whole: list[int | slice] = [step, slice(None), slice(None), slice(None)]
     index = (*whole[4 - header.num_axes :], *([channel] if num_components > 1 else []))
     values = read_stored(layout, index, str(path))
-    note = None if any(name in header.fields for name in _SPACINGS) else NO_LENGTHS
+    note = None if any(name in header.fields for name in _SPACINGS) else NO_SPACING
     return Image(values if values.ndim == 3 else values[np.newaxis], _world_from_index(header), note)
 
 
@@ -195,11 +195,14 @@ class Header:
         return word in ("true", "t", "1")
 
     def whole(self, name: str, default: int, least: int, most: float = math.inf) -> int:
-        """Return the whole number of a field; raises InputError for any other text."""
-        found = self.numbers((name,), 1, whole=True, least=least)
-        if found is not None and found[0] > most:
-            raise self.fields[name].error(f"a whole number from {least} to {most:g}")
-        return default if found is None else int(found[0])
+        """Return the number of a field, or the default if it is missing.
+
+        Raises InputError unless it is a whole one from `least` to `most`.
+        """
+        if name not in self.fields:
+            return default
+        field = self.fields[name]
+        return replace(field, text="".join(field.text.split()[:1])).whole(least, most)
 
     def numbers(
         self, names: tuple[str, ...], count: int, *, whole: bool = False, least: float = -math.inf

@@ -152,7 +152,7 @@ def _check_slope(header: _Header, path: Path) -> None:
     slope = header["scl_slope"].item()
     if math.isinf(slope):
         raise InputError(
-            "this NIfTI header scales its values by what is no finite number",
+            "this NIfTI header scales its values by a number that is not finite",
             where=str(path),
             got=f"scl_slope = {slope:g}",
             expected="a finite number, or 0 for values as they are stored",

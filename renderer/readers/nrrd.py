@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, closest_match
-from renderer.readers.common import NO_LENGTHS, Image, affine, describe_count, in_lps, select_index
+from renderer.readers.common import NO_SPACING, Image, affine, describe_count, in_lps, select_index
 from renderer.readers.data_files import find_data_files
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import MAX_HEADER_BYTES, Field, decode_header
@@ -84,12 +84,12 @@ def read_nrrd(path: Path, time: int | None, component: int | None) -> Image:
     axes = _axes(fields, sizes, where)
     step = select_index("time", time, 1 if axes.time is None else sizes[axes.time], where)
     channel = select_index("component", component, 1 if axes.component is None else sizes[axes.component], where)
-    world_from_index, has_lengths = _world_from_index(fields, axes, len(layout.shape))
+    world_from_index, has_spacing = _world_from_index(fields, axes, len(layout.shape))
     chosen: dict[int | None, int] = {axes.time: step, axes.component: channel}
     index = tuple(slice(None) if k in axes.space else chosen.get(k, 0) for k in reversed(range(len(sizes))))
     values = read_stored(layout, index, where)
     return Image(
-        values if values.ndim == 3 else values[np.newaxis], world_from_index, None if has_lengths else NO_LENGTHS
+        values if values.ndim == 3 else values[np.newaxis], world_from_index, None if has_spacing else NO_SPACING
     )
 
 
@@ -100,7 +100,7 @@ def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
     """
     fields, listed, offset = _parse(path)
     where = str(path)
-    num_axes = _whole(_required(fields, "dimension", where), 1, _MAX_AXES)
+    num_axes = _required(fields, "dimension", where).whole(1, _MAX_AXES)
     shape = tuple(int(n) for n in _required(fields, "sizes", where).numbers(num_axes, whole=True, least=1))[::-1]
     kind = _required(fields, "type", where)
     dtype = np.dtype(_choice(kind, _TYPES))
@@ -119,8 +119,8 @@ def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
 
 def _part(fields: dict[str, Field], file: Path, offset: int, encoding: Encoding, num_bytes: int) -> StoredVoxels:
     """Return where `num_bytes` of voxels are in a file: from `offset` on, behind the lines and bytes to skip."""
-    num_lines = _whole(fields["lineskip"], 0) if "lineskip" in fields else 0
-    num_skipped = _whole(fields["byteskip"], -1) if "byteskip" in fields else 0
+    num_lines = fields["lineskip"].whole(0) if "lineskip" in fields else 0
+    num_skipped = fields["byteskip"].whole(-1) if "byteskip" in fields else 0
     if num_skipped >= 0:
         start = _after_lines(file, offset, num_lines)
         return StoredVoxels(file, start, encoding, num_skipped, has_rest=num_skipped > 0 or num_lines > 0)
@@ -162,7 +162,7 @@ def _parse(path: Path) -> tuple[dict[str, Field], list[str], int]:
 
 
 def _lines(readline: Callable[[int], bytes], path: Path) -> Iterator[tuple[int, str]]:
-    """Yield the number and the text of each line; raises InputError where no header can still be."""
+    """Yield the number and the text of each line; raises InputError for more than MAX_HEADER_BYTES of them."""
     left, number = MAX_HEADER_BYTES, 0
     while line := readline(left):
         number, left = number + 1, left - len(line)
@@ -196,14 +196,6 @@ def _required(fields: dict[str, Field], name: str, where: str) -> Field:
             hint="add that line, or save the file again",
         )
     return fields[name]
-
-
-def _whole(field: Field, least: int, most: float = np.inf) -> int:
-    """Return the whole number of a field; raises InputError for any other text."""
-    number = field.numbers(1, whole=True)[0]
-    if not least <= number <= most:
-        raise field.error(f"a whole number from {least}" + (f" to {most:g}" if np.isfinite(most) else " on"))
-    return int(number)
 
 
 def _choice(field: Field, choices: dict[str, Any]) -> Any:
@@ -298,7 +290,7 @@ def _vectors(field: Field, count: int) -> list[Float64 | None]:
 
 
 def _world_from_index(fields: dict[str, Field], axes: _Axes, num_axes: int) -> tuple[Float64, bool]:
-    """Return the affine, float64 [4, 4], and whether the header gives lengths."""
+    """Return the affine, float64 [4, 4], and whether the header gives a spacing."""
     directions = _directions(fields, num_axes)
     spacing, first = _scalar_places(fields, num_axes, axes)
     vectors = np.diag(spacing)
@@ -309,8 +301,8 @@ def _world_from_index(fields: dict[str, Field], axes: _Axes, num_axes: int) -> t
     origins = _vectors(fields["spaceorigin"], 1) if "spaceorigin" in fields else [None]
     origin = first if origins[0] is None else origins[0]
     factors = _choice(fields["space"], _SPACES) if "space" in fields else (1.0, 1.0, 1.0)
-    has_lengths = bool(directions) or "spacings" in fields or {"axismins", "axismaxs"} <= fields.keys()
-    return in_lps(affine(np.ones(3), origin, vectors), factors), has_lengths
+    has_spacing = bool(directions) or "spacings" in fields or {"axismins", "axismaxs"} <= fields.keys()
+    return in_lps(affine(np.ones(3), origin, vectors), factors), has_spacing
 
 
 def _scalar_places(fields: dict[str, Field], num_axes: int, axes: _Axes) -> tuple[Float64, Float64]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.common import (
-    NO_LENGTHS,
+    NO_SPACING,
     Image,
     check_axes,
     check_dtype,
@@ -52,7 +52,7 @@ def read_volume(spec: VolumeSpec, on_mapped: MappedCallback | None = None) -> Vo
         if spec.crop is not None:
             image = crop_image(image, spec.crop, name)
         world_from_index = image.world_from_index
-        note = image.note if spacing is None or image.note != NO_LENGTHS else None
+        note = image.note if spacing is None or image.note != NO_SPACING else None
         first = tuple(begin for begin, _ in spec.crop) if spec.crop is not None else (0, 0, 0)
         mapped = backing_file(image.values) if stays_mapped(image.values.nbytes) else None
         if mapped is not None and on_mapped is not None:

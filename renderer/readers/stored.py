@@ -275,5 +275,6 @@ def _numbers(words: bytes, dtype: np.dtype[Any]) -> Array:
     """Return the numbers in a text as this type, with exponents of E or Fortran's D; raises ValueError or OverflowError
     for any other word."""
     if dtype.kind == "f":
-        return np.array([float(word) for word in words.upper().replace(b"D", b"E").split()], dtype)
+        with np.errstate(over="ignore"):  # too large values become infinite, and are refused later
+            return np.array([float(word) for word in words.upper().replace(b"D", b"E").split()], dtype)
     return np.array([int(word) for word in words.split()], dtype)

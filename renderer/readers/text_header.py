@@ -34,8 +34,18 @@ class Field:
             hint=hint,
         )
 
+    def whole(self, least: int, most: float = math.inf) -> int:
+        """Return the only number of the field; raises InputError unless it is a whole one from `least` to `most`."""
+        is_number = NUMBER.fullmatch(self.text) is not None
+        if not (is_number and float(self.text).is_integer() and least <= float(self.text) <= most):
+            raise self.error(f"a whole number from {least}" + (f" to {most:g}" if math.isfinite(most) else " on"))
+        return int(float(self.text))
+
     def numbers(self, count: int, *, whole: bool = False, least: float = -math.inf) -> list[float]:
-        """Return the numbers of the field; raises InputError unless there are `count` of them, all finite."""
+        """Return the numbers of the field; raises InputError unless there are `count` of them, all finite.
+
+        whole: whether only whole numbers belong there. least: the smallest that does.
+        """
         words = self.text.split()
         numbers = [float(word) for word in words if NUMBER.fullmatch(word)]
         are_right = all(math.isfinite(x) and x >= least and (x.is_integer() or not whole) for x in numbers)

@@ -19,13 +19,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import (
-    Image,
-    affine,
-    check_size,
-    require_exists,
-    select_index,
-)
+from renderer.readers.common import Image, affine, check_size, require_exists, select_index
 from renderer.readers.isolation import Host
 from renderer.readers.slice_names import sort_slices
 from renderer.readers.sniff import TIFF_SUFFIXES
@@ -155,7 +149,7 @@ def _open_pages(path: Path) -> Iterator[list[_Page]]:
 
 
 class _Damage(logging.Handler):
-    """The errors that tifffile logs where it goes on without damaged pages and fields.
+    """Count the errors that tifffile logs where it goes on without damaged pages and fields.
 
     Private fields do not count: programs write what they like there.
     """

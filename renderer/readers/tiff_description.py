@@ -151,7 +151,7 @@ def imagej_spacing(description: str, sizes: list[float | None], tag: int | None,
         tag = 2  # as TIFF has it
     per = _UNITS_OF_TAG.get(tag or 0, "")
     x, y = sizes
-    z = step and abs(step)  # of which 0 is none
+    z = step and abs(step)  # 0 if it is unknown
     if not others and per == "cm" and unit == _MICRON:
         return [x and x * 1e4, y and y * 1e4, z]
     if others or (per and unit not in ("", per)):
@@ -191,12 +191,12 @@ def ome_spacing(description: str, where: str) -> list[float | None]:
     """
     attributes = _pixels(description)
     found = {axis: _attribute(attributes, f"PhysicalSize{axis}") for axis in "XYZ"}
-    said = {
+    given = {
         axis: _number(text, f"PhysicalSize{axis}", where)
         for axis, text in found.items()
         if text and not text.strip("0123456789.eE+-")  # words mean that it is unknown
     }
-    sizes = {axis: size for axis, size in said.items() if size}  # of which 0 is none
+    sizes = {axis: size for axis, size in given.items() if size}  # 0 if it is unknown
     units = {axis: _unit(attributes, axis) for axis in sizes}
     first = next(iter(units.values()), "")
     if any(unit != first and not {unit, first} <= _METRES.keys() for unit in units.values()):

@@ -149,7 +149,7 @@ def test_infinite_slopes_are_refused(tmp_path, kind, place, code):
     for slope in (np.inf, -np.inf):
         data[place : place + int(code[2])] = np.array(slope, code).tobytes()
         (tmp_path / "a.nii").write_bytes(data)
-        with pytest.raises(InputError, match="scales its values by what is no finite number"):
+        with pytest.raises(InputError, match="scales its values by a number that is not finite"):
             read(tmp_path / "a.nii")
     data[place : place + int(code[2])] = np.array(np.nan, code).tobytes()
     (tmp_path / "a.nii").write_bytes(data)

@@ -110,6 +110,13 @@ def test_orbitals_are_components(tmp_path):
         read(tmp_path / "a.cube")
 
 
+@pytest.mark.filterwarnings("error")
+def test_numbers_beyond_float32_are_infinite(tmp_path):
+    (tmp_path / "a.cube").write_text(cube(np.full((3, 4, 5), 1e300)))
+    with pytest.raises(InputError, match="no voxel is finite"):
+        read(tmp_path / "a.cube")
+
+
 @pytest.mark.parametrize("num_lines", [1, 4, 6, 7, 12])
 def test_truncated_cube_files_are_refused(tmp_path, num_lines):
     lines = cube(np.zeros((3, 4, 5))).splitlines(keepends=True)
