@@ -11,7 +11,7 @@ from hsplat_cli.scenes import Job
 from hsplat_cli.terminal import counted, pluralize_range
 from renderer.errors import RenderError
 from renderer.film import Record
-from renderer.scene import TimeBudget, format_value, printable_text, schedule_to_dict, scheduled_value
+from renderer.scene import TimeBudget, format_value, schedule_to_dict, scheduled_value, short_text
 from renderer.study import FilmPlan
 from renderer.versions import package_versions, sources_digest
 
@@ -103,7 +103,7 @@ def rerender_notes(job: Job, driver: str) -> list[str]:
         notes.append(f"the original film did not meet what was requested: {goals}")
     before, now = original.tool_versions, package_versions() | {"GL": driver, "sources": sources_digest()}
     changed = [
-        f"{name} {now[name]}, which was {printable_text(before[name])}"
+        f"{name} {now[name]}, which was {short_text(before[name])}"
         for name in now
         if name in before and before[name] != now[name]
     ]

@@ -28,7 +28,7 @@ from renderer.readers.common import (
     select_index,
     unreadable_error,
 )
-from renderer.scene import ArraySource, RawSource, format_value, join_some, printable_text
+from renderer.scene import ArraySource, RawSource, format_value, join_some, short_text
 from renderer.volume import Array
 
 # The largest number of axes in any version of numpy; a volume has fewer. Its headers are no longer than this.
@@ -79,7 +79,7 @@ def read_npz(path: Path, time: int | None, component: int | None) -> Image:
             if not members:
                 raise InputError("this archive holds no array", where=where, expected="arrays saved by numpy.savez")
             if len(members) > 1 and component is None:
-                names = [printable_text(member.filename.removesuffix(".npy")) for member in members]
+                names = [short_text(member.filename.removesuffix(".npy")) for member in members]
                 raise InputError(
                     f"this archive holds {len(members)} arrays, and one is rendered",
                     where=where,
@@ -93,7 +93,7 @@ def read_npz(path: Path, time: int | None, component: int | None) -> Image:
         raise InputError(
             "this archive cannot be read",
             where=where,
-            got=printable_text(str(error)),
+            got=short_text(str(error)),
             expected="an archive saved by numpy.savez",
             hint="the file is truncated or damaged",
         ) from error

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError, closest_match
-from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, printable_text
+from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, short_text
 from renderer.volume import Array, Float64, MappedFile, iter_slabs
 
 # Larger volumes are refused, whatever their header says: a corrupt header must not exhaust the machine's memory.
@@ -245,5 +245,5 @@ def require_exists(path: Path) -> Path:
 def unreadable_error(path: Path, error: Exception) -> InputError:
     """Return the error of an operating system or a library as an InputError, on one line."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    shown = printable_text(" ".join(text.split())) or type(error).__name__
+    shown = short_text(" ".join(text.split())) or type(error).__name__
     return InputError("cannot read this file", where=str(path), got=shown)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from renderer.errors import InputError
 from renderer.readers.common import describe_count, describe_shape, require_exists
-from renderer.scene import printable_text
+from renderer.scene import short_text
 
 # Numbered data files: `slice%03d.raw 1 60 1`, first, last and step, of which MetaImage may leave out some. No other
 # conversion is accepted.
@@ -48,7 +48,7 @@ def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int
         raise InputError(
             "data files cannot be named in this way",
             where=str(header),
-            got=printable_text(name),
+            got=short_text(name),
             expected="one file, LIST, or a pattern with first number, last and step, such as slice%03d.raw 1 60 1",
             hint="write LIST, and below it the name of the file of each slice on its own line",
         )
@@ -78,8 +78,8 @@ def _data_file(header: Path, name: str) -> Path:
         raise InputError(
             "the data file that this header names is not there",
             where=str(header),
-            got=printable_text(name),
-            expected=f"a file {printable_text(str(file))}",
+            got=short_text(name),
+            expected=f"a file {short_text(str(file))}",
             hint="the two belong together: move or copy both",
         )
     return require_exists(file)

@@ -21,7 +21,7 @@ from renderer.readers.common import Image, affine, check_size, select_index
 from renderer.readers.dicom_frames import Frame, frames_of, open_dicom, pixels_of, text_of, unreadable_slice
 from renderer.readers.isolation import Host
 from renderer.readers.sniff import is_dicom
-from renderer.scene import join_some, printable_text
+from renderer.scene import join_some, short_text
 from renderer.volume import Float64
 
 # Frames may be off by this part of the spacing: positions have few digits, and gantries are not perfect. A missing
@@ -100,7 +100,7 @@ def _series_files(folder: Path) -> list[Path]:
         )
     if len(series) > 1:
         names = [
-            f'"{printable_text(descriptions[uid])}", {len(files)} file{"s" * (len(files) > 1)} from {files[0].name}'
+            f'"{short_text(descriptions[uid])}", {len(files)} file{"s" * (len(files) > 1)} from {files[0].name}'
             for uid, files in sorted(series.items())
         ]
         raise InputError(

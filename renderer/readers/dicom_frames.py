@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.scene import printable_text
+from renderer.scene import short_text
 from renderer.volume import Array, Float64
 
 # Fields by number, of which some kinds of images have their pixel spacing, down and across, in others than the first.
@@ -193,7 +193,7 @@ def _lengths(
     got = None
     if not pair:
         text = next((text for each in fields if (text := text_of(each, _IN_PLANE[0])) is not None), None)
-        got = "no PixelSpacing" if text is None else f"PixelSpacing = {printable_text(text)}"
+        got = "no PixelSpacing" if text is None else f"PixelSpacing = {short_text(text)}"
     elif len(offsets) == count:
         step = offsets[number]
     elif len(between) == 1 and between[0] > 0:

@@ -20,7 +20,7 @@ from renderer.readers.common import NO_SPACING, Image, affine, select_index
 from renderer.readers.data_files import find_data_files
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import MAX_HEADER_BYTES, Field, decode_header
-from renderer.scene import printable_text
+from renderer.scene import short_text
 from renderer.volume import Float64
 
 _TYPES = {
@@ -162,7 +162,7 @@ class Header:
             raise InputError(
                 "this MetaImage header has a field twice",
                 where=field.where,
-                got=f"{printable_text(field.name)}, as in {self.fields[field.name].where}",
+                got=f"{short_text(field.name)}, as in {self.fields[field.name].where}",
                 hint="remove one of the lines",
             )
         self.fields[field.name] = field

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Literal
 
 from renderer.errors import InputError
-from renderer.scene import join_some, printable_text
+from renderer.scene import join_some, short_text
 
 Format = Literal["nrrd", "metaimage", "nifti", "tiff", "npy", "npz", "vtk", "cube", "dicom"]
 
@@ -100,7 +100,7 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
         return path, own, None
     found = list(_search(path))
     if len(found) != 1:
-        names = [printable_text(str(each.relative_to(path))) for each in found]
+        names = [short_text(str(each.relative_to(path))) for each in found]
         raise InputError(
             f"this folder holds {len(found)} volumes, and one is rendered" if found else "this folder holds no volume",
             where=str(path),

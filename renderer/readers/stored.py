@@ -18,7 +18,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.common import bytes_of, check_size, describe_count, describe_shape, stays_mapped
-from renderer.scene import printable_text
+from renderer.scene import short_text
 from renderer.volume import Array
 
 # Files are read and decompressed in pieces of this many bytes. Those of deflate are smaller: behind each gzip member,
@@ -214,7 +214,7 @@ def _decoded(part: StoredVoxels, dtype: np.dtype[Any], enough: int) -> Iterator[
         raise InputError(
             "the text of the voxels is not numbers of their type" if is_text else "the compressed voxels are damaged",
             where=str(part.file),
-            got=printable_text(" ".join(str(error).split())),
+            got=short_text(" ".join(str(error).split())),
             hint="the header is wrong, or the file is damaged" if is_text else "copy or download the file again",
         ) from error
 

@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass
 
 from renderer.errors import InputError
-from renderer.scene import printable_text
+from renderer.scene import short_text
 
 # No header comes near this size, even with a file for each slice.
 MAX_HEADER_BYTES = 2**22
@@ -29,7 +29,7 @@ class Field:
         return InputError(
             "a field of this header does not have what belongs there",
             where=self.where,
-            got=f"{self.name}: {printable_text(self.text)}" if self.text else f"{self.name} without a value",
+            got=f"{self.name}: {short_text(self.text)}" if self.text else f"{self.name} without a value",
             expected=expected,
             hint=hint,
         )

@@ -17,7 +17,7 @@ import numpy as np
 from renderer.errors import InputError, require_package
 from renderer.readers.common import Image, affine, check_dtype, check_size, select_index
 from renderer.readers.isolation import Host
-from renderer.scene import join_some, printable_text
+from renderer.scene import join_some, short_text
 
 _MAX_PACKING = 1032  # of deflate
 
@@ -55,14 +55,14 @@ def read_vtk_image(
     check_dtype(stored.dtype, str(path))
     check_size(shape, stored.dtype, str(path))
     if array.GetNumberOfTuples() != int(np.prod(shape, dtype=object)):
-        raise _damaged(path, f"{array.GetNumberOfTuples()} values of {printable_text(array.GetName())}")
+        raise _damaged(path, f"{array.GetNumberOfTuples()} values of {short_text(array.GetName())}")
     values = host.allocate(shape[::-1], stored.dtype)
     values[...] = (stored if stored.ndim == 1 else stored[:, channel]).reshape(values.shape)
     return Image(values, _world_from_index(image, is_cells=is_cells))
 
 
 def _name(array: Any, component: int) -> str:
-    name = printable_text(array.GetName() or "an array without a name")
+    name = short_text(array.GetName() or "an array without a name")
     return name if array.GetNumberOfComponents() == 1 else f"{name}[{component}]"
 
 

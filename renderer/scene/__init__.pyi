@@ -47,7 +47,7 @@ from .message_text import (
     join_keys as join_keys,
     join_some as join_some,
     join_words as join_words,
-    printable_text as printable_text,
+    short_text as short_text,
 )
 from .output_section import (
     FRAME_FIELD as FRAME_FIELD,

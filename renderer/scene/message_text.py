@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from renderer.errors import closest_match
+from renderer.printable import printable
 
 _MAX_VALUE_LENGTH = 60
 _MAX_TEXT_LENGTH = 200  # a matrix with all its digits
@@ -45,15 +46,15 @@ def _scalar(value: object) -> str:
     return repr(value[:_MAX_VALUE_LENGTH] if isinstance(value, str) else value)
 
 
-def printable_text(value: object, max_length: int = _MAX_TEXT_LENGTH) -> str:
-    """Return text from anywhere unchanged if it is printable and short; else as `format_value` does."""
-    is_printable = isinstance(value, str) and value.isprintable() and len(value) <= max_length
-    return str(value) if is_printable else format_value(value)
+def short_text(value: object, max_length: int = _MAX_TEXT_LENGTH) -> str:
+    """Return printable text of at most `max_length` characters unchanged, and everything else as `format_value` does."""
+    is_short = isinstance(value, str) and printable(value) == value and len(value) <= max_length
+    return str(value) if is_short else format_value(value)
 
 
 def join_keys(path: str, key: object) -> str:
     """Return the dotted path of a mapping's key or a list's index below `path`."""
-    name = printable_text(key, _MAX_KEY_LENGTH)
+    name = short_text(key, _MAX_KEY_LENGTH)
     return f"{path}.{name}" if path else name
 
 

@@ -30,11 +30,11 @@ from renderer.scene import (
     format_value,
     integer_field,
     may_be_json,
-    printable_text,
     read_bounded,
     read_fields,
     section_field,
     sequence_field,
+    short_text,
     valid_keys,
 )
 
@@ -127,7 +127,7 @@ def _without(mapping: Mapping[str, Any], key: str) -> dict[str, Any]:
 
 def to_single_line(text: str) -> str:
     """Return any text, such as a file name, as one printable line of limited length."""
-    return printable_text(text) or format_value(text)
+    return short_text(text) or format_value(text)
 
 
 def describe_changes(before: Mapping[str, Any], now: Mapping[str, Any], *parts: str) -> str:
