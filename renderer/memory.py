@@ -17,15 +17,21 @@ _FILES = {
 
 def free_bytes() -> float:
     """Return the memory that can be had without swapping and without being killed; infinite where nobody knows."""
-    return min(_machine_free_bytes(), *map(_group_free_bytes, control_groups("memory")))
+    return min(_read_meminfo("MemAvailable", math.inf), *map(_group_free_bytes, control_groups("memory")))
 
 
-def _machine_free_bytes() -> float:
+def free_swap_bytes() -> float:
+    """Return the free swap space of the machine; 0 where nobody knows."""
+    return _read_meminfo("SwapFree", 0)
+
+
+def _read_meminfo(name: str, otherwise: float) -> float:
+    """Return a number of /proc/meminfo in bytes; `otherwise` where it is missing."""
     try:
         text = _MEMINFO.read_text(encoding="ascii")
-        return int(text.partition("MemAvailable:")[2].split()[0]) * 1024
+        return int(text.partition(f"{name}:")[2].split()[0]) * 1024
     except (OSError, ValueError, IndexError):
-        return math.inf
+        return otherwise
 
 
 def _group_free_bytes(group: Path) -> float:

@@ -22,6 +22,7 @@ from renderer.readers.common import (
     affine,
     bytes_of,
     check_dtype,
+    check_memory,
     check_size,
     describe_shape,
     require_exists,
@@ -105,6 +106,7 @@ def _unpacked(file: IO[bytes], member: zipfile.ZipInfo, path: Path) -> Array:
     header = _npy_header(file, path)
     num_packed = min(member.compress_size, path.stat().st_size)
     _check_npy_size(min(member.file_size, _MAX_PACKING * num_packed) - file.tell(), header, str(path))
+    check_memory(math.prod(header.shape) * header.dtype.itemsize, str(path))
     values = np.empty(math.prod(header.shape), header.dtype)
     target, num_read = bytes_of(values), 0
     while num_read < len(target) and (piece := file.read(min(_PIECE, len(target) - num_read))):

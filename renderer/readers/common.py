@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError, closest_match
+from renderer.memory import free_bytes, free_swap_bytes
 from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, short_text
 from renderer.volume import Array, Float64, MappedFile, iter_slabs
 
@@ -200,6 +201,18 @@ def check_size(shape_xyz: tuple[int, ...], dtype: npt.DTypeLike, where: str) -> 
             hint="if the file is smaller than that, its header is wrong",
         )
     return num_bytes
+
+
+def check_memory(num_bytes: int, where: str) -> None:
+    """Raise InputError unless decoded voxels of this size fit into memory and swap space."""
+    if num_bytes > free_bytes() + free_swap_bytes():
+        raise InputError(
+            "the voxels of this file do not fit into memory",
+            where=where,
+            got=f"{num_bytes / 2**30:.1f} GiB",
+            expected=f"at most the {free_bytes() / 2**30:.1f} GiB that are free",
+            hint="store them without compression, as NRRD or MetaImage: then they stay in their file",
+        )
 
 
 def select_index(key: str, wanted: int | None, count: int, where: str) -> int:

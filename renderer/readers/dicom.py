@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, affine, check_size, select_index
+from renderer.readers.common import Image, affine, check_memory, check_size, select_index
 from renderer.readers.dicom_frames import Frame, frames_of, open_dicom, pixels_of, text_of, unreadable_slice
 from renderer.readers.isolation import Host
 from renderer.readers.sniff import is_dicom
@@ -58,7 +58,7 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
     step = first.normal * first.thickness if len(frames) == 1 else _even_step(frames, path)
     channel = select_index("component", component, first.num_samples, str(path))
     dtype = np.result_type(*(frame.dtype for frame in frames))  # the rescale slope may differ from frame to frame
-    check_size((*first.size, len(frames)), dtype, str(path))
+    check_memory(check_size((*first.size, len(frames)), dtype, str(path)), str(path))
     values = host.allocate((len(frames), *first.size[::-1]), dtype)
     opened, pixels = None, None
     for target, frame in zip(values, frames, strict=True):

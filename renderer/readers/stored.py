@@ -17,7 +17,7 @@ from typing import IO, Any, Literal
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import bytes_of, check_size, describe_count, describe_shape, stays_mapped
+from renderer.readers.common import bytes_of, check_memory, check_size, describe_count, describe_shape, stays_mapped
 from renderer.scene import short_text
 from renderer.volume import Array
 
@@ -91,6 +91,7 @@ def read_stored(layout: Layout, index: tuple[int | slice, ...], where: str) -> A
         if not isinstance(item, int):
             break
         first, num_chosen = first * length + item, num_chosen + 1
+    check_memory(num_bytes // math.prod(layout.shape[:num_chosen]), where)
     values = np.empty(layout.shape[num_chosen:], layout.dtype)
     begin = first * values.nbytes
     for part in layout.parts:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import Image, affine, check_size, require_exists, select_index
+from renderer.readers.common import Image, affine, check_memory, check_size, require_exists, select_index
 from renderer.readers.isolation import Host
 from renderer.readers.slice_names import sort_slices
 from renderer.readers.sniff import TIFF_SUFFIXES
@@ -75,7 +75,7 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
         sample = select_index("component", None if has_channels else component, first.samplesperpixel, where)
         order = ome_page_order(description, axes, counts, where) if is_ome(description) else range(num_planes)
         numbers = np.moveaxis(np.reshape(order, counts), [axes.index("T"), axes.index("C")], [0, 1])[step, channel]
-        check_size((first.imagewidth, first.imagelength, len(numbers)), _dtype(first), where)
+        check_memory(check_size((first.imagewidth, first.imagelength, len(numbers)), _dtype(first), where), where)
         values = host.allocate((len(numbers), first.imagelength, first.imagewidth), _dtype(first))
         for target, number in zip(values, numbers, strict=True):
             if num_planes > len(slices):
@@ -118,7 +118,7 @@ def _read_folder(folder: Path, component: int | None, *, has_spacing_override: b
                 )
             plane = _plane(page, select_index("component", component, page.samplesperpixel, where), file)
             if values is None:  # allocated only after one slice has been read
-                check_size((*plane.shape[::-1], len(files)), plane.dtype, str(folder))
+                check_memory(check_size((*plane.shape[::-1], len(files)), plane.dtype, str(folder)), str(folder))
                 values = host.allocate((len(files), *plane.shape), _dtype(page))
                 world_from_index = _world_from_index(page, where, has_spacing_override)
             values[index] = plane

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import Image, affine, check_dtype, check_size, select_index
+from renderer.readers.common import Image, affine, check_dtype, check_memory, check_size, select_index
 from renderer.readers.isolation import Host
 from renderer.scene import join_some, short_text
 
@@ -53,7 +53,7 @@ def read_vtk_image(
 
     stored = vtk_to_numpy(array)
     check_dtype(stored.dtype, str(path))
-    check_size(shape, stored.dtype, str(path))
+    check_memory(check_size(shape, stored.dtype, str(path)), str(path))
     if array.GetNumberOfTuples() != int(np.prod(shape, dtype=object)):
         raise _damaged(path, f"{array.GetNumberOfTuples()} values of {short_text(array.GetName())}")
     values = host.allocate(shape[::-1], stored.dtype)

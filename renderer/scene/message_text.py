@@ -47,7 +47,7 @@ def _scalar(value: object) -> str:
 
 
 def short_text(value: object, max_length: int = _MAX_TEXT_LENGTH) -> str:
-    """Return printable text of at most `max_length` characters unchanged, and everything else as `format_value` does."""
+    """Return printable text of at most `max_length` characters unchanged; else as `format_value` does."""
     is_short = isinstance(value, str) and printable(value) == value and len(value) <= max_length
     return str(value) if is_short else format_value(value)
 

@@ -56,15 +56,17 @@ def test_control_groups_limit_the_memory(
         (tmp_path / group).mkdir(parents=True, exist_ok=True)
         for name, content in files.items():
             (tmp_path / group / name).write_text(f"{content}\n")
-    (tmp_path / "meminfo").write_text(f"MemTotal: {9 * 2**20} kB\nMemAvailable: {8 * 2**20} kB\n")
+    (tmp_path / "meminfo").write_text(f"MemTotal: {9 * 2**20} kB\nMemAvailable: {8 * 2**20} kB\nSwapFree: 7 kB\n")
     monkeypatch.setattr(memory, "_MEMINFO", tmp_path / "meminfo")
     if own is not None:
         (tmp_path / "own").write_text(own)
     monkeypatch.setattr(memory, "control_groups", lambda name: control_groups(name, tmp_path, tmp_path / "own"))
     assert memory.free_bytes() == free * GIB
+    assert memory.free_swap_bytes() == 7 * 1024
 
 
 def test_a_system_without_either_has_no_known_bound(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(memory, "_MEMINFO", tmp_path / "absent")
     monkeypatch.setattr(memory, "control_groups", lambda name: control_groups(name, tmp_path, tmp_path / "absent"))
     assert memory.free_bytes() == math.inf
+    assert memory.free_swap_bytes() == 0

@@ -10,11 +10,12 @@ import pytest
 from hypothesis import given, strategies as st
 
 from renderer.errors import InputError
-from renderer.readers import read_volume
+from renderer.readers import common, read_volume
 from renderer.readers.common import Image
 from renderer.readers.read import crop_image
 from renderer.scene import ProceduralSource, RawSource, VolumeSpec
 from renderer.volume import Volume, make_volume
+from tests.support.dicom_files import image_fields, save
 from tests.support.volume_files import ramp, read, write_image, write_volume
 
 INTEGERS = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
@@ -293,3 +294,21 @@ def test_procedural_volumes_are_cropped_and_have_one_time_step():
     np.testing.assert_array_equal(volume.world_from_index[:3, 3], [3, 3, 3])
     with pytest.raises(InputError, match="there is no such time step"):
         read_volume(dataclasses.replace(spec, time=1))
+
+
+@pytest.mark.parametrize("name", ["a.nrrd", "a.mha", "a.nii", "a.tif", "a.npz", "a.dcm"])
+def test_voxels_that_do_not_fit_into_memory_are_refused(tmp_path, monkeypatch, one_process, name):
+    values, path = ramp("int16"), tmp_path / name
+    if name == "a.npz":
+        np.savez_compressed(path, values)
+    elif name == "a.dcm":
+        save(path, image_fields(values, PixelSpacing=["1", "1"], SpacingBetweenSlices="1"))
+    else:
+        write_image(path, values)
+    monkeypatch.setattr(common, "free_bytes", lambda: 100)
+    monkeypatch.setattr(common, "free_swap_bytes", lambda: values.nbytes - 100)
+    assert read(path).values.size == values.size
+    monkeypatch.setattr(common, "free_swap_bytes", lambda: values.nbytes - 101)
+    with pytest.raises(InputError, match="the voxels of this file do not fit into memory") as error:
+        read(path)
+    assert error.value.where == str(path)
