@@ -28,9 +28,12 @@ from renderer.readers.common import Image, check_dtype, check_size
 from renderer.volume import Array
 
 # The limits of a child: memory, to which voxels and files add, as libraries hold what they have read, what they have
-# decoded, and copies of both; and processor time, to which their bytes and the number of files add.
+# decoded, and copies of both; and processor time, to which voxels, the number of files and what they take on the disk
+# add. The slowest parser, of text in VTK, reads 32 MiB in a second.
 _MEMORY_BYTES, _NUM_COPIES = 1 << 30, 4
-_SECONDS, _BYTES_PER_SECOND, _FILES_PER_SECOND = 10, 1 << 20, 10
+_SECONDS, _BYTES_PER_SECOND, _PARSED_BYTES_PER_SECOND, _FILES_PER_SECOND = 10, 1 << 20, 8 << 20, 10
+
+_BLOCK_BYTES = 512  # of st_blocks, whatever the disk has
 
 _MAX_ANSWER_BYTES = 1 << 24
 _ERROR_FIELDS = ("what", "where", "got", "expected", "hint")
@@ -56,9 +59,11 @@ def read_isolated(reader: str, path: Path, **arguments: Any) -> Image:
     Raises InputError as the function does, and where it fails in any other way; RenderError where no child can run.
     """
     files = [entry for entry in os.scandir(path) if entry.is_file()] if path.is_dir() else [path]
-    sizes = [file.stat().st_size for file in files]
-    seconds = _SECONDS + len(sizes) // _FILES_PER_SECOND + sum(sizes) // _BYTES_PER_SECOND
-    limits = {"memory": _MEMORY_BYTES + _NUM_COPIES * max(sizes, default=0), "seconds": seconds}
+    stats = [file.stat() for file in files]
+    num_bytes = sum(min(stat.st_size, _BLOCK_BYTES * stat.st_blocks) for stat in stats)  # a sparse file may be empty
+    seconds = _SECONDS + len(stats) // _FILES_PER_SECOND + num_bytes // _PARSED_BYTES_PER_SECOND
+    memory = _MEMORY_BYTES + _NUM_COPIES * max((stat.st_size for stat in stats), default=0)
+    limits = {"memory": memory, "seconds": seconds}
     request = json.dumps({"reader": reader, "path": str(path), "arguments": arguments, "limits": limits})
     with ChildProcesses() as children, open_anonymous_file() as voxels:
         receiver, sender = os.pipe()

@@ -150,8 +150,15 @@ def test_nothing_is_printed(capfd: pytest.CaptureFixture[str]) -> None:
 
 def test_large_files_have_time_to_be_parsed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("renderer.readers.isolation._SECONDS", 2)
-    os.truncate("scan.x", 4 << 20)
+    Path("scan.x").write_bytes(bytes(32 << 20))
     assert read("use_the_processor").values.shape == (3, 4, 5)
+
+
+def test_sparse_files_have_no_more_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("renderer.readers.isolation._SECONDS", 2)
+    os.truncate("scan.x", 32 << 20)
+    with pytest.raises(InputError, match="ended the process"):
+        read("use_the_processor")
 
 
 @pytest.mark.parametrize("executable", ["", None, "/no/python"])
