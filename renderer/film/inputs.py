@@ -69,11 +69,19 @@ def volume_files(volume: VolumeSpec) -> Iterator[Path]:
 
 def _slices(folder: Path) -> Iterator[Path]:
     """Yield the slices directly in a folder; a film may lie among them."""
-    from renderer.readers import TIFF_SUFFIXES, is_dicom
+    from renderer.readers import TIFF_SUFFIXES
 
     entries = list(folder_files(folder))
     tiffs = [entry for entry in entries if entry.suffix.lower() in TIFF_SUFFIXES]
-    yield from tiffs or filter(is_dicom, entries)
+    yield from tiffs or filter(_may_be_dicom, entries)
+
+
+def _may_be_dicom(path: Path) -> bool:
+    from renderer.readers import is_dicom
+
+    with contextlib.suppress(InputError, OSError):
+        return is_dicom(path)
+    return True  # it cannot be read, which its reader reports
 
 
 def _files_of_volume_inside(folder: Path) -> Iterator[Path]:

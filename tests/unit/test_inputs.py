@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -88,5 +89,8 @@ def test_slices_of_folders() -> None:
     for name, start in films.items():
         Path("slices", name).write_bytes(start)
     assert names_of("slices") == ["I0001", "frame.png", "old", "slices"]
+    if sys.platform == "linux":  # what cannot be read may be one
+        Path("slices/unreadable").symlink_to("/proc/self/mem")
+        assert "mem" in names_of("slices")
     Path("slices/a.TIF").touch()
     assert names_of("slices") == ["a.TIF", "slices"]
