@@ -76,7 +76,7 @@ def draw(
 
 
 def worker_pids(client: Client) -> list[int]:
-    return list(client.run(os.getpid).values())
+    return list(client.run(os.getpid, on_error="ignore").values())  # some may be dying
 
 
 def test_the_same_bytes_and_nothing_left(client: Client, stage: Stage, expected: list[bytes]) -> None:

@@ -92,6 +92,7 @@ def test_in_the_middle(
 def test_the_process_from_outside(folder: Path, name: str) -> None:
     """As a batch system does it, as soon as there is something to clean up."""
     command = [sys.executable, "-m", "hsplat_cli", "render", "scene.yaml", "--output", f"out/{name}"]
+    command += ["--set", "camera.path.frames=5000"]  # not finished before the signal, however busy the machine is
     environment = os.environ | {"PYTHONPATH": str(CODE)}
     with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as process:
         while process.poll() is None and not any((folder / "out").iterdir()):

@@ -80,7 +80,7 @@ def test_several_series_are_listed(tmp_path):
 def test_many_series_are_listed_in_part(tmp_path):
     for k in range(20):
         write_slice(
-            tmp_path / f"{k:02}.dcm", np.zeros((6, 5)), NORMAL, uid=f"1.2.3.{k:02}", name=f"a scan of a head {k}"
+            tmp_path / f"{k:02}.dcm", np.zeros((6, 5)), NORMAL, uid=f"1.2.3.{100 + k}", name=f"a scan of a head {k}"
         )
     with pytest.raises(InputError, match="this folder holds 20 DICOM series, and one is rendered") as error:
         read(tmp_path)
