@@ -5,9 +5,10 @@ to the same bytes as by the command `hsplat render`. `docs/api.md` has all of it
 
 - `api.py`: the functions of this door. `errors.py`: every error that a user sees. `printable.py`: text
   from outside, as it is shown.
-- `jit.py` compiles loops and caches them; `threads.py`: a pool of threads for them; `cores.py`: how many processors
-  this process may use; `memory.py`: how much memory is left for it. `runs.py`: consecutive numbers as ranges.
-  `versions.py`: versions of what made an output. `child_processes.py`: processes that end with this one.
+- `jit.py` compiles loops and caches them; `lanes.py`: vectors in them; `threads.py`: a pool of threads for them;
+  `cores.py`: how many processors this process may use; `memory.py`: how much memory is left for it. `runs.py`:
+  consecutive numbers as ranges. `versions.py`: versions of what made an output. `child_processes.py`: processes that
+  end with this one.
 """
 
 import lazy_loader

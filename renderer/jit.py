@@ -23,6 +23,8 @@ from llvmlite import ir
 from numba.core import caching, cgutils, types
 from numba.extending import intrinsic
 
+from renderer.lanes import Lanes, lanes_among, multiply_add
+
 Function = TypeVar("Function", bound=Callable[..., object])
 
 _config: Any = numba.config  # its attributes are defined at run time
@@ -120,6 +122,11 @@ def jit(function: Function) -> Function:
     return cast(Function, compiled)
 
 
+def inline(function: Function) -> Function:
+    """Compile a function into those that call it. Their arguments, lanes or arrays, are then passed without a cost."""
+    return cast(Function, numba.njit(nogil=True, error_model="numpy", forceinline=True)(function))
+
+
 @contextlib.contextmanager
 def _numba_cache_folder(folder: Path) -> Iterator[None]:
     """Set the folder in which numba caches functions that are declared in the block; other code keeps its own."""
@@ -135,9 +142,12 @@ def _numba_cache_folder(folder: Path) -> Iterator[None]:
 @intrinsic
 def _fma(_: Any, x: Any, y: Any, z: Any) -> Any:
     """Call LLVM's instruction; a processor without it computes the same result step by step."""
-    if not (x == y == z and isinstance(x, types.Float)):
+    kind = lanes_among((x, y, z)) or x
+    if not (isinstance(kind, Lanes) or (x == y == z and isinstance(x, types.Float))):
         return None
-    return x(x, x, x), lambda _context, builder, _signature, arguments: builder.fma(*arguments)
+    return kind(kind, kind, kind), lambda _context, builder, _signature, arguments: multiply_add(
+        builder, kind, arguments
+    )
 
 
 # x * y + z, rounded once; in compiled loops only.

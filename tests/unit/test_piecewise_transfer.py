@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from brick_reference import _classified
@@ -9,6 +11,9 @@ from brickwork import batch_of, bricks_of, level_cut
 from number_types import random_ranges
 
 from renderer.bricks import PADDED_BRICK_SIZE, Bricks, scalar_texels
+from renderer.draw.cpu.sample import Table, classify, make_table
+from renderer.jit import jit
+from renderer.lanes import NUM_LANES, load, store
 from renderer.transfer import GUIDE_SIZE, PiecewiseTransfer, TransferFunction, make_piecewise_transfer
 from renderer.volume import Float64, make_volume
 
@@ -89,3 +94,41 @@ def test_segments_are_finite(last: float) -> None:
     assert np.isfinite(pieces.rows[:-1]).all() and np.isfinite(pieces.rows[-1, 1:]).all()
     assert pieces.rows[:, 0][-1] == np.inf
     np.testing.assert_allclose(at(pieces, np.array([0.25, 0.5, 2 / 3])), [1, 0, 3], atol=0.2)
+
+
+@jit
+def _classify_all(table: Table, scalars: Any, tau: Any) -> None:
+    for first in range(0, len(scalars), NUM_LANES):
+        store(tau, first, classify(table, load(scalars, first, NUM_LANES))[0])
+
+
+def test_lanes_find_the_segment() -> None:
+    """Few segments are looked up in registers, and many in memory; the results are the same bits."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        transfer = random_transfer(rng, -3.0, 5.0, 1 + seed)
+        pieces = make_piecewise_transfer(transfer.curve(), 0.0, 2.0)
+        u = np.concatenate([rng.uniform(-1, 2, 512 - len(pieces.rows)), pieces.rows[:-1, 0], [np.nan]])
+        u = u.astype(np.float32)
+        table, by_columns, by_rows = make_table(pieces), np.empty_like(u), np.empty_like(u)
+        _classify_all(table, u, by_columns)
+        _classify_all(table._replace(columns=np.empty((10, 0), np.float32)), u, by_rows)
+        assert by_columns.tobytes() == by_rows.tobytes()
+        is_inside = u >= 0
+        np.testing.assert_allclose(by_rows[is_inside], at(pieces, u[is_inside]), atol=1e-6 * (1 + steepest(pieces)))
+
+
+def test_nothing_is_visible_below_the_lowest_visible_scalar() -> None:
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        transfer = random_transfer(rng, -3.0, 5.0, 8)
+        extinctions = transfer.extinctions * (rng.random(8) < rng.random())
+        transfer = TransferFunction(transfer.values, transfer.colors, extinctions, 1.0)
+        table = make_table(make_piecewise_transfer(transfer.curve(), 0.0, 2.0))
+        scalars = np.sort(rng.uniform(-1, 2, 64)).astype(np.float32)
+        tau = np.empty_like(scalars)
+        _classify_all(table, scalars, tau)
+        assert not (tau[scalars < table.lowest_visible] > 0).any()
+        num_invisible = int(np.argmax(tau > 0)) if (tau > 0).any() else len(tau)
+        num_skipped = np.count_nonzero(scalars < table.lowest_visible)
+        assert num_skipped == num_invisible or table.lowest_visible == -np.inf

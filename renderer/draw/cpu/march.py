@@ -1,4 +1,7 @@
-"""March rays through bricks, compiled: a pixel grid, tile by tile, brick by brick, pixel by pixel.
+"""March rays through bricks, compiled: a pixel grid, tile by tile, brick by brick, NUM_LANES pixels in step.
+
+    rays of a tile -> their spans inside a brick, sorted by numbers of samples -> marched in step
+    -> composited under the pixels of the tile
 
 The pixels of a tile stay in the processor's cache while all bricks over it are drawn, front to back. No two threads
 write to one pixel, so that images do not depend on the number of threads. Rays, and where they meet bricks, are
@@ -9,7 +12,7 @@ rounds once: the result is the same bytes on every machine.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,40 +20,57 @@ import numpy.typing as npt
 from renderer.bricks import DITHER, HALO, JITTER_PER_PX, PADDED_BRICK_SIZE
 from renderer.draw.constants import MAX_SAMPLE_CELL, MAX_SAMPLES, MIN_SAMPLE_CELL
 from renderer.draw.cpu.sample import (
-    PIECE_FLOATS,
-    TEXELS_PER_BRICK,
     Field,
-    Float3,
     Float32,
-    Int32,
     Optics,
-    bucket,
+    Table,
     cell_at,
-    evaluate_piece,
+    classify,
     light_factor,
     opacity_of_depth,
+    sample_gradient,
     sample_rgba,
     sample_scalar,
 )
-from renderer.jit import fma, jit, prefetch
+from renderer.jit import fma, inline, jit, prefetch
+from renderer.lanes import (
+    NUM_LANES,
+    any_of,
+    append,
+    append_rows,
+    lane_numbers,
+    load,
+    load_rows,
+    store,
+    store_rows,
+    to_float32,
+    to_float64,
+    to_int32,
+    where,
+)
 from renderer.view import RaySetup
 
 Float64 = npt.NDArray[np.float64]
+Int32 = npt.NDArray[np.int32]
 Int64 = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 Vector = tuple[float, float, float]
-Ray = tuple[float, ...]
 Window = tuple[int, int, int, int]  # left, top, right and bottom, half-open
 
-# `1 / n` is read from a table.
-_RECIPROCALS = np.concatenate([[1.0], 1 / np.arange(1, MAX_SAMPLES + 1)])
 # From cells of a brick to the index of the texel at or below.
 _TEXEL_OFFSET = HALO - 0.5
 _MIN_TEXEL, _MAX_TEXEL = MIN_SAMPLE_CELL + _TEXEL_OFFSET, MAX_SAMPLE_CELL + _TEXEL_OFFSET
 _CACHE_LINE_BYTES = 64
+# The lanes of float64 in which rays are clipped.
+_CLIPPED = 8
 # A ray as `_set_up_rays` writes it: origin [3]; direction [3]; its inverse [3], 0 where the direction is 0; the length
 # of the direction, dithered; 1/2 plus the jitter; length per depth, in model units.
 _ORIGIN, _DIRECTION, _INVERSE, _LENGTH, _ROUNDING_OFFSET, _LENGTH_PER_DEPTH, _RAY_FLOATS = 0, 3, 6, 9, 10, 11, 12
+# A span, the part of a ray inside a brick, as `_clip_rays` writes it: the first sample [3], in texels of the brick; the
+# step to the next one [3]; the length of a segment, in model units; the number of the last sample.
+_SPAN_FLOATS = 8
+_LAST = 7
+_NOT_DRAWN = np.float32(2.0)  # an alpha at which every ray has ended
 
 _0: np.float32 = np.float32(0.0)
 _1: np.float32 = np.float32(1.0)
@@ -80,6 +100,33 @@ class _Brick(NamedTuple):
     samples_per_length: float
     start: float
     texel_offset: int
+
+
+class _Tile(NamedTuple):
+    """The rays of a tile's pixels, row by row; rows are `side` pixels apart.
+
+    room: pixels of a tile, and those that are loaded behind the last one.
+    rays: float64 [_RAY_FLOATS * room], one number of all rays after the other. alphas: float32 [room], what is before
+    the next brick; _NOT_DRAWN where no ray is. places: int64 [room], of pixels in the image.
+    """
+
+    side: int
+    room: int
+    rays: Float64
+    alphas: Float32
+    places: Int64
+
+
+class _Spans(NamedTuple):
+    """The parts of rays inside a brick. rows: float32 [room * _SPAN_FLOATS]. pixels: int32 [room], of the tile.
+
+    order: int32 [room], the numbers of spans, those with few samples first. starts: int64, for sorting.
+    """
+
+    rows: Float32
+    pixels: Int32
+    order: Int32
+    starts: Int64
 
 
 @jit
@@ -127,21 +174,26 @@ def draw_tiles(
 
     Numba checks no array index. These keep them valid: rectangles are clipped to the grid, and windows to the tile;
     samples are clamped to the brick (`_clamp_to_brick`), and float32 rounds the last one by less than a quarter of a
-    texel; scalars are finite, so that the search ends at the last piece.
+    texel; scalars are finite, so that the search ends at the last piece; lanes without a ray have a span of zeros or of
+    another brick, whose texels are at the same places.
     """
     num_rows, num_columns = is_drawn.shape
     side, rectangles, starts, numbers = bins.side, bins.rectangles, bins.starts, bins.numbers
-    optics, scalars, means, pieces, guide = field.optics, field.scalars, field.means, field.pieces, field.guide
     tiles_in_row = -(-num_columns // side)
-    pixel_rays = np.empty((side * side, _RAY_FLOATS))
-    scalar_address, mean_address = scalars.ctypes.data, means.ctypes.data
-    for tile in tiles:
-        top, left = tile // tiles_in_row * side, tile % tiles_in_row * side
+    room = side * side + max(NUM_LANES, _CLIPPED)
+    tile = _Tile(side, room, np.zeros(_RAY_FLOATS * room), np.empty(room, np.float32), np.empty(room, np.int64))
+    spans = _Spans(
+        np.zeros(_SPAN_FLOATS * room, np.float32), np.empty(room, np.int32), np.zeros(room, np.int32),
+        np.empty(MAX_SAMPLES + 1, np.int64),
+    )  # fmt: skip
+    colors, pixels = np.empty(4 * NUM_LANES, np.float32), image.reshape(-1)
+    scalar_address, mean_address = field.scalars.ctypes.data, field.means.ctypes.data
+    for tile_number in tiles:
+        top, left = tile_number // tiles_in_row * side, tile_number % tiles_in_row * side
         bottom, right = min(top + side, num_rows), min(left + side, num_columns)
-        frame = left, top, right, bottom
-        _set_up_rays(rays, stride, frame, is_drawn, pixel_rays)
-        for k in range(starts[tile], starts[tile + 1]):
-            if stride > 1 and k + 1 < starts[tile + 1]:
+        _set_up_rays(rays, stride, (left, top, right, bottom), is_drawn, image, tile)
+        for k in range(starts[tile_number], starts[tile_number + 1]):
+            if stride > 1 and k + 1 < starts[tile_number + 1]:
                 following = numbers[k + 1]
                 brick = _brick_at(boxes, texel_offsets, following, rays.start)
                 if is_mean[following]:
@@ -150,14 +202,19 @@ def draw_tiles(
                     _prefetch_brick(brick, scalar_address, 4)
             number = numbers[k]
             window = (
-                max(left, rectangles[number, 0]), max(top, rectangles[number, 1]),
-                min(right, rectangles[number, 2]), min(bottom, rectangles[number, 3]),
+                max(left, rectangles[number, 0]) - left, max(top, rectangles[number, 1]) - top,
+                min(right, rectangles[number, 2]) - left, min(bottom, rectangles[number, 3]) - top,
             )  # fmt: skip
             brick = _brick_at(boxes, texel_offsets, number, rays.start)
-            if is_mean[number]:
-                _draw_brick(brick, window, frame, optics, means, None, guide, pixel_rays, is_drawn, image)
-            else:
-                _draw_brick(brick, window, frame, optics, scalars, pieces, guide, pixel_rays, is_drawn, image)
+            num = _clip_rays(brick, window, field.optics.termination_alpha, tile, spans)
+            if num > 0:
+                _sort(spans, num)
+                if is_mean[number]:
+                    texels = field.means[brick.texel_offset :]
+                    _march(texels, None, field.optics, spans, num, tile, colors, pixels)
+                else:
+                    texels = field.scalars[brick.texel_offset :]
+                    _march(texels, field.table, field.optics, spans, num, tile, colors, pixels)
 
 
 @jit
@@ -186,35 +243,43 @@ def _texel_range(low: float, high: float, corner: float, scale: float) -> tuple[
 
 
 @jit
-def _set_up_rays(rays: RaySetup, stride: int, tile: Window, is_drawn: Bools, pixel_rays: Float64) -> None:
-    """Write the rays of a tile, row by row: float64 [pixels, _RAY_FLOATS]."""
-    left, top, right, bottom = tile
-    origins, directions, slope_per_px, center_px = rays.origins, rays.directions, rays.slope_per_px, rays.center_px
-    number = 0
+def _set_up_rays(rays: RaySetup, stride: int, window: Window, is_drawn: Bools, image: Float32, tile: _Tile) -> None:
+    """Set up the rays of the pixels in a window, and what is in the image there."""
+    left, top, right, bottom = window
+    origins, directions = rays.origins, rays.directions
     for row in range(top, bottom):
-        for column in range(left, right):
-            if is_drawn[row, column]:
-                x = column * stride + 0.5 - center_px[0]
-                y = row * stride + 0.5 - center_px[1]
-                square = 0.0
-                for axis in range(3):
-                    speed = directions[axis, 0] + directions[axis, 1] * x + directions[axis, 2] * y
-                    pixel_rays[number, _ORIGIN + axis] = origins[axis, 0] + origins[axis, 1] * x + origins[axis, 2] * y
-                    pixel_rays[number, _DIRECTION + axis] = speed
-                    pixel_rays[number, _INVERSE + axis] = 1 / speed if speed != 0.0 else 0.0
-                    square += speed * speed
-                jitter = _jitter(column * stride, row * stride)
-                pixel_rays[number, _LENGTH] = math.sqrt(square) * (1 + DITHER * (jitter - 0.5))
-                pixel_rays[number, _ROUNDING_OFFSET] = 0.5 + jitter
-                pixel_rays[number, _LENGTH_PER_DEPTH] = math.sqrt(1 + slope_per_px**2 * (x * x + y * y))
-            number += 1
+        y = row * stride + 0.5 - rays.center_px[1]
+        for first in range(left, right, _CLIPPED):
+            begin = (row - top) * tile.side + first - left
+            column = lane_numbers(_CLIPPED) + np.int32(first)
+            x = to_float64(column * np.int32(stride)) + 0.5 - rays.center_px[0]
+            square = 0.0
+            for axis in range(3):
+                speed = directions[axis, 0] + directions[axis, 1] * x + directions[axis, 2] * y
+                store(
+                    tile.rays,
+                    begin + (_ORIGIN + axis) * tile.room,
+                    origins[axis, 0] + origins[axis, 1] * x + origins[axis, 2] * y,
+                )
+                store(tile.rays, begin + (_DIRECTION + axis) * tile.room, speed)
+                store(tile.rays, begin + (_INVERSE + axis) * tile.room, where(speed == 0.0, 0.0, 1.0 / speed))
+                square += speed * speed
+            jitter = _jitter(column * np.int32(stride), np.int32(row * stride))
+            store(tile.rays, begin + _LENGTH * tile.room, np.sqrt(square) * (1.0 + DITHER * (jitter - 0.5)))
+            store(tile.rays, begin + _ROUNDING_OFFSET * tile.room, 0.5 + jitter)
+            square = rays.slope_per_px**2 * (x * x + y * y)
+            store(tile.rays, begin + _LENGTH_PER_DEPTH * tile.room, np.sqrt(1.0 + square))
+            for place in range(first, min(first + _CLIPPED, right)):
+                pixel = begin + place - first
+                tile.places[pixel] = 4 * (row * image.shape[1] + place)
+                tile.alphas[pixel] = image[row, place, 3] if is_drawn[row, place] else _NOT_DRAWN
 
 
-@jit
-def _jitter(column: int, row: int) -> float:
-    """Return the jitter of a pixel, from 0 to 1, as in `renderer.bricks.sampling`."""
-    whole = (column * JITTER_PER_PX[0] + row * JITTER_PER_PX[1]) & 0xFFFFFFFF
-    return (whole >> 8) / 16777216.0
+@inline
+def _jitter(column: Any, row: Any) -> Any:
+    """Return the jitter of pixels, from 0 to 1, as in `renderer.bricks.sampling`."""
+    whole = column * np.int32(JITTER_PER_PX[0]) + row * np.int32(JITTER_PER_PX[1])
+    return to_float64(whole >> np.int32(8) & np.int32(0xFFFFFF)) / 16777216.0
 
 
 @jit
@@ -231,53 +296,68 @@ def _brick_at(boxes: Float64, texel_offsets: Int64, number: int, start: float) -
 
 
 @jit
-def _ray_at(rays: Float64, k: int) -> Ray:
-    """Return ray k as a tuple: loads that do not wait for the branches on it save 4 % of a frame."""
+def _clip_rays(brick: _Brick, window: Window, termination_alpha: np.float32, tile: _Tile, spans: _Spans) -> int:
+    """Write the spans of rays inside a brick, and return their number. window: in pixels of the tile."""
+    left, top, right, bottom = window
+    low, high, corner, scale, room = brick.low, brick.high, brick.corner, brick.scale, tile.room
+    num = 0
+    for row in range(top, bottom):
+        for column in range(left, right, _CLIPPED):
+            pixel = row * tile.side + column
+            hit = lane_numbers(_CLIPPED) < np.int32(right - column)
+            hit &= load(tile.alphas, pixel, _CLIPPED) <= termination_alpha
+            if not any_of(hit):
+                continue
+            ox, dx, ix = _ray_along(tile, pixel, 0)
+            oy, dy, iy = _ray_along(tile, pixel, 1)
+            oz, dz, iz = _ray_along(tile, pixel, 2)
+            enter, leave = _clip_slab(brick.start, math.inf, ox, ix, low[0], high[0])
+            enter, leave = _clip_slab(enter, leave, oy, iy, low[1], high[1])
+            enter, leave = _clip_slab(enter, leave, oz, iz, low[2], high[2])
+            hit &= leave > enter
+            if not any_of(hit):
+                continue
+            length = where(hit, leave - enter, 0.0)
+            ray_length = load(tile.rays, pixel + _LENGTH * room, _CLIPPED)
+            fractional = length * brick.samples_per_length * ray_length
+            fractional += load(tile.rays, pixel + _ROUNDING_OFFSET * room, _CLIPPED)
+            num_samples = to_int32(min(max(fractional, 1.0), float(MAX_SAMPLES)))
+            num_samples = where((num_samples & np.int32(3)) == np.int32(0), num_samples + np.int32(1), num_samples)
+            segment = length * (1.0 / to_float64(num_samples))
+            way = enter + 0.5 * segment, leave - 0.5 * segment, 1.0 / max(to_float64(num_samples) - 1.0, 1.0)
+            x, step_x = _first_and_step(ox, dx, way, corner[0], scale)
+            y, step_y = _first_and_step(oy, dy, way, corner[1], scale)
+            z, step_z = _first_and_step(oz, dz, way, corner[2], scale)
+            segment = to_float32(segment * load(tile.rays, pixel + _LENGTH_PER_DEPTH * room, _CLIPPED))
+            last = to_float32(num_samples - np.int32(1))
+            append(spans.pixels, num, hit, lane_numbers(_CLIPPED) + np.int32(pixel))
+            num = append_rows(spans.rows, num, hit, (x, y, z, step_x, step_y, step_z, segment, last))
+    return num
+
+
+@inline
+def _ray_along(tile: _Tile, pixel: int, axis: int) -> Any:
+    """Return origin, direction and inverse direction of rays along an axis."""
     return (
-        rays[k, 0], rays[k, 1], rays[k, 2], rays[k, 3], rays[k, 4], rays[k, 5],
-        rays[k, 6], rays[k, 7], rays[k, 8], rays[k, 9], rays[k, 10], rays[k, 11],
-    )  # fmt: skip
+        load(tile.rays, pixel + (_ORIGIN + axis) * tile.room, _CLIPPED),
+        load(tile.rays, pixel + (_DIRECTION + axis) * tile.room, _CLIPPED),
+        load(tile.rays, pixel + (_INVERSE + axis) * tile.room, _CLIPPED),
+    )
 
 
-@jit
-def _clip_ray(brick: _Brick, ray: Ray) -> tuple[int, np.float32, Float3, Float3]:
-    """Return the samples of a ray in a brick: their number, 0 where the ray misses it; the length of a segment, in
-    model units; the first sample, in texels, and the step to the next one."""
-    low, high, corner, scale = brick.low, brick.high, brick.corner, brick.scale
-    enter, leave = brick.start, math.inf
-    enter, leave = _clip_slab(enter, leave, ray[_ORIGIN], ray[_INVERSE], low[0], high[0])
-    enter, leave = _clip_slab(enter, leave, ray[_ORIGIN + 1], ray[_INVERSE + 1], low[1], high[1])
-    enter, leave = _clip_slab(enter, leave, ray[_ORIGIN + 2], ray[_INVERSE + 2], low[2], high[2])
-    if not leave > enter:
-        return 0, _0, (_0, _0, _0), (_0, _0, _0)
-    num = int((leave - enter) * brick.samples_per_length * ray[_LENGTH] + ray[_ROUNDING_OFFSET])
-    num = max(1, min(num, MAX_SAMPLES))
-    num += num & 3 == 0
-    segment = (leave - enter) * _RECIPROCALS[num]
-    way = enter + 0.5 * segment, leave - 0.5 * segment, _RECIPROCALS[num - 1]
-    x, step_x = _first_and_step(ray[_ORIGIN], ray[_DIRECTION], way, corner[0], scale)
-    y, step_y = _first_and_step(ray[_ORIGIN + 1], ray[_DIRECTION + 1], way, corner[1], scale)
-    z, step_z = _first_and_step(ray[_ORIGIN + 2], ray[_DIRECTION + 2], way, corner[2], scale)
-    return num, np.float32(segment * ray[_LENGTH_PER_DEPTH]), (x, y, z), (step_x, step_y, step_z)
-
-
-@jit
-def _clip_slab(
-    enter: float, leave: float, origin: float, inverse: float, low: float, high: float
-) -> tuple[float, float]:
-    """Clip a ray to what lies between two planes across an axis; a ray in a plane belongs to what is above it."""
-    if inverse == 0.0:
-        return (enter, leave) if low <= origin < high else (enter, -math.inf)
+@inline
+def _clip_slab(enter: Any, leave: Any, origin: Any, inverse: Any, low: float, high: float) -> Any:
+    """Clip rays to what lies between two planes across an axis; a ray in a plane belongs to what is above it."""
     one, other = (low - origin) * inverse, (high - origin) * inverse
-    near = one if one < other else other
-    far = other if one < other else one
-    return near if near > enter else enter, far if far < leave else leave
+    near, far = where(one < other, one, other), where(one < other, other, one)
+    near, far = where(near > enter, near, enter), where(far < leave, far, leave)
+    is_parallel = inverse == 0.0
+    is_inside = (origin >= low) & (origin < high)
+    return where(is_parallel, enter, near), where(is_parallel, where(is_inside, leave, -math.inf), far)
 
 
-@jit
-def _first_and_step(
-    origin: float, direction: float, way: Vector, corner: float, scale: float
-) -> tuple[np.float32, np.float32]:
+@inline
+def _first_and_step(origin: Any, direction: Any, way: Any, corner: float, scale: float) -> Any:
     """Return the first sample along an axis, in texels of the brick, and the step to the next one.
 
     way: where the first and the last sample are along the ray, and 1 / the number of intervals between samples.
@@ -285,73 +365,91 @@ def _first_and_step(
     begin, end, per_interval = way
     first = _clamp_to_brick((origin + begin * direction - corner) * scale + _TEXEL_OFFSET)
     last = _clamp_to_brick((origin + end * direction - corner) * scale + _TEXEL_OFFSET)
-    return np.float32(first), np.float32((last - first) * per_interval)
+    return to_float32(first), to_float32((last - first) * per_interval)
+
+
+@inline
+def _clamp_to_brick(position: Any) -> Any:
+    """Clamp positions to where a brick has texels; NaN becomes the lowest one."""
+    return min(max(_MIN_TEXEL, position), _MAX_TEXEL)
 
 
 @jit
-def _clamp_to_brick(position: float) -> float:
-    """Clamp a position to where a brick has texels; NaN becomes the lowest one."""
-    position = position if position > _MIN_TEXEL else _MIN_TEXEL
-    return position if position < _MAX_TEXEL else _MAX_TEXEL
+def _sort(spans: _Spans, num: int) -> None:
+    """Sort spans by their numbers of samples, so that those that are marched in step end together."""
+    rows, order, starts = spans.rows, spans.order, spans.starts
+    if num <= NUM_LANES:
+        for k in range(num):
+            order[k] = k
+        return
+    largest = 0
+    for k in range(num):
+        largest = max(largest, int(rows[_SPAN_FLOATS * k + _LAST]))
+    starts[: largest + 2] = 0
+    for k in range(num):
+        starts[int(rows[_SPAN_FLOATS * k + _LAST]) + 1] += 1
+    for count in range(1, largest + 1):
+        starts[count] += starts[count - 1]
+    for k in range(num):
+        last = int(rows[_SPAN_FLOATS * k + _LAST])
+        order[starts[last]] = k
+        starts[last] += 1
 
 
 @jit
-def _draw_brick(
-    brick: _Brick,
-    window: Window,
-    frame: Window,
-    optics: Optics,
-    texels: Float32,
-    pieces: Float32 | None,
-    guide: Int32,
-    pixel_rays: Float64,
-    is_drawn: Bools,
-    image: Float32,
-) -> None:
-    """Composite a brick under the pixels of a window; rays end behind `termination_alpha`.
+def _march(
+    texels: Float32, table: Table | None, optics: Optics, spans: _Spans, num: int, tile: _Tile, colors: Float32,
+    pixels: Float32,
+) -> None:  # fmt: skip
+    """Composite the samples of spans under the pixels of a tile; rays end behind `termination_alpha`.
 
-    frame: the tile whose rays are in `pixel_rays`. pieces: None if the texels are means, which need no classification;
-    numba compiles the two cases separately. Arrays are arguments, and only single elements of them go on from here:
-    numba counts references to arrays in tuples, which takes up to 15 % of the time.
+    texels: of the brick, and what follows. table: None if the texels are means, which need no classification; numba
+    compiles the two cases separately. colors: float32 [4 * NUM_LANES], overwritten. pixels: of the image.
     """
-    left, top, right, bottom = window
-    for row in range(top, bottom):
-        for column in range(left, right):
-            before = image[row, column, 3]
-            if not is_drawn[row, column] or before > optics.termination_alpha:
+    for first in range(0, num, NUM_LANES):
+        order = load(spans.order, first, NUM_LANES)
+        x, y, z, step_x, step_y, step_z, length, last = load_rows(
+            spans.rows, order * np.int32(_SPAN_FLOATS), _SPAN_FLOATS
+        )
+        red = green = blue = alpha = _0
+        alive = lane_numbers(NUM_LANES) < np.int32(num - first)
+        number = _0
+        while True:
+            active = alive & (last >= number)
+            if not any_of(active):
+                break
+            at, shares = cell_at(min(last, number), (x, y, z), (step_x, step_y, step_z))
+            number += _1
+            if table is None:
+                r, g, b, tau = sample_rgba(texels, at, shares)
+            else:
+                scalar = sample_scalar(texels, at, shares)
+                if not any_of(active & (scalar >= table.lowest_visible)):
+                    continue
+                tau, r, g, b = classify(table, scalar)
+            visible = active & (tau > _0)
+            if not any_of(visible):
                 continue
-            ray = _ray_at(pixel_rays, (row - frame[1]) * (frame[2] - frame[0]) + column - frame[0])
-            num, segment_length, first, step = _clip_ray(brick, ray)
-            red = green = blue = alpha = _0
-            for number in range(num):
-                at, shares = cell_at(np.float32(number), first, step)
-                if pieces is None:
-                    r, g, b, tau = sample_rgba(texels, brick.texel_offset + 4 * at, shares)
-                else:
-                    scalar = sample_scalar(texels, brick.texel_offset + at, shares)
-                    piece = np.uint64(guide[bucket(scalar)] * PIECE_FLOATS)
-                    while scalar >= pieces[piece]:
-                        piece += np.uint64(PIECE_FLOATS)
-                    tau, r, g, b = evaluate_piece(pieces, piece, scalar)
-                if tau > _0:
-                    weight = (_1 - alpha) * opacity_of_depth(tau * optics.spacings_per_model_unit * segment_length)
-                    alpha += weight
-                    if pieces is None:
-                        weight /= tau
-                    elif optics.is_lit:
-                        gradient = brick.texel_offset + at + TEXELS_PER_BRICK
-                        weight *= light_factor(
-                            sample_scalar(texels, gradient, shares),
-                            sample_scalar(texels, gradient + TEXELS_PER_BRICK, shares),
-                            sample_scalar(texels, gradient + 2 * TEXELS_PER_BRICK, shares),
-                            optics.light,
-                        )
-                    red, green, blue = fma(weight, r, red), fma(weight, g, green), fma(weight, b, blue)
-                    if alpha > optics.termination_alpha:
-                        break
-            if alpha > _0:
-                transmittance = _1 - before
-                image[row, column, 0] = fma(transmittance, red, image[row, column, 0])
-                image[row, column, 1] = fma(transmittance, green, image[row, column, 1])
-                image[row, column, 2] = fma(transmittance, blue, image[row, column, 2])
-                image[row, column, 3] = fma(transmittance, alpha, before)
+            depth = where(visible, tau, _0) * optics.spacings_per_model_unit * length
+            weight = (_1 - alpha) * opacity_of_depth(depth)
+            alpha += weight
+            if table is None:
+                weight = where(visible, weight / tau, _0)
+            elif optics.is_lit:
+                weight *= light_factor(sample_gradient(texels, at, shares), optics.light)
+            red, green, blue = fma(weight, r, red), fma(weight, g, green), fma(weight, b, blue)
+            alive &= alpha <= optics.termination_alpha
+        store_rows(colors, (red, green, blue, alpha))
+        _composite_under(colors, spans, first, min(NUM_LANES, num - first), tile, pixels)
+
+
+@inline
+def _composite_under(colors: Float32, spans: _Spans, first: int, num: int, tile: _Tile, pixels: Float32) -> None:
+    """Composite colours, premultiplied RGBA, under the pixels of the spans from `first` on."""
+    for k in range(num):
+        if colors[4 * k + 3] > _0:
+            pixel = spans.pixels[spans.order[first + k]]
+            place = tile.places[pixel]
+            transmittance = _1 - tile.alphas[pixel]
+            store(pixels, place, fma(transmittance, load(colors, 4 * k, 4), load(pixels, place, 4)))
+            tile.alphas[pixel] = pixels[place + 3]

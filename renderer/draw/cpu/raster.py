@@ -4,8 +4,8 @@
     -> the next, finer grid, where neighbouring pixels differ
 
 The picture is the one that `renderer.draw.gl.bricks` draws. On the CPU these loops are faster than Mesa's llvmpipe,
-whose shaders process eight or sixteen pixels in step: all of them wait for the slowest, and where few pixels are drawn
-most lanes are idle.
+whose shaders process neighbouring pixels in step: all of them wait for the slowest, and where few pixels are drawn most
+lanes are idle. Here rays that miss a brick take no lane, and the others are sorted.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch
 from renderer.draw.brick_cache import Atlas, BrickCache, BrickView, Int64, max_slots_in_memory
 from renderer.draw.constants import RECTANGLE_ROUNDING_PX
 from renderer.draw.cpu.march import Float64, TileBins, bin_bricks, draw_tiles
-from renderer.draw.cpu.sample import Field, Float32, Optics
+from renderer.draw.cpu.sample import Field, Float32, Optics, make_table
 from renderer.draw.overlay import CellEdges
 from renderer.draw.subsampling import grid_size, refine_grid, upsample
 from renderer.scene import ShadingSpec
@@ -136,8 +136,7 @@ class CPURasterizer(BrickCache[CPUAtlas]):
             (x, y, z, np.float32(shading.ambient), np.float32(shading.diffuse)),
         )
         scalars, means = self._atlases
-        pieces = batch.bricks.pieces
-        return Field(scalars.texels, means.texels, pieces.rows.reshape(-1), pieces.guide, optics)
+        return Field(scalars.texels, means.texels, make_table(batch.bricks.pieces), optics)
 
 
 def _bin_bricks(rectangles_px: Float64, stride: int, shape: tuple[int, int]) -> TileBins:
