@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from renderer.jit import jit
+from renderer.jit import inline
 
 Float64 = npt.NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -17,12 +17,12 @@ Cubic = tuple[float, float, float, float]
 Corners = tuple[float, float, float, float, float, float, float, float]
 
 
-@jit
+@inline
 def _lerp(start: float, end: float, fraction: float) -> float:
     return start + (end - start) * fraction
 
 
-@jit
+@inline
 def cubic_in_cell(corners: Corners, entry: Vector, extent: Vector) -> Cubic:
     """Return the trilinear field of 8 corners along `entry + extent * t`, in cell coordinates, in powers of t."""
     # Edges along x are linear in t, faces quadratic, the cell cubic. Differences of corners keep the value of a
@@ -45,13 +45,13 @@ def cubic_in_cell(corners: Corners, entry: Vector, extent: Vector) -> Cubic:
     )
 
 
-@jit
+@inline
 def value_at(cubic: Cubic, t: float) -> float:
     """Return the cubic at t."""
     return cubic[0] + t * (cubic[1] + t * (cubic[2] + t * cubic[3]))
 
 
-@jit
+@inline
 def restrict_cubic(cubic: Cubic, start: float, width: float) -> Cubic:
     """Return the same cubic in x, with t = start + width * x."""
     first = cubic[1] + start * (2.0 * cubic[2] + start * 3.0 * cubic[3])
@@ -59,7 +59,7 @@ def restrict_cubic(cubic: Cubic, start: float, width: float) -> Cubic:
     return value_at(cubic, start), first * width, second * width * width, cubic[3] * width * width * width
 
 
-@jit
+@inline
 def _insert(splits: Float64, count: int, t: float) -> int:
     """Insert t into the ascending splits[:count] if it lies inside the cell; return the new count."""
     if not 0.0 < t < 1.0:
@@ -72,7 +72,7 @@ def _insert(splits: Float64, count: int, t: float) -> int:
     return count + 1
 
 
-@jit
+@inline
 def _stationary_points(cubic: Cubic) -> tuple[float, float]:
     """Return where the slope of the cubic changes its sign, ascending; -1 for each missing place."""
     a, b, c = 3.0 * cubic[3], 2.0 * cubic[2], cubic[1]
@@ -89,7 +89,7 @@ def _stationary_points(cubic: Cubic) -> tuple[float, float]:
     return min(one, two), max(one, two)
 
 
-@jit
+@inline
 def _crossing(cubic: Cubic, level: float, start: float, end: float) -> float:
     """Return the t in [start, end], where the cubic is monotone and passes through `level`, at which it equals it."""
     rising = value_at(cubic, end) > level
@@ -110,7 +110,7 @@ def _crossing(cubic: Cubic, level: float, start: float, end: float) -> float:
     return t
 
 
-@jit
+@inline
 def add_crossings(cubic: Cubic, levels: Float64, splits: Float64, count: int) -> int:
     """Add to splits[:count] every t in (0, 1) at which the cubic passes through one of the ascending levels."""
     turn_0, turn_1 = _stationary_points(cubic)

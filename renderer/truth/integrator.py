@@ -15,7 +15,7 @@ against closed forms, against an independent Riemann sum and by the order of con
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -78,8 +78,8 @@ def integrate(
     """
     width, height = view.size
     integrate_pixels = _make_integrator(volume, transfer, view, shading, num_threads)
-    image = integrate_pixels(np.arange(width * height), step_voxels, on_progress or (lambda _: None))
-    return image.reshape(height, width, 4)
+    radiance = integrate_pixels(np.arange(width * height), [step_voxels], on_progress or (lambda _: None))
+    return radiance.reshape(height, width, 4)
 
 
 def converged_image(
@@ -113,22 +113,24 @@ def converged_image(
     pixels = np.arange(width * height)  # those that have not converged
     agreements = np.zeros(pixels.size, np.int64)  # in a row
     image = np.full((pixels.size, 4), np.inf)  # agrees with nothing
-    steps, changes, counts, num_done = [], [], [], 0
-    for num_halvings in range(max_refinements + 1):
-        steps.append(_FIRST_STEP / 2**num_halvings)
-        counts.append(pixels.size)
-        num_needed = num_done + pixels.size * max(1, num_agreements + 1 - num_halvings)
-        progress = _progress_of_part(on_progress, num_done / num_needed, (num_done + pixels.size) / num_needed)
-        finer = integrate_pixels(pixels, steps[-1], progress)
-        num_done += pixels.size
-        change = np.abs(finer - image[pixels]).max(axis=1)
-        changes.append(float(change.max()))
-        image[pixels] = finer
-        agreements = np.where(change < tolerance, agreements + 1, 0)
+    # Every pixel needs these; together they take little longer than one.
+    steps = [_FIRST_STEP / 2**num_halvings for num_halvings in range(max_refinements + 1)]
+    first = steps[: num_agreements + 1]
+    changes, counts, num_done = [], [], 0
+    for at_once in (first, *([step] for step in steps[len(first) :])):
+        num_needed = num_done + pixels.size
+        progress = _progress_of_part(on_progress, num_done / num_needed, 1.0)
+        for finer in integrate_pixels(pixels, at_once, progress):
+            change = np.abs(finer - image[pixels]).max(axis=1)
+            changes.append(float(change.max()))
+            counts.append(pixels.size)
+            image[pixels] = finer
+            agreements = np.where(change < tolerance, agreements + 1, 0)
+        num_done = num_needed
         remaining = agreements < num_agreements
         pixels, agreements = pixels[remaining], agreements[remaining]
         if pixels.size == 0:
-            record = Convergence(tuple(steps[1:]), tuple(changes[1:]), tuple(counts[1:]))
+            record = Convergence(tuple(steps[1 : len(counts)]), tuple(changes[1:]), tuple(counts[1:]))
             return image.reshape(height, width, 4), record
     in_a_row = "" if num_agreements == 1 else " at two halvings in a row"
     of_how_many = f"{pixels.size} of {len(image)} pixels"
@@ -166,8 +168,8 @@ def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tupl
 
 def _make_integrator(
     volume: Volume, transfer: TransferFunction, view: View, shading: ShadingSpec | None, num_threads: int
-) -> Callable[[Int64, float, Progress], Float64]:
-    """Return a function that integrates pixels, with steps of a number of voxels, to their radiance, float64 [n, 4]."""
+) -> Callable[[Int64, Sequence[float], Progress], Float64]:
+    """Return a function that integrates pixels, with each of some steps in voxels, to float64 [steps, n, 4]."""
     values = volume.values
     if values.dtype == np.float16:  # numba lacks it; the copy is exact
         values = values.astype(np.float32)
@@ -180,8 +182,8 @@ def _make_integrator(
     scale = math.ldexp(1.0, min(max(exponent, _LEAST_EXPONENT), _LARGEST_EXPONENT) - exponent)
     intervals, lambert = _intervals(transfer, scale), _lambert_shading(shading, index_from_world)
 
-    def integrate_pixels(pixels: Int64, step_voxels: float, on_progress: Progress) -> Float64:
-        radiance = np.empty((pixels.size, 4))
+    def integrate_pixels(pixels: Int64, steps: Sequence[float], on_progress: Progress) -> Float64:
+        radiance, max_steps = np.empty((pixels.size, len(steps), 4)), np.array(steps)
 
         def integrate_part(first: int) -> None:
             volume.require_unchanged()
@@ -190,7 +192,7 @@ def _make_integrator(
             origins = origins @ index_from_world.T + volume.centre_index
             directions = directions @ index_from_world.T
             integrate_rays(
-                values, macrocells, origins, directions, starts, step_voxels, intervals, lambert, radiance[part]
+                values, macrocells, origins, directions, starts, max_steps, intervals, lambert, radiance[part]
             )
 
         with ThreadPoolExecutor(num_threads) as pool:
@@ -202,7 +204,7 @@ def _make_integrator(
             finally:  # after an interrupt or an error, drop what has not started
                 pool.shutdown(wait=False, cancel_futures=True)
         volume.require_unchanged()
-        return radiance
+        return np.moveaxis(radiance, 1, 0)
 
     return integrate_pixels
 

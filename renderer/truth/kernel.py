@@ -1,14 +1,15 @@
-"""Integrate one ray at a time through the cells of the continuous field, in compiled loops.
+"""Integrate one ray at a time through the cells of the continuous field, at several steps at once, in compiled loops.
 
 A *cell* is the box between eight voxel centres, or its outward extension over the outer half voxel, where the field
 takes the nearest value. Along a ray inside one cell, the trilinear field is a cubic polynomial in the fraction t in
 [0, 1] of the segment. The cubic is split where it crosses a control value of the transfer function (and where the light
 grazes the surface), which leaves *pieces* on which colour and extinction are polynomials. The optical depth of a piece
 is then exact, and its radiance is a Gauss-Legendre quadrature of a smooth function. No thin shell can be missed,
-because crossings are computed and not sampled.
+because crossings are computed and not sampled. Nearly all of the time is spent on cells and crossings, which do not
+depend on the step: another step costs little.
 
-Most cells show nothing, which is found out once for each macrocell, when the first ray meets it. Small data is passed
-in tuples, because each array passed to a function is reference-counted atomically in shared memory: with a dozen arrays
+Most cells show nothing, which is found out once for each macrocell, when the first ray meets it. All functions are
+inlined, because each array passed to a function is reference-counted atomically in shared memory: with a dozen arrays
 for each cell, two threads took twice as long.
 """
 
@@ -20,15 +21,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.jit import jit
+from renderer.jit import inline, jit
 from renderer.truth.cubic import Corners, Cubic, Vector, add_crossings, cubic_in_cell, restrict_cubic, value_at
 
 Float64 = npt.NDArray[np.float64]
 Bytes = npt.NDArray[np.uint8]
 Cell = tuple[int, int, int]
 Gradient = tuple[Cubic, Cubic, Cubic]
-# Red, green, blue and optical depth gathered so far.
-Ray = tuple[float, float, float, float]
 
 # A ray ends where its transmittance falls below 1e-12.
 _MAX_OPTICAL_DEPTH = -math.log(1e-12)
@@ -78,7 +77,7 @@ class LambertShading(NamedTuple):
     world_from_index_gradient: tuple[Vector, Vector, Vector]
 
 
-@jit
+@inline
 def _light_factor(gradient: Gradient, t: float, shading: LambertShading) -> float:
     x, y, z = value_at(gradient[0], t), value_at(gradient[1], t), value_at(gradient[2], t)
     largest = max(abs(x), abs(y), abs(z))
@@ -90,7 +89,7 @@ def _light_factor(gradient: Gradient, t: float, shading: LambertShading) -> floa
     return shading.ambient + shading.diffuse * max(0.0, cosine)
 
 
-@jit
+@inline
 def _lit_color(row: Float64, value: float, gradient: Gradient, t: float, shading: LambertShading) -> Vector:
     """Return the shaded colour of a value in the interval of `row`, at t along the segment."""
     lit = _light_factor(gradient, t, shading) if shading.enabled else 1.0
@@ -98,7 +97,7 @@ def _lit_color(row: Float64, value: float, gradient: Gradient, t: float, shading
     return (row[0] + row[4] * offset) * lit, (row[1] + row[5] * offset) * lit, (row[2] + row[6] * offset) * lit
 
 
-@jit
+@inline
 def _clamp_cubic(value: Cubic, low: float, high: float) -> Cubic:
     """Return a cubic on x in [0, 1] that should lie in [low, high], or a constant if it strays too far.
 
@@ -113,7 +112,7 @@ def _clamp_cubic(value: Cubic, low: float, high: float) -> Cubic:
     return min(max(0.5 * (v0 + three), low), high), 0.0, 0.0, 0.0
 
 
-@jit
+@inline
 def _integrate_piece(
     cubic: Cubic,
     gradient: Gradient,
@@ -121,20 +120,20 @@ def _integrate_piece(
     end: float,
     length: float,
     length_voxels: float,
-    max_step: float,
     intervals: Intervals,
     shading: LambertShading,
-    ray: Ray,
-) -> Ray:
-    """Return `ray` after the piece [start, end] of a cell, which lies in one interval.
+    max_steps: Float64,
+    gathered: Float64,
+) -> None:
+    """Add the piece [start, end] of a cell, which lies in one interval, to what has been gathered.
 
-    length, length_voxels: of the segment in the whole cell. max_step: in voxels, in optical depth and in pieces.
+    length, length_voxels: of the segment in the whole cell.
     """
     k = np.searchsorted(intervals.knots, value_at(cubic, 0.5 * (start + end)), side="right")
     row = intervals.rows[k]
     base, slope, origin = row[3], row[7], row[8]
     if base == 0.0 and slope == 0.0:
-        return ray
+        return
     value = restrict_cubic(cubic, start, end - start)
     if 0 < k < intervals.knots.size:
         value = _clamp_cubic(value, intervals.knots[k - 1], intervals.knots[k])
@@ -144,38 +143,50 @@ def _integrate_piece(
     t1, t2, t3 = slope * value[1] * scale, slope * value[2] * scale, slope * value[3] * scale
     bound = max(t0, t0 + t1 / 3.0, t0 + (2.0 * t1 + t2) / 3.0, t0 + t1 + t2 + t3)
     voxels = (end - start) * length_voxels
-    num_steps = math.ceil(max(1.0, voxels, min(bound / _MAX_DEPTH_OF_STEP, _MAX_STEPS_BY_DEPTH)) / max_step)
-    width = 1.0 / num_steps
-    red, green, blue, depth_before = ray
-    for step in range(num_steps):
-        if depth_before > _MAX_OPTICAL_DEPTH:
-            break
-        d0, d1, d2, d3 = restrict_cubic((t0, t1, t2, t3), step * width, width)
-        # From the integrand in powers of x to its integral from 0 to x, divided by x.
-        d0, d1, d2, d3 = d0 * width, d1 * width / 2.0, d2 * width / 3.0, d3 * width / 4.0
-        depth = max(0.0, d0 + d1 + d2 + d3)
-        # The colour at the middle times the exact opacity, plus the quadrature of the difference from that colour:
-        # a constant colour is exact at every opacity.
-        x = (step + 0.5) * width
-        c0, c1, c2 = _lit_color(row, value_at(value, x), gradient, start + x * (end - start), shading)
-        opacity = -math.expm1(-depth)
-        s0, s1, s2 = c0 * opacity, c1 * opacity, c2 * opacity
-        for node in range(_NODES.size):
-            at = _NODES[node]
-            tau = d0 + at * (2.0 * d1 + at * (3.0 * d2 + at * 4.0 * d3))
-            weight = _WEIGHTS[node] * tau * math.exp(-at * (d0 + at * (d1 + at * (d2 + at * d3))))
-            x = (step + at) * width
-            r, g, b = _lit_color(row, value_at(value, x), gradient, start + x * (end - start), shading)
-            s0 += weight * (r - c0)
-            s1 += weight * (g - c1)
-            s2 += weight * (b - c2)
-        transmittance = math.exp(-depth_before)
-        red, green, blue = red + transmittance * s0, green + transmittance * s1, blue + transmittance * s2
-        depth_before += depth
-    return red, green, blue, depth_before
+    num_parts = max(1.0, voxels, min(bound / _MAX_DEPTH_OF_STEP, _MAX_STEPS_BY_DEPTH))
+    for number in range(max_steps.size):
+        num_steps = math.ceil(num_parts / max_steps[number])
+        width = 1.0 / num_steps
+        red, green, blue, depth_before = (
+            gathered[number, 0],
+            gathered[number, 1],
+            gathered[number, 2],
+            gathered[number, 3],
+        )
+        for step in range(num_steps):
+            if depth_before > _MAX_OPTICAL_DEPTH:
+                break
+            d0, d1, d2, d3 = restrict_cubic((t0, t1, t2, t3), step * width, width)
+            # From the integrand in powers of x to its integral from 0 to x, divided by x.
+            d0, d1, d2, d3 = d0 * width, d1 * width / 2.0, d2 * width / 3.0, d3 * width / 4.0
+            depth = max(0.0, d0 + d1 + d2 + d3)
+            # The colour at the middle times the exact opacity, plus the quadrature of the difference from that colour:
+            # a constant colour is exact at every opacity.
+            x = (step + 0.5) * width
+            c0, c1, c2 = _lit_color(row, value_at(value, x), gradient, start + x * (end - start), shading)
+            opacity = -math.expm1(-depth)
+            s0, s1, s2 = c0 * opacity, c1 * opacity, c2 * opacity
+            for node in range(_NODES.size):
+                at = _NODES[node]
+                tau = d0 + at * (2.0 * d1 + at * (3.0 * d2 + at * 4.0 * d3))
+                weight = _WEIGHTS[node] * tau * math.exp(-at * (d0 + at * (d1 + at * (d2 + at * d3))))
+                x = (step + at) * width
+                r, g, b = _lit_color(row, value_at(value, x), gradient, start + x * (end - start), shading)
+                s0 += weight * (r - c0)
+                s1 += weight * (g - c1)
+                s2 += weight * (b - c2)
+            transmittance = math.exp(-depth_before)
+            red, green, blue = red + transmittance * s0, green + transmittance * s1, blue + transmittance * s2
+            depth_before += depth
+        gathered[number, 0], gathered[number, 1], gathered[number, 2], gathered[number, 3] = (
+            red,
+            green,
+            blue,
+            depth_before,
+        )
 
 
-@jit
+@inline
 def _voxel_term(values: Any, x: int, y: int, z: int, axis: int, scale: float) -> float:
     """Return a voxel's value, or for an axis from 0 to 2 the central difference at it along that axis; both scaled.
 
@@ -193,7 +204,7 @@ def _voxel_term(values: Any, x: int, y: int, z: int, axis: int, scale: float) ->
     return (float(values[z1, y1, x1]) * scale - float(values[z0, y0, x0]) * scale) / float(steps)
 
 
-@jit
+@inline
 def _load_corners(values: Any, cell: Cell, axis: int, scale: float) -> Corners:
     """Return `_voxel_term` of the voxels at the corners of a cell, clamped to the volume."""
     num_z, num_y, num_x = values.shape
@@ -212,7 +223,7 @@ def _load_corners(values: Any, cell: Cell, axis: int, scale: float) -> Corners:
     )
 
 
-@jit
+@inline
 def _linear_combination(weights: Vector, gradient: Gradient) -> Cubic:
     first, second, third = gradient
     a, b, c = weights
@@ -224,7 +235,7 @@ def _linear_combination(weights: Vector, gradient: Gradient) -> Cubic:
     )
 
 
-@jit
+@inline
 def _world_gradient(
     values: Any, cell: Cell, entry: Vector, extent: Vector, shading: LambertShading, scale: float
 ) -> Gradient:
@@ -242,7 +253,7 @@ def _world_gradient(
     )
 
 
-@jit
+@inline
 def _is_visible(low: float, high: float, intervals: Intervals) -> bool:
     """Return whether any value in [low, high] has extinction."""
     first = np.searchsorted(intervals.knots, low, side="right")
@@ -253,7 +264,7 @@ def _is_visible(low: float, high: float, intervals: Intervals) -> bool:
     return bool(one[3] + one[7] * (low - one[8]) > 0.0 or two[3] + two[7] * (high - two[8]) > 0.0)
 
 
-@jit
+@inline
 def _classify_macrocell(values: Any, i: int, j: int, k: int, intervals: Intervals) -> int:
     """Return whether anything may be visible in macrocell (i, j, k) (x, y, z), from cell MACROCELL_SIZE * i - 1."""
     num_z, num_y, num_x = values.shape
@@ -267,26 +278,26 @@ def _classify_macrocell(values: Any, i: int, j: int, k: int, intervals: Interval
     return _VISIBLE if _is_visible(float(low) * intervals.scale, float(high) * intervals.scale, intervals) else _EMPTY
 
 
-@jit
+@inline
 def _integrate_cell(
     values: Any,
     cell: Cell,
     entry: Vector,
     extent: Vector,
     length: float,
-    max_step: float,
     intervals: Intervals,
     shading: LambertShading,
     splits: Float64,
-    ray: Ray,
-) -> Ray:
-    """Return `ray` after one cell, through which it goes along entry + extent * t, of world length `length`.
+    max_steps: Float64,
+    gathered: Float64,
+) -> None:
+    """Add one cell, through which a ray goes along entry + extent * t, of world length `length`.
 
     splits: scratch space for 3 crossings of each knot and 3 more.
     """
     corners = _load_corners(values, cell, _VALUE, intervals.scale)
     if not _is_visible(min(corners), max(corners), intervals):
-        return ray
+        return
     cubic = cubic_in_cell(corners, entry, extent)
     count = add_crossings(cubic, intervals.knots, splits, 0)
     gradient = (cubic, cubic, cubic)  # unused without shading
@@ -298,12 +309,11 @@ def _integrate_cell(
     for piece in range(count + 1):
         end = splits[piece] if piece < count else 1.0
         if end > start:
-            ray = _integrate_piece(cubic, gradient, start, end, length, voxels, max_step, intervals, shading, ray)
+            _integrate_piece(cubic, gradient, start, end, length, voxels, intervals, shading, max_steps, gathered)
         start = end
-    return ray
 
 
-@jit
+@inline
 def _clip_to_volume(shape: Cell, origin: Vector, direction: Vector, start: float) -> tuple[float, float]:
     """Clip the ray from `start` on to [-1/2, n - 1/2] on each axis; empty unless the first result is smaller."""
     end = math.inf
@@ -318,12 +328,12 @@ def _clip_to_volume(shape: Cell, origin: Vector, direction: Vector, start: float
     return start, end
 
 
-@jit
+@inline
 def _first_cell(at: float, num_voxels: int) -> int:
     return min(max(math.floor(at), -1), num_voxels - 1)
 
 
-@jit
+@inline
 def _distance_to_plane(cell: int, origin: float, direction: float) -> float:
     """Return where the ray leaves a cell along one axis, from the cell's number, so that rounding does not add up."""
     if direction == 0.0:
@@ -331,28 +341,41 @@ def _distance_to_plane(cell: int, origin: float, direction: float) -> float:
     return (cell + int(direction > 0.0) - origin) / direction
 
 
-@jit
+@inline
+def _is_opaque(gathered: Float64) -> bool:
+    """Return whether a ray may end, at all steps."""
+    depth = gathered[0, 3]
+    for k in range(1, len(gathered)):
+        depth = min(depth, gathered[k, 3])
+    return bool(depth > _MAX_OPTICAL_DEPTH)
+
+
+@inline
 def _integrate_ray(
     values: Any,
     macrocells: Bytes,
     origin: Vector,
     direction: Vector,
     start: float,
-    max_step: float,
     intervals: Intervals,
     shading: LambertShading,
     splits: Float64,
-) -> Ray:
-    """Return the colour and the optical depth of one ray, gathered from cell to cell."""
-    ray = (0.0, 0.0, 0.0, 0.0)
+    max_steps: Float64,
+    gathered: Float64,
+) -> None:
+    """Gather the colour and the optical depth of one ray from cell to cell, for each of the steps."""
+    for k in range(len(gathered)):
+        for channel in range(4):
+            gathered[k, channel] = 0.0
     s, end = _clip_to_volume(values.shape, origin, direction, start)
     if not s < end:
-        return ray
+        return
     (ox, oy, oz), (dx, dy, dz) = origin, direction
     num_z, num_y, num_x = values.shape
     x, y, z = _first_cell(ox + s * dx, num_x), _first_cell(oy + s * dy, num_y), _first_cell(oz + s * dz, num_z)
     to_x, to_y, to_z = _distance_to_plane(x, ox, dx), _distance_to_plane(y, oy, dy), _distance_to_plane(z, oz, dz)
-    while s < end and ray[3] <= _MAX_OPTICAL_DEPTH:
+    is_opaque = False
+    while s < end and not is_opaque:
         s_exit = min(max(min(to_x, to_y, to_z), s), end)
         if s_exit > s:
             i, j, k = (x + 1) // MACROCELL_SIZE, (y + 1) // MACROCELL_SIZE, (z + 1) // MACROCELL_SIZE
@@ -362,9 +385,10 @@ def _integrate_ray(
                 length = s_exit - s
                 entry = (ox + s * dx - x, oy + s * dy - y, oz + s * dz - z)
                 extent = (length * dx, length * dy, length * dz)
-                ray = _integrate_cell(
-                    values, (x, y, z), entry, extent, length, max_step, intervals, shading, splits, ray
+                _integrate_cell(
+                    values, (x, y, z), entry, extent, length, intervals, shading, splits, max_steps, gathered
                 )
+                is_opaque = _is_opaque(gathered)
         s = s_exit
         if to_x <= to_y and to_x <= to_z:
             x += 1 if dx > 0.0 else -1
@@ -375,7 +399,6 @@ def _integrate_ray(
         else:
             z += 1 if dz > 0.0 else -1
             to_z = _distance_to_plane(z, oz, dz)
-    return ray
 
 
 @jit
@@ -385,23 +408,29 @@ def integrate_rays(
     origins: Float64,
     directions: Float64,
     starts: Float64,
-    max_step: float,
+    max_steps: Float64,
     intervals: Intervals,
     shading: LambertShading,
     radiance: Float64,
 ) -> None:
-    """Write premultiplied RGBA of n rays to `radiance` float64 [n, 4].
+    """Write premultiplied RGBA of n rays to `radiance` float64 [n, steps, 4].
 
     values: [z, y, x]. macrocells: uint8, n // MACROCELL_SIZE + 1 along each axis, 0 at first; updated, for calls with
         the same values and intervals.
     origins, directions: float64 [n, 3] in index space, directions per world unit of length.
     starts: float64 [n], world length along the ray at which it starts.
+    max_steps: float64 [steps], the longest steps in voxels, in optical depth and in pieces.
     """
     # A cubic passes a level at most three times, and so does the cosine of the light.
     splits = np.empty(3 * intervals.knots.size + 3)
+    gathered = np.empty((max_steps.size, 4))  # red, green, blue and optical depth
     for i in range(starts.size):
         origin = (origins[i, 0], origins[i, 1], origins[i, 2])
         direction = (directions[i, 0], directions[i, 1], directions[i, 2])
-        ray = _integrate_ray(values, macrocells, origin, direction, starts[i], max_step, intervals, shading, splits)
-        radiance[i, 0], radiance[i, 1], radiance[i, 2] = ray[0], ray[1], ray[2]
-        radiance[i, 3] = -math.expm1(-ray[3])
+        _integrate_ray(
+            values, macrocells, origin, direction, starts[i], intervals, shading, splits, max_steps, gathered
+        )
+        for k in range(max_steps.size):
+            for channel in range(3):
+                radiance[i, k, channel] = gathered[k, channel]
+            radiance[i, k, 3] = -math.expm1(-gathered[k, 3])
