@@ -15,6 +15,7 @@ import numba
 import pytest
 
 import renderer.jit
+import renderer.lanes
 
 INNER = """
 from renderer.jit import jit
@@ -40,7 +41,8 @@ def _package(folder: Path, number: int) -> None:
     package = folder / "renderer"
     package.mkdir(exist_ok=True)
     (package / "__init__.py").touch()
-    shutil.copy(renderer.jit.__file__, package / "jit.py")
+    for module in (renderer.jit, renderer.lanes):
+        shutil.copy(module.__file__, package)
     (package / "inner.py").write_text(INNER.format(number=number))
     (package / "outer.py").write_text(OUTER)
 
