@@ -31,10 +31,11 @@ _typeconv: Any = typeconv
 
 _I1, _I32, _I64 = ir.IntType(1), ir.IntType(32), ir.IntType(64)
 _LLVM_TYPES = {
-    types.boolean: _I1, types.uint8: ir.IntType(8), types.int8: ir.IntType(8), types.uint16: ir.IntType(16),
-    types.int16: ir.IntType(16), types.int32: _I32, types.int64: _I64, types.float32: ir.FloatType(),
+    types.boolean: _I1,
+    types.int32: _I32,
+    types.float32: ir.FloatType(),
     types.float64: ir.DoubleType(),
-}  # fmt: skip
+}
 
 
 def _register_bits() -> int:
@@ -136,11 +137,10 @@ def _kind_name(kind: Lanes) -> str:
 
 for _functions, _names in (
     ((operator.add, operator.iadd), {"float": "fadd", "int": "add"}),
-    ((operator.sub, operator.isub), {"float": "fsub", "int": "sub"}),
+    ((operator.sub,), {"float": "fsub", "int": "sub"}),
     ((operator.mul, operator.imul), {"float": "fmul", "int": "mul"}),
-    ((operator.truediv, operator.itruediv), {"float": "fdiv"}),
+    ((operator.truediv,), {"float": "fdiv"}),
     ((operator.and_, operator.iand), {"int": "and_", "mask": "and_"}),
-    ((operator.or_, operator.ior), {"int": "or_", "mask": "or_"}),
     ((operator.lshift,), {"int": "shl"}),
     ((operator.rshift,), {"int": "ashr"}),
     ((operator.neg,), {"float": "fneg", "int": "neg"}),

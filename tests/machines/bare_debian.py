@@ -68,6 +68,7 @@ class Step:
     def row(self) -> str:
         """Return the row of the table."""
         (last,) = self.printed.strip().splitlines()[-1:] or [""]
+        last = last.replace(f"{HOMES[self.user]}/hsplat/", "")
         outcome = f"{self.status}" if self.passed else f"**{self.status}, expected {self.expected}**"
         return f"| {self.user} | `{self.command}` | {outcome} | {self.seconds:.0f} | {last.strip('= ')} |"
 

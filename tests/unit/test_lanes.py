@@ -73,27 +73,27 @@ def bits(values: Any) -> Any:
 def test_arithmetic_of_floats(dtype: Any, count: int) -> None:
     def compute(a: Any, b: Any) -> Any:
         c = a + b
-        c -= a * b
-        return max(c / b, -a) + where(a < b, abs(a), min(np.sqrt(abs(b)), a)) * where((a >= b) | ~(b > a), a, b)
+        c += -a * b
+        return max(c / b, -a) + where(a < b, abs(a), min(np.sqrt(abs(b)), a)) * where(~(~(a >= b) & (b > a)), a, b)
 
     a, b = FLOATS.astype(dtype), np.roll(FLOATS, 5).astype(dtype)
     with np.errstate(all="ignore"):
         c = a + b
-        c = c - a * b
+        c = c + -a * b
         first, root = c / b, np.sqrt(abs(b))
         first = np.where(-a > first, -a, first)
-        expected = first + np.where(a < b, abs(a), np.where(a < root, a, root)) * np.where((a >= b) | ~(b > a), a, b)
+        expected = first + np.where(a < b, abs(a), np.where(a < root, a, root)) * np.where(~(~(a >= b) & (b > a)), a, b)
     assert bits(applied(compute, a, b, dtype=dtype, count=count)) == bits(expected)
 
 
 @pytest.mark.parametrize("count", COUNTS)
 def test_arithmetic_of_integers(count: int) -> None:
     def compute(a: Any, b: Any) -> Any:
-        return where(a == b, a & b, (a * np.int32(3) + b) << np.int32(2)) | (-a >> np.int32(8)) - b
+        return where(a == b, a & b, (a * np.int32(3) + b) << np.int32(2)) + (-a >> np.int32(8)) - b
 
     a, b = INTS.astype(np.int32), np.roll(INTS, 3).astype(np.int32)
     b[4] = a[4]
-    expected = np.where(a == b, a & b, (a * np.int32(3) + b) << 2) | ((-a >> 8) - b)
+    expected = np.where(a == b, a & b, (a * np.int32(3) + b) << 2) + (-a >> 8) - b
     assert applied(compute, a, b, dtype=np.int32, count=count).tolist() == expected.tolist()
 
 
