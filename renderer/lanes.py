@@ -359,13 +359,17 @@ def gather(_: Any, array: Any, at: Any) -> Any:
     return kind(array, at), generate
 
 
+# Permute all lanes of a register; LLVM does not find these instructions itself.
+_PERMUTE_INSTRUCTIONS = {16: "llvm.x86.avx512.permvar.sf.512", 8: "llvm.x86.avx2.permps"}
+
+
 @intrinsic
 def permute(_: Any, table: Any, at: Any) -> Any:
     """Return `table[at]`, where both are float32 lanes and int32 lanes."""
 
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        name = {16: "llvm.x86.avx512.permvar.sf.512", 8: "llvm.x86.avx2.permps"}.get(min(NUM_LANES, table.count))
-        if name is not None:  # LLVM does not find these instructions itself
+        name = _PERMUTE_INSTRUCTIONS.get(table.count)
+        if name is not None and table.count <= NUM_LANES:
             function_type = ir.FunctionType(table.llvm, [table.llvm, at.llvm])
             return builder.call(cgutils.get_or_insert_function(builder.module, function_type, name), arguments)
         lanes = ir.Constant(table.llvm, ir.Undefined)
