@@ -22,7 +22,7 @@ import click
 
 from hsplat_cli.terminal import Reporter
 from renderer.errors import HsplatError, InputError, closest_match, format_message
-from renderer.printable import join_lines
+from renderer.system import join_lines
 
 # The summary of each command, a function of the same name in a file of the same name. It is imported only when it is
 # called, so help is quick.
@@ -71,7 +71,7 @@ class LazyGroup(click.Group):
 
 def _print_version(context: click.Context, _: click.Parameter, wanted: bool) -> None:
     if wanted and not context.resilient_parsing:
-        from renderer.versions import package_versions
+        from renderer.system import package_versions
 
         Reporter().result(f"hsplat {package_versions()['hsplat']}")
         context.exit()

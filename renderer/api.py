@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from renderer.cores import num_cores
 from renderer.draw import RecoveringRasterizer, open_rasterizer
 from renderer.errors import InputError, SceneError
 from renderer.film import (
@@ -47,7 +46,6 @@ from renderer.frame import (
     render_frames,
     visibility_notes,
 )
-from renderer.printable import printable
 from renderer.readers import read_volume
 from renderer.scene import (
     ArraySource,
@@ -64,6 +62,7 @@ from renderer.scene import (
     spec_to_dict,
 )
 from renderer.study import FilmPlan, make_plan
+from renderer.system import num_cores, printable
 
 if TYPE_CHECKING:  # the ray integral takes a while to load
     from renderer.study import ToleranceSearchResult, Truth

@@ -11,7 +11,7 @@ import importlib.util
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from renderer.printable import PrintableText, join_lines, printable
+from renderer.system import PrintableText, join_lines, printable
 
 
 class HsplatError(Exception):
@@ -24,7 +24,7 @@ class HsplatError(Exception):
     got, expected: what was found, and what would have been right.
     hint: what to do about it.
 
-    Each is one line, in which `str` escapes what is not printable, or several lines of `renderer.printable.join_lines`.
+    Each is one line, in which `str` escapes what is not printable, or several lines of `renderer.system.join_lines`.
     """
 
     def __init__(

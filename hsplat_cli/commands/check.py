@@ -18,7 +18,6 @@ from renderer.film import (
     translate_os_errors,
     unfinished_folder,
 )
-from renderer.printable import join_lines
 from renderer.readers import find_volume
 from renderer.scene import (
     ArraySource,
@@ -31,6 +30,7 @@ from renderer.scene import (
     SplatBudget,
     scene_to_dict,
 )
+from renderer.system import join_lines
 
 # The number of values of a schedule that are listed.
 _MAX_TURNS = 4

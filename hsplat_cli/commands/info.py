@@ -13,8 +13,8 @@ import click
 from hsplat_cli.commands.options import FILE
 from hsplat_cli.scenes import read_with_options, transfer_lines, volume_options, volume_spec
 from hsplat_cli.terminal import Reporter, counted
-from renderer.printable import join_lines
 from renderer.scene import parse_yaml
+from renderer.system import join_lines
 
 if TYPE_CHECKING:
     from renderer.suggest import Statistics, Suggestion, ValueRange

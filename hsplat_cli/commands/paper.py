@@ -13,10 +13,10 @@ import click
 
 from hsplat_cli.commands.options import quiet_option, volume_option
 from hsplat_cli.terminal import OutputPath, Reporter, describe_machine, sigterm_as_interrupt
-from renderer.cores import num_cores
 from renderer.errors import InputError
 from renderer.film import require_no_input, require_writable_dry_run, volume_files, write_staged
 from renderer.scene import Scene, load_scene
+from renderer.system import num_cores
 
 if TYPE_CHECKING:
     from hsplat_cli.studies import FigureRenderer, PaperFigure

@@ -20,7 +20,7 @@ from hsplat_cli.compare.text_reports import comparison_table
 from hsplat_cli.terminal import Reporter
 from renderer.errors import HsplatError, InputError
 from renderer.film import folder_files
-from renderer.printable import join_lines
+from renderer.system import join_lines
 
 # A scene, or the sidecar of a film.
 _SCENE_SUFFIXES = (".yaml", ".yml", ".json")

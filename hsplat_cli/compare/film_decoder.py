@@ -20,7 +20,7 @@ import numpy as np
 from hsplat_cli.compare.picture_file import MAX_PIXELS, require_file
 from renderer.errors import InputError
 from renderer.film import Pixels, find_ffmpeg
-from renderer.printable import join_lines
+from renderer.system import join_lines
 
 # ffmpeg's most exact conversion, the same on every processor. A GIF may be transparent.
 _RGB_FILTER = "scale=flags=bicubic+accurate_rnd+full_chroma_int+full_chroma_inp+bitexact,format=rgb24"

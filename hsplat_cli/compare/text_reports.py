@@ -13,8 +13,8 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 from hsplat_cli.compare.figure_format import figure_text
 from hsplat_cli.compare.outcome import Comparison, Outcome, Status
 from hsplat_cli.terminal import counted, format_table
-from renderer.printable import PrintableText, join_lines, printable
 from renderer.study import COMPARISON_METRICS
+from renderer.system import PrintableText, join_lines, printable
 
 # Only the worst failing frames are printed, so that they fit on a screen; files have all frames.
 MAX_ROWS = 20

@@ -15,13 +15,12 @@ from hsplat_cli.executors.frame_result import FrameResult, draw_locally
 from hsplat_cli.executors.options import ExecutorSpec
 from hsplat_cli.executors.workers.pool import Pool, open_pool
 from hsplat_cli.terminal import Reporter
-from renderer.cores import num_cores
 from renderer.draw import RecoveringRasterizer, is_software, max_brick_bytes, open_rasterizer
 from renderer.errors import RenderError
 from renderer.frame import Stage
-from renderer.memory import free_bytes
 from renderer.scene import MetricTarget, Scene
 from renderer.study import FilmPlan
+from renderer.system import free_bytes, num_cores
 
 if TYPE_CHECKING:
     from distributed import Client

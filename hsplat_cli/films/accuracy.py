@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from hsplat_cli.terminal import Reporter, counted
-from renderer.cores import num_cores
 from renderer.errors import InputError
 from renderer.frame import Rasterizer, Stage
 from renderer.scene import MetricTarget
@@ -18,6 +17,7 @@ from renderer.study import (
     compute_truth,
     find_tolerance,
 )
+from renderer.system import num_cores
 
 
 def search_tolerance(

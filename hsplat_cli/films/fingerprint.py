@@ -11,7 +11,7 @@ from hsplat_cli.scenes import Job, is_shallow
 from hsplat_cli.terminal import first_few
 from renderer.film import data_digest, file_digest, has_frame_files, translate_os_errors
 from renderer.scene import OutputSpec, format_value, join_keys, scene_to_dict, schedule_to_dict, with_draw_order
-from renderer.versions import package_versions, sources_digest
+from renderer.system import package_versions, sources_digest
 
 # These keys say how frames become a film and what is told of it, not what is in them.
 _ENCODING_KEYS = ("file", "frames_per_second", "quality", "record_paths")

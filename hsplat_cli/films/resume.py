@@ -17,7 +17,6 @@ from hsplat_cli.films.fingerprint import (
 )
 from hsplat_cli.scenes import Job, read_volume_guarded
 from hsplat_cli.terminal import Reporter, counted
-from renderer.cores import num_cores
 from renderer.film import (
     FrameCheckpoint,
     Record,
@@ -34,6 +33,7 @@ from renderer.film import (
 from renderer.frame import Stage, prepare_stage
 from renderer.scene import MAX_SIDECAR_BYTES, OutputSpec, read_json_object, schedule_to_dict, tolerance_at
 from renderer.study import FilmPlan
+from renderer.system import num_cores
 from renderer.volume import Volume
 
 _MAX_SECONDS = 1e10  # to draw a film; more is a mistake

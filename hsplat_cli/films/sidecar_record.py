@@ -13,7 +13,7 @@ from renderer.errors import RenderError
 from renderer.film import Record
 from renderer.scene import TimeBudget, format_value, schedule_to_dict, scheduled_value, short_text
 from renderer.study import FilmPlan
-from renderer.versions import package_versions, sources_digest
+from renderer.system import package_versions, sources_digest
 
 if TYPE_CHECKING:
     from renderer.study import ToleranceSearchResult

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from renderer.errors import require_package
 from renderer.film import encode_png
-from renderer.printable import join_lines
+from renderer.system import join_lines
 
 if TYPE_CHECKING:
     from markupsafe import Markup

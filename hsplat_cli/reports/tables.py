@@ -16,8 +16,8 @@ from hsplat_cli.reports.columns import Column, cost_columns, metric_column
 from hsplat_cli.reports.costs import group_by_series, on_pareto_fronts
 from hsplat_cli.reports.number_format import short_count_text
 from hsplat_cli.terminal import format_table
-from renderer.printable import join_lines
 from renderer.study import METRICS, Accuracy, FrameMeasurement, Measurement, Study, Truth
+from renderer.system import join_lines
 
 FORMAT = 1
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from renderer.printable import printable
 from renderer.scene import Color, ColormapSpec, FileSource, RawSource, TransferSpec, VolumeSpec, parse_yaml
+from renderer.system import printable
 
 if TYPE_CHECKING:
     from renderer.suggest import Suggestion, VolumeSuggestion

@@ -9,7 +9,7 @@ import platform
 from pathlib import Path
 from typing import Any
 
-from renderer.versions import MEASURING_PACKAGES, commit, package_versions
+from renderer.system import MEASURING_PACKAGES, commit, package_versions
 
 
 def describe_machine(driver: str) -> dict[str, Any]:

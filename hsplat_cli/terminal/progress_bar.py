@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import TextIO
 
-from renderer.printable import printable
+from renderer.system import printable
 
 # A line is due after this part of the work or this time, whichever comes first, but never sooner than the least time:
 # a short film prints a few lines, a long one does not look dead, and neither floods a log.

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import click
 
 from hsplat_cli.terminal.progress_bar import Progress
-from renderer.printable import PrintableText, join_lines, printable
+from renderer.system import PrintableText, join_lines, printable
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Reporter:
 
     def announce_compilation(self) -> None:
         """Print a status if this run has to compile the kernels, which takes some seconds."""
-        from renderer.jit import has_cached_kernels
+        from renderer.compiled import has_cached_kernels
 
         if not (self.is_quiet or has_cached_kernels()):
             self.status("compiling for this machine: the first run takes some seconds longer")

@@ -28,10 +28,9 @@ from hsplat_cli.turntable.manifest import (
     update_manifest,
 )
 from hsplat_cli.turntable.one_film import FilmRequest
-from renderer.child_processes import ChildProcesses, describe_exit
 from renderer.errors import HsplatError, RenderError
 from renderer.film import require_writable
-from renderer.printable import join_lines
+from renderer.system import ChildProcesses, describe_exit, join_lines
 
 # An interrupted process removes its unfinished work. One that does not end within this time is killed, because an
 # interrupt can get lost in a library that is being loaded.

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE, brick_grid_shape, grid_cells
 from renderer.bricks.node_statistics import NodeStatistics
 from renderer.bricks.subvoxel import make_channel_curve, make_scalar_curve, measure_voxel_bricks
+from renderer.compiled import ThreadPool
 from renderer.pyramid import (
     STREAMED_LEVELS,
     Pyramid,
@@ -30,7 +31,6 @@ from renderer.pyramid import (
     root_cells,
 )
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
-from renderer.threads import ThreadPool
 from renderer.transfer import (
     MAX_NORMALIZED_SCALAR,
     PiecewiseTransfer,

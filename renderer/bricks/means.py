@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks.layout import BRICK_SIZE, HALO, PADDED_BRICK_SIZE
-from renderer.jit import jit
+from renderer.compiled import ThreadPool, jit
 from renderer.pyramid import (
     BLOCK_SIZE,
     BLOCKS_PER_TASK,
@@ -30,7 +30,6 @@ from renderer.pyramid import (
     visible_blocks,
     visible_children,
 )
-from renderer.threads import ThreadPool
 from renderer.transfer import raw_voxels
 
 Array = npt.NDArray[Any]

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE, HALO, brick_grid_shape, grid_cells
-from renderer.jit import jit
+from renderer.compiled import jit
 from renderer.pyramid import cell_voxel_counts
 from renderer.volume import Volume
 

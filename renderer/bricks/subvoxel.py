@@ -50,7 +50,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks.layout import BRICK_SIZE, PADDED_BRICK_SIZE, fill_padded
-from renderer.jit import jit
+from renderer.compiled import jit
 from renderer.transfer import (
     LARGEST_EXPONENT,
     RawVoxels,

@@ -26,7 +26,7 @@ import numpy.typing as npt
 from renderer.bricks.bricks import Bricks
 from renderer.bricks.layout import BRICK_SIZE, HALO, PADDED_BRICK_SIZE, fill_padded
 from renderer.bricks.means import MeanCache
-from renderer.jit import jit
+from renderer.compiled import jit
 from renderer.transfer import RawVoxels, normalize_scalar, range_width, raw_voxels
 
 Float32 = npt.NDArray[np.float32]

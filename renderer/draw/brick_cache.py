@@ -26,8 +26,8 @@ from renderer.bricks import (
     mean_texels,
     scalar_texels,
 )
+from renderer.compiled import ThreadPool
 from renderer.splats import SplatBatch
-from renderer.threads import ThreadPool
 from renderer.view import RaySetup, View, ray_setup, screen_rectangles
 
 Bools = npt.NDArray[np.bool_]

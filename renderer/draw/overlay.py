@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import BRICK_LEVELS, BrickCut
-from renderer.jit import jit
+from renderer.compiled import jit
 from renderer.pyramid import Cut
 
 Float64 = npt.NDArray[np.float64]

@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import BrickBatch
-from renderer.cores import num_drawing_threads
 from renderer.draw.cpu.raster import CPURasterizer
 from renderer.draw.gl.raster import GLRasterizer, Image
 from renderer.draw.overlay import CellEdges
 from renderer.errors import ContextLostError, RenderError
 from renderer.splats import SplatBatch
+from renderer.system import num_drawing_threads
 from renderer.view import View
 
 Result = TypeVar("Result")

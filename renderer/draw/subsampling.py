@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from renderer.jit import jit
-from renderer.threads import ThreadPool
+from renderer.compiled import ThreadPool, jit
 
 Bools = npt.NDArray[np.bool_]
 Float32 = npt.NDArray[np.float32]

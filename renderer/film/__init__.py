@@ -8,7 +8,7 @@ and renames it at the end. `FrameCheckpoint` keeps finished frames of an unfinis
 - `quantization.py`: float to 8 bits; `picture.py`: a finished frame; `png.py`: PNG files.
 - `atomic.py`: temporary names, renamed at the end; `names.py`: the names of frames and files; `inputs.py`: no output
   overwrites an input; `lock.py`: one job at a time; `checkpoint.py`: finished frames of an unfinished film.
-- `sidecar.py`: writes the JSON file beside an output.
+- `sidecar.py`: writes the JSON file beside an output. `runs.py`: consecutive numbers as ranges.
 """
 
 import lazy_loader

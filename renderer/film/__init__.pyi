@@ -49,6 +49,7 @@ from .png import (
     png_shape as png_shape,
 )
 from .quantization import quantize as quantize, require_finite as require_finite
+from .runs import consecutive_ranges as consecutive_ranges
 from .sidecar import (
     shorten_paths as shorten_paths,
     without_paths as without_paths,

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from renderer.errors import HsplatError, RenderError
 from renderer.film.atomic import output_error
 from renderer.film.stream_tail import StreamTail
-from renderer.printable import join_lines
+from renderer.system import join_lines
 
 # Without out_color_matrix, ffmpeg converts RGB with the BT.601 matrix, whatever the tags say. The chroma position is
 # H.264's default, left; `accurate_rnd` and `bitexact` give the same result on every processor.

@@ -19,7 +19,7 @@ from pathlib import Path
 from renderer.errors import InputError, OutputLockedError
 from renderer.film.atomic import remove_temporaries, require_writable, sync_to_disk, translate_os_errors
 from renderer.film.names import frame_path, is_numbered, unfinished_folder
-from renderer.runs import consecutive_ranges
+from renderer.film.runs import consecutive_ranges
 from renderer.scene import OutputSpec
 
 _LOCK_FILE = "lock"

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from renderer.compiled import jit
 from renderer.errors import RenderError
-from renderer.jit import jit
 from renderer.scene import Color
 
 # In float32, because numba continues in float64 after a Python number.

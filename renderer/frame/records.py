@@ -11,7 +11,7 @@ from renderer.film import Record
 from renderer.frame.frame import Frame
 from renderer.frame.stage import Stage, finest_level_at
 from renderer.scene import scene_to_dict, with_tolerances
-from renderer.versions import package_versions
+from renderer.system import package_versions
 
 _MIN_VISIBLE_OPACITY = 0.5 / 255  # less opacity than this changes no pixel of 8 bits
 

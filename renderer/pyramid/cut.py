@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from renderer.jit import jit
+from renderer.compiled import jit
 from renderer.pyramid.pyramid import Level, Pyramid, cell_extents, error_scale
 from renderer.transfer import Classifier, RawVoxels, classify_voxel, raw_voxels
 from renderer.volume import Volume

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from renderer.jit import jit
+from renderer.compiled import jit
 from renderer.pyramid.nodes import BLOCK_SIZE
 from renderer.transfer import Classifier, RawVoxels, is_range_visible
 

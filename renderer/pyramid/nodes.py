@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.jit import jit
+from renderer.compiled import jit
 from renderer.transfer import Classifier, RawVoxels, TransferTable, classify_scalar, classify_voxel, scalar_at
 
 Array = npt.NDArray[Any]

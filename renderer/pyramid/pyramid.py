@@ -31,6 +31,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.compiled import ThreadPool
 from renderer.pyramid import nodes as compiled
 from renderer.pyramid.empty_space import visible_blocks
 from renderer.pyramid.nodes import (
@@ -44,7 +45,6 @@ from renderer.pyramid.nodes import (
     store_scaled,
 )
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
-from renderer.threads import ThreadPool
 from renderer.transfer import VISIBILITY_THRESHOLD, Classifier, TransferFunction, make_classifier, raw_voxels
 from renderer.volume import Volume
 

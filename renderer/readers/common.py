@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError, closest_match
-from renderer.memory import free_bytes, free_swap_bytes
 from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, short_text
+from renderer.system import free_bytes, free_swap_bytes
 from renderer.volume import Array, Float64, MappedFile, iter_slabs
 
 # Larger volumes are refused, whatever their header says: a corrupt header must not exhaust the machine's memory.

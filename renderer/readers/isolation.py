@@ -22,9 +22,9 @@ from typing import IO, Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from renderer.child_processes import ChildProcesses, describe_exit, open_anonymous_file
 from renderer.errors import InputError, RenderError
 from renderer.readers.common import Image, check_dtype, check_size
+from renderer.system import ChildProcesses, describe_exit, open_anonymous_file
 from renderer.volume import Array
 
 # The limits of a child: memory, to which voxels and files add, as libraries hold what they have read, what they have

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from renderer.errors import closest_match
-from renderer.printable import printable
+from renderer.system import printable
 
 _MAX_VALUE_LENGTH = 60
 _MAX_TEXT_LENGTH = 200  # a matrix with all its digits

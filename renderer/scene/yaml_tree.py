@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 import yaml
 
 from renderer.errors import InputError, Problem
-from renderer.printable import join_lines, printable
 from renderer.scene.input_file import decode_utf8
 from renderer.scene.message_text import format_value, join_keys
+from renderer.system import join_lines, printable
 
 # A scene has a few hundred values in three or four levels; far more is a mistake or an attack.
 MAX_NODES = 20_000

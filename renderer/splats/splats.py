@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from renderer.compiled import jit
 from renderer.errors import RenderError
-from renderer.jit import jit
 from renderer.pyramid import Cut
 from renderer.scene import SplatSpec
 

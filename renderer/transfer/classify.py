@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.jit import fma, jit
+from renderer.compiled import fma, jit
 from renderer.scene import ShadingSpec
 from renderer.transfer.piecewise import Channels, TransferTable, evaluate
 from renderer.transfer.transfer_function import VISIBILITY_THRESHOLD, TransferFunction, visibility_breakpoints

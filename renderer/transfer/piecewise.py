@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.jit import jit
+from renderer.compiled import jit
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.jit import jit
+from renderer.compiled import jit
 from renderer.scene import ColormapSpec, TransferSpec, colormap_points
 from renderer.transfer.piecewise import TransferTable, make_transfer_table
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from renderer.jit import inline
+from renderer.compiled import inline
 
 Float64 = npt.NDArray[np.float64]
 Vector = tuple[float, float, float]

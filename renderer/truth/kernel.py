@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.jit import inline, jit
+from renderer.compiled import inline, jit
 from renderer.truth.cubic import Corners, Cubic, Vector, add_crossings, cubic_in_cell, restrict_cubic, value_at
 
 Float64 = npt.NDArray[np.float64]

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import BRICK_LEVELS, BrickBatch
-from renderer.jit import jit
+from renderer.compiled import jit
 from renderer.view.camera import View
 from renderer.view.depth_order import box_order
 from renderer.view.splat_projection import ModelView, model_view

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from renderer.jit import jit
+from renderer.compiled import jit
 from renderer.view.camera import View
 from renderer.volume import Volume
 

@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from renderer.jit import jit
+from renderer.compiled import jit
 from renderer.pyramid import Cut
 from renderer.splats import SplatBatch
 from renderer.view.camera import View

@@ -22,8 +22,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from renderer.cores import num_cores
-from renderer.versions import commit
+from renderer.system import commit, num_cores
 
 ROOT = Path(__file__).resolve().parents[2]
 MARK = "HSPLAT_BENCH_MARK"

@@ -21,8 +21,8 @@ import numpy as np
 
 from renderer.pyramid import Pyramid, build_pyramid
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, TransferSpec
+from renderer.system import commit
 from renderer.transfer import TransferFunction, make_transfer_function
-from renderer.versions import commit
 from renderer.volume import Volume, make_volume
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -18,7 +18,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 from extremes import CASES_ON_PAGE, Extreme, Section  # noqa: E402
 
 from renderer.draw import GLRasterizer  # noqa: E402
-from renderer.versions import commit  # noqa: E402
+from renderer.system import commit  # noqa: E402
 
 INTRODUCTION = """# Numerics: what happens at the extremes
 

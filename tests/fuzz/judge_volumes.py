@@ -28,12 +28,12 @@ from volume_bases import Base, make_bases, real_data
 from volume_bombs_isolated import BOMBS
 from volume_damage import Case, Sparse, is_within_checksums, make_bomb, make_case, write_case
 
-from renderer.child_processes import describe_exit
 from renderer.errors import InputError
 from renderer.film import volume_files
 from renderer.readers import read as read_module, read_volume
 from renderer.readers.common import Image
 from renderer.scene import FileSource, VolumeSpec
+from renderer.system import describe_exit
 from renderer.volume import Volume
 
 # What reading may take: processor time, and memory beside the voxels and this process. A child process, which has the

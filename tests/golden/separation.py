@@ -28,7 +28,7 @@ from subjects import BRICKS, SPLATS, Shot, Subject  # noqa: E402
 
 from renderer.draw import CPURasterizer, GLRasterizer  # noqa: E402
 from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS  # noqa: E402
-from renderer.versions import commit  # noqa: E402
+from renderer.system import commit  # noqa: E402
 
 SAME, CROSS = "same-machine", "cross-driver"
 

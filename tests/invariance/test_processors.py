@@ -18,8 +18,8 @@ from brickwork import AFFINES, batch_of, bricks_of, cut_of_bricks, hills, ordere
 from llvmlite import binding
 
 from renderer.bricks import ScreenSampling
+from renderer.compiled import NUM_LANES
 from renderer.draw import CPURasterizer
-from renderer.lanes import NUM_LANES
 from renderer.scene import ShadingSpec
 
 # The number of its lanes, and an instruction that this processor needs to run its code.

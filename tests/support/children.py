@@ -11,7 +11,7 @@ import time
 from film_stages import PLAIN, stage_of
 
 from hsplat_cli.executors.workers.pool import open_pool
-from renderer.child_processes import ChildProcesses
+from renderer.system import ChildProcesses
 
 LONG_S = 600
 

@@ -17,7 +17,7 @@ from small_scene import sidecar, small_scene
 from hsplat_cli import main
 from hsplat_cli.films.assemble import assembly, merged_sidecar as merged
 from renderer.film import bytes_digest, encode_png, join_png_chunks, locked_output, png_chunks
-from renderer.versions import package_versions
+from renderer.system import package_versions
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
 

@@ -14,11 +14,11 @@ from typing import Any, cast
 import numba
 import pytest
 
-import renderer.jit
-import renderer.lanes
+from renderer.compiled import compiler
 
+COMPILED = Path(compiler.__file__).parent
 INNER = """
-from renderer.jit import jit
+from renderer.compiled import jit
 
 @jit
 def number() -> int:
@@ -26,7 +26,7 @@ def number() -> int:
 """
 OUTER = """
 from renderer.inner import number
-from renderer.jit import has_cached_kernels, jit
+from renderer.compiled import has_cached_kernels, jit
 
 @jit
 def doubled() -> int:
@@ -41,8 +41,7 @@ def _package(folder: Path, number: int) -> None:
     package = folder / "renderer"
     package.mkdir(exist_ok=True)
     (package / "__init__.py").touch()
-    for module in (renderer.jit, renderer.lanes):
-        shutil.copy(module.__file__, package)
+    shutil.copytree(COMPILED, package / "compiled", ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True)
     (package / "inner.py").write_text(INNER.format(number=number))
     (package / "outer.py").write_text(OUTER)
 
@@ -86,7 +85,7 @@ def test_a_change_in_another_file_compiles_again_and_removes_old_caches(tmp_path
 
 
 def test_the_cache_of_other_loops_is_where_it_was() -> None:
-    cache: Any = cast(Any, renderer.jit.jit(_doubled))._cache
+    cache: Any = cast(Any, compiler.jit(_doubled))._cache
     assert "kernels-" in cache.cache_path
     assert os.environ.get("NUMBA_CACHE_DIR", "") == numba.config.CACHE_DIR
 
@@ -101,7 +100,7 @@ def test_processes_that_compile_at_once_do_not_mix_up_their_code(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The second one writes its entry while the first, which has read the index, has not written its own."""
-    first, second = (renderer.jit._KernelFiles(str(tmp_path), "loop", 1) for _ in range(2))
+    first, second = (compiler._KernelFiles(str(tmp_path), "loop", 1) for _ in range(2))
     load = first._load_index
 
     def interrupted() -> dict[object, str]:
@@ -120,7 +119,7 @@ def test_processes_that_compile_at_once_do_not_mix_up_their_code(
 
 def test_loops_are_cached_in_files_named_by_signature() -> None:
     """Numba's cache is replaced by one attribute of its own; a version that renames it must fail here."""
-    assert isinstance(cast(Any, renderer.jit.jit(_doubled))._cache._cache_file, renderer.jit._KernelFiles)
+    assert isinstance(cast(Any, compiler.jit(_doubled))._cache._cache_file, compiler._KernelFiles)
 
 
 def _doubled(number: int) -> int:
@@ -137,8 +136,8 @@ def test_a_user_without_a_home_has_a_cache_beside_the_sources_or_none(
 
     monkeypatch.setattr(Path, "home", no_home)
     monkeypatch.setattr(os.path, "expanduser", lambda path: path)
-    assert renderer.jit._cache_folder() is not None
-    monkeypatch.setattr(renderer.jit, "__file__", str(tmp_path / "jit.py"))
-    monkeypatch.setattr(renderer.jit._config, "CACHE_DIR", "")
+    assert compiler._cache_folder() is not None
+    monkeypatch.setattr(compiler, "__file__", str(tmp_path / "compiled" / "compiler.py"))
+    monkeypatch.setattr(compiler._config, "CACHE_DIR", "")
     (tmp_path / "__pycache__").touch()
-    assert renderer.jit._cache_folder() is None
+    assert compiler._cache_folder() is None

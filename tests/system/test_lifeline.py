@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from processes import MARK, holders_of_shared_memory, marked, new_mark, wait_until
 
-from renderer.child_processes import ChildProcesses
+from renderer.system import ChildProcesses
 
 # The longest time that the program promises.
 LONGEST_S = 5.0
@@ -78,7 +78,7 @@ def test_a_thread_ends_the_child_on_a_system_without_the_signal(mark: str) -> No
         [
             "import fcntl, sys, time",
             "del fcntl.F_SETSIG",
-            "from renderer.child_processes import exit_with_parent",
+            "from renderer.system import exit_with_parent",
             "exit_with_parent(int(sys.argv[1]))",
             "print('waiting', flush=True)",
             "time.sleep(600)",

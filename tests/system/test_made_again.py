@@ -12,7 +12,7 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import main
-from renderer.versions import sources_digest
+from renderer.system import sources_digest
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
 

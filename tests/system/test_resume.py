@@ -30,7 +30,7 @@ from resuming import (
 
 from hsplat_cli import main
 from hsplat_cli.films import fingerprint
-from renderer.printable import printable
+from renderer.system import printable
 
 
 @pytest.fixture(autouse=True)

@@ -25,8 +25,8 @@ from hsplat_cli import main
 from hsplat_cli.films import render as render_module
 from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable import batch
-from renderer.child_processes import ChildProcesses
 from renderer.scene import load_scene
+from renderer.system import ChildProcesses
 
 CODE = Path(main.__file__).parents[1]
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(CODE)}

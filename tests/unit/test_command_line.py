@@ -58,7 +58,7 @@ def test_a_system_without_what_linux_and_macos_have_is_named(hidden: str) -> Non
 def test_compiled_loops_run_without_scipy_linalg(tmp_path: Path) -> None:
     """Loops of others in the same process still have its BLAS."""
     program = (
-        "import sys, renderer.jit, numba, numpy as np\n"
+        "import sys, renderer.compiled.compiler, numba, numpy as np\n"
         "assert numba.njit(lambda a: a + a)(np.ones(2)).sum() == 4.0\n"
         "print('scipy.linalg' in sys.modules)\n"
         "print(numba.njit(lambda a: np.dot(a, a))(np.full((1, 1), 3.0)), 'scipy.linalg' in sys.modules)"

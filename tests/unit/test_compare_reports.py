@@ -14,7 +14,7 @@ from hypothesis import given, strategies as st
 from hsplat_cli.compare import comparison_table
 from hsplat_cli.compare.outcome import Comparison, Outcome
 from hsplat_cli.compare.text_reports import MAX_ROWS, comparison_json, comparison_junit
-from renderer.printable import printable
+from renderer.system import printable
 
 LIMITS = {"largest": 1.0, "flip": 0.01}
 

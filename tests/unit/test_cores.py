@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from renderer import cores
-from renderer.cores import num_cores, num_drawing_threads
+from renderer.system import cores, num_cores, num_drawing_threads
 
 
 @pytest.mark.parametrize(

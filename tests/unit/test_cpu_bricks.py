@@ -10,13 +10,12 @@ import pytest
 from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, placed, transfer_of, view_of
 
 from renderer.bricks import PADDED_BRICK_SIZE
+from renderer.compiled import NUM_LANES, jit, load, store
 from renderer.draw import CPURasterizer, GLRasterizer, brick_cache, is_software
 from renderer.draw.brick_cache import brick_bytes, max_slots_in_memory
 from renderer.draw.cpu.march import draw_tiles
 from renderer.draw.cpu.raster import CPUAtlas
 from renderer.draw.cpu.sample import opacity_of_depth
-from renderer.jit import jit
-from renderer.lanes import NUM_LANES, load, store
 
 GLASS = transfer_of((0, (0.9, 0.2, 0.1), 0.0), (1, (0.1, 0.5, 1.0), 0.3))
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from hsplat_cli.executors import FrameResult, executor
-from renderer.cores import num_cores
 from renderer.errors import RenderError
 from renderer.film import Picture
 from renderer.study import FilmPlan
+from renderer.system import num_cores
 
 
 def result_of(number: int, by: str, seconds: float) -> FrameResult:

@@ -8,7 +8,7 @@ import pytest
 
 from hsplat_cli.executors.workers import process
 from hsplat_cli.executors.workers.process import WorkerProcess
-from renderer.child_processes import ChildProcesses
+from renderer.system import ChildProcesses
 
 
 @pytest.mark.parametrize(

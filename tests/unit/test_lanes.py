@@ -14,16 +14,16 @@ import numba
 import numpy as np
 import pytest
 
-from renderer import lanes
-from renderer.jit import fma
-from renderer.lanes import (
+from renderer.compiled import (
     any_of,
     append,
     append_rows,
     bits_to_float32,
     broadcast,
+    fma,
     gather,
     lane_numbers,
+    lanes,
     load,
     load_corners,
     load_rows,
@@ -181,6 +181,6 @@ def test_registers_are_the_processor_s(processor: str, count: int) -> None:
     if lanes.cpu_target.target_context.codegen().magic_tuple()[0].split("-")[0] != "x86_64":
         pytest.skip("the processor has other registers")
     environment = {**os.environ, "NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": ""}
-    command = [sys.executable, "-c", "from renderer.lanes import NUM_LANES; print(NUM_LANES)"]
+    command = [sys.executable, "-c", "from renderer.compiled import NUM_LANES; print(NUM_LANES)"]
     got = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
     assert int(got.stdout) == count

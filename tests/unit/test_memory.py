@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from renderer import memory
-from renderer.cores import control_groups
+from renderer.system import memory
+from renderer.system.cores import control_groups
 
 GIB = 2**30
 FREE = {"memory.limit_in_bytes": 2**63 - 4096, "memory.usage_in_bytes": GIB}  # as the kernel writes it

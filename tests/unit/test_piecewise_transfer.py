@@ -11,9 +11,8 @@ from brickwork import batch_of, bricks_of, level_cut
 from number_types import random_ranges
 
 from renderer.bricks import PADDED_BRICK_SIZE, Bricks, scalar_texels
+from renderer.compiled import NUM_LANES, jit, load, store
 from renderer.draw.cpu.sample import Table, classify, make_table
-from renderer.jit import jit
-from renderer.lanes import NUM_LANES, load, store
 from renderer.transfer import GUIDE_SIZE, PiecewiseTransfer, TransferFunction, make_piecewise_transfer
 from renderer.volume import Float64, make_volume
 

@@ -9,7 +9,7 @@ from hypothesis import given, strategies as st
 
 from hsplat_cli.terminal import format_table
 from renderer.errors import InputError, Problem, RenderError, SceneError
-from renderer.printable import join_lines, printable
+from renderer.system import join_lines, printable
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import given, strategies as st
 
-from renderer.runs import consecutive_ranges
+from renderer.film import consecutive_ranges
 
 
 @given(st.sets(st.integers(0, 40)))

@@ -11,7 +11,6 @@ from hypothesis import given, strategies as st
 
 from hsplat_cli.scenes import FilmOptions
 from hsplat_cli.scenes.scene_text import number_text, scene_text, yaml_string
-from renderer.printable import printable
 from renderer.scene import (
     ColormapSpec,
     ControlPoint,
@@ -26,6 +25,7 @@ from renderer.scene import (
     parse_yaml,
 )
 from renderer.suggest import Suggestion, VolumeSuggestion
+from renderer.system import printable
 
 POINTS = (ControlPoint(-1e-7, (0.0, 0.0, 0.0), 0.0), ControlPoint(3.0, (1.0, 0.2, 0.4), 0.999))
 SUGGESTION = Suggestion("scan", "it has edges", TransferSpec(POINTS, 0.5), ("", "the object"), ShadingSpec())

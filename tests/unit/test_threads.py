@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from renderer.threads import ThreadPool
+from renderer.compiled import ThreadPool
 
 
 @pytest.fixture(params=[1, 3])

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer import versions
+from renderer.system import versions
 
 
 @pytest.fixture

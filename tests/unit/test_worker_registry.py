@@ -12,7 +12,7 @@ from hsplat_cli.executors.cluster.registry import WorkerRegistry
 from hsplat_cli.executors.cluster.worker import describe_worker
 from hsplat_cli.terminal import Reporter
 from renderer.errors import RenderError
-from renderer.versions import package_versions
+from renderer.system import package_versions
 
 HERE = package_versions()["hsplat"]
 SAME = describe_worker()

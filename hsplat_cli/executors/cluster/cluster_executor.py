@@ -20,7 +20,7 @@ from renderer.errors import ContextLostError, HsplatError, RenderError
 from renderer.film import Picture
 from renderer.frame import serialized_stage
 from renderer.study import FilmPlan
-from renderer.versions import package_versions
+from renderer.system import package_versions
 
 if TYPE_CHECKING:
     from distributed import Client, Future

@@ -13,8 +13,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.executors.options import ADDRESSES, LOCAL
-from renderer.cores import num_cores
 from renderer.errors import InputError
+from renderer.system import num_cores
 
 if TYPE_CHECKING:
     from distributed import Client

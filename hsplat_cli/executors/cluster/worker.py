@@ -18,7 +18,7 @@ from hsplat_cli.executors.frame_result import draw_locally
 from renderer.draw import CPURasterizer, GLRasterizer, open_rasterizer
 from renderer.errors import ContextLostError
 from renderer.frame import ScheduleController, deserialize_stage
-from renderer.versions import package_versions, sources_digest
+from renderer.system import package_versions, sources_digest
 
 
 class SerializedStage:

@@ -24,9 +24,9 @@ from hsplat_cli.executors.schedule import MAX_LOSSES, draw_ahead
 from hsplat_cli.executors.workers import process
 from hsplat_cli.executors.workers.process import WorkerLostError, WorkerProcess
 from hsplat_cli.executors.workers.shared_stage import map_stage, share_stage
-from renderer.child_processes import ChildProcesses
 from renderer.errors import HsplatError
 from renderer.frame import Stage
+from renderer.system import ChildProcesses
 
 # The module that workers run, and its arguments.
 PROGRAM: Sequence[str] = ("hsplat_cli.executors.workers.worker",)

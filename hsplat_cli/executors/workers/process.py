@@ -13,10 +13,9 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from renderer.child_processes import ChildProcesses, describe_exit
 from renderer.errors import ContextLostError, HsplatError, RenderError
 from renderer.film import StreamTail
-from renderer.printable import join_lines
+from renderer.system import ChildProcesses, describe_exit, join_lines
 
 # Lines of a worker's standard error stream that a message shows.
 _NUM_LAST_LINES = 5

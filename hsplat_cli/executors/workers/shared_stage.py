@@ -6,9 +6,9 @@ import mmap
 import os
 
 from hsplat_cli.scenes import guard_mapping
-from renderer.child_processes import open_anonymous_file
 from renderer.errors import RenderError
 from renderer.frame import Stage, deserialize_stage, serialize_stage
+from renderer.system import open_anonymous_file
 
 
 def share_stage(stage: Stage) -> int:

@@ -14,10 +14,9 @@ from hsplat_cli.films.assemble.parts import Part
 from hsplat_cli.films.fingerprint import differences
 from hsplat_cli.terminal import first_few
 from renderer.errors import Problem
-from renderer.film import Record, bytes_digest, png_shape
-from renderer.printable import join_lines
-from renderer.runs import consecutive_ranges
+from renderer.film import Record, bytes_digest, consecutive_ranges, png_shape
 from renderer.scene import FRAME_FIELD, format_value, schedule_to_dict
+from renderer.system import join_lines
 
 _MAX_SHOWN = 4
 

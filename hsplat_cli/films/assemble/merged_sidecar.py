@@ -14,7 +14,7 @@ from hsplat_cli.films.sidecar_record import min_max, schedule_record
 from renderer.film import data_digest, film_notes, has_frame_files
 from renderer.frame import visibility_notes
 from renderer.scene import ErrorSpec, OutputSpec, is_film_wide_goal, schedule_from_tolerances, schedule_to_dict
-from renderer.versions import package_versions, sources_digest
+from renderer.system import package_versions, sources_digest
 
 
 def merged_record(picked: Sequence[PickedFrame], output: OutputSpec, seconds: float) -> dict[str, Any]:

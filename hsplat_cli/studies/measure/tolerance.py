@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from hsplat_cli.films import nothing_visible_error, search_tolerance
 from hsplat_cli.scenes import read_volume_guarded
 from hsplat_cli.terminal import Reporter, counted
-from renderer.cores import num_cores
 from renderer.draw import open_rasterizer
 from renderer.errors import InputError
 from renderer.frame import Stage, prepare_stage
 from renderer.scene import MetricTarget, Scene
 from renderer.study import SSIM_WINDOW_PX, ToleranceSearchResult, require_measuring_packages, unreachable_accuracy_error
+from renderer.system import num_cores
 from renderer.volume import Volume
 
 

@@ -26,7 +26,6 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError, RenderError, require_package
-from renderer.printable import join_lines
 from renderer.scene import Color, Scene
 from renderer.study import (
     Accuracy,
@@ -40,6 +39,7 @@ from renderer.study import (
     pool_accuracies,
     thumbnail,
 )
+from renderer.system import join_lines
 from renderer.transfer import TransferFunction
 from renderer.view import View
 from renderer.volume import Array, Float64, Volume, make_volume

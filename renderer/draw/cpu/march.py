@@ -18,6 +18,25 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import DITHER, HALO, JITTER_PER_PX, PADDED_BRICK_SIZE
+from renderer.compiled import (
+    NUM_LANES,
+    any_of,
+    append,
+    append_rows,
+    fma,
+    inline,
+    jit,
+    lane_numbers,
+    load,
+    load_rows,
+    prefetch,
+    store,
+    store_rows,
+    to_float32,
+    to_float64,
+    to_int32,
+    where,
+)
 from renderer.draw.constants import MAX_SAMPLE_CELL, MAX_SAMPLES, MIN_SAMPLE_CELL
 from renderer.draw.cpu.sample import (
     Field,
@@ -31,22 +50,6 @@ from renderer.draw.cpu.sample import (
     sample_gradient,
     sample_rgba,
     sample_scalar,
-)
-from renderer.jit import fma, inline, jit, prefetch
-from renderer.lanes import (
-    NUM_LANES,
-    any_of,
-    append,
-    append_rows,
-    lane_numbers,
-    load,
-    load_rows,
-    store,
-    store_rows,
-    to_float32,
-    to_float64,
-    to_int32,
-    where,
 )
 from renderer.view import RaySetup
 

@@ -12,14 +12,14 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import PADDED_BRICK_SIZE
-from renderer.draw.constants import OPACITY_SERIES
-from renderer.jit import fma, inline
-from renderer.lanes import (
+from renderer.compiled import (
     NUM_LANES,
     any_of,
     bits_to_float32,
     broadcast,
+    fma,
     gather,
+    inline,
     load,
     load_corners,
     load_rows,
@@ -28,6 +28,7 @@ from renderer.lanes import (
     to_int32,
     where,
 )
+from renderer.draw.constants import OPACITY_SERIES
 from renderer.transfer import GUIDE_SIZE, PiecewiseTransfer, lambert_factor
 
 Float32 = npt.NDArray[np.float32]

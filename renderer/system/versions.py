@@ -15,7 +15,7 @@ _PACKAGES = (
     *("python-gdcm", "tifffile"),
 )
 
-_ROOT = Path(__file__).resolve().parents[1]
+_ROOT = Path(__file__).resolve().parents[2]
 
 
 def package_versions(*more: str) -> dict[str, str]:

@@ -23,7 +23,7 @@ from llvmlite import ir
 from numba.core import caching, cgutils, types
 from numba.extending import intrinsic
 
-from renderer.lanes import Lanes, lanes_among, multiply_add
+from renderer.compiled.lanes import Lanes, lanes_among, multiply_add
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -51,7 +51,7 @@ def _cache_folder() -> Path | None:
 
     Nothing is removed from a folder that the user has set.
     """
-    here = Path(__file__).resolve().parent
+    here = Path(__file__).resolve().parents[1]
     digest = hashlib.blake2b(numba.__version__.encode(), digest_size=8)
     for source in sorted(here.rglob("*.py")):
         digest.update(source.read_bytes())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from renderer.cores import control_groups
+from renderer.system.cores import control_groups
 
 _MEMINFO = Path("/proc/meminfo")
 # The files of limits, of what is in use and of its parts, by the version of control groups.

@@ -23,10 +23,11 @@ import sys
 import tempfile
 import threading
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import IO
 
 # The folder of our packages.
-_ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+_ROOT = str(Path(__file__).resolve().parents[2])
 
 # Linux's number for "send this signal and not SIGIO", which `fcntl` knows by name only there.
 _SET_SIGNAL = "F_SETSIG"

@@ -1,0 +1,29 @@
+from .compiler import (
+    fma as fma,
+    has_cached_kernels as has_cached_kernels,
+    inline as inline,
+    jit as jit,
+    prefetch as prefetch,
+)
+from .lanes import (
+    NUM_LANES as NUM_LANES,
+    Lanes as Lanes,
+    any_of as any_of,
+    append as append,
+    append_rows as append_rows,
+    bits_to_float32 as bits_to_float32,
+    broadcast as broadcast,
+    gather as gather,
+    lane_numbers as lane_numbers,
+    load as load,
+    load_corners as load_corners,
+    load_rows as load_rows,
+    permute as permute,
+    store as store,
+    store_rows as store_rows,
+    to_float32 as to_float32,
+    to_float64 as to_float64,
+    to_int32 as to_int32,
+    where as where,
+)
+from .threads import ThreadPool as ThreadPool

@@ -1,0 +1,15 @@
+from .child_processes import (
+    ChildProcesses as ChildProcesses,
+    describe_exit as describe_exit,
+    exit_with_parent as exit_with_parent,
+    open_anonymous_file as open_anonymous_file,
+)
+from .cores import num_cores as num_cores, num_drawing_threads as num_drawing_threads
+from .memory import free_bytes as free_bytes, free_swap_bytes as free_swap_bytes
+from .printable_text import PrintableText as PrintableText, join_lines as join_lines, printable as printable
+from .versions import (
+    MEASURING_PACKAGES as MEASURING_PACKAGES,
+    commit as commit,
+    package_versions as package_versions,
+    sources_digest as sources_digest,
+)
