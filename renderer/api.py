@@ -1,7 +1,6 @@
 """The Python API: from a scene file, a Scene or a numpy array to pictures, films and the exact picture.
 
-Draws in this process, on all cores, to the same bytes as the command `hsplat render`. This is the only module of the
-library that reads a clock.
+Draws in this process, on all cores, to the same bytes as the command `hsplat render`.
 """
 
 from __future__ import annotations
@@ -12,60 +11,45 @@ import html
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from itertools import chain
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.draw import RecoveringRasterizer, open_rasterizer
 from renderer.errors import InputError, SceneError
-from renderer.film import (
-    Picture,
-    encode_png,
+from renderer.film import encode_png, frame_path
+from renderer.frame import LODCostEstimator, Stage, open_stage
+from renderer.job import (
+    FilmJob,
+    JobEvents,
+    NotebookBar,
+    OnePass,
+    OnProgress,
+    ProgressEvents,
     film_files,
-    film_notes,
-    frame_path,
-    locked_output,
-    open_film,
-    require_encoder,
+    make_film,
+    make_plan,
+    open_local_executor,
     require_no_input,
-    sidecar_path,
-    volume_files,
-    write_sidecar,
-)
-from renderer.frame import (
-    LODCostEstimator,
-    Stage,
-    film_record,
-    frame_record,
-    prepare_stage,
-    render_frames,
-    visibility_notes,
 )
 from renderer.readers import read_volume
 from renderer.scene import (
     ArraySource,
     CameraSpec,
-    MetricTarget,
     ProceduralSource,
     Scene,
     TransferSpec,
+    accuracy_of,
     format_value,
     load_scene as load_scene_file,
     parse_scene,
     scene_to_dict,
-    schedule_to_dict,
     spec_to_dict,
 )
-from renderer.study import FilmPlan, make_plan
+from renderer.suggest import FilmOptions
 from renderer.system import num_cores, printable
-
-if TYPE_CHECKING:  # the ray integral takes a while to load
-    from renderer.study import ToleranceSearchResult, Truth
 
 SceneLike: TypeAlias = "Scene | str | os.PathLike[str] | npt.ArrayLike"
 TransferLike: TypeAlias = "str | Sequence[Any] | Mapping[str, Any] | TransferSpec"
@@ -218,10 +202,10 @@ def render_frame(
     options |= {"size": size, "background": background, "tolerance": tolerance, "output": _ANY_PICTURE}
     made = _scene(scene, options)
     numbers = _numbers(frame, made)
-    with _open_rasterizer(made) as rasterizer:
-        plan = _plan(made, numbers, rasterizer)
-        (drawn,) = render_frames(plan.stage, numbers, rasterizer, clock=perf_counter, controller=plan.controller)
-    return drawn.image.view(FrameImage)
+    with open_local_executor(made) as executor, _open_stage(made) as stage:
+        plan = make_plan(LODCostEstimator(stage), numbers, lambda: executor.rasterizer, JobEvents())
+        (drawn,) = executor.draw(plan, numbers)
+    return drawn.picture.pixels.view(FrameImage)
 
 
 def render(
@@ -230,11 +214,13 @@ def render(
     output: str | os.PathLike[str] | None = None,
     frames: int | slice | Sequence[int] | None = None,
     best_effort: bool = False,
+    resume: bool = True,
+    on_progress: OnProgress | None = None,
 ) -> Film:
-    """Draw a film and write it, with its sidecar; like `hsplat render`, to the same bytes.
+    """Draw a film and write it, with its sidecar: the job of the command `hsplat render`, to the same bytes.
 
-    The file is written whole or not at all, and it never replaces one of the scene's inputs. An existing film is drawn
-    again. The command resumes films, shows their progress and uses several processes; this function does not.
+    The file is written whole or not at all, and it never replaces one of the scene's inputs. A film that is up to date
+    is not drawn again, and one that was stopped, here or by the command, resumes where it stopped.
 
     Parameters
     ----------
@@ -244,6 +230,9 @@ def render(
     frames: the frames to draw, ascending: `range(0, 30)`, `slice(None, None, 10)`, `-1`; all by default.
     best_effort: accept a film that is less accurate than the scene asks for. A budget of seconds is kept as well as
         this machine can; frames that take longer are no error.
+    resume: keep the frames that an earlier job finished. Without it every frame is drawn, as with `--force`.
+    on_progress: called as `on_progress(num_finished, num_frames)` after each frame that is drawn. What it raises ends
+        the job, which can be resumed. By default notebooks show a bar.
 
     Returns the Film, which notebooks play.
     Raises InputError, SceneError, OutputLockedError if another job is writing the same output, and RenderError if the
@@ -254,37 +243,18 @@ def render(
     >>> film = renderer.render("scene.yaml", output="draft.gif", frames=range(0, 120, 10))
     >>> film.path, film.sidecar
     """
-    start = perf_counter()
     made = _scene(scene, {"output": output}, is_single_frame=True)
     numbers = _numbers(frames, made)
     made = _scene(made, {}, is_single_frame=len(numbers) == 1)
-    sidecar = sidecar_path(made, numbers)
-    inputs = [Path(scene)] if isinstance(scene, (str, os.PathLike)) else []
-    require_no_input(film_files(made.output, numbers, sidecar), chain(inputs, volume_files(made.volume)))
-    with (
-        locked_output(made.output, numbers, sidecar) as folder,
-        _open_rasterizer(made) as rasterizer,
-    ):
-        require_encoder(made.output)
-        plan = _plan(made, numbers, rasterizer)
-        records = []
-        with open_film(made.output, numbers, staging_folder=folder) as write:
-            drawn = render_frames(plan.stage, numbers, rasterizer, clock=perf_counter, controller=plan.controller)
-            for frame in drawn:
-                write(frame.number, Picture(frame.image))
-                records.append(frame_record(frame))
-        read = plan.stage.volume.note
-        notes = [*([read] if read else []), *film_notes(made.output), *rasterizer.notes, *visibility_notes(records)]
-        missed = {} if plan.shortfall is None else {"shortfall": str(plan.shortfall)}
-        schedule = {"asked": schedule_to_dict(made.error), "met": not missed, **missed}
-        content = film_record(plan.stage, records, rasterizer.renderer_name) | {"schedule": schedule}
-        # The reader's note may quote the file's header.
-        content |= {"notes": notes if made.output.record_paths else [note for note in notes if note != read]}
-        content |= {"seconds": plan.stage.seconds | {"total": perf_counter() - start}, "frames": records}
-        write_sidecar(sidecar, content, folder)
-    if plan.shortfall is not None and not best_effort:
-        raise plan.shortfall
-    return Film(made.output.file, tuple(numbers), sidecar, tuple(notes))
+    path = Path(scene) if isinstance(scene, (str, os.PathLike)) else None
+    job = FilmJob(made, numbers, accuracy_of(made.error), path=path)
+    require_no_input(film_files(made.output, numbers, job.sidecar), job.input_files())
+    events = ProgressEvents(on_progress or NotebookBar())
+    film = make_film(job, open_local_executor, OnePass(), events, resumes=resume)
+    if film.shortfall is not None and not best_effort:
+        raise film.shortfall
+    notes = [film.volume_note] if film.volume_note else []
+    return Film(film.file, film.record.numbers, film.sidecar, (*notes, *film.record.notes))
 
 
 def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:
@@ -310,7 +280,8 @@ def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:
 
     made = _scene(scene, {"output": _ANY_PICTURE})
     (number,) = _numbers(frame, made)
-    truth = compute_truth(_prepare(made), number, TRUTH_TOLERANCE, num_threads=num_cores())
+    with _open_stage(made) as stage:
+        truth = compute_truth(stage, number, TRUTH_TOLERANCE, num_threads=num_cores())
     return truth.picture.astype(np.float32)
 
 
@@ -350,11 +321,12 @@ def _scene(
 
 def _turntable() -> dict[str, Any]:
     """Return what `hsplat init` suggests, too, with a transfer function that is still to be replaced."""
-    path = {"type": "turntable", "frames": 120, "elevation": 20.0, "axis": "z"}
+    film = FilmOptions()
+    path = {"type": "turntable", "frames": film.frames, "elevation": film.elevation, "axis": film.axis}
     return {
         "transfer_function": {"points": [{"value": 0, "color": "white", "opacity": 1}]},
         "camera": {"target": "visible", "path": path},
-        "error": {"tolerance": 0.05},
+        "error": {"tolerance": film.tolerance},
         "output": {"file": "film.mp4"},
     }
 
@@ -460,26 +432,5 @@ def _numbers(frames: int | slice | Sequence[int] | None, scene: Scene) -> Sequen
     raise InputError("no such frames", where="frames", got=format_value(frames), expected=expected)
 
 
-def _open_rasterizer(scene: Scene) -> RecoveringRasterizer:
-    return RecoveringRasterizer(partial(open_rasterizer, needs_opengl=scene.needs_opengl))
-
-
-def _prepare(scene: Scene) -> Stage:
-    return prepare_stage(scene, clock=perf_counter, num_threads=num_cores())
-
-
-def _plan(scene: Scene, frames: Sequence[int], rasterizer: RecoveringRasterizer) -> FilmPlan:
-    """Read the volume and find the tolerances of these frames."""
-
-    def search(stage: Stage, target: MetricTarget) -> ToleranceSearchResult:
-        from renderer.study import TRUTH_TOLERANCE, compute_truth, find_tolerance
-
-        def find_truth(frame: int) -> Truth:
-            return compute_truth(stage, frame, TRUTH_TOLERANCE, num_threads=num_cores())
-
-        return find_tolerance(
-            stage, frames, target, rasterizer, find_truth=find_truth, clock=perf_counter, on_trial=lambda _: None
-        )
-
-    estimator = LODCostEstimator(_prepare(scene))
-    return make_plan(estimator, frames, rasterizer, clock=perf_counter, search=search)
+def _open_stage(scene: Scene) -> contextlib.AbstractContextManager[Stage]:
+    return open_stage(scene, clock=perf_counter, num_threads=num_cores())

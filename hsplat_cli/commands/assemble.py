@@ -8,23 +8,24 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hsplat_cli.commands.options import frames_option, no_paths_option, quiet_option
-from hsplat_cli.terminal import Reporter, parse_frames, sigterm_as_interrupt
+from hsplat_cli.commands.options import quiet_option
+from hsplat_cli.terminal import FilmEvents, Reporter, parse_frames, report_film
 from renderer.errors import Problem, SceneError
 from renderer.film import has_frame_files
 from renderer.scene import FRAME_FIELD, OUTPUT_SECTION, OutputSpec, TreeNode, format_value
+from renderer.system import sigterm_as_interrupt
 
 if TYPE_CHECKING:
-    from hsplat_cli.films import Part
+    from renderer.job import Part
 
 
 @click.command()
 @click.argument("parts", nargs=-1, required=True)
 @click.option("--output", required=True, metavar="FILE", help="Write to this .mp4, .gif or {frame}.png.")
-@frames_option(help="Take only these frames, as a Python slice: 0:30, ::10, 7, -1.")
+@click.option("--frames", metavar="A:B:STEP", help="Take only these frames, as a Python slice: 0:30, ::10, 7, -1.")
 @click.option("--frames-per-second", type=float, metavar="RATE", help="Another rate than that of the scene.")
 @click.option("--quality", type=float, metavar="0-10", help="Another quality of an MP4 than that of the scene.")
-@no_paths_option(callback=None, help="Record names and no folders.")
+@click.option("--no-paths", is_flag=True, help="Record names and no folders.")
 @click.option("--force", is_flag=True, help="Assemble again what is up to date.")
 @quiet_option()
 def assemble(
@@ -43,7 +44,7 @@ def assemble(
     equal those of one `hsplat render` of all frames.
     """
     # Imported here to keep --help fast.
-    from hsplat_cli.films import assemble_film, find_parts
+    from renderer.job import assemble_film, find_parts
 
     found = find_parts(parts)
     numbers = parse_frames(frames, found[0].num_frames)
@@ -53,14 +54,15 @@ def assemble(
     }
     options |= {"record_paths": (False, "--no-paths")} if no_paths else {}
     spec = _output_spec(found[0], options, numbers)
-    with sigterm_as_interrupt():
-        assemble_film(found, numbers, spec, reporter, force=force)
+    with sigterm_as_interrupt(), FilmEvents(reporter, "primitive") as events:
+        film = assemble_film(found, numbers, spec, events, resumes=not force)
+    report_film(film, reporter)
 
 
 def _output_spec(part: Part, options: Mapping[str, tuple[Any, str]], numbers: Sequence[int]) -> OutputSpec:
     """Return the recorded output, changed by options: each a value and its text. Raises SceneError."""
     problems: list[Problem] = []
-    tree = {**part.scene["output"], **{key: value for key, (value, _) in options.items()}}
+    tree = {**part.record.scene["output"], **{key: value for key, (value, _) in options.items()}}
     spec = OUTPUT_SECTION.read(TreeNode(tree, "output", problems))
     if not problems and has_frame_files(spec) and len(numbers) > 1 and not FRAME_FIELD.search(spec.file.name):
         hint, got = f"write {spec.file.stem}-{{frame:04}}.png", format_value(str(spec.file))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from dataclasses import replace
 
 import click
 
-from hsplat_cli.commands.options import frames_option, scene_argument, set_option, volume_option
-from hsplat_cli.scenes import load_job
-from hsplat_cli.terminal import Reporter, counted
+from hsplat_cli.commands.options import takes_scene
+from hsplat_cli.scenes import SceneRequest, load_job
+from hsplat_cli.terminal import Reporter
 from renderer.film import (
     frame_path,
     has_frame_files,
@@ -20,14 +20,14 @@ from renderer.film import (
 )
 from renderer.readers import find_volume
 from renderer.scene import (
-    ArraySource,
     ByFrame,
     FileSource,
     MetricTarget,
-    ProceduralSource,
     RawSource,
     Scene,
     SplatBudget,
+    VolumeSpec,
+    counted,
     scene_to_dict,
 )
 from renderer.system import join_lines
@@ -37,12 +37,9 @@ _MAX_TURNS = 4
 
 
 @click.command()
-@scene_argument
-@set_option()
+@takes_scene("As for render.")
 @click.option("--output", metavar="FILE", help="As for render.")
-@frames_option(help="As for render.")
-@volume_option()
-def check(scene: Path, overrides: tuple[str, ...], output: str | None, frames: str | None, volume: Path | None) -> None:
+def check(request: SceneRequest, output: str | None) -> None:
     """Check a scene file and list everything that is wrong with it.
 
     SCENE is a YAML file, or the JSON file beside a film. Finds all that render refuses before it loads a library to
@@ -50,7 +47,7 @@ def check(scene: Path, overrides: tuple[str, ...], output: str | None, frames: s
     those libraries find remains: a damaged header or voxels, a size that OpenGL does not have, no OpenGL, no ffmpeg, a
     full disk.
     """
-    job = load_job(scene, overrides=overrides, frames=frames, volume=volume, output=output)
+    job = load_job(replace(request, output=output))
     for file in (frame_path(job.scene.output.file, job.frames[0]), sidecar_path(job.scene, job.frames)):
         require_writable_dry_run(file)
     with translate_os_errors(job.scene.output.file):
@@ -58,7 +55,7 @@ def check(scene: Path, overrides: tuple[str, ...], output: str | None, frames: s
     if isinstance(job.scene.volume.source, FileSource):
         find_volume(job.scene.volume.source.file)
     rows = [f"  {name:<8} {text}" for name, text in _summary(job.scene, len(job.frames))]
-    Reporter().result(join_lines([f"{scene}: ok", *rows]))
+    Reporter().result(join_lines([f"{request.path}: ok", *rows]))
 
 
 def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
@@ -70,14 +67,15 @@ def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
     film = f", {num_frames / output.frames_per_second:.3g} s at {rate} per second"
     width, height = output.size
     return [
-        ("volume", _source(scene.volume.source)),
+        ("volume", _source(scene.volume)),
         ("camera", f"{path['type']}, {frames}"),
         ("error", _schedule(scene)),
         ("output", f"{output.file}, {width} x {height}{'' if has_frame_files(output) else film}"),
     ]
 
 
-def _source(source: FileSource | RawSource | ProceduralSource | ArraySource) -> str:
+def _source(volume: VolumeSpec) -> str:
+    source = volume.source
     if isinstance(source, FileSource):
         lengths = "" if source.spacing is None else " x ".join(f"{length:g}" for length in source.spacing)
         return f"{source.file}{f', spacing {lengths} in place of its own' if lengths else ''}"

@@ -9,10 +9,12 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.commands.options import frames_option, no_paths_option, quiet_option, set_option, volume_option
-from hsplat_cli.executors import workers_option
-from hsplat_cli.terminal import OutputPath, Reporter, sigterm_as_interrupt
+from hsplat_cli.commands.options import quiet_option, takes_scene
+from hsplat_cli.executors import ExecutorSpec, workers_option
+from hsplat_cli.scenes import SceneRequest
+from hsplat_cli.terminal import OutputPath, Reporter, option_group
 from renderer.errors import InputError
+from renderer.system import sigterm_as_interrupt
 
 _REPORT = OutputPath(dir_okay=False)
 
@@ -20,13 +22,16 @@ _REPORT = OutputPath(dir_okay=False)
 def _parse_name(_: click.Context, parameter: click.Parameter, name: str) -> Path:
     """Return a path; refuse an empty name, as of an unset variable, which would be the current folder."""
     if not name:
-        raise InputError("an empty name", where=str(parameter.name).upper(), expected="a file or folder")
+        raise InputError("an empty name", where=parameter.human_readable_name, expected="a file or folder")
     return Path(name)
 
 
+_SIDES = option_group(
+    click.argument("scene", metavar="GOLDEN", callback=_parse_name), click.argument("actual", callback=_parse_name)
+)
+
+
 @click.command()
-@click.argument("golden", callback=_parse_name)
-@click.argument("actual", callback=_parse_name)
 @click.option("--level", metavar="LEVEL", help="exact, same-machine (the default) or cross-driver.")
 @click.option(
     "--limit",
@@ -38,16 +43,18 @@ def _parse_name(_: click.Context, parameter: click.Parameter, name: str) -> Path
 @click.option("--json", "json_file", type=_REPORT, metavar="FILE", help="Write the result of every frame as JSON.")
 @click.option("--junit", "junit_file", type=_REPORT, metavar="FILE", help="Write a JUnit report for CI systems.")
 @click.option("--html", "html_file", type=_REPORT, metavar="FILE", help="Write a page that shows the worst frames.")
-@no_paths_option(callback=None, help="Leave folders out of the reports.")
-@frames_option(help="Of a scene: compare only its goldens in this range.")
-@set_option(help="Of a scene: change a value.")
-@volume_option(help="Of a scene: take the volume from this file.")
+@click.option("--no-paths", is_flag=True, help="Leave folders out of the reports.")
+@takes_scene(
+    "Of a scene: compare only its goldens in this range.",
+    set_help="Of a scene: change a value.",
+    volume_help="Of a scene: take the volume from this file.",
+    arguments=_SIDES,
+)
 @workers_option
 @quiet_option(help="Print nothing unless a frame fails.")
-@click.pass_context
 def compare(
-    context: click.Context,
-    golden: Path,
+    request: SceneRequest,
+    *,
     actual: Path,
     level: str | None,
     limits: tuple[str, ...],
@@ -55,9 +62,6 @@ def compare(
     junit_file: Path | None,
     html_file: Path | None,
     no_paths: bool,
-    frames: str | None,
-    overrides: tuple[str, ...],
-    volume: Path | None,
     workers: int | None,
     reporter: Reporter,
 ) -> None:
@@ -70,15 +74,15 @@ def compare(
     """
     with sigterm_as_interrupt():
         # Imported here to keep --help fast.
-        from hsplat_cli.compare import ReportFiles, SceneOptions, compare_frames, comparison_table
+        from hsplat_cli.compare import ReportFiles, compare_frames, comparison_table
 
         files = {"--json": json_file, "--junit": junit_file, "--html": html_file}
-        private = [golden, actual] if no_paths else []
+        private = [request.path, actual] if no_paths else []
         reports = ReportFiles({option: path for option, path in files.items() if path}, private)
-        drawing = SceneOptions(frames, overrides, volume, workers)
-        comparison = compare_frames(golden, actual, reports, drawing, level=level, limits=limits, reporter=reporter)
+        executor = ExecutorSpec(workers)
+        comparison = compare_frames(request, actual, reports, executor, level=level, limits=limits, reporter=reporter)
     if comparison.passes:
         reporter.line(comparison_table(comparison))
     else:
         reporter.result(comparison_table(comparison))
-        context.exit(1)
+        raise click.exceptions.Exit(1)

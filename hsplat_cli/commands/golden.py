@@ -8,18 +8,17 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.commands.options import frames_option, quiet_option, scene_argument, set_option, volume_option
+from hsplat_cli.commands.options import quiet_option, takes_scene
 from hsplat_cli.executors import ExecutorSpec, workers_option
-from hsplat_cli.terminal import OutputPath, Reporter, parse_frames, sigterm_as_interrupt
+from hsplat_cli.scenes import SceneRequest
+from hsplat_cli.terminal import OutputPath, Reporter, parse_frames
 from renderer.errors import InputError
+from renderer.system import sigterm_as_interrupt
 
 
 @click.command()
-@scene_argument
+@takes_scene("Only these frames, as a Python slice: ::10, 7, -1. [default: all; in an update the golden frames]")
 @click.argument("folder", type=OutputPath())
-@frames_option(help="Only these frames, as a Python slice: ::10, 7, -1. [default: all; in an update the golden frames]")
-@set_option()
-@volume_option()
 @click.option("--date", metavar="TEXT", help="Record this date for the frames that are drawn, such as 2026-11-21.")
 @click.option("--update", is_flag=True, help="List what has changed, and overwrite the goldens.")
 @click.option("--yes", is_flag=True, help="With --update: do not ask.")
@@ -27,11 +26,9 @@ from renderer.errors import InputError
 @workers_option
 @quiet_option(help="Print only errors, and what a question is about.")
 def golden(
-    scene: Path,
+    request: SceneRequest,
+    *,
     folder: Path,
-    frames: str | None,
-    overrides: tuple[str, ...],
-    volume: Path | None,
     date: str | None,
     update: bool,
     yes: bool,
@@ -52,21 +49,22 @@ def golden(
         from hsplat_cli.compare import GoldenOptions, load_reproducible_job, parse_date, update_goldens
 
         recorded_date = parse_date(date)
-        job = load_reproducible_job(scene, overrides=overrides, volume=volume)
-        numbers = None if frames is None else parse_frames(frames, job.scene.camera.path.frames, job.frames)
+        job = load_reproducible_job(request)
+        num_frames, frames = job.scene.camera.path.frames, request.frames
+        numbers = None if frames is None else parse_frames(frames, num_frames, job.frames)
         reporter.announce_compilation()
         golden_options = GoldenOptions(folder, numbers, recorded_date, update=update, prune=prune, yes=yes)
-        update_goldens(job, golden_options, ExecutorSpec(workers), reporter, _confirm_overwrite)
+        update_goldens(job, golden_options, ExecutorSpec(workers), reporter, lambda: _confirm_overwrite(reporter))
 
 
-def _confirm_overwrite() -> bool:
+def _confirm_overwrite(reporter: Reporter) -> bool:
     """Ask the user. Raises InputError where nobody can answer."""
     if os.environ.get("CI", "").lower() not in ("", "0", "false"):
         reason = "CI is set in the environment"
     elif not sys.stdin.isatty():
         reason = "the standard input is not a terminal"
     else:
-        return click.confirm("Overwrite the goldens?")
+        return reporter.confirm("Overwrite the goldens?")
     raise InputError(
         "goldens are not overwritten without a question, and nobody can answer",
         where="--update",

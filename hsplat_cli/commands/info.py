@@ -12,8 +12,8 @@ import click
 
 from hsplat_cli.commands.options import FILE
 from hsplat_cli.scenes import read_with_options, transfer_lines, volume_options, volume_spec
-from hsplat_cli.terminal import Reporter, counted
-from renderer.scene import parse_yaml
+from hsplat_cli.terminal import Reporter
+from renderer.scene import counted, parse_yaml
 from renderer.system import join_lines
 
 if TYPE_CHECKING:

@@ -9,17 +9,12 @@ from typing import Any
 import click
 
 from hsplat_cli.commands.options import FILE
-from hsplat_cli.scenes import (
-    FilmOptions,
-    base_name,
-    film_options,
-    suggest_scene,
-    volume_options,
-    volume_spec,
-)
+from hsplat_cli.scenes import base_name, film_options, suggest_scene, volume_options, volume_spec
 from hsplat_cli.terminal import OutputPath, Reporter
 from renderer.errors import InputError
-from renderer.film import require_no_input, require_writable_dry_run, volume_files, write_staged
+from renderer.film import require_writable_dry_run, write_staged
+from renderer.job import require_no_input, volume_files
+from renderer.suggest import FilmOptions
 
 
 @click.command()
@@ -30,7 +25,7 @@ from renderer.film import require_no_input, require_writable_dry_run, volume_fil
 @click.option("--force", is_flag=True, help="Overwrite an existing file.")
 @film_options
 @volume_options(nonfinite=None)
-def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None, **options: Any) -> None:
+def init(*, volume: Path, output: Path | None, force: bool, **options: Any) -> None:
     """Write a scene file for a volume, to start from.
 
     VOLUME is a file, or a folder of slices. The scene is a turntable with a transfer function that suits the values;
@@ -42,22 +37,12 @@ def init(*, volume: Path, output: Path | None, force: bool, colormap: str | None
     if output is not None:  # before the volume is read, which may take long
         _require_output(output, force=force)
         require_no_input([output], volume_files(spec))
-    scene = suggest_scene(
-        spec,
-        film,
-        reporter,
-        colormap=colormap,
-        hides_nonfinite=options["nonfinite"] is None,
-        scene=output or Path("scene.yaml"),
-        output=Path(f"{base_name(volume)}.mp4"),
-    )
-    for line in (f"{scene.kind}; {scene.reason}", *scene.notes):
-        reporter.status(f"{volume}: {line}")
+    scene, film_file = output or Path("scene.yaml"), Path(f"{base_name(volume)}.mp4")
+    text, _ = suggest_scene(spec, film, reporter, scene=scene, output=film_file)
     if output is None:
-        # As bytes, because the terminal's encoding is not that of the file that this may become.
-        click.echo(scene.text.encode(), nl=False)
+        reporter.content(text.encode())
     else:
-        write_staged(output, scene.text.encode())
+        write_staged(output, text.encode())
         reporter.status(f"{output}: written; `hsplat render {output}` makes the film")
 
 

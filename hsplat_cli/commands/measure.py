@@ -4,34 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import click
 
-from hsplat_cli.commands.options import (
-    frames_option,
-    no_paths_option,
-    quiet_option,
-    scene_argument,
-    set_option,
-    volume_option,
-)
-from hsplat_cli.scenes import load_job
+from hsplat_cli.commands.options import no_paths_option, quiet_option, takes_scene
+from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.studies import parse_sweep, parse_want
-from hsplat_cli.terminal import OutputPath, Reporter, sigterm_as_interrupt
+from hsplat_cli.terminal import OutputPath, Reporter
 from renderer.errors import InputError
-from renderer.film import require_no_input
+from renderer.job import require_no_input
+from renderer.system import sigterm_as_interrupt
 
 # Options of a sweep and its report, which a search for one tolerance does not have.
 _SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections", "repeats", "peer")
 
 
 @click.command()
-@scene_argument
-@set_option(help="Change a value of the scene.")
-@volume_option()
-@no_paths_option()
+@takes_scene("Measure on these frames; by default on three of the path.", set_help="Change a value of the scene.")
+@no_paths_option
 @click.option("--output", type=OutputPath(), metavar="FOLDER", help="Write the report there, not to SCENE.measured.")
-@frames_option(help="Measure on these frames; by default on three of the path.")
 @click.option("--tolerances", metavar="LIST", help="Such as 1,0.1,0; by default some that suit the volume.")
 @click.option(
     "--footprints",
@@ -55,49 +47,40 @@ _SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections
 @click.option("--peer", type=click.Choice(["vtk"]), help="Measure this program too, where it is installed.")
 @click.option("--want", metavar="METRIC=VALUE", help="Only find the tolerance for psnr=38 (or rmse, ssim, flip).")
 @quiet_option(help="Print only the result.")
-@click.pass_context
 def measure(
-    context: click.Context,
-    scene: Path,
-    overrides: tuple[str, ...],
-    volume: Path | None,
-    no_paths: tuple[str, ...],
+    request: SceneRequest,
+    *,
     output: Path | None,
-    frames: str | None,
-    tolerances: str | None,
-    footprints: str,
-    measures: str,
-    corrections: str,
     repeats: int,
     truth_tolerance: float,
     peer: str | None,
     want: str | None,
     reporter: Reporter,
+    **sweep_options: Any,
 ) -> None:
     """Measure what a scene costs and how near to the truth it comes.
 
     SCENE is a YAML file. A page with plots, a CSV and a JSON file are written into the folder SCENE.measured.
     """
-    overrides = (*overrides, *no_paths)
-    given = load_job(scene, overrides=overrides, frames=frames, volume=volume, draws="nothing")
+    given = load_job(request, "nothing")
     job, numbers = replace(given.scene, overlay="none"), given.frames  # lines are no error
-    sweep = parse_sweep(job, tolerances=tolerances, footprints=footprints, measures=measures, corrections=corrections)
+    sweep = parse_sweep(job, **sweep_options)
     with sigterm_as_interrupt():
         if want is not None:
             # Imported here to keep --help fast.
             from hsplat_cli.studies import print_tolerance
 
-            _reject_sweep_options(context)
+            _reject_sweep_options(click.get_current_context())
             print_tolerance(job, parse_want(want), numbers, truth_tolerance, reporter)
             return
         from hsplat_cli.reports import REPORT_FILES
         from hsplat_cli.studies import StudyRequest, run_study
 
-        folder = output or Path(f"{scene.stem}.measured")
+        name = request.path.stem
+        folder = output or Path(f"{name}.measured")
         require_no_input([folder / name for name in REPORT_FILES], given.input_files())
-        picked = list(numbers) if frames else None
-        request = StudyRequest(scene.stem, job, sweep, picked, repeats, peer, truth_tolerance, folder)
-        run_study(request, reporter)
+        picked = list(numbers) if request.frames else None
+        run_study(StudyRequest(name, job, sweep, picked, repeats, peer, truth_tolerance, folder), reporter)
 
 
 def _reject_sweep_options(context: click.Context) -> None:

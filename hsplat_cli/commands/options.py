@@ -1,46 +1,63 @@
-"""Options that several commands share; `help` replaces their text."""
+"""Options that several commands share."""
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Callable
+from functools import partial, wraps
 from pathlib import Path
+from typing import Any
 
 import click
 
-from hsplat_cli.terminal import Reporter
+from hsplat_cli.scenes import SceneRequest
+from hsplat_cli.terminal import Reporter, option_group
 
 FILE = click.Path(path_type=Path)
+_SCENE = click.argument("scene", type=FILE)
 
 
 def _make_reporter(_context: click.Context, _parameter: click.Parameter, is_quiet: bool) -> Reporter:
     return Reporter(is_quiet)
 
 
-scene_argument = click.argument("scene", type=FILE)
-set_option = partial(
-    click.option,
-    "--set",
-    "overrides",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Change a value: --set error.tolerance=0.2",
-)
-volume_option = partial(click.option, "--volume", type=FILE, metavar="FILE", help="Take the volume from this file.")
-frames_option = partial(click.option, "--frames", metavar="A:B:STEP")
-
-
-def _no_paths_override(_context: click.Context, _parameter: click.Parameter, is_given: bool) -> tuple[str, ...]:
-    return ("output.record_paths=false",) * is_given
-
-
-# What it gives belongs to the overrides of `--set`.
-no_paths_option = partial(
-    click.option,
-    "--no-paths",
-    is_flag=True,
-    callback=_no_paths_override,
-    help="Record names and no folders: the same as --set output.record_paths=false.",
-)
 quiet_option = partial(
     click.option, "--quiet", "reporter", is_flag=True, callback=_make_reporter, help="Print only errors."
 )
+no_paths_option = click.option(
+    "--no-paths",
+    "hides_paths",
+    is_flag=True,
+    help="Record names and no folders: the same as --set output.record_paths=false.",
+)
+
+
+def takes_scene(
+    frames_help: str,
+    *,
+    set_help: str = "Change a value: --set error.tolerance=0.2",
+    volume_help: str = "Take the volume from this file.",
+    arguments: Callable[[Any], Any] = _SCENE,
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Return a decorator of a command: it declares a scene with its options, which the command gets as one request.
+
+    arguments: declares `scene`, and arguments that stand beside it.
+    """
+    options = option_group(
+        arguments,
+        click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help=set_help),
+        click.option("--frames", metavar="A:B:STEP", help=frames_help),
+        click.option("--volume", type=FILE, metavar="FILE", help=volume_help),
+    )
+
+    def declare(command: Callable[..., None]) -> Callable[..., None]:
+        @wraps(command)
+        def with_request(
+            *, scene: Path, overrides: tuple[str, ...], frames: str | None, volume: Path | None, **others: Any
+        ) -> None:
+            if others.pop("hides_paths", False):
+                overrides = (*overrides, "output.record_paths=false")
+            command(SceneRequest(scene, overrides, volume, frames), **others)
+
+        return options(with_request)
+
+    return declare

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import importlib
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from hsplat_cli.commands.options import quiet_option, volume_option
-from hsplat_cli.terminal import OutputPath, Reporter, describe_machine, sigterm_as_interrupt
+from hsplat_cli.commands.options import FILE, quiet_option
+from hsplat_cli.terminal import OutputPath, Reporter, describe_machine
 from renderer.errors import InputError
-from renderer.film import require_no_input, require_writable_dry_run, volume_files, write_staged
+from renderer.film import require_writable_dry_run, write_staged
+from renderer.job import require_no_input, volume_files
 from renderer.scene import Scene, load_scene
-from renderer.system import num_cores
+from renderer.system import num_cores, sigterm_as_interrupt
 
 if TYPE_CHECKING:
     from hsplat_cli.studies import FigureRenderer, PaperFigure
@@ -47,30 +48,11 @@ FIGURE_SPECS = {
 _FIGURE = click.IntRange(min(FIGURE_SPECS), max(FIGURE_SPECS))
 
 
-@dataclass(frozen=True)
-class _FigureJob:
-    """A figure to draw. path: of its scene."""
-
-    number: int
-    path: Path
-    scene: Scene
-
-    def make_figure(self, figure_renderer: FigureRenderer) -> PaperFigure:
-        """Draw and measure the figure."""
-        spec = FIGURE_SPECS[self.number]
-        module = importlib.import_module(f"hsplat_cli.studies.paper.{spec.module}")
-        try:
-            figure: PaperFigure = module.make_figure(self.scene, figure_renderer)
-        except InputError as error:
-            error.where = error.where or str(self.path)
-            raise
-        note = f"The volume is {Path(figure_renderer.volumes[self.scene.volume].name).name}."
-        return replace(figure, notes=(note, *figure.notes)) if spec.takes_volume else figure
-
-
 @click.command()
-@click.argument("folder", type=click.Path(path_type=Path), required=False)
-@volume_option(help="A scan in place of the procedural engine of figures 5 and 6.")
+@click.argument("folder", type=FILE, required=False)
+@click.option(
+    "--volume", type=FILE, metavar="FILE", help="A scan in place of the procedural engine of figures 5 and 6."
+)
 @click.option("--output", type=OutputPath(), default=Path("paper"), metavar="DIR", help="Write DIR/index.html.")
 @click.option(
     "--figure", "numbers", type=_FIGURE, multiple=True, metavar="N", help="Make only this figure; repeatable."
@@ -85,12 +67,12 @@ def paper(folder: Path | None, volume: Path | None, output: Path, numbers: tuple
     from hsplat_cli.reports import require_page_packages
 
     require_page_packages()
-    jobs = _jobs(folder or SCENES, numbers, volume)
+    scenes = _load_scenes(folder or SCENES, numbers, volume)
     path = output / PAGE_FILE
     require_writable_dry_run(path)
-    require_no_input([path], [file for job in jobs for file in (job.path, *volume_files(job.scene.volume))])
+    require_no_input([path], [file for path, scene in scenes.values() for file in (path, *volume_files(scene.volume))])
     with sigterm_as_interrupt():
-        figures, text = _page(jobs, reporter)
+        figures, text = _page(scenes, reporter)
         write_staged(path, text.encode())
     for figure in figures:
         for claim in figure.claims:
@@ -99,8 +81,8 @@ def paper(folder: Path | None, volume: Path | None, output: Path, numbers: tuple
     reporter.line(f"page: {path}")
 
 
-def _jobs(folder: Path, numbers: Sequence[int], volume: Path | None) -> list[_FigureJob]:
-    """Return the requested figures, or all whose scenes exist, with their scenes."""
+def _load_scenes(folder: Path, numbers: Sequence[int], volume: Path | None) -> dict[int, tuple[Path, Scene]]:
+    """Return file and scene of the requested figures, or of all whose scenes exist, by number."""
     there = [number for number, spec in FIGURE_SPECS.items() if (folder / spec.scene).exists()]
     if not there:
         raise InputError(
@@ -113,24 +95,37 @@ def _jobs(folder: Path, numbers: Sequence[int], volume: Path | None) -> list[_Fi
         if number not in there:
             expected = str(folder / FIGURE_SPECS[number].scene)
             raise InputError("the scene of this figure is missing", where=f"--figure {number}", expected=expected)
-    jobs = []
+    scenes = {}
     for number in sorted(set(numbers)) or there:
         spec = FIGURE_SPECS[number]
         path = folder / spec.scene
-        jobs.append(_FigureJob(number, path, load_scene(path, volume=volume if spec.takes_volume else None)))
-    return jobs
+        scenes[number] = path, load_scene(path, volume=volume if spec.takes_volume else None)
+    return scenes
 
 
-def _page(jobs: Sequence[_FigureJob], reporter: Reporter) -> tuple[list[PaperFigure], str]:
+def _make_figure(number: int, path: Path, scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
+    """Draw and measure the figure of the scene in the file `path`."""
+    spec = FIGURE_SPECS[number]
+    module = importlib.import_module(f"hsplat_cli.studies.paper.{spec.module}")
+    try:
+        figure: PaperFigure = module.make_figure(scene, figure_renderer)
+    except InputError as error:
+        error.where = error.where or str(path)
+        raise
+    note = f"The volume is {Path(figure_renderer.volumes[scene.volume].name).name}."
+    return replace(figure, notes=(note, *figure.notes)) if spec.takes_volume else figure
+
+
+def _page(scenes: Mapping[int, tuple[Path, Scene]], reporter: Reporter) -> tuple[list[PaperFigure], str]:
     # Imported here to keep --help fast.
     from hsplat_cli.reports import format_facts, plot_style, render_page
-    from hsplat_cli.scenes import read_volume_guarded
     from hsplat_cli.studies import FigureRenderer
     from renderer.draw import open_rasterizer
+    from renderer.readers import read_volume
 
     reporter.announce_compilation()
     num_threads = num_cores()
-    work = [FIGURE_SPECS[job.number].work for job in jobs]
+    work = [FIGURE_SPECS[number].work for number in scenes]
     figures: list[PaperFigure] = []
     with (
         open_rasterizer(needs_opengl=True) as rasterizer,
@@ -138,11 +133,11 @@ def _page(jobs: Sequence[_FigureJob], reporter: Reporter) -> tuple[list[PaperFig
         reporter.progress(work, label="paper", unit="figures") as bar,
     ):
         # All volumes are read first, so that an unreadable one fails at once.
-        volumes = {job.scene.volume: read_volume_guarded(job.scene.volume) for job in jobs}
+        volumes = {scene.volume: read_volume(scene.volume) for _, scene in scenes.values()}
         figure_renderer = FigureRenderer(rasterizer, volumes, time.perf_counter, num_threads)
-        for job in jobs:
-            figures.append(job.make_figure(figure_renderer))
-            bar.advance(f"figure {job.number}")
-        facts = format_facts(describe_machine(rasterizer.renderer_name))
+        for number, (path, scene) in scenes.items():
+            figures.append(_make_figure(number, path, scene, figure_renderer))
+            bar.advance(f"figure {number}")
+        facts = format_facts(describe_machine(rasterizer.device))
         title = "Hierarchical splatting, 1991, reproduced"
         return figures, render_page("paper.html", title=title, facts=facts, figures=figures)

@@ -9,18 +9,12 @@ import click
 
 from hsplat_cli.commands.options import quiet_option
 from hsplat_cli.executors import ExecutorSpec, executor_options, require_executor
-from hsplat_cli.scenes import (
-    FilmOptions,
-    default_output,
-    expand_volumes,
-    film_options,
-    name_volumes,
-    volume_options,
-    volume_spec,
-)
-from hsplat_cli.terminal import OutputPath, Reporter, sigterm_as_interrupt
+from hsplat_cli.scenes import expand_volumes, film_options, name_volumes, volume_options, volume_spec
+from hsplat_cli.terminal import OutputPath, Reporter
 from hsplat_cli.turntable import FilmRequest, make_film, print_film_record, require_inputs_kept, run_batch
 from renderer.errors import InputError
+from renderer.suggest import FilmOptions
+from renderer.system import sigterm_as_interrupt
 
 
 @click.command()
@@ -46,7 +40,6 @@ def turntable(
     volumes: tuple[str, ...],
     folder: Path,
     kind: Literal["mp4", "gif", "png"],
-    colormap: str | None,
     workers: int | None,
     scheduler: str | None,
     force: bool,
@@ -74,12 +67,10 @@ def turntable(
         FilmRequest(
             volume=volume_spec(volume, options),
             film=film,
-            colormap=colormap,
             scene=folder / f"{film_name}.yaml",
-            output=default_output(film_name, kind, folder),
+            output=folder / film_name / "{frame:04}.png" if kind == "png" else folder / f"{film_name}.{kind}",
             executor=executor,
             force=force,
-            hides_nonfinite=options["nonfinite"] is None,
         )
         for film_name, volume in _named_volumes(volumes, name, reporter).items()
     ]
@@ -88,7 +79,7 @@ def turntable(
         if name is not None:
             print_film_record(requests[0], reporter)
         elif len(requests) > 1:
-            child_options = options | {"format": kind, "colormap": colormap, "force": force}
+            child_options = options | {"format": kind, "force": force}
             child_options |= {"quiet": reporter.is_quiet, "workers": workers, "scheduler": scheduler}
             run_batch(requests, child_options, folder, reporter)
         else:

@@ -1,7 +1,5 @@
 from .api import compare_frames as compare_frames
 from .golden.provenance import parse_date as parse_date
-from .golden.render import load_reproducible_job as load_reproducible_job
 from .golden.update import GoldenOptions as GoldenOptions, update_goldens as update_goldens
-from .report_files import ReportFiles as ReportFiles
-from .scene_pairs import SceneOptions as SceneOptions
-from .text_reports import comparison_table as comparison_table
+from .report_files import ReportFiles as ReportFiles, comparison_table as comparison_table
+from .scene_pairs import load_reproducible_job as load_reproducible_job

@@ -5,21 +5,22 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
+from hsplat_cli.compare.comparison_html import Gallery
 from hsplat_cli.compare.file_pairs import open_pairs
-from hsplat_cli.compare.gallery import Gallery
 from hsplat_cli.compare.golden.provenance import PROVENANCE_FILE
-from hsplat_cli.compare.golden.render import load_numbered_job
 from hsplat_cli.compare.outcome import Comparison, Pairs, compare_pair
 from hsplat_cli.compare.picture_file import is_picture
-from hsplat_cli.compare.report_files import ReportFiles
+from hsplat_cli.compare.report_files import ReportFiles, comparison_table
 from hsplat_cli.compare.rules import LIMITS_FILE, Rules, load_rules
-from hsplat_cli.compare.scene_pairs import SceneOptions, open_scene_pairs
-from hsplat_cli.compare.text_reports import comparison_table
+from hsplat_cli.compare.scene_pairs import load_numbered_job, open_scene_pairs
+from hsplat_cli.executors import ExecutorSpec
+from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter
 from renderer.errors import HsplatError, InputError
-from renderer.film import folder_files
+from renderer.job import folder_files
 from renderer.system import join_lines
 
 # A scene, or the sidecar of a film.
@@ -27,10 +28,10 @@ _SCENE_SUFFIXES = (".yaml", ".yml", ".json")
 
 
 def compare_frames(
-    golden: Path,
+    request: SceneRequest,
     actual: Path,
     reports: ReportFiles,
-    drawing: SceneOptions,
+    executor: ExecutorSpec,
     *,
     level: str | None,
     limits: Sequence[str],
@@ -39,12 +40,13 @@ def compare_frames(
 ) -> Comparison:
     """Compare two paths and write the reports.
 
-    golden, actual: as in `open_pairs`; or a scene, or the sidecar of a film, and the folder of its goldens.
-    drawing: how the scene is drawn. level, limits: as for `--level` and `--limit`, or the `option_names`.
+    request, actual: two paths as in `open_pairs`; or a scene, or the sidecar of a film, and the folder of its goldens.
+    executor: draws the scene. level, limits: as for `--level` and `--limit`, or the `option_names`.
 
     Raises HsplatError if they cannot be compared.
     """
-    reports.require_names(_input_files(golden, actual, drawing))
+    golden = request.path
+    reports.require_names(_input_files(request, actual))
     try:
         reports.prepare()
         draws = _is_scene(golden)
@@ -53,10 +55,9 @@ def compare_frames(
             raise InputError("the scene must come first, then the folder of its goldens", where=str(actual), hint=hint)
         rules = load_rules(actual if draws else golden, level, limits, option_names)
         if draws:
-            with open_scene_pairs(golden, actual, drawing, rules, reporter) as pairs:
+            with open_scene_pairs(request, actual, executor, rules, reporter) as pairs:
                 return _compare(pairs, rules, reports, reporter, (str(actual), f"{golden}, drawn now"))
-        if drawing.given:
-            raise InputError("has no use unless a scene is drawn", where=drawing.given[0], got=f"{golden} and {actual}")
+        _reject_scene_options(request, actual, executor)
         with open_pairs(golden, actual) as pairs:
             return _compare(pairs, rules, reports, reporter, (str(golden), str(actual)))
     except Exception as error:
@@ -65,12 +66,26 @@ def compare_frames(
         raise
 
 
-def _input_files(golden: Path, actual: Path, drawing: SceneOptions) -> Iterator[Path]:
+def _reject_scene_options(request: SceneRequest, actual: Path, executor: ExecutorSpec) -> None:
+    """Raise InputError for an option that would have no effect on files."""
+    options = {
+        "frames": request.frames,
+        "set": request.overrides,
+        "volume": request.volume,
+        "workers": executor.workers,
+    }
+    for option, value in options.items():
+        if value:
+            got = f"{request.path} and {actual}"
+            raise InputError("has no use unless a scene is drawn", where=f"--{option}", got=got)
+
+
+def _input_files(request: SceneRequest, actual: Path) -> Iterator[Path]:
     """Yield all files that a comparison may read, also in the wrong order; no volume of a scene that is wrong."""
-    for side in (golden, actual):
+    for side in (request.path, actual):
         if _is_scene(side):
             with contextlib.suppress(HsplatError):
-                yield from load_numbered_job(side, overrides=drawing.overrides, volume=drawing.volume).input_files()
+                yield from load_numbered_job(replace(request, path=side)).input_files()
         folder = side if os.path.isdir(side) else side.parent
         yield from (side, folder / PROVENANCE_FILE, folder / LIMITS_FILE)
         yield from (file for file in folder_files(folder) if is_picture(file.name))
@@ -115,10 +130,10 @@ def require_match(
     overrides = [f"{figure}={'none' if limit is None else limit}" for figure, limit in (limits or {}).items()]
     try:
         comparison = compare_frames(
-            Path(golden),
+            SceneRequest(Path(golden)),
             Path(actual),
             ReportFiles({} if html is None else {"--html": Path(html)}),
-            SceneOptions(),
+            ExecutorSpec(),
             level=level,
             limits=overrides,
             reporter=Reporter(is_quiet=True),

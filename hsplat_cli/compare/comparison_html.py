@@ -2,19 +2,49 @@
 
 from __future__ import annotations
 
-from hsplat_cli.compare.error_plot import plot_errors
-from hsplat_cli.compare.figure_format import limit_text, share_text, signed_text, value_text
-from hsplat_cli.compare.gallery import PICTURE_PX, Gallery
-from hsplat_cli.compare.outcome import Comparison
-from hsplat_cli.compare.text_reports import summary
-from hsplat_cli.reports import bytes_text, png_data_uri, render_page
-from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS, severity
+import bisect
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+from hsplat_cli.compare.outcome import (
+    Comparison,
+    Outcome,
+    Pair,
+    limit_text,
+    limits_text,
+    share_text,
+    signed_text,
+    value_text,
+)
+from hsplat_cli.reports import bytes_text, png_data_uri, render_page
+from renderer.film import Pixels
+from renderer.study import COMPARISON_METRICS, STRICTNESSES, FrameDifference, severity
+
+# Longest side of a picture. Three fit side by side on a wide screen without scaling, which would blend a single wrong
+# pixel with its neighbours.
+PICTURE_PX = 512
+# Longest side of the enlarged crop around the pixel with the largest error.
+CROP_PX = 48
+# Number of frames shown, of those that pass but are not the same, if no frame fails.
+NUM_PASSING_SHOWN = 6
 # Limits the size of all pictures on the page. Incompressible pictures of a frame take 4 MB: seven frames always fit.
 MAX_PICTURE_BYTES = 30_000_000
 GAINS = (1, 10, 50)
 # Smaller pictures are enlarged by whole pixels up to this size.
 _MIN_SHOWN_PX = 384
+# The plot of errors.
+WIDTH, HEIGHT = 864, 344  # the width of a figure on the page: the plot's text is as large as the page's
+LEFT, RIGHT, TOP, BOTTOM = 62, 850, 14, 278
+_MIN_DENSE_FRAMES = 200  # from here on points are small
+_MAX_DECADES = 4  # larger errors are drawn at this many decades above the limit
+
+_Steps = npt.NDArray[np.float32]
 
 
 def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
@@ -31,9 +61,9 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
         largest = max(largest, 0 if difference is None else int(difference.max()))
     return render_page(
         "compare.html",
-        title=summary(comparison),
+        title=comparison.summary,
         comparison=comparison,
-        purpose=STRICTNESS_LEVELS[comparison.level].purpose,
+        purpose=STRICTNESSES[comparison.level].purpose,
         plot=plot_errors(comparison),
         frames=frames,
         anchors={frame.outcome.name: f"worst-{number}" for number, (frame, _) in enumerate(frames, 1)},
@@ -50,3 +80,157 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
         bias_lines=lambda bias: zip(("red", "green", "blue", "alpha"), map(signed_text, bias), strict=False),
         severity=severity,
     )
+
+
+# The plot
+
+
+def plot_errors(comparison: Comparison) -> dict[str, Any] | None:
+    """Lay out the plot of each limited metric as a share of its limit; None if no metric has one and nothing fails.
+
+    Heights are linear up to the limit and logarithmic above it, so that near misses and large errors can both be read.
+    The template `error_plot.html` draws it as SVG, in these pixels.
+
+    x_ticks, y_ticks: position and text. frames: x and outcome of each frame. labels: of the metrics, by name.
+    height: a function that returns the y of a metric in an outcome.
+    """
+    outcomes = comparison.outcomes
+    names = [name for name in COMPARISON_METRICS if any(name in outcome.figures for outcome in outcomes)]
+    if not names and comparison.passes:
+        return None
+    numbers = [comparison.frame_numbers.get(outcome.name, place) for place, outcome in enumerate(outcomes, 1)]
+    first, last = min(numbers), max(numbers)
+    largest = max(severity(outcome.figures, outcome.limits) for outcome in outcomes)
+    decades = min(max(math.ceil(math.log10(max(largest, 1.0))), 1), _MAX_DECADES)
+
+    def x(number: float) -> float:
+        share = 0.5 if first == last else (number - first) / (last - first)
+        return LEFT + 10 + share * (RIGHT - LEFT - 20)
+
+    def y(share: float) -> float:
+        height = share if share <= 1 else 1 + min(math.log10(share), decades)
+        return BOTTOM - height / (1 + decades) * (BOTTOM - TOP)
+
+    metrics = ", ".join(COMPARISON_METRICS[name].label for name in names)
+    powers = [(10.0**power, f"{10**power:,}".replace(",", " ")) for power in range(1, decades + 1)]
+    return {
+        "alt": f"Errors of {len(outcomes)} frames as shares of their limits, of which {comparison.num_failing} fail: "
+        f"{metrics}",
+        "frames": [(x(number), outcome) for number, outcome in zip(numbers, outcomes, strict=True)],
+        "labels": {name: limits_text(name, [o.limits[name] for o in outcomes if name in o.limits]) for name in names},
+        "height": lambda outcome, name: y(severity({name: outcome.figures[name]}, outcome.limits)),
+        "x_ticks": [(x(number), str(number)) for number in _ticks(first, last)],
+        "y_ticks": [(y(share), text) for share, text in [(0, "0"), (0.5, "0.5"), (1, "1"), *powers]],
+        "has_frame_numbers": bool(comparison.frame_numbers),
+        "is_dense": len(outcomes) > _MIN_DENSE_FRAMES,
+        "box": (WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM),
+    }
+
+
+def _ticks(first: int, last: int) -> list[int]:
+    """Return at most 11 round numbers."""
+    span = max(last - first, 1)
+    power = 10 ** max(math.ceil(math.log10(span / 10)) - 1, 0)
+    step = next(factor * power for factor in (1, 2, 5, 10, 20) if span / (factor * power) <= 10)
+    return list(range(-(-first // step) * step, last + 1, step))
+
+
+# The pictures of the worst frames
+
+
+class GalleryPicture(NamedTuple):
+    """A picture of a frame.
+
+    kind: `golden` and `actual` are uint8 [h, w, 3 or 4], None for a side without the frame. `difference` is uint8
+    [h, w, 3], None if nothing can be compared: red and blue are the steps, rounded up, by which the most different
+    channel of a pixel is brighter or darker than in the golden; green is 0.
+    extent: words on the part of the frame that is shown; empty for all of it.
+    """
+
+    kind: str
+    pixels: Pixels | None
+    extent: str = ""
+
+
+@dataclass(frozen=True)
+class GalleryFrame:
+    """A frame on the page.
+
+    pictures: golden, actual and difference, at most PICTURE_PX wide and high, and the same of CROP_PX pixels around the
+    worst one, unless the frame is small or nothing can be compared.
+    pixels_per_side: side of the block of frame pixels behind each pixel of the former; golden and actual show the
+    block's mean, the difference its largest error.
+    worst: (x, y) of the first frame pixel with the largest error; None if nothing can be compared.
+    """
+
+    outcome: Outcome
+    pictures: Sequence[GalleryPicture]
+    pixels_per_side: int
+    worst: tuple[int, int] | None = None
+
+
+class Gallery:
+    """Collects the pictures of the worst `max_frames` frames, of those that are not the same."""
+
+    def __init__(self, max_frames: int = 24) -> None:
+        self._max_frames = max_frames
+        self._frames: list[GalleryFrame] = []  # sorted, worst first
+
+    def add(self, outcome: Outcome, pair: Pair) -> None:
+        """Add a frame; of equal ranks the earlier one comes first."""
+        is_full = len(self._frames) == self._max_frames
+        if outcome.status == "same" or (is_full and outcome.rank >= self._frames[-1].outcome.rank):
+            return
+        bisect.insort(self._frames, _make_gallery_frame(outcome, pair), key=lambda frame: frame.outcome.rank)
+        del self._frames[self._max_frames :]
+
+    @property
+    def gallery_frames(self) -> list[GalleryFrame]:
+        """Return the failing frames, worst first; if none fails, the NUM_PASSING_SHOWN closest to their limits."""
+        failing = [frame for frame in self._frames if not frame.outcome.passes]
+        return failing or self._frames[:NUM_PASSING_SHOWN]
+
+
+def _make_gallery_frame(outcome: Outcome, pair: Pair) -> GalleryFrame:
+    golden, actual = pair.golden, pair.actual
+    sizes = [length for picture in (golden, actual) if picture is not None for length in picture.shape[:2]]
+    side = -(-max(sizes) // PICTURE_PX)
+    sides = [GalleryPicture("golden", _means(golden, side)), GalleryPicture("actual", _means(actual, side))]
+    if golden is None or actual is None or golden.shape != actual.shape:
+        return GalleryFrame(outcome, [*sides, GalleryPicture("difference", None)], side)
+    steps = FrameDifference(golden, actual).signed_steps
+    pictures = [*sides, GalleryPicture("difference", _difference_picture(_largest(steps, side)))]
+    y, x = (int(place) for place in np.unravel_index(np.abs(steps).argmax(), steps.shape))
+    if max(steps.shape) > 2 * CROP_PX:
+        height, width = steps.shape
+        top, left = (max(min(at - CROP_PX // 2, num - CROP_PX), 0) for at, num in ((y, height), (x, width)))
+        bottom, right = min(top + CROP_PX, height), min(left + CROP_PX, width)
+        extent = f", enlarged: x {left} to {right - 1}, y {top} to {bottom - 1}"
+        pictures += [
+            # A view would keep the whole frame in memory.
+            GalleryPicture("golden", golden[top:bottom, left:right].copy(), extent),
+            GalleryPicture("actual", actual[top:bottom, left:right].copy(), extent),
+            GalleryPicture("difference", _difference_picture(steps[top:bottom, left:right]), extent),
+        ]
+    return GalleryFrame(outcome, pictures, side, (x, y))
+
+
+def _difference_picture(steps: _Steps) -> Pixels:
+    picture = np.zeros((*steps.shape, 3), np.uint8)
+    picture[..., 0] = np.ceil(np.maximum(steps, 0))
+    picture[..., 2] = np.ceil(np.maximum(-steps, 0))
+    return picture
+
+
+def _largest(steps: _Steps, side: int) -> _Steps:
+    """Return the value furthest from 0 of each block of `side` x `side` pixels."""
+    height, width = steps.shape
+    padded = np.pad(steps, ((0, -height % side), (0, -width % side)), mode="edge")
+    blocks = padded.reshape(padded.shape[0] // side, side, padded.shape[1] // side, side)
+    highest, lowest = blocks.max(axis=(1, 3)), blocks.min(axis=(1, 3))
+    return np.asarray(np.where(highest >= -lowest, highest, lowest), np.float32)
+
+
+def _means(picture: Pixels | None, side: int) -> Pixels | None:
+    """Return the mean of each block of `side` x `side` pixels, with colours weighted by alpha."""
+    return None if picture is None else np.asarray(Image.fromarray(picture).reduce(side))

@@ -11,10 +11,9 @@ from pathlib import Path
 from hsplat_cli.compare.film_decoder import count_film_frames, decode_film
 from hsplat_cli.compare.outcome import Pair, Pairs
 from hsplat_cli.compare.picture_file import decode_picture, file_content, is_picture, read_picture
-from hsplat_cli.terminal import counted, first_few
 from renderer.errors import InputError, Problem, SceneError
 from renderer.film import ANY_FRAME_FIELD, Pixels, frame_path
-from renderer.scene import FRAME_FIELD, is_same_file, nearest_file_hint
+from renderer.scene import FRAME_FIELD, counted, first_few, is_same_file, nearest_file_hint
 
 _FILM_SUFFIXES = (".mp4", ".gif")
 _OTHER_SUFFIXES = (".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")

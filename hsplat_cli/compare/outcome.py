@@ -1,25 +1,34 @@
-"""Pairs of frames, and the outcome of comparing them with their limits."""
+"""Pairs of frames, the outcome of comparing them with their limits, and the text of errors and limits."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
-from hsplat_cli.compare.figure_format import figure_text
 from renderer.errors import InputError
 from renderer.film import Pixels
+from renderer.scene import counted
 from renderer.study import COMPARISON_METRICS, FrameDifference, Limits, exceeded_limits, severity
 
 # `same`: equal pixels. `close`: within the limits. All others fail.
 Status = Literal["same", "close", "different", "missing", "extra", "other size", "other channels"]
 _PASSES = ("same", "close")
+_WORDS: dict[Status, str] = {
+    "different": "different",
+    "missing": "missing",
+    "extra": "not among the goldens",
+    "other size": "of another size",
+    "other channels": "with other channels",
+    "same": "the same",
+    "close": "close",
+}
 _KINDS = {3: "RGB", 4: "RGBA"}
 
 
@@ -56,7 +65,7 @@ class Outcome:
     name: as in Pair. why: one sentence; every number in it has its metric, its unit and its limit.
     limits: of this frame. figures: errors by the names of COMPARISON_METRICS; empty if nothing can be compared.
     exceeded: metrics over their limits, the reason first.
-    bias: mean signed error of each channel, in levels, actual minus golden.
+    bias: mean signed error of each channel, in steps, actual minus golden.
     """
 
     name: str
@@ -89,7 +98,7 @@ class Comparison:
     """The outcome of all pairs, at least one, in the order of their names.
 
     golden, actual: what was compared, as text. level: name of the strictness. notes: for the user. facts: both sides of
-    a fact such as the driver, by its name: (golden, actual). other_limits: as in `Rules.other_limits`.
+    a fact such as the device, by its name: (golden, actual). other_limits: as in `Rules.other_limits`.
     """
 
     golden: str
@@ -119,6 +128,15 @@ class Comparison:
     def counts(self) -> Mapping[str, int]:
         """Return the number of outcomes of each status."""
         return Counter(outcome.status for outcome in self.outcomes)
+
+    @property
+    def summary(self) -> str:
+        """Return the verdict in one line: `3 of 48 frames fail: 2 different, 1 missing, 45 the same`."""
+        num, num_failing = len(self.outcomes), self.num_failing
+        parts = ", ".join(f"{self.counts[status]} {words}" for status, words in _WORDS.items() if self.counts[status])
+        if num_failing:
+            return f"{num_failing} of {counted(num, 'frame')} {'fails' if num_failing == 1 else 'fail'}: {parts}"
+        return f"{counted(num, 'frame')} {'passes' if num == 1 else 'pass'} at {self.strictness}: {parts}"
 
     @property
     def worst_first(self) -> list[Outcome]:
@@ -170,3 +188,54 @@ def _compare_pixels(frame: str, difference: FrameDifference, limits: Limits) -> 
         why = f"within the limits; the closest is {why}"
     status: Status = "different" if exceeded else "close"
     return Outcome(frame, status, why, limits, figures, exceeded, difference.bias)
+
+
+# Numbers in messages and reports
+
+
+def figure_text(name: str, value: float, limit: float) -> str:
+    """Format a metric: `largest error of a channel 7 steps, at most 1`."""
+    amount = _with_unit(name, value_text(name, value, limit))
+    return f"{COMPARISON_METRICS[name].label} {amount}, {limit_text(name, limit)}"
+
+
+def value_text(name: str, value: float, limit: float) -> str:
+    """Format a value with three digits, or with enough to show on which side of its limit it is."""
+    passes = COMPARISON_METRICS[name].passes
+    texts = (f"{value:.{num_digits}g}" for num_digits in range(3, 18))
+    return next(text for text in texts if passes(float(text), limit) == passes(value, limit))
+
+
+def limit_text(name: str, limit: float) -> str:
+    """Format a limit: `at most 4`, `at least 0.99`."""
+    return f"{'at least' if COMPARISON_METRICS[name].higher_is_better else 'at most'} {number_text(limit)}"
+
+
+def number_text(number: float) -> str:
+    """Format a number with as many digits as needed to read it back: `4`, `0.99`, `0.12345678`."""
+    text = f"{number:g}"
+    return text if float(text) == number else repr(number)
+
+
+def limits_text(name: str, limits: Iterable[float]) -> str:
+    """Name a metric and its limit, if all frames share it: `largest error of a channel, at most 4 steps`."""
+    first, *others = sorted(set(limits))
+    if others:
+        return f"{COMPARISON_METRICS[name].label}, limits differ between frames"
+    return f"{COMPARISON_METRICS[name].label}, {_with_unit(name, limit_text(name, first))}"
+
+
+def signed_text(value: float) -> str:
+    """Format a signed number, with a true minus sign: `+0.12`, `−3`, `0`."""
+    return f"{value:+.3g}".replace("-", "−") if value else "0"
+
+
+def share_text(share: float) -> str:
+    """Format an error as a multiple of its limit: `0.25`, `12.3`, `∞`."""
+    return "∞" if math.isinf(share) else f"{share:.3g}"
+
+
+def _with_unit(name: str, text: str) -> str:
+    """Return a text that ends with a number, and the unit after it: `1 step`, `at most 4 steps`."""
+    unit = COMPARISON_METRICS[name].unit
+    return f"{text} {unit.removesuffix('s') if f' {text}'.endswith(' 1') else unit}".rstrip()

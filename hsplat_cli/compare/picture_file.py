@@ -78,15 +78,13 @@ def decode_picture(content: bytes, path: Path) -> Pixels:
         raise _unreadable_error(str(error), content, path) from error
     shape, is_interlaced = _parse_header(chunks, path)
     data = b"".join(content for name, content in chunks if name == b"IDAT")
-    if not _is_complete(data, shape, is_interlaced=is_interlaced):
-        raise _damaged_error(path)
-    # Other chunks could change the picture or its cost.
-    plain = join_png_chunks([chunks[0], (b"IDAT", data), chunks[-1]])
-    try:
-        pixels = np.asarray(imageio.v3.imread(plain, extension=_SUFFIX, plugin="pillow"))
-    except (OSError, SyntaxError, ValueError) as error:  # Pillow raises SyntaxError for a broken PNG
-        raise _damaged_error(path) from error
-    if pixels.shape != shape or pixels.dtype != np.uint8:
+    pixels = None
+    if _is_complete(data, shape, is_interlaced=is_interlaced):
+        # Other chunks could change the picture or its cost.
+        plain = join_png_chunks([chunks[0], (b"IDAT", data), chunks[-1]])
+        with contextlib.suppress(OSError, SyntaxError, ValueError):  # Pillow raises SyntaxError for a broken PNG
+            pixels = np.asarray(imageio.v3.imread(plain, extension=_SUFFIX, plugin="pillow"))
+    if pixels is None or pixels.shape != shape or pixels.dtype != np.uint8:
         raise _damaged_error(path)
     return pixels
 

@@ -1,4 +1,4 @@
-"""Read the limits of a comparison: a strictness level, changed by a file beside the goldens and the command line.
+"""Read the limits of a comparison: a strictness, changed by a file beside the goldens and the command line.
 
 The file is called `compare.yaml`:
 
@@ -19,15 +19,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.compare.figure_format import number_text
+from hsplat_cli.compare.outcome import number_text
 from hsplat_cli.compare.picture_file import is_picture, require_file
-from hsplat_cli.terminal import counted
 from renderer.errors import InputError, Problem, SceneError, require_package
 from renderer.scene import (
     MAX_SCENE_BYTES,
     FieldType,
     TreeNode,
     choice_field,
+    counted,
     did_you_mean,
     format_location,
     format_value,
@@ -42,7 +42,7 @@ from renderer.scene import (
     with_excerpt,
     word_or,
 )
-from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS, Limits, Metric
+from renderer.study import COMPARISON_METRICS, STRICTNESSES, Limits, Metric
 
 LIMITS_FILE = "compare.yaml"
 _MISSPELLED_FILE = "compare.yml"
@@ -57,7 +57,7 @@ LimitChanges = Mapping[str, float | None]  # by the metric's name; None removes 
 class Rules:
     """The limits of all frames.
 
-    level: of STRICTNESS_LEVELS. limits: changes for all frames. frames: changes for some, by name. overrides: changes
+    level: of STRICTNESSES. limits: changes for all frames. frames: changes for some, by name. overrides: changes
     for all frames, applied last. file: that names frames. places: of the names in the file. notes: for the user.
     """
 
@@ -71,13 +71,13 @@ class Rules:
 
     def limits_for(self, name: str) -> Limits:
         """Return the limits of a frame, at least one, in the order of COMPARISON_METRICS."""
-        changed = {**STRICTNESS_LEVELS[self.level].limits, **self.limits, **self.frames.get(name, {}), **self.overrides}
+        changed = {**STRICTNESSES[self.level].limits, **self.limits, **self.frames.get(name, {}), **self.overrides}
         return {figure: limit for figure in COMPARISON_METRICS if (limit := changed.get(figure)) is not None}
 
     @property
     def other_limits(self) -> list[str]:
         """Return the limits that differ from the level's, as in `largest 200, flip none by golden/compare.yaml`."""
-        of_level = STRICTNESS_LEVELS[self.level].limits
+        of_level = STRICTNESSES[self.level].limits
         by_file = {figure: limit for figure, limit in self.limits.items() if figure not in self.overrides}
         descriptions = []
         for changes, source in ((by_file, self.file), (self.overrides, "option")):
@@ -143,12 +143,12 @@ def load_rules(
 
 def _limit(figure: Metric) -> FieldType[Any]:
     """Return the field of a limit: a number in the metric's range, or `none`, read as None."""
-    plain = number_field(minimum=0, maximum=255 if figure.unit == "levels" else 1)
+    plain = number_field(minimum=0, maximum=255 if figure.unit == "steps" else 1)
     words = " ".join(filter(None, (plain.expected, figure.unit)))
     return replace(word_or({"none": None}, plain, f"{words}, or none"), empty_hint="none removes a limit")
 
 
-_LEVEL: FieldType[Any] = choice_field(*STRICTNESS_LEVELS)
+_LEVEL: FieldType[Any] = choice_field(*STRICTNESSES)
 _FIGURES = {name: _limit(figure) for name, figure in COMPARISON_METRICS.items()}
 _LIMITS: FieldType[dict[str, Any]] = section_field(_FIGURES, lambda _, given: given)
 

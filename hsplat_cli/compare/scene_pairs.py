@@ -1,10 +1,12 @@
-"""Pair a scene's goldens with the same frames rendered now, and note what has changed since."""
+"""Render frames of a scene as `hsplat render` does, and pair its goldens with them, with notes on what has changed."""
 
 from __future__ import annotations
 
 import contextlib
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,41 +16,106 @@ from hsplat_cli.compare.golden.provenance import (
     Provenance,
     describe_changes,
     is_golden_file_name,
+    origin_from_record,
     read_provenance,
 )
-from hsplat_cli.compare.golden.render import load_reproducible_job, rendered_frames
 from hsplat_cli.compare.outcome import Pair, Pairs
-from hsplat_cli.compare.picture_file import is_picture, read_picture
+from hsplat_cli.compare.picture_file import MAX_PIXELS, is_picture, read_picture
 from hsplat_cli.compare.rules import Rules
-from hsplat_cli.executors import ExecutorSpec
-from hsplat_cli.scenes import Job
-from hsplat_cli.terminal import Reporter, counted, first_few, parse_frames
-from renderer.errors import InputError
+from hsplat_cli.executors import ExecutorSpec, require_executor
+from hsplat_cli.scenes import SceneRequest, load_job
+from hsplat_cli.terminal import FilmEvents, Reporter, parse_frames
+from renderer.errors import InputError, RenderError
 from renderer.film import file_matches_digest
+from renderer.job import FilmJob
+from renderer.scene import MetricTarget, TimeBudget, counted, first_few, schedule_to_dict
 
+_TEMPLATE = Path("frame-{frame}.png")
 _SHOWN_DIGITS = 8
 _MAX_NAMES = 3
 
 
 @dataclass(frozen=True)
-class SceneOptions:
-    """The options of the command line for rendering a scene."""
+class RenderedFrames:
+    """Rendered frames. files: by number. origin: as in Provenance. notes: for the user."""
 
-    frames: str | None = None
-    overrides: Sequence[str] = ()
-    volume: Path | None = None
-    workers: int | None = None
+    files: Mapping[int, Path]
+    origin: Mapping[str, Any]
+    notes: Sequence[str]
 
-    @property
-    def given(self) -> list[str]:
-        """Return the names of the options with a value."""
-        values = {"--frames": self.frames, "--set": self.overrides, "--volume": self.volume, "--workers": self.workers}
-        return [option for option, value in values.items() if value]
+
+def load_numbered_job(request: SceneRequest) -> FilmJob:
+    """Load the job of a scene, or of a film's sidecar, with all frames, as numbered pictures."""
+    return load_job(replace(request, frames=None, output=_TEMPLATE), "nothing")
+
+
+def load_reproducible_job(request: SceneRequest) -> FilmJob:
+    """Load a job as `load_numbered_job`.
+
+    Raises InputError if frames depend on the machine's speed or on other frames, or are too large to be read again.
+    """
+    job = load_numbered_job(request)
+    reasons = {
+        TimeBudget: "frames within a time budget differ from run to run",
+        MetricTarget: "frames for an accuracy depend on the other frames",
+    }
+    why = reasons.get(type(job.scene.error.goal))
+    if why:
+        (key,) = schedule_to_dict(job.scene.error)
+        raise InputError(
+            f"{why}, and cannot be golden",
+            where=f"{request.path}: error.{key}",
+            hint="render a film, and give the JSON file beside it in place of the scene: it has tolerances",
+        )
+    width, height = job.scene.output.size
+    if width * height > MAX_PIXELS:
+        got, expected = f"{width} x {height}", f"at most {MAX_PIXELS} pixels, as 8192 x 4096"
+        raise InputError("too large to be compared", where=f"{request.path}: output.size", got=got, expected=expected)
+    return job
+
+
+@contextlib.contextmanager
+def rendered_frames(
+    job: FilmJob, frames: Sequence[int], executor: ExecutorSpec, reporter: Reporter
+) -> Iterator[RenderedFrames]:
+    """Render frames of a job of `load_reproducible_job` to a folder that lasts for the block. Raises HsplatError."""
+    # Imported here: comparing files needs neither numba nor OpenGL.
+    from hsplat_cli.executors import open_executor
+    from renderer.job import OnePass, make_film
+
+    require_executor(executor)
+    try:
+        temporary_folder = tempfile.TemporaryDirectory(prefix="hsplat-golden-")
+    except OSError as error:
+        hint = "set the environment variable TMPDIR to another folder"
+        raise RenderError(
+            "cannot create a temporary folder for frames", got=error.strerror or str(error), hint=hint
+        ) from error
+    with temporary_folder as folder:
+        template = Path(folder) / _TEMPLATE
+        output = replace(job.scene.output, file=template)
+        job = replace(job, scene=replace(job.scene, output=output), frames=frames)
+        with _DrawingEvents(reporter, job.scene.splat.primitive_name) as events:
+            film = make_film(job, partial(open_executor, executor, reporter), OnePass(), events)
+        assert film.shortfall is None, "a reproducible job has no goal to miss"
+        files = {frame: template.with_name(template.name.format(frame=frame)) for frame in frames}
+        yield RenderedFrames(files, origin_from_record(film.record), film.record.notes)
+
+
+class _DrawingEvents(FilmEvents):
+    """A listener that shows only progress, for frames that are a means to another end."""
+
+    def started(self, label: str, num_frames: int) -> None:
+        """Show a bar for the frames, whose temporary names nobody needs to know."""
+        super().started("drawing", num_frames)
+
+    def note(self, text: str) -> None:
+        """Print nothing."""
 
 
 @contextlib.contextmanager
 def open_scene_pairs(
-    scene: Path, folder: Path, options: SceneOptions, rules: Rules, reporter: Reporter
+    request: SceneRequest, folder: Path, executor: ExecutorSpec, rules: Rules, reporter: Reporter
 ) -> Iterator[Pairs]:
     """Render the frames of a scene, or of a film's sidecar, that have goldens in a folder. Pictures last for the block.
 
@@ -56,21 +123,21 @@ def open_scene_pairs(
     `rules` name frames that do not exist; and the errors of reading the scene and rendering.
     """
     provenance, unlisted = _read_folder(folder)
-    job = load_reproducible_job(scene, overrides=options.overrides, volume=options.volume)
-    goldens = _select_goldens(provenance.goldens, options.frames, job, folder)
+    job = load_reproducible_job(request)
+    goldens = _select_goldens(provenance.goldens, request.frames, job, folder)
     drawable = frozenset(job.frames)
     numbers = [golden.frame for golden in goldens if golden.frame in drawable]
     if not numbers:
         raise InputError(
             "the scene has none of the frames that have goldens",
-            where=str(scene),
+            where=str(request.path),
             got=f"{counted(len(job.frames), 'frame')} up to frame {job.frames[-1]}",
             expected=f"frame {goldens[0].frame} or others listed in {folder / PROVENANCE_FILE}",
         )
     names = [golden.file for golden in goldens]
     rules.require_frames(names)  # before rendering
     reporter.announce_compilation()
-    with rendered_frames(job, numbers, ExecutorSpec(options.workers), reporter) as rendered:
+    with rendered_frames(job, numbers, executor, reporter) as rendered:
         before, now = provenance.origin, rendered.origin
         notes = [*_origin_notes(before, now), *_file_notes(folder, goldens, unlisted), *rendered.notes]
         yield Pairs(names, _read_pairs(folder, goldens, rendered.files), notes, _facts(before, now))
@@ -117,7 +184,7 @@ def _read_folder(folder: Path) -> tuple[Provenance, Sequence[str]]:
     return provenance, unlisted
 
 
-def _select_goldens(goldens: Sequence[Golden], frames: str | None, job: Job, folder: Path) -> Sequence[Golden]:
+def _select_goldens(goldens: Sequence[Golden], frames: str | None, job: FilmJob, folder: Path) -> Sequence[Golden]:
     """Return the goldens in a range of frames. Raises InputError if there are none."""
     if frames is None:
         return goldens
@@ -160,10 +227,10 @@ def _some(items: Sequence[object]) -> str:
 
 
 def _facts(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
-    """Return driver, volume and common versions, of the goldens and of now."""
+    """Return device, volume and common versions, of the goldens and of now."""
     common = before["versions"].keys() & now["versions"]
     versions = {name: (before["versions"][name], now["versions"][name]) for name in sorted(common)}
-    return {"driver": (before["gl"], now["gl"]), "volume": (_volume(before), _volume(now)), **versions}
+    return {"device": (before["device"], now["device"]), "volume": (_volume(before), _volume(now)), **versions}
 
 
 def _volume(origin: Mapping[str, Any]) -> str:

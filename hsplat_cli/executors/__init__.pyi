@@ -1,5 +1,4 @@
-from .executor import Executor as Executor, FrameExecutor as FrameExecutor, open_executor as open_executor
-from .frame_result import FrameResult as FrameResult, draw_locally as draw_locally
+from .executor import open_executor as open_executor
 from .options import (
     ExecutorSpec as ExecutorSpec,
     executor_options as executor_options,

@@ -10,6 +10,7 @@ import click
 from hsplat_cli.terminal import option_group
 from renderer.errors import InputError, require_package
 from renderer.scene import Scene, TimeBudget, format_value
+from renderer.system import num_cores
 
 # The scheduler of processes on this machine.
 LOCAL = "local"
@@ -22,39 +23,51 @@ _ADDRESS = re.compile(r"(?:(?:tcp|tls)://)?(?:\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+
 class ExecutorSpec:
     """The choice of processes that draw.
 
-    workers: their number, None for the fastest. scheduler: address of a cluster's, or `local`.
+    workers: their number on this machine, where it was given. scheduler: address of a cluster's, or `local`, if given.
     """
 
     workers: int | None = None
     scheduler: str | None = None
+
+    @property
+    def address(self) -> str | None:
+        """Return the address of a scheduler that is already there; None where this machine draws."""
+        return None if self.scheduler == LOCAL else self.scheduler
+
+    @property
+    def num_local_processes(self) -> int:
+        """Return the number of processes of this machine that draw; one is this process."""
+        return self.workers or (num_cores() if self.scheduler == LOCAL else 1)
 
 
 workers_option = click.option(
     "--workers",
     type=click.IntRange(min=1),
     metavar="N",
-    help="Draw with N processes; as many as are fastest by default.",
+    help="Draw with N processes, by Dask; one process with all threads by default.",
 )
 executor_options = option_group(
     workers_option,
     click.option(
-        "--scheduler", metavar="ADDRESS", help="Draw on the Dask cluster of this scheduler, tcp://node7:8786, or local."
+        "--scheduler",
+        metavar="ADDRESS",
+        help="Draw on the Dask cluster of this scheduler, tcp://node7:8786; local for a process on each core.",
     ),
 )
 
 
 def require_executor(spec: ExecutorSpec) -> None:
     """Raise InputError for a wrong address, options that exclude each other, or where Dask is not installed."""
-    address = spec.scheduler
-    if address is None:
-        return
-    found = _ADDRESS.fullmatch(address)
-    if address != LOCAL and not (found and 0 < int(found[1]) < 2**16):
-        raise InputError("not an address", where="--scheduler", got=format_value(address), expected=ADDRESSES)
-    for package in ("distributed", *["cryptography"] * (address == LOCAL)):
-        require_package(package, extra="cluster")
-    if spec.workers is not None and address != LOCAL:
-        raise InputError("the workers are those of the scheduler", where="--workers")
+    if spec.address is not None:
+        found = _ADDRESS.fullmatch(spec.address)
+        if not (found and 0 < int(found[1]) < 2**16):
+            raise InputError("not an address", where="--scheduler", got=format_value(spec.address), expected=ADDRESSES)
+        require_package("distributed", extra="cluster")
+        if spec.workers is not None:
+            raise InputError("the workers are those of the scheduler", where="--workers")
+    elif spec.num_local_processes > 1:
+        for package in ("distributed", "cryptography"):
+            require_package(package, extra="cluster")
 
 
 def require_executor_for(spec: ExecutorSpec, scene: Scene, *, progressive: bool = False) -> None:

@@ -3,8 +3,8 @@
 `write_study` and `terminal_table` report a study. Other rooms render their own templates with `render_page`, and format
 numbers as here.
 
-- `study_files.py` writes all files; `study_html.py`: the page; `tables.py`: text, CSV and JSON; `columns.py`: the
-  columns of the page and of the terminal; `plots.py`: error against cost; `costs.py`: what a PSNR costs.
+- `study_html.py` writes all files, and makes the page; `tables.py`: text, CSV and JSON, and the columns of the
+  page; `plots.py`: error against cost; `costs.py`: what a PSNR costs.
 - `html.py`: templates, SVG and pictures in a page; `number_format.py`: significant digits. `templates/`: jinja.
 """
 

@@ -29,9 +29,15 @@ def has_bricks(measurements: Sequence[Measurement]) -> bool:
     return any(m.setting.options.get("footprint") == "integrated" for m in measurements)
 
 
+def cost_in_splats(measurement: Measurement) -> float:
+    """Return the mean number of splats of a frame; NaN without any: a brick does far more than a splat."""
+    num = measurement.num_primitives
+    return math.nan if num is None or has_bricks([measurement]) else num
+
+
 def has_splats(measurements: Sequence[Measurement]) -> bool:
     """Return whether any setting draws splats."""
-    return any(m.num_splats is not None for m in measurements)
+    return not all(math.isnan(cost_in_splats(m)) for m in measurements)
 
 
 def group_by_series(measurements: Sequence[Measurement]) -> dict[str, list[int]]:
@@ -45,11 +51,6 @@ def group_by_series(measurements: Sequence[Measurement]) -> dict[str, list[int]]
 def cost_in_time(measurement: Measurement) -> float:
     """Return the seconds of a frame."""
     return measurement.frame_seconds
-
-
-def cost_in_splats(measurement: Measurement) -> float:
-    """Return the number of splats of a frame; NaN without any."""
-    return math.nan if measurement.num_splats is None else measurement.num_splats
 
 
 def pareto_fronts(measurements: Sequence[Measurement], cost: CostOf) -> dict[str, list[int]]:
@@ -94,10 +95,10 @@ def costs_by_psnr(measurements: Sequence[Measurement]) -> list[CostAtPsnr]:
     """Return the cost of every fifth dB, up to the highest PSNR measured."""
     own = [m for m in measurements if program_of(m) == OWN]
     peers = [m for m in measurements if program_of(m) == PEER]
-    return [_cost_at_psnr(float(psnr), own, peers) for psnr in _levels(measurements)]
+    return [_cost_at_psnr(float(psnr), own, peers) for psnr in _wanted_psnrs(measurements)]
 
 
-def _levels(measurements: Sequence[Measurement]) -> range:
+def _wanted_psnrs(measurements: Sequence[Measurement]) -> range:
     reached = [m.overall.everywhere["psnr"] for m in measurements if math.isfinite(m.overall.everywhere["psnr"])]
     if not reached:
         return range(0)

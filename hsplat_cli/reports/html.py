@@ -54,8 +54,6 @@ _STYLE: dict[str, Any] = {
     "font.size": 10.0,
     "figure.facecolor": "none",
     "axes.facecolor": "none",
-    "axes.edgecolor": LIGHT_PALETTE["muted"],
-    "axes.labelcolor": LIGHT_PALETTE["ink"],
     "axes.titlesize": 11.0,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -63,12 +61,9 @@ _STYLE: dict[str, Any] = {
     "axes.axisbelow": True,
     "grid.color": LIGHT_PALETTE["line"],
     "grid.linewidth": 0.6,
-    "text.color": LIGHT_PALETTE["ink"],
-    "xtick.color": LIGHT_PALETTE["muted"],
-    "ytick.color": LIGHT_PALETTE["muted"],
-    "xtick.labelcolor": LIGHT_PALETTE["ink"],
-    "ytick.labelcolor": LIGHT_PALETTE["ink"],
     "legend.frameon": False,
+    **dict.fromkeys(("axes.labelcolor", "text.color", "xtick.labelcolor", "ytick.labelcolor"), LIGHT_PALETTE["ink"]),
+    **dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), LIGHT_PALETTE["muted"]),
 }
 
 

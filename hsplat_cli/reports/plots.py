@@ -6,11 +6,11 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hsplat_cli.reports.columns import metric_column
 from hsplat_cli.reports.costs import (
     OWN,
     PEER,
@@ -52,8 +52,11 @@ TIME_AXIS = CostAxis(
 SPLATS_AXIS = CostAxis("splats of a frame", cost_in_splats)
 
 
-def _psnr(measurement: Measurement) -> float:
-    return measurement.overall.everywhere["psnr"]
+def _error(metric: str, pixels: str, measurement: Measurement) -> float:
+    return float(getattr(measurement.overall, pixels)[metric])
+
+
+_psnr = partial(_error, "psnr", "everywhere")
 
 
 def plottable(measurements: Sequence[Measurement], axis: CostAxis) -> list[int]:
@@ -97,7 +100,7 @@ def metrics_figure(measurements: Sequence[Measurement]) -> Figure:
             title += f", {metric.unit}"
         elif name.endswith("_share"):
             axes.yaxis.set_major_formatter(PercentFormatter(1.0))
-        _draw_series(axes, measurements, replace(TIME_AXIS, quartiles=None), metric_column(name, pixels).value)
+        _draw_series(axes, measurements, replace(TIME_AXIS, quartiles=None), partial(_error, name, pixels))
         _format_axes(axes, TIME_AXIS, title, many_ticks=False)
         axes.set_title(
             f"{'higher' if metric.higher_is_better else 'lower'} is better",

@@ -1,15 +1,18 @@
-"""Render a study as an HTML page: plots, the cost of an accuracy, the truth, and every setting with its pictures."""
+"""Write the report of a study: CSV, JSON, and an HTML page.
+
+The page has plots, the cost of an accuracy, the truth, and every setting with its pictures.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import yaml
 
-from hsplat_cli.reports.columns import Column, cost_columns, metric_column
 from hsplat_cli.reports.costs import (
     PEER,
     PROGRAM_NAMES,
@@ -21,7 +24,7 @@ from hsplat_cli.reports.costs import (
     on_pareto_fronts,
     program_of,
 )
-from hsplat_cli.reports.html import Chart, format_facts, plot_style, render_page
+from hsplat_cli.reports.html import Chart, format_facts, plot_style, render_page, require_page_packages
 from hsplat_cli.reports.number_format import ABSENT, count_text, ms_text, ratio_text
 from hsplat_cli.reports.plots import (
     SPLATS_AXIS,
@@ -32,12 +35,32 @@ from hsplat_cli.reports.plots import (
     plottable_fronts,
     tradeoff_figure,
 )
-from hsplat_cli.reports.tables import to_plain
+from hsplat_cli.reports.tables import Column, cost_columns, csv_text, json_text, metric_column, to_plain
 from renderer.bricks import BRICK_SIZE
+from renderer.film import write_staged
 from renderer.study import DIFFERENCE_GAIN, Cost, Measurement, Study, Truth, thumbnail
 
+# The page comes last: if it exists, the others do.
+REPORT_FILES = ("measure.csv", "measure.json", "index.html")
 # In the order of the table: the metric of the plots comes first.
 _METRICS = ("psnr", "ssim", "flip", "flip_p99", "delta_e_share", "rmse", "max_error")
+
+
+def write_study(study: Study, folder: Path, *, date: str) -> list[Path]:
+    """Write measure.csv, measure.json and index.html into `folder`, and return their paths.
+
+    date: shown in the report. Equal studies and dates give equal bytes. Missing folders are created. All files are made
+    before the first is written. Raises InputError if a package for pages is missing or a name cannot be a file, and
+    RenderError if the system refuses.
+    """
+    require_page_packages()
+    texts = (csv_text(study), json_text(study, date=date), study_page(study, date=date))
+    paths = [folder / name for name in REPORT_FILES]
+    # File names that are not UTF-8 have surrogates in Python, which become escapes in JSON.
+    contents = [text.encode(errors="backslashreplace") for text in texts]
+    for path, content in zip(paths, contents, strict=True):
+        write_staged(path, content)
+    return paths
 
 
 def study_page(study: Study, *, date: str) -> str:
@@ -159,8 +182,8 @@ def _stage_columns(measurements: Sequence[Measurement]) -> list[Column]:
         Column(
             titles.get(name, name[0]),
             f"ms, {'once' if name[1] else 'each frame'}",
-            partial(_median, name=name),
-            partial(_stage_text, name=name),
+            partial(_stage_median, name),
+            partial(_stage_text, name),
         )
         for name in names
     ]
@@ -178,12 +201,11 @@ def _stage_times(measurement: Measurement) -> dict[tuple[str, bool], tuple[float
     return times
 
 
-def _median(measurement: Measurement, name: tuple[str, bool]) -> float:
-    seconds = _stage_times(measurement).get(name)
-    return float(np.median(seconds)) if seconds else math.nan
+def _stage_median(name: tuple[str, bool], measurement: Measurement) -> float:
+    return float(np.median(_stage_times(measurement).get(name, math.nan)))
 
 
-def _stage_text(measurement: Measurement, name: tuple[str, bool]) -> str:
+def _stage_text(name: tuple[str, bool], measurement: Measurement) -> str:
     seconds = _stage_times(measurement).get(name)
     if not seconds:
         return ABSENT

@@ -1,4 +1,4 @@
-"""Write a study as text: a table for the terminal, CSV and JSON."""
+"""Write a study as text: a table for the terminal, whose columns the page has as well, CSV and JSON."""
 
 from __future__ import annotations
 
@@ -6,20 +6,70 @@ import csv
 import io
 import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from hsplat_cli.reports.columns import Column, cost_columns, metric_column
-from hsplat_cli.reports.costs import group_by_series, on_pareto_fronts
-from hsplat_cli.reports.number_format import short_count_text
+from hsplat_cli.reports.costs import cost_in_splats, group_by_series, has_bricks, has_splats, on_pareto_fronts
+from hsplat_cli.reports.number_format import bytes_text, metric_text, ms_text, short_count_text
 from hsplat_cli.terminal import format_table
 from renderer.study import METRICS, Accuracy, FrameMeasurement, Measurement, Study, Truth
 from renderer.system import join_lines
 
 FORMAT = 1
+
+# Headings of two lines for the metrics whose labels are too long.
+_HEADINGS = {"max_error": ("largest", ""), "flip_p99": ("FLIP", "99 %"), "delta_e_share": ("Delta-E", "> 2.3")}
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table of measurements. unit: below the title. value: sort key; NaN or None if absent."""
+
+    title: str
+    unit: str
+    value: Callable[[Measurement], float | None]
+    text: Callable[[Measurement], str]
+
+
+def cost_columns(measurements: Sequence[Measurement], format_count: Callable[[float | None], str]) -> list[Column]:
+    """Return the columns of counts, times and memory, the last two being `once` and `memory`."""
+    shows_bricks, shows_splats = has_bricks(measurements), has_splats(measurements)
+    title, unit = ("bricks", "or cells" * shows_splats) if shows_bricks else ("cells", "")
+    counts = [_number(title, unit, lambda m: m.num_cells, format_count)]
+    if shows_splats or not shows_bricks:
+        counts.append(_number("splats", "", cost_in_splats, format_count))
+    return [
+        *counts,
+        _number("time", "ms", lambda m: m.frame_seconds, ms_text),
+        Column(
+            "quartiles",
+            "ms",
+            lambda m: m.frame_seconds_spread[1] - m.frame_seconds_spread[0],
+            lambda m: " to ".join(map(ms_text, m.frame_seconds_spread)),
+        ),
+        _number("once", "ms", _seconds_once, ms_text),
+        _number("memory", "", lambda m: m.peak_bytes, bytes_text),
+    ]
+
+
+def metric_column(name: str, pixels: str) -> Column:
+    """Return the column of a metric of METRICS over the pixels `everywhere` or `on_volume`."""
+    metric = METRICS[name]
+    title, unit = _HEADINGS.get(name, (metric.label, metric.unit))
+    return _number(title, unit, lambda m: getattr(m.overall, pixels)[name], partial(metric_text, metric))
+
+
+def _number(title: str, unit: str, value: Callable[[Measurement], float | None], text: Callable[[Any], str]) -> Column:
+    return Column(title, unit, value, lambda m: text(value(m)))
+
+
+def _seconds_once(measurement: Measurement) -> float:
+    """Return the seconds of the stages that serve all frames; NaN without any."""
+    return sum(float(np.median(seconds)) for seconds in measurement.seconds.values()) or math.nan
 
 
 def terminal_table(study: Study) -> str:
@@ -75,14 +125,15 @@ def csv_text(study: Study) -> str:
     writer = csv.DictWriter(text, columns, restval="")
     writer.writeheader()
     for identity, row in zip(identities, values, strict=True):
-        writer.writerow({name: _csv_value(value) for name, value in (identity | row).items()})
+        cells = (identity | row).items()
+        writer.writerow({name: str(cell).lower() if isinstance(cell, bool) else cell for name, cell in cells})
     return text.getvalue()
 
 
 def _frame_row(measurement: Measurement, sample: FrameMeasurement) -> dict[str, Any]:
     row: dict[str, Any] = {
         "num_cells": measurement.num_cells,
-        "num_splats": sample.num_splats,
+        "num_primitives": sample.num_primitives,
         "peak_bytes": measurement.peak_bytes,
     }
     row |= _accuracy_row(sample.accuracy) | _times_row("frame", sample.frame_seconds)
@@ -111,10 +162,6 @@ def _times_row(name: str, seconds: Sequence[float]) -> dict[str, float]:
         f"{name}_ms_q3": third,
         f"{name}_repetitions": len(seconds),
     }
-
-
-def _csv_value(value: object) -> object:
-    return str(value).lower() if isinstance(value, bool) else value
 
 
 def json_text(study: Study, *, date: str) -> str:
@@ -152,7 +199,7 @@ def _measurement_record(measurement: Measurement) -> dict[str, Any]:
     return {
         **setting,
         **fields,
-        "num_splats": measurement.num_splats,
+        "num_primitives": measurement.num_primitives,
         "frame_seconds": {"median": measurement.frame_seconds, "quartiles": measurement.frame_seconds_spread},
         "once_seconds": stages,
         "samples": samples,

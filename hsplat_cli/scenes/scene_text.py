@@ -1,19 +1,34 @@
-"""Writes a scene file as a person would: in a natural order, with comments, to be changed by hand."""
+"""Suggests a scene that shows a volume, as text.
+
+It is written as a person would: in a natural order, with comments, to be changed by hand.
+"""
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from renderer.scene import Color, ColormapSpec, FileSource, RawSource, TransferSpec, VolumeSpec, parse_yaml
+from hsplat_cli.scenes.volume_arguments import read_with_options
+from hsplat_cli.terminal import Reporter
+from renderer.errors import Problem, SceneError
+from renderer.scene import (
+    Color,
+    ColormapSpec,
+    FileSource,
+    RawSource,
+    TransferSpec,
+    VolumeSpec,
+    parse_scene_content,
+    parse_yaml,
+)
 from renderer.system import printable
 
 if TYPE_CHECKING:
-    from renderer.suggest import Suggestion, VolumeSuggestion
+    from renderer.suggest import FilmOptions, Suggestion, VolumeSuggestion
 
 # Comments begin here, unless the line is longer.
 _COMMENT_COLUMN = 30
@@ -31,23 +46,59 @@ _LABELS_COMMENT = """\
 # memory for all that are drawn, and this volume is so large that it stays in its file."""
 
 
-@dataclass(frozen=True)
-class FilmOptions:
-    """The options of a turntable besides its volume. background: a colour or `transparent`."""
+# The option that each value of a scene came from.
+_OPTIONS = {
+    "volume.spacing": "--spacing",
+    "volume.raw.spacing": "--spacing",
+    "output.background": "--background",
+    "output.size": "--size",
+    "output.frames_per_second": "--fps",
+    "output.file": "the name of the film",
+    "error.tolerance": "--tolerance",
+    "camera.path.frames": "--frames",
+    "camera.path.elevation": "--elevation",
+}
 
-    frames: int = 120
-    elevation: float = 20.0
-    axis: str = "z"
-    tolerance: float = 0.05
-    size: tuple[int, int] = (512, 512)
-    fps: float = 30.0
-    background: str = "#000000"
-    no_paths: bool = False
 
-    @classmethod
-    def of(cls, options: Mapping[str, Any]) -> FilmOptions:
-        """Return those among the options of a command, by their names."""
-        return cls(**{field.name: options[field.name] for field in fields(cls)})
+def suggest_scene(
+    volume: VolumeSpec, film: FilmOptions, reporter: Reporter, *, scene: Path, output: Path
+) -> tuple[str, VolumeSuggestion]:
+    """Return a scene for the file `scene`, as YAML, and what it was made from; report what the volume is taken for.
+
+    Raises InputError for a volume that cannot be read or drawn, and SceneError for an option, such as the background,
+    that cannot be in a scene.
+    """
+    from renderer.suggest import suggest_for
+
+    found = suggest_for(
+        volume,
+        lambda spec: read_with_options(spec, reporter),
+        colormap=film.colormap,
+        hides_nonfinite=film.hides_nonfinite,
+    )
+    text = scene_text(found, film, folder=scene.parent, output=output)
+    _check(text, scene)
+    chosen = found.suggestion
+    notes = chosen.outlier_notes if found.nonfinite is None else (*chosen.outlier_notes, found.nonfinite)
+    for line in (f"{chosen.kind}; {chosen.reason}", *notes):
+        reporter.status(f"{volume_file(volume)}: {line}")
+    return text, found
+
+
+def _check(text: str, scene: Path) -> None:
+    """Raise SceneError, with the options, for values that cannot be in a scene, such as odd sizes of an MP4.
+
+    Nothing is written yet, so no line can be shown.
+    """
+    try:
+        parse_scene_content(text.encode(), scene)
+    except SceneError as error:
+        raise SceneError([_at_option(problem) for problem in error.problems]) from error
+
+
+def _at_option(problem: Problem) -> Problem:
+    location = _OPTIONS.get(problem.path, "the scene that was suggested")
+    return replace(problem, what=problem.what.partition("\n")[0], location=location)
 
 
 def scene_text(found: VolumeSuggestion, film: FilmOptions, *, folder: Path, output: Path) -> str:

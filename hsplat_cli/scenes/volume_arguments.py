@@ -1,10 +1,11 @@
-"""Declares the click options that say how to read a volume, once for the commands without a scene."""
+"""Declares the click options of commands without a scene: how to read a volume, and its turntable."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -13,7 +14,18 @@ import click
 from hsplat_cli.terminal import Reporter, option_group
 from renderer.errors import InputError, Problem, SceneError
 from renderer.readers import UnknownFormatError
-from renderer.scene import FieldType, FileSource, RawSource, TreeNode, VolumeSpec, field_table
+from renderer.scene import (
+    COLORMAP_FIELD,
+    MAX_FRAMES,
+    FieldType,
+    FileSource,
+    OutputSpec,
+    RawSource,
+    TreeNode,
+    VolumeSpec,
+    field_table,
+)
+from renderer.suggest import FilmOptions
 
 if TYPE_CHECKING:
     from renderer.volume import Volume
@@ -89,6 +101,47 @@ def volume_options(nonfinite: Literal["error"] | None) -> Callable[[Any], Any]:
     )
 
 
+_DEFAULT = FilmOptions()
+
+
+def _split_size(text: str) -> list[str]:
+    """Split `640x480`; `512` is both sides."""
+    parts = split_numbers(text)
+    return parts * 2 if len(parts) == 1 else parts
+
+
+_check_size = check_as(field_table(OutputSpec)["size"], _split_size, "640x480")
+_check_colormap = check_as(COLORMAP_FIELD)
+_option = partial(click.option, show_default=True)
+
+# For FilmOptions.
+film_options = option_group(
+    _option("--frames", type=click.IntRange(1, MAX_FRAMES), default=_DEFAULT.frames, help="Of the whole turn."),
+    _option("--size", default="512", callback=_check_size, help="In pixels: 512, or 640x480."),
+    _option(
+        "--elevation",
+        type=click.FloatRange(-90, 90),
+        default=_DEFAULT.elevation,
+        help="Of the eye above the object, degrees.",
+    ),
+    _option(
+        "--axis",
+        type=click.Choice(["x", "y", "z", "-x", "-y", "-z"]),
+        default=_DEFAULT.axis,
+        help="Around which the eye goes; it is upright in the picture.",
+    ),
+    _option("--fps", type=click.FloatRange(0.01, 1000), default=_DEFAULT.fps, help="Frames per second."),
+    _option("--background", default=_DEFAULT.background, help="A colour, or transparent (PNG only)."),
+    _option(
+        "--colormap", metavar="NAME", callback=_check_colormap, help="Take the colours from it: viridis, gray, ..."
+    ),
+    click.option("--no-paths", is_flag=True, help="Record names and no folders beside the film."),
+    _option(
+        "--tolerance", type=click.FloatRange(0), default=_DEFAULT.tolerance, help="Smaller is more exact and slower."
+    ),
+)
+
+
 def volume_spec(volume: Path, options: Mapping[str, Any]) -> VolumeSpec:
     """Return the volume that the options of `volume_options` describe, by their names; `lowest` for no `nonfinite`.
 
@@ -122,10 +175,10 @@ def read_with_options(volume: VolumeSpec, reporter: Reporter) -> Volume:
 
     Raises InputError, with hints about the options and not about a scene.
     """
-    from hsplat_cli.scenes.truncation_guard import read_volume_guarded
+    from renderer.readers import read_volume
 
     try:
-        read = read_volume_guarded(volume)
+        read = read_volume(volume)
     except InputError as error:
         error.got, error.expected, error.hint = map(_as_options, (error.got, error.expected, error.hint))
         if isinstance(error, UnknownFormatError):

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import glob
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from renderer.errors import InputError
-from renderer.film import header_data_files
+from renderer.job import expand_pattern, header_data_files
 
 # Endings of volumes; only the last one of a name such as scan.v2.nii.gz is removed.
 _ENDINGS = re.compile(r"\.(nii|img|hdr|nrrd|nhdr|mha|mhd|raw|tiff?|npy|dcm|vtk|mrc)(\.gz|\.bz2)?$", re.IGNORECASE)
@@ -30,20 +29,6 @@ def _safe(name: str) -> str:
     text = "".join("_" if char in "{}/\\" or not char.isprintable() else char for char in name)
     text = re.sub(r"^[-.]+", "_", text).strip()
     return text or "volume"
-
-
-def expand_pattern(name: str) -> list[Path]:
-    """Return what a pattern such as `scans/**/*.nrrd` matches, sorted; a file that exists, or another name, as it is.
-
-    Raises InputError for a pattern that matches nothing.
-    """
-    if Path(name).exists() or not glob.has_magic(name):
-        return [Path(name)]
-    found = sorted(glob.glob(name, recursive=True))
-    if not found:
-        hint = None if Path(name).is_absolute() else f"it is relative to {Path.cwd()}"
-        raise InputError("no file matches this pattern", where=name, hint=hint)
-    return [Path(path) for path in found]
 
 
 def expand_volumes(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:

@@ -3,10 +3,10 @@
 `run_study` sweeps settings over one scene and writes a report; `print_tolerance` finds the tolerance for an accuracy.
 `FigureRenderer` draws the figures of `hsplat paper`. `peers/` measures VTK on the same scene.
 
-- `measure/`: `study.py` sweeps; `tolerance.py` finds the tolerance for `--want psnr=38`; `options.py` parses lists of
-  settings, `notes.py` says what is unexpected.
+- `measure/`: `study.py` sweeps, and notes what is unexpected; `tolerance.py` finds the tolerance for `--want psnr=38`;
+  `options.py` parses lists of settings.
 - `paper/`: figures 1 to 6 are `footprints.py`, `opacity.py`, `one_splat.py`, `levels.py`, `octrees.py` and
-  `refinement.py`; `figure_renderer.py` draws and times their scenes, `paper_figure.py` describes a figure.
+  `refinement.py`; `figure.py` draws their scenes and describes a figure.
 - `peers/`: `vtk_peer.py`, and `vtk_worker.py`, which draws with VTK in a process of its own.
 """
 

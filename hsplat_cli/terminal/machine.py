@@ -12,13 +12,13 @@ from typing import Any
 from renderer.system import MEASURING_PACKAGES, commit, package_versions
 
 
-def describe_machine(driver: str) -> dict[str, Any]:
-    """Return processor, cores, system, OpenGL driver, commit and the versions of the packages used."""
+def describe_machine(device: str) -> dict[str, Any]:
+    """Return processor, cores, system, what draws, commit and the versions of the packages used."""
     return {
         "processor": _processor(),
         "cores": os.cpu_count(),
         "system": platform.platform(),
-        "driver": driver,
+        "device": device,
         "commit": commit(),
         "versions": package_versions(*MEASURING_PACKAGES),
     }

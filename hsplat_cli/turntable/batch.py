@@ -10,26 +10,19 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.scenes import as_arguments, volume_file
-from hsplat_cli.terminal import Reporter, counted
-from hsplat_cli.turntable.manifest import (
-    FINISHED,
-    INTERRUPTED,
-    MANIFEST_FILE,
-    NOT_STARTED,
-    SHORT_LOCK_TIMEOUT_S,
-    FilmRecord,
-    manifest_table,
-    update_manifest,
-)
+from hsplat_cli.scenes import volume_file
+from hsplat_cli.terminal import Reporter
+from hsplat_cli.turntable import manifest
+from hsplat_cli.turntable.manifest import FilmRecord
 from hsplat_cli.turntable.one_film import FilmRequest
-from renderer.errors import HsplatError, RenderError
+from renderer.errors import RenderError
 from renderer.film import require_writable
+from renderer.scene import counted
 from renderer.system import ChildProcesses, describe_exit, join_lines
 
 # An interrupted process removes its unfinished work. One that does not end within this time is killed, because an
@@ -42,24 +35,23 @@ def run_batch(requests: Sequence[FilmRequest], options: Mapping[str, Any], folde
 
     options: of the command line, for all of them. Each process adds its film to turntable.json.
     """
-    require_writable(folder / MANIFEST_FILE)
+    require_writable(folder / manifest.MANIFEST_FILE)
     records: list[FilmRecord] = []
     try:
         for number, request in enumerate(requests, start=1):
             reporter.status(f"[{number}/{len(requests)}] {volume_file(request.volume)}")
-            records.append(_make_in_process(request, options))
-            if records[-1]["status"] != FINISHED:
+            records.append(_make_in_process(request, options, reporter))
+            if records[-1]["status"] != manifest.FINISHED:
                 reporter.warning(join_lines(records[-1]["error"].splitlines()))
     finally:
         remaining = requests[len(records) :]
-        statuses = [INTERRUPTED, *[NOT_STARTED] * len(remaining)]
+        statuses = [manifest.INTERRUPTED, *[manifest.NOT_STARTED] * len(remaining)]
         rows = [request.record(status) for request, status in zip(remaining, statuses, strict=False)]
-        reporter.result(manifest_table([*records, *rows]))
+        reporter.result(manifest.manifest_table([*records, *rows]))
         # Records of films without scene and volume go with each update.
         missing = [record for record in records if not os.path.exists(record["volume"])]
-        with suppress(HsplatError):
-            update_manifest(folder, missing, SHORT_LOCK_TIMEOUT_S)
-    num_failed = sum(record["status"] != FINISHED for record in records)
+        manifest.try_to_update(folder, missing, reporter)
+    num_failed = sum(record["status"] != manifest.FINISHED for record in records)
     if num_failed:
         raise RenderError(
             f"{num_failed} of {counted(len(records), 'film')} could not be made",
@@ -68,10 +60,10 @@ def run_batch(requests: Sequence[FilmRequest], options: Mapping[str, Any], folde
         )
 
 
-def _make_in_process(request: FilmRequest, options: Mapping[str, Any]) -> FilmRecord:
+def _make_in_process(request: FilmRequest, options: Mapping[str, Any], reporter: Reporter) -> FilmRecord:
     """Make a film in another process; return its record, which describes the failure if there was one."""
     start = time.perf_counter()
-    arguments = ["turntable", *as_arguments(dict(options)), f"--output={request.scene.parent}"]
+    arguments = ["turntable", *_as_arguments(options), f"--output={request.scene.parent}"]
     arguments += [f"--name={request.scene.stem}", "--", str(volume_file(request.volume))]
     with ChildProcesses() as child_processes:
         process = child_processes.start("hsplat_cli", arguments, stdout=subprocess.PIPE)
@@ -95,6 +87,15 @@ def _make_in_process(request: FilmRequest, options: Mapping[str, Any]) -> FilmRe
     )
     seconds = {"seconds": round(time.perf_counter() - start, 3)}
     record = request.failure_record(error) | {"exit_code": process.returncode} | seconds
-    with suppress(HsplatError):
-        update_manifest(request.scene.parent, [record], SHORT_LOCK_TIMEOUT_S)
+    manifest.try_to_update(request.scene.parent, [record], reporter)
     return record
+
+
+def _as_arguments(options: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the command line of parsed options: `frames=30` becomes `--frames=30`; None and False are left out."""
+    for name, value in options.items():
+        flag = "--" + name.replace("_", "-")
+        if value is True:
+            yield flag
+        elif value is not None and value is not False:
+            yield f"{flag}={','.join(map(str, value)) if isinstance(value, tuple) else value}"

@@ -13,11 +13,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.scenes import is_shallow
 from hsplat_cli.terminal import Reporter, format_table
-from renderer.errors import OutputLockedError, RenderError
+from renderer.errors import HsplatError, OutputLockedError, RenderError
 from renderer.film import lock_slots, write_staged
-from renderer.scene import read_json_object
+from renderer.scene import is_shallow, read_json_object
 
 FilmRecord = dict[str, Any]
 
@@ -29,21 +28,24 @@ NOT_STARTED = "not begun"
 
 # A process holds the lock for milliseconds. One that holds it longer than this is stopped, or its disk is gone.
 LOCK_TIMEOUT_S = 60.0
-# Where there is another error to report.
-SHORT_LOCK_TIMEOUT_S = 1.0
+_SHORT_LOCK_TIMEOUT_S = 1.0
 _NOTICE_DELAY_S, _POLL_INTERVAL_S = 2.0, 0.02
 
-# Titles of columns, and the keys of records. Turntables draw bricks, which sidecars and records count as `splats`.
+# Titles of columns, and the keys of records. Turntables draw bricks, which sidecars and records count as `primitives`.
 _COLUMNS = {name: name for name in ("volume", "status", "kind", "frames")}
-_COLUMNS |= {"bricks": "splats", "seconds": "seconds", "film": "film"}
+_COLUMNS |= {"bricks": "primitives", "seconds": "seconds", "film": "film"}
 _NUMBER_COLUMNS = (3, 4, 5)
 
 VOLUME_KEY = "scene_of"  # the volume's path relative to the folder, without links
 _TEXT_KEYS = ("volume", "scene", "film", "status", VOLUME_KEY)  # that each record has
+# More levels than a record of a film has.
+_MOST_LEVELS = 10
 _MAX_BYTES = 2**26  # some 500 bytes a film
 
 
-def update_manifest(folder: Path, records: Sequence[FilmRecord], lock_timeout_s: float = LOCK_TIMEOUT_S) -> None:
+def update_manifest(
+    folder: Path, records: Sequence[FilmRecord], reporter: Reporter, lock_timeout_s: float = LOCK_TIMEOUT_S
+) -> None:
     """Write records of films to turntable.json, `{"films": [...]}`, in place of the former records of their scenes.
 
     Other records stay, except those of films whose scenes, or whose volumes where no film could be made, are gone.
@@ -51,7 +53,7 @@ def update_manifest(folder: Path, records: Sequence[FilmRecord], lock_timeout_s:
 
     lock_timeout_s: how long to wait for other processes, on all machines. Raises InputError and RenderError.
     """
-    with _locked(folder, lock_timeout_s):
+    with _locked(folder, reporter, lock_timeout_s):
         films = _read(folder)
         changed = {
             Path(record["scene"]).name: _to_be_shared(record)
@@ -67,6 +69,12 @@ def update_manifest(folder: Path, records: Sequence[FilmRecord], lock_timeout_s:
         write_staged(folder / MANIFEST_FILE, f"{content}\n".encode())
 
 
+def try_to_update(folder: Path, records: Sequence[FilmRecord], reporter: Reporter) -> None:
+    """Write records where there is another error to report: wait for a moment only, and raise nothing."""
+    with contextlib.suppress(HsplatError):
+        update_manifest(folder, records, reporter, _SHORT_LOCK_TIMEOUT_S)
+
+
 def _to_be_shared(record: FilmRecord) -> FilmRecord:
     """Return a record without folders, and without the names and values of an error, if `record_paths` is false."""
     if record.get("record_paths", True):
@@ -78,7 +86,7 @@ def _to_be_shared(record: FilmRecord) -> FilmRecord:
 
 
 @contextlib.contextmanager
-def _locked(folder: Path, timeout_s: float) -> Iterator[None]:
+def _locked(folder: Path, reporter: Reporter, timeout_s: float) -> Iterator[None]:
     """Lock turntable.json of a folder, which is made where it is missing; a wait is reported after a moment."""
     file, start, is_reported = folder / MANIFEST_FILE, time.perf_counter(), False
     with contextlib.ExitStack() as stack:
@@ -94,7 +102,7 @@ def _locked(folder: Path, timeout_s: float) -> Iterator[None]:
                     raise RenderError(what, where=str(file), got=error.got, hint=hint) from error
                 if waited >= _NOTICE_DELAY_S and not is_reported:
                     is_reported = True
-                    Reporter().warning(f"{file}: waiting for {error.got or 'another process'}")
+                    reporter.warning(f"{file}: waiting for {error.got or 'another process'}")
             time.sleep(_POLL_INTERVAL_S)
         yield
 
@@ -109,7 +117,7 @@ def _read(folder: Path) -> dict[str, FilmRecord]:
 def _is_record(record: Any) -> bool:
     """Return whether a record can be written again, and the keys that are used are as they were written."""
     try:
-        is_writable = is_shallow(record) and bool(json.dumps(record, allow_nan=False))
+        is_writable = is_shallow(record, _MOST_LEVELS) and bool(json.dumps(record, allow_nan=False))
     except ValueError:  # infinities
         return False
     return is_writable and isinstance(record, dict) and all(isinstance(record.get(key), str) for key in _TEXT_KEYS)

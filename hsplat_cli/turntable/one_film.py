@@ -13,34 +13,15 @@ from itertools import chain
 from pathlib import Path
 
 from hsplat_cli.executors import ExecutorSpec
-from hsplat_cli.scenes import FilmOptions, Job, expand_pattern, suggest_scene, volume_file
-from hsplat_cli.terminal import Reporter
-from hsplat_cli.turntable.manifest import (
-    FAILED,
-    FINISHED,
-    INTERRUPTED,
-    LOCK_FILE,
-    MANIFEST_FILE,
-    NOT_STARTED,
-    SHORT_LOCK_TIMEOUT_S,
-    STARTED,
-    VOLUME_KEY,
-    FilmRecord,
-    update_manifest,
-)
+from hsplat_cli.scenes import suggest_scene, volume_file
+from hsplat_cli.terminal import FilmEvents, Reporter, report_film
+from hsplat_cli.turntable import manifest
+from hsplat_cli.turntable.manifest import FilmRecord, update_manifest
 from renderer.errors import HsplatError, InputError, OutputLockedError
-from renderer.film import (
-    film_files,
-    locked_output,
-    require_no_input,
-    require_writable,
-    sidecar_path,
-    sidecar_path_of_file,
-    translate_os_errors,
-    volume_files,
-    write_staged,
-)
-from renderer.scene import OutputSpec, VolumeSpec, parse_scene_content, schedule_to_dict
+from renderer.film import bytes_digest, require_writable, sidecar_path_of_file, translate_os_errors, write_staged
+from renderer.job import FilmJob, expand_pattern, film_files, require_no_input, volume_files
+from renderer.scene import OutputSpec, Scene, VolumeSpec, accuracy_of, parse_scene_content
+from renderer.suggest import FilmOptions
 
 
 @dataclass(frozen=True)
@@ -48,17 +29,14 @@ class FilmRequest:
     """A film to make. scene: the file for its scene.
 
     force: an edited scene may be overwritten, and finished frames are drawn again.
-    hides_nonfinite: as for `suggest_scene`.
     """
 
     volume: VolumeSpec
     film: FilmOptions
-    colormap: str | None
     scene: Path
     output: Path
     executor: ExecutorSpec
     force: bool
-    hides_nonfinite: bool = False
 
     def record(self, status: str) -> FilmRecord:
         """Return what the record of the film has in any case."""
@@ -68,7 +46,7 @@ class FilmRequest:
             "scene": str(self.scene),
             "film": str(self.output),
             "status": status,
-            VOLUME_KEY: self.volume_path,
+            manifest.VOLUME_KEY: self.volume_path,
         }
 
     @property
@@ -79,12 +57,12 @@ class FilmRequest:
     def output_files(self) -> Iterator[Path]:
         """Yield all files that making the film may replace or remove."""
         frames = range(self.film.frames)
-        yield from (self.scene.parent / name for name in (self.scene.name, MANIFEST_FILE, LOCK_FILE))
+        yield from (self.scene.parent / name for name in (self.scene.name, manifest.MANIFEST_FILE, manifest.LOCK_FILE))
         yield from film_files(OutputSpec(self.output), frames, sidecar_path_of_file(self.output, frames, len(frames)))
 
     def failure_record(self, error: HsplatError) -> FilmRecord:
         """Return the record of a film that failed, or that another job is making. Exit code 2 is for wrong input."""
-        status = NOT_STARTED if isinstance(error, OutputLockedError) else FAILED
+        status = manifest.NOT_STARTED if isinstance(error, OutputLockedError) else manifest.FAILED
         summary = {"summary": error.summary} if self.film.no_paths else {}
         exit_code = 2 if isinstance(error, InputError) else 1
         return self.record(status) | {"exit_code": exit_code, "error": str(error)} | summary
@@ -106,70 +84,72 @@ def make_film(request: FilmRequest, reporter: Reporter) -> FilmRecord:
     try:
         record = _make_film(request, reporter)
     except (HsplatError, KeyboardInterrupt) as error:
-        failure = request.failure_record(error) if isinstance(error, HsplatError) else request.record(INTERRUPTED)
+        if isinstance(error, HsplatError):
+            failure = request.failure_record(error)
+        else:
+            failure = request.record(manifest.INTERRUPTED)
         for each in missing_folders:
             with suppress(OSError):  # not empty
                 each.rmdir()
-        with suppress(HsplatError):  # the first error is the one to report
-            if os.path.isdir(folder):
-                update_manifest(folder, [failure], SHORT_LOCK_TIMEOUT_S)
+        if os.path.isdir(folder):
+            manifest.try_to_update(folder, [failure], reporter)
         raise
-    update_manifest(folder, [record])
+    update_manifest(folder, [record], reporter)
     return record
 
 
 def _make_film(request: FilmRequest, reporter: Reporter) -> FilmRecord:
     """Write the scene, render it, and return the record of the film. Raises HsplatError."""
-    volume = volume_file(request.volume)
-    expand_pattern(str(volume))  # raises where no file matches
+    expand_pattern(str(volume_file(request.volume)))  # raises where no file matches
     # Before the volume is read, which may take long.
     require_writable(request.scene)
-    suggested = suggest_scene(
-        request.volume,
-        request.film,
-        reporter,
-        colormap=request.colormap,
-        scene=request.scene,
-        output=request.output,
-        hides_nonfinite=request.hides_nonfinite,
-    )
-    for line in (f"{suggested.kind}; {suggested.reason}", *suggested.notes):
-        reporter.status(f"{volume}: {line}")
-    content = marked_scene(suggested.text, request.volume_path)
+    text, found = suggest_scene(request.volume, request.film, reporter, scene=request.scene, output=request.output)
+    content = marked_scene(text, request.volume_path)
     _require_replaceable(request, content)
     scene = parse_scene_content(content, request.scene)  # before the file exists: no change to it affects the job
-    job = Job(scene, range(scene.camera.path.frames), schedule_to_dict(scene.error))
-    sidecar = sidecar_path(job.scene, job.frames)
-    # Locked from before the scene is written until the film is finished, because they belong together.
-    with locked_output(job.scene.output, job.frames, sidecar) as work_folder:
-        write_scene(request, content)
-        reporter.announce_compilation()
-        # Imported here to keep --help fast.
-        from hsplat_cli.films import render_film
+    # Imported here to keep --help fast.
+    from hsplat_cli.executors import open_executor
+    from renderer.job import OnePass, locked_job
 
-        on_start = partial(update_manifest, request.scene.parent, [request.record(STARTED)])
-        film = render_film(
-            job, request.executor, reporter, work_folder=work_folder, on_start=on_start, force=request.force
-        )
+    job = FilmJob(scene, range(scene.camera.path.frames), accuracy_of(scene.error))
+    # Locked from before the scene is written until the film is finished, because they belong together.
+    with locked_job(job) as locked, _TurntableEvents(reporter, request, scene) as events:
+        write_scene(request, content, reporter)
+        reporter.announce_compilation()
+        open_this = partial(open_executor, request.executor, reporter)
+        film = locked.make(open_this, OnePass(), events, resumes=not request.force)
+    report_film(film, reporter)
     if film.shortfall is not None:
         raise film.shortfall
-    frames, seconds = film.record["frames"], film.record["seconds"]["total"]
-    return request.record(FINISHED) | {
-        "kind": suggested.kind,
-        "reason": suggested.reason,
+    frames = film.record.frames
+    return request.record(manifest.FINISHED) | {
+        "kind": found.suggestion.kind,
+        "reason": found.suggestion.reason,
         "frames": len(frames),
-        "splats": round(sum(frame["splats"] for frame in frames) / len(frames)),
-        "seconds": round(seconds, 3),
+        "primitives": round(sum(frame.primitives for frame in frames) / len(frames)),
+        "seconds": round(film.record.seconds["total"], 3),
     }
 
 
-def write_scene(request: FilmRequest, content: bytes) -> None:
+class _TurntableEvents(FilmEvents):
+    """A listener that also records in turntable.json that a film is started."""
+
+    def __init__(self, reporter: Reporter, request: FilmRequest, scene: Scene) -> None:
+        super().__init__(reporter, scene.splat.primitive_name)
+        self._request = request
+
+    def prepared(self) -> None:
+        """Record the film; one that is up to date is not started."""
+        update_manifest(self._request.scene.parent, [self._request.record(manifest.STARTED)], self._reporter)
+
+
+def write_scene(request: FilmRequest, content: bytes, reporter: Reporter) -> None:
     """Write the scene's file, and record that its film is started, unless the file has this content.
 
     Raises InputError where the file is a scene that somebody edited, or that of another volume, unless with `force`.
     """
     if not _require_replaceable(request, content):
-        update_manifest(request.scene.parent, [request.record(STARTED)])
+        update_manifest(request.scene.parent, [request.record(manifest.STARTED)], reporter)
         write_staged(request.scene, content)
 
 
@@ -200,8 +180,6 @@ def _require_replaceable(request: FilmRequest, content: bytes) -> bool:
 
 def marked_scene(text: str, volume_path: str) -> bytes:
     """Return a scene with a last line that shows whose it is, and that nobody has edited it."""
-    from renderer.film import bytes_digest
-
     volume = json.dumps(volume_path)
     marked = f"{text}\n# `hsplat turntable` replaces this file while nobody has changed it; of {volume}: "
     return f"{marked}{bytes_digest(marked.encode())}\n".encode()
@@ -209,8 +187,6 @@ def marked_scene(text: str, volume_path: str) -> bytes:
 
 def _volume_of_unedited(content: bytes) -> str | None:
     """Return the volume path in a marked scene that nobody has edited."""
-    from renderer.film import bytes_digest
-
     found = re.fullmatch(rb'(.*; of ("[^\n]*"): )([0-9a-f]{32})\n', content, re.DOTALL)
     return json.loads(found[2]) if found and bytes_digest(found[1]).encode() == found[3] else None
 

@@ -5,7 +5,6 @@ from .brick_cut import (
 )
 from .bricks import (
     RAY_ERROR_FACTOR as RAY_ERROR_FACTOR,
-    BrickLevel as BrickLevel,
     Bricks as Bricks,
     make_bricks as make_bricks,
 )
@@ -20,11 +19,11 @@ from .means import (
     MIN_BRICKS_PER_THREAD as MIN_BRICKS_PER_THREAD,
     MeanCache as MeanCache,
 )
+from .pixel_grid import ScreenSampling as ScreenSampling
 from .sampling import (
     DITHER as DITHER,
     JITTER_PER_PX as JITTER_PER_PX,
     BrickBatch as BrickBatch,
-    ScreenSampling as ScreenSampling,
     make_brick_batch as make_brick_batch,
 )
 from .texels import mean_texels as mean_texels, scalar_texels as scalar_texels

@@ -4,10 +4,11 @@ As in `renderer.pyramid.cut_size`, a brick is split at every tolerance up to its
 error and the split thresholds of the bricks around it. It is in the cut at tolerances above its own threshold, up to
 that of its parent, if anything in it may be visible:
 
-    bricks at t = number of visible ones whose parent's threshold is at least t - number of those whose own is
+    bricks at t = P(t) - Q(t)
 
-This may fall a little as t falls: the halo of a brick is wider than those of its children, so that together they may
-show less of their surroundings.
+of which P(t) is the number of visible bricks whose parent's threshold is at least t, and Q(t) the number of those whose
+own threshold is. The number of bricks may fall a little as t falls: the halo of a brick is wider than those of its
+children, so that together they may show less of their surroundings.
 """
 
 from __future__ import annotations
@@ -16,22 +17,17 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.bricks.bricks import Bricks
 from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE
 from renderer.pyramid import CutSizes, subdivide
 from renderer.scene import MIN_TOLERANCE
-from renderer.volume import Volume
-
-Float64 = npt.NDArray[np.float64]
-Int32 = npt.NDArray[np.int32]
-Int64 = npt.NDArray[np.int64]
+from renderer.volume import Float64, Int32, Int64, UInt8, Volume
 
 
 @dataclass(frozen=True)
 class BrickCut:
-    """The bricks drawn, coarse levels first, in Morton order within a level. The index of a brick is its id.
+    """A cut of bricks, coarse levels first, in Morton order within a level. The index of a brick is its id.
 
     levels: uint8 [n], of their cells.
     cells: int32 [n, 3], x, y, z in widths of the brick, BRICK_SIZE << level voxels.
@@ -40,7 +36,7 @@ class BrickCut:
     volume: the volume that was cut.
     """
 
-    levels: npt.NDArray[np.uint8]
+    levels: UInt8
     cells: Int32
     visible_bounds: Float64
     step_errors: Float64

@@ -14,7 +14,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE, brick_grid_shape, grid_cells
 from renderer.bricks.node_statistics import NodeStatistics
@@ -38,13 +37,11 @@ from renderer.transfer import (
     make_piecewise_transfer,
     raw_voxels,
 )
-from renderer.volume import Volume
+from renderer.volume import Bools, Float32, Float64, Volume
 
-Float64 = npt.NDArray[np.float64]
-
-# A ray meets the cells of this many bricks. Their errors are random, so the sum is the root of their number times one
-# error. With one brick, 42 and 45 dB take 1.2 times as long, in the mean of 10 volumes, and other accuracies from 30 to
-# 52 dB as long as with four: cells then err more than steps.
+# A ray meets the cells of this many bricks. Their errors are random, so that their sum is one error times the root of
+# their number. If one brick is assumed instead of four, pictures of 42 and 45 dB take 1.2 times as long (mean of 10
+# volumes), because cells then err more than steps; pictures of other accuracies, from 30 to 52 dB, take as long.
 BRICKS_PER_RAY = 4
 RAY_ERROR_FACTOR = math.sqrt(BRICKS_PER_RAY * BRICK_SIZE)
 
@@ -57,7 +54,7 @@ _MIN_RANGE_SHARE = 1 / 64
 
 @dataclass(frozen=True)
 class BrickLevel:
-    """All bricks of one level, including those that show nothing.
+    """A level of bricks: all of them, including those that show nothing.
 
     visible_bounds: float32 [z, y, x, 2, 3], lowest and highest corner (x, y, z) of what may be visible in the brick:
         where the field, halo included, is not transparent. In cells from the brick's lowest corner, 0 to BRICK_SIZE; at
@@ -71,7 +68,7 @@ class BrickLevel:
         the estimate from differences between voxels, along such a segment.
     """
 
-    visible_bounds: npt.NDArray[np.float32]
+    visible_bounds: Float32
     errors: Float64
     step_errors: Float64
 
@@ -81,14 +78,14 @@ class BrickLevel:
             array.flags.writeable = False
 
     @property
-    def is_visible(self) -> npt.NDArray[np.bool_]:
+    def is_visible(self) -> Bools:
         """Return whether anything may be visible in each brick, bool [z, y, x]."""
         return np.asarray(self.visible_bounds[..., 1, 0] > self.visible_bounds[..., 0, 0])
 
 
 @dataclass(frozen=True)
 class Bricks:
-    """The bricks of a volume. levels[l] holds those of level l; the last one is a single brick.
+    """A volume divided into bricks. levels[l] holds those of level l; the last one is a single brick.
 
     scalar_range: texels of level 0 are normalized to it. The part of the volume's range in which the transfer function
         changes, or all of it where it does not.
@@ -215,7 +212,7 @@ def _root_mean_square_of_children(of_brick: Float64) -> Float64:
 
 def _measure_voxels(
     pyramid: Pyramid, transfer: TransferFunction, volume_range: tuple[float, float], num_threads: int
-) -> tuple[npt.NDArray[np.float32], Float64, Float64, Float64]:
+) -> tuple[Float32, Float64, Float64, Float64]:
     """Return what `measure_voxel_bricks` finds in the bricks of level 0: their visible bounds, float32
     [z, y, x, 2, 3], and three of float64 [z, y, x]."""
     volume, lighting = pyramid.volume, pyramid.classifier.lighting

@@ -5,14 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.compiled import jit
 from renderer.transfer import RawVoxels, scalar_at
-from renderer.volume import Volume
-
-Array = npt.NDArray[Any]
-Int32 = npt.NDArray[np.int32]
+from renderer.volume import Array, Int32, Volume
 
 BRICK_LEVELS = 4
 BRICK_SIZE = 1 << BRICK_LEVELS

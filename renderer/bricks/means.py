@@ -1,17 +1,15 @@
 """Gather the means of a brick and its halo when it is drawn, and recompute those of levels that a pyramid for bricks
 does not store.
 
-Of levels 1 and 2 the voxels of a brick and its halo, 18^3 cells, are classified and averaged block by block by the code
-that builds pyramids: the means are those that it would have stored, bit for bit.
+For levels 1 and 2, the code that builds pyramids classifies and averages the voxels of a brick and its halo, 18^3
+cells, block by block. The means are those that it would have stored, bit for bit.
 """
 
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.bricks.layout import BRICK_SIZE, HALO, PADDED_BRICK_SIZE
 from renderer.compiled import ThreadPool, jit
@@ -31,12 +29,7 @@ from renderer.pyramid import (
     visible_children,
 )
 from renderer.transfer import raw_voxels
-
-Array = npt.NDArray[Any]
-Float32 = npt.NDArray[np.float32]
-Int32 = npt.NDArray[np.int32]
-Int64 = npt.NDArray[np.int64]
-UInt64 = npt.NDArray[np.uint64]
+from renderer.volume import Array, Float32, Int32, Int64, UInt64
 
 # Most memory of cached bricks.
 MAX_CACHE_BYTES = 256 << 20
@@ -45,11 +38,11 @@ MIN_BRICKS_PER_THREAD = 8
 
 
 class MeanCache:
-    """Keeps computed means for pictures of more bricks than the device holds, which would compute them again.
+    """A cache of computed means, for pictures of more bricks than the device holds, which would compute them again.
 
-    Bricks that a picture and the one before it did not need are evicted, and those that they needed never: of bricks
-    that are read in turn and are too many, the least recently used one is the next to be read. threads: compute the
-    means.
+    It evicts bricks that neither a picture nor the one before it needed, and no others. To evict the least recently
+    used brick would not help: each picture needs the bricks in the same order, so that this one is needed next.
+    threads: compute the means.
     """
 
     def __init__(self, threads: ThreadPool | None = None) -> None:

@@ -7,26 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE, HALO, brick_grid_shape, grid_cells
 from renderer.compiled import jit
 from renderer.pyramid import cell_voxel_counts
-from renderer.volume import Volume
-
-Array = npt.NDArray[Any]
-Float64 = npt.NDArray[np.float64]
-Int32 = npt.NDArray[np.int32]
-Int64 = npt.NDArray[np.int64]
-UInt8 = npt.NDArray[np.uint8]
+from renderer.volume import Array, Float32, Float64, Int32, Int64, UInt8, Volume
 
 
 @dataclass(frozen=True)
 class NodeStatistics:
-    """Statistics of the nodes of one level, by brick. Threads may add nodes of different bricks at the same time.
+    """A summary of the nodes of one level, by brick. Threads may add nodes of different bricks at the same time.
 
     max_error_by_neighbour: float64 [z, y, x, 3, 3, 3], the largest error of those nodes of each brick of this level
         that are in the halo of its neighbours at -1, 0 and 1 along z, y, x; in the middle, of all its nodes.
@@ -65,7 +57,7 @@ class NodeStatistics:
             np.maximum(largest, neighbours[..., 2 - at[0], 2 - at[1], 2 - at[2]], out=largest)
         return largest
 
-    def visible_bounds(self) -> npt.NDArray[np.float32]:
+    def visible_bounds(self) -> Float32:
         """Return BrickLevel.visible_bounds, float32 [z, y, x, 2, 3]."""
         shape = self.max_error_by_neighbour.shape[:3]
         low, end = np.full((*shape, 3), BRICK_SIZE + 1), np.full((*shape, 3), -BRICK_SIZE)

@@ -47,7 +47,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.bricks.layout import BRICK_SIZE, PADDED_BRICK_SIZE, fill_padded
 from renderer.compiled import jit
@@ -60,10 +59,7 @@ from renderer.transfer import (
     is_range_visible,
     make_transfer_table,
 )
-
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
-Int32 = npt.NDArray[np.int32]
+from renderer.volume import Float32, Float64, Int32, Int64
 
 # Colormaps have hundreds of control values, nearly on a line. Those within this share of the largest channel of it are
 # left out. D changes by four times as much at most, twice in each of four channels.
@@ -112,7 +108,7 @@ def make_scalar_curve(volume_range: tuple[float, float]) -> TransferTable:
     return make_transfer_table(scaled, points)._replace(scale=scale)
 
 
-def _simplify(values: Float64, points: Float64, tolerance: float) -> npt.NDArray[np.int64]:
+def _simplify(values: Float64, points: Float64, tolerance: float) -> Int64:
     """Return the points, ascending, between which all others are within the tolerance of the line, int64 [m].
 
     Douglas and Peucker 1973, along the axis of values: the farthest point is taken first.

@@ -21,17 +21,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.bricks.bricks import Bricks
 from renderer.bricks.layout import BRICK_SIZE, HALO, PADDED_BRICK_SIZE, fill_padded
 from renderer.bricks.means import MeanCache
 from renderer.compiled import jit
 from renderer.transfer import RawVoxels, normalize_scalar, range_width, raw_voxels
-
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
-Int32 = npt.NDArray[np.int32]
+from renderer.volume import Float32, Float64, Int32
 
 # The largest power of two, as its exponent, that small scalars are multiplied by.
 _LARGEST_EXPONENT = 1000

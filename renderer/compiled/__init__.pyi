@@ -1,12 +1,11 @@
-from .compiler import (
-    fma as fma,
+from .bus_errors import guarded_regions as guarded_regions
+from .compiler import fma as fma, inline as inline, jit as jit, prefetch as prefetch
+from .kernel_cache import (
+    cache_problem as cache_problem,
     has_cached_kernels as has_cached_kernels,
-    inline as inline,
-    jit as jit,
-    prefetch as prefetch,
+    remove_unused_caches as remove_unused_caches,
 )
 from .lanes import (
-    NUM_LANES as NUM_LANES,
     Lanes as Lanes,
     any_of as any_of,
     append as append,
@@ -18,6 +17,7 @@ from .lanes import (
     load as load,
     load_corners as load_corners,
     load_rows as load_rows,
+    num_lanes as num_lanes,
     permute as permute,
     store as store,
     store_rows as store_rows,

@@ -1,33 +1,33 @@
 """Vectors of lanes in compiled loops: each lane computes for a ray of its own, all by the same instructions.
 
-In a lane holds what holds for a number: `a + b`, `a < b`, `a & b`, `-a`, `~a`, `abs(a)`, `max(a, b)`, `np.sqrt(a)` and
-`fma(a, b, c)`; a number beside lanes goes to all of them. `where(mask, a, b)` takes the place of `if`.
+Loops use lanes like numbers: `a + b`, `a < b`, `a & b`, `-a`, `~a`, `abs(a)`, `max(a, b)`, `np.sqrt(a)` and
+`fma(a, b, c)` apply to each lane. A number beside lanes is used in all of them. `where(mask, a, b)` replaces `if`.
 
-The result in a lane depends neither on the number of lanes nor on the other ones: every operation is one of IEEE 754,
-and `fma` rounds once. Pictures are the same bytes on every machine, however wide its registers are.
+The result in a lane depends neither on the number of lanes nor on what is in the others: every operation is one of
+IEEE 754, and `fma` rounds once. Pictures are the same bytes on every machine, however wide its registers are.
 """
 
 from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
-from llvmlite import binding, ir
-from numba import extending
-from numba.core import cgutils as untyped_cgutils, imputils, typeconv, types as untyped_types
-from numba.core.registry import cpu_target
-from numba.core.typing import templates
-from numba.np import arrayobj
 
-# Of numba, mypy knows too little, or another signature.
-cgutils: Any = untyped_cgutils
-types: Any = untyped_types
-_imputils: Any = imputils
-_make_array: Any = arrayobj.make_array
-_templates: Any = templates
-_typeconv: Any = typeconv
+from renderer.compiled.numba_inside import (
+    binding,
+    cgutils,
+    cpu_target,
+    extending,
+    imputils,
+    ir,
+    make_array,
+    templates,
+    typeconv,
+    types,
+)
 
 _I1, _I32, _I64 = ir.IntType(1), ir.IntType(32), ir.IntType(64)
 _LLVM_TYPES = {
@@ -38,8 +38,12 @@ _LLVM_TYPES = {
 }
 
 
-def _register_bits() -> int:
-    """Return the size of the vector registers that the compiler uses for this processor."""
+@cache
+def num_lanes() -> int:
+    """Return how many lanes of float32 or int32 a register has: 16 with AVX-512, 8 with AVX2, 4 otherwise.
+
+    It has half as many of float64. In compiled loops the number is a constant.
+    """
     triple, name, features = cpu_target.target_context.codegen().magic_tuple()
     machine = binding.Target.from_triple(triple).create_target_machine(cpu=name, features=features)
     module, wide = ir.Module(), ir.VectorType(_I32, 16)
@@ -47,14 +51,19 @@ def _register_bits() -> int:
     builder = ir.IRBuilder(function.append_basic_block())
     builder.ret(builder.add(*function.args))
     assembly = machine.emit_assembly(binding.parse_assembly(str(module)))
-    return 512 if "zmm" in assembly else 256 if "ymm" in assembly else 128
+    return 16 if "zmm" in assembly else 8 if "ymm" in assembly else 4
 
 
-# The lanes of float32 and int32 in step: 16 with AVX-512, 8 with AVX2, 4 otherwise; half as many of float64.
-NUM_LANES = _register_bits() // 32
+@templates.infer_global(num_lanes)
+class _NumLanes(templates.AbstractTemplate):  # type: ignore[misc]  # numba has no types
+    def generic(self, _arguments: Any, _: Any) -> Any:
+        return templates.signature(types.literal(num_lanes()))
 
 
-class Lanes(untyped_types.Type):
+imputils.lower_builtin(num_lanes)(lambda context, *_: context.get_constant(types.int64, num_lanes()))
+
+
+class Lanes(types.Type):  # type: ignore[misc]  # numba has no types
     """The type of a vector: `dtype` in each of `count` lanes."""
 
     def __init__(self, dtype: Any, count: int) -> None:
@@ -66,18 +75,17 @@ class Lanes(untyped_types.Type):
         return ir.VectorType(_LLVM_TYPES[self.dtype], self.count)
 
     def can_convert_from(self, _: Any, other: Any) -> Any:
-        """A number goes to all lanes."""
-        return _typeconv.Conversion.safe if isinstance(other, (types.Number, types.Boolean)) else None
+        """Return that a number can be used in all lanes."""
+        return typeconv.Conversion.safe if isinstance(other, (types.Number, types.Boolean)) else None
 
     def unify(self, _: Any, other: Any) -> Any:
         return self if isinstance(other, (types.Number, types.Boolean)) else None
 
 
 @extending.register_model(Lanes)
-class _LanesModel(extending.models.PrimitiveModel):
+class _LanesModel(extending.models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, kind: Lanes) -> None:
-        initialize: Any = super().__init__
-        initialize(manager, kind, kind.llvm)
+        super().__init__(manager, kind, kind.llvm)
 
 
 def _cast_number(context: Any, builder: Any, before: Any, after: Lanes, value: Any) -> Any:
@@ -86,7 +94,7 @@ def _cast_number(context: Any, builder: Any, before: Any, after: Lanes, value: A
 
 
 for _number in (types.Number, types.Boolean):
-    _imputils.lower_cast(_number, Lanes)(_cast_number)
+    imputils.lower_cast(_number, Lanes)(_cast_number)
 
 
 def _in_all(builder: Any, kind: Lanes, value: Any) -> Any:
@@ -99,7 +107,7 @@ def _shuffle(builder: Any, one: Any, other: Any, lanes: Sequence[int]) -> Any:
 
 
 def lanes_among(arguments: Sequence[Any]) -> Lanes | None:
-    """Return the type of those arguments that are lanes; None if there are none, or two kinds."""
+    """Return the type of the lanes among some arguments; None if there are none, or of two types."""
     kinds = {argument for argument in arguments if isinstance(argument, Lanes)}
     return kinds.pop() if len(kinds) == 1 else None
 
@@ -108,17 +116,17 @@ def lanes_among(arguments: Sequence[Any]) -> Lanes | None:
 
 
 def _define_operator(function: Any, names: dict[str, str], *, is_comparison: bool = False) -> None:
-    """Define an operator on lanes. names: of the builder's methods, or comparisons, by kind."""
+    """Define an operator on lanes. names: those of the builder's methods or of comparisons, by kind of lanes."""
 
-    class _Template(templates.AbstractTemplate):
+    class _Template(templates.AbstractTemplate):  # type: ignore[misc]
         def generic(self, arguments: Any, _: Any) -> Any:
             kind = lanes_among(arguments)
             if kind is None or _kind_name(kind) not in names:
                 return None
             result = Lanes(types.boolean, kind.count) if is_comparison else kind
-            return _templates.signature(result, *[kind] * len(arguments))
+            return templates.signature(result, *[kind] * len(arguments))
 
-    _templates.infer_global(function)(_Template)
+    templates.infer_global(function)(_Template)
 
     def lower(_: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         name = names[_kind_name(signature.args[0])]
@@ -127,8 +135,8 @@ def _define_operator(function: Any, names: dict[str, str], *, is_comparison: boo
         compare = builder.fcmp_ordered if _kind_name(signature.args[0]) == "float" else builder.icmp_signed
         return compare(name, *arguments)
 
-    _imputils.lower_builtin(function, Lanes)(lower)
-    _imputils.lower_builtin(function, Lanes, Lanes)(lower)
+    imputils.lower_builtin(function, Lanes)(lower)
+    imputils.lower_builtin(function, Lanes, Lanes)(lower)
 
 
 def _kind_name(kind: Lanes) -> str:
@@ -155,34 +163,37 @@ for _function, _sign in (
 
 
 def intrinsic(define: Callable[..., Any]) -> Any:
-    """Declare a function of compiled loops, which is called with integer constants as types of their own."""
+    """Declare a function for compiled loops; integer constants among its arguments have types of their own."""
     return extending.intrinsic(prefer_literal=True)(define)
 
 
 def _call_llvm(builder: Any, name: str, kind: Lanes, arguments: Sequence[Any]) -> Any:
-    """Call LLVM's function of one type, by its name."""
+    """Call the function of LLVM with this name for this type of lanes."""
     full_name = f"llvm.{name}.v{kind.count}f{kind.dtype.bitwidth}"
     function_type = ir.FunctionType(kind.llvm, [kind.llvm] * len(arguments))
     return builder.call(cgutils.get_or_insert_function(builder.module, function_type, full_name), arguments)
 
 
-@extending.overload(abs, strict=False)
+_overload: Callable[..., Callable[[Any], Any]] = extending.overload
+
+
+@_overload(abs, strict=False)
 def _abs(x: Any) -> Any:
     return (lambda x: _elementwise_abs(x)) if isinstance(x, Lanes) else None  # noqa: PLW0108
 
 
-@extending.overload(max, strict=False)
+@_overload(max, strict=False)
 def _max(a: Any, b: Any) -> Any:
-    """As Python's max: `a` where the two are equal, or one of them is NaN."""
+    """Return what Python's max does: `a` where the two are equal, or one of them is NaN."""
     return None if lanes_among((a, b)) is None else lambda a, b: where(b > a, b, a)
 
 
-@extending.overload(min, strict=False)
+@_overload(min, strict=False)
 def _min(a: Any, b: Any) -> Any:
     return None if lanes_among((a, b)) is None else lambda a, b: where(b < a, b, a)
 
 
-@extending.overload(np.sqrt, strict=False)
+@_overload(np.sqrt, strict=False)
 def _sqrt(x: Any) -> Any:
     return (lambda x: _elementwise_sqrt(x)) if isinstance(x, Lanes) else None  # noqa: PLW0108
 
@@ -206,7 +217,7 @@ def multiply_add(builder: Any, kind: Any, arguments: Sequence[Any]) -> Any:
     return _call_llvm(builder, "fma", kind, arguments) if isinstance(kind, Lanes) else builder.fma(*arguments)
 
 
-# Functions, for compiled loops only. Docstrings say what they do in each lane.
+# Functions for compiled loops only. Their docstrings say what they do in each lane.
 
 
 @intrinsic
@@ -220,7 +231,7 @@ def where(_: Any, mask: Any, a: Any, b: Any) -> Any:
 
 @intrinsic
 def any_of(_: Any, mask: Any) -> Any:
-    """Return whether a mask holds in any lane."""
+    """Return whether a mask is true in any lane."""
 
     def generate(_context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         number = ir.IntType(signature.args[0].count)
@@ -230,7 +241,7 @@ def any_of(_: Any, mask: Any) -> Any:
 
 
 def _conversion(dtype: Any, instruction: Callable[[Any], str]) -> Any:
-    """Return an intrinsic that converts lanes to another type. instruction: its name, by the type of the lanes."""
+    """Return an intrinsic that converts lanes. instruction: gives the name of LLVM's, for the type before."""
 
     def define(_: Any, x: Any) -> Any:
         after = Lanes(dtype, x.count)
@@ -263,7 +274,7 @@ def lane_numbers(_: Any, count: Any) -> Any:
     return kind(count), lambda *_: ir.Constant(kind.llvm, list(range(kind.count)))
 
 
-# Memory. Arrays are contiguous, and places are counted in their elements; nothing checks them.
+# Memory. Arrays must be contiguous. A place is the number of an element, and nothing checks it.
 
 
 @intrinsic
@@ -290,7 +301,7 @@ def store(_: Any, array: Any, at: Any, lanes: Any) -> Any:
 
 def _data(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     """Return the address of the array that is the first argument."""
-    return _make_array(signature.args[0])(context, builder, arguments[0]).data
+    return make_array(signature.args[0])(context, builder, arguments[0]).data
 
 
 def _load(builder: Any, base: Any, place: Any, kind: Any) -> Any:
@@ -304,12 +315,12 @@ def _store(builder: Any, base: Any, place: Any, value: Any) -> None:
 
 
 def _places(builder: Any, at: Any) -> list[Any]:
-    """Return what is in each lane of int32, for addresses."""
+    """Return the numbers in lanes of int32, one by one, as they are needed for addresses."""
     return [builder.zext(builder.extract_element(at, _I32(k)), _I64) for k in range(at.type.count)]
 
 
 def _join(builder: Any, vectors: Sequence[Any]) -> Any:
-    """Return a vector of the elements of several, of which there are a power of two."""
+    """Join vectors, whose number is a power of two, to one."""
     while len(vectors) > 1:
         pairs = list(zip(vectors[::2], vectors[1::2], strict=True))
         vectors = [_shuffle(builder, *pair, range(2 * pair[0].type.count)) for pair in pairs]
@@ -317,7 +328,7 @@ def _join(builder: Any, vectors: Sequence[Any]) -> Any:
 
 
 def _transpose(builder: Any, four: Sequence[Any]) -> list[Any]:
-    """Transpose the 4 x 4 elements that each four lanes of four vectors are."""
+    """Transpose four vectors: of each four of their lanes, which hold 4 x 4 elements."""
     count = four[0].type.count
 
     def interleave(one: Any, other: Any, offsets: Sequence[int]) -> Any:
@@ -331,12 +342,12 @@ def _transpose(builder: Any, four: Sequence[Any]) -> list[Any]:
 
 
 def _columns(builder: Any, rows: Sequence[Any]) -> list[Any]:
-    """Return four vectors, whose lanes are the elements of rows of four."""
+    """Return four vectors of all first, second, third and fourth elements of rows, which have four elements each."""
     return _transpose(builder, [_join(builder, rows[k::4]) for k in range(4)])
 
 
 def _rows(builder: Any, columns: Sequence[Any]) -> list[Any]:
-    """Return rows of as many elements as there are vectors, a multiple of four, one for each lane."""
+    """Return a row for each lane, of its elements in all vectors, whose number is a multiple of four."""
     count = columns[0].type.count
     fours = [_transpose(builder, columns[k : k + 4]) for k in range(0, len(columns), 4)]
     return [
@@ -369,7 +380,7 @@ def permute(_: Any, table: Any, at: Any) -> Any:
 
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         name = _PERMUTE_INSTRUCTIONS.get(table.count)
-        if name is not None and table.count <= NUM_LANES:
+        if name is not None and table.count <= num_lanes():
             function_type = ir.FunctionType(table.llvm, [table.llvm, at.llvm])
             return builder.call(cgutils.get_or_insert_function(builder.module, function_type, name), arguments)
         lanes = ir.Constant(table.llvm, ir.Undefined)
@@ -383,7 +394,7 @@ def permute(_: Any, table: Any, at: Any) -> Any:
 
 @intrinsic
 def load_rows(_: Any, array: Any, at: Any, num: Any) -> Any:
-    """Return a tuple of the `num` elements from `array[at]` on, which are a multiple of four."""
+    """Return a tuple of `array[at]` and what follows, `num` elements in all, a multiple of four."""
     kind = Lanes(array.dtype, at.count)
     row = ir.VectorType(_LLVM_TYPES[array.dtype], 4)
 
@@ -424,10 +435,10 @@ def load_corners(_: Any, array: Any, at: Any, along_y: Any, along_z: Any) -> Any
 
 @intrinsic
 def append_rows(_: Any, array: Any, num: Any, mask: Any, columns: Any) -> Any:
-    """Append a row for each lane in which a mask holds, and return how many rows there are then.
+    """Append a row for each lane in which a mask is true, and return how many rows there are then.
 
-    num: the rows in the array, each of as many elements as there are columns, a multiple of four. There is room for
-    one more row than are appended.
+    num: the rows in the array so far. A row has as many elements as there are columns, a multiple of four. The array
+    needs room for one more row than are appended.
     """
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -442,7 +453,7 @@ def append_rows(_: Any, array: Any, num: Any, mask: Any, columns: Any) -> Any:
 
 @intrinsic
 def append(_: Any, array: Any, num: Any, mask: Any, lanes: Any) -> Any:
-    """As `append_rows`, with one element for each lane."""
+    """Append one element for each lane, as `append_rows` does with rows."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         base, place = _data(context, builder, signature, arguments), arguments[1]
@@ -456,7 +467,7 @@ def append(_: Any, array: Any, num: Any, mask: Any, lanes: Any) -> Any:
 
 @intrinsic
 def store_rows(_: Any, array: Any, columns: Any) -> Any:
-    """Set the first rows of an array, one for each lane; there are four columns."""
+    """Store four columns as the first rows of an array, one row for each lane."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         base = _data(context, builder, signature, arguments)

@@ -1,4 +1,3 @@
-from .brick_cache import max_brick_bytes as max_brick_bytes
 from .cpu.raster import CPURasterizer as CPURasterizer
 from .gl.raster import GLRasterizer as GLRasterizer, is_software as is_software
 from .overlay import CellEdges as CellEdges, make_edges as make_edges

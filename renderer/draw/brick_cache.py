@@ -13,11 +13,9 @@ from functools import partial
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.bricks import (
     BRICK_SIZE,
-    MAX_CACHE_BYTES,
     MIN_BRICKS_PER_THREAD,
     PADDED_BRICK_SIZE,
     BrickBatch,
@@ -29,11 +27,7 @@ from renderer.bricks import (
 from renderer.compiled import ThreadPool
 from renderer.splats import SplatBatch
 from renderer.view import RaySetup, View, ray_setup, screen_rectangles
-
-Bools = npt.NDArray[np.bool_]
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
+from renderer.volume import Bools, Float32, Float64, Int64, UInt32
 
 MAX_ATLAS_BYTES = 256 << 20
 # Bricks whose texels are in memory at a time before they are uploaded.
@@ -41,7 +35,7 @@ _UPLOAD_BATCH = 256
 
 
 class Atlas(ABC):
-    """Holds bricks of one kind in slots. Keys are numbers from 0 up, below `num_keys`, that the caller gives to bricks.
+    """A store of bricks of one kind, in slots. The caller gives each brick a key, a number from 0 to `num_keys` - 1.
 
     num_channels: 1 or 4, float32.
     """
@@ -109,7 +103,7 @@ class Atlas(ABC):
 
 
 class BrickView(NamedTuple):
-    """The bricks `batch[order]` in a view, front to back. Positions are in index space, from the volume's centre.
+    """A view of the bricks `batch[order]`, front to back. Positions are in index space, from the volume's centre.
 
     keys: int64 [n], their numbers: level 0 is counted on its own, all other levels one after the other.
     is_mean: bool [n], whether they are above level 0.
@@ -119,7 +113,7 @@ class BrickView(NamedTuple):
     """
 
     batch: BrickBatch
-    order: npt.NDArray[np.uint32]
+    order: UInt32
     view: View
     rays: RaySetup
     keys: Int64
@@ -128,7 +122,7 @@ class BrickView(NamedTuple):
     boxes: Float64
 
 
-def make_brick_view(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickView:
+def make_brick_view(batch: BrickBatch, order: UInt32, view: View) -> BrickView:
     """Return the bricks `batch[order]`, uint32 [n], in a view."""
     cut, centre = batch.cut, batch.cut.volume.centre_index
     levels, cells = cut.levels[order].astype(np.int64), cut.cells[order].astype(np.int64)
@@ -155,23 +149,23 @@ A = TypeVar("A", bound=Atlas)
 
 
 class BrickCache(Generic[A]):
-    """Keeps the bricks of one volume in an atlas of scalars and one of means. Rasterisers of bricks are such caches.
+    """A cache of the bricks of one volume, in an atlas of scalars and one of means; rasterisers of bricks have one.
 
-    make_scalar_atlas, make_mean_atlas: make an atlas for a number of channels and a number of keys. num_threads:
-    compute the texels of bricks, and draw on the CPU; `release` ends them.
+    make_scalar_atlas, make_mean_atlas: make an atlas for a number of channels and a number of keys.
+    threads: compute the texels of bricks, and draw on the CPU; `release` ends them. atlases: of scalars and of means.
     """
 
     def __init__(
         self, make_scalar_atlas: Callable[[int, int], A], make_mean_atlas: Callable[[int, int], A], num_threads: int
     ) -> None:
         self._make_scalar_atlas, self._make_mean_atlas = make_scalar_atlas, make_mean_atlas
-        self._threads = ThreadPool(num_threads)
+        self.threads = ThreadPool(num_threads)
         self._bricks: Bricks | None = None
-        self._atlases: tuple[A, ...] = ()  # of scalars and of means
-        self._means = MeanCache(self._threads)
+        self.atlases: tuple[A, ...] = ()
+        self._means = MeanCache(self.threads)
         self._brick_view: BrickView | None = None  # the last one: it may be uploaded and then drawn
 
-    def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+    def upload(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> bool:
         """Upload the bricks `batch[order]`, and return whether any of them was missing.
 
         Do nothing where there are not enough slots: then bricks are uploaded while they are drawn. Splats are uploaded
@@ -185,17 +179,17 @@ class BrickCache(Generic[A]):
         if not has_room or not any(atlas.num_missing(of_atlas) for atlas, of_atlas in keys):
             return False
         self._means.begin(is_enabled=False)
-        list(self._upload_groups(brick_view, len(order)))
+        list(self.upload_groups(brick_view, len(order)))
         return True
 
-    def _begin_frame(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickView:
+    def begin_frame(self, batch: BrickBatch, order: UInt32, view: View) -> BrickView:
         """Return the bricks `batch[order]` as they are drawn, front to back."""
         brick_view = self._prepare(batch, order, view)
-        has_room = np.count_nonzero(brick_view.is_mean) <= self._atlases[1].max_slots
+        has_room = np.count_nonzero(brick_view.is_mean) <= self.atlases[1].max_slots
         self._means.begin(is_enabled=not has_room)
         return brick_view
 
-    def _upload_groups(
+    def upload_groups(
         self, brick_view: BrickView, max_bricks: int
     ) -> Iterator[tuple[slice, list[tuple[A, Int64, Int64]]]]:
         """Upload all bricks in groups of at most `max_bricks`, all of which have slots at once.
@@ -216,24 +210,24 @@ class BrickCache(Generic[A]):
             yield group, uploaded
             start = group.stop
 
-    def evict_bricks(self) -> None:
+    def _evict_bricks(self) -> None:
         """Free the memory of all bricks."""
-        for atlas in self._atlases:
+        for atlas in self.atlases:
             atlas.release()
-        self._atlases, self._bricks, self._brick_view, self._means = (), None, None, MeanCache(self._threads)
+        self.atlases, self._bricks, self._brick_view, self._means = (), None, None, MeanCache(self.threads)
 
     def release(self) -> None:
         """Free the bricks, and end the threads."""
-        self.evict_bricks()
-        self._threads.release()
+        self._evict_bricks()
+        self.threads.release()
 
-    def _prepare(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> BrickView:
+    def _prepare(self, batch: BrickBatch, order: UInt32, view: View) -> BrickView:
         """Invalidate the bricks of another volume, and reserve slots for all bricks of a frame if possible."""
         num_channels = 4 if batch.shading else 1
-        if self._bricks is not batch.bricks or self._atlases[0].num_channels != num_channels:
-            self.evict_bricks()
+        if self._bricks is not batch.bricks or self.atlases[0].num_channels != num_channels:
+            self._evict_bricks()
             num_scalars, num_means = _num_keys(batch.bricks)
-            self._atlases = self._make_scalar_atlas(num_channels, num_scalars), self._make_mean_atlas(4, num_means)
+            self.atlases = self._make_scalar_atlas(num_channels, num_scalars), self._make_mean_atlas(4, num_means)
             self._bricks = batch.bricks
         last = self._brick_view
         if last is None or not (last.batch is batch and last.order is order and last.view is view):
@@ -244,7 +238,7 @@ class BrickCache(Generic[A]):
 
     def _parts(self, brick_view: BrickView) -> list[tuple[A, Bools]]:
         """Return the atlases of scalars and of means, and which bricks each holds."""
-        return list(zip(self._atlases, (~brick_view.is_mean, brick_view.is_mean), strict=True))
+        return list(zip(self.atlases, (~brick_view.is_mean, brick_view.is_mean), strict=True))
 
     def _make_texels(self, brick_view: BrickView, numbers: Int64, missing: Int64) -> Float32:
         """Compute the texels of the bricks `numbers[missing]`, which belong in one atlas."""
@@ -252,7 +246,7 @@ class BrickCache(Generic[A]):
         batch, levels, cells = brick_view.batch, brick_view.batch.cut.levels[chosen], brick_view.batch.cut.cells[chosen]
         if levels[0] == 0:
             make = partial(scalar_texels, batch.bricks, lit=batch.shading is not None)
-            return self._threads.map_concatenated(make, cells, MIN_BRICKS_PER_THREAD)
+            return self.threads.map_concatenated(make, cells, MIN_BRICKS_PER_THREAD)
         texels = np.empty((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
         for level in np.unique(levels).tolist():
             texels[levels == level] = mean_texels(batch.bricks, level, cells[levels == level], self._means)
@@ -267,15 +261,6 @@ def brick_bytes(num_channels: int) -> int:
 def max_slots_in_memory(num_channels: int, num_keys: int) -> int:
     """Return the number of slots that an atlas in memory may have."""
     return min(num_keys, max(1, MAX_ATLAS_BYTES // brick_bytes(num_channels)))
-
-
-def max_brick_bytes(bricks: Bricks, *, lit: bool) -> int:
-    """Return the most bytes that bricks take in a process that draws on the CPU: atlases and recomputed means."""
-    num_scalars, num_means = _num_keys(bricks)
-    scalar_channels = 4 if lit else 1
-    scalars = max_slots_in_memory(scalar_channels, num_scalars) * brick_bytes(scalar_channels)
-    means = max_slots_in_memory(4, num_means) * brick_bytes(4)
-    return scalars + means + min(MAX_CACHE_BYTES, means)
 
 
 def _num_keys(bricks: Bricks) -> tuple[int, int]:

@@ -10,19 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.bricks import BRICK_LEVELS, BrickCut
 from renderer.compiled import jit
 from renderer.pyramid import Cut
-
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
+from renderer.volume import Float32, Float64, Int64
 
 
 @dataclass(frozen=True)
 class CellEdges:
-    """The edges of the drawn cells: coarse levels first, within a level sorted by axis and position.
+    """A list of the edges of the drawn cells: coarse levels first, within a level sorted by axis and position.
 
     vertices: float32 [n, 7], as the device reads them: start [3] and end [3] in model units and world axes,
         and the level of the cell.
@@ -31,7 +28,7 @@ class CellEdges:
     model_unit: world length of a model unit.
     """
 
-    vertices: npt.NDArray[np.float32]
+    vertices: Float32
     voxel_side: float
     origin: Float64
     model_unit: float
@@ -76,13 +73,7 @@ def _edge_starts(cells: Int64, num_corners: Int64, axis: int) -> Int64:
 
 @jit
 def _fill_edges(
-    starts: Int64,
-    num_corners: Int64,
-    axis: int,
-    level: int,
-    shape: Int64,
-    model_from_index: Float64,
-    vertices: npt.NDArray[np.float32],
+    starts: Int64, num_corners: Int64, axis: int, level: int, shape: Int64, model_from_index: Float64, vertices: Float32
 ) -> None:
     """Write both ends of each edge, clamped to the volume."""
     corner = np.empty(3)

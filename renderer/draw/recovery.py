@@ -6,17 +6,15 @@ import contextlib
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-import numpy as np
-import numpy.typing as npt
-
 from renderer.bricks import BrickBatch
 from renderer.draw.cpu.raster import CPURasterizer
-from renderer.draw.gl.raster import GLRasterizer, Image
+from renderer.draw.gl.raster import GLRasterizer
 from renderer.draw.overlay import CellEdges
 from renderer.errors import ContextLostError, RenderError
 from renderer.splats import SplatBatch
 from renderer.system import num_drawing_threads
 from renderer.view import View
+from renderer.volume import Float32, UInt32
 
 Result = TypeVar("Result")
 
@@ -47,7 +45,7 @@ class RecoveringRasterizer:
     def __init__(self, make: Callable[[], GLRasterizer | CPURasterizer] = GLRasterizer) -> None:
         self._make, self._current, self._num_lost = make, make(), 0
         self._last_loss: ContextLostError | None = None  # after which there is no context
-        self.renderer_name = self._current.renderer_name
+        self.device = self._current.device
 
     def __enter__(self) -> RecoveringRasterizer:
         return self
@@ -65,21 +63,22 @@ class RecoveringRasterizer:
         times = "once" if self._num_lost == 1 else f"{self._num_lost} times"
         return [f"OpenGL's context was lost {times}, and what it had was drawn again"] * (self._num_lost > 0)
 
-    def evict_bricks(self) -> None:
-        """Free the memory of all bricks."""
-        self._current.evict_bricks()
-
-    def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+    def upload(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> bool:
         """Upload bricks, as `GLRasterizer.upload`."""
         return self._with_recovery(lambda gl: gl.upload(batch, order, view))
 
-    def rasterize(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
+    def rasterize(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> Float32:
         """Draw splats or bricks, as `GLRasterizer.rasterize`."""
         return self._with_recovery(lambda gl: gl.rasterize(batch, order, view))
 
-    def rasterize_edges(self, edges: CellEdges, view: View) -> Image:
+    def rasterize_edges(self, edges: CellEdges, view: View) -> Float32:
         """Draw the lines of an overlay, as `GLRasterizer.rasterize_edges`."""
-        return self._with_recovery(lambda gl: gl.rasterize_edges(edges, view))
+
+        def draw(current: GLRasterizer | CPURasterizer) -> Float32:
+            assert isinstance(current, GLRasterizer), "lines need OpenGL"
+            return current.rasterize_edges(edges, view)
+
+        return self._with_recovery(draw)
 
     def _with_recovery(self, draw: Callable[[GLRasterizer | CPURasterizer], Result]) -> Result:
         if self._last_loss is not None:
@@ -93,10 +92,10 @@ class RecoveringRasterizer:
         return draw(self._current)
 
     def _make_replacement(self, lost: ContextLostError) -> GLRasterizer | CPURasterizer:
-        """Return a rasteriser of the same device; raise what lost the last one where there is none."""
+        """Return a new rasteriser of the same device. Where none can be made, raise `lost`."""
         with contextlib.suppress(RenderError):
             replacement = self._make()
-            if replacement.renderer_name == self.renderer_name:
+            if replacement.device == self.device:
                 return replacement
             replacement.release()
         self._last_loss = lost

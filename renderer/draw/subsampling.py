@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.compiled import ThreadPool, jit
-
-Bools = npt.NDArray[np.bool_]
-Float32 = npt.NDArray[np.float32]
+from renderer.volume import Bools, Float32
 
 _MIN_PIXELS_PER_THREAD = 1 << 16
 

@@ -1,14 +1,12 @@
-"""Images to files, whole or not at all.
+"""Pictures to files, whole or not at all.
 
-In: float images. Out: PNG frames, MP4 or GIF films and their sidecars. `open_film` writes a film under temporary names
-and renames it at the end. `FrameCheckpoint` keeps finished frames of an unfinished film, from which a job resumes, and
-`locked_output` keeps two jobs from writing the same film.
+In: float images. Out: PNG frames, MP4 or GIF films. `open_film` writes a film under temporary names and renames it at
+the end, and `locked_output` keeps two jobs from writing the same film.
 
 - `writer.py`: frames to a film; `encode.py`: ffmpeg with its codec and bit rate; `stream_tail.py`: what ffmpeg prints.
 - `quantization.py`: float to 8 bits; `picture.py`: a finished frame; `png.py`: PNG files.
-- `atomic.py`: temporary names, renamed at the end; `names.py`: the names of frames and files; `inputs.py`: no output
-  overwrites an input; `lock.py`: one job at a time; `checkpoint.py`: finished frames of an unfinished film.
-- `sidecar.py`: writes the JSON file beside an output. `runs.py`: consecutive numbers as ranges.
+- `atomic.py`: temporary names, renamed at the end; `names.py`: the names of frames and files; `lock.py`: one job at a
+  time; `runs.py`: consecutive frames as ranges; `digests.py`: whether a file is still the same.
 """
 
 import lazy_loader

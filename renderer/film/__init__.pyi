@@ -5,25 +5,14 @@ from .atomic import (
     translate_os_errors as translate_os_errors,
     write_staged as write_staged,
 )
-from .checkpoint import (
-    FrameCheckpoint as FrameCheckpoint,
-    Record as Record,
+from .digests import (
     bytes_digest as bytes_digest,
     data_digest as data_digest,
     file_digest as file_digest,
     file_matches_digest as file_matches_digest,
     frame_matches_digest as frame_matches_digest,
-    is_frame_record as is_frame_record,
-    remove_checkpoint_frames as remove_checkpoint_frames,
 )
 from .encode import find_ffmpeg as find_ffmpeg
-from .inputs import (
-    film_files as film_files,
-    folder_files as folder_files,
-    header_data_files as header_data_files,
-    require_no_input as require_no_input,
-    volume_files as volume_files,
-)
 from .lock import (
     lock_slots as lock_slots,
     locked_output as locked_output,
@@ -50,11 +39,6 @@ from .png import (
 )
 from .quantization import quantize as quantize, require_finite as require_finite
 from .runs import consecutive_ranges as consecutive_ranges
-from .sidecar import (
-    shorten_paths as shorten_paths,
-    without_paths as without_paths,
-    write_sidecar as write_sidecar,
-)
 from .stream_tail import StreamTail as StreamTail
 from .writer import (
     WriteFrame as WriteFrame,

@@ -7,7 +7,7 @@ process.
 - `pipeline.py`: the table of contents, from a scene to its frames; `stage.py`: what all frames of a film share.
 - `frame.py`: one frame; `primitives.py`: the level of detail at a tolerance, as splats or bricks.
 - `budget.py`: the tolerance of a frame, by the schedule or by a budget of seconds.
-- `transport.py`: a stage as bytes, for other processes; `records.py`: films and frames as plain data, for the sidecar.
+- `transport.py`: a stage as bytes, for other processes.
 """
 
 import lazy_loader

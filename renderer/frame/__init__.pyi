@@ -12,9 +12,8 @@ from .frame import (
     draw_frame as draw_frame,
     make_draw_list as make_draw_list,
 )
-from .pipeline import prepare_stage as prepare_stage, render_frames as render_frames
+from .pipeline import open_stage as open_stage, prepare_stage as prepare_stage, render_frames as render_frames
 from .primitives import make_primitive as make_primitive
-from .records import film_record as film_record, frame_record as frame_record, visibility_notes as visibility_notes
 from .stage import (
     Clock as Clock,
     Stage as Stage,
@@ -25,5 +24,4 @@ from .stage import (
 from .transport import (
     deserialize_stage as deserialize_stage,
     serialize_stage as serialize_stage,
-    serialized_stage as serialized_stage,
 )

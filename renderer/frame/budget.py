@@ -42,7 +42,7 @@ _MIN_POWER, _MAX_POWER = 0.1, 1.0
 _ANY_SIZE = 0.0, math.inf
 
 # Stages of a frame that are not drawing.
-_OTHER_STAGES = ("cut", "splats", "edges", "order", "written")
+_OTHER_STAGES = ("cut", "primitives", "edges", "order", "written")
 # No drawing counts as quicker: one for which the clock stood still.
 _MIN_SECONDS = 1e-9
 
@@ -215,7 +215,7 @@ class ScheduleController:
         """Return the frame to draw, and its predicted seconds from its start to that of the next one."""
         tolerance = tolerance_at(self._stage.scene.error, number)
         if self._lod is None or self._lod.tolerance != tolerance:
-            self._lod = None  # free its memory first
+            self._lod = None  # two at a time would take twice the memory
             self._lod = make_primitive(self._stage).make_lod(tolerance, watch.lap)
         draw_list = make_draw_list(self._stage, self._lod, number, watch)
         return draw_list, self._estimator.predict(draw_list) if self._estimator else None
@@ -236,30 +236,32 @@ class BudgetController:
 
     def prepare_frame(self, number: int, watch: Stopwatch) -> tuple[DrawList, float | None]:
         """Return the frame to draw, and its predicted seconds, as `ScheduleController.prepare_frame`."""
-        if self._lod is None:
-            return self.choose(number, watch)
+        kept, sizes = (None, _ANY_SIZE) if self._lod is None else self._with_lod(self._lod, number, watch)
+        return self.choose(number, watch, sizes) if kept is None else kept
+
+    def _with_lod(
+        self, lod: LOD, number: int, watch: Stopwatch
+    ) -> tuple[tuple[DrawList, float] | None, tuple[float, float]]:
+        """Return the frame at the LOD of the frames before, if that fits; and the sizes that the next LOD may have."""
         seconds = self._seconds_of(number)
-        draw_list = make_draw_list(self._estimator.stage, self._lod, number, watch)
+        draw_list = make_draw_list(self._estimator.stage, lod, number, watch)
         predicted = self._estimator.predict(draw_list)
         share = predicted / seconds
-        is_kept = abs(math.log(share / self._expected_share)) <= _BAND or (share < 1 and self._lod.tolerance == 0)
+        is_kept = abs(math.log(share / self._expected_share)) <= _BAND or (share < 1 and lod.tolerance == 0)
         if is_kept or (self._num_frames < _MIN_FRAMES and seconds == self._seconds):
-            return draw_list, predicted
-        sizes = _ANY_SIZE
-        if seconds == self._seconds:
-            size, reach = self._estimator.size(self._lod), max(share, 1 / share) ** _SIZE_EXPONENT
-            reach = min(reach, self._estimator.primitive.size_ratio)
-            sizes = size / reach, size * reach
-        del draw_list
-        self._lod = None  # free its memory first
-        return self.choose(number, watch, sizes)
+            return (draw_list, predicted), _ANY_SIZE
+        if seconds != self._seconds:
+            return None, _ANY_SIZE
+        size, reach = self._estimator.size(lod), max(share, 1 / share) ** _SIZE_EXPONENT
+        reach = min(reach, self._estimator.primitive.size_ratio)
+        return None, (size / reach, size * reach)
 
     def choose(self, number: int, watch: Stopwatch, sizes: tuple[float, float] = _ANY_SIZE) -> tuple[DrawList, float]:
         """Find an LOD for a frame and those that follow. For the first frame, best called before its time begins.
 
         sizes: as in `find_finest_in_time`.
         """
-        seconds = self._seconds_of(number)
+        seconds, self._lod = self._seconds_of(number), None  # two at a time would take twice the memory
         draw_list, predicted = find_finest_in_time(self._estimator, number, seconds, watch, sizes)
         wanted = max(1.0, self._estimator.size_for_seconds(_TARGET_SHARE * seconds))
         # If a nearer LOD was out of reach, the next one goes there.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +21,7 @@ UPLOAD_STAGE = "bricks"
 
 
 class Rasterizer(Protocol):
-    """Draws sorted splats or bricks, and the lines of an overlay, as float32 [h, w, 4], premultiplied RGBA.
+    """A rasteriser of sorted splats or bricks, as float32 [h, w, 4], premultiplied RGBA.
 
     upload: place what later pictures share where it is drawn, and return whether any of it was missing. Pictures do not
         depend on it.
@@ -32,6 +32,11 @@ class Rasterizer(Protocol):
     def rasterize(
         self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View
     ) -> npt.NDArray[np.float32]: ...
+
+
+@runtime_checkable
+class LineRasterizer(Rasterizer, Protocol):
+    """A rasteriser that also draws the lines of an overlay, as float32 [h, w, 4], premultiplied RGBA."""
 
     def rasterize_edges(self, edges: CellEdges, view: View) -> npt.NDArray[np.float32]: ...
 
@@ -62,7 +67,7 @@ class Frame:
 
     image: uint8 [height, width, 3], or 4 with straight alpha if the background is transparent.
     radiance: float32 [height, width, 4], premultiplied RGBA over nothing, from which the image was made.
-    num_cells: cells, or bricks, in the cut. num_splats: those of them that the frame can show.
+    num_cells: cells, or bricks, in the cut. num_primitives: those of them that the frame can show.
     seconds: the time that each stage took. predicted_seconds: the time predicted for the whole frame, with a budget.
     """
 
@@ -71,7 +76,7 @@ class Frame:
     radiance: npt.NDArray[np.float32]
     tolerance: float
     num_cells: int
-    num_splats: int
+    num_primitives: int
     seconds: dict[str, float]
     predicted_seconds: float | None = None
 
@@ -91,6 +96,7 @@ def draw_frame(stage: Stage, draw_list: DrawList, rasterizer: Rasterizer, watch:
     image = _blend_orders(draw_list, rasterizer)
     watch.lap("draw")
     if lod.edges is not None:
+        assert isinstance(rasterizer, LineRasterizer), "a scene with an overlay needs OpenGL"
         lines = rasterizer.rasterize_edges(lod.edges, draw_list.view)
         image *= 1 - lines[..., 3:]
         image += lines
@@ -98,8 +104,8 @@ def draw_frame(stage: Stage, draw_list: DrawList, rasterizer: Rasterizer, watch:
     pixels = quantize(image, stage.scene.output.background)
     stage.volume.require_unchanged()  # while it was drawn, too
     watch.lap("quantize")
-    num_splats = len(draw_list.orders[0][1])
-    return Frame(draw_list.number, pixels, image, lod.tolerance, lod.num_cells, num_splats, dict(watch.seconds))
+    num_primitives = len(draw_list.orders[0][1])
+    return Frame(draw_list.number, pixels, image, lod.tolerance, lod.num_cells, num_primitives, dict(watch.seconds))
 
 
 def _blend_orders(draw_list: DrawList, rasterizer: Rasterizer) -> npt.NDArray[np.float32]:

@@ -5,8 +5,10 @@ Scene -> Volume -> Pyramid -> (per frame: View, tolerance) -> Cut -> splats or b
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 from renderer.bricks import make_bricks
 from renderer.errors import InputError
@@ -96,6 +98,16 @@ def prepare_stage(
     return Stage(
         scene, volume, pyramid, target, distance, finest_level, voxel_px, order_blending, bricks, watch.seconds
     )
+
+
+@contextlib.contextmanager
+def open_stage(scene: Scene, **options: Any) -> Iterator[Stage]:
+    """Prepare a stage for the block, which owns its memory; parameters and errors are those of `prepare_stage`."""
+    stage = prepare_stage(scene, **options)
+    try:
+        yield stage
+    finally:
+        stage.close()
 
 
 def render_frames(

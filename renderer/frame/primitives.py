@@ -118,7 +118,7 @@ class Primitive(ABC, Generic[AnyCut, AnyBatch]):
         cut = self._cut(tolerance)
         lap("cut")
         batch = self._batch(cut, tolerance)
-        lap("splats")
+        lap("primitives")
         edges = None
         if self._with_edges:
             edges = make_edges(cut)

@@ -38,6 +38,11 @@ class Stage:
     bricks: Bricks | None
     seconds: dict[str, float]
 
+    def close(self) -> None:
+        """Let go of voxels, pyramid and bricks; nothing can be drawn from the stage any more."""
+        for name in ("volume", "pyramid", "bricks"):
+            object.__setattr__(self, name, None)
+
 
 class Stopwatch:
     """Measures seconds between laps, by name. The caller passes the clock."""

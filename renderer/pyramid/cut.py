@@ -10,22 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.compiled import jit
 from renderer.pyramid.pyramid import Level, Pyramid, cell_extents, error_scale
 from renderer.transfer import Classifier, RawVoxels, classify_voxel, raw_voxels
-from renderer.volume import Volume
-
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
-Int32 = npt.NDArray[np.int32]
-Int64 = npt.NDArray[np.int64]
+from renderer.volume import Float32, Float64, Int32, Int64, UInt8, Volume
 
 
 @dataclass(frozen=True)
 class Cut:
-    """The cells drawn, coarse levels first, in Morton order within a level. The index of a cell is its id.
+    """A cut: the cells drawn, coarse levels first, in Morton order within a level. The index of a cell is its id.
 
     levels: uint8 [n]; a cell of level l is 2^l voxels wide, less where the border cuts it.
     cells: int32 [n, 3], x, y, z in widths of the cell.
@@ -33,7 +27,7 @@ class Cut:
     volume: the volume that was cut.
     """
 
-    levels: npt.NDArray[np.uint8]
+    levels: UInt8
     cells: Int32
     depths: Float32
     volume: Volume
@@ -113,12 +107,7 @@ def visible_children(nodes: Int64, cells: Int32, level: Level) -> tuple[Int64, I
 
 @jit
 def _fill_children(
-    nodes: Int64,
-    cells: Int32,
-    masks: npt.NDArray[np.uint8],
-    first_children: Int64,
-    child_nodes: Int64,
-    child_cells: Int32,
+    nodes: Int64, cells: Int32, masks: UInt8, first_children: Int64, child_nodes: Int64, child_cells: Int32
 ) -> None:
     num = 0
     for i in range(len(nodes)):
@@ -152,12 +141,12 @@ def _join_leaves(pyramid: Pyramid, leaves: list[tuple[int, Int32, Float32]], par
     return Cut(all_levels, cells, depths, pyramid.volume)
 
 
-def num_visible_voxels(pyramid: Pyramid, cells: Int32) -> npt.NDArray[np.uint8]:
+def num_visible_voxels(pyramid: Pyramid, cells: Int32) -> UInt8:
     """Return the number of visible voxels in each cell of level 1, uint8 [n]."""
     return _find_voxels(pyramid, cells, np.empty((0, 3), np.int32), np.empty((0, 4), np.float32))
 
 
-def _find_voxels(pyramid: Pyramid, parents: Int32, cells: Int32, depths: Float32) -> npt.NDArray[np.uint8]:
+def _find_voxels(pyramid: Pyramid, parents: Int32, cells: Int32, depths: Float32) -> UInt8:
     """Return the number of visible voxels in each of `parents`; write them to `cells` and `depths` unless empty."""
     counts = np.empty(len(parents), np.uint8)
     pyramid.volume.require_unchanged()
@@ -168,12 +157,7 @@ def _find_voxels(pyramid: Pyramid, parents: Int32, cells: Int32, depths: Float32
 
 @jit
 def _fill_voxels(
-    raw: RawVoxels,
-    classifier: Classifier,
-    parents: Int32,
-    counts: npt.NDArray[np.uint8],
-    cells: Int32,
-    depths: Float32,
+    raw: RawVoxels, classifier: Classifier, parents: Int32, counts: UInt8, cells: Int32, depths: Float32
 ) -> None:
     table, scalars, curve, is_opacity, lighting, _ = classifier
     num, is_counted_only = 0, len(cells) == 0

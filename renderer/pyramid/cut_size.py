@@ -17,19 +17,16 @@ import sys
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.pyramid.cut import node_errors, num_visible_voxels, root_cells, visible_children
 from renderer.pyramid.pyramid import Pyramid
 from renderer.scene import MIN_TOLERANCE
-
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
+from renderer.volume import Float64, Int64
 
 
 @dataclass(frozen=True)
 class CutSizes:
-    """The sizes of all cuts of at most `max_cells` cells.
+    """A table of the sizes of all cuts of at most `max_cells` cells.
 
     split_thresholds: float64 [n], falling, each different and at least MIN_TOLERANCE.
     counts: int64 [n + 1], not falling; counts[k] is the size at tolerances above split_thresholds[k], up to

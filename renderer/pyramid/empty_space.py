@@ -6,17 +6,14 @@ Voxels with a table are looked up until one is visible. Wider voxels take the mi
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.compiled import jit
 from renderer.pyramid.nodes import BLOCK_SIZE
 from renderer.transfer import Classifier, RawVoxels, is_range_visible
-
-Float64 = npt.NDArray[np.float64]
-UInt64 = npt.NDArray[np.uint64]
+from renderer.volume import Bools, Float64, UInt8, UInt64
 
 
-def visible_blocks(raw: RawVoxels, classifier: Classifier, starts: UInt64, extents: UInt64) -> npt.NDArray[np.bool_]:
+def visible_blocks(raw: RawVoxels, classifier: Classifier, starts: UInt64, extents: UInt64) -> Bools:
     """Return which blocks at voxels `starts` [g, 3], `extents` [g, 3] large (x, y, z), may show something, bool [g].
 
     Exact with a table. Without one, a block may count although no voxel in it is visible.
@@ -30,9 +27,7 @@ def visible_blocks(raw: RawVoxels, classifier: Classifier, starts: UInt64, exten
 
 
 @jit
-def _test_by_table(
-    raw: RawVoxels, is_visible: npt.NDArray[np.uint8], starts: UInt64, extents: UInt64, visible: npt.NDArray[np.bool_]
-) -> None:
+def _test_by_table(raw: RawVoxels, is_visible: UInt8, starts: UInt64, extents: UInt64, visible: Bools) -> None:
     for g in range(len(starts)):
         x0, y0, z0, num = starts[g, 0], starts[g, 1], starts[g, 2], extents[g, 0]
         found, z, y = np.uint8(0), np.uint64(0), np.uint64(0)
@@ -50,9 +45,7 @@ def _test_by_table(
 
 
 @jit
-def _test_by_range(
-    raw: RawVoxels, breakpoints: Float64, starts: UInt64, extents: UInt64, visible: npt.NDArray[np.bool_]
-) -> None:
+def _test_by_range(raw: RawVoxels, breakpoints: Float64, starts: UInt64, extents: UInt64, visible: Bools) -> None:
     for g in range(len(starts)):
         x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
         low = high = raw[z0, y0, x0]

@@ -27,13 +27,7 @@ import numpy.typing as npt
 
 from renderer.compiled import jit
 from renderer.transfer import Classifier, RawVoxels, TransferTable, classify_scalar, classify_voxel, scalar_at
-
-Array = npt.NDArray[Any]
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
-Int32 = npt.NDArray[np.int32]
-Int64 = npt.NDArray[np.int64]
-UInt64 = npt.NDArray[np.uint64]
+from renderer.volume import Array, Bools, Float32, Float64, Int32, Int64, UInt8, UInt64
 
 # Four float32 that are moved together: numba has no other type of 16 bytes.
 PackedChannels = npt.NDArray[np.complex128]
@@ -61,7 +55,7 @@ NODE_OFFSETS = np.array([0, 8, 1, 9, 0, 1])
 
 @dataclass(frozen=True)
 class Scratch:
-    """Memory of one running task, reused by the next: fresh pages cost more than the arithmetic done in them.
+    """A task's memory, which the next one uses again: fresh pages cost more than the arithmetic done in them.
 
     nodes, errors: groups of what is averaged, and of what errors are measured of, which may be the same.
     visible, deviations: float32 [., 4] and [.], nodes on their way to where they are stored.
@@ -339,7 +333,7 @@ def list_visible_cells(
     cells: Int32,
     sizes: Int64,
     shift: int,
-    occupied: npt.NDArray[np.bool_],
+    occupied: Bools,
 ) -> None:
     """Write the cells [., 3] (x, y, z) of the visible nodes [g, n, 4] of groups at `groups` [g, 3], in Morton order,
     and their numbers of voxels [.]. Mark them in the grid `occupied` [z, y, x] of cells 2^shift times as wide. Nodes
@@ -376,7 +370,7 @@ def append_visible(
     children: Float32,
     packed_out: PackedChannels,
     deviations_out: Float32,
-    masks_out: npt.NDArray[np.uint8],
+    masks_out: UInt8,
 ) -> int:
     """Append the visible nodes of groups [g, n, 4] in Morton order, packed; return how many they are.
 

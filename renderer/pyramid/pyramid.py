@@ -29,7 +29,6 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.compiled import ThreadPool
 from renderer.pyramid import nodes as compiled
@@ -46,12 +45,8 @@ from renderer.pyramid.nodes import (
 )
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import VISIBILITY_THRESHOLD, Classifier, TransferFunction, make_classifier, raw_voxels
-from renderer.volume import Volume
+from renderer.volume import Array, Bools, Float64, Int32, Int64, UInt8, Volume
 
-Array = npt.NDArray[Any]
-Float64 = npt.NDArray[np.float64]
-Int32 = npt.NDArray[np.int32]
-Int64 = npt.NDArray[np.int64]
 Shape = tuple[int, int, int]
 
 # Takes visible nodes of a level in Morton order: the level, their cells [n, 3] (x, y, z), their numbers of voxels [n],
@@ -92,7 +87,7 @@ OCTANTS = np.arange(8, dtype=np.int32)[:, None] >> np.arange(3, dtype=np.int32) 
 
 
 class FinestCut(NamedTuple):
-    """The smallest tolerance and the finest level of the cuts that will be made."""
+    """A bound of the cuts that will be made: the smallest tolerance and the finest level."""
 
     tolerance: float = 0.0
     level: int = 0
@@ -102,7 +97,7 @@ EVERY_CUT = FinestCut()
 
 
 class Level(NamedTuple):
-    """The visible nodes of one level, in Morton order of their cells.
+    """A level: its visible nodes, in Morton order of their cells.
 
     means: float16 or float32 [n, 4], stored units.
     errors: float16 or float32 [n], stored units.
@@ -113,7 +108,7 @@ class Level(NamedTuple):
 
     means: Array
     errors: Array
-    masks: npt.NDArray[np.uint8]
+    masks: UInt8
     first_children: Int64
 
     @classmethod
@@ -129,7 +124,7 @@ class Level(NamedTuple):
 
 @dataclass(frozen=True)
 class Pyramid:
-    """Levels of nodes: levels[0] is level 1, and levels[-1] holds the root, or no node where nothing is visible.
+    """A pyramid: levels[0] is level 1, and levels[-1] holds the root, or no node where nothing is visible.
 
     mean_unit, error_unit: factors from stored means and errors to the units above.
     classifier: of level 0, always as (tau c, tau) h0. mean_classifier: of what means are means of.
@@ -148,7 +143,7 @@ class Pyramid:
     volume: Volume
     measure: str
     of: str
-    occupied: npt.NDArray[np.bool_]
+    occupied: Bools
     occupied_level: int
     finest_cut: FinestCut
 
@@ -217,7 +212,7 @@ def cell_extents(cells: Array, level: int, shape_xyz: Shape) -> Int64:
 
 @dataclass(frozen=True)
 class _Plan:
-    """The data that all tasks of a build share.
+    """A plan of a build: the data that all its tasks share.
 
     pyramid: what is built, without its levels. raw: its voxels.
     error_classifier: classifies for the errors; None where the error is the variance that comes with the means.
@@ -344,8 +339,10 @@ def subdivide(cells: Array, level: int, finer_level: int, shape_xyz: Shape) -> A
 
 
 class _Tier(NamedTuple):
-    """Nodes of one level: cells int64 [n, 3] (x, y, z) and means [n, 4]; means and variances [n, c] of what errors are
-    measured of."""
+    """A list of nodes of one level: cells int64 [n, 3] (x, y, z) and means [n, 4].
+
+    error_means, variances: [n, c], of what errors are measured of.
+    """
 
     cells: Int64
     means: Array

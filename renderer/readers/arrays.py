@@ -19,7 +19,6 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.common import (
     Image,
-    affine,
     bytes_of,
     check_dtype,
     check_memory,
@@ -29,7 +28,7 @@ from renderer.readers.common import (
     select_index,
     unreadable_error,
 )
-from renderer.scene import ArraySource, RawSource, format_value, join_some, short_text
+from renderer.scene import RawSource, format_value, join_some, short_text
 from renderer.volume import Array
 
 # The largest number of axes in any version of numpy; a volume has fewer. Its headers are no longer than this.
@@ -63,9 +62,9 @@ def read_npy(path: Path, time: int | None, component: int | None) -> Image:
     with path.open("rb") as file:
         header = _npy_header(file, path)
         offset = file.tell()
-    _check_npy_size(path.stat().st_size - offset, header, str(path))
+    _check_npy_size(path.stat().st_size - offset, header)
     values = np.memmap(path, header.dtype, "r", offset, header.shape, header.order)
-    return _chosen(values, time, component, str(path))
+    return _chosen(values, time, component)
 
 
 def read_npz(path: Path, time: int | None, component: int | None) -> Image:
@@ -73,40 +72,37 @@ def read_npz(path: Path, time: int | None, component: int | None) -> Image:
 
     Raises InputError for archives that are damaged, encrypted or hold no array.
     """
-    where = str(path)
     try:
         with zipfile.ZipFile(path) as archive:
             members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
             if not members:
-                raise InputError("this archive holds no array", where=where, expected="arrays saved by numpy.savez")
+                raise InputError("this archive holds no array", expected="arrays saved by numpy.savez")
             if len(members) > 1 and component is None:
                 names = [short_text(member.filename.removesuffix(".npy")) for member in members]
                 raise InputError(
                     f"this archive holds {len(members)} arrays, and one is rendered",
-                    where=where,
                     got=join_some([f"{k} is {name}" for k, name in enumerate(names)]),
                     expected=f"`component: k` with k from 0 to {len(members) - 1}",
                 )
-            member = members[select_index("component", component, len(members), where) if len(members) > 1 else 0]
+            member = members[select_index("component", component, len(members)) if len(members) > 1 else 0]
             with archive.open(member) as file:
                 values = _unpacked(file, member, path)
     except _ARCHIVE_ERRORS as error:
         raise InputError(
             "this archive cannot be read",
-            where=where,
             got=short_text(str(error)),
             expected="an archive saved by numpy.savez",
             hint="the file is truncated or damaged",
         ) from error
-    return _chosen(values, time, component if len(members) == 1 else None, where)
+    return _chosen(values, time, component if len(members) == 1 else None)
 
 
 def _unpacked(file: IO[bytes], member: zipfile.ZipInfo, path: Path) -> Array:
     """Return the array in an archive; its checksum is compared when it has been read to its end."""
     header = _npy_header(file, path)
     num_packed = min(member.compress_size, path.stat().st_size)
-    _check_npy_size(min(member.file_size, _MAX_PACKING * num_packed) - file.tell(), header, str(path))
-    check_memory(math.prod(header.shape) * header.dtype.itemsize, str(path))
+    _check_npy_size(min(member.file_size, _MAX_PACKING * num_packed) - file.tell(), header)
+    check_memory(math.prod(header.shape) * header.dtype.itemsize)
     values = np.empty(math.prod(header.shape), header.dtype)
     target, num_read = bytes_of(values), 0
     while num_read < len(target) and (piece := file.read(min(_PIECE, len(target) - num_read))):
@@ -117,7 +113,7 @@ def _unpacked(file: IO[bytes], member: zipfile.ZipInfo, path: Path) -> Array:
     return values.reshape(header.shape, order=header.order)
 
 
-def _chosen(values: Array, time: int | None, component: int | None, where: str) -> Image:
+def _chosen(values: Array, time: int | None, component: int | None) -> Image:
     """Return one time step and component of an array."""
     if values.dtype.kind == "b":
         values = values.view(np.uint8)
@@ -126,7 +122,6 @@ def _chosen(values: Array, time: int | None, component: int | None, where: str) 
     if values.ndim == 4 and time is None and component is None:
         raise InputError(
             "the array has four axes",
-            where=where,
             got=describe_shape(values.shape),
             expected=f"`time: k` with k from 0 to {values.shape[0] - 1} if the first axis is time, or "
             f"`component: k` with k from 0 to {values.shape[-1] - 1} if the last axis holds components",
@@ -134,62 +129,47 @@ def _chosen(values: Array, time: int | None, component: int | None, where: str) 
     if not 3 <= values.ndim <= 5 or (values.ndim == 4 and time is not None and component is not None):
         raise InputError(
             "the array does not have the axes of a volume",
-            where=where,
             got=f"{values.ndim} axes, {describe_shape(values.shape) or 'a single number'}",
             expected="[z, y, x], or [time, z, y, x] with `time`, or [z, y, x, component] with `component`",
         )
     has_time = values.ndim == 5 or (values.ndim == 4 and time is not None)
     has_component = values.ndim - has_time == 4
-    step = select_index("time", time, values.shape[0] if has_time else 1, where)
-    channel = select_index("component", component, values.shape[-1] if has_component else 1, where)
+    step = select_index("time", time, values.shape[0] if has_time else 1)
+    channel = select_index("component", component, values.shape[-1] if has_component else 1)
     values = values[step] if has_time else values
     values = values[..., channel] if has_component else values
     return Image(values, np.eye(4))
 
 
-def read_array(source: ArraySource) -> Image:
-    """Return the array of a scene that is made in Python, with origin 0; a read-only view, so that it is never
-    changed."""
-    values = source.values.view()
-    values.flags.writeable = False
-    return Image(values, np.diag([*source.spacing, 1.0]))
-
-
 def _npy_header(file: IO[bytes], path: Path) -> _Header:
     """Return the header of an array, and leave the file at its first byte; raises InputError for anything else."""
-    where = str(path)
     try:
         if file.read(6) != b"\x93NUMPY":
             raise InputError(
                 "this is not a .npy file",
-                where=where,
                 got="an empty file" if path.stat().st_size == 0 else None,
                 expected="an array saved by numpy.save",
             )
         version = (*file.read(2),)
         read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
         if version not in read_header:
-            raise InputError(
-                "this version of .npy is not supported", where=where, got=".".join(map(str, version)) or None
-            )
+            raise InputError("this version of .npy is not supported", got=".".join(map(str, version)) or None)
         length = file.read(2 * version[0])
         num_bytes = int.from_bytes(length, "little")
         if num_bytes > _MAX_HEADER_BYTES:
             raise InputError(
                 "the header is too long",
-                where=where,
                 got=f"{num_bytes} bytes",
                 expected=f"at most {_MAX_HEADER_BYTES}",
                 hint="the file is damaged",
             )
         shape, is_fortran, dtype = read_header[version](io.BytesIO(length + file.read(num_bytes)))
     except OSError as error:
-        raise unreadable_error(path, error) from error
+        raise unreadable_error(error) from error
     except (ValueError, TypeError, SyntaxError, TokenError, EOFError, MemoryError, RecursionError) as error:
         # Errors of numpy's header parser and of Python's own, whose texts concern program code.
         raise InputError(
             "cannot read the header",
-            where=where,
             got="too many nested expressions" if isinstance(error, MemoryError | RecursionError) else None,
             expected="an array saved by numpy.save",
             hint="the file is truncated or damaged",
@@ -197,55 +177,44 @@ def _npy_header(file: IO[bytes], path: Path) -> _Header:
     if len(shape) > _MAX_AXES or any(type(n) is not int or n < 0 for n in shape):  # booleans are integers, too
         raise InputError(
             "the header has no shape of an array",
-            where=where,
             got=f"{len(shape)} axes" if len(shape) > _MAX_AXES else format_value(shape),
             expected=f"at most {_MAX_AXES} axes, their lengths whole numbers from 0 on",
             hint="the file is damaged",
         )
     if dtype.kind != "b":
-        check_dtype(dtype, where)
+        check_dtype(dtype)
     return _Header(shape, dtype, "F" if is_fortran else "C")
 
 
-def _check_npy_size(num_stored: int, header: _Header, where: str) -> None:
+def _check_npy_size(num_stored: int, header: _Header) -> None:
     """Raise InputError for fewer bytes than the array has, and for an array that is empty or too large."""
-    num_bytes = check_size(header.shape[::-1], header.dtype, where)
+    num_bytes = check_size(header.shape[::-1], header.dtype)
     if num_stored < num_bytes:
         raise InputError(
             "the file is shorter than its header says",
-            where=where,
             got=f"{num_stored} bytes of voxels",
             expected=f"{num_bytes} bytes ({describe_shape(header.shape)} values of {header.dtype.name})",
             hint="the file is truncated",
         )
 
 
-def read_raw(source: RawSource) -> Image:
-    """Read headerless voxels, x fastest, with origin 0; raises InputError if the file's size does not fit the
-    declaration."""
-    path, where = require_exists(source.file), str(source.file)
-    try:
-        dtype = np.dtype(source.dtype).newbyteorder("<" if source.byte_order == "little" else ">")
-    except TypeError as error:
-        raise InputError(
-            "no such data type", where=where, got=source.dtype, expected="a numpy name such as uint8, int16 or float32"
-        ) from error
-    check_dtype(dtype, where)
-    num_bytes = check_size(source.shape, dtype, where)
+def map_raw(source: RawSource) -> Array:
+    """Map headerless voxels, x fastest; raises InputError if the file's size does not fit the declaration."""
+    path = require_exists(source.file)
+    dtype = np.dtype(source.dtype).newbyteorder("<" if source.byte_order == "little" else ">")
+    num_bytes = check_size(source.shape, dtype)
     if not path.is_file():
-        raise InputError("this is not a file", where=where)
+        raise InputError("this is not a file")
     found_bytes = path.stat().st_size - source.offset
     if found_bytes != num_bytes:
         after = f" after the offset of {source.offset}" if source.offset else ""
         raise InputError(
             "the size of the file does not fit the declared shape and type",
-            where=where,
             got=f"{found_bytes} bytes{after}" if found_bytes >= 0 else f"{path.stat().st_size} bytes in all",
             expected=f"{num_bytes} bytes ({describe_shape(source.shape)} voxels of {source.dtype}){after}",
             hint=_fitting_declarations(source, found_bytes, num_bytes, dtype),
         )
-    values = np.memmap(path, dtype, "r", source.offset, source.shape[::-1])
-    return Image(values, affine(source.spacing, np.zeros(3), np.eye(3)))
+    return np.memmap(path, dtype, "r", source.offset, source.shape[::-1])
 
 
 def _fitting_declarations(source: RawSource, found_bytes: int, num_bytes: int, dtype: np.dtype[Any]) -> str | None:

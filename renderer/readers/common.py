@@ -1,9 +1,14 @@
-"""The result type that all readers share, and the checks that hold for all formats."""
+"""The result type that all readers share, and the checks that hold for all formats.
+
+Errors that name no place concern the file that is read: `errors_about` adds it, where that is known.
+"""
 
 from __future__ import annotations
 
 import math
 import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError, closest_match
-from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, short_text
+from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, join_some, short_text
 from renderer.system import free_bytes, free_swap_bytes
 from renderer.volume import Array, Float64, MappedFile, iter_slabs
 
@@ -34,7 +39,7 @@ NO_SPACING = "the file does not give its voxel size; 1 x 1 x 1 is assumed"
 
 @dataclass(frozen=True)
 class Image:
-    """The result of a reader: voxels as stored, and their place in the world.
+    """An image as a reader returns it: voxels as stored, and their place in the world.
 
     values: [z, y, x] of one time step and one component, an integer or float dtype in any byte order and memory layout,
         possibly mapped from a file.
@@ -88,25 +93,23 @@ def has_volume(world_from_index: Float64) -> bool:
     return abs(float(np.linalg.det(axes / np.linalg.norm(axes, axis=0)))) > 1e-6
 
 
-def check_axes(world_from_index: Float64, where: str) -> None:
+def check_axes(world_from_index: Float64) -> None:
     """Raise InputError unless every voxel has a place and a volume, whatever its lengths."""
     if not has_volume(world_from_index):
         raise InputError(
             "the spacing, origin and direction give the voxels no volume",
-            where=where,
             got=_in_words(world_from_index),
             expected="finite numbers, positive spacings and three independent axes",
             hint="correct them in the file's header, or export it again from its source",
         )
 
 
-def check_lengths(world_from_index: Float64, where: str) -> None:
+def check_lengths(world_from_index: Float64) -> None:
     """Raise InputError unless an affine has lengths that a scene may have."""
     sizes = np.abs(world_from_index[:3])
     if sizes.max() > MAX_WORLD_LENGTH or sizes[:, :3].max(axis=0).min() < MIN_WORLD_LENGTH:
         raise InputError(
             "the spacing or the origin is out of range",
-            where=where,
             got=_in_words(world_from_index),
             expected=f"lengths from {MIN_WORLD_LENGTH:g} to {MAX_WORLD_LENGTH:g}",
             hint="give lengths in another unit",
@@ -145,7 +148,7 @@ def stays_mapped(num_bytes: int) -> bool:
     return num_bytes >= _MIN_MAPPED_BYTES
 
 
-def check_integer_resolution(values: Array, source: MappedFile | None, where: str) -> None:
+def check_integer_resolution(values: Array, source: MappedFile | None) -> None:
     """Raise InputError for 64-bit integers whose differences float64, in which they are classified, would round
     away."""
     if values.dtype.kind not in "iu" or values.dtype.itemsize < 8:
@@ -157,14 +160,13 @@ def check_integer_resolution(values: Array, source: MappedFile | None, where: st
     if largest > 2**53 and low < high < low + _NUM_STEPS * step:
         raise InputError(
             "these integers are too large for their differences to be drawn",
-            where=where,
             got=f"values from {low} to {high}, where numbers of float64 are {step} apart",
             expected=f"integers from -2^53 to 2^53, or a range of {_NUM_STEPS * step} or more",
             hint="subtract the smallest value before saving",
         )
 
 
-def check_dtype(dtype: np.dtype[np.void] | npt.DTypeLike, where: str) -> None:
+def check_dtype(dtype: np.dtype[np.void] | npt.DTypeLike) -> None:
     """Raise InputError unless the dtype is an integer of up to 64 bits or a float of 16, 32 or 64."""
     kind = np.dtype(dtype)
     if kind.kind in "iu" or (kind.kind == "f" and kind.itemsize <= 8):
@@ -177,25 +179,23 @@ def check_dtype(dtype: np.dtype[np.void] | npt.DTypeLike, where: str) -> None:
     }
     raise InputError(
         "voxels of this type cannot be rendered",
-        where=where,
         got=kind.name if kind.names is None else f"records with the fields {', '.join(kind.names)}",
         expected="int8 to int64, uint8 to uint64, float16, float32 or float64",
         hint=hints.get(kind.kind) if kind.kind != "V" or kind.names else None,
     )
 
 
-def check_size(shape_xyz: tuple[int, ...], dtype: npt.DTypeLike, where: str) -> int:
+def check_size(shape_xyz: tuple[int, ...], dtype: npt.DTypeLike) -> int:
     """Return the number of bytes of the voxels; raises InputError for none and for more than MAX_VOLUME_BYTES."""
     num_bytes = np.dtype(dtype).itemsize
     for n in shape_xyz:
         num_bytes *= int(n)
     if min(shape_xyz, default=1) < 1:
-        raise InputError("the volume has no voxels", where=where, got=describe_shape(shape_xyz))
+        raise InputError("the volume has no voxels", got=describe_shape(shape_xyz))
     if num_bytes > MAX_VOLUME_BYTES:
         num_gibibytes = describe_count(-(-num_bytes // 2**30))
         raise InputError(
             "the volume is too large",
-            where=where,
             got=f"{describe_shape(shape_xyz)} voxels of {np.dtype(dtype).name}, {num_gibibytes} GiB",
             expected=f"at most {MAX_VOLUME_BYTES / 2**30:.0f} GiB",
             hint="if the file is smaller than that, its header is wrong",
@@ -203,35 +203,34 @@ def check_size(shape_xyz: tuple[int, ...], dtype: npt.DTypeLike, where: str) -> 
     return num_bytes
 
 
-def check_memory(num_bytes: int, where: str) -> None:
+def check_memory(num_bytes: int) -> None:
     """Raise InputError unless decoded voxels of this size fit into memory and swap space."""
     if num_bytes > free_bytes() + free_swap_bytes():
         raise InputError(
             "the voxels of this file do not fit into memory",
-            where=where,
             got=f"{num_bytes / 2**30:.1f} GiB",
             expected=f"at most the {free_bytes() / 2**30:.1f} GiB that are free",
             hint="store them without compression, as NRRD or MetaImage: then they stay in their file",
         )
 
 
-def select_index(key: str, wanted: int | None, count: int, where: str) -> int:
+def select_index(key: str, wanted: int | None, count: int, names: Sequence[str] = ()) -> int:
     """Return which of `count` time steps or components to read; `key` is the scene's key for it.
 
+    names: of the components, for messages, if they have any.
     Raises InputError if one of several has to be chosen, or the chosen one does not exist.
     """
     plural = {"time": "time steps", "component": "components"}[key]
     if wanted is None and count > 1:
         raise InputError(
             f"the volume has {count} {plural}, and one is rendered",
-            where=where,
+            got=join_some([f"{k} is {name}" for k, name in enumerate(names)]) if names else None,
             expected=f"`{key}: k` with k from 0 to {count - 1}",
         )
     if wanted is not None and not 0 <= wanted < count:
         several = f"0 to {count - 1}"
         raise InputError(
             f"there is no such {plural[:-1]}",
-            where=where,
             got=f"{key}: {wanted}",
             expected=several if count > 1 else f"0 or no `{key}` at all: the volume has one",
         )
@@ -255,8 +254,18 @@ def require_exists(path: Path) -> Path:
     )
 
 
-def unreadable_error(path: Path, error: Exception) -> InputError:
+@contextmanager
+def errors_about(where: Path | str) -> Iterator[None]:
+    """Add a place, such as the file that is read, to the errors of the block that name none."""
+    try:
+        yield
+    except InputError as error:
+        error.where = error.where or str(where)
+        raise
+
+
+def unreadable_error(error: Exception) -> InputError:
     """Return the error of an operating system or a library as an InputError, on one line."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     shown = short_text(" ".join(text.split())) or type(error).__name__
-    return InputError("cannot read this file", where=str(path), got=shown)
+    return InputError("cannot read this file", got=shown)

@@ -47,7 +47,6 @@ def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int
     if num_files == 0 or not 0 < num_split < len(shape):
         raise InputError(
             "data files cannot be named in this way",
-            where=str(header),
             got=short_text(name),
             expected="one file, LIST, or a pattern with first number, last and step, such as slice%03d.raw 1 60 1",
             hint="write LIST, and below it the name of the file of each slice on its own line",
@@ -56,18 +55,12 @@ def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int
     if num_files != num_expected:
         raise InputError(
             f"this header names too {'few' if num_files < num_expected else 'many'} data files",
-            where=str(header),
             got=str(num_files),
             expected=f"{describe_count(num_expected)}, one for each {describe_shape(shape[num_split:][::-1])} of "
             f"{describe_shape(shape[::-1])} voxels",
         )
     if num_files > _MAX_FILES:
-        raise InputError(
-            "this header names too many data files",
-            where=str(header),
-            got=str(num_files),
-            expected=f"at most {_MAX_FILES}",
-        )
+        raise InputError("this header names too many data files", got=str(num_files), expected=f"at most {_MAX_FILES}")
     names = [f"{before}{number:{width}d}{after}" for number in numbers] if numbered is not None else listed
     return [_data_file(header, each) for each in names], num_split
 
@@ -77,7 +70,6 @@ def _data_file(header: Path, name: str) -> Path:
     if not file.is_file():
         raise InputError(
             "the data file that this header names is not there",
-            where=str(header),
             got=short_text(name),
             expected=f"a file {short_text(str(file))}",
             hint="the two belong together: move or copy both",

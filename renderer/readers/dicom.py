@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, affine, check_memory, check_size, select_index
+from renderer.readers.common import Image, affine, select_index
 from renderer.readers.dicom_frames import Frame, frames_of, open_dicom, pixels_of, text_of, unreadable_slice
-from renderer.readers.isolation import Host
+from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.sniff import is_dicom
 from renderer.scene import join_some, short_text
 from renderer.volume import Float64
@@ -42,7 +42,7 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
         spaced.
     """
     files = _series_files(path) if path.is_dir() else [path]
-    select_index("time", time, 1, str(path))
+    select_index("time", time, 1)
     frames = [frame for file in files for frame in frames_of(file, has_spacing_override=has_spacing_override)]
     if len(files) > 1 and len(frames) > len(files):
         several = next(frame for frame in frames if frame.number > 0)
@@ -56,10 +56,9 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
     _check_alike(frames, path)
     first = frames[0]
     step = first.normal * first.thickness if len(frames) == 1 else _even_step(frames, path)
-    channel = select_index("component", component, first.num_samples, str(path))
+    channel = select_index("component", component, first.num_samples)
     dtype = np.result_type(*(frame.dtype for frame in frames))  # the rescale slope may differ from frame to frame
-    check_memory(check_size((*first.size, len(frames)), dtype, str(path)), str(path))
-    values = host.allocate((len(frames), *first.size[::-1]), dtype)
+    values = allocate_voxels(host, (len(frames), *first.size[::-1]), dtype)
     opened, pixels = None, None
     for target, frame in zip(values, frames, strict=True):
         if opened != frame.file:
@@ -94,7 +93,6 @@ def _series_files(folder: Path) -> list[Path]:
     if not series:
         raise InputError(
             "this folder holds no volume",
-            where=str(folder),
             got=None if others else "an empty folder",
             expected="the files of one DICOM series, or .tif files, directly in the folder",
         )
@@ -105,7 +103,6 @@ def _series_files(folder: Path) -> list[Path]:
         ]
         raise InputError(
             f"this folder holds {len(series)} DICOM series, and one is rendered",
-            where=str(folder),
             got=join_some(names, "; "),
             hint="put each series into its own folder",
         )
@@ -162,7 +159,6 @@ def _check_alike(frames: list[Frame], path: Path) -> None:
             if not np.allclose(got, expected, rtol=0, atol=tolerance):
                 raise InputError(
                     f"the slices of this series differ in their {what}",
-                    where=str(path),
                     got=f"{_describe(got)} in {frame.label}",
                     expected=f"{_describe(expected)} as in {first.label}",
                     hint="a localiser or a second scan among them? put it into its own folder",
@@ -183,7 +179,6 @@ def _even_step(frames: list[Frame], path: Path) -> Float64:
         i = int(doubled[0])
         raise InputError(
             "two slices of this series are at the same position",
-            where=str(path),
             got=f"{frames[i].label} and {frames[i + 1].label}",
             expected="one slice at each position",
             hint="a time series or several echoes? put each volume into its own folder",
@@ -194,7 +189,6 @@ def _even_step(frames: list[Frame], path: Path) -> Float64:
         num_missing = int(np.sum(np.rint(gaps[wide] / usual) - 1))
         raise InputError(
             "slices of this series are missing",
-            where=str(path),
             got=f"about {num_missing} missing; the first gap, {gaps[i]:.4g}, is between {frames[i].label} and "
             f"{frames[i + 1].label}",
             expected=f"a slice every {usual:.4g}",
@@ -205,7 +199,6 @@ def _even_step(frames: list[Frame], path: Path) -> Float64:
     if off[worst] > _UNEVEN * np.linalg.norm(step):
         raise InputError(
             "the slices of this series are not evenly spaced",
-            where=str(path),
             got=f"gaps from {gaps.min():.4g} to {gaps.max():.4g}; {frames[worst].label} is off by {off[worst]:.4g}",
             expected=f"a slice every {np.linalg.norm(step):.4g}, within {_UNEVEN:.0%} of that",
             hint="resample the series to even spacing first",

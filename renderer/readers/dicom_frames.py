@@ -37,7 +37,7 @@ _Dataset = Any
 
 @dataclass(frozen=True)
 class Frame:
-    """One slice of a DICOM file.
+    """A slice of a DICOM file.
 
     size: pixels across and down. dtype: of its rescaled values.
     position: of its first pixel, float64 [3]. across, down: to the next pixel, float64 [3]. thickness: along the

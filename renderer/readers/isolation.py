@@ -16,6 +16,7 @@ import os
 import resource
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any, Protocol
 
@@ -23,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError, RenderError
-from renderer.readers.common import Image, check_dtype, check_size
+from renderer.readers.common import Image, check_dtype, check_memory, check_size, errors_about
 from renderer.system import ChildProcesses, describe_exit, open_anonymous_file
 from renderer.volume import Array
 
@@ -40,16 +41,22 @@ _ERROR_FIELDS = ("what", "where", "got", "expected", "hint")
 
 
 class Host(Protocol):
-    """What a reader uses of the process in which it runs."""
+    """A process as its reader uses it."""
 
     def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
-        """Return an array of zeros for the voxels, which need not be copied from it afterwards."""
+        """Return an array of zeros for the voxels, native, which the reader fills and returns."""
 
     def expect_bytes(self, num_bytes: int) -> None:
         """Extend the limit of memory by what a library needs before `allocate` is called."""
 
     def begin_file(self, path: Path) -> None:
         """Record the file that is read next, for the message if that ends the process."""
+
+
+def allocate_voxels(host: Host, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
+    """Return an array of zeros for voxels [z, y, x]; raises InputError for none, and for more than memory has."""
+    check_memory(check_size(shape[::-1], dtype))
+    return host.allocate(shape, dtype)
 
 
 def read_isolated(reader: str, path: Path, **arguments: Any) -> Image:
@@ -111,19 +118,19 @@ def _image(answer: dict[str, Any], voxels: IO[bytes], path: Path) -> Image:
         what, *others = (answer[name] for name in _ERROR_FIELDS)
         raise InputError(what, **dict(zip(_ERROR_FIELDS[1:], others, strict=True)))
     shape, dtype = tuple(int(n) for n in answer["shape"]), np.dtype(str(answer["dtype"]))
-    check_dtype(dtype, str(path))
-    num_bytes = check_size(shape, dtype, str(path))
+    check_dtype(dtype)
+    num_bytes = check_size(shape, dtype)
     values = np.frombuffer(mmap.mmap(voxels.fileno(), num_bytes), dtype).reshape(shape)
     world_from_index = np.array(answer["world_from_index"], np.float64).reshape(4, 4)
     return Image(values, world_from_index, answer["note"])
 
 
 class _Child:
-    """The host of a reader in a child process: shared memory for voxels, and lines of JSON to the parent."""
+    """A host of a reader in a child process: shared memory for voxels, and lines of JSON to the parent."""
 
     def __init__(self, sender: IO[bytes], descriptor: int) -> None:
         self._sender, self._descriptor = sender, descriptor
-        self._values: Array | None = None
+        self.values: Array | None = None
 
     def expect_bytes(self, num_bytes: int) -> None:
         """Extend the limit of memory."""
@@ -144,16 +151,8 @@ class _Child:
         self.expect_bytes((1 + _NUM_COPIES) * num_bytes)
         _extend_limit(resource.RLIMIT_CPU, num_bytes // _BYTES_PER_SECOND)
         os.ftruncate(self._descriptor, num_bytes)
-        self._values = np.frombuffer(mmap.mmap(self._descriptor, num_bytes), dtype).reshape(shape)
-        return self._values
-
-    def place(self, values: Array) -> Array:
-        """Copy values into the shared memory unless they are there, in native byte order."""
-        if values is self._values:
-            return values
-        target = self.allocate(values.shape, values.dtype.newbyteorder("="))
-        target[...] = values
-        return target
+        self.values = np.frombuffer(mmap.mmap(self._descriptor, num_bytes), dtype).reshape(shape)
+        return self.values
 
 
 def _extend_limit(kind: int, more: int) -> None:
@@ -177,23 +176,27 @@ def _limit_child(memory: int, seconds: int) -> None:
     _set_limit(resource.RLIMIT_CORE, 0)
 
 
+def import_reader(reader: str) -> Callable[..., Image]:
+    """Return a function by its module and name, `module:function`."""
+    module, _, name = reader.partition(":")
+    function: Callable[..., Image] = getattr(importlib.import_module(module), name)
+    return function
+
+
 def call_reader(reader: str, path: Path, arguments: dict[str, Any], host: Host) -> Image:
     """Return what a reader returns; raises InputError for all exceptions that damaged bytes raise in its library."""
-    module, _, name = reader.partition(":")
-    function = getattr(importlib.import_module(module), name)
-    try:
-        image: Image = function(path, **arguments, host=host)
-    except InputError as error:
-        error.where = error.where or str(path)  # a package that is missing
-        raise
-    except Exception as error:
-        raise InputError(
-            "this file cannot be decoded",
-            where=str(path),
-            got="more memory than is allowed" if isinstance(error, MemoryError) else None,
-            hint="it is truncated or damaged, or of a kind that cannot be read",
-        ) from error
-    return image
+    function = import_reader(reader)
+    with errors_about(path):
+        try:
+            return function(path, **arguments, host=host)
+        except InputError:
+            raise
+        except Exception as error:
+            raise InputError(
+                "this file cannot be decoded",
+                got="more memory than is allowed" if isinstance(error, MemoryError) else None,
+                hint="it is truncated or damaged, or of a kind that cannot be read",
+            ) from error
 
 
 def _main() -> None:
@@ -208,8 +211,8 @@ def _main() -> None:
         except InputError as error:
             child.send({name: getattr(error, name) for name in _ERROR_FIELDS})
             return
-        values = child.place(image.values)
-        answer = {"shape": values.shape, "dtype": values.dtype.str, "note": image.note}
+        assert image.values is child.values, "readers return what they have allocated"
+        answer = {"shape": image.values.shape, "dtype": image.values.dtype.str, "note": image.note}
         child.send(answer | {"world_from_index": image.world_from_index.tolist()})
 
 

@@ -19,8 +19,7 @@ from renderer.errors import InputError
 from renderer.readers.common import NO_SPACING, Image, affine, select_index
 from renderer.readers.data_files import find_data_files
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
-from renderer.readers.text_header import MAX_HEADER_BYTES, Field, decode_header
-from renderer.scene import short_text
+from renderer.readers.text_header import MAX_HEADER_BYTES, Field, add_field, decode_header
 from renderer.volume import Float64
 
 _TYPES = {
@@ -51,11 +50,11 @@ def read_metaimage(path: Path, time: int | None, component: int | None) -> Image
     """
     header, layout = read_header(path)
     num_components = header.whole("ElementNumberOfChannels", 1, least=1)
-    step = select_index("time", time, layout.shape[0] if header.num_axes == 4 else 1, str(path))
-    channel = select_index("component", component, num_components, str(path))
+    step = select_index("time", time, layout.shape[0] if header.num_axes == 4 else 1)
+    channel = select_index("component", component, num_components)
     whole: list[int | slice] = [step, slice(None), slice(None), slice(None)]
     index = (*whole[4 - header.num_axes :], *([channel] if num_components > 1 else []))
-    values = read_stored(layout, index, str(path))
+    values = read_stored(layout, index)
     note = None if any(name in header.fields for name in _SPACINGS) else NO_SPACING
     return Image(values if values.ndim == 3 else values[np.newaxis], _world_from_index(header), note)
 
@@ -80,31 +79,31 @@ def read_header(path: Path) -> tuple[Header, Layout]:
     data_file = header.text("ElementDataFile")
     is_local = data_file.upper() == "LOCAL"
     files, num_split = ([path], 0) if is_local else find_data_files(path, data_file, header.listed, space)
-    part = _part(header, is_local=is_local)
-    parts = [replace(part, file=file) for file in files]
-    if not is_local and header.whole("HeaderSize", 0, least=-1) == -1:
-        num_bytes = math.prod(shape[num_split:]) * dtype.itemsize
-        parts = [replace(each, offset=max(0, each.file.stat().st_size - num_bytes)) for each in parts]
-    return header, Layout(dtype, shape, tuple(parts), num_split)
+    num_bytes = math.prod(shape[num_split:]) * dtype.itemsize
+    parts = tuple(_part(header, file, num_bytes, is_local=is_local) for file in files)
+    return header, Layout(dtype, shape, parts, num_split)
 
 
-def _part(header: Header, *, is_local: bool) -> StoredVoxels:
-    """Return where the voxels are in the header's own file, or in each data file."""
+def _part(header: Header, file: Path, num_bytes: int, *, is_local: bool) -> StoredVoxels:
+    """Return where `num_bytes` of voxels are in the header's own file, or in a data file."""
     is_compressed = header.is_true("CompressedData", default=False)
     encoding: Encoding = "deflate" if is_compressed else "raw"
     if not header.is_true("BinaryData", default=True):
         encoding = "text"
     num_compressed = header.whole("CompressedDataSize", 0, least=0) if is_compressed else 0
-    num_skipped = header.whole("HeaderSize", 0, least=-1)
-    if is_local and num_skipped not in (0, header.num_bytes, -1):
+    offset = header.whole("HeaderSize", 0, least=-1)
+    if is_local and offset not in (0, header.num_bytes, -1):
         raise header.fields["HeaderSize"].error(
             f"{header.num_bytes}, the bytes of the header, as the voxels follow it", "remove that line"
         )
-    if is_compressed and num_skipped == -1:
+    if is_compressed and offset == -1:
         raise header.fields["HeaderSize"].error("0 or more, as the voxels are compressed")
-    offset = header.num_bytes if is_local else max(0, num_skipped)
-    has_rest = num_skipped > 0 and not is_local
-    return StoredVoxels(header.path, offset, encoding, num_encoded=num_compressed or None, has_rest=has_rest)
+    has_rest = offset > 0 and not is_local
+    if is_local:
+        offset = header.num_bytes
+    elif offset == -1:
+        offset = max(0, file.stat().st_size - num_bytes)
+    return StoredVoxels(file, offset, encoding, num_encoded=num_compressed or None, has_rest=has_rest)
 
 
 def _check_scale(header: Header) -> None:
@@ -129,7 +128,7 @@ def _world_from_index(header: Header) -> Float64:
 
 
 class Header:
-    """The fields of a header by name, in which a number may stand on several lines.
+    """A header: its fields by name, in which a number may stand on several lines.
 
     num_bytes: the bytes up to the voxels. listed: the lines below the last field, which may name data files.
     """
@@ -146,7 +145,9 @@ class Header:
             key, mark, value = decode_header(line).partition("=")
             if mark:
                 name = key.strip()
-                self._add(Field(name, value.strip(), f"{path}:{number}"))
+                if name == "Comment":
+                    self.fields.pop(name, None)
+                add_field(self.fields, name, Field(name, value.strip(), f"{path}:{number}"), "MetaImage")
             elif name:
                 continued[name].append(key.strip())
             if name == "ElementDataFile":
@@ -157,23 +158,12 @@ class Header:
             field = self.fields[name]
             self.fields[name] = replace(field, text=" ".join(filter(None, [field.text, *more])))
 
-    def _add(self, field: Field) -> None:
-        if field.name in self.fields and field.name != "Comment":
-            raise InputError(
-                "this MetaImage header has a field twice",
-                where=field.where,
-                got=f"{short_text(field.name)}, as in {self.fields[field.name].where}",
-                hint="remove one of the lines",
-            )
-        self.fields[field.name] = field
-
     def require(self, *names: str) -> None:
         """Raise InputError for missing fields."""
         missing = [name for name in names if name not in self.fields]
         if missing:
             raise InputError(
                 "this is not a MetaImage header, or it is damaged",
-                where=str(self.path),
                 got="an empty file" if not self.num_bytes else None,
                 expected=" and ".join(f"a line `{name} = ...`" for name in missing),
             )

@@ -24,6 +24,7 @@ from renderer.readers.common import (
     Image,
     check_dtype,
     describe_shape,
+    errors_about,
     has_volume,
     in_lps,
     require_exists,
@@ -51,10 +52,10 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     Scaled values are float32 if the stored ones have at most 16 bits or are float32, else float64. Raises InputError
     for truncated and foreign files, and if `time` or `component` do not fit.
     """
-    where = str(path)
     header_file, data_file = find_pair(path)
     start, is_compressed = read_start(header_file, _NIFTI_2_BYTES)
-    header = _header(start, header_file, is_single=data_file is None)
+    with errors_about(header_file):
+        header = _header(start, header_file, is_single=data_file is None)
     if data_file is not None:
         is_compressed = data_file.suffix.lower() == ".gz"
     shape = tuple(int(n) for n in header.get_data_shape())
@@ -62,29 +63,28 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     dtype = header.get_data_dtype()
     fields = dtype.names  # RGB24 and RGBA32 are records of bytes
     if fields is None:
-        check_dtype(dtype, where)
+        check_dtype(dtype)
     if shape[5:].count(1) != len(shape[5:]):
         raise InputError(
             "the volume has too many axes",
-            where=where,
             got=describe_shape(shape),
             expected="x, y, z, then time and component",
         )
-    step = select_index("time", time, shape[3], where)
-    channel = select_index("component", component, shape[4] if fields is None else len(fields), where)
+    step = select_index("time", time, shape[3])
+    channel = select_index("component", component, shape[4] if fields is None else len(fields))
     offset = int(header["vox_offset"])
     part = StoredVoxels(data_file or header_file, offset, has_rest=True)
     if is_compressed:
         part = StoredVoxels(data_file or header_file, 0, "deflate", offset, has_rest=True)
     whole = slice(None)
     index = (channel if fields is None else 0, step, whole, whole, whole)
-    values = read_stored(Layout(dtype, shape[4::-1], (part,)), index, where)
+    values = read_stored(Layout(dtype, shape[4::-1], (part,)), index)
     if fields is not None:
         values = values[fields[channel]]
     try:
         ras_from_index = _ras_from_index(header)
     except ValueError as error:  # the quaternion is not a rotation
-        raise unreadable_error(path, error) from error
+        raise unreadable_error(error) from error
     slope, intercept = header.get_slope_inter()
     values = values if slope is None else _scaled(values, slope, intercept)
     return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)))
@@ -118,8 +118,7 @@ def _header(start: bytes, path: Path, *, is_single: bool) -> _Header:
         num_bytes = struct.unpack_from(order + "i", start)[0]
         if num_bytes in classes and len(start) >= num_bytes:
             header = classes[num_bytes][is_single](start[:num_bytes], order, check=False)
-            _check_offset(header, path, least=num_bytes + 4 if is_single else 0)
-            _check_slope(header, path)
+            _check_offset_and_slope(header, least=num_bytes + 4 if is_single else 0)
             try:
                 header.check_fix(_SILENT)
                 header.get_data_shape(), header.get_slope_inter()
@@ -128,32 +127,27 @@ def _header(start: bytes, path: Path, *, is_single: bool) -> _Header:
             return header
     raise InputError(
         "this is not a NIfTI file, or it is damaged",
-        where=str(path),
         got="an empty file" if path.stat().st_size == 0 else None,
         expected="a header of NIfTI-1 or NIfTI-2, whose type of voxels and axes are known",
     )
 
 
-def _check_offset(header: _Header, path: Path, least: int) -> None:
-    """Raise InputError if the voxels begin inside the header or nowhere."""
-    offset = header["vox_offset"].item()
+def _check_offset_and_slope(header: _Header, least: int) -> None:
+    """Raise InputError if the voxels begin inside the header or nowhere, and for an infinite slope.
+
+    nibabel takes an infinite slope for none; 0 and NaN mean that there is none.
+    """
+    offset, slope = header["vox_offset"].item(), header["scl_slope"].item()
     if not (math.isfinite(offset) and offset >= least):
         raise InputError(
             "the voxels of this NIfTI file cannot be where its header says",
-            where=str(path),
             got=f"vox_offset = {offset:g}",
             expected=f"{least} or more" + ", behind the header" * (least > 0),
             hint="save it again, or correct the header",
         )
-
-
-def _check_slope(header: _Header, path: Path) -> None:
-    """Raise InputError for an infinite slope, which nibabel takes for none; 0 and NaN mean that there is none."""
-    slope = header["scl_slope"].item()
     if math.isinf(slope):
         raise InputError(
             "this NIfTI header scales its values by a number that is not finite",
-            where=str(path),
             got=f"scl_slope = {slope:g}",
             expected="a finite number, or 0 for values as they are stored",
             hint="correct the header, or save the file again",

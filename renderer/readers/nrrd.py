@@ -16,16 +16,17 @@ from typing import Any
 
 import numpy as np
 
-from renderer.errors import InputError, closest_match
+from renderer.errors import InputError
 from renderer.readers.common import NO_SPACING, Image, affine, describe_count, in_lps, select_index
 from renderer.readers.data_files import find_data_files
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
-from renderer.readers.text_header import MAX_HEADER_BYTES, Field, decode_header
-from renderer.scene import format_value
+from renderer.readers.text_header import MAX_HEADER_BYTES, Field, add_field, decode_header
+from renderer.scene import did_you_mean, format_value
 from renderer.volume import Float64
 
 _MAX_AXES = 16  # of the format
 _MAX_LISTED = 10
+_NO_EMPTY_LINE = "an empty line is missing before the voxels, or the file is damaged"
 
 # Fields by their names in lower case without blanks.
 _FIELDS = frozenset(
@@ -66,7 +67,7 @@ _VECTOR = re.compile(r"\(([^()]*)\)|none", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class _Axes:
-    """The axes of an array, by their numbers from the fastest to the slowest: `component` and `time` may be missing."""
+    """An array's axes, by their numbers from the fastest to the slowest: `component` and `time` may be missing."""
 
     space: tuple[int, ...]
     time: int | None
@@ -78,16 +79,16 @@ def read_nrrd(path: Path, time: int | None, component: int | None) -> Image:
 
     Raises InputError for damaged, truncated and foreign files, and if `time` or `component` do not fit.
     """
-    where = str(path)
     fields, layout = read_header(path)
     sizes = layout.shape[::-1]
-    axes = _axes(fields, sizes, where)
-    step = select_index("time", time, 1 if axes.time is None else sizes[axes.time], where)
-    channel = select_index("component", component, 1 if axes.component is None else sizes[axes.component], where)
-    world_from_index, has_spacing = _world_from_index(fields, axes, len(layout.shape))
+    directions = _vectors(fields["spacedirections"], len(sizes)) if "spacedirections" in fields else []
+    axes = _axes(fields, sizes, directions)
+    step = select_index("time", time, 1 if axes.time is None else sizes[axes.time])
+    channel = select_index("component", component, 1 if axes.component is None else sizes[axes.component])
+    world_from_index, has_spacing = _world_from_index(fields, axes, len(sizes), directions)
     chosen: dict[int | None, int] = {axes.time: step, axes.component: channel}
     index = tuple(slice(None) if k in axes.space else chosen.get(k, 0) for k in reversed(range(len(sizes))))
-    values = read_stored(layout, index, where)
+    values = read_stored(layout, index)
     return Image(
         values if values.ndim == 3 else values[np.newaxis], world_from_index, None if has_spacing else NO_SPACING
     )
@@ -99,12 +100,11 @@ def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
     Raises InputError for headers that are damaged or foreign, and for missing data files.
     """
     fields, listed, offset = _parse(path)
-    where = str(path)
-    num_axes = _required(fields, "dimension", where).whole(1, _MAX_AXES)
-    shape = tuple(int(n) for n in _required(fields, "sizes", where).numbers(num_axes, whole=True, least=1))[::-1]
-    kind = _required(fields, "type", where)
+    num_axes = _required(fields, "dimension").whole(1, _MAX_AXES)
+    shape = tuple(int(n) for n in _required(fields, "sizes").numbers(num_axes, whole=True, least=1))[::-1]
+    kind = _required(fields, "type")
     dtype = np.dtype(_choice(kind, _TYPES))
-    encoding = _choice(_required(fields, "encoding", where), _ENCODINGS)
+    encoding = _choice(_required(fields, "encoding"), _ENCODINGS)
     if dtype.itemsize > 1 and encoding != "text":
         order = _choice(fields["endian"], {"little": "<", "big": ">"}) if "endian" in fields else "="
         dtype = dtype.newbyteorder(order)
@@ -133,12 +133,12 @@ def _parse(path: Path) -> tuple[dict[str, Field], list[str], int]:
     """Return the fields, the names of a list of data files, and where the voxels begin behind the header."""
     fields: dict[str, Field] = {}
     with path.open("rb") as file:
-        lines = _lines(file.readline, path)
+        lines = _lines(file.readline)
         for number, text in lines:
             where = f"{path}:{number}"
             if number == 1:
                 if not re.fullmatch(r"NRRD00\.?[0-9]+", text):
-                    raise InputError("this is not a NRRD file", where=str(path), expected="NRRD0004 or so in line 1")
+                    raise InputError("this is not a NRRD file", expected="NRRD0004 or so in line 1")
                 continue
             if not text:
                 return fields, [], file.tell()
@@ -147,21 +147,20 @@ def _parse(path: Path) -> tuple[dict[str, Field], list[str], int]:
             name, mark, value = text.partition(":")
             key = name.lower().replace(" ", "").replace("centerings", "centers")
             if not mark or key not in _FIELDS:
-                raise _unknown_line(text, name if mark else "", where)
-            if key in fields:
                 raise InputError(
-                    "this NRRD header has a field twice",
+                    "this line of a NRRD header cannot be read",
                     where=where,
-                    got=f"{fields[key].name}, as in {fields[key].where}",
-                    hint="remove one of the lines",
+                    got=format_value(text),
+                    expected="a field with its value, a comment, or an empty line before the voxels",
+                    hint=did_you_mean(key[:40] if mark else None, sorted(_FIELDS)) or _NO_EMPTY_LINE,
                 )
-            fields[key] = Field(" ".join(name.split()), value.strip(), where)
+            add_field(fields, key, Field(" ".join(name.split()), value.strip(), where), "NRRD")
             if key == "datafile" and value.split()[:1] == ["LIST"]:
                 return fields, [line for _, line in lines if line], file.tell()
         return fields, [], file.tell()
 
 
-def _lines(readline: Callable[[int], bytes], path: Path) -> Iterator[tuple[int, str]]:
+def _lines(readline: Callable[[int], bytes]) -> Iterator[tuple[int, str]]:
     """Yield the number and the text of each line; raises InputError for more than MAX_HEADER_BYTES of them."""
     left, number = MAX_HEADER_BYTES, 0
     while line := readline(left):
@@ -169,29 +168,16 @@ def _lines(readline: Callable[[int], bytes], path: Path) -> Iterator[tuple[int, 
         if left == 0:
             raise InputError(
                 "the header of this NRRD file does not end",
-                where=str(path),
                 got=f"{MAX_HEADER_BYTES} bytes without an empty line",
-                hint="an empty line is missing before the voxels, or the file is damaged",
+                hint=_NO_EMPTY_LINE,
             )
         yield number, decode_header(line.rstrip(b"\r\n"))
 
 
-def _unknown_line(text: str, name: str, where: str) -> InputError:
-    near = closest_match(name.lower().replace(" ", "")[:40], sorted(_FIELDS)) if name else None
-    return InputError(
-        "this line of a NRRD header cannot be read",
-        where=where,
-        got=format_value(text),
-        expected="a field with its value, a comment, or an empty line before the voxels",
-        hint=f"did you mean {near}?" if near else "an empty line is missing before the voxels, or the file is damaged",
-    )
-
-
-def _required(fields: dict[str, Field], name: str, where: str) -> Field:
+def _required(fields: dict[str, Field], name: str) -> Field:
     if name not in fields:
         raise InputError(
             "this NRRD header lacks a field",
-            where=where,
             expected=f"a line `{name}: ...`",
             hint="add that line, or save the file again",
         )
@@ -202,9 +188,8 @@ def _choice(field: Field, choices: dict[str, Any]) -> Any:
     """Return what a field's word stands for; raises InputError for a word that is none of the choices."""
     word = " ".join(field.text.lower().split())
     if word not in choices:
-        near = closest_match(word[:40], choices)
         expected = ", ".join(list(choices)[:_MAX_LISTED]) + ", ..." * (len(choices) > _MAX_LISTED)
-        raise field.error(expected, f"did you mean {near}?" if near else "save it again in another form")
+        raise field.error(expected, did_you_mean(word[:40], choices) or "save it again in another form")
     return choices[word]
 
 
@@ -226,7 +211,7 @@ def _after_lines(file: Path, begin: int, num_lines: int) -> int:
         return opened.tell()
 
 
-def _axes(fields: dict[str, Field], sizes: tuple[int, ...], where: str) -> _Axes:
+def _axes(fields: dict[str, Field], sizes: tuple[int, ...], directions: list[Float64 | None]) -> _Axes:
     """Return which axes are space, time and components; raises InputError for more of them than a volume has.
 
     Of several axes of time or components, those of length 1 do not count.
@@ -236,7 +221,6 @@ def _axes(fields: dict[str, Field], sizes: tuple[int, ...], where: str) -> _Axes
     if kinds and len(kinds) != num_axes:
         raise fields["kinds"].error(f"{num_axes} words, one for each axis")
     kinds = kinds or [""] * num_axes
-    directions = _directions(fields, num_axes)
     space: list[int] = []
     times: list[int] = []
     lists: list[int] = []
@@ -254,18 +238,10 @@ def _axes(fields: dict[str, Field], sizes: tuple[int, ...], where: str) -> _Axes
     if len(lists) > 1 or len(times) > 1 or not 2 <= len(space) <= 3:
         raise InputError(
             "the axes of this NRRD file are not those of a volume",
-            where=where,
             got=f"{num_axes} axes" + f" of the kinds {' '.join(kinds)}" * any(kinds),
             expected="two or three axes in space, at most one of components, and at most one of time",
         )
     return _Axes(tuple(space), times[0] if times else None, lists[0] if lists else None)
-
-
-def _directions(fields: dict[str, Field], num_axes: int) -> list[Float64 | None]:
-    """Return the vector of each axis, None for `none`; an empty list if the header has no directions."""
-    if "spacedirections" not in fields:
-        return []
-    return _vectors(fields["spacedirections"], num_axes)
 
 
 def _vectors(field: Field, count: int) -> list[Float64 | None]:
@@ -289,9 +265,10 @@ def _vectors(field: Field, count: int) -> list[Float64 | None]:
     return vectors
 
 
-def _world_from_index(fields: dict[str, Field], axes: _Axes, num_axes: int) -> tuple[Float64, bool]:
+def _world_from_index(
+    fields: dict[str, Field], axes: _Axes, num_axes: int, directions: list[Float64 | None]
+) -> tuple[Float64, bool]:
     """Return the affine, float64 [4, 4], and whether the header gives a spacing."""
-    directions = _directions(fields, num_axes)
     spacing, first = _scalar_places(fields, num_axes, axes)
     vectors = np.diag(spacing)
     for column, k in enumerate(axes.space if directions else ()):

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from renderer.errors import InputError, closest_match
-from renderer.scene import PROCEDURAL_NAMES, ProceduralSource
-from renderer.volume import Array, Float64
+from renderer.scene import ProceduralSource
+from renderer.volume import Array
 
 # Working memory is a few float arrays of this many voxels: slabs of whole planes, or blocks of rows of larger planes.
 _SLAB_VOXELS = 2**20
@@ -29,27 +28,14 @@ _NOISE = 2.5
 _BLUR_VOXELS = 1.6
 
 
-def procedural_affine(source: ProceduralSource) -> Float64:
-    """Return float64 [4, 4]: the spacing on the diagonal."""
-    return np.diag([*source.spacing, 1.0])
-
-
 def procedural_values(source: ProceduralSource) -> Array:
-    """Return uint8 [z, y, x]. Raises InputError for a name that is not in PROCEDURAL_NAMES."""
+    """Return uint8 [z, y, x]."""
     makers: dict[str, Callable[[ProceduralSource], Array]] = {
         "engine_block": _engine_block,
         "constant": _constant,
         "single_voxel": _single_voxel,
         "marschner_lobb": _marschner_lobb,
     }
-    if source.name not in makers:
-        meant = closest_match(source.name, PROCEDURAL_NAMES)
-        raise InputError(
-            "no such procedural volume",
-            got=source.name,
-            expected=", ".join(PROCEDURAL_NAMES),
-            hint=f"did you mean {meant}?" if meant else None,
-        )
     return makers[source.name](source)
 
 

@@ -16,6 +16,7 @@ from renderer.readers.common import (
     check_dtype,
     check_integer_resolution,
     check_lengths,
+    errors_about,
     require_exists,
     select_index,
     spacing_of,
@@ -23,56 +24,58 @@ from renderer.readers.common import (
     unreadable_error,
     with_spacing,
 )
-from renderer.readers.isolation import read_isolated
-from renderer.readers.sniff import Format, find_format, find_volume
+from renderer.readers.isolation import import_reader, read_isolated
+from renderer.readers.sniff import find_format, find_volume
 from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec
-from renderer.volume import Array, MappedCallback, MappedFile, Volume, backing_file, iter_slabs, make_volume
+from renderer.volume import Array, MappedFile, Volume, backing_file, guard_mapping, iter_slabs, make_volume
 
 Ranges = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
 
 
-def read_volume(spec: VolumeSpec, on_mapped: MappedCallback | None = None) -> Volume:
+def read_volume(spec: VolumeSpec) -> Volume:
     """Return the volume that `spec` describes, cropped, checked and read-only.
 
-    A crop moves the affine along, so that voxels keep their place in the world. on_mapped: called with large arrays
-    that are mapped from their file, whether they stay mapped or not. Raises InputError for every problem with a file or
-    with the part of it that is requested, lack of memory included.
+    A crop moves the affine along, so that voxels keep their place in the world. Raises InputError for every problem
+    with a file or with the part of it that is requested, lack of memory included. A large file that becomes shorter,
+    now or later, is such an error, too, and no signal that kills.
     """
-    source = spec.source
-    name = _name(source)
-    try:
-        image = _load(spec, name)
-        check_dtype(image.values.dtype, name)
-        check_axes(image.world_from_index, name)
-        spacing, replaced = source.spacing if isinstance(source, FileSource) else None, None
-        if spacing is not None:
-            replaced = spacing_of(image.world_from_index)
-            image = replace(image, world_from_index=with_spacing(image.world_from_index, spacing))
-        check_lengths(image.world_from_index, name)
-        if spec.crop is not None:
-            image = crop_image(image, spec.crop, name)
-        world_from_index = image.world_from_index
-        note = image.note if spacing is None or image.note != NO_SPACING else None
-        first = tuple(begin for begin, _ in spec.crop) if spec.crop is not None else (0, 0, 0)
-        mapped = backing_file(image.values) if stays_mapped(image.values.nbytes) else None
-        if mapped is not None and on_mapped is not None:
-            on_mapped(mapped, image.values)
-        contiguous = _native_contiguous(image.values)
-        del image  # frees the memory that it was read into
-        file = backing_file(contiguous)
-        values, num_nonfinite, nonfinite_fill_value = _replace_nonfinite(contiguous, file, spec.nonfinite, first, name)
-        if mapped is not None:  # checked for copies, too
-            mapped.require_unchanged()
-        file = file if values is contiguous else None
-        check_integer_resolution(values, file, name)
-        made = make_volume(values, world_from_index, name, file, num_nonfinite, nonfinite_fill_value)
-        return replace(made, file_spacing=replaced, note=note)
-    except OSError as error:
-        raise unreadable_error(Path(name), error) from error
-    except MemoryError as error:
-        raise InputError(
-            "there is not enough memory for this volume", where=name, hint="`crop` it, or render on a larger machine"
-        ) from error
+    name = _name(spec.source)
+    with errors_about(name):
+        try:
+            return _read_volume(spec, name)
+        except OSError as error:
+            raise unreadable_error(error) from error
+        except MemoryError as error:
+            raise InputError(
+                "there is not enough memory for this volume", hint="`crop` it, or render on a larger machine"
+            ) from error
+
+
+def _read_volume(spec: VolumeSpec, name: str) -> Volume:
+    image = _load(spec)
+    check_dtype(image.values.dtype)
+    check_axes(image.world_from_index)
+    spacing, replaced = spec.source.spacing if isinstance(spec.source, FileSource) else None, None
+    if spacing is not None:
+        replaced = spacing_of(image.world_from_index)
+        image = replace(image, world_from_index=with_spacing(image.world_from_index, spacing))
+    check_lengths(image.world_from_index)
+    if spec.crop is not None:
+        image = crop_image(image, spec.crop)
+    note = image.note if spacing is None or image.note != NO_SPACING else None
+    first = tuple(begin for begin, _ in spec.crop) if spec.crop is not None else (0, 0, 0)
+    mapped = backing_file(image.values) if stays_mapped(image.values.nbytes) else None
+    if mapped is not None:
+        guard_mapping(mapped, image.values)
+    image = replace(image, values=_native_contiguous(image.values))
+    file = backing_file(image.values)
+    values, num_replaced, fill_value = _replace_nonfinite(image.values, file, spec.nonfinite, first)
+    if mapped is not None:  # checked for copies, too
+        mapped.require_unchanged()
+    file = file if values is image.values else None
+    check_integer_resolution(values, file)
+    made = make_volume(values, image.world_from_index, name, file, num_replaced, fill_value)
+    return replace(made, file_spacing=replaced, note=note)
 
 
 def _name(source: FileSource | RawSource | ProceduralSource | ArraySource) -> str:
@@ -81,67 +84,44 @@ def _name(source: FileSource | RawSource | ProceduralSource | ArraySource) -> st
     return f"procedural {source.name}" if isinstance(source, ProceduralSource) else str(source.file)
 
 
-def _load(spec: VolumeSpec, name: str) -> Image:
+def _load(spec: VolumeSpec) -> Image:
     """Return the image from the reader of the source, which is imported on first use."""
     source = spec.source
     if isinstance(source, FileSource):
         # Wrong lengths in the file do not matter if the scene gives a spacing.
         return _load_file(require_exists(source.file), spec.time, spec.component, source.spacing is not None)
-    select_index("time", spec.time, 1, name)
-    select_index("component", spec.component, 1, name)
-    if isinstance(source, RawSource):
-        from renderer.readers.arrays import read_raw
-
-        return read_raw(source)
+    select_index("time", spec.time, 1)
+    select_index("component", spec.component, 1)
     if isinstance(source, ArraySource):
-        from renderer.readers.arrays import read_array
+        values = source.values.view()
+        values.flags.writeable = False  # the array is never changed
+    elif isinstance(source, RawSource):
+        from renderer.readers.arrays import map_raw
 
-        return read_array(source)
-    from renderer.readers.procedural import procedural_affine, procedural_values
+        values = map_raw(source)
+    else:
+        from renderer.readers.procedural import procedural_values
 
-    return Image(procedural_values(source), procedural_affine(source))
+        values = procedural_values(source)
+    return Image(values, np.diag([*source.spacing, 1.0]))
 
 
-# Formats that large libraries parse, and their readers, which run in a child process.
-_ISOLATED = {
-    "tiff": "renderer.readers.tiff:read_tiff",
-    "dicom": "renderer.readers.dicom:read_dicom",
-    "vtk": "renderer.readers.vtk_image:read_vtk_image",
-}
+# The modules of readers that are not named after their format: `nrrd.py` has `read_nrrd`, and so on.
+_MODULES = {"npy": "arrays", "npz": "arrays", "vtk": "vtk_image"}
+# Formats that large libraries parse are read in a child process.
+_ISOLATED = ("tiff", "dicom", "vtk")
 
 
 def _load_file(path: Path, time: int | None, component: int | None, has_spacing_override: bool) -> Image:
     """Return the image in a file or a folder, from the reader of its format."""
     found, form, note = find_volume(path)
-    image = _read_as(form, found, time, component, has_spacing_override)
-    return replace(image, note="; ".join(each for each in (note, image.note) if each) or None)
-
-
-def _read_as(form: Format, path: Path, time: int | None, component: int | None, has_spacing_override: bool) -> Image:
-    """Return the image in a file of this format; its reader is imported on first use."""
+    reader = f"renderer.readers.{_MODULES.get(form, form)}:read_{form}"  # imported on first use
     if form in _ISOLATED:
-        return read_isolated(
-            _ISOLATED[form], path, time=time, component=component, has_spacing_override=has_spacing_override
-        )
-    if form == "nifti":
-        from renderer.readers.nifti import read_nifti
-
-        return read_nifti(path, time, component)
-    if form == "nrrd":
-        from renderer.readers.nrrd import read_nrrd
-
-        return read_nrrd(path, time, component)
-    if form == "metaimage":
-        from renderer.readers.metaimage import read_metaimage
-
-        return read_metaimage(path, time, component)
-    if form == "cube":
-        from renderer.readers.cube import read_cube
-
-        return read_cube(path, time, component)
-    from renderer.readers.arrays import read_npy, read_npz
-
-    return (read_npz if form == "npz" else read_npy)(path, time, component)
+        image = read_isolated(reader, found, time=time, component=component, has_spacing_override=has_spacing_override)
+    else:
+        with errors_about(found):
+            image = import_reader(reader)(found, time, component)
+    return replace(image, note="; ".join(each for each in (note, image.note) if each) or None)
 
 
 def header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
@@ -150,14 +130,12 @@ def header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
     Raises InputError for damaged headers and missing files.
     """
     form = find_format(file)
-    if form == "nrrd":
-        from renderer.readers.nrrd import read_header as read_nrrd_header
+    if form in ("nrrd", "metaimage"):
+        from renderer.readers import metaimage, nrrd
 
-        return file, [part.file for part in read_nrrd_header(file)[1].parts]
-    if form == "metaimage":
-        from renderer.readers.metaimage import read_header
-
-        return file, [part.file for part in read_header(file)[1].parts]
+        with errors_about(file):
+            layout = (nrrd.read_header(file) if form == "nrrd" else metaimage.read_header(file))[1]
+            return file, [part.file for part in layout.parts]
     if form == "nifti":
         from renderer.readers.nifti import find_pair
 
@@ -166,7 +144,7 @@ def header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
     return file, []
 
 
-def crop_image(image: Image, ranges: Ranges, where: str) -> Image:
+def crop_image(image: Image, ranges: Ranges) -> Image:
     """Return the voxels in half-open `ranges` for x, y, z, at the same place in the world; the values are a view.
 
     Raises InputError for ranges that are empty or reach outside the volume.
@@ -175,7 +153,6 @@ def crop_image(image: Image, ranges: Ranges, where: str) -> Image:
         if not 0 <= begin < end <= n:
             raise InputError(
                 f"the crop does not fit the volume along {axis}",
-                where=where,
                 got=f"[{begin}, {end}]",
                 expected=f"[first, end] with 0 <= first < end <= {n}",
             )
@@ -208,7 +185,6 @@ def _replace_nonfinite(
     file: MappedFile | None,
     replacement: Literal["error", "lowest"] | float,
     first_xyz: tuple[int, ...],
-    where: str,
 ) -> tuple[Array, int, float]:
     """Return the values, the number of NaN and infinities that were replaced, and the value that replaced them.
 
@@ -230,11 +206,10 @@ def _replace_nonfinite(
     if not num_bad:
         return values, 0, 0.0
     if num_bad == values.size:
-        raise InputError("no voxel is finite: all are NaN or infinite", where=where)
+        raise InputError("no voxel is finite: all are NaN or infinite")
     if replacement == "error":
         raise InputError(
             f"{num_bad} of {values.size} voxels are NaN or infinite",
-            where=where,
             got=f"the first at voxel x, y, z = {', '.join(map(str, first_bad or ()))}",
             expected="finite values",
             hint="`nonfinite: lowest` replaces them with the lowest finite value",
@@ -244,7 +219,6 @@ def _replace_nonfinite(
     if abs(number) > largest:
         raise InputError(
             "the value that replaces NaN and infinities is out of the range of the voxels",
-            where=where,
             got=f"`nonfinite: {number:g}`",
             expected=f"a number from {-largest:g} to {largest:g}, for {values.dtype.name}",
         )

@@ -11,7 +11,7 @@ import numpy as np
 from renderer.errors import InputError
 
 
-def sort_slices(folder: Path, files: list[Path]) -> list[Path]:
+def sort_slices(files: list[Path]) -> list[Path]:
     """Return the files in natural order, `2.tif` before `10.tif`.
 
     Raises InputError unless the names differ only in numbers, of which one increases from file to file in even steps:
@@ -23,7 +23,6 @@ def sort_slices(folder: Path, files: list[Path]) -> list[Path]:
         if shape != shapes[0]:
             raise InputError(
                 "the slices of this folder are named in several ways",
-                where=str(folder),
                 got=f"{files[0].name} and {file.name}",
                 expected="names that differ in one number, such as slice001.tif and slice002.tif",
                 hint="put each stack into its own folder, or rename its files",
@@ -31,7 +30,7 @@ def sort_slices(folder: Path, files: list[Path]) -> list[Path]:
     numbers = [[int(run) for run in re.findall("[0-9]+", file.name)] for file in files]
     running = [column for column in zip(*numbers, strict=True) if len(set(column)) > 1]
     if len(files) > 1 and not any(_is_even(column) for column in running):
-        raise _uneven(folder, files, running)
+        raise _uneven(files, running)
     return files
 
 
@@ -46,12 +45,10 @@ def _is_even(column: tuple[int, ...]) -> bool:
     return len(steps) == 1 and min(steps) > 0
 
 
-def _uneven(folder: Path, files: list[Path], running: list[tuple[int, ...]]) -> InputError:
-    where = str(folder)
+def _uneven(files: list[Path], running: list[tuple[int, ...]]) -> InputError:
     if len(running) > 1:
         return InputError(
             "the names of these slices have several increasing numbers",
-            where=where,
             got=f"{files[0].name}, ..., {files[-1].name}",
             expected="one number, in even steps, such as slice001.tif and slice002.tif",
             hint="channels or time steps? put each stack into its own folder",
@@ -61,7 +58,6 @@ def _uneven(folder: Path, files: list[Path], running: list[tuple[int, ...]]) -> 
         k = gaps.index(0)
         return InputError(
             "two slices of this folder have the same number",
-            where=where,
             got=f"{files[k].name} and {files[k + 1].name}",
             expected="one file for each number",
         )
@@ -69,7 +65,6 @@ def _uneven(folder: Path, files: list[Path], running: list[tuple[int, ...]]) -> 
     k = next(index for index, gap in enumerate(gaps) if gap != usual)
     return InputError(
         "slices of this folder are missing",
-        where=where,
         got=f"{files[k + 1].name} after {files[k].name}",
         expected=f"numbers in steps of {usual}",
         hint="put the missing files back, or renumber the existing ones",

@@ -17,7 +17,15 @@ from typing import IO, Any, Literal
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import bytes_of, check_memory, check_size, describe_count, describe_shape, stays_mapped
+from renderer.readers.common import (
+    bytes_of,
+    check_memory,
+    check_size,
+    describe_count,
+    describe_shape,
+    errors_about,
+    stays_mapped,
+)
 from renderer.scene import short_text
 from renderer.volume import Array
 
@@ -40,7 +48,7 @@ Encoding = Literal["raw", "deflate", "bzip2", "text", "hex"]
 
 @dataclass(frozen=True)
 class StoredVoxels:
-    """The place of encoded voxels in a file.
+    """A place of encoded voxels in a file.
 
     offset: the bytes before them.
     encoding: "deflate" is gzip or zlib; "text" is decimal numbers, "hex" the hexadecimal digits of bytes.
@@ -72,16 +80,17 @@ class Layout:
     num_split: int = 0
 
 
-def read_stored(layout: Layout, index: tuple[int | slice, ...], where: str) -> Array:
+def read_stored(layout: Layout, index: tuple[int | slice, ...]) -> Array:
     """Return `array[index]` of the array that `layout` describes, or a view of it mapped from its file.
 
     index: an item for each axis; slices are whole. Integers for the slowest axes save memory. Raises InputError for
         files that are missing, truncated, damaged, or too long.
     """
-    num_bytes = check_size(layout.shape[::-1], layout.dtype, where)
+    num_bytes = check_size(layout.shape[::-1], layout.dtype)
     part_shape = layout.shape[layout.num_split :]
     for part in layout.parts:
-        _check_length(part, part_shape[::-1], layout.dtype)
+        with errors_about(part.file):
+            _check_length(part, part_shape[::-1], layout.dtype)
     only = layout.parts[0]
     if len(layout.parts) == 1 and only.encoding == "raw" and stays_mapped(num_bytes):
         mapped: Array = np.memmap(only.file, layout.dtype, "r", only.offset + only.num_skipped, layout.shape)
@@ -91,11 +100,12 @@ def read_stored(layout: Layout, index: tuple[int | slice, ...], where: str) -> A
         if not isinstance(item, int):
             break
         first, num_chosen = first * length + item, num_chosen + 1
-    check_memory(num_bytes // math.prod(layout.shape[:num_chosen]), where)
+    check_memory(num_bytes // math.prod(layout.shape[:num_chosen]))
     values = np.empty(layout.shape[num_chosen:], layout.dtype)
     begin = first * values.nbytes
     for part in layout.parts:
-        _copy_part(part, values, begin, part_shape[::-1])
+        with errors_about(part.file):
+            _copy_part(part, values, begin, part_shape[::-1])
         begin -= num_bytes // len(layout.parts)
     return values[index[num_chosen:]]
 
@@ -114,7 +124,7 @@ def _copy_part(part: StoredVoxels, values: Array, begin: int, shape_xyz: tuple[i
         with part.file.open("rb") as file:
             file.seek(part.offset + part.num_skipped + low)
             if file.readinto(target) < len(target):
-                raise InputError("the file has become shorter while it was read", where=str(part.file))
+                raise InputError("the file has become shorter while it was read")
         return
     found = -part.num_skipped
     for piece in _decoded(part, values.dtype, num_bytes):
@@ -139,7 +149,6 @@ def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtyp
     if part.num_skipped > _MAX_SKIPPED:
         raise InputError(
             "there is too much before the voxels",
-            where=str(part.file),
             got=f"voxels from byte {describe_count(part.num_skipped)} on",
             expected=f"at most {_MAX_SKIPPED} bytes before them",
             hint="if nothing before them is that long, the header is damaged",
@@ -155,7 +164,7 @@ def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtyp
         expected = f"at least {least} bytes ({describe_shape(shape_xyz)} voxels)"
         if part.num_encoded is not None:
             expected = f"{part.num_encoded} bytes of compressed voxels"
-        raise _too_short(part.file, f"{max(found, 0)} bytes of {encoded}", expected)
+        raise _too_short(f"{max(found, 0)} bytes of {encoded}", expected)
 
 
 def _check_num_bytes(part: StoredVoxels, found: int, shape_xyz: tuple[int, ...], dtype: np.dtype[Any]) -> None:
@@ -167,7 +176,7 @@ def _check_num_bytes(part: StoredVoxels, found: int, shape_xyz: tuple[int, ...],
     is_raw = part.encoding == "raw"
     expected = f"{num_bytes} bytes ({describe_shape(shape_xyz)} voxels)"
     if found < num_bytes:
-        raise _too_short(part.file, f"{max(found, 0)} bytes" + " after decoding" * (not is_raw), expected)
+        raise _too_short(f"{max(found, 0)} bytes" + " after decoding" * (not is_raw), expected)
     if part.has_rest or found - num_bytes < min(num_bytes // n for n in shape_xyz[:3]):
         return
     fits = [
@@ -177,17 +186,15 @@ def _check_num_bytes(part: StoredVoxels, found: int, shape_xyz: tuple[int, ...],
     ]
     raise InputError(
         "the file is longer than its header says",
-        where=str(part.file),
         got=f"{found} bytes" if is_raw else f"{found} bytes or more after decoding",
         expected=expected,
         hint=f"these would fit: {'; '.join(map(describe_shape, fits))}" if fits and is_raw else "the header is wrong",
     )
 
 
-def _too_short(file: Path, got: str, expected: str) -> InputError:
+def _too_short(got: str, expected: str) -> InputError:
     return InputError(
         "the file is shorter than its header says",
-        where=str(file),
         got=got,
         expected=expected,
         hint="the file is truncated or its header is wrong",
@@ -214,7 +221,6 @@ def _decoded(part: StoredVoxels, dtype: np.dtype[Any], enough: int) -> Iterator[
     except (zlib.error, EOFError, OSError, ValueError, OverflowError) as error:
         raise InputError(
             "the text of the voxels is not numbers of their type" if is_text else "the compressed voxels are damaged",
-            where=str(part.file),
             got=short_text(" ".join(str(error).split())),
             hint="the header is wrong, or the file is damaged" if is_text else "copy or download the file again",
         ) from error

@@ -18,7 +18,7 @@ NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 @dataclass(frozen=True)
 class Field:
-    """The text of one field, and the place that messages name: the file, and its line where that is known."""
+    """A field: its text, and the place that messages name: the file, and its line where that is known."""
 
     name: str
     text: str
@@ -54,6 +54,18 @@ class Field:
             at_least = f" from {least:g} on" * math.isfinite(least)
             raise self.error(f"a {kind}{at_least}" if count == 1 else f"{count} {kind}s{at_least}")
         return numbers
+
+
+def add_field(fields: dict[str, Field], key: str, field: Field, kind: str) -> None:
+    """Add a field to those of a header; raises InputError if it is there already. kind: of the header."""
+    if key in fields:
+        raise InputError(
+            f"this {kind} header has a field twice",
+            where=field.where,
+            got=f"{short_text(fields[key].name)}, as in {fields[key].where}",
+            hint="remove one of the lines",
+        )
+    fields[key] = field
 
 
 def decode_header(header: bytes) -> str:

@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import Image, affine, check_memory, check_size, require_exists, select_index
-from renderer.readers.isolation import Host
+from renderer.readers.common import Image, errors_about, require_exists, select_index
+from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.slice_names import sort_slices
 from renderer.readers.sniff import TIFF_SUFFIXES
 from renderer.readers.tiff_description import (
@@ -50,9 +50,8 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
     has_spacing_override: the scene gives the spacing, so that lengths in the file are not checked. Raises InputError
         for truncated, foreign and inconsistent files.
     """
-    where = str(path)
     if path.is_dir():
-        select_index("time", time, 1, where)
+        select_index("time", time, 1)
         return _read_folder(path, component, has_spacing_override=has_spacing_override, host=host)
     with _open_pages(path) as pages:
         first = pages[0]
@@ -61,28 +60,26 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
             if _describe(page) != _describe(first):
                 raise InputError(
                     "the pages differ",
-                    where=where,
                     got=f"{_describe(page)} on page {page.index + 1}",
                     expected=f"{_describe(first)} as on page 1",
                     hint="previews among the slices? save the slices alone",
                 )
         description = first.description
         num_planes = len(slices) if len(slices) > 1 else _num_contiguous(first, description, path)
-        axes, counts = hyperstack(description, num_planes, first.samplesperpixel, where)
-        step = select_index("time", time, counts[axes.index("T")], where)
+        axes, counts = hyperstack(description, num_planes, first.samplesperpixel)
+        step = select_index("time", time, counts[axes.index("T")])
         has_channels = counts[axes.index("C")] > 1
-        channel = select_index("component", component if has_channels else None, counts[axes.index("C")], where)
-        sample = select_index("component", None if has_channels else component, first.samplesperpixel, where)
-        order = ome_page_order(description, axes, counts, where) if is_ome(description) else range(num_planes)
+        channel = select_index("component", component if has_channels else None, counts[axes.index("C")])
+        sample = select_index("component", None if has_channels else component, first.samplesperpixel)
+        order = ome_page_order(description, axes, counts) if is_ome(description) else range(num_planes)
         numbers = np.moveaxis(np.reshape(order, counts), [axes.index("T"), axes.index("C")], [0, 1])[step, channel]
-        check_memory(check_size((first.imagewidth, first.imagelength, len(numbers)), _dtype(first), where), where)
-        values = host.allocate((len(numbers), first.imagelength, first.imagewidth), _dtype(first))
+        values = allocate_voxels(host, (len(numbers), first.imagelength, first.imagewidth), _dtype(first))
         for target, number in zip(values, numbers, strict=True):
             if num_planes > len(slices):
                 target[...] = _contiguous_plane(first, int(number), path)
             else:
                 target[...] = _plane(slices[number], sample, path)
-        world_from_index = _world_from_index(first, where, has_spacing_override)
+        world_from_index = _world_from_index(first, has_spacing_override)
     num_left_out = len(pages) - len(slices)
     note = f"{num_left_out} smaller previews among the pages are left out" if num_left_out else None
     return Image(values, world_from_index, note)
@@ -95,32 +92,30 @@ def _read_folder(folder: Path, component: int | None, *, has_spacing_override: b
         stack.
     """
     entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
-    files = sort_slices(folder, [entry for entry in entries if entry.suffix.lower() in TIFF_SUFFIXES])
+    files = sort_slices([entry for entry in entries if entry.suffix.lower() in TIFF_SUFFIXES])
     values, expected, world_from_index = None, "", np.eye(4)
     for index, file in enumerate(files):
         host.begin_file(file)
         with _open_pages(require_exists(file)) as pages:
-            page, where = pages[0], str(file)
+            page = pages[0]
             expected = expected or _describe(page)
             if not all(_is_preview(other, page) for other in pages[1:]):
                 raise InputError(
                     "a file among these slices has several pages",
-                    where=where,
                     got=f"{len(pages)} pages",
                     expected="a slice in each file, or one file with all slices",
                 )
             if _describe(page) != expected:
                 raise InputError(
                     "the slices of this folder differ",
-                    where=where,
                     got=_describe(page),
                     expected=f"{expected} as in {files[0].name}",
                 )
-            plane = _plane(page, select_index("component", component, page.samplesperpixel, where), file)
+            plane = _plane(page, select_index("component", component, page.samplesperpixel), file)
             if values is None:  # allocated only after one slice has been read
-                check_memory(check_size((*plane.shape[::-1], len(files)), plane.dtype, str(folder)), str(folder))
-                values = host.allocate((len(files), *plane.shape), _dtype(page))
-                world_from_index = _world_from_index(page, where, has_spacing_override)
+                with errors_about(folder):
+                    values = allocate_voxels(host, (len(files), *plane.shape), _dtype(page))
+                world_from_index = _world_from_index(page, has_spacing_override)
             values[index] = plane
     assert values is not None, "called without files"
     return Image(values, world_from_index)
@@ -134,73 +129,61 @@ def _open_pages(path: Path) -> Iterator[list[_Page]]:
     """
     import tifffile
 
-    damage = _Damage()
+    damage = _Damage(logging.ERROR)
     logging.getLogger("tifffile").addHandler(damage)
     try:
-        with tifffile.TiffFile(path) as tiff:
+        with errors_about(path), tifffile.TiffFile(path) as tiff:
             pages = list(tiff.pages)
-            damage.require_none(path)
-            _check_pages(pages, tiff.filehandle.size, str(path))
+            if damage.num_errors:
+                raise tifffile.TiffFileError
+            _check_pages(pages, tiff.filehandle.size)
             yield pages
     except tifffile.TiffFileError as error:
-        raise _not_tiff(path) from error
+        raise InputError(
+            "this is not a TIFF file, or its directories are damaged",
+            where=str(path),
+            got="an empty file" if path.stat().st_size == 0 else None,
+            expected="II or MM and 42 or 43, by which TIFF and BigTIFF begin, and pages and fields inside the file",
+            hint="the file is truncated or damaged",
+        ) from error
     finally:
         logging.getLogger("tifffile").removeHandler(damage)
 
 
 class _Damage(logging.Handler):
-    """Count the errors that tifffile logs where it goes on without damaged pages and fields.
+    """A count of the errors that tifffile logs where it goes on without damaged pages and fields.
 
     Private fields do not count: programs write what they like there.
     """
 
-    def __init__(self) -> None:
-        super().__init__(logging.ERROR)
-        self._num = 0
+    num_errors = 0
 
     def emit(self, record: logging.LogRecord) -> None:
         field = re.search(r"TiffTag ([0-9]+) @", record.getMessage())
         number = int(field[1]) if field else 0
-        self._num += number < _FIRST_PRIVATE or number in _DEPTHS
-
-    def require_none(self, path: Path) -> None:
-        if self._num:
-            raise _not_tiff(path)
+        self.num_errors += number < _FIRST_PRIVATE or number in _DEPTHS
 
 
-def _not_tiff(path: Path) -> InputError:
-    return InputError(
-        "this is not a TIFF file, or its directories are damaged",
-        where=str(path),
-        got="an empty file" if path.stat().st_size == 0 else None,
-        expected="II or MM and 42 or 43, by which TIFF and BigTIFF begin, and pages and fields inside the file",
-        hint="the file is truncated or damaged",
-    )
-
-
-def _check_pages(pages: list[_Page], num_file_bytes: int, where: str) -> None:
+def _check_pages(pages: list[_Page], num_file_bytes: int) -> None:
     """Raise InputError unless every page has one plane of pixels, and all are inside the file, each byte used once."""
     if not pages or not all(np.prod(page.shaped, dtype=object) for page in pages):
-        raise InputError("this TIFF file holds no image", where=where, hint="the file is truncated or damaged")
+        raise InputError("this TIFF file holds no image", hint="the file is truncated or damaged")
     for page in pages:
         if page.dtype is None:
             raise InputError(
                 "voxels of this type cannot be rendered",
-                where=where,
                 got=f"{page.bitspersample} bits of the sample format {page.sampleformat}",
                 expected="integers of up to 32 bits and of 64, or floats of 16, 32 or 64",
             )
     if any(page.imagedepth > 1 for page in pages) or (len(pages) == 1 and _has_unlisted_planes(pages[0])):
         raise InputError(
             "this TIFF file has several planes in a page, or planes without one",
-            where=where,
             hint="save it again as a plain stack, with a page for each plane",
         )
     for number, page in enumerate(pages, 1):
         if page.dtype.kind == "u" and page.bitspersample == 24:  # tifffile takes their bytes in another order
             raise InputError(
                 "pixels of this type cannot be read",
-                where=where,
                 got=f"integers of 24 bits on page {number}",
                 hint="save them with 32 bits",
             )
@@ -212,7 +195,6 @@ def _check_pages(pages: list[_Page], num_file_bytes: int, where: str) -> None:
         if not is_there or end > num_file_bytes or sum(lengths) < needed:
             raise InputError(
                 f"page {number} of this TIFF file lacks pixels",
-                where=where,
                 got=f"{len(offsets)} strips or tiles up to byte {end}, in a file of {num_file_bytes} bytes",
                 expected=f"{num_segments} strips or tiles" + f" of {needed} bytes in all" * (needed > 0),
                 hint="the file is truncated or damaged",
@@ -221,7 +203,6 @@ def _check_pages(pages: list[_Page], num_file_bytes: int, where: str) -> None:
     if num_used > num_file_bytes:  # a small file could stand for any number of voxels
         raise InputError(
             "strips or tiles of this TIFF file share their bytes",
-            where=where,
             got=f"{num_used} bytes of pixels, in a file of {num_file_bytes} bytes",
             hint="the file is damaged, or made to do harm",
         )
@@ -270,7 +251,6 @@ def _plane(page: _Page, sample: int, path: Path) -> Array:
             require_package("imagecodecs", extra="tiff")
         raise InputError(
             "the pixels of this TIFF file cannot be decoded",
-            where=str(path),
             got=f"page {page.index + 1} of {_describe(page)}, compressed by {compression}",
             hint="the file is damaged, or of a kind that cannot be read: save it again without compression",
         ) from error
@@ -302,20 +282,20 @@ def _pixel_size(page: _Page, tag: int) -> float | None:
     return float(fraction[1] / fraction[0])
 
 
-def _world_from_index(first: _Page, where: str, has_spacing_override: bool) -> Float64:
+def _world_from_index(first: _Page, has_spacing_override: bool) -> Float64:
     """Return the affine of a stack, with spacing 1 if its lengths make no sense and `has_spacing_override` is set."""
     try:
-        spacing = _spacing(first, where)
+        spacing = _spacing(first)
     except InputError:
         if not has_spacing_override:
             raise
         spacing = [1.0, 1.0, 1.0]
     if has_spacing_override and not np.isfinite(spacing).all():
         spacing = [1.0, 1.0, 1.0]
-    return affine(spacing, np.zeros(3), np.eye(3))
+    return np.diag([*spacing, 1.0])
 
 
-def _spacing(first: _Page, where: str) -> list[float]:
+def _spacing(first: _Page) -> list[float]:
     """Return the spacing along x, y, z: in mm if the resolution is per inch or cm, else in the description's unit,
     else 1."""
     description = first.description
@@ -324,9 +304,9 @@ def _spacing(first: _Page, where: str) -> list[float]:
     unit = int(tag) if isinstance(tag, int) else None
     spacing: list[float | None] = [None, None, None]
     if is_ome(description):
-        spacing = ome_spacing(description, where)
+        spacing = ome_spacing(description)
     elif is_imagej(description):
-        spacing = imagej_spacing(description, sizes, unit, where)
+        spacing = imagej_spacing(description, sizes, unit)
     elif (mm := MM_PER_UNIT.get(2 if unit is None else unit)) is not None:
         spacing = [size and size * mm for size in sizes] + [None]
     x = spacing[0] or 1.0

@@ -61,7 +61,7 @@ def is_ome(description: str) -> bool:
     return "<OME" in description
 
 
-def hyperstack(description: str, num_pages: int, num_samples: int, where: str) -> tuple[str, list[int]]:
+def hyperstack(description: str, num_pages: int, num_samples: int) -> tuple[str, list[int]]:
     """Return the axes of the pages from slowest to fastest, a permutation of `TZC`, and the length of each.
 
     num_samples: of a pixel; OME counts them as channels.
@@ -69,8 +69,8 @@ def hyperstack(description: str, num_pages: int, num_samples: int, where: str) -
     """
     if is_imagej(description):
         axes = "TZC"
-        frames, channels = (_line(description, key, where) or 1 for key in ("frames", "channels"))
-        images, slices = (_line(description, key, where) for key in ("images", "slices"))
+        frames, channels = (_line(description, key) or 1 for key in ("frames", "channels"))
+        images, slices = (_line(description, key) for key in ("images", "slices"))
         by_axis = {"T": frames, "C": channels}
         by_axis["Z"] = slices or (images // (frames * channels) if images else num_pages)
     elif is_ome(description):
@@ -79,7 +79,7 @@ def hyperstack(description: str, num_pages: int, num_samples: int, where: str) -
         axes = order[:1:-1] if order[:2] == "XY" and sorted(order[2:]) == ["C", "T", "Z"] else "TZC"
         sizes = {axis: _attribute(pixels, f"Size{axis}") for axis in "TZC"}
         by_axis = {
-            axis: int(_number(text, f"Size{axis}", where, is_count=True)) if text is not None else 1
+            axis: int(_number(text, f"Size{axis}", is_count=True)) if text is not None else 1
             for axis, text in sizes.items()
         }
         if by_axis["C"] % num_samples == 0:
@@ -90,7 +90,6 @@ def hyperstack(description: str, num_pages: int, num_samples: int, where: str) -
     if math.prod(counts) != num_pages:
         raise InputError(
             "the description in this TIFF file does not fit its pages",
-            where=where,
             got=f"{num_pages} pages",
             expected=" x ".join(f"{by_axis[axis]} {axis}" for axis in axes),
             hint="save it again as a plain stack, all slices in one file",
@@ -98,7 +97,7 @@ def hyperstack(description: str, num_pages: int, num_samples: int, where: str) -
     return axes, counts
 
 
-def ome_page_order(description: str, axes: str, counts: list[int], where: str) -> list[int]:
+def ome_page_order(description: str, axes: str, counts: list[int]) -> list[int]:
     """Return the number of the page of each plane, planes in the order of `axes` and `counts`, as in `hyperstack`.
 
     TiffData elements may place planes on any page. Raises InputError unless each plane has a page of its own.
@@ -106,7 +105,7 @@ def ome_page_order(description: str, axes: str, counts: list[int], where: str) -
     order = list(range(math.prod(counts)))
     for element in re.findall(r"<(?:\w+:)?TiffData\b[^<>]*>", description):
         found = {
-            name: int(_number(text, name, where, is_index=True))
+            name: int(_number(text, name, is_index=True))
             for name in ("IFD", "PlaneCount", "FirstT", "FirstZ", "FirstC")
             if (text := _attribute(element, name)) is not None
         }
@@ -122,7 +121,6 @@ def ome_page_order(description: str, axes: str, counts: list[int], where: str) -
     if sorted(order) != list(range(len(order))):
         raise InputError(
             "the description in this TIFF file does not give each plane a page",
-            where=where,
             expected=f"TiffData elements for {len(order)} pages, all in this file",
             hint="save it again as a plain stack, all slices in one file",
         )
@@ -135,7 +133,7 @@ def _attribute(element: str, name: str) -> str | None:
     return None if found is None else found[1] if found[1] is not None else found[2]
 
 
-def imagej_spacing(description: str, sizes: list[float | None], tag: int | None, where: str) -> list[float | None]:
+def imagej_spacing(description: str, sizes: list[float | None], tag: int | None) -> list[float | None]:
     """Return the spacing along x, y and z; None for an axis without one.
 
     Lengths are in the unit of ImageJ's description, or in mm if the resolution is per inch or cm.
@@ -143,7 +141,7 @@ def imagej_spacing(description: str, sizes: list[float | None], tag: int | None,
         with a unit of µm are converted, as ImageJ does. Raises InputError for other units with inch and cm, which
         ImageJ, but no other program, takes for the unit of x and y, and for a spacing that is not a number.
     """
-    step = _imagej_step(description, where)
+    step = _imagej_step(description)
     units = {axis: _imagej_unit(description, key) for axis, key in zip("xyz", ("unit", "yunit", "zunit"), strict=True)}
     unit = units["x"]
     others = [name for name in (units["y"], units["z"]) if name not in ("", unit)]
@@ -157,7 +155,6 @@ def imagej_spacing(description: str, sizes: list[float | None], tag: int | None,
     if others or (per and unit not in ("", per)):
         raise InputError(
             "the voxel sizes in this TIFF file are in units that cannot be compared",
-            where=where,
             got=f"pixels per {per}; " * bool(per)
             + ", ".join(f"{axis} in {_shown(units[axis]) or unit}" for axis in units),
             expected="one unit for all, or pixels per cm and unit=um",
@@ -175,16 +172,16 @@ def _imagej_unit(description: str, key: str) -> str:
     return _NAMES_OF_UNITS.get(name.lower(), name)
 
 
-def _imagej_step(description: str, where: str) -> float | None:
+def _imagej_step(description: str) -> float | None:
     """Return the spacing along z that ImageJ wrote, of either sign, or None; raises InputError if it is not a number.
 
     Words such as NaN mean that it is unknown.
     """
     found = re.search(r"^spacing=([0-9.eE+-]+)", description, re.M)
-    return _number(found[1], "spacing", where) if found else None
+    return _number(found[1], "spacing") if found else None
 
 
-def ome_spacing(description: str, where: str) -> list[float | None]:
+def ome_spacing(description: str) -> list[float | None]:
     """Return the spacing along x, y and z in the unit of the first one; None for an axis without one.
 
     Raises InputError for a spacing that is not a number, and for units that cannot be converted to each other.
@@ -192,7 +189,7 @@ def ome_spacing(description: str, where: str) -> list[float | None]:
     attributes = _pixels(description)
     found = {axis: _attribute(attributes, f"PhysicalSize{axis}") for axis in "XYZ"}
     given = {
-        axis: _number(text, f"PhysicalSize{axis}", where)
+        axis: _number(text, f"PhysicalSize{axis}")
         for axis, text in found.items()
         if text and not text.strip("0123456789.eE+-")  # words mean that it is unknown
     }
@@ -202,7 +199,6 @@ def ome_spacing(description: str, where: str) -> list[float | None]:
     if any(unit != first and not {unit, first} <= _METRES.keys() for unit in units.values()):
         raise InputError(
             "the voxel sizes in this TIFF file are in units that cannot be compared",
-            where=where,
             got=", ".join(f"PhysicalSize{axis}={sizes[axis]:g} {_shown(units[axis])}" for axis in sizes),
             expected="one unit for all, or units of length such as nm, µm and mm",
             hint="`spacing: [x, y, z]` replaces the spacing in the file",
@@ -228,9 +224,9 @@ def _converted(size: float, unit: str, into: str) -> float:
         return math.inf
 
 
-def _line(description: str, key: str, where: str) -> int | None:
+def _line(description: str, key: str) -> int | None:
     found = re.search(rf"^{key}=(\S*)", description, re.M)
-    return int(_number(found[1], key, where, is_count=True)) if found else None
+    return int(_number(found[1], key, is_count=True)) if found else None
 
 
 def _pixels(description: str) -> str:
@@ -245,7 +241,7 @@ def _shown(text: str) -> str:
     return (short if short in _METRES else ascii(short)[1:-1]) + "..." * (len(text) > _SHOWN_CHARACTERS)
 
 
-def _number(text: str, key: str, where: str, *, is_count: bool = False, is_index: bool = False) -> float:
+def _number(text: str, key: str, *, is_count: bool = False, is_index: bool = False) -> float:
     """Return the number that `text`, the value of `key`, spells: finite, and whole if it counts or numbers pages."""
     value = float(text) if NUMBER.fullmatch(text) else math.nan
     is_whole = value.is_integer() and (0 if is_index else 1) <= value <= _MAX_COUNT
@@ -253,7 +249,6 @@ def _number(text: str, key: str, where: str, *, is_count: bool = False, is_index
         return value
     raise InputError(
         "the description in this TIFF file has something else where a number belongs",
-        where=where,
         got=f"{key}={_shown(text)}",
         expected=f"a whole number from {0 if is_index else 1} to {_MAX_COUNT}"
         if is_count or is_index

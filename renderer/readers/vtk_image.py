@@ -15,48 +15,39 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import Image, affine, check_dtype, check_memory, check_size, select_index
-from renderer.readers.isolation import Host
-from renderer.scene import join_some, short_text
+from renderer.readers.common import Image, affine, check_dtype, select_index
+from renderer.readers.isolation import Host, allocate_voxels
+from renderer.scene import short_text
 
 _MAX_PACKING = 1032  # of deflate
 
 
-def read_vtk_image(
-    path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, host: Host
-) -> Image:
+def read_vtk(path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, host: Host) -> Image:
     """Read one component of one array of an image.
 
     has_spacing_override: not used; the file always has lengths. Raises InputError for files that are truncated or hold
         other data, and if `time` or `component` do not fit.
     """
     require_package("vtkmodules", extra="vtk")
-    select_index("time", time, 1, str(path))
+    select_index("time", time, 1)
     image = _read(path, host)
     fields = image.GetPointData()
     is_cells = fields.GetNumberOfArrays() == 0
     if is_cells:
         fields = image.GetCellData()
     components = [(array, k) for array in _arrays(fields) for k in range(array.GetNumberOfComponents())]
-    if component is None and len(components) > 1:
-        raise InputError(
-            f"the volume has {len(components)} components, and one is rendered",
-            where=str(path),
-            got=join_some([f"{k} is {_name(*each)}" for k, each in enumerate(components)]),
-            expected=f"`component: k` with k from 0 to {len(components) - 1}",
-        )
     shape = tuple(max(n - is_cells, 1) for n in image.GetDimensions())
     if not components or 0 in image.GetDimensions():
-        raise _damaged(path, "no values")
-    array, channel = components[select_index("component", component, len(components), str(path))]
+        raise _damaged("no values")
+    names = [_name(*each) for each in components]
+    array, channel = components[select_index("component", component, len(components), names)]
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     stored = vtk_to_numpy(array)
-    check_dtype(stored.dtype, str(path))
-    check_memory(check_size(shape, stored.dtype, str(path)), str(path))
+    check_dtype(stored.dtype)
+    values = allocate_voxels(host, shape[::-1], stored.dtype)
     if array.GetNumberOfTuples() != int(np.prod(shape, dtype=object)):
-        raise _damaged(path, f"{array.GetNumberOfTuples()} values of {short_text(array.GetName())}")
-    values = host.allocate(shape[::-1], stored.dtype)
+        raise _damaged(f"{array.GetNumberOfTuples()} values of {short_text(array.GetName())}")
     values[...] = (stored if stored.ndim == 1 else stored[:, channel]).reshape(values.shape)
     return Image(values, _world_from_index(image, is_cells=is_cells))
 
@@ -100,7 +91,7 @@ def _read(path: Path, host: Host) -> Any:
     # Of a truncated legacy file VTK only warns, and not its observers.
     is_damaged = bool(errors) or reader.GetErrorCode() != 0 or "Error reading" in window.GetOutput()
     if is_damaged or image is None or image.GetDimensions() == (0, 0, 0):
-        raise _damaged(path, None)
+        raise _damaged(None)
     if not is_legacy:
         _check_appended(path, image)
     return image
@@ -113,7 +104,7 @@ def _check_appended(path: Path, image: Any) -> None:
     """
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         if data.rfind(b"</VTKFile>") < 0:
-            raise _damaged(path, "a file that breaks off")
+            raise _damaged("a file that breaks off")
         plain = re.search(rb"<AppendedData[^<>]*encoding\s*=\s*[\"']raw[^<>]*>\s*_", data)
         if plain is None or b"compressor" in data[: plain.start()]:
             return
@@ -121,7 +112,7 @@ def _check_appended(path: Path, image: Any) -> None:
     fields = [each for part in (image.GetPointData(), image.GetCellData()) for each in _arrays(part)]
     expected = sum(each.GetNumberOfValues() * each.GetDataTypeSize() for each in fields)
     if found < expected:
-        raise _damaged(path, f"{max(found, 0)} bytes of values, of {expected}")
+        raise _damaged(f"{max(found, 0)} bytes of values, of {expected}")
 
 
 def _arrays(fields: Any) -> list[Any]:
@@ -138,10 +129,9 @@ def _num_bytes(reader: Any) -> int:
     return 9 * 8 * num_points * num_arrays
 
 
-def _damaged(path: Path, got: str | None) -> InputError:
+def _damaged(got: str | None) -> InputError:
     return InputError(
         "this VTK file is damaged, or holds no image",
-        where=str(path),
         got=got,
         expected="image data (STRUCTURED_POINTS in legacy files) with values at its points or in its cells",
         hint="grids of other kinds are resampled to an image first, for instance in ParaView",

@@ -4,7 +4,7 @@ In: YAML text or a parsed tree. Out: `Scene`, or one `SceneError` that lists eve
 Its field types also check sidecars and golden records. Importing it imports no numpy, so that `hsplat check` is fast.
 
 - `scene_file.py` reads a scene file, applies `--set` and other options, and locates problems; `input_file.py` bounds
-  what is read; `yaml_tree.py` keeps line and column of each key.
+  what is read; `yaml_tree.py` keeps line and column of each key; `json_tree.py` reads JSON.
 - `spec.py` has the frozen `Scene`, from plain data and back; each section's keys, types, defaults and checks are in
   `volume_section.py`, `transfer_section.py`, `camera_section.py`, `error_section.py` (with `MetricTarget`, an accuracy
   to reach, such as psnr=38), `splat_section.py` and `output_section.py`.

@@ -1,6 +1,7 @@
 from .camera_section import (
     FRAME_NUMBER_FIELD as FRAME_NUMBER_FIELD,
     MAX_FRAMES as MAX_FRAMES,
+    CameraPath as CameraPath,
     CameraSpec as CameraSpec,
     Keyframe as Keyframe,
     KeyframePath as KeyframePath,
@@ -35,6 +36,7 @@ from .input_file import (
     read_content as read_content,
     read_json_object as read_json_object,
 )
+from .json_tree import is_shallow as is_shallow, load_json_object as load_json_object
 from .limits import (
     camera_problems as camera_problems,
     raise_problems as raise_problems,
@@ -42,11 +44,14 @@ from .limits import (
     volume_problems as volume_problems,
 )
 from .message_text import (
+    counted as counted,
     did_you_mean as did_you_mean,
+    first_few as first_few,
     format_value as format_value,
     join_keys as join_keys,
     join_some as join_some,
     join_words as join_words,
+    pluralize_range as pluralize_range,
     short_text as short_text,
 )
 from .output_section import (
@@ -61,6 +66,7 @@ from .scene_file import (
     parse_scene_content as parse_scene_content,
 )
 from .schedule import (
+    accuracy_of as accuracy_of,
     is_film_wide_goal as is_film_wide_goal,
     min_tolerance as min_tolerance,
     schedule_from_tolerances as schedule_from_tolerances,
@@ -91,6 +97,7 @@ from .schema import (
     number_field as number_field,
     read_fields as read_fields,
     read_option as read_option,
+    required_keys as required_keys,
     section_field as section_field,
     sequence_field as sequence_field,
     valid_keys as valid_keys,

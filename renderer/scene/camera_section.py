@@ -54,7 +54,7 @@ Elevation = Annotated[float, schema.number_field(minimum=-90, maximum=90)]
 
 @dataclass(frozen=True)
 class TurntablePath:
-    """Azimuth `start + 360 f / frames`, constant elevation."""
+    """A path around the target: azimuth `start + 360 f / frames`, constant elevation."""
 
     type: ClassVar[str] = "turntable"
     frames: NumFrames
@@ -65,7 +65,7 @@ class TurntablePath:
 
 @dataclass(frozen=True)
 class RockerPath:
-    """Azimuth `start + swing / 2 * sin(2 pi f / frames)`: `swing` is the whole angle swept."""
+    """A path to and fro: azimuth `start + swing / 2 * sin(2 pi f / frames)`; `swing` is the whole angle swept."""
 
     type: ClassVar[str] = "rocker"
     frames: NumFrames
@@ -77,7 +77,7 @@ class RockerPath:
 
 @dataclass(frozen=True)
 class Keyframe:
-    """The camera at one frame; `zoom` magnifies the picture relative to the path's distance."""
+    """A camera at one frame; `zoom` magnifies the picture relative to the path's distance."""
 
     frame: Annotated[int, FRAME_NUMBER_FIELD]
     azimuth: Angle
@@ -92,7 +92,7 @@ _KEYS = schema.sequence_field(
 
 @dataclass(frozen=True)
 class KeyframePath:
-    """Keys in ascending frame order, eased between them, directions interpolated on the sphere."""
+    """A path through keys in ascending frame order, eased between them; directions are interpolated on the sphere."""
 
     type: ClassVar[str] = "keyframes"
     frames: NumFrames
@@ -161,7 +161,7 @@ _TARGET = schema.word_or({"visible": "visible"}, _POINT, _TARGET_WORDS)
 
 @dataclass(frozen=True)
 class CameraSpec:
-    """The camera and its path.
+    """A camera and its path.
 
     target: None is the centre of the volume, "visible" the centre of what is visible. distance: None fits the whole
         path in the frame. field_of_view: an orthographic camera shows `2 distance tan(field_of_view / 2)` world units

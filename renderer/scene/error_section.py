@@ -35,14 +35,14 @@ ByFrame = tuple[tuple[int, float], ...]
 
 @dataclass(frozen=True)
 class SplatBudget:
-    """The finest cut of at most this many cells, or bricks."""
+    """A goal: the finest cut of at most this many cells, or bricks."""
 
     by_frame: ByFrame
 
 
 @dataclass(frozen=True)
 class TimeBudget:
-    """The finest cut that this machine draws, rounds and encodes in this many seconds a frame."""
+    """A goal: the finest cut that this machine draws, rounds and encodes in this many seconds a frame."""
 
     by_frame: ByFrame
 
@@ -69,7 +69,7 @@ class MetricTarget:
 
 @dataclass(frozen=True)
 class ErrorSpec:
-    """The error schedule: a tolerance by frame or, with a `goal`, one that is found for it.
+    """An error schedule: a tolerance by frame or, with a `goal`, one that is found for it.
 
     goal: a `MetricTarget` asks for the coarsest tolerance, one for the whole film, that reaches it. finest_level: cells
         smaller than `2^finest_level` voxels are not drawn, whatever their error.

@@ -17,10 +17,9 @@ from typing import TYPE_CHECKING
 
 from renderer.errors import Problem, SceneError
 from renderer.scene.camera_section import CameraSpec, KeyframePath
-from renderer.scene.volume_section import FileSource, RawSource
+from renderer.scene.volume_section import FileSource, RawSource, VolumeSpec
 
 if TYPE_CHECKING:
-    from renderer.scene.spec import Scene
     from renderer.volume import Volume
 
 # Longest side of a voxel divided by its shortest.
@@ -35,7 +34,7 @@ MIN_PIXEL_VOXELS, MAX_PIXEL_RADII = 1e-6, 1e12
 
 @dataclass(frozen=True)
 class Extent:
-    """The place and the size of a volume, in world units.
+    """A volume's place and size, in world units.
 
     centre: its middle. radius: half its diagonal, as if its axes were at right angles. finest, coarsest: sides of a
         voxel.
@@ -58,21 +57,21 @@ def volume_extent(volume: Volume) -> Extent:
     return _extent(volume.shape_xyz, volume.spacing.tolist(), volume.centre.tolist())
 
 
-def proportion_problems(scene: Scene) -> Iterator[Problem]:
+def proportion_problems(volume: VolumeSpec, camera: CameraSpec, size: tuple[int, int]) -> Iterator[Problem]:
     """Yield the problems that a scene alone shows: of files with a header, only those of a spacing that the scene
-    gives."""
-    source = scene.volume.source
+    gives. `size`: of the picture."""
+    source = volume.source
     if isinstance(source, FileSource):
         if source.spacing is not None:
             yield from _ratio_problems(max(source.spacing) / min(source.spacing), "volume.spacing")
         return
-    first_end = scene.volume.crop or tuple((0, num) for num in source.shape)
+    first_end = volume.crop or tuple((0, num) for num in source.shape)
     shape = tuple(end - first for first, end in first_end)
     centre = tuple(0.5 * (first + end - 1) * side for (first, end), side in zip(first_end, source.spacing, strict=True))
     extent = _extent(shape, source.spacing, centre)
     name = "raw" if isinstance(source, RawSource) else "procedural"
     yield from volume_problems(extent, f"volume.{name}.spacing")
-    yield from camera_problems(scene.camera, scene.output.size, extent)
+    yield from camera_problems(camera, size, extent)
 
 
 def volume_problems(extent: Extent, path: str) -> Iterator[Problem]:

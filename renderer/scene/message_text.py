@@ -1,4 +1,4 @@
-"""Format values, keys and names for messages: on one line, printable, and of a readable length."""
+"""Format values, keys, names and counts for messages: on one line, printable, and of a readable length."""
 
 from __future__ import annotations
 
@@ -77,3 +77,20 @@ def did_you_mean(name: object, names: Iterable[str]) -> str | None:
     """Return a hint with the closest match among `names`, or None."""
     close = closest_match(name, names) if isinstance(name, str) else None
     return f"did you mean {close}?" if close else None
+
+
+def counted(num: int, one: str) -> str:
+    """Return `1 frame` or `2 frames`."""
+    return f"{num} {one if num == 1 else f'{one}s'}"
+
+
+def pluralize_range(nums: Sequence[int], one: str) -> str:
+    """Return `190 bricks`, or `1 to 3 bricks`, from the smallest to the largest."""
+    low, high = min(nums), max(nums)
+    return counted(high, one) if low == high else f"{low} to {counted(high, one)}"
+
+
+def first_few(items: Sequence[object], most: int, between: str = ", ") -> str:
+    """Return `a, b and 2 more`, with at most `most` of the items."""
+    more = f" and {len(items) - most} more" if len(items) > most else ""
+    return between.join(map(str, items[:most])) + more

@@ -56,7 +56,7 @@ _BACKGROUND = schema.word_or({"transparent": None}, COLOR_FIELD, COLOR_FIELD.exp
 
 @dataclass(frozen=True)
 class OutputSpec:
-    """The file that is written, the size of its frames, and its encoding.
+    """An output: the file that is written, the size of its frames, and its encoding.
 
     file: ends in .mp4 or .gif, or is a template of PNG frames such as `frames/{frame:04}.png` or, for one frame, a PNG.
         background: None is transparent (PNG, straight alpha). quality: 0 (smallest) to 10 (best), for MP4.

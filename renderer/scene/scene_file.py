@@ -58,7 +58,7 @@ def parse_scene_content(
     return editor.parse(is_single_frame=is_single_frame)
 
 
-_SOURCES = ("file", "raw", "procedural")
+_SOURCES = ("file", "raw", "procedural", "array")
 
 
 # Where the value with a problem was written: in the file, by an option, which has this number, or unknown.
@@ -67,7 +67,7 @@ _Origin = yaml_tree.TextPosition | int | None
 
 @dataclass
 class SceneEditor:
-    """Changes a tree by command-line options, and remembers which option wrote what.
+    """An editor that changes a tree by command-line options, and remembers which option wrote what.
 
     Parameters
     ----------

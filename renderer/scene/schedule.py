@@ -41,6 +41,11 @@ def scheduled_value(by_frame: ByFrame, frame: int) -> float:
     return min(max(before * root * root, min(before, after)), max(before, after))
 
 
+def accuracy_of(error: ErrorSpec) -> ErrorSpec:
+    """Return the tolerance or the goal alone: what is requested of a film."""
+    return ErrorSpec(error.tolerance) if error.goal is None else ErrorSpec(goal=error.goal)
+
+
 def is_film_wide_goal(error: ErrorSpec) -> bool:
     """Return whether the goal concerns all frames together, so that a part of them cannot tell whether it is met."""
     return isinstance(error.goal, (MetricTarget, TimeBudget))

@@ -15,11 +15,11 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from renderer.errors import Problem, SceneError
+from renderer.errors import Problem
 from renderer.scene import schema
 from renderer.scene.camera_section import CAMERA_SECTION, CameraPath, CameraSpec, direction_field
 from renderer.scene.error_section import ERROR_SECTION, ErrorSpec, check_scheduled_frames, schedule_to_dict
-from renderer.scene.limits import proportion_problems
+from renderer.scene.limits import proportion_problems, raise_problems
 from renderer.scene.output_section import OUTPUT_SECTION, OutputSpec, check_frame_field
 from renderer.scene.splat_section import SPLAT_SECTION, SplatSpec, unused_splat_keys
 from renderer.scene.transfer_section import TRANSFER_FUNCTION_SECTION, ColormapSpec, TransferSpec
@@ -47,7 +47,7 @@ Fraction = Annotated[float, schema.number_field(minimum=0, maximum=1)]
 
 @dataclass(frozen=True)
 class ShadingSpec:
-    """View-independent Lambert shading; `light` points from the object to the light, in world axes."""
+    """A light: view-independent Lambert shading; `light` points from the object to the light, in world axes."""
 
     ambient: Fraction = 0.3
     diffuse: Fraction = 0.7
@@ -56,7 +56,7 @@ class ShadingSpec:
 
 @dataclass(frozen=True)
 class PyramidSpec:
-    """The quantities that a node averages, and the precision in which they are stored."""
+    """A choice of what a node averages, and of the precision in which it is stored."""
 
     average: Literal["extinction", "opacity"] = "extinction"
     precision: Literal["half", "single"] = "half"
@@ -64,7 +64,7 @@ class PyramidSpec:
 
 @dataclass(frozen=True)
 class Scene:
-    """One job, complete. With `overlay`, the edges of the drawn cells are drawn over the picture."""
+    """A complete job. With `overlay`, the edges of the drawn cells are drawn over the picture."""
 
     volume: Annotated[VolumeSpec, VOLUME_SECTION]
     transfer_function: Annotated[TransferSpec, TRANSFER_FUNCTION_SECTION]
@@ -98,8 +98,9 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     if not is_single_frame:
         check_frame_field(node.child("output"), given)
     scene = Scene(**given)
-    if problems or (problems := list(proportion_problems(scene))):  # values are compared only if each is correct
-        raise SceneError(problems)
+    if not problems:  # values are compared only if each is correct
+        problems = list(proportion_problems(scene.volume, scene.camera, scene.output.size))
+    raise_problems(problems)
     return scene
 
 

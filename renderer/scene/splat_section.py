@@ -31,7 +31,7 @@ _PROFILE = schema.sequence_field(
 
 @dataclass(frozen=True)
 class SplatSpec:
-    """The primitive that is drawn, and its parameters.
+    """A primitive to draw, and its parameters.
 
     footprint: `integrated`, the default of a scene, integrates the field through bricks of cells in their exact order
         and has no other settings; a section that sets anything asks for splats. sigma: the standard deviation of the

@@ -79,7 +79,7 @@ COLORMAP_FIELD = schema.FieldType("a name such as viridis, gray, cividis_r or cr
 
 @dataclass(frozen=True)
 class ControlPoint:
-    """Colour and opacity (in [0, 1], per `TransferSpec.unit`) at a scalar value, in data units."""
+    """A colour and an opacity (in [0, 1], per `TransferSpec.unit`) at a scalar value, in data units."""
 
     value: Annotated[float, _NUMBER]
     color: Annotated[Color, COLOR_FIELD]
@@ -97,7 +97,7 @@ class ColormapSpec:
 
 @dataclass(frozen=True)
 class TransferSpec:
-    """Scalar to colour and extinction: either control points, values not descending, or a colormap.
+    """A map from scalar to colour and extinction: control points, values not descending, or a colormap.
 
     `unit` is the world length that opacities refer to; None means the volume's finest spacing.
     """

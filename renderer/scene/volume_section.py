@@ -129,7 +129,7 @@ class FileSource:
 
 @dataclass(frozen=True)
 class RawSource:
-    """Headerless voxels, x fastest; `dtype` is a numpy name without byte order, `offset` the bytes to skip."""
+    """A file of headerless voxels, x fastest; `dtype`: a numpy name without byte order; `offset`: bytes to skip."""
 
     file: Annotated[Path, _file_field("a file of voxels without a header", folder=False)]
     shape: Shape
@@ -151,7 +151,7 @@ class ProceduralSource:
 
 @dataclass(frozen=True, eq=False)
 class ArraySource:
-    """Voxels in memory, of a scene that is made in Python: a numpy array [z, y, x], which is never written to."""
+    """An array of voxels in memory, of a scene made in Python: numpy [z, y, x], which is never written to."""
 
     name: ClassVar[str] = "the array"  # in messages
     values: Any
@@ -165,7 +165,7 @@ class ArraySource:
 
 @dataclass(frozen=True)
 class VolumeSpec:
-    """The source of the voxels and the part to use; `crop` holds half-open voxel ranges (first, one past the last)
+    """A source of voxels and the part to use; `crop` holds half-open voxel ranges (first, one past the last)
     for x, y, z."""
 
     source: FileSource | RawSource | ProceduralSource | ArraySource
@@ -215,7 +215,7 @@ def _check_raw(node: TreeNode, given: dict[str, Any]) -> None:
     node.child("file").reject("wrong size", got=f"{found} bytes", expected=f"{expected} bytes: {voxels}", hint=hint)
 
 
-_ARRAY_HINT = "an array in memory, of a film that was made in Python: save it with numpy.save, and name that file"
+_ARRAY_HINT = "an array in memory, of a film that was made in Python: save it with numpy.save, name it by --volume"
 _SOURCES: dict[str, schema.FieldType[Any]] = {
     "file": _file_field("a file such as NRRD, NIfTI, TIFF, DICOM or .npy, or a folder with one volume", folder=True),
     "raw": schema.dataclass_field(RawSource, _check_raw),

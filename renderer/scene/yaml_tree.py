@@ -39,7 +39,7 @@ class TextPosition(NamedTuple):
 
 
 class SourceLocation(NamedTuple):
-    """The positions where a key and its value begin.
+    """A pair of positions, where a key and its value begin.
 
     A list item has no key, so both are the position of the item. A mapping or list in block style is located at its
     key.
@@ -51,7 +51,7 @@ class SourceLocation(NamedTuple):
 
 @dataclass
 class YamlTree:
-    """Plain data, the locations of its dotted paths, and the problems that did not prevent reading."""
+    """A tree of plain data, the locations of its dotted paths, and the problems that did not prevent reading."""
 
     data: Any = None
     locations: dict[str, SourceLocation] = field(default_factory=dict)
@@ -59,7 +59,7 @@ class YamlTree:
 
 
 class NotYamlError(Exception):
-    """Raised for text that cannot be parsed at all: what is wrong, where if known, and a hint."""
+    """An error of text that cannot be parsed at all: what is wrong, where if known, and a hint."""
 
     def __init__(self, what: str, mark: TextPosition | None = None, hint: str | None = None) -> None:
         self.what, self.mark, self.hint = what, mark, hint
@@ -115,7 +115,7 @@ def parse_yaml(text: str) -> YamlTree:
 
 
 class _Loader(yaml.SafeLoader):
-    """Composes nodes of limited number and depth with the scalars of YAML 1.2; constructs nothing."""
+    """A loader that composes nodes, limited in number and depth, with scalars of YAML 1.2; it constructs nothing."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  (PyYAML's name; it is filled in below)
 
@@ -149,7 +149,7 @@ for _name, _pattern, _first in (
 
 
 class _Builder(YamlTree):
-    """Turns nodes into data, and follows anchors within the limits."""
+    """A builder that turns nodes into data, and follows anchors within the limits."""
 
     num_nodes = 0
 

@@ -21,8 +21,7 @@ from renderer.compiled import jit
 from renderer.errors import RenderError
 from renderer.pyramid import Cut
 from renderer.scene import SplatSpec
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Float32, Float64, Int32, Int64, UInt8
 
 # The Gaussian footprint ends at this many standard deviations. About 0.2 % of it lie outside.
 GAUSSIAN_CUTOFF = 3.2
@@ -71,7 +70,7 @@ class GaussianFootprint:
 
 @dataclass(frozen=True)
 class GouraudFootprint:
-    """The paper's footprint: triangles around a centre, linear weights (Laur and Hanrahan 1991, section 4).
+    """A footprint as in the paper: triangles around a centre, linear weights (Laur and Hanrahan 1991, section 4).
 
     vertices: float64 [v, 2], in standard deviations; vertex 0 is the centre.
     weights: float64 [v], footprint weight at each vertex; linear in the triangles, they integrate to 1.
@@ -84,7 +83,7 @@ class GouraudFootprint:
 
     vertices: Float64
     weights: Float64
-    triangles: npt.NDArray[np.int32]
+    triangles: Int32
     min_sigma_px: float = 0.85
 
     @property
@@ -95,7 +94,7 @@ class GouraudFootprint:
 
 @dataclass(frozen=True)
 class SplatBatch:
-    """Splats in the order of their cut.
+    """A batch of splats, in the order of their cut.
 
     vertices: float32 [n, 8], in the layout of the device: centre [3] in model units and world axes; optical areas [4],
         (tau c V, tau V) in model units squared, the integral of the footprint; and the index of the shape.
@@ -106,7 +105,7 @@ class SplatBatch:
     footprint: gaussian or gouraud.
     """
 
-    vertices: npt.NDArray[np.float32]
+    vertices: Float32
     axes: Float64
     origin: Float64
     model_unit: float
@@ -128,7 +127,7 @@ class SplatBatch:
         return len(self.vertices)
 
     @property
-    def centers(self) -> npt.NDArray[np.float32]:
+    def centers(self) -> Float32:
         """Return the centres, float32 [n, 3]: a part of the vertices."""
         return self.vertices[:, :3]
 
@@ -138,7 +137,7 @@ def make_splats(cut: Cut, spec: SplatSpec) -> SplatBatch:
     volume = cut.volume
     edges = volume.world_from_index[:3, :3]
     shape = np.array(volume.shape_xyz)
-    length = 0.5 * float(np.linalg.norm(edges * shape))
+    length = volume.half_diagonal
     # Depths are over the finest spacing; a cell of n voxels has the optical area depth / spacing * n * voxel volume.
     area_unit = volume.voxel_volume / volume.finest_spacing / length**2
     codes = _shape_codes(cut)
@@ -165,14 +164,14 @@ def make_splats(cut: Cut, spec: SplatSpec) -> SplatBatch:
 
 @jit
 def _fill_vertices(
-    levels: npt.NDArray[np.uint8],
-    cells: npt.NDArray[np.int32],
-    depths: npt.NDArray[np.float32],
-    shapes: npt.NDArray[np.uint8],
+    levels: UInt8,
+    cells: Int32,
+    depths: Float32,
+    shapes: UInt8,
     shift_of_shape: Float64,
     model_from_index: Float64,
     area_of_shape: Float64,
-    vertices: npt.NDArray[np.float32],
+    vertices: Float32,
 ) -> None:
     """Write SplatBatch.vertices of every cell.
 
@@ -203,7 +202,7 @@ def _shape_codes(cut: Cut) -> npt.NDArray[np.uint16]:
     return np.asarray(codes, np.uint16)
 
 
-def _extents_of_codes(codes: npt.NDArray[np.int64], shape: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def _extents_of_codes(codes: Int64, shape: Int64) -> Int64:
     """Return the numbers of voxels along x, y, z of the cells with these codes: int64 [m, 3]."""
     sides = 1 << (codes[:, None] >> 3)
     is_cut = (codes[:, None] >> np.arange(3)) & 1 == 1
@@ -225,7 +224,7 @@ def make_footprint(spec: SplatSpec) -> GaussianFootprint | GouraudFootprint:
     return GouraudFootprint(vertices * scale, weights / (mass * scale**2), triangles)
 
 
-def _triangulate_disc(angular: int, radial: int) -> npt.NDArray[np.int32]:
+def _triangulate_disc(angular: int, radial: int) -> Int32:
     """Return the triangles of a centre (vertex 0) and `radial` rings of `angular` vertices: int32 [n, 3]."""
     this = np.arange(angular)
     after = (this + 1) % angular
@@ -237,7 +236,7 @@ def _triangulate_disc(angular: int, radial: int) -> npt.NDArray[np.int32]:
     return np.concatenate(triangles).astype(np.int32)
 
 
-def _moments(vertices: Float64, weights: Float64, triangles: npt.NDArray[np.int32]) -> tuple[float, float]:
+def _moments(vertices: Float64, weights: Float64, triangles: Int32) -> tuple[float, float]:
     """Return the integral of the piecewise linear weight, and its variance along an axis times that integral.
 
     The quadrature rule with the centroid and three more points is exact for the cubic integrand (Strang and Fix 1973).

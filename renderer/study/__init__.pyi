@@ -1,10 +1,6 @@
 from .comparison import (
     COMPARISON_METRICS as COMPARISON_METRICS,
-    STRICTNESS_LEVELS as STRICTNESS_LEVELS,
     FrameDifference as FrameDifference,
-    Limits as Limits,
-    exceeded_limits as exceeded_limits,
-    severity as severity,
 )
 from .metrics import (
     METRICS as METRICS,
@@ -24,14 +20,15 @@ from .pareto import (
     find_regressions as find_regressions,
     pareto_front as pareto_front,
 )
-from .plan import (
-    BEST_EFFORT_HINT as BEST_EFFORT_HINT,
-    FilmPlan as FilmPlan,
-    make_plan as make_plan,
-    unreachable_accuracy_error as unreachable_accuracy_error,
+from .strictness import (
+    STRICTNESSES as STRICTNESSES,
+    Limits as Limits,
+    exceeded_limits as exceeded_limits,
+    severity as severity,
 )
 from .sweep import (
     FRAME_STAGES as FRAME_STAGES,
+    FirstPass as FirstPass,
     FrameMeasurement as FrameMeasurement,
     Measurement as Measurement,
     PlannedSetting as PlannedSetting,

@@ -1,29 +1,27 @@
 """Compare a picture of 8 bits with its golden frame: the metrics, their limits, and what exceeds them.
 
-Most metrics are in levels, of which a channel has 255. If a picture has alpha, a colour is weighted by its opacity, in
-the more opaque of both pictures, and alpha is a channel beside the colours. Premultiplied colours would count a change
-of alpha twice: a colour and an alpha that are each rounded by one level differently would differ by up to two.
+Most metrics are in grey steps, of which a channel has 255. If a picture has alpha, a colour is weighted by its opacity,
+in the more opaque of both pictures, and alpha is a channel beside the colours. Premultiplied colours would count a
+change of alpha twice: a colour and an alpha that are each rounded by one step differently would differ by up to two.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.study.metrics import REACH_PX, SSIM_WINDOW_PX, Metric, metric_map
+from renderer.volume import Array, Float32, Int32
 
 Pixels = npt.NDArray[np.uint8]
-Limits = Mapping[str, float]  # by the name of the metric
 
 WINDOW_PX = 8
 
-_UNITS_PER_LEVEL = 255  # errors are exact in 255ths of a level: a level at an opacity of 1
+_UNITS_PER_STEP = 255  # errors are exact in 255ths of a step: a step at an opacity of 1
 # Perceptual metrics are computed in squares of this size: all of a large picture would take gigabytes.
 _BLOCK_PX = 256
 
@@ -33,20 +31,20 @@ _Block = tuple[slice, slice]
 COMPARISON_METRICS = {
     metric.name: metric
     for metric in (
-        Metric("largest", "largest error of a channel", "levels"),
-        Metric("p99", "99th percentile of the pixels' largest errors", "levels"),
+        Metric("largest", "largest error of a channel", "steps"),
+        Metric("p99", "99th percentile of the pixels' largest errors", "steps"),
         Metric("flip", "mean FLIP"),
         Metric("ssim", "mean SSIM", higher_is_better=True),
         Metric(
-            "densest", f"mean error of a channel in the densest window of {WINDOW_PX} x {WINDOW_PX} pixels", "levels"
+            "densest", f"mean error of a channel in the densest window of {WINDOW_PX} x {WINDOW_PX} pixels", "steps"
         ),
-        Metric("bias", "mean signed error of the most shifted channel", "levels"),
+        Metric("bias", "mean signed error of the most shifted channel", "steps"),
     )
 }
 
 
 class FrameDifference:
-    """The difference of a picture, `actual`, from another of the same shape.
+    """A difference of a picture, `actual`, from another of the same shape.
 
     Both are uint8 [h, w, 3] or, with straight alpha, [h, w, 4].
     """
@@ -57,17 +55,17 @@ class FrameDifference:
         self._signed_errors = _signed_errors_in_255ths(golden, actual)
 
     @property
-    def signed_levels(self) -> npt.NDArray[np.float32]:
-        """Return float32 [h, w]: the signed error of each pixel's worst channel, actual minus golden, in levels."""
+    def signed_steps(self) -> Float32:
+        """Return float32 [h, w]: the signed error of each pixel's worst channel, actual minus golden, in steps."""
         largest = np.abs(self._signed_errors).argmax(axis=2)[..., None]
-        levels = np.take_along_axis(self._signed_errors, largest, axis=2)[..., 0].astype(np.float32)
-        levels /= _UNITS_PER_LEVEL
-        return levels
+        steps = np.take_along_axis(self._signed_errors, largest, axis=2)[..., 0].astype(np.float32)
+        steps /= _UNITS_PER_STEP
+        return steps
 
     @property
     def bias(self) -> tuple[float, ...]:
-        """Return the mean signed error of each channel, actual minus golden, in levels."""
-        return tuple((self._signed_errors.mean(axis=(0, 1)) / _UNITS_PER_LEVEL).tolist())
+        """Return the mean signed error of each channel, actual minus golden, in steps."""
+        return tuple((self._signed_errors.mean(axis=(0, 1)) / _UNITS_PER_STEP).tolist())
 
     def metrics(self, names: Iterable[str]) -> dict[str, float]:
         """Compute these of COMPARISON_METRICS, in their order; without SSIM if a picture is smaller than its window.
@@ -88,12 +86,12 @@ class FrameDifference:
         return {name: value for name, value in found.items() if not math.isnan(value)}
 
     def largest(self) -> float:
-        """Return the largest error over all pixels and channels, in levels."""
-        return max(int(self._signed_errors.max()), -int(self._signed_errors.min())) / _UNITS_PER_LEVEL
+        """Return the largest error over all pixels and channels, in steps."""
+        return max(int(self._signed_errors.max()), -int(self._signed_errors.min())) / _UNITS_PER_STEP
 
     def p99(self) -> float:
-        """Return the 99th percentile of the error of each pixel's worst channel, in levels."""
-        return float(np.percentile(np.abs(self._signed_errors).max(axis=2), 99)) / _UNITS_PER_LEVEL
+        """Return the 99th percentile of the error of each pixel's worst channel, in steps."""
+        return float(np.percentile(np.abs(self._signed_errors).max(axis=2), 99)) / _UNITS_PER_STEP
 
     def densest(self) -> float:
         """Return the largest mean error of a channel in a square of WINDOW_PX pixels, or what fits of it.
@@ -103,7 +101,7 @@ class FrameDifference:
         errors = np.abs(self._signed_errors)
         sums = [_largest_window_sum(errors[..., channel]) for channel in range(errors.shape[2])]
         height, width = (min(WINDOW_PX, length) for length in errors.shape[:2])
-        return float(max(sums) / (_UNITS_PER_LEVEL * height * width))
+        return float(max(sums) / (_UNITS_PER_STEP * height * width))
 
     def perceptual_metric(self, name: str) -> float:
         """Return SSIM or FLIP of the pictures; of transparent ones over black or white, whichever is worse."""
@@ -120,95 +118,26 @@ class FrameDifference:
         return float(abs(perfect - max(errors) / (height * width)))
 
 
-@dataclass(frozen=True)
-class Strictness:
-    """A named set of limits. purpose: when to use it, in one sentence."""
-
-    name: str
-    purpose: str
-    limits: Limits
-
-
-# docs/benchmarks/goldens.md has each metric beside changes that must pass and defects that must not, in frames of
-# eleven kinds with splats and of ten with bricks. At `same-machine` must pass: other numbers of threads and vectors of
-# 128 to 512 bits, which change nothing, and one value in a thousand rounded differently: densest 0.047, FLIP 0.0003,
-# bias 0.0008. At `cross-driver`, with splats: softpipe, Mesa of 2021 and of 2025, zink, a processor without AVX, which
-# stay at 1 level and densest 0.02, except that softpipe draws a splat that the near plane cuts 4 levels off, with 0.66;
-# with bricks: llvmpipe, softpipe and a processor without AVX, which change nothing, and rays moved by 0.0001 pixels: 2
-# levels, densest 0.05; with both: one value in five rounded differently: densest 0.45, FLIP 0.009, bias 0.10. Others
-# have seen up to 3 levels between processors. Limits that are not whole numbers leave a factor of at least 1.29. In
-# return, a change of a pixel by 2 levels always fails at `same-machine`; the page lists what levels cannot see, too.
-STRICTNESS_LEVELS = {
-    level.name: level
-    for level in (
-        Strictness(
-            "exact",
-            "the same picture, but for colours at an alpha of 0: one program, one driver, one kind of processor",
-            {"largest": 0.0},
-        ),
-        Strictness(
-            "same-machine",
-            "one driver and one kind of processor: here and there another rounding, by one level",
-            {"largest": 1.0, "p99": 0.0, "flip": 0.001, "densest": 0.1, "bias": 0.01},
-        ),
-        Strictness(
-            "cross-driver",
-            "another driver, version or processor: small differences everywhere, and no more than that",
-            {"largest": 5.0, "p99": 1.0, "flip": 0.012, "densest": 0.85, "bias": 0.15},
-        ),
-    )
-}
-
-
-def exceeded_limits(values: Mapping[str, float], limits: Limits) -> list[str]:
-    """Return the names of the metrics that are not within their limits, in the order of COMPARISON_METRICS."""
-    return [
-        name
-        for name, metric in COMPARISON_METRICS.items()
-        if name in values and name in limits and not metric.passes(values[name], limits[name])
-    ]
-
-
-# The unit of an error whose limit allows nothing: a level, and about its equivalent for the eye.
-_UNIT_ERRORS = {"levels": 1.0, "": 0.01}
-
-
-def severity(values: Mapping[str, float], limits: Limits) -> float:
-    """Return the largest ratio of an error to what its limit allows.
-
-    If a limit allows nothing, an error of n levels, or n hundredths of FLIP and SSIM, counts as 1 + n: it exceeds the
-    limit, but by no more than what is further off in another metric.
-    """
-    return max((_share(name, values[name], limit) for name, limit in limits.items() if name in values), default=0.0)
-
-
-def _share(name: str, value: float, limit: float) -> float:
-    error, allowed = (1 - value, 1 - limit) if COMPARISON_METRICS[name].higher_is_better else (value, limit)
-    if error <= 0:
-        return 0.0
-    return error / allowed if allowed > 0 else 1 + error / _UNIT_ERRORS[COMPARISON_METRICS[name].unit]
-
-
-def _signed_errors_in_255ths(golden: Pixels, actual: Pixels) -> npt.NDArray[np.int32]:
-    """Return actual minus golden, [h, w, 3 or 4], in 255ths of a level, which are exact."""
+def _signed_errors_in_255ths(golden: Pixels, actual: Pixels) -> Int32:
+    """Return actual minus golden, [h, w, 3 or 4], in 255ths of a step, which are exact."""
     errors = actual.astype(np.int32) - golden
     if golden.shape[2] == 4:
         errors[..., :3] *= np.maximum(golden[..., 3:], actual[..., 3:])
-        errors[..., 3] *= _UNITS_PER_LEVEL
+        errors[..., 3] *= _UNITS_PER_STEP
     else:
-        errors *= _UNITS_PER_LEVEL
+        errors *= _UNITS_PER_STEP
     return errors
 
 
-def _largest_window_sum(errors: npt.NDArray[np.int32]) -> int:
+def _largest_window_sum(errors: Int32) -> int:
     """Return the largest sum of errors [h, w] >= 0 in a square of WINDOW_PX pixels, or what fits of it."""
     return int(_sums_down(_sums_down(errors).T).max())
 
 
-def _sums_down(values: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+def _sums_down(values: Int32) -> Int32:
     """Return the sums over every WINDOW_PX rows, or over all rows of fewer. Sums of both axes stay below 2^23."""
     num = min(WINDOW_PX, len(values))
-    sums: npt.NDArray[np.int32] = values[: len(values) - num + 1].copy()
+    sums: Int32 = values[: len(values) - num + 1].copy()
     for first in range(1, num):
         sums += values[first : first + len(sums)]
     return sums
@@ -223,8 +152,8 @@ def _blocks(height: int, width: int) -> Iterator[tuple[_Block, _Block]]:
             yield around, (slice(top - y, top - y + _BLOCK_PX), slice(left - x, left - x + _BLOCK_PX))
 
 
-def _over(image: Pixels, ground: float) -> npt.NDArray[Any]:
-    """Composite over a grey level; return float64 [h, w, 3] in [0, 1]."""
+def _over(image: Pixels, ground: float) -> Array:
+    """Composite over a grey; return float64 [h, w, 3] in [0, 1]."""
     values = image / 255
     if image.shape[2] == 3:
         return values

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,9 @@ import numpy.typing as npt
 from renderer.errors import require_package
 from renderer.film import require_finite
 from renderer.scene import Color
+from renderer.volume import Bools
 
 FloatImage = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 _Map = npt.NDArray[Any]
 # Of a picture against the truth over some pixels, by the names of METRICS; NaN where a metric is undefined.
 ErrorMetrics = Mapping[str, float]
@@ -40,7 +41,7 @@ REACH_PX = 10
 class Metric:
     """A number that says how much two images differ.
 
-    name: in options, files and reports. label: in words. unit: "dB", "levels" or "".
+    name: in options, files and reports. label: in words. unit: "dB", "steps" or "".
     higher_is_better: its limit is the least value that passes, not the most.
     """
 
@@ -56,7 +57,7 @@ class Metric:
 
 @dataclass(frozen=True)
 class Accuracy:
-    """The metrics over all pixels, and over those in which the truth shows anything of the volume."""
+    """A picture's metrics over all pixels, and over those in which the truth shows anything of the volume."""
 
     everywhere: ErrorMetrics
     on_volume: ErrorMetrics
@@ -77,7 +78,7 @@ def over_background(radiance: npt.NDArray[np.floating[Any]], background: Color |
     return np.clip(picture, 0, 1, out=picture)
 
 
-def measure_accuracy(picture: FloatImage, truth: FloatImage, on_volume: Mask) -> Accuracy:
+def measure_accuracy(picture: FloatImage, truth: FloatImage, on_volume: Bools) -> Accuracy:
     """Compute all metrics, over all pixels and over those of a mask.
 
     picture, truth: float [h, w, 3] in [0, 1], sRGB where a metric models the eye. on_volume: bool [h, w]; metrics over
@@ -223,10 +224,6 @@ def _psnr_of(rmse: float) -> float:
     return -20 * math.log10(rmse) if rmse != 0 else math.inf
 
 
-def _99th_percentile(values: _Map) -> float:
-    return float(np.percentile(values, 99))
-
-
 def _noticeable_share(values: _Map) -> float:
     return float(np.mean(values > NOTICEABLE_DELTA_E))
 
@@ -244,7 +241,7 @@ _TABLE = (
     (Metric("psnr", "PSNR", "dB", higher_is_better=True), _error_map, _psnr),
     (Metric("ssim", "SSIM", higher_is_better=True), _ssim_map, np.mean),
     (Metric("flip", "FLIP"), _flip_map, np.mean),
-    (Metric("flip_p99", "FLIP, 99th percentile"), _flip_map, _99th_percentile),
+    (Metric("flip_p99", "FLIP, 99th percentile"), _flip_map, partial(np.percentile, q=99)),
     (Metric("delta_e_share", "pixels with Delta-E over 2.3"), _delta_e_map, _noticeable_share),
 )
 METRICS = {metric.name: metric for metric, _, _ in _TABLE}

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 
 class Cost(NamedTuple):
-    """The cost at which a PSNR is reached, infinite if it is not.
+    """A cost at which a PSNR is reached, infinite if it is not.
 
     is_bound: the cheapest setting measured is already more exact, and the true cost may be lower.
     """

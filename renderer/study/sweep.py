@@ -8,27 +8,29 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import product
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.frame import Clock, Rasterizer, Stage, make_primitive, render_frames
 from renderer.scene import ErrorSpec, Scene, SplatSpec, with_tolerance
-from renderer.study.metrics import Accuracy, measure_accuracy, over_background, pool_accuracies
+from renderer.study.metrics import Accuracy, FloatImage, measure_accuracy, over_background, pool_accuracies
 from renderer.study.thumbnails import difference_thumbnail, thumbnail
 from renderer.study.tolerance_search import spread_tolerances
 from renderer.study.truths import Truth
+from renderer.volume import UInt8
 
 # The number of tolerances of a series, unless they are given.
 _MAX_TOLERANCES = 10
 # Seconds on a software renderer with two cores. Only ratios matter, for the time remaining.
-_PER_SPLAT, _PER_TRIANGLE, _PER_SAMPLE, _PER_PICTURE = 1e-6, 1.2e-7, 1e-7, 0.4
+_PER_CELL, _PER_TRIANGLE, _PER_SAMPLE, _PER_PICTURE = 1e-6, 1.2e-7, 1e-7, 0.4
 # Stages that are timed once a frame, and once a cut.
 FRAME_STAGES = ("order", "draw", "quantize")
-_CUT_STAGES = ("cut", "splats")
+_CUT_STAGES = ("cut", "primitives")
 # After this time a setting is not drawn again.
 _REPEAT_LIMIT_S = 4.0
 
@@ -37,7 +39,7 @@ Seconds = Mapping[str, float]  # by stage
 
 
 class MemoryMeter(Protocol):
-    """Measures the peak memory of the process since the last reset, if the system knows it.
+    """A meter of the peak memory of the process since the last reset, if the system knows it.
 
     trim: return freed memory to the system.
     """
@@ -49,7 +51,7 @@ class MemoryMeter(Protocol):
 
 @dataclass(frozen=True)
 class Setting:
-    """The parameters of one measurement: a point of a series.
+    """A point of a series: the parameters of one measurement.
 
     series: the curve, such as "gaussian, optical", "gouraud 8x3, rms, uncorrected", "vtk gpu".
     label: the point, such as "tolerance 0.1", "step 0.5".
@@ -63,14 +65,14 @@ class Setting:
 
 @dataclass(frozen=True)
 class FrameMeasurement:
-    """What was measured of one frame at one setting.
+    """A record of what was measured of one frame at one setting.
 
-    num_splats: those that the frame can show; None for a peer, and for bricks, which do not compare with splats.
+    num_primitives: splats or bricks that the frame can show; None for a peer.
     seconds: by stage, one for each warm repetition.
     """
 
     frame: int
-    num_splats: int | None
+    num_primitives: int | None
     seconds: Mapping[str, tuple[float, ...]]
     accuracy: Accuracy
 
@@ -82,7 +84,7 @@ class FrameMeasurement:
 
 @dataclass(frozen=True)
 class Measurement:
-    """What was measured of one setting, frame by frame.
+    """A record of what was measured of one setting, frame by frame.
 
     num_cells: cells or bricks in the cut; None for a peer.
     pyramid_seconds: the time to build the pyramid and bricks, once; None for a peer.
@@ -100,8 +102,8 @@ class Measurement:
     frames: tuple[FrameMeasurement, ...]
     overall: Accuracy
     peak_bytes: int | None
-    picture: npt.NDArray[np.uint8]
-    difference: npt.NDArray[np.uint8]
+    picture: UInt8
+    difference: UInt8
 
     @property
     def frame_seconds(self) -> float:
@@ -115,9 +117,9 @@ class Measurement:
         return float(low), float(high)
 
     @property
-    def num_splats(self) -> float | None:
-        """Return the mean number over the frames; None if no frame has one."""
-        counts = [sample.num_splats for sample in self.frames if sample.num_splats is not None]
+    def num_primitives(self) -> float | None:
+        """Return the mean number of splats or bricks over the frames; None for a peer."""
+        counts = [sample.num_primitives for sample in self.frames if sample.num_primitives is not None]
         return statistics.fmean(counts) if counts else None
 
     @property
@@ -130,12 +132,7 @@ def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
     footprint = f"gouraud {splat.angular}x{splat.radial}" if splat.footprint == "gouraud" else splat.footprint
     measure = error.measure if error.of == "classified" else f"{error.measure} of {error.of}"
     tolerance = error.tolerance[0][1]
-    options: dict[str, str | float | bool] = {
-        "tool": "hsplat",
-        "tolerance": tolerance,
-        "footprint": footprint,
-        "measure": measure,
-    }
+    options: dict[str, Any] = {"tool": "hsplat", "tolerance": tolerance, "footprint": footprint, "measure": measure}
     words = [footprint, measure]
     if splat.footprint != "integrated":
         words += [] if splat.opacity_correction else ["uncorrected"]
@@ -143,47 +140,60 @@ def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
     return Setting(", ".join(words), f"tolerance {tolerance:g}", options)
 
 
+class FirstPass:
+    """A first pass over the frames of a setting: what its pictures tell, one added after the other."""
+
+    def __init__(self, truths: Sequence[Truth]) -> None:
+        self._truths = truths
+        self._accuracies: list[Accuracy] = []
+        self._thumbnails: tuple[UInt8, ...] = ()
+
+    def add(self, picture: FloatImage) -> None:
+        """Compare the picture of the next frame, float64 [h, w, 3], with its truth."""
+        truth = self._truths[len(self._accuracies)]
+        self._accuracies.append(measure_accuracy(picture, truth.picture, truth.on_volume))
+        if not self._thumbnails:
+            self._thumbnails = thumbnail(picture), difference_thumbnail(picture, truth.picture)
+
+    def measurement(
+        self,
+        nums_primitives: Sequence[int | None],
+        frame_seconds: Sequence[Mapping[str, tuple[float, ...]]],
+        **rest: Any,
+    ) -> Measurement:
+        """Return the record, with the number of primitives and the seconds of each frame. rest: its other fields."""
+        numbers = [truth.frame for truth in self._truths]
+        frames = tuple(map(FrameMeasurement, numbers, nums_primitives, frame_seconds, self._accuracies))
+        picture, difference = self._thumbnails
+        overall = pool_accuracies(self._accuracies)
+        return Measurement(frames=frames, overall=overall, picture=picture, difference=difference, **rest)
+
+
 def measure_setting(
     stage: Stage, truths: Sequence[Truth], rasterizer: Rasterizer, *, clock: Clock, memory: MemoryMeter, repeats: int
 ) -> Measurement:
-    """Measure the scene's constant tolerance and splats, on the frames of the truths."""
-    numbers = [truth.frame for truth in truths]
-    background = stage.scene.output.background
+    """Measure the scene's constant tolerance and footprint, on the frames of the truths."""
+    numbers, judged = [truth.frame for truth in truths], FirstPass(truths)
     peaks: list[int] = []
-    accuracies: list[Accuracy] = []
     counts: list[tuple[int, int]] = []
     first_pass: list[Seconds] = []
-    pictures = None
     memory.trim()
     memory.reset()
-    for frame, truth in zip(render_frames(stage, numbers, rasterizer, clock=clock), truths, strict=True):
+    for frame in render_frames(stage, numbers, rasterizer, clock=clock):
         peaks += [peak] if (peak := memory.peak_bytes()) is not None else []
-        picture = over_background(frame.radiance, background)
-        accuracies.append(measure_accuracy(picture, truth.picture, truth.on_volume))
-        pictures = pictures or (thumbnail(picture), difference_thumbnail(picture, truth.picture))
-        counts.append((frame.num_cells, frame.num_splats))
+        judged.add(over_background(frame.radiance, stage.scene.output.background))
+        counts.append((frame.num_cells, frame.num_primitives))
         first_pass.append(frame.seconds)
         memory.reset()
     passes = _timed_passes(stage, numbers, rasterizer, clock, repeats, first_pass)
-    assert pictures is not None, "no frames"
-    return Measurement(
+    return judged.measurement(
+        [num_primitives for _, num_primitives in counts],
+        [_repetitions(repetitions, FRAME_STAGES) for repetitions in zip(*passes, strict=True)],
         setting=splat_setting(stage.scene.error, stage.scene.splat),
         num_cells=counts[0][0],
         pyramid_seconds=stage.seconds["pyramid"],
         seconds=_repetitions([seconds[0] for seconds in passes], _CUT_STAGES),
-        frames=tuple(
-            FrameMeasurement(
-                truth.frame,
-                counts[i][1] if stage.bricks is None else None,
-                _repetitions([seconds[i] for seconds in passes], FRAME_STAGES),
-                accuracies[i],
-            )
-            for i, truth in enumerate(truths)
-        ),
-        overall=pool_accuracies(accuracies),
         peak_bytes=max(peaks, default=None),
-        picture=pictures[0],
-        difference=pictures[1],
     )
 
 
@@ -215,7 +225,7 @@ def _repetitions(repetitions: Sequence[Seconds], stages: Sequence[str]) -> dict[
 
 @dataclass(frozen=True)
 class PlannedSetting:
-    """One setting to measure: the scene with its constant tolerance and splats, and its work, as in Primitive."""
+    """A setting to measure: the scene with its constant tolerance and footprint, and its work, as in Primitive."""
 
     scene: Scene
     work: float
@@ -234,7 +244,7 @@ class PlannedSetting:
 
     def predicted_seconds(self, num_frames: int, repeats: int) -> float:
         """Estimate the time to measure it."""
-        splat, each = self.scene.splat, _PER_SPLAT
+        splat, each = self.scene.splat, _PER_CELL
         if splat.footprint == "gouraud":
             each += _PER_TRIANGLE * splat.angular * (2 * splat.radial - 1)
         elif splat.footprint == "integrated":
@@ -246,32 +256,30 @@ class PlannedSetting:
 
 def plan_sweep(
     scene: Scene,
-    stage_of: Callable[[Scene], Stage],
+    open_stage: Callable[[Scene], AbstractContextManager[Stage]],
     errors: Sequence[ErrorSpec],
     splats: Sequence[SplatSpec],
     tolerances: Sequence[float] | None,
-) -> list[PlannedSetting]:
-    """Plan every error measure, with all splats, at all tolerances, from coarse to fine.
+) -> list[list[PlannedSetting]]:
+    """Plan every error measure, with all footprints, at all tolerances, from coarse to fine; by pyramid.
 
-    stage_of: prepares a scene; called once for each measure, and once more for bricks.
+    open_stage: prepares a scene; called once for each measure, and once more for bricks.
     tolerances: None for a spread that suits each pyramid, including the scene's own first tolerance, if it has one.
     """
-    plan: list[PlannedSetting] = []
-    for error in errors:
-        splats_by_kind: dict[bool, list[SplatSpec]] = {}
-        for splat in splats:
-            splats_by_kind.setdefault(splat.footprint == "integrated", []).append(splat)
-        for alike in splats_by_kind.values():
-            base_scene = replace(scene, error=error, splat=alike[0])
-            is_own = (error.measure, error.of) == (scene.error.measure, scene.error.of) and scene.error.goal is None
-            works = _work_by_tolerance(
-                stage_of(base_scene), tolerances, scene.error.tolerance[0][1] if is_own else None
-            )
-            plan += [
-                PlannedSetting(with_tolerance(replace(base_scene, splat=splat), tolerance), work)
+    plan = []
+    own = scene.error
+    for error, kind in product(errors, dict.fromkeys(splat.primitive_name for splat in splats)):
+        alike = [splat for splat in splats if splat.primitive_name == kind]
+        is_own = (error.measure, error.of) == (own.measure, own.of) and own.goal is None
+        with open_stage(replace(scene, error=error, splat=alike[0])) as stage:
+            works = _work_by_tolerance(stage, tolerances, own.tolerance[0][1] if is_own else None)
+        plan.append(
+            [
+                PlannedSetting(with_tolerance(replace(scene, error=error, splat=splat), tolerance), work)
                 for splat in alike
                 for tolerance, work in works.items()
             ]
+        )
     return plan
 
 
@@ -289,11 +297,11 @@ def _work_by_tolerance(stage: Stage, tolerances: Sequence[float] | None, own: fl
 
 @dataclass(frozen=True)
 class Study:
-    """The results of one study.
+    """A study with its results.
 
     name: of the scene file. scene: with all defaults, from `scene_to_dict`. volume: name, fingerprint, dtype, shape.
-    machine: what the numbers depend on: processor, cores, system, driver, commit, versions; and `peer`, with name,
-        version and driver, if there is one.
+    machine: what the numbers depend on: processor, cores, system, device, commit, versions; and `peer`, with name,
+        version and device, if there is one.
     measurements: in the planned order; those of a peer last.
     notes: what a reader must know: where an error is not monotonic, what was left out, whether it was interrupted.
     """

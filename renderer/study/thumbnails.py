@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.study.metrics import FloatImage
+from renderer.volume import UInt8
 
 # The longest side of a thumbnail.
 THUMBNAIL_PX = 256
@@ -13,7 +13,7 @@ THUMBNAIL_PX = 256
 DIFFERENCE_GAIN = 8.0
 
 
-def thumbnail(picture: FloatImage) -> npt.NDArray[np.uint8]:
+def thumbnail(picture: FloatImage) -> UInt8:
     """Average square blocks of a picture in [0, 1]; return uint8 [h, w, 3], at most THUMBNAIL_PX wide and high."""
     height, width = picture.shape[:2]
     block = -(-max(height, width) // THUMBNAIL_PX)
@@ -22,12 +22,12 @@ def thumbnail(picture: FloatImage) -> npt.NDArray[np.uint8]:
     return _rounded(blocks.mean(axis=(1, 3)))
 
 
-def difference_thumbnail(picture: FloatImage, truth: FloatImage) -> npt.NDArray[np.uint8]:
+def difference_thumbnail(picture: FloatImage, truth: FloatImage) -> UInt8:
     """Return the thumbnail of the absolute difference, times DIFFERENCE_GAIN."""
     return thumbnail(_amplified(picture, truth))
 
 
-def difference_picture(picture: FloatImage, truth: FloatImage) -> npt.NDArray[np.uint8]:
+def difference_picture(picture: FloatImage, truth: FloatImage) -> UInt8:
     """Return the absolute difference, times DIFFERENCE_GAIN, at full size, uint8 [h, w, 3]."""
     return _rounded(_amplified(picture, truth))
 
@@ -36,5 +36,5 @@ def _amplified(picture: FloatImage, truth: FloatImage) -> FloatImage:
     return np.minimum(np.abs(picture - truth) * DIFFERENCE_GAIN, 1.0)
 
 
-def _rounded(picture: FloatImage) -> npt.NDArray[np.uint8]:
+def _rounded(picture: FloatImage) -> UInt8:
     return np.asarray(np.floor(picture * 255 + 0.5), np.uint8)

@@ -46,7 +46,7 @@ Work = Callable[[float], float]
 
 @dataclass(frozen=True)
 class Trial:
-    """One picture at a tolerance: the metric's value on a frame, and the number of cells in the cut."""
+    """A picture at a tolerance: the metric's value on a frame, and the number of cells in the cut."""
 
     tolerance: float
     frame: int
@@ -56,7 +56,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class ToleranceSearchResult:
-    """The result of a search for a tolerance.
+    """A result of a search for a tolerance.
 
     tolerance: the coarsest one that is good enough; None if not even 0 is.
     frames: all frames tried, ascending. worst: the worst of them at that tolerance, or at 0.
@@ -139,10 +139,7 @@ def _frames_to_try(
 
 
 def coarsest_tolerance(
-    is_good_on: Callable[[float, int], bool],
-    candidates: Sequence[float],
-    probes: Sequence[int],
-    checks: Sequence[int],
+    is_good_on: Callable[[float, int], bool], candidates: Sequence[float], probes: Sequence[int], checks: Sequence[int]
 ) -> float | None:
     """Return the coarsest tolerance that is good enough on the probes and then on the checks, or None.
 

@@ -9,10 +9,11 @@ from typing import TypeVar
 import numpy as np
 
 from renderer.frame import Clock, Rasterizer, Stage, render_frames, view_of
-from renderer.scene import KeyframePath, RockerPath, TurntablePath, with_tolerance
-from renderer.study.metrics import FloatImage, Mask, over_background
+from renderer.scene import CameraPath, KeyframePath, with_tolerance
+from renderer.study.metrics import FloatImage, over_background
 from renderer.transfer import make_transfer_function
 from renderer.truth import Convergence, Progress, converged_image
+from renderer.volume import Bools
 
 T = TypeVar("T")
 
@@ -25,7 +26,7 @@ _MIN_COVERED_OPACITY = 1 / 255
 
 @dataclass(frozen=True)
 class Truth:
-    """The converged ray integral of one frame.
+    """A truth: the converged ray integral of one frame.
 
     picture: float64 [h, w, 3], over the scene's background, clipped to [0, 1].
     on_volume: bool [h, w], where anything of the volume is visible.
@@ -34,7 +35,7 @@ class Truth:
 
     frame: int
     picture: FloatImage
-    on_volume: Mask
+    on_volume: Bools
     convergence: Convergence
     seconds: float = 0.0
 
@@ -45,7 +46,7 @@ class Truth:
 
 
 def compute_truth(
-    stage: Stage, frame: int, tolerance: float, *, num_threads: int = 2, on_progress: Progress | None = None
+    stage: Stage, frame: int, tolerance: float, *, num_threads: int = 2, on_progress: Progress = lambda _: None
 ) -> Truth:
     """Compute the truth of a frame to `tolerance` in every channel. Raises RenderError if it does not converge.
 
@@ -65,7 +66,7 @@ def compute_truth(
     return Truth(frame, over_background(image, scene.output.background), image[..., 3] > 0, convergence)
 
 
-def is_loop(path: TurntablePath | RockerPath | KeyframePath) -> bool:
+def is_loop(path: CameraPath) -> bool:
     """Return whether the last frame of a path leads back to the first."""
     return not isinstance(path, KeyframePath) or path.loop
 

@@ -4,8 +4,10 @@ In: a volume and its statistics. Out: `Suggestion`: the kind of data, and contro
 Thresholds by Otsu 1979.
 
 - `volume_suggestion.py` (a volume still to be read) and `suggestion.py` (its statistics) choose, and give reasons.
-- `histogram.py`: range, histogram, Otsu's threshold, materials, outliers; `percentiles.py`: exact ranks.
+- `histogram.py`: range, histogram, Otsu's threshold, materials; `nodata.py`: nodata values and outliers, which are set
+  aside; `percentiles.py`: exact ranks.
 - `features.py`: background, noise, edges, level sets; `labels.py`: masks and segmentations.
+- `turntable.py`: the defaults of the film around it.
 - `presets.py`: layers and colours for each kind of data; `opacity.py`: how dense they are.
 """
 

@@ -6,4 +6,5 @@ from .histogram import (
     suggest_ranges as suggest_ranges,
 )
 from .suggestion import Suggestion as Suggestion, suggest as suggest
+from .turntable import FilmOptions as FilmOptions
 from .volume_suggestion import VolumeSuggestion as VolumeSuggestion, suggest_for as suggest_for

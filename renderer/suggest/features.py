@@ -9,12 +9,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.suggest.histogram import HALF_OF_LARGEST, Statistics, otsu_bin
-from renderer.volume import Array, Float64, Volume
-
-Mask = npt.NDArray[np.bool_]
+from renderer.volume import Array, Bools, Float64, Volume
 
 # Samples along each axis; two million voxels are enough for a transfer function.
 _MAX_SAMPLES_PER_AXIS = 128
@@ -56,7 +53,7 @@ class VoxelSample:
     """
 
     normalized: Float64
-    is_valid: Mask
+    is_valid: Bools
     strides: tuple[int, int, int]
     neighbours: Float64
     minimum: float
@@ -130,7 +127,7 @@ def sample_volume(volume: Volume, statistics: Statistics, outlier_fill: float = 
         shown = np.clip((part.astype(np.float64) * scale - low * scale) / extent, 0.0, 1.0)
         return np.where(are_within(part), shown, outlier_fill)
 
-    def are_within(part: Array) -> Mask:
+    def are_within(part: Array) -> Bools:
         return np.asarray((part >= statistics.minimum) & (part <= statistics.maximum))
 
     nz, ny, nx = values.shape
@@ -168,7 +165,7 @@ def faces(cube: Array) -> Array:
 
 @dataclass(frozen=True)
 class Background:
-    """The range of values that surrounds the object, noise included, normalised.
+    """A range of values that surrounds the object, noise included, normalised.
 
     middle: its middle. low, high: its ends; the object is beyond them.
     is_there: whether the values at the border stand apart from the others.
@@ -319,7 +316,7 @@ def is_level_set_interior(sample: VoxelSample, border: float) -> bool:
     return share >= max(_MIN_INSIDE_FRACTION, _MIN_INSIDE_RATIO * at_border) and deep >= _MIN_INSIDE_DEPTH * high
 
 
-def _is_distance(sample: VoxelSample, within: Mask) -> bool:
+def _is_distance(sample: VoxelSample, within: Bools) -> bool:
     """Return whether the gradient is even, for lengths in world units or in voxels."""
     axes = [axis for axis in range(3) if sample.normalized.shape[axis] > 1]
     changes = {axis: np.gradient(sample.normalized, axis=axis) for axis in axes}
@@ -329,6 +326,6 @@ def _is_distance(sample: VoxelSample, within: Mask) -> bool:
     )
 
 
-def _has_even_gradients(gradients: Float64, within: Mask) -> bool:
+def _has_even_gradients(gradients: Float64, within: Bools) -> bool:
     low, middle, high = np.percentile(gradients, (25, 50, 75)).tolist()
     return bool(0 < high < _MAX_GRADIENT_RATIO * low and np.median(gradients[within]) <= _MAX_INNER_STEEPNESS * middle)

@@ -4,17 +4,17 @@ materials."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from renderer.suggest.nodata import MAX_OUTLIERS_PER_END, OutlierSplit, OutlierValue, ValueCluster, find_outliers
 from renderer.suggest.percentiles import Chunks, Counts, OrderedKeys, make_ordered_keys, values_at_ranks
-from renderer.volume import Array, Float64, MappedFile, iter_slabs
+from renderer.volume import Array, Float64, Int64, MappedFile, iter_slabs
 
 # Every value of 16-bit data has its own bin; wider types are resolved as finely.
 MAX_BINS = 2**16
@@ -37,17 +37,8 @@ _DOMINANT_FRACTION = 0.9
 
 
 @dataclass(frozen=True)
-class OutlierValue:
-    """One value far from all others, that `num` voxels have: nodata, or an outlier."""
-
-    value: int | float
-    num: int
-    is_nodata: bool
-
-
-@dataclass(frozen=True)
 class Statistics:
-    """Statistics of all voxels.
+    """A summary of all voxels.
 
     minimum, maximum: exact, int for integer volumes and float otherwise.
     mean: in float64.
@@ -62,7 +53,7 @@ class Statistics:
     minimum: int | float
     maximum: int | float
     mean: float
-    counts: npt.NDArray[np.int64]
+    counts: Int64
     bins: Float64
     bin_width: float
     percentiles: Mapping[float, int | float]
@@ -72,7 +63,7 @@ class Statistics:
 
 @dataclass(frozen=True)
 class ValueRange:
-    """Values from `low` to `high`, both included, their median, and their fraction of all voxels."""
+    """A range of values from `low` to `high`, both included, their median, and their fraction of all voxels."""
 
     name: str
     low: float
@@ -98,7 +89,7 @@ def compute_statistics(values: Array, source: MappedFile | None = None) -> Stati
     return replace(whole, outliers=outliers, without_outliers=others)
 
 
-def _statistics_and_outliers(dtype: np.dtype[Any], chunks: Chunks) -> tuple[Statistics, _OutlierSplit | None]:
+def _statistics_and_outliers(dtype: np.dtype[Any], chunks: Chunks) -> tuple[Statistics, OutlierSplit | None]:
     """Return the statistics of all values, and their outliers, if any."""
     ends = [(chunk.min().item(), chunk.max().item(), chunk.size) for chunk in chunks()]
     minimum, maximum = min(low for low, _, _ in ends), max(high for _, high, _ in ends)
@@ -128,17 +119,17 @@ def _statistics_and_outliers(dtype: np.dtype[Any], chunks: Chunks) -> tuple[Stat
 
 def _by_rank(
     counts: Counts, ordered_keys: OrderedKeys, chunks: Chunks
-) -> tuple[dict[float, int | float], _OutlierSplit | None]:
+) -> tuple[dict[float, int | float], OutlierSplit | None]:
     """Return the percentiles and the outliers; `counts` come from `OrderedKeys.count`."""
     size = int(counts.sum())
     ranks = {percent: max(math.ceil(percent * size / 100), 1) - 1 for percent in PERCENTILES}
     stops = np.cumsum(counts[counts > 0]).tolist()
     clusters = [(first, stop - 1) for first, stop in pairwise([0, *stops])]
-    ends = clusters[: _MAX_OUTLIERS_PER_END + 1], clusters[: -_MAX_OUTLIERS_PER_END - 2 : -1]
+    ends = clusters[: MAX_OUTLIERS_PER_END + 1], clusters[: -MAX_OUTLIERS_PER_END - 2 : -1]
     at_ends = [rank for end in ends for pair in end for rank in pair]
     found = values_at_ranks([*ranks.values(), *at_ends], counts, ordered_keys, chunks)
-    lowest, highest = ([_ValueCluster(found[a], found[b], b - a + 1) for a, b in end] for end in ends)
-    split = _find_outliers(lowest, highest, len(clusters), size)
+    lowest, highest = ([ValueCluster(found[a], found[b], b - a + 1) for a, b in end] for end in ends)
+    split = find_outliers(lowest, highest, len(clusters), size)
     return {percent: found[rank] for percent, rank in ranks.items()}, split
 
 
@@ -154,7 +145,7 @@ def _per_part(statistics: Statistics, num_bins: int) -> int:
     return -(-len(statistics.counts) // num_bins)
 
 
-def rebin(statistics: Statistics, num_bins: int) -> tuple[npt.NDArray[np.int64], Float64]:
+def rebin(statistics: Statistics, num_bins: int) -> tuple[Int64, Float64]:
     """Return (counts, edges): int64 [m] and float64 [m + 1], m <= num_bins equal parts of the range.
 
     Every part holds the same number of the original bins, except the last, which may hold fewer.
@@ -226,60 +217,3 @@ def otsu_bin(counts: Counts) -> tuple[int, float] | None:
     smooth = np.convolve(np.pad(weight, 2, mode="edge"), np.full(5, 0.2), mode="valid")[first + 1 : last + 1]
     lowest = np.flatnonzero(smooth <= smooth.min() * (1 + 1e-9))
     return first + 1 + int(lowest[len(lowest) // 2]), float(between.max()) / variance
-
-
-# Values far from all others: nodata values, as in netCDF and GIS data, and single outliers
-
-# In ranges of the other values.
-_MIN_OUTLIER_DISTANCE = 3.0
-# Up to the first part of the voxels, far values are outliers; from the second part on they are nodata.
-_MAX_OUTLIER_FRACTION, _MIN_NODATA_FRACTION = 1e-5, 1e-3
-# Common nodata values of GIS, netCDF, CF and of types.
-_NODATA_VALUES = (-999.0, -9999.0, -99999.0, -32767.0, -32768.0, -(2.0**31), 1e20, 9.969209968386869e36)
-_LARGEST_FLOATS = tuple(float(np.finfo(name).max) for name in ("f4", "f8"))
-# At either end at most a nodata value and an outlier are set aside.
-_MAX_OUTLIERS_PER_END = 2
-
-
-@dataclass(frozen=True)
-class _ValueCluster:
-    """Neighbouring values, from `low` to `high`, both included, that `num` voxels have."""
-
-    low: int | float
-    high: int | float
-    num: int
-
-
-# The outliers, and the range of the other values.
-_OutlierSplit = tuple[tuple[OutlierValue, ...], float, float]
-
-
-def _find_outliers(
-    lowest: Sequence[_ValueCluster], highest: Sequence[_ValueCluster], num_groups: int, num_voxels: int
-) -> _OutlierSplit | None:
-    """Return as many outliers as possible at both ends; None if no value is an outlier.
-
-    lowest, highest: the outermost clusters of values, from either end inwards. num_groups: of all values.
-    """
-    splits = sorted(product(range(_MAX_OUTLIERS_PER_END + 1), repeat=2), key=sum, reverse=True)
-    for a, b in splits:
-        if a + b == 0 or a + b >= num_groups:
-            continue
-        low, high = lowest[a].low, highest[b].high
-        outer = [*lowest[:a], *highest[:b]]
-        gap = min(max(low - group.high, group.low - high) for group in outer)
-        is_far = gap > _MIN_OUTLIER_DISTANCE * (high - low) > 0
-        if is_far and all(_is_outlying(group, num_voxels) for group in outer):
-            return tuple(OutlierValue(g.low, g.num, _is_nodata(g, num_voxels)) for g in outer), low, high
-    return None
-
-
-def _is_outlying(group: _ValueCluster, num_voxels: int) -> bool:
-    is_few = group.num <= max(1, _MAX_OUTLIER_FRACTION * num_voxels)
-    return group.low == group.high and (is_few or _is_nodata(group, num_voxels))
-
-
-def _is_nodata(group: _ValueCluster, num_voxels: int) -> bool:
-    is_known = any(math.isclose(group.low, value, rel_tol=1e-6) for value in _NODATA_VALUES)
-    is_known |= any(math.isclose(abs(group.low), value, rel_tol=1e-6) for value in _LARGEST_FLOATS)
-    return is_known or group.num >= max(2, _MIN_NODATA_FRACTION * num_voxels)

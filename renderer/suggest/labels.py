@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.scene import Color, ColormapSpec, ControlPoint
 from renderer.suggest.features import (
@@ -25,7 +24,7 @@ from renderer.suggest.opacity import (
     opacity_unit_length,
 )
 from renderer.suggest.presets import CRISP_SURFACE_DEPTH, OPAQUE_COVERAGE, TRANSLUCENT_COVERAGE
-from renderer.volume import Volume, iter_slabs
+from renderer.volume import Bools, Volume, iter_slabs
 
 _MAX_LABELS = 4096
 # Up to this many values are always labels. More are, if at least this part of the neighbours of voxels outside the
@@ -54,8 +53,6 @@ _MANY_LABELS_COLORMAP = "glasbey"
 
 # A label encloses smaller ones if it covers this part of their projections, along all three axes.
 _ENCLOSING_COVERAGE = 0.85
-
-Shadow = npt.NDArray[np.bool_]
 
 
 def label_values(volume: Volume, statistics: Statistics, sample: VoxelSample) -> list[float] | None:
@@ -163,7 +160,7 @@ def _layers(sample: VoxelSample, regions: Sequence[tuple[float, float]]) -> list
     return layers
 
 
-def _covers(shadow: Shadow, others: Sequence[Shadow]) -> bool:
+def _covers(shadow: Bools, others: Sequence[Bools]) -> bool:
     """Return whether a projection covers most of the union of the others."""
     together = np.any(others, axis=0)
     return int((shadow & together).sum()) > _ENCLOSING_COVERAGE * int(together.sum())

@@ -22,7 +22,7 @@ _BITS = 16
 
 @dataclass(frozen=True)
 class OrderedKeys:
-    """Unsigned keys in the order of the values.
+    """A numbering of values by unsigned keys that are in their order.
 
     dtype: of the values. low: the integer of the smallest value, subtracted from all. shift: lower bits left out in
         `count`. num: counted numbers, at most 2**16.

@@ -41,7 +41,7 @@ _FAINT_SHADING = replace(SHADING, ambient=0.75, diffuse=0.35)
 
 @dataclass(frozen=True)
 class Preset:
-    """Layers and colours for a kind of data.
+    """A set of layers and colours for a kind of data.
 
     layers: their sum is the extinction. colors: (normalised value, colour), ascending; linear between. shading: None
         where the data have no surfaces.

@@ -5,6 +5,7 @@ records.
 
 - `cores.py`: processors that this process may use; `memory.py`: memory that is left for it.
 - `child_processes.py`: children that end with their parent.
+- `interrupts.py`: SIGINT and SIGTERM, which wait while files get their final names.
 - `versions.py`: versions of what made an output.
 - `printable_text.py`: text from outside, made safe to print.
 """

@@ -22,7 +22,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import IO
 
@@ -37,13 +37,13 @@ class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
     """Starts children that end with this process, or at the end of the block."""
 
     def __init__(self) -> None:
-        self._ends: dict[subprocess.Popen[bytes], int] = {}
+        self._ends: list[int] = []
         _open_standard_descriptors()
 
     def __exit__(self, *_: object) -> None:
         """End all children, without waiting for them."""
-        for child in list(self._ends):
-            self.end_child(child)
+        for end in self._ends:
+            os.close(end)
 
     def start(
         self,
@@ -51,7 +51,6 @@ class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
         arguments: Sequence[str] = (),
         *,
         pass_fds: Sequence[int] = (),
-        env: Mapping[str, str] | None = None,
         stdout: int | IO[bytes] | None = None,
         stderr: int | IO[bytes] | None = None,
     ) -> subprocess.Popen[bytes]:
@@ -72,7 +71,6 @@ class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
                 stdin=subprocess.DEVNULL,
                 stdout=stdout,
                 stderr=stderr,
-                env=None if env is None else dict(env),
                 pass_fds=[child_end, *pass_fds],
                 start_new_session=True,
             )
@@ -81,14 +79,8 @@ class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
             raise
         finally:
             os.close(child_end)
-        self._ends[child] = parent_end
+        self._ends.append(parent_end)
         return child
-
-    def end_child(self, child: subprocess.Popen[bytes]) -> None:
-        """End a child, without waiting for it; does nothing the second time."""
-        end = self._ends.pop(child, None)
-        if end is not None:
-            os.close(end)
 
 
 def _open_standard_descriptors() -> None:

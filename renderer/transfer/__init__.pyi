@@ -1,7 +1,6 @@
 from .classify import (
     Classifier as Classifier,
     RawVoxels as RawVoxels,
-    VoxelLighting as VoxelLighting,
     classify_scalar as classify_scalar,
     classify_voxel as classify_voxel,
     lambert_factor as lambert_factor,
@@ -13,7 +12,7 @@ from .classify import (
 from .piecewise import (
     GUIDE_SIZE as GUIDE_SIZE,
     MAX_NORMALIZED_SCALAR as MAX_NORMALIZED_SCALAR,
-    Channels as Channels,
+    PIECE_FLOATS as PIECE_FLOATS,
     PiecewiseTransfer as PiecewiseTransfer,
     TransferTable as TransferTable,
     evaluate_segment as evaluate_segment,

@@ -19,15 +19,13 @@ from renderer.compiled import fma, jit
 from renderer.scene import ShadingSpec
 from renderer.transfer.piecewise import Channels, TransferTable, evaluate
 from renderer.transfer.transfer_function import VISIBILITY_THRESHOLD, TransferFunction, visibility_breakpoints
-from renderer.volume import Volume
+from renderer.volume import Float32, Float64, Volume
 
 RawVoxels = npt.NDArray[Any]
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
 
 
 class VoxelLighting(NamedTuple):
-    """The parameters that light voxels.
+    """A light on voxels.
 
     light: the unit vector towards the light in world axes, ambient, diffuse; as `lambert_factor` takes it.
     world_from_gradient: float64 [3, 3], takes a gradient along the index axes to the world.
@@ -38,7 +36,7 @@ class VoxelLighting(NamedTuple):
 
 
 class Classifier(NamedTuple):
-    """The tables with which compiled loops classify a voxel.
+    """A set of tables with which compiled loops classify a voxel.
 
     table: float32 [num_patterns, 4], channels by bit pattern; None for wider values.
     scalars: float64 [num_patterns], the scalar of each bit pattern; None for wider values.

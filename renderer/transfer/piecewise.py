@@ -1,4 +1,4 @@
-"""The one table of a transfer function: four channels, linear in the scalar between control points.
+"""The table of a transfer function: four channels, linear in the scalar between control points.
 
 `TransferTable` is exact, in float64: voxels, nodes and sub-voxel variation are classified by it. `PiecewiseTransfer`
 is the same table in float32, by the normalized scalars of texels: bricks are drawn by it.
@@ -10,12 +10,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.compiled import jit
+from renderer.volume import Float32, Float64, Int32, UInt64
 
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
 Channels = tuple[float, float, float, float]
 
 # Buckets from which the search for a segment starts. Most hold no control point, and 8 KiB stay in cache.
@@ -26,12 +24,14 @@ MAX_NORMALIZED_SCALAR = 2.0**20
 # MAX_NORMALIZED_SCALAR times a larger width would overflow.
 _MAX_UNSCALED_WIDTH = 2.0**1000
 
+# The floats of a segment in PiecewiseTransfer.rows.
+PIECE_FLOATS = 12
 # Narrower segments have no finite slope in float32. No scalar falls into them.
 _MIN_SEGMENT_WIDTH = 2.0**-80
 
 
 class TransferTable(NamedTuple):
-    """Four channels as a function of a scalar: linear between control values, constant outside.
+    """A table of four channels as a function of a scalar: linear between control values, constant outside.
 
     Two control points at one value are a step, whose value belongs to the upper side.
 
@@ -47,7 +47,7 @@ class TransferTable(NamedTuple):
     values: Float64
     rows: Float64
     scale: float
-    guide: npt.NDArray[np.uint64]
+    guide: UInt64
     buckets_per_unit: float
 
 
@@ -101,16 +101,16 @@ def evaluate_segment(rows: Float64, k: int | np.uint64, inside: float) -> Channe
 
 @dataclass(frozen=True)
 class PiecewiseTransfer:
-    """Colour and extinction by u, a scalar normalized to a range: 0 is the range's start and 1 its end.
+    """A table of colour and extinction by u, a scalar normalized to a range: 0 is its start and 1 its end.
 
-    rows: float32 [n, 10], for each segment its end, its origin, (r, g, b, extinction times the finest spacing) at the
-        origin, and their slopes. Segment k holds u from the end of the one before, included, to its own end, excluded;
-        the last end is infinite.
+    rows: float32 [n, PIECE_FLOATS], for each segment its end, its origin, the extinction times the finest spacing there
+        and its slope; (r, g, b, the same extinction) at the origin; and their slopes. Segment k holds u from the end of
+        the one before, included, to its own end, excluded; the last end is infinite. Rasterisers read it in fours.
     guide: int32 [GUIDE_SIZE]; from u = b / GUIDE_SIZE on the segment is guide[b] or later. For u < 0 it is the first.
     """
 
     rows: Float32
-    guide: npt.NDArray[np.int32]
+    guide: Int32
 
 
 def make_piecewise_transfer(curve: TransferTable, first: float, last: float) -> PiecewiseTransfer:
@@ -120,7 +120,8 @@ def make_piecewise_transfer(curve: TransferTable, first: float, last: float) -> 
     origins, rises = np.concatenate([knots[:1], knots]), curve.rows[:, 6:]
     widths = np.diff(np.append(origins, knots[-1]).astype(np.float64))[:, None]
     slopes = np.divide(rises, widths, out=np.zeros_like(rises), where=widths > _MIN_SEGMENT_WIDTH)
-    rows = np.column_stack([np.append(knots, np.inf), origins, curve.rows[:, 2:6], slopes]).astype(np.float32)
+    lows, ends = curve.rows[:, 2:6], np.append(knots, np.inf)
+    rows = np.column_stack([ends, origins, lows[:, 3], slopes[:, 3], lows, slopes]).astype(np.float32)
     guide = np.searchsorted(knots, np.arange(GUIDE_SIZE) / GUIDE_SIZE, side="right").astype(np.int32)
     guide[0] = np.searchsorted(knots, 0.0, side="left")
     rows.flags.writeable = guide.flags.writeable = False

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,10 +24,9 @@ import numpy.typing as npt
 from renderer.compiled import jit
 from renderer.scene import ColormapSpec, TransferSpec, colormap_points
 from renderer.transfer.piecewise import TransferTable, make_transfer_table
+from renderer.volume import Array, Float64
 
-Float64 = npt.NDArray[np.float64]
-
-# exp(-40) = 4e-18 is far below half a level of 8 bits, and below the resolution of float64 at 1: opaque in any image.
+# exp(-40) = 4e-18 is far below half a step of 8 bits, and below the resolution of float64 at 1: opaque in any image.
 MAX_VOXEL_DEPTH = 40.0
 
 # Smaller optical depths and opacities count as 0: a row of 10^10 such voxels would still be invisible, and the mean of
@@ -44,7 +42,7 @@ NUM_COLORMAP_SAMPLES = 256
 
 @dataclass(frozen=True)
 class TransferFunction:
-    """Control points of a piecewise linear map.
+    """A piecewise linear map, by its control points.
 
     values: float64 [n], not descending; data units.
     colors: float64 [n, 3] in [0, 1].
@@ -69,7 +67,7 @@ class TransferFunction:
         curve.rows[:, [5, 9]] *= finest_spacing
         return curve
 
-    def classify(self, scalars: npt.NDArray[Any]) -> tuple[Float64, Float64]:
+    def classify(self, scalars: Array) -> tuple[Float64, Float64]:
         """Return the colours float64 [..., 3] and extinctions float64 [...] of scalars of any real dtype and shape."""
         curve, s = self.curve(), scalars.astype(np.float64)
         rows = curve.rows[np.searchsorted(self.values, s, side="right")]

@@ -1,15 +1,14 @@
-"""Express the trilinear field along a ray through a cell as a cubic polynomial, and find where it crosses levels."""
+"""Express the trilinear field along a ray through a cell as a cubic polynomial, and find where it crosses knots."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.compiled import inline
+from renderer.volume import Float64
 
-Float64 = npt.NDArray[np.float64]
 Vector = tuple[float, float, float]
 # Coefficients of 1, t, t^2 and t^3.
 Cubic = tuple[float, float, float, float]
@@ -90,12 +89,12 @@ def _stationary_points(cubic: Cubic) -> tuple[float, float]:
 
 
 @inline
-def _crossing(cubic: Cubic, level: float, start: float, end: float) -> float:
-    """Return the t in [start, end], where the cubic is monotone and passes through `level`, at which it equals it."""
-    rising = value_at(cubic, end) > level
+def _crossing(cubic: Cubic, knot: float, start: float, end: float) -> float:
+    """Return the t in [start, end], where the cubic is monotone and passes through `knot`, at which it equals it."""
+    rising = value_at(cubic, end) > knot
     t = 0.5 * (start + end)
     for _ in range(80):
-        excess = value_at(cubic, t) - level
+        excess = value_at(cubic, t) - knot
         if (excess > 0.0) == rising:
             end = t
         else:
@@ -111,8 +110,8 @@ def _crossing(cubic: Cubic, level: float, start: float, end: float) -> float:
 
 
 @inline
-def add_crossings(cubic: Cubic, levels: Float64, splits: Float64, count: int) -> int:
-    """Add to splits[:count] every t in (0, 1) at which the cubic passes through one of the ascending levels."""
+def add_crossings(cubic: Cubic, knots: Float64, splits: Float64, count: int) -> int:
+    """Add to splits[:count] every t in (0, 1) at which the cubic passes through one of the ascending knots."""
     turn_0, turn_1 = _stationary_points(cubic)
     start = 0.0
     for candidate in (turn_0, turn_1, 1.0):
@@ -120,10 +119,10 @@ def add_crossings(cubic: Cubic, levels: Float64, splits: Float64, count: int) ->
             continue
         at_start, at_end = value_at(cubic, start), value_at(cubic, candidate)
         low, high = min(at_start, at_end), max(at_start, at_end)
-        k = np.searchsorted(levels, low, side="right")
-        while k < levels.size and levels[k] < high:
-            if k == 0 or levels[k] != levels[k - 1]:
-                count = _insert(splits, count, _crossing(cubic, levels[k], start, candidate))
+        k = np.searchsorted(knots, low, side="right")
+        while k < knots.size and knots[k] < high:
+            if k == 0 or knots[k] != knots[k - 1]:
+                count = _insert(splits, count, _crossing(cubic, knots[k], start, candidate))
             k += 1
         start = candidate
     return count

@@ -18,18 +18,17 @@ import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.errors import RenderError
 from renderer.scene import ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.truth.kernel import MACROCELL_SIZE, Intervals, LambertShading, integrate_rays
 from renderer.view import View
-from renderer.volume import Float64, Volume
+from renderer.volume import Float64, Int64, Volume
 
-Int64 = npt.NDArray[np.int64]
 Progress = Callable[[float], None]
 
 # Few enough to keep every core busy until the end and to stop soon after an interrupt (they take some milliseconds, or
@@ -43,7 +42,7 @@ _LEAST_EXPONENT, _LARGEST_EXPONENT = -50, 1000
 
 @dataclass(frozen=True)
 class Convergence:
-    """The convergence of an image, one entry for each halving of the step.
+    """A record of an image's convergence, one entry for each halving of the step.
 
     step_voxels: the step, compared with one twice as long. change: the largest change of a channel of any pixel.
     num_pixels: the pixels integrated at this step; the others had converged before.
@@ -62,7 +61,7 @@ def integrate(
     step_voxels: float,
     shading: ShadingSpec | None = None,
     num_threads: int = 2,
-    on_progress: Progress | None = None,
+    on_progress: Progress = lambda _: None,
 ) -> Float64:
     """Return the image, float64 [height, width, 4], premultiplied RGBA, unclipped, row 0 at the top.
 
@@ -78,7 +77,7 @@ def integrate(
     """
     width, height = view.size
     integrate_pixels = _make_integrator(volume, transfer, view, shading, num_threads)
-    radiance = integrate_pixels(np.arange(width * height), [step_voxels], on_progress or (lambda _: None))
+    radiance = integrate_pixels(np.arange(width * height), [step_voxels], on_progress)
     return radiance.reshape(height, width, 4)
 
 
@@ -91,7 +90,7 @@ def converged_image(
     shading: ShadingSpec | None = None,
     max_refinements: int = 12,
     num_threads: int = 2,
-    on_progress: Progress | None = None,
+    on_progress: Progress = lambda _: None,
 ) -> tuple[Float64, Convergence]:
     """Integrate each pixel at ever shorter steps, until halving the step changes no channel by `tolerance` or more.
 
@@ -119,7 +118,7 @@ def converged_image(
     changes, counts, num_done = [], [], 0
     for at_once in (first, *([step] for step in steps[len(first) :])):
         num_needed = num_done + pixels.size
-        progress = _progress_of_part(on_progress, num_done / num_needed, 1.0)
+        progress = partial(_report_part, on_progress, num_done / num_needed)
         for finer in integrate_pixels(pixels, at_once, progress):
             change = np.abs(finer - image[pixels]).max(axis=1)
             changes.append(float(change.max()))
@@ -209,14 +208,9 @@ def _make_integrator(
     return integrate_pixels
 
 
-def _progress_of_part(on_progress: Progress | None, start: float, end: float) -> Progress:
-    """Return a callback for a part of the work that takes the whole from `start` to `end`."""
-
-    def report(share: float) -> None:
-        if on_progress is not None:
-            on_progress(start + share * (end - start))
-
-    return report
+def _report_part(on_progress: Progress, start: float, share: float) -> None:
+    """Report the finished share of a part of the work, which takes the whole from `start` to its end."""
+    on_progress(start + share * (1.0 - start))
 
 
 def _intervals(transfer: TransferFunction, scale: float) -> Intervals:

@@ -19,13 +19,11 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.compiled import inline, jit
 from renderer.truth.cubic import Corners, Cubic, Vector, add_crossings, cubic_in_cell, restrict_cubic, value_at
+from renderer.volume import Float64, UInt8
 
-Float64 = npt.NDArray[np.float64]
-Bytes = npt.NDArray[np.uint8]
 Cell = tuple[int, int, int]
 Gradient = tuple[Cubic, Cubic, Cubic]
 
@@ -64,7 +62,7 @@ class Intervals(NamedTuple):
 
 
 class LambertShading(NamedTuple):
-    """The parameters of Lambert shading by the world gradient.
+    """A light: Lambert shading by the world gradient.
 
     enabled: if not, every factor is 1 and the rest is unused.
     light: unit vector to the light. world_from_index_gradient: the rows of the matrix.
@@ -353,7 +351,7 @@ def _is_opaque(gathered: Float64) -> bool:
 @inline
 def _integrate_ray(
     values: Any,
-    macrocells: Bytes,
+    macrocells: UInt8,
     origin: Vector,
     direction: Vector,
     start: float,
@@ -404,7 +402,7 @@ def _integrate_ray(
 @jit
 def integrate_rays(
     values: Any,
-    macrocells: Bytes,
+    macrocells: UInt8,
     origins: Float64,
     directions: Float64,
     starts: Float64,
@@ -421,7 +419,7 @@ def integrate_rays(
     starts: float64 [n], world length along the ray at which it starts.
     max_steps: float64 [steps], the longest steps in voxels, in optical depth and in pieces.
     """
-    # A cubic passes a level at most three times, and so does the cosine of the light.
+    # A cubic passes a knot at most three times, and so does the cosine of the light.
     splits = np.empty(3 * intervals.knots.size + 3)
     gathered = np.empty((max_steps.size, 4))  # red, green, blue and optical depth
     for i in range(starts.size):

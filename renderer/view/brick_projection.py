@@ -11,16 +11,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.bricks import BRICK_LEVELS, BrickBatch
 from renderer.compiled import jit
 from renderer.view.camera import View
 from renderer.view.depth_order import box_order
 from renderer.view.splat_projection import ModelView, model_view
-from renderer.volume import Volume
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Float64, UInt32, Volume
 
 # The least depth of a corner, in model units, by which its position is divided; a box with a lesser one is cut.
 _MIN_DEPTH = 1e-6
@@ -29,7 +26,7 @@ _NEAR_EYE_DISTANCE = 2.0
 
 
 class RaySetup(NamedTuple):
-    """The rays of a view. With (x, y) the position of a pixel's centre in pixels, y downwards, relative to `center_px`:
+    """A view's rays. With (x, y) the position of a pixel's centre in pixels, y downwards, relative to `center_px`:
 
         origin = origins @ (1, x, y)        direction = directions @ (1, x, y)
 
@@ -72,7 +69,7 @@ def ray_setup(volume: Volume, length: float, view: View) -> RaySetup:
     )
 
 
-def visible_bricks(batch: BrickBatch, view: View) -> npt.NDArray[np.uint32]:
+def visible_bricks(batch: BrickBatch, view: View) -> UInt32:
     """Return the bricks that may touch the image, in their exact order front to back: uint32 [k]."""
     cut = batch.cut
     rectangles = screen_rectangles(batch, np.arange(len(cut), dtype=np.uint32), view)
@@ -81,7 +78,7 @@ def visible_bricks(batch: BrickBatch, view: View) -> npt.NDArray[np.uint32]:
     return order[is_visible[order]].astype(np.uint32)
 
 
-def screen_rectangles(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Float64:
+def screen_rectangles(batch: BrickBatch, order: UInt32, view: View) -> Float64:
     """Return rectangles around the visible bounds of bricks: float64 [n, 4], left, top, right and bottom, in pixels.
 
     They are clipped to the image, enlarged by what the coarsest pixel grid has beyond its edges. They are empty (right

@@ -8,14 +8,13 @@ Overlapping footprints show seams along the planes between large cells seen edge
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.compiled import jit
 from renderer.view.camera import View
-from renderer.volume import Volume
+from renderer.volume import Float32, Int32, Int64, UInt8, UInt32, UInt64, Volume
 
 
-def depth_order(depths: npt.NDArray[np.float32]) -> npt.NDArray[np.uint32]:
+def depth_order(depths: Float32) -> UInt32:
     """Return the order of descending depths (float32 [n], no NaN), equal ones by ascending index: uint32 [n]."""
     keys = _sort_keys(depths.view(np.uint32))
     keys.sort()
@@ -23,7 +22,7 @@ def depth_order(depths: npt.NDArray[np.float32]) -> npt.NDArray[np.uint32]:
 
 
 @jit
-def _sort_keys(bits: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint64]:
+def _sort_keys(bits: UInt32) -> UInt64:
     """Return numbers that ascend as float32, given by their bits, descend; the low half of each is its index."""
     keys, sign = np.empty(len(bits), np.uint64), np.uint32(1 << 31)
     for i in range(len(bits)):
@@ -33,9 +32,7 @@ def _sort_keys(bits: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint64]:
     return keys
 
 
-def box_order(
-    levels: npt.NDArray[np.uint8], cells: npt.NDArray[np.int32], volume: Volume, view: View
-) -> npt.NDArray[np.int64]:
+def box_order(levels: UInt8, cells: Int32, volume: Volume, view: View) -> Int64:
     """Return nodes of the octree back to front as boxes, exactly, in perspective or parallel projection: int64 [n].
 
     levels: [n], of the nodes. cells: [n, 3], x, y, z in units of the node's own width, 2^level voxels.
@@ -62,7 +59,7 @@ def box_order(
 
 
 @jit
-def _split_plane_digits(eye: float, num: int, num_levels: int) -> npt.NDArray[np.uint64]:
+def _split_plane_digits(eye: float, num: int, num_levels: int) -> UInt64:
     """Return the digits by index along an axis: uint64 [num], two bits a level, 1 where the split hides the index."""
     digits = np.zeros(num, np.uint64)
     for index in range(num):

@@ -12,16 +12,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.errors import InputError
 from renderer.pyramid import Pyramid
 from renderer.scene import CameraSpec, Vector
-from renderer.view.camera import Float64
 from renderer.view.paths import focal_length_px, iter_camera_poses
-from renderer.volume import Volume
-
-Int64 = npt.NDArray[np.int64]
+from renderer.volume import Float64, Int64, Volume
 
 # The margin along every side, relative to half the frame's smaller side: a footprint extends beyond its cell's centre.
 MARGIN = 0.03
@@ -163,12 +159,11 @@ def smallest_voxel_px(
     """
     spacing, focal_px = volume.finest_spacing, focal_length_px(camera, size)
     offset = volume.centre - np.asarray(target, np.float64)
-    nearest = 0.5 * float(np.linalg.norm(volume.world_from_index[:3, :3] * np.array(volume.shape_xyz)))
     narrowest_px = math.inf
     for poses in iter_camera_poses(camera.path):
         depths = np.full(len(poses.zoom), distance)
         if camera.projection == "perspective":
-            depths = np.maximum(distance - poses.direction @ offset, nearest)
+            depths = np.maximum(distance - poses.direction @ offset, volume.half_diagonal)
         narrowest_px = min(narrowest_px, float((poses.zoom * (spacing / depths)).min()) * focal_px)
     return narrowest_px
 

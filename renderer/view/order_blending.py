@@ -17,11 +17,10 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 
-from renderer.view.paths import CameraPath, iter_camera_poses
-
-Float64 = npt.NDArray[np.float64]
+from renderer.scene import CameraPath
+from renderer.view.paths import iter_camera_poses
+from renderer.volume import Float64
 
 # Half of the turn over which one order fades into another. A pop of opaque noise is 0.4: over 2.2 degrees that is 0.002
 # in 0.01 degrees, about as much as such an image changes anyway.
@@ -47,7 +46,7 @@ _POINTS_PER_OCTANT = 2048
 
 @dataclass(frozen=True)
 class OrderBlending:
-    """Blends draw orders as the camera of a film turns relative to the grid of its volume.
+    """A blend of draw orders, as the camera of a film turns relative to the grid of its volume.
 
     crossing_steps: float64 [k, 3], unit vectors in the world: steps whose neighbours change their order on the path.
     nearby_from_sphere: float64 [3, 3], takes the points of the unit sphere to nearby views: as far as FADE_ANGLE in

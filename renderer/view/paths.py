@@ -26,18 +26,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.scene import CameraSpec, KeyframePath, RockerPath, TurntablePath, Vector
-from renderer.view.camera import Float64, View
+from renderer.scene import CameraPath, CameraSpec, KeyframePath, TurntablePath, Vector
+from renderer.view.camera import View
+from renderer.volume import Float64
 
 # Bounds the memory of poses.
 _FRAMES_PER_CHUNK = 1 << 16
 
-CameraPath = TurntablePath | RockerPath | KeyframePath
-
 
 @dataclass(frozen=True)
 class CameraPoses:
-    """The camera at n frames, up to its distance: orthonormal right-handed frames (right, up, direction) in the world.
+    """A camera at n frames, up to its distance: orthonormal right-handed frames (right, up, direction) in the world.
 
     direction, right, up: float64 [n, 3]; `direction` points from the target to the eye. zoom: float64 [n],
     magnifications, > 0.

@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.compiled import jit
 from renderer.pyramid import Cut
@@ -14,8 +13,7 @@ from renderer.splats import SplatBatch
 from renderer.view.camera import View
 from renderer.view.depth_order import box_order, depth_order
 from renderer.view.order_blending import OrderBlending, sort_directions
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Bools, Float32, Float64, UInt32
 
 # Slopes x / depth are clamped to this multiple of those at the image's edges when a footprint is projected: the affine
 # approximation of perspective (Zwicker et al. 2001, "EWA Splatting") diverges for splats beside the eye.
@@ -47,7 +45,7 @@ class ModelView(NamedTuple):
 
 
 class Model(Protocol):
-    """The frame of model units: its origin in the world, float64 [3], and the world length of a unit."""
+    """A frame of model units: its origin in the world, float64 [3], and the world length of a unit."""
 
     @property
     def origin(self) -> Float64: ...
@@ -111,9 +109,7 @@ def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
     return Region(int(low[0]), int(low[1]), *(int(n) for n in high - low))
 
 
-def mean_footprint_area_px(
-    batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView, region: Region
-) -> float:
+def mean_footprint_area_px(batch: SplatBatch, order: UInt32, camera: ModelView, region: Region) -> float:
     """Estimate the mean number of the region's pixels under a footprint of `batch[order]`; neither may be empty.
 
     A sample of the splats counts as ellipses with the two longest of the splat's axes, as they appear at the image's
@@ -127,7 +123,7 @@ def mean_footprint_area_px(
     return float(np.minimum(areas_px, region.num_pixels).mean())
 
 
-def total_square_area_px(batch: SplatBatch, order: npt.NDArray[np.uint32], camera: ModelView) -> float:
+def total_square_area_px(batch: SplatBatch, order: UInt32, camera: ModelView) -> float:
     """Estimate the total number of the image's pixels in the squares around the footprints of `batch[order]`.
 
     These are the pixels that a rasteriser has to test. All of the coarsest cells, which are the first of a batch,
@@ -143,7 +139,7 @@ def total_square_area_px(batch: SplatBatch, order: npt.NDArray[np.uint32], camer
     return float(pixels[:num_coarse].sum()) + mean * len(others)
 
 
-def _square_areas_px(batch: SplatBatch, splats: npt.NDArray[np.uint32], camera: ModelView) -> Float64:
+def _square_areas_px(batch: SplatBatch, splats: UInt32, camera: ModelView) -> Float64:
     """Return the number of pixels in the square around each of these splats: float64 [n]."""
     vertices = batch.vertices[splats]
     in_view = vertices[:, :3] @ camera.view_from_model[:, :3].T + camera.view_from_model[:, 3]
@@ -167,9 +163,7 @@ def longest_sigma(batch: SplatBatch) -> Float64:
     return np.asarray(np.linalg.norm(batch.axes, ord=2, axis=(1, 2)), np.float64)
 
 
-def visible_order(
-    batch: SplatBatch, cut: Cut, view: View, order: str, *, along: Float64 | None = None
-) -> npt.NDArray[np.uint32]:
+def visible_order(batch: SplatBatch, cut: Cut, view: View, order: str, *, along: Float64 | None = None) -> UInt32:
     """Return the splats that can touch the image, back to front: uint32 [k].
 
     order: as in the scene; only for `boxes` must the cut have its cells. along: float64 [3], the world direction to
@@ -194,7 +188,7 @@ def visible_order(
 
 def visible_orders(
     batch: SplatBatch, cut: Cut, view: View, order: str, blending: OrderBlending
-) -> list[tuple[float, npt.NDArray[np.uint32]]]:
+) -> list[tuple[float, UInt32]]:
     """Return the orders of splats that are blended, with their weights, so that no view causes a jump.
 
     Each is as `visible_order` returns it. There is one only, unless the order is by depth.
@@ -209,14 +203,14 @@ def visible_orders(
 
 @jit
 def _compute_depths_and_cull(
-    vertices: npt.NDArray[np.float32],
+    vertices: Float32,
     sigmas: Float64,
     cutoff: float,
     camera: ModelView,
     half_size: tuple[float, float],
     along: Float64,
-    depths: npt.NDArray[np.float32],
-    is_visible: npt.NDArray[np.bool_],
+    depths: Float32,
+    is_visible: Bools,
 ) -> None:
     """Write the depth of every centre along a direction, and whether its footprint can meet the image (conservative).
 

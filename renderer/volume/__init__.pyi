@@ -1,8 +1,18 @@
-from .mapped_file import (
+from .arrays import (
     Array as Array,
-    MappedCallback as MappedCallback,
+    Bools as Bools,
+    Float32 as Float32,
+    Float64 as Float64,
+    Int32 as Int32,
+    Int64 as Int64,
+    UInt8 as UInt8,
+    UInt32 as UInt32,
+    UInt64 as UInt64,
+)
+from .mapped_file import (
     MappedFile as MappedFile,
     backing_file as backing_file,
     iter_slabs as iter_slabs,
 )
-from .volume import Float64 as Float64, Volume as Volume, make_volume as make_volume
+from .truncation_guard import guard_mapping as guard_mapping
+from .volume import Volume as Volume, make_volume as make_volume

@@ -2,23 +2,21 @@
 
 The system drops such pages when memory is short, so a volume may be larger than memory. In return the file must not
 change: reading a page beyond the end of a shortened file kills the process (SIGBUS), unless the process reads zeros
-there (`hsplat_cli/scenes/truncation_guard.py`). So readers call `MappedFile.require_unchanged` before they read, and
+there (`truncation_guard.py`). So readers call `MappedFile.require_unchanged` before they read, and
 again before they use what they read.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.errors import InputError
-
-Array = npt.NDArray[Any]
+from renderer.volume.arrays import Array
 
 # Passes over a whole volume read this many bytes at a time, in whole planes.
 _SLAB_BYTES = 16 << 20
@@ -28,22 +26,14 @@ _HINT = "large volumes are read from their files while they are drawn: start aga
 
 @dataclass(frozen=True)
 class MappedFile:
-    """The voxels [z, y, x] of a volume in a file, and the state of the file when it was opened.
+    """A file that voxels are mapped from, and its state when it was opened.
 
-    path: absolute. offset: bytes before the first voxel. dtype: numpy's name, with the byte order.
-    state: device and inode, which identify the file, whatever its name; its size; the time of its last change.
+    path: absolute. state: device and inode, which identify the file, whatever its name; its size; the time of its last
+    change.
     """
 
     path: Path
-    offset: int
-    dtype: str
-    shape: tuple[int, ...]
     state: tuple[int, int, int, int]
-
-    def open_array(self) -> Array:
-        """Return the voxels, read-only. Raises InputError if the file has changed."""
-        self.require_unchanged()
-        return np.asarray(np.memmap(self.path, np.dtype(self.dtype), "r", self.offset, self.shape))
 
     def require_unchanged(self) -> None:
         """Raise InputError if the file is missing, was replaced, has another length, or was written to."""
@@ -71,14 +61,10 @@ def _file_state(path: Path) -> tuple[int, int, int, int]:
     return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
 
 
-# Called with the file and the mapped array, of any strides, before it is read.
-MappedCallback = Callable[[MappedFile, Array], None]
-
-
 def backing_file(values: Array) -> MappedFile | None:
     """Return the file that an array [z, y, x], or its base array, is mapped from; None for an array in memory.
 
-    values: C-contiguous, if the result is used to open the array again. Raises OSError if the file is missing.
+    Raises OSError if the file is missing.
     """
     base: Any = values
     root: Any = None
@@ -89,8 +75,7 @@ def backing_file(values: Array) -> MappedFile | None:
     if root is None or root.filename is None:
         return None
     path = Path(root.filename).absolute()
-    offset = root.offset + values.__array_interface__["data"][0] - root.__array_interface__["data"][0]
-    return MappedFile(path, offset, values.dtype.str, values.shape, _file_state(path))
+    return MappedFile(path, _file_state(path))
 
 
 def iter_slabs(values: Array, source: MappedFile | None, num_bytes: int = _SLAB_BYTES) -> Iterator[Array]:

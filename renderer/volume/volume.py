@@ -6,11 +6,9 @@ import hashlib
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from renderer.volume.mapped_file import Array, MappedFile, iter_slabs
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume.arrays import Array, Float64
+from renderer.volume.mapped_file import MappedFile, iter_slabs
 
 
 @dataclass(frozen=True)
@@ -69,6 +67,11 @@ class Volume:
     def voxel_volume(self) -> float:
         """Return the world volume of one voxel."""
         return abs(float(np.linalg.det(self.world_from_index[:3, :3])))
+
+    @property
+    def half_diagonal(self) -> float:
+        """Return half the world length of the volume's diagonal, as if its axes were at right angles."""
+        return 0.5 * float(np.linalg.norm(self.world_from_index[:3, :3] * np.array(self.shape_xyz)))
 
     @property
     def centre_index(self) -> Float64:

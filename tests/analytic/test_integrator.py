@@ -10,8 +10,7 @@ from ray_integrals import COLORFUL, EXACT, along_z, look, oblique, ray_spans, tr
 
 from renderer.scene import ShadingSpec, TurntablePath
 from renderer.truth import converged_image, integrate
-from renderer.view.camera import Float64
-from renderer.volume import Volume
+from renderer.volume import Float64, Volume
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])

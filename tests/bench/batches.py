@@ -38,17 +38,16 @@ SCENES: dict[str, tuple[str, str | None, tuple[str, ...]]] = {
 PAGE_HEAD = """\
 # Films on all cores
 
-Footprint: that of the scenes named in each row. Measure again when workers, the default footprint or the drawing of
+Footprint: that of the scenes named in each row. Measure again when `--workers`, the default footprint or the drawing of
 frames change.
 
-Times are of whole commands, from their start to the last file; the commands take turns. `2 x 1` is two workers of one
-thread each (`--workers 2`), `1 x 2` is one process of two threads (`LP_NUM_THREADS=2`). By default the first process
-draws until workers are worth starting and are ready.
+Times are of whole commands, from their start to the last file; the commands take turns. `2 x 1` is two processes of one
+thread each (`--workers 2`), `1 x 2` is one process of two threads (`LP_NUM_THREADS=2`), the default on two cores.
 
 A single process with two threads keeps both cores busy where footprints cover many pixels, and little is left to
 gain. It does not where vertices, sorting, PNG and the encoder are most of the work, because these have one thread in
 a process. "Possible" is the gain if all the work of `1 x 1`, with start and encoder, were divided by the cores
-without loss. In the table of memory, the two workers have not started at frame 100 yet.
+without loss.
 """
 SMALL = """\
 volume: {procedural: {name: engine_block, shape: [32, 32, 16], seed: 1}}
@@ -83,7 +82,6 @@ def workers(data: Path, folder: Path, repeats: int) -> Iterator[str]:
         f"{cores} x 1": (("--workers", str(cores)), None),
         f"{cores} x 2": (("--workers", str(cores)), "2"),
         f"{cores + 1} x 1": (("--workers", str(cores + 1)), None),
-        "default": ((), None),
     }
     yield f"| 120 frames, demo 48 | {' | '.join(settings)} | {cores} x 1 against the best single | possible |"
     yield "|---" * (len(settings) + 3) + "|"
@@ -101,7 +99,7 @@ def workers(data: Path, folder: Path, repeats: int) -> Iterator[str]:
 
 def loop(data: Path, folder: Path, repeats: int) -> Iterator[str]:
     """What a film takes beside drawing its splats."""
-    yield "| engine, tolerance 0.1, 120 frames | total | drawing / workers | 1.25 x that + 3 s |"
+    yield "| engine, tolerance 0.1, 120 frames | total | drawing / cores | 1.25 x that + 3 s |"
     yield "|---|---|---|---|"
     for number in range(repeats):
         seconds, sidecar = run([*scene_arguments("engine, tolerance 0.1", data)], folder)
@@ -114,7 +112,7 @@ def memory(folder: Path) -> Iterator[str]:
     yield "| 5000 frames | frame 100 | 1000 | 2500 | 5000 | 100 to 5000 |"
     yield "|---|---|---|---|---|---|"
     (folder / "scene.yaml").write_text(SMALL, encoding="utf-8")
-    for name, options in {"1 process": ("--workers", "1"), "2 workers": ("--workers", "2")}.items():
+    for name, options in {"1 process": ("--workers", "1"), "2 processes": ("--workers", "2")}.items():
         at = memory_at((100, 1000, 2500, 4990), folder, options)
         values = " | ".join(f"{at[frame] / MIB:.1f} MiB" for frame in at)
         yield f"| {name} | {values} | {100 * (at[4990] / at[100] - 1):+.1f} % |"

@@ -53,7 +53,7 @@ def main() -> None:
     parser.add_argument("--only", choices=["splats", "seconds", "progressive"], help="one part; no page is written")
     arguments = parser.parse_args()
     with GLRasterizer() as rasterizer:
-        machine = describe_machine(rasterizer.renderer_name)
+        machine = describe_machine(rasterizer.device)
     lines = []
     for part in (splats, seconds, progressive):
         if arguments.only in (None, part.__name__):

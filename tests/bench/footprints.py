@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import imageio.v3 as iio
 import numpy as np
 
-from hsplat_cli.scenes import FilmOptions, suggest_scene
+from hsplat_cli.scenes import suggest_scene
 from hsplat_cli.terminal import Reporter, describe_machine
 from renderer.draw import GLRasterizer
 from renderer.frame import Stage, prepare_stage, render_frames
@@ -38,6 +38,7 @@ from renderer.scene import (
     with_tolerance,
 )
 from renderer.study import TRUTH_TOLERANCE, Truth, compute_truth, over_background
+from renderer.suggest import FilmOptions
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE, PICTURE = (ROOT / "docs" / name for name in ("benchmarks/footprints.md", "trade.png"))
@@ -95,7 +96,7 @@ def main() -> None:
         print("\n".join(table(name, found[name])), flush=True)
     if not arguments.only:
         with GLRasterizer() as rasterizer:
-            machine = describe_machine(rasterizer.renderer_name)
+            machine = describe_machine(rasterizer.device)
         lines = [*head(found, machine), *row_of_pictures(), *stills(arguments.data, found)]
         lines += [line for name, each in found.items() for line in table(name, each)]
         PAGE.write_text("\n".join(lines).rstrip() + "\n")
@@ -232,7 +233,7 @@ def subjects(data: Path) -> dict[str, Subject]:
 def suggested(volume: VolumeSpec) -> Scene:
     """As `hsplat init` has it."""
     scene = Path("suggested.yaml")
-    text = suggest_scene(volume, FilmOptions(), Reporter(), colormap=None, scene=scene, output=Path("film.mp4")).text
+    text, _ = suggest_scene(volume, FilmOptions(), Reporter(), scene=scene, output=Path("film.mp4"))
     return parse_scene_content(text.encode(), scene, overrides=(), volume=None, output=None, is_single_frame=False)
 
 
@@ -264,7 +265,7 @@ def measured(stage: Stage, truth: Truth, tolerances: Sequence[float]) -> Iterato
             once: list[float] = []
             while len(taken) < REPEATS and sum(taken) < PATIENCE_S:
                 (frame,) = render_frames(at, [truth.frame], rasterizer, clock=time.process_time)
-                once.append(frame.seconds["cut"] + frame.seconds["splats"])
+                once.append(frame.seconds["cut"] + frame.seconds["primitives"])
                 taken.append(sum(frame.seconds[stage] for stage in ("order", "draw", "quantize")))
             ms, psnr = 1e3 * statistics.median(taken), -10 * float(np.log10(np.mean(difference**2)))
             yield Point(tolerance, psnr, ms, 1e3 * statistics.median(once))

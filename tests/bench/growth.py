@@ -41,7 +41,7 @@ def main() -> None:
     parser.add_argument("data", type=Path)
     arguments = parser.parse_args()
     with GLRasterizer() as rasterizer:
-        machine = describe_machine(rasterizer.renderer_name)
+        machine = describe_machine(rasterizer.device)
     lines = [
         "# What more voxels cost",
         "",

@@ -98,7 +98,7 @@ def page(studies: Mapping[str, dict[str, Any]]) -> Iterator[str]:
         "outermost voxels are made transparent for both."
     )
     yield ""
-    yield f"{machine['processor']}, {machine['driver']}, commit {machine['commit']}"
+    yield f"{machine['processor']}, {machine['device']}, commit {machine['commit']}"
     yield ""
     yield WHAT_LIMITS_IT
     for name, study in studies.items():

@@ -62,7 +62,7 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=3)
     arguments = parser.parse_args()
     with GLRasterizer() as rasterizer:
-        machine = describe_machine(rasterizer.renderer_name)
+        machine = describe_machine(rasterizer.device)
     lines = [
         "# Whole films beside PyVista",
         "",

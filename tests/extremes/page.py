@@ -37,7 +37,7 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=CASES_ON_PAGE, help="random cases of each extreme")
     arguments = parser.parse_args()
     with GLRasterizer() as rasterizer:
-        device = rasterizer.renderer_name
+        device = rasterizer.device
     lines = [INTRODUCTION]
     with np.errstate(over="raise", divide="raise", invalid="raise"):
         for section in sections():

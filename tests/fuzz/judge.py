@@ -22,9 +22,7 @@ from oracle import DisagreementError
 from scenes import DTYPES, Case, legal_case, random_of
 from spoil import spoil
 
-from hsplat_cli.films.goals import make_plan
 from hsplat_cli.main import run
-from hsplat_cli.terminal import Reporter
 from renderer.draw import GLRasterizer
 from renderer.errors import InputError
 from renderer.film import encode_png
@@ -37,6 +35,7 @@ from renderer.frame import (
     render_frames,
     view_of,
 )
+from renderer.job import JobEvents, make_plan
 from renderer.pyramid import cut_pyramid
 from renderer.scene import Scene, SplatBudget, load_scene, scheduled_value
 
@@ -180,7 +179,7 @@ def _judge_picture(scene: Scene, case: Case, rasterizer: GLRasterizer, verdict: 
     if case.volume is not None and not case.in_memory:
         _require_same_volume(stage, case)
     number = min(case.frame, scene.camera.path.frames - 1)
-    stage = make_plan(LODCostEstimator(stage), [number], rasterizer, Reporter(is_quiet=True)).stage
+    stage = make_plan(LODCostEstimator(stage), [number], lambda: rasterizer, JobEvents()).stage
     (frame,) = render_frames(stage, [number], rasterizer, clock=time.perf_counter)
     if not np.isfinite(frame.radiance).all():
         raise WrongError("the picture has pixels that are not finite numbers")

@@ -29,7 +29,7 @@ from volume_bombs_isolated import BOMBS
 from volume_damage import Case, Sparse, is_within_checksums, make_bomb, make_case, write_case
 
 from renderer.errors import InputError
-from renderer.film import volume_files
+from renderer.job import volume_files
 from renderer.readers import read as read_module, read_volume
 from renderer.readers.common import Image
 from renderer.scene import FileSource, VolumeSpec

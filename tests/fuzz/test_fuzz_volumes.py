@@ -112,8 +112,8 @@ def refuse_at_length(path: Path, *_: Any) -> Any:
     raise InputError("no good", where=str(path), got="x" * 500)
 
 
-def refuse_without_a_file(path: Path, *_: Any) -> Any:
-    raise InputError("no good")
+def refuse_another_file(path: Path, *_: Any) -> Any:
+    raise InputError("no good", where="another")
 
 
 def refuse(path: Path, *_: Any) -> Any:
@@ -130,7 +130,7 @@ def refuse(path: Path, *_: Any) -> Any:
         (fill_memory, "MiB of memory"),
         (warn, "a warning of numpy"),
         (refuse_at_length, "a line of 507 characters"),
-        (refuse_without_a_file, "names None and not its file"),
+        (refuse_another_file, "names another and not its file"),
         (refuse, "refused what is not damaged"),
     ],
 )
@@ -194,7 +194,7 @@ def test_crashes_of_libraries_are_left_to_their_process(tmp_path: Path, monkeypa
     """What ends the fork is read again as by the program: in another process, where it does not crash."""
     image = base_of("vtk ascii none")
     judge_volumes.undamaged_volume(image)
-    monkeypatch.setattr(vtk_image, "read_vtk_image", lambda path, **_: crash(path))
+    monkeypatch.setattr(vtk_image, "read_vtk", lambda path, **_: crash(path))
     verdict = judge_volume(unchanged(image), tmp_path / "a")
     assert (verdict.outcome, verdict.in_child) == ("same", True)
 

@@ -25,7 +25,7 @@ from renderer.view import screen_rectangles
 
 Order = npt.NDArray[np.uint32]
 
-# A pixel that is off by one level may have been rounded; what is off by more is a fault that can be seen.
+# A pixel that is off by one step may have been rounded; what is off by more is a fault that can be seen.
 SEEN_LEVELS = 2.0
 
 # Cells, or pairs of them, that are tried until one is seen.
@@ -47,9 +47,9 @@ def _first_seen(shot: Shot, pictures: Iterable[Pixels]) -> Pixels | None:
     """Return the first picture in which the defect can be seen, or the worst one."""
     worst, most = None, -1.0
     for picture in pictures:
-        levels = FrameDifference(shot.golden, picture).largest()
-        if levels > most:
-            worst, most = picture, levels
+        steps = FrameDifference(shot.golden, picture).largest()
+        if steps > most:
+            worst, most = picture, steps
         if most >= SEEN_LEVELS:
             break
     return worst
@@ -326,18 +326,18 @@ def _black_tile(shot: Shot) -> Pixels:
     return _in_a_square(shot, 16, np.zeros_like)
 
 
-def _noise_cluster(levels: int) -> Callable[[Shot], Pixels]:
-    """Move values in 8 x 8 pixels by up to this many levels."""
+def _noise_cluster(steps: int) -> Callable[[Shot], Pixels]:
+    """Move values in 8 x 8 pixels by up to this many steps."""
 
     def noisy(square: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-        rng = np.random.default_rng(levels)
-        return square + rng.integers(1, levels + 1, square.shape) * rng.choice([-1, 1], square.shape)
+        rng = np.random.default_rng(steps)
+        return square + rng.integers(1, steps + 1, square.shape) * rng.choice([-1, 1], square.shape)
 
     return lambda shot: _in_a_square(shot, 8, noisy)
 
 
-def _one_pixel_off(levels: int) -> Callable[[Shot], Pixels]:
-    return lambda shot: _in_a_square(shot, 1, lambda square: np.where(square > 127, square - levels, square + levels))
+def _one_pixel_off(steps: int) -> Callable[[Shot], Pixels]:
+    return lambda shot: _in_a_square(shot, 1, lambda square: np.where(square > 127, square - steps, square + steps))
 
 
 def _in_a_square(shot: Shot, side: int, change: Callable[[npt.NDArray[np.int64]], npt.NDArray[np.int64]]) -> Pixels:
@@ -404,11 +404,11 @@ DEFECTS = (
     Defect("wrong gamma: a power of 2.2 for sRGB's curve", _wrong_gamma),
     Defect("blue for red", _blue_for_red),
     Defect("rounded down", _rounded_down),
-    Defect("background one level brighter", _other_background),
+    Defect("background one step brighter", _other_background),
     Defect("one row doubled", _row_doubled),
     Defect("a black tile of 16 x 16 px", _black_tile),
-    Defect("noise cluster: 3 levels in 8 x 8 px", _noise_cluster(3)),
-    Defect("noise cluster: 1 level in 8 x 8 px", _noise_cluster(1)),
-    Defect("one pixel off by 3 levels", _one_pixel_off(3)),
-    Defect("one pixel off by 8 levels", _one_pixel_off(8)),
+    Defect("noise cluster: 3 steps in 8 x 8 px", _noise_cluster(3)),
+    Defect("noise cluster: 1 step in 8 x 8 px", _noise_cluster(1)),
+    Defect("one pixel off by 3 steps", _one_pixel_off(3)),
+    Defect("one pixel off by 8 steps", _one_pixel_off(8)),
 )

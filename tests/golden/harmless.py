@@ -53,7 +53,7 @@ class Machine:
 
 
 def _rounded_otherwise(share: float) -> Callable[[Shot], Pixels]:
-    """Move a share of all values one level up or down."""
+    """Move a share of all values one step up or down."""
 
     def rounded(shot: Shot) -> Pixels:
         rng = np.random.default_rng(round(1 / share))
@@ -156,7 +156,7 @@ def _main(file: Path, primitive: str, *opengl: str) -> None:
         of_bricks = gl if opengl else cpu
         subjects = SPLATS if primitive == "splats" else BRICKS
         pictures = {subject.name: Shot(subject, gl, of_bricks).golden for subject in subjects}
-        by = np.array(json.dumps(gl.renderer_name if primitive == "splats" else of_bricks.renderer_name))
+        by = np.array(json.dumps(gl.device if primitive == "splats" else of_bricks.device))
     np.savez(file, by=by, **pictures)  # type: ignore[arg-type]
 
 

@@ -10,14 +10,14 @@ from defects import DEFECTS, SEEN_LEVELS
 from harmless import HARMLESS, Machine, drawn_by
 from subjects import Pixels, Shot
 
-from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS, FrameDifference, exceeded_limits
+from renderer.study import COMPARISON_METRICS, STRICTNESSES, FrameDifference, exceeded_limits
 
 
 @dataclass(frozen=True)
 class Measured:
     """A change of one subject's picture, in figures.
 
-    passes_at: the strictest level at which it has to pass; None for a defect. bias: of each channel, in levels.
+    passes_at: the strictest level at which it has to pass; None for a defect. bias: of each channel, in steps.
     """
 
     subject: str
@@ -38,7 +38,7 @@ class Measured:
 
     def over(self, level: str) -> list[str]:
         """Return the figures over that level's limits."""
-        return exceeded_limits(self.figures, STRICTNESS_LEVELS[level].limits)
+        return exceeded_limits(self.figures, STRICTNESSES[level].limits)
 
 
 def harmless_changes(shot: Shot) -> Iterator[Measured]:

@@ -27,7 +27,7 @@ from measured import Measured, defects, harmless_changes, on_machine  # noqa: E4
 from subjects import BRICKS, SPLATS, Shot, Subject  # noqa: E402
 
 from renderer.draw import CPURasterizer, GLRasterizer  # noqa: E402
-from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS  # noqa: E402
+from renderer.study import COMPARISON_METRICS, STRICTNESSES  # noqa: E402
 from renderer.system import commit  # noqa: E402
 
 SAME, CROSS = "same-machine", "cross-driver"
@@ -56,7 +56,7 @@ def _measure(primitive: str, drivers: Sequence[Machine]) -> tuple[list[Measured]
     """Measure all changes of all subjects; return them, and the names of devices and drivers by machine."""
     rows: list[Measured] = []
     with GLRasterizer() as gl, CPURasterizer() as cpu:
-        names = {"this machine": gl.renderer_name if primitive == "splats" else cpu.renderer_name}
+        names = {"this machine": gl.device if primitive == "splats" else cpu.device}
         shots = [Shot(subject, gl, cpu) for subject in PARTS[primitive].subjects]
         for shot in shots:
             for row in (*harmless_changes(shot), *defects(shot)):
@@ -116,7 +116,7 @@ def _limits(rows: Sequence[Measured]) -> list[str]:
         harmless = [row for row in rows if row.passes_at in strictest]
         cells = []
         for name, figure in COMPARISON_METRICS.items():
-            worst, limit = _worst(name, harmless), STRICTNESS_LEVELS[level].limits.get(name)
+            worst, limit = _worst(name, harmless), STRICTNESSES[level].limits.get(name)
             cells.append([f"`{name}`", _figure(worst, name), f"{worst.change}, {worst.subject}"])
             if limit is None:
                 cells[-1] += ["none"] + [""] * 4
@@ -141,14 +141,14 @@ def _harmless(rows: Sequence[Measured], drawn_by: dict[str, str], of_part: Part)
     lines = []
     for change, group in _by_change(row for row in rows if not row.is_defect):
         worst = [_figure(_worst(name, group), name) for name in COMPARISON_METRICS]
-        passes = [f"{sum(not row.over(level) for row in group)}" for level in STRICTNESS_LEVELS]
+        passes = [f"{sum(not row.over(level) for row in group)}" for level in STRICTNESSES]
         lines.append([change, drawn_by.get(change, ""), str(len(group)), *worst, *passes])
     header = [
         "change",
         "drawn by",
         "frames",
         *(f"worst `{name}`" for name in COMPARISON_METRICS),
-        *(f"pass `{x}`" for x in STRICTNESS_LEVELS),
+        *(f"pass `{x}`" for x in STRICTNESSES),
     ]
     return ["### What must pass", "", of_part.harmless, "", *_table(header, lines)]
 
@@ -162,7 +162,7 @@ def _defects(rows: Sequence[Measured]) -> list[str]:
         found = [_found(rows, level) for rows in (seen, faint) for level in (SAME, CROSS)]
         least = [_figure(_least(name, seen), name) if seen else "" for name in COMPARISON_METRICS]
         lines.append([change, f"{moved[0]:.3g} to {moved[-1]:.3g}", *found, *least])
-    header = ["defect", "moves some pixel by, levels", f"found at `{SAME}`", f"found at `{CROSS}`"]
+    header = ["defect", "moves some pixel by, steps", f"found at `{SAME}`", f"found at `{CROSS}`"]
     header += [
         f"faint ones at `{SAME}`",
         f"faint ones at `{CROSS}`",
@@ -232,13 +232,13 @@ PARTS = {
 
 From a tolerance of 0.15 on, a subsampled pixel grid is drawn first, and pixels between its nodes only where these
 differ. Where they differ by nearly the threshold, another rounding draws pixels that were interpolated, or the other
-way round. In float64 that happens to one block of `bricks_coarse`: 4 x 4 pixels change by up to 4 levels, with a
+way round. In float64 that happens to one block of `bricks_coarse`: 4 x 4 pixels change by up to 4 steps, with a
 `densest` of 1.03, over the limit of `cross-driver`. No driver that was tried does it, nor do rays that are moved by a
 ten-thousandth of a pixel, so no limit allows for it; where it happens, `densest` can be given another limit.
 """,
         """Another number of threads, and a processor without AVX and fused multiplication and addition, are
 simulated by child processes. The rows of OpenGL draw the same bricks by shaders, as a GPU does. Other rounding is
-simulated: random values move up or down by a level. The reference draws only small frames.""",
+simulated: random values move up or down by a step. The reference draws only small frames.""",
         BRICKS,
         BRICK_MACHINES,
     ),
@@ -248,7 +248,7 @@ simulated: random values move up or down by a level. The reference draws only sm
         """Machines other than this one are simulated by child processes with another environment:
 `LP_NUM_THREADS`, `LP_NATIVE_VECTOR_WIDTH`, `GALLIUM_OVERRIDE_CPU_CAPS`, `GALLIUM_DRIVER`, or the libraries of another
 Mesa, as Linux distributions package it, unpacked to a folder. Other rounding is simulated: random values move up or
-down by a level. The reference draws only frames with few splats.""",
+down by a step. The reference draws only frames with few splats.""",
         SPLATS,
         SPLAT_MACHINES,
     ),

@@ -22,7 +22,7 @@ from hsplat_cli.compare.picture_file import read_picture
 from renderer.draw import GLRasterizer
 from renderer.film import Pixels, quantize
 from renderer.frame import frame
-from renderer.study import STRICTNESS_LEVELS, FrameDifference, exceeded_limits
+from renderer.study import STRICTNESSES, FrameDifference, exceeded_limits
 
 FAILED = FOLDER / "failed"
 
@@ -32,7 +32,7 @@ MATCHING = [case for case in CASES if case.golden_changes is None]
 
 def compared(case: Case, rasterizer: GLRasterizer, folder: Path) -> dict[str, Any]:
     """Compare a case; return the command's JSON, and write `page.html` in the folder."""
-    is_same = read_provenance(case.folder).origin["gl"] == rasterizer.renderer_name
+    is_same = read_provenance(case.folder).origin["device"] == rasterizer.device
     options = ["--level", "same-machine" if is_same else "cross-driver", "--quiet"]
     options += ["--json", str(folder / "result.json"), "--html", str(folder / "page.html")]
     code = case.compare(folder, *options)
@@ -54,7 +54,7 @@ def test_golden(case: Case, rasterizer: GLRasterizer, tmp_path: Path, capsys: py
 def test_the_case_that_must_fail_does(
     rasterizer: GLRasterizer, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Its golden was drawn half a degree further round, which moves edges by tens of levels."""
+    """Its golden was drawn half a degree further round, which moves edges by tens of steps."""
     result = compared(MUST_FAIL, rasterizer, tmp_path)
     assert not result["passes"]
     assert result["counts"]["different"] == len(result["frames"]) == 1
@@ -84,7 +84,7 @@ def test_every_case_looks_different_from_all_others() -> None:
 
 def looks_same(first: Pixels, second: Pixels) -> bool:
     """Compare at `cross-driver` without FLIP, which takes a while for a thousand pairs."""
-    limits = STRICTNESS_LEVELS["cross-driver"].limits
+    limits = STRICTNESSES["cross-driver"].limits
     return not exceeded_limits(FrameDifference(first, second).metrics(limits.keys() - {"flip"}), limits)
 
 

@@ -13,7 +13,7 @@ from harmless import HARMLESS, Harmless
 from subjects import BRICKS, SPLATS, Pixels, Shot
 
 from renderer.draw import CPURasterizer, GLRasterizer
-from renderer.study import STRICTNESS_LEVELS, FrameDifference, exceeded_limits
+from renderer.study import STRICTNESSES, FrameDifference, exceeded_limits
 
 SHOTS = {"splats": ("coarse",), "bricks": ("bricks_coarse", "bricks_transparent")}
 
@@ -36,8 +36,8 @@ ABSENT = {
     },
 }
 
-# Defects that move no pixel by two levels, as rounding does, too: only the number of pixels shows them.
-FAINT_EVERYWHERE = {"rounded down", "background one level brighter", "noise cluster: 1 level in 8 x 8 px"}
+# Defects that move no pixel by two steps, as rounding does, too: only the number of pixels shows them.
+FAINT_EVERYWHERE = {"rounded down", "background one step brighter", "noise cluster: 1 step in 8 x 8 px"}
 FAINT = {"splats": {*FAINT_EVERYWHERE, "optical depths 1 % too large"}, "bricks": FAINT_EVERYWHERE}
 
 # Defects that another driver may cause, too, on one of the frames at least.
@@ -47,9 +47,9 @@ UNSEEN_ACROSS_DRIVERS = {
         "two overlapping ones swapped",
         "footprints 1 % wider",
         "footprints that end in a step",
-        "one pixel off by 3 levels",
+        "one pixel off by 3 steps",
     },
-    "bricks": {"one pixel off by 3 levels"},
+    "bricks": {"one pixel off by 3 steps"},
 }
 
 each_primitive = pytest.mark.parametrize("primitive", SHOTS)
@@ -66,8 +66,8 @@ def shots(rasterizer: GLRasterizer) -> Iterator[dict[str, list[Shot]]]:
 
 
 def exceeded(shot: Shot, picture: Pixels) -> dict[str, list[str]]:
-    """Return the metrics over their limits, by the level of strictness."""
-    limits = {name: level.limits for name, level in STRICTNESS_LEVELS.items()}
+    """Return the metrics over their limits, by the strictness."""
+    limits = {name: level.limits for name, level in STRICTNESSES.items()}
     figures = FrameDifference(shot.golden, picture).metrics({name for each in limits.values() for name in each})
     return {name: exceeded_limits(figures, each) for name, each in limits.items()}
 
@@ -94,7 +94,7 @@ def test_every_defect_is_found_on_the_same_machine(
 @pytest.mark.parametrize("change", [each for each in HARMLESS if "reference" not in each.name], ids=str)
 def test_harmless_changes_pass(change: Harmless, primitive: str, shots: dict[str, list[Shot]]) -> None:
     pictures = [(shot, change.make(shot)) for shot in shots[primitive]]
-    levels = list(STRICTNESS_LEVELS)
+    levels = list(STRICTNESSES)
     found = [exceeded(shot, picture) for shot, picture in pictures if picture is not None]
     assert found
     for level in levels[levels.index(change.level) :]:

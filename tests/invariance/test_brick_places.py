@@ -125,7 +125,7 @@ def test_samples_stay_in_their_brick(shading: ShadingSpec | None, brick_backend:
         for azimuth in (20.0, 100.0, 200.0, 300.0):
             view = replace(view_of(volume, "inside", (MAX_SIDE, 1), azimuth), target=eye, scale_px=scale_px)
             expected = gl.rasterize(batch, order, view)
-            atlas = cast(Any, gl)._bricks._atlases[0]
+            atlas = cast(Any, gl)._bricks.cache.atlases[0]
             free = np.flatnonzero(atlas._key_from_slot < 0)
             assert len(free) > 0
             with cast(Any, gl)._context:

@@ -18,7 +18,7 @@ from brickwork import AFFINES, batch_of, bricks_of, cut_of_bricks, hills, ordere
 from llvmlite import binding
 
 from renderer.bricks import ScreenSampling
-from renderer.compiled import NUM_LANES
+from renderer.compiled import num_lanes
 from renderer.draw import CPURasterizer
 from renderer.scene import ShadingSpec
 
@@ -73,5 +73,5 @@ def test_another_processor(processor: str, tmp_path: Path) -> None:
 
 if __name__ == "__main__":
     failed = pytest.main(["-q", "-p", "no:cacheprovider", str(TESTS_OF_LANES)])
-    print(NUM_LANES, digest())
+    print(num_lanes(), digest())
     sys.exit(failed)

@@ -1,36 +1,41 @@
-"""A frame has the same bytes from this process and from workers, with any number of threads.
+"""A frame has the same bytes and the same record from this process and from processes that Dask runs.
 
 That the stage of every kind of scene survives its way to workers is shown in `test_transport.py`.
 """
 
 from __future__ import annotations
 
-import pytest
-from film_stages import stage_of_kind
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
 
-from hsplat_cli.executors import draw_locally
-from hsplat_cli.executors.workers.pool import open_pool
+import pytest
+from distributed import Client
+from film_stages import plan_of, stage_of_kind
+
+from hsplat_cli.executors.cluster.cluster_drawing import ClusterDrawing
+from hsplat_cli.executors.cluster.connection import connect_locally
+from hsplat_cli.terminal import Reporter
 from renderer.draw import GLRasterizer
+from renderer.job import draw_frames
 
 NUMBERS = [*range(8), 2]
 
 
-@pytest.mark.parametrize(
-    ("kind", "num_workers", "threads_per_worker"),
-    [("plain", 2, 4), ("transparent", 1, 0), ("float32, splats, shading", 1, 1), ("overlay", 1, 1)],
-)
-def test_the_same_bytes(
-    rasterizer: GLRasterizer, monkeypatch: pytest.MonkeyPatch, kind: str, num_workers: int, threads_per_worker: int
-) -> None:
-    monkeypatch.delenv("LP_NUM_THREADS", raising=False)
-    stage = stage_of_kind(kind)
-    expected = list(draw_locally(stage, NUMBERS, rasterizer))
-    with open_pool(stage, num_workers, threads_per_worker=threads_per_worker) as pool:
-        found = list(pool.draw(NUMBERS))
-    assert [result.number for result in found] == NUMBERS
+@pytest.fixture(scope="module")
+def client() -> Iterator[Client]:
+    with connect_locally(2) as client:
+        yield client
+
+
+@pytest.mark.parametrize("kind", ["plain", "transparent", "float32, splats, shading", "overlay"])
+def test_the_same_bytes(rasterizer: GLRasterizer, client: Client, kind: str) -> None:
+    plan = plan_of(stage_of_kind(kind))
+    expected = list(draw_frames(plan.stage, NUMBERS, rasterizer, plan.controller))
+    with closing(ClusterDrawing(client, "--workers 2", plan, Reporter())) as drawing:
+        found = list(drawing.draw(NUMBERS))
+    assert [result.record.frame for result in found] == NUMBERS
     for one, other in zip(found, expected, strict=True):
         assert one.picture.png == other.picture.png
-        assert one.picture.pixels.shape == other.picture.pixels.shape
-        assert one.picture.pixels.tobytes() == other.picture.pixels.tobytes()
-        assert one.record.keys() == other.record.keys()
-        assert one.record | {"seconds": 0} == other.record | {"seconds": 0}
+        device = rasterizer.device
+        assert replace(one.record, seconds={}) == replace(other.record, seconds={}, device=device)

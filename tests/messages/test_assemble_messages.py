@@ -50,7 +50,7 @@ def make_others() -> None:
     def edit(data: dict[str, Any]) -> None:
         data["scene"]["transfer_function"]["points"][1]["opacity"] = 0.5
         data["scene"]["error"]["tolerance"] = 0.2
-        data["schedule"]["asked"] = {"tolerance": 0.2}
+        data["schedule"]["requested"] = {"tolerance": 0.2}
 
     change("3-5", edit)
     change("6-8", lambda data: data["volume"].update(fingerprint="0" * 32))
@@ -87,6 +87,7 @@ def make_no_parts() -> None:
     Path("empty").mkdir()
     Path("cut.json").write_text('{\n  "scene": {', encoding="utf-8")
     Path("other.json").write_text("{}", encoding="utf-8")
+    Path("old.json").write_text('{"scene": {}, "gl": "GL 4.5"}', encoding="utf-8")
     change("0-2", lambda data: data["frames"][1].pop("cells"))
     change("3-5", lambda data: data["scene"]["camera"]["path"].update(frames=4))
     change("6-8", lambda data: data["volume"].pop("fingerprint"))
@@ -97,29 +98,19 @@ def spoil_sidecars() -> None:
         data |= {"pyramid": 5, "seconds": {"total": "x", "read": -1}, "notes": ["plain", {}]}
         data["versions"]["numba"] = []
         data["schedule"] |= {"met": "yes", "shortfall": 7}
-        del data["scene"]["error"]
 
     def spoil_more(data: dict[str, Any]) -> None:
         data |= {"seconds": [], "notes": "plain"}
         data["pyramid"]["finest_level_drawn"] = None
-        data["scene"]["error"] = 5
 
     change("0-2", spoil)
     change("3-5", spoil_more)
+    change("6-8", lambda data: data["scene"].update(error=5))
 
 
 def rename_pictures() -> None:
     for part, name in (("0-2", "{frame:zz}.png"), ("3-5", "{frame:400000}.png"), ("6-8", "{frame}-{frame}.png")):
         change(part, lambda data, name=name: data["scene"]["output"].update(file=name))
-
-
-def remove_frames_and_nest() -> None:
-    def nest(data: dict[str, Any]) -> None:
-        for _ in range(30):
-            data["camera"] = {"inside": data["camera"]}
-
-    change("0-2", lambda data: data.pop("frames"))
-    change("3-5", nest)
 
 
 # What happens before the commands of a case, by its title.
@@ -133,7 +124,6 @@ PREPARATIONS: dict[str, Callable[[], object]] = {
     "no parts": make_no_parts,
     "sidecars with values of other types": spoil_sidecars,
     "names of pictures that no scene may have": rename_pictures,
-    "a sidecar without frames and one with too many levels": remove_frames_and_nest,
     "transparent frames in a film": lambda: draw(
         "--set", "output.background=transparent", "--output", "clear/{frame}.png"
     ),

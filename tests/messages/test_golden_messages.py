@@ -10,21 +10,21 @@ import pytest
 
 from hsplat_cli import main
 from hsplat_cli.compare.golden.provenance import Golden, Provenance
-from hsplat_cli.compare.golden.update_plan import GoldenUpdate, describe_update
+from hsplat_cli.compare.golden.update import GoldenUpdate, describe_update
 from hsplat_cli.compare.outcome import Outcome
 from tests.support.transcripts import Case, cases
 
 DIGEST = "0" * 32
 GOLDEN_JSON = f"""\
 {{
-  "format": "hsplat golden 1",
+  "format": "hsplat golden 2",
   "volume": {{
     "name": "engine_block",
     "fingerprint": "{DIGEST}",
     "shape": [8, 8, 8],
     "dtype": "uint8"
   }},
-  "gl": "llvmpipe",
+  "device": "llvmpipe",
   "scene": {{"error": {{"tolerance": 0.1}}}},
   "versions": {{"numpy": "2.1.0"}},
   "frames": [
@@ -75,8 +75,8 @@ def test_the_question_is_asked_at_a_terminal(
     assert out.endswith(end)
 
 
-def provenance(*frames: int, gl: str = "llvmpipe", numpy: str = "2.1.0") -> Provenance:
-    origin = {"volume": {}, "gl": gl, "scene": {}, "versions": {"numpy": numpy}}
+def provenance(*frames: int, device: str = "llvmpipe", numpy: str = "2.1.0") -> Provenance:
+    origin = {"volume": {}, "device": device, "scene": {}, "versions": {"numpy": numpy}}
     return Provenance(origin, tuple(Golden(frame, f"frame-{frame:04}.png", DIGEST) for frame in frames))
 
 
@@ -88,7 +88,7 @@ def change(frame: int, why: str = "", *values: float) -> Outcome:
 def test_an_update_lists_its_changes() -> None:
     plan = GoldenUpdate(
         before=provenance(0, 1, 2, 3, 7, 8),
-        after=provenance(0, 1, 2, 3, 4, 8, gl="softpipe", numpy="2.2.0"),
+        after=provenance(0, 1, 2, 3, 4, 8, device="softpipe", numpy="2.2.0"),
         changes=[
             change(4, "is new"),
             change(3, "36 x 32 pixels, the golden has 32 x 32"),
@@ -104,16 +104,16 @@ def test_an_update_lists_its_changes() -> None:
 4 of 5 frames change:
   frame-0004.png: is new
   frame-0003.png: 36 x 32 pixels, the golden has 32 x 32
-  levels, worst first   largest   densest       p99      bias
-  frame-0001.png             41      9.31        12      1.25
-  frame-0000.png              1    0.0052         0   0.00031
+  steps, worst first   largest   densest       p99      bias
+  frame-0001.png            41      9.31        12      1.25
+  frame-0000.png             1    0.0052         0   0.00031
   largest: largest error of a channel
   densest: mean error of a channel in the densest window of 8 x 8 pixels
   p99: 99th percentile of the pixels' largest errors
   bias: mean signed error of the most shifted channel
 to be removed, because not requested: frame-0007.png
 not requested, and kept (--prune removes them): frame-0008.png
-changed since they were rendered: gl was 'llvmpipe'; versions.numpy was '2.1.0'"""
+changed since they were rendered: device was 'llvmpipe'; versions.numpy was '2.1.0'"""
     )
 
 

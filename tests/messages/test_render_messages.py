@@ -18,13 +18,12 @@ import numpy as np
 import pytest
 
 from hsplat_cli import main
-from hsplat_cli.executors import frame_result
-from hsplat_cli.films import describe_differences
 from renderer.film import bytes_digest, join_png_chunks, png_chunks
 from renderer.frame import Frame, stage as stages
+from renderer.job import describe_differences, executor
 from renderer.view import View, make_view
 from tests.messages.conftest import SCENE
-from tests.support.machines import set_renderer_name
+from tests.support.machines import set_device
 from tests.support.transcripts import Case, cases
 
 FULL = "the disk is full\n  hint: free some space, or write to another disk\n"
@@ -73,7 +72,7 @@ def render(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, st
 
 def at_frame(monkeypatch: pytest.MonkeyPatch, number: int, happens: Callable[[], None]) -> None:
     """Call `happens` before each following job has drawn this frame."""
-    original = frame_result.render_frames
+    original = executor.render_frames
 
     def watched(*arguments: Any, **options: Any) -> Iterator[Frame]:
         for frame in original(*arguments, **options):
@@ -81,7 +80,7 @@ def at_frame(monkeypatch: pytest.MonkeyPatch, number: int, happens: Callable[[],
                 happens()
             yield frame
 
-    monkeypatch.setattr(frame_result, "render_frames", watched)
+    monkeypatch.setattr(executor, "render_frames", watched)
 
 
 @pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
@@ -120,7 +119,7 @@ def test_a_disk_that_is_full_while_a_film_is_encoded(
     before = {*Path().rglob("*.*")}
     kept = "6 of 6 frames are kept; the same command resumes there\n"
     assert render(capsys, "--output", output) == (1, f"{kept}{output}: {FULL}")
-    left = {path for path in {*Path().rglob("*.*")} - before if not path.match("*.unfinished/cause-*.json")}
+    left = {path for path in {*Path().rglob("*.*")} - before if not path.match("*.unfinished/fingerprint-*.json")}
     frames = {Path(f"{output}.unfinished/00000{i}.{suffix}") for i in range(6) for suffix in ("json", "png")}
     assert left == {*frames, Path(f"{output}.unfinished")}
 
@@ -197,7 +196,7 @@ def test_a_picture_too_large_for_the_device(
         return dataclasses.replace(make_view(*arguments), size=(10**6, 8))
 
     monkeypatch.setattr(stages, "make_view", huge)
-    set_renderer_name(monkeypatch, "llvmpipe")
+    set_device(monkeypatch, "llvmpipe")
     splats = ["--set", "volume.procedural.name=constant", "--set", "splat={footprint: gaussian}"]
     code, printed = render(capsys, *splats)
     assert (code, re.sub(r"at most \d+", "at most N", printed)) == (

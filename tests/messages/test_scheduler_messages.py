@@ -63,13 +63,20 @@ def test_another_server(
     assert capsys.readouterr() == ("", f"--scheduler {address}: {text}\n{END}")
 
 
-@pytest.mark.parametrize("package", ["distributed", "cryptography"])
+@pytest.mark.parametrize(
+    ("package", "command"),
+    [
+        ("distributed", ["render", "scene.yaml", "--scheduler", "node7:8786"]),
+        ("cryptography", ["render", "scene.yaml", "--workers", "2"]),
+        ("distributed", ["golden", "scene.yaml", "goldens", "--workers", "2"]),
+    ],
+)
 def test_a_package_is_not_installed(
-    package: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    package: str, command: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     find_spec = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == package else find_spec(name))
-    assert main.run(["render", "scene.yaml", "--quiet", "--scheduler", "local"]) == 2
+    assert main.run([*command, "--quiet"]) == 2
     assert capsys.readouterr() == (
         "",
         f"the package {package} is not installed\n  hint: pip install 'hsplat[cluster]'\n",

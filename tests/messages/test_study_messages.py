@@ -11,7 +11,7 @@ import pytest
 
 from hsplat_cli import main
 from hsplat_cli.commands.paper import SCENES
-from hsplat_cli.studies.measure.notes import scene_notes
+from hsplat_cli.studies.measure.study import scene_notes
 from renderer.scene import load_scene
 from tests.support.transcripts import Case, cases
 

@@ -89,7 +89,7 @@ def yaml_value() -> list[str]:
 
 
 def sidecar_field() -> list[str]:
-    Path("film.json").write_text(json.dumps({"scene": {HOSTILE + FAKE_LINE: 1}}), "utf-8")
+    Path("film.json").write_text(json.dumps({"format": "hsplat film 1", HOSTILE + FAKE_LINE: 1}), "utf-8")
     return ["check", "film.json"]
 
 

@@ -281,7 +281,7 @@ def _classified(batch: BrickBatch, texel: Float64) -> Float64:
     rows = batch.bricks.pieces.rows
     k = np.searchsorted(rows[:, 0], texel[:, 0], side="right")
     offset = (texel[:, 0] - rows[k, 1])[:, None]
-    channels = rows[k, 2:6] + offset * rows[k, 6:].astype(np.float64)
+    channels = rows[k, 4:8] + offset * rows[k, 8:].astype(np.float64)
     if batch.shading is not None:
         channels[:, :3] *= _light(batch.shading, texel[:, 1:])[:, None]
     return np.hstack([channels[:, :3] * channels[:, 3:], channels[:, 3:]])

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from renderer.frame import Stage, prepare_stage
+from renderer.frame import ScheduleController, Stage, prepare_stage
+from renderer.job import FilmPlan
 from renderer.scene import (
     CameraSpec,
     ColormapSpec,
@@ -70,6 +71,11 @@ SCENES = {
 def stage_of(scene: Scene, volume: Volume | None = None) -> Stage:
     """Prepare the stage of a scene, on one thread."""
     return prepare_stage(scene, clock=itertools.count().__next__, num_threads=1, volume=volume)
+
+
+def plan_of(stage: Stage) -> FilmPlan:
+    """Return the plan that draws a stage at the tolerances of its scene."""
+    return FilmPlan(stage, ScheduleController(stage))
 
 
 def waves(dtype: str) -> Volume:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from renderer.bricks import BrickBatch
-from renderer.draw import CellEdges, GLRasterizer
+from renderer.draw import GLRasterizer
 from renderer.frame.primitives import num_samples
 from renderer.splats import SplatBatch
 from renderer.view import View, model_view, total_square_area_px
@@ -22,6 +22,18 @@ class WithoutUploads:
     def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
         """Upload nothing."""
         return False
+
+
+class Painter(WithoutUploads):
+    """A rasteriser whose picture, RGBA or one of it for all pixels, follows from what is drawn and the view."""
+
+    def __init__(self, paint: Callable[[Any, View], npt.ArrayLike]) -> None:
+        self._paint = paint
+
+    def rasterize(self, batch: Any, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:
+        """Return the picture."""
+        shape = (view.size[1], view.size[0], 4)
+        return np.broadcast_to(np.asarray(self._paint(batch, view), np.float32), shape).copy()
 
 
 class SimulatedMachine(WithoutUploads):
@@ -67,10 +79,6 @@ class SimulatedMachine(WithoutUploads):
         per_frame, per_splat, per_pixel = self._rates
         return per_frame + per_splat * len(order) + per_pixel * num_pixels
 
-    def rasterize_edges(self, edges: CellEdges, view: View) -> npt.NDArray[np.float32]:
-        """Return no lines, in no time."""
-        return np.zeros((view.size[1], view.size[0], 4), np.float32)
-
 
 class UploadingMachine(SimulatedMachine):
     """A machine that keeps one batch, which takes `times` as long to upload as to draw.
@@ -99,7 +107,7 @@ class UploadingMachine(SimulatedMachine):
         return super().rasterize(batch, order, view)
 
 
-def set_renderer_name(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def set_device(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     """Give OpenGL another device and driver."""
     other = property(lambda _: name, lambda _, own: None)
-    monkeypatch.setattr(GLRasterizer, "renderer_name", other, raising=False)
+    monkeypatch.setattr(GLRasterizer, "device", other, raising=False)

@@ -1,4 +1,4 @@
-"""Lists the processes that a test has started, and the memory that they share, as Linux reports them."""
+"""Lists the processes that a test has started, as Linux reports them."""
 
 from __future__ import annotations
 
@@ -27,20 +27,6 @@ def marked(mark: str) -> set[int]:
         except OSError:  # it is gone, or not ours
             continue
     return found - {os.getpid()}
-
-
-def holders_of_shared_memory() -> dict[int, set[str]]:
-    """Return the processes that map each stage in shared memory, by its inode."""
-    holders: dict[int, set[str]] = {}
-    for folder in _folders():
-        try:
-            lines = (folder / "maps").read_text().splitlines()
-        except OSError:
-            continue
-        for line in lines:
-            if "/memfd:hsplat" in line:
-                holders.setdefault(int(line.split()[4]), set()).add(folder.name)
-    return holders
 
 
 def wait_until(condition: Callable[[], bool], seconds: float) -> bool:

@@ -12,8 +12,7 @@ from renderer.transfer import TransferFunction
 from renderer.truth import integrate
 from renderer.truth.integrator import rays_through_pixels
 from renderer.view import View, make_view
-from renderer.view.camera import Float64
-from renderer.volume import Volume
+from renderer.volume import Float64, Volume
 
 # float64 sums over a few hundred cells.
 EXACT = 1e-13

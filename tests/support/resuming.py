@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from small_scene import small_scene
+import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.executors import frame_result
 from renderer.frame import Frame
+from renderer.job import executor
 
 NUM_FRAMES = 5
 
@@ -20,7 +19,7 @@ NUM_FRAMES = 5
 def enter_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Make this the current folder, with the scene in scene.yaml."""
     monkeypatch.chdir(folder)
-    (folder / "scene.yaml").write_text(small_scene(frames=NUM_FRAMES), encoding="utf-8")
+    (folder / "scene.yaml").write_text(small_scene.small_scene(frames=NUM_FRAMES), encoding="utf-8")
 
 
 class Draws:
@@ -38,7 +37,7 @@ class Draws:
 
 def watch_draws(monkeypatch: pytest.MonkeyPatch) -> Draws:
     """Record all frames that are drawn from now on."""
-    found, original = Draws(), frame_result.render_frames
+    found, original = Draws(), executor.render_frames
 
     def watched(*arguments: Any, **options: Any) -> Iterator[Frame]:
         for frame in original(*arguments, **options):
@@ -47,7 +46,7 @@ def watch_draws(monkeypatch: pytest.MonkeyPatch) -> Draws:
             found.numbers.append(frame.number)
             yield frame
 
-    monkeypatch.setattr(frame_result, "render_frames", watched)
+    monkeypatch.setattr(executor, "render_frames", watched)
     return found
 
 
@@ -85,14 +84,12 @@ def uninterrupted_files(output: str, *options: str) -> dict[str, bytes]:
 
 
 def sidecar(name: str) -> dict[str, Any]:
-    data: dict[str, Any] = json.loads((Path("out") / name).read_text(encoding="utf-8"))
-    return data
+    """Return the content of a sidecar in out/."""
+    return small_scene.sidecar(Path("out", name))
 
 
 def edit_sidecar(name: str, edit: Callable[[dict[str, Any]], Any]) -> None:
-    data = sidecar(name)
-    edit(data)
-    (Path("out") / name).write_text(json.dumps(data), encoding="utf-8")
+    small_scene.edit_sidecar(Path("out", name), edit)
 
 
 def assert_clean() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -42,3 +43,10 @@ def sidecar(path: str | Path = "film.mp4.json") -> dict[str, Any]:
     """Return the content of a sidecar."""
     data: dict[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
     return data
+
+
+def edit_sidecar(path: str | Path, edit: Callable[[dict[str, Any]], object]) -> None:
+    """Change the content of a sidecar, or of another JSON file, in place."""
+    data = sidecar(path)
+    edit(data)
+    Path(path).write_text(json.dumps(data), encoding="utf-8")

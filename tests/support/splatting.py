@@ -9,11 +9,20 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.pyramid import Cut, build_pyramid, cut_pyramid
-from renderer.scene import CameraSpec, ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec, TurntablePath
+from renderer.scene import (
+    CameraPath,
+    CameraSpec,
+    ControlPoint,
+    ErrorSpec,
+    PyramidSpec,
+    SplatSpec,
+    TransferSpec,
+    TurntablePath,
+)
 from renderer.splats import SplatBatch, make_footprint, make_splats
 from renderer.transfer import make_transfer_function
 from renderer.view import View, make_view
-from renderer.view.paths import CameraPath, CameraPoses, camera_poses
+from renderer.view.paths import CameraPoses, camera_poses
 from renderer.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]

@@ -108,7 +108,7 @@ def study_of(measurements: Sequence[Measurement], **changes: Any) -> Study:
         machine={
             "processor": "a processor",
             "cores": 2,
-            "driver": "llvmpipe",
+            "device": "llvmpipe",
             "commit": "abc1234",
             "versions": {"numpy": "2"},
         },

@@ -11,8 +11,10 @@ import nibabel
 import nrrd
 import numpy as np
 import numpy.typing as npt
+import pytest
 import tifffile
 
+from renderer.errors import InputError
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
 from renderer.volume import Volume
@@ -40,6 +42,19 @@ def ramp(dtype: str, shape: tuple[int, ...] = (3, 4, 5)) -> Array:
 def read(path: Path, spacing: tuple[float, float, float] | None = None, **choice: Any) -> Volume:
     """Read a file, perhaps with another spacing, a time step, a component or a crop."""
     return read_volume(VolumeSpec(FileSource(path, spacing), **choice))
+
+
+def refused(path: Path, match: str = ".", **choice: Any) -> InputError:
+    """Return the error for a file that is refused; its text has `match`."""
+    with pytest.raises(InputError, match=match) as error:
+        read(path, **choice)
+    return error.value
+
+
+def written(path: Path, data: bytes) -> Path:
+    """Write a file, and return its path."""
+    path.write_bytes(data)
+    return path
 
 
 def write_volume(path: Path, values: Array, order: str) -> None:
@@ -94,9 +109,10 @@ def write_image(
     compressed: bool = False,
     has_components: bool = False,
 ) -> None:
-    """Write [time, z, y, x], [z, y, x] or [y, x], with components last, as NRRD, MetaImage, NIfTI or TIFF, in LPS.
+    """Write [time, z, y, x], [z, y, x] or [y, x], with components last, as NRRD, MetaImage, NIfTI, TIFF or .npy.
 
-    NRRD by pynrrd, NIfTI by nibabel, TIFF by tifffile. A compressed .mhd or .nhdr file has its voxels beside it.
+    In LPS. NRRD by pynrrd, NIfTI by nibabel, TIFF by tifffile. A compressed .mhd or .nhdr file has its voxels beside
+    it.
     """
     axes = (np.eye(3) if direction is None else direction) * np.asarray(spacing, float)
     if path.suffix in (".nrrd", ".nhdr"):
@@ -107,6 +123,8 @@ def write_image(
         affine = np.eye(4)
         affine[:3, :3], affine[:3, 3] = axes, origin
         NIBABEL.Nifti1Image(values.T, np.diag([-1.0, -1.0, 1.0, 1.0]) @ affine).to_filename(path)
+    elif path.suffix == ".npy":
+        np.save(path, values)
     else:
         kind = "rgb" if has_components else "minisblack"
         compression = "zlib" if compressed else None

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from commands import other_process
 from small_scene import sidecar, small_scene
 
 import renderer
@@ -57,40 +56,13 @@ def test_frames_are_those_of_the_command(footprint: str | None, error: str | Non
     np.testing.assert_array_equal(renderer.render_frame(renderer.load_scene("scene.yaml"), 1 - NUM_FRAMES), image)
 
 
-@pytest.mark.parametrize(("footprint", "error"), ERRORS)
-def test_a_film_is_that_of_the_command(footprint: str | None, error: str | None) -> None:
-    write_scene(footprint, error)
-    film = renderer.render("scene.yaml")
-    assert (film.path, film.frames, film.sidecar) == (Path("film.mp4"), (0, 1, 2), Path("film.mp4.json"))
-    made, record = film.path.read_bytes(), sidecar(film.sidecar)
-    assert sorted(os.listdir()) == ["film.mp4", "film.mp4.json", "scene.yaml"]
-    command("--force")
-    told = sidecar(film.sidecar)
-    assert film.path.read_bytes() == made
-    for key in ("scene", "volume", "camera", "pyramid", "gl", "versions", "notes"):
-        assert record[key] == told[key], key
-    assert record["schedule"].items() <= told["schedule"].items()
-    for frame, other in zip(record["frames"], told["frames"], strict=True):
-        assert frame.pop("seconds").keys() <= other.pop("seconds").keys()
-        assert frame.items() <= other.items()  # which tells the digest of its picture, too
-
-
-def test_the_command_draws_a_film_again_from_its_sidecar() -> None:
-    film = renderer.render("scene.yaml", output="film.gif")
-    made = film.path.read_bytes()
-    film.path.unlink()
-    command(scene=str(film.sidecar))
-    assert film.path.read_bytes() == made
-
-
 @pytest.mark.parametrize("frames", [slice(None, None, 2), [0, -1]])
 def test_numbered_pictures_of_some_frames(frames: Any) -> None:
     film = renderer.render("scene.yaml", output="{frame:02}.png", frames=frames)
-    assert film.frames == (0, 2)
+    assert (film.path, film.frames, film.sidecar) == (Path("{frame:02}.png"), (0, 2), Path("frames.0-2-by-2.json"))
     command("--output", "other/{frame:02}.png", "--frames", "::2")
     for name in ("00.png", "02.png"):
         assert Path(name).read_bytes() == Path("other", name).read_bytes()
-    assert f"frames.{film.sidecar.name.partition('.')[2]}" == film.sidecar.name
     assert "image/png" in film._repr_html_() and "2 frames" in film._repr_html_()
 
 
@@ -135,7 +107,7 @@ def test_arrays_are_never_changed(change: Any) -> None:
     np.testing.assert_array_equal(array, before)
 
 
-def test_the_film_of_an_array_is_not_drawn_again(capfd: pytest.CaptureFixture[str]) -> None:
+def test_the_film_of_an_array_needs_it_as_a_file(capfd: pytest.CaptureFixture[str]) -> None:
     """Its sidecar tells what the array was, and the command what to do about it."""
     film = renderer.render(renderer.suggest_scene(blob(), size=(16, 16), output="film.gif"), frames=[0])
     told = sidecar(film.sidecar)["scene"]["volume"]["array"]
@@ -143,6 +115,9 @@ def test_the_film_of_an_array_is_not_drawn_again(capfd: pytest.CaptureFixture[st
     assert main.run(["render", str(film.sidecar), "--quiet"]) == 2
     assert "scene.volume.array: unknown key" in (message := capfd.readouterr().err)
     assert "hint: an array in memory, of a film that was made in Python: save it with numpy.save" in message
+    np.save("scan.npy", blob())
+    assert main.run(["render", str(film.sidecar), "--volume", "scan.npy"]) == 0
+    assert capfd.readouterr().err.endswith("film.gif is up to date; --force draws it again\n")
 
 
 def test_spacing_stretches_an_array() -> None:
@@ -195,23 +170,20 @@ def test_a_film_never_takes_the_place_of_a_mapped_array() -> None:
     assert Path("film.gif").read_bytes() == content
 
 
-@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
-def test_a_film_is_whole_or_not_at_all(output: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    renderer.render("scene.yaml", output=output)
-    before = {path.name: path.read_bytes() for path in Path().iterdir()}
+def test_progress_is_told_and_what_it_raises_ends_the_job() -> None:
+    """The older film stays until the new one is whole."""
+    told: list[tuple[int, int]] = []
+    film = renderer.render("scene.yaml", on_progress=lambda *numbers: told.append(numbers))
+    assert told == [(1, 3), (2, 3), (3, 3)]
+    before = [path.read_bytes() for path in (film.path, film.sidecar)]
 
-    def interrupted(*arguments: Any, **options: Any) -> Any:
-        frames = drawn(*arguments, **options)
-        yield next(frames)
-        raise KeyboardInterrupt
+    def stop(num_finished: int, num_frames: int) -> None:
+        raise ValueError(f"{num_finished} of {num_frames}")
 
-    from renderer import api
-
-    drawn = api.render_frames
-    monkeypatch.setattr(api, "render_frames", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        renderer.render("scene.yaml", output=output)
-    assert {path.name: path.read_bytes() for path in Path().iterdir()} == before
+    with pytest.raises(ValueError, match="1 of 3"):
+        renderer.render("scene.yaml", resume=False, on_progress=stop)
+    assert [path.read_bytes() for path in (film.path, film.sidecar)] == before
+    assert renderer.render("scene.yaml", on_progress=stop) == film, "it is up to date: nothing is drawn"
 
 
 def test_an_accuracy_that_cannot_be_had() -> None:
@@ -221,24 +193,16 @@ def test_an_accuracy_that_cannot_be_had() -> None:
     assert Path("film.mp4").exists()
     film = renderer.render("scene.yaml", best_effort=True)
     told = sidecar(film.sidecar)["schedule"]
-    assert not told["met"] and told["asked"] == {"psnr": 150.0} and "beyond full resolution" in told["shortfall"]
+    assert not told["met"] and told["requested"] == {"psnr": 150.0} and "beyond full resolution" in told["shortfall"]
 
 
 def test_another_job_is_writing_the_film() -> None:
-    hold = (
-        "import sys; from pathlib import Path; from renderer.film import locked_output; import renderer\n"
-        "scene = renderer.load_scene('scene.yaml')\n"
-        "with locked_output(scene.output, range(3), Path('film.mp4.json')):\n"
-        "    print('held', flush=True); sys.stdin.read()\n"
-    )
-    with subprocess.Popen(
-        [sys.executable, "-c", hold], env=os.environ | {"PYTHONPATH": str(Path(main.__file__).parents[1])},
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-    ) as other:  # fmt: skip
-        assert other.stdout is not None and other.stdout.readline() == "held\n"
-        with pytest.raises(renderer.OutputLockedError, match="another job is writing this output"):
-            renderer.render("scene.yaml")
-        other.communicate()
+    imports = "import renderer\nfrom renderer.film import locked_output\nscene = renderer.load_scene('scene.yaml')"
+    with (
+        other_process(imports, "locked_output(scene.output, range(3), Path('film.mp4.json'))"),
+        pytest.raises(renderer.OutputLockedError, match="another job is writing this output"),
+    ):
+        renderer.render("scene.yaml")
     assert renderer.render("scene.yaml").path.exists()
 
 

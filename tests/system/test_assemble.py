@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import shlex
 import shutil
 from collections.abc import Callable, Iterator
@@ -12,11 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_scene import sidecar, small_scene
+from small_scene import edit_sidecar, sidecar, small_scene
 
 from hsplat_cli import main
-from hsplat_cli.films.assemble import assembly, merged_sidecar as merged
-from renderer.film import bytes_digest, encode_png, join_png_chunks, locked_output, png_chunks
+from renderer.film import bytes_digest, encode_png, join_png_chunks, png_chunks
+from renderer.job.assemble import assembly, merged_record as merged
+from renderer.job.film_output import FilmOutput, locked_film_output
 from renderer.system import package_versions
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
@@ -52,9 +52,9 @@ def draw_parts(*options: str, ranges: tuple[str, ...] = ("0:3", "3:4", "4:7")) -
         run("render", "scene.yaml", *options, "--frames", frames, "--output", "parts/{frame:04}.png")
 
 
-def told(sidecar: str) -> dict[str, Any]:
+def told(path: str) -> dict[str, Any]:
     """What does not depend on the run."""
-    data = json.loads(Path(sidecar).read_text(encoding="utf-8"))
+    data = sidecar(path)
     data["scene"]["output"]["file"] = ""
     for frame in data["frames"]:
         del frame["seconds"]
@@ -111,19 +111,17 @@ def test_transparent_frames() -> None:
 
 def test_other_versions_are_noted(parts: None, capsys: pytest.CaptureFixture[str]) -> None:
     """So are notes of the parts, once each, except those about a part alone."""
-    path = Path("parts/frames.4-6.json")
-    data = json.loads(path.read_text(encoding="utf-8"))
-    here = data["gl"]
-    data |= {"gl": "Other GL", "notes": ["nobody was there", "nobody was there"]}
-    path.write_text(json.dumps(data), encoding="utf-8")
+    path, notes = "parts/frames.4-6.json", ["nobody was there", "nobody was there"]
+    here = sidecar(path)["device"]
+    edit_sidecar(path, lambda data: data.update(device="Other GL", notes=notes))
     assert main.run(["assemble", "parts", "--output", "film.mp4"]) == 0
-    note = f"bytes may differ from part to part, drawn with different versions: GL {here} and Other GL"
+    note = f"bytes may differ from part to part, drawn with different versions: device {here} and Other GL"
     assert capsys.readouterr().out == (
         f"film.mp4: 7 frames of 3 parts\nnote: {note}\nnote: nobody was there\nhow it was made: film.mp4.json\n"
     )
-    made = json.loads(Path("film.mp4.json").read_text(encoding="utf-8"))
+    made = sidecar("film.mp4.json")
     assert made["notes"] == [note, "nobody was there"]
-    assert made["gl"] == f"{here} and Other GL"
+    assert made["device"] == f"{here} and Other GL"
 
 
 def test_parts_of_a_budget_of_time() -> None:
@@ -214,9 +212,7 @@ def test_a_part_that_was_drawn_again(parts: None, capsys: pytest.CaptureFixture[
     run(*command)
     other = encode_png(np.zeros((32, 32, 3), np.uint8))
     Path("parts/0001.png").write_bytes(other)
-    data = sidecar("parts/frames.0-2.json")
-    data["frames"][1]["digest"] = bytes_digest(other)
-    Path("parts/frames.0-2.json").write_text(json.dumps(data), encoding="utf-8")
+    edit_sidecar("parts/frames.0-2.json", lambda data: data["frames"][1].update(digest=bytes_digest(other)))
     before = Path("film.mp4").read_bytes()
     assert not says_up_to_date(capsys, *command)
     assert Path("film.mp4").read_bytes() != before
@@ -228,9 +224,7 @@ def test_a_frame_that_cannot_be_decoded(parts: None, capsys: pytest.CaptureFixtu
     header, _, end = png_chunks(Path("parts/0001.png").read_bytes())
     other = join_png_chunks([header, (b"IDAT", b"no data"), end])
     Path("parts/0001.png").write_bytes(other)
-    data = sidecar("parts/frames.0-2.json")
-    data["frames"][1]["digest"] = bytes_digest(other)
-    Path("parts/frames.0-2.json").write_text(json.dumps(data), encoding="utf-8")
+    edit_sidecar("parts/frames.0-2.json", lambda data: data["frames"][1].update(digest=bytes_digest(other)))
     assert main.run(["assemble", "parts", "--output", "film.mp4", "--quiet"]) == 2
     assert capsys.readouterr().err == (
         "parts/0001.png: a frame that cannot be decoded\n"
@@ -243,12 +237,12 @@ def test_whether_a_film_exists_is_seen_under_the_lock(parts: None, monkeypatch: 
     run("assemble", "parts", "--output", "film.mp4")
 
     @contextlib.contextmanager
-    def taken(*arguments: Any) -> Iterator[Path]:
+    def taken(*arguments: Any) -> Iterator[FilmOutput]:
         Path("film.mp4").unlink()
-        with locked_output(*arguments) as folder:
-            yield folder
+        with locked_film_output(*arguments) as output:
+            yield output
 
-    monkeypatch.setattr(assembly, "locked_output", taken)
+    monkeypatch.setattr(assembly, "locked_film_output", taken)
     run("assemble", "parts", "--output", "film.mp4")
     assert Path("film.mp4").exists()
 
@@ -271,26 +265,23 @@ def test_another_encoder(
 @pytest.mark.parametrize(
     "edit",
     [
-        lambda data: data.pop("cause"),
-        lambda data: data.update(cause=7),
-        lambda data: data["cause"].update(frames="0" * 32),
-        lambda data: data["cause"]["of"].update(gl="another"),
+        lambda data: data.pop("fingerprint"),
+        lambda data: data["fingerprint"].update(frames_digest="0" * 32),
+        lambda data: data["fingerprint"]["depends_on"].update(device="another"),
     ],
 )
 def test_parts_without_the_same_fingerprint(parts: None, edit: Callable[[dict[str, Any]], Any]) -> None:
     """Their film is like any other, but it is never known to be up to date."""
-    data = sidecar("parts/frames.0-2.json")
-    edit(data)
-    Path("parts/frames.0-2.json").write_text(json.dumps(data), encoding="utf-8")
+    edit_sidecar("parts/frames.0-2.json", edit)
     run("assemble", "parts", "--output", "film.mp4")
-    assert "cause" not in sidecar("film.mp4.json")
+    assert "fingerprint" not in sidecar("film.mp4.json")
 
 
 def test_some_frames_of_parts_that_met_a_goal_together() -> None:
     """Whether these alone meet it is unknown. The measurement of each part is recorded."""
     draw_parts("--set", "error={psnr: 20}", ranges=("0:3", "3:7"))
     run("assemble", "parts", "--output", "film.mp4", "--frames", "3:7")
-    assert "cause" in sidecar("film.mp4.json")
+    assert "fingerprint" in sidecar("film.mp4.json")
     run("assemble", "parts", "--output", "film.mp4", "--frames", "2:7")
     assert [part["measured"]["worst"] >= 20 for part in sidecar("film.mp4.json")["parts"]] == [True, True]
-    assert "cause" not in sidecar("film.mp4.json")
+    assert "fingerprint" not in sidecar("film.mp4.json")

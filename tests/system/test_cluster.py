@@ -1,8 +1,7 @@
-"""A Dask cluster draws the same bytes as this process, also when workers die."""
+"""A Dask cluster, here of two processes of this machine, draws the same bytes as this process, also when they die."""
 
 from __future__ import annotations
 
-import logging
 import os
 import signal
 import time
@@ -13,17 +12,18 @@ from pathlib import Path
 import faulty_cluster_worker as faulty
 import pytest
 from distributed import Client, LocalCluster
+from film_stages import plan_of
 
-from hsplat_cli import main
-from hsplat_cli.executors import draw_locally
-from hsplat_cli.executors.cluster import cluster_executor, registry
-from hsplat_cli.executors.cluster.cluster_executor import ClusterExecutor
+from hsplat_cli.executors.cluster import cluster_drawing, registry
+from hsplat_cli.executors.cluster.cluster_drawing import ClusterDrawing
+from hsplat_cli.executors.cluster.connection import connect_locally
 from hsplat_cli.terminal import Reporter
 from renderer.draw import GLRasterizer
 from renderer.errors import HsplatError, InputError
 from renderer.frame import Stage, prepare_stage
+from renderer.job import draw_frames
 from renderer.scene import parse_scene
-from renderer.study import FilmPlan
+from renderer.system import num_cores
 
 NUM_FRAMES = 24
 SCENE = {
@@ -47,31 +47,29 @@ def stage() -> Stage:
 
 @pytest.fixture(scope="module")
 def client() -> Iterator[Client]:
-    """Start a cluster of two workers with two threads each, which are replaced when they die."""
-    with (
-        LocalCluster(n_workers=2, threads_per_worker=2, memory_limit=0, dashboard_address=":0") as cluster,
-        Client(cluster, set_as_default=False) as client,
-    ):
+    """Start two processes, which are replaced when they die."""
+    with connect_locally(2) as client:
         yield client
 
 
 @pytest.fixture(scope="module")
 def expected(stage: Stage, rasterizer: GLRasterizer) -> list[bytes]:
     """Return the files of all frames."""
-    return [result.picture.png for result in draw_locally(stage, range(NUM_FRAMES), rasterizer)]
+    frames = draw_frames(stage, range(NUM_FRAMES), rasterizer, plan_of(stage).controller)
+    return [result.picture.png for result in frames]
 
 
 def draw(
     client: Client, stage: Stage, on_frame: Callable[[int], None] = lambda number: None
 ) -> tuple[list[bytes], list[str]]:
     """Return the files of all frames, and notes."""
-    with closing(ClusterExecutor(client, "tcp://here:1", FilmPlan(stage), Reporter())) as executor:
+    with closing(ClusterDrawing(client, "--workers 2", plan_of(stage), Reporter())) as executor:
         files = []
         for number, result in enumerate(executor.draw(range(NUM_FRAMES))):
-            assert result.number == result.record["frame"] == number
+            assert result.record.frame == number
             files.append(result.picture.png)
             on_frame(number)
-        assert len(executor.drivers) == 1
+        assert len(executor.devices) == 1
         return files, executor.notes
 
 
@@ -95,7 +93,8 @@ def test_the_same_bytes_and_nothing_left(client: Client, stage: Stage, expected:
             break
         time.sleep(0.1)
     assert left == []
-    assert set(client.run(lambda: os.environ["LP_NUM_THREADS"]).values()) == {"2"}
+    num_threads = str(max(1, num_cores() // 2))
+    assert set(client.run(lambda: os.environ["LP_NUM_THREADS"]).values()) == {num_threads}
 
 
 def test_frames_of_workers_that_die_are_drawn_again(client: Client, stage: Stage, expected: list[bytes]) -> None:
@@ -113,7 +112,7 @@ def test_frames_of_workers_that_die_are_drawn_again(client: Client, stage: Stage
 
 def error_of(client: Client, stage: Stage) -> HsplatError:
     """Return the error of a film that begins with the frame at which the fault happens."""
-    with closing(ClusterExecutor(client, "tcp://here:1", FilmPlan(stage), Reporter())) as executor:
+    with closing(ClusterDrawing(client, "--workers 2", plan_of(stage), Reporter())) as executor:
         with pytest.raises(HsplatError) as caught:
             list(executor.draw(range(faulty.FRAME, NUM_FRAMES)))
         return caught.value
@@ -122,7 +121,7 @@ def error_of(client: Client, stage: Stage) -> HsplatError:
 def test_the_error_of_a_worker_is_that_of_the_film(
     client: Client, stage: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cluster_executor, "draw_on_worker", faulty.input_error)
+    monkeypatch.setattr(cluster_drawing, "draw_on_worker", faulty.input_error)
     error = error_of(client, stage)
     text = "scene.yaml: a bad frame\n  got: this\n  expected: that\n  hint: another"
     assert (type(error), str(error)) == (InputError, text)
@@ -136,31 +135,5 @@ def test_a_cluster_without_workers_is_an_error(stage: Stage, monkeypatch: pytest
     ):
         error = error_of(client, stage)
     assert str(error) == (
-        "--scheduler tcp://here:1: the cluster has no workers\n"
-        "  got: none for 0.5 s\n"
-        "  hint: `dask worker ADDRESS` starts one"
+        "--workers 2: the cluster has no workers\n  got: none for 0.5 s\n  hint: `dask worker ADDRESS` starts one"
     )
-
-
-def test_render_on_a_local_cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("scene.yaml").write_text(
-        """\
-volume:
-  procedural: {name: engine_block, shape: [16, 16, 8]}
-transfer_function:
-  points:
-    - {value: 50, color: "#6680e6", opacity: 0.0}
-    - {value: 255, color: white, opacity: 0.7}
-camera:
-  path: {type: turntable, frames: 5}
-error: {splats: {0: 50, 4: 500}}
-output: {file: film.mp4, size: [32, 32]}
-""",
-        encoding="utf-8",
-    )
-    assert main.run(["render", "scene.yaml", "--quiet"]) == 0
-    options = ["--scheduler", "local", "--workers", "1", "--output", "cluster.mp4", "--quiet"]
-    assert main.run(["render", "scene.yaml", *options]) == 0
-    assert Path("cluster.mp4").read_bytes() == Path("film.mp4").read_bytes()
-    assert all(logging.getLogger(name).isEnabledFor(logging.CRITICAL) for name in ("distributed", "another"))

@@ -1,4 +1,4 @@
-"""Nobody but this process can use the cluster of `--scheduler local`, nor give it modules to import."""
+"""Nobody but this process can use the processes of `--workers`, nor give it modules to import."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ from distributed.comm import connect as connect_comm
 from distributed.core import send_recv
 
 from hsplat_cli.executors.cluster import connection
-from hsplat_cli.executors.cluster.connection import connect
-from hsplat_cli.executors.options import LOCAL
+from hsplat_cli.executors.cluster.connection import connect_locally
 from renderer.errors import InputError
 
 # What a stranger puts where Dask makes its folders unless it is given another place.
@@ -48,7 +47,7 @@ def ports_before() -> set[int]:
 
 @pytest.fixture(scope="module")
 def client(scratch: Path, ports_before: set[int]) -> Iterator[Client]:
-    with connect(LOCAL, 1) as client:
+    with connect_locally(1) as client:
         yield client
     assert list(scratch.iterdir()) == [scratch / "dask-scratch-space"]
 

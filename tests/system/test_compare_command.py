@@ -6,12 +6,12 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from commands import HSPLAT, environment, hsplat
 from png_files import noise, smooth, write_film, write_frames
 from processes import MARK, marked, new_mark
 
@@ -20,7 +20,6 @@ from hsplat_cli.compare import api
 from renderer.errors import RenderError
 from renderer.film import encode_png
 
-CODE = Path(main.__file__).parents[1]
 REPORTS = ("reports/compare.json", "reports/compare.xml", "reports/compare.html")
 WRITE_REPORTS = [word for pair in zip(("--json", "--junit", "--html"), REPORTS, strict=True) for word in pair]
 
@@ -199,15 +198,10 @@ def test_odd_names_are_printed_and_reported() -> None:
             picture = noise(number + (side == "actual"), 16, 16)
             Path(side, os.fsdecode(name)).write_bytes(encode_png(picture))
     arguments = ["compare", "golden", "actual", "--quiet", *WRITE_REPORTS]
-    done = subprocess.run(
-        [sys.executable, "-m", "hsplat_cli", *arguments],
-        check=False,
-        capture_output=True,
-        env=os.environ | {"PYTHONPATH": str(CODE), "PYTHONIOENCODING": "ascii", "LC_ALL": "C"},
-    )
-    assert (done.returncode, done.stderr) == (1, b"")
-    for name in (b'a "b" & <c>.png', b"two\\nlines.png", b"\\udcff\\x01.png"):
-        assert b"\n" + name + b"  " in b"\n" + done.stdout
+    done = hsplat(*arguments, PYTHONIOENCODING="ascii", LC_ALL="C")
+    assert (done.returncode, done.stderr) == (1, "")
+    for name in ('a "b" & <c>.png', "two\\nlines.png", "\\udcff\\x01.png"):
+        assert f"\n{name}  " in f"\n{done.stdout}"
     reported = {frame["name"] for frame in json.loads(Path(REPORTS[0]).read_text())["frames"]}
     assert {os.fsdecode(name) for name in names} <= reported
     ElementTree.parse(REPORTS[1])
@@ -229,10 +223,10 @@ def test_exit_code_1_only_means_that_frames_differ(script: str, code: int, unbuf
     """It holds where the output cannot be printed, too, and what is left in Python's buffers changes nothing."""
     paint("frame-3.png", 64)
     done = subprocess.run(
-        ["bash", "-c", script, "bash", sys.executable, "-m", "hsplat_cli", "compare", "golden", "actual"],
+        ["bash", "-c", script, "bash", *HSPLAT, "compare", "golden", "actual"],
         check=False,
         capture_output=True,
-        env=os.environ | {"PYTHONPATH": str(CODE), "PYTHONUNBUFFERED": unbuffered},
+        env=environment(PYTHONUNBUFFERED=unbuffered),
     )
     assert done.returncode == code
     assert not any(text in done.stderr for text in (b"a bug", b"Traceback", b"Exception ignored"))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_scene import small_scene
+from small_scene import edit_sidecar, small_scene
 
 from hsplat_cli import main
 from hsplat_cli.compare import scene_pairs
@@ -51,8 +51,7 @@ def statuses(data: dict[str, Any]) -> dict[int, str]:
 
 def change(**values: Any) -> None:
     """Change keys of golden.json."""
-    data = json.loads((FOLDER / "golden.json").read_bytes())
-    (FOLDER / "golden.json").write_text(json.dumps(data | values), encoding="utf-8")
+    edit_sidecar(FOLDER / "golden.json", lambda data: data.update(values))
 
 
 def test_an_unchanged_scene_passes(capsys: pytest.CaptureFixture[str]) -> None:
@@ -85,9 +84,9 @@ def test_another_volume_is_noted_first() -> None:
 
 
 def test_another_driver_is_named_only_where_frames_fail(capsys: pytest.CaptureFixture[str]) -> None:
-    change(gl="another driver")
+    change(device="another driver")
     code, data = compare("--frames", "0")
-    assert (code, data["notes"], data["facts"]["driver"]["golden"]) == (0, [], "another driver")
+    assert (code, data["notes"], data["facts"]["device"]["golden"]) == (0, [], "another driver")
     assert "another driver" not in capsys.readouterr().out
     assert compare("--frames", "0", "--set", "error.tolerance=0.2")[0] == 1
     out = capsys.readouterr().out

@@ -107,10 +107,10 @@ def test_colours_are_converted_with_the_matrix_that_the_tags_name(tmp_path: Path
     red, green, blue = np.array(SATURATED).T / 255
     light = 0.2126 * red + 0.7152 * green + 0.0722 * blue
     expected = [16 + 219 * light, 128 + 224 * (blue - light) / 1.8556, 128 + 224 * (red - light) / 1.5748]
-    # Half a level of rounding and one of compression; BT.601's matrix is off by up to 28.
+    # Half a step of rounding and one of compression; BT.601's matrix is off by up to 28.
     np.testing.assert_allclose([y, cb, cr], expected, rtol=0, atol=1.5)
     shown = decoded(path).reshape(3, HEIGHT, WIDTH, 3)[1, HEIGHT // 2, centres]
-    # A chroma level is up to 2.1 levels of blue or red.
+    # A chroma step is up to 2.1 steps of blue or red.
     np.testing.assert_allclose(shown.astype(float), SATURATED, rtol=0, atol=4)
 
 
@@ -133,7 +133,7 @@ def test_motion_is_in_order_and_close(tmp_path: Path) -> None:
     expected = 16 + 219 / 255 * pictures @ [0.2126, 0.7152, 0.0722]
     errors = np.sqrt([[np.mean((a - b) ** 2) for b in expected] for a in luma])
     np.testing.assert_array_equal(errors.argmin(axis=1), np.arange(NUM_FRAMES))
-    # Root mean square, in levels: rounding alone is 0.29, CRF 10 was seen at 0.6.
+    # Root mean square, in steps: rounding alone is 0.29, CRF 10 was seen at 0.6.
     assert errors.diagonal().max() < 1
 
 
@@ -190,7 +190,7 @@ def test_a_gif_loops_at_the_rate_that_its_note_says(tmp_path: Path) -> None:
 def test_a_gif_shows_the_colours(tmp_path: Path) -> None:
     pictures = moving()
     error = shown_by_gif(write(tmp_path / "film.gif", pictures)) - pictures.astype(float)
-    # Thousands of shades in 256 colours, root mean square in levels: a pixel was seen to be off by 4.9, and the mean
+    # Thousands of shades in 256 colours, root mean square in steps: a pixel was seen to be off by 4.9, and the mean
     # of 8 x 8, which dithering keeps, by 1.6.
     tiles = error.reshape(NUM_FRAMES, HEIGHT // 8, 8, WIDTH // 8, 8, 3).mean(axis=(2, 4))
     assert np.sqrt(np.mean(error**2)) < 6

@@ -14,15 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from commands import environment, other_process
 from small_scene import small_scene
 
 from hsplat_cli import main
 from hsplat_cli.commands import golden as command
 from hsplat_cli.compare.picture_file import read_picture
-from hsplat_cli.executors import frame_result
 from renderer.frame import Frame
-
-CODE = Path(main.__file__).parents[1]
+from renderer.job import executor
 
 SCENE = small_scene(shape="16, 16, 8", frames=4)
 FOLDER = Path("goldens")
@@ -71,7 +70,7 @@ def first_goldens() -> None:
 
 def answer(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     """Let the user answer the question."""
-    monkeypatch.setattr(command, "_confirm_overwrite", lambda: {"y": True, "n": False}[text])
+    monkeypatch.setattr(command, "_confirm_overwrite", lambda _: {"y": True, "n": False}[text])
 
 
 def test_the_first_goldens_are_the_frames_of_render(capsys: pytest.CaptureFixture[str]) -> None:
@@ -81,7 +80,7 @@ def test_the_first_goldens_are_the_frames_of_render(capsys: pytest.CaptureFixtur
     assert "drawing" in captured.err and "4/4 frames" in captured.err and "temporary" not in captured.err
     assert sorted(path.name for path in FOLDER.iterdir()) == [*NAMES, "golden.json"]
     data = golden_json()
-    assert list(data) == ["format", "volume", "gl", "scene", "versions", "frames"]
+    assert list(data) == ["format", "volume", "device", "scene", "versions", "frames"]
     assert data["volume"]["shape"] == [16, 16, 8]
     assert data["scene"]["error"]["tolerance"] == 0.1, "defaults are written out"
     assert "file" not in data["scene"]["output"]
@@ -254,8 +253,8 @@ main.run(sys.argv[1:])
 
 def test_an_update_cleans_up_after_a_real_kill() -> None:
     command_line = [sys.executable, "-c", KILLED, "golden", "scene.yaml", "goldens", "--quiet"]
-    environment = os.environ | {"PYTHONPATH": str(CODE), "TMPDIR": str(Path("temporary").absolute())}
-    done = subprocess.run(command_line, check=False, env=environment)
+    variables = environment(TMPDIR=str(Path("temporary").absolute()))
+    done = subprocess.run(command_line, check=False, env=variables)
     assert done.returncode == -signal.SIGKILL
     assert sorted(path.name for path in FOLDER.glob("*.*")) == ["frame-0000.png", "golden.json", "golden.unfinished"]
     shutil.rmtree("temporary")  # as the system does in time
@@ -264,28 +263,11 @@ def test_an_update_cleans_up_after_a_real_kill() -> None:
     assert sorted(files()) == [*NAMES, "golden.json"]
 
 
-HOLDING = """
-import sys
-from pathlib import Path
-from renderer.film import lock_slots
-
-with lock_slots(Path("goldens/golden.unfinished"), [0], Path("goldens/golden.json")):
-    print("held", flush=True)
-    sys.stdin.read()
-"""
-
-
 def test_two_commands_do_not_write_one_folder(capsys: pytest.CaptureFixture[str]) -> None:
     first_goldens()
     before = {name: content for name, content in files().items() if name != "golden.unfinished"}
-    holder = subprocess.Popen(
-        [sys.executable, "-c", HOLDING],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        env=os.environ | {"PYTHONPATH": str(CODE)},
-    )
-    with holder:
-        assert holder.stdout is not None and holder.stdout.readline() == b"held\n"
+    lock = "lock_slots(Path('goldens/golden.unfinished'), [0], Path('goldens/golden.json'))"
+    with other_process("from renderer.film import lock_slots", lock):
         assert main.run(["golden", "scene.yaml", "goldens", "--update", "--yes", *OTHER]) == 2
         assert "another job is writing this output" in capsys.readouterr().err
     assert files() == before
@@ -316,13 +298,13 @@ def test_an_interrupt_waits_until_all_files_are_written(monkeypatch: pytest.Monk
 
 def test_an_interrupt_while_frames_are_drawn_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     first_goldens()
-    before, original = files(), frame_result.render_frames
+    before, original = files(), executor.render_frames
 
     def stopped(*arguments: Any, **options: Any) -> Iterator[Frame]:
         yield next(original(*arguments, **options))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(frame_result, "render_frames", stopped)
+    monkeypatch.setattr(executor, "render_frames", stopped)
     assert golden("--update", "--yes", *OTHER) == 130
     assert files() == before
 

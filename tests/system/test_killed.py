@@ -11,13 +11,13 @@ import time
 from pathlib import Path
 
 import pytest
+from commands import HSPLAT, environment
+from resuming import assert_clean
 from small_scene import small_scene
 
 from hsplat_cli import main
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
-
-CODE = Path(main.__file__).parents[1]
 
 SCENE = small_scene()
 
@@ -28,11 +28,6 @@ def arguments(output: str, *options: str) -> list[str]:
 
 def pictures(folder: str) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in Path(folder).glob("*.png")}
-
-
-def assert_clean() -> None:
-    left = [path for path in Path().rglob("*") if "unfinished" in path.name or "partial" in path.name]
-    assert left == []
 
 
 # Runs `hsplat` in a child process of its own that is killed before the operation on files of that number, from
@@ -97,17 +92,14 @@ def test_killed_at_any_operation_on_a_file(output: str) -> None:
     small = ("--set", "camera.path.frames=2", "--set", "volume.procedural.shape=[8, 8, 8]")
     given = arguments(f"out/{output}", "--quiet", *small)
     command = [sys.executable, "-c", KILLER, "7", "29", *given]
-    done = subprocess.run(
-        command, check=False, env=os.environ | {"PYTHONPATH": str(CODE)}, capture_output=True, text=True
-    )
+    done = subprocess.run(command, check=False, env=environment(), capture_output=True, text=True)
     assert done.stderr == ""
     assert int(done.stdout) >= 2
 
 
 def started(output: str, *options: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "hsplat_cli", *arguments(f"out/{output}", *options)]
-    environment = os.environ | {"PYTHONPATH": str(CODE)}
-    return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    command = [*HSPLAT, *arguments(f"out/{output}", *options)]
+    return subprocess.Popen(command, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def wait_for(pattern: str) -> None:

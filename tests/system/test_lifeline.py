@@ -1,4 +1,4 @@
-"""No process that this program starts outlives it, however it ends; shared memory is freed, too."""
+"""No process that this program starts outlives it, however it ends."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from processes import MARK, holders_of_shared_memory, marked, new_mark, wait_until
+from processes import MARK, marked, new_mark, wait_until
 
 from renderer.system import ChildProcesses
 
@@ -38,18 +38,12 @@ def says(child: subprocess.Popen[bytes]) -> str:
     return child.stdout.readline().decode().strip()
 
 
-@pytest.mark.parametrize("what", ["start_workers", "have_a_child"])
-def test_children_end_with_a_killed_parent(mark: str, what: str) -> None:
-    with ChildProcesses() as child_processes, start(child_processes, what) as parent:
-        assert says(parent) in ("drawing", "starting")
-        assert wait_until(lambda: len(marked(mark)) == (4 if what == "have_a_child" else 3), LONGEST_S)
-        processes = marked(mark)
-        memory = {inode for inode, by in holders_of_shared_memory().items() if by & set(map(str, processes))}
-        assert len(memory) == 1
+def test_children_end_with_a_killed_parent(mark: str) -> None:
+    with ChildProcesses() as child_processes, start(child_processes, "have_a_child") as parent:
+        assert says(parent) == "waiting"
+        assert len(marked(mark)) == 2
         parent.kill()
         assert wait_until(lambda: not marked(mark), LONGEST_S)
-        assert not memory & set(holders_of_shared_memory())
-        assert not [path.name for path in Path("/dev/shm").iterdir() if "hsplat" in path.name]
 
 
 def test_the_parent_ends_children_that_hold_the_lock_of_python(mark: str) -> None:
@@ -113,20 +107,15 @@ def test_a_child_inherits_only_three_streams_and_the_pipe(mark: str) -> None:
         child.kill()
 
 
-def test_ended_children_leave_no_descriptor_and_end_once(mark: str) -> None:
-    """A second end does nothing, although the descriptor's number may be another file's by then."""
+def test_ended_children_leave_no_descriptor(mark: str) -> None:
+    before = len(os.listdir("/proc/self/fd"))
     with ChildProcesses() as child_processes:
-        before = len(os.listdir("/proc/self/fd"))
-        for _ in range(3):
-            with start(child_processes, "wait") as child:
-                assert says(child) == "waiting"
-                child_processes.end_child(child)
-                others = [os.open(os.devnull, os.O_RDONLY) for _ in range(8)]
-                child_processes.end_child(child)
-                for other in others:
-                    os.close(other)
-                assert child.wait(LONGEST_S) in (-signal.SIGKILL, 1)
-        assert len(os.listdir("/proc/self/fd")) == before
+        children = [start(child_processes, "wait") for _ in range(3)]
+        assert {says(child) for child in children} == {"waiting"}
+    for child in children:
+        with child:
+            assert child.wait(LONGEST_S) in (-signal.SIGKILL, 1)
+    assert len(os.listdir("/proc/self/fd")) == before
 
 
 def test_what_cannot_be_started_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from small_scene import small_scene
+from small_scene import edit_sidecar, sidecar, small_scene
 
 from hsplat_cli import main
 from renderer.system import sources_digest
@@ -28,17 +26,6 @@ def pictures(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.suffix in (".mp4", ".gif", ".png")}
 
 
-def read(sidecar: Path) -> dict[str, Any]:
-    data: dict[str, Any] = json.loads(sidecar.read_text(encoding="utf-8"))
-    return data
-
-
-def change(sidecar: Path, edit: Callable[[dict[str, Any]], None]) -> None:
-    data = read(sidecar)
-    edit(data)
-    sidecar.write_text(json.dumps(data), encoding="utf-8")
-
-
 # What times allow, and so whether they are met, differs from run to run; the film made again must not.
 @pytest.mark.parametrize(
     ("schedule", "output", "frames"),
@@ -54,26 +41,26 @@ def test_the_same_bytes(schedule: str, output: str, frames: list[str], folder: P
     first, second, third = (folder / name for name in ("first", "second", "third"))
     asked = ["--set", f"error={schedule}", *frames]
     render("scene.yaml", *asked, "--output", str(first / output), "--best-effort")
-    (sidecar,) = first.glob("*.json")
-    made, told = pictures(first), read(sidecar)
+    (path,) = first.glob("*.json")
+    made, told = pictures(first), sidecar(path)
     assert len(made) == (len(told["frames"]) if "png" in output else 1)
     for name in made:
         (first / name).unlink()
-    render(str(sidecar))
+    render(str(path))
     assert pictures(first) == made
-    render(str(sidecar), "--output", str(second / output))
+    render(str(path), "--output", str(second / output))
     assert pictures(second) == made
-    render(str(second / sidecar.name), "--output", str(third / output))
+    render(str(second / path.name), "--output", str(third / output))
     assert pictures(third) == made
-    again = read(third / sidecar.name)
+    again = sidecar(third / path.name)
     assert [frame["tolerance"] for frame in again["frames"]] == [frame["tolerance"] for frame in told["frames"]]
-    assert again["schedule"] == told["schedule"] | {"made_from": sidecar.name}
+    assert again["schedule"] == told["schedule"] | {"made_from": path.name}
 
 
 def test_it_still_tells_what_was_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
     render("scene.yaml", "--set", "error.seconds=0.0001", "--best-effort")
-    first = read(Path("film.mp4.json"))["schedule"]
-    assert first["asked"] == {"seconds": 0.0001}
+    first = sidecar()["schedule"]
+    assert first["requested"] == {"seconds": 0.0001}
     assert not first["met"]
     assert not first["reproducible"]
     note = "the original film did not meet what was requested: seconds 0.0001"
@@ -81,7 +68,7 @@ def test_it_still_tells_what_was_asked_for(capsys: pytest.CaptureFixture[str]) -
         capsys.readouterr()
         assert main.run(["render", "film.mp4.json"]) == 0  # nothing is missed: it is what it is
         assert f"note: {note}\n" in capsys.readouterr().out
-        again = read(Path("film.mp4.json"))
+        again = sidecar()
         assert again["schedule"] == first | {"made_from": "film.mp4.json"}
         assert again["notes"] == [note]
 
@@ -96,7 +83,7 @@ def test_a_spacing_in_place_of_the_file_s_belongs_to_the_film(folder: Path, caps
     render("scene.yaml", *spacing)  # another film, of frames that are drawn again
     film = Path("film.mp4").read_bytes()
     assert film != plain
-    told = read(Path("film.mp4.json"))
+    told = sidecar()
     assert told["scene"]["volume"]["spacing"] == [1, 1, 2]
     capsys.readouterr()
     assert main.run(["render", "scene.yaml", *spacing]) == 0
@@ -105,7 +92,7 @@ def test_a_spacing_in_place_of_the_file_s_belongs_to_the_film(folder: Path, caps
     Path("film.mp4").unlink()
     render("film.mp4.json", "--volume", "moved.npy")
     assert Path("film.mp4").read_bytes() == film
-    assert read(Path("film.mp4.json"))["scene"]["volume"]["file"] == str(folder / "moved.npy")
+    assert sidecar()["scene"]["volume"]["file"] == str(folder / "moved.npy")
 
 
 def test_another_schedule_and_size(folder: Path) -> None:
@@ -113,12 +100,12 @@ def test_another_schedule_and_size(folder: Path) -> None:
     render("scene.yaml", "--set", "error.seconds=0.0001", "--best-effort")
     changes = ("--set", "error.tolerance=0.3", "--set", "output.size=[96, 64]")
     render("film.mp4.json", *changes, "--output", "other.gif")
-    schedule = read(Path("other.gif.json"))["schedule"]
-    assert schedule["asked"] == {"tolerance": 0.3}
+    schedule = sidecar("other.gif.json")["schedule"]
+    assert schedule["requested"] == {"tolerance": 0.3}
     assert schedule["met"] and schedule["reproducible"]
     assert "shortfall" not in schedule
     assert schedule["made_from"] == "film.mp4.json"
-    assert len(read(Path("other.gif.json"))["notes"]) == 1, "only that of the GIF's rate"
+    assert len(sidecar("other.gif.json")["notes"]) == 1, "only that of the GIF's rate"
     render("scene.yaml", *changes, "--output", "expected.gif")
     made = pictures(folder)
     assert made["other.gif"] == made["expected.gif"]
@@ -151,8 +138,8 @@ def test_other_words_about_the_volume_make_another_film() -> None:
     render("scene.yaml", "--volume", "scan.npy", "--set", "error.splats=3")
     assert main.run(["render", "film.mp4.json", "--set", "volume.nonfinite=lowest", "--quiet"]) == 2
     render("film.mp4.json", "--set", "volume.nonfinite=lowest", "--output", "other.mp4")
-    schedule = read(Path("other.mp4.json"))["schedule"]
-    assert schedule["asked"] == {"tolerance": schedule["tolerance"][0]}
+    schedule = sidecar("other.mp4.json")["schedule"]
+    assert schedule["requested"] == {"tolerance": schedule["tolerance"][0]}
 
 
 def test_a_sidecar_of_another_name_has_a_film_of_that_name(folder: Path) -> None:
@@ -165,24 +152,24 @@ def test_a_sidecar_of_another_name_has_a_film_of_that_name(folder: Path) -> None
 
 def test_other_versions_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     render("scene.yaml")
-    made = read(Path("film.mp4.json"))
+    made = sidecar()
 
     def make_other(data: dict[str, Any]) -> None:
-        data["gl"] = "Other GL\x1b[31m"
+        data["device"] = "Other GL\x1b[31m"
         data["versions"] |= {"numpy": "1.0", "abandoned": "3.2"}
-        data["cause"]["of"]["sources"] = "0" * 32
+        data["fingerprint"]["depends_on"]["sources"] = "0" * 32
 
-    change(Path("film.mp4.json"), make_other)
+    edit_sidecar("film.mp4.json", make_other)
     assert main.run(["render", "film.mp4.json", "--force"]) == 0
     note = (
         "the bytes may differ from the original film, which had other versions: "
-        f"numpy {np.__version__}, which was 1.0; GL {made['gl']}, which was 'Other GL\\x1b[31m'; "
+        f"numpy {np.__version__}, which was 1.0; device {made['device']}, which was 'Other GL\\x1b[31m'; "
         f"sources {sources_digest()}, which was {'0' * 32}"
     )
     assert f"note: {note}\n" in capsys.readouterr().out
-    again = read(Path("film.mp4.json"))
+    again = sidecar()
     assert again["notes"] == [note]
-    assert (again["gl"], again["versions"]) == (made["gl"], made["versions"])
+    assert (again["device"], again["versions"]) == (made["device"], made["versions"])
 
 
 @pytest.mark.parametrize("frames", [["--frames", "3:4"], ["--set", "camera.path.frames=1"]], ids=["slice", "only"])
@@ -190,7 +177,7 @@ def test_a_still(frames: list[str], folder: Path) -> None:
     """One frame needs no number in its name."""
     render("scene.yaml", *frames, "--output", "still.png")
     render("scene.yaml", *frames, "--output", "numbered-{frame}.png")
-    number = read(Path("still.png.json"))["frames"][0]["frame"]
+    number = sidecar("still.png.json")["frames"][0]["frame"]
     made = pictures(folder)
     assert made["still.png"] == made[f"numbered-{number}.png"]
     Path("still.png").unlink()
@@ -245,16 +232,16 @@ def test_a_coarse_pass_made_again() -> None:
     render("scene.yaml", "--set", "error.tolerance=0.3")
 
     def make_coarse(data: dict[str, Any]) -> None:
-        del data["cause"]
-        data["schedule"] |= {"asked": {"tolerance": 0}, "met": False, "reproducible": False, "shortfall": "no time"}
+        del data["fingerprint"]
+        data["schedule"] |= {"requested": {"tolerance": 0}, "met": False, "reproducible": False, "shortfall": "no time"}
 
-    change(Path("film.mp4.json"), make_coarse)
+    edit_sidecar("film.mp4.json", make_coarse)
     for notes in (["the original film did not meet what was requested: tolerance 0"], []):
         render("film.mp4.json", "--force")
-        made = read(Path("film.mp4.json"))
+        made = sidecar()
         assert made["notes"] == notes
         assert made["schedule"] == {
-            "asked": {"tolerance": 0.3},
+            "requested": {"tolerance": 0.3},
             "tolerance": [0.3, 0.3],
             "cells": made["schedule"]["cells"],
             "met": True,
@@ -268,6 +255,6 @@ def test_made_again_progressively(folder: Path) -> None:
     render("scene.yaml", "--set", "error.tolerance={0: 0.5, 6: 0.02}", "--output", "a/film.gif")
     render("a/film.gif.json", "--progressive", "--output", "b/film.gif")
     assert pictures(folder / "b") == pictures(folder / "a")
-    before = read(folder / "a" / "film.gif.json")
+    before = sidecar(folder / "a" / "film.gif.json")
     assert main.run(["render", "a/film.gif.json", "--progressive", "--quiet"]) == 2
-    assert read(folder / "a" / "film.gif.json") == before
+    assert sidecar(folder / "a" / "film.gif.json") == before

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hsplat_cli.main import run
-from renderer.film import FrameCheckpoint
+from renderer.job import DrawnFrame, FrameCheckpoint, FrameRecord
 from renderer.readers import read_volume
 from renderer.scene import RawSource, VolumeSpec
 
@@ -58,20 +58,19 @@ def test_any_number_of_processes(folder: Path) -> None:
     assert pictures(folder) == alone
 
 
-@pytest.mark.parametrize("workers", ["1", "2"])
 def test_a_file_that_shrinks_in_the_middle_of_a_film(
-    workers: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """When the first frame has been finished it loses what is left of it."""
     whole = (folder / "large.raw").stat().st_size
-    keep = FrameCheckpoint.save_frame
+    keep = FrameCheckpoint.save
 
-    def shrink(*arguments: object, **options: object) -> object:
+    def shrink(checkpoint: FrameCheckpoint, frame: DrawnFrame) -> FrameRecord:
         os.truncate(folder / "large.raw", 1000)
-        return keep(*arguments, **options)  # type: ignore[arg-type]
+        return keep(checkpoint, frame)
 
-    monkeypatch.setattr(FrameCheckpoint, "save_frame", shrink)
-    assert run(["render", "scene.yaml", "--workers", workers, "--quiet"]) == 2
+    monkeypatch.setattr(FrameCheckpoint, "save", shrink)
+    assert run(["render", "scene.yaml", "--quiet"]) == 2
     said = capsys.readouterr().err
     assert f"{folder / 'large.raw'}: the volume's file became shorter while it was in use\n" in said
     assert f"got: 1000 bytes\n  expected: {whole} bytes, as when it was opened\n" in said

@@ -14,8 +14,9 @@ import yaml
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.reports import study_files
+from hsplat_cli.reports import study_html
 from hsplat_cli.studies.measure import study
+from hsplat_cli.studies.peers import vtk_peer
 from hsplat_cli.studies.peers.vtk_peer import describe_vtk, vtk_settings
 from renderer.errors import RenderError
 from renderer.study import Measurement
@@ -27,7 +28,7 @@ QUICK = ("--repeats", "1", "--frames", "0:8:4")
 @pytest.fixture(autouse=True)
 def quick_page(scene_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the page, whose plots take their time."""
-    monkeypatch.setattr(study_files, "study_page", lambda *_, **__: "the page")
+    monkeypatch.setattr(study_html, "study_page", lambda *_, **__: "the page")
 
 
 def measure(*arguments: str) -> None:
@@ -52,7 +53,7 @@ def test_the_sweep_is_the_product_of_its_lists(folder: Path) -> None:
     assert sorted(path.name for path in (folder / "out").iterdir()) == ["index.html", "measure.csv", "measure.json"]
     data = json.loads((folder / "out" / "measure.json").read_text("utf-8"))
     assert data["scene"]["output"]["size"] == [48, 32]
-    assert data["machine"]["cores"] >= 1 and data["machine"]["driver"] and data["machine"]["versions"]["numpy"]
+    assert data["machine"]["cores"] >= 1 and data["machine"]["device"] and data["machine"]["versions"]["numpy"]
 
 
 def test_bricks_are_measured_beside_splats() -> None:
@@ -61,7 +62,7 @@ def test_bricks_are_measured_beside_splats() -> None:
     found = {name: [row for row in rows() if row["series"] == name] for name in {row["series"] for row in rows()}}
     assert set(found) == {"integrated, optical", "gaussian, optical", "gaussian, optical, uncorrected"}
     bricks, splats = found["integrated, optical"], found["gaussian, optical"]
-    assert all(row["num_splats"] == "" and 0 < int(row["num_cells"]) <= 4 for row in bricks)
+    assert all(0 < int(row["num_primitives"]) <= int(row["num_cells"]) <= 4 for row in bricks)
     assert {row["opacity_correction"] for row in bricks} == {""}
     for series in (bricks, splats):
         first = [row for row in series if row["frame"] == "0"]
@@ -89,7 +90,8 @@ def test_single_voxels_are_drawn_once_for_all_measures_and_corrections(monkeypat
 
 
 def test_a_peer_is_measured_and_described(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(study, "vtk_settings", lambda: vtk_settings()[3:4])
+    settings = vtk_settings()[3:4]
+    monkeypatch.setattr(vtk_peer, "vtk_settings", lambda: settings)
     only = ("--tolerances", "0.5", "--footprints", "integrated", "--measures", "optical")
     measure(*QUICK, *only, "--peer", "vtk")
     data = json.loads((Path("scene.measured") / "measure.json").read_text("utf-8"))

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from small_scene import sidecar, small_scene
+from small_scene import edit_sidecar, sidecar, small_scene
 
 import renderer
 from hsplat_cli import main
@@ -76,7 +75,7 @@ def test_it_has_the_frames_and_the_fingerprint_of_a_film_with_paths() -> None:
     run("render", "scene.yaml")
     run("render", "scene.yaml", "--no-paths", "--output", "other.mp4")
     first, second = sidecar(), sidecar("other.mp4.json")
-    assert first["cause"] == second["cause"]
+    assert first["fingerprint"] == second["fingerprint"]
     assert first["digest"] == second["digest"]
 
 
@@ -223,8 +222,6 @@ def test_the_python_api_obeys_the_scene(private_folder: Path) -> None:
 
 def test_a_damaged_sidecar_of_a_film_that_is_up_to_date_is_written_again() -> None:
     run("render", "scene.yaml")
-    data = sidecar()
-    data["scene"]["volume"] = [f"{os.getcwd()}/scan.npy"]
-    Path("film.mp4.json").write_text(json.dumps(data), encoding="utf-8")
+    edit_sidecar("film.mp4.json", lambda data: data["scene"].update(volume=[str(Path("scan.npy").absolute())]))
     run("render", "scene.yaml", "--no-paths")
     assert_no_secret("film.mp4.json")

@@ -29,7 +29,7 @@ def outputs(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
         client = NotebookClient(notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": folder}})
         client.execute()
     shown = [cell.outputs for cell in notebook.cells if cell.get("outputs")]
-    return [output[0].get("data") or {"text/plain": "".join(part["text"] for part in output)} for output in shown]
+    return [output[-1].get("data") or {"text/plain": "".join(part["text"] for part in output)} for output in shown]
 
 
 def test_the_notebook_is_kept_without_outputs() -> None:

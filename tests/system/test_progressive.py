@@ -11,13 +11,14 @@ from typing import Any
 
 import imageio.v3 as imageio
 import pytest
+from commands import files
 from resuming import printed_lines
 from small_scene import sidecar, small_scene
 
 from hsplat_cli import main
-from hsplat_cli.executors import frame_result
 from renderer.film import file_digest
 from renderer.frame import Frame
+from renderer.job import executor, refinement
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
 
@@ -31,17 +32,13 @@ def render(*options: str) -> int:
     return main.run(["render", "scene.yaml", "--quiet", *options])
 
 
-def files(folder: Path) -> list[str]:
-    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
-
-
 Hook = Callable[[int, Frame], None]
 
 
 @pytest.fixture
 def on_frame(monkeypatch: pytest.MonkeyPatch) -> Callable[[Hook], None]:
     """Return a function that sets what is called with the number of the pass and each frame, before it is written."""
-    original = frame_result.render_frames
+    original = executor.render_frames
 
     def set_hook(hook: Hook) -> None:
         num_passes = 0
@@ -53,7 +50,7 @@ def on_frame(monkeypatch: pytest.MonkeyPatch) -> Callable[[Hook], None]:
                 hook(num_passes, frame)
                 yield frame
 
-        monkeypatch.setattr(frame_result, "render_frames", watched)
+        monkeypatch.setattr(executor, "render_frames", watched)
 
     return set_hook
 
@@ -77,7 +74,7 @@ def test_passes_refine_to_the_film_that_one_pass_makes(folder: Path, on_frame: C
     passes = made["passes"]
     assert len(passes) >= 2
     assert all(a["tolerance"][0] > b["tolerance"][0] and a["cells"][1] < b["cells"][0] for a, b in pairwise(passes))
-    assert passes[0]["difference"] is None
+    assert "difference" not in passes[0]
     assert all(each["difference"]["rmse"] > 0 and each["difference"]["frames"] == NUM_FRAMES for each in passes[1:])
     assert all(each["seconds"] > 0 and each["predicted_seconds"] > 0 for each in passes)
     on_frame(lambda *_: None)
@@ -184,13 +181,11 @@ def test_coarse_frames_are_not_taken_for_fine_ones(on_frame: Callable[[Hook], No
 def test_when_time_is_up_in_the_middle_of_a_pass_it_is_given_up(
     folder: Path, on_frame: Callable[[Hook], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from hsplat_cli.films import progressive
-
-    now = progressive.time.perf_counter
+    now = refinement.time.perf_counter
 
     def stop(number: int, frame: Frame) -> None:
         if number == 2 and frame.number == 1:
-            monkeypatch.setattr(progressive.time, "perf_counter", lambda: now() + 1e6)
+            monkeypatch.setattr(refinement.time, "perf_counter", lambda: now() + 1e6)
 
     on_frame(stop)
     assert render("--progressive", "--time-limit", "100000s") == 1
@@ -216,7 +211,7 @@ def test_budgets_are_refined_to(folder: Path, schedule: str) -> None:
     assert render("--progressive", "--best-effort", *changes) == 0
     passes = sidecar()["passes"]  # how many, and with `seconds` how large, is up to the clock
     assert schedule == "seconds=0.05" or all(a["cells"][1] < b["cells"][1] for a, b in pairwise(passes))
-    assert sidecar()["schedule"]["asked"] == {schedule.partition("=")[0]: float(schedule.partition("=")[2])}
+    assert sidecar()["schedule"]["requested"] == {schedule.partition("=")[0]: float(schedule.partition("=")[2])}
 
 
 @pytest.mark.parametrize(
@@ -242,12 +237,12 @@ def test_a_pass_that_is_finer_than_an_accuracy_needs_is_not_the_last() -> None:
     assert record["schedule"]["measured"]["worst"] >= 5
 
 
+@pytest.mark.usefixtures("heeds_interrupts")
 @pytest.mark.parametrize(("output", "options"), [("film.mp4", ("--progressive",)), ("{frame}.png", ())])
 def test_an_interrupt_between_film_and_sidecar_waits_for_both(
     folder: Path, monkeypatch: pytest.MonkeyPatch, output: str, options: tuple[str, ...]
 ) -> None:
     """Otherwise the sidecar would describe another film than the one beside it."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     replace = os.replace
 
     def interrupted(source: Path, target: Path) -> None:
@@ -256,11 +251,7 @@ def test_an_interrupt_between_film_and_sidecar_waits_for_both(
         replace(source, target)
 
     monkeypatch.setattr(os, "replace", interrupted)
-    try:
-        code = render("--output", output, *options)
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert code == 130
+    assert render("--output", output, *options) == 130
     monkeypatch.setattr(os, "replace", replace)
     if output == "film.mp4":
         assert files(folder) == ["film.mp4", "film.mp4.json", "scene.yaml"]
@@ -268,7 +259,7 @@ def test_an_interrupt_between_film_and_sidecar_waits_for_both(
         assert main.run(["render", "film.mp4.json", "--quiet"]) == 0
         assert Path("film.mp4").read_bytes() == first
     else:  # frames appear one by one, each whole: the one that was being written has its record, too
-        assert [name for name in files(folder) if "cause-" not in name] == [
+        assert [name for name in files(folder) if "fingerprint-" not in name] == [
             "0.png", "frames.unfinished/000000.json", "frames.unfinished/lock", "scene.yaml",
         ]  # fmt: skip
     assert not [path for path in folder.rglob("*") if "partial" in path.name]
@@ -308,7 +299,7 @@ def test_a_film_that_was_not_finished_is_not_up_to_date(on_frame: Callable[[Hook
     for _ in range(2):
         on_frame(lambda _, frame: numbers.append(frame.number))
         assert render("--progressive", "--best-effort", "--time-limit", "0.01s") == 0
-        assert "cause" not in sidecar()
+        assert "fingerprint" not in sidecar()
         assert not sidecar()["schedule"]["reproducible"]
         assert numbers[:NUM_FRAMES] == [*range(NUM_FRAMES)]
         numbers.clear()

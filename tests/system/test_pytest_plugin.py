@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import CODE, environment
 
 from hsplat_cli import main
 from renderer.film import encode_png
 
-CODE = Path(main.__file__).parents[1]
 PLUGIN = "hsplat_cli.compare.pytest_plugin"
 HEAVY = ("numpy", "moderngl", "numba", "tifffile", "pydicom", "nibabel", "imageio", "cmap", "click", "yaml", "renderer")
 
@@ -81,13 +81,13 @@ def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
         capture_output=True,
         text=True,
         check=False,
-        env=os.environ | {"PYTHONPATH": str(CODE), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
+        env=environment(PYTEST_DISABLE_PLUGIN_AUTOLOAD="1"),
     )
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Return a folder with goldens, equal frames, others 9 levels off, a scene and its goldens, and tests."""
+    """Return a folder with goldens, equal frames, others 9 steps off, a scene and its goldens, and tests."""
     pixels = np.full((16, 16, 3), 100, np.uint8)
     for name, levels in (("goldens", 0), ("same", 0), ("other", 9)):
         (tmp_path / name).mkdir()
@@ -105,7 +105,7 @@ def test_the_fixture_compares_as_the_command_does(folder: Path) -> None:
     assert failed == {f"test_frames.py::{name}" for name in ("test_another", "test_a_wrong_limit")}, done.stdout
     assert "5 passed" in done.stdout and "2 failed" in done.stdout
     assert "AssertionError: goldens and other do not match" in done.stdout
-    assert "0.png  different  largest error of a channel 9 levels, at most 1" in done.stdout
+    assert "0.png  different  largest error of a channel 9 steps, at most 1" in done.stdout
     assert "2 of 2 frames fail: 2 different" in done.stdout
     wrong = [line.removeprefix("E").strip() for line in done.stdout.splitlines() if line.startswith("E  ")][-6:]
     assert wrong == [
@@ -114,7 +114,7 @@ def test_the_fixture_compares_as_the_command_does(folder: Path) -> None:
         "expected: exact, same-machine or cross-driver",
         "limits densest=many: densest: not a number",
         "got: 'many'",
-        "expected: a number from 0 to 255 levels, or none",
+        "expected: a number from 0 to 255 steps, or none",
     ]
     assert "rules.py" not in done.stdout and "api.py" not in done.stdout, "pytest shows the test"
     assert (folder / "report.html").stat().st_size > 0

@@ -15,9 +15,9 @@ import yaml
 from small_scene import sidecar, small_scene
 
 from hsplat_cli import main
-from hsplat_cli.films import accuracy as search
 from renderer.draw import GLRasterizer
 from renderer.frame import prepare_stage, render_frames
+from renderer.job import accuracy
 from renderer.scene import Scene, load_scene, with_tolerance
 from renderer.study import TRUTH_TOLERANCE, compute_metric, compute_truth, over_background
 
@@ -76,8 +76,8 @@ def test_a_search_is_printed_and_recorded(capsys: pytest.CaptureFixture[str]) ->
     schedule, tolerance, measured = made["schedule"], made["scene"]["error"]["tolerance"], made["schedule"]["measured"]
     assert tolerance > 0
     assert {frame["tolerance"] for frame in made["frames"]} == {tolerance}
-    assert list(schedule) == ["asked", "tolerance", "cells", "met", "reproducible", "measured"]
-    assert (schedule["asked"], schedule["tolerance"]) == ({"psnr": 27}, [tolerance, tolerance])
+    assert list(schedule) == ["requested", "tolerance", "cells", "met", "reproducible", "measured"]
+    assert (schedule["requested"], schedule["tolerance"]) == ({"psnr": 27}, [tolerance, tolerance])
     assert schedule["met"] and schedule["reproducible"]
     assert measured["metric"] == "psnr" and measured["worst"] >= 27
     assert measured["probes"] == [0, 3, 6, 9, 12, 15, 18, 21]
@@ -123,7 +123,7 @@ def test_an_interrupted_search_leaves_nothing(folder: Path, monkeypatch: pytest.
     def interrupt(*arguments: Any, **options: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(search, "find_truths", interrupt)
+    monkeypatch.setattr(accuracy, "find_truth", interrupt)
     render("--quiet", code=130)
     assert [path.name for path in folder.iterdir()] == ["scene.yaml"]
 
@@ -161,10 +161,10 @@ def test_a_film_of_nothing_has_any_accuracy() -> None:
     assert np.asarray(imageio.imread("film.mp4", index=None)).max() < 20  # black, as far as the encoder goes
 
 
-def test_an_infinite_psnr_is_null_in_the_sidecar() -> None:
+def test_an_infinite_psnr_is_left_out_of_the_sidecar() -> None:
     crop = ("--set", "volume.crop=[[0, 2], [0, 2], [0, 2]]")  # air
     render("--quiet", *crop)
-    assert sidecar()["schedule"]["measured"]["worst"] is None
+    assert sidecar()["schedule"]["measured"].keys() == {"metric", "frame", "probes"}
     assert sidecar()["schedule"]["met"]
 
 

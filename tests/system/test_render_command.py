@@ -11,6 +11,7 @@ from typing import Any
 import imageio.v3 as imageio
 import numpy as np
 import pytest
+from commands import files
 from small_scene import sidecar, small_scene
 
 from hsplat_cli import main
@@ -25,10 +26,6 @@ SCENE = small_scene(frames=6, size="48, 32", error="tolerance: 0.1")
 
 def render(*arguments: str) -> None:
     assert main.run(["render", "scene.yaml", *arguments]) == 0
-
-
-def files(folder: Path) -> list[str]:
-    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
 
 
 def shown(name: str) -> Array:
@@ -77,8 +74,8 @@ def test_the_sidecar_says_how_it_was_made() -> None:
     render("--set", "error.tolerance={0: 0.8, 3: 0.1}")
     made = sidecar("film.mp4.json")
     assert list(made) == [
-        "scene", "volume", "camera", "pyramid", "gl", "versions", "schedule", "notes", "seconds", "cause", "digest",
-        "frames",
+        "format", "scene", "volume", "camera", "pyramid", "device", "versions", "schedule", "notes", "seconds",
+        "fingerprint", "digest", "frames",
     ]  # fmt: skip
     assert made["scene"]["splat"] == {"footprint": "integrated"}
     assert made["volume"]["shape"] == [24, 24, 12]
@@ -87,13 +84,13 @@ def test_the_sidecar_says_how_it_was_made() -> None:
     assert len(made["volume"]["fingerprint"]) == 32
     assert made["camera"]["target"] == [11.5, 11.5, 5.5]
     assert made["camera"]["distance"] > 20
-    assert "GL " in made["gl"]
+    assert "GL " in made["device"]
     assert made["versions"]["python"] == platform.python_version()
     assert made["versions"]["numpy"] == np.__version__
     assert made["notes"] == []
     assert [frame["frame"] for frame in made["frames"]] == [0, 1, 2, 3, 4, 5]
     for frame in made["frames"]:
-        assert 0 < frame["splats"] <= frame["cells"]
+        assert 0 < frame["primitives"] <= frame["cells"]
         assert {"order", "draw", "quantize", "encode"} <= set(frame["seconds"])
     assert all(seconds >= 0 for part in (made, *made["frames"]) for seconds in part["seconds"].values()), (
         "a stage took less than no time"
@@ -112,7 +109,7 @@ def test_the_schedule_changes_the_cut_only_when_the_tolerance_changes() -> None:
 def test_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
     render("--output", "film.gif")
     said = capsys.readouterr()
-    bricks = sidecar("film.gif.json")["frames"][0]["splats"]
+    bricks = sidecar("film.gif.json")["frames"][0]["primitives"]
     first, *rest = said.out.splitlines()
     assert first.startswith("film.gif: 6 frames in ")
     assert first.endswith(f" s, {bricks} brick{'s' * (bricks > 1)} a frame")
@@ -135,7 +132,7 @@ def test_nothing_visible_is_a_film_of_the_background(capsys: pytest.CaptureFixtu
     assert (picture == [255, 128, 0]).all()
     made = sidecar("frames.2.json")
     assert made["notes"] == [note]
-    assert made["frames"][0]["splats"] == 0
+    assert made["frames"][0]["primitives"] == 0
     assert math.isfinite(made["camera"]["distance"])
     assert f"note: {note}\n" in capsys.readouterr().out
 
@@ -154,7 +151,7 @@ def test_a_camera_that_sees_nothing_is_told(footprint: str, change: str, capsys:
     changes = ["--set", change, "--set", f"splat.footprint={footprint}"]
     render("--output", "{frame}.png", *changes)
     made = sidecar("frames.json")
-    assert [frame["splats"] > 0 and frame["blank"] for frame in made["frames"]] == [True] * 6
+    assert [frame["primitives"] > 0 and frame["blank"] for frame in made["frames"]] == [True] * 6
     assert made["notes"] == [f"nothing is in view on 6 of 6 frames, the first of them frame 0: {reason}"]
     assert f"note: {made['notes'][0]}\n" in capsys.readouterr().out
     render("--frames", "2", "--output", "still.png", *changes)

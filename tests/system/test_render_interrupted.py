@@ -6,19 +6,16 @@ import os
 import re
 import signal
 import subprocess
-import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import imageio.v3 as imageio
 import pytest
+from commands import HSPLAT, environment
 
 from hsplat_cli import main
-from hsplat_cli.executors import frame_result
-
-CODE = Path(main.__file__).parents[1]
+from renderer.job import executor
 
 SCENE = """\
 volume:
@@ -33,12 +30,7 @@ output:
 """
 
 
-@pytest.fixture(autouse=True)
-def _listen_to_interrupts() -> Iterator[None]:
-    """A shell's background job, as CI may be, is started deaf to SIGINT."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
+pytestmark = pytest.mark.usefixtures("heeds_interrupts")
 
 
 @pytest.fixture(autouse=True)
@@ -51,7 +43,7 @@ class Interrupted:
     """Stands in for the frame loop and has a signal sent to this process at the third frame."""
 
     def __init__(self, number: signal.Signals) -> None:
-        self._number, self._render_frames = number, frame_result.render_frames
+        self._number, self._render_frames = number, executor.render_frames
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
         for frame in self._render_frames(*arguments, **options):
@@ -64,7 +56,7 @@ def finished_frames(out: Path) -> list[int]:
     """Return the frames that have a record; nothing but these records and whole pictures may be left."""
     # The lock is left where it was just being made; the next job takes it.
     left = [path for path in out.rglob("*") if path.is_file() and path.name != "lock"]
-    assert all(re.fullmatch(r"[0-9]+\.png|([0-9]{6}|cause-[0-9a-f]{32})\.json", path.name) for path in left), left
+    assert all(re.fullmatch(r"[0-9]+\.png|([0-9]{6}|fingerprint-[0-9a-f]{32})\.json", path.name) for path in left), left
     pictures = [path for path in left if path.suffix == ".png"]
     assert all(imageio.imread(path).shape == (32, 32, 3) for path in pictures)
     found = sorted(int(path.stem) for path in left if path.suffix == ".json" and path.stem.isdigit())
@@ -78,7 +70,7 @@ def finished_frames(out: Path) -> list[int]:
 def test_in_the_middle(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], number: signal.Signals, name: str
 ) -> None:
-    monkeypatch.setattr(frame_result, "render_frames", Interrupted(number))
+    monkeypatch.setattr(executor, "render_frames", Interrupted(number))
     code = main.run(["render", "scene.yaml", "--output", f"out/{name}", "--set", "camera.path.frames=6"])
     assert code == 130
     *_, kept, last = capsys.readouterr().err.splitlines()
@@ -91,10 +83,9 @@ def test_in_the_middle(
 @pytest.mark.parametrize("name", ["film.mp4", "{frame}.png"])
 def test_the_process_from_outside(folder: Path, name: str) -> None:
     """As a batch system does it, as soon as there is something to clean up."""
-    command = [sys.executable, "-m", "hsplat_cli", "render", "scene.yaml", "--output", f"out/{name}"]
+    command = [*HSPLAT, "render", "scene.yaml", "--output", f"out/{name}"]
     command += ["--set", "camera.path.frames=5000"]  # not finished before the signal, however busy the machine is
-    environment = os.environ | {"PYTHONPATH": str(CODE)}
-    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(command, env=environment(), stderr=subprocess.PIPE, text=True) as process:
         while process.poll() is None and not any((folder / "out").iterdir()):
             time.sleep(0.01)
         process.terminate()

@@ -6,11 +6,8 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 import uuid
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,18 +15,19 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 import yaml
+from commands import HSPLAT, environment, files, other_process
 from kills import GRACE_S, MARK, names_of, seconds_until_gone
 from kinds_of_data import KINDS
 
 from hsplat_cli import main
-from hsplat_cli.films import render as render_module
 from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable import batch
+from renderer.job import film_making
 from renderer.scene import load_scene
 from renderer.system import ChildProcesses
 
-CODE = Path(main.__file__).parents[1]
-ENVIRONMENT = os.environ | {"PYTHONPATH": str(CODE)}
+pytestmark = pytest.mark.usefixtures("heeds_interrupts")
+
 SMALL = ["--frames", "3", "--size", "32", "--quiet"]
 
 
@@ -43,14 +41,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-@pytest.fixture(autouse=True)
-def _listen_to_interrupts() -> Iterator[None]:
-    """Restore SIGINT: a shell starts background jobs, such as CI, with the signal ignored."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
 def turntable(*arguments: str) -> int:
     return main.run(["turntable", *arguments])
 
@@ -58,10 +48,6 @@ def turntable(*arguments: str) -> int:
 def report(folder: str = "out") -> list[dict[str, Any]]:
     films: list[dict[str, Any]] = json.loads(Path(folder, "turntable.json").read_text(encoding="utf-8"))["films"]
     return films
-
-
-def files(folder: str) -> list[str]:
-    return sorted(str(path.relative_to(folder)) for path in Path(folder).rglob("*") if path.is_file())
 
 
 def test_init_writes_a_scene_that_renders(capfdbinary: pytest.CaptureFixture[bytes]) -> None:
@@ -97,7 +83,7 @@ def test_one_volume() -> None:
     (record,) = report("out/deep")
     assert record["volume"] == "in/uint8.npy"
     assert (record["status"], record["frames"]) == ("done", 3)
-    assert record["splats"] > 1
+    assert record["primitives"] > 1
     film = Path("out/deep/uint8.mp4").read_bytes()
     Path("out/deep/uint8.mp4").unlink()
     assert main.run(["render", "out/deep/uint8.yaml", "--quiet"]) == 0
@@ -188,21 +174,6 @@ def test_a_film_of_another_volume_is_kept(capfd: pytest.CaptureFixture[str]) -> 
     assert turntable(str(Path("in/uint8.npy").resolve()), "-o", "other/films", *SMALL) == 0
 
 
-@contextmanager
-def other_process(imports: str, block: str) -> Iterator[int]:
-    """Let another process enter a block, and yield its id."""
-    program = (
-        f"import sys\nfrom pathlib import Path\n{imports}\nwith {block}:\n    print(flush=True)\n    sys.stdin.read()"
-    )
-    with subprocess.Popen(
-        [sys.executable, "-c", program], env=ENVIRONMENT, stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == b"\n"
-        yield process.pid
-        process.communicate(b"")
-
-
 def test_a_film_that_another_command_makes_is_left_alone(capfd: pytest.CaptureFixture[str]) -> None:
     """Its scene and its record stay, too."""
     assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
@@ -228,10 +199,10 @@ def test_a_film_is_done_until_another_is_begun(monkeypatch: pytest.MonkeyPatch) 
     assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
     before = report()
     with monkeypatch.context() as patch:
-        patch.setattr(render_module, "prepare_film", interrupt)
+        patch.setattr(film_making, "film_fingerprint", interrupt)
         assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 130
         assert report() == before
-    monkeypatch.setattr(render_module, "resume_checkpoint", interrupt)
+    monkeypatch.setattr(film_making, "_resume_checkpoint", interrupt)
     assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
     assert report() == before
     Path("out/uint8.mp4").unlink()
@@ -255,11 +226,11 @@ def test_the_film_is_that_of_the_scene_that_was_written(monkeypatch: pytest.Monk
 
 def test_a_wait_for_turntable_json_is_reported_and_can_be_interrupted() -> None:
     volumes = ["in/uint8.npy", "in/labels.npy"]
-    arguments = [sys.executable, "-m", "hsplat_cli", "turntable", *volumes, "-o", "out", *SMALL]
+    arguments = [*HSPLAT, "turntable", *volumes, "-o", "out", *SMALL]
     imports = "from renderer.film import lock_slots"
     lock = "lock_slots(Path('out'), [0], Path(), shared_file='.turntable.json.lock')"
     with other_process(imports, lock) as number:
-        process = subprocess.Popen(arguments, env=ENVIRONMENT, stderr=subprocess.PIPE, text=True)
+        process = subprocess.Popen(arguments, env=environment(), stderr=subprocess.PIPE, text=True)
         assert process.stderr is not None
         waiting = f"out/turntable.json: waiting for process {number} on {os.uname().nodename}\n"
         assert process.stderr.readline() == waiting
@@ -307,8 +278,8 @@ def test_an_interrupt_ends_the_batch_and_lists_what_is_done() -> None:
     """Only the parent gets the signal, while the second film is made: the process of the film ends, too."""
     arguments = ["turntable", "in/labels.npy", "in/signed.npy", "in/uint8.npy", "-o", "out", "--frames", "100"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "hsplat_cli", *arguments, "--size", "16"],
-        env=ENVIRONMENT,
+        [*HSPLAT, *arguments, "--size", "16"],
+        env=environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -331,8 +302,8 @@ def test_a_batch_that_is_killed_leaves_nothing_that_runs() -> None:
     mark = uuid.uuid4().hex
     arguments = ["turntable", "in/labels.npy", "in/signed.npy", "-o", "out", "--frames", "400", "--size", "64"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "hsplat_cli", *arguments, "--workers", "2", "--quiet"],
-        env=ENVIRONMENT | {MARK: mark},
+        [*HSPLAT, *arguments, "--workers", "2", "--quiet"],
+        env=environment(**{MARK: mark}),
         start_new_session=True,
     )
     while not list(Path("out").glob("labels.mp4.unfinished/000003.json")):

@@ -29,7 +29,7 @@ from renderer.view import View, make_view
 from renderer.volume import Float64, Volume, make_volume
 
 SHAPE = (36, 30, 24)
-BACKGROUND = (0.2, 0.4, 0.6)  # whole levels of 8 bits
+BACKGROUND = (0.2, 0.4, 0.6)  # whole steps of 8 bits
 
 # dB of VTK's finest settings. Seen: 57 to 58 and 49 to 53; 8 bits alone are 58.9, and a picture of this volume that
 # fills the frame and is a tenth of a voxel aside has 54.6, a quarter 46.7.
@@ -127,7 +127,7 @@ def test_coarse_settings_are_worse() -> None:
     measurements = {}
     for setting, measurement in zip(settings, found, strict=True):
         assert measurement.setting is setting
-        assert measurement.num_cells is None and measurement.num_splats is None
+        assert measurement.num_cells is None and measurement.num_primitives is None
         (sample,) = measurement.frames
         assert sample.frame == 7
         assert len(sample.frame_seconds) == 3 and min(sample.frame_seconds) > 0
@@ -296,9 +296,9 @@ def test_vtk_describes_its_version_and_driver() -> None:
     from vtkmodules.vtkCommonCore import vtkVersion
 
     found = describe_vtk()
-    assert found.keys() == {"version", "driver"}
+    assert found.keys() == {"version", "device"}
     assert found["version"] == vtkVersion.GetVTKVersion()
-    assert found["driver"] not in ("", "unknown")
+    assert found["device"] not in ("", "unknown")
 
 
 def test_a_vtk_that_does_not_start_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

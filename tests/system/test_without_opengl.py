@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from small_scene import small_scene
+from commands import hsplat
+from small_scene import sidecar, small_scene
 
-from hsplat_cli import main
 from hsplat_cli.commands.paper import SCENES
 from renderer.draw import GLRasterizer, is_software
 from renderer.draw.gl.raster import CPU_RENDERER_NAME
 
 # libglvnd finds no drivers here.
 NO_OPENGL = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nowhere"}
-CODE = Path(main.__file__).parents[1]
 FRAMES = [f"{number}.png" for number in range(5)]
 
 
@@ -26,13 +21,6 @@ FRAMES = [f"{number}.png" for number in range(5)]
 def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("scene.yaml").write_text(small_scene(footprint=None), encoding="utf-8")
-
-
-def hsplat(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "hsplat_cli", *arguments],
-        check=False, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(CODE)} | variables,
-    )  # fmt: skip
 
 
 def films(folder: str) -> dict[str, bytes]:
@@ -45,8 +33,7 @@ def test_films_without_opengl() -> None:
         result = hsplat("render", "scene.yaml", "--workers", workers, *output, **NO_OPENGL)
         assert result.returncode == 0, result.stderr
     assert films("1") == films("2")
-    (sidecar,) = Path("2").glob("*.json")
-    assert json.loads(sidecar.read_bytes())["gl"] == CPU_RENDERER_NAME
+    assert sidecar("2/frames.json")["device"] == CPU_RENDERER_NAME
 
 
 def test_other_commands_without_opengl() -> None:
@@ -76,7 +63,7 @@ def test_what_needs_opengl_is_an_error(arguments: list[str]) -> None:
 
 
 def test_the_same_bytes_as_beside_software_opengl(rasterizer: GLRasterizer) -> None:
-    if not is_software(rasterizer.renderer_name):
+    if not is_software(rasterizer.device):
         pytest.skip("a GPU draws other bytes")
     for folder, variables in (("with", {}), ("without", NO_OPENGL)):
         assert hsplat("render", "scene.yaml", "--output", f"{folder}/{{frame}}.png", **variables).returncode == 0

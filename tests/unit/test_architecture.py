@@ -36,12 +36,12 @@ ORDER = {
         "frame",
         "truth",
         "study",
+        "job",
     ],
     "hsplat_cli": [
         "terminal",
         "scenes",
         "executors",
-        "films",
         "reports",
         "compare",
         "studies",
@@ -126,6 +126,15 @@ def test_doors_open(room: str) -> None:
 def test_only_one_room_makes_opengl_calls() -> None:
     users = {module for module, path in SOURCES.items() if {"moderngl", "OpenGL", "glcontext"} & _imports(path)}
     assert users and all(module.startswith("renderer.draw.gl.") for module in users)
+
+
+def test_only_one_room_uses_numba() -> None:
+    users = {
+        module
+        for module, path in SOURCES.items()
+        if {"numba", "llvmlite"} & {name.partition(".")[0] for name in _imports(path)}
+    }
+    assert users == {"renderer.compiled.numba_inside"}
 
 
 def test_files_can_be_read_at_one_sitting() -> None:

@@ -24,8 +24,11 @@ class Texture:
     def write(self, content: Any, viewport: tuple[int, ...]) -> None:
         """Nobody looks at it."""
 
-    def __del__(self) -> None:
+    def release(self) -> None:
         self.device.used -= self.num_bytes
+        self.num_bytes = 0
+
+    __del__ = release
 
 
 class Device:

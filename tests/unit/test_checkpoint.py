@@ -11,20 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from renderer.film import (
-    FrameCheckpoint,
-    Picture,
-    atomic as staging,
-    bytes_digest,
-    encode_png,
-    frame_path,
-    is_frame_record,
-    remove_checkpoint_frames,
-)
+from renderer.film import Picture, atomic as staging, bytes_digest, data_digest, encode_png, frame_path
+from renderer.job import DrawnFrame, FilmFingerprint, FrameCheckpoint, FrameRecord, record_to_json
+from renderer.job.checkpoint import remove_checkpoint_frames, remove_frames_of
+from renderer.job.record import read_frame_record
 from renderer.scene import OutputSpec
 
 NUMBERS = range(4)
-CAUSE = {"scene": {"size": (6, 4)}, "versions": {"numpy": "2.0"}}
+DEPENDS_ON = {"scene": {"size": (6, 4)}, "versions": {"numpy": "2.0"}}
 OUTPUTS = ["film.mp4", "{frame}/x.png"]
 
 
@@ -32,8 +26,19 @@ def png(number: int) -> bytes:
     return encode_png(np.full((4, 6, 3), number, np.uint8))
 
 
-def record(number: int) -> dict[str, Any]:
-    return {"frame": number, "tolerance": 0.1, "cells": 9, "splats": 8, "seconds": {"draw": 0.5}}
+def fingerprint(depends_on: dict[str, Any]) -> FilmFingerprint:
+    return FilmFingerprint(data_digest(depends_on), {}, depends_on)
+
+
+FINGERPRINT, OTHER = fingerprint(DEPENDS_ON), fingerprint({"other": 1})
+
+
+def record(number: int, digest: str | None = None) -> FrameRecord:
+    return FrameRecord(number, tolerance=0.1, cells=9, primitives=8, seconds={"draw": 0.5}, digest=digest)
+
+
+def save(checkpoint: FrameCheckpoint, number: int) -> None:
+    checkpoint.save(DrawnFrame(record(number), Picture(png=png(number))))
 
 
 @pytest.fixture
@@ -48,14 +53,14 @@ def output(request: pytest.FixtureRequest, tmp_path: Path) -> OutputSpec:
     return OutputSpec(tmp_path / request.param, size=(6, 4))
 
 
-def reopened(folder: Path, output: OutputSpec, cause: dict[str, Any] = CAUSE, **options: Any) -> FrameCheckpoint:
-    return FrameCheckpoint(folder, output, NUMBERS, cause, **options)
+def reopened(folder: Path, output: OutputSpec, of: FilmFingerprint = FINGERPRINT) -> FrameCheckpoint:
+    return FrameCheckpoint(folder, output, NUMBERS, of)
 
 
-def keep(folder: Path, output: OutputSpec, *numbers: int, cause: dict[str, Any] = CAUSE) -> FrameCheckpoint:
-    checkpoint = reopened(folder, output, cause)
+def keep(folder: Path, output: OutputSpec, *numbers: int) -> FrameCheckpoint:
+    checkpoint = reopened(folder, output)
     for number in numbers:
-        checkpoint.save_frame(number, png(number), record(number))
+        save(checkpoint, number)
     return checkpoint
 
 
@@ -67,9 +72,9 @@ def picture_of(folder: Path, output: OutputSpec, number: int) -> Path:
 def test_a_checkpoint_is_read_again(folder: Path, output: OutputSpec) -> None:
     first = keep(folder, output, 0, 2)
     second = reopened(folder, output)
-    assert second.records == first.records == {i: record(i) | {"digest": bytes_digest(png(i))} for i in (0, 2)}
-    np.testing.assert_array_equal(second.picture(2).pixels, Picture(png=png(2)).pixels)
-    assert (second.former_fingerprint, second.num_outdated) == (None, 0)
+    assert second.records == first.records == {i: record(i, bytes_digest(png(i))) for i in (0, 2)}
+    np.testing.assert_array_equal(second.finished_frame(2).picture.pixels, Picture(png=png(2)).pixels)
+    assert (second.former, second.num_outdated) == (None, 0)
 
 
 def test_a_record_that_ends_anywhere(folder: Path, output: OutputSpec) -> None:
@@ -86,8 +91,9 @@ def test_a_record_that_ends_anywhere(folder: Path, output: OutputSpec) -> None:
 @pytest.mark.parametrize(
     "garbage",
     [
-        b"", b"\0" * 100, b"\xff\xfe", b"[]", b"7", b"null", b'"text"', b"{}", b"[" * 100_000, b'{"cause":' * 100_000,
-        b'{"cause": {}}', b'{"cause": [], "record": {}}', b'{"record": []}', b"9" * 5000, b" " * 2**21,
+        b"", b"\0" * 100, b"\xff\xfe", b"[]", b"7", b"null", b'"text"', b"{}", b"[" * 100_000,
+        b'{"fingerprint":' * 100_000,
+        b'{"fingerprint": {}}', b'{"fingerprint": [], "record": {}}', b'{"record": []}', b"9" * 5000, b" " * 2**21,
     ],
 )  # fmt: skip
 def test_a_record_of_garbage(folder: Path, output: OutputSpec, garbage: bytes) -> None:
@@ -95,30 +101,30 @@ def test_a_record_of_garbage(folder: Path, output: OutputSpec, garbage: bytes) -
     (folder / "000001.json").write_bytes(garbage)
     checkpoint = reopened(folder, output)
     assert set(checkpoint.records) == {0}
-    checkpoint.save_frame(1, png(1), record(1))
+    save(checkpoint, 1)
     assert set(reopened(folder, output).records) == {0, 1}
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        {"frame": -1}, {"frame": True}, {"frame": "1"}, {"frame": 1.0}, {"frame": None}, {"cells": -1}, {"splats": 0.5},
-        {"digest": 7}, {"digest": None}, {"tolerance": "0.1"}, {"tolerance": -1}, {"tolerance": None},
+        {"frame": -1}, {"frame": True}, {"frame": "1"}, {"frame": 1.0}, {"frame": None}, {"cells": -1},
+        {"primitives": 0.5},
+        {"digest": 7}, {"digest": "00"}, {"tolerance": "0.1"}, {"tolerance": -1}, {"tolerance": None},
         {"tolerance": float("nan")}, {"tolerance": float("inf")}, {"seconds": []}, {"seconds": {"draw": "1"}},
         {"seconds": {"draw": {"deep": [[[]]]}}}, {"predicted_seconds": "soon"}, {"more": 1}, {"tolerance": 10**400},
-        {"gl": 1}, {"blank": 1},
+        {"device": 1}, {"blank": 1}, {"frame": 10**7},
     ],
 )  # fmt: skip
 def test_what_is_no_record(change: dict[str, Any]) -> None:
-    whole = record(1) | {"digest": "00"}
-    assert is_frame_record(whole)
-    assert is_frame_record(whole | {"predicted_seconds": 0.1})
-    assert is_frame_record(whole | {"blank": True})
-    assert not is_frame_record(whole | change)
-    for key in change.keys() & whole.keys():
+    whole = record_to_json(record(1, "0" * 32))
+    assert read_frame_record(whole) == record(1, "0" * 32)
+    for more in ({"predicted_seconds": 0.1}, {"blank": True}, {"device": "a GPU"}):
+        assert record_to_json(read_frame_record(whole | more)) == whole | more
+    assert read_frame_record(whole | change) is None
+    for key in (change.keys() & whole.keys()) - {"digest"}:
         del whole[key]
-        assert not is_frame_record(whole)
-        assert is_frame_record(whole, has_digest=False) == (key == "digest")
+        assert read_frame_record(whole) is None
 
 
 def test_a_record_of_another_frame(folder: Path, output: OutputSpec) -> None:
@@ -163,39 +169,30 @@ def test_a_picture_of_another_size(folder: Path, output: OutputSpec) -> None:
 
 def test_another_fingerprint(folder: Path, output: OutputSpec) -> None:
     keep(folder, output, 0, 1, 2)
-    other = CAUSE | {"versions": {"numpy": "2.1"}}
+    other = fingerprint(DEPENDS_ON | {"versions": {"numpy": "2.1"}})
     checkpoint = reopened(folder, output, other)
     assert checkpoint.records == {}
-    assert checkpoint.former_fingerprint == {"scene": {"size": [6, 4]}, "versions": {"numpy": "2.0"}}
+    assert checkpoint.former == {"scene": {"size": [6, 4]}, "versions": {"numpy": "2.0"}}
     assert checkpoint.num_outdated == 3
     assert list(folder.iterdir()) == []
-    checkpoint.save_frame(1, png(1), record(1))
+    save(checkpoint, 1)
     again = reopened(folder, output, other)
-    assert (set(again.records), again.former_fingerprint, again.num_outdated) == ({1}, None, 0)
+    assert (set(again.records), again.former, again.num_outdated) == ({1}, None, 0)
 
 
 def test_a_fingerprint_whose_file_is_missing(folder: Path, output: OutputSpec) -> None:
     keep(folder, output, 0, 1)
-    (recorded,) = folder.glob("cause-*.json")
+    (recorded,) = folder.glob("fingerprint-*.json")
     recorded.unlink()
     assert set(reopened(folder, output).records) == {0, 1}
-    checkpoint = reopened(folder, output, {"versions": {"numpy": "2.1"}})
-    assert (checkpoint.records, checkpoint.former_fingerprint, checkpoint.num_outdated) == ({}, {}, 2)
-
-
-def test_existing_frames_are_discarded(folder: Path, output: OutputSpec) -> None:
-    keep(folder, output, 0, 1, 2)
-    checkpoint = reopened(folder, output, discard_existing=True)
-    assert (checkpoint.records, checkpoint.former_fingerprint, checkpoint.num_outdated) == ({}, None, 0)
-    assert list(folder.iterdir()) == []
-    assert reopened(folder, output).records == {}
+    checkpoint = reopened(folder, output, OTHER)
+    assert (checkpoint.records, checkpoint.former, checkpoint.num_outdated) == ({}, {}, 2)
 
 
 def test_pictures_under_their_final_names_are_never_removed(folder: Path, output: OutputSpec) -> None:
     keep(folder, output, 0, 1)
     finals = [path for path in folder.parent.rglob("*.png") if path.parent != folder]
-    reopened(folder, output, {"other": 1})
-    reopened(folder, output, discard_existing=True)
+    reopened(folder, output, OTHER)
     remove_checkpoint_frames(folder, output, NUMBERS)
     assert all(path.is_file() for path in finals)
     assert len(finals) == (0 if output.file.suffix == ".mp4" else 2)
@@ -204,26 +201,26 @@ def test_pictures_under_their_final_names_are_never_removed(folder: Path, output
 def test_jobs_with_other_frames_share_nothing(folder: Path, tmp_path: Path) -> None:
     """As two of a job array, which both are at work: neither sees nor removes what the other has."""
     output = OutputSpec(tmp_path / "{frame}.png", size=(6, 4))
-    first = FrameCheckpoint(folder, output, [0, 1], CAUSE)
-    second = FrameCheckpoint(folder, output, [2, 3], {"other": 1})
+    first = FrameCheckpoint(folder, output, [0, 1], FINGERPRINT)
+    second = FrameCheckpoint(folder, output, [2, 3], OTHER)
     for i in (0, 1):
-        first.save_frame(i, png(i), record(i))
-        second.save_frame(i + 2, png(i + 2), record(i + 2))
+        save(first, i)
+        save(second, i + 2)
     remove_checkpoint_frames(folder, output, [0, 1])
-    assert set(FrameCheckpoint(folder, output, [2, 3], {"other": 1}).records) == {2, 3}
-    assert FrameCheckpoint(folder, output, [0, 1], {"other": 1}).num_outdated == 0
+    assert set(FrameCheckpoint(folder, output, [2, 3], OTHER).records) == {2, 3}
+    assert FrameCheckpoint(folder, output, [0, 1], OTHER).num_outdated == 0
 
 
 def test_frames_of_another_fingerprint_may_stay(folder: Path, output: OutputSpec) -> None:
     keep(folder, output, 0)
-    other = FrameCheckpoint(folder, output, [1, 2], {"other": 1})
+    other = FrameCheckpoint(folder, output, [1, 2], OTHER)
     for number in (1, 2):
-        other.save_frame(number, png(number), record(number))
+        save(other, number)
     (folder / "000003.png").write_bytes(b"no record came")
-    remove_checkpoint_frames(folder, output, NUMBERS, CAUSE)
+    remove_frames_of(folder, output, NUMBERS, FINGERPRINT)
     assert not list(folder.glob("00000[03].*"))
-    assert FrameCheckpoint(folder, output, [1, 2], {"other": 1}).records == other.records
-    remove_checkpoint_frames(folder, output, NUMBERS, {"other": 1})
+    assert FrameCheckpoint(folder, output, [1, 2], OTHER).records == other.records
+    remove_frames_of(folder, output, NUMBERS, OTHER)
     assert list(folder.iterdir()) == []
 
 
@@ -233,7 +230,7 @@ def test_all_frames_of_a_film_in_one_file_are_removed(folder: Path, tmp_path: Pa
     keep(folder, output, 0, 1, 3)
     (folder / "000002.json").unlink(missing_ok=True)
     (folder / "000002.png").write_bytes(b"no record came")
-    names = ["note.txt", "1.png", "000001.json.bak", "a000001.png", "cause-mine.json", "lock"]
+    names = ["note.txt", "1.png", "000001.json.bak", "a000001.png", "fingerprint-mine.json", "lock"]
     for name in names:
         (folder / name).touch()
     remove_checkpoint_frames(folder, output, [0])
@@ -279,14 +276,14 @@ def test_a_kill_between_any_two_steps(
         for owner, name in ((os, "replace"), (Path, "touch"), (Path, "write_bytes"), (Path, "unlink"), (Path, "mkdir")):
             patch.setattr(owner, name, counted(getattr(owner, name)))
         try:
-            before.save_frame(1, png(1), record(1))
-            before.save_frame(2, png(2), record(2))
+            save(before, 1)
+            save(before, 2)
         except Killed:
             pass
     checkpoint = reopened(folder, output)
     assert 0 in checkpoint.records
     for number in checkpoint.records:
-        assert checkpoint.picture(number).png == png(number)
+        assert checkpoint.finished_frame(number).picture.png == png(number)
     staging.remove_temporaries(folder)
     remove_checkpoint_frames(folder, output, NUMBERS)
     assert list(folder.iterdir()) == []

@@ -8,17 +8,27 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from hsplat_cli.compare.figure_format import figure_text, limit_text, limits_text, share_text, signed_text, value_text
-from hsplat_cli.compare.outcome import Comparison, Outcome, Pair, compare_pair
+from hsplat_cli.compare.outcome import (
+    Comparison,
+    Outcome,
+    Pair,
+    compare_pair,
+    figure_text,
+    limit_text,
+    limits_text,
+    share_text,
+    signed_text,
+    value_text,
+)
 from renderer.film import Pixels
-from renderer.study import STRICTNESS_LEVELS
+from renderer.study import STRICTNESSES
 
 LIMITS = {"largest": 2.0, "p99": 1.0, "densest": 1.0, "bias": 0.5}
 GREY = np.full((16, 16, 3), 100, np.uint8)
 
 
 def changed(by: int, rows: slice = slice(None), columns: slice = slice(None)) -> Pixels:
-    """Return GREY with a green that is higher by `by` levels in some pixels."""
+    """Return GREY with a green that is higher by `by` steps in some pixels."""
     picture = GREY.copy()
     picture[rows, columns, 1] += np.uint8(by)
     return picture
@@ -39,7 +49,7 @@ def test_equal_pixels_are_the_same(actual: Pixels) -> None:
 def test_a_frame_within_its_limits_is_close() -> None:
     outcome = outcome_of(changed(2, slice(1), slice(1)))
     assert outcome.status == "close" and outcome.passes
-    assert outcome.why == "within the limits; the closest is largest error of a channel 2 levels, at most 2"
+    assert outcome.why == "within the limits; the closest is largest error of a channel 2 steps, at most 2"
     assert outcome.figures == {"largest": 2, "p99": 0, "densest": 2 / 64, "bias": 2 / 256}
     assert (outcome.exceeded, outcome.severity) == ([], 1)
 
@@ -47,10 +57,10 @@ def test_a_frame_within_its_limits_is_close() -> None:
 @pytest.mark.parametrize(
     ("actual", "exceeded", "why"),
     [
-        (changed(3, slice(1), slice(1)), ["largest"], "largest error of a channel 3 levels, at most 2"),
-        (changed(2, slice(1), slice(9)), ["p99"], "99th percentile of the pixels' largest errors 2 levels, at most 1"),
-        (changed(1), ["bias"], "mean signed error of the most shifted channel 1 level, at most 0.5"),
-        (changed(9), ["largest", "p99", "densest", "bias"], "largest error of a channel 9 levels, at most 2"),
+        (changed(3, slice(1), slice(1)), ["largest"], "largest error of a channel 3 steps, at most 2"),
+        (changed(2, slice(1), slice(9)), ["p99"], "99th percentile of the pixels' largest errors 2 steps, at most 1"),
+        (changed(1), ["bias"], "mean signed error of the most shifted channel 1 step, at most 0.5"),
+        (changed(9), ["largest", "p99", "densest", "bias"], "largest error of a channel 9 steps, at most 2"),
     ],
 )
 def test_the_first_metric_over_its_limit_is_the_reason(actual: Pixels, exceeded: list[str], why: str) -> None:
@@ -60,7 +70,7 @@ def test_the_first_metric_over_its_limit_is_the_reason(actual: Pixels, exceeded:
 
 @pytest.mark.parametrize("level", ["exact", "same-machine"])
 def test_a_hole_is_worse_than_many_roundings(level: str) -> None:
-    limits = STRICTNESS_LEVELS[level].limits
+    limits = STRICTNESSES[level].limits
     golden = np.full((64, 64, 3), 250, np.uint8)
     rounded, hole = golden.copy(), golden.copy()
     rounded[np.random.default_rng(2).random((64, 64)) < 0.03] -= np.uint8(1)
@@ -72,21 +82,22 @@ def test_a_hole_is_worse_than_many_roundings(level: str) -> None:
     assert [outcome.name for outcome in worst] == ["a.png", "hole", "rounded 0", "rounded 1"]
 
 
-def test_a_frame_without_a_counterpart_is_missing_or_extra() -> None:
-    assert (outcome_of(None).status, outcome_of(None).why) == ("missing", "ACTUAL has no such frame")
-    outcome = outcome_of(GREY, None)
-    assert (outcome.status, outcome.why, outcome.passes) == ("extra", "GOLDEN has no such frame", False)
+OPAQUE = np.dstack([GREY, np.full((16, 16), 255, np.uint8)])
 
 
-def test_other_sizes_and_channels_fail() -> None:
-    outcome = outcome_of(np.zeros((16, 17, 3), np.uint8))
-    assert (outcome.status, outcome.why) == ("other size", "17 x 16 pixels, the golden has 16 x 16")
-    opaque = np.dstack([GREY, np.full((16, 16), 255, np.uint8)])
-    outcome = outcome_of(GREY, opaque)
-    assert (outcome.status, outcome.why) == ("other channels", "RGB, the golden is RGBA: alpha is lost")
-    outcome = outcome_of(opaque)
-    assert (outcome.status, outcome.why) == ("other channels", "RGBA, the golden is RGB: alpha is new")
-    assert not outcome.passes
+@pytest.mark.parametrize(
+    ("golden", "actual", "status", "why"),
+    [
+        (GREY, None, "missing", "ACTUAL has no such frame"),
+        (None, GREY, "extra", "GOLDEN has no such frame"),
+        (GREY, np.zeros((16, 17, 3), np.uint8), "other size", "17 x 16 pixels, the golden has 16 x 16"),
+        (OPAQUE, GREY, "other channels", "RGB, the golden is RGBA: alpha is lost"),
+        (GREY, OPAQUE, "other channels", "RGBA, the golden is RGB: alpha is new"),
+    ],
+)
+def test_what_cannot_be_compared_fails(golden: Pixels | None, actual: Pixels | None, status: str, why: str) -> None:
+    outcome = outcome_of(actual, golden)
+    assert (outcome.status, outcome.why, outcome.passes) == (status, why, False)
 
 
 def test_alpha_is_compared() -> None:
@@ -95,7 +106,7 @@ def test_alpha_is_compared() -> None:
     actual = golden.copy()
     actual[3, 3, 3] -= 5
     outcome = outcome_of(actual, golden)
-    assert outcome.why == "largest error of a channel 5 levels, at most 2"
+    assert outcome.why == "largest error of a channel 5 steps, at most 2"
     assert outcome.bias == (0, 0, 0, -5 / 256)
 
 
@@ -129,8 +140,8 @@ def test_frames_have_the_number_in_their_names(names: list[str], numbers: list[i
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (figure_text("largest", 7.0, 1.0), "largest error of a channel 7 levels, at most 1"),
-        (figure_text("largest", 1.0, 0.0), "largest error of a channel 1 level, at most 0"),
+        (figure_text("largest", 7.0, 1.0), "largest error of a channel 7 steps, at most 1"),
+        (figure_text("largest", 1.0, 0.0), "largest error of a channel 1 step, at most 0"),
         (figure_text("flip", 0.00100049, 0.001), "mean FLIP 0.0010005, at most 0.001"),
         (figure_text("flip", 0.00099951, 0.001), "mean FLIP 0.001, at most 0.001"),
         (figure_text("ssim", 0.97996, 0.98), "mean SSIM 0.97996, at least 0.98"),
@@ -143,8 +154,8 @@ def test_frames_have_the_number_in_their_names(names: list[str], numbers: list[i
         (signed_text(-6.1e-5), "−6.1e−05"),
         (share_text(12.34), "12.3"),
         (share_text(math.inf), "∞"),
-        (limits_text("largest", [4, 4]), "largest error of a channel, at most 4 levels"),
-        (limits_text("largest", [1]), "largest error of a channel, at most 1 level"),
+        (limits_text("largest", [4, 4]), "largest error of a channel, at most 4 steps"),
+        (limits_text("largest", [1]), "largest error of a channel, at most 1 step"),
         (limits_text("flip", [0.1]), "mean FLIP, at most 0.1"),
         (limits_text("flip", [0.1, 0.2]), "mean FLIP, limits differ between frames"),
     ],

@@ -53,70 +53,49 @@ def test_ancillary_chunks_change_nothing(tmp_path: Path, more: list[tuple[bytes,
     np.testing.assert_array_equal(read(tmp_path, png_file(9, 13, unfiltered(RGB), more=more)), RGB)
 
 
-def test_every_shorter_file_is_refused(tmp_path: Path) -> None:
-    content = encode_png(noise(4, 4, 4))
-    for length in range(len(content)):
-        assert refused(tmp_path, content[:length])
-
-
-def test_every_changed_byte_is_refused(tmp_path: Path) -> None:
+def test_every_shorter_file_and_every_changed_byte_is_refused(tmp_path: Path) -> None:
     content = encode_png(noise(5, 4, 4))
     for place in range(len(content)):
+        assert refused(tmp_path, content[:place])
         changed = bytearray(content)
         changed[place] ^= 1 << (place % 8)
         assert refused(tmp_path, bytes(changed))
 
 
-def test_too_little_data_is_refused(tmp_path: Path) -> None:
-    rows = unfiltered(RGB)
-    for missing in (1, 28, len(rows) - 1):
-        assert refused(tmp_path, png_file(9, 13, rows[:-missing])) == (
-            "the PNG file is damaged: data that cannot be decoded"
-        )
-    data, header = zlib.compress(rows), struct.pack(">IIBBBBB", 9, 13, 8, 2, 0, 0, 0)
-    for cut in (7, 60, len(data)):
-        content = join_png_chunks([(b"IHDR", header), (b"IDAT", data[:-cut]), (b"IEND", b"")])
-        assert refused(tmp_path, content) == "the PNG file is damaged: data that cannot be decoded"
+def idat(*data: bytes) -> bytes:
+    """Return a file of 9 x 13 pixels whose data is in these chunks."""
+    header = struct.pack(">IIBBBBB", 9, 13, 8, 2, 0, 0, 0)
+    return join_png_chunks([(b"IHDR", header), *((b"IDAT", piece) for piece in data), (b"IEND", b"")])
 
 
-def test_too_much_data_is_refused(tmp_path: Path) -> None:
-    for more in (1, 28, 10**6):
-        content = png_file(9, 13, unfiltered(RGB) + bytes(more))
-        assert refused(tmp_path, content) == "the PNG file is damaged: data that cannot be decoded"
+ROWS, WHOLE = unfiltered(RGB), encode_png(RGB)
+DATA = zlib.compress(ROWS)
+DAMAGED = "damaged: data that cannot be decoded"
+SECOND_HEADER = (b"IHDR", struct.pack(">IIBBBBB", 100_000, 100_000, 8, 2, 0, 0, 0))
 
 
-def test_unknown_critical_chunks_are_refused(tmp_path: Path) -> None:
-    second_header = struct.pack(">IIBBBBB", 100_000, 100_000, 8, 2, 0, 0, 0)
-    for more in ([(b"IHDR", second_header)], [(b"ABCD", b"")]):
-        content = png_file(9, 13, unfiltered(RGB), more=more)
-        assert refused(tmp_path, content) == "the PNG file is damaged: data that cannot be decoded"
+@pytest.mark.parametrize(
+    ("contents", "why"),
+    [
+        ([png_file(9, 13, ROWS[:-missing]) for missing in (1, 28, len(ROWS) - 1)], DAMAGED),
+        ([idat(DATA[:-cut]) for cut in (7, 60, len(DATA))], DAMAGED),
+        ([png_file(9, 13, ROWS + bytes(more)) for more in (1, 28, 10**6)], DAMAGED),
+        ([png_file(9, 13, ROWS, more=[strange]) for strange in (SECOND_HEADER, (b"ABCD", b""))], DAMAGED),
+        ([png_file(0, 4, b"")], DAMAGED),
+        ([WHOLE + b"\r\n", WHOLE + chunk(b"IEND", b"")], "followed by something else: {} bytes"),
+        ([join_png_chunks([(b"IEND", b"")])], "damaged: {} bytes"),
+        ([png_file(9, 13, ROWS, more=[(b"tEXt", b"")] * 2**16)], "in more than 65536 pieces: {} bytes"),
+    ],
+    ids=["few rows", "little data", "much data", "critical chunks", "no pixels", "after the end", "end", "many chunks"],
+)
+def test_damaged_files_are_refused(tmp_path: Path, contents: list[bytes], why: str) -> None:
+    for content in contents:
+        assert refused(tmp_path, content) == f"the PNG file is {why.format(len(content))}"
 
 
 def test_data_may_be_in_many_chunks(tmp_path: Path) -> None:
-    header, data = struct.pack(">IIBBBBB", 9, 13, 8, 2, 0, 0, 0), zlib.compress(unfiltered(RGB))
-    pieces = [(b"IDAT", data[start : start + 7]) for start in range(0, len(data), 7)]
-    content = join_png_chunks([(b"IHDR", header), *pieces, (b"IDAT", b""), (b"IEND", b"")])
-    np.testing.assert_array_equal(read(tmp_path, content), RGB)
-
-
-def test_data_after_the_end_is_refused(tmp_path: Path) -> None:
-    whole, end = encode_png(RGB), chunk(b"IEND", b"")
-    for content in (whole + b"\r\n", whole + end):
-        assert refused(tmp_path, content) == f"the PNG file is followed by something else: {len(content)} bytes"
-
-
-def test_a_file_that_begins_with_its_end_is_refused(tmp_path: Path) -> None:
-    content = join_png_chunks([(b"IEND", b"")])
-    assert refused(tmp_path, content) == f"the PNG file is damaged: {len(content)} bytes"
-
-
-def test_too_many_chunks_are_refused(tmp_path: Path) -> None:
-    content = png_file(9, 13, unfiltered(RGB), more=[(b"tEXt", b"")] * 2**16)
-    assert refused(tmp_path, content) == f"the PNG file is in more than 65536 pieces: {len(content)} bytes"
-
-
-def test_a_picture_without_pixels_is_refused(tmp_path: Path) -> None:
-    assert refused(tmp_path, png_file(0, 4, b"")) == "the PNG file is damaged: data that cannot be decoded"
+    pieces = [DATA[start : start + 7] for start in range(0, len(DATA), 7)]
+    np.testing.assert_array_equal(read(tmp_path, idat(*pieces, b"")), RGB)
 
 
 def test_paths_that_are_no_files_are_refused(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import click
@@ -14,9 +14,9 @@ from hypothesis import given, strategies as st
 from hsplat_cli.commands.compare import compare
 from hsplat_cli.compare.rules import Rules, load_rules
 from renderer.errors import InputError, SceneError
-from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS
+from renderer.study import COMPARISON_METRICS, STRICTNESSES
 
-SAME_MACHINE, CROSS_DRIVER = STRICTNESS_LEVELS["same-machine"].limits, STRICTNESS_LEVELS["cross-driver"].limits
+SAME_MACHINE, CROSS_DRIVER = STRICTNESSES["same-machine"].limits, STRICTNESSES["cross-driver"].limits
 
 
 def write(folder: Path, text: str) -> Path:
@@ -24,12 +24,12 @@ def write(folder: Path, text: str) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("level", STRICTNESS_LEVELS)
+@pytest.mark.parametrize("level", STRICTNESSES)
 def test_a_level_comes_from_the_option_or_the_file(tmp_path: Path, level: str) -> None:
-    assert load_rules(tmp_path, level).limits_for("any.png") == STRICTNESS_LEVELS[level].limits
+    assert load_rules(tmp_path, level).limits_for("any.png") == STRICTNESSES[level].limits
     write(tmp_path, f"level: {level}")
-    assert load_rules(tmp_path).limits_for("any.png") == STRICTNESS_LEVELS[level].limits
-    assert load_rules(tmp_path, "exact").limits_for("any.png") == STRICTNESS_LEVELS["exact"].limits
+    assert load_rules(tmp_path).limits_for("any.png") == STRICTNESSES[level].limits
+    assert load_rules(tmp_path, "exact").limits_for("any.png") == STRICTNESSES["exact"].limits
 
 
 def test_options_override_frames_which_override_the_file_and_its_level(tmp_path: Path) -> None:
@@ -56,7 +56,7 @@ def test_options_override_frames_which_override_the_file_and_its_level(tmp_path:
 def test_a_level_on_the_command_line_replaces_the_file(tmp_path: Path) -> None:
     write(tmp_path, "limits: {largest: 200, p99: none}\nframes: {a.png: {ssim: 0.9}}\n")
     rules = load_rules(tmp_path, "exact")
-    assert rules.limits_for("a.png") == rules.limits_for("b.png") == STRICTNESS_LEVELS["exact"].limits
+    assert rules.limits_for("a.png") == rules.limits_for("b.png") == STRICTNESSES["exact"].limits
     assert rules.other_limits == []
     assert rules.notes == [f"the level exact replaces the limits of {tmp_path / 'compare.yaml'}"]
     rules = load_rules(tmp_path, "exact", ["largest=4"])
@@ -90,7 +90,7 @@ def test_limits_are_in_the_order_of_the_metrics(changes: dict[str, float | None]
     assert names == [name for name in COMPARISON_METRICS if name in names]
 
 
-@pytest.mark.parametrize(("name", "words"), [("level", STRICTNESS_LEVELS), ("limits", COMPARISON_METRICS)])
+@pytest.mark.parametrize(("name", "words"), [("level", STRICTNESSES), ("limits", COMPARISON_METRICS)])
 def test_the_help_names_all_levels_and_metrics(name: str, words: Iterable[str]) -> None:
     (option,) = [option for option in compare.params if option.name == name]
     assert isinstance(option, click.Option)
@@ -98,14 +98,11 @@ def test_the_help_names_all_levels_and_metrics(name: str, words: Iterable[str]) 
 
 
 def test_the_file_is_read_from_the_folder_of_the_goldens(tmp_path: Path) -> None:
+    for text in ("", "# nothing\n", "{}"):
+        assert load_rules(write(tmp_path, text)).limits_for("") == SAME_MACHINE
     write(tmp_path, "level: exact")
     for name in ("frame-0000.png", "frame-{frame:04}.png", "film.mp4"):
         assert load_rules(tmp_path / name).level == "exact"
-
-
-@pytest.mark.parametrize("text", ["", "# nothing\n", "{}"])
-def test_an_empty_file_changes_nothing(tmp_path: Path, text: str) -> None:
-    assert load_rules(write(tmp_path, text)).limits_for("") == SAME_MACHINE
 
 
 def test_limits_of_unknown_frames_are_refused(tmp_path: Path) -> None:
@@ -124,7 +121,7 @@ def test_limits_of_unknown_frames_are_refused(tmp_path: Path) -> None:
 def test_packages_of_limits_for_some_frames_are_required(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write(tmp_path, "level: exact\nframes: {a.png: {ssim: 0.9}}\n")
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    assert load_rules(tmp_path, "exact").limits_for("a.png") == STRICTNESS_LEVELS["exact"].limits
+    assert load_rules(tmp_path, "exact").limits_for("a.png") == STRICTNESSES["exact"].limits
     with pytest.raises(InputError, match="the package skimage is not installed"):
         load_rules(tmp_path)
 
@@ -142,16 +139,12 @@ def test_every_frame_has_a_limit(tmp_path: Path, where: str) -> None:
     assert rules.limits_for("a.png") == {"ssim": 0.9}
 
 
-@pytest.mark.parametrize("kind", ["folder", "link", "pipe", "other"])
-def test_an_unreadable_file_is_refused(tmp_path: Path, kind: str) -> None:
-    path = tmp_path / "compare.yaml"
-    if kind == "folder":
-        path.mkdir()
-    elif kind == "link":
-        path.symlink_to("nowhere")
-    elif kind == "pipe":
-        os.mkfifo(path)
-    else:
-        path.write_bytes(b"limits: {largest: \xff}")
+@pytest.mark.parametrize(
+    "make",
+    [Path.mkdir, lambda path: path.symlink_to("nowhere"), os.mkfifo, lambda path: path.write_bytes(b"level: \xff")],
+    ids=["folder", "link", "pipe", "other"],
+)
+def test_an_unreadable_file_is_refused(tmp_path: Path, make: Callable[[Path], object]) -> None:
+    make(tmp_path / "compare.yaml")
     with pytest.raises(InputError):
         load_rules(tmp_path)

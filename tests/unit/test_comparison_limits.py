@@ -1,4 +1,4 @@
-"""The limits of the levels of strictness, and how far metrics exceed them."""
+"""The limits of the strictnesses, and how far metrics exceed them."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import math
 
 import pytest
 
-from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS, exceeded_limits, severity
+from renderer.study import COMPARISON_METRICS, STRICTNESSES, exceeded_limits, severity
 
 
 def test_a_level_accepts_what_stricter_ones_accept() -> None:
-    for strict, loose in itertools.pairwise(STRICTNESS_LEVELS.values()):
+    for strict, loose in itertools.pairwise(STRICTNESSES.values()):
         limits = {name: limit for name, limit in loose.limits.items() if name in strict.limits}
         assert all(COMPARISON_METRICS[name].passes(strict.limits[name], limit) for name, limit in limits.items())
 

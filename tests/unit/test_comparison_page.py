@@ -15,9 +15,15 @@ import pytest
 from html_page import Page, assert_can_be_heard, assert_sound_and_alone
 
 from hsplat_cli.compare import comparison_html as page_module
-from hsplat_cli.compare.comparison_html import comparison_page
-from hsplat_cli.compare.error_plot import plot_errors
-from hsplat_cli.compare.gallery import CROP_PX, NUM_PASSING_SHOWN, PICTURE_PX, Gallery, GalleryFrame
+from hsplat_cli.compare.comparison_html import (
+    CROP_PX,
+    NUM_PASSING_SHOWN,
+    PICTURE_PX,
+    Gallery,
+    GalleryFrame,
+    comparison_page,
+    plot_errors,
+)
 from hsplat_cli.compare.outcome import Comparison, Outcome, Pair, Status
 from renderer.film import Pixels
 
@@ -25,22 +31,22 @@ EVIL = "</script><b onclick='x'>\"&{{ 7 * 7 }}"
 LIMITS = {"largest": 1.0, "p99": 0.0}
 
 
-def picture(height: int = 12, width: int = 16, channels: int = 3, *, level: int = 100) -> Pixels:
-    return np.full((height, width, channels), level, np.uint8)
+def picture(height: int = 12, width: int = 16, channels: int = 3, *, value: int = 100) -> Pixels:
+    return np.full((height, width, channels), value, np.uint8)
 
 
-def spoiled(golden: Pixels, levels: int, y: int = 3, x: int = 5) -> Pixels:
+def spoiled(golden: Pixels, steps: int, y: int = 3, x: int = 5) -> Pixels:
     actual = golden.astype(np.int16)
-    actual[y, x, 1] += levels
+    actual[y, x, 1] += steps
     return actual.astype(np.uint8)
 
 
 def judged(name: str, largest: float) -> Outcome:
-    """Return the outcome of a frame with one pixel that is off by `largest` levels."""
+    """Return the outcome of a frame with one pixel that is off by `largest` steps."""
     figures = {"largest": float(largest), "p99": 0.0}
     over = [figure for figure in figures if figures[figure] > LIMITS[figure]]
     status: Status = "different" if over else "close" if largest else "same"
-    return Outcome(name, status, f"{name} is off by {largest} levels", LIMITS, figures, over, (0.0, 0.25, -0.5))
+    return Outcome(name, status, f"{name} is off by {largest} steps", LIMITS, figures, over, (0.0, 0.25, -0.5))
 
 
 def shown(*cases: tuple[Outcome, Pair], max_frames: int = 24, **facts: Any) -> tuple[Comparison, Gallery]:
@@ -50,9 +56,9 @@ def shown(*cases: tuple[Outcome, Pair], max_frames: int = 24, **facts: Any) -> t
     return Comparison("goldens", "frames", "same-machine", [outcome for outcome, _ in cases], **facts), gallery
 
 
-def off_by(levels: int, name: str) -> tuple[Outcome, Pair]:
+def off_by(steps: int, name: str) -> tuple[Outcome, Pair]:
     golden = picture()
-    return judged(name, abs(levels)), Pair(name, golden, spoiled(golden, levels))
+    return judged(name, abs(steps)), Pair(name, golden, spoiled(golden, steps))
 
 
 def absent(status: Status, name: str, channels: int = 3) -> tuple[Outcome, Pair]:
@@ -71,7 +77,7 @@ def mixed() -> tuple[Comparison, Gallery]:
         absent("other size", "a5.png"),
         off_by(7, "a6.png"),
         notes=["the driver differs"],
-        facts={"driver": ("llvmpipe 15", "llvmpipe 17"), "hsplat": ("0.1.0", "0.1.0")},
+        facts={"device": ("llvmpipe 15", "llvmpipe 17"), "hsplat": ("0.1.0", "0.1.0")},
     )
 
 
@@ -96,17 +102,10 @@ def text_of(name: str) -> str:
     return comparison_page(*CASES[name]())
 
 
-each_case = pytest.mark.parametrize("name", CASES, ids=lambda name: name.replace(" ", "-"))
-
-
-@each_case
-def test_the_page_is_sound_and_loads_nothing(name: str) -> None:
+@pytest.mark.parametrize("name", CASES, ids=lambda name: name.replace(" ", "-"))
+def test_the_page_is_sound_loads_nothing_and_has_every_frame_with_its_reason(name: str) -> None:
     assert_sound_and_alone(text_of(name))
     assert_can_be_heard(text_of(name))
-
-
-@each_case
-def test_every_frame_has_a_row_with_its_reason(name: str) -> None:
     words = [word.strip() for word in Page(text_of(name)).words]
     for outcome in CASES[name]()[0].outcomes:
         assert outcome.name in words and outcome.why in words
@@ -133,7 +132,7 @@ def test_unprintable_names_are_escaped() -> None:
 def test_the_sides_come_first_and_differences_stand_out() -> None:
     text = text_of("mixed")
     page = Page(text)
-    assert "compared goldens frames driver llvmpipe 15 llvmpipe 17 hsplat 0.1.0 0.1.0" in page.prose
+    assert "compared goldens frames device llvmpipe 15 llvmpipe 17 hsplat 0.1.0 0.1.0" in page.prose
     assert '<td class="text differs">llvmpipe 17</td>' in text and text.count('class="text differs"') == 1
     order = ["<h1>", "llvmpipe 15", "the driver differs", "The error over the frames", "The worst frames", "All frames"]
     body = text[text.index("<body>") :]
@@ -153,8 +152,7 @@ def test_the_worst_frames_come_first() -> None:
 def test_metrics_have_value_unit_and_limit() -> None:
     prose = Page(text_of("one frame")).prose
     assert (
-        "largest error of a channel 9 levels at most 1 9 99th percentile of the pixels' largest errors 0 levels"
-        in prose
+        "largest error of a channel 9 steps at most 1 9 99th percentile of the pixels' largest errors 0 steps" in prose
     )
     assert "red 0 green +0.25 blue −0.5" in prose
 
@@ -179,9 +177,9 @@ def test_other_limits_are_named() -> None:
     assert "; but <strong>with other limits</strong>: largest 200 by g/compare.yaml; flip none by option.</p>" in text
 
 
-@pytest.mark.parametrize(("levels", "gain"), [(5, 50), (6, 10)])
-def test_the_amplification_keeps_differences_apart(levels: int, gain: int) -> None:
-    (checked,) = re.findall(r'id="gain-(\d+)" checked', comparison_page(*shown(off_by(levels, "a"))))
+@pytest.mark.parametrize(("steps", "gain"), [(5, 50), (6, 10)])
+def test_the_amplification_keeps_differences_apart(steps: int, gain: int) -> None:
+    (checked,) = re.findall(r'id="gain-(\d+)" checked', comparison_page(*shown(off_by(steps, "a"))))
     assert int(checked) == gain
 
 
@@ -200,7 +198,7 @@ def points_of(svg: str) -> list[list[tuple[float, float]]]:
 
 
 def test_the_curve_has_a_point_for_each_frame_and_a_mark_for_each_failure() -> None:
-    cases = [off_by(levels, f"f{number}") for number, levels in enumerate([0, 1, 10, 100, 1] * 4, start=30)]
+    cases = [off_by(steps, f"f{number}") for number, steps in enumerate([0, 1, 10, 100, 1] * 4, start=30)]
     comparison, _ = shown(*cases, absent("missing", "f50"))
     svg = svg_of(comparison)
     assert "frame number" in svg
@@ -237,8 +235,8 @@ def names(gallery: Gallery) -> list[str]:
 
 def test_the_gallery_keeps_the_worst_of_many() -> None:
     gallery, golden = Gallery(max_frames=5), picture()
-    for levels in np.random.default_rng(7).permutation(2000):
-        gallery.add(judged(f"{levels:04}", int(levels)), Pair("", golden, golden))
+    for steps in np.random.default_rng(7).permutation(2000):
+        gallery.add(judged(f"{steps:04}", int(steps)), Pair("", golden, golden))
     assert names(gallery) == ["1999", "1998", "1997", "1996", "1995"]
 
 
@@ -261,7 +259,7 @@ def pixels_of(frame: GalleryFrame, kind: str, *, enlarged: bool = False) -> Pixe
     return found.pixels
 
 
-def test_the_difference_has_levels_and_signs() -> None:
+def test_the_difference_has_steps_and_signs() -> None:
     golden = picture()
     actual = spoiled(spoiled(golden, 40, 3, 5), -1, 4, 6)
     difference = pixels_of(gallery_frame_of(golden, actual), "difference")
@@ -269,22 +267,22 @@ def test_the_difference_has_levels_and_signs() -> None:
     assert np.count_nonzero(difference) == 2
 
 
-def test_a_level_at_an_opacity_of_1_in_255_is_a_difference_of_1() -> None:
+def test_a_step_at_an_opacity_of_1_in_255_is_a_difference_of_1() -> None:
     golden = picture(channels=4)
     golden[..., 3] = 1
     difference = pixels_of(gallery_frame_of(golden, spoiled(golden, 1)), "difference")
     assert difference[3, 5].tolist() == [1, 0, 0]
 
 
-@pytest.mark.parametrize("levels", [-1, 90])
-def test_a_single_wrong_pixel_survives_scaling_down(levels: int) -> None:
+@pytest.mark.parametrize("steps", [-1, 90])
+def test_a_single_wrong_pixel_survives_scaling_down(steps: int) -> None:
     golden = picture(2 * PICTURE_PX + 1, 700)
-    frame = gallery_frame_of(golden, spoiled(golden, levels, 2 * PICTURE_PX, 699))
+    frame = gallery_frame_of(golden, spoiled(golden, steps, 2 * PICTURE_PX, 699))
     assert frame.pixels_per_side == 3 and frame.worst == (699, 2 * PICTURE_PX)
     small, difference = pixels_of(frame, "golden"), pixels_of(frame, "difference")
     assert small.shape == difference.shape == (342, 234, 3) and (small == 100).all()
-    where = [2 if levels < 0 else 0]
-    assert difference[341, 233, where].tolist() == [abs(levels)] and np.count_nonzero(difference) == 1
+    where = [2 if steps < 0 else 0]
+    assert difference[341, 233, where].tolist() == [abs(steps)] and np.count_nonzero(difference) == 1
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hsplat_cli.terminal import counted, pluralize_range
+from renderer.scene import counted, pluralize_range
 
 
 def test_counted() -> None:

@@ -10,7 +10,7 @@ import pytest
 from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, placed, transfer_of, view_of
 
 from renderer.bricks import PADDED_BRICK_SIZE
-from renderer.compiled import NUM_LANES, jit, load, store
+from renderer.compiled import jit, load, num_lanes, store
 from renderer.draw import CPURasterizer, GLRasterizer, brick_cache, is_software
 from renderer.draw.brick_cache import brick_bytes, max_slots_in_memory
 from renderer.draw.cpu.march import draw_tiles
@@ -22,8 +22,8 @@ GLASS = transfer_of((0, (0.9, 0.2, 0.1), 0.0), (1, (0.1, 0.5, 1.0), 0.3))
 
 @jit
 def _opacities(depths: Any, opacities: Any) -> None:
-    for at in range(0, len(depths), NUM_LANES):
-        store(opacities, at, opacity_of_depth(load(depths, at, NUM_LANES)))
+    for at in range(0, len(depths), num_lanes()):
+        store(opacities, at, opacity_of_depth(load(depths, at, num_lanes())))
 
 
 def test_opacities_keep_their_digits() -> None:

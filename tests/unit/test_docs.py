@@ -9,10 +9,11 @@ from pathlib import Path
 
 import pytest
 import yaml
+from sidecar_page import PAGE as SIDECAR_PAGE, sidecar_page
 
 from hsplat_cli.commands.compare import compare
 from renderer.scene import load_scene, scene_to_dict
-from renderer.study import COMPARISON_METRICS, STRICTNESS_LEVELS
+from renderer.study import COMPARISON_METRICS, STRICTNESSES
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -75,7 +76,7 @@ def test_recipes_compare_in_the_container_in_which_goldens_are_made(recipe: str)
         assert f"{command} &&" in " ".join(text.split())
     program, name, *arguments = shlex.split(commands[-1])
     given = compare.make_context(name, arguments).params
-    assert (program, name) == ("hsplat", "compare") and given["level"] in STRICTNESS_LEVELS and given["html_file"]
+    assert (program, name) == ("hsplat", "compare") and given["level"] in STRICTNESSES and given["html_file"]
 
 
 def _mappings_in(tree: object) -> Iterator[dict[str, object]]:
@@ -89,11 +90,11 @@ def test_the_table_of_figures_has_the_limits_of_every_level() -> None:
     text = (ROOT / GOLDEN_FRAMES).read_text("utf-8")
     (table,) = re.findall(r"(?m)^\| figure \| what it is .*\n(?:\|.*\n)+", text)
     header, _, *lines = ([cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines())
-    assert header[2:] == [f"`{level}`" for level in STRICTNESS_LEVELS]
+    assert header[2:] == [f"`{level}`" for level in STRICTNESSES]
     assert [line[0] for line in lines] == [f"`{name}`" for name in COMPARISON_METRICS]
     for (name, figure), (_, what, *limits) in zip(COMPARISON_METRICS.items(), lines, strict=True):
-        assert what.startswith(figure.label) and ("levels" in what) == bool(figure.unit), name
-        expected = [level.limits.get(name) for level in STRICTNESS_LEVELS.values()]
+        assert what.startswith(figure.label) and ("steps" in what) == bool(figure.unit), name
+        expected = [level.limits.get(name) for level in STRICTNESSES.values()]
         assert [float(limit) if limit else None for limit in limits] == expected, name
 
 
@@ -102,7 +103,7 @@ def test_goldens_were_measured_with_the_limits_of_every_level(level: str) -> Non
     text = (ROOT / "docs/benchmarks/goldens.md").read_text("utf-8")
     sections = re.findall(rf"(?ms)^#### {level}\n(.*?)^#", text)
     assert len(sections) == 2, "bricks and splats"
-    expected = {name: STRICTNESS_LEVELS[level].limits.get(name) for name in COMPARISON_METRICS}
+    expected = {name: STRICTNESSES[level].limits.get(name) for name in COMPARISON_METRICS}
     for section in sections:
         lines = [line.split("|")[1:-1] for line in section.splitlines() if line.startswith("| `")]
         limits = {cells[0].strip(" `"): cells[3].strip() for cells in lines}
@@ -121,6 +122,10 @@ def test_every_key_of_an_example_is_in_the_list_of_keys(config: Path, tmp_path: 
         return {key for item in tree for key in keys(item)} if isinstance(tree, list) else set()
 
     assert keys(scene_to_dict(scene)) - listed == set()
+
+
+def test_the_page_of_the_sidecar_has_the_keys_of_the_records() -> None:
+    assert SIDECAR_PAGE.read_text("utf-8") == sidecar_page(), "write it by python tests/support/sidecar_page.py"
 
 
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])

@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.draw import CellEdges
 from renderer.frame import Stage, make_primitive, prepare_stage
 from renderer.scene import CameraSpec, ErrorSpec, MetricTarget, OutputSpec, RockerPath, TurntablePath
 from renderer.splats import SplatBatch
@@ -20,7 +19,7 @@ from renderer.study.tolerance_search import two_digit_numbers
 from renderer.truth import Convergence
 from renderer.view import View
 from tests.support.film_stages import SPLATS
-from tests.support.machines import WithoutUploads
+from tests.support.machines import Painter
 
 NUM_FRAMES = 24
 SHAPE = (12, 16)
@@ -39,14 +38,9 @@ def stage() -> Stage:
     return prepare_stage(scene, clock=lambda: 0.0, num_threads=1)
 
 
-class Grey(WithoutUploads):
-    """Draws a grey that approaches 0.5 as splats are added, and is furthest from it when seen from -y."""
-
-    def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:
-        return np.full((*SHAPE, 4), (*[0.5 + error_of(len(batch.vertices), view)] * 3, 1.0), np.float32)
-
-    def rasterize_edges(self, edges: CellEdges, view: View) -> npt.NDArray[np.float32]:
-        raise AssertionError("lines are no error")
+def grey(batch: SplatBatch, view: View) -> tuple[float, ...]:
+    """Return a grey that approaches 0.5 as splats are added, and is furthest from it when seen from -y."""
+    return (*[0.5 + error_of(len(batch.vertices), view)] * 3, 1.0)
 
 
 def error_of(num_splats: int, view: View) -> float:
@@ -74,11 +68,11 @@ def search(
     frames: Sequence[int] = range(NUM_FRAMES),
     find_truth: Callable[[int], Truth] | None = None,
     trials: list[Trial] | None = None,
+    paint: Callable[[SplatBatch, View], npt.ArrayLike] = grey,
 ) -> ToleranceSearchResult:
     on_trial = [].append if trials is None else trials.append  # type: ignore[var-annotated]
-    return find_tolerance(
-        stage, frames, want, Grey(), find_truth=find_truth or Truths(), clock=lambda: 0.0, on_trial=on_trial
-    )
+    find, clock = find_truth or Truths(), lambda: 0.0
+    return find_tolerance(stage, frames, want, Painter(paint), find_truth=find, clock=clock, on_trial=on_trial)
 
 
 def test_the_coarsest_tolerance_that_passes_on_all_frames_is_found(stage: Stage) -> None:
@@ -97,9 +91,8 @@ def test_the_coarsest_tolerance_that_passes_on_all_frames_is_found(stage: Stage)
     assert len({(trial.tolerance, trial.frame) for trial in trials}) == len(trials), "a picture was drawn twice"
 
 
-@pytest.mark.parametrize(("metric", "value"), [("psnr", 150.0)])
-def test_an_accuracy_beyond_full_resolution_is_not_found(stage: Stage, metric: str, value: float) -> None:
-    found = search(stage, MetricTarget(metric, value))  # type: ignore[arg-type]
+def test_an_accuracy_beyond_full_resolution_is_not_found(stage: Stage) -> None:
+    found = search(stage, MetricTarget("psnr", 150.0))
     assert found.tolerance is None
     assert found.worst.tolerance == 0
     assert found.worst.num_cells == make_primitive(stage).work(0.0)
@@ -123,11 +116,6 @@ def test_both_ends_of_an_open_path_are_tried(stage: Stage) -> None:
 
 def test_equal_pictures_stay_equal(stage: Stage) -> None:
     """Although float32 cannot hold 0.1, the background."""
-
-    class Nothing(Grey):
-        def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:
-            return np.zeros((*SHAPE, 4), np.float32)
-
     behind = replace(stage.scene.output, background=(0.1, 0.1, 0.1))
     empty = replace(stage, scene=replace(stage.scene, output=behind))
 
@@ -135,10 +123,7 @@ def test_equal_pictures_stay_equal(stage: Stage) -> None:
         return replace(Truths()(frame), picture=np.full((*SHAPE, 3), 0.1))
 
     want = MetricTarget("psnr", 90.0)
-    found = find_tolerance(
-        empty, range(3), want, Nothing(), find_truth=find_truth, clock=lambda: 0.0, on_trial=[].append
-    )
-    assert found.worst.value == math.inf
+    assert search(empty, want, range(3), find_truth, paint=lambda *_: 0.0).worst.value == math.inf
 
 
 def test_a_film_of_nothing_is_reported(stage: Stage) -> None:

@@ -33,14 +33,14 @@ def test_equal_pictures_differ_by_nothing(channels: int) -> None:
     expected = {"largest": 0, "p99": 0, "flip": 0, "ssim": 1, "densest": 0, "bias": 0}
     assert difference.metrics(COMPARISON_METRICS) == pytest.approx(expected, abs=1e-12)
     assert difference.bias == (0.0,) * channels
-    assert not difference.signed_levels.any()
+    assert not difference.signed_steps.any()
 
 
 def test_a_constant_shift_has_the_same_error_in_every_metric() -> None:
     difference = FrameDifference(GREY, GREY - np.array([0, 3, 0], np.uint8))
     assert difference.metrics(LEVELS) == {"largest": 3.0, "p99": 3.0, "densest": 3.0, "bias": 3.0}
     assert difference.bias == (0.0, -3.0, 0.0)
-    assert (difference.signed_levels == -3).all()
+    assert (difference.signed_steps == -3).all()
 
 
 @pytest.mark.parametrize("name", ["flip", "ssim"])

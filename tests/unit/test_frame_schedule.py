@@ -7,9 +7,9 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 
-from hsplat_cli.executors import FrameResult
-from hsplat_cli.executors.schedule import draw_ahead
+from hsplat_cli.executors.cluster.schedule import draw_ahead
 from renderer.film import Picture
+from renderer.job import DrawnFrame, FrameRecord
 
 
 def test_results_are_in_order_and_few_frames_are_drawn_ahead() -> None:
@@ -17,12 +17,12 @@ def test_results_are_in_order_and_few_frames_are_drawn_ahead() -> None:
     numbers, num_workers, seconds = [*range(100, 140), 7, 7], 3, random.Random(5).random
     started, first_ends = list[int](), threading.Event()
 
-    def draw(number: int) -> FrameResult:
+    def draw(number: int) -> DrawnFrame:
         started.append(number)
         if len(started) == 1:
             assert first_ends.wait(60)
         time.sleep(0.002 * seconds())
-        return FrameResult(number, Picture(png=b""), {})
+        return DrawnFrame(FrameRecord(number, 0.0, 1, 1, {}), Picture(png=b""))
 
     def check() -> int:
         assert len(started) <= num_yielded + 4 * num_workers
@@ -36,7 +36,7 @@ def test_results_are_in_order_and_few_frames_are_drawn_ahead() -> None:
             drawing = draw_ahead(numbers, draw, threads, check, 0.01)
             for result, number in zip(drawing, numbers[:-num_workers], strict=False):
                 num_yielded += 1
-                assert result.number == number
+                assert result.record.frame == number
             drawing.close()
             num_yielded, first = 0, len(started)
             assert first < len(numbers) + num_workers

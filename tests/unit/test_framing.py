@@ -12,6 +12,7 @@ from film_stages import PLAIN, stage_of
 
 from renderer.pyramid import build_pyramid
 from renderer.scene import (
+    CameraPath,
     CameraSpec,
     ErrorSpec,
     KeyframePath,
@@ -25,7 +26,7 @@ from renderer.scene.camera_section import Keyframe
 from renderer.transfer import TransferFunction
 from renderer.view import fit_distance, make_view, smallest_voxel_px, visible_centre, visible_points
 from renderer.view.framing import MARGIN
-from renderer.view.paths import CameraPath, camera_poses
+from renderer.view.paths import camera_poses
 from renderer.volume import Float64, make_volume
 
 PATHS: list[CameraPath] = [

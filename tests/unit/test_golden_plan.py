@@ -7,18 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from hsplat_cli.compare.golden.provenance import Golden, Provenance
-from hsplat_cli.compare.golden.render import RenderedFrames
-from hsplat_cli.compare.golden.update_plan import GoldenUpdate, describe_update, plan_update
-from renderer.film import bytes_digest, encode_png, file_digest
-
-Pixels = npt.NDArray[np.uint8]
+from hsplat_cli.compare.golden.update import GoldenUpdate, describe_update, plan_update
+from hsplat_cli.compare.scene_pairs import RenderedFrames
+from renderer.film import Pixels, bytes_digest, encode_png, file_digest
 
 DIGEST = "0" * 32
-ORIGIN: dict[str, Any] = {"volume": {"name": "a"}, "gl": "x", "scene": {"error": {"tolerance": 0.1}}, "versions": {}}
+ORIGIN: dict[str, Any] = {"volume": {"name": "a"}, "device": "x", "scene": {"tolerance": 0.1}, "versions": {}}
 GREY: Pixels = np.full((16, 20, 3), 100, np.uint8)
 
 
@@ -57,7 +54,7 @@ class Desk:
         for frame, picture in enumerate(pictures):
             (self._drawn / f"{frame}.png").write_bytes(encode_png(picture))
         files = {frame: self._drawn / f"{frame}.png" for frame in names}
-        drawing = RenderedFrames(files, {**ORIGIN, "scene": {"error": {"tolerance": tolerance}}}, ())
+        drawing = RenderedFrames(files, {**ORIGIN, "scene": {"tolerance": tolerance}}, ())
         before = self.before if self.before.goldens else None
         return plan_update(self.folder, before, names, drawing, date=None, prune=False)
 
@@ -86,7 +83,7 @@ def test_other_bytes_of_equal_pixels_are_kept_and_listed(desk: Desk) -> None:
 
 def test_another_driver_or_version_alone_is_no_change(desk: Desk) -> None:
     desk.keep(0)
-    desk.before = replace(desk.before, origin={**ORIGIN, "gl": "y", "versions": {"numpy": "1"}})
+    desk.before = replace(desk.before, origin={**ORIGIN, "device": "y", "versions": {"numpy": "1"}})
     assert not desk.plan(GREY).changes_anything
     plan = desk.plan(lighter(1))
     assert plan.changes_anything
@@ -97,7 +94,7 @@ def test_another_scene_of_equal_pixels_is_a_change(desk: Desk) -> None:
     desk.keep(0)
     plan = desk.plan(GREY, tolerance=0.2)
     assert plan.changes_anything and plan.changes == []
-    assert plan.after.origin["scene"] == {"error": {"tolerance": 0.2}}
+    assert plan.after.origin["scene"] == {"tolerance": 0.2}
 
 
 def test_an_unrequested_golden_without_a_file_is_no_longer_listed(desk: Desk) -> None:

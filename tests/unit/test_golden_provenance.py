@@ -8,6 +8,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,26 +22,27 @@ from hsplat_cli.compare.golden.provenance import (
     Provenance,
     describe_changes,
     golden_file_name,
-    origin_from_sidecar,
+    origin_from_record,
     provenance_bytes,
     read_provenance,
 )
 from renderer.errors import InputError
+from renderer.job import FilmFingerprint
+from renderer.job.record import VolumeRecord
 
 DIGEST = "0123456789abcdef" * 2
 
-SIDECAR: dict[str, Any] = {  # the part of one that the origin is taken from
-    "scene": {"volume": {"file": "/scans/engine.nhdr", "crop": None, "nonfinite": "error"}, "output": {"file": "x"}},
-    "volume": {"name": "/scans/engine.nhdr", "fingerprint": DIGEST, "dtype": "uint8", "shape": [8, 8, 4], "world": []},
-    "gl": "llvmpipe (LLVM 15.0.6, 256 bits)",
-    "cause": {
-        "of": {
-            "scene": {"error": {"tolerance": 0.1}, "output": {"size": [32, 32]}},
-            "versions": {"python": "3.11.2", "numpy": "2.1.0"},
-        }
-    },
+DEPENDS_ON = {
+    "scene": {"error": {"tolerance": 0.1}, "output": {"size": [32, 32]}},
+    "versions": {"python": "3.11.2", "numpy": "2.1.0"},
 }
-ORIGIN = origin_from_sidecar(SIDECAR)
+RECORD: Any = SimpleNamespace(  # the part of one that the origin is taken from
+    scene={"volume": {"file": "/scans/engine.nhdr", "crop": None, "nonfinite": "error"}, "output": {"file": "x"}},
+    volume=VolumeRecord("/scans/engine.nhdr", DIGEST, "uint8", (8, 8, 4), ()),
+    device="llvmpipe (LLVM 15.0.6, 256 bits)",
+    fingerprint=FilmFingerprint(DIGEST, {}, DEPENDS_ON),
+)
+ORIGIN = origin_from_record(RECORD)
 WRITTEN = Provenance(ORIGIN, (Golden(0, "frame-0000.png", DIGEST, "today"), Golden(7, "frame-0007.png", DIGEST)))
 
 
@@ -65,19 +67,19 @@ def test_each_golden_has_its_own_line() -> None:
 
 
 def test_the_origin_has_no_paths() -> None:
-    raw = copy.deepcopy(SIDECAR)
-    raw["scene"]["volume"] = {"raw": {"file": "/scans/a.raw", "shape": [8, 8, 4]}, "nonfinite": "error"}
+    raw = copy.deepcopy(RECORD)
+    raw.scene["volume"] = {"raw": {"file": "/scans/a.raw", "shape": [8, 8, 4]}, "nonfinite": "error"}
     assert ORIGIN["volume"]["name"] == "engine.nhdr"
     assert ORIGIN["scene"]["volume"] == {"crop": None, "nonfinite": "error"}
-    assert origin_from_sidecar(raw)["scene"]["volume"] == {"raw": {"shape": [8, 8, 4]}, "nonfinite": "error"}
-    assert b"scans" not in provenance_bytes(replace(WRITTEN, origin=origin_from_sidecar(raw)))
+    assert origin_from_record(raw)["scene"]["volume"] == {"raw": {"shape": [8, 8, 4]}, "nonfinite": "error"}
+    assert b"scans" not in provenance_bytes(replace(WRITTEN, origin=origin_from_record(raw)))
 
 
 @pytest.mark.parametrize("name", ["a\nb.npy", "\udcff.npy", "x" * 300])
 def test_any_name_of_a_volume_can_be_recorded(name: str, tmp_path: Path) -> None:
-    sidecar = copy.deepcopy(SIDECAR)
-    sidecar["volume"]["name"] = name
-    (tmp_path / PROVENANCE_FILE).write_bytes(provenance_bytes(replace(WRITTEN, origin=origin_from_sidecar(sidecar))))
+    record = copy.deepcopy(RECORD)
+    record.volume = replace(RECORD.volume, name=name)
+    (tmp_path / PROVENANCE_FILE).write_bytes(provenance_bytes(replace(WRITTEN, origin=origin_from_record(record))))
     assert read_provenance(tmp_path).origin["volume"]["name"].isprintable()
 
 
@@ -90,18 +92,18 @@ def test_changes_of_the_origin_are_described() -> None:
     assert describe_changes(ORIGIN, now) == ""
     now["volume"]["name"] = "moved.nhdr"
     assert describe_changes(ORIGIN, now) == ""
-    now["scene"]["error"]["tolerance"], now["gl"] = 0.2, "another"
-    assert describe_changes(ORIGIN, now) == f"gl was '{ORIGIN['gl']}'; scene.error.tolerance was 0.1"
+    now["scene"]["error"]["tolerance"], now["device"] = 0.2, "another"
+    assert describe_changes(ORIGIN, now) == f"device was '{ORIGIN['device']}'; scene.error.tolerance was 0.1"
     assert describe_changes(ORIGIN, now, "scene") == "scene.error.tolerance was 0.1"
 
 
 FORGED: list[Callable[[dict[str, Any]], Any]] = [
     lambda data: data.clear(),
-    lambda data: data.update(format="hsplat golden 2"),
+    lambda data: data.update(format="hsplat golden 1"),
     lambda data: data.update(more=1),
     lambda data: data["frames"][0].update(date=""),
     lambda data: data["frames"][0].update(date="two\nlines"),
-    lambda data: data.update(gl="\x1b[2J"),
+    lambda data: data.update(device="\x1b[2J"),
     lambda data: data.update(scene=[]),
     lambda data: data.update(versions={"numpy": 2}),
     lambda data: data["volume"].update(fingerprint=DIGEST.upper()),
@@ -134,19 +136,15 @@ def test_forged_content_is_refused(forge: Callable[[dict[str, Any]], Any], tmp_p
     assert all(line.isprintable() for line in str(caught.value).splitlines())
 
 
-def test_a_file_that_is_cut_off_is_refused(tmp_path: Path) -> None:
-    content = provenance_bytes(WRITTEN)
-    for num_bytes in range(len(content) - len("}\n")):
-        (tmp_path / PROVENANCE_FILE).write_bytes(content[:num_bytes])
-        with pytest.raises(InputError):
-            read_provenance(tmp_path)
-
-
-def test_a_wrong_byte_never_leads_to_the_wrong_file(tmp_path: Path) -> None:
-    """The file is refused, or its content is still consistent."""
+def test_damage_never_leads_to_the_wrong_file(tmp_path: Path) -> None:
+    """A file that is cut off is refused; one with a wrong byte is refused, or its content is still consistent."""
     content = provenance_bytes(WRITTEN)
     generator = np.random.default_rng(1)
     for position in range(len(content)):
+        if position < len(content) - len("}\n"):
+            (tmp_path / PROVENANCE_FILE).write_bytes(content[:position])
+            with pytest.raises(InputError):
+                read_provenance(tmp_path)
         changed = bytearray(content)
         changed[position] = generator.integers(256)
         (tmp_path / PROVENANCE_FILE).write_bytes(changed)
@@ -157,10 +155,14 @@ def test_a_wrong_byte_never_leads_to_the_wrong_file(tmp_path: Path) -> None:
             ]
 
 
-def test_a_file_that_is_too_large_is_not_parsed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_is_too_large_and_a_folder_are_not_parsed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(provenance, "MAX_PROVENANCE_BYTES", 1000)
     (tmp_path / PROVENANCE_FILE).write_bytes(b"{" + b" " * 1000)
     with pytest.raises(InputError, match=f"too large for a {PROVENANCE_FILE}\n  expected: at most 1000 bytes"):
+        read_provenance(tmp_path)
+    (tmp_path / PROVENANCE_FILE).unlink()
+    (tmp_path / PROVENANCE_FILE).mkdir()
+    with pytest.raises(InputError, match="not a file"):
         read_provenance(tmp_path)
 
 
@@ -168,12 +170,6 @@ def test_a_million_goldens_fit() -> None:
     longest = Golden(999_999, golden_file_name(999_999, 1_000_000), DIGEST)
     one, two = (len(provenance_bytes(replace(WRITTEN, goldens=(longest,) * num))) for num in (1, 2))
     assert one + 1_000_000 * (two - one) < provenance.MAX_PROVENANCE_BYTES
-
-
-def test_a_folder_of_that_name_is_refused(tmp_path: Path) -> None:
-    (tmp_path / PROVENANCE_FILE).mkdir()
-    with pytest.raises(InputError, match="not a file"):
-        read_provenance(tmp_path)
 
 
 @pytest.mark.parametrize("text", ["", "\x1b[31m", "x" * 201])

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from renderer.errors import InputError
-from renderer.film import require_no_input, volume_files
+from renderer.job import require_no_input, volume_files
 from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec
 
 pytestmark = pytest.mark.usefixtures("folder")

@@ -181,6 +181,6 @@ def test_registers_are_the_processor_s(processor: str, count: int) -> None:
     if lanes.cpu_target.target_context.codegen().magic_tuple()[0].split("-")[0] != "x86_64":
         pytest.skip("the processor has other registers")
     environment = {**os.environ, "NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": ""}
-    command = [sys.executable, "-c", "from renderer.compiled import NUM_LANES; print(NUM_LANES)"]
+    command = [sys.executable, "-c", "from renderer.compiled import num_lanes; print(num_lanes())"]
     got = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
     assert int(got.stdout) == count

@@ -10,11 +10,11 @@ import numpy.typing as npt
 import pytest
 from kinds_of_data import KINDS, N, axes, ball
 
-from hsplat_cli.scenes import FilmOptions, suggest_scene
+from hsplat_cli.scenes import suggest_scene
 from hsplat_cli.terminal import Reporter
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
-from renderer.suggest import compute_statistics, suggest
+from renderer.suggest import FilmOptions, compute_statistics, suggest
 from renderer.suggest.suggestion import suggest_nonfinite_fill
 
 Array = npt.NDArray[Any]
@@ -44,17 +44,10 @@ def found(folder: Path, values: Array) -> tuple[float | None, str]:
 
 def is_seen(folder: Path, values: Array) -> bool:
     np.save(folder / "scan.npy", values)
-    scene = suggest_scene(
-        VolumeSpec(FileSource(folder / "scan.npy"), nonfinite="lowest"),
-        FilmOptions(),
-        Reporter(),
-        colormap=None,
-        scene=folder / "scene.yaml",
-        output=folder / "film.mp4",
-        hides_nonfinite=True,
-    )
-    *_, note = scene.notes
-    assert note.startswith(f"{np.isnan(values).sum()} of {values.size} ")
+    volume = VolumeSpec(FileSource(folder / "scan.npy"), nonfinite="lowest")
+    film, places = FilmOptions(hides_nonfinite=True), {"scene": folder / "scene.yaml", "output": folder / "film.mp4"}
+    note = suggest_scene(volume, film, Reporter(), **places)[1].nonfinite
+    assert note is not None and note.startswith(f"{np.isnan(values).sum()} of {values.size} ")
     return not note.endswith("which is not seen")
 
 

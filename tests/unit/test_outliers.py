@@ -11,7 +11,7 @@ from kinds_of_data import KINDS, axes, extinction, head_in_hounsfield_units, sug
 
 from renderer.scene import ColormapSpec
 from renderer.suggest import compute_statistics
-from renderer.suggest.histogram import OutlierValue
+from renderer.suggest.nodata import OutlierValue
 
 Array = npt.NDArray[Any]
 

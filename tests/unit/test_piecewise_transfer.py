@@ -11,9 +11,9 @@ from brickwork import batch_of, bricks_of, level_cut
 from number_types import random_ranges
 
 from renderer.bricks import PADDED_BRICK_SIZE, Bricks, scalar_texels
-from renderer.compiled import NUM_LANES, jit, load, store
+from renderer.compiled import jit, load, num_lanes, store
 from renderer.draw.cpu.sample import Table, classify, make_table
-from renderer.transfer import GUIDE_SIZE, PiecewiseTransfer, TransferFunction, make_piecewise_transfer
+from renderer.transfer import GUIDE_SIZE, PIECE_FLOATS, PiecewiseTransfer, TransferFunction, make_piecewise_transfer
 from renderer.volume import Float64, make_volume
 
 
@@ -59,13 +59,13 @@ def test_texels_are_classified_as_voxels_are() -> None:
 def steepest(pieces: PiecewiseTransfer) -> float:
     """Return the largest change per unit of u in segments that are wider than the rounding of texels."""
     wide = np.diff(pieces.rows[:, 0][:-1], prepend=-1.0) > 1e-5
-    return float(np.abs(pieces.rows[:-1, 6:][wide]).max(initial=0.0))
+    return float(np.abs(pieces.rows[:-1, 8:][wide]).max(initial=0.0))
 
 
 def at(pieces: PiecewiseTransfer, u: Float64) -> Float64:
     """Return the extinctions at u."""
     k = np.searchsorted(pieces.rows[:, 0], u.astype(np.float32), side="right")
-    return np.asarray(pieces.rows[k, 5] + (u - pieces.rows[k, 1]) * pieces.rows[k, 9].astype(np.float64))
+    return np.asarray(pieces.rows[k, 2] + (u - pieces.rows[k, 1]) * pieces.rows[k, 3].astype(np.float64))
 
 
 def test_the_guide_starts_at_or_before_the_segment() -> None:
@@ -97,8 +97,8 @@ def test_segments_are_finite(last: float) -> None:
 
 @jit
 def _classify_all(table: Table, scalars: Any, tau: Any) -> None:
-    for first in range(0, len(scalars), NUM_LANES):
-        store(tau, first, classify(table, load(scalars, first, NUM_LANES))[0])
+    for first in range(0, len(scalars), num_lanes()):
+        store(tau, first, classify(table, load(scalars, first, num_lanes()))[0])
 
 
 def test_lanes_find_the_segment() -> None:
@@ -111,7 +111,7 @@ def test_lanes_find_the_segment() -> None:
         u = u.astype(np.float32)
         table, by_columns, by_rows = make_table(pieces), np.empty_like(u), np.empty_like(u)
         _classify_all(table, u, by_columns)
-        _classify_all(table._replace(columns=np.empty((10, 0), np.float32)), u, by_rows)
+        _classify_all(table._replace(columns=np.empty((PIECE_FLOATS, 0), np.float32)), u, by_rows)
         assert by_columns.tobytes() == by_rows.tobytes()
         is_inside = u >= 0
         np.testing.assert_allclose(by_rows[is_inside], at(pieces, u[is_inside]), atol=1e-6 * (1 + steepest(pieces)))

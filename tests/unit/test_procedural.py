@@ -9,7 +9,6 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from renderer.errors import InputError
 from renderer.readers import read_volume
 from renderer.readers.procedural import procedural_values
 from renderer.scene import PROCEDURAL_NAMES, ProceduralSource, VolumeSpec
@@ -92,14 +91,3 @@ def test_engine_block_is_round_in_the_world():
     flat = procedural_values(ProceduralSource("engine_block", (64, 64, 16), spacing=(1.0, 1.0, 2.0))).astype(float)
     middle = (fine[0::2] + fine[1::2]) / 2
     assert np.corrcoef(middle.ravel(), flat.ravel())[0, 1] > 0.97
-
-
-def test_unknown_name():
-    with pytest.raises(InputError) as error:
-        procedural_values(ProceduralSource("engine", (4, 4, 4)))
-    assert str(error.value) == (
-        "no such procedural volume\n"
-        "  got: engine\n"
-        "  expected: engine_block, constant, single_voxel, marschner_lobb\n"
-        "  hint: did you mean engine_block?"
-    )

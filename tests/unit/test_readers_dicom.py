@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from renderer.errors import InputError
 from tests.support.dicom_files import COLUMN, NORMAL, ROW, image_fields, save, write_series, write_slice
-from tests.support.volume_files import read
+from tests.support.volume_files import read, refused
 
 
 def test_slices_lie_where_they_say(tmp_path):
@@ -57,24 +58,20 @@ def test_small_unevenness_is_allowed(tmp_path):
 )
 def test_uneven_series_are_refused(tmp_path, places, message):
     write_series(tmp_path, [place * NORMAL for place in places])
-    with pytest.raises(InputError, match=message):
-        read(tmp_path)
+    refused(tmp_path, match=message)
 
 
 def test_slices_of_another_size_are_refused(tmp_path):
     write_series(tmp_path, [k * NORMAL for k in range(3)])
     write_slice(tmp_path / "other.dcm", np.zeros((7, 5)), 3 * NORMAL)
-    with pytest.raises(InputError, match="the slices of this series differ in their size") as error:
-        read(tmp_path)
-    assert error.value.got == "5 x 7 in other.dcm"
+    assert refused(tmp_path, match="the slices of this series differ in their size").got == "5 x 7 in other.dcm"
 
 
 def test_several_series_are_listed(tmp_path):
     write_series(tmp_path, [k * NORMAL for k in range(3)])
     write_slice(tmp_path / "scout.dcm", np.zeros((6, 5)), NORMAL, uid="1.2.3.5", name="scout")
-    with pytest.raises(InputError, match="this folder holds 2 DICOM series, and one is rendered") as error:
-        read(tmp_path)
-    assert error.value.got == '"scan", 3 files from 97.dcm; "scout", 1 file from scout.dcm'
+    error = refused(tmp_path, match="this folder holds 2 DICOM series, and one is rendered")
+    assert error.got == '"scan", 3 files from 97.dcm; "scout", 1 file from scout.dcm'
 
 
 def test_many_series_are_listed_in_part(tmp_path):
@@ -82,10 +79,9 @@ def test_many_series_are_listed_in_part(tmp_path):
         write_slice(
             tmp_path / f"{k:02}.dcm", np.zeros((6, 5)), NORMAL, uid=f"1.2.3.{100 + k}", name=f"a scan of a head {k}"
         )
-    with pytest.raises(InputError, match="this folder holds 20 DICOM series, and one is rendered") as error:
-        read(tmp_path)
+    error = refused(tmp_path, match="this folder holds 20 DICOM series, and one is rendered")
     shown = "; ".join(f'"a scan of a head {k}", 1 file from {k:02}.dcm' for k in range(7))
-    assert error.value.got == f"{shown} and 13 more"
+    assert error.got == f"{shown} and 13 more"
 
 
 def test_links_to_nothing_beside_a_series_are_ignored(tmp_path):
@@ -94,39 +90,34 @@ def test_links_to_nothing_beside_a_series_are_ignored(tmp_path):
     np.testing.assert_array_equal(read(tmp_path).values, planes)
 
 
-@pytest.mark.parametrize("target", ["gone.dcm", "/dev/zero"])
-def test_links_in_place_of_a_slice_are_named(tmp_path, target):
+def cut(path: Path, place: int) -> None:
+    path.write_bytes(path.read_bytes()[:place])
+
+
+def link(path: Path, target: str) -> None:
+    path.unlink()
+    path.symlink_to(target)
+
+
+@pytest.mark.parametrize(
+    ("name", "damage"),
+    [
+        ("99.dcm", lambda path: link(path, "gone.dcm")),
+        ("99.dcm", lambda path: link(path, "/dev/zero")),
+        *((name, lambda path: cut(path, -20)) for name in ("97.dcm", "98.dcm", "99.dcm")),
+        ("99.dcm", lambda path: cut(path, path.read_bytes().index(b"\x20\x00\x0d\x00"))),  # before its series
+    ],
+)
+def test_damaged_slices_are_named(tmp_path, name, damage):
+    """The search for series passes over some; at an end of the stack no gap would tell."""
     write_series(tmp_path, [k * NORMAL for k in range(3)])
-    (tmp_path / "99.dcm").unlink()
-    (tmp_path / "99.dcm").symlink_to(target)
-    with pytest.raises(InputError, match="this DICOM slice cannot be read") as error:
-        read(tmp_path)
-    assert error.value.where == str(tmp_path / "99.dcm")
-
-
-@pytest.mark.parametrize("name", ["97.dcm", "98.dcm", "99.dcm"])
-def test_truncated_slice_is_named(tmp_path, name):
-    """The search for series passes over it; at an end of the stack no gap would tell."""
-    write_series(tmp_path, [k * NORMAL for k in range(3)])
-    (tmp_path / name).write_bytes((tmp_path / name).read_bytes()[:-20])
-    with pytest.raises(InputError, match="this DICOM slice cannot be read") as error:
-        read(tmp_path)
-    assert error.value.where == str(tmp_path / name)
-
-
-def test_a_slice_that_breaks_off_before_its_series_is_named(tmp_path):
-    write_series(tmp_path, [k * NORMAL for k in range(3)])
-    data = (tmp_path / "99.dcm").read_bytes()
-    (tmp_path / "99.dcm").write_bytes(data[: data.index(b"\x20\x00\x0d\x00")])
-    with pytest.raises(InputError, match="this DICOM slice cannot be read") as error:
-        read(tmp_path)
-    assert error.value.where == str(tmp_path / "99.dcm")
+    damage(tmp_path / name)
+    assert refused(tmp_path, match="this DICOM slice cannot be read").where == str(tmp_path / name)
 
 
 def test_folder_without_a_series(tmp_path):
     (tmp_path / "notes.txt").write_text("no volume here")
-    with pytest.raises(InputError, match="this folder holds no volume"):
-        read(tmp_path)
+    refused(tmp_path, match="this folder holds no volume")
 
 
 @pytest.mark.parametrize("num_slices", [2, 3])
@@ -134,6 +125,5 @@ def test_files_of_several_slices_each_are_no_series(tmp_path, num_slices):
     for k in range(2):
         stored = np.zeros((num_slices, 6, 5), np.int16)
         save(tmp_path / f"{k}.dcm", image_fields(stored, SpacingBetweenSlices="2"))
-    with pytest.raises(InputError, match="several files of this series hold several slices each") as error:
-        read(tmp_path)
-    assert error.value.got == f"{num_slices} slices"
+    error = refused(tmp_path, match="several files of this series hold several slices each")
+    assert error.got == f"{num_slices} slices"

@@ -12,9 +12,8 @@ from click.testing import CliRunner
 from pydicom.uid import ExplicitVRLittleEndian, ImplicitVRLittleEndian, RLELossless
 
 from hsplat_cli.commands.info import info
-from renderer.errors import InputError
 from tests.support.dicom_files import functional_groups, image_fields, save, transcode, write_slice
-from tests.support.volume_files import read
+from tests.support.volume_files import read, refused, written
 
 VALUES = np.arange(60).reshape(3, 4, 5) * 30 - 1000
 PIXEL_SPACING = b"\x28\x00\x30\x00\x06\x00\x00\x00.25\\.5"
@@ -58,9 +57,8 @@ def test_missing_lengths(tmp_path: Path, field: bytes, got: str) -> None:
     for path in tmp_path.iterdir():
         change(path, PIXEL_SPACING, field)
     for name in (tmp_path, tmp_path / "0.dcm"):
-        with pytest.raises(InputError) as error:
-            read(name)
-        assert str(error.value) == (
+        error = refused(name)
+        assert str(error) == (
             f"{tmp_path / '0.dcm'}: this DICOM file does not give its voxel size\n"
             f"  got: {got}\n"
             "  expected: PixelSpacing of two positive numbers, and of several frames how far apart they are\n"
@@ -90,9 +88,8 @@ def test_functional_groups_place_frames(tmp_path: Path, order: list[int]) -> Non
 
 def test_frames_at_one_place_are_refused(tmp_path: Path) -> None:
     save(tmp_path / "a.dcm", functional_groups(VALUES, [0, 1, 2], spacing=0.0))
-    with pytest.raises(InputError, match="two slices of this series are at the same position") as error:
-        read(tmp_path / "a.dcm")
-    assert error.value.got == "a.dcm and a.dcm, frame 2"
+    error = refused(tmp_path / "a.dcm", match="two slices of this series are at the same position")
+    assert error.got == "a.dcm and a.dcm, frame 2"
 
 
 def test_frames_need_a_distance(tmp_path: Path) -> None:
@@ -102,10 +99,8 @@ def test_frames_need_a_distance(tmp_path: Path) -> None:
     data = data[:begin] + b"\xe0\x7f\x10\x00" + len(pixels).to_bytes(4, "little") + pixels
     rows, orientation = b"\x28\x00\x10\x00", b"\x20\x00\x0d\x00"
     data = data.replace(rows, b"\x28\x00\x08\x00\x02\x00\x00\x003 " + rows, 1)  # the number of frames
-    (tmp_path / "frames.dcm").write_bytes(data)
-    with pytest.raises(InputError, match="does not give its voxel size") as error:
-        read(tmp_path / "frames.dcm")
-    assert error.value.got == "3 frames without SpacingBetweenSlices or functional groups"
+    error = refused(written(tmp_path / "frames.dcm", data), match="does not give its voxel size")
+    assert error.got == "3 frames without SpacingBetweenSlices or functional groups"
     np.testing.assert_array_equal(read(tmp_path / "frames.dcm", (0.5, 0.25, 7)).spacing, [0.5, 0.25, 7])
     between = b"\x18\x00\x88\x00\x02\x00\x00\x007 "
     (tmp_path / "frames.dcm").write_bytes(data.replace(orientation, between + orientation, 1))
@@ -120,9 +115,7 @@ def test_files_that_were_slices(tmp_path: Path, data: bytes, got: str) -> None:
     (tmp_path / "._1.dcm").write_bytes(data)
     np.testing.assert_array_equal(read(tmp_path).values, VALUES)
     (tmp_path / "1.dcm").write_bytes(data)
-    with pytest.raises(InputError) as error:
-        read(tmp_path)
-    assert str(error.value) == (
+    assert str(refused(tmp_path)) == (
         f"{tmp_path / '1.dcm'}: this DICOM slice cannot be read\n"
         f"  got: {got}\n"
         "  hint: the file is truncated or damaged: copy it again, or remove it if it is no slice"
@@ -169,8 +162,7 @@ def test_floats_stay_floats(tmp_path: Path, fields: dict[str, object]) -> None:
         image_fields(values, **(of_integers | {"FloatPixelData": values.tobytes()} | fields)),  # type: ignore[arg-type]
     )
     if "BitsStored" in fields:
-        with pytest.raises(InputError, match="this DICOM slice cannot be read"):
-            read(tmp_path / "a.dcm")
+        refused(tmp_path / "a.dcm", match="this DICOM slice cannot be read")
     else:
         expected = values * 2.0 - 1 if fields else values
         np.testing.assert_array_equal(read(tmp_path / "a.dcm").values[0], expected)
@@ -198,9 +190,7 @@ def test_damaged_fields_name_their_file(tmp_path: Path) -> None:
     write(tmp_path)
     data = (tmp_path / "1.dcm").read_bytes()
     (tmp_path / "1.dcm").write_bytes(data[: data.index(PIXEL_SPACING)])
-    with pytest.raises(InputError, match="this DICOM slice cannot be read") as error:
-        read(tmp_path)
-    assert error.value.where == str(tmp_path / "1.dcm")
+    assert refused(tmp_path, match="this DICOM slice cannot be read").where == str(tmp_path / "1.dcm")
 
 
 def test_pixels_are_those_of_the_image_and_not_of_its_icon(tmp_path: Path) -> None:
@@ -237,5 +227,4 @@ def test_compressed_pixels(tmp_path: Path, syntax: str) -> None:
     transcode(tmp_path / "plain.dcm", tmp_path / "a.dcm", getattr(gdcm.TransferSyntax, syntax))
     np.testing.assert_array_equal(read(tmp_path / "a.dcm").values[0], values)
     (tmp_path / "a.dcm").write_bytes((tmp_path / "a.dcm").read_bytes()[:-200])
-    with pytest.raises(InputError, match="this DICOM slice cannot be read"):
-        read(tmp_path / "a.dcm")
+    refused(tmp_path / "a.dcm", match="this DICOM slice cannot be read")

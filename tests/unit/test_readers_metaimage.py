@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.readers import read_volume
-from renderer.scene import FileSource, VolumeSpec
 from tests.support.transcripts import Case, cases
+from tests.support.volume_files import read
 
 VALUES = np.random.default_rng(0).integers(0, 2000, (4, 7, 8)).astype("<u2")
 RAW, PACKED = VALUES.tobytes(), zlib.compress(VALUES.tobytes(), 0)  # the same bytes by any zlib
@@ -51,12 +50,9 @@ def write(name: str, lines: str, data: bytes) -> None:
         ("a.mha", "BinaryData = T\nCompressedData = f\n", RAW),
     ],
 )
-def test_voxels_are_where_the_header_says(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, lines: str, data: bytes
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_voxels_are_where_the_header_says(folder: Path, name: str, lines: str, data: bytes) -> None:
     write(name, lines, data)
-    np.testing.assert_array_equal(read_volume(VolumeSpec(FileSource(Path(name)))).values, VALUES)
+    np.testing.assert_array_equal(read(Path(name)).values, VALUES)
 
 
 REFUSED = {
@@ -76,10 +72,7 @@ REFUSED = {
 
 
 @cases("metaimage.txt")
-def test_messages(
-    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_messages(case: Case, folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     for name, (lines, data) in REFUSED.items():
         write(name, lines, data)
     case.check(capfd)

@@ -10,10 +10,9 @@ import numpy.typing as npt
 import pytest
 
 from hsplat_cli.scenes import expand_volumes
-from renderer.errors import InputError
-from renderer.readers import read_volume
-from renderer.scene import FileSource, VolumeSpec
+from tests.support import volume_files
 from tests.support.transcripts import Case, cases
+from tests.support.volume_files import refused, written
 
 VALUES = np.random.default_rng(0).integers(0, 2000, (4, 7, 8)).astype("<u2")
 LIST = "LIST\nslice01.raw\nslice02.raw\nslice03.raw\nslice04.raw\n"
@@ -35,8 +34,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def read(header: str, text: str) -> npt.NDArray[np.generic]:
-    Path(header).write_bytes(text.encode())
-    return read_volume(VolumeSpec(FileSource(Path(header)))).values
+    return volume_files.read(written(Path(header), text.encode())).values
 
 
 @pytest.mark.parametrize("header", NAMINGS)
@@ -70,7 +68,7 @@ def test_blanks_after_names_are_ignored() -> None:
 def test_components_may_be_the_last_axis() -> None:
     text = NAMINGS["v.nhdr"].replace("sizes: 8 7 4", "sizes: 8 7 1 4\nkinds: domain domain domain vector")
     Path("v.nhdr").write_text(text.replace("dimension: 3", "dimension: 4") + LIST.replace("LIST", "LIST 3"), "ascii")
-    found = read_volume(VolumeSpec(FileSource(Path("v.nhdr")), component=2)).values
+    found = volume_files.read(Path("v.nhdr"), component=2).values
     np.testing.assert_array_equal(found, VALUES[2:3])
 
 
@@ -81,11 +79,9 @@ def test_slices_may_have_headers_of_their_own(skipped: int) -> None:
         Path(f"slice{number:02}.raw").write_bytes(bytes(max(0, skipped)) + plane.tobytes())
     np.testing.assert_array_equal(read("v.mhd", header + LIST), VALUES)
     for named in (LIST[:-12], "slice%02d.raw 1 4 3\n"):
-        with pytest.raises(InputError, match="too few data files"):
-            read("v.mhd", header + named)
+        refused(written(Path("v.mhd"), (header + named).encode()), match="too few data files")
     Path("slice03.raw").write_bytes(VALUES[2].tobytes()[:-1])
-    with pytest.raises(InputError, match="shorter than its header says"):
-        read("v.mhd", header + LIST)
+    refused(written(Path("v.mhd"), (header + LIST).encode()), match="shorter than its header says")
 
 
 def test_slices_may_be_compressed() -> None:
@@ -96,8 +92,7 @@ def test_slices_may_be_compressed() -> None:
     damaged = bytearray(Path("slice03.raw").read_bytes())
     damaged[-6] ^= 0x10  # in the checksum
     Path("slice03.raw").write_bytes(damaged)
-    with pytest.raises(InputError, match=r"slice03\.raw: the compressed voxels are damaged"):
-        read("v.nhdr", text)
+    refused(written(Path("v.nhdr"), text.encode()), match=r"slice03\.raw: the compressed voxels are damaged")
 
 
 @pytest.mark.parametrize("header", NAMINGS)

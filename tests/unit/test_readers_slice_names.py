@@ -7,11 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.readers import read_volume
-from renderer.scene import FileSource, VolumeSpec
 from tests.support.dicom_files import image_fields, save
 from tests.support.transcripts import Case, cases
-from tests.support.volume_files import write_image
+from tests.support.volume_files import read, write_image
 
 
 def write(folder: Path, names: list[str]) -> None:
@@ -38,7 +36,7 @@ def write(folder: Path, names: list[str]) -> None:
 def test_names_of_one_stack(tmp_path: Path, names: list[str]) -> None:
     write(tmp_path, names)
     (tmp_path / "notes 7.txt").write_text("no slice")
-    values = read_volume(VolumeSpec(FileSource(tmp_path))).values
+    values = read(tmp_path).values
     assert values[:, 0, 0].tolist() == list(range(len(names)))
 
 
@@ -52,11 +50,8 @@ REFUSED = {
 
 
 @cases("slice_names.txt")
-def test_messages(
-    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    for folder, names in REFUSED.items():
-        Path(folder).mkdir()
-        write(Path(folder), names)
+def test_messages(case: Case, folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    for name, names in REFUSED.items():
+        Path(name).mkdir()
+        write(Path(name), names)
     case.check(capfd)

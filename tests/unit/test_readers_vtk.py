@@ -1,4 +1,4 @@
-"""VTK images that break off, which VTK itself reads with other voxels."""
+"""VTK images: values, places and components; files that break off, which VTK itself reads with other voxels."""
 
 from __future__ import annotations
 
@@ -12,67 +12,95 @@ from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkIOLegacy import vtkStructuredPointsWriter
 from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
 
-from renderer.errors import InputError
-from tests.support.volume_files import ramp, read
+from tests.support.volume_files import ramp, read, refused, written
+
+VALUES = ramp("int16")
+LARGER = ramp("int16", (6, 7, 8))
 
 
-def write(path: Path, *arrays: np.ndarray) -> None:
-    """Write arrays [z, y, x] without compression or text, the first named `a`, the next `b`."""
+def write(
+    path: Path, arrays: dict[str, np.ndarray], *, is_text: bool = False, is_plain: bool = False, is_cells: bool = False
+) -> None:
+    """Write arrays [z, y, x] or [z, y, x, component]. is_plain: without compression, and not encoded as text."""
     image = vtkImageData()
-    image.SetDimensions(arrays[0].shape[::-1])
-    for name, values in zip("ab", arrays, strict=False):
-        array = numpy_to_vtk(values.ravel(), deep=True)
+    image.SetDimensions(*(n + is_cells for n in next(iter(arrays.values())).shape[2::-1]))
+    image.SetSpacing(0.5, 2.0, 3.0)
+    image.SetOrigin(10.0, 20.0, 30.0)
+    for name, values in arrays.items():
+        array = numpy_to_vtk(values.reshape(-1, *values.shape[3:]), deep=True)
         array.SetName(name)
-        image.GetPointData().AddArray(array)
+        (image.GetCellData() if is_cells else image.GetPointData()).AddArray(array)
     writer: Any = vtkXMLImageDataWriter() if path.suffix == ".vti" else vtkStructuredPointsWriter()
     if path.suffix == ".vti":
-        writer.SetDataModeToAppended()
-        writer.SetCompressorTypeToNone()
-        writer.SetEncodeAppendedData(False)
+        writer.SetDataModeToAscii() if is_text else writer.SetDataModeToAppended()
+        writer.SetEncodeAppendedData(not is_plain)
+        if is_plain:
+            writer.SetCompressorTypeToNone()
     else:
-        writer.SetFileTypeToBinary()
+        writer.SetFileTypeToASCII() if is_text else writer.SetFileTypeToBinary()
     writer.SetFileName(str(path))
     writer.SetInputData(image)
-    writer.Write()
+    assert writer.Write() == 1
+
+
+@pytest.mark.parametrize("is_text", [False, True])
+@pytest.mark.parametrize("name", ["a.vti", "a.vtk"])
+def test_vtk_images(tmp_path, name, is_text):
+    write(tmp_path / name, {"density": VALUES}, is_text=is_text)
+    volume = read(tmp_path / name)
+    np.testing.assert_array_equal(volume.values, VALUES)
+    np.testing.assert_array_equal(volume.spacing, [0.5, 2, 3])
+    np.testing.assert_array_equal(volume.world_from_index[:3, 3], [10, 20, 30])
+    data = (tmp_path / name).read_bytes()
+    refused(written(tmp_path / name, data[: len(data) // 2]), match=r"damaged|ended the process")
+
+
+@pytest.mark.usefixtures("one_process")
+def test_arrays_of_vtk_are_components(tmp_path):
+    velocity = np.stack([VALUES.astype(np.float32) + k for k in range(3)], axis=-1)
+    write(tmp_path / "a.vti", {"p": VALUES, "v": velocity})
+    np.testing.assert_array_equal(read(tmp_path / "a.vti", component=3).values, VALUES.astype(np.float32) + 2)
+    assert refused(tmp_path / "a.vti").got == "0 is p, 1 is v[0], 2 is v[1], 3 is v[2]"
+
+
+@pytest.mark.usefixtures("one_process")
+def test_cells_lie_between_points(tmp_path):
+    write(tmp_path / "a.vti", {"p": VALUES}, is_cells=True)
+    volume = read(tmp_path / "a.vti")
+    np.testing.assert_array_equal(volume.values, VALUES)
+    np.testing.assert_array_equal(volume.world_from_index[:3, 3], [10.25, 21, 31.5])
+
+
+def test_type_names_of_legacy_vtk_may_be_long(tmp_path):
+    """A reader that copied them into a buffer ended the process."""
+    head = "# vtk DataFile Version 3.0\nscan\nBINARY\nDATASET STRUCTURED_POINTS\nDIMENSIONS 5 4 3\nORIGIN 0 0 0\n"
+    text = f"{head}SPACING 1 1 1\nPOINT_DATA 60\nSCALARS values {'x' * 5000}\nLOOKUP_TABLE default\n"
+    refused(written(tmp_path / "a.vtk", text.encode() + VALUES.tobytes()))
 
 
 @pytest.mark.usefixtures("one_process")
 @pytest.mark.parametrize("name", ["a.vti", "a.vtk"])
 def test_images_that_break_off(tmp_path, name):
-    values = ramp("int16", (6, 7, 8))
-    write(tmp_path / name, values)
-    np.testing.assert_array_equal(read(tmp_path / name).values, values)
+    write(tmp_path / name, {"a": LARGER}, is_plain=True)
+    np.testing.assert_array_equal(read(tmp_path / name).values, LARGER)
     data = (tmp_path / name).read_bytes()
     for num_lost in (40, 200, 600):
-        (tmp_path / name).write_bytes(data[:-num_lost])
-        with pytest.raises(InputError, match="this VTK file is damaged"):
-            read(tmp_path / name)
+        refused(written(tmp_path / name, data[:-num_lost]), match="this VTK file is damaged")
 
 
 @pytest.mark.usefixtures("one_process")
 def test_images_with_a_part_lost(tmp_path):
-    values = ramp("int16", (6, 7, 8))
-    write(tmp_path / "a.vti", values, values + 1)
-    np.testing.assert_array_equal(read(tmp_path / "a.vti", component=1).values, values + 1)
+    write(tmp_path / "a.vti", {"a": LARGER, "b": LARGER + 1}, is_plain=True)
+    np.testing.assert_array_equal(read(tmp_path / "a.vti", component=1).values, LARGER + 1)
     data = (tmp_path / "a.vti").read_bytes()
     begin = data.index(b"_", data.index(b"<AppendedData")) + 100
     (tmp_path / "a.vti").write_bytes(data[:begin] + data[begin + 50 :])
-    with pytest.raises(InputError, match="this VTK file is damaged") as caught:
-        read(tmp_path / "a.vti", component=1)
-    assert caught.value.got == "1305 bytes of values, of 1344"
+    caught = refused(tmp_path / "a.vti", component=1, match="this VTK file is damaged")
+    assert caught.got == "1305 bytes of values, of 1344"
 
 
 @pytest.mark.usefixtures("one_process")
 def test_components_of_long_names_are_listed_in_a_line(tmp_path):
-    array = numpy_to_vtk(np.zeros((8, 30)), deep=True)
-    array.SetName("x" * 150)
-    image = vtkImageData()
-    image.SetDimensions(2, 2, 2)
-    image.GetPointData().AddArray(array)
-    writer = vtkXMLImageDataWriter()
-    writer.SetFileName(str(tmp_path / "a.vti"))
-    writer.SetInputData(image)
-    writer.Write()
-    with pytest.raises(InputError, match="the volume has 30 components") as caught:
-        read(tmp_path / "a.vti")
-    assert all(len(line) <= 400 for line in str(caught.value).split("\n"))
+    write(tmp_path / "a.vti", {"x" * 150: np.zeros((2, 2, 2, 30))})
+    caught = refused(tmp_path / "a.vti", match="the volume has 30 components")
+    assert all(len(line) <= 400 for line in str(caught).split("\n"))

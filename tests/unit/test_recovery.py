@@ -19,10 +19,10 @@ from small_scene import small_scene
 from splatting import in_order, look, place_splats
 
 from hsplat_cli import main
-from hsplat_cli.executors import draw_locally, executor
 from renderer.draw import CellEdges, GLRasterizer, RecoveringRasterizer
 from renderer.errors import ContextLostError, RenderError
-from renderer.frame import Stage
+from renderer.frame import ScheduleController, Stage
+from renderer.job import draw_frames, executor
 
 NO_CAPABILITY = 0xFFFF
 LOST_ONCE = ["OpenGL's context was lost once, and what it had was drawn again"]
@@ -66,7 +66,7 @@ def stage() -> Stage:
 
 
 def pngs(stage: Stage, rasterizer: GLRasterizer | RecoveringRasterizer) -> list[bytes]:
-    return [drawn.picture.png for drawn in draw_locally(stage, range(8), rasterizer)]
+    return [drawn.picture.png for drawn in draw_frames(stage, range(8), rasterizer, ScheduleController(stage))]
 
 
 @pytest.mark.parametrize("kind", ["gaussian", "overlay"])
@@ -112,7 +112,7 @@ def test_a_frame_that_loses_it_again_is_an_error(stage: Stage, rasterizer: GLRas
 
 def another_device() -> GLRasterizer:
     other = GLRasterizer()
-    other.renderer_name = "another one"
+    other.device = "another one"
     return other
 
 
@@ -157,7 +157,7 @@ def test_an_error_of_gl_is_raised() -> None:
         with pytest.raises(ContextLostError) as raised:
             draw_splats(gl)
         assert str(raised.value) == (
-            f"{gl.renderer_name}: OpenGL failed to draw, or its context was lost\n  got: GL_INVALID_ENUM"
+            f"{gl.device}: OpenGL failed to draw, or its context was lost\n  got: GL_INVALID_ENUM"
         )
 
 
@@ -192,7 +192,7 @@ def test_what_gl_refuses_is_a_lost_context(
 ) -> None:
     """A lost context is reported by name, although it answers no query any more."""
     with GLRasterizer(brick_backend="device") as gl:
-        name = gl.renderer_name
+        name = gl.device
         monkeypatch.setattr(moderngl.Context, step, refuse)
         monkeypatch.setattr(moderngl.Context, "info", {})
         with pytest.raises(ContextLostError) as raised:
@@ -214,7 +214,7 @@ def refusal_of(picture: Callable[[GLRasterizer], object]) -> str:
             picture(recovering)  # type: ignore[arg-type]
         assert not isinstance(raised.value, ContextLostError)
         assert recovering.notes == []
-        return str(raised.value).replace(recovering.renderer_name, "device")
+        return str(raised.value).replace(recovering.device, "device")
 
 
 def refuse_pictures(step: str, monkeypatch: pytest.MonkeyPatch) -> None:

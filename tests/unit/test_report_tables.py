@@ -20,10 +20,7 @@ from renderer.study import METRICS, Measurement, Study
 
 ALL = study_of([*own_series(), *peer_series()])
 ODD = study_of(
-    [
-        measure("tolerance 1", 10, 0, UNDEFINED, frames=(3,)),
-        measure("tolerance 0", 20, 5, INFINITE, frames=(3,)),
-    ]
+    [measure("tolerance 1", 10, 0, UNDEFINED, frames=(3,)), measure("tolerance 0", 20, 5, INFINITE, frames=(3,))]
 )
 
 
@@ -146,7 +143,7 @@ def test_csv_keeps_every_value(study: Study) -> None:
             for metric in METRICS.values():
                 written = float(row[f"{prefix}{metric.name}{'_db' if metric.unit else ''}"])
                 assert np.array_equal(written, accuracy[metric.name], equal_nan=True)
-        assert row["num_splats"] == ("" if sample.num_splats is None else str(sample.num_splats))
+        assert row["num_primitives"] == ("" if sample.num_primitives is None else str(sample.num_primitives))
         assert float(row["frame_ms_median"]) == pytest.approx(1000 * np.median(sample.frame_seconds), rel=1e-15)
         for stage, seconds in sample.seconds.items():
             low, median, high = 1000 * np.quantile(seconds, [0.25, 0.5, 0.75])
@@ -164,16 +161,12 @@ def test_json_has_everything_but_the_pictures() -> None:
     assert (record["format"], record["date"]) == (1, "2030-01-02")
     assert record["machine"]["versions"] == {"numpy": "2"}
     assert record["volume"] == {"shape": [4, 5, 6], "scale": 0.5}
-    assert record["truths"][1] == {
-        "frame": 7,
-        "seconds": 1.5,
-        "share_on_volume": 0.4,
-        "convergence": {"step_voxels": [0.5, 0.25], "change": [1e-5, 3e-9], "num_pixels": [48, 40]},
-    }
+    convergence = {"step_voxels": [0.5, 0.25], "change": [1e-5, 3e-9], "num_pixels": [48, 40]}
+    assert record["truths"][1] == {"frame": 7, "seconds": 1.5, "share_on_volume": 0.4, "convergence": convergence}
     for written, m in zip(record["measurements"], study.measurements, strict=True):
         assert (written["series"], written["label"]) == (m.setting.series, m.setting.label)
         assert written["options"] == m.setting.options
-        assert (written["num_cells"], written["num_splats"]) == (m.num_cells, m.num_splats)
+        assert (written["num_cells"], written["num_primitives"]) == (m.num_cells, m.num_primitives)
         assert written["frame_seconds"] == {"median": m.frame_seconds, "quartiles": list(m.frame_seconds_spread)}
         assert written["overall"]["on_volume"]["flip_p99"] == m.overall.on_volume["flip_p99"]
         assert (written["pyramid_seconds"], written["peak_bytes"]) == (m.pyramid_seconds, m.peak_bytes)

@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 from hypothesis import given, strategies as st
 
-from hsplat_cli.scenes import FilmOptions
 from hsplat_cli.scenes.scene_text import number_text, scene_text, yaml_string
 from renderer.scene import (
     ColormapSpec,
     ControlPoint,
     FileSource,
     RawSource,
+    Scene,
     ShadingSpec,
     SplatSpec,
     TransferSpec,
@@ -24,11 +24,13 @@ from renderer.scene import (
     load_scene,
     parse_yaml,
 )
-from renderer.suggest import Suggestion, VolumeSuggestion
+from renderer.suggest import FilmOptions, Suggestion, VolumeSuggestion
 from renderer.system import printable
 
 POINTS = (ControlPoint(-1e-7, (0.0, 0.0, 0.0), 0.0), ControlPoint(3.0, (1.0, 0.2, 0.4), 0.999))
 SUGGESTION = Suggestion("scan", "it has edges", TransferSpec(POINTS, 0.5), ("", "the object"), ShadingSpec())
+
+DEFAULT = FilmOptions()
 
 _NO_BRACES = str.maketrans("{}", "__")
 
@@ -52,6 +54,15 @@ NAMES = [
 ]
 
 
+def read_back(
+    found: VolumeSuggestion, folder: Path, film: FilmOptions = DEFAULT, output: Path = Path("film.mp4")
+) -> tuple[str, Scene]:
+    """Return the text of a scene in a folder, and the scene that is read from it."""
+    text = scene_text(found, film, folder=folder, output=output)
+    (folder / "scene.yaml").write_bytes(text.encode())
+    return text, load_scene(folder / "scene.yaml")
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_every_file_name_reads_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     """The scene's folder is neither the volume's nor the current one."""
@@ -62,9 +73,7 @@ def test_every_file_name_reads_back(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     volume.touch()
     found = VolumeSuggestion(VolumeSpec(FileSource(volume)), SUGGESTION, is_float=False)
     output = Path("out", f"{name}.mp4".translate(_NO_BRACES))
-    text = scene_text(found, FilmOptions(), folder=Path("scenes"), output=output)
-    Path("scenes/scene.yaml").write_bytes(text.encode())
-    scene = load_scene(Path("scenes/scene.yaml"))
+    _, scene = read_back(found, Path("scenes"), output=output)
     assert isinstance(scene.volume.source, FileSource)
     assert scene.volume.source.file.samefile(volume)
     assert scene.output.file == output
@@ -77,9 +86,7 @@ def test_every_setting_reads_back(tmp_path: Path) -> None:
     colormap = TransferSpec(ColormapSpec("viridis", (-1.0, 1e22), ((0.0, 0.0), (1e-9, 0.25))), 1e-7)
     suggestion = Suggestion("a kind", "a reason", colormap, (), None)
     found = VolumeSuggestion(VolumeSpec(source, nonfinite="lowest"), suggestion, is_float=True)
-    text = scene_text(found, film, folder=tmp_path, output=Path("film.mp4"))
-    (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
-    scene = load_scene(tmp_path / "scene.yaml")
+    _, scene = read_back(found, tmp_path, film)
     assert scene.volume == VolumeSpec(source, nonfinite="lowest")
     assert scene.transfer_function == colormap
     assert scene.shading is None
@@ -95,9 +102,8 @@ def test_a_spacing_and_a_choice_of_voxels_read_back(tmp_path: Path) -> None:
     source.file.touch()
     volume = VolumeSpec(source, time=3, component=1)
     found = VolumeSuggestion(volume, SUGGESTION, is_float=False)
-    text = scene_text(found, FilmOptions(), folder=tmp_path, output=Path("film.mp4"))
-    (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
-    assert load_scene(tmp_path / "scene.yaml").volume == volume
+    text, scene = read_back(found, tmp_path)
+    assert scene.volume == volume
     assert "  spacing: [1e-07, 2e-07, 0.003]  # lengths of a voxel, in place of the file's\n" in text
 
 
@@ -106,10 +112,9 @@ def test_labels_are_drawn_by_voxel_where_there_is_room(tmp_path: Path, splat: Sp
     (tmp_path / "scan.npy").touch()
     suggestion = replace(SUGGESTION, is_categorical=True, splat=splat)
     found = VolumeSuggestion(VolumeSpec(FileSource(tmp_path / "scan.npy")), suggestion, is_float=False)
-    text = scene_text(found, FilmOptions(), folder=tmp_path, output=Path("scan.mp4"))
+    text, scene = read_back(found, tmp_path)
     assert "skin of a label" in text
-    (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
-    assert load_scene(tmp_path / "scene.yaml").splat == (splat or SplatSpec(footprint="integrated"))
+    assert scene.splat == (splat or SplatSpec(footprint="integrated"))
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from renderer.bricks import ScreenSampling
-from renderer.bricks.sampling import (
+from renderer.bricks.pixel_grid import (
     DIFFERENCE_THRESHOLD,
     MAX_DIFFERENCE_THRESHOLD,
     MAX_TERMINATION_TRANSMITTANCE,

@@ -3,24 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.draw import CellEdges
 from renderer.frame import Stage, make_primitive, prepare_stage
+from renderer.readers import read_volume
 from renderer.scene import CameraSpec, ErrorSpec, MetricTarget, OutputSpec, Scene, SplatSpec, TurntablePath
-from renderer.splats import SplatBatch
-from renderer.study import Truth, measure_accuracy, measure_setting, plan_sweep, pool_accuracies, spread_evenly
+from renderer.study import (
+    PlannedSetting,
+    Truth,
+    measure_accuracy,
+    measure_setting,
+    plan_sweep,
+    pool_accuracies,
+    spread_evenly,
+)
 from renderer.study.truths import extreme_coverage_frames
 from renderer.truth import Convergence
 from renderer.view import View
+from renderer.volume import Volume
 from tests.support.film_stages import SPLATS
-from tests.support.machines import WithoutUploads
+from tests.support.machines import Painter
 
 FRAMES = (0, 5)
 RMS = ErrorSpec(measure="rms")
@@ -31,23 +41,28 @@ def stage() -> Stage:
     camera = CameraSpec(TurntablePath(8, start=10.0, elevation=20.0))
     output = OutputSpec(Path("unused.mp4"), size=(20, 16))
     scene = replace(SPLATS, camera=camera, error=ErrorSpec(), output=output)
-    return prepare_stage(scene, clock=lambda: 0.0, num_threads=1, any_tolerance=True)
+    return at_any_tolerance(scene, read_volume(scene.volume))
 
 
-class Grey(WithoutUploads):
+def at_any_tolerance(scene: Scene, volume: Volume) -> Stage:
+    return prepare_stage(scene, clock=lambda: 0.0, num_threads=1, volume=volume, any_tolerance=True)
+
+
+def planned(*arguments: Any) -> list[PlannedSetting]:
+    """Return the settings of all pyramids."""
+    return list(chain.from_iterable(plan_sweep(*arguments)))
+
+
+class Grey(Painter):
     """Draws a grey that differs between frames, and remembers them."""
 
     def __init__(self) -> None:
         self.eyes: list[tuple[float, ...]] = []
+        super().__init__(self._grey)
 
-    def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:
+    def _grey(self, _: object, view: View) -> tuple[float, ...]:
         self.eyes.append(tuple(view.eye))
-        image = np.full((view.size[1], view.size[0], 4), 0.25, np.float32)
-        image[..., 3] = 1.0 if len(set(self.eyes)) == 1 else 0.5
-        return image
-
-    def rasterize_edges(self, edges: CellEdges, view: View) -> npt.NDArray[np.float32]:
-        raise AssertionError("no overlay was asked for")
+        return 0.25, 0.25, 0.25, 1.0 if len(set(self.eyes)) == 1 else 0.5
 
 
 class Memory:
@@ -91,10 +106,10 @@ def test_the_first_pass_warms_up_and_yields_the_pictures(stage: Stage) -> None:
     for sample in found.frames:
         assert {name: len(times) for name, times in sample.seconds.items()} == {"order": 3, "draw": 3, "quantize": 3}
         assert sample.frame_seconds == pytest.approx([3e-3] * 3)
-    assert {name: len(times) for name, times in found.seconds.items()} == {"cut": 3, "splats": 3}
+    assert {name: len(times) for name, times in found.seconds.items()} == {"cut": 3, "primitives": 3}
     assert found.pyramid_seconds == stage.seconds["pyramid"]
     assert found.frame_seconds == pytest.approx(3e-3)
-    assert found.num_cells == found.num_splats == make_primitive(stage).make_lod(0.1, print).num_cells
+    assert found.num_cells == found.num_primitives == make_primitive(stage).make_lod(0.1, print).num_cells
     assert (found.picture == 64).all() and (found.difference == 0).all()
 
 
@@ -111,12 +126,12 @@ def test_slow_settings_are_drawn_less_often(stage: Stage) -> None:
 def test_a_plan_has_all_combinations_from_coarse_to_fine(stage: Stage) -> None:
     prepared: list[str] = []
 
-    def stage_of(scene: Scene) -> Stage:
+    def open_stage(scene: Scene) -> AbstractContextManager[Stage]:
         prepared.append(scene.error.measure)
-        return prepare_stage(scene, clock=lambda: 0.0, num_threads=1, volume=stage.volume, any_tolerance=True)
+        return nullcontext(at_any_tolerance(scene, stage.volume))
 
     splats = [SplatSpec(), SplatSpec(footprint="gouraud"), SplatSpec(opacity_correction=False)]
-    plan = plan_sweep(stage.scene, stage_of, [ErrorSpec(), RMS], splats, [0.1, 0.0, 0.5])
+    plan = planned(stage.scene, open_stage, [ErrorSpec(), RMS], splats, [0.1, 0.0, 0.5])
     assert prepared == ["optical", "rms"]
     assert [(p.scene.error.measure, p.scene.splat, p.tolerance) for p in plan] == [
         (measure, splat, tolerance) for measure in prepared for splat in splats for tolerance in (0.5, 0.1, 0.0)
@@ -129,27 +144,28 @@ def test_a_plan_has_all_combinations_from_coarse_to_fine(stage: Stage) -> None:
     # At tolerance 0 the six series have two pictures: one for each footprint.
     assert len({p.picture_key() for p in plan}) == 2 * 3 * 2 + 2
     coarse = replace(stage.scene.error, finest_level=1)
-    plan_without_voxels = plan_sweep(replace(stage.scene, error=coarse), lambda _: stage, [coarse], splats[::2], [0.0])
+    plan_without_voxels = planned(
+        replace(stage.scene, error=coarse), lambda _: nullcontext(stage), [coarse], splats[::2], [0.0]
+    )
     assert len({p.picture_key() for p in plan_without_voxels}) == 2
     slow, quick = (next(p for p in plan if p.scene.splat == splat and p.tolerance == 0) for splat in splats[1::-1])
     assert slow.predicted_seconds(3, 5) > quick.predicted_seconds(3, 5) > 0
 
 
 def integrated(stage: Stage) -> Stage:
-    scene = replace(stage.scene, splat=SplatSpec(footprint="integrated"))
-    return prepare_stage(scene, clock=lambda: 0.0, num_threads=1, volume=stage.volume, any_tolerance=True)
+    return at_any_tolerance(replace(stage.scene, splat=SplatSpec(footprint="integrated")), stage.volume)
 
 
 def test_bricks_have_a_stage_and_tolerances_of_their_own(stage: Stage) -> None:
     prepared: list[tuple[str, str]] = []
     bricks = integrated(stage)
 
-    def stage_of(scene: Scene) -> Stage:
+    def open_stage(scene: Scene) -> AbstractContextManager[Stage]:
         prepared.append((scene.error.measure, scene.splat.footprint))
-        return bricks if scene.splat.footprint == "integrated" else stage
+        return nullcontext(bricks if scene.splat.footprint == "integrated" else stage)
 
     splats = [SplatSpec(), SplatSpec(footprint="integrated"), SplatSpec(opacity_correction=False)]
-    plan = plan_sweep(stage.scene, stage_of, [ErrorSpec()], splats, None)
+    plan = planned(stage.scene, open_stage, [ErrorSpec()], splats, None)
     assert prepared == [("optical", "gaussian"), ("optical", "integrated")]
     by_footprint = {
         name: [p.tolerance for p in plan if p.scene.splat.footprint == name] for name in ("gaussian", "integrated")
@@ -159,28 +175,28 @@ def test_bricks_have_a_stage_and_tolerances_of_their_own(stage: Stage) -> None:
     assert own == sorted(set(own), reverse=True) and own[-1] == 0.0
     assert len(own) > 5 and min(own[:-1]) < 0.1 * min(t for t in by_footprint["gaussian"] if t > 0)
     assert all(p.predicted_seconds(3, 5) > 0 for p in plan)
-    measures = plan_sweep(stage.scene, lambda _: bricks, [ErrorSpec(), RMS], splats[1:2], [0.0])
+    measures = planned(stage.scene, lambda _: nullcontext(bricks), [ErrorSpec(), RMS], splats[1:2], [0.0])
     assert len({p.picture_key() for p in measures}) == 2  # steps depend on the measure
 
 
-def test_a_measurement_of_bricks_counts_no_splats(stage: Stage) -> None:
+def test_a_measurement_of_bricks_counts_bricks(stage: Stage) -> None:
     found = measure_setting(integrated(stage), truths(), Grey(), clock=ticking(1e-3), memory=Memory(), repeats=1)
     assert found.setting.series == "integrated, optical" and found.setting.label == "tolerance 0.1"
     assert "opacity_correction" not in found.setting.options
-    assert found.num_cells == 8 and found.num_splats is None
-    assert [sample.num_splats for sample in found.frames] == [None, None]
-    assert set(found.seconds) == {"cut", "splats"}
+    assert found.num_cells == 8 and 0 < found.num_primitives <= 8
+    assert all(0 < sample.num_primitives <= 8 for sample in found.frames)
+    assert set(found.seconds) == {"cut", "primitives"}
 
 
 def test_chosen_tolerances_include_that_of_the_scene(stage: Stage) -> None:
     """A goal replaces the tolerance, so that the field has only its default."""
     own = ErrorSpec(tolerance=((0, 0.123),))
-    plan = plan_sweep(replace(stage.scene, error=own), lambda _: stage, [own, RMS], [SplatSpec()], None)
+    plan = planned(replace(stage.scene, error=own), lambda _: nullcontext(stage), [own, RMS], [SplatSpec()], None)
     tolerances = [p.tolerance for p in plan if p.scene.error.measure == "optical"]
     assert 0.123 in tolerances and 0.0 in tolerances and len(tolerances) <= 11
     assert 0.123 not in [p.tolerance for p in plan if p.scene.error.measure == "rms"]
     goal = replace(own, goal=MetricTarget("psnr", 30.0))
-    plan = plan_sweep(replace(stage.scene, error=goal), lambda _: stage, [goal], [SplatSpec()], None)
+    plan = planned(replace(stage.scene, error=goal), lambda _: nullcontext(stage), [goal], [SplatSpec()], None)
     assert 0.123 not in [p.tolerance for p in plan] and len(plan) > 2
     assert {p.scene.error.goal for p in plan} == {None}
 
@@ -203,18 +219,12 @@ def test_frames_are_spread_evenly_over_a_path(
     assert spread_evenly(frames, num, is_loop=is_loop) == found
 
 
-class Growing(WithoutUploads):
-    """Covers a part of the picture that depends on the direction of the view."""
+def test_the_frames_of_extreme_coverage_are_found(stage: Stage) -> None:
+    """The eye of this turntable goes from -y over +x to +y, so that it looks along -x on frame 2 and along x on 6."""
 
-    def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:
-        image = np.zeros((view.size[1], view.size[0], 4), np.float32)
+    def growing(_: object, view: View) -> npt.NDArray[np.float64]:
+        image = np.zeros((16, 20, 4))
         image[: 1 + int(7 * (1 + view.forward[0])), :, 3] = 1.0
         return image
 
-    def rasterize_edges(self, edges: CellEdges, view: View) -> npt.NDArray[np.float32]:
-        raise AssertionError("no overlay was asked for")
-
-
-def test_the_frames_of_extreme_coverage_are_found(stage: Stage) -> None:
-    """The eye of this turntable goes from -y over +x to +y, so that it looks along -x on frame 2 and along x on 6."""
-    assert extreme_coverage_frames(stage, range(8), 1.0, Growing(), clock=lambda: 0.0) == (2, 6)
+    assert extreme_coverage_frames(stage, range(8), 1.0, Painter(growing), clock=lambda: 0.0) == (2, 6)

@@ -13,15 +13,19 @@ from typing import Any
 import pytest
 
 from hsplat_cli.executors import ExecutorSpec
-from hsplat_cli.scenes import FilmOptions
 from hsplat_cli.terminal import Reporter
-from hsplat_cli.turntable import FilmRequest, batch, manifest as manifest_module, run_batch, update_manifest
+from hsplat_cli.turntable import FilmRequest, batch, manifest as manifest_module, run_batch
 from hsplat_cli.turntable.manifest import MANIFEST_FILE
 from hsplat_cli.turntable.one_film import marked_scene, write_scene
 from renderer.errors import InputError, RenderError
 from renderer.scene import FileSource, VolumeSpec
+from renderer.suggest import FilmOptions
 
 CODE = Path(manifest_module.__file__).parents[2]
+
+
+def update_manifest(folder: Path, records: list[dict[str, Any]], *lock_timeout_s: float) -> None:
+    manifest_module.update_manifest(folder, records, Reporter(), *lock_timeout_s)
 
 
 def record(name: str, status: str = "done", **more: Any) -> dict[str, Any]:
@@ -76,12 +80,13 @@ def test_films_that_were_not_started_change_nothing(tmp_path: Path) -> None:
 WRITER = """
 import sys
 from pathlib import Path
+from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable.manifest import update_manifest
 for number in range(10):
     name = f"{sys.argv[2]}-{number}"
     (Path(sys.argv[1]) / f"{name}.yaml").touch()
     record = {"volume": name, "scene": f"out/{name}.yaml", "film": name, "status": "done", "scene_of": name}
-    update_manifest(Path(sys.argv[1]), [record])
+    update_manifest(Path(sys.argv[1]), [record], Reporter())
 """
 
 
@@ -98,8 +103,9 @@ def test_several_processes_lose_no_record(tmp_path: Path) -> None:
 HOLDER = """
 import sys
 from pathlib import Path
+from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable.manifest import _locked
-with _locked(Path(sys.argv[1]), 1):
+with _locked(Path(sys.argv[1]), Reporter(), 1):
     print(flush=True)
     sys.stdin.read()
 """
@@ -187,9 +193,8 @@ def test_other_things_of_this_name(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def order(folder: Path, volume: str = "scan.npy", *, force: bool = False) -> FilmRequest:
     (folder / volume).touch()
     spec, executor = VolumeSpec(FileSource(folder / volume)), ExecutorSpec(None, None)
-    return FilmRequest(
-        spec, FilmOptions(), None, folder / "out" / "scan.yaml", folder / "out" / "scan.mp4", executor, force
-    )
+    out = folder / "out"
+    return FilmRequest(spec, FilmOptions(), out / "scan.yaml", out / "scan.mp4", executor, force)
 
 
 def orders(folder: Path, *names: str) -> list[FilmRequest]:
@@ -219,7 +224,7 @@ def test_an_interrupted_batch_keeps_the_records(
 
 
 def write(request: FilmRequest, text: str) -> None:
-    write_scene(request, marked_scene(text, request.volume_path))
+    write_scene(request, marked_scene(text, request.volume_path), Reporter())
 
 
 def test_an_edited_scene_is_kept_unless_forced(tmp_path: Path) -> None:

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hsplat_cli.scenes import base_name, expand_pattern, expand_volumes, name_volumes
+from hsplat_cli.scenes import base_name, expand_volumes, name_volumes
 from renderer.errors import InputError
+from renderer.job import expand_pattern
 
 pytestmark = pytest.mark.usefixtures("folder")
 

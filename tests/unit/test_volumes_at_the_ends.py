@@ -49,7 +49,7 @@ def test_a_hidden_volume_gives_the_background_and_a_note(
         assert np.all(imageio.imread(f"frame{frame}.png") == [0x33, 0x66, 0x99])
     record = json.loads(next(Path().glob("*.json")).read_text(encoding="utf-8"))
     assert record["pyramid"]["bytes"] == 0
-    assert [frame["splats"] for frame in record["frames"]] == [0, 0]
+    assert [frame["primitives"] for frame in record["frames"]] == [0, 0]
 
 
 def of_info(path: Path, values: Array) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from renderer.system import package_versions
 
 HERE = package_versions()["hsplat"]
 SAME = describe_worker()
-ADDRESS = "tcp://here:1"
+ADDRESS = "--scheduler tcp://here:1"
 
 
 class Client:
@@ -59,7 +59,7 @@ def test_workers_with_another_hsplat_are_refused(other: Any, reason: str) -> Non
     with pytest.raises(RenderError) as caught:
         registry_of({"b": other, "c": other}).update_workers()
     assert str(caught.value) == (
-        f"--scheduler {ADDRESS}: no worker of the cluster can draw this film\n"
+        f"{ADDRESS}: no worker of the cluster can draw this film\n"
         f"  got: 2 x {reason}\n"
         f"  expected: hsplat {HERE} of the same sources, and OpenGL, as here"
     )

@@ -15,9 +15,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from hsplat_cli.compare.picture_file import require_file
-from hsplat_cli.films import describe_differences
-from hsplat_cli.scenes import load_json_object
 from renderer.errors import InputError, Problem, SceneError
+from renderer.job import FilmRecord, describe_differences
 from renderer.scene import (
     FRAME_NUMBER_FIELD,
     INVALID,
@@ -29,6 +28,7 @@ from renderer.scene import (
     decode_utf8,
     format_value,
     integer_field,
+    load_json_object,
     may_be_json,
     read_bounded,
     read_fields,
@@ -39,13 +39,13 @@ from renderer.scene import (
 )
 
 PROVENANCE_FILE = "golden.json"
-FORMAT = "hsplat golden 1"
+FORMAT = "hsplat golden 2"
 
 # A million goldens, about 120 bytes each.
 MAX_PROVENANCE_BYTES = 2**27
 
 # The parts of an origin, the most important first.
-_PARTS = ("volume", "gl", "scene", "versions")
+_PARTS = ("volume", "device", "scene", "versions")
 
 _MAX_LINE_LENGTH = 200
 _MAX_VOXELS = 2**62
@@ -84,7 +84,8 @@ class Golden:
 class Provenance:
     """Where the goldens of a folder come from: the content of golden.json.
 
-    origin: what the frames were rendered from: `volume`, `gl`, `scene`, `versions`. goldens: ascending, at least one.
+    origin: what the frames were rendered from: `volume`, `device`, `scene`, `versions`. goldens: ascending, at least
+    one.
     """
 
     origin: Mapping[str, Any]
@@ -101,23 +102,26 @@ def is_golden_file_name(name: str) -> bool:
     return _GOLDEN_FILE.fullmatch(name) is not None
 
 
-def origin_from_sidecar(sidecar: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the origin of frames from the sidecar beside them.
+def origin_from_record(record: FilmRecord) -> dict[str, Any]:
+    """Return the origin of frames from the record of the film that they are.
 
     It leaves out where the volume lies, and the name, rate and quality of a film: goldens are PNG files.
     """
-    cause, volume = sidecar["cause"]["of"], sidecar["volume"]
-    section = _without(sidecar["scene"]["volume"], "file")
+    assert record.fingerprint is not None, "a single pass has drawn them"
+    depends_on, volume = record.fingerprint.depends_on, record.volume
+    section = _without(record.scene["volume"], "file")
     if "raw" in section:
         section["raw"] = _without(section["raw"], "file")
     return {
         "volume": {
-            "name": to_single_line(Path(volume["name"]).name),
-            **{key: volume[key] for key in ("fingerprint", "shape", "dtype")},
+            "name": to_single_line(Path(volume.name).name),
+            "fingerprint": volume.fingerprint,
+            "shape": volume.shape,
+            "dtype": volume.dtype,
         },
-        "gl": to_single_line(sidecar["gl"]),
-        "scene": cause["scene"] | {"volume": section},
-        "versions": {name: to_single_line(version) for name, version in cause["versions"].items()},
+        "device": to_single_line(record.device),
+        "scene": depends_on["scene"] | {"volume": section},
+        "versions": {name: to_single_line(version) for name, version in depends_on["versions"].items()},
     }
 
 
@@ -187,9 +191,7 @@ def read_provenance(folder: Path) -> Provenance:
                 node.child("frames").child(number).reject(what, expected=expected)
     if problems:  # one mistake may be that of many frames
         raise SceneError([replace(problem, location=str(path)) for problem in problems[:_MAX_PROBLEMS]])
-    volume = given["volume"] | {"shape": list(given["volume"]["shape"])}
-    origin = {"volume": volume} | {part: given[part] for part in _PARTS if part != "volume"}
-    return Provenance(origin, given["frames"])
+    return Provenance({part: given[part] for part in _PARTS}, given["frames"])
 
 
 def _parse_versions(node: TreeNode) -> dict[str, str]:
@@ -214,7 +216,7 @@ _VOLUME_TABLE: FieldTable = {
 _TABLE: FieldTable = {
     "format": _LINE,
     "volume": section_field(_VOLUME_TABLE, lambda _, given: given, required=list(_VOLUME_TABLE)),
-    "gl": _LINE,
+    "device": _LINE,
     "scene": MAPPING_FIELD,
     "versions": FieldType("a mapping", _parse_versions),
     "frames": sequence_field(

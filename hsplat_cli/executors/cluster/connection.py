@@ -12,12 +12,12 @@ from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from hsplat_cli.executors.options import ADDRESSES, LOCAL
+from hsplat_cli.executors.options import ADDRESSES
 from renderer.errors import InputError
-from renderer.system import num_cores
+from renderer.system import deferrable_interrupts
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, SpecCluster
 
 # Time for the scheduler to answer.
 _CONNECT_TIMEOUT_S = 6.0
@@ -30,28 +30,45 @@ _CLOSE_TIMEOUT_S = 2.0
 
 
 @contextlib.contextmanager
-def connect(address: str, num_workers: int | None = None) -> Iterator[Client]:
-    """Connect to the scheduler at an address, or to one that this process starts at `local`.
+def connect(address: str) -> Iterator[Client]:
+    """Connect to the scheduler at an address. Raises InputError where none answers within some ten seconds."""
+    with silent_libraries:
+        _require_scheduler(address)
+        with _client(address) as client:
+            yield client
 
-    num_workers: processes at `local`, one for each core by default; they end with the block, and with this process,
-    however it ends. Raises InputError where no scheduler answers within some ten seconds.
+
+@contextlib.contextmanager
+def connect_locally(num_workers: int) -> Iterator[Client]:
+    """Start processes on this machine, and connect to the cluster that they are.
+
+    They end with the block, and with this process, however it ends. Raises RenderError where they cannot be started.
     """
-    from distributed import Client
+    from hsplat_cli.executors.cluster.local_cluster import local_cluster
 
-    with contextlib.ExitStack() as stack:
-        stack.enter_context(silent_libraries)
-        if address == LOCAL:
-            from hsplat_cli.executors.cluster.local_cluster import local_cluster
-
-            scheduler = stack.enter_context(local_cluster(num_workers or num_cores()))
-        else:
-            _require_scheduler(address)
-            scheduler = address
-        client = Client(scheduler, timeout=_CONNECT_TIMEOUT_S, set_as_default=False, name="hsplat")
+    with (
+        silent_libraries,
+        deferrable_interrupts() as defer_interrupts,
+        local_cluster(num_workers) as cluster,
+        _client(cluster) as client,
+    ):
         try:
             yield client
         finally:
-            client.close(timeout=_CLOSE_TIMEOUT_S)
+            defer_interrupts()  # for what is half closed Dask would wait 10 s, at the end of the process
+
+
+@contextlib.contextmanager
+def _client(scheduler: str | SpecCluster) -> Iterator[Client]:
+    from distributed import Client
+
+    client = Client(scheduler, timeout=_CONNECT_TIMEOUT_S, set_as_default=False, name="hsplat")
+    # Dask drops tasks that failed, whose tracebacks would be printed at some time, even after this block.
+    client.loop.asyncio_loop.set_exception_handler(lambda *_: None)
+    try:
+        yield client
+    finally:
+        client.close(timeout=_CLOSE_TIMEOUT_S)
 
 
 class SilentLibraries(contextlib.AbstractContextManager["SilentLibraries"]):

@@ -22,11 +22,11 @@ import dask.config
 import distributed
 from distributed import Nanny, Security, SpecCluster
 
-from hsplat_cli.terminal import deferrable_interrupts
 from renderer.errors import RenderError
+from renderer.system import deferrable_interrupts, num_cores
 
-# Time for processes to end by themselves.
-_CLOSE_TIMEOUT_S = 2.0
+# Time for processes to end by themselves, on a busy machine too: Dask waits again at the end of the program.
+_CLOSE_TIMEOUT_S = 10.0
 # One thread at a time starts a cluster: Dask's configuration and sys.path are those of the process.
 _starting = threading.Lock()
 
@@ -49,7 +49,7 @@ class Worker(_WithoutHTTP, distributed.Worker):  # type: ignore[misc]
 
 @contextlib.contextmanager
 def local_cluster(num_workers: int) -> Iterator[SpecCluster]:
-    """Start processes of one thread each; they end with the block, and with this process, however it ends."""
+    """Start processes, which share the cores; they end with the block, and with this process, however it ends."""
     with contextlib.ExitStack() as stack:
         with deferrable_interrupts() as defer_interrupts, _sigint_blocked_in_children():
             defer_interrupts()  # a cluster that is half started cannot be ended
@@ -58,7 +58,7 @@ def local_cluster(num_workers: int) -> Iterator[SpecCluster]:
                 with _starting, dask.config.set({"temporary-directory": folder}), _same_sys_path():
                     cluster = _start(num_workers)
             except (OSError, RuntimeError) as error:
-                what, where = "no cluster can be started here", "--scheduler local"
+                what, where = "no processes can be started", f"--workers {num_workers}"
                 raise RenderError(what, where=where, got=str(error)) from error
             stack.callback(_close, cluster)
         yield cluster
@@ -67,7 +67,10 @@ def local_cluster(num_workers: int) -> Iterator[SpecCluster]:
 def _start(num_workers: int) -> SpecCluster:
     security = Security.temporary()
     listen = {"host": "127.0.0.1", "protocol": "tls://", "security": security}
-    limits = {"nthreads": 1, "memory_limit": 0}  # no limit: no spilling to disk, no process ended for its size
+    limits = {
+        "nthreads": max(1, num_cores() // num_workers),
+        "memory_limit": 0,
+    }  # no limit: no spilling to disk, no process ended for its size
     quiet = {"silence_logs": logging.CRITICAL}
     worker = {"cls": Nanny, "options": {**listen, **limits, **quiet, "worker_class": Worker}}
     return SpecCluster(

@@ -28,12 +28,12 @@ _HINT = "`dask worker ADDRESS` starts one"
 class WorkerRegistry:
     """The workers of a cluster that can draw, as `usable_workers`, by their addresses.
 
-    address: of the scheduler, for messages.
+    where: the option that chose the cluster, for messages.
     """
 
-    def __init__(self, client: Client, address: str, reporter: Reporter) -> None:
+    def __init__(self, client: Client, where: str, reporter: Reporter) -> None:
         self._client, self._reporter = client, reporter
-        self._error = partial(RenderError, where=f"--scheduler {address}")
+        self._error = partial(RenderError, where=where)
         self._here = describe_worker()
         self._excluded: dict[str, str] = {}  # why, by address
         self._missing_text, self._is_reported = "the cluster has no workers", False

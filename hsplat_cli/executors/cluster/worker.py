@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.executors.frame_result import draw_locally
 from renderer.draw import CPURasterizer, GLRasterizer, open_rasterizer
 from renderer.errors import ContextLostError
 from renderer.frame import ScheduleController, deserialize_stage
+from renderer.job import FrameRecord, draw_frames
 from renderer.system import package_versions, sources_digest
 
 
@@ -42,23 +42,23 @@ class SerializedStage:
     def __sizeof__(self) -> int:
         return self._content.nbytes
 
-    def draw(self, number: int, num_threads: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
+    def draw(self, number: int, num_threads: int) -> tuple[bytes, FrameRecord, dict[str, Any]]:
         """Draw a frame, after those that other threads have requested; returns what `draw_on_worker` does.
 
-        num_threads: of the software renderer, unless LP_NUM_THREADS is set.
+        num_threads: that draw it, unless LP_NUM_THREADS is set.
         """
         return self._thread.submit(self._draw, number, num_threads).result()
 
-    def _draw(self, number: int, num_threads: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
+    def _draw(self, number: int, num_threads: int) -> tuple[bytes, FrameRecord, dict[str, Any]]:
         if not self._rasterizers:
             os.environ.setdefault("LP_NUM_THREADS", str(num_threads))
             content = self._content if self._content.flags.writeable else self._content.copy()
             self._stage = deserialize_stage(content.data)
             self._controller = ScheduleController(self._stage)
             self._rasterizers.append(open_rasterizer(needs_opengl=self._stage.scene.needs_opengl))
-            self._versions = package_versions() | {"GL": self._rasterizers[0].renderer_name}
+            self._versions = package_versions() | {"device": self._rasterizers[0].device}
         try:
-            (drawn,) = draw_locally(self._stage, [number], self._rasterizers[0], self._controller)
+            (drawn,) = draw_frames(self._stage, [number], self._rasterizers[0], self._controller)
         except ContextLostError:
             self._rasterizers.pop().release()
             raise
@@ -81,7 +81,7 @@ def describe_worker() -> dict[str, Any]:
 _sources_digest = functools.cache(sources_digest)
 
 
-def draw_on_worker(stage_data: SerializedStage, number: int) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
+def draw_on_worker(stage_data: SerializedStage, number: int) -> tuple[bytes, FrameRecord, dict[str, Any]]:
     """Draw a frame; return its PNG file, its record for the sidecar, and by name the versions that made it."""
     from distributed import get_worker
 

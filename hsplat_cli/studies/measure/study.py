@@ -6,34 +6,30 @@ import datetime
 import time
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.films import find_truths, nothing_visible_error
 from hsplat_cli.reports import REPORT_FILES, require_page_packages, terminal_table, write_study
-from hsplat_cli.scenes import read_volume_guarded
-from hsplat_cli.studies.measure.notes import monotonicity_notes, scene_notes
 from hsplat_cli.studies.measure.options import Sweep
-from hsplat_cli.studies.measure.tolerance import stage_at_any_tolerance
-from hsplat_cli.studies.peers.vtk_peer import (
-    check_vtk,
-    describe_vtk,
-    measure_vtk,
-    vtk_settings,
-    with_transparent_border,
-)
-from hsplat_cli.terminal import PeakMemory, Reporter, counted, describe_machine
+from hsplat_cli.studies.measure.tolerance import open_at_any_tolerance
+from hsplat_cli.studies.peers import vtk_peer
+from hsplat_cli.terminal import FilmEvents, PeakMemory, Reporter, describe_machine
 from renderer.draw import open_rasterizer
 from renderer.errors import HsplatError
-from renderer.film import require_writable_dry_run, without_paths
-from renderer.frame import Stage, view_of
-from renderer.scene import Scene, scene_to_dict
+from renderer.film import require_writable_dry_run
+from renderer.frame import view_of
+from renderer.job import find_truth, nothing_visible_error, without_paths
+from renderer.readers import read_volume
+from renderer.scene import Scene, counted, scene_to_dict, schedule_to_dict
 from renderer.study import (
+    METRICS,
     Measurement,
     PlannedSetting,
     Study,
     Truth,
+    find_regressions,
     is_loop,
     measure_setting,
     plan_sweep,
@@ -45,6 +41,8 @@ from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.view import View
 from renderer.volume import Volume
 
+# Smaller setbacks are below the digits shown.
+_MIN_SETBACK = {"psnr": 0.01, "ssim": 1e-4, "flip": 1e-4}
 # Number of frames measured by default.
 _NUM_FRAMES = 3
 # Estimated seconds of a peer's frame, for the time remaining.
@@ -76,23 +74,22 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
     for name in REPORT_FILES:
         require_writable_dry_run(request.folder / name)
     if request.peer:
-        check_vtk(scene)
+        vtk_peer.check_vtk(scene)
     reporter.announce_compilation()
     needs_opengl = any(replace(scene, splat=splat).needs_opengl for splat in request.sweep.splats)
     with open_rasterizer(needs_opengl=needs_opengl) as rasterizer:  # fails before a voxel is read
-        machine = describe_machine(rasterizer.renderer_name)
+        machine = describe_machine(rasterizer.device)
     if request.peer:
-        machine["peer"] = {"name": request.peer, **describe_vtk()}
-    volume = read_volume_guarded(scene.volume)
+        machine["peer"] = {"name": request.peer, **vtk_peer.describe_vtk()}
+    volume = read_volume(scene.volume)
     transfer = make_transfer_function(scene.transfer_function, volume.finest_spacing)
     if request.peer:
-        volume = with_transparent_border(volume, transfer)
+        volume = vtk_peer.with_transparent_border(volume, transfer)
     path = scene.camera.path
     frames = request.frames or spread_evenly(range(path.frames), _NUM_FRAMES, is_loop=is_loop(path))
-    stage = stage_at_any_tolerance(scene, volume)
-    views = [view_of(stage, frame) for frame in frames]
-    truths = find_truths(stage, frames, request.truth_tolerance, reporter)
-    del stage  # keeps one pyramid at a time in memory
+    with open_at_any_tolerance(scene, volume) as stage, FilmEvents(reporter, scene.splat.primitive_name) as events:
+        views = [view_of(stage, frame) for frame in frames]
+        truths = [find_truth(stage, frame, request.truth_tolerance, events) for frame in frames]
     if not any(truth.on_volume.any() for truth in truths):
         raise nothing_visible_error(len(truths))
     measurements: list[Measurement] = []
@@ -144,16 +141,15 @@ def _measurements(
 ) -> Iterator[Measurement]:
     """Measure the settings of hsplat, then those of the peer."""
     sweep = request.sweep
-    plan = plan_sweep(
-        request.scene, lambda scene: stage_at_any_tolerance(scene, volume), sweep.errors, sweep.splats, sweep.tolerances
-    )
-    work = [planned.predicted_seconds(len(truths), request.repeats) for planned in plan]
+    open_stage = partial(open_at_any_tolerance, volume=volume)
+    plan = plan_sweep(request.scene, open_stage, sweep.errors, sweep.splats, sweep.tolerances)
+    work = [each.predicted_seconds(len(truths), request.repeats) for settings in plan for each in settings]
     peer: Iterator[Measurement] = iter(())
     if request.peer:
-        background = request.scene.output.background
-        settings = vtk_settings()
-        work += [len(truths) * (1 + request.repeats) * _PEER_FRAME_S] * len(settings)
-        peer = measure_vtk(volume, transfer, views, truths, background, settings=settings, repeats=request.repeats)
+        background, repeats = request.scene.output.background, request.repeats
+        settings = vtk_peer.vtk_settings()
+        work += [len(truths) * (1 + repeats) * _PEER_FRAME_S] * len(settings)
+        peer = vtk_peer.measure_vtk(volume, transfer, views, truths, background, settings=settings, repeats=repeats)
     with reporter.progress(work, label="measuring", unit="settings") as bar:
         for measurement in chain(_measure_hsplat(request, plan, volume, truths), peer):
             yield measurement
@@ -161,31 +157,80 @@ def _measurements(
 
 
 def _measure_hsplat(
-    request: StudyRequest, plan: Sequence[PlannedSetting], volume: Volume, truths: Sequence[Truth]
+    request: StudyRequest, plan: Sequence[Sequence[PlannedSetting]], volume: Volume, truths: Sequence[Truth]
 ) -> Iterator[Measurement]:
-    """Measure the planned settings, with one pyramid at a time in memory; equal pictures are drawn once.
+    """Measure the settings, planned by pyramid, with one stage open at a time; equal pictures are drawn once.
 
     Each setting gets a new GL context: a software driver keeps the memory of its largest picture, which would count for
     all later settings.
     """
     memory = PeakMemory()
     measured: dict[Hashable, Measurement] = {}
-    stage: Stage | None = None
-    for planned in plan:
-        scene, key = planned.scene, planned.picture_key()
-        if stage is None or _pyramid_key(stage.scene) != _pyramid_key(scene):
-            stage = None
-            stage = stage_at_any_tolerance(scene, volume)
-        stage = replace(stage, scene=scene)
-        if key not in measured:
-            with open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer:
-                measured[key] = measure_setting(
-                    stage, truths, rasterizer, clock=time.perf_counter, memory=memory, repeats=request.repeats
+    for settings in plan:
+        with open_at_any_tolerance(settings[0].scene, volume) as stage:
+            for planned in settings:
+                scene, key = planned.scene, planned.picture_key()
+                if key not in measured:
+                    with open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer:
+                        measured[key] = measure_setting(
+                            replace(stage, scene=scene),
+                            truths,
+                            rasterizer,
+                            clock=time.perf_counter,
+                            memory=memory,
+                            repeats=request.repeats,
+                        )
+                setting = splat_setting(scene.error, scene.splat)
+                yield replace(measured[key], setting=setting, pyramid_seconds=stage.seconds["pyramid"])
+
+
+def scene_notes(scene: Scene, *, has_transparent_border: bool) -> list[str]:
+    """Return notes on differences between the scene and what is measured.
+
+    has_transparent_border: whether the volume has one, for VTK.
+    """
+    notes = []
+    if scene.error.goal is not None:
+        (schedule,) = schedule_to_dict(scene.error)
+        notes.append(
+            f"the scene asks for error.{schedule}, not for a tolerance; here each tolerance is measured by itself"
+        )
+    elif len(scene.error.tolerance) > 1:
+        notes.append("the scene changes its tolerance over the film; here each tolerance is measured by itself")
+    if scene.output.background is None:
+        notes.append("the scene's background is transparent; pictures are compared over black")
+    if has_transparent_border:
+        notes.append(
+            "the outermost layer of voxels was made transparent, because VTK's volumes end half a voxel earlier; "
+            "the truth, hsplat and VTK all draw this volume"
+        )
+        notes.append(
+            "VTK's frames have 8 bits, and hsplat's are compared before they are rounded to that; the rounding alone "
+            "limits a picture to about 59 dB where the volume is visible"
+        )
+    return notes
+
+
+def monotonicity_notes(measurements: Sequence[Measurement]) -> list[str]:
+    """Return a note for each series and metric that gets worse as the tolerance falls, with the largest setback."""
+    series: dict[str, list[Measurement]] = {}
+    for measurement in measurements:
+        if "tolerance" in measurement.setting.options:
+            series.setdefault(measurement.setting.series, []).append(measurement)
+    notes = []
+    for name, points in series.items():
+        points.sort(key=lambda point: -float(point.setting.options["tolerance"]))
+        for metric in METRICS.values():
+            if metric.name not in _MIN_SETBACK:
+                continue
+            values = [point.overall.everywhere[metric.name] for point in points]
+            worse = find_regressions(values, higher_is_better=metric.higher_is_better, least=_MIN_SETBACK[metric.name])
+            if worse:
+                at = max(worse, key=lambda i: abs(values[i] - values[i - 1]))
+                unit = f" {metric.unit}" if metric.unit else ""
+                times = "once" if len(worse) == 1 else f"{len(worse)} times, at most"
+                notes.append(
+                    f"{name}: {metric.label} gets worse as the tolerance falls, {times} from {values[at - 1]:.4g} to "
+                    f"{values[at]:.4g}{unit} between {points[at - 1].setting.label} and {points[at].setting.label}"
                 )
-        setting = splat_setting(scene.error, scene.splat)
-        yield replace(measured[key], setting=setting, pyramid_seconds=stage.seconds["pyramid"])
-
-
-def _pyramid_key(scene: Scene) -> Hashable:
-    """Return a key of the pyramid and bricks that a scene of this study uses."""
-    return scene.error.measure, scene.error.of, scene.splat.footprint == "integrated"
+    return notes

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 
-from hsplat_cli.films import nothing_visible_error, search_tolerance
-from hsplat_cli.scenes import read_volume_guarded
-from hsplat_cli.terminal import Reporter, counted
+from hsplat_cli.terminal import FilmEvents, Reporter
 from renderer.draw import open_rasterizer
 from renderer.errors import InputError
-from renderer.frame import Stage, prepare_stage
-from renderer.scene import MetricTarget, Scene
-from renderer.study import SSIM_WINDOW_PX, ToleranceSearchResult, require_measuring_packages, unreachable_accuracy_error
+from renderer.frame import Stage, open_stage
+from renderer.job import nothing_visible_error, search_tolerance, unreachable_accuracy_error
+from renderer.readers import read_volume
+from renderer.scene import MetricTarget, Scene, counted
+from renderer.study import SSIM_WINDOW_PX, ToleranceSearchResult, require_measuring_packages
 from renderer.system import num_cores
 from renderer.volume import Volume
 
 
-def stage_at_any_tolerance(scene: Scene, volume: Volume) -> Stage:
-    """Return the scene's stage for a volume in memory, at any tolerance."""
-    return prepare_stage(scene, clock=time.perf_counter, num_threads=num_cores(), volume=volume, any_tolerance=True)
+def open_at_any_tolerance(scene: Scene, volume: Volume) -> AbstractContextManager[Stage]:
+    """Prepare the scene's stage for a volume in memory, at any tolerance."""
+    return open_stage(scene, clock=time.perf_counter, num_threads=num_cores(), volume=volume, any_tolerance=True)
 
 
 def print_tolerance(
@@ -28,9 +29,12 @@ def print_tolerance(
     """Search, and print a line for the scene file. Raises RenderError if full resolution is not accurate enough."""
     _require_measurable(scene, want)
     reporter.announce_compilation()
-    with open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer:
-        stage = stage_at_any_tolerance(scene, read_volume_guarded(scene.volume))
-        found = search_tolerance(stage, numbers, want, truth_tolerance, rasterizer, reporter)
+    with (
+        open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer,
+        open_at_any_tolerance(scene, read_volume(scene.volume)) as stage,
+        FilmEvents(reporter, scene.splat.primitive_name) as events,
+    ):
+        found = search_tolerance(stage, numbers, want, truth_tolerance, rasterizer, events)
     if found.shows_nothing:
         raise nothing_visible_error(len(found.frames))
     if found.tolerance is None:

@@ -6,18 +6,17 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from hsplat_cli.reports import SERIES_COLORS, Chart
-from hsplat_cli.studies.paper.figure_renderer import FigureRenderer, transfer_of, with_splat
-from hsplat_cli.studies.paper.paper_figure import Claim, PaperFigure, new_plot, new_plots
-from hsplat_cli.terminal import counted
+from hsplat_cli.studies.paper.figure import Claim, FigureRenderer, FigureStage, PaperFigure, new_plot, new_plots
 from renderer.errors import InputError
 from renderer.film import Pixels
-from renderer.frame import Stage, view_of
-from renderer.scene import Scene
+from renderer.frame import view_of
+from renderer.scene import Scene, counted
 from renderer.splats import GouraudFootprint, make_footprint
 
 Float64 = npt.NDArray[np.float64]
@@ -49,6 +48,11 @@ class FootprintError:
     alphas: Float64
     picture: Pixels
 
+    @property
+    def caption(self) -> str:
+        """Return the name, with the number of triangles of a fan."""
+        return f"{self.name}, {self.num_triangles} triangles" if self.num_triangles else self.name
+
 
 def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
     """Return figure 1 for a scene of one splat."""
@@ -59,7 +63,7 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
         "One splat, drawn as a fan of Gouraud-shaded triangles around its centre, at several angular and radial "
         "subdivisions. The vertices have the opacities of a smooth profile; the hardware interpolates between them.",
         check_claims(drawn[:-1]),
-        {"The same splat": [(item.picture, _caption(item)) for item in drawn]},
+        {"The same splat": [(item.picture, item.caption) for item in drawn]},
         charts=(_profiles(drawn, smooth), _meshes(scene)),
         tables={
             "Error against the smooth profile, over all pixels": [
@@ -85,13 +89,13 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> tuple[list[Footpri
     Return the fans by number of triangles, and the Gaussian last; and the smooth profile, float64 [n, 2]: radius in
     standard deviations, alpha.
     """
-    stage = figure_renderer.stage(scene)
-    drawn = []
-    for angular, radial in SUBDIVISIONS:
-        fan = with_splat(stage, footprint="gouraud", angular=angular, radial=radial)
-        drawn.append(_measure_footprint(fan, f"fan {angular} x {radial}", angular * (2 * radial - 1), figure_renderer))
-    drawn.append(_measure_footprint(with_splat(stage, footprint="gaussian"), "Gaussian", 0, figure_renderer))
-    return drawn, np.column_stack(_smooth_profile(stage))
+    with figure_renderer.open_stage(scene) as stage:
+        drawn = []
+        for angular, radial in SUBDIVISIONS:
+            keys = {"footprint": "gouraud", "angular": angular, "radial": radial}
+            drawn.append(_measure_footprint(stage, f"fan {angular} x {radial}", angular * (2 * radial - 1), keys))
+        drawn.append(_measure_footprint(stage, "Gaussian", 0, {"footprint": "gaussian"}))
+        return drawn, np.column_stack(_smooth_profile(stage))
 
 
 def check_claims(fans: Sequence[FootprintError]) -> tuple[Claim, ...]:
@@ -115,57 +119,48 @@ def check_claims(fans: Sequence[FootprintError]) -> tuple[Claim, ...]:
     )
 
 
-def _smooth_profile(stage: Stage) -> tuple[Float64, Float64]:
+def _smooth_profile(stage: FigureStage) -> tuple[Float64, Float64]:
     """Return radius in standard deviations and alpha, float64 [n] each, of the profile that the triangles approximate.
 
     The profile's mass and second moment over the disc are the splat's, as in `renderer.splats.splats`.
     """
-    spec, volume = stage.scene.splat, stage.volume
     u = np.linspace(0, 1, 4001)
-    weight = np.interp(u, *np.array(spec.profile, np.float64).T)
+    weight = np.interp(u, *np.array(stage.base.scene.splat.profile, np.float64).T)
     mass = 2 * math.pi * np.trapezoid(weight * u, u)
     radius = math.sqrt(mass / (math.pi * np.trapezoid(weight * u**3, u)))  # in standard deviations
-    extinction = float(transfer_of(stage).classify(volume.values.reshape(-1)[:1])[1][0])
-    sigma = spec.sigma * np.cbrt(volume.voxel_volume)
-    depth = extinction * volume.voxel_volume / sigma**2 * weight / (mass * radius**2)
+    total = stage.extinction * stage.base.volume.voxel_volume
+    depth = total / _sigma(stage) ** 2 * weight / (mass * radius**2)
     return np.append(u * radius, math.inf), np.append(-np.expm1(-depth), 0.0)
 
 
-def _measure_footprint(stage: Stage, name: str, num_triangles: int, figure_renderer: FigureRenderer) -> FootprintError:
-    frame, view = figure_renderer.draw(stage), view_of(stage, 0)
-    if frame.num_splats != 1 or view.projection != "orthographic":
+def _sigma(stage: FigureStage) -> float:
+    """Return the standard deviation of the splat, in world units."""
+    return float(stage.base.scene.splat.sigma * np.cbrt(stage.base.volume.voxel_volume))
+
+
+def _measure_footprint(stage: FigureStage, name: str, num_triangles: int, keys: dict[str, Any]) -> FootprintError:
+    frame, view = stage.draw(**keys), view_of(stage.base, 0)
+    if frame.num_primitives != 1 or view.projection != "orthographic":
         raise InputError(
             "figure 1 needs one splat in parallel projection",
-            got=f"{counted(frame.num_splats, 'splat')}, {view.projection}",
+            got=f"{counted(frame.num_primitives, 'splat')}, {view.projection}",
             hint="give it a volume of 1 x 1 x 1 voxels",
         )
     width, height = view.size
-    sigma_px = stage.scene.splat.sigma * np.cbrt(stage.volume.voxel_volume) * view.scale_px
-    distance = (
-        np.hypot(*np.meshgrid(np.arange(width) + 0.5 - width / 2, np.arange(height) + 0.5 - height / 2)) / sigma_px
-    )
+    x, y = (np.arange(side) + 0.5 - side / 2 for side in view.size)
+    distance = np.hypot(*np.meshgrid(x, y)) / (_sigma(stage) * view.scale_px)
     radii, profile = _smooth_profile(stage)
     smooth, alpha = np.interp(distance, radii, profile), frame.radiance[..., 3].astype(np.float64)
+    deviation = float(np.abs(alpha - smooth).max() / profile[0])
     right = (height // 2, slice(width // 2, None))
-    return FootprintError(
-        name,
-        num_triangles,
-        float(np.abs(alpha - smooth).max() / profile[0]),
-        float(alpha.sum() / smooth.sum() - 1),
-        distance[right],
-        alpha[right],
-        frame.image,
-    )
-
-
-def _caption(item: FootprintError) -> str:
-    return f"{item.name}, {item.num_triangles} triangles" if item.num_triangles else item.name
+    error = float(alpha.sum() / smooth.sum() - 1)
+    return FootprintError(name, num_triangles, deviation, error, distance[right], alpha[right], frame.image)
 
 
 def _profiles(drawn: Sequence[FootprintError], smooth: Float64) -> Chart:
     plot, axes = new_plot("distance from the centre, standard deviations", "alpha")
     for color, fan in zip(SERIES_COLORS, (drawn[k] for k in SHOWN_FANS), strict=False):
-        axes.plot(fan.radii, fan.alphas, color=color, label=_caption(fan))
+        axes.plot(fan.radii, fan.alphas, color=color, label=fan.caption)
     axes.plot(drawn[-1].radii, drawn[-1].alphas, color=SERIES_COLORS[3], linestyle=":", label=drawn[-1].name)
     axes.plot(*smooth[:-1].T, color=SERIES_COLORS[7], linestyle="--", label="smooth profile")
     axes.legend()

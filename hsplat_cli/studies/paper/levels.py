@@ -6,17 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from hsplat_cli.studies.paper.figure_renderer import FigureRenderer, transfer_of, with_error, with_splat
-from hsplat_cli.studies.paper.paper_figure import Claim, PaperFigure, PictureRows
-from hsplat_cli.terminal import counted
+from hsplat_cli.studies.paper.figure import Claim, FigureRenderer, FigureStage, PaperFigure, PictureRows
 from renderer.errors import InputError
-from renderer.film import Pixels
-from renderer.frame import Stage, view_of
-from renderer.scene import Scene
-from renderer.study import over_background
+from renderer.frame import view_of
+from renderer.scene import Scene, counted
 from renderer.truth import integrate
+from renderer.volume import Bools
 
 # Pixels with at least this share of the largest optical depth are the inside of the volume.
 INSIDE_SHARE = 0.5
@@ -68,40 +64,61 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
 
 def measure(
     scene: Scene, figure_renderer: FigureRenderer
-) -> tuple[Sequence[LevelError], Sequence[LevelError], int, PictureRows]:
+) -> tuple[list[LevelError], list[LevelError], int, PictureRows]:
     """Draw each level with and without correction.
 
     Return the errors with and without, from level 0 to the root; the number of levels with MIN_CELLS cells or more
     along the shortest side, on which claims are checked; and the pictures.
     """
-    stage = figure_renderer.stage(scene)
-    values = stage.volume.values
-    if values.min() != values.max():
+    errors, rows = [], {}
+    with figure_renderer.open_stage(scene) as stage:
+        inside, volume, num_levels = _inside(stage), stage.base.volume, stage.base.pyramid.num_levels + 1
+        for title, is_corrected in (("With correction", True), ("Without correction", False)):
+            frames = stage.draw_levels(num_levels, opacity_correction=is_corrected)
+            pictures = [stage.rgb(frame)[inside] for frame in frames]
+            errors.append(
+                [
+                    LevelError(
+                        level,
+                        frame.num_cells,
+                        float(frame.radiance[..., 3][inside].mean(dtype=np.float64)),
+                        float(np.sqrt(np.mean((picture - pictures[0]) ** 2))),
+                        float(np.abs(picture - pictures[0]).max()),
+                    )
+                    for level, (frame, picture) in enumerate(zip(frames, pictures, strict=True))
+                ]
+            )
+            captions = [f"level {error.level}: {counted(error.num_cells, 'cell')}" for error in errors[-1]]
+            rows[title] = [(frame.image, caption) for frame, caption in zip(frames, captions, strict=True)]
+    num_judged = (min(volume.shape_xyz) // MIN_CELLS).bit_length()
+    return errors[0], errors[1], num_judged, rows
+
+
+def _inside(stage: FigureStage) -> Bools:
+    """Return the pixels of the inside. Raises InputError for a volume that is no visible block of one material."""
+    volume = stage.base.volume
+    if volume.values.min() != volume.values.max():
         raise InputError("figure 4 needs a volume of one material", hint="volume.procedural: {name: constant, ...}")
-    if min(stage.volume.shape_xyz) < MIN_SIDE_VOXELS:
+    if min(volume.shape_xyz) < MIN_SIDE_VOXELS:
         raise InputError(
             "figure 4 compares two levels or more, and this volume is too small for that",
-            got=" x ".join(map(str, stage.volume.shape_xyz)) + " voxels",
+            got=" x ".join(map(str, volume.shape_xyz)) + " voxels",
             expected=f"{MIN_SIDE_VOXELS} or more along every side",
         )
-    alpha = integrate(stage.volume, transfer_of(stage), view_of(stage, 0), step_voxels=1.0)[..., 3]
+    alpha = integrate(volume, stage.transfer, view_of(stage.base, 0), step_voxels=1.0)[..., 3]
     if not alpha.any():
         raise InputError(
             "figure 4 needs a visible volume",
             hint="raise the opacities of the transfer function, or point the camera at the volume",
         )
     optical_depth = -np.log1p(-np.minimum(alpha, 1 - 1e-12))
-    inside = optical_depth >= INSIDE_SHARE * optical_depth.max()
-    corrected, row = _draw_levels(with_splat(stage, opacity_correction=True), inside, figure_renderer)
-    uncorrected, row_without = _draw_levels(with_splat(stage, opacity_correction=False), inside, figure_renderer)
-    num_judged = (min(stage.volume.shape_xyz) // MIN_CELLS).bit_length()
-    rows = {"With correction": row, "Without correction": row_without}
-    return corrected, uncorrected, num_judged, rows
+    return np.asarray(optical_depth >= INSIDE_SHARE * optical_depth.max())
 
 
 def check_claims(corrected: Sequence[LevelError], uncorrected: Sequence[LevelError]) -> tuple[Claim, ...]:
     """Compare the errors with the paper's claims."""
-    off = [abs(distance.mean_alpha - corrected[0].mean_alpha) for distance in corrected]
+    off = max(abs(error.mean_alpha - corrected[0].mean_alpha) for error in corrected)
+    faded = [error.mean_alpha for error in uncorrected]
     coarsest, coarsest_without = corrected[-1], uncorrected[-1]
     times = coarsest_without.rmse / max(coarsest.rmse, 1e-12)
     return (
@@ -109,54 +126,31 @@ def check_claims(corrected: Sequence[LevelError], uncorrected: Sequence[LevelErr
             "With opacity correction a constant volume looks the same at every level of the pyramid.",
             f"the mean alpha of the inside agrees with that of level 0 within {AGREEMENT_TOLERANCE:g}, "
             f"at levels 0 to {coarsest.level}",
-            f"at most {max(off):.4f} off (level 0: {corrected[0].mean_alpha:.4f}); RGB differs by {coarsest.rmse:.4f} "
+            f"at most {off:.4f} off (level 0: {corrected[0].mean_alpha:.4f}); RGB differs by {coarsest.rmse:.4f} "
             f"(RMS) at level {coarsest.level}",
-            max(off) < AGREEMENT_TOLERANCE,
+            off < AGREEMENT_TOLERANCE,
         ),
         Claim(
             "Without it, the volume fades as the level rises.",
             f"the mean alpha of the inside falls from level to level, and level {coarsest.level} is at least "
             f"{MIN_ERROR_RATIO:g} times as far from level 0 as with correction",
-            f"mean alphas {', '.join(f'{distance.mean_alpha:.3f}' for distance in uncorrected)}; at level "
+            f"mean alphas {', '.join(f'{alpha:.3f}' for alpha in faded)}; at level "
             f"{coarsest.level} RGB differs by {coarsest_without.rmse:.4f} (RMS), {times:.1f} times as much as with "
             "correction",
-            bool(np.all(np.diff([distance.mean_alpha for distance in uncorrected]) < 0) and times >= MIN_ERROR_RATIO),
+            bool(np.all(np.diff(faded) < 0) and times >= MIN_ERROR_RATIO),
         ),
     )
 
 
-def _draw_levels(
-    stage: Stage, inside: npt.NDArray[np.bool_], figure_renderer: FigureRenderer
-) -> tuple[Sequence[LevelError], list[tuple[Pixels, str]]]:
-    background = stage.scene.output.background
-    first, distances, pictures = None, [], []
-    for level in range(stage.pyramid.num_levels + 1):
-        frame = figure_renderer.draw(with_error(stage, finest_level=level))
-        rgb = over_background(frame.radiance, background)
-        first = rgb if first is None else first
-        difference = np.abs(rgb - first)
-        distances.append(
-            LevelError(
-                level,
-                frame.num_cells,
-                float(frame.radiance[..., 3][inside].mean(dtype=np.float64)),
-                float(np.sqrt(np.mean(difference[inside] ** 2))),
-                float(difference[inside].max()),
-            )
-        )
-        pictures.append((frame.image, f"level {level}: {counted(frame.num_cells, 'cell')}"))
-    return tuple(distances), pictures
-
-
-def _table_lines(distances: Sequence[LevelError]) -> list[dict[str, str]]:
+def _table_lines(errors: Sequence[LevelError]) -> list[dict[str, str]]:
     return [
         {
-            "level": f"{distance.level}",
-            "cells": f"{distance.num_cells}",
-            "mean alpha inside": f"{distance.mean_alpha:.4f}",
-            "error against level 0": f"{distance.mean_alpha - distances[0].mean_alpha:+.4f}",
-            "RMSE inside": f"{distance.rmse:.4f}",
-            "largest inside": f"{distance.largest:.4f}",
+            "level": f"{error.level}",
+            "cells": f"{error.num_cells}",
+            "mean alpha inside": f"{error.mean_alpha:.4f}",
+            "error against level 0": f"{error.mean_alpha - errors[0].mean_alpha:+.4f}",
+            "RMSE inside": f"{error.rmse:.4f}",
+            "largest inside": f"{error.largest:.4f}",
         }
-        for distance in distances
+        for error in errors
     ]

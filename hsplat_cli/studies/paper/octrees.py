@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
-from hsplat_cli.studies.paper.figure_renderer import FigureRenderer, transfer_of, with_error
-from hsplat_cli.studies.paper.paper_figure import Claim, PaperFigure, PictureRows
-from hsplat_cli.terminal import counted
+from hsplat_cli.studies.paper.figure import Claim, FigureRenderer, FigureStage, PaperFigure, PictureRows
 from renderer.errors import InputError
-from renderer.frame import Stage, finest_level_at
+from renderer.frame import finest_level_at
 from renderer.pyramid import Cut, cut_pyramid
-from renderer.scene import Scene, format_value, schedule_to_dict
-from renderer.study import compute_metric, over_background
+from renderer.scene import Scene, counted, format_value, schedule_to_dict
+from renderer.study import compute_metric
 
 Float64 = npt.NDArray[np.float64]
 
@@ -66,7 +64,20 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
         "cells are single voxels; redder, then bluer cells are larger. Small cells have fainter lines.",
         check_claims(octrees),
         rows,
-        tables={"Cells by level": _table_lines(octrees)},
+        tables={
+            "Cells by level": [
+                {
+                    "tolerance": f"{octree.tolerance:g}",
+                    **{f"level {level}": f"{num}" for level, num in enumerate(octree.cells_by_level)},
+                    "all": f"{octree.num_cells}",
+                    "PSNR, dB": f"{octree.psnr_db:.2f}",
+                    "low variation": f"{octree.cells_low_variation:.2f}",
+                    "high variation": f"{octree.cells_high_variation:.1f}",
+                    "ratio": f"{octree.cell_ratio:.1f}",
+                }
+                for octree in octrees
+            ]
+        },
         notes=(
             f"Low and high variation: the first and last quarter of the visible blocks of {side} x {side} x {side} "
             "voxels, ordered by the standard deviation of their voxels' opacity.",
@@ -85,34 +96,32 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> tuple[list[Octree]
             expected="error.tolerance: a number above 0",
             hint="give the tolerance of its third octree of four, such as 1",
         )
-    stage = figure_renderer.stage(scene)
-    background = scene.output.background
-    truth = figure_renderer.truth(stage)
-    variation = _variation_of_blocks(stage)
-    visible = np.flatnonzero(variation >= 0)
-    if not visible.size:
-        raise InputError("figure 5 needs a visible volume", hint="raise the opacities of the transfer function")
-    blocks_by_variation = visible[np.argsort(variation.reshape(-1)[visible], kind="stable")]
-    quarter = max(1, len(blocks_by_variation) // 4)
     octrees, plain, overlaid = [], [], []
-    for factor in TOLERANCE_FACTORS:
-        tolerance = factor * base
-        drawn = with_error(stage, tolerance=((0, tolerance),))
-        without = figure_renderer.draw(replace(drawn, scene=replace(drawn.scene, overlay="none")))
-        with_lines = figure_renderer.draw(replace(drawn, scene=replace(drawn.scene, overlay="octree")))
-        cut = cut_pyramid(stage.pyramid, tolerance, finest_level=finest_level_at(drawn, tolerance))
-        cells_per_block = _cells_in_blocks(cut, variation.shape).reshape(-1)
-        octrees.append(
-            Octree(
+    with figure_renderer.open_stage(scene) as stage:
+        truth = stage.truth()
+        variation = _variation_of_blocks(stage)
+        visible = np.flatnonzero(variation >= 0)
+        if not visible.size:
+            raise InputError("figure 5 needs a visible volume", hint="raise the opacities of the transfer function")
+        blocks_by_variation = visible[np.argsort(variation.reshape(-1)[visible], kind="stable")]
+        quarter = max(1, len(blocks_by_variation) // 4)
+        for tolerance in (factor * base for factor in TOLERANCE_FACTORS):
+            plain_frame, overlaid_frame = (
+                stage.draw(tolerance=((0, tolerance),), overlay=overlay) for overlay in ("none", "octree")
+            )
+            finest_level = finest_level_at(stage.base, tolerance)
+            cut = cut_pyramid(stage.base.pyramid, tolerance, finest_level=finest_level)
+            cells_per_block = _cells_in_blocks(cut, variation.shape).reshape(-1)
+            octree = Octree(
                 tolerance,
-                tuple(np.bincount(cut.levels, minlength=stage.pyramid.num_levels + 1).tolist()),
-                compute_metric("psnr", over_background(without.radiance, background), truth),
+                tuple(np.bincount(cut.levels, minlength=stage.base.pyramid.num_levels + 1).tolist()),
+                compute_metric("psnr", stage.rgb(plain_frame), truth),
                 float(cells_per_block[blocks_by_variation[:quarter]].mean()),
                 float(cells_per_block[blocks_by_variation[-quarter:]].mean()),
             )
-        )
-        overlaid.append((with_lines.image, f"tolerance {tolerance:g}: {counted(len(cut), 'cell')}"))
-        plain.append((without.image, f"{octrees[-1].psnr_db:.1f} dB"))
+            octrees.append(octree)
+            overlaid.append((overlaid_frame.image, f"tolerance {tolerance:g}: {counted(len(cut), 'cell')}"))
+            plain.append((plain_frame.image, f"{octree.psnr_db:.1f} dB"))
     return octrees, {"The cells": overlaid, "The pictures, against the ray integral": plain}
 
 
@@ -138,9 +147,9 @@ def check_claims(octrees: Sequence[Octree]) -> tuple[Claim, ...]:
     )
 
 
-def _variation_of_blocks(stage: Stage) -> Float64:
+def _variation_of_blocks(stage: FigureStage) -> Float64:
     """Return float64 [z, y, x]: the standard deviation of each block's opacities, -1 where nothing is visible."""
-    volume, transfer, side = stage.volume, transfer_of(stage), 1 << BLOCK_LEVEL
+    volume, transfer, side = stage.base.volume, stage.transfer, 1 << BLOCK_LEVEL
     spacing = volume.finest_spacing
     shape = tuple(-(-num // side) for num in volume.values.shape)
     variation = np.full(shape, -1.0)
@@ -167,18 +176,3 @@ def _cells_in_blocks(cut: Cut, shape: tuple[int, ...]) -> Float64:
             covered = counts[tuple(slice(side * place, side * (place + 1)) for place in cell.tolist())]
             covered += 1 / covered.size
     return counts
-
-
-def _table_lines(octrees: Sequence[Octree]) -> list[dict[str, str]]:
-    return [
-        {
-            "tolerance": f"{octree.tolerance:g}",
-            **{f"level {level}": f"{num}" for level, num in enumerate(octree.cells_by_level)},
-            "all": f"{octree.num_cells}",
-            "PSNR, dB": f"{octree.psnr_db:.2f}",
-            "low variation": f"{octree.cells_low_variation:.2f}",
-            "high variation": f"{octree.cells_high_variation:.1f}",
-            "ratio": f"{octree.cell_ratio:.1f}",
-        }
-        for octree in octrees
-    ]

@@ -9,19 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hsplat_cli.reports import SERIES_COLORS, Chart
-from hsplat_cli.studies.paper.figure_renderer import (
-    SATURATED_ALPHA,
-    FigureRenderer,
-    transfer_of,
-    with_error,
-    with_splat,
-)
-from hsplat_cli.studies.paper.paper_figure import Claim, PaperFigure, PictureRows, new_plot
-from hsplat_cli.terminal import counted
+from hsplat_cli.studies.paper.figure import Claim, FigureRenderer, PaperFigure, PictureRows, new_plot
 from renderer.errors import InputError
 from renderer.film import Pixels
 from renderer.frame import Frame
-from renderer.scene import MAX_LEVEL, ProceduralSource, Scene
+from renderer.scene import MAX_LEVEL, ProceduralSource, Scene, counted
+
+# Above this alpha, float32 and the footprint's ripple hide the optical depth.
+SATURATED_ALPHA = 0.9999
 
 SIDES = (1, 2, 4, 8, 16, 32)
 # Share of an optical depth: ten times the error of float16 in the pyramid and float32 in the picture.
@@ -76,17 +71,15 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> SplatSeries:
     corrected, uncorrected, totals, opacity = [], [], [], 0.0
     for side in SIDES:
         cube = replace(source, shape=(side, side, side), spacing=(length / side, length / side, length / side))
-        stage = figure_renderer.stage(replace(scene, volume=replace(scene.volume, source=cube)))
-        extinction = float(transfer_of(stage).classify(stage.volume.values.reshape(-1)[:1])[1][0])
-        opacity = -math.expm1(-extinction * cube.spacing[0])
-        one = with_splat(with_error(stage, finest_level=MAX_LEVEL), opacity_correction=True)
-        splat = figure_renderer.draw(one)
-        if splat.num_splats != 1:
-            raise InputError(
-                "figure 3 needs a scene that is drawn as one splat", got=counted(splat.num_splats, "splat")
+        with figure_renderer.open_stage(replace(scene, volume=replace(scene.volume, source=cube))) as stage:
+            opacity = -math.expm1(-stage.extinction * cube.spacing[0])
+            splat, without = (
+                stage.draw(finest_level=MAX_LEVEL, opacity_correction=is_corrected) for is_corrected in (True, False)
             )
-        without = figure_renderer.draw(with_splat(one, opacity_correction=False))
-        voxels = figure_renderer.draw(with_error(one, finest_level=0, tolerance=((0, 0.0),)))
+            voxels = stage.draw(finest_level=0, tolerance=((0, 0.0),), opacity_correction=True)
+        if splat.num_primitives != 1:
+            got = counted(splat.num_primitives, "splat")
+            raise InputError("figure 3 needs a scene that is drawn as one splat", got=got)
         _require_depths((splat, without, voxels), side, opacity)
         corrected.append(_middle(splat))
         uncorrected.append(_middle(without))

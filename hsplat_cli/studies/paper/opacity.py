@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from hsplat_cli.reports import SERIES_COLORS, Chart
-from hsplat_cli.studies.paper.figure_renderer import SATURATED_ALPHA, FigureRenderer, with_error, with_splat
-from hsplat_cli.studies.paper.paper_figure import Claim, PaperFigure, PictureRows, new_plot
+from hsplat_cli.studies.paper.figure import Claim, FigureRenderer, FigureStage, PaperFigure, PictureRows, new_plot
+from hsplat_cli.studies.paper.one_splat import SATURATED_ALPHA
 from renderer.errors import InputError
 from renderer.film import Pixels
-from renderer.frame import Stage, view_of
+from renderer.frame import view_of
 from renderer.scene import ProceduralSource, Scene
 
 Float64 = npt.NDArray[np.float64]
@@ -36,27 +36,25 @@ class Slab:
     rows: pictures of the slab at SHOWN_OPACITY.
     """
 
-    opacities: tuple[float, ...]
     depth: int
     corrected: Float64
     uncorrected: Float64
     rows: PictureRows
 
     @property
-    def num_levels(self) -> int:
-        """Return the number of levels, from the voxels to cells as thick as the slab."""
-        return self.depth.bit_length()
+    def cells_in_depth(self) -> Float64:
+        """Return the number of cells in depth, from the voxels to the level as thick as the slab."""
+        return np.asarray(self.depth / 2.0 ** np.arange(self.depth.bit_length()))
 
     def expected(self, *, corrected: bool) -> Float64:
         """Return the closed form: `1 - (1 - a)^depth`, or `1 - (1 - a)^(cells in depth)` without correction."""
-        num_cells = self.depth / 2.0 ** np.arange(self.num_levels)
-        exponents = np.full(self.num_levels, self.depth) if corrected else num_cells
-        return np.asarray(-np.expm1(np.log1p(-np.array(self.opacities))[:, None] * exponents))
+        exponents = np.full_like(self.cells_in_depth, self.depth) if corrected else self.cells_in_depth
+        return np.asarray(-np.expm1(np.log1p(-np.array(OPACITIES))[:, None] * exponents))
 
     def cell_opacity(self, alphas: Float64) -> Float64:
         """Return the opacity of one cell of each level from the slab's alphas; NaN where alpha is saturated."""
         depths = -np.log1p(-np.where(alphas < SATURATED_ALPHA, alphas, np.nan))
-        return np.asarray(-np.expm1(-depths * 2.0 ** np.arange(self.num_levels) / self.depth))
+        return np.asarray(-np.expm1(-depths / self.cells_in_depth))
 
 
 def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
@@ -80,34 +78,29 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
 def measure(scene: Scene, figure_renderer: FigureRenderer) -> Slab:
     """Draw the slab with each opacity of its voxels and each level of its cells."""
     source, points = scene.volume.source, scene.transfer_function.mapping
-    is_slab = isinstance(source, ProceduralSource) and source.name == "constant" and _is_slab(source.shape)
-    if not (is_slab and isinstance(points, tuple)):
+    x, depth, z = source.shape if isinstance(source, ProceduralSource) and source.name == "constant" else (0, 0, 0)
+    if not isinstance(points, tuple) or depth == 0 or depth & (depth - 1) or min(x, z) < 4 * depth:
         raise InputError(
             "figure 2 needs a slab of one material",
             expected="volume.procedural: {name: constant, shape: [x, y, z]}, y a power of two, x and z at least 4 y, "
             "and transfer_function.points",
         )
-    assert isinstance(source, ProceduralSource)
-    depth = source.shape[1]
-    levels = range(depth.bit_length())
-    alphas = np.empty((2, len(OPACITIES), len(levels)))
-    rows: dict[str, list[tuple[Pixels, str]]] = {
-        f"Voxels of opacity {SHOWN_OPACITY:g}, {word} correction": [] for word in ("with", "without")
-    }
+    alphas = np.empty((2, len(OPACITIES), depth.bit_length()))
+    rows: dict[str, list[tuple[Pixels, str]]] = {}
     for i, opacity in enumerate(OPACITIES):
         mapping = tuple(replace(point, opacity=opacity) for point in points)
-        stage = figure_renderer.stage(
-            replace(scene, transfer_function=replace(scene.transfer_function, mapping=mapping))
-        )
-        middle = _middle(stage, depth)
-        for k, (row, is_corrected) in enumerate(zip(rows.values(), (True, False), strict=True)):
-            for level in levels:
-                drawn = with_splat(with_error(stage, finest_level=level), opacity_correction=is_corrected)
-                frame = figure_renderer.draw(drawn)
-                alphas[k, i, level] = frame.radiance[..., 3][middle].mean(dtype=np.float64)
+        one = replace(scene, transfer_function=replace(scene.transfer_function, mapping=mapping))
+        with figure_renderer.open_stage(one) as stage:
+            middle = _middle(stage, depth)
+            for k, word in enumerate(("with", "without")):
+                frames = stage.draw_levels(depth.bit_length(), opacity_correction=word == "with")
+                alphas[k, i] = [frame.radiance[..., 3][middle].mean(dtype=np.float64) for frame in frames]
                 if opacity == SHOWN_OPACITY:
-                    row.append((frame.image, f"level {level}: alpha {alphas[k, i, level]:.3f}"))
-    return Slab(OPACITIES, depth, alphas[0], alphas[1], rows)
+                    rows[f"Voxels of opacity {SHOWN_OPACITY:g}, {word} correction"] = [
+                        (frame.image, f"level {level}: alpha {alphas[k, i, level]:.3f}")
+                        for level, frame in enumerate(frames)
+                    ]
+    return Slab(depth, alphas[0], alphas[1], rows)
 
 
 def check_claims(slab: Slab) -> tuple[Claim, ...]:
@@ -127,27 +120,22 @@ def check_claims(slab: Slab) -> tuple[Claim, ...]:
         Claim(
             "Cells that keep the opacity of a voxel make coarse pictures too transparent.",
             f"alpha agrees with the closed form for too few voxels within {AGREEMENT_TOLERANCE:g}, and falls by more "
-            f"than {MIN_VISIBLE_LOSS:g} from level 0 to level {slab.num_levels - 1} at some opacity",
-            f"at most {off_without:.4f} off; at a = {slab.opacities[half]:g} alpha falls from "
+            f"than {MIN_VISIBLE_LOSS:g} from level 0 to level {len(slab.cells_in_depth) - 1} at some opacity",
+            f"at most {off_without:.4f} off; at a = {OPACITIES[half]:g} alpha falls from "
             f"{slab.uncorrected[half, 0]:.3f} to {slab.uncorrected[half, -1]:.3f}",
             bool(off_without < AGREEMENT_TOLERANCE and loss[half] > MIN_VISIBLE_LOSS),
         ),
     )
 
 
-def _is_slab(shape: tuple[int, int, int]) -> bool:
-    x, y, z = shape
-    return y & (y - 1) == 0 and min(x, z) >= 4 * y
-
-
-def _middle(stage: Stage, depth: int) -> tuple[slice, slice]:
+def _middle(stage: FigureStage, depth: int) -> tuple[slice, slice]:
     """Return rows and columns of the picture's middle, as wide as a cell of the last level.
 
     It holds whole periods of the ripple at every level, and no footprint of the border reaches it: a footprint ends 1.4
     cells from its centre. Raises InputError if voxels are too small in the picture, or the middle does not fit.
     """
-    view = view_of(stage, 0)
-    voxel_px = view.scale_px * stage.volume.finest_spacing
+    view = view_of(stage.base, 0)
+    voxel_px = view.scale_px * stage.base.volume.finest_spacing
     width, height = view.size
     half = round(depth * voxel_px / 2)
     if voxel_px < MIN_VOXEL_PX or half > min(width, height) // 2:
@@ -169,7 +157,7 @@ def _table_lines(slab: Slab, alphas: Float64, *, corrected: bool) -> list[dict[s
             **{f"level {level}": f"{alpha:.4f}" for level, alpha in enumerate(row)},
             "largest error against the closed form": f"{worst:.4f}",
         }
-        for opacity, row, worst in zip(slab.opacities, alphas, off, strict=True)
+        for opacity, row, worst in zip(OPACITIES, alphas, off, strict=True)
     ]
 
 
@@ -177,11 +165,11 @@ def _chart(slab: Slab) -> Chart:
     plot, axes = new_plot("opacity of a voxel", "opacity of a cell")
     fine = np.linspace(0, 0.999, 400)
     with_correction, without = slab.cell_opacity(slab.corrected), slab.cell_opacity(slab.uncorrected)
-    for level in range(slab.num_levels):
+    for level in range(len(slab.cells_in_depth)):
         color, count = SERIES_COLORS[level % len(SERIES_COLORS)], 2**level
         axes.plot(fine, -np.expm1(count * np.log1p(-fine)), color=color, linewidth=1)
-        axes.plot(slab.opacities, with_correction[:, level], "o", color=color, markersize=4, label=f"level {level}")
-        axes.plot(slab.opacities, without[:, level], "x", color=color, markersize=4)
+        axes.plot(OPACITIES, with_correction[:, level], "o", color=color, markersize=4, label=f"level {level}")
+        axes.plot(OPACITIES, without[:, level], "x", color=color, markersize=4)
     axes.legend()
     return Chart(
         plot,

@@ -6,14 +6,17 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hsplat_cli.studies.paper.figure_renderer import FigureRenderer, with_error
-from hsplat_cli.studies.paper.paper_figure import Claim, PaperFigure, PictureRows
-from hsplat_cli.terminal import counted
-from renderer.frame import Stage
-from renderer.scene import Scene
-from renderer.study import DIFFERENCE_GAIN, compute_metric, difference_picture, over_background
+from hsplat_cli.studies.paper.figure import Claim, FigureRenderer, FigureStage, PaperFigure, PictureRows
+from renderer.scene import Scene, counted
+from renderer.study import DIFFERENCE_GAIN, compute_metric, difference_picture
 
 INTERACTIVE_FRAME_S, REFINED_FRAME_S = 0.2, 5.0
+# Seconds of each picture.
+BUDGETS = {
+    "five times a second": INTERACTIVE_FRAME_S,
+    "in five seconds": REFINED_FRAME_S,
+    "full resolution": math.inf,
+}
 # The search aims a little below the budget, because no two frames take the same time.
 BUDGET_SHARE = 0.9
 # The search bisects the logarithm of the tolerance between these, down to 9 %.
@@ -31,21 +34,21 @@ INDISTINGUISHABLE_DB = 35.0
 class TimedFrame:
     """A frame with its times. tolerance: 0 at full resolution. seconds: median of a frame whose cut exists.
 
-    budget: seconds, None without one. cut_seconds: time to make the cut and its splats.
+    budget: seconds, infinite without one. cut_seconds: time to make the cut and its splats.
     """
 
     name: str
-    budget: float | None
+    budget: float
     tolerance: float
     seconds: float
     cut_seconds: float
-    num_splats: int
+    num_primitives: int
     psnr_db: float
 
     @property
     def is_within_budget(self) -> bool:
         """Return whether the frame takes no longer than its budget."""
-        return self.budget is None or self.seconds <= self.budget
+        return self.seconds <= self.budget
 
 
 def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
@@ -64,7 +67,19 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
         "Times are for one frame of a film: sort, draw and round to 8 bits; the cut is made once for all frames.",
         check_claims(drawings, psnr_to_full_db),
         rows,
-        tables={"The three frames": _table_lines(drawings)},
+        tables={
+            "The three frames": [
+                {
+                    "": drawing.name,
+                    "tolerance": f"{drawing.tolerance:g}",
+                    "splats": f"{drawing.num_primitives}",
+                    "frame, s": f"{drawing.seconds:.3f}",
+                    "cut, s": f"{drawing.cut_seconds:.3f}",
+                    "PSNR, dB": f"{drawing.psnr_db:.2f}",
+                }
+                for drawing in drawings
+            ]
+        },
         notes=tuple(notes),
     )
 
@@ -75,34 +90,28 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> tuple[list[TimedFr
     Return the frames drawn five times a second, in five seconds and at full resolution, the PSNR of the second against
     the third, infinite if they are equal, and the pictures.
     """
-    stage = figure_renderer.stage(scene)
-    background = scene.output.background
-    truth = figure_renderer.truth(stage)
-    full_seconds = _frame_seconds_at(stage, 0.0, figure_renderer, QUICK_REPETITIONS)
     drawings, rgb, pictures, differences = [], [], [], []
-    for name, budget in (
-        ("five times a second", INTERACTIVE_FRAME_S),
-        ("in five seconds", REFINED_FRAME_S),
-        ("full resolution", None),
-    ):
-        if budget is None or full_seconds <= budget:
+    with figure_renderer.open_stage(scene) as stage:
+        truth = stage.truth()
+        full_seconds = stage.median_seconds(QUICK_REPETITIONS, tolerance=((0, 0.0),))
+        for name, budget in BUDGETS.items():
             tolerance, seconds = 0.0, full_seconds
-        else:
-            tolerance, seconds = _finest_tolerance_within(stage, budget, figure_renderer)
-        frame = figure_renderer.draw(with_error(stage, tolerance=((0, tolerance),)))
-        rgb.append(over_background(frame.radiance, background))
-        drawing = TimedFrame(
-            name,
-            budget,
-            tolerance,
-            seconds,
-            frame.seconds["cut"] + frame.seconds["splats"],
-            frame.num_splats,
-            compute_metric("psnr", rgb[-1], truth),
-        )
-        drawings.append(drawing)
-        pictures.append((frame.image, f"{name}: {drawing.seconds:.2f} s, {drawing.psnr_db:.1f} dB"))
-        differences.append((difference_picture(rgb[-1], truth), name))
+            if full_seconds > budget:
+                tolerance, seconds = _finest_tolerance_within(stage, budget)
+            frame = stage.draw(tolerance=((0, tolerance),))
+            rgb.append(stage.rgb(frame))
+            drawing = TimedFrame(
+                name,
+                budget,
+                tolerance,
+                seconds,
+                frame.seconds["cut"] + frame.seconds["primitives"],
+                frame.num_primitives,
+                compute_metric("psnr", rgb[-1], truth),
+            )
+            drawings.append(drawing)
+            pictures.append((frame.image, f"{name}: {drawing.seconds:.2f} s, {drawing.psnr_db:.1f} dB"))
+            differences.append((difference_picture(rgb[-1], truth), name))
     rows = {
         "The pictures": pictures,
         f"Their differences from the ray integral, times {DIFFERENCE_GAIN:g}": differences,
@@ -119,7 +128,7 @@ def check_claims(drawings: Sequence[TimedFrame], psnr_to_full_db: float) -> tupl
             "A picture that is good enough for interaction can be drawn several times a second.",
             f"a frame takes {INTERACTIVE_FRAME_S:g} s or less in the median and has {USEFUL_DB:g} dB or more against "
             "the ray integral",
-            f"{quick.seconds:.3f} s, {quick.psnr_db:.1f} dB with {counted(quick.num_splats, 'splat')}",
+            f"{quick.seconds:.3f} s, {quick.psnr_db:.1f} dB with {counted(quick.num_primitives, 'splat')}",
             quick.is_within_budget and quick.psnr_db >= USEFUL_DB,
         ),
         Claim(
@@ -139,37 +148,19 @@ def check_claims(drawings: Sequence[TimedFrame], psnr_to_full_db: float) -> tupl
     )
 
 
-def _finest_tolerance_within(stage: Stage, budget: float, figure_renderer: FigureRenderer) -> tuple[float, float]:
+def _finest_tolerance_within(stage: FigureStage, budget: float) -> tuple[float, float]:
     """Return the smallest tolerance found within the budget and its seconds, or a coarse tolerance above it."""
     finest, coarsest = math.log(FINEST), math.log(COARSEST)
     for _ in range(NUM_HALVINGS):
         middle = (finest + coarsest) / 2
-        if _frame_seconds_at(stage, math.exp(middle), figure_renderer, QUICK_REPETITIONS) <= BUDGET_SHARE * budget:
+        if stage.median_seconds(QUICK_REPETITIONS, tolerance=((0, math.exp(middle)),)) <= BUDGET_SHARE * budget:
             coarsest = middle
         else:
             finest = middle
     tolerance, seconds = 0.0, math.inf
     for k in range(MAX_TRIES):
         tolerance = float(f"{math.exp(coarsest) * COARSENING_FACTOR**k:.3g}")
-        seconds = _frame_seconds_at(stage, tolerance, figure_renderer, REPETITIONS)
+        seconds = stage.median_seconds(REPETITIONS, tolerance=((0, tolerance),))
         if seconds <= budget:
             break
     return tolerance, seconds
-
-
-def _frame_seconds_at(stage: Stage, tolerance: float, figure_renderer: FigureRenderer, repetitions: int) -> float:
-    return figure_renderer.frame_seconds(with_error(stage, tolerance=((0, tolerance),)), repetitions=repetitions)
-
-
-def _table_lines(drawings: Sequence[TimedFrame]) -> list[dict[str, str]]:
-    return [
-        {
-            "": drawing.name,
-            "tolerance": f"{drawing.tolerance:g}",
-            "splats": f"{drawing.num_splats}",
-            "frame, s": f"{drawing.seconds:.3f}",
-            "cut, s": f"{drawing.cut_seconds:.3f}",
-            "PSNR, dB": f"{drawing.psnr_db:.2f}",
-        }
-        for drawing in drawings
-    ]

@@ -23,22 +23,10 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.errors import InputError, RenderError, require_package
 from renderer.scene import Color, Scene
-from renderer.study import (
-    Accuracy,
-    FloatImage,
-    FrameMeasurement,
-    Measurement,
-    Setting,
-    Truth,
-    difference_thumbnail,
-    measure_accuracy,
-    pool_accuracies,
-    thumbnail,
-)
+from renderer.study import FirstPass, FloatImage, Measurement, Setting, Truth
 from renderer.system import join_lines
 from renderer.transfer import TransferFunction
 from renderer.view import View
@@ -95,7 +83,7 @@ def check_vtk(scene: Scene) -> None:
 
 
 def describe_vtk() -> dict[str, str]:
-    """Return VTK's `version` and `driver`. Raises RenderError if it fails to start, dies or hangs."""
+    """Return VTK's `version` and `device`. Raises RenderError if it fails to start, dies or hangs."""
     with _start_worker() as worker:
         return worker.description()
 
@@ -161,8 +149,12 @@ def measure_vtk(
     voxels, lowest, half_span = _convert_voxels(volume.values)
     points = _points(transfer, volume.finest_spacing)
     points[:, 0] = (points[:, 0] / 2 - lowest / 2) / half_span
+    finest, world_from_image = volume.finest_spacing, np.eye(4)  # of the image's axes, to the world of the job
+    world_from_image[:3, :3] = volume.world_from_index[:3, :3] / volume.spacing
+    world_from_image[:3, 3] = (volume.world_from_index[:3, 3] - volume.centre) / finest
     job = {
-        **_image_geometry(volume),
+        "spacing": (volume.spacing / finest).tolist(),
+        "world_from_image": world_from_image.tolist(),
         "shape": voxels.shape,
         "dtype": voxels.dtype,
         "points": points.tolist(),
@@ -174,28 +166,13 @@ def measure_vtk(
         worker.send_scene(job, voxels)
         del voxels
         for setting in settings:
-            accuracies: list[Accuracy] = []
-            small: list[npt.NDArray[np.uint8]] = []
-            for k, truth in enumerate(truths):
-                picture, _ = worker.draw(setting, k)
-                accuracies.append(measure_accuracy(picture, truth.picture, truth.on_volume))
-                small = small or [thumbnail(picture), difference_thumbnail(picture, truth.picture)]
+            judged = FirstPass(truths)
+            for k in range(len(truths)):
+                judged.add(worker.draw(setting, k)[0])
             passes = [[worker.draw(setting, k)[1] for k in range(len(truths))] for _ in range(repeats)]
-            times = zip(*passes, strict=True)
-            yield Measurement(
-                setting=setting,
-                num_cells=None,
-                pyramid_seconds=None,
-                seconds={},
-                frames=tuple(
-                    FrameMeasurement(truth.frame, None, {"draw": seconds}, accuracy)
-                    for truth, seconds, accuracy in zip(truths, times, accuracies, strict=True)
-                ),
-                overall=pool_accuracies(accuracies),
-                peak_bytes=None,
-                picture=small[0],
-                difference=small[1],
-            )
+            times = [{"draw": seconds} for seconds in zip(*passes, strict=True)]
+            absent: dict[str, Any] = {"num_cells": None, "pyramid_seconds": None, "seconds": {}, "peak_bytes": None}
+            yield judged.measurement([None] * len(truths), times, setting=setting, **absent)
 
 
 def _convert_voxels(values: Array) -> tuple[Array, float, float]:
@@ -227,15 +204,6 @@ def _points(transfer: TransferFunction, unit: float) -> Float64:
     columns = [np.interp(at, np.arange(len(values)), column) for column in (values, *transfer.colors.T, depth)]
     columns[4] = -np.expm1(-columns[4])
     return np.column_stack(columns)
-
-
-def _image_geometry(volume: Volume) -> dict[str, Any]:
-    """Return the spacing along the image's axes, and the matrix [4][4] from there to the world of the job."""
-    finest = volume.finest_spacing
-    world_from_image = np.eye(4)
-    world_from_image[:3, :3] = volume.world_from_index[:3, :3] / volume.spacing
-    world_from_image[:3, 3] = (volume.world_from_index[:3, 3] - volume.centre) / finest
-    return {"spacing": (volume.spacing / finest).tolist(), "world_from_image": world_from_image.tolist()}
 
 
 def _camera(volume: Volume, view: View) -> dict[str, Any]:
@@ -291,7 +259,7 @@ class _Worker:
     output: IO[bytes]
 
     def description(self) -> dict[str, str]:
-        """Wait until the process has started, and return VTK's `version` and `driver`."""
+        """Wait until the process has started, and return VTK's `version` and `device`."""
         description: dict[str, str] = self._answer("VTK does not start", "--peer vtk", _START_TIMEOUT_S)
         return description
 

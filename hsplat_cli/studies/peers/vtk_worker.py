@@ -52,7 +52,7 @@ def main(connection: Connection[Any, Any]) -> None:
             if window is not None:
                 window.Finalize()  # frees its memory on the device
             current = setting
-            window, renderer = _make_window(job, _make_volume(job, volume_property, _make_mapper(setting, image)))
+            window, renderer = _make_window(job, volume_property, _make_mapper(setting, image))
         _set_camera(window, renderer, job["cameras"][camera])
         connection.send(_draw(window, renderer))
 
@@ -64,7 +64,7 @@ def describe() -> dict[str, str]:
     window.Render()
     lines = [line.partition("OpenGL renderer string:")[2].strip() for line in window.ReportCapabilities().splitlines()]
     window.Finalize()
-    return {"version": vtkVersion.GetVTKVersion(), "driver": "".join(lines) or "unknown"}
+    return {"version": vtkVersion.GetVTKVersion(), "device": "".join(lines) or "unknown"}
 
 
 def _make_image(voxels: npt.NDArray[Any], spacing: list[float]) -> Any:
@@ -104,17 +104,13 @@ def _make_mapper(setting: Json, image: Any) -> Any:
     return mapper
 
 
-def _make_volume(job: Json, volume_property: Any, mapper: Any) -> Any:
+def _make_window(job: Json, volume_property: Any, mapper: Any) -> tuple[Any, Any]:
     world_from_image = vtkMatrix4x4()
     world_from_image.DeepCopy([number for row in job["world_from_image"] for number in row])
     volume = vtkVolume()
     volume.SetMapper(mapper)
     volume.SetProperty(volume_property)
     volume.SetUserMatrix(world_from_image)
-    return volume
-
-
-def _make_window(job: Json, volume: Any) -> tuple[Any, Any]:
     renderer = vtkRenderer()
     renderer.AddVolume(volume)
     renderer.SetBackground(job["background"])

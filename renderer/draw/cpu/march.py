@@ -1,4 +1,4 @@
-"""March rays through bricks, compiled: a pixel grid, tile by tile, brick by brick, NUM_LANES pixels in step.
+"""March rays through bricks, compiled: a pixel grid, tile by tile, brick by brick, `num_lanes()` pixels in step.
 
     rays of a tile -> their spans inside a brick, sorted by numbers of samples -> marched in step
     -> composited under the pixels of the tile
@@ -15,11 +15,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.bricks import DITHER, HALO, JITTER_PER_PX, PADDED_BRICK_SIZE
 from renderer.compiled import (
-    NUM_LANES,
     any_of,
     append,
     append_rows,
@@ -29,6 +27,7 @@ from renderer.compiled import (
     lane_numbers,
     load,
     load_rows,
+    num_lanes,
     prefetch,
     store,
     store_rows,
@@ -40,7 +39,6 @@ from renderer.compiled import (
 from renderer.draw.constants import MAX_SAMPLE_CELL, MAX_SAMPLES, MIN_SAMPLE_CELL
 from renderer.draw.cpu.sample import (
     Field,
-    Float32,
     Optics,
     Table,
     cell_at,
@@ -52,11 +50,8 @@ from renderer.draw.cpu.sample import (
     sample_scalar,
 )
 from renderer.view import RaySetup
+from renderer.volume import Bools, Float32, Float64, Int32, Int64
 
-Float64 = npt.NDArray[np.float64]
-Int32 = npt.NDArray[np.int32]
-Int64 = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
 Vector = tuple[float, float, float]
 Window = tuple[int, int, int, int]  # left, top, right and bottom, half-open
 
@@ -80,7 +75,7 @@ _1: np.float32 = np.float32(1.0)
 
 
 class TileBins(NamedTuple):
-    """The bricks over each tile: those of tile k are `numbers[starts[k] : starts[k + 1]]`, front to back.
+    """A list of the bricks over each tile: those of tile k are `numbers[starts[k] : starts[k + 1]]`, front to back.
 
     side: of a tile, in pixels of the grid. rectangles: int64 [n, 4], left, top, right and bottom of each brick,
     half-open, in pixels of the grid and inside it. starts: int64 [tiles + 1]. numbers: int64.
@@ -106,7 +101,7 @@ class _Brick(NamedTuple):
 
 
 class _Tile(NamedTuple):
-    """The rays of a tile's pixels, row by row; rows are `side` pixels apart.
+    """A tile: the rays of its pixels, row by row; rows are `side` pixels apart.
 
     room: pixels of a tile, and those that are loaded behind the last one.
     rays: float64 [_RAY_FLOATS * room], one number of all rays after the other. alphas: float32 [room], what is before
@@ -121,7 +116,7 @@ class _Tile(NamedTuple):
 
 
 class _Spans(NamedTuple):
-    """The parts of rays inside a brick. rows: float32 [room * _SPAN_FLOATS]. pixels: int32 [room], of the tile.
+    """A list of the parts of rays inside a brick. rows: float32 [room * _SPAN_FLOATS]. pixels: int32 [room].
 
     order: int32 [room], the numbers of spans, those with few samples first. starts: int64, for sorting.
     """
@@ -183,13 +178,13 @@ def draw_tiles(
     num_rows, num_columns = is_drawn.shape
     side, rectangles, starts, numbers = bins.side, bins.rectangles, bins.starts, bins.numbers
     tiles_in_row = -(-num_columns // side)
-    room = side * side + max(NUM_LANES, _CLIPPED)
+    room = side * side + max(num_lanes(), _CLIPPED)
     tile = _Tile(side, room, np.zeros(_RAY_FLOATS * room), np.empty(room, np.float32), np.empty(room, np.int64))
     spans = _Spans(
         np.zeros(_SPAN_FLOATS * room, np.float32), np.empty(room, np.int32), np.zeros(room, np.int32),
         np.empty(MAX_SAMPLES + 1, np.int64),
     )  # fmt: skip
-    colors, pixels = np.empty(4 * NUM_LANES, np.float32), image.reshape(-1)
+    colors, pixels = np.empty(4 * num_lanes(), np.float32), image.reshape(-1)
     scalar_address, mean_address = field.scalars.ctypes.data, field.means.ctypes.data
     for tile_number in tiles:
         top, left = tile_number // tiles_in_row * side, tile_number % tiles_in_row * side
@@ -381,7 +376,7 @@ def _clamp_to_brick(position: Any) -> Any:
 def _sort(spans: _Spans, num: int) -> None:
     """Sort spans by their numbers of samples, so that those that are marched in step end together."""
     rows, order, starts = spans.rows, spans.order, spans.starts
-    if num <= NUM_LANES:
+    if num <= num_lanes():
         for k in range(num):
             order[k] = k
         return
@@ -407,15 +402,15 @@ def _march(
     """Composite the samples of spans under the pixels of a tile; rays end behind `termination_alpha`.
 
     texels: of the brick, and what follows. table: None if the texels are means, which need no classification; numba
-    compiles the two cases separately. colors: float32 [4 * NUM_LANES], overwritten. pixels: of the image.
+    compiles the two cases separately. colors: float32 [4 * num_lanes()], overwritten. pixels: of the image.
     """
-    for first in range(0, num, NUM_LANES):
-        order = load(spans.order, first, NUM_LANES)
+    for first in range(0, num, num_lanes()):
+        order = load(spans.order, first, num_lanes())
         x, y, z, step_x, step_y, step_z, length, last = load_rows(
             spans.rows, order * np.int32(_SPAN_FLOATS), _SPAN_FLOATS
         )
         red = green = blue = alpha = _0
-        alive = lane_numbers(NUM_LANES) < np.int32(num - first)
+        alive = lane_numbers(num_lanes()) < np.int32(num - first)
         number = _0
         while True:
             active = alive & (last >= number)
@@ -443,7 +438,7 @@ def _march(
             red, green, blue = fma(weight, r, red), fma(weight, g, green), fma(weight, b, blue)
             alive &= alpha <= optics.termination_alpha
         store_rows(colors, (red, green, blue, alpha))
-        _composite_under(colors, spans, first, min(NUM_LANES, num - first), tile, pixels)
+        _composite_under(colors, spans, first, min(num_lanes(), num - first), tile, pixels)
 
 
 @inline

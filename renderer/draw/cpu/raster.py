@@ -14,19 +14,18 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch
-from renderer.draw.brick_cache import Atlas, BrickCache, BrickView, Int64, max_slots_in_memory
+from renderer.draw.brick_cache import Atlas, BrickCache, BrickView, max_slots_in_memory
 from renderer.draw.constants import RECTANGLE_ROUNDING_PX
-from renderer.draw.cpu.march import Float64, TileBins, bin_bricks, draw_tiles
-from renderer.draw.cpu.sample import Field, Float32, Optics, make_table
-from renderer.draw.overlay import CellEdges
+from renderer.draw.cpu.march import TileBins, bin_bricks, draw_tiles
+from renderer.draw.cpu.sample import Field, Optics, make_table
 from renderer.draw.subsampling import grid_size, refine_grid, upsample
 from renderer.scene import ShadingSpec
 from renderer.splats import SplatBatch
 from renderer.transfer import toward_light
 from renderer.view import View
+from renderer.volume import Bools, Float32, Float64, Int64, UInt32
 
 CPU_RENDERER_NAME = "no OpenGL: drawn on the processor"
 
@@ -38,7 +37,7 @@ _TASKS_PER_THREAD = 4
 
 
 class CPUAtlas(Atlas):
-    """Bricks in memory, one after the other. texels: float32 [slots * PADDED_BRICK_SIZE^3 * num_channels].
+    """An atlas in memory, brick after brick. texels: float32 [slots * PADDED_BRICK_SIZE^3 * num_channels].
 
     is_planar: a brick stores one channel after the other, and not one texel after the other. Scalars are read more
     often than their gradients.
@@ -74,16 +73,16 @@ class CPUAtlas(Atlas):
         self.texels.reshape(-1, self._brick_floats)[slots] = texels.reshape(len(slots), -1)
 
 
-class CPURasterizer(BrickCache[CPUAtlas]):
+class CPURasterizer:
     """A rasteriser of bricks, for scenes that do not need OpenGL (`Scene.needs_opengl`); used like a GLRasterizer.
 
     The images do not depend on the number of threads. Use as a context manager, or call `release`.
     """
 
-    renderer_name = CPU_RENDERER_NAME
+    device = CPU_RENDERER_NAME
 
     def __init__(self, *, num_threads: int = 2) -> None:
-        super().__init__(partial(CPUAtlas, is_planar=True), CPUAtlas, num_threads)
+        self.cache = BrickCache(partial(CPUAtlas, is_planar=True), CPUAtlas, num_threads)
 
     def __enter__(self) -> CPURasterizer:
         return self
@@ -91,30 +90,35 @@ class CPURasterizer(BrickCache[CPUAtlas]):
     def __exit__(self, *_: object) -> None:
         self.release()
 
-    def rasterize(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Float32:
+    def release(self) -> None:
+        """Free the bricks, and end the threads."""
+        self.cache.release()
+
+    def upload(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> bool:
+        """Upload the bricks `batch[order]`, and return whether any of them was missing."""
+        return self.cache.upload(batch, order, view)
+
+    def rasterize(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> Float32:
         """Composite `batch[order]`, front to back: float32 [height, width, 4], premultiplied RGBA over nothing."""
         assert isinstance(batch, BrickBatch)
-        brick_view = self._begin_frame(batch, order, view)
+        brick_view = self.cache.begin_frame(batch, order, view)
         sampling = batch.screen_sampling
         columns, rows = grid_size(view.size, sampling.strides[0])
         image, is_drawn = np.zeros((rows, columns, 4), np.float32), np.ones((rows, columns), np.bool_)
         self._draw_bricks(brick_view, sampling.strides[0], is_drawn, image)
         for coarse, stride in pairwise(sampling.strides):
             image, is_drawn = refine_grid(
-                image, coarse // stride, sampling.difference_threshold, grid_size(view.size, stride), self._threads
+                image, coarse // stride, sampling.difference_threshold, grid_size(view.size, stride), self.cache.threads
             )
             self._draw_bricks(brick_view, stride, is_drawn, image)
-        return image if sampling.strides[-1] == 1 else upsample(image, sampling.strides[-1], view.size, self._threads)
+        stride = sampling.strides[-1]
+        return image if stride == 1 else upsample(image, stride, view.size, self.cache.threads)
 
-    def rasterize_edges(self, edges: CellEdges, view: View) -> Float32:
-        """Raise AssertionError: the scenes that this rasteriser draws have no lines."""
-        raise AssertionError("lines need OpenGL")
-
-    def _draw_bricks(self, brick_view: BrickView, stride: int, is_drawn: npt.NDArray[np.bool_], image: Float32) -> None:
+    def _draw_bricks(self, brick_view: BrickView, stride: int, is_drawn: Bools, image: Float32) -> None:
         """Composite groups of bricks that have slots at once under the image, front to back."""
         num = len(brick_view.order)
         texel_offsets = np.empty(num, np.int64)
-        for group, uploaded in self._upload_groups(brick_view, num):
+        for group, uploaded in self.cache.upload_groups(brick_view, num):
             for atlas, numbers, slots in uploaded:
                 texel_offsets[numbers] = atlas.texel_offsets(slots)
             bins = _bin_bricks(brick_view.rectangles_px[group], stride, (is_drawn.shape[1], is_drawn.shape[0]))
@@ -123,8 +127,8 @@ class CPURasterizer(BrickCache[CPUAtlas]):
                 draw_tiles, bins, stride, brick_view.rays, *bricks, self._field(brick_view.batch), is_drawn, image
             )
             tiles = np.flatnonzero(bins.starts[1:] > bins.starts[:-1])
-            num_tasks = min(len(tiles), _TASKS_PER_THREAD * self._threads.num) if self._threads.num > 1 else 1
-            self._threads.map(draw, np.array_split(tiles, max(1, num_tasks)))
+            num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.cache.threads.num) if self.cache.threads.num > 1 else 1
+            self.cache.threads.map(draw, np.array_split(tiles, max(1, num_tasks)))
 
     def _field(self, batch: BrickBatch) -> Field:
         shading = batch.shading or ShadingSpec()
@@ -135,7 +139,7 @@ class CPURasterizer(BrickCache[CPUAtlas]):
             batch.shading is not None,
             (x, y, z, np.float32(shading.ambient), np.float32(shading.diffuse)),
         )
-        scalars, means = self._atlases
+        scalars, means = self.cache.atlases
         return Field(scalars.texels, means.texels, make_table(batch.bricks.pieces), optics)
 
 

@@ -1,6 +1,6 @@
 """Sample the field of a brick and classify the samples, compiled: in each lane a sample of its own.
 
-The functions are short, and the compiler inlines them. Arrays are their arguments: `renderer.draw.cpu.march` says why.
+The functions are short, and the compiler inlines them.
 """
 
 from __future__ import annotations
@@ -9,11 +9,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.compiled import (
-    NUM_LANES,
     any_of,
     bits_to_float32,
     broadcast,
@@ -23,16 +21,15 @@ from renderer.compiled import (
     load,
     load_corners,
     load_rows,
+    num_lanes,
     permute,
     to_float32,
     to_int32,
     where,
 )
 from renderer.draw.constants import OPACITY_SERIES
-from renderer.transfer import GUIDE_SIZE, PiecewiseTransfer, lambert_factor
-
-Float32 = npt.NDArray[np.float32]
-Int32 = npt.NDArray[np.int32]
+from renderer.transfer import GUIDE_SIZE, PIECE_FLOATS, PiecewiseTransfer, lambert_factor
+from renderer.volume import Float32, Int32
 
 TEXELS_PER_BRICK = PADDED_BRICK_SIZE**3
 
@@ -46,12 +43,10 @@ _HALF: np.float32 = np.float32(0.5)
 _LOG2_E, _LN_2, _MAX_DEPTH = np.float32(1 / math.log(2)), np.float32(math.log(2)), np.float32(40.0)
 _EXPONENT_BIAS, _EXPONENT_SHIFT = np.int32(127), np.int32(23)  # of float32
 _A, _B, _C, _D = (np.float32(coefficient) for coefficient in OPACITY_SERIES)
-# The floats of a piece of the transfer function in a Table.
-_PIECE_FLOATS = 12
 
 
 class Optics(NamedTuple):
-    """Parameters that all samples of a picture share.
+    """A set of parameters that all samples of a picture share.
 
     termination_alpha, spacings_per_model_unit: as in ScreenSampling and BrickBatch.
     light: unit vector to the light (x, y, z), ambient and diffuse; used if `is_lit`.
@@ -64,12 +59,11 @@ class Optics(NamedTuple):
 
 
 class Table(NamedTuple):
-    """The transfer function as lanes read it.
+    """A transfer function as lanes read it.
 
-    columns: float32 [10, NUM_LANES], the pieces in the order of `PiecewiseTransfer.rows`, if there are so few that a
-        vector holds a column; else [10, 0].
-    rows: float32 [pieces * _PIECE_FLOATS], of each piece its end, its origin, the extinction there and its slope,
-        (r, g, b, 0) there, and their slopes. guide: as in PiecewiseTransfer.
+    rows: float32 [pieces * PIECE_FLOATS], and guide: as in PiecewiseTransfer.
+    columns: float32 [PIECE_FLOATS, num_lanes()], the same pieces, if they are so few that a vector holds a column;
+        else [PIECE_FLOATS, 0].
     num_pieces: their number. lowest_visible: below this scalar nothing is visible.
     """
 
@@ -81,7 +75,7 @@ class Table(NamedTuple):
 
 
 class Field(NamedTuple):
-    """The texels of all bricks, with the table that classifies them.
+    """A field to sample: the texels of all bricks, and the table that classifies them.
 
     scalars: float32, of each brick [PADDED_BRICK_SIZE^3]; with shading [4, PADDED_BRICK_SIZE^3], with the gradient.
     means: float32, of each brick [PADDED_BRICK_SIZE^3, 4].
@@ -95,13 +89,11 @@ class Field(NamedTuple):
 
 def make_table(transfer: PiecewiseTransfer) -> Table:
     """Return the table of a transfer function."""
-    end, origin, r, g, b, tau, r_slope, g_slope, b_slope, tau_slope = transfer.rows.T
-    num, zero = len(end), np.zeros_like(end)
-    rows = np.column_stack([end, origin, tau, tau_slope, r, g, b, zero, r_slope, g_slope, b_slope, zero])
-    columns = np.zeros((10, NUM_LANES if num <= NUM_LANES else 0), np.float32)
-    if num <= NUM_LANES:
+    num = len(transfer.rows)
+    columns = np.zeros((PIECE_FLOATS, num_lanes() if num <= num_lanes() else 0), np.float32)
+    if num <= num_lanes():
         columns[:, :num] = transfer.rows.T
-    return Table(columns, rows.reshape(-1), transfer.guide, num, _lowest_visible(transfer))
+    return Table(columns, transfer.rows.reshape(-1), transfer.guide, num, _lowest_visible(transfer))
 
 
 def _lowest_visible(transfer: PiecewiseTransfer) -> np.float32:
@@ -112,7 +104,7 @@ def _lowest_visible(transfer: PiecewiseTransfer) -> np.float32:
     which the search starts has scalars below its origin.
     """
     first = transfer.guide[0]
-    tau, slope = transfer.rows[first:, 5], transfer.rows[first:, 9]
+    tau, slope = transfer.rows[first:, 2], transfer.rows[first:, 3]
     is_visible = (tau > 0) | (slope > 0)
     is_visible[0] |= slope[0] < 0
     starts = np.append(np.float32(-np.inf), transfer.rows[first:-1, 0])
@@ -128,33 +120,33 @@ def classify(table: Table, scalar: Any) -> Any:
 
 @inline
 def _classify_by_columns(table: Table, scalar: Any) -> Any:
-    """Look pieces up in registers, which takes 0.8 of a frame's time with `_classify_by_rows`."""
-    piece = broadcast(table.guide[0], NUM_LANES)
+    """Look pieces up in registers: a frame takes 0.8 of its time with `_classify_by_rows`."""
+    piece = broadcast(table.guide[0], num_lanes())
     for k in range(table.guide[0], table.num_pieces - 1):
         piece = where(scalar >= table.columns[0, k], piece + np.int32(1), piece)
     offset = scalar - _column(table, 1, piece)
     return (
-        fma(offset, _column(table, 9, piece), _column(table, 5, piece)),
-        fma(offset, _column(table, 6, piece), _column(table, 2, piece)),
-        fma(offset, _column(table, 7, piece), _column(table, 3, piece)),
+        fma(offset, _column(table, 3, piece), _column(table, 2, piece)),
         fma(offset, _column(table, 8, piece), _column(table, 4, piece)),
+        fma(offset, _column(table, 9, piece), _column(table, 5, piece)),
+        fma(offset, _column(table, 10, piece), _column(table, 6, piece)),
     )
 
 
 @inline
 def _column(table: Table, number: int, piece: Any) -> Any:
-    return permute(load(table.columns, number * NUM_LANES, NUM_LANES), piece)
+    return permute(load(table.columns, number * num_lanes(), num_lanes()), piece)
 
 
 @inline
 def _classify_by_rows(table: Table, scalar: Any) -> Any:
     """Look pieces up in memory."""
     bucket = to_int32(min(max(_0, scalar * _GUIDE_SIZE), _LAST_BUCKET))
-    row = gather(table.guide, bucket) * np.int32(_PIECE_FLOATS)
+    row = gather(table.guide, bucket) * np.int32(PIECE_FLOATS)
     end, origin, tau, tau_slope = load_rows(table.rows, row, 4)
     is_further = scalar >= end
     while any_of(is_further):
-        row = where(is_further, row + np.int32(_PIECE_FLOATS), row)
+        row = where(is_further, row + np.int32(PIECE_FLOATS), row)
         end, origin, tau, tau_slope = load_rows(table.rows, row, 4)
         is_further = scalar >= end
     r, g, b, _, r_slope, g_slope, b_slope, _ = load_rows(table.rows, row + np.int32(4), 8)

@@ -19,9 +19,10 @@ import numpy as np
 
 from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.draw import brick_cache
-from renderer.draw.brick_cache import Atlas, Float32, Int64
+from renderer.draw.brick_cache import Atlas
 from renderer.draw.constants import MAX_ATLAS_SIDE
 from renderer.errors import RenderError
+from renderer.volume import Float32, Int64
 
 Size = tuple[int, int, int]
 
@@ -89,8 +90,7 @@ class GLAtlas(Atlas):
         failure = self._context.error
         if failure == "GL_NO_ERROR":
             return texture
-        del texture
-        self._context.gc()
+        texture.release()
         if failure != "GL_OUT_OF_MEMORY":
             raise moderngl.Error(failure)
         self._texture_sizes = self._texture_sizes[: self._texture_sizes.index(self.size)]

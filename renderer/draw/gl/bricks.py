@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 
 import moderngl
 import numpy as np
-import numpy.typing as npt
 
 from renderer.bricks import HALO, JITTER_PER_PX, BrickBatch
 from renderer.draw.brick_cache import BrickCache, BrickView
@@ -25,8 +24,8 @@ from renderer.draw.gl.programs import BRICK_VERTEX, vertex_content
 from renderer.draw.subsampling import grid_size, upsample
 from renderer.transfer import PiecewiseTransfer, toward_light
 from renderer.view import View
+from renderer.volume import Bools, Float32, UInt32
 
-Image = npt.NDArray[np.float32]
 LoadProgram = Callable[[str, str], Any]  # from the files of the vertex and of the fragment shader
 MakeTarget = Callable[
     [Callable[[tuple[int, int]], Any], tuple[int, int]], Any
@@ -43,7 +42,7 @@ FILTER_ERROR = np.float32(2.0**-22)
 
 
 class _PixelGrid(NamedTuple):
-    """Every `stride`-th pixel along both axes, as many as cover the image.
+    """A grid of every `stride`-th pixel along both axes, as many as cover the image.
 
     size: columns and rows. target: draws the colours of `image` and depths. mask: draws the same depths only.
     """
@@ -55,22 +54,22 @@ class _PixelGrid(NamedTuple):
     mask: Any
 
 
-class GLBrickRenderer(BrickCache[GLAtlas]):
-    """Draws bricks in a context, which frees what `release` does not."""
+class GLBrickRenderer:
+    """A rasteriser of bricks in a context, which frees what the cache does not."""
 
     def __init__(self, context: Any, load_program: LoadProgram, make_target: MakeTarget, num_threads: int) -> None:
         # Asked now: a lost context has no info.
         make_atlas = partial(GLAtlas, context, int(context.info["GL_MAX_3D_TEXTURE_SIZE"]))
-        super().__init__(make_atlas, make_atlas, num_threads)
+        self.cache = BrickCache(make_atlas, make_atlas, num_threads)
         self._context, self._load_program, self._make_target = context, load_program, make_target
         self._pixel_grids: dict[int, _PixelGrid] = {}
         self._image_size = (0, 0)
         self._transfer: tuple[PiecewiseTransfer, list[Any]] | None = None
 
-    def rasterize(self, batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
+    def rasterize(self, batch: BrickBatch, order: UInt32, view: View) -> Float32:
         """Composite `batch[order]`, front to back: float32 [height, width, 4], premultiplied RGBA over nothing."""
         self._update_resources(batch, view.size)
-        brick_view = self._begin_frame(batch, order, view)
+        brick_view = self.cache.begin_frame(batch, order, view)
         programs = self._prepare_programs(brick_view)
         vertices = np.column_stack([brick_view.rectangles_px, brick_view.boxes, np.zeros((len(order), 3))])
         vertices = vertices.astype(np.float32)  # BRICK_VERTEX; the places in the atlas are still missing
@@ -83,7 +82,7 @@ class GLBrickRenderer(BrickCache[GLAtlas]):
         assert coarse is not None
         pixels = np.empty((coarse.size[1], coarse.size[0], 4), np.float32)
         coarse.target.read_into(pixels, components=4, dtype="f4")
-        return pixels if coarse.stride == 1 else upsample(pixels, coarse.stride, view.size, self._threads)
+        return pixels if coarse.stride == 1 else upsample(pixels, coarse.stride, view.size, self.cache.threads)
 
     def _update_resources(self, batch: BrickBatch, size: tuple[int, int]) -> None:
         """Upload the transfer function, and drop the grids of another image size."""
@@ -94,7 +93,7 @@ class GLBrickRenderer(BrickCache[GLAtlas]):
             self._pixel_grids, self._image_size = {}, size
             self._context.gc()
 
-    def _table(self, content: npt.NDArray[np.float32]) -> Any:
+    def _table(self, content: Float32) -> Any:
         """Make a texture of float32 [rows, columns, channels]."""
         rows, columns, num_channels = content.shape
         texture = self._context.texture((columns, rows), num_channels, content, dtype="f4")
@@ -163,14 +162,14 @@ class GLBrickRenderer(BrickCache[GLAtlas]):
         return programs[0], programs[1]
 
     def _draw_bricks(
-        self, programs: tuple[Any, Any], brick_view: BrickView, vertices: npt.NDArray[np.float32], grid: _PixelGrid
+        self, programs: tuple[Any, Any], brick_view: BrickView, vertices: Float32, grid: _PixelGrid
     ) -> None:
         """Draw groups of bricks, each group behind those before."""
         for program in programs:
             program["stride_px"], program["grid_size"] = grid.stride, grid.size
         screen_sampling, num = brick_view.batch.screen_sampling, len(brick_view.order)
         num_groups = NUM_GROUPS if screen_sampling.strides == (1,) else 1
-        for group, uploaded in self._upload_groups(brick_view, -(-num // num_groups)):
+        for group, uploaded in self.cache.upload_groups(brick_view, -(-num // num_groups)):
             for program, unit, (atlas, numbers, slots) in zip(programs, (SCALARS, MEANS), uploaded, strict=True):
                 if len(numbers):
                     vertices[numbers, -3:] = atlas.corners(slots) + HALO
@@ -185,9 +184,7 @@ class GLBrickRenderer(BrickCache[GLAtlas]):
             if screen_sampling.termination_transmittance > 0 and num_groups > 1 and group.stop < num:
                 self._mask_saturated(grid, screen_sampling.termination_transmittance)
 
-    def _draw_group(
-        self, programs: tuple[Any, Any], is_mean: npt.NDArray[np.bool_], vertices: npt.NDArray[np.float32]
-    ) -> None:
+    def _draw_group(self, programs: tuple[Any, Any], is_mean: Bools, vertices: Float32) -> None:
         """Draw bricks, each a quad of two triangles over its rectangle, in runs of one kind."""
         content = [vertex_content(self._context.buffer(np.repeat(vertices, 6, axis=0)), BRICK_VERTEX)]
         arrays = [self._context.vertex_array(program, content) for program in programs]
@@ -211,12 +208,12 @@ class GLBrickRenderer(BrickCache[GLAtlas]):
         self._context.vertex_array(program, []).render(moderngl.TRIANGLES, vertices=3)
 
 
-def _tables(pieces: PiecewiseTransfer) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+def _tables(pieces: PiecewiseTransfer) -> tuple[Float32, Float32]:
     """Return guide and pieces as brick_pieces.glsl reads them, float32 [rows, columns, channels]."""
     num_rows = -(-len(pieces.rows) // PIECES_IN_ROW)
     rows = np.zeros((num_rows, 3, PIECES_IN_ROW, 4), np.float32)
     row, column = np.divmod(np.arange(len(pieces.rows)), PIECES_IN_ROW)
-    rows[row, 0, column], rows[row, 1, column] = pieces.rows[:, 2:6], pieces.rows[:, 6:]
+    rows[row, 0, column], rows[row, 1, column] = pieces.rows[:, 4:8], pieces.rows[:, 8:]
     rows[row, 2, column, 0] = np.minimum(pieces.rows[:, 0] - FILTER_ERROR, np.float32(LARGE_FLOAT32))
     rows[row, 2, column, 1] = pieces.rows[:, 1]
     return pieces.guide.astype(np.float32)[None, :, None], rows.reshape(3 * num_rows, PIECES_IN_ROW, 4)

@@ -20,7 +20,6 @@ from typing import Any, Literal, TypeVar
 
 import moderngl
 import numpy as np
-import numpy.typing as npt
 
 from renderer.bricks import BrickBatch
 from renderer.draw.compositing import MIN_CHUNK_SPLATS, splats_per_chunk
@@ -41,11 +40,11 @@ from renderer.view import (
     mean_footprint_area_px,
     model_view,
 )
+from renderer.volume import Array, Float32, Float64, Int64, UInt32
 
-Image = npt.NDArray[np.float32]
 BrickBackend = Literal["device", "processor"]
 Target = TypeVar("Target")
-DrawSplats = Callable[[npt.NDArray[np.uint32]], None]  # draws these splats of a batch, back to front
+DrawSplats = Callable[[UInt32], None]  # draws these splats of a batch, back to front
 
 # Splats on the device at a time: 8 MiB of vertices. Edges use the same buffer.
 BATCH_SIZE, VERTEX_BYTES = 1 << 18, SPLAT_VERTEX.itemsize
@@ -72,7 +71,7 @@ class GLRasterizer:
         self._context = _create_context()
         info = self._context.info
         # The names of device and driver; a lost context has no info.
-        self.renderer_name = f"{info['GL_RENDERER']}, GL {info['GL_VERSION']}"
+        self.device = f"{info['GL_RENDERER']}, GL {info['GL_VERSION']}"
         self._largest_point_px = float(info["GL_POINT_SIZE_RANGE"][1])
         sides = info["GL_MAX_TEXTURE_SIZE"], info["GL_MAX_RENDERBUFFER_SIZE"], *info["GL_MAX_VIEWPORT_DIMS"]
         self._largest_side_px = int(min(sides))
@@ -82,7 +81,7 @@ class GLRasterizer:
         self._programs: dict[tuple[str, str], Any] = {}
         self._target: Any = None
         self._bricks: GLBrickRenderer | CPURasterizer
-        if brick_backend == "device" or (brick_backend is None and not is_software(self.renderer_name)):
+        if brick_backend == "device" or (brick_backend is None and not is_software(self.device)):
             self._bricks = GLBrickRenderer(self._context, self._program, self._make_target, num_threads)
         else:
             self._bricks = CPURasterizer(num_threads=num_threads)
@@ -95,15 +94,15 @@ class GLRasterizer:
 
     def release(self) -> None:
         """Free the context and all that it holds."""
-        self._bricks.release()
+        self._bricks.cache.release()
         self._context.release()
 
-    def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+    def upload(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> bool:
         """Upload the bricks `batch[order]` to the device, and return whether any was missing; splats need no upload."""
         with self._drawing():
-            return self._bricks.upload(batch, order, view)
+            return self._bricks.cache.upload(batch, order, view)
 
-    def rasterize(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
+    def rasterize(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> Float32:
         """Composite `batch[order]`, splats back to front and bricks front to back.
 
         Returns float32 [height, width, 4], premultiplied RGBA over nothing.
@@ -112,11 +111,6 @@ class GLRasterizer:
             if isinstance(batch, SplatBatch):
                 return self._rasterize_splats(batch, order, view)
             return self._bricks.rasterize(batch, order, view)
-
-    def evict_bricks(self) -> None:
-        """Free the memory of all bricks."""
-        with self._context:
-            self._bricks.evict_bricks()
 
     @contextmanager
     def _drawing(self) -> Iterator[None]:
@@ -137,9 +131,9 @@ class GLRasterizer:
             raise self._context_lost_error(got)
 
     def _context_lost_error(self, got: str) -> ContextLostError:
-        return ContextLostError("OpenGL failed to draw, or its context was lost", where=self.renderer_name, got=got)
+        return ContextLostError("OpenGL failed to draw, or its context was lost", where=self.device, got=got)
 
-    def _rasterize_splats(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> Image:
+    def _rasterize_splats(self, batch: SplatBatch, order: UInt32, view: View) -> Float32:
         camera = model_view(batch, view)
         draw = self._prepare_splats(batch, camera)
         if len(order) <= MIN_CHUNK_SPLATS:
@@ -175,16 +169,14 @@ class GLRasterizer:
             return partial(self._draw_gaussians, program, batch, camera)
         return partial(self._draw_fans, program, batch)
 
-    def _rasterize_chunk(
-        self, draw: DrawSplats, order: npt.NDArray[np.uint32], size: tuple[int, int], region: Region
-    ) -> Image:
+    def _rasterize_chunk(self, draw: DrawSplats, order: UInt32, size: tuple[int, int], region: Region) -> Float32:
         """Draw a region of the image of some splats, over nothing, blended in float32."""
         with self._render_region(size, region) as image:
             for first in range(0, len(order), BATCH_SIZE):
                 draw(order[first : first + BATCH_SIZE])
         return image
 
-    def rasterize_edges(self, edges: CellEdges, view: View) -> Image:
+    def rasterize_edges(self, edges: CellEdges, view: View) -> Float32:
         """Draw lines along the edges, one over the other in their order: float32 [height, width, 4], as `rasterize`."""
         camera = model_view(edges, view)
         vertices = edges.vertices[: _num_large_enough(edges, camera)]
@@ -205,7 +197,7 @@ class GLRasterizer:
         return image
 
     @contextmanager
-    def _render_region(self, size: tuple[int, int], region: Region) -> Iterator[Image]:
+    def _render_region(self, size: tuple[int, int], region: Region) -> Iterator[Float32]:
         """Clear a region of an image of (width, height), and read it back at the end of the `with` block."""
         image = np.empty((region.height, region.width, 4), np.float32)
         viewport = (region.left, region.top, region.width, region.height)
@@ -218,9 +210,7 @@ class GLRasterizer:
         if image.size:
             target.read_into(image, viewport=viewport, components=4, dtype="f4")
 
-    def _draw_gaussians(
-        self, program: Any, batch: SplatBatch, camera: ModelView, order: npt.NDArray[np.uint32]
-    ) -> None:
+    def _draw_gaussians(self, program: Any, batch: SplatBatch, camera: ModelView, order: UInt32) -> None:
         """Draw splats as points, and as quads where the driver's points are too small, in their order."""
         vertices = batch.vertices.take(order, axis=0)
         self._splat_buffer.orphan()
@@ -230,7 +220,7 @@ class GLRasterizer:
         points = self._context.vertex_array(program, [vertex_content(self._splat_buffer, SPLAT_VERTEX)])
         large = np.repeat(vertices[is_large], 6, axis=0)
         quads = self._context.vertex_array(program, [vertex_content(self._buffer(large), SPLAT_VERTEX)])
-        quads_before: npt.NDArray[np.int64] = np.cumsum(is_large) - is_large
+        quads_before: Int64 = np.cumsum(is_large) - is_large
         for start, end in pairwise([0, *run_ends.tolist(), len(order)]):
             program["quads"] = bool(is_large[start])
             if is_large[start]:
@@ -238,7 +228,7 @@ class GLRasterizer:
             else:
                 points.render(moderngl.POINTS, vertices=end - start, first=start)
 
-    def _draw_fans(self, program: Any, batch: SplatBatch, order: npt.NDArray[np.uint32]) -> None:
+    def _draw_fans(self, program: Any, batch: SplatBatch, order: UInt32) -> None:
         """Draw Gouraud footprints: one instance of the mesh for each splat."""
         footprint = batch.footprint
         assert isinstance(footprint, GouraudFootprint)
@@ -253,7 +243,7 @@ class GLRasterizer:
         fans = self._context.vertex_array(program, content, index_buffer=triangles, index_element_size=4)
         fans.render(moderngl.TRIANGLES, instances=len(order))
 
-    def _buffer(self, data: npt.NDArray[Any]) -> Any:
+    def _buffer(self, data: Array) -> Any:
         """Return a buffer; GL has no empty buffers, so that one without data has four bytes."""
         return self._context.buffer(data if data.size else bytes(4))
 
@@ -283,7 +273,7 @@ class GLRasterizer:
         """
         fails = partial(
             RenderError,
-            where=self.renderer_name,
+            where=self.device,
             got=f"{size[0]} x {size[1]} pixels",
             hint="choose a smaller output.size",
         )
@@ -297,9 +287,9 @@ class GLRasterizer:
             raise fails("the device has no room for a picture of this size") from error
 
 
-def is_software(renderer_name: str) -> bool:
+def is_software(device: str) -> bool:
     """Return whether a renderer with this name draws on the CPU."""
-    return any(name in renderer_name for name in _SOFTWARE_RENDERERS)
+    return any(name in device for name in _SOFTWARE_RENDERERS)
 
 
 def _create_context() -> Any:
@@ -348,7 +338,7 @@ def _shape_block(batch: SplatBatch, camera: ModelView) -> bytes:
     return rows.tobytes()
 
 
-def _size_bound_px(batch: SplatBatch, vertices: npt.NDArray[np.float32], camera: ModelView) -> npt.NDArray[np.float64]:
+def _size_bound_px(batch: SplatBatch, vertices: Float32, camera: ModelView) -> Float64:
     """Bound the sides of the footprints' squares: float64 [n]; infinite where the near plane may cut the splat."""
     sigma = longest_sigma(batch)[vertices[:, 7].astype(np.int64)]
     if not camera.perspective:

@@ -1,1 +1,0 @@
-"""Assemble one film from frames that several jobs drew, for `hsplat assemble`."""

@@ -1,0 +1,142 @@
+"""Describe a figure on the page of `hsplat paper`, and draw, time and plot what all figures need."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from hsplat_cli.reports import Chart
+from renderer.film import Pixels
+from renderer.frame import Clock, Frame, Rasterizer, Stage, open_stage, render_frames
+from renderer.scene import Scene, VolumeSpec, with_tolerance
+from renderer.study import FRAME_STAGES, TRUTH_TOLERANCE, FloatImage, compute_truth, over_background
+from renderer.transfer import TransferFunction, make_transfer_function
+from renderer.volume import Volume
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_PLOT_HEIGHT_IN = 3.6
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement of the paper, in our words, and whether measurements confirm it.
+
+    criterion: what must be measured to confirm it. measured: what was measured.
+    """
+
+    statement: str
+    criterion: str
+    measured: str
+    is_confirmed: bool
+
+
+# Pictures side by side, by the title of the row: uint8 [h, w, 3] or, with straight alpha, [h, w, 4], and a caption.
+PictureRows = Mapping[str, Sequence[tuple[Pixels, str]]]
+
+
+@dataclass(frozen=True)
+class PaperFigure:
+    """One figure of the paper.
+
+    tables: by caption; each line maps headings to cells, and its first cell is its heading. notes: what differs from
+    the paper, such as a substitute volume.
+    """
+
+    number: int
+    title: str
+    description: str
+    claims: tuple[Claim, ...]
+    rows: PictureRows
+    charts: tuple[Chart, ...] = ()
+    tables: Mapping[str, Sequence[Mapping[str, str]]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class FigureRenderer:
+    """A rasterizer with what all figures share. volumes: those already read. clock: returns seconds."""
+
+    rasterizer: Rasterizer
+    volumes: Mapping[VolumeSpec, Volume]
+    clock: Clock
+    num_threads: int
+
+    @contextmanager
+    def open_stage(self, scene: Scene) -> Iterator[FigureStage]:
+        """Prepare a scene for any tolerance; tolerance 0 replaces a budget or an accuracy."""
+        scene = scene if scene.error.goal is None else with_tolerance(scene, 0.0)
+        options: dict[str, Any] = {"clock": self.clock, "num_threads": self.num_threads, "any_tolerance": True}
+        with open_stage(scene, volume=self.volumes.get(scene.volume), **options) as stage:
+            yield FigureStage(stage, self)
+
+
+@dataclass(frozen=True)
+class FigureStage:
+    """A stage whose first frame is drawn with other values of its scene's keys.
+
+    Keys are those of `error`, but `measure` and `of`, on which the pyramid depends; of `splat`; and `overlay`.
+    """
+
+    base: Stage
+    renderer: FigureRenderer
+
+    @property
+    def transfer(self) -> TransferFunction:
+        """Return the transfer function, with extinctions per world unit."""
+        return make_transfer_function(self.base.scene.transfer_function, self.base.volume.finest_spacing)
+
+    @property
+    def extinction(self) -> float:
+        """Return the extinction of a volume of one material, per world unit."""
+        return float(self.transfer.classify(self.base.volume.values.reshape(-1)[:1])[1][0])
+
+    def draw(self, **keys: Any) -> Frame:
+        """Draw the frame."""
+        return next(self._frames(1, keys))
+
+    def draw_levels(self, num_levels: int, **keys: Any) -> list[Frame]:
+        """Draw the frame with the cells of each level."""
+        return [self.draw(finest_level=level, **keys) for level in range(num_levels)]
+
+    def median_seconds(self, num_frames: int, **keys: Any) -> float:
+        """Return the median time of a frame whose cut exists; a first frame warms up and is not counted."""
+        _, *frames = self._frames(1 + num_frames, keys)
+        return statistics.median(sum(frame.seconds[name] for name in FRAME_STAGES) for frame in frames)
+
+    def truth(self) -> FloatImage:
+        """Integrate the frame to TRUTH_TOLERANCE: float64 [h, w, 3], over the scene's background."""
+        return compute_truth(self.base, 0, TRUTH_TOLERANCE, num_threads=self.renderer.num_threads).picture
+
+    def rgb(self, frame: Frame) -> FloatImage:
+        """Return a picture over the scene's background, float64 [h, w, 3]."""
+        return over_background(frame.radiance, self.base.scene.output.background)
+
+    def _frames(self, num: int, keys: Mapping[str, Any]) -> Iterator[Frame]:
+        scene = self.base.scene
+        for name in ("error", "splat"):
+            section = getattr(scene, name)
+            own = {key: value for key, value in keys.items() if hasattr(section, key)}
+            scene = replace(scene, **{name: replace(section, **own)})
+        stage = replace(self.base, scene=replace(scene, overlay=keys.get("overlay", scene.overlay)))
+        return render_frames(stage, [0] * num, self.renderer.rasterizer, clock=self.renderer.clock)
+
+
+def new_plot(x_label: str, y_label: str) -> tuple[Figure, Axes]:
+    """Return an empty plot and its axes. Call it inside `plot_style`."""
+    plot, (axes,) = new_plots(1, height_in=_PLOT_HEIGHT_IN, aspect=2.0)
+    axes.set(xlabel=x_label, ylabel=y_label)
+    return plot, axes
+
+
+def new_plots(num: int, *, height_in: float, aspect: float = 1.0) -> tuple[Figure, list[Axes]]:
+    """Return empty plots side by side, each `aspect` times as wide as high. Call it inside `plot_style`."""
+    from matplotlib.figure import Figure
+
+    plot = Figure(figsize=(num * height_in * aspect, height_in), layout="constrained")
+    return plot, list(plot.subplots(1, num, squeeze=False)[0])

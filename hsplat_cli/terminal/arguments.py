@@ -1,0 +1,126 @@
+"""Read values of the command line: outputs, durations (`90s`), and frames of a film (`--frames A:B:STEP`)."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from renderer.errors import InputError
+from renderer.scene import TILDE_HINT, format_value, has_unexpanded_tilde
+
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+_NUMBER = r"(\d+(?:\.\d*)?)"
+_FRACTION_ONLY_IN_LAST_PART = r"(?!.*\..*[hms].)"
+_PARTS = f"(?=.)(?:{_NUMBER}h)?(?:{_NUMBER}m)?(?:{_NUMBER}s)?"
+_DURATION = re.compile(f"{_FRACTION_ONLY_IN_LAST_PART}{_PARTS}|{_NUMBER}", re.ASCII)
+_MOST_DIGITS = 9
+
+
+def option_group(*options: Callable[[Any], Any]) -> Callable[[_Command], _Command]:
+    """Return a decorator that declares several click options, in this order."""
+
+    def declare(command: _Command) -> _Command:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return declare
+
+
+class OutputPath(click.Path):
+    """A Path that refuses a leading `~`: shells keep it in `--output=~/films`, and a folder `~` would be made.
+
+    dir_okay: whether it may end as the name of a folder does; a Path drops the slash of `scene.yaml/`.
+    """
+
+    def __init__(self, *, file_okay: bool = True, dir_okay: bool = True) -> None:
+        super().__init__(path_type=Path, file_okay=file_okay)
+        self._may_be_folder = dir_okay
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the path; raises InputError for one in a folder `~`, and for a folder in the place of a file."""
+        name = "" if param is None else max(param.opts, key=len)
+        where = name if name.startswith("-") else name.upper()
+        if has_unexpanded_tilde(str(value)):
+            raise InputError("a folder named ~", where=where, got=str(value), hint=TILDE_HINT)
+        if not self._may_be_folder and os.path.basename(str(value)) in ("", ".", ".."):
+            raise InputError("the output is a folder", where=where, got=str(value), expected="the name of a file")
+        return super().convert(value, param, ctx)
+
+
+def parse_duration(text: str, *, where: str) -> float:
+    """Return the seconds in `90`, `90s`, `1.5m` or `1h30m`.
+
+    A number without a unit stands alone; only the last part may have a fraction. Raises InputError for other text, and
+    for 0 seconds.
+    """
+    match = _DURATION.fullmatch(text.strip()) if len(text) <= 3 * _MOST_DIGITS else None
+    expected = "a time such as 90s, 10m or 1h30m"
+    if match is None:
+        raise InputError("not a duration", where=where, got=format_value(text), expected=expected)
+    hours, minutes, seconds, bare = (float(part or 0) for part in match.groups())
+    total = 3600 * hours + 60 * minutes + seconds + bare
+    if total == 0:
+        raise InputError("a duration of 0", where=where, got=format_value(text), expected=f"{expected}, more than 0")
+    return total
+
+
+def is_one_frame(text: str | None) -> bool:
+    """Return whether this picks at most one frame, however long the path is: `7`, `7:8`."""
+    if text is None or ":" not in text:  # also `-1`, the last one, which every path has
+        return text is not None
+    match _parts(text):
+        case [int(start), int(stop)] | [int(start), int(stop), None | 1]:
+            return start >= 0 and stop - start == 1
+    return False
+
+
+def parse_frames(text: str | None, num_frames: int, recorded: Sequence[int] | None = None) -> Sequence[int]:
+    """Return the frames that a Python slice `a:b:step` or a number picks from range(num_frames); all for None.
+
+    Negative numbers count from the end. recorded: the frames that a film has, ascending.
+
+    Raises InputError for what is not a slice, has a step below 1, picks nothing, or picks a frame that is not recorded.
+    """
+    if text is None:
+        return range(num_frames) if recorded is None else recorded
+    expected = f"A:B or A:B:STEP or one number; this path has the frames 0 to {num_frames - 1}"
+    error = partial(InputError, where="--frames", got=format_value(text))
+    match _parts(text):
+        case [int(number)]:
+            picked = range(num_frames)[number : number + 1 or None]
+        case [_, _, int(step)] if step < 1:
+            raise error("frames go forward", expected="a step of at least 1")
+        case [_, _] | [_, _, _] as parts:
+            picked = range(num_frames)[slice(*parts)]
+        case _:
+            raise error("not a range of frames", expected=expected)
+    if not picked:
+        raise error("no frame is in this range", expected=expected)
+    missing = set(picked).difference(picked if recorded is None else recorded)
+    if recorded is not None and missing:
+        raise error(f"frame {min(missing)} is not in the film", expected=f"frames of {_as_slice(recorded)}")
+    return picked
+
+
+def _parts(text: str) -> list[int | None]:
+    """Return the numbers between the colons, None for those left out; nothing where one is not a number."""
+    try:
+        return [int(part) if part.strip() else None for part in text.split(":")]
+    except ValueError:
+        return []
+
+
+def _as_slice(frames: Sequence[int]) -> str:
+    """Return `0:118:3`, or a list where no slice gives these frames."""
+    step = frames[1] - frames[0] if len(frames) > 1 else 1
+    steady = range(frames[0], frames[-1] + 1, step)
+    if list(steady) != list(frames):
+        return format_value(frames)
+    return ":".join(map(str, (steady.start, steady.stop, step)[: 3 if step > 1 else 2]))

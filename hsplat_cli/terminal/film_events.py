@@ -1,0 +1,77 @@
+"""Prints what a film job tells while it runs, and its result."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING
+
+from hsplat_cli.terminal.progress_bar import Progress
+from hsplat_cli.terminal.reporter import Reporter
+from renderer.job import FrameRecord, JobEvents
+from renderer.scene import counted
+
+if TYPE_CHECKING:
+    from renderer.job import FinishedFilm
+
+_PERCENT = 100
+
+
+class FilmEvents(JobEvents, contextlib.AbstractContextManager["FilmEvents"]):
+    """A listener that prints what a film job tells; the block leaves the line of its last bar.
+
+    noun: what is drawn, a brick or a splat.
+    """
+
+    def __init__(self, reporter: Reporter, noun: str) -> None:
+        self._reporter, self._noun = reporter, noun
+        self._bars = contextlib.ExitStack()
+        self._bar: Progress | None = None
+        self._truth, self._percent = -1, 0
+
+    def __exit__(self, *_: object) -> None:
+        self._bars.close()
+
+    def started(self, label: str, num_frames: int) -> None:
+        """Show a bar for the frames."""
+        self._open_bar(num_frames, label)
+
+    def frame_finished(self, record: FrameRecord) -> None:
+        """Advance the bar."""
+        assert self._bar is not None, "a pass has started"
+        self._bar.advance(counted(record.primitives, self._noun))
+
+    def pass_finished(self, summary: str) -> None:
+        """Print the line about a pass."""
+        self._bars.close()
+        self._reporter.line(summary)
+
+    def truth_progressed(self, frame: int, share: float) -> None:
+        """Show a bar for the exact picture of a frame, in percent; it stays where the share falls."""
+        if frame != self._truth or self._bar is None:
+            self._open_bar([1.0] * _PERCENT, f"truth of frame {frame}", unit="percent")
+            self._truth, self._percent = frame, 0
+        assert self._bar is not None
+        for _ in range(self._percent, int(_PERCENT * share)):
+            self._bar.advance()
+        self._percent = max(self._percent, int(_PERCENT * share))
+        if self._percent == _PERCENT:
+            self._bars.close()
+
+    def note(self, text: str) -> None:
+        """Print a status."""
+        self._bars.close()
+        self._reporter.status(text)
+
+    def _open_bar(self, steps: int | list[float], label: str, unit: str = "frames") -> None:
+        self._bars.close()
+        self._bars.callback(setattr, self, "_bar", None)
+        self._bar = self._bars.enter_context(self._reporter.progress(steps, label=label, unit=unit))
+
+
+def report_film(film: FinishedFilm, reporter: Reporter) -> None:
+    """Print what was made and what it cost, in a few lines; nothing for a film that was up to date."""
+    if film.summary:
+        reporter.line(f"{film.file}: {film.summary}")
+        for note in film.record.notes:
+            reporter.note(note)
+        reporter.line(f"how it was made: {film.sidecar}")

@@ -1,0 +1,51 @@
+"""Compute digests, by which files and records are known again: 32 hexadecimal digits that tell contents apart."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from renderer.film.names import picture_shape
+from renderer.scene import OutputSpec
+
+_BLOCK_BYTES = 2**20
+
+
+def bytes_digest(content: bytes) -> str:
+    """Return the digest of some bytes."""
+    return hashlib.blake2b(content, digest_size=16).hexdigest()
+
+
+def data_digest(data: Any) -> str:
+    """Return the digest of plain data, such as what frames depend on, whatever the order of its keys."""
+    return bytes_digest(json.dumps(data, sort_keys=True).encode())
+
+
+def file_digest(path: Path) -> str:
+    """Return the digest of a file of any size. Raises OSError."""
+    found = hashlib.blake2b(digest_size=16)
+    with path.open("rb") as stream:
+        while block := stream.read(_BLOCK_BYTES):
+            found.update(block)
+    return found.hexdigest()
+
+
+def file_matches_digest(path: Path, expected: str | None) -> bool:
+    """Return whether a file exists and has this digest."""
+    try:
+        return path.is_file() and file_digest(path) == expected
+    except OSError:
+        return False
+
+
+def frame_matches_digest(path: Path, expected: str | None, output: OutputSpec) -> bool:
+    """Return whether a PNG file exists and has this digest, and the size and channels of the output's pictures."""
+    from renderer.film.png import png_shape  # imports numpy, which digests alone do not need
+
+    try:
+        content = path.read_bytes() if path.is_file() else b""
+        return bytes_digest(content) == expected and png_shape(content) == picture_shape(output)
+    except (OSError, ValueError):
+        return False

@@ -1,0 +1,46 @@
+from .accuracy import (
+    find_truth as find_truth,
+    nothing_visible_error as nothing_visible_error,
+    search_tolerance as search_tolerance,
+    unreachable_accuracy_error as unreachable_accuracy_error,
+)
+from .assemble.assembly import assemble_film as assemble_film
+from .assemble.parts import Part as Part, find_parts as find_parts
+from .checkpoint import FrameCheckpoint as FrameCheckpoint
+from .events import JobEvents as JobEvents
+from .executor import (
+    DrawnFrame as DrawnFrame,
+    Executor as Executor,
+    LocalExecutor as LocalExecutor,
+    draw_frames as draw_frames,
+    open_local_executor as open_local_executor,
+)
+from .film_job import FilmJob as FilmJob
+from .film_making import (
+    FinishedFilm as FinishedFilm,
+    OnePass as OnePass,
+    locked_job as locked_job,
+    make_film as make_film,
+)
+from .fingerprint import describe_differences as describe_differences
+from .inputs import (
+    expand_pattern as expand_pattern,
+    film_files as film_files,
+    folder_files as folder_files,
+    header_data_files as header_data_files,
+    require_no_input as require_no_input,
+    volume_files as volume_files,
+)
+from .original import OriginalFilm as OriginalFilm
+from .plan import FilmPlan as FilmPlan, make_plan as make_plan
+from .progress import NotebookBar as NotebookBar, OnProgress as OnProgress, ProgressEvents as ProgressEvents
+from .record import (
+    FilmFingerprint as FilmFingerprint,
+    FilmRecord as FilmRecord,
+    FrameRecord as FrameRecord,
+    late_frame_problems as late_frame_problems,
+    parse_film_record as parse_film_record,
+    record_to_json as record_to_json,
+)
+from .refinement import Refinement as Refinement
+from .sidecar import shorten_paths as shorten_paths, without_paths as without_paths

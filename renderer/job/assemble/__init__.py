@@ -1,0 +1,1 @@
+"""Assemble one film from frames that several jobs drew."""

@@ -1,0 +1,90 @@
+"""Make one film of frames that exist: a job that resumes where every frame is finished."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from renderer.errors import SceneError
+from renderer.film import picture_shape, sidecar_path_of_file
+from renderer.job.assemble.agreement import PickedFrame, file_problems, film_problems, pick_frames
+from renderer.job.assemble.merged_record import merged_record, parts_fingerprint, parts_of
+from renderer.job.assemble.parts import Part
+from renderer.job.events import JobEvents
+from renderer.job.existing_film import ExistingFilm, find_existing_film
+from renderer.job.film_making import FinishedFilm
+from renderer.job.film_output import FilmOutput, Told, locked_film_output
+from renderer.job.frame_store import FrameStore
+from renderer.job.inputs import film_files, require_no_input
+from renderer.job.record import FilmFingerprint, FilmRecord
+from renderer.scene import OutputSpec, counted, is_same_file
+from renderer.system import deferrable_interrupts
+
+
+def assemble_film(
+    parts: Sequence[Part], numbers: Sequence[int], output: OutputSpec, events: JobEvents, *, resumes: bool
+) -> FinishedFilm:
+    """Make the film of these frames and its sidecar, or return the film that is up to date.
+
+    resumes: a film that is up to date is not made again.
+    Raises SceneError with all that is wrong with the parts, and what writing raises; then no film is written.
+    """
+    start = time.perf_counter()
+    sidecar = sidecar_path_of_file(output.file, numbers, parts[0].num_frames)
+    # A film that was assembled among its parts is none of them.
+    parts = [part for part in parts if not is_same_file(part.path, sidecar)] or parts
+    require_no_input(film_files(output, numbers, sidecar), _input_files(parts))
+    if problems := list(film_problems(parts)):
+        raise SceneError(problems)  # the size and the frames of another film say nothing about this one
+    picked, problems = pick_frames(parts, numbers)
+    with locked_film_output(output, numbers, sidecar) as film:
+        fingerprint = None if problems else parts_fingerprint(picked, output)
+        existing = _film_up_to_date(fingerprint, picked, film, events) if fingerprint is not None and resumes else None
+        if existing is not None:
+            events.note(f"{output.file} is up to date; --force assembles it again")
+            return FinishedFilm(output.file, sidecar, existing.keep(film))
+        if problems := [*problems, *file_problems(picked, picture_shape(output))]:
+            raise SceneError(problems)
+        record = _write(picked, fingerprint, film, start, events)
+    summary = f"{counted(len(picked), 'frame')} of {counted(len(parts_of(picked)), 'part')}"
+    return FinishedFilm(output.file, sidecar, record, summary)
+
+
+def _input_files(parts: Sequence[Part]) -> Iterator[Path]:
+    for part in parts:
+        yield part.path
+        yield from (part.file(number) for number in part.record.numbers)
+
+
+def _film_up_to_date(
+    fingerprint: FilmFingerprint, picked: Sequence[PickedFrame], film: FilmOutput, events: JobEvents
+) -> ExistingFilm | None:
+    """Return the film if it exists and has the pictures that the parts record.
+
+    With a time budget a part has other pictures each time it is drawn, though the fingerprint is the same.
+    """
+    existing = find_existing_film(film.sidecar, events)
+    if existing is None or existing.why_stale(fingerprint, film.spec, film.frames) is not None:
+        return None
+    digests = [frame.digest for frame in existing.record.frames]
+    return existing if digests == [frame.record.digest for frame in picked] else None
+
+
+def _write(
+    picked: Sequence[PickedFrame],
+    fingerprint: FilmFingerprint | None,
+    film: FilmOutput,
+    start: float,
+    events: JobEvents,
+) -> FilmRecord:
+    """Encode the film from the pictures, or copy them to the names of the output, and write the sidecar."""
+    files = {frame.number: frame.file for frame in picked}
+    store = FrameStore(film.spec, {frame.number: frame.record for frame in picked}, files.__getitem__)
+    told = Told(events, film.spec.file.name)
+    with deferrable_interrupts() as defer_interrupts:
+        film.write_frames(store, iter(()), told, defer_interrupts, is_overlapped=True)
+        record = merged_record(picked, film.spec, time.perf_counter() - start)
+        if fingerprint is None:
+            return film.write_passing_record(record)
+        return film.write_record(record, fingerprint)

@@ -1,0 +1,124 @@
+"""Make the record of a film of parts, like that of a film that was drawn by one job."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import chain
+from typing import Any
+
+from renderer.film import data_digest, film_notes, has_frame_files
+from renderer.job.assemble.agreement import PickedFrame, error_without_schedule
+from renderer.job.assemble.parts import Part
+from renderer.job.fingerprint import fingerprint_of
+from renderer.job.make_record import schedule_record, visibility_notes
+from renderer.job.record import FilmFingerprint, FilmRecord, PartRecord, min_max
+from renderer.scene import ErrorSpec, OutputSpec, is_film_wide_goal, schedule_from_tolerances, schedule_to_dict
+from renderer.system import package_versions, sources_digest
+
+
+def merged_record(picked: Sequence[PickedFrame], output: OutputSpec, seconds: float) -> FilmRecord:
+    """Return the record of the film, from which `hsplat render` makes it again.
+
+    seconds: what assembling took. The seconds of the parts are summed, even if they were drawn at the same time.
+    """
+    parts = parts_of(picked)
+    first, frames = parts[0].record, [frame.record for frame in picked]
+    finest = min(part.record.pyramid.finest_level_drawn for part in parts)
+    summed: dict[str, float] = {}
+    for part in parts:
+        summed |= {step: summed.get(step, 0.0) + took for step, took in part.record.seconds.items()}
+    tools = _joined_tools(parts)
+    device = tools.pop("device")
+    missed = dict.fromkeys(part.record.schedule.shortfall for part in parts if not part.record.schedule.met)
+    return FilmRecord(
+        scene=_scene(picked, output),
+        volume=first.volume,
+        camera=first.camera,
+        pyramid=replace(first.pyramid, finest_level_drawn=finest),
+        device=device,
+        versions=tools,
+        schedule=schedule_record(
+            first.schedule.requested,
+            frames,
+            "\n".join(filter(None, missed)) or None,
+            is_reproducible=all(part.record.schedule.reproducible for part in parts),
+        ),
+        notes=(*film_notes(output), *_part_notes(picked)),
+        seconds=summed | {"assembling": seconds},
+        frames=tuple(frames),
+        parts=tuple(_part_record(part, picked) for part in parts),
+    )
+
+
+def parts_of(picked: Sequence[PickedFrame]) -> list[Part]:
+    """Return the parts that frames are taken from, in the order of their first frames."""
+    return list({frame.part.path: frame.part for frame in picked}.values())
+
+
+def _part_notes(picked: Sequence[PickedFrame]) -> list[str]:
+    """Return what the user should know: notes on the film, then those of its parts."""
+    parts = parts_of(picked)
+    first = _tools(parts[0])
+    different = [f"{name} {value}" for name, value in _joined_tools(parts).items() if value != first.get(name)]
+    notes = [f"bytes may differ from part to part, drawn with different versions: {'; '.join(different)}"]
+    notes = notes * bool(different) + visibility_notes([frame.record for frame in picked])
+    missed = [part for part in parts if not part.record.schedule.met]
+    if missed:
+        notes.append(f"{len(missed)} of {len(parts)} parts did not meet what was requested, the first {missed[0].path}")
+    for part in parts:
+        own = visibility_notes(part.record.frames)
+        notes += [note for note in part.record.notes if note not in own]
+    return list(dict.fromkeys(notes))
+
+
+def parts_fingerprint(picked: Sequence[PickedFrame], output: OutputSpec) -> FilmFingerprint | None:
+    """Return the fingerprint of the film as one job would draw it, or None where no job would draw this film.
+
+    The parts need the same fingerprint. A goal for all frames together was met by whole parts only. A film that is
+    encoded by another version than drew the frames has a fingerprint of its own.
+    """
+    parts = parts_of(picked)
+    first, *others = (part.record.fingerprint for part in parts)
+    if first is None or first.frames_digest != data_digest(first.depends_on):
+        return None
+    if any(each is None or each.frames_digest != first.frames_digest for each in others):
+        return None
+    drawn = {number for part in parts for number in part.record.numbers}
+    requested = parts[0].record.schedule.requested
+    if is_film_wide_goal(requested) and not drawn <= {frame.number for frame in picked}:
+        return None
+    fingerprint = fingerprint_of(first.depends_on, output)
+    now = {"versions": package_versions(), "sources": sources_digest()}
+    if has_frame_files(output) or now == {key: first.depends_on.get(key) for key in now}:
+        return fingerprint
+    return replace(fingerprint, encoding={**fingerprint.encoding, **now})
+
+
+def _scene(picked: Sequence[PickedFrame], output: OutputSpec) -> dict[str, Any]:
+    part = picked[0].part
+    scene, keys = part.record.scene, ("frames_per_second", "quality", "record_paths")
+    recorded = {**scene["output"], "file": str(output.file), **{key: getattr(output, key) for key in keys}}
+    error = scene["error"]
+    if part.has_goal:
+        found = ErrorSpec(schedule_from_tolerances({frame.number: frame.record.tolerance for frame in picked}))
+        error = {**schedule_to_dict(found), **error_without_schedule(part)}
+    return {**scene, "output": recorded, "error": error}
+
+
+def _part_record(part: Part, picked: Sequence[PickedFrame]) -> PartRecord:
+    numbers = [frame.number for frame in picked if frame.part is part]
+    measured = part.record.schedule.measured
+    return PartRecord(str(part.path), min_max(numbers), len(numbers), part.record.seconds, measured)
+
+
+def _tools(part: Part) -> dict[str, str]:
+    """Return the versions of what drew a part, and its device."""
+    return {**part.record.versions, "device": part.record.device}
+
+
+def _joined_tools(parts: Sequence[Part]) -> dict[str, str]:
+    """Return the versions of what drew the parts, joined where they differ."""
+    tools = [_tools(part) for part in parts]
+    names = dict.fromkeys(chain(*tools))
+    return {name: " and ".join(dict.fromkeys(each.get(name, "unknown") for each in tools)) for name in names}

@@ -1,0 +1,155 @@
+"""Keep the finished frames of an unfinished film: each a PNG file, with a JSON record beside it.
+
+A record is written after its picture has its final name, so that a job may be killed at any moment: a frame without a
+record, or whose file does not match its record, is drawn again. Every frame has its own record, so that jobs which draw
+different frames of one film share nothing.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from renderer.film import (
+    bytes_digest,
+    data_digest,
+    frame_matches_digest,
+    frame_path,
+    has_frame_files,
+    is_numbered,
+    write_staged,
+)
+from renderer.job.executor import DrawnFrame
+from renderer.job.frame_store import FrameStore
+from renderer.job.record import FilmFingerprint, FrameRecord, read_frame_record, record_to_json
+from renderer.scene import OutputSpec, read_json_object
+
+_FILE_PATTERN = re.compile(r"([0-9]{6,9})\.(json|png)")
+_FINGERPRINT_PATTERN = re.compile(r"fingerprint-[0-9a-f]{32}\.json")
+_DIGEST_PATTERN = re.compile(r"[0-9a-f]{32}")
+_MAX_JSON_BYTES = 2**26  # of a record or a fingerprint; some kilobytes are usual
+
+
+class FrameCheckpoint(FrameStore):
+    """A store that keeps the finished frames of an output, for the only job that works on them.
+
+    folder: the folder of the unfinished film; it exists.
+    fingerprint: what the frames depend on. Frames with another one are removed.
+
+    records: by frame number, of the frames whose files match them; each has the `digest` of its file.
+    former: what frames with another fingerprint depended on; empty if that is no longer known, None without such
+        frames. num_outdated: their number.
+    """
+
+    def __init__(self, folder: Path, output: OutputSpec, numbers: Sequence[int], fingerprint: FilmFingerprint) -> None:
+        super().__init__(output, {}, self._picture_path)
+        self._folder, self._numbers = folder, frozenset(numbers)
+        self._depends_on: Mapping[str, Any] = json.loads(json.dumps(fingerprint.depends_on))  # as it is read again
+        self._digest = data_digest(fingerprint.depends_on)
+        self.former: Mapping[str, Any] | None = None
+        self.num_outdated = 0
+        # Frames in files are those of the output.
+        self.is_output = has_frame_files(output)
+        for number in numbers:
+            self._find(number)
+        if self.former is not None and not self.records:
+            remove_checkpoint_frames(folder, output, numbers)
+
+    def _find(self, number: int) -> None:
+        found = _read_frame(self._checkpoint_path(number, "json"))
+        if found is None:
+            return
+        fingerprint_digest, record = found
+        if fingerprint_digest == self._digest:
+            self.adopt_records([record])
+            return
+        if self.former is None:
+            self.former = read_json_object(_fingerprint_path(self._folder, fingerprint_digest), _MAX_JSON_BYTES) or {}
+        self.num_outdated += 1
+        with contextlib.suppress(OSError):
+            for suffix in ("json", "png"):
+                self._checkpoint_path(number, suffix).unlink(missing_ok=True)
+
+    def adopt_records(self, records: Iterable[FrameRecord]) -> None:
+        """Add records from elsewhere, with the same fingerprint, of frames whose files exist and match."""
+        for record in records:
+            is_own = record.frame in self._numbers
+            if is_own and frame_matches_digest(self._picture_path(record.frame), record.digest, self._output):
+                self.records[record.frame] = record
+
+    def save(self, frame: DrawnFrame) -> FrameRecord:
+        """Write a frame's picture, then its record. Return the record with its digest."""
+        number, png = frame.record.frame, frame.picture.png
+        record = replace(frame.record, digest=bytes_digest(png))
+        self._write(self._picture_path(number), png)
+        path = _fingerprint_path(self._folder, self._digest)
+        if not path.exists():
+            self._write(path, json.dumps(self._depends_on).encode())
+        content = json.dumps({"fingerprint": self._digest, "record": record_to_json(record)}).encode()
+        self._write(self._checkpoint_path(number, "json"), content)
+        self.records[number] = record
+        return record
+
+    def _write(self, path: Path, content: bytes) -> None:
+        # No frame waits for the disk: one that a power failure damages does not match its record, and is drawn again.
+        write_staged(path, content, self._folder, is_durable=False)
+
+    def _picture_path(self, number: int) -> Path:
+        return frame_path(self._output.file, number) if self.is_output else self._checkpoint_path(number, "png")
+
+    def _checkpoint_path(self, number: int, suffix: str) -> Path:
+        return self._folder / f"{number:06}.{suffix}"
+
+
+def remove_checkpoint_frames(folder: Path, output: OutputSpec, numbers: Iterable[int]) -> None:
+    """Remove these frames from a folder; for an output in one file, all frames. The output's own files stay.
+
+    Other frames of an output with numbered files may be those of another job.
+    """
+    _remove_frames(folder, output, numbers, lambda _: True)
+
+
+def remove_frames_of(folder: Path, output: OutputSpec, numbers: Iterable[int], fingerprint: FilmFingerprint) -> None:
+    """Remove frames as `remove_checkpoint_frames`, but those of other fingerprints stay."""
+    digest = data_digest(fingerprint.depends_on)
+
+    def is_unwanted(number: str) -> bool:
+        found = _read_frame(folder / f"{number}.json")
+        return found is None or found[0] == digest
+
+    _remove_frames(folder, output, numbers, is_unwanted)
+
+
+def _remove_frames(
+    folder: Path, output: OutputSpec, numbers: Iterable[int], is_unwanted: Callable[[str], bool]
+) -> None:
+    own = frozenset(numbers) if is_numbered(output) else None
+    with contextlib.suppress(OSError):  # the folder has vanished: nothing is left
+        files = [(path, name[1]) for path in folder.iterdir() if (name := _FILE_PATTERN.fullmatch(path.name))]
+        unwanted = {number for _, number in files if (own is None or int(number) in own) and is_unwanted(number)}
+        for path, number in files:
+            if number in unwanted:
+                path.unlink(missing_ok=True)
+        if not any(path.exists() for path, _ in files):
+            for path in folder.glob("fingerprint-*.json"):
+                if _FINGERPRINT_PATTERN.fullmatch(path.name):
+                    path.unlink(missing_ok=True)
+
+
+def _fingerprint_path(folder: Path, fingerprint_digest: str) -> Path:
+    """Return the path of what frames depend on, written once for all frames because it may be long."""
+    return folder / f"fingerprint-{fingerprint_digest}.json"
+
+
+def _read_frame(path: Path) -> tuple[str, FrameRecord] | None:
+    """Return the digest of the fingerprint and the record of a frame, if the file is complete."""
+    data = read_json_object(path, _MAX_JSON_BYTES) or {}
+    digest, record = data.get("fingerprint"), read_frame_record(data.get("record"))
+    if record is None or record.digest is None or not isinstance(digest, str):
+        return None
+    return (digest, record) if _DIGEST_PATTERN.fullmatch(digest) else None

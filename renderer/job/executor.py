@@ -1,0 +1,94 @@
+"""Define what draws the frames of a film, and draw them in this process.
+
+Every executor draws the same bytes: this process with all its threads, or a cluster.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
+
+from renderer.draw import RecoveringRasterizer, open_rasterizer
+from renderer.film import Picture
+from renderer.frame import Rasterizer, Stage, ToleranceController, render_frames
+from renderer.job.make_record import frame_record
+from renderer.job.plan import FilmPlan
+from renderer.job.record import FrameRecord
+from renderer.scene import Scene
+
+
+@dataclass(frozen=True)
+class DrawnFrame:
+    """A frame that is drawn: its picture, and its record."""
+
+    record: FrameRecord
+    picture: Picture
+
+
+class Executor(Protocol):
+    """A way to draw frames: this process, or a cluster.
+
+    device: what draws, on which the bytes depend. rasterizer: draws trial frames in this process.
+    """
+
+    @property
+    def device(self) -> str: ...
+
+    @property
+    def rasterizer(self) -> Rasterizer: ...
+
+    @property
+    def devices(self) -> Sequence[str]:
+        """Return what has drawn the frames so far: one device, unless machines differ."""
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """Return what the user should know about the drawing so far."""
+
+    def draw(self, plan: FilmPlan, numbers: Sequence[int]) -> Generator[DrawnFrame, None, None]:
+        """Yield these frames, in this order; may be closed before its end."""
+
+
+@dataclass(frozen=True)
+class LocalExecutor:
+    """An executor that draws in this process, one frame after the other, each with all threads."""
+
+    rasterizer: RecoveringRasterizer
+
+    @property
+    def device(self) -> str:
+        """Return device and driver of OpenGL, or that the processor draws."""
+        return self.rasterizer.device
+
+    @property
+    def devices(self) -> Sequence[str]:
+        """Return the only device."""
+        return [self.device]
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """Return what the user should know about the drawing so far."""
+        return self.rasterizer.notes
+
+    def draw(self, plan: FilmPlan, numbers: Sequence[int]) -> Generator[DrawnFrame, None, None]:
+        """Yield these frames, in this order; may be closed before its end."""
+        return draw_frames(plan.stage, numbers, self.rasterizer, plan.controller)
+
+
+@contextlib.contextmanager
+def open_local_executor(scene: Scene) -> Iterator[LocalExecutor]:
+    """Open what draws this scene in this process. Raises RenderError where it needs OpenGL and there is none."""
+    with RecoveringRasterizer(partial(open_rasterizer, needs_opengl=scene.needs_opengl)) as rasterizer:
+        yield LocalExecutor(rasterizer)
+
+
+def draw_frames(
+    stage: Stage, numbers: Sequence[int], rasterizer: Rasterizer, controller: ToleranceController
+) -> Generator[DrawnFrame, None, None]:
+    """Draw these frames in this process, one after the other; parameters are those of `render_frames`."""
+    for frame in render_frames(stage, numbers, rasterizer, clock=time.perf_counter, controller=controller):
+        yield DrawnFrame(frame_record(frame), Picture(frame.image))

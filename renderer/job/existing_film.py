@@ -1,0 +1,82 @@
+"""Look at the film that is there: up to date, or the film of another job, or less than what is requested."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from renderer.errors import SceneError
+from renderer.film import file_matches_digest, frame_matches_digest, frame_path, has_frame_files
+from renderer.job.events import JobEvents
+from renderer.job.film_output import FilmOutput
+from renderer.job.fingerprint import describe_differences, describe_mismatch
+from renderer.job.record import FilmFingerprint, FilmRecord, record_from_json, record_to_json
+from renderer.job.sidecar import without_paths
+from renderer.scene import MAX_SIDECAR_BYTES, OutputSpec, read_json_object
+
+
+@dataclass(frozen=True)
+class ExistingFilm:
+    """A film as its sidecar describes it; anybody may have edited the sidecar."""
+
+    record: FilmRecord
+    fingerprint: FilmFingerprint
+
+    @property
+    def is_complete(self) -> bool:
+        """Return whether it meets what was requested."""
+        return self.record.schedule.met and "total" in self.record.seconds
+
+    def why_stale(self, fingerprint: FilmFingerprint, output: OutputSpec, frames: Sequence[int]) -> str | None:
+        """Return why this film is not up to date, as the end of a sentence about it; None where it is.
+
+        The reason is empty for numbered frames of the same fingerprint, which are kept or redrawn one by one.
+        """
+        change = self._change(fingerprint, frames)
+        if change is None and self.is_complete and self._is_unchanged(output):
+            return None
+        if has_frame_files(output):
+            is_kept = self.fingerprint.frames_digest == fingerprint.frames_digest
+            return "" if is_kept else f"is another film and is drawn again: {change}"
+        if not output.file.exists():
+            return f"does not exist, and its sidecar describes another film: {change}" if change else ""
+        if change is not None:
+            return f"is another film and is drawn again: {change}"
+        why = "is not the file that its sidecar describes" if self.is_complete else "is less than what was requested"
+        return f"{why} and is drawn again"
+
+    def _change(self, fingerprint: FilmFingerprint, frames: Sequence[int]) -> str | None:
+        """Return what distinguishes the requested film from this one, if anything."""
+        own = self.fingerprint
+        if own.frames_digest != fingerprint.frames_digest:
+            return describe_mismatch(own.depends_on, fingerprint.depends_on)
+        if own.encoding != fingerprint.encoding or [*self.record.numbers] != [*frames]:
+            return describe_differences(own.encoding, fingerprint.encoding) or "it has other frames"
+        return None
+
+    def _is_unchanged(self, output: OutputSpec) -> bool:
+        if not has_frame_files(output):
+            return file_matches_digest(output.file, self.record.digest)
+        return all(
+            frame_matches_digest(frame_path(output.file, each.frame), each.digest, output)
+            for each in self.record.frames
+        )
+
+    def keep(self, output: FilmOutput) -> FilmRecord:
+        """Return the record of this film, which is up to date; take the paths from it that it should not have."""
+        if output.spec.record_paths or not self.record.scene["output"].get("record_paths", True):
+            return self.record
+        return output.write_passing_record(record_from_json(without_paths(record_to_json(self.record)), output.sidecar))
+
+
+def find_existing_film(sidecar: Path, events: JobEvents) -> ExistingFilm | None:
+    """Return the film that the sidecar of an output describes; None where there is none, or one that is not usable."""
+    data = read_json_object(sidecar, MAX_SIDECAR_BYTES)
+    try:
+        record = None if data is None else record_from_json(data, sidecar)
+    except SceneError as error:
+        what = error.problems[0]
+        events.note(f"{sidecar} is not a record that can be used: {what.path}: {what.what}")
+        return None
+    return None if record is None or record.fingerprint is None else ExistingFilm(record, record.fingerprint)

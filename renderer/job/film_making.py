@@ -1,0 +1,307 @@
+"""Make a film: from a job and an executor to the film and its record.
+
+This is the only film job. It locks the output, looks whether the film is up to date, prepares the stage, has the frames
+drawn, in one pass or several, and writes the film and its sidecar, all of it resumable at any moment.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Protocol
+
+from renderer.compiled import remove_unused_caches
+from renderer.errors import RenderError
+from renderer.film import has_frame_files
+from renderer.frame import LODCostEstimator, Stage, open_stage
+from renderer.job.checkpoint import FrameCheckpoint, remove_checkpoint_frames, remove_frames_of
+from renderer.job.events import JobEvents
+from renderer.job.executor import DrawnFrame, Executor
+from renderer.job.existing_film import ExistingFilm, find_existing_film
+from renderer.job.film_job import FilmJob
+from renderer.job.film_output import FilmOutput, Told, locked_film_output
+from renderer.job.fingerprint import describe_mismatch, film_fingerprint
+from renderer.job.frame_store import FrameStore
+from renderer.job.goals import find_shortfall, summary_parts
+from renderer.job.make_record import film_record
+from renderer.job.original import OriginalFilm
+from renderer.job.plan import FilmPlan, make_plan
+from renderer.job.record import FilmFingerprint, FilmRecord, FrameRecord, PassRecord
+from renderer.readers import read_volume
+from renderer.scene import ErrorSpec, Scene, TimeBudget, accuracy_of, counted, tolerance_at
+from renderer.system import deferrable_interrupts, num_cores
+from renderer.volume import Volume
+
+OpenExecutor = Callable[[Scene], AbstractContextManager[Executor]]
+RecordPasses = Callable[[Sequence[FrameRecord]], Sequence[PassRecord]]
+
+
+@dataclass(frozen=True)
+class FinishedFilm:
+    """A film that is made, or was up to date.
+
+    file: the film, or the template of its frames. record: the content of the sidecar.
+    summary: what was made and what it cost; empty for a film that was up to date.
+    volume_note: what the reader of the volume says. shortfall: what was requested and not reached.
+    """
+
+    file: Path
+    sidecar: Path
+    record: FilmRecord
+    summary: str = ""
+    volume_note: str | None = None
+    shortfall: RenderError | None = None
+
+
+def make_film(
+    job: FilmJob, open_executor: OpenExecutor, passes: Passes, events: JobEvents, *, resumes: bool = True
+) -> FinishedFilm:
+    """Lock the output and make the film; as `LockedJob.make`."""
+    with locked_job(job) as locked:
+        return locked.make(open_executor, passes, events, resumes=resumes)
+
+
+@contextlib.contextmanager
+def locked_job(job: FilmJob) -> Iterator[LockedJob]:
+    """Lock the output of a job for the block, in which the film can be made.
+
+    Raises OutputLockedError if another job is writing it; InputError and RenderError if it cannot be written.
+    """
+    with locked_film_output(job.scene.output, job.frames, job.sidecar) as output:
+        yield LockedJob(job, output)
+
+
+@dataclass(frozen=True)
+class LockedJob:
+    """A job whose output is locked; made by `locked_job`."""
+
+    job: FilmJob
+    output: FilmOutput
+
+    def make(
+        self, open_executor: OpenExecutor, passes: Passes, events: JobEvents, *, resumes: bool = True
+    ) -> FinishedFilm:
+        """Make the film, or return the film that is up to date.
+
+        open_executor: opens what draws a scene. passes: one, or several that refine.
+        resumes: frames that an earlier job finished are kept; else all are drawn again.
+        Raises HsplatError, and KeyboardInterrupt.
+        """
+        start = time.perf_counter()
+        # What can fail early is tried before a voxel is read: the output, the encoder, OpenGL or the cluster.
+        with open_executor(self.job.scene) as executor:
+            before_reading = time.perf_counter()
+            volume = read_volume(self.job.scene.volume)
+            read_seconds = time.perf_counter() - before_reading
+            if volume.note is not None:
+                events.note(f"{volume.name}: {volume.note}")
+            job, fingerprint = _with_fingerprint(self.job, volume, executor.device)
+            existing = find_existing_film(self.output.sidecar, events) if resumes else None
+            why_stale = existing.why_stale(fingerprint, self.output.spec, job.frames) if existing else ""
+            if existing is not None and why_stale is None:
+                return self._kept_film(existing, fingerprint, volume, events)
+            with _open_stage(job, volume) as stage:
+                if why_stale:
+                    events.note(f"{self.output.spec.file} {why_stale}")
+                events.prepared()
+                stage.seconds["read"] += read_seconds
+                film = FilmInProgress(
+                    self.output, job.requested, job.original, fingerprint, stage, executor, events, start
+                )
+                made = passes.make(film, existing, resumes=resumes)
+        remove_unused_caches()
+        return made
+
+    def _kept_film(
+        self, existing: ExistingFilm, fingerprint: FilmFingerprint, volume: Volume, events: JobEvents
+    ) -> FinishedFilm:
+        """Return the film that is up to date."""
+        output = self.output
+        # Left by a job that was killed when its film was complete.
+        remove_frames_of(output.folder, output.spec, output.frames, fingerprint)
+        record = existing.keep(output)
+        events.note(f"{output.spec.file} is up to date; --force draws it again")
+        return FinishedFilm(output.spec.file, output.sidecar, record, volume_note=volume.note)
+
+
+def _with_fingerprint(job: FilmJob, volume: Volume, device: str) -> tuple[FilmJob, FilmFingerprint]:
+    """Return the job and its fingerprint.
+
+    A film that is made again meets what the original was requested to meet only if the fingerprints agree. Otherwise
+    nobody has measured it, and it counts as requested at the tolerances in the sidecar.
+    """
+    fingerprint = film_fingerprint(job.scene, job.requested, volume.fingerprint, device)
+    if job.original is None or job.original.frames_digest == fingerprint.frames_digest:
+        return job, fingerprint
+    job = replace(job, requested=accuracy_of(job.scene.error))
+    return job, film_fingerprint(job.scene, job.requested, volume.fingerprint, device)
+
+
+def _open_stage(job: FilmJob, volume: Volume) -> AbstractContextManager[Stage]:
+    """Prepare the stage, of the volume that the original was made from, if there is one."""
+    original = job.original
+    return open_stage(
+        job.scene,
+        clock=time.perf_counter,
+        num_threads=num_cores(),
+        volume=volume,
+        fingerprint=original.record.volume.fingerprint if original else None,
+        recorded_in=f"{original.path}: volume.fingerprint" if original else "",
+    )
+
+
+# Passes
+
+
+class Passes(Protocol):
+    """A way to make a film: in one pass, or by several that refine."""
+
+    def make(self, film: FilmInProgress, existing: ExistingFilm | None, *, resumes: bool) -> FinishedFilm:
+        """Draw the film, and write it with its sidecar. existing: the film that is there, if it may be used."""
+
+
+@dataclass(frozen=True)
+class FilmInProgress:
+    """A film that is being made.
+
+    requested: the accuracy. original: the film that is made again, if any. start: when the job began, by
+    `perf_counter`.
+    """
+
+    output: FilmOutput
+    requested: ErrorSpec
+    original: OriginalFilm | None
+    fingerprint: FilmFingerprint
+    stage: Stage
+    executor: Executor
+    events: JobEvents
+    start: float
+
+    def plan(self, estimator: LODCostEstimator, on_step: Callable[[], None] = lambda: None) -> FilmPlan:
+        """Find the tolerances for what the scene requests; parameters are those of `make_plan`."""
+        return make_plan(estimator, self.output.frames, lambda: self.executor.rasterizer, self.events, on_step)
+
+    def draw(self, plan: FilmPlan, store: FrameStore) -> Generator[DrawnFrame, None, None]:
+        """Yield the frames that a store lacks."""
+        return self.executor.draw(plan, [number for number in self.output.frames if number not in store.records])
+
+    def write(
+        self,
+        plan: FilmPlan,
+        store: FrameStore,
+        drawing: Generator[DrawnFrame, None, None],
+        label: str,
+        defer_interrupts: Callable[[], None],
+        record_passes: RecordPasses = lambda _: (),
+    ) -> FinishedFilm:
+        """Write the film of the frames in the store and of those that are drawn, then its sidecar.
+
+        label: of the film, or its pass.
+        record_passes: returns the records of all passes so far; it takes those of the frames of this one.
+
+        The sidecar has the fingerprint, by which the next job sees that the film is up to date, unless a single pass
+        would not have made this film: a coarser pass, or one whose tolerances depend on the clock though no time budget
+        was requested.
+        """
+        num_finished = len(store.records)
+        # On a time budget each frame is stored before the next one is drawn: both count.
+        with contextlib.closing(drawing):
+            frames = self.output.write_frames(
+                store, drawing, Told(self.events, label), defer_interrupts, is_overlapped=not plan.is_timing_dependent
+            )
+        passes, seconds = tuple(record_passes(frames)), time.perf_counter() - self.start
+        scene = self.stage.scene
+        shortfall = find_shortfall(scene, self.requested, plan, frames)
+        notes = [*self.output.notes(store), *self.executor.notes]
+        devices = list(self.executor.devices) or [self.executor.device]
+        record = film_record(plan, frames, self.requested, self.original, shortfall, devices)
+        record = replace(
+            record,
+            notes=(*notes, *record.notes),
+            seconds={**self.stage.seconds, "total": seconds},
+            passes=passes,
+        )
+        is_lasting = record.schedule.reproducible or isinstance(self.requested.goal, TimeBudget)
+        if is_lasting and not plan.is_unfinished:
+            record = self.output.write_record(record, self.fingerprint)
+        else:
+            record = self.output.write_passing_record(record)
+        summary = ", ".join(summary_parts(scene, plan, frames, seconds, num_finished))
+        file, sidecar = self.output.spec.file, self.output.sidecar
+        return FinishedFilm(file, sidecar, record, summary, self.stage.volume.note, shortfall)
+
+
+class OnePass:
+    """A pass that draws the film as the scene requests it; finished frames are not drawn again."""
+
+    def make(self, film: FilmInProgress, existing: ExistingFilm | None, *, resumes: bool) -> FinishedFilm:
+        """Draw the frames that are missing, and write the film. Those that are finished are kept until it is whole."""
+        plan, output = film.plan(LODCostEstimator(film.stage)), film.output
+        if not resumes:
+            remove_checkpoint_frames(output.folder, output.spec, output.frames)
+        checkpoint = _resume_checkpoint(film, plan, existing)
+        with deferrable_interrupts() as defer_interrupts:
+            try:
+                label = output.spec.file.name
+                made = film.write(plan, checkpoint, film.draw(plan, checkpoint), label, defer_interrupts)
+            except BaseException:
+                _tell_resumable(film, checkpoint, resumes=resumes)
+                raise
+            remove_checkpoint_frames(output.folder, output.spec, output.frames)
+        return made
+
+
+def _resume_checkpoint(film: FilmInProgress, plan: FilmPlan, existing: ExistingFilm | None) -> FrameCheckpoint:
+    """Return the job's finished frames that equal what would be drawn; tell which, and why others do not.
+
+    The sidecar of another film stays until this film has its own, even while frames of this film replace its frames:
+    this film may be made from it, and its digests expose the mixture.
+    """
+    output, events, fingerprint = film.output, film.events, film.fingerprint
+    checkpoint = FrameCheckpoint(output.folder, output.spec, output.frames, fingerprint)
+    is_same = existing is not None and existing.fingerprint.frames_digest == fingerprint.frames_digest
+    if existing is not None and is_same and has_frame_files(output.spec):
+        checkpoint.adopt_records(existing.record.frames)
+    dropped = [number for number, record in checkpoint.records.items() if not _matches_plan(plan, record)]
+    for number in dropped:
+        del checkpoint.records[number]
+    if checkpoint.records:
+        events.note(f"{_finished_text(film, checkpoint)} already finished")
+    if checkpoint.former is not None:
+        why = describe_mismatch(checkpoint.former, fingerprint.depends_on)
+        events.note(f"{_redrawn_text(checkpoint.num_outdated, 'of another film')}: {why}")
+    if dropped:
+        which = "not drawn on a time budget" if plan.is_timing_dependent else "drawn at other tolerances"
+        events.note(_redrawn_text(len(dropped), which))
+    return checkpoint
+
+
+def _matches_plan(plan: FilmPlan, record: FrameRecord) -> bool:
+    """Return whether a finished frame has the tolerance that it would have now; with a time budget it may have any."""
+    if plan.is_timing_dependent:
+        return record.predicted_seconds is not None
+    return record.tolerance == tolerance_at(plan.stage.scene.error, record.frame)
+
+
+def _tell_resumable(film: FilmInProgress, checkpoint: FrameCheckpoint, *, resumes: bool) -> None:
+    """Tell, when the work ends early, which frames are kept and which command resumes."""
+    file, output = film.output.spec.file, film.output
+    if checkpoint.records and output.folder.is_dir():
+        command = "the same command" + " without --force" * (not resumes)
+        if not resumes and not has_frame_files(output.spec) and file.exists():  # it may be up to date
+            command += f", once {file} is removed,"
+        film.events.note(f"{_finished_text(film, checkpoint)} kept; {command} resumes there")
+
+
+def _finished_text(film: FilmInProgress, checkpoint: FrameCheckpoint) -> str:
+    """Return `1 of 5 frames is`, `4 of 5 frames are`."""
+    num = len(checkpoint.records)
+    return f"{num} of {counted(len(film.output.frames), 'frame')} {'is' if num == 1 else 'are'}"
+
+
+def _redrawn_text(num: int, which: str) -> str:
+    return f"{counted(num, 'existing frame')} {which} {'is' if num == 1 else 'are'} drawn again"

@@ -1,0 +1,143 @@
+"""Write a film to its output, which the job has locked: frames, the film of them, and the sidecar."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from renderer.film import (
+    WriteFrame,
+    file_digest,
+    film_notes,
+    has_frame_files,
+    locked_output,
+    open_film,
+    require_encoder,
+    translate_os_errors,
+)
+from renderer.job.background import BackgroundThread, SameThread
+from renderer.job.events import JobEvents
+from renderer.job.executor import DrawnFrame
+from renderer.job.frame_store import FrameStore
+from renderer.job.record import FilmFingerprint, FilmRecord, FrameRecord
+from renderer.job.sidecar import write_sidecar
+from renderer.scene import OutputSpec
+
+
+@dataclass(frozen=True)
+class Told:
+    """A listener, and what it is told that the frames belong to: the film, or its pass."""
+
+    events: JobEvents
+    label: str
+
+
+@dataclass(frozen=True)
+class FilmOutput:
+    """An output that a job has locked. frames: their numbers, ascending. folder: for unfinished work."""
+
+    spec: OutputSpec
+    frames: Sequence[int]
+    sidecar: Path
+    folder: Path
+
+    def write_frames(
+        self,
+        store: FrameStore,
+        drawn: Iterator[DrawnFrame],
+        told: Told,
+        defer_interrupts: Callable[[], None],
+        *,
+        is_overlapped: bool,
+    ) -> list[FrameRecord]:
+        """Make the film of the frames that the store has and of those that are drawn, and return their records.
+
+        drawn: yields the frames that the store lacks, in their order; they are saved there.
+        defer_interrupts: called before files get their final names.
+        is_overlapped: a frame is stored while the next one is drawn.
+        """
+        finished, records = frozenset(store.records), list[FrameRecord]()
+        missing = frozenset(self.frames) - finished
+        # Where no frame is missing, the progress is that of writing them.
+        shown = missing or frozenset(self.frames)
+        told.events.started(told.label, len(shown))
+        thread: BackgroundThread[FrameRecord] | SameThread[FrameRecord]
+        thread = BackgroundThread() if is_overlapped else SameThread()
+
+        def take(stored: Sequence[FrameRecord]) -> None:
+            for record in stored:
+                records.append(record)
+                if record.frame in shown:
+                    told.events.frame_finished(record)
+
+        with self._open_film(store, defer_interrupts) as write, thread:
+            for number in self.frames:
+                if number in missing:
+                    task = partial(_add_drawn, next(drawn), store, write)
+                else:
+                    task = partial(_add_finished, store.finished_frame(number), write, is_written=not store.is_output)
+                take(thread.run(task))
+            take(thread.wait())
+        return records
+
+    @contextlib.contextmanager
+    def _open_film(self, store: FrameStore, defer_interrupts: Callable[[], None]) -> Iterator[WriteFrame]:
+        """Yield what writes a picture to the film; nothing, where the store's pictures are the output."""
+        if not store.is_output:
+            film = open_film(self.spec, self.frames, staging_folder=self.folder, before_rename=defer_interrupts)
+            with film as write:
+                yield write
+            return
+        yield lambda _number, _picture: None
+        defer_interrupts()
+
+    def notes(self, store: FrameStore) -> list[str]:
+        """Return what the user should know about the film that was encoded."""
+        return [] if store.is_output else film_notes(self.spec)
+
+    def write_record(self, record: FilmRecord, fingerprint: FilmFingerprint) -> FilmRecord:
+        """Write the sidecar of a film that is up to date from now on, and return its record.
+
+        It has the fingerprint, and the digest of a film in one file; frames in files have digests in their records.
+        """
+        record = replace(record, fingerprint=fingerprint)
+        if not has_frame_files(self.spec):
+            with translate_os_errors(self.spec.file):
+                record = replace(record, digest=file_digest(self.spec.file))
+        return self.write_passing_record(record)
+
+    def write_passing_record(self, record: FilmRecord) -> FilmRecord:
+        """Write the sidecar of a film that the next job makes again, and return its record."""
+        write_sidecar(self.sidecar, record, self.folder)
+        return record
+
+
+@contextlib.contextmanager
+def locked_film_output(spec: OutputSpec, frames: Sequence[int], sidecar: Path) -> Iterator[FilmOutput]:
+    """Lock an output; raises as `renderer.film.locked_output`, and where its encoder is missing."""
+    with locked_output(spec, frames, sidecar) as folder:
+        require_encoder(spec)
+        yield FilmOutput(spec, frames, sidecar, folder)
+
+
+def _add_drawn(frame: DrawnFrame, store: FrameStore, write: WriteFrame) -> FrameRecord:
+    before = time.perf_counter()
+    record = store.save(frame)
+    write(record.frame, frame.picture)
+    return _with_encoding_time(record, before)
+
+
+def _add_finished(frame: DrawnFrame, write: WriteFrame, *, is_written: bool) -> FrameRecord:
+    before = time.perf_counter()
+    write(frame.record.frame, frame.picture)
+    return _with_encoding_time(frame.record, before) if is_written else frame.record
+
+
+def _with_encoding_time(record: FrameRecord, before: float) -> FrameRecord:
+    seconds: dict[str, Any] = {**record.seconds, "encode": time.perf_counter() - before}
+    return replace(record, seconds=seconds)

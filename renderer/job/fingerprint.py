@@ -1,0 +1,76 @@
+"""Compute and compare fingerprints: digests of everything that the frames of a film depend on."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from renderer.film import data_digest
+from renderer.job.record import FilmFingerprint
+from renderer.scene import (
+    ErrorSpec,
+    OutputSpec,
+    Scene,
+    first_few,
+    format_value,
+    join_keys,
+    scene_to_dict,
+    schedule_to_dict,
+    with_draw_order,
+)
+from renderer.system import package_versions, sources_digest
+
+# These keys say how frames become a film and what is told of it, not what is in them.
+_ENCODING_KEYS = ("file", "frames_per_second", "quality", "record_paths")
+_MAX_DIFFERENCES = 3
+
+
+def film_fingerprint(scene: Scene, requested: ErrorSpec, volume_fingerprint: str, device: str) -> FilmFingerprint:
+    """Return the fingerprint of a film: scene, voxels, versions and device.
+
+    The schedule counts as it was requested, not as the tolerances that were found for it, so a film that is rendered
+    from its sidecar has the same fingerprint.
+    """
+    tree = scene_to_dict(with_draw_order(scene))
+    rest = {key: value for key, value in tree["error"].items() if key not in schedule_to_dict(scene.error)}
+    output = {key: value for key, value in tree["output"].items() if key not in _ENCODING_KEYS}
+    del tree["volume"]
+    depends_on = {
+        "scene": tree | {"output": output, "error": {**schedule_to_dict(requested), **rest}},
+        "volume": {"fingerprint": volume_fingerprint},
+        "versions": package_versions(),
+        "sources": sources_digest(),
+        "device": device,
+    }
+    return fingerprint_of(json.loads(json.dumps(depends_on)), scene.output)
+
+
+def fingerprint_of(depends_on: Mapping[str, Any], output: OutputSpec) -> FilmFingerprint:
+    """Return the fingerprint of a film whose frames depend on this plain data."""
+    encoding = {"frames_per_second": output.frames_per_second, "quality": output.quality}
+    return FilmFingerprint(data_digest(depends_on), {"output": encoding}, depends_on)
+
+
+def describe_differences(before: Any, now: Any) -> str:
+    """Return the first few keys in which two fingerprints' data differ: `scene.error.tolerance was 0.2`."""
+    found = [f"{path} was {format_value(old)}" for path, old, _ in differences(before, now)]
+    return first_few(found, _MAX_DIFFERENCES, "; ")
+
+
+def describe_mismatch(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """Return why recorded data, which may be any, has another fingerprint than `now`."""
+    if not before:
+        return "its scene is not recorded"
+    return describe_differences(before, now) or "the record of its scene was changed"
+
+
+def differences(before: Any, now: Any, path: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Yield the dotted paths of the values that differ, and both values: None where there is none."""
+    if isinstance(before, list) and isinstance(now, list) and any(isinstance(item, dict) for item in now):
+        before, now = dict(enumerate(before)), dict(enumerate(now))
+    if isinstance(before, dict) and isinstance(now, dict):
+        for key in dict.fromkeys([*now, *before]):
+            yield from differences(before.get(key), now.get(key), join_keys(path, key))
+    elif before != now:
+        yield path, before, now

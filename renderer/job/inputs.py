@@ -1,0 +1,138 @@
+"""Find the files that a job reads, and refuse outputs that would overwrite one of them."""
+
+from __future__ import annotations
+
+import contextlib
+import glob
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from renderer.errors import InputError
+from renderer.film import picture_files, unfinished_folder
+from renderer.scene import ArraySource, FileSource, OutputSpec, ProceduralSource, VolumeSpec
+
+
+def require_no_input(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
+    """Raise InputError if an existing output is the same file as one of the inputs, through any links.
+
+    inputs: not read if no output exists.
+    """
+    there: dict[tuple[int, int] | None, Path] = {mark: path for path in outputs if (mark := _mark(path)) is not None}
+    if not there:
+        return
+    for path in inputs:
+        output = there.get(_mark(path))
+        if output is not None:
+            raise InputError(
+                "this output would overwrite an input",
+                where=str(output),
+                got=f"the input {path}",
+                expected="a file that is not read",
+                hint="give the output another name or folder",
+            )
+
+
+def film_files(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> Iterator[Path]:
+    """Yield all files that a job may replace or remove: pictures, sidecar, and what is in the unfinished folder."""
+    yield from picture_files(output, frames)
+    yield sidecar
+    yield from folder_files(unfinished_folder(output))
+
+
+def folder_files(folder: Path) -> Iterator[Path]:
+    """Yield what is in a folder; nothing where there is none, or it cannot be read."""
+    with contextlib.suppress(OSError):
+        yield from folder.iterdir()
+
+
+def volume_files(volume: VolumeSpec) -> Iterator[Path]:
+    """Yield the known files of a volume, with the data files of a header and the slices of a folder."""
+    source = volume.source
+    if isinstance(source, ProceduralSource):
+        return
+    if isinstance(source, ArraySource):
+        from renderer.volume import backing_file
+
+        with contextlib.suppress(OSError):
+            mapped = backing_file(source.values)
+            yield from [] if mapped is None else [mapped.path]
+        return
+    yield source.file
+    if os.path.isdir(source.file):
+        yield from _slices(source.file)
+        yield from _files_of_volume_inside(source.file)
+    elif isinstance(source, FileSource):
+        header, voxels = _header_and_voxel_files(source.file)
+        yield header
+        yield from voxels
+
+
+def _slices(folder: Path) -> Iterator[Path]:
+    """Yield the slices directly in a folder; a film may lie among them."""
+    from renderer.readers import TIFF_SUFFIXES
+
+    entries = list(folder_files(folder))
+    tiffs = [entry for entry in entries if entry.suffix.lower() in TIFF_SUFFIXES]
+    yield from tiffs or filter(_may_be_dicom, entries)
+
+
+def _may_be_dicom(path: Path) -> bool:
+    from renderer.readers import is_dicom
+
+    with contextlib.suppress(InputError, OSError):
+        return is_dicom(path)
+    return True  # it cannot be read, which its reader reports
+
+
+def _files_of_volume_inside(folder: Path) -> Iterator[Path]:
+    """Yield the files of the only volume below a folder that is not one itself."""
+    from renderer.readers import find_volume
+
+    with contextlib.suppress(InputError, OSError):  # its reader reports it
+        found = find_volume(folder)[0]
+        if found != folder:
+            yield from volume_files(VolumeSpec(FileSource(found)))
+
+
+def expand_pattern(name: str) -> list[Path]:
+    """Return what a pattern such as `scans/**/*.nrrd` matches, sorted; a file that exists, or another name, as it is.
+
+    Raises InputError for a pattern that matches nothing.
+    """
+    if Path(name).exists() or not glob.has_magic(name):
+        return [Path(name)]
+    found = sorted(glob.glob(name, recursive=True))
+    if not found:
+        hint = None if Path(name).is_absolute() else f"it is relative to {Path.cwd()}"
+        raise InputError("no file matches this pattern", where=name, hint=hint)
+    return [Path(path) for path in found]
+
+
+def header_data_files(header: Path) -> list[Path]:
+    """Return the resolved files that hold the voxels of a header, itself perhaps among them; [] for any other file."""
+    found, voxels = _header_and_voxel_files(header)
+    return [file.resolve() for file in voxels] if found == header else []
+
+
+def _header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
+    from renderer.readers import header_and_voxel_files
+
+    with contextlib.suppress(InputError, OSError):  # its reader reports it
+        if file.is_file():  # a pipe would be waited for
+            return header_and_voxel_files(file)
+    return file, []
+
+
+def _mark(path: Path) -> tuple[int, int] | None:
+    """Return what a file shares with all links to it; None if it does not exist.
+
+    `missing/../film.mp4` exists, if `film.mp4` does: folders of outputs are made.
+    """
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        if ".." not in path.parts:
+            return None
+        return _mark(Path(os.path.realpath(path)))
+    return status.st_dev, status.st_ino

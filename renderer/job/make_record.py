@@ -1,0 +1,186 @@
+"""Make the records of a film and its frames, and the notes that belong to them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from renderer.errors import RenderError
+from renderer.frame import Frame, finest_level_at
+from renderer.job.original import OriginalFilm
+from renderer.job.plan import FilmPlan
+from renderer.job.record import (
+    CameraRecord,
+    FilmRecord,
+    FrameRecord,
+    MeasuredRecord,
+    PyramidRecord,
+    ScheduleRecord,
+    VolumeRecord,
+    min_max,
+)
+from renderer.scene import (
+    ErrorSpec,
+    format_value,
+    scene_to_dict,
+    schedule_to_dict,
+    short_text,
+    with_tolerances,
+)
+from renderer.system import package_versions, sources_digest
+
+_MIN_VISIBLE_OPACITY = 0.5 / 255  # less opacity than this changes no pixel of 8 bits
+
+
+def frame_record(frame: Frame) -> FrameRecord:
+    """Return the record of a frame that was drawn; it has no digest yet."""
+    return FrameRecord(
+        frame=frame.number,
+        tolerance=frame.tolerance,
+        cells=frame.num_cells,
+        primitives=frame.num_primitives,
+        seconds=frame.seconds,
+        predicted_seconds=frame.predicted_seconds,
+        blank=bool(np.max(frame.radiance[..., 3], initial=0.0) < _MIN_VISIBLE_OPACITY),
+    )
+
+
+def film_record(
+    plan: FilmPlan,
+    frames: Sequence[FrameRecord],
+    requested: ErrorSpec,
+    original: OriginalFilm | None,
+    shortfall: RenderError | None,
+    devices: Sequence[str],
+) -> FilmRecord:
+    """Return the record of a film that was drawn, without its seconds.
+
+    devices: what drew the frames that do not say it themselves.
+    """
+    stage = plan.stage
+    scene, volume, pyramid = stage.scene, stage.volume, stage.pyramid
+    finest_level = min(finest_level_at(stage, frame.tolerance) for frame in frames)
+    if scene.error.goal is not None:
+        scene = with_tolerances(scene, {frame.frame: frame.tolerance for frame in frames})
+    shape: Any = tuple(map(int, volume.shape_xyz))
+    elsewhere = [frame.device for frame in frames if frame.device is not None]
+    all_devices = list(dict.fromkeys([*elsewhere, *devices]))
+    device = " and ".join(all_devices)
+    return FilmRecord(
+        scene=scene_to_dict(scene),
+        volume=VolumeRecord(
+            volume.name,
+            volume.fingerprint,
+            str(volume.values.dtype),
+            shape,
+            tuple(map(tuple, volume.world_from_index.tolist())),
+        ),
+        camera=CameraRecord(tuple(map(float, stage.target)), float(stage.distance)),
+        pyramid=PyramidRecord(pyramid.num_levels, int(pyramid.num_bytes), finest_level),
+        device=device,
+        versions=package_versions(),
+        schedule=_plan_record(plan, frames, requested, original, shortfall),
+        notes=(
+            *device_notes(all_devices),
+            *(original_notes(original, device) if original else ()),
+            *visibility_notes(frames),
+        ),
+        seconds={},
+        frames=tuple(frames),
+    )
+
+
+def _plan_record(
+    plan: FilmPlan,
+    frames: Sequence[FrameRecord],
+    requested: ErrorSpec,
+    original: OriginalFilm | None,
+    shortfall: RenderError | None,
+) -> ScheduleRecord:
+    """Return the record of the accuracy; what was measured of an original holds while the same is requested."""
+    missed, is_reproducible = None if shortfall is None else str(shortfall), not plan.is_timing_dependent
+    schedule = schedule_record(requested, frames, missed, is_reproducible=is_reproducible)
+    schedule = replace(schedule, measured=_measured_record(plan))
+    if original is None:
+        return schedule
+    schedule, before = replace(schedule, made_from=original.path.name), original.record.schedule
+    if plan.is_unfinished or not original.keeps_accuracy or requested != before.requested:
+        return schedule
+    return replace(
+        schedule,
+        met=before.met,
+        reproducible=before.reproducible,
+        shortfall=before.shortfall,
+        measured=before.measured,
+    )
+
+
+def schedule_record(
+    requested: ErrorSpec, frames: Sequence[FrameRecord], shortfall: str | None, *, is_reproducible: bool
+) -> ScheduleRecord:
+    """Return the record of the accuracy that was requested, and of what these frames reached of it.
+
+    is_reproducible: the scene makes the same film again. If not, because the tolerances depend on the speed of the
+    machine, the sidecar does.
+    """
+    return ScheduleRecord(
+        requested=requested,
+        tolerance=min_max([frame.tolerance for frame in frames]),
+        cells=min_max([frame.cells for frame in frames]),
+        met=shortfall is None,
+        reproducible=is_reproducible,
+        shortfall=shortfall,
+    )
+
+
+def _measured_record(plan: FilmPlan) -> MeasuredRecord | None:
+    """Return the record of the search for an accuracy, if there was one."""
+    if plan.found is None:
+        return None
+    worst, probes = plan.found.worst, tuple(plan.found.frames)
+    value = worst.value if isfinite(worst.value) else None  # the PSNR of equal pictures
+    return MeasuredRecord(plan.found.want.metric, worst.frame, probes, value)
+
+
+# Notes
+
+
+def visibility_notes(frames: Sequence[FrameRecord]) -> list[str]:
+    """Return notes for the user if nothing is visible on some or all pictures."""
+    if all(frame.cells == 0 for frame in frames):
+        return [
+            "nothing is visible: the transfer function hides every voxel; `hsplat info` shows which values there are"
+        ]
+    empty = [frame for frame in frames if frame.primitives == 0 or frame.blank]
+    if not empty:
+        return []
+    among = f" on {len(empty)} of {len(frames)} frames, the first of them frame {empty[0].frame}" * (len(frames) > 1)
+    why = ": the volume is out of the picture, nearer than `camera.near`, too small or too transparent"
+    return [f"nothing is in view{among}{why if any(frame.primitives for frame in empty) else ''}"]
+
+
+def device_notes(devices: Sequence[str]) -> list[str]:
+    """Return a note where frames were drawn by different devices: kept frames, or workers that differ."""
+    names = " and ".join(devices)
+    return [f"bytes may differ from frame to frame, drawn by different devices: {names}"] * (len(devices) > 1)
+
+
+def original_notes(original: OriginalFilm, device: str) -> Iterator[str]:
+    """Yield notes on a film that is made again: a goal that the original missed, and other versions."""
+    record = original.record
+    if original.keeps_accuracy and not record.schedule.met:
+        requested = schedule_to_dict(record.schedule.requested).items()
+        goals = ", ".join(f"{name} {format_value(value)}" for name, value in requested)
+        yield f"the original film did not meet what was requested: {goals}"
+    before, now = original.tools, package_versions() | {"device": device, "sources": sources_digest()}
+    changed = [
+        f"{name} {now[name]}, which was {short_text(before[name])}"
+        for name in now
+        if name in before and before[name] != now[name]
+    ]
+    if changed:
+        yield f"the bytes may differ from the original film, which had other versions: {'; '.join(changed)}"

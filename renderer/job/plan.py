@@ -1,0 +1,110 @@
+"""Plan the tolerances of a film's frames from the goal of its scene: cells, seconds or an accuracy."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from renderer.errors import RenderError
+from renderer.frame import (
+    BudgetController,
+    LODCostEstimator,
+    Rasterizer,
+    ScheduleController,
+    Stage,
+    Stopwatch,
+    ToleranceController,
+    calibrate_costs,
+)
+from renderer.job.accuracy import search_tolerance, unreachable_accuracy_error
+from renderer.job.events import JobEvents
+from renderer.scene import (
+    MetricTarget,
+    SplatBudget,
+    TimeBudget,
+    scheduled_value,
+    with_tolerance,
+    with_tolerances,
+)
+
+if TYPE_CHECKING:  # the ray integral takes a while to load, and most films do not need it
+    from renderer.study import ToleranceSearchResult
+
+# A trial drawing that takes this part of a frame's time tells enough about the whole.
+_MAX_TRIAL_FRACTION = 0.3
+BEST_EFFORT_HINT = "with --best-effort it is good enough"
+
+
+@dataclass(frozen=True)
+class FilmPlan:
+    """A plan that gives each frame its tolerance, by its controller; the scene of its stage has no accuracy as a goal.
+
+    shortfall: the goal that cannot be reached; the film is then drawn as well as possible.
+    is_unfinished: finer passes follow.
+    is_timing_dependent: its tolerances depend on the speed of the machine.
+    found: the result of the search for an accuracy.
+    """
+
+    stage: Stage
+    controller: ToleranceController
+    shortfall: RenderError | None = None
+    is_unfinished: bool = False
+    is_timing_dependent: bool = False
+    found: ToleranceSearchResult | None = None
+
+
+def make_plan(
+    estimator: LODCostEstimator,
+    frames: Sequence[int],
+    rasterizer: Callable[[], Rasterizer],
+    events: JobEvents,
+    on_step: Callable[[], None] = lambda: None,
+) -> FilmPlan:
+    """Resolve the goal of the stage's scene, if it has one, and tell each trial.
+
+    rasterizer: returns what draws trial frames; called for goals of accuracy and of time.
+    on_step: called before each trial drawing; what it raises ends the search.
+    """
+    stage = estimator.stage
+    goal = stage.scene.error.goal
+    if isinstance(goal, MetricTarget):
+        # Imported here: the ray integral takes a while to load.
+        from renderer.study import TRUTH_TOLERANCE
+
+        found = search_tolerance(stage, frames, goal, TRUTH_TOLERANCE, rasterizer(), events, on_step)
+        return _plan_accuracy(stage, goal, found)
+    if isinstance(goal, TimeBudget):
+        return _plan_time(estimator, goal, frames, rasterizer(), on_step)
+    if isinstance(goal, SplatBudget):
+        find = estimator.primitive.tolerance_for_cells
+        tolerances = {frame: find(scheduled_value(goal.by_frame, frame)) for frame in frames}
+        stage = replace(stage, scene=with_tolerances(stage.scene, tolerances))
+    return FilmPlan(stage, ScheduleController(stage))
+
+
+def _plan_time(
+    estimator: LODCostEstimator,
+    goal: TimeBudget,
+    frames: Sequence[int],
+    rasterizer: Rasterizer,
+    on_step: Callable[[], None],
+) -> FilmPlan:
+    """Learn the costs of drawing, and prepare the first frame before its time begins."""
+    least, clock = min(scheduled_value(goal.by_frame, frame) for frame in frames), time.perf_counter
+    calibrate_costs(estimator, frames[0], _MAX_TRIAL_FRACTION * least, rasterizer, clock=clock, on_step=on_step)
+    controller = BudgetController(estimator, lambda frame: scheduled_value(goal.by_frame, frame))
+    draw_list, _ = controller.choose(frames[0], Stopwatch(clock))
+    draw_list.upload(rasterizer)
+    return FilmPlan(estimator.stage, controller, is_timing_dependent=True)
+
+
+def _plan_accuracy(stage: Stage, goal: MetricTarget, found: ToleranceSearchResult) -> FilmPlan:
+    """Plan one tolerance for the whole film; 0 if none is good enough."""
+    shortfall = None
+    if found.tolerance is None:
+        hint = f"the film is drawn at tolerance 0, and {BEST_EFFORT_HINT}"
+        shortfall = unreachable_accuracy_error(found, stage.scene, where=f"error.{goal.metric}", hint=hint)
+    exact = replace(stage, scene=with_tolerance(stage.scene, found.tolerance or 0.0))
+    return FilmPlan(exact, ScheduleController(exact), shortfall=shortfall, found=found)

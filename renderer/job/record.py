@@ -1,0 +1,412 @@
+"""The record of a film, which its sidecar stores: dataclasses, written to JSON and read back.
+
+Each field declares its type and a sentence about it, from which reading, messages and docs/sidecar.md follow. Anybody
+may have edited a sidecar: reading checks everything, and says where a mistake is.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+from renderer.errors import InputError, Problem, SceneError
+from renderer.scene import (
+    BOOLEAN_FIELD,
+    ERROR_SECTION,
+    INVALID,
+    MAPPING_FIELD,
+    MAX_FRAMES,
+    MAX_SIDECAR_BYTES,
+    TEXT_FIELD,
+    ErrorSpec,
+    FieldType,
+    TreeNode,
+    check_frame_in_path,
+    check_frames_ascend,
+    dataclass_field,
+    decode_utf8,
+    format_value,
+    is_shallow,
+    load_json_object,
+    may_be_json,
+    required_keys,
+    schedule_to_dict,
+    sequence_field,
+)
+
+FORMAT = "hsplat film 1"
+
+# No measured value comes near it, and sums over all parts of a film stay finite.
+_MAX_AMOUNT = 1e100
+# More levels than any scene or fingerprint has.
+_MOST_LEVELS = 12
+_DIGEST = re.compile("[0-9a-f]{32}")
+# Keys of records before they had a format, and their names now.
+_FORMER_KEYS = {"cause": "fingerprint", "gl": "device"}
+
+
+# Types of fields. JSON has numbers, so text that spells one is refused.
+
+
+def _number(expected: str, kinds: tuple[type, ...], least: float, most: float) -> FieldType[Any]:
+    def parse(node: TreeNode) -> Any:
+        value: Any = node.value
+        if type(value) not in kinds:
+            return node.reject("not a whole number" if kinds == (int,) else "not a number")
+        return value if least <= value <= most else node.reject("out of range")
+
+    return FieldType(expected, parse)
+
+
+def _mapping_of(item: FieldType[Any]) -> FieldType[Any]:
+    def parse(node: TreeNode) -> Any:
+        given = MAPPING_FIELD.parse(node)
+        return given if given is INVALID else {key: item.read(node.child(key, each)) for key, each in given.items()}
+
+    return FieldType("a mapping", parse)
+
+
+def _list_of(item: FieldType[Any]) -> FieldType[Any]:
+    """Return the type of a list, which may be empty."""
+
+    def parse(node: TreeNode) -> Any:
+        if not isinstance(node.value, list):
+            return node.reject("not a list")
+        return tuple(item.read(node.child(index, each)) for index, each in enumerate(node.value))
+
+    return FieldType("a list", parse)
+
+
+def _parse_digest(node: TreeNode) -> Any:
+    is_digest = isinstance(node.value, str) and _DIGEST.fullmatch(node.value)
+    return node.value if is_digest else node.reject("not a digest")
+
+
+def _parse_shallow(node: TreeNode) -> Any:
+    """Parse data that is copied as it is."""
+    if not isinstance(node.value, dict) or is_shallow(node.value, _MOST_LEVELS):
+        return MAPPING_FIELD.parse(node)
+    return node.reject("too many levels", got="", expected=f"at most {_MOST_LEVELS}")
+
+
+def _parse_scene(node: TreeNode) -> Any:
+    """Parse a recorded scene, which is checked where it is used; paths are taken from these sections anywhere."""
+    scene = _parse_shallow(node)
+    for section in ("volume", "output") if scene is not INVALID else ():
+        if section in scene:
+            MAPPING_FIELD.read(node.child(section, scene[section]))
+        else:
+            MAPPING_FIELD.reject(node.child(section), "missing")
+    return scene
+
+
+def _parse_format(node: TreeNode) -> Any:
+    return FORMAT if node.value == FORMAT else node.reject("another format of records")
+
+
+DIGEST_FIELD: FieldType[Any] = FieldType("32 hexadecimal digits", _parse_digest)
+_AMOUNT = _number(f"a number from 0 to {_MAX_AMOUNT:g}", (int, float), 0, _MAX_AMOUNT)
+_COORDINATE = _number("a number", (int, float), -_MAX_AMOUNT, _MAX_AMOUNT)
+_COUNT = _number("a whole number of at least 0", (int,), 0, 2**63 - 1)
+_FRAME_NUMBER = _number(f"a whole number from 0 to {MAX_FRAMES - 1}", (int,), 0, MAX_FRAMES - 1)
+_AMOUNTS, _TEXTS = _mapping_of(_AMOUNT), _mapping_of(TEXT_FIELD)
+_RANGE = sequence_field(_AMOUNT, "[smallest, largest]", count=2)
+_VECTOR = sequence_field(_COORDINATE, "[x, y, z]", count=3)
+_SHAPE = sequence_field(_COUNT, "[x, y, z]", count=3)
+_MATRIX = sequence_field(sequence_field(_COORDINATE, "four numbers", count=4), "a 4 x 4 matrix", count=4)
+_DATA: FieldType[Any] = FieldType("a mapping", _parse_shallow)
+_SCENE: FieldType[Any] = FieldType("a mapping", _parse_scene)
+_FORMAT: FieldType[Any] = FieldType(FORMAT, _parse_format)
+
+Range = tuple[float, float]
+Amounts = Mapping[str, float]
+
+
+# Frames
+
+
+@dataclass(frozen=True)
+class FrameRecord:
+    """A record of one frame: what was drawn, and what it cost."""
+
+    frame: Annotated[int, _FRAME_NUMBER, "Its number on the camera's path."]
+    tolerance: Annotated[float, _AMOUNT, "The tolerance of its cut."]
+    cells: Annotated[int, _COUNT, "The cells of the cut, each a brick or a splat."]
+    primitives: Annotated[int, _COUNT, "Those cells that the view can show, which are drawn."]
+    seconds: Annotated[Amounts, _AMOUNTS, "The time of each step; `encode` is to write and encode the picture."]
+    digest: Annotated[str | None, DIGEST_FIELD, "The digest of its PNG file."] = None
+    predicted_seconds: Annotated[float | None, _AMOUNT, "The time predicted for it, on a budget of time."] = None
+    device: Annotated[str | None, TEXT_FIELD, "What drew it, where that was on a cluster."] = None
+    blank: Annotated[bool, BOOLEAN_FIELD, "True where nothing of the volume shows."] = False
+
+    @property
+    def total_seconds(self) -> float:
+        """Return the seconds from the start of the frame until the encoder had it."""
+        return float(sum(self.seconds.values()))
+
+
+_FRAME = dataclass_field(FrameRecord)
+_FRAME_KEYS, _REQUIRED_FRAME_KEYS = {field.name for field in fields(FrameRecord)}, set(required_keys(FrameRecord))
+
+
+def read_frame_record(value: Any) -> FrameRecord | None:
+    """Return the record of a frame in plain data; None where it is none. A million of them are read in seconds."""
+    if not (isinstance(value, dict) and value.keys() <= _FRAME_KEYS and value.keys() >= _REQUIRED_FRAME_KEYS):
+        return None
+    record = FrameRecord(**value)
+    is_right = (
+        all(type(number) is int and 0 <= number < 2**63 for number in (record.frame, record.cells, record.primitives))
+        and record.frame < MAX_FRAMES
+        and isinstance(record.seconds, dict)
+        and all(map(_is_amount, (record.tolerance, record.predicted_seconds or 0.0, *record.seconds.values())))
+        and isinstance(record.device, str | None)
+        and isinstance(record.blank, bool)
+        and (record.digest is None or (isinstance(record.digest, str) and bool(_DIGEST.fullmatch(record.digest))))
+    )
+    return record if is_right else None
+
+
+def _is_amount(value: Any) -> bool:
+    return type(value) in (int, float) and 0 <= value <= min(_MAX_AMOUNT, sys.float_info.max)
+
+
+def _parse_frames(node: TreeNode) -> Any:
+    """Parse the records of all frames; report the first wrong one alone: others may have the same mistake."""
+    if not isinstance(node.value, list):
+        return node.reject("not a list")
+    if not node.value:
+        return node.reject("empty", got="")
+    found: list[FrameRecord] = []
+    for index, value in enumerate(node.value):
+        record = read_frame_record(value)
+        if record is None:
+            before = len(node.problems)
+            _FRAME.read(node.child(index, value))
+            assert len(node.problems) > before, value
+            return INVALID
+        number = node.child(index).child("frame")
+        if found and not check_frames_ascend(number, found[-1].frame, record.frame):
+            return INVALID
+        found.append(record)
+    return tuple(found)
+
+
+_FRAMES: FieldType[Any] = FieldType("a list of one or more records of frames", _parse_frames)
+
+
+# Parts of a film's record
+
+
+@dataclass(frozen=True)
+class VolumeRecord:
+    """A record of the volume that was drawn."""
+
+    name: Annotated[str, TEXT_FIELD, "Its file, or the name of its formula."]
+    fingerprint: Annotated[str, DIGEST_FIELD, "The digest of its voxels and their place in the world."]
+    dtype: Annotated[str, TEXT_FIELD, "The type of its voxels."]
+    shape: Annotated[tuple[int, int, int], _SHAPE, "Its voxels along x, y and z."]
+    world_from_index: Annotated[tuple[tuple[float, ...], ...], _MATRIX, "From voxel indices to the world, 4 x 4."]
+
+
+@dataclass(frozen=True)
+class CameraRecord:
+    """A record of where the camera was."""
+
+    target: Annotated[tuple[float, ...], _VECTOR, "The world position that it looks at."]
+    distance: Annotated[float, _AMOUNT, "From the eye to the target, in world units."]
+
+
+@dataclass(frozen=True)
+class PyramidRecord:
+    """A record of the pyramid of averages and errors."""
+
+    levels: Annotated[int, _COUNT, "Its levels above the voxels."]
+    bytes: Annotated[int, _COUNT, "Its memory."]
+    finest_level_drawn: Annotated[int, _COUNT, "The level of the smallest cells that could be drawn."]
+
+
+@dataclass(frozen=True)
+class MeasuredRecord:
+    """A record of the search for the tolerance of an accuracy."""
+
+    metric: Annotated[str, TEXT_FIELD, "What was measured: `psnr` or `rmse`."]
+    frame: Annotated[int, _FRAME_NUMBER, "The probe frame with the worst value."]
+    probes: Annotated[tuple[int, ...], _list_of(_FRAME_NUMBER), "All probe frames."]
+    worst: Annotated[float | None, _AMOUNT, "The worst value; left out for the PSNR of equal pictures."] = None
+
+
+@dataclass(frozen=True)
+class ScheduleRecord:
+    """A record of the accuracy that was requested and reached."""
+
+    requested: Annotated[ErrorSpec, ERROR_SECTION, "The accuracy, as a section `error` of a scene."]
+    tolerance: Annotated[Range, _RANGE, "The smallest and the largest tolerance of a frame."]
+    cells: Annotated[Range, _RANGE, "The smallest and the largest number of cells of a frame."]
+    met: Annotated[bool, BOOLEAN_FIELD, "Whether what was requested was reached."]
+    reproducible: Annotated[bool, BOOLEAN_FIELD, "False where the tolerances depend on the speed of the machine."]
+    shortfall: Annotated[str | None, TEXT_FIELD, "What was not reached."] = None
+    measured: Annotated[MeasuredRecord | None, dataclass_field(MeasuredRecord), "The search for an accuracy."] = None
+    made_from: Annotated[str | None, TEXT_FIELD, "The sidecar of the film that this one was made again from."] = None
+
+
+@dataclass(frozen=True)
+class DifferenceRecord:
+    """A record of how much a pass changed."""
+
+    rmse: Annotated[float, _AMOUNT, "The root mean square change of pixels and channels in [0, 1]."]
+    frames: Annotated[int, _COUNT, "The frames that were compared."]
+    psnr_db: Annotated[float | None, _COORDINATE, "The same in decibels; left out where nothing changed."] = None
+
+
+@dataclass(frozen=True)
+class PassRecord:
+    """A record of one pass of a progressive film."""
+
+    tolerance: Annotated[Range, _RANGE, "The smallest and the largest tolerance of a frame."]
+    cells: Annotated[Range, _RANGE, "The smallest and the largest number of cells of a frame."]
+    predicted_seconds: Annotated[float, _AMOUNT, "The time that was predicted for it."]
+    seconds: Annotated[float, _AMOUNT, "The time that it took."]
+    after_seconds: Annotated[float, _AMOUNT, "When it was finished, from the start of the job."]
+    difference: Annotated[DifferenceRecord | None, dataclass_field(DifferenceRecord), "From the pass before."] = None
+
+
+@dataclass(frozen=True)
+class PartRecord:
+    """A record of a part that a film was assembled from."""
+
+    sidecar: Annotated[str, TEXT_FIELD, "The sidecar of the part."]
+    frames: Annotated[Range, _RANGE, "The first and the last frame that was taken."]
+    num_frames: Annotated[int, _COUNT, "The number of frames that were taken."]
+    seconds: Annotated[Amounts, _AMOUNTS, "What the part took."]
+    measured: Annotated[MeasuredRecord | None, dataclass_field(MeasuredRecord), "The search for an accuracy."] = None
+
+
+@dataclass(frozen=True)
+class FilmFingerprint:
+    """A fingerprint of a film: what it depends on, besides the numbers of its frames."""
+
+    frames_digest: Annotated[str, DIGEST_FIELD, "The digest of `depends_on`."]
+    encoding: Annotated[Mapping[str, Any], _DATA, "How the frames were encoded."]
+    depends_on: Annotated[Mapping[str, Any], _DATA, "Scene, voxels, versions and device that the frames depend on."]
+
+
+@dataclass(frozen=True)
+class FilmRecord:
+    """A record of how a film was made, and what it cost: the content of its sidecar."""
+
+    scene: Annotated[Mapping[str, Any], _SCENE, "A scene that draws the same frames, with every default."]
+    volume: Annotated[VolumeRecord, dataclass_field(VolumeRecord), "The volume."]
+    camera: Annotated[CameraRecord, dataclass_field(CameraRecord), "The camera."]
+    pyramid: Annotated[PyramidRecord, dataclass_field(PyramidRecord), "The pyramid."]
+    device: Annotated[str, TEXT_FIELD, "What drew the frames: device and driver of OpenGL, or the processor."]
+    versions: Annotated[Mapping[str, str], _TEXTS, "Versions of Python, hsplat and the packages that bytes depend on."]
+    schedule: Annotated[ScheduleRecord, dataclass_field(ScheduleRecord), "The accuracy."]
+    notes: Annotated[tuple[str, ...], _list_of(TEXT_FIELD), "What the user should know."]
+    seconds: Annotated[Amounts, _AMOUNTS, "The time of each step of the whole film."]
+    frames: Annotated[
+        tuple[FrameRecord, ...],
+        FieldType("a list of one or more records of frames", _parse_frames),
+        "The frames, ascending.",
+    ]
+    passes: Annotated[
+        tuple[PassRecord, ...], _list_of(dataclass_field(PassRecord)), "Passes of a progressive film."
+    ] = ()
+    parts: Annotated[tuple[PartRecord, ...], _list_of(dataclass_field(PartRecord)), "Parts of an assembled film."] = ()
+    fingerprint: Annotated[
+        FilmFingerprint | None,
+        dataclass_field(FilmFingerprint),
+        "Left out where one pass would not have made this film.",
+    ] = None
+    digest: Annotated[str | None, DIGEST_FIELD, "The digest of a film in one file."] = None
+    format: Annotated[str, _FORMAT, "The version of this format."] = FORMAT
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """Return the numbers of the frames, ascending."""
+        return tuple(record.frame for record in self.frames)
+
+
+# The frames, of which there are many, come last in the file.
+_LAST = "frames"
+_FILM = dataclass_field(FilmRecord)
+
+
+# To JSON and back
+
+
+def record_to_json(record: Any) -> dict[str, Any]:
+    """Return a record as plain data for JSON; fields that have their defaults are left out, but for the format."""
+    pairs = ((field, getattr(record, field.name)) for field in fields(record))
+    found = {field.name: _plain(value) for field, value in pairs if field.default is MISSING or value != field.default}
+    if not isinstance(record, FilmRecord):
+        return found
+    frames = found.pop(_LAST)
+    return {"format": record.format, **found, _LAST: frames}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, ErrorSpec):
+        return schedule_to_dict(value)
+    if is_dataclass(value):
+        return record_to_json(value)
+    return [_plain(item) for item in value] if isinstance(value, (tuple, list)) else value
+
+
+def record_from_json(data: Mapping[str, Any], path: Path) -> FilmRecord:
+    """Return the record in plain data. Raises SceneError with everything that is wrong with it."""
+    problems: list[Problem] = []
+    record: FilmRecord = _FILM.read(TreeNode(data, "", problems))
+    if problems:
+        raise SceneError([replace(problem, location=str(path)) for problem in problems])
+    return record
+
+
+def parse_film_record(content: bytes, path: Path) -> FilmRecord | None:
+    """Return the record in the content of a file; None for what is no record of a film.
+
+    Raises InputError, or SceneError with all problems, where it is one of another version, or is damaged.
+    """
+    if not may_be_json(content):
+        return None
+    if len(content) > MAX_SIDECAR_BYTES:
+        raise InputError("too large for a sidecar", where=str(path), expected=f"at most {MAX_SIDECAR_BYTES} bytes")
+    try:
+        data = load_json_object(decode_utf8(content, path), path, kind="a sidecar")
+    except InputError:
+        if _RECORD_START.match(content):
+            raise
+        return None  # the YAML parser accepts more, and tells the line
+    if not {"scene", "format"} & data.keys():
+        return None
+    if data.get("format") != FORMAT:
+        raise _format_error(data, path)
+    return record_from_json(data, path)
+
+
+_RECORD_START = re.compile(rb'(\xef\xbb\xbf)?\s*\{\s*"(format|scene)"\s*:')
+
+
+def _format_error(data: Mapping[str, Any], path: Path) -> InputError:
+    """Return the error for a record of another version of hsplat, with the keys that have other names now."""
+    former = [f"{before}, which is called {now} now" for before, now in _FORMER_KEYS.items() if before in data]
+    got = f"format {format_value(data['format'])}" if "format" in data else "; ".join(["no format", *former])
+    hint = "render its scene again; it stands under `scene` in this file, and can be saved as a .json file of its own"
+    what = "a sidecar of another version of hsplat"
+    return InputError(what, where=str(path), got=got, expected=f"format {FORMAT!r}", hint=hint)
+
+
+def late_frame_problems(record: FilmRecord, num_frames: int) -> list[Problem]:
+    """Return the problem of a film whose last frame comes after the end of the path in its scene, if it does."""
+    problems: list[Problem] = []
+    node = TreeNode(None, f"frames.{len(record.frames) - 1}.frame", problems)
+    check_frame_in_path(node, record.numbers[-1], num_frames)
+    return problems
+
+
+def min_max(values: Sequence[float]) -> Range:
+    """Return the smallest and the largest value."""
+    return min(values), max(values)

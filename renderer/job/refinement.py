@@ -1,0 +1,332 @@
+"""Plan the passes of a film that refines while time remains: complete films, each more exact than the one before.
+
+The first pass has few cells and is finished soon. Its frames and some trial frames show what drawing costs here; each
+following pass takes 8 times as long, and the last one is what the scene requests. So all passes together take little
+longer than the last one alone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import statistics
+import time
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.film import picture_shape
+from renderer.frame import (
+    BudgetController,
+    LODCostEstimator,
+    ScheduleController,
+    Stopwatch,
+    ToleranceController,
+    calibrate_costs,
+    find_finest_in_time,
+)
+from renderer.job.checkpoint import remove_frames_of
+from renderer.job.executor import DrawnFrame
+from renderer.job.existing_film import ExistingFilm
+from renderer.job.film_making import FilmInProgress, FinishedFilm
+from renderer.job.frame_store import FrameStore
+from renderer.job.goals import range_text
+from renderer.job.plan import FilmPlan
+from renderer.job.record import DifferenceRecord, FrameRecord, PassRecord, min_max
+from renderer.scene import (
+    MetricTarget,
+    OutputSpec,
+    SplatBudget,
+    TimeBudget,
+    pluralize_range,
+    scheduled_value,
+    tolerance_at,
+    with_tolerances,
+)
+from renderer.system import deferrable_interrupts
+
+# The first pass may take this many times as long as the first frame that shows anything. With few cells the pixels
+# cost most, so the first pass can have many more cells.
+_FIRST_PASS_FACTOR = 1.3
+# How many times longer each pass takes than the one before, and how many times at least, to be worth it.
+_PASS_FACTOR, _MIN_PASS_FACTOR = 8.0, 3.0
+# Trial frames, which show what more cells cost, take up to this fraction of a frame of the last pass, and seconds.
+_TRIAL_FRACTION, _MAX_TRIAL_S = 0.1, 0.5
+# A pass may be predicted to take this fraction of the remaining time.
+_SAFE_FRACTION = 0.9
+# The time of a pass is predicted from this many frames.
+_NUM_SAMPLED_FRAMES = 3
+# Pictures of the pass before are kept for comparison, of as many frames as fit into this.
+_MAX_COMPARED_BYTES = 2**26
+
+
+class DeadlineReached(Exception):  # noqa: N818  no error
+    """The deadline is reached; the pass is given up."""
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """A way to make a film in passes: each is a complete film that replaces the one before, and no frames are kept.
+
+    time_limit: seconds from the start of the job; the first pass is drawn in any case.
+    best_effort: an interrupt after the first pass is no error.
+    """
+
+    time_limit: float = math.inf
+    best_effort: bool = False
+
+    def make(self, film: FilmInProgress, existing: ExistingFilm | None, *, resumes: bool) -> FinishedFilm:
+        """Draw pass after pass, until one is what the scene requests or the time is up."""
+        refiner, output = Refiner(film, film.start + self.time_limit), film.output
+        made: FinishedFilm | None = None
+        try:
+            for each in refiner.plan_passes():
+                made = refiner.make_pass(each)
+            if not each.plan.is_unfinished:
+                remove_frames_of(output.folder, output.spec, output.frames, film.fingerprint)
+        except DeadlineReached:
+            pass
+        except KeyboardInterrupt:
+            if made is not None:
+                film.events.pass_finished(f"{output.spec.file} is whole, as pass {len(refiner.passes)} made it")
+            if made is None or not self.best_effort:
+                raise
+        assert made is not None
+        return made
+
+
+class Pass(NamedTuple):
+    """A film to draw. frame_seconds: the predicted mean seconds of a frame."""
+
+    plan: FilmPlan
+    frame_seconds: float
+
+
+class _Work(NamedTuple):
+    """The work of a frame, to draw and to sort it. size: as in Primitive."""
+
+    typical_seconds: float
+    order_seconds: float
+    size: float
+
+
+class Refiner:
+    """A planner of passes, each from what the frames of the passes before took.
+
+    deadline: by `perf_counter`. passes: the records of the passes so far.
+    """
+
+    def __init__(self, film: FilmInProgress, deadline: float) -> None:
+        self._film, self._deadline = film, deadline
+        self._estimator, self._frames = LODCostEstimator(film.stage), film.output.frames
+        self._error = film.stage.scene.error
+        self._store = ComparedFrames(film.output.spec, self._frames)
+        self.passes: list[PassRecord] = []
+
+    def plan_passes(self) -> Iterator[Pass]:
+        """Yield the passes, each planned when the one before it is finished, as many as there is time for.
+
+        Raises DeadlineReached.
+        """
+        primitive = self._estimator.primitive
+        initial_tolerance = primitive.tolerance_for_size(primitive.initial_size)
+        initial = self._estimator.make_draw_list(self._frames[0], initial_tolerance, _stopwatch())
+        first = _FIRST_PASS_FACTOR * self._estimator.predict(initial)
+        if self._may_skip_first_pass(first):
+            plan = self._final_plan()
+            last = self._seconds(self._work(plan))
+            if last < _MIN_PASS_FACTOR * first:
+                yield Pass(plan, last)
+                return
+        yield self._pass_within(first)
+        self.require_time()
+        plan = self._final_plan()
+        self.require_time()
+        work = self._work(plan)
+        self._calibrate_costs(work)
+        while True:
+            before, last = self.passes[-1].seconds / len(self._frames), self._seconds(work)
+            wanted = _next_frame_seconds(before, last)
+            affordable = _SAFE_FRACTION * (self._deadline - time.perf_counter()) / len(self._frames)
+            if wanted > affordable:
+                if affordable >= _MIN_PASS_FACTOR * before:
+                    yield self._pass_within(affordable, plan)
+                return
+            if wanted == last:
+                yield Pass(plan, last)
+                return
+            yield self._pass_within(wanted, plan)
+
+    def require_time(self) -> None:
+        """Raise DeadlineReached where the deadline is reached and a pass is finished."""
+        if self.passes and time.perf_counter() > self._deadline:
+            raise DeadlineReached
+
+    def make_pass(self, each: Pass) -> FinishedFilm:
+        """Draw and write the film of a pass, and tell what it has. Raises DeadlineReached."""
+        film, start = self._film, time.perf_counter()
+        label = f"{film.output.spec.file.name}, pass {len(self.passes) + 1}"
+        with deferrable_interrupts() as defer_interrupts:
+            drawing = self._until_deadline(film.draw(each.plan, self._store))
+            record_passes = partial(self._record_pass, each.frame_seconds, start)
+            made = film.write(each.plan, self._store, drawing, label, defer_interrupts, record_passes)
+            film.events.pass_finished(self._summary(made.record.frames))
+        return made
+
+    def _record_pass(self, frame_seconds: float, start: float, frames: Sequence[FrameRecord]) -> Sequence[PassRecord]:
+        """Record the pass that has just drawn these frames, and return the records of all passes."""
+        now = time.perf_counter()
+        self.passes.append(
+            PassRecord(
+                tolerance=min_max([frame.tolerance for frame in frames]),
+                cells=min_max([frame.cells for frame in frames]),
+                predicted_seconds=frame_seconds * len(frames),
+                seconds=now - start,
+                after_seconds=now - self._film.start,
+                difference=self._store.finish_pass(),
+            )
+        )
+        return self.passes
+
+    def _summary(self, frames: Sequence[FrameRecord]) -> str:
+        """Return a line about the last pass."""
+        last, noun = self.passes[-1], self._film.stage.scene.splat.primitive_name
+        facts = [
+            f"pass {len(self.passes)}: tolerance {range_text(last.tolerance)}",
+            f"{pluralize_range([frame.primitives for frame in frames], noun)} a frame",
+            f"{last.seconds:.1f} s (predicted: {last.predicted_seconds:.1f} s)",
+        ]
+        if last.difference is not None:
+            psnr_db = last.difference.psnr_db
+            facts.append("nothing changed" if psnr_db is None else f"{psnr_db:.1f} dB from the pass before")
+        return ", ".join(facts)
+
+    def _until_deadline(self, drawing: Generator[DrawnFrame, None, None]) -> Generator[DrawnFrame, None, None]:
+        """Yield frames; between two of them, raise DeadlineReached where the time is up."""
+        with contextlib.closing(drawing):
+            for frame in drawing:
+                yield frame
+                self.require_time()
+
+    def _may_skip_first_pass(self, first: float) -> bool:
+        """Return whether the last pass may have so few cells that a first pass of `first` seconds a frame is useless.
+
+        Decided without the cut of the last pass, which may take long. A search for an accuracy always takes long.
+        """
+        goal, frames = self._error.goal, self._frames
+        if isinstance(goal, MetricTarget):
+            return False
+        max_cells = self._estimator.max_cells(_MIN_PASS_FACTOR * first)
+        largest = max(scheduled_value(goal.by_frame, frame) for frame in frames) if goal else 0.0
+        if isinstance(goal, SplatBudget):
+            return largest <= max_cells
+        if isinstance(goal, TimeBudget) and largest < _MIN_PASS_FACTOR * first:
+            return True
+        finest = 0.0 if goal else min(tolerance_at(self._error, frame) for frame in frames)
+        return not self._estimator.primitive.has_more_cells(finest, max_cells)
+
+    def _final_plan(self) -> FilmPlan:
+        plan = self._film.plan(self._estimator, self.require_time)
+        if isinstance(plan.controller, ScheduleController):
+            return replace(plan, controller=ScheduleController(plan.stage, self._estimator))
+        return plan
+
+    def _work(self, plan: FilmPlan) -> list[_Work]:
+        """Return the work of some frames of the last pass."""
+        goal, num = self._error.goal, min(_NUM_SAMPLED_FRAMES, len(self._frames))
+        sampled_frames = [self._frames[i * len(self._frames) // num] for i in range(num)]
+        if isinstance(goal, TimeBudget):
+            frame_by_budget = {scheduled_value(goal.by_frame, frame): frame for frame in sampled_frames}
+            draw_lists = (
+                find_finest_in_time(self._estimator, frame, seconds, _stopwatch())[0]
+                for seconds, frame in frame_by_budget.items()
+            )
+        else:
+            controller = ScheduleController(plan.stage)
+            draw_lists = (controller.prepare_frame(frame, _stopwatch())[0] for frame in sampled_frames)
+        return [
+            _Work(draw_list.typical_seconds, draw_list.order_seconds, self._estimator.size(draw_list.lod))
+            for draw_list in draw_lists
+        ]
+
+    def _seconds(self, work: Sequence[_Work]) -> float:
+        """Return the predicted mean seconds of a frame of the last pass."""
+        return statistics.fmean(self._estimator.seconds(each.typical_seconds, each.order_seconds) for each in work)
+
+    def _calibrate_costs(self, work: Sequence[_Work]) -> None:
+        """Measure what more cells cost, where the last pass has many more than the first, and more than one frame."""
+        growth, first = self._estimator.primitive.size_ratio, self.passes[-1]
+        first_size = growth * self._estimator.primitive.lod_size(first.tolerance[0], int(first.cells[1]))
+        if len(self._frames) == 1 or max(each.size for each in work) < growth * first_size:
+            return
+        calibrate_costs(
+            self._estimator,
+            self._frames[0],
+            min(_TRIAL_FRACTION * self._seconds(work), _MAX_TRIAL_S),
+            self._film.executor.rasterizer,
+            clock=time.perf_counter,
+            first_size=first_size,
+            on_step=self.require_time,
+        )
+
+    def _pass_within(self, seconds: float, plan: FilmPlan | None = None) -> Pass:
+        """Return a pass whose frames take these seconds, none finer than in the last pass, as far as that is known."""
+        goal, stage = self._error.goal, self._estimator.stage
+        if isinstance(goal, TimeBudget):
+            budgets = {frame: min(seconds, scheduled_value(goal.by_frame, frame)) for frame in self._frames}
+            controller: ToleranceController = BudgetController(self._estimator, budgets.__getitem__)
+            predicted = statistics.fmean(budgets.values())
+        else:
+            draw_list, predicted = find_finest_in_time(self._estimator, self._frames[0], seconds, _stopwatch())
+            coarsest, error = draw_list.lod.tolerance, plan.stage.scene.error if plan else self._error
+            tolerances = dict.fromkeys(self._frames, coarsest)
+            if error.goal is None:
+                tolerances = {frame: max(coarsest, tolerance_at(error, frame)) for frame in self._frames}
+            stage = replace(stage, scene=with_tolerances(stage.scene, tolerances))
+            controller = ScheduleController(stage, self._estimator)
+        return Pass(FilmPlan(stage, controller, is_unfinished=True, is_timing_dependent=True), predicted)
+
+
+def _next_frame_seconds(before: float, last: float) -> float:
+    """Return the seconds a frame of the pass after one: `last` divided by 8 as often as that pass is worth it."""
+    wanted = last
+    while wanted / _PASS_FACTOR >= _MIN_PASS_FACTOR * before:
+        wanted /= _PASS_FACTOR
+    return wanted
+
+
+def _stopwatch() -> Stopwatch:
+    return Stopwatch(time.perf_counter)
+
+
+class ComparedFrames(FrameStore):
+    """A store that keeps no frames, and compares some with those of the pass before, spread over the film."""
+
+    def __init__(self, output: OutputSpec, frames: Sequence[int]) -> None:
+        super().__init__(output, {}, lambda _: output.file)
+        num = min(len(frames), max(1, _MAX_COMPARED_BYTES // math.prod(picture_shape(output))))
+        self._compared_frames = {frames[i * len(frames) // num] for i in range(num)}
+        self._before: dict[int, npt.NDArray[np.uint8]] = {}
+        self._squares: list[float] = []
+
+    def save(self, frame: DrawnFrame) -> FrameRecord:
+        """Compare a frame that was drawn with that of the pass before, and return its record."""
+        number, image = frame.record.frame, frame.picture.pixels
+        if number in self._before:
+            change = (image.astype(np.float32) - self._before[number]) / 255
+            self._squares.append(float(np.mean(change * change, dtype=np.float64)))
+        if number in self._compared_frames:
+            self._before[number] = image
+        return super().save(frame)
+
+    def finish_pass(self) -> DifferenceRecord | None:
+        """Return the root mean square change of pixels and channels in [0, 1]; None for the first pass."""
+        squares, self._squares = self._squares, []
+        if not squares:
+            return None
+        rmse = math.sqrt(math.fsum(squares) / len(squares))
+        return DifferenceRecord(rmse, len(squares), -20 * math.log10(rmse) if rmse > 0 else None)

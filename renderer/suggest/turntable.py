@@ -1,0 +1,35 @@
+"""Declare what a suggested film is besides its transfer function: a turntable, and its defaults."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+from renderer.scene import OutputSpec
+
+
+@dataclass(frozen=True)
+class FilmOptions:
+    """The options of a turntable besides its volume.
+
+    background: a colour or `transparent`. colormap: from which the suggestion takes its colours, if any.
+    hides_nonfinite: as for `suggest_for`.
+    """
+
+    frames: int = 120
+    elevation: float = 20.0
+    axis: str = "z"
+    tolerance: float = 0.05
+    size: tuple[int, int] = OutputSpec.size
+    fps: float = OutputSpec.frames_per_second
+    background: str = "#000000"
+    no_paths: bool = False
+    colormap: str | None = None
+    hides_nonfinite: bool = False
+
+    @classmethod
+    def of(cls, options: Mapping[str, Any]) -> FilmOptions:
+        """Return those among the options of a command, by their names."""
+        own = {field.name: options[field.name] for field in fields(cls) if field.name in options}
+        return cls(**own, hides_nonfinite=options["nonfinite"] is None)

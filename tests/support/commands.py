@@ -1,0 +1,47 @@
+"""Run `hsplat`, or what uses its library, in other processes, and list what they leave."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from hsplat_cli import main
+
+CODE = Path(main.__file__).parents[1]
+HSPLAT = (sys.executable, "-m", "hsplat_cli")
+
+
+def environment(**variables: str) -> dict[str, str]:
+    """Return this environment with these variables; Python finds the hsplat under test there."""
+    return os.environ | {"PYTHONPATH": str(CODE)} | variables
+
+
+def hsplat(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run the command to its end."""
+    return subprocess.run(
+        [*HSPLAT, *arguments], check=False, capture_output=True, text=True, env=environment(**variables)
+    )
+
+
+@contextmanager
+def other_process(imports: str, block: str) -> Iterator[int]:
+    """Let another process stay in a block, such as one that holds a lock, and yield its id."""
+    program = (
+        f"import sys\nfrom pathlib import Path\n{imports}\nwith {block}:\n    print(flush=True)\n    sys.stdin.read()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", program], env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"\n"
+        yield process.pid
+        process.communicate(b"")
+
+
+def files(folder: str | Path) -> list[str]:
+    """Return the names of all files below a folder."""
+    return sorted(str(path.relative_to(folder)) for path in Path(folder).rglob("*") if path.is_file())

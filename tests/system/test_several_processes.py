@@ -1,0 +1,105 @@
+"""`--workers 2` draws the same film as one process, whatever happens to its processes, and leaves nothing behind."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import psutil
+import pytest
+from commands import HSPLAT, environment
+from distributed import SpecCluster
+from processes import MARK, marked, new_mark, wait_until
+
+from hsplat_cli import main
+
+pytestmark = pytest.mark.usefixtures("scene_folder")
+
+SCENE = """\
+volume:
+  procedural: {name: engine_block, shape: [32, 32, 16]}
+transfer_function:
+  points:
+    - {value: 50, color: "#6680e6", opacity: 0.0}
+    - {value: 255, color: white, opacity: 0.7}
+camera:
+  path: {type: turntable, frames: FRAMES}
+error: {splats: {0: 50, 4: 500}}
+output: {file: film.mp4, size: [32, 32]}
+""".replace("FRAMES", "400")
+# The longest time until the last process has ended.
+SOON_S = 10.0
+
+
+def film_of_one_process() -> bytes:
+    assert main.run(["render", "scene.yaml", "--output", "alone.mp4", "--quiet"]) == 0
+    return Path("alone.mp4").read_bytes()
+
+
+@contextmanager
+def rendering(mark: str) -> Iterator[subprocess.Popen[str]]:
+    """Start a job of two processes, in a process group, and wait until it has drawn a frame."""
+    command = [*HSPLAT, "render", "scene.yaml", "--workers", "2", "--quiet"]
+    variables = environment(**{MARK: mark})
+    with subprocess.Popen(command, env=variables, stderr=subprocess.PIPE, text=True, process_group=0) as job:
+        while not list(Path("film.mp4.unfinished").glob("*.json")):
+            assert job.poll() is None
+            time.sleep(0.02)
+        yield job
+
+
+def test_the_same_film(capsys: pytest.CaptureFixture[str]) -> None:
+    expected = film_of_one_process()
+    assert main.run(["render", "scene.yaml", "--workers", "2", "--quiet"]) == 0
+    assert Path("film.mp4").read_bytes() == expected
+    assert all(logging.getLogger(name).isEnabledFor(logging.CRITICAL) for name in ("distributed", "another"))
+    capsys.readouterr()
+    assert main.run(["render", "scene.yaml"]) == 0
+    assert "film.mp4 is up to date" in capsys.readouterr().err
+
+
+def test_frames_of_a_killed_process_are_drawn_again() -> None:
+    mark = new_mark()
+    with rendering(mark) as job:
+        workers = [child for child in psutil.Process(job.pid).children() if "spawn_main" in " ".join(child.cmdline())]
+        assert len(workers) == 2
+        workers[0].kill()
+        _, said = job.communicate()
+    assert (job.returncode, "Traceback" in said) == (0, False), said
+    assert Path("film.mp4").read_bytes() == film_of_one_process()
+    assert wait_until(lambda: not marked(mark), SOON_S)
+
+
+def test_an_interrupt_of_all_processes_of_a_terminal() -> None:
+    mark = new_mark()
+    with rendering(mark) as job:
+        os.killpg(job.pid, signal.SIGINT)
+        _, said = job.communicate()
+    assert (job.returncode, "Traceback" in said) == (130, False), said
+    assert said.splitlines()[-1] == "hsplat: interrupted"
+    assert wait_until(lambda: not marked(mark), SOON_S)
+    assert main.run(["render", "scene.yaml", "--quiet"]) == 0
+    assert Path("film.mp4").read_bytes() == film_of_one_process()
+
+
+@pytest.mark.usefixtures("heeds_interrupts")
+def test_an_interrupt_waits_for_the_end_of_the_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C may come a second time, while they end."""
+    mark, close = new_mark(), SpecCluster.close
+    monkeypatch.setenv(MARK, mark)
+
+    def interrupted_close(cluster: SpecCluster, timeout: float) -> None:
+        assert len(marked(mark)) >= 2
+        os.kill(os.getpid(), signal.SIGINT)
+        close(cluster, timeout)
+
+    monkeypatch.setattr(SpecCluster, "close", interrupted_close)
+    assert main.run(["render", "scene.yaml", "--workers", "2", "--quiet"]) == 130
+    programs = [" ".join(psutil.Process(number).cmdline()) for number in marked(mark)]
+    assert not any("spawn_main" in program for program in programs)

@@ -1,0 +1,101 @@
+"""`--frames` picks frames as Python slices do, forward only, and `parse_duration` reads durations such as 1h30m."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, strategies as st
+
+from hsplat_cli.terminal import is_one_frame, parse_duration, parse_frames
+from renderer.errors import InputError
+
+
+@pytest.mark.parametrize(
+    ("text", "frames"),
+    [
+        (None, [0, 1, 2, 3, 4, 5]), ("0", [0]), ("5", [5]), (" 2 ", [2]), (" 1 : 3 ", [1, 2]), ("-1", [5]),
+        ("-6", [0]), (f"4:{10**40}", [4, 5]), (f"4::{10**40}", [4]),
+    ],
+)  # fmt: skip
+def test_frames_are_picked(text: str | None, frames: list[int]) -> None:
+    assert list(parse_frames(text, 6)) == frames
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "  ", "x", "1,2", "1-3", "1:2:3:4", "1.5", "1e1", "0x1", "6", "-7", "-8", str(10**40), "3:3", "::0", "::-1"],
+)
+def test_other_ranges_are_refused(text: str) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_frames(text, 6)
+    assert caught.value.where == "--frames"
+
+
+_END = st.none() | st.integers(-20, 20)
+
+
+@given(_END, _END, st.none() | st.integers(1, 9), st.integers(1, 12))
+def test_a_range_is_a_slice(start: int | None, stop: int | None, step: int | None, num_frames: int) -> None:
+    text = ":".join("" if part is None else str(part) for part in (start, stop, step))
+    expected = list(range(num_frames))[start:stop:step]
+    if expected:
+        assert list(parse_frames(text, num_frames)) == expected
+    else:
+        with pytest.raises(InputError):
+            parse_frames(text, num_frames)
+
+
+def test_one_frame_of_any_path_is_recognised() -> None:
+    for text in ("7", " 7 ", "-1", "-8", "7:8", " 7 : 8 ", "7:8:", "7:8:1", "0:1"):
+        assert is_one_frame(text), text
+        assert len(parse_frames(text, 100)) == 1
+    for text in (None, ":", "::", "7:9", "7:9:2", "7:8:2", "7:", ":1", "-1:", "-2:-1", "-1:0", "8:7", "7:7", "x:y"):
+        assert not is_one_frame(text), text
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [
+        ("90", 90), ("0.25", 0.25), ("0.5s", 0.5), ("1.5m", 90), ("0.5h", 1800), ("1h30m", 5400), ("1h0.5m", 3630),
+        ("1h30s", 3630), ("1h2m3.5s", 3723.5), ("90m", 5400), (" 10m ", 600),
+    ],
+)  # fmt: skip
+def test_durations_are_read(text: str, seconds: float) -> None:
+    assert parse_duration(text, where="--time-limit") == seconds
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "", " ", "x", "s", "h", ".", ".s", "-1", "-1s", "1e3", "inf", "nan", "1d", "1 h", "1h 30m", "1m1h", "1s1m",
+        "1h1h", "1h30", "1m30", "1h2m3", "1.5h30", "1.5h30m", "1.h30m", "0.5m30s", "1h0.5m1s", "1.5.5s",
+        "1\nh", "1h\n1", "\u0661s", "9" * 28,
+    ],
+)  # fmt: skip
+def test_other_durations_are_refused(text: str) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_duration(text, where="--time-limit")
+    assert caught.value.what == "not a duration"
+    assert caught.value.where == "--time-limit"
+
+
+def test_a_duration_of_0_is_an_error() -> None:
+    for text in ("0", "0.0", "0h0m"):
+        with pytest.raises(InputError) as caught:
+            parse_duration(text, where="--time-limit")
+        expected = "a time such as 90s, 10m or 1h30m, more than 0"
+        assert str(caught.value) == f"--time-limit: a duration of 0\n  got: '{text}'\n  expected: {expected}"
+
+
+_NUM = st.none() | st.integers(0, 10**6)
+
+
+@given(_NUM, _NUM, _NUM)
+def test_a_duration_is_the_sum_of_its_parts(hours: int | None, minutes: int | None, seconds: int | None) -> None:
+    parts = ((hours, "h", 3600), (minutes, "m", 60), (seconds, "s", 1))
+    text = "".join(f"{number}{unit}" for number, unit, _ in parts if number is not None)
+    total = sum(number * factor for number, _, factor in parts if number is not None)
+    if total:
+        assert parse_duration(text, where="") == total
+    else:
+        with pytest.raises(InputError):
+            parse_duration(text, where="")
