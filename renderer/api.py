@@ -28,11 +28,9 @@ from renderer.job import (
     OnePass,
     OnProgress,
     ProgressEvents,
-    film_files,
     make_film,
     make_plan,
     open_local_executor,
-    require_no_input,
 )
 from renderer.readers import read_volume
 from renderer.scene import (
@@ -248,7 +246,6 @@ def render(
     made = _scene(made, {}, is_single_frame=len(numbers) == 1)
     path = Path(scene) if isinstance(scene, (str, os.PathLike)) else None
     job = FilmJob(made, numbers, accuracy_of(made.error), path=path)
-    require_no_input(film_files(made.output, numbers, job.sidecar), job.input_files())
     events = ProgressEvents(on_progress or NotebookBar())
     film = make_film(job, open_local_executor, OnePass(), events, resumes=resume)
     if film.shortfall is not None and not best_effort:

@@ -89,6 +89,7 @@ class SchedulerExecutor(_DaskExecutor):
 
     def draw(self, plan: FilmPlan, numbers: Sequence[int]) -> Generator[DrawnFrame, None, None]:
         """Yield these frames, in this order; may be closed before its end."""
+        assert not plan.is_timing_dependent, "the time of this machine says nothing about others"
         return self._draw_on(self._client, self._where, plan, numbers)
 
 

@@ -14,11 +14,8 @@ from renderer.job import (
     FilmJob,
     FilmRecord,
     OriginalFilm,
-    film_files,
     late_frame_problems,
     parse_film_record,
-    require_no_input,
-    volume_files,
 )
 from renderer.scene import (
     Scene,
@@ -74,7 +71,7 @@ def load_job(request: SceneRequest, draws: Literal["film", "passes", "nothing"] 
     picked = parse_frames(request.frames, scene.camera.path.frames)
     job = FilmJob(scene, picked, accuracy_of(scene.error), path=request.path)
     if draws != "nothing":
-        _require_no_input(job)
+        job.require_no_input()
     return job
 
 
@@ -96,25 +93,13 @@ def _load_original(record: FilmRecord, request: SceneRequest, draws: Literal["fi
     if draws != "nothing" and not is_elsewhere and (is_changed or not is_whole or draws == "passes"):
         raise InputError("this would overwrite the recorded film", where=str(path), hint="--output names another file")
     if draws != "nothing":
-        _require_no_input(job, rewrites_sidecar=is_beside)
+        job.require_no_input()
     if is_changed or not _has_recorded_tolerances(record, scene):
         return replace(job, original=replace(original, keeps_accuracy=False, keeps_versions=False))
     requested = record.schedule.requested
     if not is_whole and is_film_wide_goal(requested):
         return replace(job, original=replace(original, keeps_accuracy=False))
     return replace(job, requested=requested)
-
-
-def _require_no_input(job: FilmJob, *, rewrites_sidecar: bool = False) -> None:
-    """Raise InputError where an output is an input.
-
-    rewrites_sidecar: the job's file is the sidecar of its output, which is written again.
-    """
-    outputs = film_files(job.scene.output, job.frames, job.sidecar)
-    if rewrites_sidecar:
-        require_no_input([job.sidecar], volume_files(job.scene.volume))
-        outputs = (file for file in outputs if file != job.sidecar)
-    require_no_input(outputs, job.input_files())
 
 
 def _has_recorded_tolerances(record: FilmRecord, scene: Scene) -> bool:

@@ -99,11 +99,10 @@ def remove_unused_caches() -> None:
     folder = _store.folder
     if folder is None or folder.parent in [base.expanduser() for base in _chosen_bases()]:
         return
-    now = folder.stat().st_mtime
     for other in folder.parent.glob(f"{_PREFIX}*"):
         with contextlib.suppress(OSError, ValueError):
             is_ours = (other / _TAG_FILE).read_text(encoding="ascii") == _TAG
-            if is_ours and now - other.stat().st_mtime > _MAX_UNUSED_S:
+            if is_ours and folder.stat().st_mtime - other.stat().st_mtime > _MAX_UNUSED_S:
                 shutil.rmtree(other, ignore_errors=True)
 
 

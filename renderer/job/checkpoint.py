@@ -89,9 +89,9 @@ class FrameCheckpoint(FrameStore):
         self._write(self._picture_path(number), png)
         path = _fingerprint_path(self._folder, self._digest)
         if not path.exists():
-            self._write(path, json.dumps(self._depends_on).encode())
-        content = json.dumps({"fingerprint": self._digest, "record": record_to_json(record)}).encode()
-        self._write(self._checkpoint_path(number, "json"), content)
+            self._write(path, json.dumps(self._depends_on, allow_nan=False).encode())
+        content = json.dumps({"fingerprint": self._digest, "record": record_to_json(record)}, allow_nan=False)
+        self._write(self._checkpoint_path(number, "json"), content.encode())
         self.records[number] = record
         return record
 

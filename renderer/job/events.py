@@ -16,10 +16,13 @@ class JobEvents:
         """Take note that the volume is read and the film is not up to date: the work begins."""
 
     def started(self, label: str, num_frames: int) -> None:
-        """Take note that a pass begins, which draws this number of frames. label: the film, or its pass."""
+        """Take note that a pass begins. label: the film, or its pass.
+
+        num_frames: the frames to draw; those to write, where all of them are finished.
+        """
 
     def frame_finished(self, record: FrameRecord) -> None:
-        """Take note that a frame is drawn, stored and in the film."""
+        """Take note that one of these frames is stored, and in the film."""
 
     def pass_finished(self, summary: str) -> None:
         """Take note that a pass is a whole film. summary: what it has, and what it cost."""

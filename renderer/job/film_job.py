@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from renderer.film import sidecar_path
-from renderer.job.inputs import volume_files
+from renderer.job.inputs import film_files, require_no_input, volume_files
 from renderer.job.original import OriginalFilm
-from renderer.scene import ErrorSpec, Scene
+from renderer.scene import ErrorSpec, Scene, is_same_file
 
 
 @dataclass(frozen=True)
@@ -36,3 +36,11 @@ class FilmJob:
         if self.path is not None:
             yield self.path
         yield from volume_files(self.scene.volume)
+
+    def require_no_input(self) -> None:
+        """Raise InputError where an output is an input; the sidecar that a film is made again from may be rewritten."""
+        outputs = film_files(self.scene.output, self.frames, self.sidecar)
+        if self.original is not None and is_same_file(self.original.path, self.sidecar):
+            require_no_input([self.sidecar], volume_files(self.scene.volume))
+            outputs = (file for file in outputs if file != self.sidecar)
+        require_no_input(outputs, self.input_files())

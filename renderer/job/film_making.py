@@ -23,7 +23,7 @@ from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame, Executor
 from renderer.job.existing_film import ExistingFilm, find_existing_film
 from renderer.job.film_job import FilmJob
-from renderer.job.film_output import FilmOutput, Told, locked_film_output
+from renderer.job.film_output import FilmOutput, locked_film_output
 from renderer.job.fingerprint import describe_mismatch, film_fingerprint
 from renderer.job.frame_store import FrameStore
 from renderer.job.goals import find_shortfall, summary_parts
@@ -37,7 +37,6 @@ from renderer.system import deferrable_interrupts, num_cores
 from renderer.volume import Volume
 
 OpenExecutor = Callable[[Scene], AbstractContextManager[Executor]]
-RecordPasses = Callable[[Sequence[FrameRecord]], Sequence[PassRecord]]
 
 
 @dataclass(frozen=True)
@@ -69,8 +68,10 @@ def make_film(
 def locked_job(job: FilmJob) -> Iterator[LockedJob]:
     """Lock the output of a job for the block, in which the film can be made.
 
-    Raises OutputLockedError if another job is writing it; InputError and RenderError if it cannot be written.
+    Raises OutputLockedError if another job is writing it; InputError and RenderError if it cannot be written, and
+    InputError if it is one of the job's inputs.
     """
+    job.require_no_input()
     with locked_film_output(job.scene.output, job.frames, job.sidecar) as output:
         yield LockedJob(job, output)
 
@@ -189,50 +190,60 @@ class FilmInProgress:
         """Yield the frames that a store lacks."""
         return self.executor.draw(plan, [number for number in self.output.frames if number not in store.records])
 
-    def write(
+    def write_frames(
         self,
         plan: FilmPlan,
         store: FrameStore,
         drawing: Generator[DrawnFrame, None, None],
         label: str,
         defer_interrupts: Callable[[], None],
-        record_passes: RecordPasses = lambda _: (),
-    ) -> FinishedFilm:
-        """Write the film of the frames in the store and of those that are drawn, then its sidecar.
+    ) -> list[FrameRecord]:
+        """Write the film of the frames in the store and of those that are drawn; as `FilmOutput.write_frames`."""
+        # On a time budget each frame is stored before the next one is drawn: both count.
+        is_overlapped = not plan.is_timing_dependent
+        with contextlib.closing(drawing):
+            return self.output.write_frames(
+                store, drawing, label, self.events, defer_interrupts, is_overlapped=is_overlapped
+            )
 
-        label: of the film, or its pass.
-        record_passes: returns the records of all passes so far; it takes those of the frames of this one.
+    def finish(
+        self,
+        plan: FilmPlan,
+        store: FrameStore,
+        frames: Sequence[FrameRecord],
+        *,
+        num_resumed: int = 0,
+        passes: Sequence[PassRecord] = (),
+    ) -> FinishedFilm:
+        """Write the sidecar of the film of these frames. num_resumed: how many of them earlier jobs drew.
 
         The sidecar has the fingerprint, by which the next job sees that the film is up to date, unless a single pass
         would not have made this film: a coarser pass, or one whose tolerances depend on the clock though no time budget
         was requested.
         """
-        num_finished = len(store.records)
-        # On a time budget each frame is stored before the next one is drawn: both count.
-        with contextlib.closing(drawing):
-            frames = self.output.write_frames(
-                store, drawing, Told(self.events, label), defer_interrupts, is_overlapped=not plan.is_timing_dependent
-            )
-        passes, seconds = tuple(record_passes(frames)), time.perf_counter() - self.start
-        scene = self.stage.scene
+        scene, seconds = self.stage.scene, time.perf_counter() - self.start
         shortfall = find_shortfall(scene, self.requested, plan, frames)
         notes = [*self.output.notes(store), *self.executor.notes]
-        devices = list(self.executor.devices) or [self.executor.device]
-        record = film_record(plan, frames, self.requested, self.original, shortfall, devices)
+        record = film_record(plan, frames, self.requested, self.original, shortfall, self._devices(frames))
         record = replace(
             record,
             notes=(*notes, *record.notes),
             seconds={**self.stage.seconds, "total": seconds},
-            passes=passes,
+            passes=tuple(passes),
         )
         is_lasting = record.schedule.reproducible or isinstance(self.requested.goal, TimeBudget)
         if is_lasting and not plan.is_unfinished:
             record = self.output.write_record(record, self.fingerprint)
         else:
             record = self.output.write_passing_record(record)
-        summary = ", ".join(summary_parts(scene, plan, frames, seconds, num_finished))
+        summary = ", ".join(summary_parts(scene, plan, frames, seconds, num_resumed))
         file, sidecar = self.output.spec.file, self.output.sidecar
         return FinishedFilm(file, sidecar, record, summary, self.stage.volume.note, shortfall)
+
+    def _devices(self, frames: Sequence[FrameRecord]) -> Sequence[str]:
+        """Return what drew the frames: those that say it themselves, and all others."""
+        elsewhere = [frame.device for frame in frames if frame.device is not None]
+        return list(dict.fromkeys([*elsewhere, *self.executor.devices])) or [self.executor.device]
 
 
 class OnePass:
@@ -244,10 +255,12 @@ class OnePass:
         if not resumes:
             remove_checkpoint_frames(output.folder, output.spec, output.frames)
         checkpoint = _resume_checkpoint(film, plan, existing)
+        num_resumed = len(checkpoint.records)
         with deferrable_interrupts() as defer_interrupts:
             try:
                 label = output.spec.file.name
-                made = film.write(plan, checkpoint, film.draw(plan, checkpoint), label, defer_interrupts)
+                frames = film.write_frames(plan, checkpoint, film.draw(plan, checkpoint), label, defer_interrupts)
+                made = film.finish(plan, checkpoint, frames, num_resumed=num_resumed)
             except BaseException:
                 _tell_resumable(film, checkpoint, resumes=resumes)
                 raise

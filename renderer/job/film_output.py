@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from renderer.errors import RenderError
 from renderer.film import (
     WriteFrame,
     file_digest,
@@ -30,14 +31,6 @@ from renderer.scene import OutputSpec
 
 
 @dataclass(frozen=True)
-class Told:
-    """A listener, and what it is told that the frames belong to: the film, or its pass."""
-
-    events: JobEvents
-    label: str
-
-
-@dataclass(frozen=True)
 class FilmOutput:
     """An output that a job has locked. frames: their numbers, ascending. folder: for unfinished work."""
 
@@ -50,7 +43,8 @@ class FilmOutput:
         self,
         store: FrameStore,
         drawn: Iterator[DrawnFrame],
-        told: Told,
+        label: str,
+        events: JobEvents,
         defer_interrupts: Callable[[], None],
         *,
         is_overlapped: bool,
@@ -58,6 +52,7 @@ class FilmOutput:
         """Make the film of the frames that the store has and of those that are drawn, and return their records.
 
         drawn: yields the frames that the store lacks, in their order; they are saved there.
+        label: of the film or its pass, for the listener.
         defer_interrupts: called before files get their final names.
         is_overlapped: a frame is stored while the next one is drawn.
         """
@@ -65,20 +60,19 @@ class FilmOutput:
         missing = frozenset(self.frames) - finished
         # Where no frame is missing, the progress is that of writing them.
         shown = missing or frozenset(self.frames)
-        told.events.started(told.label, len(shown))
-        thread: BackgroundThread[FrameRecord] | SameThread[FrameRecord]
-        thread = BackgroundThread() if is_overlapped else SameThread()
+        events.started(label, len(shown))
+        make_thread = BackgroundThread[FrameRecord] if is_overlapped else SameThread[FrameRecord]
 
         def take(stored: Sequence[FrameRecord]) -> None:
             for record in stored:
                 records.append(record)
                 if record.frame in shown:
-                    told.events.frame_finished(record)
+                    events.frame_finished(record)
 
-        with self._open_film(store, defer_interrupts) as write, thread:
+        with self._open_film(store, defer_interrupts) as write, make_thread() as thread:
             for number in self.frames:
                 if number in missing:
-                    task = partial(_add_drawn, next(drawn), store, write)
+                    task = partial(_add_drawn, _next_frame(drawn, number), store, write)
                 else:
                     task = partial(_add_finished, store.finished_frame(number), write, is_written=not store.is_output)
                 take(thread.run(task))
@@ -123,6 +117,17 @@ def locked_film_output(spec: OutputSpec, frames: Sequence[int], sidecar: Path) -
     with locked_output(spec, frames, sidecar) as folder:
         require_encoder(spec)
         yield FilmOutput(spec, frames, sidecar, folder)
+
+
+def _next_frame(drawn: Iterator[DrawnFrame], number: int) -> DrawnFrame:
+    """Return the next frame that was drawn. Raises RenderError where it is not this one."""
+    frame = next(drawn, None)
+    if frame is None or frame.record.frame != number:
+        got = "no frame" if frame is None else f"frame {frame.record.frame}"
+        raise RenderError(
+            "the executor does not draw the frames that it was given", got=got, expected=f"frame {number}"
+        )
+    return frame
 
 
 def _add_drawn(frame: DrawnFrame, store: FrameStore, write: WriteFrame) -> FrameRecord:

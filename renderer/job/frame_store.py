@@ -34,8 +34,3 @@ class FrameStore:
         if not has_frame_files(self._output):
             return frame.record
         return replace(frame.record, digest=bytes_digest(frame.picture.png))
-
-
-def no_frames(output: OutputSpec) -> FrameStore:
-    """Return a store without frames, for a film that is drawn as a whole."""
-    return FrameStore(output, {}, lambda _: output.file)

@@ -57,19 +57,14 @@ def film_record(
     shortfall: RenderError | None,
     devices: Sequence[str],
 ) -> FilmRecord:
-    """Return the record of a film that was drawn, without its seconds.
-
-    devices: what drew the frames that do not say it themselves.
-    """
+    """Return the record of a film that was drawn, without its seconds. devices: what drew the frames."""
     stage = plan.stage
     scene, volume, pyramid = stage.scene, stage.volume, stage.pyramid
     finest_level = min(finest_level_at(stage, frame.tolerance) for frame in frames)
     if scene.error.goal is not None:
         scene = with_tolerances(scene, {frame.frame: frame.tolerance for frame in frames})
     shape: Any = tuple(map(int, volume.shape_xyz))
-    elsewhere = [frame.device for frame in frames if frame.device is not None]
-    all_devices = list(dict.fromkeys([*elsewhere, *devices]))
-    device = " and ".join(all_devices)
+    device = " and ".join(devices)
     return FilmRecord(
         scene=scene_to_dict(scene),
         volume=VolumeRecord(
@@ -85,7 +80,7 @@ def film_record(
         versions=package_versions(),
         schedule=_plan_record(plan, frames, requested, original, shortfall),
         notes=(
-            *device_notes(all_devices),
+            *device_notes(devices),
             *(original_notes(original, device) if original else ()),
             *visibility_notes(frames),
         ),
@@ -102,8 +97,13 @@ def _plan_record(
     shortfall: RenderError | None,
 ) -> ScheduleRecord:
     """Return the record of the accuracy; what was measured of an original holds while the same is requested."""
-    missed, is_reproducible = None if shortfall is None else str(shortfall), not plan.is_timing_dependent
-    schedule = schedule_record(requested, frames, missed, is_reproducible=is_reproducible)
+    schedule = schedule_record(
+        requested,
+        frames,
+        None if shortfall is None else str(shortfall),
+        is_met=shortfall is None,
+        is_reproducible=not plan.is_timing_dependent,
+    )
     schedule = replace(schedule, measured=_measured_record(plan))
     if original is None:
         return schedule
@@ -120,7 +120,12 @@ def _plan_record(
 
 
 def schedule_record(
-    requested: ErrorSpec, frames: Sequence[FrameRecord], shortfall: str | None, *, is_reproducible: bool
+    requested: ErrorSpec,
+    frames: Sequence[FrameRecord],
+    shortfall: str | None,
+    *,
+    is_met: bool,
+    is_reproducible: bool,
 ) -> ScheduleRecord:
     """Return the record of the accuracy that was requested, and of what these frames reached of it.
 
@@ -131,7 +136,7 @@ def schedule_record(
         requested=requested,
         tolerance=min_max([frame.tolerance for frame in frames]),
         cells=min_max([frame.cells for frame in frames]),
-        met=shortfall is None,
+        met=is_met,
         reproducible=is_reproducible,
         shortfall=shortfall,
     )

@@ -162,7 +162,8 @@ def read_frame_record(value: Any) -> FrameRecord | None:
         all(type(number) is int and 0 <= number < 2**63 for number in (record.frame, record.cells, record.primitives))
         and record.frame < MAX_FRAMES
         and isinstance(record.seconds, dict)
-        and all(map(_is_amount, (record.tolerance, record.predicted_seconds or 0.0, *record.seconds.values())))
+        and all(map(_is_amount, (record.tolerance, *record.seconds.values())))
+        and (record.predicted_seconds is None or _is_amount(record.predicted_seconds))
         and isinstance(record.device, str | None)
         and isinstance(record.blank, bool)
         and (record.digest is None or (isinstance(record.digest, str) and bool(_DIGEST.fullmatch(record.digest))))
@@ -193,9 +194,6 @@ def _parse_frames(node: TreeNode) -> Any:
             return INVALID
         found.append(record)
     return tuple(found)
-
-
-_FRAMES: FieldType[Any] = FieldType("a list of one or more records of frames", _parse_frames)
 
 
 # Parts of a film's record

@@ -13,7 +13,6 @@ import statistics
 import time
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -82,21 +81,20 @@ class Refinement:
     def make(self, film: FilmInProgress, existing: ExistingFilm | None, *, resumes: bool) -> FinishedFilm:
         """Draw pass after pass, until one is what the scene requests or the time is up."""
         refiner, output = Refiner(film, film.start + self.time_limit), film.output
-        made: FinishedFilm | None = None
         try:
             for each in refiner.plan_passes():
-                made = refiner.make_pass(each)
+                refiner.make_pass(each)
             if not each.plan.is_unfinished:
                 remove_frames_of(output.folder, output.spec, output.frames, film.fingerprint)
         except DeadlineReached:
             pass
         except KeyboardInterrupt:
-            if made is not None:
+            if refiner.made is not None:
                 film.events.pass_finished(f"{output.spec.file} is whole, as pass {len(refiner.passes)} made it")
-            if made is None or not self.best_effort:
+            if refiner.made is None or not self.best_effort:
                 raise
-        assert made is not None
-        return made
+        assert refiner.made is not None
+        return refiner.made
 
 
 class Pass(NamedTuple):
@@ -117,7 +115,7 @@ class _Work(NamedTuple):
 class Refiner:
     """A planner of passes, each from what the frames of the passes before took.
 
-    deadline: by `perf_counter`. passes: the records of the passes so far.
+    deadline: by `perf_counter`. passes: the records of the passes so far. made: the film of the last one.
     """
 
     def __init__(self, film: FilmInProgress, deadline: float) -> None:
@@ -126,6 +124,7 @@ class Refiner:
         self._error = film.stage.scene.error
         self._store = ComparedFrames(film.output.spec, self._frames)
         self.passes: list[PassRecord] = []
+        self.made: FinishedFilm | None = None
 
     def plan_passes(self) -> Iterator[Pass]:
         """Yield the passes, each planned when the one before it is finished, as many as there is time for.
@@ -166,31 +165,31 @@ class Refiner:
         if self.passes and time.perf_counter() > self._deadline:
             raise DeadlineReached
 
-    def make_pass(self, each: Pass) -> FinishedFilm:
+    def make_pass(self, each: Pass) -> None:
         """Draw and write the film of a pass, and tell what it has. Raises DeadlineReached."""
         film, start = self._film, time.perf_counter()
         label = f"{film.output.spec.file.name}, pass {len(self.passes) + 1}"
         with deferrable_interrupts() as defer_interrupts:
             drawing = self._until_deadline(film.draw(each.plan, self._store))
-            record_passes = partial(self._record_pass, each.frame_seconds, start)
-            made = film.write(each.plan, self._store, drawing, label, defer_interrupts, record_passes)
-            film.events.pass_finished(self._summary(made.record.frames))
-        return made
+            frames = film.write_frames(each.plan, self._store, drawing, label, defer_interrupts)
+            self._record_pass(each, start, frames)
+            # An interrupt that was deferred ends the block: the film is kept before.
+            self.made = film.finish(each.plan, self._store, frames, passes=self.passes)
+            film.events.pass_finished(self._summary(frames))
 
-    def _record_pass(self, frame_seconds: float, start: float, frames: Sequence[FrameRecord]) -> Sequence[PassRecord]:
-        """Record the pass that has just drawn these frames, and return the records of all passes."""
+    def _record_pass(self, each: Pass, start: float, frames: Sequence[FrameRecord]) -> None:
+        """Record the pass that has just drawn these frames."""
         now = time.perf_counter()
         self.passes.append(
             PassRecord(
                 tolerance=min_max([frame.tolerance for frame in frames]),
                 cells=min_max([frame.cells for frame in frames]),
-                predicted_seconds=frame_seconds * len(frames),
+                predicted_seconds=each.frame_seconds * len(frames),
                 seconds=now - start,
                 after_seconds=now - self._film.start,
                 difference=self._store.finish_pass(),
             )
         )
-        return self.passes
 
     def _summary(self, frames: Sequence[FrameRecord]) -> str:
         """Return a line about the last pass."""

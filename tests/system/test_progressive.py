@@ -265,6 +265,25 @@ def test_an_interrupt_between_film_and_sidecar_waits_for_both(
     assert not [path for path in folder.rglob("*") if "partial" in path.name]
 
 
+@pytest.mark.usefixtures("heeds_interrupts")
+@pytest.mark.parametrize("options", [(), ("--best-effort",)])
+def test_an_interrupt_that_waited_for_a_pass_keeps_its_film(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    replace = os.replace
+
+    def interrupted(source: Path, target: Path) -> None:
+        if Path(target).name == "film.mp4":
+            os.kill(os.getpid(), signal.SIGINT)
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", interrupted)
+    assert main.run(["render", "scene.yaml", "--progressive", *options]) == (0 if options else 130)
+    assert "film.mp4 is whole, as pass 1 made it\n" in capsys.readouterr().out
+    assert len(sidecar()["passes"]) == 1
+    assert files(folder) == ["film.mp4", "film.mp4.json", "scene.yaml"]
+
+
 def test_budgets_that_some_frames_cannot_keep_are_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     changes = ("--set", "error.tolerance=null", "--set", "error.seconds={0: 0.0001, 1: 0.0001, 2: 100}")
     assert render(*changes) == 1

@@ -14,7 +14,7 @@ from renderer.job.assemble.parts import Part
 from renderer.job.events import JobEvents
 from renderer.job.existing_film import ExistingFilm, find_existing_film
 from renderer.job.film_making import FinishedFilm
-from renderer.job.film_output import FilmOutput, Told, locked_film_output
+from renderer.job.film_output import FilmOutput, locked_film_output
 from renderer.job.frame_store import FrameStore
 from renderer.job.inputs import film_files, require_no_input
 from renderer.job.record import FilmFingerprint, FilmRecord
@@ -81,9 +81,8 @@ def _write(
     """Encode the film from the pictures, or copy them to the names of the output, and write the sidecar."""
     files = {frame.number: frame.file for frame in picked}
     store = FrameStore(film.spec, {frame.number: frame.record for frame in picked}, files.__getitem__)
-    told = Told(events, film.spec.file.name)
     with deferrable_interrupts() as defer_interrupts:
-        film.write_frames(store, iter(()), told, defer_interrupts, is_overlapped=True)
+        film.write_frames(store, iter(()), film.spec.file.name, events, defer_interrupts, is_overlapped=True)
         record = merged_record(picked, film.spec, time.perf_counter() - start)
         if fingerprint is None:
             return film.write_passing_record(record)

@@ -42,6 +42,7 @@ def merged_record(picked: Sequence[PickedFrame], output: OutputSpec, seconds: fl
             first.schedule.requested,
             frames,
             "\n".join(filter(None, missed)) or None,
+            is_met=not missed,
             is_reproducible=all(part.record.schedule.reproducible for part in parts),
         ),
         notes=(*film_notes(output), *_part_notes(picked)),
