@@ -8,6 +8,7 @@ import io
 import struct
 import zipfile
 import zlib
+from collections.abc import Callable
 from functools import cache
 
 # The content of files by their names, the first of which is opened, or its folder; with a length, zeros follow.
@@ -44,86 +45,6 @@ def _nrrd(data: bytes = b"", *, sizes: str = "4 4 4", encoding: str = "raw", mor
     return {"a.nrrd": NRRD.format(sizes=sizes, encoding=encoding, more=more).encode() + data}
 
 
-def nrrd_gzip_inflates() -> Files:
-    return _nrrd(zeros_by_gzip(4096), encoding="gzip")
-
-
-def nrrd_gzip_inflates_before_its_voxels() -> Files:
-    return _nrrd(zeros_by_gzip(32768), encoding="gzip", more="byte skip: 999999999999\n")
-
-
-def nrrd_bzip2_inflates() -> Files:
-    return _nrrd(zeros_by_bzip2(2**16), encoding="bzip2")
-
-
-def nrrd_bzip2_inflates_before_its_voxels() -> Files:
-    return _nrrd(zeros_by_bzip2(2**16), encoding="bzip2", more="byte skip: 999999999999\n")
-
-
-def nrrd_bzip2_claims_a_gigabyte() -> Files:
-    return _nrrd(bz2.compress(bytes(1000)), sizes="4096 4096 400", encoding="bzip2")
-
-
-def nrrd_gzip_of_no_bytes() -> Files:
-    return _nrrd(gzip.compress(b"", mtime=0) * 500_000, encoding="gzip")
-
-
-def nrrd_bzip2_of_no_bytes() -> Files:
-    return _nrrd(bz2.compress(b"") * 500_000, encoding="bzip2")
-
-
-def nrrd_text_of_blanks() -> Files:
-    return _nrrd(b" " * 2**25, encoding="text")
-
-
-def nrrd_hex_of_blanks() -> Files:
-    return _nrrd(b" " * 2**25, encoding="hex")
-
-
-def nrrd_text_of_one_word() -> Files:
-    return _nrrd(b"1" * 2**22, encoding="text")
-
-
-def nrrd_sizes_beyond_floats() -> Files:
-    return _nrrd(sizes="1e300 1e300 1e300")
-
-
-def nrrd_sizes_beyond_memory() -> Files:
-    return _nrrd(zeros_by_gzip(1024), sizes="4096 4096 4096", encoding="gzip")
-
-
-def nrrd_lines_to_skip() -> Files:
-    return _nrrd(b"\n" * 2**27, more="line skip: 999999999\n")
-
-
-def nrrd_comments() -> Files:
-    return {"a.nrrd": b"NRRD0004\n" + b"#\n" * 2_000_000}
-
-
-def nrrd_keys() -> Files:
-    return {"a.nrrd": b"NRRD0004\n" + b"a:=b\n" * 800_000}
-
-
-def nrrd_vectors() -> Files:
-    return _nrrd(bytes(64), more="space directions: " + "(1,0,0) " * 500_000 + "\n")
-
-
-def nrrd_origins() -> Files:
-    return _nrrd(bytes(64), more="space origin: " + "(1)" * 1_300_000 + "\n")
-
-
-def nrrd_spacings() -> Files:
-    return _nrrd(bytes(64), more="spacings: " + "1 " * 2_000_000 + "\n")
-
-
-def nrrd_parentheses() -> Files:
-    return _nrrd(bytes(64), more="space directions: " + "(" * 4_000_000 + "\n")
-
-
-def nrrd_blanks_in_a_name() -> Files:
-    return _nrrd(bytes(64), more="spac" + " " * 100_000 + "ings: 1 1\n")
-
-
 def nrrd_listed_files() -> Files:
     header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 1 1 2000000\nencoding: raw\ndata file: LIST\n"
     return {"a.nrrd": header.encode() + b"b\n" * 2_000_000, "b": b"1"}
@@ -141,10 +62,6 @@ def nrrd_numbered_files() -> Files:
     return {"a.nrrd": header.encode(), "b1": b"1"}
 
 
-def nrrd_long_name_of_a_data_file() -> Files:
-    return _nrrd(more=f"data file: {'x/' * 100_000}\n")
-
-
 def _meta(data: bytes = b"", *, sizes: str = "4 4 4", more: str = "") -> Files:
     return {"a.mha": META.format(sizes=sizes, more=more).encode() + data}
 
@@ -152,46 +69,14 @@ def _meta(data: bytes = b"", *, sizes: str = "4 4 4", more: str = "") -> Files:
 ZLIB = b"\x78\x9c"
 
 
-def metaimage_zlib_inflates() -> Files:
-    return _meta(ZLIB + zeros_by_deflate(4096), more="CompressedData = True\n")
-
-
 def metaimage_compressed_size_lies() -> Files:
     size = "CompressedData = True\nCompressedDataSize = 999999999999999999\n"
     return _meta(ZLIB + zeros_by_deflate(64), more=size)
 
 
-def metaimage_continued_lines() -> Files:
-    return {"a.mha": b"ObjectType = Image\nNDims = 3\n" + b"1\n" * 2_000_000}
-
-
-def metaimage_words() -> Files:
-    return _meta(bytes(64), more="Offset = " + "1 " * 2_000_000 + "\n")
-
-
-def metaimage_comments() -> Files:
-    return _meta(bytes(64), more="Comment = a\n" * 300_000)
-
-
-def metaimage_other_keys() -> Files:
-    return _meta(bytes(64), more="".join(f"k{k} = 1\n" for k in range(400_000)))
-
-
-def metaimage_sizes_beyond_floats() -> Files:
-    return _meta(sizes="1e300 1e300 1e300")
-
-
-def metaimage_channels() -> Files:
-    return _meta(bytes(64), more="ElementNumberOfChannels = 999999999999\n")
-
-
 def metaimage_listed_files() -> Files:
     header = META.format(sizes="1 1 2000000", more="").replace("LOCAL", "LIST").encode()
     return {"a.mhd": header + b"b\n" * 2_000_000, "b": b"1"}
-
-
-def metaimage_text_of_blanks() -> Files:
-    return _meta(b" " * 2**25, more="BinaryData = False\n")
 
 
 def _nifti_header(
@@ -206,18 +91,6 @@ def _nifti_header(
     header[344:348] = b"n+1\0"
     header[348] = extended
     return bytes(header)
-
-
-def nifti_gzip_inflates() -> Files:
-    return {"a.nii.gz": gzip.compress(_nifti_header(), mtime=0) + zeros_by_gzip(4096)}
-
-
-def nifti_name_in_gzip() -> Files:
-    return {"a.nii.gz": b"\x1f\x8b\x08\x08" + bytes(6) + b"a" * 2**25}
-
-
-def nifti_name_in_gzip_before_sniffing() -> Files:
-    return {"a": b"\x1f\x8b\x08\x08" + bytes(6) + b"a" * 2**25}
 
 
 def nifti_extension_of_gigabytes() -> Files:
@@ -254,42 +127,10 @@ def nifti_dicom_in_an_extension() -> Files:
     return {"a.nii": _nifti_header(offset=352 + size, extended=1) + extension + bytes(64)}
 
 
-def nifti_huge_sizes() -> Files:
-    return {"a.nii.gz": gzip.compress(_nifti_header(sizes=(3, 32767, 32767, 500, 1, 1, 1, 1)) + bytes(1000), mtime=0)}
-
-
 def _npy(shape: str, descr: str = "'<u2'", *, length: int | None = None, version: int = 1) -> bytes:
     header = f"{{'descr': {descr}, 'fortran_order': False, 'shape': ({shape})}}\n".encode()
     size = len(header) if length is None else length
     return b"\x93NUMPY" + bytes((version, 0)) + size.to_bytes(2 if version == 1 else 4, "little") + header
-
-
-def npy_header_of_gigabytes() -> Files:
-    return {"a.npy": (_npy("4, 4, 4", length=2**32 - 1, version=2), 2**33)}
-
-
-def npy_nested_types() -> Files:
-    return {"a.npy": _npy("4, 4, 4", "[('a', " * 900 + "'<u2'" + ")]" * 900) + bytes(128)}
-
-
-def npy_nested_parentheses() -> Files:
-    return {"a.npy": _npy("(" * 9000 + "4" + ")" * 9000) + bytes(128)}
-
-
-def npy_long_types() -> Files:
-    return {"a.npy": _npy("4, 4, 4", "'<U999999999'") + bytes(128)}
-
-
-def npy_long_shape() -> Files:
-    return {"a.npy": _npy("4, 4, " + "9" * 4000) + bytes(128)}
-
-
-def npy_powers() -> Files:
-    return {"a.npy": _npy("4, 4, 9**9**9") + bytes(128)}
-
-
-def npy_sparse() -> Files:
-    return {"a.npy": (_npy("1000, 1000, 500"), 2**30 + 2**20)}
 
 
 def _zip(content: bytes, *, size: int, name: str = "a.npy", method: int = 8) -> bytes:
@@ -317,24 +158,12 @@ def npz_header_of_gigabytes() -> Files:
     return {"a.npz": _zip(start + zeros_by_deflate(4080), size=2**32 - 1)}
 
 
-def npz_claims_gigabytes() -> Files:
-    return {"a.npz": _zip(stored_block(_npy("1000, 1000, 2000")) + zeros_by_deflate(64), size=2**32 - 1)}
-
-
 def npz_many_arrays() -> Files:
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w") as archive:
         for k in range(3000):
             archive.writestr(zipfile.ZipInfo(f"an array with a long name of its own, number {k}.npy"), b"")
     return {"a.npz": out.getvalue()}
-
-
-def npz_lzma_of_a_huge_window() -> Files:
-    return {"a.npz": _zip(b"\x09\x04\x05\x00\x5d\xff\xff\xff\xff" + bytes(100), size=1000, method=14)}
-
-
-def npz_bzip2_inflates() -> Files:
-    return {"a.npz": _zip(zeros_by_bzip2(4096), size=2**32 - 1, method=12)}
 
 
 def npz_names_in_bad_utf_8() -> Files:
@@ -350,21 +179,89 @@ def _cube(atoms: str, rest: bytes, axes: str = "4 4 4") -> Files:
     return {"a.cube": f"a\nb\n{atoms} 0 0 0\n{lines}".encode() + rest}
 
 
-def cube_many_atoms() -> Files:
-    return _cube("999999999", b"\n" * 2**25)
-
-
-def cube_atoms_beyond_floats() -> Files:
-    return _cube("1e300", b"1 " * 64)
-
-
-def cube_many_orbitals() -> Files:
-    return _cube("-1", b"1\n" + b"999999999" + b"\n" * 2**25)
-
-
-def cube_sizes_beyond_floats() -> Files:
-    return _cube("0", b"1 " * 64, axes="1e300 1e300 1e300")
-
-
-def cube_blanks() -> Files:
-    return _cube("0", b" " * 2**25)
+# By format and name.
+BOMBS: dict[str, dict[str, Callable[[], Files]]] = {
+    "nrrd": {
+        "gzip_inflates": lambda: _nrrd(zeros_by_gzip(4096), encoding="gzip"),
+        "gzip_inflates_before_its_voxels": lambda: _nrrd(
+            zeros_by_gzip(32768), encoding="gzip", more="byte skip: 999999999999\n"
+        ),
+        "bzip2_inflates": lambda: _nrrd(zeros_by_bzip2(2**16), encoding="bzip2"),
+        "bzip2_inflates_before_its_voxels": lambda: _nrrd(
+            zeros_by_bzip2(2**16), encoding="bzip2", more="byte skip: 999999999999\n"
+        ),
+        "bzip2_claims_a_gigabyte": lambda: _nrrd(bz2.compress(bytes(1000)), sizes="4096 4096 400", encoding="bzip2"),
+        "gzip_of_no_bytes": lambda: _nrrd(gzip.compress(b"", mtime=0) * 500_000, encoding="gzip"),
+        "bzip2_of_no_bytes": lambda: _nrrd(bz2.compress(b"") * 500_000, encoding="bzip2"),
+        "text_of_blanks": lambda: _nrrd(b" " * 2**25, encoding="text"),
+        "hex_of_blanks": lambda: _nrrd(b" " * 2**25, encoding="hex"),
+        "text_of_one_word": lambda: _nrrd(b"1" * 2**22, encoding="text"),
+        "sizes_beyond_floats": lambda: _nrrd(sizes="1e300 1e300 1e300"),
+        "sizes_beyond_memory": lambda: _nrrd(zeros_by_gzip(1024), sizes="4096 4096 4096", encoding="gzip"),
+        "lines_to_skip": lambda: _nrrd(b"\n" * 2**27, more="line skip: 999999999\n"),
+        "comments": lambda: {"a.nrrd": b"NRRD0004\n" + b"#\n" * 2_000_000},
+        "keys": lambda: {"a.nrrd": b"NRRD0004\n" + b"a:=b\n" * 800_000},
+        "vectors": lambda: _nrrd(bytes(64), more="space directions: " + "(1,0,0) " * 500_000 + "\n"),
+        "origins": lambda: _nrrd(bytes(64), more="space origin: " + "(1)" * 1_300_000 + "\n"),
+        "spacings": lambda: _nrrd(bytes(64), more="spacings: " + "1 " * 2_000_000 + "\n"),
+        "parentheses": lambda: _nrrd(bytes(64), more="space directions: " + "(" * 4_000_000 + "\n"),
+        "blanks_in_a_name": lambda: _nrrd(bytes(64), more="spac" + " " * 100_000 + "ings: 1 1\n"),
+        "listed_files": nrrd_listed_files,
+        "listed_missing_files": nrrd_listed_missing_files,
+        "numbered_files": nrrd_numbered_files,
+        "long_name_of_a_data_file": lambda: _nrrd(more=f"data file: {'x/' * 100_000}\n"),
+    },
+    "metaimage": {
+        "zlib_inflates": lambda: _meta(ZLIB + zeros_by_deflate(4096), more="CompressedData = True\n"),
+        "compressed_size_lies": metaimage_compressed_size_lies,
+        "continued_lines": lambda: {"a.mha": b"ObjectType = Image\nNDims = 3\n" + b"1\n" * 2_000_000},
+        "words": lambda: _meta(bytes(64), more="Offset = " + "1 " * 2_000_000 + "\n"),
+        "comments": lambda: _meta(bytes(64), more="Comment = a\n" * 300_000),
+        "other_keys": lambda: _meta(bytes(64), more="".join(f"k{k} = 1\n" for k in range(400_000))),
+        "sizes_beyond_floats": lambda: _meta(sizes="1e300 1e300 1e300"),
+        "channels": lambda: _meta(bytes(64), more="ElementNumberOfChannels = 999999999999\n"),
+        "listed_files": metaimage_listed_files,
+        "text_of_blanks": lambda: _meta(b" " * 2**25, more="BinaryData = False\n"),
+    },
+    "nifti": {
+        "gzip_inflates": lambda: {"a.nii.gz": gzip.compress(_nifti_header(), mtime=0) + zeros_by_gzip(4096)},
+        "name_in_gzip": lambda: {"a.nii.gz": b"\x1f\x8b\x08\x08" + bytes(6) + b"a" * 2**25},
+        "name_in_gzip_before_sniffing": lambda: {"a": b"\x1f\x8b\x08\x08" + bytes(6) + b"a" * 2**25},
+        "extension_of_gigabytes": nifti_extension_of_gigabytes,
+        "many_extensions": nifti_many_extensions,
+        "extension_of_a_pair": nifti_extension_of_a_pair,
+        "dicom_in_an_extension": nifti_dicom_in_an_extension,
+        "huge_sizes": lambda: {
+            "a.nii.gz": gzip.compress(_nifti_header(sizes=(3, 32767, 32767, 500, 1, 1, 1, 1)) + bytes(1000), mtime=0)
+        },
+    },
+    "npy": {
+        "header_of_gigabytes": lambda: {"a.npy": (_npy("4, 4, 4", length=2**32 - 1, version=2), 2**33)},
+        "nested_types": lambda: {"a.npy": _npy("4, 4, 4", "[('a', " * 900 + "'<u2'" + ")]" * 900) + bytes(128)},
+        "nested_parentheses": lambda: {"a.npy": _npy("(" * 9000 + "4" + ")" * 9000) + bytes(128)},
+        "long_types": lambda: {"a.npy": _npy("4, 4, 4", "'<U999999999'") + bytes(128)},
+        "long_shape": lambda: {"a.npy": _npy("4, 4, " + "9" * 4000) + bytes(128)},
+        "powers": lambda: {"a.npy": _npy("4, 4, 9**9**9") + bytes(128)},
+        "sparse": lambda: {"a.npy": (_npy("1000, 1000, 500"), 2**30 + 2**20)},
+    },
+    "npz": {
+        "inflates_behind_its_array": npz_inflates_behind_its_array,
+        "header_of_gigabytes": npz_header_of_gigabytes,
+        "claims_gigabytes": lambda: {
+            "a.npz": _zip(stored_block(_npy("1000, 1000, 2000")) + zeros_by_deflate(64), size=2**32 - 1)
+        },
+        "many_arrays": npz_many_arrays,
+        "lzma_of_a_huge_window": lambda: {
+            "a.npz": _zip(b"\x09\x04\x05\x00\x5d\xff\xff\xff\xff" + bytes(100), size=1000, method=14)
+        },
+        "bzip2_inflates": lambda: {"a.npz": _zip(zeros_by_bzip2(4096), size=2**32 - 1, method=12)},
+        "names_in_bad_utf_8": npz_names_in_bad_utf_8,
+    },
+    "cube": {
+        "many_atoms": lambda: _cube("999999999", b"\n" * 2**25),
+        "atoms_beyond_floats": lambda: _cube("1e300", b"1 " * 64),
+        "many_orbitals": lambda: _cube("-1", b"1\n" + b"999999999" + b"\n" * 2**25),
+        "sizes_beyond_floats": lambda: _cube("0", b"1 " * 64, axes="1e300 1e300 1e300"),
+        "blanks": lambda: _cube("0", b" " * 2**25),
+    },
+}

@@ -41,31 +41,11 @@ def _strip(compressed: bytes, compression: int, side: int = 4) -> Files:
     return {"a.tif": tiff(fields).ljust(300, b"\0") + compressed}
 
 
-def tiff_deflate_inflates() -> Files:
-    return _strip(ZLIB + zeros_by_deflate(4096), 8)
-
-
-def tiff_deflate_claims_gigabytes() -> Files:
-    return _strip(ZLIB + zeros_by_deflate(64), 8, side=60_000)
-
-
-def tiff_zstd_inflates() -> Files:
-    return _strip(imagecodecs.zstd_encode(bytes(2**28)) * 16, 50000)
-
-
-def tiff_lzw_claims_gigabytes() -> Files:
-    return _strip(imagecodecs.lzw_encode(bytes(2**16)), 5, side=60_000)
-
-
 def tiff_jpeg2000_of_other_sizes() -> Files:
     data = bytearray(imagecodecs.jpeg2k_encode(np.zeros((16, 16), np.uint8), codecformat="j2k"))
     place = data.index(b"\xff\x51") + 6
     data[place : place + 8] = struct.pack(">II", 2**31 - 1, 2**31 - 1)
     return _strip(bytes(data), 34712)
-
-
-def tiff_directory_of_itself() -> Files:
-    return {"a.tif": tiff({}, following=24)}
 
 
 def tiff_directories_in_a_ring() -> Files:
@@ -80,17 +60,9 @@ def tiff_many_directories() -> Files:
     return {"a.tif": tiff({}, following=len(first)) + b"".join(pages)}
 
 
-def tiff_values_of_gigabytes() -> Files:
-    return {"a.tif": (tiff({BITS: (SHORT, 2**31 - 1, 8), 700: (BYTE, 2**31, 8)}), 2**33)}
-
-
 def tiff_many_strips() -> Files:
     fields = {STRIPS: (LONG, 2**28, 300), STRIP_BYTES: (LONG, 2**28, 300), HEIGHT: (LONG, 1, 2**28), 278: (LONG, 1, 1)}
     return {"a.tif": (tiff(fields), 2**31)}
-
-
-def tiff_many_samples() -> Files:
-    return {"a.tif": tiff({SAMPLES: (SHORT, 1, 65535), WIDTH: (LONG, 1, 2**31), HEIGHT: (LONG, 1, 2**31)})}
 
 
 def _entities() -> str:
@@ -110,24 +82,6 @@ def tiff_planes_of_ome() -> Files:
     return {"a.tif": described(text)}
 
 
-def tiff_images_of_imagej() -> Files:
-    return {
-        "a.tif": described("ImageJ=1.53\nimages=999999999\nslices=2147483647\nframes=2147483647\nchannels=2147483647\n")
-    }
-
-
-def tiff_brackets_of_ome() -> Files:
-    return {"a.tif": described("<OME>" + "<Pixels " * 300_000 + "<a:" * 300_000)}
-
-
-def tiff_blanks_of_ome() -> Files:
-    return {"a.tif": described("<OME><Pixels " + ("SizeZ" + " " * 1000) * 2000 + "/></OME>")}
-
-
-def tiff_slices_of_many_names() -> Files:
-    return {f"many/s{k * k}.tif": tiff({}) for k in range(400)}
-
-
 def _dicom(dataset: Dataset, syntax: str = ExplicitVRLittleEndian) -> bytes:
     out = io.BytesIO()
     dataset.file_meta.TransferSyntaxUID = syntax
@@ -145,14 +99,6 @@ def _in_dicom(fields: bytes, before: bytes = b"\x08\x00\x60\x00") -> bytes:
     return data[:place] + fields + data[place:]
 
 
-def dicomnested_sequences() -> Files:
-    return {"a.dcm": _in_dicom(nested_sequences(50_000))}
-
-
-def dicom_open_sequences() -> Files:
-    return {"a.dcm": _in_dicom(nested_sequences(300)[: 300 * 20])}
-
-
 def dicom_deflate_inflates() -> Files:
     data = _dicom(image_fields(_PLANE), DeflatedExplicitVRLittleEndian)
     begin = 144 + struct.unpack_from("<I", data, 140)[0]
@@ -166,18 +112,6 @@ def dicom_deflate_inflates_into_a_field() -> Files:
     return {"a.dcm": data[:begin] + stored_block(field) + zeros_by_deflate(4096)}
 
 
-def dicom_many_frames() -> Files:
-    return {"a.dcm": _dicom(image_fields(_PLANE, NumberOfFrames="2147483647", SpacingBetweenSlices="1"))}
-
-
-def dicom_millions_of_frames() -> Files:
-    return {"a.dcm": _dicom(image_fields(_PLANE, NumberOfFrames="9999999", SpacingBetweenSlices="1"))}
-
-
-def dicom_huge_plane() -> Files:
-    return {"a.dcm": _dicom(image_fields(_PLANE, Rows=65535, Columns=65535, SamplesPerPixel=65535))}
-
-
 def dicom_huge_jpeg2000() -> Files:
     stream = bytearray(imagecodecs.jpeg2k_encode(np.zeros((16, 16), np.uint16), codecformat="j2k"))
     place = stream.index(b"\xff\x51") + 6
@@ -189,20 +123,9 @@ def dicom_huge_jpeg2000() -> Files:
     return {"a.dcm": _dicom(fields, JPEG2000Lossless)}
 
 
-def dicom_field_of_gigabytes() -> Files:
-    return {"a.dcm": (_in_dicom(b"\x08\x00\x08\x00OB\0\0" + struct.pack("<I", 2**32 - 2)), 2**33)}
-
-
 def dicom_offsets_of_frames() -> Files:
     fields = image_fields(_PLANE, NumberOfFrames="30000", GridFrameOffsetVector=["1"] * 30_000)
     return {"a.dcm": _dicom(fields)}
-
-
-def dicom_many_series() -> Files:
-    return {
-        f"many/{k}.dcm": _dicom(image_fields(_PLANE, uid=f"1.2.{k}", SeriesDescription="a long description of it " * 2))
-        for k in range(60)
-    }
 
 
 _VTI = (
@@ -226,38 +149,6 @@ def vtk_blocks_inflate() -> Files:
     return _vti(struct.pack("<4I", 1, 2**31, 64, len(stream)) + stream)
 
 
-def vtk_many_blocks() -> Files:
-    return _vti(struct.pack("<4I", 2**32 - 1, 1, 1, 1))
-
-
-def vtk_blocks_beyond_memory() -> Files:
-    return _vti(struct.pack("<4Q", 2**61, 2**61, 1, 1), header="UInt64")
-
-
-def vtk_blocks_of_no_bytes() -> Files:
-    return _vti(struct.pack("<3I", 2**27, 0, 0) + bytes(2**20))
-
-
-def vtk_huge_extent() -> Files:
-    return _vti(struct.pack("<4I", 1, 64, 64, 64) + bytes(64), extent="0 2147483646 0 2147483646 0 2147483646")
-
-
-def vtk_negative_extent() -> Files:
-    return _vti(struct.pack("<I", 64) + bytes(64), extent="0 -3 0 -3 0 3", compressed=False)
-
-
-def vtk_many_components() -> Files:
-    return _vti(struct.pack("<I", 64) + bytes(64), components=2**31 - 1, compressed=False)
-
-
-def vtk_length_lies() -> Files:
-    return _vti(struct.pack("<I", 2**32 - 1) + bytes(64), compressed=False)
-
-
-def vtk_nested_elements() -> Files:
-    return {"a.vti": b'<VTKFile type="ImageData">' + b"<a>" * 200_000}
-
-
 def vtk_entities() -> Files:
     image = '<VTKFile type="ImageData"><a b="&j;">&j;</a></VTKFile>'
     return {"a.vti": f'<?xml version="1.0"?><!DOCTYPE VTKFile [{_entities()}]>{image}'.encode()}
@@ -279,50 +170,91 @@ def _legacy(lines: str, data: bytes = bytes(64), *, sizes: str = "4 4 4") -> Fil
     return {"a.vtk": start.encode() + lines.encode() + data}
 
 
-def vtk_legacy_huge_sizes() -> Files:
-    return _legacy("POINT_DATA 999999999999\nSCALARS a char\nLOOKUP_TABLE default\n", sizes="9999 9999 9999")
-
-
-def vtk_legacy_long_type() -> Files:
-    return _legacy(f"POINT_DATA 64\nSCALARS a {'x' * 5000}\nLOOKUP_TABLE default\n")
-
-
-def vtk_legacy_long_name() -> Files:
-    return _legacy(f"POINT_DATA 64\nSCALARS {'x' * 5000} char\nLOOKUP_TABLE default\n")
-
-
-def vtk_legacy_many_components() -> Files:
-    return _legacy("POINT_DATA 64\nSCALARS a char 999999999\nLOOKUP_TABLE default\n")
-
-
-def vtk_legacy_many_fields() -> Files:
-    return _legacy("POINT_DATA 64\nFIELD f 2147483647\na 1 64 char\n")
-
-
-def vtk_legacy_huge_field() -> Files:
-    return _legacy("POINT_DATA 64\nFIELD f 1\na 999999 999999 double\n")
-
-
-def vtk_legacy_huge_table() -> Files:
-    return _legacy("POINT_DATA 64\nSCALARS a char\nLOOKUP_TABLE b\n" + "LOOKUP_TABLE b 2147483647\n", bytes(64))
-
-
-def vtk_legacy_metadata_without_end() -> Files:
-    return _legacy("METADATA\nINFORMATION 999999999\nNAME a LOCATION b\n")
-
-
-def vtk_legacy_long_title() -> Files:
-    return {"a.vtk": b"# vtk DataFile Version 3.0\n" + b"x" * 2**22}
-
-
 def vtk_legacy_other_grids() -> Files:
     lines = "DATASET UNSTRUCTURED_GRID\nPOINTS 999999999 double\nCELLS 999999999 999999999\n"
     return {"a.vtk": b"# vtk DataFile Version 3.0\na\nBINARY\n" + lines.encode() + bytes(64)}
 
 
-_FORMS = ("nrrd", "metaimage", "nifti", "npy", "npz", "cube", "tiff", "dicom", "vtk")
-# The functions of both modules by the format that their names begin with.
-BOMBS: dict[str, tuple[Callable[[], Files], ...]] = {
-    form: tuple(make for name, make in [*vars(volume_bombs).items(), *globals().items()] if name.startswith(f"{form}_"))
-    for form in _FORMS
+ISOLATED: dict[str, dict[str, Callable[[], Files]]] = {
+    "tiff": {
+        "deflate_inflates": lambda: _strip(ZLIB + zeros_by_deflate(4096), 8),
+        "deflate_claims_gigabytes": lambda: _strip(ZLIB + zeros_by_deflate(64), 8, side=60_000),
+        "zstd_inflates": lambda: _strip(imagecodecs.zstd_encode(bytes(2**28)) * 16, 50000),
+        "lzw_claims_gigabytes": lambda: _strip(imagecodecs.lzw_encode(bytes(2**16)), 5, side=60_000),
+        "jpeg2000_of_other_sizes": tiff_jpeg2000_of_other_sizes,
+        "directory_of_itself": lambda: {"a.tif": tiff({}, following=24)},
+        "directories_in_a_ring": tiff_directories_in_a_ring,
+        "many_directories": tiff_many_directories,
+        "values_of_gigabytes": lambda: {"a.tif": (tiff({BITS: (SHORT, 2**31 - 1, 8), 700: (BYTE, 2**31, 8)}), 2**33)},
+        "many_strips": tiff_many_strips,
+        "many_samples": lambda: {
+            "a.tif": tiff({SAMPLES: (SHORT, 1, 65535), WIDTH: (LONG, 1, 2**31), HEIGHT: (LONG, 1, 2**31)})
+        },
+        "entities": tiff_entities,
+        "planes_of_ome": tiff_planes_of_ome,
+        "images_of_imagej": lambda: {
+            "a.tif": described(
+                "ImageJ=1.53\nimages=999999999\nslices=2147483647\nframes=2147483647\nchannels=2147483647\n"
+            )
+        },
+        "brackets_of_ome": lambda: {"a.tif": described("<OME>" + "<Pixels " * 300_000 + "<a:" * 300_000)},
+        "blanks_of_ome": lambda: {"a.tif": described("<OME><Pixels " + ("SizeZ" + " " * 1000) * 2000 + "/></OME>")},
+        "slices_of_many_names": lambda: {f"many/s{k * k}.tif": tiff({}) for k in range(400)},
+    },
+    "dicom": {
+        "nested_sequences": lambda: {"a.dcm": _in_dicom(nested_sequences(50_000))},
+        "open_sequences": lambda: {"a.dcm": _in_dicom(nested_sequences(300)[: 300 * 20])},
+        "deflate_inflates": dicom_deflate_inflates,
+        "deflate_inflates_into_a_field": dicom_deflate_inflates_into_a_field,
+        "many_frames": lambda: {
+            "a.dcm": _dicom(image_fields(_PLANE, NumberOfFrames="2147483647", SpacingBetweenSlices="1"))
+        },
+        "millions_of_frames": lambda: {
+            "a.dcm": _dicom(image_fields(_PLANE, NumberOfFrames="9999999", SpacingBetweenSlices="1"))
+        },
+        "huge_plane": lambda: {"a.dcm": _dicom(image_fields(_PLANE, Rows=65535, Columns=65535, SamplesPerPixel=65535))},
+        "huge_jpeg2000": dicom_huge_jpeg2000,
+        "field_of_gigabytes": lambda: {
+            "a.dcm": (_in_dicom(b"\x08\x00\x08\x00OB\0\0" + struct.pack("<I", 2**32 - 2)), 2**33)
+        },
+        "offsets_of_frames": dicom_offsets_of_frames,
+        "many_series": lambda: {
+            f"many/{k}.dcm": _dicom(
+                image_fields(_PLANE, uid=f"1.2.{k}", SeriesDescription="a long description of it " * 2)
+            )
+            for k in range(60)
+        },
+    },
+    "vtk": {
+        "blocks_inflate": vtk_blocks_inflate,
+        "many_blocks": lambda: _vti(struct.pack("<4I", 2**32 - 1, 1, 1, 1)),
+        "blocks_beyond_memory": lambda: _vti(struct.pack("<4Q", 2**61, 2**61, 1, 1), header="UInt64"),
+        "blocks_of_no_bytes": lambda: _vti(struct.pack("<3I", 2**27, 0, 0) + bytes(2**20)),
+        "huge_extent": lambda: _vti(
+            struct.pack("<4I", 1, 64, 64, 64) + bytes(64), extent="0 2147483646 0 2147483646 0 2147483646"
+        ),
+        "negative_extent": lambda: _vti(struct.pack("<I", 64) + bytes(64), extent="0 -3 0 -3 0 3", compressed=False),
+        "many_components": lambda: _vti(struct.pack("<I", 64) + bytes(64), components=2**31 - 1, compressed=False),
+        "length_lies": lambda: _vti(struct.pack("<I", 2**32 - 1) + bytes(64), compressed=False),
+        "nested_elements": lambda: {"a.vti": b'<VTKFile type="ImageData">' + b"<a>" * 200_000},
+        "entities": vtk_entities,
+        "entity_of_a_file": vtk_entity_of_a_file,
+        "attributes": vtk_attributes,
+        "legacy_huge_sizes": lambda: _legacy(
+            "POINT_DATA 999999999999\nSCALARS a char\nLOOKUP_TABLE default\n", sizes="9999 9999 9999"
+        ),
+        "legacy_long_type": lambda: _legacy(f"POINT_DATA 64\nSCALARS a {'x' * 5000}\nLOOKUP_TABLE default\n"),
+        "legacy_long_name": lambda: _legacy(f"POINT_DATA 64\nSCALARS {'x' * 5000} char\nLOOKUP_TABLE default\n"),
+        "legacy_many_components": lambda: _legacy("POINT_DATA 64\nSCALARS a char 999999999\nLOOKUP_TABLE default\n"),
+        "legacy_many_fields": lambda: _legacy("POINT_DATA 64\nFIELD f 2147483647\na 1 64 char\n"),
+        "legacy_huge_field": lambda: _legacy("POINT_DATA 64\nFIELD f 1\na 999999 999999 double\n"),
+        "legacy_huge_table": lambda: _legacy(
+            "POINT_DATA 64\nSCALARS a char\nLOOKUP_TABLE b\n" + "LOOKUP_TABLE b 2147483647\n", bytes(64)
+        ),
+        "legacy_metadata_without_end": lambda: _legacy("METADATA\nINFORMATION 999999999\nNAME a LOCATION b\n"),
+        "legacy_long_title": lambda: {"a.vtk": b"# vtk DataFile Version 3.0\n" + b"x" * 2**22},
+        "legacy_other_grids": vtk_legacy_other_grids,
+    },
 }
+# By format and name.
+BOMBS = volume_bombs.BOMBS | ISOLATED

@@ -14,7 +14,6 @@ from typing import TypeVar
 
 import numpy as np
 from volume_bases import Base, Ranges
-from volume_bombs import Files
 from volume_bombs_isolated import BOMBS
 
 Random = np.random.Generator
@@ -426,14 +425,14 @@ def _bomb(base: Base, rng: Random) -> Case | None:
     return None if bombs is None else make_bomb(base, _pick(rng, *bombs))
 
 
-def make_bomb(base: Base, make: Callable[[], Files]) -> Case:
-    """Return a case with the files that a function returns in place of those of an undamaged volume."""
+def make_bomb(base: Base, bomb: str) -> Case:
+    """Return a case with the files of a bomb in place of those of an undamaged volume."""
     files: dict[str, Content] = {
-        name: Sparse(*content) if isinstance(content, tuple) else content for name, content in make().items()
+        name: Sparse(*content) if isinstance(content, tuple) else content
+        for name, content in BOMBS[base.form][bomb]().items()
     }
     opened = next(iter(files))
-    name = make.__name__.removeprefix(f"{base.form}_").replace("_", " ")
-    return Case(base, f"bomb: {name}", files, os.path.dirname(opened) or opened)
+    return Case(base, f"bomb: {bomb.replace('_', ' ')}", files, os.path.dirname(opened) or opened)
 
 
 _CHANGES: tuple[Callable[[Base, Random], Case | None], ...] = (
