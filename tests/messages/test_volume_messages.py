@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gzip
+import io
 import os
+import zipfile
 from pathlib import Path
 
 import nibabel as nib
@@ -42,6 +44,62 @@ META_LINES = {
     "axis-twice": "TransformMatrix = 1 0 0 0 1 0 1 0 0",
 }
 
+LARGE = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: {}\nencoding: {}\n{}\n"
+LARGE_META = "ObjectType = Image\nNDims = 3\nDimSize = {}\nElementType = MET_UCHAR\nElementDataFile = {}\n"
+BEYOND = "1e300 2 1e300"
+CUBE = "a\nb\n{} 0 0 0\n2 1 0 0\n2 0 1 0\n2 0 0 1\n"
+
+
+def array(shape: str) -> bytes:
+    """Return an array file whose header has this shape."""
+    header = f"{{'descr': '<u2', 'fortran_order': False, 'shape': ({shape})}}\n".encode()
+    return b"\x93NUMPY\1\0" + np.uint16(len(header)).tobytes() + header + bytes(1000)
+
+
+def zipped(names: list[str], data: bytes = b"") -> bytes:
+    """Return an archive with files of the same content."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        for name in names:
+            archive.writestr(zipfile.ZipInfo(name), data)
+    return out.getvalue()
+
+
+def packed(lines: str, *, encoding: str = "gzip", data: bytes = gzip.compress(bytes(8))) -> bytes:
+    """Return an NRRD file of 2 x 2 x 2 voxels with these lines in its header."""
+    return LARGE.format("2 2 2", encoding, lines).encode() + data
+
+
+# A header of 4 GiB, which is not there.
+LONG_HEADER = b"\x93NUMPY\2\0" + np.uint32(2**32 - 1).tobytes()
+# Files that ask for more than a volume can have, by name.
+EXCESSIVE = {
+    "negative.npy": array("-2, -3, 10"),
+    "booleans.npy": array("True, True, 64"),
+    "axes.npy": array("1, " * 100),
+    "nested.npy": array("-" * 9000 + "6, 7, 8"),
+    "beyond.nrrd": LARGE.format(BEYOND, "raw", "").encode(),
+    "beyond.mha": LARGE_META.format(BEYOND, "LOCAL").encode(),
+    "beyond.cube": CUBE.format(0).replace("2 1 0 0", "1e300 1 0 0").replace("2 0 0 1", "1e300 0 0 1").encode() + b"1\n",
+    "beyond.mhd": LARGE_META.format(BEYOND, "LIST\nb\nc").encode(),
+    "blanks.nrrd": packed(f"spac{' ' * 9999}ings: 1\n"),
+    "origins.nrrd": packed("space origin:" + "(1,1,1)" * 9 + "\n"),
+    "bytes-to-skip.nrrd": packed("byte skip: 67108865\n"),
+    "lines-to-skip.nrrd": packed("line skip: 9999999\n", encoding="raw", data=b"\n" * 2**22 + bytes(8)),
+    "lines-to-skip-packed.nrrd": packed("line skip: 9999999\n", data=b"\n" * 2**22 + bytes(8)),
+    "infinite-directions.nrrd": packed("space: RAS\nspace directions: (inf,0,0) (0,1,0) (0,0,1)\n"),
+    "infinite-spacings.nrrd": packed("spacings: inf 1 1\n"),
+    "long-word.nrrd": packed("", encoding="text", data=b"1 " * 8 + b"x" * 5000),
+    "pieces.nhdr": LARGE.format("1 1 99999", "raw", "data file: LIST").encode() + b"piece\n" * 99_999,
+    "pieces.mhd": LARGE_META.format("1 1 99999", "LIST").encode() + b"piece\n" * 99_999,
+    "many.npz": zipped([f"{'long' * 20} {k}.npy" for k in range(50)]),
+    "no-encoding.npz": zipped(["\u00e4\u00f6.npy"]).replace("\u00e4\u00f6".encode(), b"\xff\xfe\xff\xfe"),
+    "long.npy": LONG_HEADER,
+    "long.npz": zipped(["a.npy"], LONG_HEADER),
+    "atoms.cube": f"{CUBE.format(999999999)}{2**18 * chr(10)}{8 * '1 '}".encode(),
+    "orbitals.cube": f"{CUBE.format(-1)}0\n999999999{2**18 * chr(10)}{8 * '1 '}".encode(),
+}
+
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -54,6 +112,9 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for name in ("empty.nrrd", "empty.nii", "empty.tif", "empty.npy", "empty.mha"):
             Path(name).touch()
         Path("text.vol").write_bytes(b"hello")
+        Path("piece").write_bytes(b"1")
+        for name, content in EXCESSIVE.items():
+            Path(name).write_bytes(content)
         write_arrays()
         write_images()
         write_headers()
@@ -138,6 +199,11 @@ def write_headers() -> None:
     Path("words.mha").write_bytes(f"BinaryData = False\n{META}".encode() + b"no digits " * 60)
     for number in (50000, 34925, 50001, 4321, 8):
         Path(f"{number}.tif").write_bytes(tiff({COMPRESSION: (SHORT, 1, number)}))
+    nifti = nib.Nifti1Header()
+    nifti.set_data_dtype(np.uint8)
+    nifti["dim"][:4] = 3, -2, -2, 4
+    nifti["vox_offset"] = 352
+    Path("negative.nii").write_bytes(nifti.binaryblock + bytes(100))
 
 
 @cases("volumes.txt")
