@@ -9,53 +9,29 @@ it turns out to be legal. What fails is written to a folder, with the command th
 
 from __future__ import annotations
 
-import argparse
-import multiprocessing
 import os
 import sys
 import tempfile
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support"), str(ROOT / "tests" / "fuzz")]
 
+from fuzzing import fuzz  # noqa: E402
 from judge import Verdict, judge, make_case, write_case  # noqa: E402
 
-from hsplat_cli.terminal import Reporter  # noqa: E402
 from renderer.draw import GLRasterizer  # noqa: E402
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scenes", type=int, default=20_000)
-    parser.add_argument("--first", type=int, default=0, metavar="INDEX", help="number of the first scene")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--only", type=int, metavar="INDEX", help="judge this scene alone, and keep its files")
-    parser.add_argument("--failures", type=Path, default=Path("fuzz-failures"), help="folder for scenes that fail")
-    arguments = parser.parse_args()
-    if arguments.only is not None:
-        folder = arguments.failures.absolute() / str(arguments.only)
-        with GLRasterizer() as rasterizer:
-            verdict = judge(make_case(arguments.seed, arguments.only), folder, rasterizer)
-        print(f"{folder}\n{verdict}")
-        return int(verdict.outcome == "wrong")
-    numbers = range(arguments.first, arguments.first + arguments.scenes)
-    verdicts = []
     os.environ["LP_NUM_THREADS"] = "1"  # of Mesa's software renderer: the processes share the cores
-    with (
-        Reporter().progress(len(numbers), label="fuzz", unit="scenes") as bar,
-        ProcessPoolExecutor(arguments.workers, multiprocessing.get_context("spawn")) as pool,
-    ):
-        for verdict in pool.map(partial(judge_scene, arguments.seed), numbers, chunksize=4):
-            verdicts.append(verdict)
-            if verdict.outcome == "wrong":
-                write_case(make_case(arguments.seed, verdict.index), arguments.failures / str(verdict.index))
-            bar.advance(f"{sum(verdict.outcome == 'wrong' for verdict in verdicts)} wrong")
-    return report(verdicts, arguments.seed, arguments.failures)
+    return fuzz(__doc__, "scenes", judge_alone, judge_scene, report)
+
+
+def judge_alone(seed: int, index: int, folder: Path) -> Verdict:
+    return judge(make_case(seed, index), folder, rasterizer_of_process())
 
 
 @cache
@@ -81,7 +57,9 @@ def report(verdicts: list[Verdict], seed: int, failures: Path) -> int:
         print(f"slowest: {slowest.seconds:.1f} s, scene {slowest.index}")
     wrong = [verdict for verdict in verdicts if verdict.outcome == "wrong"]
     for verdict in sorted(wrong, key=lambda verdict: verdict.index):
-        print(f"\npython tests/fuzz/run.py --seed {seed} --only {verdict.index}  # {failures / str(verdict.index)}")
+        folder = failures / f"{seed}-{verdict.index}"
+        write_case(make_case(seed, verdict.index), folder)
+        print(f"\npython tests/fuzz/run.py --seed {seed} --only {verdict.index}  # {folder}")
         print(f"  {verdict.spoilt or 'legal'}: {verdict.why.strip()}")
     return int(bool(wrong))
 

@@ -8,59 +8,40 @@ those of `docs/benchmarks/fuzz-volumes.md`.
 
 from __future__ import annotations
 
-import argparse
-import multiprocessing
 import os
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor
-from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support"), str(ROOT / "tests" / "fuzz")]
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # forks have no threads
 
+from fuzzing import fuzz  # noqa: E402
 from judge_volumes import Verdict, judge_number, judge_volume  # noqa: E402
 from volume_bases import make_bases, real_data  # noqa: E402
 from volume_damage import make_case, write_case  # noqa: E402
-
-from hsplat_cli.terminal import Reporter  # noqa: E402
 
 OUTCOMES = ("same", "other", "refused", "wrong")
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--files", type=int, default=20_000)
-    parser.add_argument("--first", type=int, default=0, metavar="NUMBER", help="number of the first file")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--only", type=int, metavar="NUMBER", help="judge this file alone, and keep it")
-    parser.add_argument("--failures", type=Path, default=Path("fuzz-failures"), help="folder for files that fail")
-    arguments = parser.parse_args()
-    if arguments.only is not None:
-        folder = arguments.failures.absolute() / f"{arguments.seed}-{arguments.only}"
-        folder.mkdir(parents=True)
-        verdict = judge_volume(make_case(make_bases(real_data()), arguments.seed, arguments.only), folder)
-        print(f"{folder}\n{verdict}")
-        return int(verdict.outcome == "wrong")
-    numbers = range(arguments.first, arguments.first + arguments.files)
-    verdicts: list[Verdict] = []
-    with (
-        Reporter().progress(len(numbers), label="fuzz", unit="files") as bar,
-        ProcessPoolExecutor(arguments.workers, multiprocessing.get_context("spawn")) as pool,
-    ):
-        for verdict in pool.map(partial(judge_number, arguments.seed), numbers, chunksize=8):
-            verdicts.append(verdict)
-            bar.advance(f"{sum(each.outcome == 'wrong' for each in verdicts)} wrong")
+    return fuzz(__doc__, "files", judge_alone, judge_number, report)
+
+
+def judge_alone(seed: int, index: int, folder: Path) -> Verdict:
+    return judge_volume(make_case(make_bases(real_data()), seed, index), folder)
+
+
+def report(verdicts: list[Verdict], seed: int, failures: Path) -> int:
+    """Print the tables, and return 1 if any verdict is wrong."""
     print("\n".join(tables(verdicts)))
     wrong = [verdict for verdict in verdicts if verdict.outcome == "wrong"]
     for verdict in wrong:
-        folder = arguments.failures.absolute() / f"{arguments.seed}-{verdict.index}"
-        write_case(make_case(make_bases(real_data()), arguments.seed, verdict.index), folder)
-        print(f"\npython tests/fuzz/run_volumes.py --seed {arguments.seed} --only {verdict.index}  # {folder}")
+        folder = failures / f"{seed}-{verdict.index}"
+        write_case(make_case(make_bases(real_data()), seed, verdict.index), folder)
+        print(f"\npython tests/fuzz/run_volumes.py --seed {seed} --only {verdict.index}  # {folder}")
         print(f"  {verdict.base}, {verdict.damage}: {verdict.why.strip()}")
     return int(bool(wrong))
 

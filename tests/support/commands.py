@@ -22,9 +22,15 @@ def environment(**variables: str) -> dict[str, str]:
 
 def hsplat(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
     """Run the command to its end."""
+    return python("-m", "hsplat_cli", *arguments, **variables)
+
+
+def python(*arguments: str | bytes, folder: str | Path = ".", **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run Python with the hsplat under test to its end, in a folder."""
     return subprocess.run(
-        [*HSPLAT, *arguments], check=False, capture_output=True, text=True, env=environment(**variables)
-    )
+        [sys.executable, *arguments],
+        cwd=folder, check=False, capture_output=True, text=True, env=environment(**variables),
+    )  # fmt: skip
 
 
 @contextmanager

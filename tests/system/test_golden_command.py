@@ -6,7 +6,6 @@ import json
 import os
 import shutil
 import signal
-import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -14,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from commands import environment, other_process
+from commands import other_process, python
 from small_scene import small_scene
 
 from hsplat_cli import main
@@ -252,9 +251,8 @@ main.run(sys.argv[1:])
 
 
 def test_an_update_cleans_up_after_a_real_kill() -> None:
-    command_line = [sys.executable, "-c", KILLED, "golden", "scene.yaml", "goldens", "--quiet"]
-    variables = environment(TMPDIR=str(Path("temporary").absolute()))
-    done = subprocess.run(command_line, check=False, env=variables)
+    command_line = ("-c", KILLED, "golden", "scene.yaml", "goldens", "--quiet")
+    done = python(*command_line, TMPDIR=str(Path("temporary").absolute()))
     assert done.returncode == -signal.SIGKILL
     assert sorted(path.name for path in FOLDER.glob("*.*")) == ["frame-0000.png", "golden.json", "golden.unfinished"]
     shutil.rmtree("temporary")  # as the system does in time

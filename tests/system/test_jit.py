@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import pytest
+from commands import python
 
 from renderer.compiled import kernel_cache, remove_unused_caches
 
@@ -58,11 +57,8 @@ def _package(folder: Path, number: int) -> None:
 
 
 def _run(folder: Path, home: str, numba_cache_dir: str = "", program: str = "renderer.outer") -> str:
-    environment = os.environ | {"PYTHONPATH": str(folder), "HOME": home, "NUMBA_CACHE_DIR": numba_cache_dir}
-    command = [sys.executable, "-m", program]
-    return subprocess.run(
-        command, cwd=folder, env=environment, check=True, capture_output=True, text=True
-    ).stdout.strip()
+    variables = {"PYTHONPATH": str(folder), "HOME": home, "NUMBA_CACHE_DIR": numba_cache_dir}
+    return python("-m", program, folder=folder, **variables).stdout.strip()
 
 
 def _set_age(folder: Path, days: int) -> None:
@@ -105,8 +101,7 @@ def test_imports_change_nothing(tmp_path: Path) -> None:
         "from renderer.pyramid import nodes\n"
         "print(lanes.num_lanes.cache_info().currsize, 'numba.np.arraymath' in sys.modules, len(march._march.overloads))"
     )
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(caches), "PYTHONPATH": str(RENDERER.parent)}
-    got = subprocess.run([sys.executable, "-c", program], env=environment, check=True, capture_output=True, text=True)
+    got = python("-c", program, NUMBA_CACHE_DIR=str(caches))
     assert got.stdout.split() == ["0", "False", "0"]
     assert not caches.exists()
 

@@ -6,12 +6,11 @@ import os
 import re
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
-from commands import HSPLAT, environment
+from commands import HSPLAT, environment, python
 from resuming import assert_clean
 from small_scene import small_scene
 
@@ -91,8 +90,7 @@ def test_killed_at_any_operation_on_a_file(output: str) -> None:
     """Nothing half-written has a final name, and the next run is right and leaves nothing else."""
     small = ("--set", "camera.path.frames=2", "--set", "volume.procedural.shape=[8, 8, 8]")
     given = arguments(f"out/{output}", "--quiet", *small)
-    command = [sys.executable, "-c", KILLER, "7", "29", *given]
-    done = subprocess.run(command, check=False, env=environment(), capture_output=True, text=True)
+    done = python("-c", KILLER, "7", "29", *given)
     assert done.stderr == ""
     assert int(done.stdout) >= 2
 

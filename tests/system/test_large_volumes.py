@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
+from commands import python
 
 from renderer.draw import brick_cache
-
-ROOT = Path(__file__).resolve().parents[2]
 
 # Memory that is not a file's (decision 001 in docs/decisions): while bricks are built of a volume; and on the device,
 # which is this machine's memory, too, where the renderer is software, with what passes on the way there.
@@ -83,11 +80,7 @@ def test_memory_while_a_large_volume_is_drawn(tmp_path: Path) -> None:
         for z in range(n):
             file.write(np.roll(plane, z * z // 64, axis=1).astype(np.uint8).tobytes())
     (tmp_path / "large.yaml").write_text(SCENE.format(n=n))
-    child = subprocess.run(
-        [sys.executable, "-c", CHILD, str(tmp_path / "large.yaml")],
-        cwd=ROOT, check=True, capture_output=True, text=True, timeout=300,
-    )  # fmt: skip
-    found = json.loads(child.stdout)
+    found = json.loads(python("-c", CHILD, str(tmp_path / "large.yaml")).stdout)
     assert found["is_mapped"]
     assert found["cells"] > 50 and found["mean"] > 10  # it is a picture
     most = MAX_ATLAS_BYTES + MOST_BYTES_PER_VOXEL * n**3

@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 import pytest
-from commands import CODE, environment
+from commands import CODE, python
 
 from hsplat_cli import main
 from renderer.film import encode_png
@@ -75,14 +74,7 @@ output: {file: film.mp4, size: [16, 16]}
 
 def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run Python with the hsplat under test, where pytest loads no plugin but ours."""
-    return subprocess.run(
-        [sys.executable, *arguments],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment(PYTEST_DISABLE_PLUGIN_AUTOLOAD="1"),
-    )
+    return python(*arguments, folder=folder, PYTEST_DISABLE_PLUGIN_AUTOLOAD="1")
 
 
 @pytest.fixture
@@ -145,15 +137,8 @@ def test_an_installed_plugin_may_be_named_again(folder: Path) -> None:
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: hsplat\nVersion: 1\n", encoding="utf-8")
     (info / "entry_points.txt").write_text(f"[pytest11]\n{PLUGIN} = {PLUGIN}\n", encoding="utf-8")
     (folder / "conftest.py").write_text(f"pytest_plugins = [{PLUGIN!r}]\n", encoding="utf-8")
-    environment = {**os.environ, "PYTHONPATH": f"{CODE}:{folder}"}
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-q", "-p", PLUGIN, "test_frames.py::test_same"],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment,
-    )
+    arguments = ("-m", "pytest", "-p", "no:cacheprovider", "-q", "-p", PLUGIN, "test_frames.py::test_same")
+    done = python(*arguments, folder=folder, PYTHONPATH=f"{CODE}:{folder}")
     assert done.returncode == 0, done.stdout + done.stderr
 
 

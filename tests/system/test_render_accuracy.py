@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 import yaml
+from commands import python
 from small_scene import sidecar, small_scene
 
 from hsplat_cli import main
@@ -23,7 +22,6 @@ from renderer.study import TRUTH_TOLERANCE, compute_metric, compute_truth, over_
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
 
-ROOT = Path(__file__).resolve().parents[2]
 NUM_FRAMES = 24
 # Splats, whose accuracy hardly differs between frames: few pixels decide that of a small picture of bricks.
 SCENE = small_scene(shape="32, 32, 16", frames=NUM_FRAMES, size="48, 32", error="psnr: 27", footprint="gaussian")
@@ -171,12 +169,6 @@ def test_an_infinite_psnr_is_left_out_of_the_sidecar() -> None:
 def test_packages_of_measure_are_not_needed(folder: Path) -> None:
     block = f"import sys; sys.modules.update(dict.fromkeys({EXTRAS!r}))"
     run = "from hsplat_cli.main import run; sys.exit(run(['render', 'scene.yaml', '--frames', '0', *sys.argv[1:]]))"
-    done = subprocess.run(
-        [sys.executable, "-c", f"{block}; sys.path.insert(0, {str(ROOT)!r}); {run}", "--quiet", *RMSE],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = python("-c", f"{block}; {run}", "--quiet", *RMSE)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert sidecar()["schedule"]["met"]

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import CODE, python
 
-from hsplat_cli import main
-
-CODE = Path(main.__file__).parents[1]
 SHAPE = (256, 512, 520)  # 65 MiB, more than what is read into memory
 LEFT = 1_000_000
 
@@ -74,9 +69,8 @@ def folder(tmp_path: Path) -> Path:
 def test_between_a_look_and_the_reading(footprint: str, caller: str, folder: Path) -> None:
     whole = (folder / "large.npy").stat().st_size
     (folder / "scene.yaml").write_text(SCENE.replace("FOOTPRINT", footprint))
-    environment = os.environ | {"PYTHONPATH": f"{folder}:{CODE}", "HSPLAT_TEST_SHRINK": caller}
-    command = [sys.executable, "-m", "hsplat_cli", "render", "scene.yaml", "--quiet"]
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    command = ("-m", "hsplat_cli", "render", "scene.yaml", "--quiet")
+    done = python(*command, folder=folder, PYTHONPATH=f"{folder}:{CODE}", HSPLAT_TEST_SHRINK=caller)
     assert (folder / "was_here").exists()
     assert done.returncode == 2, (done.returncode, done.stderr)
     assert done.stderr.startswith(
@@ -118,6 +112,4 @@ os.kill(os.getpid(), signal.SIGBUS)
 
 @pytest.mark.parametrize("program", [SENT, STRANGER], ids=["a signal that is sent", "another file"])
 def test_other_faults_kill(program: str, tmp_path: Path) -> None:
-    environment = os.environ | {"PYTHONPATH": str(CODE)}
-    done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, env=environment, check=False)
-    assert done.returncode == -signal.SIGBUS
+    assert python("-c", program, folder=tmp_path).returncode == -signal.SIGBUS

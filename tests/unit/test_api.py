@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from api_page import PAGE, api_page
+from commands import python
 
 import renderer
-from hsplat_cli import main
 from renderer.api import Film
 
 ARRAY = np.arange(60, dtype=np.uint8).reshape(3, 4, 5)
@@ -25,8 +23,7 @@ def test_the_page_is_made_from_the_docstrings() -> None:
 
 def test_importing_the_door_loads_no_array_library() -> None:
     program = "import sys, renderer; dir(renderer); sys.exit(any(m in sys.modules for m in ('numpy', 'numba', 'yaml')))"
-    environment = os.environ | {"PYTHONPATH": str(Path(main.__file__).parents[1])}
-    subprocess.run([sys.executable, "-c", program], check=True, env=environment)
+    assert python("-c", program).returncode == 0
 
 
 def test_every_function_has_parameters_returns_errors_and_an_example() -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import click
 import pytest
+from commands import HSPLAT, python
 
 from hsplat_cli import main
 from hsplat_cli.commands import check, compare as command
@@ -23,17 +24,6 @@ ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "configs" / "demo.yaml"
 
 HEAVY = ("numpy", "moderngl", "numba", "tifffile", "pydicom", "nibabel", "imageio", "cmap")
-
-
-def python(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, *arguments],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ | environment,
-    )
 
 
 def test_help_and_check_import_no_heavy_package(tmp_path: Path) -> None:
@@ -67,7 +57,7 @@ def test_compiled_loops_run_without_scipy_linalg(tmp_path: Path) -> None:
         "print('scipy.linalg' in sys.modules)\n"
         "print(numba.njit(lambda a: np.dot(a, a))(np.full((1, 1), 3.0)), 'scipy.linalg' in sys.modules)"
     )
-    got = python(str(program), PYTHONPATH=str(ROOT), NUMBA_CACHE_DIR=str(tmp_path))
+    got = python(str(program), NUMBA_CACHE_DIR=str(tmp_path))
     assert got.stdout.split() == ["False", "[[9.]]", "True"]
 
 
@@ -291,7 +281,7 @@ def test_a_closed_pipe_is_no_error() -> None:
     os.close(read_end)
     with os.fdopen(write_end, "wb") as pipe:
         done = subprocess.run(
-            [sys.executable, "-m", "hsplat_cli", "check", str(DEMO)],
+            [*HSPLAT, "check", str(DEMO)],
             cwd=ROOT,
             stdout=pipe,
             stderr=subprocess.PIPE,

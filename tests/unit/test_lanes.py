@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Callable
 from fractions import Fraction
 from types import FunctionType
@@ -13,6 +10,7 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
+from commands import python
 
 from renderer.compiled import (
     any_of,
@@ -180,7 +178,6 @@ def test_two_kinds_of_lanes_do_not_mix() -> None:
 def test_registers_are_the_processor_s(processor: str, count: int) -> None:
     if lanes.cpu_target.target_context.codegen().magic_tuple()[0].split("-")[0] != "x86_64":
         pytest.skip("the processor has other registers")
-    environment = {**os.environ, "NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": ""}
-    command = [sys.executable, "-c", "from renderer.compiled import num_lanes; print(num_lanes())"]
-    got = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    program = "from renderer.compiled import num_lanes; print(num_lanes())"
+    got = python("-c", program, NUMBA_CPU_NAME=processor, NUMBA_CPU_FEATURES="")
     assert int(got.stdout) == count

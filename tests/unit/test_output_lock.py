@@ -5,32 +5,20 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
-import signal
 import stat
-import subprocess
-import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
 
 import pytest
+from commands import other_process, python
 
-import renderer
 from renderer.errors import HsplatError, InputError, OutputLockedError, RenderError
 from renderer.film import lock_slots
 
-CODE = Path(renderer.__file__).parents[1]
 OUTPUT = Path("film.mp4")
-
-HOLDER = """\
-import sys
-from pathlib import Path
-from renderer.film import lock_slots
-with lock_slots(Path(sys.argv[1]), [int(place) for place in sys.argv[2:]], Path("film.mp4")):
-    print("held", flush=True)
-    sys.stdin.read()
-"""
+IMPORT = "from renderer.film import lock_slots"
 
 # Holds the place and makes a file that nobody else may have made; a new one each time.
 CONTENDER = """\
@@ -54,25 +42,13 @@ while num_held < num_times:
 """
 
 
-def start(program: str, *arguments: object) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-c", program, *map(str, arguments)],
-        env=os.environ | {"PYTHONPATH": str(CODE)},
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+def block(folder: Path, *places: int) -> str:
+    return f"lock_slots(Path({str(folder)!r}), {list(places)}, Path('film.mp4'))"
 
 
-@contextmanager
-def held(folder: Path, *places: int) -> Iterator[subprocess.Popen[str]]:
-    """Another process holds these places."""
-    with start(HOLDER, folder, *places) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "held\n"
-        yield process
-        process.communicate("")
+def held(folder: Path, *places: int) -> AbstractContextManager[int]:
+    """Another process, whose number this gives, holds these places."""
+    return other_process(IMPORT, block(folder, *places))
 
 
 @pytest.fixture
@@ -111,22 +87,20 @@ def test_however_the_block_ends(folder: Path, error: type[BaseException]) -> Non
 def test_no_file_stays_open(folder: Path) -> None:
     before = len(os.listdir("/proc/self/fd"))
     take(folder, [0])
-    with held(folder, 0) as other, pytest.raises(InputError):
+    with held(folder, 0), pytest.raises(InputError):
         take(folder, [0])
-    del other
     assert len(os.listdir("/proc/self/fd")) == before
 
 
 @pytest.mark.parametrize(("theirs", "ours"), [([0], [0]), ([2, 4, 6], [1, 3, 4]), ([999_999], [5, 999_999])])
 def test_places_that_overlap(folder: Path, theirs: Sequence[int], ours: Sequence[int]) -> None:
-    with held(folder, *theirs) as process:
+    with held(folder, *theirs) as number:
         with pytest.raises(InputError) as caught:
             take(folder, ours)
         assert str(caught.value) == (
-            f"film.mp4: another job is writing this output\n  got: process {process.pid} on {os.uname().nodename}\n"
+            f"film.mp4: another job is writing this output\n  got: process {number} on {os.uname().nodename}\n"
             "  hint: wait until it has finished, or choose another output"
         )
-        assert process.poll() is None
         assert (folder / "lock").is_file()
     assert not folder.exists()
     take(folder, ours)
@@ -205,9 +179,7 @@ def test_a_lock_file_that_somebody_else_wrote(tmp_path: Path) -> None:
 
 
 def test_a_holder_that_is_killed(folder: Path) -> None:
-    with held(folder, 0) as process:
-        process.send_signal(signal.SIGKILL)
-        process.wait()
+    python("-c", f"import os\nfrom pathlib import Path\n{IMPORT}\nwith {block(folder, 0)}: os.kill(os.getpid(), 9)")
     assert (folder / "lock").is_file()
     take(folder, [0])
     assert not folder.exists()
@@ -217,14 +189,14 @@ def test_a_holder_that_is_killed(folder: Path) -> None:
 def test_processes_that_take_turns(folder: Path, kind: str) -> None:
     """Neither do two ever hold one place, nor is anybody refused because another one comes or goes."""
     num_times = 40
-    with ExitStack() as stack:
-        processes = [
-            stack.enter_context(start(CONTENDER, folder, i if kind == "own" else 0, num_times, kind)) for i in range(4)
-        ]
-        for process in processes:
-            _, said = process.communicate()
-            assert said == ""
-            assert process.returncode == 0
+
+    def contend(number: int) -> tuple[int, str]:
+        place = number if kind == "own" else 0
+        done = python("-c", CONTENDER, str(folder), str(place), str(num_times), kind)
+        return done.returncode, done.stderr
+
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(contend, range(4))) == [(0, "")] * 4
     assert list(folder.parent.iterdir()) == []
 
 
@@ -236,8 +208,8 @@ def test_threads_of_one_process_exclude_each_other(folder: Path) -> None:
                 with pytest.raises(OutputLockedError):
                     pool.submit(take, folder, [1, 2]).result()
             pool.submit(take, folder, [2]).result()
-            with start(HOLDER, folder, 1) as process:
-                assert "OutputLockedError" in process.communicate("")[1]
+            refused = python("-c", f"from pathlib import Path\n{IMPORT}\nwith {block(folder, 1)}: pass")
+            assert "OutputLockedError" in refused.stderr
         pool.submit(take, folder, [1]).result()
     assert not folder.exists()
 

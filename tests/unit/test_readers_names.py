@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import python
 
 from tests.support.dicom_files import NORMAL, write_series
 from tests.support.volume_files import write_image
 
-ROOT = Path(__file__).parents[2]
 VALUES = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
 READ = """\
 import sys
@@ -47,9 +46,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def found(locale: str, names: list[bytes]) -> list[str]:
     """What a process in this locale says of each: the sum of its voxels, or a message."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), **LOCALES[locale]}
-    command = [sys.executable, "-c", READ, *names]
-    child = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    child = python("-c", READ, *names, **LOCALES[locale])
     assert child.returncode == 0, child.stderr
     return child.stdout.splitlines()
 

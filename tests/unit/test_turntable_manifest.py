@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from commands import environment, other_process
 
 from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.terminal import Reporter
@@ -20,8 +21,6 @@ from hsplat_cli.turntable.one_film import marked_scene, write_scene
 from renderer.errors import InputError, RenderError
 from renderer.scene import FileSource, VolumeSpec
 from renderer.suggest import FilmOptions
-
-CODE = Path(manifest_module.__file__).parents[2]
 
 
 def update_manifest(folder: Path, records: list[dict[str, Any]], *lock_timeout_s: float) -> None:
@@ -92,38 +91,24 @@ for number in range(10):
 
 def test_several_processes_lose_no_record(tmp_path: Path) -> None:
     arguments = [sys.executable, "-c", WRITER, str(tmp_path)]
-    environment = os.environ | {"PYTHONPATH": str(CODE)}
-    processes = [subprocess.Popen([*arguments, str(number)], env=environment) for number in range(3)]
+    processes = [subprocess.Popen([*arguments, str(number)], env=environment()) for number in range(3)]
     assert [process.wait() for process in processes] == [0] * 3
     expected = {f"{process}-{number}" for process in range(3) for number in range(10)}
     assert {film["volume"] for film in films(tmp_path)} == expected
     assert [path.name for path in tmp_path.iterdir() if path.suffix != ".yaml"] == [MANIFEST_FILE]
 
 
-HOLDER = """
-import sys
-from pathlib import Path
-from hsplat_cli.terminal import Reporter
-from hsplat_cli.turntable.manifest import _locked
-with _locked(Path(sys.argv[1]), Reporter(), 1):
-    print(flush=True)
-    sys.stdin.read()
-"""
-
-
 def test_a_wait_is_reported_and_ends(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(manifest_module, "_NOTICE_DELAY_S", 0.1)
-    arguments = [sys.executable, "-c", HOLDER, str(tmp_path)]
-    environment = os.environ | {"PYTHONPATH": str(CODE)}
-    with subprocess.Popen(arguments, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == b"\n"
-        with pytest.raises(RenderError) as caught:
-            update_manifest(tmp_path, [record("a")], 0.2)
-        process.communicate(b"")
-    holder, file = f"process {process.pid} on {os.uname().nodename}", tmp_path / MANIFEST_FILE
+    imports = "from hsplat_cli.terminal import Reporter\nfrom hsplat_cli.turntable.manifest import _locked"
+    with (
+        other_process(imports, f"_locked(Path({str(tmp_path)!r}), Reporter(), 1)") as number,
+        pytest.raises(RenderError) as caught,
+    ):
+        update_manifest(tmp_path, [record("a")], 0.2)
+    holder, file = f"process {number} on {os.uname().nodename}", tmp_path / MANIFEST_FILE
     assert str(caught.value) == (
         f"{file}: another process is changing this file\n  got: {holder}\n"
         "  hint: end that process, or let it finish; the same command makes only what is missing"
