@@ -7,12 +7,8 @@ Films are made by whole commands and judged by what their sidecars say; the mach
 
 from __future__ import annotations
 
-import argparse
 import json
-import os
 import statistics
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
@@ -20,16 +16,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from measuring import PAGES, ROOT, THREADS, machine_line, parser_of, render_command, timed
 
-from hsplat_cli.terminal import describe_machine
 from renderer.bricks.brick_cut import brick_cut_sizes
-from renderer.draw import GLRasterizer
 from renderer.frame import finest_level_at, make_primitive, prepare_stage
 from renderer.scene import load_scene
 
-ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "benchmarks" / "budgets.md"
-THREADS = os.cpu_count() or 1
+PAGE = PAGES / "budgets.md"
 
 NUMBERS = (30, 100, 300, 1_000)
 SECONDS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
@@ -47,13 +40,10 @@ Footprint: `integrated`, the default. Measure again when the cut, the budget con
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("data", type=Path, help="the folder with engine.nhdr and bonsai.nhdr")
+    parser = parser_of(__doc__)
     parser.add_argument("--page", type=Path, default=PAGE)
     parser.add_argument("--only", choices=["splats", "seconds", "progressive"], help="one part; no page is written")
     arguments = parser.parse_args()
-    with GLRasterizer() as rasterizer:
-        machine = describe_machine(rasterizer.device)
     lines = []
     for part in (splats, seconds, progressive):
         if arguments.only in (None, part.__name__):
@@ -61,8 +51,7 @@ def main() -> None:
                 print(line, flush=True)
                 lines.append(line)
     if arguments.only is None:
-        where = "Commit {commit}; {processor}, {cores} cores; {driver}.".format(**machine)
-        arguments.page.write_text(HEAD.format(machine=where) + "\n".join(lines) + "\n")
+        arguments.page.write_text(HEAD.format(machine=machine_line()) + "\n".join(lines) + "\n")
 
 
 def splats(data: Path) -> Iterator[str]:
@@ -172,10 +161,8 @@ def _render(data: Path, name: str, changes: Sequence[str], *options: str) -> dic
     """The sidecar of a film."""
     with tempfile.TemporaryDirectory() as folder:
         film = Path(folder) / "film.mp4"
-        command = [sys.executable, "-m", "hsplat_cli", "render", str(ROOT / "configs" / f"{name}.yaml"), "--quiet"]
-        command += ["--best-effort", "--volume", str(data / f"{name}.nhdr"), "--output", str(film), *options]
-        command += [word for change in ("output.background=black", *changes) for word in ("--set", change)]
-        subprocess.run(command, check=True, cwd=ROOT)
+        scene, volume = ROOT / "configs" / f"{name}.yaml", data / f"{name}.nhdr"
+        timed([*render_command(scene, volume, film, ("output.background=black", *changes)), "--best-effort", *options])
         record: dict[str, Any] = json.loads((Path(folder) / "film.mp4.json").read_text())
         return record
 

@@ -6,12 +6,8 @@ less time. Times are those of the processors, of all threads, so that other work
 
 from __future__ import annotations
 
-import argparse
 import json
-import os
 import statistics
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
@@ -21,9 +17,10 @@ from typing import Any, NamedTuple
 
 import imageio.v3 as iio
 import numpy as np
+from measuring import PAGES, ROOT, SCENES, THREADS, machine_line, parser_of, render_command, timed
 
 from hsplat_cli.scenes import suggest_scene
-from hsplat_cli.terminal import Reporter, describe_machine
+from hsplat_cli.terminal import Reporter
 from renderer.draw import GLRasterizer
 from renderer.frame import Stage, prepare_stage, render_frames
 from renderer.scene import (
@@ -40,10 +37,7 @@ from renderer.scene import (
 from renderer.study import TRUTH_TOLERANCE, Truth, compute_truth, over_background
 from renderer.suggest import FilmOptions
 
-ROOT = Path(__file__).resolve().parents[2]
-PAGE, PICTURE = (ROOT / "docs" / name for name in ("benchmarks/footprints.md", "trade.png"))
-CLOSE = Path(__file__).with_name("scenes")
-THREADS = os.cpu_count() or 1
+PAGE, PICTURE = PAGES / "footprints.md", ROOT / "docs" / "trade.png"
 
 ACCURACIES = (20.0, 25.0, 30.0, 35.0, 40.0, 45.0)
 FOOTPRINTS = {
@@ -77,8 +71,7 @@ class Subject(NamedTuple):
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("data", type=Path)
+    parser = parser_of(__doc__)
     parser.add_argument("--only", nargs="*", help="names of subjects; no page is written")
     parser.add_argument(
         "--found", type=Path, help="a file that keeps the figures, and has those that are there already"
@@ -95,14 +88,12 @@ def main() -> None:
             arguments.found.write_text(json.dumps(found))
         print("\n".join(table(name, found[name])), flush=True)
     if not arguments.only:
-        with GLRasterizer() as rasterizer:
-            machine = describe_machine(rasterizer.device)
-        lines = [*head(found, machine), *row_of_pictures(), *stills(arguments.data, found)]
+        lines = [*head(found), *row_of_pictures(), *stills(arguments.data, found)]
         lines += [line for name, each in found.items() for line in table(name, each)]
         PAGE.write_text("\n".join(lines).rstrip() + "\n")
 
 
-def head(found: dict[str, Any], machine: dict[str, Any]) -> Iterator[str]:
+def head(found: dict[str, Any]) -> Iterator[str]:
     """What the page says first: the range of the ratios at each accuracy."""
     yield "# The footprints compared"
     yield ""
@@ -118,7 +109,7 @@ def head(found: dict[str, Any], machine: dict[str, Any]) -> Iterator[str]:
         "both footprints. `integrated` is the default because of these numbers."
     )
     yield ""
-    yield "Commit {commit}; {processor}, {cores} cores; {driver}.".format(**machine)
+    yield machine_line()
     yield ""
     yield "| accuracy | integrated / gaussian, least | median | most | volumes where only integrated reaches it |"
     yield "| --- | --- | --- | --- | --- |"
@@ -171,8 +162,8 @@ def stills(data: Path, found: dict[str, Any]) -> Iterator[str]:
     yield "| --- | --- | --- | --- | --- |"
     for name, scene, volume in (
         ("demo", ROOT / "configs" / "demo.yaml", None),
-        ("engine_close", CLOSE / "engine_close.yaml", data / "engine.nhdr"),
-        ("bonsai_close", CLOSE / "bonsai_close.yaml", data / "bonsai.nhdr"),
+        ("engine_close", SCENES / "engine_close.yaml", data / "engine.nhdr"),
+        ("bonsai_close", SCENES / "bonsai_close.yaml", data / "bonsai.nhdr"),
     ):
         for accuracy in (20.0, 30.0):
             cpu = {}
@@ -187,14 +178,10 @@ def stills(data: Path, found: dict[str, Any]) -> Iterator[str]:
 
 def command_s(scene: Path, volume: Path | None, footprint: str, point: Point) -> float:
     """Processor seconds of a whole command that draws one frame."""
+    changes = ("output.size=[256, 256]", f"splat={{footprint: {footprint}}}", f"error.tolerance={point.tolerance!r}")
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "hsplat_cli", "render", str(scene), "--quiet", "--workers", "1"]
-        command += ["--frames", str(FRAME), "--output", f"{folder}/still.png", "--set", "output.size=[256, 256]"]
-        command += ["--set", f"splat={{footprint: {footprint}}}", "--set", f"error.tolerance={point.tolerance!r}"]
-        before = os.times()
-        subprocess.run([*command, *(["--volume", str(volume)] if volume else [])], check=True, cwd=ROOT)
-        after = os.times()
-    return after.children_user + after.children_system - before.children_user - before.children_system
+        command = render_command(scene, volume, Path(folder, "still.png"), changes)
+        return timed([*command, "--workers", "1", "--frames", str(FRAME)])[1]
 
 
 def ratio_at(found: dict[str, Any], accuracy: float) -> float | None:
@@ -207,11 +194,11 @@ def subjects(data: Path) -> dict[str, Subject]:
     """The volumes, most with the scene that `hsplat init` suggests."""
     engine, bonsai = data / "engine.nhdr", data / "bonsai.nhdr"
     walnut = RawSource(data / "walnut.raw", (128, 96, 114), "uint16", spacing=(0.015625,) * 3)
-    close_engine = load_scene(CLOSE / "engine_close.yaml", volume=engine)
+    close_engine = load_scene(SCENES / "engine_close.yaml", volume=engine)
     own = {
         "engine_close": Subject("CT of an engine, filling the picture", close_engine),
         "bonsai_close": Subject(
-            "CT of a bonsai, filling the picture", load_scene(CLOSE / "bonsai_close.yaml", volume=bonsai)
+            "CT of a bonsai, filling the picture", load_scene(SCENES / "bonsai_close.yaml", volume=bonsai)
         ),
         "engine_lit": Subject("the same engine, lit", replace(close_engine, shading=ShadingSpec())),
         "demo": Subject("configs/demo.yaml", load_scene(ROOT / "configs/demo.yaml")),

@@ -8,19 +8,17 @@ processor milliseconds of all threads for a warm frame, medians, the sizes in tu
 
 from __future__ import annotations
 
-import argparse
-import os
-import statistics
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from measuring import PAGES, ROOT, SCENES, THREADS, machine_line, medians_in_turns, parser_of
 
-from hsplat_cli.terminal import describe_machine
 from renderer.draw import GLRasterizer
 from renderer.frame import Stage, prepare_stage, render_frames
 from renderer.readers import read_volume
@@ -28,8 +26,7 @@ from renderer.readers.procedural import procedural_values
 from renderer.scene import ProceduralSource, Scene, load_scene, with_tolerance
 from renderer.volume import make_volume
 
-ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "benchmarks" / "growth.md"
+PAGE = PAGES / "growth.md"
 SIZES, TOLERANCES = (128, 256, 512), (0.3, 0.1)
 SIZE_PX, FRAME, REPEATS, GOAL = 512, 11, 7, 1.5
 
@@ -37,11 +34,7 @@ Values = npt.NDArray[np.uint8]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("data", type=Path)
-    arguments = parser.parse_args()
-    with GLRasterizer() as rasterizer:
-        machine = describe_machine(rasterizer.device)
+    arguments = parser_of(__doc__).parse_args()
     lines = [
         "# What more voxels cost",
         "",
@@ -53,7 +46,7 @@ def main() -> None:
         f"side. Times are processor time of all threads for a warm frame, the median of {REPEATS} runs that take "
         f"turns. Goal: a factor of {GOAL:g} from 128 to 512, which has 64 times the voxels.",
         "",
-        "Commit {commit}; {processor}, {cores} cores; {driver}.".format(**machine),
+        machine_line(),
         "",
         "| object | tolerance | 128 | 256 | 512 | 512 / 128 |",
         "| --- | --- | --- | --- | --- | --- |",
@@ -72,7 +65,7 @@ def objects(data: Path) -> Iterator[tuple[str, list[tuple[Scene, Values]]]]:
         "Marschner-Lobb",
         [(lobb, procedural_values(ProceduralSource("marschner_lobb", (size,) * 3))) for size in SIZES],
     )
-    engine = load_scene(Path(__file__).with_name("scenes") / "engine_close.yaml", volume=data / "engine.nhdr")
+    engine = load_scene(SCENES / "engine_close.yaml", volume=data / "engine.nhdr")
     values = np.asarray(read_volume(engine.volume).values)
     yield "engine", [(engine, resampled(values, size / max(values.shape))) for size in SIZES]
 
@@ -101,10 +94,8 @@ def rows(name: str, scenes: list[tuple[Scene, Values]]) -> Iterator[str]:
         # One for each, whose atlas holds its bricks from frame to frame, as in a film.
         drawn = [(stage, stack.enter_context(GLRasterizer())) for stage in stages]
         for tolerance in TOLERANCES:
-            for stage, rasterizer in drawn:
-                frame_s(stage, tolerance, rasterizer)  # compiles, and uploads
-            turns = [[frame_s(stage, tolerance, gl) for stage, gl in drawn] for _ in range(REPEATS)]
-            ms = [1e3 * statistics.median(taken) for taken in zip(*turns, strict=True)]
+            works = [partial(frame_s, stage, tolerance, gl) for stage, gl in drawn]
+            ms = [1e3 * seconds for seconds in medians_in_turns(works, REPEATS)]  # the first compiles, and uploads
             figures = " | ".join(f"{each:.1f} ms" for each in ms)
             yield f"| {name} | {tolerance:g} | {figures} | {ms[-1] / ms[0]:.2f} |"
 
@@ -122,7 +113,7 @@ def staged(scene: Scene, values: Values) -> Stage:
             output=replace(scene.output, size=(SIZE_PX, SIZE_PX)),
         ),
         clock=time.process_time,
-        num_threads=os.cpu_count() or 1,
+        num_threads=THREADS,
         volume=make_volume(values, world_from_index, "resampled"),
         any_tolerance=True,
     )

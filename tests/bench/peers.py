@@ -7,18 +7,17 @@ process each, one after the other: what a frame of some accuracy takes, as the f
 
 from __future__ import annotations
 
-import argparse
 import json
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from measuring import PAGES, SCENES, parser_of
+
 from hsplat_cli.main import run
 
-ROOT = Path(__file__).resolve().parents[2]
-SCENES = Path(__file__).with_name("scenes")
-PAGE = ROOT / "docs" / "benchmarks" / "peers.md"
+PAGE = PAGES / "peers.md"
 
 OPTIONS = (
     "--footprints", "integrated", "--measures", "optical", "--corrections", "on", "--peer", "vtk", "--repeats", "7",
@@ -41,8 +40,7 @@ class Point(NamedTuple):
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("data", type=Path)
+    parser = parser_of(__doc__)
     parser.add_argument("--studies", type=Path)
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:

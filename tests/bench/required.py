@@ -6,17 +6,16 @@ and with it, in turns: medians, where possible of CPU seconds of all threads, wh
 
 from __future__ import annotations
 
-import argparse
-import os
-import statistics
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+from measuring import PAGES, ROOT, THREADS, medians_in_turns, parser_of
 
 from hsplat_cli.terminal import describe_machine
 from renderer.draw import CPURasterizer
@@ -25,8 +24,7 @@ from renderer.readers import read_volume
 from renderer.scene import ControlPoint, Scene, TransferSpec, load_scene
 from renderer.volume import Volume, make_volume
 
-ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "benchmarks" / "required.md"
+PAGE = PAGES / "required.md"
 REPEATS = 7
 
 HEAD = """# What a scene does not ask for
@@ -46,9 +44,7 @@ Commit {commit}; {processor}, {cores} cores.
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("data", type=Path, help="the folder with engine.nhdr and bonsai.nhdr")
-    arguments = parser.parse_args()
+    arguments = parser_of(__doc__).parse_args()
     rows = [*little_visible(), *sections(arguments.data), *start()]
     print(*rows, sep="\n")
     head = HEAD.format(repeats=REPEATS, **describe_machine("compiled loops"))
@@ -115,8 +111,7 @@ def start() -> Iterator[str]:
 
 
 def builder(scene: Scene, volume: Volume) -> Callable[[], Stage]:
-    threads = os.cpu_count() or 1
-    return lambda: prepare_stage(scene, clock=time.perf_counter, num_threads=threads, volume=volume)
+    return lambda: prepare_stage(scene, clock=time.perf_counter, num_threads=THREADS, volume=volume)
 
 
 def drawer(stage: Stage) -> Callable[[], object]:
@@ -130,14 +125,14 @@ def timed(
     few: Callable[[], object], many: Callable[[], object], clock: Callable[[], float] = time.process_time
 ) -> tuple[float, float]:
     """Return the median milliseconds of both, run in turn, after one run of each that is not counted."""
-    times: tuple[list[float], list[float]] = ([], [])
-    for repeat in range(REPEATS + 1):
-        for work, found in zip((few, many), times, strict=True):
-            begin = clock()
-            work()
-            if repeat:
-                found.append((clock() - begin) * 1e3)
-    return statistics.median(times[0]), statistics.median(times[1])
+
+    def taken(work: Callable[[], object]) -> float:
+        begin = clock()
+        work()
+        return (clock() - begin) * 1e3
+
+    first, second = medians_in_turns([partial(taken, few), partial(taken, many)], REPEATS)
+    return first, second
 
 
 if __name__ == "__main__":

@@ -9,24 +9,20 @@ first: from the command to the film, in turn, several times.
 
 from __future__ import annotations
 
-import argparse
 import json
-import os
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import imageio.v3 as iio
 import numpy as np
+from measuring import PAGES, SCENES, THREADS, machine_line, parser_of, render_command, timed
 
 from hsplat_cli.studies.peers.vtk_peer import with_transparent_border
-from hsplat_cli.terminal import describe_machine
-from renderer.draw import GLRasterizer
 from renderer.frame import Stage, prepare_stage, view_of
 from renderer.readers import read_volume
 from renderer.scene import load_scene
@@ -34,9 +30,7 @@ from renderer.study import FloatImage, compute_truth
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.volume import Volume
 
-ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "benchmarks" / "turntables.md"
-SCENES = Path(__file__).with_name("scenes")
+PAGE = PAGES / "turntables.md"
 PEER = Path(__file__).with_name("pyvista_turntable.py")
 
 ACCURACY, GOAL = 40.0, 1 / 3
@@ -48,21 +42,11 @@ SETTINGS = (
 )  # fmt: skip
 
 
-class Taken(NamedTuple):
-    """Seconds of a command: by the clock, and of all processors."""
-
-    wall: float
-    cpu: float
-
-
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("data", type=Path)
+    parser = parser_of(__doc__)
     parser.add_argument("python", type=Path)
     parser.add_argument("--repeats", type=int, default=3)
     arguments = parser.parse_args()
-    with GLRasterizer() as rasterizer:
-        machine = describe_machine(rasterizer.device)
     lines = [
         "# Whole films beside PyVista",
         "",
@@ -75,7 +59,7 @@ def main() -> None:
         "the first frame, which has 8 bits. The outermost voxels are transparent because VTK's volumes end half a "
         "voxel earlier.",
         "",
-        "Commit {commit}; {processor}, {cores} cores; {driver}.".format(**machine),
+        machine_line(),
         "",
         f"| scene | hsplat | wall | CPU | PyVista | wall | CPU | hsplat / PyVista, wall | CPU | goal {GOAL:.2f} |",
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
@@ -94,15 +78,12 @@ def row(scene: Path, data: Path, python: Path, folder: Path, repeats: int) -> st
     transfer = make_transfer_function(spec.transfer_function, read.finest_spacing)
     volume = with_transparent_border(read, transfer)
     file = write_nrrd(volume, folder / "volume.nrrd")
-    stage = prepare_stage(spec, clock=time.perf_counter, num_threads=os.cpu_count() or 1, volume=volume)
+    stage = prepare_stage(spec, clock=time.perf_counter, num_threads=THREADS, volume=volume)
     truth = compute_truth(stage, 0, 1e-4).picture
     still, film = folder / "still.png", folder / "film.mp4"
 
     def own(tolerance: float, output: Path, *options: str) -> list[str]:
-        return [
-            sys.executable, "-m", "hsplat_cli", "render", str(scene), "--quiet", "--volume", str(file), "--force",
-            "--output", str(output), "--set", f"error.tolerance={tolerance}", *options,
-        ]  # fmt: skip
+        return [*render_command(scene, file, output, [f"error.tolerance={tolerance}"]), *options]
 
     def peer(setting: tuple[str, float, int], output: Path) -> list[str]:
         job = folder / "job.json"
@@ -121,8 +102,7 @@ def row(scene: Path, data: Path, python: Path, folder: Path, repeats: int) -> st
     setting, peer_db = first_near(SETTINGS, peer_still, truth)
     taken = [(timed(own(tolerance, film)), timed(peer(setting, film))) for _ in range(repeats)]
     (own_wall, own_cpu), (peer_wall, peer_cpu) = (
-        (statistics.median(each.wall for each in one), statistics.median(each.cpu for each in one))
-        for one in zip(*taken, strict=True)
+        [statistics.median(seconds) for seconds in zip(*one, strict=True)] for one in zip(*taken, strict=True)
     )
     wall, cpu = own_wall / peer_wall, own_cpu / peer_cpu
     mapper, step, _ = setting
@@ -171,15 +151,6 @@ def write_nrrd(volume: Volume, path: Path) -> Path:
     header = f"NRRD0004\ntype: uint8\ndimension: 3\nsizes: {sizes}\nspacings: 1 1 1\nencoding: raw\n\n"
     path.write_bytes(header.encode() + volume.values.tobytes())
     return path
-
-
-def timed(command: Sequence[str]) -> Taken:
-    """Run a command, which has to succeed."""
-    before, start = os.times(), time.perf_counter()
-    subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
-    wall, after = time.perf_counter() - start, os.times()
-    cpu = after.children_user + after.children_system - before.children_user - before.children_system
-    return Taken(wall, cpu)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,54 @@
+"""What the benchmarks share: their folders and command line, films by whole commands, and work in turns."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from hsplat_cli.terminal import describe_machine
+from renderer.draw import GLRasterizer
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = ROOT / "docs" / "benchmarks"
+SCENES = Path(__file__).with_name("scenes")
+THREADS = os.cpu_count() or 1
+
+
+def parser_of(description: str | None) -> argparse.ArgumentParser:
+    """Return a parser that takes the folder of the volumes, with the first line of a module's docstring."""
+    parser = argparse.ArgumentParser(description=(description or "").split("\n", maxsplit=1)[0])
+    parser.add_argument("data", type=Path, help="the folder with engine.nhdr and bonsai.nhdr")
+    return parser
+
+
+def machine_line() -> str:
+    """Say at which commit and on which machine figures are measured."""
+    with GLRasterizer() as rasterizer:
+        return "Commit {commit}; {processor}, {cores} cores; {device}.".format(**describe_machine(rasterizer.device))
+
+
+def render_command(scene: Path, volume: Path | None, output: Path, changes: Sequence[str]) -> list[str]:
+    """Return the command for a film of a scene with another volume, if there is one, and with settings changed."""
+    command = [sys.executable, "-m", "hsplat_cli", "render", str(scene), "--quiet", "--force", "--output", str(output)]
+    command += [word for change in changes for word in ("--set", change)]
+    return command + (["--volume", str(volume)] if volume else [])
+
+
+def timed(command: Sequence[str]) -> tuple[float, float]:
+    """Run a command, which has to succeed; return its seconds by the clock, and those of all processors."""
+    before, start = os.times(), time.perf_counter()
+    subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
+    wall, after = time.perf_counter() - start, os.times()
+    return wall, after.children_user + after.children_system - before.children_user - before.children_system
+
+
+def medians_in_turns(works: Sequence[Callable[[], float]], repeats: int) -> list[float]:
+    """Return the median of what each returns, when they take turns; the first turn is not counted."""
+    turns = [[work() for work in works] for _ in range(repeats + 1)]
+    return [statistics.median(taken) for taken in zip(*turns[1:], strict=True)]
