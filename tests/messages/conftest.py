@@ -31,6 +31,14 @@ output:
   background: "#000000"
 """
 
+# The scene of a volume that a test writes.
+SCAN_SCENE = """\
+volume: {file: scan.npy}
+transfer_function: {points: [{value: 0, color: white, opacity: 0}, {value: 60, color: white, opacity: 1}]}
+camera: {path: {type: turntable, frames: 2}}
+output: {file: film.mp4, size: [32, 32]}
+"""
+
 
 @pytest.fixture
 def scene_folder(folder: Path) -> Path:

@@ -16,18 +16,12 @@ import pytest
 
 from hsplat_cli import main
 from renderer.scene import parse_yaml
+from tests.messages.conftest import SCAN_SCENE as SCENE
 from tests.support.dicom_files import NORMAL, write_slice
 
 HOSTILE = "a\x1b[2J\x9b\u202e\u2066\u200b\ufe0f\a\rb"
 SHOWN = r"a\x1b[2J\x9b\u202e\u2066\u200b\ufe0f\x07\rb"
 FAKE_LINE = "\nwritten by us"
-
-SCENE = """\
-volume: {file: scan.npy}
-transfer_function: {points: [{value: 0, color: white, opacity: 0}, {value: 60, color: white, opacity: 1}]}
-camera: {path: {type: turntable, frames: 2}}
-output: {file: film.mp4, size: [32, 32]}
-"""
 
 
 def nrrd_data_file() -> list[str]:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import tifffile
 
+from tests.messages.conftest import SCAN_SCENE
 from tests.support.tiff_files import COMPRESSION, SHORT, tiff
 from tests.support.transcripts import Case, cases
 from tests.support.volume_files import read, refused, write_image
@@ -20,13 +21,6 @@ from tests.support.volume_files import read, refused, write_image
 VALUES = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
 NRRD = "NRRD0004\ntype: uint16\ndimension: 3\nsizes: 5 4 3\nendian: little\nencoding: raw\n"
 META = "NDims = 3\nDimSize = 5 4 3\nElementType = MET_USHORT\nElementDataFile = LOCAL\n"
-SCENE = """\
-volume: {file: scan.npy}
-transfer_function: {points: [{value: 0, color: white, opacity: 0}, {value: 60, color: white, opacity: 1}]}
-camera: {path: {type: turntable, frames: 2}}
-output: {file: film.mp4, size: [32, 32]}
-"""
-
 # Lines of a MetaImage header that do not have their numbers, by the name of the file.
 META_LINES = {
     "no-length": "ElementSpacing = 0 1 1",
@@ -107,7 +101,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("volumes")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        Path("scene.yaml").write_text(SCENE, "utf-8")
+        Path("scene.yaml").write_text(SCAN_SCENE, "utf-8")
         os.mkfifo("pipe.npy")
         for name in ("empty.nrrd", "empty.nii", "empty.tif", "empty.npy", "empty.mha"):
             Path(name).touch()

@@ -46,21 +46,6 @@ def ome(attributes: str) -> bytes:
     return described(f"<OME><Pixels {attributes}/></OME>")
 
 
-def field_places(data: bytes) -> npt.NDArray[np.int64]:
-    """The bytes of a little-endian file that are no pixels: its head, its directories and their values."""
-    places, offset = [*range(8)], struct.unpack_from("<I", data, 4)[0]
-    while offset:
-        num_fields = struct.unpack_from("<H", data, offset)[0]
-        end = offset + 2 + 12 * num_fields
-        places += range(offset, end + 4)
-        for at in range(offset + 2, end, 12):
-            _, kind, count, place = struct.unpack_from("<HHII", data, at)
-            num_bytes = {BYTE: 1, ASCII: 1, SHORT: 2, LONG: 4, RATIONAL: 8}[kind] * count
-            places += range(place, place + num_bytes) if num_bytes > 4 else ()
-        offset = struct.unpack_from("<I", data, end)[0]
-    return np.array(places)
-
-
 def tiff_bytes(
     pages: npt.NDArray[np.generic],
     order: str = "<",

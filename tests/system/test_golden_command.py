@@ -8,19 +8,17 @@ import shutil
 import signal
 import sys
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from commands import other_process, python
+from resuming import watch_draws
 from small_scene import small_scene
 
 from hsplat_cli import main
 from hsplat_cli.commands import golden as command
 from hsplat_cli.compare.picture_file import read_picture
-from renderer.frame import Frame
-from renderer.job import executor
 
 SCENE = small_scene(shape="16, 16, 8", frames=4)
 FOLDER = Path("goldens")
@@ -296,13 +294,8 @@ def test_an_interrupt_waits_until_all_files_are_written(monkeypatch: pytest.Monk
 
 def test_an_interrupt_while_frames_are_drawn_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     first_goldens()
-    before, original = files(), executor.render_frames
-
-    def stopped(*arguments: Any, **options: Any) -> Iterator[Frame]:
-        yield next(original(*arguments, **options))
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(executor, "render_frames", stopped)
+    before = files()
+    watch_draws(monkeypatch).stop_at = 1
     assert golden("--update", "--yes", *OTHER) == 130
     assert files() == before
 

@@ -35,6 +35,16 @@ def render(*options: str) -> int:
 Hook = Callable[[int, Frame], None]
 
 
+def interrupt_at(frame_number: int, first_pass: int = 1) -> Hook:
+    """Return what interrupts the job at this frame, from this pass on."""
+
+    def interrupt(number: int, frame: Frame) -> None:
+        if number >= first_pass and frame.number == frame_number:
+            raise KeyboardInterrupt
+
+    return interrupt
+
+
 @pytest.fixture
 def on_frame(monkeypatch: pytest.MonkeyPatch) -> Callable[[Hook], None]:
     """Return a function that sets what is called with the number of the pass and each frame, before it is written."""
@@ -117,11 +127,7 @@ def test_numbered_frames_change_all_together(
 def test_an_interrupt_leaves_the_film_of_the_pass_before(
     folder: Path, on_frame: Callable[[Hook], None], output: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupt(number: int, frame: Frame) -> None:
-        if number == 2 and frame.number == 2:
-            raise KeyboardInterrupt
-
-    on_frame(interrupt)
+    on_frame(interrupt_at(2, first_pass=2))
     best_effort = ["--best-effort"] * (output != "film.mp4")
     code = main.run(["render", "scene.yaml", "--progressive", "--output", output, *best_effort])
     assert code == (0 if best_effort else 130)
@@ -139,11 +145,7 @@ def test_an_interrupt_leaves_the_film_of_the_pass_before(
 
 
 def test_an_interrupt_of_the_first_pass_leaves_nothing(folder: Path, on_frame: Callable[[Hook], None]) -> None:
-    def interrupt(number: int, frame: Frame) -> None:
-        if frame.number == 2:
-            raise KeyboardInterrupt
-
-    on_frame(interrupt)
+    on_frame(interrupt_at(2))
     assert render("--progressive", "--output", "{frame}.png") == 130
     assert files(folder) == ["scene.yaml"]
 
@@ -168,11 +170,7 @@ def test_coarse_frames_are_not_taken_for_fine_ones(on_frame: Callable[[Hook], No
         assert frame["digest"] == file_digest(Path(f"frames/{frame['frame']}.png"))
     assert main.run(["assemble", "frames", "--output", "coarse.mp4", "--quiet"]) == 0
 
-    def interrupt(number: int, frame: Frame) -> None:
-        if frame.number == 2:
-            raise KeyboardInterrupt
-
-    on_frame(interrupt)
+    on_frame(interrupt_at(2))
     assert render(*output) == 130
     assert main.run(["assemble", "frames", "--output", "film.mp4", "--quiet"]) == 2
     assert not Path("film.mp4").exists()
