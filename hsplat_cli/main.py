@@ -22,7 +22,7 @@ import click
 
 from hsplat_cli.terminal import Reporter
 from renderer.errors import HsplatError, InputError, closest_match, format_message
-from renderer.system import join_lines
+from renderer.system import join_lines, sigterm_as_interrupt
 
 # The summary of each command, a function of the same name in a file of the same name. It is imported only when it is
 # called, so help is quick.
@@ -123,7 +123,7 @@ def _invoke(arguments: Sequence[str]) -> int:
     # click's own main() takes an EOFError for an interrupt, and any broken pipe for that of stdout.
     code = 0
     try:
-        with hsplat.make_context("hsplat", list(arguments)) as context:
+        with sigterm_as_interrupt(), hsplat.make_context("hsplat", list(arguments)) as context:
             hsplat.invoke(context)
     except click.exceptions.Exit as done:
         code = done.exit_code

@@ -13,7 +13,6 @@ from hsplat_cli.terminal import FilmEvents, Reporter, parse_frames, report_film
 from renderer.errors import Problem, SceneError
 from renderer.film import has_frame_files
 from renderer.scene import FRAME_FIELD, OUTPUT_SECTION, OutputSpec, TreeNode, format_value
-from renderer.system import sigterm_as_interrupt
 
 if TYPE_CHECKING:
     from renderer.job import Part
@@ -54,7 +53,7 @@ def assemble(
     }
     options |= {"record_paths": (False, "--no-paths")} if no_paths else {}
     spec = _output_spec(found[0], options, numbers)
-    with sigterm_as_interrupt(), FilmEvents(reporter, "primitive") as events:
+    with FilmEvents(reporter, "primitive") as events:
         film = assemble_film(found, numbers, spec, events, resumes=not force)
     report_film(film, reporter)
 

@@ -14,7 +14,6 @@ from hsplat_cli.executors import ExecutorSpec, workers_option
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import OutputPath, Reporter, option_group
 from renderer.errors import InputError
-from renderer.system import sigterm_as_interrupt
 
 _REPORT = OutputPath(dir_okay=False)
 
@@ -72,15 +71,14 @@ def compare(
 
     Or they are a scene and a folder of goldens that `hsplat golden` made: then the frames are drawn again and compared.
     """
-    with sigterm_as_interrupt():
-        # Imported here to keep --help fast.
-        from hsplat_cli.compare import ReportFiles, compare_frames, comparison_table
+    # Imported here to keep --help fast.
+    from hsplat_cli.compare import ReportFiles, compare_frames, comparison_table
 
-        files = {"--json": json_file, "--junit": junit_file, "--html": html_file}
-        private = [request.path, actual] if no_paths else []
-        reports = ReportFiles({option: path for option, path in files.items() if path}, private)
-        executor = ExecutorSpec(workers)
-        comparison = compare_frames(request, actual, reports, executor, level=level, limits=limits, reporter=reporter)
+    files = {"--json": json_file, "--junit": junit_file, "--html": html_file}
+    private = [request.path, actual] if no_paths else []
+    reports = ReportFiles({option: path for option, path in files.items() if path}, private)
+    executor = ExecutorSpec(workers)
+    comparison = compare_frames(request, actual, reports, executor, level=level, limits=limits, reporter=reporter)
     if comparison.passes:
         reporter.line(comparison_table(comparison))
     else:

@@ -13,7 +13,6 @@ from hsplat_cli.executors import ExecutorSpec, workers_option
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import OutputPath, Reporter, parse_frames
 from renderer.errors import InputError
-from renderer.system import sigterm_as_interrupt
 
 
 @click.command()
@@ -44,17 +43,16 @@ def golden(
     for option, is_given in (("--yes", yes), ("--prune", prune)):
         if is_given and not update:
             raise InputError("of no use without --update", where=option)
-    with sigterm_as_interrupt():
-        # Imported here to keep --help fast.
-        from hsplat_cli.compare import GoldenOptions, load_reproducible_job, parse_date, update_goldens
+    # Imported here to keep --help fast.
+    from hsplat_cli.compare import GoldenOptions, load_reproducible_job, parse_date, update_goldens
 
-        recorded_date = parse_date(date)
-        job = load_reproducible_job(request)
-        num_frames, frames = job.scene.camera.path.frames, request.frames
-        numbers = None if frames is None else parse_frames(frames, num_frames, job.frames)
-        reporter.announce_compilation()
-        golden_options = GoldenOptions(folder, numbers, recorded_date, update=update, prune=prune, yes=yes)
-        update_goldens(job, golden_options, ExecutorSpec(workers), reporter, lambda: _confirm_overwrite(reporter))
+    recorded_date = parse_date(date)
+    job = load_reproducible_job(request)
+    num_frames, frames = job.scene.camera.path.frames, request.frames
+    numbers = None if frames is None else parse_frames(frames, num_frames, job.frames)
+    reporter.announce_compilation()
+    golden_options = GoldenOptions(folder, numbers, recorded_date, update=update, prune=prune, yes=yes)
+    update_goldens(job, golden_options, ExecutorSpec(workers), reporter, lambda: _confirm_overwrite(reporter))
 
 
 def _confirm_overwrite(reporter: Reporter) -> bool:

@@ -14,7 +14,6 @@ from hsplat_cli.studies import parse_sweep, parse_want
 from hsplat_cli.terminal import OutputPath, Reporter
 from renderer.errors import InputError
 from renderer.job import require_no_input
-from renderer.system import sigterm_as_interrupt
 
 # Options of a sweep and its report, which a search for one tolerance does not have.
 _SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections", "repeats", "peer")
@@ -65,22 +64,21 @@ def measure(
     given = load_job(request, "nothing")
     job, numbers = replace(given.scene, overlay="none"), given.frames  # lines are no error
     sweep = parse_sweep(job, **sweep_options)
-    with sigterm_as_interrupt():
-        if want is not None:
-            # Imported here to keep --help fast.
-            from hsplat_cli.studies import print_tolerance
+    if want is not None:
+        # Imported here to keep --help fast.
+        from hsplat_cli.studies import print_tolerance
 
-            _reject_sweep_options(click.get_current_context())
-            print_tolerance(job, parse_want(want), numbers, truth_tolerance, reporter)
-            return
-        from hsplat_cli.reports import REPORT_FILES
-        from hsplat_cli.studies import StudyRequest, run_study
+        _reject_sweep_options(click.get_current_context())
+        print_tolerance(job, parse_want(want), numbers, truth_tolerance, reporter)
+        return
+    from hsplat_cli.reports import REPORT_FILES
+    from hsplat_cli.studies import StudyRequest, run_study
 
-        name = request.path.stem
-        folder = output or Path(f"{name}.measured")
-        require_no_input([folder / name for name in REPORT_FILES], given.input_files())
-        picked = list(numbers) if request.frames else None
-        run_study(StudyRequest(name, job, sweep, picked, repeats, peer, truth_tolerance, folder), reporter)
+    name = request.path.stem
+    folder = output or Path(f"{name}.measured")
+    require_no_input([folder / name for name in REPORT_FILES], given.input_files())
+    picked = list(numbers) if request.frames else None
+    run_study(StudyRequest(name, job, sweep, picked, repeats, peer, truth_tolerance, folder), reporter)
 
 
 def _reject_sweep_options(context: click.Context) -> None:

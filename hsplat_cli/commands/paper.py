@@ -17,7 +17,7 @@ from renderer.errors import InputError
 from renderer.film import require_writable_dry_run, write_staged
 from renderer.job import require_no_input, volume_files
 from renderer.scene import Scene, load_scene
-from renderer.system import num_cores, sigterm_as_interrupt
+from renderer.system import num_cores
 
 if TYPE_CHECKING:
     from hsplat_cli.studies import FigureRenderer, PaperFigure
@@ -71,9 +71,8 @@ def paper(folder: Path | None, volume: Path | None, output: Path, numbers: tuple
     path = output / PAGE_FILE
     require_writable_dry_run(path)
     require_no_input([path], [file for path, scene in scenes.values() for file in (path, *volume_files(scene.volume))])
-    with sigterm_as_interrupt():
-        figures, text = _page(scenes, reporter)
-        write_staged(path, text.encode())
+    figures, text = _page(scenes, reporter)
+    write_staged(path, text.encode())
     for figure in figures:
         for claim in figure.claims:
             verdict = "confirmed" if claim.is_confirmed else "NOT CONFIRMED"

@@ -13,7 +13,6 @@ from hsplat_cli.executors import ExecutorSpec, executor_options, require_executo
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import FilmEvents, Reporter, parse_duration, report_film
 from renderer.errors import InputError
-from renderer.system import sigterm_as_interrupt
 
 
 @click.command()
@@ -50,16 +49,15 @@ def render(
     if limit is not None and not progressive:
         raise InputError("of no use without --progressive", where="--time-limit", hint="error.seconds limits a frame")
     require_executor_for(executor, job.scene, progressive=progressive)
-    with sigterm_as_interrupt():
-        # Imported here to keep --help fast.
-        from hsplat_cli.executors import open_executor
-        from renderer.job import OnePass, Refinement, make_film
+    # Imported here to keep --help fast.
+    from hsplat_cli.executors import open_executor
+    from renderer.job import OnePass, Refinement, make_film
 
-        reporter.announce_compilation()
-        passes = Refinement(math.inf if limit is None else limit, best_effort) if progressive else OnePass()
-        with FilmEvents(reporter, job.scene.splat.primitive_name) as events:
-            film = make_film(job, partial(open_executor, executor, reporter), passes, events, resumes=not force)
-        report_film(film, reporter)
+    reporter.announce_compilation()
+    passes = Refinement(math.inf if limit is None else limit, best_effort) if progressive else OnePass()
+    with FilmEvents(reporter, job.scene.splat.primitive_name) as events:
+        film = make_film(job, partial(open_executor, executor, reporter), passes, events, resumes=not force)
+    report_film(film, reporter)
     if film.shortfall is not None:
         if not best_effort:
             raise film.shortfall

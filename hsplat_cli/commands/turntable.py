@@ -14,7 +14,6 @@ from hsplat_cli.terminal import OutputPath, Reporter
 from hsplat_cli.turntable import FilmRequest, make_film, print_film_record, require_inputs_kept, run_batch
 from renderer.errors import InputError
 from renderer.suggest import FilmOptions
-from renderer.system import sigterm_as_interrupt
 
 
 @click.command()
@@ -75,15 +74,14 @@ def turntable(
         for film_name, volume in _named_volumes(volumes, name, reporter).items()
     ]
     require_inputs_kept(requests)
-    with sigterm_as_interrupt():
-        if name is not None:
-            print_film_record(requests[0], reporter)
-        elif len(requests) > 1:
-            child_options = options | {"format": kind, "force": force}
-            child_options |= {"quiet": reporter.is_quiet, "workers": workers, "scheduler": scheduler}
-            run_batch(requests, child_options, folder, reporter)
-        else:
-            make_film(requests[0], reporter)
+    if name is not None:
+        print_film_record(requests[0], reporter)
+    elif len(requests) > 1:
+        child_options = options | {"format": kind, "force": force}
+        child_options |= {"quiet": reporter.is_quiet, "workers": workers, "scheduler": scheduler}
+        run_batch(requests, child_options, folder, reporter)
+    else:
+        make_film(requests[0], reporter)
 
 
 def _named_volumes(volumes: tuple[str, ...], name: str | None, reporter: Reporter) -> dict[str, Path]:

@@ -21,7 +21,7 @@ from typing import Any
 
 from hsplat_cli.compare.outcome import number_text
 from hsplat_cli.compare.picture_file import is_picture, require_file
-from renderer.errors import InputError, Problem, SceneError, require_package
+from renderer.errors import InputError, Problem, require_package
 from renderer.scene import (
     MAX_SCENE_BYTES,
     FieldType,
@@ -32,8 +32,10 @@ from renderer.scene import (
     format_location,
     format_value,
     join_keys,
+    mapping_field,
     number_field,
     parse_yaml_file,
+    raise_problems,
     read_bounded,
     read_fields,
     read_option,
@@ -95,13 +97,11 @@ class Rules:
 
     def require_frames(self, names: Collection[str]) -> None:
         """Raise SceneError if limits name a frame that is neither compared nor a picture beside the file."""
-        problems = [
+        raise_problems(
             Problem("", "no such frame", format_value(name), hint=did_you_mean(name, names), location=place)
             for name, place in self.places.items()
             if name not in names and not (is_picture(name) and os.path.lexists(self.file.parent / name))
-        ]
-        if problems:
-            raise SceneError(problems)
+        )
 
 
 def load_rules(
@@ -124,8 +124,7 @@ def load_rules(
     for text in overrides:
         changes.update(_parse_override(text, option_names[1], problems))
     rules = _rules_of_file(golden if os.path.isdir(golden) else golden.parent, problems)
-    if problems:
-        raise SceneError(problems)
+    raise_problems(problems)
     if level is not None:
         is_replaced = rules.limits or rules.frames
         rules = Rules(level, notes=[f"the level {level} replaces the limits of {rules.file}"] if is_replaced else [])
@@ -151,18 +150,7 @@ def _limit(figure: Metric) -> FieldType[Any]:
 _LEVEL: FieldType[Any] = choice_field(*STRICTNESSES)
 _FIGURES = {name: _limit(figure) for name, figure in COMPARISON_METRICS.items()}
 _LIMITS: FieldType[dict[str, Any]] = section_field(_FIGURES, lambda _, given: given)
-
-
-def _parse_frames(node: TreeNode) -> dict[str, Any]:
-    if not isinstance(node.value, Mapping):
-        return _FRAMES.reject(node, "not a mapping")
-    for key in node.value:
-        if not isinstance(key, str):
-            node.key(key, key).reject("not a frame's name", expected="text", hint="put it in quotes")
-    return {key: _LIMITS.read(node.child(key, value)) for key, value in node.value.items()}
-
-
-_FRAMES: FieldType[dict[str, Any]] = FieldType("a mapping of frames to their limits", _parse_frames)
+_FRAMES = mapping_field(_LIMITS, "a mapping of frames to their limits", "a frame's name")
 
 
 def _parse_override(text: str, option_name: str, problems: list[Problem]) -> dict[str, float | None]:

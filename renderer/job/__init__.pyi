@@ -35,6 +35,7 @@ from .original import OriginalFilm as OriginalFilm
 from .plan import FilmPlan as FilmPlan, make_plan as make_plan
 from .progress import NotebookBar as NotebookBar, OnProgress as OnProgress, ProgressEvents as ProgressEvents
 from .record import (
+    DIGEST_FIELD as DIGEST_FIELD,
     FilmFingerprint as FilmFingerprint,
     FilmRecord as FilmRecord,
     FrameRecord as FrameRecord,

@@ -9,11 +9,12 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
-from renderer.errors import InputError, Problem, SceneError
+from renderer.errors import InputError, Problem
 from renderer.scene import (
     BOOLEAN_FIELD,
     ERROR_SECTION,
@@ -32,10 +33,14 @@ from renderer.scene import (
     format_value,
     is_shallow,
     load_json_object,
+    mapping_field,
     may_be_json,
+    raise_problems,
+    read_option,
     required_keys,
     schedule_to_dict,
     sequence_field,
+    text_field,
 )
 
 FORMAT = "hsplat film 1"
@@ -62,28 +67,7 @@ def _number(expected: str, kinds: tuple[type, ...], least: float, most: float) -
     return FieldType(expected, parse)
 
 
-def _mapping_of(item: FieldType[Any]) -> FieldType[Any]:
-    def parse(node: TreeNode) -> Any:
-        given = MAPPING_FIELD.parse(node)
-        return given if given is INVALID else {key: item.read(node.child(key, each)) for key, each in given.items()}
-
-    return FieldType("a mapping", parse)
-
-
-def _list_of(item: FieldType[Any]) -> FieldType[Any]:
-    """Return the type of a list, which may be empty."""
-
-    def parse(node: TreeNode) -> Any:
-        if not isinstance(node.value, list):
-            return node.reject("not a list")
-        return tuple(item.read(node.child(index, each)) for index, each in enumerate(node.value))
-
-    return FieldType("a list", parse)
-
-
-def _parse_digest(node: TreeNode) -> Any:
-    is_digest = isinstance(node.value, str) and _DIGEST.fullmatch(node.value)
-    return node.value if is_digest else node.reject("not a digest")
+_list_of = partial(sequence_field, expected="a list", may_be_empty=True)
 
 
 def _parse_shallow(node: TreeNode) -> Any:
@@ -108,12 +92,12 @@ def _parse_format(node: TreeNode) -> Any:
     return FORMAT if node.value == FORMAT else node.reject("another format of records")
 
 
-DIGEST_FIELD: FieldType[Any] = FieldType("32 hexadecimal digits", _parse_digest)
+DIGEST_FIELD = text_field("32 hexadecimal digits", "not a digest", _DIGEST.fullmatch)
 _AMOUNT = _number(f"a number from 0 to {_MAX_AMOUNT:g}", (int, float), 0, _MAX_AMOUNT)
 _COORDINATE = _number("a number", (int, float), -_MAX_AMOUNT, _MAX_AMOUNT)
 _COUNT = _number("a whole number of at least 0", (int,), 0, 2**63 - 1)
 _FRAME_NUMBER = _number(f"a whole number from 0 to {MAX_FRAMES - 1}", (int,), 0, MAX_FRAMES - 1)
-_AMOUNTS, _TEXTS = _mapping_of(_AMOUNT), _mapping_of(TEXT_FIELD)
+_AMOUNTS, _TEXTS = mapping_field(_AMOUNT), mapping_field(TEXT_FIELD)
 _RANGE = sequence_field(_AMOUNT, "[smallest, largest]", count=2)
 _VECTOR = sequence_field(_COORDINATE, "[x, y, z]", count=3)
 _SHAPE = sequence_field(_COUNT, "[x, y, z]", count=3)
@@ -305,11 +289,7 @@ class FilmRecord:
     schedule: Annotated[ScheduleRecord, dataclass_field(ScheduleRecord), "The accuracy."]
     notes: Annotated[tuple[str, ...], _list_of(TEXT_FIELD), "What the user should know."]
     seconds: Annotated[Amounts, _AMOUNTS, "The time of each step of the whole film."]
-    frames: Annotated[
-        tuple[FrameRecord, ...],
-        FieldType("a list of one or more records of frames", _parse_frames),
-        "The frames, ascending.",
-    ]
+    frames: Annotated[tuple[FrameRecord, ...], _FRAMES, "The frames, ascending."]
     passes: Annotated[
         tuple[PassRecord, ...], _list_of(dataclass_field(PassRecord)), "Passes of a progressive film."
     ] = ()
@@ -357,9 +337,8 @@ def _plain(value: Any) -> Any:
 def record_from_json(data: Mapping[str, Any], path: Path) -> FilmRecord:
     """Return the record in plain data. Raises SceneError with everything that is wrong with it."""
     problems: list[Problem] = []
-    record: FilmRecord = _FILM.read(TreeNode(data, "", problems))
-    if problems:
-        raise SceneError([replace(problem, location=str(path)) for problem in problems])
+    record: FilmRecord = read_option(_FILM, data, str(path), problems)
+    raise_problems(problems)
     return record
 
 

@@ -189,6 +189,15 @@ TEXT_FIELD = _instance_field(str, "text", "not text")
 MAPPING_FIELD: FieldType[dict[str, Any]] = _instance_field(dict, "a mapping", "not a mapping")
 
 
+def text_field(expected: str, what: str, is_valid: Callable[[str], object]) -> FieldType[Any]:
+    """Return the type of a text that `is_valid` accepts; others are `what`."""
+
+    def parse(node: TreeNode) -> Any:
+        return node.value if isinstance(node.value, str) and is_valid(node.value) else node.reject(what)
+
+    return FieldType(expected, parse)
+
+
 def choice_field(*names: str, aliases: Mapping[str, str] | None = None) -> FieldType[Any]:
     """Return the type of one of `names`; `aliases` maps other programs' words to ours, for hints."""
 
@@ -222,9 +231,10 @@ def sequence_field(
     expected: str,
     *,
     count: int | None = None,
+    may_be_empty: bool = False,
     check: Callable[[TreeNode, tuple[Any, ...]], Any] | None = None,
 ) -> FieldType[Any]:
-    """Return the type of a list of `count` items, or of one or more; wrong items are INVALID.
+    """Return the type of a list of `count` items, or of one or more unless it `may_be_empty`; wrong items are INVALID.
 
     check: returns the items, or INVALID; it is called if every item is right.
     """
@@ -232,10 +242,24 @@ def sequence_field(
     def parse(node: TreeNode) -> Any:
         if not isinstance(node.value, (list, tuple)):
             return node.reject("unknown value" if node.words and isinstance(node.value, str) else "not a list")
-        if len(node.value) != count if count else not node.value:
+        if len(node.value) != count if count else not (node.value or may_be_empty):
             return node.reject("wrong number of items")
         items = tuple(item.read(node.child(index, value)) for index, value in enumerate(node.value))
         return items if check is None or INVALID in items else check(node, items)
+
+    return FieldType(expected, parse)
+
+
+def mapping_field(item: FieldType[T], expected: str = "a mapping", key_name: str = "text") -> FieldType[dict[str, T]]:
+    """Return the type of a mapping of any texts to items, of which wrong ones are INVALID. key_name: for messages."""
+
+    def parse(node: TreeNode) -> Any:
+        if not isinstance(node.value, Mapping):
+            return node.reject("not a mapping")
+        for key in node.value:
+            if not isinstance(key, str):
+                node.key(key, key).reject(f"not {key_name}", expected="text", hint="put it in quotes")
+        return {key: item.read(node.child(key, value)) for key, value in node.value.items()}
 
     return FieldType(expected, parse)
 

@@ -8,33 +8,34 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
 from hsplat_cli.compare.picture_file import require_file
-from renderer.errors import InputError, Problem, SceneError
-from renderer.job import FilmRecord, describe_differences
+from renderer.errors import InputError, Problem
+from renderer.job import DIGEST_FIELD, FilmRecord, describe_differences
 from renderer.scene import (
     FRAME_NUMBER_FIELD,
-    INVALID,
     MAPPING_FIELD,
     FieldTable,
-    FieldType,
     TreeNode,
     dataclass_field,
     decode_utf8,
     format_value,
     integer_field,
     load_json_object,
+    mapping_field,
     may_be_json,
+    raise_problems,
     read_bounded,
     read_fields,
     section_field,
     sequence_field,
     short_text,
+    text_field,
     valid_keys,
 )
 
@@ -58,16 +59,7 @@ def _is_single_line(text: str) -> bool:
     return text.isprintable() and 0 < len(text) <= _MAX_LINE_LENGTH
 
 
-def _matching_text(expected: str, what: str, is_valid: Callable[[str], object]) -> FieldType[str]:
-    def parse(node: TreeNode) -> str:
-        return node.value if isinstance(node.value, str) and is_valid(node.value) else field.reject(node, what)
-
-    field = FieldType(expected, parse)
-    return field
-
-
-_LINE = _matching_text(f"one line of at most {_MAX_LINE_LENGTH} characters", "not a line of text", _is_single_line)
-_HEX = _matching_text("32 hexadecimal digits", "not a digest", re.compile("[0-9a-f]{32}").fullmatch)
+_LINE = text_field(f"one line of at most {_MAX_LINE_LENGTH} characters", "not a line of text", _is_single_line)
 
 
 @dataclass(frozen=True)
@@ -76,7 +68,7 @@ class Golden:
 
     frame: Annotated[int, FRAME_NUMBER_FIELD]
     file: Annotated[str, _LINE]
-    digest: Annotated[str, _HEX]
+    digest: Annotated[str, DIGEST_FIELD]
     date: Annotated[str | None, _LINE] = None
 
 
@@ -189,14 +181,9 @@ def read_provenance(folder: Path) -> Provenance:
             if after <= before:
                 what, expected = f"frame {after} after frame {before}", "frames in ascending order, each once"
                 node.child("frames").child(number).reject(what, expected=expected)
-    if problems:  # one mistake may be that of many frames
-        raise SceneError([replace(problem, location=str(path)) for problem in problems[:_MAX_PROBLEMS]])
+    # One mistake may be that of many frames.
+    raise_problems(replace(problem, location=str(path)) for problem in problems[:_MAX_PROBLEMS])
     return Provenance({part: given[part] for part in _PARTS}, given["frames"])
-
-
-def _parse_versions(node: TreeNode) -> dict[str, str]:
-    given = MAPPING_FIELD.parse(node)
-    return given if given is INVALID else {key: _LINE.read(node.child(key, item)) for key, item in given.items()}
 
 
 def _check_golden(node: TreeNode, given: dict[str, Any]) -> None:
@@ -209,7 +196,7 @@ def _check_golden(node: TreeNode, given: dict[str, Any]) -> None:
 
 _VOLUME_TABLE: FieldTable = {
     "name": _LINE,
-    "fingerprint": _HEX,
+    "fingerprint": DIGEST_FIELD,
     "shape": sequence_field(integer_field(minimum=1, maximum=_MAX_VOXELS), "three numbers of voxels", count=3),
     "dtype": _LINE,
 }
@@ -218,7 +205,7 @@ _TABLE: FieldTable = {
     "volume": section_field(_VOLUME_TABLE, lambda _, given: given, required=list(_VOLUME_TABLE)),
     "device": _LINE,
     "scene": MAPPING_FIELD,
-    "versions": FieldType("a mapping", _parse_versions),
+    "versions": mapping_field(_LINE),
     "frames": sequence_field(
         dataclass_field(Golden, _check_golden), "a list of one or more frames, each with frame, file and digest"
     ),

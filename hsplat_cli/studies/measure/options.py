@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
-from renderer.errors import Problem, SceneError
+from renderer.errors import Problem
 from renderer.scene import (
     MAX_PSNR_DB,
     ErrorSpec,
@@ -19,6 +18,7 @@ from renderer.scene import (
     choice_field,
     field_table,
     number_field,
+    raise_problems,
     read_fields,
     read_option,
     section_field,
@@ -64,7 +64,7 @@ def parse_want(text: str) -> MetricTarget:
     metric, _, number = (part.strip() for part in text.partition("="))
     problems: list[Problem] = []
     wanted = read_option(section_field(_WANTED, lambda _, given: given), {metric: number}, "--want", problems)
-    _require_none(problems)
+    raise_problems(problems)
     return MetricTarget(metric, wanted[metric])  # type: ignore[arg-type]
 
 
@@ -72,13 +72,8 @@ def _items(option: str, text: str, field: FieldType[T]) -> tuple[T, ...]:
     """Return the values between the commas, without repetitions."""
     problems: list[Problem] = []
     found = [read_option(field, word.strip(), option, problems) for word in text.split(",")]
-    _require_none(problems)
+    raise_problems(problems)
     return tuple(dict.fromkeys(found))
-
-
-def _require_none(problems: Sequence[Problem]) -> None:
-    if problems:
-        raise SceneError(problems)
 
 
 def _footprint_field(splat: SplatSpec) -> FieldType[SplatSpec]:

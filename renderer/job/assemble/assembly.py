@@ -6,7 +6,6 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from renderer.errors import SceneError
 from renderer.film import picture_shape, sidecar_path_of_file
 from renderer.job.assemble.agreement import PickedFrame, file_problems, film_problems, pick_frames
 from renderer.job.assemble.merged_record import merged_record, parts_fingerprint, parts_of
@@ -18,7 +17,7 @@ from renderer.job.film_output import FilmOutput, locked_film_output
 from renderer.job.frame_store import FrameStore
 from renderer.job.inputs import film_files, require_no_input
 from renderer.job.record import FilmFingerprint, FilmRecord
-from renderer.scene import OutputSpec, counted, is_same_file
+from renderer.scene import OutputSpec, counted, is_same_file, raise_problems
 from renderer.system import deferrable_interrupts
 
 
@@ -35,8 +34,7 @@ def assemble_film(
     # A film that was assembled among its parts is none of them.
     parts = [part for part in parts if not is_same_file(part.path, sidecar)] or parts
     require_no_input(film_files(output, numbers, sidecar), _input_files(parts))
-    if problems := list(film_problems(parts)):
-        raise SceneError(problems)  # the size and the frames of another film say nothing about this one
+    raise_problems(film_problems(parts))  # the size and the frames of another film say nothing about this one
     picked, problems = pick_frames(parts, numbers)
     with locked_film_output(output, numbers, sidecar) as film:
         fingerprint = None if problems else parts_fingerprint(picked, output)
@@ -44,8 +42,7 @@ def assemble_film(
         if existing is not None:
             events.note(f"{output.file} is up to date; --force assembles it again")
             return FinishedFilm(output.file, sidecar, existing.keep(film))
-        if problems := [*problems, *file_problems(picked, picture_shape(output))]:
-            raise SceneError(problems)
+        raise_problems([*problems, *file_problems(picked, picture_shape(output))])
         record = _write(picked, fingerprint, film, start, events)
     summary = f"{counted(len(picked), 'frame')} of {counted(len(parts_of(picked)), 'part')}"
     return FinishedFilm(output.file, sidecar, record, summary)

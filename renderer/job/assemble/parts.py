@@ -20,6 +20,7 @@ from renderer.scene import (
     FieldType,
     TreeNode,
     integer_field,
+    raise_problems,
     read_content,
     read_fields,
 )
@@ -69,8 +70,7 @@ def find_parts(names: Sequence[str]) -> list[Part]:
         for path in paths:
             for part in _parts_at(path, problems):
                 parts[part.path.resolve()] = part
-    if problems:
-        raise SceneError(problems)
+    raise_problems(problems)
     return sorted(parts.values(), key=lambda part: (part.record.numbers[0], str(part.path)))
 
 
