@@ -133,16 +133,14 @@ def _acquire_gate(file: Path, *, owns_folder: bool) -> int:
             require_own_folder(folder)
         else:
             _require_own_file(file)
-        with contextlib.suppress(FileNotFoundError):  # the last holder has just removed the folder
+        # The last holder may just have removed the folder, or then the file.
+        with contextlib.suppress(FileNotFoundError), contextlib.ExitStack() as stack:
             descriptor = _open(file)
-            try:
-                _lock(descriptor, _GATE_BYTE, 1, wait=True)
-                if _is_there(file, descriptor):
-                    return descriptor
-            except BaseException:
-                os.close(descriptor)
-                raise
-            os.close(descriptor)  # the last holder has just removed it
+            stack.callback(os.close, descriptor)
+            _lock(descriptor, _GATE_BYTE, 1, wait=True)
+            if _is_there(file, descriptor):
+                stack.pop_all()
+                return descriptor
 
 
 def _open(file: Path) -> int:
@@ -185,7 +183,7 @@ def _acquire_slots(descriptor: int, slots: Sequence[int], output: Path) -> None:
             raise OutputLockedError(
                 "another job is writing this output",
                 where=str(output),
-                got=_read_owner(descriptor),
+                got=os.pread(descriptor, _MAX_OWNER_BYTES, 0).decode(errors="replace") or None,
                 hint="wait until it has finished, or choose another output",
             )
     _write_owner(descriptor)
@@ -198,11 +196,6 @@ def _write_owner(descriptor: int) -> None:
     os.ftruncate(descriptor, len(note))  # last: at no moment is it empty again
     if is_new:  # it shows whose folder it is, also after a power failure
         sync_to_disk(descriptor)
-
-
-def _read_owner(descriptor: int) -> str | None:
-    """Return the last process that wrote itself into the file."""
-    return os.pread(descriptor, _MAX_OWNER_BYTES, 0).decode(errors="replace") or None
 
 
 def _release_slots(file: Path, descriptor: int, *, owns_folder: bool) -> None:

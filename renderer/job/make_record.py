@@ -23,14 +23,7 @@ from renderer.job.record import (
     VolumeRecord,
     min_max,
 )
-from renderer.scene import (
-    ErrorSpec,
-    format_value,
-    scene_to_dict,
-    schedule_to_dict,
-    short_text,
-    with_tolerances,
-)
+from renderer.scene import ErrorSpec, format_value, scene_to_dict, schedule_to_dict, short_text, with_tolerances
 from renderer.system import package_versions, sources_digest
 
 _MIN_VISIBLE_OPACITY = 0.5 / 255  # less opacity than this changes no pixel of 8 bits

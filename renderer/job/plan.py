@@ -20,14 +20,7 @@ from renderer.frame import (
 )
 from renderer.job.accuracy import search_tolerance, unreachable_accuracy_error
 from renderer.job.events import JobEvents
-from renderer.scene import (
-    MetricTarget,
-    SplatBudget,
-    TimeBudget,
-    scheduled_value,
-    with_tolerance,
-    with_tolerances,
-)
+from renderer.scene import MetricTarget, SplatBudget, TimeBudget, scheduled_value, with_tolerance, with_tolerances
 
 if TYPE_CHECKING:  # the ray integral takes a while to load, and most films do not need it
     from renderer.study import ToleranceSearchResult

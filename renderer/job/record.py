@@ -88,10 +88,6 @@ def _parse_scene(node: TreeNode) -> Any:
     return scene
 
 
-def _parse_format(node: TreeNode) -> Any:
-    return FORMAT if node.value == FORMAT else node.reject("another format of records")
-
-
 DIGEST_FIELD = text_field("32 hexadecimal digits", "not a digest", _DIGEST.fullmatch)
 _AMOUNT = _number(f"a number from 0 to {_MAX_AMOUNT:g}", (int, float), 0, _MAX_AMOUNT)
 _COORDINATE = _number("a number", (int, float), -_MAX_AMOUNT, _MAX_AMOUNT)
@@ -104,7 +100,7 @@ _SHAPE = sequence_field(_COUNT, "[x, y, z]", count=3)
 _MATRIX = sequence_field(sequence_field(_COORDINATE, "four numbers", count=4), "a 4 x 4 matrix", count=4)
 _DATA: FieldType[Any] = FieldType("a mapping", _parse_shallow)
 _SCENE: FieldType[Any] = FieldType("a mapping", _parse_scene)
-_FORMAT: FieldType[Any] = FieldType(FORMAT, _parse_format)
+_FORMAT = text_field(FORMAT, "another format of records", FORMAT.__eq__)
 
 Range = tuple[float, float]
 Amounts = Mapping[str, float]

@@ -54,16 +54,12 @@ def _names() -> Iterator[str]:
 
     They are short (`viridis`) and with their collection (`bids:viridis`).
     """
-    for record in _records():
+    spec = importlib.util.find_spec("cmap")
+    assert spec is not None and spec.origin is not None, "it is required"
+    for record in sorted(Path(spec.origin).parent.glob("data/*/record.json")):
         content = json.loads(record.read_text(encoding="utf-8"))
         collection = content["namespace"]
         for name, entry in content["colormaps"].items():
             yield name
             for alias in itertools.chain([name], entry.get("aliases", [])):
                 yield f"{collection}:{alias}"
-
-
-def _records() -> list[Path]:
-    spec = importlib.util.find_spec("cmap")
-    assert spec is not None and spec.origin is not None, "it is required"
-    return sorted(Path(spec.origin).parent.glob("data/*/record.json"))
