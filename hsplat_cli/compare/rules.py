@@ -25,6 +25,7 @@ from renderer.errors import InputError, Problem, require_package
 from renderer.scene import (
     MAX_SCENE_BYTES,
     FieldType,
+    TreeEditor,
     TreeNode,
     choice_field,
     counted,
@@ -41,7 +42,6 @@ from renderer.scene import (
     read_option,
     section_field,
     valid_keys,
-    with_excerpt,
     word_or,
 )
 from renderer.study import COMPARISON_METRICS, STRICTNESSES, Limits, Metric
@@ -178,14 +178,7 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
     found: list[Problem] = []
     table = {"level": _LEVEL, "limits": _LIMITS, "frames": _FRAMES}
     given = read_fields(TreeNode({} if tree.data is None else tree.data, "", found), table)
-    marked = list(tree.problems)
-    for problem in found:
-        place = tree.locations[problem.path]
-        marked.append((place.key if problem.at_key else place.value, problem))
-    problems += [
-        replace(problem, location=format_location(path, mark), what=with_excerpt(problem.what, lines, mark))
-        for mark, problem in sorted(marked, key=lambda item: item[0])
-    ]
+    problems += TreeEditor(tree, path, lines).located_problems(found)
     frames = given["frames"] if valid_keys(given, "frames") else {}
     return Rules(
         given.get("level", DEFAULT_LEVEL),

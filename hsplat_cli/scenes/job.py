@@ -19,7 +19,7 @@ from renderer.job import (
 )
 from renderer.scene import (
     Scene,
-    SceneEditor,
+    TreeEditor,
     YamlTree,
     accuracy_of,
     is_film_wide_goal,
@@ -109,13 +109,13 @@ def _has_recorded_tolerances(record: FilmRecord, scene: Scene) -> bool:
     )
 
 
-def _has_whole_schedule(record: FilmRecord, editor: SceneEditor) -> bool:
+def _has_whole_schedule(record: FilmRecord, editor: TreeEditor) -> bool:
     """Return whether the scene has the accuracy of all frames of the path, not only of the drawn ones."""
     is_new = any(key == "error" or key.startswith("error.") for key in editor.overridden_paths)
     return is_new or record.schedule.requested.goal is None
 
 
-def _editor(record: FilmRecord, path: Path) -> SceneEditor:
+def _editor(record: FilmRecord, path: Path) -> TreeEditor:
     """Return an editor of the recorded scene; its output is the film beside the sidecar, wherever they are now."""
     scene = {**record.scene}
     output, has_paths = scene.get("output"), True
@@ -125,4 +125,4 @@ def _editor(record: FilmRecord, path: Path) -> SceneEditor:
             scene["output"] = {**output, "file": str(film_path_of_sidecar(path, Path(output["file"])))}
     why = "if it was moved," if has_paths else "the sidecar was written without paths:"
     hints = {key: f"{why} {option} names it" for key, option in _VOLUME_OPTIONS.items()}
-    return SceneEditor(YamlTree(scene), path, path_prefix="scene", hints=hints)
+    return TreeEditor(YamlTree(scene), path, path_prefix="scene", hints=hints)

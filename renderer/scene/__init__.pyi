@@ -61,7 +61,7 @@ from .output_section import (
     OutputSpec as OutputSpec,
 )
 from .scene_file import (
-    SceneEditor as SceneEditor,
+    TreeEditor as TreeEditor,
     load_scene as load_scene,
     parse_scene_content as parse_scene_content,
 )
@@ -135,5 +135,4 @@ from .yaml_tree import (
     format_location as format_location,
     parse_yaml as parse_yaml,
     parse_yaml_file as parse_yaml_file,
-    with_excerpt as with_excerpt,
 )

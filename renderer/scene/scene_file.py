@@ -6,7 +6,7 @@ Every problem has its location: `scene.yaml:14:13`, or the option that gave the 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from typing import Any
 from renderer.errors import InputError, Problem, SceneError
 from renderer.scene import yaml_tree
 from renderer.scene.input_file import MAX_SCENE_BYTES, read_content, reject_volume_header
+from renderer.scene.limits import raise_problems
 from renderer.scene.message_text import format_value, join_keys
 from renderer.scene.spec import Scene, parse_scene
 
@@ -53,7 +54,7 @@ def parse_scene_content(
         got = "an empty file" if tree.data is None else format_value(tree.data)
         expected = "the keys volume, transfer_function, camera and output"
         raise InputError("not a scene", where=str(path), got=got, expected=expected)
-    editor = SceneEditor(tree, path, lines)
+    editor = TreeEditor(tree, path, lines)
     editor.apply(overrides, volume, output)
     return editor.parse(is_single_frame=is_single_frame)
 
@@ -66,8 +67,8 @@ _Origin = yaml_tree.TextPosition | int | None
 
 
 @dataclass
-class SceneEditor:
-    """An editor that changes a tree by command-line options, and remembers which option wrote what.
+class TreeEditor:
+    """An editor that changes a tree by command-line options, and knows where problems are: what option wrote what.
 
     Parameters
     ----------
@@ -106,20 +107,23 @@ class SceneEditor:
         """Return the paths that options have written."""
         return [path for path, writer in self._writers.items() if isinstance(writer, int)]
 
-    def parse(self, *, is_single_frame: bool = False, extra_problems: Sequence[Problem] = ()) -> Scene:
+    def parse(self, *, is_single_frame: bool = False) -> Scene:
         """Return the scene; its files are relative to the folder of the tree's file.
 
-        extra_problems: other problems of this file. Raises SceneError with all problems, in the order of the file,
-            those of the command line last.
+        Raises SceneError with all problems, in the order of the file, those of the command line last.
         """
-        problems = [*self._problems, *((None, problem) for problem in extra_problems)]
+        problems: Sequence[Problem] = ()
         try:
             scene = parse_scene(self.tree.data, base=self.path.parent.absolute(), is_single_frame=is_single_frame)
         except SceneError as error:
-            problems += [self._with_origin(problem) for problem in error.problems]
-        if problems:
-            raise SceneError([self._located(*item) for item in sorted(problems, key=_sort_key)])
+            problems = error.problems
+        raise_problems(self.located_problems(problems))
         return scene
+
+    def located_problems(self, problems: Iterable[Problem]) -> list[Problem]:
+        """Return these problems and those of text and options, each with its location, in the order of `parse`."""
+        found = [*self._problems, *map(self._with_origin, problems)]
+        return [self._located(*item) for item in sorted(found, key=_sort_key)]
 
     def _option(self, text: str) -> int:
         """Return the number of the next option."""
@@ -194,7 +198,7 @@ class SceneEditor:
         path = problem.path
         while path and path not in self._writers:
             path = path.rpartition(".")[0]
-        if not path:
+        if not path and (problem.path or not self.tree.locations):
             keys = ".".join(filter(None, (self.path_prefix, problem.path)))
             return None, replace(problem, path=keys, hint=self.hints.get(problem.path, problem.hint))
         writer = self._writers[path]
