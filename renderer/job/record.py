@@ -176,6 +176,9 @@ def _parse_frames(node: TreeNode) -> Any:
     return tuple(found)
 
 
+_FRAMES: FieldType[Any] = FieldType("a list of one or more records of frames", _parse_frames)
+
+
 # Parts of a film's record
 
 
