@@ -18,7 +18,7 @@ from renderer.scene import MetricTarget, Scene
 if TYPE_CHECKING:
     from distributed import Client
 
-    from renderer.frame import Rasterizer
+    from renderer.draw import Rasterizer
 
 
 @contextlib.contextmanager

@@ -12,8 +12,8 @@ premultiplied RGBA without a background. There are two backends, OpenGL and comp
 
 Both share `brick_cache.py` (bricks in a view; which of them are uploaded or evicted),
 `subsampling.py` (pixels between those that are drawn are interpolated) and `constants.py`. `compositing.py` adds up
-many layers of splats in float64, `overlay.py` makes the lines of cells, and `recovery.py` opens a backend and replaces
-it when its context is lost.
+many layers of splats in float64, and `overlay.py` makes the lines of cells. `rasterizer.py` says what backends have in
+common, and `recovery.py` opens one and replaces it when its context is lost.
 """
 
 import lazy_loader

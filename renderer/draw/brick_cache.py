@@ -253,16 +253,6 @@ class BrickCache(Generic[A]):
         return texels
 
 
-def brick_bytes(num_channels: int) -> int:
-    """Return the bytes of a brick."""
-    return 4 * num_channels * PADDED_BRICK_SIZE**3
-
-
-def max_slots_in_memory(num_channels: int, num_keys: int) -> int:
-    """Return the number of slots that an atlas in memory may have."""
-    return min(num_keys, max(1, MAX_ATLAS_BYTES // brick_bytes(num_channels)))
-
-
 def _num_keys(bricks: Bricks) -> tuple[int, int]:
     """Return the number of bricks on level 0, and on all levels above."""
     num_scalars, *num_means = (math.prod(level.visible_bounds.shape[:3]) for level in bricks.levels)

@@ -10,6 +10,7 @@ from renderer.bricks import BrickBatch
 from renderer.draw.cpu.raster import CPURasterizer
 from renderer.draw.gl.raster import GLRasterizer
 from renderer.draw.overlay import CellEdges
+from renderer.draw.rasterizer import Rasterizer
 from renderer.errors import ContextLostError, RenderError
 from renderer.splats import SplatBatch
 from renderer.system import num_drawing_threads
@@ -19,7 +20,7 @@ from renderer.volume import Float32, UInt32
 Result = TypeVar("Result")
 
 
-def open_rasterizer(*, needs_opengl: bool) -> GLRasterizer | CPURasterizer:
+def open_rasterizer(*, needs_opengl: bool) -> Rasterizer:
     """Open the rasteriser of OpenGL; where there is no OpenGL and nothing needs it, the one of the processor.
 
     needs_opengl: as in Scene.
@@ -34,7 +35,7 @@ def open_rasterizer(*, needs_opengl: bool) -> GLRasterizer | CPURasterizer:
         return CPURasterizer(num_threads=num_threads)
 
 
-class RecoveringRasterizer:
+class RecoveringRasterizer(Rasterizer):
     """A rasteriser that makes another one when its context is lost; used like a GLRasterizer.
 
     An image whose context was lost is drawn again, to the same bytes, because no image depends on those before it.
@@ -42,16 +43,10 @@ class RecoveringRasterizer:
     driver, which would draw other bytes; without a new context it does so from then on. make: returns a new rasteriser.
     """
 
-    def __init__(self, make: Callable[[], GLRasterizer | CPURasterizer] = GLRasterizer) -> None:
+    def __init__(self, make: Callable[[], Rasterizer] = GLRasterizer) -> None:
         self._make, self._current, self._num_lost = make, make(), 0
         self._last_loss: ContextLostError | None = None  # after which there is no context
         self.device = self._current.device
-
-    def __enter__(self) -> RecoveringRasterizer:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.release()
 
     def release(self) -> None:
         """Free the current context."""
@@ -73,14 +68,9 @@ class RecoveringRasterizer:
 
     def rasterize_edges(self, edges: CellEdges, view: View) -> Float32:
         """Draw the lines of an overlay, as `GLRasterizer.rasterize_edges`."""
+        return self._with_recovery(lambda gl: gl.rasterize_edges(edges, view))
 
-        def draw(current: GLRasterizer | CPURasterizer) -> Float32:
-            assert isinstance(current, GLRasterizer), "lines need OpenGL"
-            return current.rasterize_edges(edges, view)
-
-        return self._with_recovery(draw)
-
-    def _with_recovery(self, draw: Callable[[GLRasterizer | CPURasterizer], Result]) -> Result:
+    def _with_recovery(self, draw: Callable[[Rasterizer], Result]) -> Result:
         if self._last_loss is not None:
             raise self._last_loss
         try:
@@ -91,7 +81,7 @@ class RecoveringRasterizer:
             self._num_lost += 1
         return draw(self._current)
 
-    def _make_replacement(self, lost: ContextLostError) -> GLRasterizer | CPURasterizer:
+    def _make_replacement(self, lost: ContextLostError) -> Rasterizer:
         """Return a new rasteriser of the same device. Where none can be made, raise `lost`."""
         with contextlib.suppress(RenderError):
             replacement = self._make()

@@ -17,7 +17,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from renderer.frame.frame import UPLOAD_STAGE, DrawList, Rasterizer, draw_frame, make_draw_list
+from renderer.draw import Rasterizer
+from renderer.frame.frame import UPLOAD_STAGE, DrawList, draw_frame, make_draw_list
 from renderer.frame.primitives import LOD, TYPICAL_CELL_SECONDS, make_primitive
 from renderer.frame.stage import Clock, Stage, Stopwatch
 from renderer.scene import tolerance_at
@@ -236,25 +237,20 @@ class BudgetController:
 
     def prepare_frame(self, number: int, watch: Stopwatch) -> tuple[DrawList, float | None]:
         """Return the frame to draw, and its predicted seconds, as `ScheduleController.prepare_frame`."""
-        kept, sizes = (None, _ANY_SIZE) if self._lod is None else self._with_lod(self._lod, number, watch)
-        return self.choose(number, watch, sizes) if kept is None else kept
-
-    def _with_lod(
-        self, lod: LOD, number: int, watch: Stopwatch
-    ) -> tuple[tuple[DrawList, float] | None, tuple[float, float]]:
-        """Return the frame at the LOD of the frames before, if that fits; and the sizes that the next LOD may have."""
+        if self._lod is None:
+            return self.choose(number, watch)
         seconds = self._seconds_of(number)
-        draw_list = make_draw_list(self._estimator.stage, lod, number, watch)
+        draw_list = make_draw_list(self._estimator.stage, self._lod, number, watch)
         predicted = self._estimator.predict(draw_list)
         share = predicted / seconds
-        is_kept = abs(math.log(share / self._expected_share)) <= _BAND or (share < 1 and lod.tolerance == 0)
+        is_kept = abs(math.log(share / self._expected_share)) <= _BAND or (share < 1 and self._lod.tolerance == 0)
         if is_kept or (self._num_frames < _MIN_FRAMES and seconds == self._seconds):
-            return (draw_list, predicted), _ANY_SIZE
+            return draw_list, predicted
         if seconds != self._seconds:
-            return None, _ANY_SIZE
-        size, reach = self._estimator.size(lod), max(share, 1 / share) ** _SIZE_EXPONENT
+            return self.choose(number, watch)
+        size, reach = self._estimator.size(self._lod), max(share, 1 / share) ** _SIZE_EXPONENT
         reach = min(reach, self._estimator.primitive.size_ratio)
-        return None, (size / reach, size * reach)
+        return self.choose(number, watch, (size / reach, size * reach))
 
     def choose(self, number: int, watch: Stopwatch, sizes: tuple[float, float] = _ANY_SIZE) -> tuple[DrawList, float]:
         """Find an LOD for a frame and those that follow. For the first frame, best called before its time begins.

@@ -3,42 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
-import numpy as np
-import numpy.typing as npt
-
-from renderer.bricks import BrickBatch
-from renderer.draw import CellEdges
-from renderer.film import quantize
+from renderer.draw import Rasterizer
+from renderer.film import Pixels, quantize
 from renderer.frame.primitives import LOD, Orders
 from renderer.frame.stage import Stage, Stopwatch, view_of
-from renderer.splats import SplatBatch
 from renderer.view import View
+from renderer.volume import Float32
 
 # The lap of work that also serves later frames: bricks that were not on the device.
 UPLOAD_STAGE = "bricks"
-
-
-class Rasterizer(Protocol):
-    """A rasteriser of sorted splats or bricks, as float32 [h, w, 4], premultiplied RGBA.
-
-    upload: place what later pictures share where it is drawn, and return whether any of it was missing. Pictures do not
-        depend on it.
-    """
-
-    def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool: ...
-
-    def rasterize(
-        self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View
-    ) -> npt.NDArray[np.float32]: ...
-
-
-@runtime_checkable
-class LineRasterizer(Rasterizer, Protocol):
-    """A rasteriser that also draws the lines of an overlay, as float32 [h, w, 4], premultiplied RGBA."""
-
-    def rasterize_edges(self, edges: CellEdges, view: View) -> npt.NDArray[np.float32]: ...
 
 
 @dataclass(frozen=True)
@@ -72,8 +46,8 @@ class Frame:
     """
 
     number: int
-    image: npt.NDArray[np.uint8]
-    radiance: npt.NDArray[np.float32]
+    image: Pixels
+    radiance: Float32
     tolerance: float
     num_cells: int
     num_primitives: int
@@ -96,7 +70,6 @@ def draw_frame(stage: Stage, draw_list: DrawList, rasterizer: Rasterizer, watch:
     image = _blend_orders(draw_list, rasterizer)
     watch.lap("draw")
     if lod.edges is not None:
-        assert isinstance(rasterizer, LineRasterizer), "a scene with an overlay needs OpenGL"
         lines = rasterizer.rasterize_edges(lod.edges, draw_list.view)
         image *= 1 - lines[..., 3:]
         image += lines
@@ -108,7 +81,7 @@ def draw_frame(stage: Stage, draw_list: DrawList, rasterizer: Rasterizer, watch:
     return Frame(draw_list.number, pixels, image, lod.tolerance, lod.num_cells, num_primitives, dict(watch.seconds))
 
 
-def _blend_orders(draw_list: DrawList, rasterizer: Rasterizer) -> npt.NDArray[np.float32]:
+def _blend_orders(draw_list: DrawList, rasterizer: Rasterizer) -> Float32:
     """Draw every order and add the pictures by their shares; nearly all views have one order."""
     batch, view = draw_list.lod.batch, draw_list.view
     (share, order), *others = draw_list.orders

@@ -11,9 +11,10 @@ from dataclasses import replace
 from typing import Any
 
 from renderer.bricks import make_bricks
+from renderer.draw import Rasterizer
 from renderer.errors import InputError
 from renderer.frame.budget import ScheduleController, ToleranceController
-from renderer.frame.frame import Frame, Rasterizer, draw_frame
+from renderer.frame.frame import Frame, draw_frame
 from renderer.frame.stage import Clock, Stage, Stopwatch
 from renderer.pyramid import EVERY_CUT, FinestCut, build_pyramid
 from renderer.readers import read_volume

@@ -10,10 +10,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Generic, TypeVar
+from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.bricks import (
     RAY_ERROR_FACTOR,
@@ -31,11 +30,14 @@ from renderer.pyramid import Cut, CutSizes, cut_pyramid, cut_sizes, root_error
 from renderer.scene import MIN_TOLERANCE
 from renderer.splats import SplatBatch, make_splats
 from renderer.view import View, model_view, total_square_area_px, visible_bricks, visible_orders
+from renderer.volume import UInt32
 
 # Draw orders, uint32 [k] indices into the batch, each with its share of the picture; the shares sum to 1.
-Orders = Sequence[tuple[float, npt.NDArray[np.uint32]]]
+Orders = Sequence[tuple[float, UInt32]]
 # Takes the name of a step that has just ended.
 Lap = Callable[[str], object]
+# As `LOD.orders`.
+OrderFinder = Callable[[View], Orders]
 
 # Seconds per frame, splat or brick, and pixel or sample, of a software renderer with two cores.
 _TYPICAL_FRAME_SECONDS, TYPICAL_CELL_SECONDS, _TYPICAL_PIXEL_SECONDS = 5e-3, 1e-6, 8e-9
@@ -67,7 +69,7 @@ class LOD:
     tolerance: float
     batch: SplatBatch | BrickBatch
     edges: CellEdges | None
-    orders: Callable[[View], Orders]
+    orders: OrderFinder
 
     @property
     def num_cells(self) -> int:
@@ -91,11 +93,7 @@ class LOD:
         )
 
 
-AnyCut = TypeVar("AnyCut", Cut, BrickCut)
-AnyBatch = TypeVar("AnyBatch", SplatBatch, BrickBatch)
-
-
-class Primitive(ABC, Generic[AnyCut, AnyBatch]):
+class Primitive(ABC):
     """Turns a tolerance into a level of detail, for one footprint.
 
     initial_size: a size at which a frame shows its content. size_ratio: from one size worth trying to the next, and the
@@ -115,27 +113,17 @@ class Primitive(ABC, Generic[AnyCut, AnyBatch]):
 
     def make_lod(self, tolerance: float, lap: Lap) -> LOD:
         """Cut at a tolerance, and prepare the cut for the rasteriser."""
-        cut = self._cut(tolerance)
-        lap("cut")
-        batch = self._batch(cut, tolerance)
+        cut, batch, orders = self._prepare(tolerance, lap)
         lap("primitives")
         edges = None
         if self._with_edges:
             edges = make_edges(cut)
             lap("edges")
-        return LOD(tolerance, batch, edges, self._order_finder(cut, batch))
+        return LOD(tolerance, batch, edges, orders)
 
     @abstractmethod
-    def _cut(self, tolerance: float) -> AnyCut:
-        """Return the cut at a tolerance."""
-
-    @abstractmethod
-    def _batch(self, cut: AnyCut, tolerance: float) -> AnyBatch:
-        """Return a cut as the rasteriser draws it."""
-
-    @abstractmethod
-    def _order_finder(self, cut: AnyCut, batch: AnyBatch) -> Callable[[View], Orders]:
-        """Return `LOD.orders`."""
+    def _prepare(self, tolerance: float, lap: Lap) -> tuple[Cut | BrickCut, SplatBatch | BrickBatch, OrderFinder]:
+        """Cut at a tolerance and end the step "cut"; return the cut, its batch for the rasteriser, and `LOD.orders`."""
 
     @abstractmethod
     def work(self, tolerance: float) -> float:
@@ -153,12 +141,12 @@ class Primitive(ABC, Generic[AnyCut, AnyBatch]):
     def lod_size(self, tolerance: float, num_cells: int) -> float:
         """Return the size, at least 1, of the level of detail at a tolerance that has this many cells."""
 
-    @abstractmethod
     def has_more_cells(self, tolerance: float, num_cells: float) -> bool:
         """Return whether the cut at a tolerance has more cells than this, or than somewhat more, without making it.
 
         False where the cut is so quick to make that asking does not help.
         """
+        return False
 
 
 def make_primitive(stage: Stage) -> SplatPrimitive | BrickPrimitive:
@@ -166,7 +154,7 @@ def make_primitive(stage: Stage) -> SplatPrimitive | BrickPrimitive:
     return SplatPrimitive(stage) if stage.bricks is None else BrickPrimitive(stage, stage.bricks)
 
 
-class SplatPrimitive(Primitive[Cut, SplatBatch]):
+class SplatPrimitive(Primitive):
     """Draws cells of the octree as splats; a size is a number of cells."""
 
     initial_size = 1000
@@ -194,13 +182,12 @@ class SplatPrimitive(Primitive[Cut, SplatBatch]):
     def _cut(self, tolerance: float) -> Cut:
         return cut_pyramid(self._stage.pyramid, tolerance, finest_level=finest_level_at(self._stage, tolerance))
 
-    def _batch(self, cut: Cut, tolerance: float) -> SplatBatch:
-        return make_splats(cut, self._stage.scene.splat)
-
-    def _order_finder(self, cut: Cut, batch: SplatBatch) -> Callable[[View], Orders]:
-        order, blending = self._stage.scene.splat.order, self._stage.order_blending
-        cut = cut if order == "boxes" else cut.without_cells()
-        return lambda view: visible_orders(batch, cut, view, order, blending)
+    def _prepare(self, tolerance: float, lap: Lap) -> tuple[Cut, SplatBatch, OrderFinder]:
+        cut, splat, blending = self._cut(tolerance), self._stage.scene.splat, self._stage.order_blending
+        lap("cut")
+        batch = make_splats(cut, splat)
+        for_order = cut if splat.order == "boxes" else cut.without_cells()
+        return cut, batch, lambda view: visible_orders(batch, for_order, view, splat.order, blending)
 
     def _sizes_to(self, num_cells: int) -> CutSizes:
         if self._sizes is None or (self._sizes.max_cells < num_cells and self._sizes.num_cells_at_zero is None):
@@ -208,7 +195,7 @@ class SplatPrimitive(Primitive[Cut, SplatBatch]):
         return self._sizes
 
 
-class BrickPrimitive(Primitive[BrickCut, BrickBatch]):
+class BrickPrimitive(Primitive):
     """Draws cells as bricks, for the integrated footprint. One order is enough, because bricks do not overlap.
 
     A size is the error of the whole volume as one cell, divided by the tolerance.
@@ -247,8 +234,11 @@ class BrickPrimitive(Primitive[BrickCut, BrickBatch]):
             return _MAX_BRICK_SIZE
         return max(1.0, self._largest_error / tolerance)
 
-    def has_more_cells(self, tolerance: float, num_cells: float) -> bool:
-        return False
+    def _prepare(self, tolerance: float, lap: Lap) -> tuple[BrickCut, BrickBatch, OrderFinder]:
+        cut = self._cut(tolerance)
+        lap("cut")
+        batch = self._batch(cut, tolerance)
+        return cut, batch, lambda view: [(1.0, visible_bricks(batch, view))]
 
     def _cut(self, tolerance: float) -> BrickCut:
         return cut_bricks(self._bricks, tolerance, finest_level=finest_level_at(self._stage, tolerance))
@@ -263,11 +253,8 @@ class BrickPrimitive(Primitive[BrickCut, BrickBatch]):
             voxel_px=self._stage.voxel_px,
         )
 
-    def _order_finder(self, cut: BrickCut, batch: BrickBatch) -> Callable[[View], Orders]:
-        return lambda view: [(1.0, visible_bricks(batch, view))]
 
-
-def num_samples(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> float:
+def num_samples(batch: BrickBatch, order: UInt32, view: View) -> float:
     """Estimate how many samples of the field a picture of `batch[order]` takes; each pixel counts as some more.
 
     A box of volume V, projected in parallel along d, covers the area A = sum of |face . d| over three of its faces, and

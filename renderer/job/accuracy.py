@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from renderer.draw import Rasterizer
 from renderer.errors import InputError, RenderError
-from renderer.frame import Rasterizer, Stage
+from renderer.frame import Stage
 from renderer.job.events import JobEvents
 from renderer.scene import MetricTarget, Scene, counted
 from renderer.system import num_cores

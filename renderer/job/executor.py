@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
 
-from renderer.draw import RecoveringRasterizer, open_rasterizer
+from renderer.draw import Rasterizer, RecoveringRasterizer, open_rasterizer
 from renderer.film import Picture
-from renderer.frame import Rasterizer, Stage, ToleranceController, render_frames
+from renderer.frame import Stage, ToleranceController, render_frames
 from renderer.job.make_record import frame_record
 from renderer.job.plan import FilmPlan
 from renderer.job.record import FrameRecord

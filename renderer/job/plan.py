@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from renderer.draw import Rasterizer
 from renderer.errors import RenderError
 from renderer.frame import (
     BudgetController,
     LODCostEstimator,
-    Rasterizer,
     ScheduleController,
     Stage,
     Stopwatch,

@@ -89,12 +89,10 @@ def measure_accuracy(picture: FloatImage, truth: FloatImage, on_volume: Bools) -
     """
     _require_images(picture, truth)
     assert on_volume.shape == picture.shape[:2], (on_volume.shape, picture.shape)
-    maps = {
-        make_map: make_map(picture, truth) for make_map in dict.fromkeys(make for make, _ in _METRIC_FUNCTIONS.values())
-    }
+    maps = {make_map: make_map(picture, truth) for make_map in {make for make, _ in _FUNCTIONS.values()}}
 
     def difference(pixels: Any) -> ErrorMetrics:
-        return {name: _reduce(of, maps[make_map][pixels]) for name, (make_map, of) in _METRIC_FUNCTIONS.items()}
+        return {metric.name: _reduce(of, maps[make_map][pixels]) for metric, (make_map, of) in _FUNCTIONS.items()}
 
     return Accuracy(difference(np.ones_like(on_volume)), difference(on_volume))
 
@@ -102,7 +100,7 @@ def measure_accuracy(picture: FloatImage, truth: FloatImage, on_volume: Bools) -
 def compute_metric(name: str, picture: FloatImage, truth: FloatImage) -> float:
     """Compute one metric of METRICS over all pixels; parameters and errors as in `measure_accuracy`."""
     _require_images(picture, truth)
-    make_map, of = _METRIC_FUNCTIONS[name]
+    make_map, of = _FUNCTIONS[METRICS[name]]
     return _reduce(of, make_map(picture, truth))
 
 
@@ -112,7 +110,7 @@ def metric_map(name: str, picture: FloatImage, truth: FloatImage) -> FloatImage:
     It depends on pixels at most REACH_PX rows and columns away. Parameters and errors as in `measure_accuracy`.
     """
     _require_images(picture, truth)
-    make_map, of = _METRIC_FUNCTIONS[name]
+    make_map, of = _FUNCTIONS[METRICS[name]]
     assert of is np.mean, name
     return make_map(picture, truth)
 
@@ -235,17 +233,20 @@ def _noticeable_share(values: _Map) -> float:
 # flip, flip_p99: mean and 99th percentile of the perceived difference (Andersson et al. 2020), 0 to 1, at
 #   FLIP_PIXELS_PER_DEGREE.
 # delta_e_share: share of the pixels whose CIE 1976 colour difference is over 2.3, the just noticeable one.
-_TABLE = (
-    (Metric("rmse", "RMSE"), _error_map, _root_mean_square),
-    (Metric("max_error", "largest error"), _error_map, np.max),
-    (Metric("psnr", "PSNR", "dB", higher_is_better=True), _error_map, _psnr),
-    (Metric("ssim", "SSIM", higher_is_better=True), _ssim_map, np.mean),
-    (Metric("flip", "FLIP"), _flip_map, np.mean),
-    (Metric("flip_p99", "FLIP, 99th percentile"), _flip_map, partial(np.percentile, q=99)),
-    (Metric("delta_e_share", "pixels with Delta-E over 2.3"), _delta_e_map, _noticeable_share),
-)
-METRICS = {metric.name: metric for metric, _, _ in _TABLE}
-# The map and the reduction of each metric.
-_METRIC_FUNCTIONS: dict[str, tuple[Callable[[FloatImage, FloatImage], _Map], Callable[[_Map], Any]]] = {
-    metric.name: (make_map, of) for metric, make_map, of in _TABLE
+# Each has its map and its reduction.
+_FUNCTIONS: dict[Metric, tuple[Callable[[FloatImage, FloatImage], _Map], Callable[[_Map], Any]]] = {
+    Metric("rmse", "RMSE"): (_error_map, _root_mean_square),
+    Metric("max_error", "largest error"): (_error_map, np.max),
+    Metric("psnr", "PSNR", "dB", higher_is_better=True): (
+        _error_map,
+        lambda errors: _psnr_of(_root_mean_square(errors)),
+    ),
+    Metric("ssim", "SSIM", higher_is_better=True): (_ssim_map, np.mean),
+    Metric("flip", "FLIP"): (_flip_map, np.mean),
+    Metric("flip_p99", "FLIP, 99th percentile"): (_flip_map, partial(np.percentile, q=99)),
+    Metric("delta_e_share", "pixels with Delta-E over 2.3"): (
+        _delta_e_map,
+        lambda deltas: np.mean(deltas > NOTICEABLE_DELTA_E),
+    ),
 }
+METRICS = {metric.name: metric for metric in _FUNCTIONS}

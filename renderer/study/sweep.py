@@ -16,7 +16,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from renderer.frame import Clock, Rasterizer, Stage, make_primitive, render_frames
+from renderer.draw import Rasterizer
+from renderer.frame import Clock, Stage, make_primitive, render_frames
 from renderer.scene import ErrorSpec, Scene, SplatSpec, with_tolerance
 from renderer.study.metrics import Accuracy, FloatImage, measure_accuracy, over_background, pool_accuracies
 from renderer.study.thumbnails import difference_thumbnail, thumbnail

@@ -15,7 +15,8 @@ from functools import cache, lru_cache
 
 import numpy as np
 
-from renderer.frame import Clock, Rasterizer, ScheduleController, Stage, make_primitive, render_frames
+from renderer.draw import Rasterizer
+from renderer.frame import Clock, ScheduleController, Stage, make_primitive, render_frames
 from renderer.pyramid import Pyramid, root_error
 from renderer.scene import MIN_TOLERANCE, MetricTarget, with_tolerance
 from renderer.study.metrics import compute_metric, over_background

@@ -8,7 +8,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from renderer.frame import Clock, Rasterizer, Stage, render_frames, view_of
+from renderer.draw import Rasterizer
+from renderer.frame import Clock, Stage, render_frames, view_of
 from renderer.scene import CameraPath, KeyframePath, with_tolerance
 from renderer.study.metrics import FloatImage, over_background
 from renderer.transfer import make_transfer_function

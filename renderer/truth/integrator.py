@@ -18,7 +18,6 @@ import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -77,7 +76,7 @@ def integrate(
     """
     width, height = view.size
     integrate_pixels = _make_integrator(volume, transfer, view, shading, num_threads)
-    radiance = integrate_pixels(np.arange(width * height), [step_voxels], on_progress)
+    radiance = integrate_pixels(np.arange(width * height), [step_voxels], on_progress, 0.0)
     return radiance.reshape(height, width, 4)
 
 
@@ -118,8 +117,7 @@ def converged_image(
     changes, counts, num_done = [], [], 0
     for at_once in (first, *([step] for step in steps[len(first) :])):
         num_needed = num_done + pixels.size
-        progress = partial(_report_part, on_progress, num_done / num_needed)
-        for finer in integrate_pixels(pixels, at_once, progress):
+        for finer in integrate_pixels(pixels, at_once, on_progress, num_done / num_needed):
             change = np.abs(finer - image[pixels]).max(axis=1)
             changes.append(float(change.max()))
             counts.append(pixels.size)
@@ -167,8 +165,11 @@ def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tupl
 
 def _make_integrator(
     volume: Volume, transfer: TransferFunction, view: View, shading: ShadingSpec | None, num_threads: int
-) -> Callable[[Int64, Sequence[float], Progress], Float64]:
-    """Return a function that integrates pixels, with each of some steps in voxels, to float64 [steps, n, 4]."""
+) -> Callable[[Int64, Sequence[float], Progress, float], Float64]:
+    """Return a function that integrates pixels, with each of some steps in voxels, to float64 [steps, n, 4].
+
+    It reports the finished share of the whole work, which these pixels take from a share to its end.
+    """
     values = volume.values
     if values.dtype == np.float16:  # numba lacks it; the copy is exact
         values = values.astype(np.float32)
@@ -181,7 +182,7 @@ def _make_integrator(
     scale = math.ldexp(1.0, min(max(exponent, _LEAST_EXPONENT), _LARGEST_EXPONENT) - exponent)
     intervals, lambert = _intervals(transfer, scale), _lambert_shading(shading, index_from_world)
 
-    def integrate_pixels(pixels: Int64, steps: Sequence[float], on_progress: Progress) -> Float64:
+    def integrate_pixels(pixels: Int64, steps: Sequence[float], on_progress: Progress, done: float) -> Float64:
         radiance, max_steps = np.empty((pixels.size, len(steps), 4)), np.array(steps)
 
         def integrate_part(first: int) -> None:
@@ -199,18 +200,13 @@ def _make_integrator(
                 parts = [pool.submit(integrate_part, first) for first in range(0, pixels.size, _RAYS_PER_TASK)]
                 for number, part in enumerate(parts, 1):
                     part.result()
-                    on_progress(number / len(parts))
+                    on_progress(done + number / len(parts) * (1.0 - done))
             finally:  # after an interrupt or an error, drop what has not started
                 pool.shutdown(wait=False, cancel_futures=True)
         volume.require_unchanged()
         return np.moveaxis(radiance, 1, 0)
 
     return integrate_pixels
-
-
-def _report_part(on_progress: Progress, start: float, share: float) -> None:
-    """Report the finished share of a part of the work, which takes the whole from `start` to its end."""
-    on_progress(start + share * (1.0 - start))
 
 
 def _intervals(transfer: TransferFunction, scale: float) -> Intervals:

@@ -48,21 +48,16 @@ def ray_setup(volume: Volume, length: float, view: View) -> RaySetup:
     """Return the rays of a view; `length` is the world length of a model unit."""
     centre = view.view_from_world(volume.centre) / length
     index_from_view = np.linalg.inv(volume.world_from_index[:3, :3] / length) @ view.axes.T
-    is_near = view.projection == "perspective" and np.linalg.norm(centre) < _NEAR_EYE_DISTANCE
+    is_perspective = view.projection == "perspective"
+    is_near = is_perspective and np.linalg.norm(centre) < _NEAR_EYE_DISTANCE
     depth = 0.0 if is_near else max(0.0, -float(centre[2]))
     begin = -centre - (0.0, 0.0, depth)
-    if view.projection == "perspective":
-        slope = 1 / view.scale_px
-        across = np.array([[depth * slope, 0.0], [0.0, -depth * slope], [0.0, 0.0]])
-        turn = np.array([[slope, 0.0], [0.0, -slope], [0.0, 0.0]])
-    else:
-        slope = 0.0
-        px = 1 / (view.scale_px * length)
-        across, turn = np.array([[px, 0.0], [0.0, -px], [0.0, 0.0]]), np.zeros((3, 2))
-    forward = np.array([[0.0], [0.0], [-1.0]])
+    slope = 1 / view.scale_px if is_perspective else 0.0
+    px = depth * slope if is_perspective else 1 / (view.scale_px * length)
+    columns_and_rows, forward = np.array([[1.0, 0.0], [0.0, -1.0], [0.0, 0.0]]), np.array([[0.0], [0.0], [-1.0]])
     return RaySetup(
-        index_from_view @ np.column_stack([begin, across]),
-        index_from_view @ np.hstack([forward, turn]),
+        index_from_view @ np.column_stack([begin, px * columns_and_rows]),
+        index_from_view @ np.hstack([forward, slope * columns_and_rows]),
         float(slope),
         float(view.near / length - depth),
         (view.size[0] / 2, view.size[1] / 2),

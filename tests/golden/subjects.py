@@ -12,10 +12,9 @@ import numpy.typing as npt
 from golden_cases import SCENE
 
 from renderer.bricks import BrickBatch, BrickCut
-from renderer.draw import CPURasterizer, GLRasterizer
+from renderer.draw import CPURasterizer, GLRasterizer, Rasterizer
 from renderer.frame import (
     Frame,
-    Rasterizer,
     Stage,
     Stopwatch,
     draw_frame,

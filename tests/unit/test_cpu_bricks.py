@@ -12,7 +12,6 @@ from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, p
 from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.compiled import jit, load, num_lanes, store
 from renderer.draw import CPURasterizer, GLRasterizer, brick_cache, is_software
-from renderer.draw.brick_cache import brick_bytes, max_slots_in_memory
 from renderer.draw.cpu.march import draw_tiles
 from renderer.draw.cpu.raster import CPUAtlas
 from renderer.draw.cpu.sample import opacity_of_depth
@@ -66,10 +65,10 @@ def test_bricks_stay_where_they_are_when_there_are_more() -> None:
 
 
 def test_bricks_that_were_drawn_longest_ago_go_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", 4 * brick_bytes(1))
-    assert max_slots_in_memory(1, 1000) == 4
-    assert max_slots_in_memory(1, 3) == 3 and max_slots_in_memory(64, 3) == 1  # room for less than a brick
+    monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", 4 * 4 * PADDED_BRICK_SIZE**3)
     atlas = CPUAtlas(1, 1000)
+    assert atlas.max_slots == 4
+    assert CPUAtlas(1, 3).max_slots == 3 and CPUAtlas(64, 3).max_slots == 1  # room for less than a brick
     atlas.reserve(1000)
     for keys in map(np.array, ([1, 2], [3, 4], [1], [7, 8])):
         atlas.upload(keys, lambda missing, keys=keys: brick(keys[missing]))

@@ -15,8 +15,7 @@ from hsplat_cli.commands.paper import SCENES
 from hsplat_cli.studies import FigureRenderer
 from hsplat_cli.studies.paper import footprints, levels, octrees, one_splat, opacity, refinement
 from hsplat_cli.studies.paper.figure import Claim
-from renderer.draw import GLRasterizer
-from renderer.frame import Rasterizer
+from renderer.draw import GLRasterizer, Rasterizer
 from renderer.pyramid import cut_pyramid
 from renderer.scene import Scene, load_scene
 from renderer.splats import SplatBatch

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.draw import CPURasterizer, GLRasterizer, open_rasterizer
+from renderer.draw import Rasterizer, open_rasterizer
 from renderer.errors import ContextLostError
 from renderer.frame import ScheduleController, deserialize_stage
 from renderer.job import FrameRecord, draw_frames
@@ -33,7 +33,7 @@ class SerializedStage:
     def __init__(self, content: npt.NDArray[np.uint8]) -> None:
         self._content = content
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="hsplat")  # starts with its first task
-        self._rasterizers: list[GLRasterizer | CPURasterizer] = []  # at most one
+        self._rasterizers: list[Rasterizer] = []  # at most one
         weakref.finalize(self, _close, self._thread, self._rasterizers).atexit = False  # threads have ended by then
 
     def __reduce__(self) -> tuple[type[SerializedStage], tuple[npt.NDArray[np.uint8]]]:
@@ -65,7 +65,7 @@ class SerializedStage:
         return drawn.picture.png, drawn.record, self._versions
 
 
-def _close(thread: ThreadPoolExecutor, rasterizers: list[GLRasterizer | CPURasterizer]) -> None:
+def _close(thread: ThreadPoolExecutor, rasterizers: list[Rasterizer]) -> None:
     """Release the OpenGL context, and end the thread; does not wait for it."""
     for rasterizer in rasterizers:
         thread.submit(rasterizer.release)

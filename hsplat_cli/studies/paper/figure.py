@@ -9,8 +9,9 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.reports import Chart
+from renderer.draw import Rasterizer
 from renderer.film import Pixels
-from renderer.frame import Clock, Frame, Rasterizer, Stage, open_stage, render_frames
+from renderer.frame import Clock, Frame, Stage, open_stage, render_frames
 from renderer.scene import Scene, VolumeSpec, with_tolerance
 from renderer.study import FRAME_STAGES, TRUTH_TOLERANCE, FloatImage, compute_truth, over_background
 from renderer.transfer import TransferFunction, make_transfer_function

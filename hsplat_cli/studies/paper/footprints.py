@@ -9,7 +9,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from hsplat_cli.reports import SERIES_COLORS, Chart
 from hsplat_cli.studies.paper.figure import Claim, FigureRenderer, FigureStage, PaperFigure, new_plot, new_plots
@@ -18,8 +17,7 @@ from renderer.film import Pixels
 from renderer.frame import view_of
 from renderer.scene import Scene, counted
 from renderer.splats import GouraudFootprint, make_footprint
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Float64
 
 # Angular and radial subdivisions.
 SUBDIVISIONS = ((4, 1), (6, 2), (8, 3), (12, 5), (16, 8), (32, 16))

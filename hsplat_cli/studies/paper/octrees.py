@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from hsplat_cli.studies.paper.figure import Claim, FigureRenderer, FigureStage, PaperFigure, PictureRows
 from renderer.errors import InputError
@@ -15,8 +14,7 @@ from renderer.frame import finest_level_at
 from renderer.pyramid import Cut, cut_pyramid
 from renderer.scene import Scene, counted, format_value, schedule_to_dict
 from renderer.study import compute_metric
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Float64
 
 # Multiples of the scene's tolerance.
 TOLERANCE_FACTORS = (8.0, 4.0, 1.0, 0.25)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from hsplat_cli.reports import SERIES_COLORS, Chart
 from hsplat_cli.studies.paper.figure import Claim, FigureRenderer, FigureStage, PaperFigure, PictureRows, new_plot
@@ -14,8 +13,7 @@ from renderer.errors import InputError
 from renderer.film import Pixels
 from renderer.frame import view_of
 from renderer.scene import ProceduralSource, Scene
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Float64
 
 OPACITIES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 # Shown as a picture.

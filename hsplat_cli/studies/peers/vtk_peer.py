@@ -216,16 +216,14 @@ def _camera(volume: Volume, view: View) -> dict[str, Any]:
     nearest = max(depth - reach, view.near / finest, farthest * _NEAREST_PART)
     width, height = view.size
     half_height = height / 2 / view.scale_px  # a tangent in perspective, else a length
-    if view.projection == "orthographic":
-        lens = {"half_height": half_height / finest}
-    else:
-        lens = {"angle_deg": math.degrees(2 * math.atan(half_height))}
     return {
         "size": (width, height),
         "eye": eye.tolist(),
         "focus": (eye + view.forward).tolist(),
         "up": view.axes[1].tolist(),
-        **lens,
+        "is_parallel": view.projection == "orthographic",
+        "half_height": half_height / finest,
+        "angle_deg": math.degrees(2 * math.atan(half_height)),
         "clipping": (nearest, max(farthest, nearest * 2)),
     }
 

@@ -127,12 +127,9 @@ def _set_camera(window: Any, renderer: Any, view: Json) -> None:
     camera.SetPosition(view["eye"])
     camera.SetFocalPoint(view["focus"])
     camera.SetViewUp(view["up"])
-    if "half_height" in view:
-        camera.ParallelProjectionOn()
-        camera.SetParallelScale(view["half_height"])
-    else:
-        camera.ParallelProjectionOff()
-        camera.SetViewAngle(view["angle_deg"])
+    camera.SetParallelProjection(view["is_parallel"])
+    camera.SetParallelScale(view["half_height"])
+    camera.SetViewAngle(view["angle_deg"])
     camera.SetClippingRange(view["clipping"])
 
 

@@ -16,10 +16,12 @@ from itertools import pairwise
 import numpy as np
 
 from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch
-from renderer.draw.brick_cache import Atlas, BrickCache, BrickView, max_slots_in_memory
+from renderer.draw import brick_cache
+from renderer.draw.brick_cache import Atlas, BrickCache, BrickView
 from renderer.draw.constants import RECTANGLE_ROUNDING_PX
 from renderer.draw.cpu.march import TileBins, bin_bricks, draw_tiles
 from renderer.draw.cpu.sample import Field, Optics, make_table
+from renderer.draw.rasterizer import Rasterizer
 from renderer.draw.subsampling import grid_size, refine_grid, upsample
 from renderer.scene import ShadingSpec
 from renderer.splats import SplatBatch
@@ -51,7 +53,7 @@ class CPUAtlas(Atlas):
     @property
     def max_slots(self) -> int:
         """Return the number of bricks that the atlas may hold."""
-        return max_slots_in_memory(self.num_channels, len(self._slot_from_key))
+        return min(len(self._slot_from_key), max(1, brick_cache.MAX_ATLAS_BYTES // (4 * self._brick_floats)))
 
     def texel_offsets(self, slots: Int64) -> Int64:
         """Return where the bricks in these slots begin in `texels`, halo included: int64 [n]."""
@@ -73,7 +75,7 @@ class CPUAtlas(Atlas):
         self.texels.reshape(-1, self._brick_floats)[slots] = texels.reshape(len(slots), -1)
 
 
-class CPURasterizer:
+class CPURasterizer(Rasterizer):
     """A rasteriser of bricks, for scenes that do not need OpenGL (`Scene.needs_opengl`); used like a GLRasterizer.
 
     The images do not depend on the number of threads. Use as a context manager, or call `release`.
@@ -83,12 +85,6 @@ class CPURasterizer:
 
     def __init__(self, *, num_threads: int = 2) -> None:
         self.cache = BrickCache(partial(CPUAtlas, is_planar=True), CPUAtlas, num_threads)
-
-    def __enter__(self) -> CPURasterizer:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.release()
 
     def release(self) -> None:
         """Free the bricks, and end the threads."""

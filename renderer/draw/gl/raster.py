@@ -28,6 +28,7 @@ from renderer.draw.cpu.raster import CPU_RENDERER_NAME, CPURasterizer
 from renderer.draw.gl.bricks import GLBrickRenderer
 from renderer.draw.gl.programs import EDGE_VERTEX, MESH_VERTEX, SPLAT_VERTEX, load_shader, vertex_content
 from renderer.draw.overlay import CellEdges
+from renderer.draw.rasterizer import Rasterizer
 from renderer.errors import ContextLostError, RenderError
 from renderer.splats import GaussianFootprint, GouraudFootprint, SplatBatch
 from renderer.view import (
@@ -58,7 +59,7 @@ _SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swrast", "SwiftShader", CPU_REND
 EGL_PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
 
 
-class GLRasterizer:
+class GLRasterizer(Rasterizer):
     """A GL context with its programs, for any number of frames of any size.
 
     Where the driver draws on the CPU, CPURasterizer draws bricks instead, because it is faster. num_threads: threads of
@@ -85,12 +86,6 @@ class GLRasterizer:
             self._bricks = GLBrickRenderer(self._context, self._program, self._make_target, num_threads)
         else:
             self._bricks = CPURasterizer(num_threads=num_threads)
-
-    def __enter__(self) -> GLRasterizer:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.release()
 
     def release(self) -> None:
         """Free the context and all that it holds."""
@@ -136,15 +131,12 @@ class GLRasterizer:
     def _rasterize_splats(self, batch: SplatBatch, order: UInt32, view: View) -> Float32:
         camera = model_view(batch, view)
         draw = self._prepare_splats(batch, camera)
-        if len(order) <= MIN_CHUNK_SPLATS:
-            return self._rasterize_chunk(draw, order, view.size, Region(0, 0, *view.size))
-        region = covered_region(batch, camera)
-        image = np.zeros((view.size[1], view.size[0], 4), np.float32)
-        if region.num_pixels == 0:
-            return image
-        num_at_once = splats_per_chunk(region.num_pixels, mean_footprint_area_px(batch, order, camera, region))
+        region, num_at_once = covered_region(batch, camera), len(order)
+        if len(order) > MIN_CHUNK_SPLATS and region.num_pixels > 0:
+            num_at_once = splats_per_chunk(region.num_pixels, mean_footprint_area_px(batch, order, camera, region))
         if len(order) <= num_at_once:
             return self._rasterize_chunk(draw, order, view.size, Region(0, 0, *view.size))
+        image = np.zeros((view.size[1], view.size[0], 4), np.float32)
         covered = np.zeros((region.height, region.width, 4))
         for first in range(0, len(order), num_at_once):
             chunk = self._rasterize_chunk(draw, order[first : first + num_at_once], view.size, region)
