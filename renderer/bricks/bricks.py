@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +30,6 @@ from renderer.pyramid import (
     node_errors,
     root_cells,
 )
-from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import (
     MAX_NORMALIZED_SCALAR,
     PiecewiseTransfer,
@@ -106,32 +106,21 @@ class Bricks:
         return self.pyramid.volume
 
 
-def make_bricks(
-    volume: Volume,
-    transfer: TransferFunction,
-    *,
-    spec: PyramidSpec,
-    error: ErrorSpec,
-    shading: ShadingSpec | None = None,
-    num_threads: int = 2,
-) -> Bricks:
+def make_bricks(volume: Volume, transfer: TransferFunction, *, num_threads: int = 2, **options: Any) -> Bricks:
     """Build the bricks of all levels, and their pyramid; the result does not depend on `num_threads`.
 
+    options: spec, error and shading, as in `build_pyramid`.
     The pyramid has no nodes of the levels up to STREAMED_LEVELS: their statistics are gathered as they are built, and
     their means are recomputed from voxels for drawing.
 
     Raises InputError where the volume's file was changed.
     """
     statistics = [NodeStatistics.empty(volume, level) for level in range(1, STREAMED_LEVELS + 1)]
-    pyramid = build_pyramid(
-        volume,
-        transfer,
-        spec=spec,
-        error=error,
-        shading=shading,
-        num_threads=num_threads,
-        on_nodes=lambda level, *nodes: statistics[level - 1].add(*nodes),
-    )
+
+    def add_nodes(level: int, *nodes: Any) -> None:
+        statistics[level - 1].add(*nodes)
+
+    pyramid = build_pyramid(volume, transfer, num_threads=num_threads, on_nodes=add_nodes, **options)
     volume_range = volume.value_range()
     num_levels = max(1, pyramid.num_levels - BRICK_LEVELS + 1)
     for number in range(STREAMED_LEVELS + 1, num_levels + 1):

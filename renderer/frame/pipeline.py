@@ -72,22 +72,15 @@ def prepare_stage(
     raise_problems([*volume_problems(extent, volume.name), *camera_problems(camera, size, extent)])
     watch.lap("read")
     transfer = make_transfer_function(scene.transfer_function, volume.finest_spacing)
+    build: dict[str, Any] = {"spec": scene.pyramid, "error": scene.error, "shading": scene.shading}
     bricks = None
     if scene.splat.footprint == "integrated":
-        bricks = make_bricks(
-            volume, transfer, spec=scene.pyramid, error=scene.error, shading=scene.shading, num_threads=num_threads
-        )
+        bricks = make_bricks(volume, transfer, num_threads=num_threads, **build)
         pyramid = bricks.pyramid
     else:
-        pyramid = build_pyramid(
-            volume,
-            transfer,
-            spec=scene.pyramid,
-            error=scene.error,
-            shading=scene.shading,
-            num_threads=num_threads,
-            finest_cut=EVERY_CUT if any_tolerance else FinestCut(min_tolerance(scene.error), scene.error.finest_level),
-        )
+        finest_cut = FinestCut(min_tolerance(scene.error), scene.error.finest_level)
+        build["finest_cut"] = EVERY_CUT if any_tolerance else finest_cut
+        pyramid = build_pyramid(volume, transfer, num_threads=num_threads, **build)
     watch.lap("pyramid")
     points = visible_points(pyramid)
     target, distance = _framing(scene, volume, points)

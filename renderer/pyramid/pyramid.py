@@ -177,13 +177,10 @@ def build_pyramid(
     Raises InputError where the volume's file was changed.
     """
     num_levels = max(1 if on_nodes is None else BLOCK_LEVELS, (max(volume.shape_xyz) - 1).bit_length())
-    if on_nodes is not None:
-        finest_cut = FinestCut(level=STREAMED_LEVELS + 1)
-    plan = _plan_build(volume, transfer, spec, error, shading, finest_cut)
+    finest_cut = finest_cut if on_nodes is None else FinestCut(level=STREAMED_LEVELS + 1)
+    plan = replace(_plan_build(volume, transfer, spec, error, shading, finest_cut), on_nodes=on_nodes)
     if on_nodes is None:
         plan = replace(plan, leaf_variance_limits=_leaf_variance_limits(plan, num_levels))
-    else:
-        plan = replace(plan, on_nodes=on_nodes)
     tier, stored = _build_all_blocks(plan, num_threads)
     while len(stored) < num_levels:
         tier, levels = _next_tier(plan, tier, len(stored))

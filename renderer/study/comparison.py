@@ -99,7 +99,7 @@ class FrameDifference:
         It shows many small errors that are close together.
         """
         errors = np.abs(self._signed_errors)
-        sums = [_largest_window_sum(errors[..., channel]) for channel in range(errors.shape[2])]
+        sums = [int(_sums_down(_sums_down(errors[..., channel]).T).max()) for channel in range(errors.shape[2])]
         height, width = (min(WINDOW_PX, length) for length in errors.shape[:2])
         return float(max(sums) / (_UNITS_PER_STEP * height * width))
 
@@ -127,11 +127,6 @@ def _signed_errors_in_255ths(golden: Pixels, actual: Pixels) -> Int32:
     else:
         errors *= _UNITS_PER_STEP
     return errors
-
-
-def _largest_window_sum(errors: Int32) -> int:
-    """Return the largest sum of errors [h, w] >= 0 in a square of WINDOW_PX pixels, or what fits of it."""
-    return int(_sums_down(_sums_down(errors).T).max())
 
 
 def _sums_down(values: Int32) -> Int32:

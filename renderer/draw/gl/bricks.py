@@ -27,9 +27,8 @@ from renderer.view import View
 from renderer.volume import Bools, Float32, UInt32
 
 LoadProgram = Callable[[str, str], Any]  # from the files of the vertex and of the fragment shader
-MakeTarget = Callable[
-    [Callable[[tuple[int, int]], Any], tuple[int, int]], Any
-]  # raises RenderError for what is too large
+# Returns what a function makes for (width, height); raises RenderError for what is too large.
+MakeTarget = Callable[[Callable[[tuple[int, int]], Any], tuple[int, int]], Any]
 
 # Groups of bricks in an image without subsampling. Saturated pixels are masked between groups, which costs more than it
 # saves where few pixels are drawn.

@@ -263,12 +263,8 @@ class GLRasterizer(Rasterizer):
 
         Raises RenderError where the device refuses this size; a lost context refuses a single pixel, too.
         """
-        fails = partial(
-            RenderError,
-            where=self.device,
-            got=f"{size[0]} x {size[1]} pixels",
-            hint="choose a smaller output.size",
-        )
+        got, hint = f"{size[0]} x {size[1]} pixels", "choose a smaller output.size"
+        fails = partial(RenderError, where=self.device, got=got, hint=hint)
         if max(size) > self._largest_side_px:  # larger viewports are cut off in silence
             most = f"at most {self._largest_side_px} pixels a side"
             raise fails("this device cannot draw a picture of this size", expected=most)
