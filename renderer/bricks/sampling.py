@@ -79,19 +79,12 @@ class BrickBatch:
 
 
 def make_brick_batch(
-    cut: BrickCut,
-    bricks: Bricks,
-    *,
-    tolerance: float,
-    shading: ShadingSpec | None,
-    voxel_px: float,
-    pixel_tolerance: float | None = None,
+    cut: BrickCut, bricks: Bricks, *, tolerance: float, shading: ShadingSpec | None, voxel_px: float
 ) -> BrickBatch:
-    """Return the bricks of a cut with the steps and pixels for a tolerance; voxels are about `voxel_px` pixels wide.
-
-    pixel_tolerance: the change of a pixel's channel that the tolerance stands for; None where it is in that unit.
-    """
-    volume, measure = cut.volume, bricks.pyramid.measure
+    """Return the bricks of a cut with the steps and pixels for a tolerance; voxels are about `voxel_px` pixels wide."""
+    volume, measure, (low, high) = cut.volume, bricks.pyramid.measure, bricks.volume_range
+    # The error measure of the largest change of a pixel: 1, but for errors of the scalar the volume's range.
+    largest_change = high - low if bricks.pyramid.of == "scalar" and high > low else 1.0
     thinnest = float((volume.spacing / volume.finest_spacing * volume.shape_xyz).min())
     finest = int(cut.levels.min(initial=len(bricks.levels)))
     # About the largest optical depth of a cell; where the measure does not tell, of the whole volume.
@@ -101,9 +94,7 @@ def make_brick_batch(
         bricks,
         step_sizes(cut.step_errors, tolerance, cut.step_errors if measure == "optical" else depths),
         shading,
-        screen_sampling_at(
-            tolerance if pixel_tolerance is None else pixel_tolerance, voxel_px * 2.0**finest, voxel_px * thinnest
-        ),
+        screen_sampling_at(tolerance / largest_change, voxel_px * 2.0**finest, voxel_px * thinnest),
         volume.centre,
         volume.half_diagonal,
     )

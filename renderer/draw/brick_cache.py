@@ -37,20 +37,15 @@ _UPLOAD_BATCH = 256
 class Atlas(ABC):
     """A store of bricks of one kind, in slots. The caller gives each brick a key, a number from 0 to `num_keys` - 1.
 
-    num_channels: 1 or 4, float32.
+    num_channels: 1 or 4, float32. max_slots: the number of bricks that it may hold.
     """
 
-    def __init__(self, num_channels: int, num_keys: int) -> None:
-        self.num_channels = num_channels
+    def __init__(self, num_channels: int, num_keys: int, max_slots: int) -> None:
+        self.num_channels, self.max_slots = num_channels, max_slots
         self._slot_from_key = np.full(num_keys, -1, np.int64)  # -1: not in the atlas
         self._key_from_slot = np.empty(0, np.int64)  # -1: free
         self._last_used = np.empty(0, np.int64)
         self._use_counter = 0
-
-    @property
-    @abstractmethod
-    def max_slots(self) -> int:
-        """Return the number of bricks that the atlas may hold."""
 
     @abstractmethod
     def _grow(self, num: int) -> None:

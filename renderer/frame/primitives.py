@@ -207,9 +207,6 @@ class BrickPrimitive(Primitive):
     def __init__(self, stage: Stage, bricks: Bricks) -> None:
         super().__init__(stage)
         self._bricks = bricks
-        low, high = bricks.volume_range
-        # The error measure of the largest change of a pixel: 1, but for errors of the scalar the volume's range.
-        self._largest_change = high - low if stage.scene.error.of == "scalar" and high > low else 1.0
         self._largest_error = RAY_ERROR_FACTOR * root_error(bricks.pyramid) or 1.0
 
     def work(self, tolerance: float) -> float:
@@ -244,14 +241,8 @@ class BrickPrimitive(Primitive):
         return cut_bricks(self._bricks, tolerance, finest_level=finest_level_at(self._stage, tolerance))
 
     def _batch(self, cut: BrickCut, tolerance: float) -> BrickBatch:
-        return make_brick_batch(
-            cut,
-            self._bricks,
-            tolerance=tolerance,
-            pixel_tolerance=tolerance / self._largest_change,
-            shading=self._stage.scene.shading,
-            voxel_px=self._stage.voxel_px,
-        )
+        shading, voxel_px = self._stage.scene.shading, self._stage.voxel_px
+        return make_brick_batch(cut, self._bricks, tolerance=tolerance, shading=shading, voxel_px=voxel_px)
 
 
 def num_samples(batch: BrickBatch, order: UInt32, view: View) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from renderer.frame import Clock, Stage, render_frames, view_of
 from renderer.scene import CameraPath, KeyframePath, with_tolerance
 from renderer.study.metrics import FloatImage, over_background
 from renderer.transfer import make_transfer_function
-from renderer.truth import Convergence, Progress, converged_image
+from renderer.truth import Convergence, converged_image
 from renderer.volume import Bools
 
 T = TypeVar("T")
@@ -46,23 +46,15 @@ class Truth:
         return float(self.on_volume.mean())
 
 
-def compute_truth(
-    stage: Stage, frame: int, tolerance: float, *, num_threads: int = 2, on_progress: Progress = lambda _: None
-) -> Truth:
+def compute_truth(stage: Stage, frame: int, tolerance: float, **options: Any) -> Truth:
     """Compute the truth of a frame to `tolerance` in every channel. Raises RenderError if it does not converge.
 
-    on_progress: called with the finished share of the work, in (0, 1].
+    options: num_threads and on_progress, as in `converged_image`.
     """
-    scene = stage.scene
+    scene, view = stage.scene, view_of(stage, frame)
     transfer = make_transfer_function(scene.transfer_function, stage.volume.finest_spacing)
     image, convergence = converged_image(
-        stage.volume,
-        transfer,
-        view_of(stage, frame),
-        tolerance=tolerance,
-        shading=scene.shading,
-        num_threads=num_threads,
-        on_progress=on_progress,
+        stage.volume, transfer, view, tolerance=tolerance, shading=scene.shading, **options
     )
     return Truth(frame, over_background(image, scene.output.background), image[..., 3] > 0, convergence)
 

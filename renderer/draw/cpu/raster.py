@@ -46,14 +46,10 @@ class CPUAtlas(Atlas):
     """
 
     def __init__(self, num_channels: int, num_keys: int, *, is_planar: bool = False) -> None:
-        super().__init__(num_channels, num_keys)
         self._is_planar, self._brick_floats = is_planar, PADDED_BRICK_SIZE**3 * num_channels
+        fitting = max(1, brick_cache.MAX_ATLAS_BYTES // (4 * self._brick_floats))
+        super().__init__(num_channels, num_keys, min(num_keys, fitting))
         self.texels = np.empty(0, np.float32)
-
-    @property
-    def max_slots(self) -> int:
-        """Return the number of bricks that the atlas may hold."""
-        return min(len(self._slot_from_key), max(1, brick_cache.MAX_ATLAS_BYTES // (4 * self._brick_floats)))
 
     def texel_offsets(self, slots: Int64) -> Int64:
         """Return where the bricks in these slots begin in `texels`, halo included: int64 [n]."""

@@ -37,7 +37,6 @@ class GLAtlas(Atlas):
     """
 
     def __init__(self, context: Any, largest_side: int, num_channels: int, num_keys: int) -> None:
-        super().__init__(num_channels, num_keys)
         self._context = context
         self._texture_sizes = _texture_sizes(num_channels, largest_side)
         if not self._texture_sizes:
@@ -47,13 +46,9 @@ class GLAtlas(Atlas):
                 expected=f"{_MIN_SIDE} or more",
                 hint="other footprints than splat.footprint: integrated need no 3D textures",
             )
+        super().__init__(num_channels, num_keys, _num_slots(self._texture_sizes[-1]))
         self.size = self._texture_sizes[0]  # texels along x, y and z
         self.texture: Any = None
-
-    @property
-    def max_slots(self) -> int:
-        """Return the number of bricks that the device may hold."""
-        return _num_slots(self._texture_sizes[-1])
 
     def corners(self, slots: Int64) -> Int64:
         """Return the first texels (x, y, z) of slots, halo included: int64 [n, 3]."""
@@ -100,6 +95,7 @@ class GLAtlas(Atlas):
                 got=f"not even {room}",
                 hint="other programs may be using it; other footprints than splat.footprint: integrated need less",
             )
+        self.max_slots = _num_slots(self._texture_sizes[-1])
         return None
 
 
