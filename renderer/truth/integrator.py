@@ -18,6 +18,7 @@ import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,8 @@ Progress = Callable[[float], None]
 # Few enough to keep every core busy until the end and to stop soon after an interrupt (they take some milliseconds, or
 # half a second if each meets a thousand shaded cells), and enough to be worth a task.
 _RAYS_PER_TASK = 256
-_FIRST_STEP = 1.0
+# The first step, in voxels, and how often it is halved.
+_FIRST_STEP, _MAX_HALVINGS = 1.0, 12
 # Scalars are scaled so that the largest scalar or control value lies between these powers of two, as it usually does:
 # sums, differences and slopes then neither overflow nor vanish.
 _LEAST_EXPONENT, _LARGEST_EXPONENT = -50, 1000
@@ -52,21 +54,13 @@ class Convergence:
     num_pixels: tuple[int, ...]
 
 
-def integrate(
-    volume: Volume,
-    transfer: TransferFunction,
-    view: View,
-    *,
-    step_voxels: float,
-    shading: ShadingSpec | None = None,
-    num_threads: int = 2,
-    on_progress: Progress = lambda _: None,
-) -> Float64:
+def integrate(volume: Volume, transfer: TransferFunction, view: View, *, step_voxels: float, **options: Any) -> Float64:
     """Return the image, float64 [height, width, 4], premultiplied RGBA, unclipped, row 0 at the top.
 
     step_voxels: the longest quadrature step, in voxels of the index axes and in optical depth. Pieces shorter than a
         voxel and thinner than a depth of 1 are also cut into 1 / step_voxels, so that halving it refines every piece.
         Without shading, 1 is already accurate to about 1e-7 (CT scans of an engine and a tree).
+    options: shading, num_threads and on_progress.
     shading: colour times ambient + diffuse * max(0, n . light), n the negative normalised world gradient (central
         differences at voxel centres, one-sided at the border, interpolated trilinearly), and times ambient where the
         gradient is zero.
@@ -75,8 +69,8 @@ def integrate(
         work, as an interrupt does: rays that have not started are dropped.
     """
     width, height = view.size
-    integrate_pixels = _make_integrator(volume, transfer, view, shading, num_threads)
-    radiance = integrate_pixels(np.arange(width * height), [step_voxels], on_progress, 0.0)
+    integrate_pixels = _make_integrator(volume, transfer, view, **options)
+    radiance = integrate_pixels(np.arange(width * height), [step_voxels], 0.0)
     return radiance.reshape(height, width, 4)
 
 
@@ -87,9 +81,7 @@ def converged_image(
     *,
     tolerance: float,
     shading: ShadingSpec | None = None,
-    max_refinements: int = 12,
-    num_threads: int = 2,
-    on_progress: Progress = lambda _: None,
+    **options: Any,
 ) -> tuple[Float64, Convergence]:
     """Integrate each pixel at ever shorter steps, until halving the step changes no channel by `tolerance` or more.
 
@@ -99,25 +91,23 @@ def converged_image(
     has a square root, whose singularities may lie near the ray. One agreement can then be an accident, which was seen
     to leave an error of thirty times the tolerance: two in a row are required.
 
-    max_refinements: the largest number of halvings, from a step of 1. num_threads: as in `integrate`.
-    on_progress: as in `integrate`, for the rays that are known to be needed: the share falls when pixels need one more
-        halving.
+    options: num_threads and on_progress, as in `integrate`. The share is that of the rays that are known to be needed:
+        it falls when pixels need one more halving.
     Returns the image and its convergence. Raises RenderError if a pixel does not converge.
     """
-    assert max_refinements >= 1, max_refinements
     width, height = view.size
-    integrate_pixels = _make_integrator(volume, transfer, view, shading, num_threads)
+    integrate_pixels = _make_integrator(volume, transfer, view, shading, **options)
     num_agreements = 1 if shading is None else 2
     pixels = np.arange(width * height)  # those that have not converged
     agreements = np.zeros(pixels.size, np.int64)  # in a row
     image = np.full((pixels.size, 4), np.inf)  # agrees with nothing
     # Every pixel needs these; together they take little longer than one.
-    steps = [_FIRST_STEP / 2**num_halvings for num_halvings in range(max_refinements + 1)]
+    steps = [_FIRST_STEP / 2**num_halvings for num_halvings in range(_MAX_HALVINGS + 1)]
     first = steps[: num_agreements + 1]
     changes, counts, num_done = [], [], 0
     for at_once in (first, *([step] for step in steps[len(first) :])):
         num_needed = num_done + pixels.size
-        for finer in integrate_pixels(pixels, at_once, on_progress, num_done / num_needed):
+        for finer in integrate_pixels(pixels, at_once, num_done / num_needed):
             change = np.abs(finer - image[pixels]).max(axis=1)
             changes.append(float(change.max()))
             counts.append(pixels.size)
@@ -132,7 +122,7 @@ def converged_image(
     in_a_row = "" if num_agreements == 1 else " at two halvings in a row"
     of_how_many = f"{pixels.size} of {len(image)} pixels"
     raise RenderError(
-        f"the ray integral does not converge in {max_refinements} halvings of its step",
+        f"the ray integral does not converge in {_MAX_HALVINGS} halvings of its step",
         where=volume.name,
         got=f"a change of {changes[-1]:.3g} at a step of {steps[-1]:.3g} voxels; {of_how_many} have not converged",
         expected=f"a change below {tolerance:g}{in_a_row}",
@@ -164,8 +154,13 @@ def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tupl
 
 
 def _make_integrator(
-    volume: Volume, transfer: TransferFunction, view: View, shading: ShadingSpec | None, num_threads: int
-) -> Callable[[Int64, Sequence[float], Progress, float], Float64]:
+    volume: Volume,
+    transfer: TransferFunction,
+    view: View,
+    shading: ShadingSpec | None = None,
+    num_threads: int = 2,
+    on_progress: Progress = lambda _: None,
+) -> Callable[[Int64, Sequence[float], float], Float64]:
     """Return a function that integrates pixels, with each of some steps in voxels, to float64 [steps, n, 4].
 
     It reports the finished share of the whole work, which these pixels take from a share to its end.
@@ -182,7 +177,7 @@ def _make_integrator(
     scale = math.ldexp(1.0, min(max(exponent, _LEAST_EXPONENT), _LARGEST_EXPONENT) - exponent)
     intervals, lambert = _intervals(transfer, scale), _lambert_shading(shading, index_from_world)
 
-    def integrate_pixels(pixels: Int64, steps: Sequence[float], on_progress: Progress, done: float) -> Float64:
+    def integrate_pixels(pixels: Int64, steps: Sequence[float], done: float) -> Float64:
         radiance, max_steps = np.empty((pixels.size, len(steps), 4)), np.array(steps)
 
         def integrate_part(first: int) -> None:
