@@ -5,18 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from hsplat_cli.terminal import is_one_frame, parse_frames
 from renderer.errors import InputError
 from renderer.film import film_path_of_sidecar
-from renderer.job import (
-    FilmJob,
-    FilmRecord,
-    OriginalFilm,
-    late_frame_problems,
-    parse_film_record,
-)
+from renderer.job import FilmJob, OriginalFilm
 from renderer.scene import (
     Scene,
     TreeEditor,
@@ -24,11 +18,15 @@ from renderer.scene import (
     accuracy_of,
     is_film_wide_goal,
     is_same_file,
+    may_be_json,
     parse_scene_content,
     raise_problems,
     read_content,
     tolerance_at,
 )
+
+if TYPE_CHECKING:
+    from renderer.job import FilmRecord
 
 # What names a volume that is not found. These keys say where the voxels are, and change no film.
 _VOLUME_OPTIONS = {"volume.file": "--volume", "volume.raw.file": "--set volume.raw.file=FILE"}
@@ -57,9 +55,12 @@ def load_job(request: SceneRequest, draws: Literal["film", "passes", "nothing"] 
     output: the film at once, or coarser passes first. Raises InputError, and SceneError as `load_scene`.
     """
     content = read_content(request.path)
-    record = parse_film_record(content, request.path)
-    if record is not None:
-        return _load_original(record, request, draws)
+    if may_be_json(content):
+        from renderer.job import parse_film_record
+
+        record = parse_film_record(content, request.path)
+        if record is not None:
+            return _load_original(record, request, draws)
     scene = parse_scene_content(
         content,
         request.path,
@@ -77,6 +78,8 @@ def load_job(request: SceneRequest, draws: Literal["film", "passes", "nothing"] 
 
 def _load_original(record: FilmRecord, request: SceneRequest, draws: Literal["film", "passes", "nothing"]) -> FilmJob:
     """Load the job of a sidecar; parameters as in `load_job`."""
+    from renderer.job import late_frame_problems
+
     path, frames, original = request.path, request.frames, OriginalFilm(request.path, record)
     editor = _editor(record, path)
     editor.apply(request.overrides, request.volume, request.output)

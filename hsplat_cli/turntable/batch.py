@@ -18,7 +18,7 @@ from typing import Any
 from hsplat_cli.scenes import volume_file
 from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable import manifest
-from hsplat_cli.turntable.manifest import FilmRecord
+from hsplat_cli.turntable.manifest import FilmEntry
 from hsplat_cli.turntable.one_film import FilmRequest
 from renderer.errors import RenderError
 from renderer.film import require_writable
@@ -36,7 +36,7 @@ def run_batch(requests: Sequence[FilmRequest], options: Mapping[str, Any], folde
     options: of the command line, for all of them. Each process adds its film to turntable.json.
     """
     require_writable(folder / manifest.MANIFEST_FILE)
-    records: list[FilmRecord] = []
+    records: list[FilmEntry] = []
     try:
         for number, request in enumerate(requests, start=1):
             reporter.status(f"[{number}/{len(requests)}] {volume_file(request.volume)}")
@@ -60,7 +60,7 @@ def run_batch(requests: Sequence[FilmRequest], options: Mapping[str, Any], folde
         )
 
 
-def _make_in_process(request: FilmRequest, options: Mapping[str, Any], reporter: Reporter) -> FilmRecord:
+def _make_in_process(request: FilmRequest, options: Mapping[str, Any], reporter: Reporter) -> FilmEntry:
     """Make a film in another process; return its record, which describes the failure if there was one."""
     start = time.perf_counter()
     arguments = ["turntable", *_as_arguments(options), f"--output={request.scene.parent}"]

@@ -18,7 +18,7 @@ from renderer.errors import HsplatError, OutputLockedError, RenderError
 from renderer.film import lock_slots, write_staged
 from renderer.scene import is_shallow, read_json_object
 
-FilmRecord = dict[str, Any]
+FilmEntry = dict[str, Any]
 
 MANIFEST_FILE = "turntable.json"
 LOCK_FILE = f".{MANIFEST_FILE}.lock"
@@ -44,7 +44,7 @@ _MAX_BYTES = 2**26  # some 500 bytes a film
 
 
 def update_manifest(
-    folder: Path, records: Sequence[FilmRecord], reporter: Reporter, lock_timeout_s: float = LOCK_TIMEOUT_S
+    folder: Path, records: Sequence[FilmEntry], reporter: Reporter, lock_timeout_s: float = LOCK_TIMEOUT_S
 ) -> None:
     """Write records of films to turntable.json, `{"films": [...]}`, in place of the former records of their scenes.
 
@@ -69,13 +69,13 @@ def update_manifest(
         write_staged(folder / MANIFEST_FILE, f"{content}\n".encode())
 
 
-def try_to_update(folder: Path, records: Sequence[FilmRecord], reporter: Reporter) -> None:
+def try_to_update(folder: Path, records: Sequence[FilmEntry], reporter: Reporter) -> None:
     """Write records where there is another error to report: wait for a moment only, and raise nothing."""
     with contextlib.suppress(HsplatError):
         update_manifest(folder, records, reporter, _SHORT_LOCK_TIMEOUT_S)
 
 
-def _to_be_shared(record: FilmRecord) -> FilmRecord:
+def _to_be_shared(record: FilmEntry) -> FilmEntry:
     """Return a record without folders, and without the names and values of an error, if `record_paths` is false."""
     if record.get("record_paths", True):
         return record
@@ -107,7 +107,7 @@ def _locked(folder: Path, reporter: Reporter, timeout_s: float) -> Iterator[None
         yield
 
 
-def _read(folder: Path) -> dict[str, FilmRecord]:
+def _read(folder: Path) -> dict[str, FilmEntry]:
     """Return the undamaged records by the names of their scenes; none where the file is something else."""
     films = (read_json_object(folder / MANIFEST_FILE, _MAX_BYTES) or {}).get("films")
     records = filter(_is_record, films if isinstance(films, list) else [])
@@ -123,7 +123,7 @@ def _is_record(record: Any) -> bool:
     return is_writable and isinstance(record, dict) and all(isinstance(record.get(key), str) for key in _TEXT_KEYS)
 
 
-def _is_current(folder: Path, record: FilmRecord) -> bool:
+def _is_current(folder: Path, record: FilmEntry) -> bool:
     """Return whether the scene of a record still exists, or its volume where no film could be made."""
     if os.path.exists(folder / Path(record["scene"]).name):  # no error for impossible names
         return True
@@ -132,12 +132,12 @@ def _is_current(folder: Path, record: FilmRecord) -> bool:
     return record["status"] == FAILED and (is_private or os.path.exists(place))
 
 
-def manifest_table(records: Sequence[FilmRecord]) -> str:
+def manifest_table(records: Sequence[FilmEntry]) -> str:
     """Return a line for each volume, in columns; for a film that failed with the first line of the error."""
     return format_table([list(_COLUMNS), *map(_row, records)], right_aligned=_NUMBER_COLUMNS)
 
 
-def _row(record: FilmRecord) -> list[str]:
+def _row(record: FilmEntry) -> list[str]:
     shown = record if record["status"] == FINISHED else record | {"film": "-"}
     if "error" in record:
         shown = shown | {"film": record["error"].splitlines()[0]}

@@ -16,7 +16,7 @@ from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import suggest_scene, volume_file
 from hsplat_cli.terminal import FilmEvents, Reporter, report_film
 from hsplat_cli.turntable import manifest
-from hsplat_cli.turntable.manifest import FilmRecord, update_manifest
+from hsplat_cli.turntable.manifest import FilmEntry, update_manifest
 from renderer.errors import HsplatError, InputError, OutputLockedError
 from renderer.film import bytes_digest, require_writable, sidecar_path_of_file, translate_os_errors, write_staged
 from renderer.job import FilmJob, expand_pattern, film_files, require_no_input, volume_files
@@ -38,7 +38,7 @@ class FilmRequest:
     executor: ExecutorSpec
     force: bool
 
-    def record(self, status: str) -> FilmRecord:
+    def record(self, status: str) -> FilmEntry:
         """Return what the record of the film has in any case."""
         paths = {"record_paths": False} if self.film.no_paths else {}
         return paths | {
@@ -60,7 +60,7 @@ class FilmRequest:
         yield from (self.scene.parent / name for name in (self.scene.name, manifest.MANIFEST_FILE, manifest.LOCK_FILE))
         yield from film_files(OutputSpec(self.output), frames, sidecar_path_of_file(self.output, frames, len(frames)))
 
-    def failure_record(self, error: HsplatError) -> FilmRecord:
+    def failure_record(self, error: HsplatError) -> FilmEntry:
         """Return the record of a film that failed, or that another job is making. Exit code 2 is for wrong input."""
         status = manifest.NOT_STARTED if isinstance(error, OutputLockedError) else manifest.FAILED
         summary = {"summary": error.summary} if self.film.no_paths else {}
@@ -74,7 +74,7 @@ def require_inputs_kept(requests: Sequence[FilmRequest]) -> None:
     require_no_input(outputs, chain.from_iterable(volume_files(request.volume) for request in requests))
 
 
-def make_film(request: FilmRequest, reporter: Reporter) -> FilmRecord:
+def make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     """Make the film, record in turntable.json what became of it, and return that record. Raises HsplatError.
 
     A failure leaves no folder, and no record, where there was no folder before.
@@ -98,7 +98,7 @@ def make_film(request: FilmRequest, reporter: Reporter) -> FilmRecord:
     return record
 
 
-def _make_film(request: FilmRequest, reporter: Reporter) -> FilmRecord:
+def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     """Write the scene, render it, and return the record of the film. Raises HsplatError."""
     expand_pattern(str(volume_file(request.volume)))  # raises where no file matches
     # Before the volume is read, which may take long.

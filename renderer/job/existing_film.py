@@ -28,32 +28,34 @@ class ExistingFilm:
         """Return whether it meets what was requested."""
         return self.record.schedule.met and "total" in self.record.seconds
 
-    def why_stale(self, fingerprint: FilmFingerprint, output: OutputSpec, frames: Sequence[int]) -> str | None:
-        """Return why this film is not up to date, as the end of a sentence about it; None where it is.
+    def is_up_to_date(self, fingerprint: FilmFingerprint, output: OutputSpec, frames: Sequence[int]) -> bool:
+        """Return whether it is the film that is requested, and its files are those that were written."""
+        return not self._change(fingerprint, frames) and self.is_complete and self._is_unchanged(output)
 
-        The reason is empty for numbered frames of the same fingerprint, which are kept or redrawn one by one.
+    def why_stale(self, fingerprint: FilmFingerprint, output: OutputSpec, frames: Sequence[int]) -> str:
+        """Return why this film is not up to date, as the end of a sentence about it.
+
+        It is empty for numbered frames of the same fingerprint, which are kept or redrawn one by one.
         """
         change = self._change(fingerprint, frames)
-        if change is None and self.is_complete and self._is_unchanged(output):
-            return None
         if has_frame_files(output):
             is_kept = self.fingerprint.frames_digest == fingerprint.frames_digest
             return "" if is_kept else f"is another film and is drawn again: {change}"
         if not output.file.exists():
             return f"does not exist, and its sidecar describes another film: {change}" if change else ""
-        if change is not None:
+        if change:
             return f"is another film and is drawn again: {change}"
         why = "is not the file that its sidecar describes" if self.is_complete else "is less than what was requested"
         return f"{why} and is drawn again"
 
-    def _change(self, fingerprint: FilmFingerprint, frames: Sequence[int]) -> str | None:
-        """Return what distinguishes the requested film from this one, if anything."""
+    def _change(self, fingerprint: FilmFingerprint, frames: Sequence[int]) -> str:
+        """Return what distinguishes the requested film from this one; empty if nothing does."""
         own = self.fingerprint
         if own.frames_digest != fingerprint.frames_digest:
             return describe_mismatch(own.depends_on, fingerprint.depends_on)
         if own.encoding != fingerprint.encoding or [*self.record.numbers] != [*frames]:
             return describe_differences(own.encoding, fingerprint.encoding) or "it has other frames"
-        return None
+        return ""
 
     def _is_unchanged(self, output: OutputSpec) -> bool:
         if not has_frame_files(output):

@@ -102,10 +102,10 @@ class LockedJob:
                 events.note(f"{volume.name}: {volume.note}")
             job, fingerprint = _with_fingerprint(self.job, volume, executor.device)
             existing = find_existing_film(self.output.sidecar, events) if resumes else None
-            why_stale = existing.why_stale(fingerprint, self.output.spec, job.frames) if existing else ""
-            if existing is not None and why_stale is None:
+            if existing is not None and existing.is_up_to_date(fingerprint, self.output.spec, job.frames):
                 return self._kept_film(existing, fingerprint, volume, events)
             with _open_stage(job, volume) as stage:
+                why_stale = existing.why_stale(fingerprint, self.output.spec, job.frames) if existing else ""
                 if why_stale:
                     events.note(f"{self.output.spec.file} {why_stale}")
                 events.prepared()

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from renderer.job.record import FilmRecord
+if TYPE_CHECKING:  # records take a while to load, and the job of a scene needs none before it draws
+    from renderer.job.record import FilmRecord
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,7 @@ from renderer.job.goals import range_text
 from renderer.job.plan import FilmPlan
 from renderer.job.record import DifferenceRecord, FrameRecord, PassRecord, min_max
 from renderer.scene import (
+    ErrorSpec,
     MetricTarget,
     OutputSpec,
     SplatBudget,
@@ -133,7 +134,8 @@ class Refiner:
         """
         primitive = self._estimator.primitive
         initial_tolerance = primitive.tolerance_for_size(primitive.initial_size)
-        initial = self._estimator.make_draw_list(self._frames[0], initial_tolerance, _stopwatch())
+        for _ in range(2):  # the loops may be compiled in the first, whose time is not that of drawing
+            initial = self._estimator.make_draw_list(self._frames[0], initial_tolerance, _stopwatch())
         first = _FIRST_PASS_FACTOR * self._estimator.predict(initial)
         if self._may_skip_first_pass(first):
             plan = self._final_plan()
@@ -141,7 +143,7 @@ class Refiner:
             if last < _MIN_PASS_FACTOR * first:
                 yield Pass(plan, last)
                 return
-        yield self._pass_within(first)
+        yield self._pass_within(first, self._error)
         self.require_time()
         plan = self._final_plan()
         self.require_time()
@@ -153,12 +155,12 @@ class Refiner:
             affordable = _SAFE_FRACTION * (self._deadline - time.perf_counter()) / len(self._frames)
             if wanted > affordable:
                 if affordable >= _MIN_PASS_FACTOR * before:
-                    yield self._pass_within(affordable, plan)
+                    yield self._pass_within(affordable, plan.stage.scene.error)
                 return
             if wanted == last:
                 yield Pass(plan, last)
                 return
-            yield self._pass_within(wanted, plan)
+            yield self._pass_within(wanted, plan.stage.scene.error)
 
     def require_time(self) -> None:
         """Raise DeadlineReached where the deadline is reached and a pass is finished."""
@@ -272,8 +274,8 @@ class Refiner:
             on_step=self.require_time,
         )
 
-    def _pass_within(self, seconds: float, plan: FilmPlan | None = None) -> Pass:
-        """Return a pass whose frames take these seconds, none finer than in the last pass, as far as that is known."""
+    def _pass_within(self, seconds: float, finest: ErrorSpec) -> Pass:
+        """Return a pass whose frames take these seconds, none finer than this accuracy."""
         goal, stage = self._error.goal, self._estimator.stage
         if isinstance(goal, TimeBudget):
             budgets = {frame: min(seconds, scheduled_value(goal.by_frame, frame)) for frame in self._frames}
@@ -281,10 +283,10 @@ class Refiner:
             predicted = statistics.fmean(budgets.values())
         else:
             draw_list, predicted = find_finest_in_time(self._estimator, self._frames[0], seconds, _stopwatch())
-            coarsest, error = draw_list.lod.tolerance, plan.stage.scene.error if plan else self._error
+            coarsest = draw_list.lod.tolerance
             tolerances = dict.fromkeys(self._frames, coarsest)
-            if error.goal is None:
-                tolerances = {frame: max(coarsest, tolerance_at(error, frame)) for frame in self._frames}
+            if finest.goal is None:
+                tolerances = {frame: max(coarsest, tolerance_at(finest, frame)) for frame in self._frames}
             stage = replace(stage, scene=with_tolerances(stage.scene, tolerances))
             controller = ScheduleController(stage, self._estimator)
         return Pass(FilmPlan(stage, controller, is_unfinished=True, is_timing_dependent=True), predicted)

@@ -62,7 +62,7 @@ def _film_up_to_date(
     With a time budget a part has other pictures each time it is drawn, though the fingerprint is the same.
     """
     existing = find_existing_film(film.sidecar, events)
-    if existing is None or existing.why_stale(fingerprint, film.spec, film.frames) is not None:
+    if existing is None or not existing.is_up_to_date(fingerprint, film.spec, film.frames):
         return None
     digests = [frame.digest for frame in existing.record.frames]
     return existing if digests == [frame.record.digest for frame in picked] else None
