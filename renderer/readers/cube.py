@@ -14,7 +14,7 @@ from typing import IO
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, select_index
+from renderer.readers.common import Image
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field, decode_header
 
@@ -28,7 +28,6 @@ def read_cube(path: Path, time: int | None, component: int | None) -> Image:
 
     Raises InputError for damaged and truncated files, and if `time` or `component` do not fit.
     """
-    select_index("time", time, 1)
     with path.open("rb") as file:
         lines = _lines(file, path)
         next(lines), next(lines)  # comments
@@ -49,10 +48,8 @@ def read_cube(path: Path, time: int | None, component: int | None) -> Image:
     counts = [num_atoms, *(step[0] for step in steps)]
     if min(*shape, num_values) < 1 or not all(map(float.is_integer, counts)):
         raise first.error("a whole number of atoms, and below it three of voxels")
-    channel = select_index("component", component, num_values)
-    whole = slice(None)
-    part = StoredVoxels(path, offset, "text")
-    values = read_stored(Layout(np.dtype(np.float32), (*shape, num_values), (part,)), (whole, whole, whole, channel))
+    layout = Layout(np.dtype(np.float32), (*shape, num_values), (StoredVoxels(path, offset, "text"),))
+    values = read_stored(layout, "sssc", time, component)
     world_from_index = np.eye(4)
     world_from_index[:3, :3] = np.array([step[1:] for step in steps]).T
     world_from_index[:3, 3] = origin

@@ -70,17 +70,16 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
             got=describe_shape(shape),
             expected="x, y, z, then time and component",
         )
-    step = select_index("time", time, shape[3])
-    channel = select_index("component", component, shape[4] if fields is None else len(fields))
+    field = None
+    if fields is not None:
+        field, component = fields[select_index("component", component, len(fields))], None
     offset = int(header["vox_offset"])
     part = StoredVoxels(data_file or header_file, offset, has_rest=True)
     if is_compressed:
         part = StoredVoxels(data_file or header_file, 0, "deflate", offset, has_rest=True)
-    whole = slice(None)
-    index = (channel if fields is None else 0, step, whole, whole, whole)
-    values = read_stored(Layout(dtype, shape[4::-1], (part,)), index)
-    if fields is not None:
-        values = values[fields[channel]]
+    axes = "ctsss" if field is None else "-tsss"
+    values = read_stored(Layout(dtype, shape[4::-1], (part,)), axes, time, component)
+    values = values if field is None else values[field]
     try:
         ras_from_index = _ras_from_index(header)
     except ValueError as error:  # the quaternion is not a rotation

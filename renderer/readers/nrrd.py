@@ -9,18 +9,16 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING, Image, affine, describe_count, in_lps, select_index
+from renderer.readers.common import NO_SPACING, Image, affine, describe_count, in_lps
 from renderer.readers.data_files import find_data_files
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
-from renderer.readers.text_header import MAX_HEADER_BYTES, Field, add_field, decode_header
+from renderer.readers.text_header import MAX_HEADER_BYTES, Field, add_field, header_lines
 from renderer.scene import did_you_mean, format_value
 from renderer.volume import Float64
 
@@ -65,33 +63,17 @@ _CENTERS = ("cell", "node", *_UNKNOWN_KINDS)
 _VECTOR = re.compile(r"\(([^()]*)\)|none", re.IGNORECASE)
 
 
-@dataclass(frozen=True)
-class _Axes:
-    """An array's axes, by their numbers from the fastest to the slowest: `component` and `time` may be missing."""
-
-    space: tuple[int, ...]
-    time: int | None
-    component: int | None
-
-
 def read_nrrd(path: Path, time: int | None, component: int | None) -> Image:
     """Read one time step and component of a NRRD file, in LPS.
 
     Raises InputError for damaged, truncated and foreign files, and if `time` or `component` do not fit.
     """
     fields, layout = read_header(path)
-    sizes = layout.shape[::-1]
-    directions = _vectors(fields["spacedirections"], len(sizes)) if "spacedirections" in fields else []
-    axes = _axes(fields, sizes, directions)
-    step = select_index("time", time, 1 if axes.time is None else sizes[axes.time])
-    channel = select_index("component", component, 1 if axes.component is None else sizes[axes.component])
-    world_from_index, has_spacing = _world_from_index(fields, axes, len(sizes), directions)
-    chosen: dict[int | None, int] = {axes.time: step, axes.component: channel}
-    index = tuple(slice(None) if k in axes.space else chosen.get(k, 0) for k in reversed(range(len(sizes))))
-    values = read_stored(layout, index)
-    return Image(
-        values if values.ndim == 3 else values[np.newaxis], world_from_index, None if has_spacing else NO_SPACING
-    )
+    directions = _vectors(fields["spacedirections"], len(layout.shape)) if "spacedirections" in fields else []
+    axes = _axes(fields, layout.shape[::-1], directions)
+    world_from_index, has_spacing = _world_from_index(fields, axes, directions)
+    values = read_stored(layout, axes[::-1], time, component)
+    return Image(values, world_from_index, None if has_spacing else NO_SPACING)
 
 
 def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
@@ -132,18 +114,17 @@ def _part(fields: dict[str, Field], file: Path, offset: int, encoding: Encoding,
 def _parse(path: Path) -> tuple[dict[str, Field], list[str], int]:
     """Return the fields, the names of a list of data files, and where the voxels begin behind the header."""
     fields: dict[str, Field] = {}
-    with path.open("rb") as file:
-        lines = _lines(file.readline)
-        for number, text in lines:
-            where = f"{path}:{number}"
-            if number == 1:
-                if not re.fullmatch(r"NRRD00\.?[0-9]+", text):
-                    raise InputError("this is not a NRRD file", expected="NRRD0004 or so in line 1")
-                continue
-            if not text:
-                return fields, [], file.tell()
-            if text.startswith("#") or ":=" in text:
-                continue
+    listed: list[str] = []
+    is_list, end = False, 0
+    for where, text, end in header_lines(path):
+        if where == f"{path}:1":
+            if not re.fullmatch(r"NRRD00\.?[0-9]+", text):
+                raise InputError("this is not a NRRD file", expected="NRRD0004 or so in line 1")
+        elif is_list:
+            listed += [text] * bool(text)
+        elif not text:
+            return fields, [], end
+        elif not text.startswith("#") and ":=" not in text:
             name, mark, value = text.partition(":")
             key = name.lower().replace(" ", "").replace("centerings", "centers")
             if not mark or key not in _FIELDS:
@@ -155,23 +136,14 @@ def _parse(path: Path) -> tuple[dict[str, Field], list[str], int]:
                     hint=did_you_mean(key[:40] if mark else None, sorted(_FIELDS)) or _NO_EMPTY_LINE,
                 )
             add_field(fields, key, Field(" ".join(name.split()), value.strip(), where), "NRRD")
-            if key == "datafile" and value.split()[:1] == ["LIST"]:
-                return fields, [line for _, line in lines if line], file.tell()
-        return fields, [], file.tell()
-
-
-def _lines(readline: Callable[[int], bytes]) -> Iterator[tuple[int, str]]:
-    """Yield the number and the text of each line; raises InputError for more than MAX_HEADER_BYTES of them."""
-    left, number = MAX_HEADER_BYTES, 0
-    while line := readline(left):
-        number, left = number + 1, left - len(line)
-        if left == 0:
-            raise InputError(
-                "the header of this NRRD file does not end",
-                got=f"{MAX_HEADER_BYTES} bytes without an empty line",
-                hint=_NO_EMPTY_LINE,
-            )
-        yield number, decode_header(line.rstrip(b"\r\n"))
+            is_list = key == "datafile" and value.split()[:1] == ["LIST"]
+    if end == MAX_HEADER_BYTES:
+        raise InputError(
+            "the header of this NRRD file does not end",
+            got=f"{MAX_HEADER_BYTES} bytes without an empty line",
+            hint=_NO_EMPTY_LINE,
+        )
+    return fields, listed, end
 
 
 def _required(fields: dict[str, Field], name: str) -> Field:
@@ -211,10 +183,11 @@ def _after_lines(file: Path, begin: int, num_lines: int) -> int:
         return opened.tell()
 
 
-def _axes(fields: dict[str, Field], sizes: tuple[int, ...], directions: list[Float64 | None]) -> _Axes:
-    """Return which axes are space, time and components; raises InputError for more of them than a volume has.
+def _axes(fields: dict[str, Field], sizes: tuple[int, ...], directions: list[Float64 | None]) -> str:
+    """Return what each axis is, from the fastest to the slowest, by the letters of `read_stored`.
 
-    Of several axes of time or components, those of length 1 do not count.
+    Raises InputError for more axes of a kind than a volume has.
+        Of several axes of time or components, those of length 1 do not count.
     """
     num_axes = len(sizes)
     kinds = fields["kinds"].text.lower().split() if "kinds" in fields else []
@@ -241,7 +214,8 @@ def _axes(fields: dict[str, Field], sizes: tuple[int, ...], directions: list[Flo
             got=f"{num_axes} axes" + f" of the kinds {' '.join(kinds)}" * any(kinds),
             expected="two or three axes in space, at most one of components, and at most one of time",
         )
-    return _Axes(tuple(space), times[0] if times else None, lists[0] if lists else None)
+    letters = dict.fromkeys(space, "s") | dict.fromkeys(times, "t") | dict.fromkeys(lists, "c")
+    return "".join(letters.get(k, "-") for k in range(num_axes))
 
 
 def _vectors(field: Field, count: int) -> list[Float64 | None]:
@@ -265,13 +239,12 @@ def _vectors(field: Field, count: int) -> list[Float64 | None]:
     return vectors
 
 
-def _world_from_index(
-    fields: dict[str, Field], axes: _Axes, num_axes: int, directions: list[Float64 | None]
-) -> tuple[Float64, bool]:
+def _world_from_index(fields: dict[str, Field], axes: str, directions: list[Float64 | None]) -> tuple[Float64, bool]:
     """Return the affine, float64 [4, 4], and whether the header gives a spacing."""
-    spacing, first = _scalar_places(fields, num_axes, axes)
+    space = [k for k, letter in enumerate(axes) if letter == "s"]
+    spacing, first = _scalar_places(fields, space, len(axes))
     vectors = np.diag(spacing)
-    for column, k in enumerate(axes.space if directions else ()):
+    for column, k in enumerate(space if directions else ()):
         direction = directions[k]
         if direction is not None:
             vectors[:, column] = direction
@@ -282,7 +255,7 @@ def _world_from_index(
     return in_lps(affine(np.ones(3), origin, vectors), factors), has_spacing
 
 
-def _scalar_places(fields: dict[str, Field], num_axes: int, axes: _Axes) -> tuple[Float64, Float64]:
+def _scalar_places(fields: dict[str, Field], space: list[int], num_axes: int) -> tuple[Float64, Float64]:
     """Return spacing and position of the first voxel, float64 [3] each, without a space: 1 and 0 where none is given.
 
     Samples of `cell` lie in the middle of their step, those of `node` at its ends.
@@ -293,7 +266,7 @@ def _scalar_places(fields: dict[str, Field], num_axes: int, axes: _Axes) -> tupl
         raise fields["centers"].error(f"{num_axes} words, one for each axis: cell, node or ???")
     sizes = fields["sizes"].numbers(num_axes)
     spacing, first = np.ones(3), np.zeros(3)
-    for column, k in enumerate(axes.space):
+    for column, k in enumerate(space):
         is_node = centers[k : k + 1] == ["node"]
         step = spacings[k]
         if "spacings" in fields and np.isnan(step):

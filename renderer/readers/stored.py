@@ -24,6 +24,7 @@ from renderer.readers.common import (
     describe_count,
     describe_shape,
     errors_about,
+    select_index,
     stays_mapped,
 )
 from renderer.scene import short_text
@@ -80,11 +81,24 @@ class Layout:
     num_split: int = 0
 
 
-def read_stored(layout: Layout, index: tuple[int | slice, ...]) -> Array:
+def read_stored(layout: Layout, axes: str, time: int | None, component: int | None) -> Array:
+    """Return one time step and component of an array, with its axes in space alone; of a plane [1, y, x].
+
+    axes: a letter for each axis of the array: `t` for time, `c` for components, `s` for an axis in space; of any other
+        only the first item is read. The array may be mapped from its file. Raises InputError if `time` or `component`
+        do not fit, and for files that are missing, truncated, damaged, or too long.
+    """
+    lengths = dict(zip(axes, layout.shape, strict=True))
+    step = select_index("time", time, lengths.get("t", 1))
+    chosen = {"t": step, "c": select_index("component", component, lengths.get("c", 1)), "s": slice(None)}
+    values = _read_part(layout, tuple(chosen.get(letter, 0) for letter in axes))
+    return values if values.ndim == 3 else values[np.newaxis]
+
+
+def _read_part(layout: Layout, index: tuple[int | slice, ...]) -> Array:
     """Return `array[index]` of the array that `layout` describes, or a view of it mapped from its file.
 
-    index: an item for each axis; slices are whole. Integers for the slowest axes save memory. Raises InputError for
-        files that are missing, truncated, damaged, or too long.
+    index: an item for each axis; slices are whole. Integers for the slowest axes save memory.
     """
     num_bytes = check_size(layout.shape[::-1], layout.dtype)
     part_shape = layout.shape[layout.num_split :]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import math
 import os
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 from renderer.errors import InputError
 from renderer.scene import short_text
@@ -66,6 +69,16 @@ def add_field(fields: dict[str, Field], key: str, field: Field, kind: str) -> No
             hint="remove one of the lines",
         )
     fields[key] = field
+
+
+def header_lines(path: Path) -> Iterator[tuple[str, str, int]]:
+    """Yield the place of each line, its text, and the number of bytes up to its end; only of MAX_HEADER_BYTES."""
+    with path.open("rb") as file:
+        head = file.read(MAX_HEADER_BYTES)
+    end = 0
+    for number, line in enumerate(io.BytesIO(head), 1):
+        end += len(line)
+        yield f"{path}:{number}", decode_header(line.rstrip(b"\r\n")), end
 
 
 def decode_header(header: bytes) -> str:
