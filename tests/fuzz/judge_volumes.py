@@ -237,12 +237,8 @@ def _answer(sender: int, case: Case, path: Path, undamaged: Volume, *, in_child:
         except BaseException:
             tell(escaped=traceback.format_exc(limit=-6))
         printed.seek(0)
-        is_quiet = in_child or case.base.form not in (
-            "tiff",
-            "dicom",
-            "vtk",
-        )  # libraries may print in their own process
-        tell(printed=printed.read(300).decode("utf-8", "replace") if is_quiet else "")
+        may_print = case.base.form in ("tiff", "dicom", "vtk") and not in_child  # libraries, in their own process
+        tell(printed="" if may_print else printed.read(300).decode("utf-8", "replace"))
 
 
 def _compared(volume: Volume, undamaged: Volume) -> dict[str, Any]:

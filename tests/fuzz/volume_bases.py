@@ -10,7 +10,7 @@ import re
 import struct
 import tempfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,15 +21,15 @@ import nrrd
 import numpy as np
 import tifffile
 from pydicom import dcmread
-from pydicom.uid import DeflatedExplicitVRLittleEndian, ExplicitVRLittleEndian, RLELossless
+from pydicom.uid import DeflatedExplicitVRLittleEndian, ImplicitVRLittleEndian, RLELossless
 from volume_base import Array, Base, Ranges, attached, behind, detached, written
+from volume_bombs import deflated, zipped
 from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkIOLegacy import vtkStructuredPointsWriter
 from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
-from zstd_frames import zstd_with_checksums
 
-from tests.support.dicom_files import functional_groups, image_fields, save, transcode, write_slice
+from tests.support.dicom_files import dicom_bytes, functional_groups, image_fields, save, transcode, write_slice
 from tests.support.volume_files import write_image
 
 
@@ -91,15 +91,10 @@ def _metaimage() -> Iterator[Base]:
     mark = b"ElementDataFile = "
     for is_compressed in (False, True):
         kind = "zlib" if is_compressed else "raw"
-
-        def write(folder: Path, name: str, is_compressed: bool = is_compressed) -> None:
-            write_image(
-                folder / name, values, spacing=(0.5, 0.5, 2.0), origin=(1.0, 2.0, 3.0), compressed=is_compressed
-            )
-
-        files = written(lambda folder, write=write: write(folder, "a.mha"))
+        place: dict[str, Any] = {"spacing": (0.5, 0.5, 2.0), "origin": (1.0, 2.0, 3.0), "compressed": is_compressed}
+        files = written(lambda folder, place=place: write_image(folder / "a.mha", values, **place))
         yield attached(f"metaimage {kind} attached", files, mark, guarded=is_compressed, values=values)
-        files = written(lambda folder, write=write: write(folder, "a.mhd"))
+        files = written(lambda folder, place=place: write_image(folder / "a.mhd", values, **place))
         yield detached(f"metaimage {kind} detached", files, "a.mhd", guarded=is_compressed, values=values)
     lines = b"ObjectType = Image\nNDims = 3\nDimSize = 10 12 4\nElementSpacing = 1 1 2\nElementType = MET_SHORT\n"
     text = (
@@ -150,25 +145,17 @@ def _packed_by_gzip(data: bytes) -> bytes:
 
 def _arrays() -> Iterator[Base]:
     values = _values("float32")
-    out = io.BytesIO()
-    np.save(out, values)
-    data = out.getvalue()
+    data = _bytes_by(np.save, values)
     headers: dict[str, Ranges] = {"a.npy": ((0, 128),)}
     yield Base("npy plain", {"a.npy": data}, "a.npy", values=values, headers=headers)
     wide = np.asfortranarray(_values(">u2", (2, 4, 6, 5)))
-    out = io.BytesIO()
-    np.save(out, wide)
     second = wide[1].astype(np.uint16)
-    yield Base("npy time", {"a.npy": out.getvalue()}, "a.npy", {"time": 1}, second, headers=headers)
+    yield Base("npy time", {"a.npy": _bytes_by(np.save, wide)}, "a.npy", {"time": 1}, second, headers=headers)
     for name, save_as in (("stored", np.savez), ("deflate", np.savez_compressed)):
-        out = io.BytesIO()
-        save_as(out, a=values)
-        packed = out.getvalue()
+        packed = _bytes_by(save_as, a=values)
         spans = {"a.npz": ((0, len(packed)),)}
         yield Base(f"npz {name}", {"a.npz": packed}, "a.npz", {}, values, spans, pack=_packed_by_zip, unpacked=data)
-    out = io.BytesIO()
-    np.savez_compressed(out, a=values, b=values + 1)
-    packed = out.getvalue()
+    packed = _bytes_by(np.savez_compressed, a=values, b=values + 1)
     spans = {"a.npz": ((0, packed.index(b"PK\1\2")),)}
     yield Base("npz two", {"a.npz": packed}, "a.npz", {"component": 1}, values + 1, spans)
     plain = _values("int16")
@@ -176,15 +163,15 @@ def _arrays() -> Iterator[Base]:
     yield Base("raw", {"a.raw": bytes(16) + plain.tobytes()}, "a.raw", values=plain, raw=raw)
 
 
+def _bytes_by(write: Callable[..., Any], *arguments: Any, **options: Any) -> bytes:
+    """Return what a function writes into a file, its first argument."""
+    out = io.BytesIO()
+    write(out, *arguments, **options)
+    return out.getvalue()
+
+
 def _packed_by_zip(data: bytes) -> bytes:
-    """Return an archive with one array, whose checksum is that of `data`."""
-    deflate = zlib.compressobj(6, zlib.DEFLATED, -15)
-    packed = deflate.compress(data) + deflate.flush()
-    common = struct.pack("<HHHHIII", 0, 8, 0, 33, zlib.crc32(data), len(packed), len(data))
-    local = b"PK\3\4" + struct.pack("<H", 20) + common + struct.pack("<HH", 5, 0) + b"a.npy"
-    central = b"PK\1\2" + struct.pack("<HH", 20, 20) + common + struct.pack("<HHHHHII", 5, 0, 0, 0, 0, 0, 0) + b"a.npy"
-    sizes = struct.pack("<IIH", len(central), len(local) + len(packed), 0)
-    return local + packed + central + b"PK\5\6" + struct.pack("<HHHH", 0, 0, 1, 1) + sizes
+    return zipped(deflated(data), size=len(data), checksum=zlib.crc32(data))
 
 
 def _cube() -> Iterator[Base]:
@@ -213,8 +200,9 @@ def _tiff() -> Iterator[Base]:
     yield _tiff_base("tiled deflate", tiled, tile=(16, 16), compression="deflate", predictor=True, metadata=None)
     yield _tiff_base("big", values, bigtiff=True, byteorder=">", metadata=None)
     yield _tiff_base("predictor", _values("float32"), compression="deflate", predictor=True, metadata=None)
-    frames = zstd_with_checksums(values)
-    yield _tiff_base("zstd-checksum", values, frames, compression="zstd", metadata=None, rowsperstrip=values.shape[1])
+    ramps = np.tile(np.arange(0, 80, 8, np.uint8), (4, 12, 1))
+    frames = iter([_ZSTD_FRAME] * 4)
+    yield _tiff_base("zstd-checksum", ramps, frames, compression="zstd", metadata=None, rowsperstrip=12)
     stack = np.stack([values, values + 1], axis=1)
     described = {"axes": "ZCYX", "spacing": 2.0, "unit": "um"}
     choice = {"component": 1}
@@ -231,9 +219,7 @@ def _tiff() -> Iterator[Base]:
     yield _tiff_of("pyramid", {"a.tif": out.getvalue()}, tiled)
     files = {}
     for k, page in enumerate(values):
-        out = io.BytesIO()
-        tifffile.imwrite(out, page, compression="deflate", metadata=None)
-        files[f"stack/s{k:02}.tif"] = out.getvalue()
+        files[f"stack/s{k:02}.tif"] = _bytes_by(tifffile.imwrite, page, compression="deflate", metadata=None)
     yield _tiff_of("folder", files, values, opened="stack")
 
 
@@ -248,17 +234,17 @@ def _tiff_base(
     **arguments: Any,
 ) -> Base:
     """Return a stack that tifffile writes. stored: its compressed strips. seen: what is read of it."""
-    out = io.BytesIO()
     arguments = {"photometric": "minisblack", "software": False, **arguments}
-    if stored is None:
-        tifffile.imwrite(out, values, **arguments)
-    else:
-        tifffile.imwrite(out, stored, shape=values.shape, dtype=values.dtype, **arguments)
-    data = re.sub(rb"urn:uuid:[-0-9a-f]{36}", b"urn:uuid:" + b"0" * 36, out.getvalue())  # drawn at random
+    if stored is not None:
+        arguments |= {"shape": values.shape, "dtype": values.dtype}
+    data = _bytes_by(tifffile.imwrite, values if stored is None else stored, **arguments)
+    data = re.sub(rb"urn:uuid:[-0-9a-f]{36}", b"urn:uuid:" + b"0" * 36, data)  # drawn at random
     expected = (values if seen is None else seen) if is_exact else None
     return _tiff_of(name, {"a.tif": data}, expected, choice=choice)
 
 
+# What the program zstd writes, with a checksum, for 12 rows of 0, 8, 16, ..., 72.
+_ZSTD_FRAME = bytes.fromhex("28b52ffd24788d000050000810182028303840480100ab69410275c1d229")
 _SUMMED = ("ADOBE_DEFLATE", "DEFLATE", "LZMA")
 
 
@@ -291,23 +277,9 @@ def _dicom() -> Iterator[Base]:
     values = _values("int16")
     stack = {"PixelSpacing": ["0.5", "0.5"], "SpacingBetweenSlices": "2", "SeriesDescription": "scan"}
 
-    def plain(folder: Path) -> None:
-        fields = image_fields(values, **stack)
-        fields.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
-        save(folder / "a.dcm", fields)
-
-    data = written(plain)["a.dcm"]
-    yield _dicom_base("plain", data, values)
-    yield _dicom_base(
-        "implicit", written(lambda folder: save(folder / "a.dcm", image_fields(values, **stack)))["a.dcm"], values
-    )
-
-    def deflated(folder: Path) -> None:
-        fields = image_fields(values, **stack)
-        fields.file_meta.TransferSyntaxUID = DeflatedExplicitVRLittleEndian
-        save(folder / "a.dcm", fields)
-
-    data = written(deflated)["a.dcm"]
+    yield _dicom_base("plain", dicom_bytes(image_fields(values, **stack)), values)
+    yield _dicom_base("implicit", dicom_bytes(image_fields(values, **stack), ImplicitVRLittleEndian), values)
+    data = dicom_bytes(image_fields(values, **stack), DeflatedExplicitVRLittleEndian)
     begin = 144 + struct.unpack_from("<I", data, 140)[0]
     content = zlib.decompress(data[begin:], -15)
     yield Base(
@@ -316,16 +288,13 @@ def _dicom() -> Iterator[Base]:
         "a.dcm",
         values=values,
         headers={"a.dcm": ((128, begin),), "": ((0, content.rindex(b"\xe0\x7f\x10\x00") + 12),)},
-        pack=lambda damaged: data[:begin] + _deflated(damaged),
+        pack=lambda damaged: data[:begin] + deflated(damaged),
         unpacked=content,
     )
 
-    def run_lengths(folder: Path) -> None:
-        fields = image_fields(values, **stack)
-        fields.compress(RLELossless, encoding_plugin="pydicom", generate_instance_uid=False)
-        save(folder / "a.dcm", fields)
-
-    yield _dicom_base("rle", written(run_lengths)["a.dcm"], values)
+    fields = image_fields(values, **stack)
+    fields.compress(RLELossless, encoding_plugin="pydicom", generate_instance_uid=False)
+    yield _dicom_base("rle", dicom_bytes(fields, RLELossless), values)
     small = _values("uint8", (1, 40, 36))
     kinds = ("JPEGLosslessProcess14_1", "JPEGLSLossless", "JPEG2000Lossless", "JPEGBaselineProcess1")
     for kind in kinds:
@@ -338,8 +307,7 @@ def _dicom() -> Iterator[Base]:
 
         known = None if "Baseline" in kind else values
         yield _dicom_base(kind.lower().removesuffix("lossless"), written(compressed)["a.dcm"], known)
-    groups = written(lambda folder: save(folder / "a.dcm", functional_groups(values, [0, 2, 1, 3])))["a.dcm"]
-    yield _dicom_base("enhanced", groups, values)
+    yield _dicom_base("enhanced", dicom_bytes(functional_groups(values, [0, 2, 1, 3]), ImplicitVRLittleEndian), values)
 
     def series(folder: Path) -> None:
         (folder / "series").mkdir()
@@ -361,11 +329,6 @@ def _name_again(path: Path) -> None:
     dataset.save_as(path)
 
 
-def _deflated(data: bytes) -> bytes:
-    deflate = zlib.compressobj(6, zlib.DEFLATED, -15)
-    return deflate.compress(data) + deflate.flush()
-
-
 def _before_pixels(data: bytes) -> Ranges:
     return ((128, data.rindex(b"\xe0\x7f\x10\x00") + 12),)
 
@@ -382,15 +345,13 @@ def _vtk() -> Iterator[Base]:
     array = numpy_to_vtk(values.ravel(), deep=True)
     array.SetName("density")
     image.GetPointData().SetScalars(array)
-    for mode in ("Ascii", "Binary", "Appended"):
-        for compressor in ("None", "ZLib", "LZMA", "LZ4"):
-            if (mode == "Ascii") != (compressor == "None") and mode == "Ascii":
-                continue
-            if compressor in ("LZMA", "LZ4") and mode != "Appended":
-                continue
-            for is_base64 in (True, False) if mode == "Appended" and compressor == "ZLib" else (False,):
-                kind = f"{mode.lower()} {compressor.lower()}" + " base64" * is_base64
-                yield _vtk_base(kind, image, values, mode, compressor, is_base64=is_base64)
+    for mode, compressor, is_base64 in (
+        *(("Ascii", "None", False), ("Binary", "None", False), ("Binary", "ZLib", False), ("Appended", "None", False)),
+        *(("Appended", "ZLib", True), ("Appended", "ZLib", False)),
+        *(("Appended", "LZMA", False), ("Appended", "LZ4", False)),
+    ):
+        kind = f"{mode.lower()} {compressor.lower()}" + " base64" * is_base64
+        yield _vtk_base(kind, image, values, mode, compressor, is_base64=is_base64)
     for name, is_binary in (("ascii", False), ("binary", True)):
         writer = vtkStructuredPointsWriter()
         writer.SetFileTypeToBinary() if is_binary else writer.SetFileTypeToASCII()

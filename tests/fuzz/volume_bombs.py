@@ -133,14 +133,21 @@ def _npy(shape: str, descr: str = "'<u2'", *, length: int | None = None, version
     return b"\x93NUMPY" + bytes((version, 0)) + size.to_bytes(2 if version == 1 else 4, "little") + header
 
 
-def _zip(content: bytes, *, size: int, name: str = "a.npy", method: int = 8) -> bytes:
-    """Return an archive with one member, whose content is compressed already; its checksum is wrong."""
-    common = struct.pack("<HHHHIII", 0, method, 0, 33, 0, len(content), size)
+def zipped(content: bytes, *, size: int, name: str = "a.npy", method: int = 8, checksum: int = 0) -> bytes:
+    """Return an archive with one member, whose content is compressed already, of `size` bytes, by deflate or another
+    method; the checksum is theirs, or wrong."""
+    common = struct.pack("<HHHHIII", 0, method, 0, 33, checksum, len(content), size)
     local = b"PK\3\4" + struct.pack("<H", 20) + common + struct.pack("<HH", len(name), 0) + name.encode()
     rest = struct.pack("<HHHHHII", len(name), 0, 0, 0, 0, 0, 0) + name.encode()
     central = b"PK\1\2" + struct.pack("<HH", 20, 20) + common + rest
     sizes = struct.pack("<IIH", len(central), len(local) + len(content), 0)
     return local + content + central + b"PK\5\6" + struct.pack("<HHHH", 0, 0, 1, 1) + sizes
+
+
+def deflated(data: bytes) -> bytes:
+    """Return a whole deflate stream."""
+    deflate = zlib.compressobj(6, zlib.DEFLATED, -15)
+    return deflate.compress(data) + deflate.flush()
 
 
 def stored_block(data: bytes) -> bytes:
@@ -150,12 +157,12 @@ def stored_block(data: bytes) -> bytes:
 
 def npz_inflates_behind_its_array() -> Files:
     start = stored_block(_npy("4, 4, 4") + bytes(128))
-    return {"a.npz": _zip(start + zeros_by_deflate(4096), size=2**32 - 1)}
+    return {"a.npz": zipped(start + zeros_by_deflate(4096), size=2**32 - 1)}
 
 
 def npz_header_of_gigabytes() -> Files:
     start = stored_block(_npy("4, 4, 4", length=2**32 - 1, version=2))
-    return {"a.npz": _zip(start + zeros_by_deflate(4080), size=2**32 - 1)}
+    return {"a.npz": zipped(start + zeros_by_deflate(4080), size=2**32 - 1)}
 
 
 def npz_many_arrays() -> Files:
@@ -167,7 +174,7 @@ def npz_many_arrays() -> Files:
 
 
 def npz_names_in_bad_utf_8() -> Files:
-    data = bytearray(_zip(b"", size=0, method=0, name="a\xff\xfe.npy".encode("latin-1").decode("latin-1")))
+    data = bytearray(zipped(b"", size=0, method=0, name="a\xff\xfe.npy".encode("latin-1").decode("latin-1")))
     data = bytearray(bytes(data).replace(b"\xc3\xbf\xc3\xbe", b"\xff\xfe\xff\xfe"))
     for mark, at in ((b"PK\3\4", 6), (b"PK\1\2", 8)):
         data[data.index(mark) + at + 1] |= 8
@@ -248,13 +255,13 @@ BOMBS: dict[str, dict[str, Callable[[], Files]]] = {
         "inflates_behind_its_array": npz_inflates_behind_its_array,
         "header_of_gigabytes": npz_header_of_gigabytes,
         "claims_gigabytes": lambda: {
-            "a.npz": _zip(stored_block(_npy("1000, 1000, 2000")) + zeros_by_deflate(64), size=2**32 - 1)
+            "a.npz": zipped(stored_block(_npy("1000, 1000, 2000")) + zeros_by_deflate(64), size=2**32 - 1)
         },
         "many_arrays": npz_many_arrays,
         "lzma_of_a_huge_window": lambda: {
-            "a.npz": _zip(b"\x09\x04\x05\x00\x5d\xff\xff\xff\xff" + bytes(100), size=1000, method=14)
+            "a.npz": zipped(b"\x09\x04\x05\x00\x5d\xff\xff\xff\xff" + bytes(100), size=1000, method=14)
         },
-        "bzip2_inflates": lambda: {"a.npz": _zip(zeros_by_bzip2(4096), size=2**32 - 1, method=12)},
+        "bzip2_inflates": lambda: {"a.npz": zipped(zeros_by_bzip2(4096), size=2**32 - 1, method=12)},
         "names_in_bad_utf_8": npz_names_in_bad_utf_8,
     },
     "cube": {

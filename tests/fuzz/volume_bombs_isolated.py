@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import struct
 from collections.abc import Callable
 from itertools import pairwise
@@ -10,11 +9,10 @@ from itertools import pairwise
 import imagecodecs
 import numpy as np
 import volume_bombs
-from pydicom.dataset import Dataset
-from pydicom.uid import DeflatedExplicitVRLittleEndian, ExplicitVRLittleEndian, JPEG2000Lossless
+from pydicom.uid import DeflatedExplicitVRLittleEndian, JPEG2000Lossless
 from volume_bombs import ZLIB, Files, nested_sequences, stored_block, zeros_by_deflate
 
-from tests.support.dicom_files import image_fields
+from tests.support.dicom_files import dicom_bytes, image_fields
 from tests.support.tiff_files import (
     BITS,
     BYTE,
@@ -82,31 +80,24 @@ def tiff_planes_of_ome() -> Files:
     return {"a.tif": described(text)}
 
 
-def _dicom(dataset: Dataset, syntax: str = ExplicitVRLittleEndian) -> bytes:
-    out = io.BytesIO()
-    dataset.file_meta.TransferSyntaxUID = syntax
-    dataset.save_as(out, enforce_file_format=True)
-    return out.getvalue()
-
-
 _PLANE = np.arange(16, dtype=np.uint16).reshape(4, 4)
 
 
 def _in_dicom(fields: bytes, before: bytes = b"\x08\x00\x60\x00") -> bytes:
     """Return a file with more fields in it, before the one with this number."""
-    data = _dicom(image_fields(_PLANE))
+    data = dicom_bytes(image_fields(_PLANE))
     place = data.index(before, 132)
     return data[:place] + fields + data[place:]
 
 
 def dicom_deflate_inflates() -> Files:
-    data = _dicom(image_fields(_PLANE), DeflatedExplicitVRLittleEndian)
+    data = dicom_bytes(image_fields(_PLANE), DeflatedExplicitVRLittleEndian)
     begin = 144 + struct.unpack_from("<I", data, 140)[0]
     return {"a.dcm": data[:begin] + zeros_by_deflate(4096)}
 
 
 def dicom_deflate_inflates_into_a_field() -> Files:
-    data = _dicom(image_fields(_PLANE), DeflatedExplicitVRLittleEndian)
+    data = dicom_bytes(image_fields(_PLANE), DeflatedExplicitVRLittleEndian)
     begin = 144 + struct.unpack_from("<I", data, 140)[0]
     field = b"\x08\x00\x08\x00OB\0\0" + struct.pack("<I", 2**32 - 2)
     return {"a.dcm": data[:begin] + stored_block(field) + zeros_by_deflate(4096)}
@@ -120,12 +111,12 @@ def dicom_huge_jpeg2000() -> Files:
     item = b"\xfe\xff\x00\xe0\0\0\0\0\xfe\xff\x00\xe0" + struct.pack("<I", len(stream)) + stream
     fields.PixelData = item + b"\xfe\xff\xdd\xe0\0\0\0\0"
     fields["PixelData"].is_undefined_length = True
-    return {"a.dcm": _dicom(fields, JPEG2000Lossless)}
+    return {"a.dcm": dicom_bytes(fields, JPEG2000Lossless)}
 
 
 def dicom_offsets_of_frames() -> Files:
     fields = image_fields(_PLANE, NumberOfFrames="30000", GridFrameOffsetVector=["1"] * 30_000)
-    return {"a.dcm": _dicom(fields)}
+    return {"a.dcm": dicom_bytes(fields)}
 
 
 _VTI = (
@@ -207,19 +198,21 @@ ISOLATED: dict[str, dict[str, Callable[[], Files]]] = {
         "deflate_inflates": dicom_deflate_inflates,
         "deflate_inflates_into_a_field": dicom_deflate_inflates_into_a_field,
         "many_frames": lambda: {
-            "a.dcm": _dicom(image_fields(_PLANE, NumberOfFrames="2147483647", SpacingBetweenSlices="1"))
+            "a.dcm": dicom_bytes(image_fields(_PLANE, NumberOfFrames="2147483647", SpacingBetweenSlices="1"))
         },
         "millions_of_frames": lambda: {
-            "a.dcm": _dicom(image_fields(_PLANE, NumberOfFrames="9999999", SpacingBetweenSlices="1"))
+            "a.dcm": dicom_bytes(image_fields(_PLANE, NumberOfFrames="9999999", SpacingBetweenSlices="1"))
         },
-        "huge_plane": lambda: {"a.dcm": _dicom(image_fields(_PLANE, Rows=65535, Columns=65535, SamplesPerPixel=65535))},
+        "huge_plane": lambda: {
+            "a.dcm": dicom_bytes(image_fields(_PLANE, Rows=65535, Columns=65535, SamplesPerPixel=65535))
+        },
         "huge_jpeg2000": dicom_huge_jpeg2000,
         "field_of_gigabytes": lambda: {
             "a.dcm": (_in_dicom(b"\x08\x00\x08\x00OB\0\0" + struct.pack("<I", 2**32 - 2)), 2**33)
         },
         "offsets_of_frames": dicom_offsets_of_frames,
         "many_series": lambda: {
-            f"many/{k}.dcm": _dicom(
+            f"many/{k}.dcm": dicom_bytes(
                 image_fields(_PLANE, uid=f"1.2.{k}", SeriesDescription="a long description of it " * 2)
             )
             for k in range(60)

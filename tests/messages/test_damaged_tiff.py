@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.readers import isolation, read_volume
-from renderer.scene import FileSource, VolumeSpec
+from renderer.readers import isolation
 from tests.support.tiff_files import (
     ASCII,
     BITS,
@@ -17,7 +16,6 @@ from tests.support.tiff_files import (
     DESCRIPTION,
     HEIGHT,
     LONG,
-    PAGE,
     PIXELS,
     PLANAR,
     SAMPLE_FORMAT,
@@ -26,20 +24,15 @@ from tests.support.tiff_files import (
     STRIPS,
     WIDTH,
     described,
-    directory,
     ome,
     tiff,
 )
 from tests.support.transcripts import Case, cases
-from tests.support.volume_files import refused, written
+from tests.support.volume_files import read, refused, written
 
 
 def big_tiff(first: int, after: bytes = b"") -> bytes:
     return struct.pack("<2sHHHQ", b"II", 43, 8, 0, first) + after
-
-
-def read(path: Path) -> np.ndarray:
-    return read_volume(VolumeSpec(FileSource(path))).values
 
 
 def test_the_page_itself_is_read(tmp_path):
@@ -50,7 +43,7 @@ def test_the_page_itself_is_read(tmp_path):
         "planar.tif": tiff({PLANAR: (SHORT, 1, 2)}),
         "no description.tif": tiff({DESCRIPTION: (ASCII, 0, 0)}),
     }.items():
-        np.testing.assert_array_equal(read(written(tmp_path / name, data)), PIXELS[np.newaxis])
+        np.testing.assert_array_equal(read(written(tmp_path / name, data)).values, PIXELS[np.newaxis])
 
 
 # TIFF files with a fault, by name
@@ -102,23 +95,6 @@ def needed_fields_of_many_values() -> bytes:
     return tiff(fields, b"\x08" + SHARED)
 
 
-def strips_that_share_their_bytes() -> bytes:
-    """Each has the whole page, and all that comes behind it."""
-    places = np.full(1000, 8, "<u4").tobytes() + np.full(1000, NUM_SHARED, "<u4").tobytes()
-    return tiff({STRIPS: (LONG, 1000, 24), STRIP_BYTES: (LONG, 1000, 4024)}, places + SHARED)
-
-
-def pages_that_share_their_strips() -> bytes:
-    """2000 pages of 8000 strips each, all of them the same list."""
-    num_strips, num_pages = 8000, 2000
-    places = np.full(num_strips, 8, "<u4").tobytes() + np.full(num_strips, 16, "<u4").tobytes()
-    fields = {**PAGE, STRIPS: (LONG, num_strips, 24), STRIP_BYTES: (LONG, num_strips, 24 + 4 * num_strips)}
-    begin, size = 24 + len(places), len(directory(fields))
-    following = [begin + size * (page + 1) for page in range(num_pages - 1)] + [0]
-    header = struct.pack("<2sHI", b"II", 42, begin)
-    return header + PIXELS.tobytes() + places + b"".join(directory(fields, place) for place in following)
-
-
 def directories_that_overlap() -> bytes:
     """Each of 1000 fields, and six bytes behind the one before."""
     num_fields, num_pages = 1000, 900
@@ -129,20 +105,11 @@ def directories_that_overlap() -> bytes:
     return bytes(data)
 
 
-@pytest.mark.parametrize(
-    "make",
-    [
-        fields_that_nobody_needs,
-        needed_fields_of_many_values,
-        strips_that_share_their_bytes,
-        pages_that_share_their_strips,
-        directories_that_overlap,
-    ],
-)
+@pytest.mark.parametrize("make", [fields_that_nobody_needs, needed_fields_of_many_values, directories_that_overlap])
 def test_small_files_that_claim_much_end_within_the_limits(tmp_path, monkeypatch, make):
     monkeypatch.setattr(isolation, "_MEMORY_BYTES", 600 << 20)
     (tmp_path / "a.tif").write_bytes(make())
-    if make in (fields_that_nobody_needs, needed_fields_of_many_values):
-        np.testing.assert_array_equal(read(tmp_path / "a.tif"), PIXELS[np.newaxis])
-    else:
+    if make is directories_that_overlap:
         refused(tmp_path / "a.tif")
+    else:
+        np.testing.assert_array_equal(read(tmp_path / "a.tif").values, PIXELS[np.newaxis])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import gdcm
 import numpy as np
 import numpy.typing as npt
 from pydicom.dataset import Dataset, FileMetaDataset
-from pydicom.uid import CTImageStorage, ImplicitVRLittleEndian
+from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, ImplicitVRLittleEndian
 
 Array = npt.NDArray[np.generic]
 
@@ -59,6 +60,14 @@ def image_fields(values: Array, *, uid: str = "1.2.3.4", **fields: Any) -> Datas
         if value is not None:
             setattr(dataset, keyword, value)
     return dataset
+
+
+def dicom_bytes(dataset: Dataset, syntax: str = ExplicitVRLittleEndian) -> bytes:
+    """Return a file with a preamble. syntax: by which pydicom can write, or has compressed the dataset."""
+    out = io.BytesIO()
+    dataset.file_meta.TransferSyntaxUID = syntax
+    dataset.save_as(out, enforce_file_format=True)
+    return out.getvalue()
 
 
 def save(path: Path, dataset: Dataset) -> None:

@@ -13,9 +13,7 @@ import nibabel as nib
 import numpy as np
 import pytest
 
-from renderer.readers import read_volume
-from renderer.scene import FileSource, VolumeSpec
-from tests.support.volume_files import refused, write_image, written
+from tests.support.volume_files import read, refused, write_image, written
 
 VALUES = np.random.default_rng(0).integers(0, 2000, (6, 7, 8)).astype(np.uint16)
 FORMATS = ("raw.nrrd", "gzip.nrrd", "raw.nhdr", "gzip.nhdr", "raw.mha", "zlib.mha", "raw.mhd", "zlib.mhd")
@@ -33,19 +31,15 @@ def write(folder: Path, name: str) -> tuple[Path, Path]:
     return path, others[0] if others else path
 
 
-def read(path: Path) -> np.ndarray:
-    return read_volume(VolumeSpec(FileSource(path))).values
-
-
 @pytest.mark.parametrize("name", FORMATS + OTHERS)
 def test_every_truncation_is_an_error(tmp_path, name):
     path, data_file = write(tmp_path, name)
-    np.testing.assert_array_equal(read(path), VALUES)
+    np.testing.assert_array_equal(read(path).values, VALUES)
     data = data_file.read_bytes()
     for kept in (0, 1, 3, 60, 130, len(data) // 2, len(data) - 30, len(data) - 1):
         data_file.write_bytes(data[:kept])
         if name == "raw.tif" and kept == len(data) - 1:  # part of a number that says that no page follows
-            np.testing.assert_array_equal(read(path), VALUES)
+            np.testing.assert_array_equal(read(path).values, VALUES)
             continue
         refused(path)
 
@@ -66,7 +60,7 @@ def test_gzip_of_several_members_is_whole(tmp_path):
     data = VALUES.tobytes()
     header = b"NRRD0004\ntype: uint16\ndimension: 3\nsizes: 8 7 6\nendian: little\nencoding: gzip\n\n"
     (tmp_path / "a.nrrd").write_bytes(header + gzip.compress(data[:100]) + gzip.compress(data[100:]))
-    np.testing.assert_array_equal(read(tmp_path / "a.nrrd"), VALUES)
+    np.testing.assert_array_equal(read(tmp_path / "a.nrrd").values, VALUES)
 
 
 def test_headers_that_claim_too_much_take_no_memory(tmp_path):
@@ -99,7 +93,7 @@ def test_headers_of_text_that_claim_too_much_take_no_memory(tmp_path):
         ("a.nrrd", nrrd.format("hex"), b"0007" * 60),
         ("a.mha", meta + "ElementDataFile = LOCAL\n", text),
     ):
-        assert read(written(tmp_path / name, header.encode() + voxels)).shape == (3, 4, 5)
+        assert read(written(tmp_path / name, header.encode() + voxels)).shape_xyz == (5, 4, 3)
         refused(written(tmp_path / name, header.encode() + voxels[:118]), match="shorter than its header says")
 
 
@@ -112,7 +106,7 @@ def test_extensions_that_inflate_take_no_memory(tmp_path):
             extension = b"\1\0\0\0" + np.array([num_bytes, 6], "<i4").tobytes() + bytes(num_bytes - 8)
             (tmp_path / "a.nii.gz").write_bytes(gzip.compress(header.binaryblock + extension + bytes(64), 1))
             if is_fine:
-                assert read(tmp_path / "a.nii.gz").shape == (4, 4, 4)
+                assert read(tmp_path / "a.nii.gz").shape_xyz == (4, 4, 4)
                 continue
             refused(tmp_path / "a.nii.gz", match="too much before the voxels")
 
@@ -134,4 +128,4 @@ def test_pipes_in_a_folder_are_not_opened(tmp_path):
     os.mkfifo(tmp_path / "in" / "a.nrrd")
     refused(tmp_path, match="this folder holds no volume")
     write(tmp_path / "in", "raw.mha")
-    np.testing.assert_array_equal(read(tmp_path), VALUES)
+    np.testing.assert_array_equal(read(tmp_path).values, VALUES)

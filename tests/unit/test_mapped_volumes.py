@@ -94,12 +94,6 @@ def test_detached_voxels(name: str, line: str, skipped: int, tmp_path: Path) -> 
     assert volume.source is not None and volume.source.path == tmp_path / "voxels.raw"
 
 
-def test_metaimage_without_a_byte_order_is_little_endian(tmp_path: Path) -> None:
-    (tmp_path / "v.mhd").write_text(DETACHED["v.mhd"].format("").replace("UCHAR", "USHORT"))
-    noise(dtype="<u2").tofile(tmp_path / "voxels.raw")
-    np.testing.assert_array_equal(read(tmp_path / "v.mhd").values, noise(dtype="uint16"))
-
-
 def test_contiguous_parts_are_mapped(tmp_path: Path) -> None:
     values = noise((3, 9, 7, 11), "int16")
     np.save(tmp_path / "v.npy", values)

@@ -186,13 +186,6 @@ def test_one_slice_of_a_series(tmp_path: Path) -> None:
     assert read(tmp_path).note is None
 
 
-def test_damaged_fields_name_their_file(tmp_path: Path) -> None:
-    write(tmp_path)
-    data = (tmp_path / "1.dcm").read_bytes()
-    (tmp_path / "1.dcm").write_bytes(data[: data.index(PIXEL_SPACING)])
-    assert refused(tmp_path, match="this DICOM slice cannot be read").where == str(tmp_path / "1.dcm")
-
-
 def test_pixels_are_those_of_the_image_and_not_of_its_icon(tmp_path: Path) -> None:
     icon = image_fields(np.full((2, 2), 7, np.uint8))
     del icon.file_meta

@@ -71,13 +71,6 @@ def test_cells_lie_between_points(tmp_path):
     np.testing.assert_array_equal(volume.world_from_index[:3, 3], [10.25, 21, 31.5])
 
 
-def test_type_names_of_legacy_vtk_may_be_long(tmp_path):
-    """A reader that copied them into a buffer ended the process."""
-    head = "# vtk DataFile Version 3.0\nscan\nBINARY\nDATASET STRUCTURED_POINTS\nDIMENSIONS 5 4 3\nORIGIN 0 0 0\n"
-    text = f"{head}SPACING 1 1 1\nPOINT_DATA 60\nSCALARS values {'x' * 5000}\nLOOKUP_TABLE default\n"
-    refused(written(tmp_path / "a.vtk", text.encode() + VALUES.tobytes()))
-
-
 @pytest.mark.usefixtures("one_process")
 @pytest.mark.parametrize("name", ["a.vti", "a.vtk"])
 def test_images_that_break_off(tmp_path, name):

@@ -15,14 +15,9 @@ from number_types import RANGES, TYPES, random_ranges
 
 from hsplat_cli import main
 from hsplat_cli.commands.info import info
-from renderer.errors import InputError
-from renderer.readers import read_volume
-from renderer.scene import (
-    FileSource,
-    VolumeSpec,
-    parse_scene,
-)
+from renderer.scene import parse_scene
 from renderer.transfer import make_transfer_function
+from tests.support.volume_files import read, refused
 
 Array = npt.NDArray[Any]
 
@@ -90,11 +85,10 @@ def test_info_of_extreme_values(tmp_path: Path, case: int) -> None:
 @pytest.mark.parametrize(("low", "high"), [(2**60, 2**60 + 255), (-(2**62), -(2**62) + 1), (2**53, 2**53 + 2**15)])
 def test_integers_too_large_for_their_differences_are_refused(tmp_path: Path, low: int, high: int) -> None:
     np.save(tmp_path / "a.npy", np.array([low, high], np.int64).reshape(1, 1, 2))
-    with pytest.raises(InputError, match="these integers are too large for their differences to be drawn"):
-        read_volume(VolumeSpec(FileSource(tmp_path / "a.npy")))
+    refused(tmp_path / "a.npy", match="these integers are too large for their differences to be drawn")
 
 
 @pytest.mark.parametrize(("low", "high"), [(2**62, 2**62), (2**53 - 255, 2**53), (0, 2**63 - 1), (-(2**63), 0)])
 def test_integers_that_float64_tells_apart_are_read(tmp_path: Path, low: int, high: int) -> None:
     np.save(tmp_path / "a.npy", np.array([low, high], np.int64).reshape(1, 1, 2))
-    assert read_volume(VolumeSpec(FileSource(tmp_path / "a.npy"))).values.tolist() == [[[low, high]]]
+    assert read(tmp_path / "a.npy").values.tolist() == [[[low, high]]]
