@@ -9,7 +9,6 @@ import math
 import struct
 import zipfile
 import zlib
-from dataclasses import dataclass
 from pathlib import Path
 from tokenize import TokenError
 from typing import IO, Any, Literal
@@ -19,11 +18,12 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.common import (
     Image,
-    bytes_of,
     check_dtype,
     check_memory,
     check_size,
+    chosen_part,
     describe_shape,
+    fitting_shapes,
     require_exists,
     select_index,
     unreadable_error,
@@ -35,21 +35,13 @@ from renderer.volume import Array
 _MAX_AXES = 32
 _MAX_HEADER_BYTES = 10_000
 
-# Archives are read in pieces of this many bytes. No method of compression packs typical voxels this much.
-_PIECE = 2**20
+# No method of compression packs typical voxels this much.
 _MAX_PACKING = 2**16
 # What Python's zipfile raises for damaged bytes.
 _ARCHIVE_ERRORS = (
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
     *(EOFError, OSError, RuntimeError, ValueError, ArithmeticError, LookupError),
 )
-
-
-@dataclass(frozen=True)
-class _Header:
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-    order: Literal["C", "F"]
 
 
 def read_npy(path: Path, time: int | None, component: int | None) -> Image:
@@ -60,10 +52,10 @@ def read_npy(path: Path, time: int | None, component: int | None) -> Image:
         or not numeric.
     """
     with path.open("rb") as file:
-        header = _npy_header(file, path)
+        shape, dtype, order = _npy_header(file, path)
         offset = file.tell()
-    _check_npy_size(path.stat().st_size - offset, header)
-    values = np.memmap(path, header.dtype, "r", offset, header.shape, header.order)
+    _check_npy_size(path.stat().st_size - offset, shape, dtype)
+    values = np.memmap(path, dtype, "r", offset, shape, order)
     return _chosen(values, time, component)
 
 
@@ -99,18 +91,15 @@ def read_npz(path: Path, time: int | None, component: int | None) -> Image:
 
 def _unpacked(file: IO[bytes], member: zipfile.ZipInfo, path: Path) -> Array:
     """Return the array in an archive; its checksum is compared when it has been read to its end."""
-    header = _npy_header(file, path)
+    shape, dtype, _ = _npy_header(file, path)
     num_packed = min(member.compress_size, path.stat().st_size)
-    _check_npy_size(min(member.file_size, _MAX_PACKING * num_packed) - file.tell(), header)
-    check_memory(math.prod(header.shape) * header.dtype.itemsize)
-    values = np.empty(math.prod(header.shape), header.dtype)
-    target, num_read = bytes_of(values), 0
-    while num_read < len(target) and (piece := file.read(min(_PIECE, len(target) - num_read))):
-        target[num_read : num_read + len(piece)] = piece
-        num_read += len(piece)
-    if num_read < len(target) or file.read(1):
+    _check_npy_size(min(member.file_size, _MAX_PACKING * num_packed) - file.tell(), shape, dtype)
+    check_memory(math.prod(shape) * dtype.itemsize)
+    file.seek(0)
+    values: Array = np.lib.format.read_array(file, allow_pickle=False, max_header_size=_MAX_HEADER_BYTES)
+    if file.read(1):
         raise EOFError("an array has another length than its header says")
-    return values.reshape(header.shape, order=header.order)
+    return values
 
 
 def _chosen(values: Array, time: int | None, component: int | None) -> Image:
@@ -132,17 +121,15 @@ def _chosen(values: Array, time: int | None, component: int | None) -> Image:
             got=f"{values.ndim} axes, {describe_shape(values.shape) or 'a single number'}",
             expected="[z, y, x], or [time, z, y, x] with `time`, or [z, y, x, component] with `component`",
         )
-    has_time = values.ndim == 5 or (values.ndim == 4 and time is not None)
-    has_component = values.ndim - has_time == 4
-    step = select_index("time", time, values.shape[0] if has_time else 1)
-    channel = select_index("component", component, values.shape[-1] if has_component else 1)
-    values = values[step] if has_time else values
-    values = values[..., channel] if has_component else values
-    return Image(values, np.eye(4))
+    axes = {3: "sss", 4: "sssc" if time is None else "tsss", 5: "tsssc"}[values.ndim]
+    return Image(values[chosen_part(axes, values.shape, time, component)], np.eye(4))
 
 
-def _npy_header(file: IO[bytes], path: Path) -> _Header:
-    """Return the header of an array, and leave the file at its first byte; raises InputError for anything else."""
+def _npy_header(file: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[Any], Literal["C", "F"]]:
+    """Return the shape, the dtype and the order of an array, and leave the file at its first byte.
+
+    Raises InputError for anything else than an array.
+    """
     try:
         if file.read(6) != b"\x93NUMPY":
             raise InputError(
@@ -183,17 +170,17 @@ def _npy_header(file: IO[bytes], path: Path) -> _Header:
         )
     if dtype.kind != "b":
         check_dtype(dtype)
-    return _Header(shape, dtype, "F" if is_fortran else "C")
+    return shape, dtype, "F" if is_fortran else "C"
 
 
-def _check_npy_size(num_stored: int, header: _Header) -> None:
+def _check_npy_size(num_stored: int, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
     """Raise InputError for fewer bytes than the array has, and for an array that is empty or too large."""
-    num_bytes = check_size(header.shape[::-1], header.dtype)
+    num_bytes = check_size(shape[::-1], dtype)
     if num_stored < num_bytes:
         raise InputError(
             "the file is shorter than its header says",
             got=f"{num_stored} bytes of voxels",
-            expected=f"{num_bytes} bytes ({describe_shape(header.shape)} values of {header.dtype.name})",
+            expected=f"{num_bytes} bytes ({describe_shape(shape)} values of {dtype.name})",
             hint="the file is truncated",
         )
 
@@ -220,12 +207,8 @@ def map_raw(source: RawSource) -> Array:
 def _fitting_declarations(source: RawSource, found_bytes: int, num_bytes: int, dtype: np.dtype[Any]) -> str | None:
     """Return declarations that would fit and differ in one thing: the length of an axis, the type's size or the
     offset."""
-    fits = []
-    for axis in range(3):
-        other = dtype.itemsize * math.prod(source.shape[:axis] + source.shape[axis + 1 :])
-        if found_bytes > 0 and found_bytes % other == 0:
-            shape = (*source.shape[:axis], found_bytes // other, *source.shape[axis + 1 :])
-            fits.append(f"shape [{', '.join(map(str, shape))}]")
+    shapes = fitting_shapes(source.shape, dtype.itemsize, found_bytes)
+    fits = [f"shape [{', '.join(map(str, shape))}]" for shape in shapes]
     num_voxels = num_bytes // dtype.itemsize
     if found_bytes in (num_voxels, 2 * num_voxels, 4 * num_voxels, 8 * num_voxels):
         fits.append(f"a type of {8 * found_bytes // num_voxels} bits")

@@ -228,13 +228,34 @@ def select_index(key: str, wanted: int | None, count: int, names: Sequence[str] 
             expected=f"`{key}: k` with k from 0 to {count - 1}",
         )
     if wanted is not None and not 0 <= wanted < count:
-        several = f"0 to {count - 1}"
         raise InputError(
             f"there is no such {plural[:-1]}",
             got=f"{key}: {wanted}",
-            expected=several if count > 1 else f"0 or no `{key}` at all: the volume has one",
+            expected=f"0 to {count - 1}" if count > 1 else f"0 or no `{key}` at all: the volume has one",
         )
     return wanted or 0
+
+
+def chosen_part(axes: str, shape: tuple[int, ...], time: int | None, component: int | None) -> tuple[int | slice, ...]:
+    """Return the index of one time step and component in an array.
+
+    axes: a letter for each axis: `t` for time, `c` for components, `-` for one of which the first item is chosen, and
+        any other for an axis in space. Raises InputError if `time` or `component` do not fit.
+    """
+    lengths = dict(zip(axes, shape, strict=True))
+    step = select_index("time", time, lengths.get("t", 1))
+    chosen = {"t": step, "c": select_index("component", component, lengths.get("c", 1)), "-": 0}
+    return tuple(chosen.get(letter, slice(None)) for letter in axes)
+
+
+def fitting_shapes(shape_xyz: tuple[int, ...], itemsize: int, num_bytes: int) -> list[tuple[int, ...]]:
+    """Return the shapes that this many bytes fill, each with another length of one axis."""
+    others = [itemsize * math.prod((*shape_xyz[:k], *shape_xyz[k + 1 :])) for k in range(len(shape_xyz))]
+    return [
+        (*shape_xyz[:k], num_bytes // other, *shape_xyz[k + 1 :])
+        for k, other in enumerate(others)
+        if num_bytes > 0 and num_bytes % other == 0
+    ]
 
 
 def require_exists(path: Path) -> Path:

@@ -7,6 +7,7 @@ are negative. A negative number of atoms announces a line with the numbers of se
 from __future__ import annotations
 
 import itertools
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
@@ -14,9 +15,9 @@ from typing import IO
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image
+from renderer.readers.common import Image, affine
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
-from renderer.readers.text_header import Field, decode_header
+from renderer.readers.text_header import Field
 
 # No molecule has as many atoms.
 _MAX_LINES = 2**17
@@ -50,10 +51,7 @@ def read_cube(path: Path, time: int | None, component: int | None) -> Image:
         raise first.error("a whole number of atoms, and below it three of voxels")
     layout = Layout(np.dtype(np.float32), (*shape, num_values), (StoredVoxels(path, offset, "text"),))
     values = read_stored(layout, "sssc", time, component)
-    world_from_index = np.eye(4)
-    world_from_index[:3, :3] = np.array([step[1:] for step in steps]).T
-    world_from_index[:3, 3] = origin
-    return Image(values.transpose(2, 1, 0), world_from_index)
+    return Image(values.transpose(2, 1, 0), affine(np.ones(3), origin, np.transpose([step[1:] for step in steps])))
 
 
 def _lines(file: IO[bytes], path: Path) -> Iterator[Field]:
@@ -66,4 +64,4 @@ def _lines(file: IO[bytes], path: Path) -> Iterator[Field]:
                 where=f"{path}:{number}",
                 hint="the file is truncated or damaged",
             )
-        yield Field(f"line {number}", decode_header(line).strip(), f"{path}:{number}")
+        yield Field(f"line {number}", os.fsdecode(line).strip(), f"{path}:{number}")

@@ -53,19 +53,17 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
             expected="one slice per file, or all of them in one file",
         )
     frames.sort(key=lambda frame: float(frame.position @ frame.normal))
-    _check_alike(frames, path)
+    _check_alike(frames)
     first = frames[0]
-    step = first.normal * first.thickness if len(frames) == 1 else _even_step(frames, path)
+    step = first.normal * first.thickness if len(frames) == 1 else _even_step(frames)
     channel = select_index("component", component, first.num_samples)
     dtype = np.result_type(*(frame.dtype for frame in frames))  # the rescale slope may differ from frame to frame
     values = allocate_voxels(host, (len(frames), *first.size[::-1]), dtype)
-    opened, pixels = None, None
-    for target, frame in zip(values, frames, strict=True):
-        if opened != frame.file:
-            host.begin_file(frame.file)
-            opened, pixels = frame.file, pixels_of(frame.file)
-        assert pixels is not None
-        target[...] = frame.rescaled(pixels[frame.number, :, :, channel])
+    for file, targets in itertools.groupby(zip(values, frames, strict=True), lambda pair: pair[1].file):
+        host.begin_file(file)
+        pixels = pixels_of(file)
+        for target, frame in targets:
+            target[...] = frame.rescaled(pixels[frame.number, :, :, channel])
     axes = np.column_stack([first.across, first.down, step])
     note = None if path.is_dir() or len(frames) > 1 else _one_of_a_series(path)
     return Image(values, affine(np.ones(3), first.position, axes), note)
@@ -76,20 +74,17 @@ def _series_files(folder: Path) -> list[Path]:
     series: dict[str, list[Path]] = defaultdict(list)
     descriptions: dict[str, str] = {}
     without_image: dict[str, list[Path]] = defaultdict(list)
-    others = []
+    others: list[Path] = []
     for path in sorted(folder.iterdir()):
         if path.name.startswith(".") or path.is_dir():
             continue
-        if not is_dicom(path):
-            others.append(path)
-            continue
-        dataset = open_dicom(path)
+        dataset = open_dicom(path) if is_dicom(path) else {}
         uid = text_of(dataset, _SERIES) or ""
-        if "Rows" not in dataset:  # a report, a plan, an index of files, each with a series of its own
+        if "Rows" in dataset:
+            series[uid].append(path)
+            descriptions.setdefault(uid, text_of(dataset, _DESCRIPTION) or uid)
+        else:  # perhaps a report, a plan, an index of files, each with a series of its own
             (without_image[uid] if uid else others).append(path)
-            continue
-        series[uid].append(path)
-        descriptions.setdefault(uid, text_of(dataset, _DESCRIPTION) or uid)
     if not series:
         raise InputError(
             "this folder holds no volume",
@@ -119,17 +114,13 @@ def _check_none_lost(others: list[Path], files: list[Path]) -> None:
     shapes = {_shape(path.name) for path in files}
     for path in others:
         if _shape(path.name) in shapes:
+            is_empty = path.is_file() and path.stat().st_size == 0
+            kind = "a DICOM file without a series" if is_dicom(path) else "a file that is not DICOM"
             raise unreadable_slice(
                 path,
                 "the file is truncated or damaged: copy it again, or remove it if it is no slice",
-                _describe_other(path),
+                "an empty file" if is_empty else kind,
             )
-
-
-def _describe_other(path: Path) -> str:
-    if path.is_file() and path.stat().st_size == 0:
-        return "an empty file"
-    return "a DICOM file without a series" if is_dicom(path) else "a file that is not DICOM"
 
 
 def _shape(name: str) -> str:
@@ -147,7 +138,7 @@ def _one_of_a_series(path: Path) -> str | None:
     return None
 
 
-def _check_alike(frames: list[Frame], path: Path) -> None:
+def _check_alike(frames: list[Frame]) -> None:
     first = frames[0]
     for frame in frames[1:]:
         for what, got, expected, tolerance in (
@@ -169,7 +160,7 @@ def _describe(numbers: Sequence[float]) -> str:
     return (" x " if len(numbers) == 2 else " ").join(f"{number:.6g}" for number in numbers)
 
 
-def _even_step(frames: list[Frame], path: Path) -> Float64:
+def _even_step(frames: list[Frame]) -> Float64:
     """Return the step from slice to slice, float64 [3]; raises InputError if it is not the same everywhere."""
     positions = np.array([part.position for part in frames])
     gaps = np.linalg.norm(np.diff(positions, axis=0), axis=1)

@@ -105,10 +105,6 @@ def _open(path: Path, *, with_pixels: bool = False) -> tuple[_Dataset, bool]:
         raise unreadable_slice(path, "a field of it is damaged: copy it again, or save it again") from error
 
 
-def _transfer_syntax(dataset: _Dataset) -> Any:
-    return getattr(getattr(dataset, "file_meta", None), "TransferSyntaxUID", None)
-
-
 def unreadable_slice(path: Path, hint: str = "the file is truncated or damaged", got: str | None = None) -> InputError:
     """Return the error for a file that cannot be read."""
     return InputError("this DICOM slice cannot be read", where=str(path), got=got, hint=hint)
@@ -140,7 +136,7 @@ def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
         InputError for such lengths, as for damaged files and for files without pixels.
     """
     dataset, has_pixels = _open(path)
-    syntax = _transfer_syntax(dataset)
+    syntax = dataset.file_meta.get("TransferSyntaxUID")
     if not has_pixels and not (syntax is not None and syntax.is_deflated):
         raise unreadable_slice(path)
     try:
@@ -173,9 +169,8 @@ def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
 
 def _groups(dataset: _Dataset, tag: int) -> list[list[_Dataset]]:
     """Return for each item of a sequence of functional groups the datasets in the groups that are needed."""
-    if tag not in dataset:
-        return []
-    return [[item[group].value[0] for group in _GROUPS if group in item] for item in dataset[tag].value]
+    items = dataset[tag].value if tag in dataset else []
+    return [[item[group].value[0] for group in _GROUPS if group in item] for item in items]
 
 
 def _lengths(
@@ -239,7 +234,7 @@ def _rescaled_dtype(dataset: _Dataset, slope: float, intercept: float) -> np.dty
 def pixels_of(path: Path) -> Array:
     """Return the stored pixels of a file, [frame, y, x, sample]; raises InputError if they cannot be decoded."""
     dataset, _ = _open(path, with_pixels=True)
-    syntax = _transfer_syntax(dataset)
+    syntax = dataset.file_meta.get("TransferSyntaxUID")
     if syntax is None:  # without a preamble
         dataset.file_meta.TransferSyntaxUID = _plain_syntax(dataset)
     for keyword, usual in _USUAL.items():

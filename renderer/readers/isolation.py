@@ -18,7 +18,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import IO, Any, Protocol
+from typing import IO, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -34,23 +34,8 @@ from renderer.volume import Array
 _MEMORY_BYTES, _NUM_COPIES = 1 << 30, 4
 _SECONDS, _BYTES_PER_SECOND, _PARSED_BYTES_PER_SECOND, _FILES_PER_SECOND = 10, 1 << 20, 8 << 20, 10
 
-_BLOCK_BYTES = 512  # of st_blocks, whatever the disk has
-
 _MAX_ANSWER_BYTES = 1 << 24
 _ERROR_FIELDS = ("what", "where", "got", "expected", "hint")
-
-
-class Host(Protocol):
-    """A process as its reader uses it."""
-
-    def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
-        """Return an array of zeros for the voxels, native, which the reader fills and returns."""
-
-    def expect_bytes(self, num_bytes: int) -> None:
-        """Extend the limit of memory by what a library needs before `allocate` is called."""
-
-    def begin_file(self, path: Path) -> None:
-        """Record the file that is read next, for the message if that ends the process."""
 
 
 def allocate_voxels(host: Host, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
@@ -67,7 +52,8 @@ def read_isolated(reader: str, path: Path, **arguments: Any) -> Image:
     """
     files = [entry for entry in os.scandir(path) if entry.is_file()] if path.is_dir() else [path]
     stats = [file.stat() for file in files]
-    num_bytes = sum(min(stat.st_size, _BLOCK_BYTES * stat.st_blocks) for stat in stats)  # a sparse file may be empty
+    # A sparse file may be empty: its blocks, of 512 bytes whatever the disk has, say what is there.
+    num_bytes = sum(min(stat.st_size, 512 * stat.st_blocks) for stat in stats)
     seconds = _SECONDS + len(stats) // _FILES_PER_SECOND + num_bytes // _PARSED_BYTES_PER_SECOND
     memory = _MEMORY_BYTES + _NUM_COPIES * max((stat.st_size for stat in stats), default=0)
     limits = {"memory": memory, "seconds": seconds}
@@ -100,7 +86,7 @@ def read_isolated(reader: str, path: Path, **arguments: Any) -> Image:
                 expected=f"at most {_MEMORY_BYTES >> 20} MiB beside the voxels and {seconds} s without them",
                 hint="the file is damaged, or made to do harm",
             )
-        return _image(answer, voxels, path)
+        return _image(answer, voxels)
 
 
 def _no_process_error(path: Path, got: str) -> RenderError:
@@ -112,7 +98,7 @@ def _no_process_error(path: Path, got: str) -> RenderError:
     )
 
 
-def _image(answer: dict[str, Any], voxels: IO[bytes], path: Path) -> Image:
+def _image(answer: dict[str, Any], voxels: IO[bytes]) -> Image:
     """Return the image of an answer, mapped from the shared memory; raises InputError if the answer is an error."""
     if "what" in answer:
         what, *others = (answer[name] for name in _ERROR_FIELDS)
@@ -125,19 +111,19 @@ def _image(answer: dict[str, Any], voxels: IO[bytes], path: Path) -> Image:
     return Image(values, world_from_index, answer["note"])
 
 
-class _Child:
-    """A host of a reader in a child process: shared memory for voxels, and lines of JSON to the parent."""
+class Host:
+    """A child process as its reader uses it: shared memory for voxels, and lines of JSON to the parent."""
 
     def __init__(self, sender: IO[bytes], descriptor: int) -> None:
         self._sender, self._descriptor = sender, descriptor
         self.values: Array | None = None
 
     def expect_bytes(self, num_bytes: int) -> None:
-        """Extend the limit of memory."""
+        """Extend the limit of memory by what a library needs before `allocate` is called."""
         _extend_limit(resource.RLIMIT_AS, num_bytes)
 
     def begin_file(self, path: Path) -> None:
-        """Tell the parent which file is read next."""
+        """Tell the parent which file is read next, for the message if that ends the process."""
         self.send(str(path))
 
     def send(self, answer: str | dict[str, Any]) -> None:
@@ -146,7 +132,10 @@ class _Child:
         self._sender.flush()
 
     def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
-        """Return an array of zeros in the shared memory, which replaces an earlier one, and extend the limits by it."""
+        """Return an array of zeros for the voxels, native, which the reader fills and returns.
+
+        It is in the shared memory, replaces an earlier one, and extends the limits by its size.
+        """
         num_bytes = math.prod(shape) * np.dtype(dtype).itemsize
         self.expect_bytes((1 + _NUM_COPIES) * num_bytes)
         _extend_limit(resource.RLIMIT_CPU, num_bytes // _BYTES_PER_SECOND)
@@ -204,7 +193,7 @@ def _main() -> None:
     sender, descriptor, request = int(sys.argv[1]), int(sys.argv[2]), json.loads(sys.argv[3])
     _limit_child(**request["limits"])
     with open(sender, "wb") as file:
-        child, path = _Child(file, descriptor), Path(request["path"])
+        child, path = Host(file, descriptor), Path(request["path"])
         child.begin_file(path)
         try:
             image = call_reader(request["reader"], path, request["arguments"], child)

@@ -32,7 +32,7 @@ from renderer.readers.common import (
     unreadable_error,
 )
 from renderer.readers.sniff import read_start
-from renderer.readers.stored import Layout, StoredVoxels, read_stored
+from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.volume import Array, Float64
 
 # The lengths of NIfTI-1 and NIfTI-2 headers, which are their first number.
@@ -74,9 +74,8 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     if fields is not None:
         field, component = fields[select_index("component", component, len(fields))], None
     offset = int(header["vox_offset"])
-    part = StoredVoxels(data_file or header_file, offset, has_rest=True)
-    if is_compressed:
-        part = StoredVoxels(data_file or header_file, 0, "deflate", offset, has_rest=True)
+    encoding: Encoding = "deflate" if is_compressed else "raw"
+    part = StoredVoxels(data_file or header_file, 0, encoding, offset, has_rest=True)
     axes = "ctsss" if field is None else "-tsss"
     values = read_stored(Layout(dtype, shape[4::-1], (part,)), axes, time, component)
     values = values if field is None else values[field]
@@ -85,7 +84,8 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     except ValueError as error:  # the quaternion is not a rotation
         raise unreadable_error(error) from error
     slope, intercept = header.get_slope_inter()
-    values = values if slope is None else _scaled(values, slope, intercept)
+    if slope is not None and (slope, intercept) != (1.0, 0.0):
+        values = _scaled(values, slope, intercept)
     return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)))
 
 
@@ -154,8 +154,6 @@ def _check_offset_and_slope(header: _Header, least: int) -> None:
 
 
 def _scaled(values: Array, slope: float, intercept: float) -> Array:
-    if slope == 1.0 and intercept == 0.0:
-        return values
     exact_in_single = values.dtype.itemsize <= 2 or values.dtype.newbyteorder("=") == np.float32
     scaled = np.empty(values.shape, np.float32 if exact_in_single else np.float64)
     with np.errstate(over="ignore", invalid="ignore"):  # too large values become infinite, and are refused later
@@ -165,10 +163,9 @@ def _scaled(values: Array, slope: float, intercept: float) -> Array:
 
 
 def _ras_from_index(header: _Header) -> Float64:
-    if header["sform_code"] > 0 and has_volume(header.get_sform()):
-        return np.array(header.get_sform(), np.float64)
-    if header["qform_code"] > 0 and has_volume(header.get_qform()):
-        return np.array(header.get_qform(), np.float64)
+    for code, affine in (("sform_code", header.get_sform), ("qform_code", header.get_qform)):
+        if header[code] > 0 and has_volume(affine()):
+            return np.array(affine(), np.float64)
     # Method 1 of the standard: x = pixdim[1] i and so on. nibabel, compatible with Analyze, would mirror it.
     sizes = np.ones(3)
     num_axes = min(3, int(header["dim"][0]))

@@ -82,11 +82,17 @@ def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
     Raises InputError for headers that are damaged or foreign, and for missing data files.
     """
     fields, listed, offset = _parse(path)
-    num_axes = _required(fields, "dimension").whole(1, _MAX_AXES)
-    shape = tuple(int(n) for n in _required(fields, "sizes").numbers(num_axes, whole=True, least=1))[::-1]
-    kind = _required(fields, "type")
-    dtype = np.dtype(_choice(kind, _TYPES))
-    encoding = _choice(_required(fields, "encoding"), _ENCODINGS)
+    for name in ("dimension", "sizes", "type", "encoding"):
+        if name not in fields:
+            raise InputError(
+                "this NRRD header lacks a field",
+                expected=f"a line `{name}: ...`",
+                hint="add that line, or save the file again",
+            )
+    num_axes = fields["dimension"].whole(1, _MAX_AXES)
+    shape = tuple(int(n) for n in fields["sizes"].numbers(num_axes, whole=True, least=1))[::-1]
+    dtype = np.dtype(_choice(fields["type"], _TYPES))
+    encoding = _choice(fields["encoding"], _ENCODINGS)
     if dtype.itemsize > 1 and encoding != "text":
         order = _choice(fields["endian"], {"little": "<", "big": ">"}) if "endian" in fields else "="
         dtype = dtype.newbyteorder(order)
@@ -146,16 +152,6 @@ def _parse(path: Path) -> tuple[dict[str, Field], list[str], int]:
     return fields, listed, end
 
 
-def _required(fields: dict[str, Field], name: str) -> Field:
-    if name not in fields:
-        raise InputError(
-            "this NRRD header lacks a field",
-            expected=f"a line `{name}: ...`",
-            hint="add that line, or save the file again",
-        )
-    return fields[name]
-
-
 def _choice(field: Field, choices: dict[str, Any]) -> Any:
     """Return what a field's word stands for; raises InputError for a word that is none of the choices."""
     word = " ".join(field.text.lower().split())
@@ -184,7 +180,7 @@ def _after_lines(file: Path, begin: int, num_lines: int) -> int:
 
 
 def _axes(fields: dict[str, Field], sizes: tuple[int, ...], directions: list[Float64 | None]) -> str:
-    """Return what each axis is, from the fastest to the slowest, by the letters of `read_stored`.
+    """Return what each axis is, from the fastest to the slowest, by the letters of `chosen_part`.
 
     Raises InputError for more axes of a kind than a volume has.
         Of several axes of time or components, those of length 1 do not count.

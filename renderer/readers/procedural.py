@@ -7,6 +7,7 @@ with sines, is rounded to 8 bits.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -18,9 +19,6 @@ from renderer.volume import Array
 
 # Working memory is a few float arrays of this many voxels: slabs of whole planes, or blocks of rows of larger planes.
 _SLAB_VOXELS = 2**20
-
-CONSTANT_VALUE = 200
-SINGLE_VOXEL_VALUE = 255
 
 _AIR, _COOLANT, _ALUMINIUM, _IRON, _STEEL = 12, 40, 96, 158, 226
 # Standard deviation of the noise in grey values, and the width in voxels over which the scanner blurs an edge.
@@ -40,13 +38,13 @@ def procedural_values(source: ProceduralSource) -> Array:
 
 
 def _constant(source: ProceduralSource) -> Array:
-    return np.full(source.shape[::-1], CONSTANT_VALUE, np.uint8)
+    return np.full(source.shape[::-1], 200, np.uint8)
 
 
 def _single_voxel(source: ProceduralSource) -> Array:
     """Return a volume with one voxel set, at index n // 2 of each axis."""
     values = np.zeros(source.shape[::-1], np.uint8)
-    values[tuple(n // 2 for n in values.shape)] = SINGLE_VOXEL_VALUE
+    values[tuple(n // 2 for n in values.shape)] = 255
     return values
 
 
@@ -183,16 +181,15 @@ def _engine_block(source: ProceduralSource) -> Array:
     num_words = 0  # of random bits, for the slabs so far
     for begin in range(0, len(z), thickness):
         slab = values[begin : begin + thickness]
-        num_voxels = 0  # of the slab so far; several blocks are those of a single plane
         for rows in _row_blocks(source):
             block = slab[:, rows]
             field = np.full(block.shape, _AIR, np.float32)
             for part in parts:
                 _paint(field, part, (x, y[rows], z[begin : begin + thickness]), blur)
-            first_bytes = [8 * num_words + k * slab.size + num_voxels for k in range(3)]
+            num_before = rows.start * len(x)  # voxels of the slab: several blocks are those of a single plane
+            first_bytes = [8 * num_words + k * slab.size + num_before for k in range(3)]
             field += _noise(source.seed, first_bytes, block.size).reshape(block.shape)
             block[...] = np.clip(np.floor(field + np.float32(0.5)), 0, 255)
-            num_voxels += block.size
         num_words += -(-3 * slab.size // 8)
     return values
 
@@ -235,9 +232,6 @@ def _paint(field: Array, part: _Part, axes: tuple[Array, Array, Array], blur: np
         across = [c for i, c in enumerate((x, y, z)) if i != part.axis]
         radius = next(h for i, h in enumerate(half) if i != part.axis)
         faces = [np.sqrt(across[0] ** 2 + across[1] ** 2) - radius, end_face]
-    distance = faces[0]
-    for face in faces[1:]:
-        distance = np.maximum(distance, face)
-    coverage = np.clip(np.float32(0.5) - distance / blur, 0, 1)
+    coverage = np.clip(np.float32(0.5) - functools.reduce(np.maximum, faces) / blur, 0, 1)
     target = field[window[2], window[1], window[0]]
     target += (np.float32(part.material) - target) * coverage

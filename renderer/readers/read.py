@@ -74,8 +74,8 @@ def _read_volume(spec: VolumeSpec, name: str) -> Volume:
         mapped.require_unchanged()
     file = file if values is image.values else None
     check_integer_resolution(values, file)
-    made = make_volume(values, image.world_from_index, name, file, num_replaced, fill_value)
-    return replace(made, file_spacing=replaced, note=note)
+    made = make_volume(values, image.world_from_index, name, file)
+    return replace(made, num_nonfinite=num_replaced, nonfinite_fill_value=fill_value, file_spacing=replaced, note=note)
 
 
 def _name(source: FileSource | RawSource | ProceduralSource | ArraySource) -> str:

@@ -44,22 +44,14 @@ TIFF_SUFFIXES = (".tif", ".tiff")
 _FIRST_FIELD = re.compile(rb"[\x02\x08]\0.\0(?:[A-Z]{2}|(?P<length>.)\0\0\0)", re.DOTALL)
 _FIRST_BYTES = 4096
 _GZIP = b"\x1f\x8b"
-_NIFTI_HEADER_BYTES = (348, 540)
+# The first number of NIfTI headers is their length.
+_NIFTI_STARTS = [struct.pack(order + "i", length) for length in (348, 540) for order in "<>"]
 # The most files and folders that a search looks at.
 _MAX_ENTRIES = 10_000
 
 
 class UnknownFormatError(InputError):
-    """A file in no known format with a header: it may have no header, or be damaged."""
-
-    def __init__(self, path: Path, *, is_empty: bool) -> None:
-        super().__init__(
-            "this is not a volume in a known format, or it is damaged",
-            where=str(path),
-            got="an empty file" if is_empty else None,
-            expected=KNOWN_FORMATS,
-            hint="voxels without a header are read with `raw: {file, shape, dtype, spacing}`",
-        )
+    """An error about a file in no known format with a header: it may have no header, or be damaged."""
 
 
 def find_format(path: Path) -> Format:
@@ -75,9 +67,15 @@ def find_format(path: Path) -> Format:
     suffix = path.suffix.lower()
     if suffix in _SUFFIXES:
         return _SUFFIXES[suffix]
-    if path.name.lower().endswith((".nii.gz", ".hdr.gz", ".img.gz")) or _is_nifti(read_start(path, 4)[0]):
+    if path.name.lower().endswith((".nii.gz", ".hdr.gz", ".img.gz")) or read_start(path, 4)[0] in _NIFTI_STARTS:
         return "nifti"
-    raise UnknownFormatError(path, is_empty=not start)
+    raise UnknownFormatError(
+        "this is not a volume in a known format, or it is damaged",
+        where=str(path),
+        got=None if start else "an empty file",
+        expected=KNOWN_FORMATS,
+        hint="voxels without a header are read with `raw: {file, shape, dtype, spacing}`",
+    )
 
 
 def is_dicom(path: Path) -> bool:
@@ -165,10 +163,6 @@ def _start(path: Path) -> bytes:
             return file.read(_FIRST_BYTES)
     except OSError as error:
         raise InputError("cannot read this file", where=str(path), got=error.strerror) from error
-
-
-def _is_nifti(start: bytes) -> bool:
-    return len(start) >= 4 and any(struct.unpack(order + "i", start[:4])[0] in _NIFTI_HEADER_BYTES for order in "<>")
 
 
 def read_start(path: Path, num_bytes: int) -> tuple[bytes, bool]:

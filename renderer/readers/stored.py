@@ -21,10 +21,11 @@ from renderer.readers.common import (
     bytes_of,
     check_memory,
     check_size,
+    chosen_part,
     describe_count,
     describe_shape,
     errors_about,
-    select_index,
+    fitting_shapes,
     stays_mapped,
 )
 from renderer.scene import short_text
@@ -84,14 +85,10 @@ class Layout:
 def read_stored(layout: Layout, axes: str, time: int | None, component: int | None) -> Array:
     """Return one time step and component of an array, with its axes in space alone; of a plane [1, y, x].
 
-    axes: a letter for each axis of the array: `t` for time, `c` for components, `s` for an axis in space; of any other
-        only the first item is read. The array may be mapped from its file. Raises InputError if `time` or `component`
+    axes: as `chosen_part` has them. The array may be mapped from its file. Raises InputError if `time` or `component`
         do not fit, and for files that are missing, truncated, damaged, or too long.
     """
-    lengths = dict(zip(axes, layout.shape, strict=True))
-    step = select_index("time", time, lengths.get("t", 1))
-    chosen = {"t": step, "c": select_index("component", component, lengths.get("c", 1)), "s": slice(None)}
-    values = _read_part(layout, tuple(chosen.get(letter, 0) for letter in axes))
+    values = _read_part(layout, chosen_part(axes, layout.shape, time, component))
     return values if values.ndim == 3 else values[np.newaxis]
 
 
@@ -193,11 +190,7 @@ def _check_num_bytes(part: StoredVoxels, found: int, shape_xyz: tuple[int, ...],
         raise _too_short(f"{max(found, 0)} bytes" + " after decoding" * (not is_raw), expected)
     if part.has_rest or found - num_bytes < min(num_bytes // n for n in shape_xyz[:3]):
         return
-    fits = [
-        (*shape_xyz[:k], found // (num_bytes // n), *shape_xyz[k + 1 :])
-        for k, n in enumerate(shape_xyz)
-        if found % (num_bytes // n) == 0
-    ]
+    fits = fitting_shapes(shape_xyz, dtype.itemsize, found)
     raise InputError(
         "the file is longer than its header says",
         got=f"{found} bytes" if is_raw else f"{found} bytes or more after decoding",

@@ -39,23 +39,23 @@ class Field:
 
     def whole(self, least: int, most: float = math.inf) -> int:
         """Return the only number of the field; raises InputError unless it is a whole one from `least` to `most`."""
-        is_number = NUMBER.fullmatch(self.text) is not None
-        if not (is_number and float(self.text).is_integer() and least <= float(self.text) <= most):
-            raise self.error(f"a whole number from {least}" + (f" to {most:g}" if math.isfinite(most) else " on"))
-        return int(float(self.text))
+        return int(self.numbers(1, whole=True, least=least, most=most)[0])
 
-    def numbers(self, count: int, *, whole: bool = False, least: float = -math.inf) -> list[float]:
+    def numbers(
+        self, count: int, *, whole: bool = False, least: float = -math.inf, most: float = math.inf
+    ) -> list[float]:
         """Return the numbers of the field; raises InputError unless there are `count` of them, all finite.
 
-        whole: whether only whole numbers belong there. least: the smallest that does.
+        whole: whether only whole numbers belong there. least, most: the ends of what does.
         """
         words = self.text.split()
         numbers = [float(word) for word in words if NUMBER.fullmatch(word)]
-        are_right = all(math.isfinite(x) and x >= least and (x.is_integer() or not whole) for x in numbers)
+        are_right = all(math.isfinite(x) and least <= x <= most and (x.is_integer() or not whole) for x in numbers)
         if len(words) != count or len(numbers) != count or not are_right:
             kind = "whole number" if whole else "finite number"
-            at_least = f" from {least:g} on" * math.isfinite(least)
-            raise self.error(f"a {kind}{at_least}" if count == 1 else f"{count} {kind}s{at_least}")
+            end = f" to {most:g}" if math.isfinite(most) else " on"
+            ends = f" from {least:g}{end}" if math.isfinite(least) else ""
+            raise self.error(f"a {kind}{ends}" if count == 1 else f"{count} {kind}s{ends}")
         return numbers
 
 
@@ -72,15 +72,13 @@ def add_field(fields: dict[str, Field], key: str, field: Field, kind: str) -> No
 
 
 def header_lines(path: Path) -> Iterator[tuple[str, str, int]]:
-    """Yield the place of each line, its text, and the number of bytes up to its end; only of MAX_HEADER_BYTES."""
+    """Yield the place of each line, its text, and the number of bytes up to its end; only of MAX_HEADER_BYTES.
+
+    Text is decoded as file names are, whatever its bytes.
+    """
     with path.open("rb") as file:
         head = file.read(MAX_HEADER_BYTES)
     end = 0
     for number, line in enumerate(io.BytesIO(head), 1):
         end += len(line)
-        yield f"{path}:{number}", decode_header(line.rstrip(b"\r\n")), end
-
-
-def decode_header(header: bytes) -> str:
-    """Return a header as text, decoded as file names are, whatever its bytes."""
-    return os.fsdecode(header)
+        yield f"{path}:{number}", os.fsdecode(line.rstrip(b"\r\n")), end

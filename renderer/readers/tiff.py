@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import Image, errors_about, require_exists, select_index
+from renderer.readers.common import Image, chosen_part, errors_about, require_exists, select_index
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.slice_names import sort_slices
 from renderer.readers.sniff import TIFF_SUFFIXES
@@ -67,12 +67,11 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
         description = first.description
         num_planes = len(slices) if len(slices) > 1 else _num_contiguous(first, description, path)
         axes, counts = hyperstack(description, num_planes, first.samplesperpixel)
-        step = select_index("time", time, counts[axes.index("T")])
         has_channels = counts[axes.index("C")] > 1
-        channel = select_index("component", component if has_channels else None, counts[axes.index("C")])
+        part = chosen_part(axes.lower(), tuple(counts), time, component if has_channels else None)
         sample = select_index("component", None if has_channels else component, first.samplesperpixel)
         order = ome_page_order(description, axes, counts) if is_ome(description) else range(num_planes)
-        numbers = np.moveaxis(np.reshape(order, counts), [axes.index("T"), axes.index("C")], [0, 1])[step, channel]
+        numbers = np.reshape(order, counts)[part]
         values = allocate_voxels(host, (len(numbers), first.imagelength, first.imagewidth), _dtype(first))
         for target, number in zip(values, numbers, strict=True):
             if num_planes > len(slices):
@@ -168,19 +167,18 @@ def _check_pages(pages: list[_Page], num_file_bytes: int) -> None:
     """Raise InputError unless every page has one plane of pixels, and all are inside the file, each byte used once."""
     if not pages or not all(np.prod(page.shaped, dtype=object) for page in pages):
         raise InputError("this TIFF file holds no image", hint="the file is truncated or damaged")
-    for page in pages:
-        if page.dtype is None:
-            raise InputError(
-                "voxels of this type cannot be rendered",
-                got=f"{page.bitspersample} bits of the sample format {page.sampleformat}",
-                expected="integers of up to 32 bits and of 64, or floats of 16, 32 or 64",
-            )
     if any(page.imagedepth > 1 for page in pages) or (len(pages) == 1 and _has_unlisted_planes(pages[0])):
         raise InputError(
             "this TIFF file has several planes in a page, or planes without one",
             hint="save it again as a plain stack, with a page for each plane",
         )
     for number, page in enumerate(pages, 1):
+        if page.dtype is None:
+            raise InputError(
+                "voxels of this type cannot be rendered",
+                got=f"{page.bitspersample} bits of the sample format {page.sampleformat}",
+                expected="integers of up to 32 bits and of 64, or floats of 16, 32 or 64",
+            )
         if page.dtype.kind == "u" and page.bitspersample == 24:  # tifffile takes their bytes in another order
             raise InputError(
                 "pixels of this type cannot be read",

@@ -71,17 +71,14 @@ def hyperstack(description: str, num_pages: int, num_samples: int) -> tuple[str,
         axes = "TZC"
         frames, channels = (_line(description, key) or 1 for key in ("frames", "channels"))
         images, slices = (_line(description, key) for key in ("images", "slices"))
-        by_axis = {"T": frames, "C": channels}
-        by_axis["Z"] = slices or (images // (frames * channels) if images else num_pages)
+        from_images = images // (frames * channels) if images else num_pages
+        by_axis = {"T": frames, "C": channels, "Z": slices or from_images}
     elif is_ome(description):
         pixels = _pixels(description)
         order = _attribute(pixels, "DimensionOrder") or ""
         axes = order[:1:-1] if order[:2] == "XY" and sorted(order[2:]) == ["C", "T", "Z"] else "TZC"
         sizes = {axis: _attribute(pixels, f"Size{axis}") for axis in "TZC"}
-        by_axis = {
-            axis: int(_number(text, f"Size{axis}", is_count=True)) if text is not None else 1
-            for axis, text in sizes.items()
-        }
+        by_axis = {axis: int(_number("1" if text is None else text, f"Size{axis}", 1)) for axis, text in sizes.items()}
         if by_axis["C"] % num_samples == 0:
             by_axis["C"] //= num_samples
     else:
@@ -105,19 +102,16 @@ def ome_page_order(description: str, axes: str, counts: list[int]) -> list[int]:
     order = list(range(math.prod(counts)))
     for element in re.findall(r"<(?:\w+:)?TiffData\b[^<>]*>", description):
         found = {
-            name: int(_number(text, name, is_index=True))
+            name: int(_number(text, name, least=0))
             for name in ("IFD", "PlaneCount", "FirstT", "FirstZ", "FirstC")
             if (text := _attribute(element, name)) is not None
         }
         plane = 0
         for axis, count in zip(axes, counts, strict=True):
             plane = plane * count + found.get(f"First{axis}", 0)
-        if "IFD" not in found:
-            continue
-        for k in range(found.get("PlaneCount", 1)):
-            if plane + k >= len(order):
-                break
-            order[plane + k] = found["IFD"] + k
+        if "IFD" in found:
+            for k in range(min(found.get("PlaneCount", 1), len(order) - plane)):
+                order[plane + k] = found["IFD"] + k
     if sorted(order) != list(range(len(order))):
         raise InputError(
             "the description in this TIFF file does not give each plane a page",
@@ -141,7 +135,8 @@ def imagej_spacing(description: str, sizes: list[float | None], tag: int | None)
         with a unit of µm are converted, as ImageJ does. Raises InputError for other units with inch and cm, which
         ImageJ, but no other program, takes for the unit of x and y, and for a spacing that is not a number.
     """
-    step = _imagej_step(description)
+    step = re.search(r"^spacing=([0-9.eE+-]+)", description, re.M)  # words such as NaN mean that it is unknown
+    z = abs(_number(step[1], "spacing")) if step else None  # 0 does, too
     units = {axis: _imagej_unit(description, key) for axis, key in zip("xyz", ("unit", "yunit", "zunit"), strict=True)}
     unit = units["x"]
     others = [name for name in (units["y"], units["z"]) if name not in ("", unit)]
@@ -149,7 +144,6 @@ def imagej_spacing(description: str, sizes: list[float | None], tag: int | None)
         tag = 2  # as TIFF has it
     per = _UNITS_OF_TAG.get(tag or 0, "")
     x, y = sizes
-    z = step and abs(step)  # 0 if it is unknown
     if not others and per == "cm" and unit == _MICRON:
         return [x and x * 1e4, y and y * 1e4, z]
     if others or (per and unit not in ("", per)):
@@ -170,15 +164,6 @@ def _imagej_unit(description: str, key: str) -> str:
     text = re.sub(r"\\u([0-9a-fA-F]{4})", lambda code: chr(int(code[1], 16)), found[1]) if found else ""
     name = unicodedata.normalize("NFKC", text.replace("\ufffdm", "µm").strip())
     return _NAMES_OF_UNITS.get(name.lower(), name)
-
-
-def _imagej_step(description: str) -> float | None:
-    """Return the spacing along z that ImageJ wrote, of either sign, or None; raises InputError if it is not a number.
-
-    Words such as NaN mean that it is unknown.
-    """
-    found = re.search(r"^spacing=([0-9.eE+-]+)", description, re.M)
-    return _number(found[1], "spacing") if found else None
 
 
 def ome_spacing(description: str) -> list[float | None]:
@@ -226,7 +211,7 @@ def _converted(size: float, unit: str, into: str) -> float:
 
 def _line(description: str, key: str) -> int | None:
     found = re.search(rf"^{key}=(\S*)", description, re.M)
-    return int(_number(found[1], key, is_count=True)) if found else None
+    return int(_number(found[1], key, least=1)) if found else None
 
 
 def _pixels(description: str) -> str:
@@ -241,17 +226,14 @@ def _shown(text: str) -> str:
     return (short if short in _METRES else ascii(short)[1:-1]) + "..." * (len(text) > _SHOWN_CHARACTERS)
 
 
-def _number(text: str, key: str, *, is_count: bool = False, is_index: bool = False) -> float:
-    """Return the number that `text`, the value of `key`, spells: finite, and whole if it counts or numbers pages."""
+def _number(text: str, key: str, least: int | None = None) -> float:
+    """Return the number that `text`, the value of `key`, spells: a finite one, or a whole one from `least` on."""
     value = float(text) if NUMBER.fullmatch(text) else math.nan
-    is_whole = value.is_integer() and (0 if is_index else 1) <= value <= _MAX_COUNT
-    if math.isfinite(value) and (is_whole or not (is_count or is_index)):
+    if math.isfinite(value) if least is None else value.is_integer() and least <= value <= _MAX_COUNT:
         return value
     raise InputError(
         "the description in this TIFF file has something else where a number belongs",
         got=f"{key}={_shown(text)}",
-        expected=f"a whole number from {0 if is_index else 1} to {_MAX_COUNT}"
-        if is_count or is_index
-        else "a finite number",
+        expected="a finite number" if least is None else f"a whole number from {least} to {_MAX_COUNT}",
         hint="save it again as a plain stack, all slices in one file",
     )

@@ -24,7 +24,7 @@ import tempfile
 import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 # The folder of our packages.
 _ROOT = str(Path(__file__).resolve().parents[2])
@@ -34,7 +34,7 @@ _SET_SIGNAL = "F_SETSIG"
 
 
 class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
-    """Starts children that end with this process, or at the end of the block."""
+    """An owner of children, which end with this process, or at the end of the block."""
 
     def __init__(self) -> None:
         self._ends: list[int] = []
@@ -46,18 +46,13 @@ class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
             os.close(end)
 
     def start(
-        self,
-        module: str,
-        arguments: Sequence[str] = (),
-        *,
-        pass_fds: Sequence[int] = (),
-        stdout: int | IO[bytes] | None = None,
-        stderr: int | IO[bytes] | None = None,
+        self, module: str, arguments: Sequence[str], *, pass_fds: Sequence[int] = (), **streams: Any
     ) -> subprocess.Popen[bytes]:
         """Start a child that runs a Python module as `python -m` does, with our modules and no standard input.
 
         It is in another session: Ctrl-C in the terminal reaches only this process, which ends it. pass_fds: the file
-        descriptors that it inherits, under the same numbers. Raises OSError where it cannot be started.
+        descriptors that it inherits, under the same numbers. streams: `stdout` and `stderr`, as those of Popen. Raises
+        OSError where it cannot be started.
         """
         if not sys.executable:  # Python is part of another program
             raise FileNotFoundError(errno.ENOENT, "sys.executable does not name a Python interpreter")
@@ -65,22 +60,17 @@ class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
         folders = [*filter(None, sys.path)]  # without "", the current folder
         folders += [_ROOT] * (_ROOT not in folders)
         command = [sys.executable, os.path.abspath(__file__), str(child_end), str(len(folders)), *folders]
+        self._ends.append(parent_end)
         try:
-            child = subprocess.Popen(
+            return subprocess.Popen(
                 [*command, module, *arguments],
                 stdin=subprocess.DEVNULL,
-                stdout=stdout,
-                stderr=stderr,
+                **streams,
                 pass_fds=[child_end, *pass_fds],
                 start_new_session=True,
             )
-        except BaseException:
-            os.close(parent_end)
-            raise
         finally:
             os.close(child_end)
-        self._ends.append(parent_end)
-        return child
 
 
 def _open_standard_descriptors() -> None:

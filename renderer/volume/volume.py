@@ -84,20 +84,12 @@ class Volume:
         return self.world_from_index[:3, :3] @ self.centre_index + self.world_from_index[:3, 3]
 
 
-def make_volume(
-    values: Array,
-    world_from_index: Float64,
-    name: str,
-    source: MappedFile | None = None,
-    num_nonfinite: int = 0,
-    nonfinite_fill_value: float = 0.0,
-) -> Volume:
+def make_volume(values: Array, world_from_index: Float64, name: str, source: MappedFile | None = None) -> Volume:
     """Make a Volume around `values`, which become read-only and are not copied.
 
     values: [z, y, x], finite, native byte order, C-contiguous, an integer or float dtype.
     world_from_index: float64 [4, 4].
     source: the file that they are mapped from, if any; raises InputError if it has changed.
-    num_nonfinite, nonfinite_fill_value: how many values were replaced, and by what.
     """
     assert values.ndim == 3, values.shape
     assert values.flags.c_contiguous, values.strides
@@ -109,4 +101,4 @@ def make_volume(
     digest.update(placed.data.cast("B"))
     for slab in iter_slabs(values, source):
         digest.update(slab.data.cast("B"))
-    return Volume(values, placed, name, digest.hexdigest(), source, num_nonfinite, nonfinite_fill_value)
+    return Volume(values, placed, name, digest.hexdigest(), source)

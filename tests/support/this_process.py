@@ -9,11 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.readers.common import Image
-from renderer.readers.isolation import call_reader
+from renderer.readers.isolation import Host, call_reader
 
 
-class ThisProcess:
+class ThisProcess(Host):
     """The host of a reader in this process."""
+
+    def __init__(self) -> None:
+        """Nobody waits for an answer."""
 
     def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
         return np.zeros(shape, dtype)

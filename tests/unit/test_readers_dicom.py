@@ -116,11 +116,6 @@ def test_damaged_slices_are_named(tmp_path, name, damage):
     assert refused(tmp_path, match="this DICOM slice cannot be read").where == str(tmp_path / name)
 
 
-def test_folder_without_a_series(tmp_path):
-    (tmp_path / "notes.txt").write_text("no volume here")
-    refused(tmp_path, match="this folder holds no volume")
-
-
 @pytest.mark.parametrize("num_slices", [2, 3])
 def test_files_of_several_slices_each_are_no_series(tmp_path, num_slices):
     for k in range(2):
