@@ -9,7 +9,6 @@ from .lanes import (
     Lanes as Lanes,
     any_of as any_of,
     append as append,
-    append_rows as append_rows,
     bits_to_float32 as bits_to_float32,
     broadcast as broadcast,
     gather as gather,

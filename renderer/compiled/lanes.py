@@ -116,7 +116,7 @@ def lanes_among(arguments: Sequence[Any]) -> Lanes | None:
 
 
 def _define_operator(function: Any, names: dict[str, str], *, is_comparison: bool = False) -> None:
-    """Define an operator on lanes. names: those of the builder's methods or of comparisons, by kind of lanes."""
+    """Define an operator on lanes. names: of a builder's method, LLVM's function or a comparison, by kind of lanes."""
 
     class _Template(templates.AbstractTemplate):  # type: ignore[misc]
         def generic(self, arguments: Any, _: Any) -> Any:
@@ -130,6 +130,8 @@ def _define_operator(function: Any, names: dict[str, str], *, is_comparison: boo
 
     def lower(_: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         name = names[_kind_name(signature.args[0])]
+        if name.startswith("llvm."):
+            return _call_llvm(builder, name, signature.args[0], arguments)
         if not is_comparison:
             return getattr(builder, name)(*arguments)
         compare = builder.fcmp_ordered if _kind_name(signature.args[0]) == "float" else builder.icmp_signed
@@ -153,6 +155,8 @@ for _functions, _names in (
     ((operator.rshift,), {"int": "ashr"}),
     ((operator.neg,), {"float": "fneg", "int": "neg"}),
     ((operator.invert,), {"mask": "not_"}),
+    ((abs,), {"float": "llvm.fabs"}),
+    ((np.sqrt,), {"float": "llvm.sqrt"}),
 ):
     for _function in _functions:
         _define_operator(_function, _names)
@@ -169,17 +173,12 @@ def intrinsic(define: Callable[..., Any]) -> Any:
 
 def _call_llvm(builder: Any, name: str, kind: Lanes, arguments: Sequence[Any]) -> Any:
     """Call the function of LLVM with this name for this type of lanes."""
-    full_name = f"llvm.{name}.v{kind.count}f{kind.dtype.bitwidth}"
+    full_name = f"{name}.v{kind.count}f{kind.dtype.bitwidth}"
     function_type = ir.FunctionType(kind.llvm, [kind.llvm] * len(arguments))
     return builder.call(cgutils.get_or_insert_function(builder.module, function_type, full_name), arguments)
 
 
 _overload: Callable[..., Callable[[Any], Any]] = extending.overload
-
-
-@_overload(abs, strict=False)
-def _abs(x: Any) -> Any:
-    return (lambda x: _elementwise_abs(x)) if isinstance(x, Lanes) else None  # noqa: PLW0108
 
 
 @_overload(max, strict=False)
@@ -193,28 +192,9 @@ def _min(a: Any, b: Any) -> Any:
     return None if lanes_among((a, b)) is None else lambda a, b: where(b < a, b, a)
 
 
-@_overload(np.sqrt, strict=False)
-def _sqrt(x: Any) -> Any:
-    return (lambda x: _elementwise_sqrt(x)) if isinstance(x, Lanes) else None  # noqa: PLW0108
-
-
-def _elementwise(name: str) -> Any:
-    """Return an intrinsic that calls a function of LLVM for lanes of floats."""
-
-    def define(_: Any, x: Any) -> Any:
-        return x(x), lambda _context, builder, signature, arguments: _call_llvm(
-            builder, name, signature.return_type, arguments
-        )
-
-    return intrinsic(define)
-
-
-_elementwise_abs, _elementwise_sqrt = _elementwise("fabs"), _elementwise("sqrt")
-
-
 def multiply_add(builder: Any, kind: Any, arguments: Sequence[Any]) -> Any:
     """Generate x * y + z, rounded once, of numbers or lanes."""
-    return _call_llvm(builder, "fma", kind, arguments) if isinstance(kind, Lanes) else builder.fma(*arguments)
+    return _call_llvm(builder, "llvm.fma", kind, arguments) if isinstance(kind, Lanes) else builder.fma(*arguments)
 
 
 # Functions for compiled loops only. Their docstrings say what they do in each lane.
@@ -314,9 +294,14 @@ def _store(builder: Any, base: Any, place: Any, value: Any) -> None:
     builder.store(value, builder.bitcast(builder.gep(base, [place]), value.type.as_pointer())).align = 1
 
 
+def _elements(builder: Any, lanes: Any) -> list[Any]:
+    """Return what is in lanes, one by one."""
+    return [builder.extract_element(lanes, _I32(k)) for k in range(lanes.type.count)]
+
+
 def _places(builder: Any, at: Any) -> list[Any]:
     """Return the numbers in lanes of int32, one by one, as they are needed for addresses."""
-    return [builder.zext(builder.extract_element(at, _I32(k)), _I64) for k in range(at.type.count)]
+    return [builder.zext(element, _I64) for element in _elements(builder, at)]
 
 
 def _join(builder: Any, vectors: Sequence[Any]) -> Any:
@@ -434,32 +419,20 @@ def load_corners(_: Any, array: Any, at: Any, along_y: Any, along_z: Any) -> Any
 
 
 @intrinsic
-def append_rows(_: Any, array: Any, num: Any, mask: Any, columns: Any) -> Any:
-    """Append a row for each lane in which a mask is true, and return how many rows there are then.
+def append(_: Any, array: Any, num: Any, mask: Any, lanes: Any) -> Any:
+    """Append an element for each lane in which a mask is true, and return how many elements there are then.
 
-    num: the rows in the array so far. A row has as many elements as there are columns, a multiple of four. The array
-    needs room for one more row than are appended.
+    num: the elements in the array so far. lanes: a vector, or a tuple of columns, their number a multiple of four: then
+    a row of as many elements is appended, and rows are counted. The array needs room for one more than are appended.
     """
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        base, place = _data(context, builder, signature, arguments), arguments[1]
-        for k, row in enumerate(_rows(builder, cgutils.unpack_tuple(builder, arguments[3]))):
-            _store(builder, base, builder.mul(place, _I64(len(columns))), row)
-            place = builder.add(place, builder.zext(builder.extract_element(arguments[2], _I32(k)), _I64))
-        return place
-
-    return types.int64(array, types.int64, mask, columns), generate
-
-
-@intrinsic
-def append(_: Any, array: Any, num: Any, mask: Any, lanes: Any) -> Any:
-    """Append one element for each lane, as `append_rows` does with rows."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        base, place = _data(context, builder, signature, arguments), arguments[1]
-        for k in range(lanes.count):
-            _store(builder, base, place, builder.extract_element(arguments[3], _I32(k)))
-            place = builder.add(place, builder.zext(builder.extract_element(arguments[2], _I32(k)), _I64))
+        base, place, appended = _data(context, builder, signature, arguments), arguments[1], arguments[3]
+        is_row = isinstance(lanes, types.BaseTuple)
+        rows = _rows(builder, cgutils.unpack_tuple(builder, appended)) if is_row else _elements(builder, appended)
+        for row, is_appended in zip(rows, _places(builder, arguments[2]), strict=True):
+            _store(builder, base, builder.mul(place, _I64(len(lanes) if is_row else 1)), row)
+            place = builder.add(place, is_appended)
         return place
 
     return types.int64(array, types.int64, mask, lanes), generate

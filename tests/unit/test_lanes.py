@@ -15,7 +15,6 @@ from commands import python
 from renderer.compiled import (
     any_of,
     append,
-    append_rows,
     bits_to_float32,
     broadcast,
     fma,
@@ -148,7 +147,7 @@ def test_memory(count: int) -> None:
         odd = (place & np.int32(1)) == np.int32(1)
         append(numbers, 1, odd, lane_numbers(count))
         store_rows(four, (a, b, c, d))
-        return append_rows(rows, 1, odd, (a, b, c, d, e, f, g, h)), any_of(odd), any_of(place < np.int32(0))
+        return append(rows, 1, odd, (a, b, c, d, e, f, g, h)), any_of(odd), any_of(place < np.int32(0))
 
     rng = np.random.default_rng(3)
     texels, at = rng.random(100, np.float32), rng.integers(0, 60, 16).astype(np.int32)

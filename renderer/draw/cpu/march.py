@@ -20,7 +20,6 @@ from renderer.bricks import DITHER, HALO, JITTER_PER_PX, PADDED_BRICK_SIZE
 from renderer.compiled import (
     any_of,
     append,
-    append_rows,
     fma,
     inline,
     jit,
@@ -52,7 +51,6 @@ from renderer.draw.cpu.sample import (
 from renderer.view import RaySetup
 from renderer.volume import Bools, Float32, Float64, Int32, Int64
 
-Vector = tuple[float, float, float]
 Window = tuple[int, int, int, int]  # left, top, right and bottom, half-open
 
 # From cells of a brick to the index of the texel at or below.
@@ -85,19 +83,6 @@ class TileBins(NamedTuple):
     rectangles: Int64
     starts: Int64
     numbers: Int64
-
-
-class _Brick(NamedTuple):
-    """A brick: lowest and highest corner of its visible bounds; lowest corner of its first cell; cells per voxel;
-    samples per length; where rays start; where its texels begin."""
-
-    low: Vector
-    high: Vector
-    corner: Vector
-    scale: float
-    samples_per_length: float
-    start: float
-    texel_offset: int
 
 
 class _Tile(NamedTuple):
@@ -193,40 +178,39 @@ def draw_tiles(
         for k in range(starts[tile_number], starts[tile_number + 1]):
             if stride > 1 and k + 1 < starts[tile_number + 1]:
                 following = numbers[k + 1]
-                brick = _brick_at(boxes, texel_offsets, following, rays.start)
                 if is_mean[following]:
-                    _prefetch_brick(brick, mean_address, 4 * 4)
+                    _prefetch_brick(boxes[following], mean_address + 4 * texel_offsets[following], 4 * 4)
                 else:
-                    _prefetch_brick(brick, scalar_address, 4)
+                    _prefetch_brick(boxes[following], scalar_address + 4 * texel_offsets[following], 4)
             number = numbers[k]
             window = (
                 max(left, rectangles[number, 0]) - left, max(top, rectangles[number, 1]) - top,
                 min(right, rectangles[number, 2]) - left, min(bottom, rectangles[number, 3]) - top,
             )  # fmt: skip
-            brick = _brick_at(boxes, texel_offsets, number, rays.start)
-            num = _clip_rays(brick, window, field.optics.termination_alpha, tile, spans)
+            num = _clip_rays(boxes[number], rays.start, window, field.optics.termination_alpha, tile, spans)
             if num > 0:
                 _sort(spans, num)
                 if is_mean[number]:
-                    texels = field.means[brick.texel_offset :]
+                    texels = field.means[texel_offsets[number] :]
                     _march(texels, None, field.optics, spans, num, tile, colors, pixels)
                 else:
-                    texels = field.scalars[brick.texel_offset :]
+                    texels = field.scalars[texel_offsets[number] :]
                     _march(texels, field.table, field.optics, spans, num, tile, colors, pixels)
 
 
 @jit
-def _prefetch_brick(brick: _Brick, texels_address: int, texel_bytes: int) -> None:
-    """Load the visible texels of a brick into the cache while another brick is drawn.
+def _prefetch_brick(box: Float64, address: int, texel_bytes: int) -> None:
+    """Load the visible texels of a brick, which begin at an address, into the cache while another brick is drawn.
 
-    Where few pixels are drawn, each texel is read a few times only, and half of the time would be waiting.
+    Where few pixels are drawn, each texel is read a few times only, and half of the time would be waiting. box: [11],
+    as in BrickView.
     """
-    low, high, corner, scale = brick.low, brick.high, brick.corner, brick.scale
-    first_row, last_row = _texel_range(low[1], high[1], corner[1], scale)
-    first_plane, last_plane = _texel_range(low[2], high[2], corner[2], scale)
+    _, low_y, low_z, _, high_y, high_z, _, corner_y, corner_z, scale, _ = box
+    first_row, last_row = _texel_range(low_y, high_y, corner_y, scale)
+    first_plane, last_plane = _texel_range(low_z, high_z, corner_z, scale)
     row_bytes = PADDED_BRICK_SIZE * texel_bytes
     for plane in range(first_plane, last_plane + 1):
-        begin = texels_address + 4 * brick.texel_offset + plane * PADDED_BRICK_SIZE * row_bytes
+        begin = address + plane * PADDED_BRICK_SIZE * row_bytes
         for line in range(begin + first_row * row_bytes, begin + (last_row + 1) * row_bytes, _CACHE_LINE_BYTES):
             prefetch(line)
 
@@ -281,23 +265,16 @@ def _jitter(column: Any, row: Any) -> Any:
 
 
 @jit
-def _brick_at(boxes: Float64, texel_offsets: Int64, number: int, start: float) -> _Brick:
-    return _Brick(
-        (boxes[number, 0], boxes[number, 1], boxes[number, 2]),
-        (boxes[number, 3], boxes[number, 4], boxes[number, 5]),
-        (boxes[number, 6], boxes[number, 7], boxes[number, 8]),
-        boxes[number, 9],
-        boxes[number, 9] / boxes[number, 10],
-        start,
-        texel_offsets[number],
-    )
+def _clip_rays(
+    box: Float64, start: float, window: Window, termination_alpha: np.float32, tile: _Tile, spans: _Spans
+) -> int:
+    """Write the spans of rays inside a brick, and return their number.
 
-
-@jit
-def _clip_rays(brick: _Brick, window: Window, termination_alpha: np.float32, tile: _Tile, spans: _Spans) -> int:
-    """Write the spans of rays inside a brick, and return their number. window: in pixels of the tile."""
+    box: [11], as in BrickView. start: where rays start. window: in pixels of the tile.
+    """
     left, top, right, bottom = window
-    low, high, corner, scale, room = brick.low, brick.high, brick.corner, brick.scale, tile.room
+    low_x, low_y, low_z, high_x, high_y, high_z, corner_x, corner_y, corner_z, scale, step = box
+    samples_per_length, room = scale / step, tile.room
     num = 0
     for row in range(top, bottom):
         for column in range(left, right, _CLIPPED):
@@ -309,27 +286,27 @@ def _clip_rays(brick: _Brick, window: Window, termination_alpha: np.float32, til
             ox, dx, ix = _ray_along(tile, pixel, 0)
             oy, dy, iy = _ray_along(tile, pixel, 1)
             oz, dz, iz = _ray_along(tile, pixel, 2)
-            enter, leave = _clip_slab(brick.start, math.inf, ox, ix, low[0], high[0])
-            enter, leave = _clip_slab(enter, leave, oy, iy, low[1], high[1])
-            enter, leave = _clip_slab(enter, leave, oz, iz, low[2], high[2])
+            enter, leave = _clip_slab(start, math.inf, ox, ix, low_x, high_x)
+            enter, leave = _clip_slab(enter, leave, oy, iy, low_y, high_y)
+            enter, leave = _clip_slab(enter, leave, oz, iz, low_z, high_z)
             hit &= leave > enter
             if not any_of(hit):
                 continue
             length = where(hit, leave - enter, 0.0)
             ray_length = load(tile.rays, pixel + _LENGTH * room, _CLIPPED)
-            fractional = length * brick.samples_per_length * ray_length
+            fractional = length * samples_per_length * ray_length
             fractional += load(tile.rays, pixel + _ROUNDING_OFFSET * room, _CLIPPED)
             num_samples = to_int32(min(max(fractional, 1.0), float(MAX_SAMPLES)))
             num_samples = where((num_samples & np.int32(3)) == np.int32(0), num_samples + np.int32(1), num_samples)
             segment = length * (1.0 / to_float64(num_samples))
             way = enter + 0.5 * segment, leave - 0.5 * segment, 1.0 / max(to_float64(num_samples) - 1.0, 1.0)
-            x, step_x = _first_and_step(ox, dx, way, corner[0], scale)
-            y, step_y = _first_and_step(oy, dy, way, corner[1], scale)
-            z, step_z = _first_and_step(oz, dz, way, corner[2], scale)
+            x, step_x = _first_and_step(ox, dx, way, corner_x, scale)
+            y, step_y = _first_and_step(oy, dy, way, corner_y, scale)
+            z, step_z = _first_and_step(oz, dz, way, corner_z, scale)
             segment = to_float32(segment * load(tile.rays, pixel + _LENGTH_PER_DEPTH * room, _CLIPPED))
             last = to_float32(num_samples - np.int32(1))
             append(spans.pixels, num, hit, lane_numbers(_CLIPPED) + np.int32(pixel))
-            num = append_rows(spans.rows, num, hit, (x, y, z, step_x, step_y, step_z, segment, last))
+            num = append(spans.rows, num, hit, (x, y, z, step_x, step_y, step_z, segment, last))
     return num
 
 
