@@ -29,7 +29,7 @@ from renderer.frame.stage import Stage, finest_level_at
 from renderer.pyramid import Cut, CutSizes, cut_pyramid, cut_sizes, root_error
 from renderer.scene import MIN_TOLERANCE
 from renderer.splats import SplatBatch, make_splats
-from renderer.view import View, model_view, total_square_area_px, visible_bricks, visible_orders
+from renderer.view import View, blended_orders, model_view, total_square_area_px, visible_bricks, visible_order
 from renderer.volume import UInt32
 
 # Draw orders, uint32 [k] indices into the batch, each with its share of the picture; the shares sum to 1.
@@ -186,8 +186,10 @@ class SplatPrimitive(Primitive):
         cut, splat, blending = self._cut(tolerance), self._stage.scene.splat, self._stage.order_blending
         lap("cut")
         batch = make_splats(cut, splat)
-        for_order = cut if splat.order == "boxes" else cut.without_cells()
-        return cut, batch, lambda view: visible_orders(batch, for_order, view, splat.order, blending)
+        if splat.order == "depth":
+            return cut, batch, lambda view: blended_orders(batch, view, blending)
+        cells = cut if splat.order == "boxes" else None
+        return cut, batch, lambda view: [(1.0, visible_order(batch, view, cells=cells))]
 
     def _sizes_to(self, num_cells: int) -> CutSizes:
         if self._sizes is None or (self._sizes.max_cells < num_cells and self._sizes.num_cells_at_zero is None):

@@ -35,10 +35,6 @@ class Cut:
     def __len__(self) -> int:
         return len(self.levels)
 
-    def without_cells(self) -> Cut:
-        """Return an empty cut of the same volume, which takes no memory."""
-        return Cut(np.empty(0, np.uint8), np.empty((0, 3), np.int32), np.empty((0, 4), np.float32), self.volume)
-
 
 def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) -> Cut:
     """Return the coarsest cells whose error is below `tolerance` (in the measure's unit), none below `finest_level`.
@@ -100,15 +96,14 @@ def visible_children(nodes: Int64, cells: Int32, level: Level) -> tuple[Int64, I
     """Return the visible children of nodes of a level at `cells`: their indices in the level below [m] and their cells
     [m, 3]."""
     num = int(np.bitwise_count(level.masks[nodes]).sum(dtype=np.int64))
-    child_nodes, child_cells = np.empty(num, np.int64), np.empty((num, 3), np.int32)
-    _fill_children(nodes, cells, level.masks, level.first_children, child_nodes, child_cells)
-    return child_nodes, child_cells
+    return _list_children(nodes, cells, level.masks, level.first_children, num)
 
 
 @jit
-def _fill_children(
-    nodes: Int64, cells: Int32, masks: UInt8, first_children: Int64, child_nodes: Int64, child_cells: Int32
-) -> None:
+def _list_children(
+    nodes: Int64, cells: Int32, masks: UInt8, first_children: Int64, num_children: int
+) -> tuple[Int64, Int32]:
+    child_nodes, child_cells = np.empty(num_children, np.int64), np.empty((num_children, 3), np.int32)
     num = 0
     for i in range(len(nodes)):
         mask, child = masks[nodes[i]], first_children[nodes[i]]
@@ -120,6 +115,7 @@ def _fill_children(
                 child_cells[num, 2] = 2 * cells[i, 2] + (k >> 2)
                 child += 1
                 num += 1
+    return child_nodes, child_cells
 
 
 def _join_leaves(pyramid: Pyramid, leaves: list[tuple[int, Int32, Float32]], parents: Int32) -> Cut:

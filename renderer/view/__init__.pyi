@@ -20,10 +20,11 @@ from .splat_projection import (
     SLOPE_LIMIT as SLOPE_LIMIT,
     ModelView as ModelView,
     Region as Region,
+    blended_orders as blended_orders,
     covered_region as covered_region,
     longest_sigma as longest_sigma,
     mean_footprint_area_px as mean_footprint_area_px,
     model_view as model_view,
     total_square_area_px as total_square_area_px,
-    visible_orders as visible_orders,
+    visible_order as visible_order,
 )

@@ -163,62 +163,43 @@ def longest_sigma(batch: SplatBatch) -> Float64:
     return np.asarray(np.linalg.norm(batch.axes, ord=2, axis=(1, 2)), np.float64)
 
 
-def visible_order(batch: SplatBatch, cut: Cut, view: View, order: str, *, along: Float64 | None = None) -> UInt32:
+def visible_order(batch: SplatBatch, view: View, *, cells: Cut | None = None, along: Float64 | None = None) -> UInt32:
     """Return the splats that can touch the image, back to front: uint32 [k].
 
-    order: as in the scene; only for `boxes` must the cut have its cells. along: float64 [3], the world direction to
-    sort along if not the view's.
+    cells: the splats' cells, to sort them as boxes, and not by depth. along: float64 [3], the world direction along
+    which depths are measured if it is not the view's.
     """
-    camera = model_view(batch, view)
-    sigmas = longest_sigma(batch)
-    depths, is_visible = np.empty(len(batch), np.float32), np.empty(len(batch), np.bool_)
-    reach_px = batch.footprint.cutoff * batch.footprint.min_sigma_px + 1
-    half_size = 0.5 * camera.size[0] + reach_px, 0.5 * camera.size[1] + reach_px
-    _compute_depths_and_cull(
-        batch.vertices, sigmas, batch.footprint.cutoff, camera, half_size,
-        view.forward if along is None else along, depths, is_visible,
+    depths, is_visible = _measure_depths_and_cull(
+        batch.vertices, longest_sigma(batch), batch.footprint.cutoff, batch.footprint.min_sigma_px,
+        model_view(batch, view), view.forward if along is None else along,
     )  # fmt: skip
-    if order == "boxes":
-        assert len(cut) == len(batch), "the order of boxes needs the cells of the cut"
-        back_to_front = box_order(cut.levels, cut.cells, cut.volume, view)
+    if cells is not None:
+        back_to_front = box_order(cells.levels, cells.cells, cells.volume, view)
         return back_to_front[is_visible[back_to_front]].astype(np.uint32)
     indices = np.flatnonzero(is_visible).astype(np.uint32)
     return indices[depth_order(depths[indices])]
 
 
-def visible_orders(
-    batch: SplatBatch, cut: Cut, view: View, order: str, blending: OrderBlending
-) -> list[tuple[float, UInt32]]:
-    """Return the orders of splats that are blended, with their weights, so that no view causes a jump.
-
-    Each is as `visible_order` returns it. There is one only, unless the order is by depth.
-    """
-    if order != "depth":
-        return [(1.0, visible_order(batch, cut, view, order))]
+def blended_orders(batch: SplatBatch, view: View, blending: OrderBlending) -> list[tuple[float, UInt32]]:
+    """Return the orders by depth that are blended, with their weights, so that no view causes a jump."""
     return [
-        (weight, visible_order(batch, cut, view, order, along=direction))
+        (weight, visible_order(batch, view, along=direction))
         for weight, direction in sort_directions(blending, view.forward)
     ]
 
 
 @jit
-def _compute_depths_and_cull(
-    vertices: Float32,
-    sigmas: Float64,
-    cutoff: float,
-    camera: ModelView,
-    half_size: tuple[float, float],
-    along: Float64,
-    depths: Float32,
-    is_visible: Bools,
-) -> None:
-    """Write the depth of every centre along a direction, and whether its footprint can meet the image (conservative).
+def _measure_depths_and_cull(
+    vertices: Float32, sigmas: Float64, cutoff: float, min_sigma_px: float, camera: ModelView, along: Float64
+) -> tuple[Float32, Bools]:
+    """Return the depth of every centre along a direction, and whether its footprint can meet the image (conservative).
 
-    half_size: of the image and the narrowest footprints, in pixels. A splat that the near plane cuts is not drawn where
-    its centre is: it counts as in the image. Depths are from the model's origin; those from a distant eye would lose
-    their order to float32.
+    A splat that the near plane cuts is not drawn where its centre is: it counts as in the image. Depths are from the
+    model's origin; those from a distant eye would lose their order to float32.
     """
-    r, scale, near, (half_width, half_height) = camera.view_from_model, camera.scale_px, camera.near, half_size
+    depths, is_visible = np.empty(len(vertices), np.float32), np.empty(len(vertices), np.bool_)
+    r, scale, near, reach_px = camera.view_from_model, camera.scale_px, camera.near, cutoff * min_sigma_px + 1
+    half_width, half_height = 0.5 * camera.size[0] + reach_px, 0.5 * camera.size[1] + reach_px
     # Pixels times depth that a ball of radius 1 reaches, its image being linearised at no more than the slope limit.
     side = scale * np.sqrt(1 + camera.slope_limit[0] ** 2)
     top = scale * np.sqrt(1 + camera.slope_limit[1] ** 2)
@@ -238,3 +219,4 @@ def _compute_depths_and_cull(
             inside = (x - radius) * scale <= half_width and (y - radius) * scale <= half_height
         is_cut = depth - CLIPPED_SIGMAS * sigma < near
         is_visible[i] = (inside or is_cut) and depth + CULLED_SIGMAS * sigma > near
+    return depths, is_visible

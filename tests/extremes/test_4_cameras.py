@@ -39,8 +39,7 @@ from renderer.scene.camera_section import MAX_ZOOM, MIN_FIELD_OF_VIEW, Keyframe
 from renderer.splats import make_splats
 from renderer.transfer import make_transfer_function
 from renderer.truth import integrate
-from renderer.view import View, make_view
-from renderer.view.splat_projection import visible_order
+from renderer.view import View, make_view, visible_order
 from renderer.volume import Volume
 
 SIZE = (32, 32)
@@ -137,7 +136,7 @@ def against_reference(cameras: Callable[[np.random.Generator], CameraSpec]) -> C
                 cut = cut_pyramid(stage.pyramid, 0.0)
                 batch = make_splats(cut, stage.scene.splat)
                 view = make_view(stage.scene.camera, 0, stage.target, stage.distance, SIZE)
-                order = visible_order(batch, cut, view, "depth")
+                order = visible_order(batch, view)
                 image = rasterizer.rasterize(batch, order, view)
                 expected = rasterize_reference(batch, order, view)
                 worst = max(worst, float(np.abs(image - expected).max()))

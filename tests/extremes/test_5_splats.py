@@ -32,7 +32,7 @@ from renderer.scene import (
 from renderer.scene.camera_section import Keyframe
 from renderer.splats import SplatBatch, make_splats
 from renderer.transfer import make_transfer_function
-from renderer.view import OrderBlending, View, make_order_blending, make_view, visible_orders
+from renderer.view import OrderBlending, View, blended_orders, make_order_blending, make_view
 
 Float64 = npt.NDArray[np.float64]
 
@@ -172,7 +172,7 @@ class Turn:
 
     def _picture(self, frame: int) -> npt.NDArray[np.float32]:
         view = make_view(self.camera, frame % self.camera.path.frames, self.target, self.distance, (128, 128))
-        orders = visible_orders(self.splats, self.cut, view, "depth", self.turning)
+        orders = blended_orders(self.splats, view, self.turning)
         return np.sum([share * self.gl.rasterize(self.splats, order, view) for share, order in orders], axis=0)
 
     @cached_property

@@ -31,8 +31,7 @@ from renderer.scene import (
 from renderer.splats import make_splats
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.truth import integrate
-from renderer.view import View
-from renderer.view.splat_projection import visible_order
+from renderer.view import View, visible_order
 from renderer.volume import Volume
 
 Array = npt.NDArray[Any]
@@ -89,7 +88,7 @@ def scaled_by_powers(picture: Callable[[Volume, TransferFunction, View], Array])
 def of_splats(of: Volume, by: TransferFunction, view: View) -> Array:
     cut = cut_pyramid(build(of, by, ShadingSpec()), 0.2)
     splats = make_splats(cut, SplatSpec())
-    return rasterize_reference(splats, visible_order(splats, cut, view, "depth"), view)
+    return rasterize_reference(splats, visible_order(splats, view), view)
 
 
 def of_rays(of: Volume, by: TransferFunction, view: View) -> Array:

@@ -14,11 +14,11 @@ from splat_reference import rasterize_reference
 
 from renderer.draw import GLRasterizer, make_edges
 from renderer.film import quantize
-from renderer.frame import Frame, Stage, finest_level_at, render_frames
+from renderer.frame import Frame, Stage, finest_level_at, make_primitive, render_frames
 from renderer.pyramid import Cut, cut_pyramid
 from renderer.scene import SplatSpec
 from renderer.splats import GouraudFootprint, SplatBatch, make_splats
-from renderer.view import View, visible_orders
+from renderer.view import View
 from renderer.view.order_blending import FADE_ANGLE, MIN_SLOPE, sort_directions
 
 Array = npt.NDArray[Any]
@@ -60,7 +60,7 @@ def compare_splats(stage: Stage, frame: Frame, view: View, rasterizer: GLRasteri
     _require_splats(splats, field, cells, scene.splat)
     orders = [
         (share, order.astype(np.int64))
-        for share, order in visible_orders(splats, cut, view, scene.splat.order, stage.order_blending)
+        for share, order in make_primitive(stage).make_lod(frame.tolerance, lambda _: None).orders(view)
     ]
     _require_shares(orders)
     if scene.splat.order == "boxes":

@@ -17,11 +17,11 @@ from renderer.scene import (
 )
 from renderer.splats import make_splats
 from renderer.view import (
+    blended_orders,
     make_order_blending,
-    visible_orders,
+    visible_order,
 )
 from renderer.view.order_blending import FADE_ANGLE, MIN_WEIGHT, NEIGHBOURS, sort_directions
-from renderer.view.splat_projection import visible_order
 
 Float64 = npt.NDArray[np.float64]
 
@@ -115,10 +115,7 @@ def test_unmixed_is_the_order_of_view_depths(projection: str, azimuth: float) ->
     cut = cut_of(volume_of(np.random.default_rng(6).integers(0, 256, (7, 6, 5), np.uint8)), 0.3)
     splats = make_splats(cut, SplatSpec())
     view = look(projection, azimuth=azimuth, distance=40.0)
-    turning = make_order_blending(IDENTITY, TurntablePath(360))
-    ((share, order),) = visible_orders(splats, cut.without_cells(), view, "unmixed", turning)
-    assert share == 1.0
-    np.testing.assert_array_equal(order, visible_order(splats, cut, view, "depth"))
+    order = visible_order(splats, view)
     depths = (splats.vertices[:, :3].astype(np.float64) @ view.forward).astype(np.float32)
     np.testing.assert_array_equal(np.sort(order), np.arange(len(cut)))
     rises = np.diff(depths[order].astype(np.float64))
@@ -135,7 +132,7 @@ def test_pictures_on_both_sides_of_an_axis_are_mirror_images(rasterizer: GLRaste
         left, right = (
             sum(
                 share * rasterizer.rasterize(splats, order, view)
-                for share, order in visible_orders(splats, cut, view, "depth", turning)
+                for share, order in blended_orders(splats, view, turning)
             )
             for view in (look(azimuth=azimuth, size=(64, 64)), look(azimuth=-azimuth, size=(64, 64)))
         )

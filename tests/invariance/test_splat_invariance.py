@@ -19,8 +19,7 @@ from renderer.pyramid.pyramid import BLOCKS_PER_TASK
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
 from renderer.splats import make_splats
 from renderer.transfer import make_transfer_function
-from renderer.view import View
-from renderer.view.splat_projection import visible_order
+from renderer.view import View, visible_order
 
 FOOTPRINTS = ("gaussian", "gouraud")
 SHAPE = (9, 8, 11)
@@ -42,7 +41,7 @@ def view_of(cut: Cut, projection: str = "perspective", **camera: object) -> View
 
 def draw(gl: GLRasterizer, cut: Cut, view: View, spec: SplatSpec) -> npt.NDArray[np.float32]:
     batch = make_splats(cut, spec)
-    return gl.rasterize(batch, visible_order(batch, cut, view, "depth"), view)
+    return gl.rasterize(batch, visible_order(batch, view), view)
 
 
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
@@ -88,7 +87,7 @@ def test_splats_beside_the_image_are_culled_by_what_would_be_drawn(
     view = view_of(cut, projection, distance=10.0, field_of_view=90.0, size=(160, 120))
     away = np.random.default_rng(4).uniform([-150, -150, 5], [310, 270, 12], (3000, 3))
     batch = place_splats([point_at(view, *point) for point in away], 1.0, 40.0)
-    order = visible_order(batch, cut, view, "depth")  # which asks the cut for nothing in this order
+    order = visible_order(batch, view)
     culled = np.setdiff1d(in_order(batch), order)
     assert len(culled) > 500
     assert not rasterizer.rasterize(batch, culled, view).any()
@@ -114,7 +113,7 @@ def with_and_without_culled(
 ) -> list[npt.NDArray[np.float32]]:
     """The picture of what `visible_order` keeps, and with the rest before it and after it."""
     batch = make_splats(cut, SplatSpec(footprint))  # type: ignore[arg-type]
-    order = visible_order(batch, cut, view, "depth")
+    order = visible_order(batch, view)
     culled = np.setdiff1d(in_order(batch), order)
     assert len(culled) >= at_least
     orders = order, np.concatenate([culled, order]), np.concatenate([order, culled])
@@ -151,7 +150,7 @@ def test_equal_depths_are_drawn_in_the_order_of_their_cells() -> None:
     batch = make_splats(cut, SplatSpec())
     for projection, distance in (("orthographic", 50.0), ("orthographic", 1e9), ("perspective", 1e6)):
         view = view_of(cut, projection, distance=distance, azimuth=0, elevation=0, field_of_view=60)
-        order = visible_order(batch, cut, view, "depth")
+        order = visible_order(batch, view)
         np.testing.assert_array_equal(order, np.lexsort((np.arange(len(cut)), -cut.cells[:, 1])))
 
 

@@ -5,20 +5,20 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
-from film_stages import PLAIN, stage_of, waves
+from film_stages import PLAIN, SPLATS, stage_of, waves
 from splatting import look, place_splats
 
 from renderer.bricks import BRICK_SIZE, Bricks, ScreenSampling, brick_cut_sizes, cut_bricks
-from renderer.frame import Stage, make_primitive
+from renderer.frame import Stage, make_primitive, view_of
 from renderer.frame.frame import DrawList
 from renderer.frame.primitives import LOD, BrickPrimitive, num_samples
-from renderer.scene import ControlPoint, ErrorSpec, TransferSpec
+from renderer.scene import ControlPoint, ErrorSpec, SplatSpec, TransferSpec
 from renderer.splats import SplatBatch
-from renderer.view import View, ray_setup
-from renderer.view.splat_projection import visible_order
+from renderer.view import View, ray_setup, visible_order
 from renderer.volume import Volume, make_volume
 
 SIZE = 70  # voxels along the longest side: bricks of three levels, some of which the border cuts
@@ -197,7 +197,7 @@ def test_samples_around_the_eye_are_bounded() -> None:
 
 def draw_list_of(batch: SplatBatch, *shares: float, size: tuple[int, int] = (64, 48)) -> DrawList:
     view = look("orthographic", size=size, azimuth=0.0, elevation=0.0)
-    order = visible_order(batch, None, view, "unmixed")  # type: ignore[arg-type]
+    order = visible_order(batch, view)
     return DrawList(0, LOD(0.1, batch, None, pytest.fail), view, [(share, order) for share in shares], 0.0)
 
 
@@ -244,6 +244,14 @@ def test_every_order_is_drawn() -> None:
     batch = place_splats(np.random.default_rng(5).uniform(-0.3, 0.3, (20, 3)), 0.05)
     one, three = (draw_list_of(batch, *shares).typical_seconds for shares in ((1.0,), (0.5, 0.3, 0.2)))
     assert three - 5e-3 == pytest.approx(3 * (one - 5e-3))  # the rest is a frame's
+
+
+@pytest.mark.parametrize(("order", "is_blended"), [("depth", True), ("unmixed", False), ("boxes", False)])
+def test_only_orders_by_depth_are_blended(order: Literal["depth", "unmixed", "boxes"], is_blended: bool) -> None:
+    """The first frame looks along an axis, past which neighbours change their order."""
+    stage = stage_of(replace(SPLATS, splat=SplatSpec("gaussian", order=order)))
+    orders = make_primitive(stage).make_lod(0.1, lambda name: None).orders(view_of(stage, 0))
+    assert (len(orders) > 1) == is_blended and sum(share for share, _ in orders) == pytest.approx(1)
 
 
 def test_what_is_out_of_view_costs_nothing() -> None:
