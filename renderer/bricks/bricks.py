@@ -125,7 +125,7 @@ def make_bricks(volume: Volume, transfer: TransferFunction, *, num_threads: int 
     num_levels = max(1, pyramid.num_levels - BRICK_LEVELS + 1)
     for number in range(STREAMED_LEVELS + 1, num_levels + 1):
         statistics.append(_gather_stored_level(pyramid, number, num_threads))
-    bounds, variation, steps, differences = _measure_voxels(pyramid, transfer, volume_range, num_threads)
+    bounds, (variation, steps, differences) = _measure_voxels(pyramid, transfer, volume_range, num_threads)
     unit = _cell_error_scale(pyramid, 1)
     step_errors = np.maximum(np.hypot(statistics[0].step_errors_below(), unit * steps), unit * differences)
     levels = [BrickLevel(bounds, np.zeros_like(step_errors), step_errors)]
@@ -201,12 +201,12 @@ def _root_mean_square_of_children(of_brick: Float64) -> Float64:
 
 def _measure_voxels(
     pyramid: Pyramid, transfer: TransferFunction, volume_range: tuple[float, float], num_threads: int
-) -> tuple[Float32, Float64, Float64, Float64]:
+) -> tuple[Float32, Float64]:
     """Return what `measure_voxel_bricks` finds in the bricks of level 0: their visible bounds, float32
-    [z, y, x, 2, 3], and three of float64 [z, y, x]."""
+    [z, y, x, 2, 3], and float64 [3, z, y, x]."""
     volume, lighting = pyramid.volume, pyramid.classifier.lighting
     shape = brick_grid_shape(volume, 0)
-    bounds, found = np.zeros((*shape, 2, 3), np.float32), [np.zeros(shape) for _ in range(3)]
+    bounds, measures = np.zeros((*shape, 2, 3), np.float32), np.zeros((3, *shape))
     if pyramid.of == "scalar":
         curve = make_scalar_curve(volume_range)
     else:
@@ -216,18 +216,16 @@ def _measure_voxels(
 
     def work(part: slice) -> None:
         volume.require_unchanged()
-        measure_voxel_bricks(
-            raw, pyramid.classifier.scalars, pyramid.classifier.breakpoints, curve, bricks[part], bounds, *found
-        )
+        classifier = pyramid.classifier
+        measure_voxel_bricks(raw, classifier.scalars, classifier.breakpoints, curve, bricks[part], bounds, measures)
 
     with ThreadPool(num_threads) as pool:
         pool.map(work, _parts(len(bricks)))
     volume.require_unchanged()
     if pyramid.of == "scalar":
-        half = volume_range[1] / 2 - volume_range[0] / 2  # the range itself may overflow
-        found = [2 * (each * half) for each in found]
-    variation, steps, differences = found
-    return bounds, variation, steps, differences
+        measures *= volume_range[1] / 2 - volume_range[0] / 2  # the range itself may overflow
+        measures *= 2
+    return bounds, measures
 
 
 def _cell_error_scale(pyramid: Pyramid, number: int) -> float:

@@ -118,10 +118,8 @@ def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
 def _average_voxels(pyramid: Pyramid, level: int, corners: Int64, scratch: Scratch, out: Float32) -> None:
     """Write the pyramid's means of cells from each of `corners` [n, 3] (x, y, z) on to `out` [n, 18, 18, 18, 4]."""
     raw = raw_voxels(pyramid.volume)
-    starts, extents = np.empty((2, scratch.nodes[2][0].shape[0], 3), np.uint64)
-    bricks = np.empty(len(starts), np.int64)
-    num = _list_blocks(corners, level, raw.shape, starts, extents, bricks)
-    visible = np.flatnonzero(visible_blocks(raw, pyramid.mean_classifier, starts[:num], extents[:num]))
+    starts, extents, bricks = _list_blocks(corners, level, raw.shape, len(scratch.nodes[2][0]))
+    visible = np.flatnonzero(visible_blocks(raw, pyramid.mean_classifier, starts, extents))
     starts, extents, bricks = starts[visible], extents[visible], bricks[visible]
     scratch = scratch.limited_to(len(visible))
     classify_blocks(raw, pyramid.mean_classifier, starts, extents, scratch.voxels, scratch.nodes)
@@ -129,14 +127,14 @@ def _average_voxels(pyramid: Pyramid, level: int, corners: Int64, scratch: Scrat
 
 
 @jit
-def _list_blocks(
-    corners: Int64, level: int, shape: tuple[int, int, int], starts: UInt64, extents: UInt64, bricks: Int64
-) -> int:
+def _list_blocks(corners: Int64, level: int, shape: tuple[int, int, int], most: int) -> tuple[UInt64, UInt64, Int64]:
     """List the blocks that cover 18^3 cells from each of `corners` [n, 3] on, in a volume of this shape [z, y, x].
 
-    Write their first voxels and extents [., 3] (x, y, z), and the indices of their bricks [.]; return their number.
+    most: how many they are at most. Return their first voxels and extents [., 3] (x, y, z), and the indices of their
+    bricks [.].
     """
-    num = 0
+    num, bricks = 0, np.empty(most, np.int64)
+    starts, extents = np.empty((most, 3), np.uint64), np.empty((most, 3), np.uint64)
     first, end = np.empty(3, np.int64), np.empty(3, np.int64)
     for i in range(len(corners)):
         for axis in range(3):
@@ -151,7 +149,7 @@ def _list_blocks(
                     extents[num, 2] = min(end[2] - z, BLOCK_SIZE)
                     bricks[num] = i
                     num += 1
-    return num
+    return starts[:num], extents[:num], bricks[:num]
 
 
 @jit

@@ -131,21 +131,14 @@ def _simplify(values: Float64, points: Float64, tolerance: float) -> Int64:
 
 @jit
 def measure_voxel_bricks(
-    raw: RawVoxels,
-    scalars: Float64 | None,
-    breakpoints: Float64,
-    curve: TransferTable,
-    bricks: Int32,
-    bounds: Float32,
-    variation: Float64,
-    step_errors: Float64,
-    differences: Float64,
-) -> None:
-    """Measure the dual cells in bricks of voxels at `bricks` [n, 3] (x, y, z); all results are [z, y, x], 0 before.
+    raw: RawVoxels, scalars: Float64 | None, breakpoints: Float64, curve: TransferTable, bricks: Int32,
+    bounds: Float32, measures: Float64,
+) -> None:  # fmt: skip
+    """Measure the dual cells in bricks of voxels at `bricks` [n, 3] (x, y, z); all results are 0 before.
 
-    Write the visible bounds, as in BrickLevel, to `bounds` [z, y, x, 2, 3]; the largest D or J to `variation`; and the
-    root mean squares over the brick's volume of D / width^2 to `step_errors` and of J to `differences`. A brick has
-    half of the dual cells between it and its neighbours; beyond the border the nearest voxels are repeated.
+    Write the visible bounds, as in BrickLevel, to `bounds` [z, y, x, 2, 3]; and to `measures` [3, z, y, x] the largest
+    D or J, and the root mean squares over the brick's volume of D / width^2 and of J. A brick has half of the dual
+    cells between it and its neighbours; beyond the border the nearest voxels are repeated.
 
     scalars: by bit pattern; None where voxels are scalars themselves. breakpoints: of visibility.
     """
@@ -169,9 +162,8 @@ def measure_voxel_bricks(
         if is_visible:
             _find_visible_bounds(low, high, nums, breakpoints, bounds[z, y, x])
         if is_varying:
-            variation[z, y, x], step_errors[z, y, x], differences[z, y, x] = _variation_of_ranges(
-                low, high, nums, values, rows, scale
-            )
+            found = _variation_of_ranges(low, high, nums, values, rows, scale)
+            measures[0, z, y, x], measures[1, z, y, x], measures[2, z, y, x] = found
 
 
 @jit

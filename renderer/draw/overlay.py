@@ -44,15 +44,14 @@ def make_edges(cut: Cut | BrickCut) -> CellEdges:
     """
     volume, levels_above = cut.volume, BRICK_LEVELS if isinstance(cut, BrickCut) else 0
     edges, shape = volume.world_from_index[:3, :3], np.array(volume.shape_xyz)
-    length = 0.5 * float(np.linalg.norm(edges * shape))
+    length = volume.half_diagonal
     parts = [np.empty((0, 7), np.float32)]
     for level in np.unique(cut.levels)[::-1].tolist():
         cells = cut.cells[cut.levels == level].astype(np.int64)
         num_corners = cells.max(axis=0) + 2
         for axis in range(3):
             starts = _edge_starts(cells, num_corners, axis)
-            parts.append(np.empty((len(starts), 7), np.float32))
-            _fill_edges(starts, num_corners, axis, level + levels_above, shape, edges / length, parts[-1])
+            parts.append(_edges_from(starts, num_corners, axis, level + levels_above, shape, edges / length))
             parts[-1][:, 6] = level
     vertices = np.concatenate(parts)
     vertices.flags.writeable = False
@@ -67,16 +66,15 @@ def _edge_starts(cells: Int64, num_corners: Int64, axis: int) -> Int64:
     """
     strides = np.array([1, num_corners[0], num_corners[0] * num_corners[1]])
     side, other_side = np.delete(strides, axis)
-    corners = np.sort(((cells @ strides)[:, None] + [0, side, other_side, side + other_side]).reshape(-1))
-    return np.asarray(corners[np.concatenate([[True], corners[1:] != corners[:-1]])])
+    return np.unique((cells @ strides)[:, None] + [0, side, other_side, side + other_side])
 
 
 @jit
-def _fill_edges(
-    starts: Int64, num_corners: Int64, axis: int, level: int, shape: Int64, model_from_index: Float64, vertices: Float32
-) -> None:
-    """Write both ends of each edge, clamped to the volume."""
-    corner = np.empty(3)
+def _edges_from(
+    starts: Int64, num_corners: Int64, axis: int, level: int, shape: Int64, model_from_index: Float64
+) -> Float32:
+    """Return both ends of each edge, clamped to the volume: float32 [n, 7], the last column undefined."""
+    vertices, corner = np.empty((len(starts), 7), np.float32), np.empty(3)
     for i in range(len(starts)):
         corner_number = starts[i]
         for end in range(2):
@@ -91,3 +89,4 @@ def _fill_edges(
                     + model_from_index[row, 1] * corner[1]
                     + model_from_index[row, 2] * corner[2]
                 )
+    return vertices

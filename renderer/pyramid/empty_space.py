@@ -18,16 +18,14 @@ def visible_blocks(raw: RawVoxels, classifier: Classifier, starts: UInt64, exten
 
     Exact with a table. Without one, a block may count although no voxel in it is visible.
     """
-    visible = np.zeros(len(starts), np.bool_)
     if classifier.table is not None:
-        _test_by_table(raw, (classifier.table[:, 3] > 0).view(np.uint8), starts, extents, visible)
-    else:
-        _test_by_range(raw, classifier.breakpoints, starts, extents, visible)
-    return visible
+        return _test_by_table(raw, (classifier.table[:, 3] > 0).view(np.uint8), starts, extents)
+    return _test_by_range(raw, classifier.breakpoints, starts, extents)
 
 
 @jit
-def _test_by_table(raw: RawVoxels, is_visible: UInt8, starts: UInt64, extents: UInt64, visible: Bools) -> None:
+def _test_by_table(raw: RawVoxels, is_visible: UInt8, starts: UInt64, extents: UInt64) -> Bools:
+    visible = np.empty(len(starts), np.bool_)
     for g in range(len(starts)):
         x0, y0, z0, num = starts[g, 0], starts[g, 1], starts[g, 2], extents[g, 0]
         found, z, y = np.uint8(0), np.uint64(0), np.uint64(0)
@@ -42,10 +40,12 @@ def _test_by_table(raw: RawVoxels, is_visible: UInt8, starts: UInt64, extents: U
             if y == extents[g, 1]:
                 y, z = np.uint64(0), z + np.uint64(1)
         visible[g] = found > 0
+    return visible
 
 
 @jit
-def _test_by_range(raw: RawVoxels, breakpoints: Float64, starts: UInt64, extents: UInt64, visible: Bools) -> None:
+def _test_by_range(raw: RawVoxels, breakpoints: Float64, starts: UInt64, extents: UInt64) -> Bools:
+    visible = np.empty(len(starts), np.bool_)
     for g in range(len(starts)):
         x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
         low = high = raw[z0, y0, x0]
@@ -58,3 +58,4 @@ def _test_by_range(raw: RawVoxels, breakpoints: Float64, starts: UInt64, extents
                     value = raw[z, y, x]
                     low, high = min(low, value), max(high, value)
         visible[g] = is_range_visible(breakpoints, float(low), float(high))
+    return visible

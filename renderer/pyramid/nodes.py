@@ -32,8 +32,9 @@ from renderer.volume import Array, Bools, Float32, Float64, Int32, Int64, UInt8,
 # Four float32 that are moved together: numba has no other type of 16 bytes.
 PackedChannels = npt.NDArray[np.complex128]
 
-# Means and variances [g, n, c] of the 64 nodes of some groups, of their 8 parents, and of their root.
-Groups = list[tuple[Array, Array]]
+# Means and variances [g, n, c]; those of the 64 nodes of some groups, of their 8 parents, and of their root.
+Nodes = tuple[Array, Array]
+Groups = list[Nodes]
 NODES_OF_GROUP = (64, 8, 1)
 
 BLOCK_SIZE = 8
@@ -131,20 +132,12 @@ def _build_first_level(
 
 
 @jit
-def _merge_groups(
-    means: Array,
-    variances: Array,
-    extents: UInt64,
-    side: int,
-    parent_means: Array,
-    parent_variances: Array,
-    root_means: Array,
-    root_variances: Array,
-) -> None:
+def _merge_groups(nodes: Nodes, parents: Nodes, roots: Nodes, extents: UInt64, side: int) -> None:
     """Merge groups of nodes [g, 64, c], `side` voxels wide, into their parents [g, 8, c] and roots [g, 1, c].
 
     extents: [g, 3], the number of real voxels along x, y, z of each group.
     """
+    (means, variances), (parent_means, parent_variances), (root_means, root_variances) = nodes, parents, roots
     num, _, num_channels = means.shape
     shares = np.empty((3, 8 * num_channels), means.dtype)
     root_shares = np.empty((3, num_channels), means.dtype)
@@ -443,8 +436,7 @@ def classify_blocks(
 
 def merge(groups: Groups, extents: UInt64, side: int) -> None:
     """Merge the 64 nodes of each group, `side` voxels wide, into their 8 parents and the root."""
-    nodes, parents, roots = groups
-    _merge_groups(*nodes, extents, side, *parents, *roots)
+    _merge_groups(*groups, extents, side)
 
 
 def opacities_to_depths(means: Float32, max_depth: float) -> None:

@@ -148,36 +148,23 @@ def make_splats(cut: Cut, spec: SplatSpec) -> SplatBatch:
     num_voxels = np.prod(extents_of_shape, axis=1, dtype=np.float64)
     if not spec.opacity_correction:  # the opacity of one voxel at any side of the cell
         num_voxels /= np.cbrt(num_voxels)
-    vertices = np.empty((len(cut), 8), np.float32)
-    _fill_vertices(
-        cut.levels, cut.cells, cut.depths, number_of_code[codes],
-        (extents_of_shape - shape) / 2, edges / length, num_voxels * area_unit, vertices,
-    )  # fmt: skip
-    return SplatBatch(
-        vertices,
-        edges / length * (spec.sigma * extents_of_shape)[:, None, :],
-        volume.centre,
-        length,
-        make_footprint(spec),
-    )
+    shifts, areas = (extents_of_shape - shape) / 2, num_voxels * area_unit
+    vertices = _vertices(cut.levels, cut.cells, cut.depths, number_of_code[codes], shifts, areas, edges / length)
+    axes = edges / length * (spec.sigma * extents_of_shape)[:, None, :]
+    return SplatBatch(vertices, axes, volume.centre, length, make_footprint(spec))
 
 
 @jit
-def _fill_vertices(
-    levels: UInt8,
-    cells: Int32,
-    depths: Float32,
-    shapes: UInt8,
-    shift_of_shape: Float64,
+def _vertices(
+    levels: UInt8, cells: Int32, depths: Float32, shapes: UInt8, shift_of_shape: Float64, area_of_shape: Float64,
     model_from_index: Float64,
-    area_of_shape: Float64,
-    vertices: Float32,
-) -> None:
-    """Write SplatBatch.vertices of every cell.
+) -> Float32:  # fmt: skip
+    """Return SplatBatch.vertices of every cell.
 
     shift_of_shape: [m, 3], from the cell's first voxel to its centre relative to the volume's, in voxels.
     area_of_shape: [m], optical area for a depth of 1.
     """
+    vertices = np.empty((len(cells), 8), np.float32)
     for i in range(len(cells)):
         shape, level = shapes[i], levels[i]
         x = np.float64(np.int64(cells[i, 0]) << level) + shift_of_shape[shape, 0]
@@ -188,6 +175,7 @@ def _fill_vertices(
         for k in range(4):
             vertices[i, 3 + k] = depths[i, k] * area_of_shape[shape]
         vertices[i, 7] = shape
+    return vertices
 
 
 def _shape_codes(cut: Cut) -> npt.NDArray[np.uint16]:

@@ -82,15 +82,14 @@ def screen_rectangles(batch: BrickBatch, order: UInt32, view: View) -> Float64:
     volume, camera = batch.cut.volume, model_view(batch, view)
     view_from_index = view.axes @ volume.world_from_index[:3, :3] / batch.model_unit
     camera = camera._replace(view_from_model=np.column_stack([view_from_index, camera.view_from_model[:, 3]]))
-    rectangles = np.empty((len(order), 4))
     beyond = batch.screen_sampling.strides[0] - 1
-    _project_bounds(batch.cut.visible_bounds[order] - volume.centre_index, camera, beyond, rectangles)
-    return rectangles
+    return _project_bounds(batch.cut.visible_bounds[order] - volume.centre_index, camera, beyond)
 
 
 @jit
-def _project_bounds(bounds: Float64, camera: ModelView, beyond: int, rectangles: Float64) -> None:
-    """Write the rectangles of bounds [n, 2, 3] in model coordinates, clipped `beyond` pixels outside of the image."""
+def _project_bounds(bounds: Float64, camera: ModelView, beyond: int) -> Float64:
+    """Return the rectangles of bounds [n, 2, 3] in model coordinates, clipped `beyond` pixels outside of the image."""
+    rectangles = np.empty((len(bounds), 4))
     r, perspective, near = camera.view_from_model, camera.perspective, camera.near
     width, height = float(camera.size[0] + beyond), float(camera.size[1] + beyond)
     for i in range(len(bounds)):
@@ -117,3 +116,4 @@ def _project_bounds(bounds: Float64, camera: ModelView, beyond: int, rectangles:
             left, top, right, bottom = 0.0, 0.0, width, height
         rectangles[i, 0], rectangles[i, 1] = max(left, 0.0), max(top, 0.0)
         rectangles[i, 2], rectangles[i, 3] = min(right, width), min(bottom, height)
+    return rectangles
