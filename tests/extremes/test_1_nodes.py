@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from extremes import Extreme, Section
+from extremes import Extreme, Measure, Random, Section, worst_of
 
 from renderer.pyramid import Pyramid, build_pyramid
 from renderer.scene import ErrorSpec, PyramidSpec
@@ -19,7 +19,6 @@ from renderer.transfer import TransferFunction
 from renderer.volume import Volume, make_volume
 
 Array = npt.NDArray[Any]
-Random = np.random.Generator
 
 SINGLE, HALF = PyramidSpec(precision="single"), PyramidSpec(precision="half")
 SCALAR, OPTICAL = ErrorSpec(measure="rms", of="scalar"), ErrorSpec()
@@ -89,18 +88,14 @@ def worst_of_nodes(pyramid: Pyramid) -> float:
     return worst
 
 
-def of_scalars(make: Callable[[Random, tuple[int, ...]], Array], spec: PyramidSpec = SINGLE) -> Callable[[int], float]:
+def of_scalars(make: Callable[[Random, tuple[int, ...]], Array], spec: PyramidSpec = SINGLE) -> Measure:
     """Return the measure of volumes of random values in all shapes."""
 
-    def measure(num_cases: int) -> float:
-        worst = 0.0
-        for case in range(num_cases):
-            of = volume(make(np.random.default_rng(case), SHAPES[case % len(SHAPES)]))
-            pyramid = build_pyramid(of, constant_opacity(), spec=spec, error=SCALAR, num_threads=1)
-            worst = max(worst, worst_of_nodes(pyramid))
-        return worst
+    def error(rng: Random, case: int) -> float:
+        of = volume(make(rng, SHAPES[case % len(SHAPES)]))
+        return worst_of_nodes(build_pyramid(of, constant_opacity(), spec=spec, error=SCALAR, num_threads=1))
 
-    return measure
+    return worst_of(error)
 
 
 def uniform(dtype: Any, low: float, high: float) -> Callable[[Random, tuple[int, ...]], Array]:

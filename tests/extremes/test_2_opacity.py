@@ -11,7 +11,7 @@ import mpmath
 import numpy as np
 import numpy.typing as npt
 import pytest
-from extremes import Extreme, Section
+from extremes import Extreme, Measure, Random, Section, worst_of
 
 from renderer.pyramid import Cut, build_pyramid, cut_pyramid
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
@@ -57,7 +57,7 @@ def relative(got: float, exact: Any) -> float:
     return float(abs(mpmath.mpf(got) / exact - 1)) if exact else abs(got)
 
 
-def of_extinctions(error: Callable[[float, Any], float]) -> Callable[[int], float]:
+def of_extinctions(error: Callable[[float, Any], float]) -> Measure:
     """Return the worst error of the float64 depth tau h of a cell, over 20 doublings of a voxel."""
 
     def measure(num_cases: int) -> float:
@@ -106,7 +106,7 @@ def voxel_depth(spec: TransferSpec, value: float, spacing: float) -> npt.NDArray
     return np.asarray(depths[0] if len(depths) else np.zeros(4, np.float32))
 
 
-def chain(error: Callable[[float, Any], float]) -> Callable[[int], float]:
+def chain(error: Callable[[float, Any], float]) -> Measure:
     """Measure all steps: opacity -> extinction -> depth of a voxel -> cut -> area of a splat -> depth of a cell."""
 
     def measure(num_cases: int) -> float:
@@ -134,24 +134,21 @@ def colors(num_cases: int) -> float:
     return worst
 
 
-def averaged(precision: str) -> Callable[[int], float]:
+def averaged(precision: str) -> Measure:
     """Measure cells of 2^3 random voxels of opacities 0 to 1 that are averaged by `average: opacity`."""
+    spec = PyramidSpec("opacity", precision)  # type: ignore[arg-type]
+    transfer = make_transfer_function(points(0.0, 1e-12, 1e-3, 0.5, 0.999, 1 - 1e-12, 1.0), 1.0)
 
-    def measure(num_cases: int) -> float:
-        worst = 0.0
-        transfer = make_transfer_function(points(0.0, 1e-12, 1e-3, 0.5, 0.999, 1 - 1e-12, 1.0), 1.0)
-        for case in range(num_cases):
-            values = np.random.default_rng(case).integers(0, 7, (2, 2, 2), np.uint8)
-            values[0, 0, 0] = case % 6 + 1  # something is visible
-            of = make_volume(values, np.eye(4), "8 voxels")
-            spec = PyramidSpec("opacity", precision)  # type: ignore[arg-type]
-            pyramid = build_pyramid(of, transfer, spec=spec, error=ErrorSpec(), num_threads=1)
-            depth = float(cut_pyramid(pyramid, math.inf).depths[0, 3])
-            exact = sum(-mpmath.expm1(-mpmath.mpf(float(transfer.extinctions[v]))) for v in values.flat) / 8
-            worst = max(worst, relative(-math.expm1(-depth), exact))
-        return worst
+    def error(rng: Random, case: int) -> float:
+        values = rng.integers(0, 7, (2, 2, 2), np.uint8)
+        values[0, 0, 0] = case % 6 + 1  # something is visible
+        of = make_volume(values, np.eye(4), "8 voxels")
+        pyramid = build_pyramid(of, transfer, spec=spec, error=ErrorSpec(), num_threads=1)
+        depth = float(cut_pyramid(pyramid, math.inf).depths[0, 3])
+        exact = sum(-mpmath.expm1(-mpmath.mpf(float(transfer.extinctions[v]))) for v in values.flat) / 8
+        return relative(-math.expm1(-depth), exact)
 
-    return measure
+    return worst_of(error)
 
 
 LOGS = "`-log1p(-a) / unit`, and depths double where the paper squares `1 - a`"

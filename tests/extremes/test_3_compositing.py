@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 import pytest
-from extremes import Extreme, Section
+from extremes import Extreme, Measure, Random, Section, worst_drawn, worst_of
 
 from renderer.draw import GLRasterizer
 from renderer.draw.compositing import MEAN_LAYERS, MIN_CHUNK_SPLATS
@@ -73,44 +73,34 @@ def bound(num: int) -> float:
     return 6 * U * min(num, MIN_CHUNK_SPLATS)
 
 
-def depth_as_drawn(cases: int, footprint: str) -> float:
-    """Largest relative error of a splat's alpha, depths from 1e-12 to 1e6; also where the formula changes."""
-    rng = np.random.default_rng(1)
-    depths = np.concatenate([10 ** rng.uniform(-12, 6, cases), rng.uniform(0.02, 1.0, cases), [0.03, 0.5]])
+def depth_as_drawn(footprint: str) -> Measure:
+    """The largest relative error of a splat's alpha, depths from 1e-12 to 1e6; also where the formula changes."""
     made = make_footprint(SplatSpec(footprint, profile=((0.0, 1.0), (1.0, 1.0))))  # type: ignore[arg-type]
     weight = PEAK if isinstance(made, GaussianFootprint) else float(made.weights[0])
-    worst = 0.0
-    with GLRasterizer() as rasterizer:
-        for depth in depths:
-            batch, view, _ = pile(np.array([depth]), np.ones(3), 4)
-            batch = SplatBatch(batch.vertices, batch.axes, batch.origin, 1.0, made)
-            alpha = float(rasterizer.rasterize(batch, np.zeros(1, np.uint32), view)[1, 2, 3])
-            expected = -math.expm1(-float(batch.vertices[0, 6]) * weight)
-            worst = max(worst, abs(alpha / expected - 1))
-    return worst
+
+    def error(gl: GLRasterizer, rng: Random, case: int) -> float:
+        depth = (0.03, 0.5)[case] if case < 2 else 10 ** rng.uniform(-12, 6) if case % 2 else rng.uniform(0.02, 1.0)
+        batch, view, _ = pile(np.array([depth]), np.ones(3), 4)
+        batch = replace(batch, footprint=made)
+        alpha = float(gl.rasterize(batch, np.zeros(1, np.uint32), view)[1, 2, 3])
+        return abs(alpha / -math.expm1(-float(batch.vertices[0, 6]) * weight) - 1)
+
+    return lambda cases: worst_drawn(error)(2 * cases)
 
 
-def thin_behind_opaque(cases: int) -> float:
-    """Largest error of a channel: a bright layer of depth up to 1 behind one with a transmittance of 1e-6."""
-    rng = np.random.default_rng(2)
-    worst = 0.0
-    for _ in range(cases):
-        depths = np.array([10 ** rng.uniform(-6, 0), -math.log(1e-6)])
-        image, expected = drawn(depths, np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0]]))
-        worst = max(worst, float(np.abs(image - expected).max()))
-    return worst
+def thin_behind_opaque(rng: Random, _: int) -> float:
+    """The error of a channel: a bright layer of depth up to 1 behind one with a transmittance of 1e-6."""
+    depths = np.array([10 ** rng.uniform(-6, 0), -math.log(1e-6)])
+    image, expected = drawn(depths, np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0]]))
+    return float(np.abs(image - expected).max())
 
 
-def random_stacks(cases: int) -> float:
-    """Largest error of a channel against its bound 6 u B: layers of any depth and colour."""
-    rng = np.random.default_rng(3)
-    worst = 0.0
-    for _ in range(cases):
-        num = int(10 ** rng.uniform(0, 4.5))
-        depths = 10 ** rng.uniform(-9, 1, num) / num
-        image, expected = drawn(depths, rng.uniform(0, 1, (num, 3)))
-        worst = max(worst, float(np.abs(image - expected).max()) / bound(num))
-    return worst
+def random_stack(rng: Random, _: int) -> float:
+    """The error of a channel against its bound 6 u B: layers of any depth and colour."""
+    num = int(10 ** rng.uniform(0, 4.5))
+    depths = 10 ** rng.uniform(-9, 1, num) / num
+    image, expected = drawn(depths, rng.uniform(0, 1, (num, 3)))
+    return float(np.abs(image - expected).max()) / bound(num)
 
 
 def layers_row(exponent: int) -> Extreme:
@@ -134,14 +124,14 @@ SECTION = Section(
             "a polynomial below 1/2, `1 - exp(-x)` above",
             "relative error of alpha as drawn",
             1e-6,
-            lambda cases: depth_as_drawn(cases, "gaussian"),
+            depth_as_drawn("gaussian"),
         ),
         Extreme(
             "optical depths from 1e-12 to 1e6, Gouraud",
             "the same, at the vertices",
             "relative error of alpha as drawn",
             1e-6,
-            lambda cases: depth_as_drawn(cases, "gouraud"),
+            depth_as_drawn("gouraud"),
         ),
         *(layers_row(exponent) for exponent in range(1, 7)),
         Extreme(
@@ -156,14 +146,14 @@ SECTION = Section(
             "premultiplied float32; the error is that of 1 - alpha",
             "error of a channel",
             2 * U,
-            thin_behind_opaque,
+            worst_of(thin_behind_opaque),
         ),
         Extreme(
             "random stacks of up to 3e4 layers",
             "as above",
             "error of a channel, in units of 6 u B",
             1.0,
-            random_stacks,
+            worst_of(random_stack),
         ),
     ),
     "A pixel on which at most B splats of a chunk lie, and whose alpha is A, is right within `6 u B A`; a chunk has "

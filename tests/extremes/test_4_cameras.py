@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from extremes import Extreme, Section
+from extremes import Extreme, Measure, Random, Section, worst_drawn, worst_of
 from splat_reference import rasterize_reference
 from splatting import Float64, volume_of
 
 from renderer.draw import GLRasterizer
 from renderer.errors import SceneError
-from renderer.frame import Stage, prepare_stage, render_frames
+from renderer.frame import Stage, prepare_stage, render_frames, view_of
 from renderer.pyramid import cut_pyramid
 from renderer.scene import (
     CameraSpec,
@@ -49,7 +49,7 @@ RADIUS = 0.5 * math.hypot(*SHAPE)
 POINTS = (ControlPoint(0.0, (0.1, 0.2, 0.9), 0.0), ControlPoint(255.0, (1.0, 0.3, 0.1), 0.4))
 
 
-def random_volume(rng: np.random.Generator) -> Volume:
+def random_volume(rng: Random) -> Volume:
     """Noise with holes around the world's origin, spacing 1."""
     values = rng.integers(0, 256, SHAPE, dtype=np.uint8)
     return volume_of(np.where(rng.random(SHAPE) < 0.5, values, np.uint8(0)))
@@ -73,15 +73,15 @@ def staged(camera: CameraSpec, volume: Volume, unit: float = 1.0) -> Stage:
 
 # Splats against the float64 reference
 
-Eyes = Callable[[np.random.Generator], tuple[Vector, Float64]]  # target, and the eye relative to it
+Eyes = Callable[[Random], tuple[Vector, Float64]]  # target, and the eye relative to it
 
 
-def direction(rng: np.random.Generator) -> Float64:
+def direction(rng: Random) -> Float64:
     vector = rng.normal(size=3)
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-def inside(rng: np.random.Generator) -> Float64:
+def inside(rng: Random) -> Float64:
     return np.asarray((rng.random(3) - 0.5) * SHAPE[::-1])
 
 
@@ -91,28 +91,28 @@ def from_eye(eye: Float64, back: Float64) -> tuple[Vector, Float64]:
     return (x, y, z), back
 
 
-def anywhere_inside(rng: np.random.Generator) -> tuple[Vector, Float64]:
+def anywhere_inside(rng: Random) -> tuple[Vector, Float64]:
     return from_eye(inside(rng), direction(rng))
 
 
-def on_a_face(rng: np.random.Generator) -> tuple[Vector, Float64]:
+def on_a_face(rng: Random) -> tuple[Vector, Float64]:
     eye, axis = inside(rng), rng.integers(3)
     eye[axis] = math.copysign(SHAPE[2 - axis] / 2, eye[axis])
     return from_eye(eye, direction(rng))
 
 
-def at_a_voxel(rng: np.random.Generator) -> tuple[Vector, Float64]:
+def at_a_voxel(rng: Random) -> tuple[Vector, Float64]:
     index = rng.integers(0, SHAPE[::-1])
     return from_eye(index - (np.array(SHAPE[::-1]) - 1) / 2, direction(rng))
 
 
-def along_an_axis(rng: np.random.Generator) -> tuple[Vector, Float64]:
+def along_an_axis(rng: Random) -> tuple[Vector, Float64]:
     back = np.zeros(3)
     back[rng.integers(3)] = rng.choice([-1.0, 1.0])
     return (0.0, 0.0, 0.0), back * rng.choice([0.25, 1.0, 4.0]) * RADIUS
 
 
-def around(rng: np.random.Generator) -> tuple[Vector, Float64]:
+def around(rng: Random) -> tuple[Vector, Float64]:
     return (0.0, 0.0, 0.0), direction(rng) * RADIUS * (1.0 + rng.random())
 
 
@@ -125,40 +125,32 @@ def spec_of(target: Vector, back: Float64, **lens: object) -> CameraSpec:
     return CameraSpec(path, target=target, distance=distance, **lens)  # type: ignore[arg-type]
 
 
-def against_reference(cameras: Callable[[np.random.Generator], CameraSpec]) -> Callable[[int], float]:
+def against_reference(cameras: Callable[[Random], CameraSpec]) -> Measure:
     """The worst channel of a pixel of GL's picture against the reference's of the same splats."""
 
-    def measure(num_cases: int) -> float:
-        rng, worst = np.random.default_rng(4), 0.0
-        with GLRasterizer() as rasterizer:
-            for _ in range(num_cases):
-                stage = staged(cameras(rng), random_volume(rng))
-                cut = cut_pyramid(stage.pyramid, 0.0)
-                batch = make_splats(cut, stage.scene.splat)
-                view = make_view(stage.scene.camera, 0, stage.target, stage.distance, SIZE)
-                order = visible_order(batch, view)
-                image = rasterizer.rasterize(batch, order, view)
-                expected = rasterize_reference(batch, order, view)
-                worst = max(worst, float(np.abs(image - expected).max()))
-        return worst
+    def error(gl: GLRasterizer, rng: Random, _: int) -> float:
+        stage = staged(cameras(rng), random_volume(rng))
+        batch, view = make_splats(cut_pyramid(stage.pyramid, 0.0), stage.scene.splat), view_of(stage, 0)
+        order = visible_order(batch, view)
+        return float(np.abs(gl.rasterize(batch, order, view) - rasterize_reference(batch, order, view)).max())
 
-    return measure
+    return worst_drawn(error)
 
 
-def seen_from(eyes: Eyes, **lens: object) -> Callable[[np.random.Generator], CameraSpec]:
+def seen_from(eyes: Eyes, **lens: object) -> Callable[[Random], CameraSpec]:
     return lambda rng: spec_of(*eyes(rng), **lens)
 
 
-def narrow(rng: np.random.Generator) -> CameraSpec:
+def narrow(rng: Random) -> CameraSpec:
     return CameraSpec(TurntablePath(1, 360 * rng.random(), 30.0), field_of_view=0.01)
 
 
-def from_the_pole(rng: np.random.Generator) -> CameraSpec:
+def from_the_pole(rng: Random) -> CameraSpec:
     path = TurntablePath(1, 360 * rng.random(), rng.choice([-90.0, 90.0]))
     return CameraSpec(path, projection=rng.choice(["perspective", "orthographic"]))
 
 
-def from_afar(rng: np.random.Generator) -> CameraSpec:
+def from_afar(rng: Random) -> CameraSpec:
     """1e4 to 1e12 radii away, magnified until the volume fills the picture again."""
     distance = RADIUS * 10 ** rng.uniform(4, 12)
     fov, zoom = math.degrees(2 * math.atan(RADIUS / distance)), 1.0
@@ -168,7 +160,7 @@ def from_afar(rng: np.random.Generator) -> CameraSpec:
     return CameraSpec(path, field_of_view=fov, target=(0.0, 0.0, 0.0), distance=distance)
 
 
-def cut_by_near(rng: np.random.Generator) -> CameraSpec:
+def cut_by_near(rng: Random) -> CameraSpec:
     target, back = around(rng)
     projection = rng.choice(["perspective", "orthographic"])
     return spec_of(target, back, near=float(np.linalg.norm(back)) - rng.uniform(-0.5, 0.5), projection=projection)
@@ -177,30 +169,27 @@ def cut_by_near(rng: np.random.Generator) -> CameraSpec:
 # The truth against a closed form: one ray's way through a homogeneous block
 
 
-def block_error(cameras: Callable[[np.random.Generator], CameraSpec]) -> Callable[[int], float]:
+def block_error(cameras: Callable[[Random], CameraSpec]) -> Measure:
     """The worst alpha of the ray integral through a block of extinction 0.5, against `1 - exp(-0.5 length)`."""
+    volume = volume_of(np.full(SHAPE, 255, np.uint8))
+    transfer = make_transfer_function(TransferSpec((ControlPoint(0.0, (1, 1, 1), -math.expm1(-0.5)),), 1.0), 1.0)
 
-    def measure(num_cases: int) -> float:
-        rng, worst = np.random.default_rng(5), 0.0
-        volume = volume_of(np.full(SHAPE, 255, np.uint8))
-        transfer = make_transfer_function(TransferSpec((ControlPoint(0.0, (1, 1, 1), -math.expm1(-0.5)),), 1.0), 1.0)
-        for _ in range(num_cases):
-            camera = cameras(rng)
-            assert camera.distance is not None and isinstance(camera.target, tuple)
-            view = make_view(camera, 0, camera.target, camera.distance, SIZE)
-            image = integrate(volume, transfer, view, step_voxels=1.0, num_threads=1)
-            worst = max(worst, float(np.abs(image[..., 3] - -np.expm1(-0.5 * lengths(view))).max()))
-        return worst
+    def error(rng: Random, _: int) -> float:
+        camera = cameras(rng)
+        assert camera.distance is not None and isinstance(camera.target, tuple)
+        view = make_view(camera, 0, camera.target, camera.distance, SIZE)
+        image = integrate(volume, transfer, view, step_voxels=1.0, num_threads=1)
+        return float(np.abs(image[..., 3] - -np.expm1(-0.5 * lengths(view))).max())
 
-    return measure
+    return worst_of(error)
 
 
-def about_the_block(rng: np.random.Generator) -> CameraSpec:
+def about_the_block(rng: Random) -> CameraSpec:
     eyes = (anywhere_inside, on_a_face, at_a_voxel, around, along_an_axis)
     return spec_of(*eyes[rng.integers(len(eyes))](rng))
 
 
-def narrow_on_the_block(rng: np.random.Generator) -> CameraSpec:
+def narrow_on_the_block(rng: Random) -> CameraSpec:
     return spec_of((0.0, 0.0, 0.0), direction(rng) * RADIUS / math.tan(math.radians(0.005)), field_of_view=0.01)
 
 
@@ -223,7 +212,7 @@ def lengths(view: View) -> Float64:
 # The same scene elsewhere and in other units
 
 
-def cameras_everywhere(rng: np.random.Generator) -> CameraSpec:
+def cameras_everywhere(rng: Random) -> CameraSpec:
     """Framed, aimed or inside; in both projections."""
     path = TurntablePath(1, 360 * rng.random(), 180 * rng.random() - 90)
     camera = CameraSpec(path, rng.choice(["perspective", "orthographic"]), rng.uniform(10, 100))
@@ -248,43 +237,31 @@ def moved(camera: CameraSpec, volume: Volume, scale: float, shift: Float64) -> t
     return replace(camera, distance=distance, near=scale * camera.near), volume_of(volume.values.copy(), affine)
 
 
-Pictures = Callable[[Stage], npt.NDArray[np.floating]]
+Picture = npt.NDArray[np.floating]
 
 
-def drawn(rasterizer: GLRasterizer) -> Pictures:
-    def draw(stage: Stage) -> npt.NDArray[np.floating]:
-        (frame,) = render_frames(stage, [0], rasterizer, clock=lambda: 0.0)
-        return frame.radiance
-
-    return draw
+def drawn(gl: GLRasterizer, stage: Stage) -> Picture:
+    (frame,) = render_frames(stage, [0], gl, clock=lambda: 0.0)
+    return frame.radiance
 
 
-def integrated(stage: Stage) -> npt.NDArray[np.floating]:
-    view = make_view(stage.scene.camera, 0, stage.target, stage.distance, SIZE)
+def integrated(_: GLRasterizer, stage: Stage) -> Picture:
     transfer = make_transfer_function(stage.scene.transfer_function, stage.volume.finest_spacing)
-    return integrate(stage.volume, transfer, view, step_voxels=1.0, num_threads=1)
+    return integrate(stage.volume, transfer, view_of(stage, 0), step_voxels=1.0, num_threads=1)
 
 
-def difference(scales: Sequence[float], shift: float, *, truth: bool = False) -> Callable[[int], float]:
+def difference(scales: Sequence[float], shift: float, picture: Callable[[GLRasterizer, Stage], Picture]) -> Measure:
     """The worst channel of a pixel against the picture of the scene at the origin with voxels of 1.
 
     shift: the length of the shift, in voxels.
     """
 
-    def measure(num_cases: int) -> float:
-        rng, worst = np.random.default_rng(6), 0.0
-        with GLRasterizer() as rasterizer:
-            picture = integrated if truth else drawn(rasterizer)
-            for _ in range(num_cases):
-                camera, volume = cameras_everywhere(rng), random_volume(rng)
-                expected = picture(staged(camera, volume))
-                scale = rng.choice(scales)
-                away = shift * scale * direction(rng)
-                stage = staged(*moved(camera, volume, scale, away), unit=scale)
-                worst = max(worst, float(np.abs(picture(stage) - expected).max()))
-        return worst
+    def error(gl: GLRasterizer, rng: Random, _: int) -> float:
+        camera, volume, scale = cameras_everywhere(rng), random_volume(rng), rng.choice(scales)
+        stage = staged(*moved(camera, volume, scale, shift * scale * direction(rng)), unit=scale)
+        return float(np.abs(picture(gl, stage) - picture(gl, staged(camera, volume))).max())
 
-    return measure
+    return worst_drawn(error)
 
 
 # What no camera may be
@@ -376,12 +353,12 @@ SECTION = Section(
             0,
             accepted,
         ),
-        Extreme("volume 2^-30 or 2^30 wide", RELATIVE, MOVED, 0.0, difference([2.0**-30, 2.0**30], 0.0)),
-        Extreme("volume 1e-9 or 1e9 wide", RELATIVE, MOVED, 1e-5, difference([1e-9, 1e9], 0.0)),
-        Extreme("1e6 units away, 1e-3 wide", RELATIVE, MOVED, 1e-5, difference([1e-3 / 6], 6e9)),
-        Extreme("1e9 voxels away, any size", RELATIVE, MOVED, 1e-5, difference([1e-9, 1.0, 1e9], 1e9)),
-        Extreme("truth: volume 1e-9 or 1e9 wide", RELATIVE, MOVED, 1e-9, difference([1e-9, 1e9], 0.0, truth=True)),
-        Extreme("truth: 1e9 voxels away", RELATIVE, MOVED, 1e-5, difference([1e-9, 1.0, 1e9], 1e9, truth=True)),
+        Extreme("volume 2^-30 or 2^30 wide", RELATIVE, MOVED, 0.0, difference([2.0**-30, 2.0**30], 0.0, drawn)),
+        Extreme("volume 1e-9 or 1e9 wide", RELATIVE, MOVED, 1e-5, difference([1e-9, 1e9], 0.0, drawn)),
+        Extreme("1e6 units away, 1e-3 wide", RELATIVE, MOVED, 1e-5, difference([1e-3 / 6], 6e9, drawn)),
+        Extreme("1e9 voxels away, any size", RELATIVE, MOVED, 1e-5, difference([1e-9, 1.0, 1e9], 1e9, drawn)),
+        Extreme("truth: volume 1e-9 or 1e9 wide", RELATIVE, MOVED, 1e-9, difference([1e-9, 1e9], 0.0, integrated)),
+        Extreme("truth: 1e9 voxels away", RELATIVE, MOVED, 1e-5, difference([1e-9, 1.0, 1e9], 1e9, integrated)),
     ),
     notes="1e9 voxels from the origin float64 rounds coordinates by 1e-7 of a voxel, which is in the number.",
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from extremes import Extreme, Section
+from extremes import Extreme, Measure, Random, Section, worst_drawn
 from splat_reference import rasterize_reference
 from splatting import look, optical_depth, place_splats, point_at, volume_of
 
@@ -42,13 +42,13 @@ DISTANCE = 4.0
 THIN = 1e-3
 
 
-def random_rotation(rng: np.random.Generator) -> Float64:
+def random_rotation(rng: Random) -> Float64:
     """float64 [3, 3]."""
     rotation, _ = np.linalg.qr(rng.standard_normal((3, 3)))
     return np.asarray(rotation)
 
 
-def axes_px(view: View, rng: np.random.Generator, sigma_px: float, ratio: float) -> Float64:
+def axes_px(view: View, rng: Random, sigma_px: float, ratio: float) -> Float64:
     """float64 [1, 3, 3]: the longest standard deviation is `sigma_px` at DISTANCE, others down to 1 / `ratio` of it."""
     per_px = (DISTANCE if view.projection == "perspective" else 1.0) / view.scale_px
     sides = sigma_px * per_px * np.array([1.0, ratio ** -rng.uniform(), 1 / ratio])
@@ -62,7 +62,7 @@ def thin_splat(center: Float64, axes: Float64, spec: SplatSpec, view: View) -> S
     sigmas = np.sort(np.linalg.svd(axes[0], compute_uv=False))
     vertices = batch.vertices.copy()
     vertices[:, 3:7] = THIN * max(sigmas[0], 0.5 * per_px) * max(sigmas[1], 0.5 * per_px)
-    return SplatBatch(vertices, batch.axes, batch.origin, batch.model_unit, batch.footprint)
+    return replace(batch, vertices=vertices)
 
 
 def energy_error(gl: GLRasterizer, batch: SplatBatch, view: View) -> float:
@@ -76,74 +76,65 @@ def energy_error(gl: GLRasterizer, batch: SplatBatch, view: View) -> float:
     return abs(float(optical_depth(gl.rasterize(batch, FIRST, view)).sum()) / expected - 1)
 
 
-def energy(cases: int, spec: SplatSpec, ratio: float) -> float:
-    """Worst relative error: 1/1000 to 12 pixels, anywhere within a pixel, turned in any way, both projections."""
-    rng = np.random.default_rng(5)
-    worst = 0.0
-    with GLRasterizer() as gl:
-        for case in range(cases):
-            view = look("perspective" if case % 2 else "orthographic", size=(96, 96))
-            axes = axes_px(view, rng, 10 ** rng.uniform(-3, math.log10(12)), ratio)
-            center = point_at(view, *(48 + rng.uniform(-1, 1, 2)), DISTANCE)
-            worst = max(worst, energy_error(gl, thin_splat(center, axes, spec, view), view))
-    return worst
+def energy(spec: SplatSpec, ratio: float) -> Measure:
+    """The relative error: 1/1000 to 12 pixels, anywhere within a pixel, turned in any way, both projections."""
+
+    def error(gl: GLRasterizer, rng: Random, case: int) -> float:
+        view = look("perspective" if case % 2 else "orthographic", size=(96, 96))
+        axes = axes_px(view, rng, 10 ** rng.uniform(-3, math.log10(12)), ratio)
+        center = point_at(view, *(48 + rng.uniform(-1, 1, 2)), DISTANCE)
+        return energy_error(gl, thin_splat(center, axes, spec, view), view)
+
+    return lambda cases: worst_drawn(error)(5 * cases)
 
 
-def large_energy(cases: int, spec: SplatSpec) -> float:
-    """Worst relative error of a picture's sum: standard deviations from 3 pixels to ten times the picture's side."""
-    rng = np.random.default_rng(6)
-    worst = 0.0
-    with GLRasterizer() as gl:
-        for case in range(cases):
-            view = look("perspective" if case % 2 else "orthographic", size=(48, 48), field_of_view=3.0)
-            sigma_px = 10 ** rng.uniform(math.log10(3), math.log10(480))
-            axes = axes_px(view, rng, sigma_px, 3.0)
-            center = point_at(view, *(24 + sigma_px * rng.uniform(-1, 1, 2)), DISTANCE)
-            batch = thin_splat(center, axes, spec, view)
-            expected = optical_depth(rasterize_reference(batch, FIRST, view)).sum()
-            missing = abs(optical_depth(gl.rasterize(batch, FIRST, view)).sum() - expected)
-            worst = max(worst, float(missing / max(expected, THIN)))
-    return worst
+def large_energy(spec: SplatSpec) -> Measure:
+    """The relative error of a picture's sum: standard deviations from 3 pixels to ten times the picture's side."""
+
+    def error(gl: GLRasterizer, rng: Random, case: int) -> float:
+        view = look("perspective" if case % 2 else "orthographic", size=(48, 48), field_of_view=3.0)
+        sigma_px = 10 ** rng.uniform(math.log10(3), math.log10(480))
+        axes = axes_px(view, rng, sigma_px, 3.0)
+        center = point_at(view, *(24 + sigma_px * rng.uniform(-1, 1, 2)), DISTANCE)
+        batch = thin_splat(center, axes, spec, view)
+        expected = optical_depth(rasterize_reference(batch, FIRST, view)).sum()
+        missing = abs(optical_depth(gl.rasterize(batch, FIRST, view)).sum() - expected)
+        return float(missing / max(expected, THIN))
+
+    return worst_drawn(error)
 
 
-def behind_the_near_plane(cases: int) -> float:
-    """Worst relative error: the near plane 3 standard deviations before the centre to 3 behind it."""
-    rng = np.random.default_rng(7)
-    worst = 0.0
-    with GLRasterizer() as gl:
-        for _ in range(cases):
-            view = look("orthographic", size=(96, 96), near=DISTANCE)
-            axes = axes_px(view, rng, 8.0, 3.0)
-            sigma = float(np.linalg.norm(view.forward @ axes[0]))
-            a = rng.uniform(-3, 3)
-            batch = thin_splat(point_at(view, 48.2, 47.9, DISTANCE - a * sigma), axes, SplatSpec(), view)
-            expected = float(batch.vertices[0, 6]) * view.scale_px**2 * 0.5 * math.erfc(a / math.sqrt(2))
-            worst = max(worst, abs(optical_depth(gl.rasterize(batch, FIRST, view)).sum() / expected - 1))
-    return worst
+def behind_the_near_plane(gl: GLRasterizer, rng: Random, _: int) -> float:
+    """The relative error: the near plane 3 standard deviations before the centre to 3 behind it."""
+    view = look("orthographic", size=(96, 96), near=DISTANCE)
+    axes = axes_px(view, rng, 8.0, 3.0)
+    sigma = float(np.linalg.norm(view.forward @ axes[0]))
+    a = rng.uniform(-3, 3)
+    batch = thin_splat(point_at(view, 48.2, 47.9, DISTANCE - a * sigma), axes, SplatSpec(), view)
+    expected = float(batch.vertices[0, 6]) * view.scale_px**2 * 0.5 * math.erfc(a / math.sqrt(2))
+    return abs(float(optical_depth(gl.rasterize(batch, FIRST, view)).sum()) / expected - 1)
 
 
-def ranges(cases: int, spec: SplatSpec, most_px: float = math.inf) -> float:
-    """Largest error of alpha: focal lengths, or pixels by model unit, from 1e-12 to 1e16, eyes as far as 1e12, where a
+def ranges(spec: SplatSpec, most_px: float = math.inf) -> Measure:
+    """The error of alpha: focal lengths, or pixels by model unit, from 1e-12 to 1e16, eyes as far as 1e12, where a
     model unit is at most `most_px` pixels long."""
-    rng = np.random.default_rng(8)
-    worst = 0.0
-    with GLRasterizer() as gl:
-        for case in range(cases):
-            distance = 10 ** rng.uniform(-2, 12)
-            scale_px = 10 ** rng.uniform(-12, 16)
-            scale_px = min(scale_px, most_px * distance if case % 2 else most_px)
-            projection: Any = "perspective" if case % 2 else "orthographic"
-            view = View(np.eye(3), np.zeros(3), distance, projection, scale_px, (16, 16))
-            axes = random_rotation(rng) @ np.diag(10 ** rng.uniform(-9, 0, 3))
-            direction = rng.standard_normal(3) * 10 ** rng.uniform(-12, 0)
-            batch = place_splats(np.zeros(3), axes[None], 10 ** rng.uniform(-3, 3), spec=spec)
-            vertices = batch.vertices.copy()
-            vertices[:, :3] = direction
-            batch = SplatBatch(vertices, batch.axes, np.zeros(3), 1.0, batch.footprint)
-            image = gl.rasterize(batch, FIRST, view)
-            assert np.isfinite(image).all()
-            worst = max(worst, float(np.abs(image - rasterize_reference(batch, FIRST, view)).max()))
-    return worst
+
+    def error(gl: GLRasterizer, rng: Random, case: int) -> float:
+        distance, scale_px = 10 ** rng.uniform(-2, 12), 10 ** rng.uniform(-12, 16)
+        scale_px = min(scale_px, most_px * distance if case % 2 else most_px)
+        projection: Any = "perspective" if case % 2 else "orthographic"
+        view = View(np.eye(3), np.zeros(3), distance, projection, scale_px, (16, 16))
+        axes = random_rotation(rng) @ np.diag(10 ** rng.uniform(-9, 0, 3))
+        direction = rng.standard_normal(3) * 10 ** rng.uniform(-12, 0)
+        batch = place_splats(np.zeros(3), axes[None], 10 ** rng.uniform(-3, 3), spec=spec)
+        vertices = batch.vertices.copy()
+        vertices[:, :3] = direction
+        batch = replace(batch, vertices=vertices, origin=np.zeros(3))
+        image = gl.rasterize(batch, FIRST, view)
+        assert np.isfinite(image).all()
+        return float(np.abs(image - rasterize_reference(batch, FIRST, view)).max())
+
+    return lambda cases: worst_drawn(error)(5 * cases)
 
 
 def opaque_noise(size: int, edges: Float64) -> Cut:
@@ -252,56 +243,56 @@ SECTION = Section(
             "widened to 0.5 pixels and scaled, in optical depth",
             "relative error of the energy",
             0.045,
-            lambda cases: energy(5 * cases, SplatSpec(), 1.0),
+            energy(SplatSpec(), 1.0),
         ),
         Extreme(
             "1/1000 to 12 pixels, ellipsoids of 1000:1, Gaussian",
             "the shorter side from a Gram determinant",
             "relative error of the energy",
             0.045,
-            lambda cases: energy(5 * cases, SplatSpec(), 1000.0),
+            energy(SplatSpec(), 1000.0),
         ),
         Extreme(
             "1/1000 to 12 pixels, ellipsoids of 1000:1, Gouraud",
             "widened to 0.85 pixels",
             "relative error of the energy",
             0.08,
-            lambda cases: energy(5 * cases, GOURAUD, 1000.0),
+            energy(GOURAUD, 1000.0),
         ),
         Extreme(
             "3 pixels to ten times the picture, Gaussian",
             "quads where points are too small",
             "relative error of the energy in the picture",
             1e-5,
-            lambda cases: large_energy(cases, SplatSpec()),
+            large_energy(SplatSpec()),
         ),
         Extreme(
             "3 pixels to ten times the picture, Gouraud",
             "triangles",
             "relative error of the energy in the picture",
             1e-5,
-            lambda cases: large_energy(cases, GOURAUD),
+            large_energy(GOURAUD),
         ),
         Extreme(
             "the near plane through a splat",
             "the moments of a truncated normal",
             "relative error of the energy",
             2e-4,
-            behind_the_near_plane,
+            worst_drawn(behind_the_near_plane),
         ),
         Extreme(
             "1e-12 to 1e16 pixels a unit, eyes up to 1e12 units away, Gaussian",
             "footprints in units of their longest side",
             "error of a channel",
             2e-4,
-            lambda cases: ranges(5 * cases, SplatSpec()),
+            ranges(SplatSpec()),
         ),
         Extreme(
             "1e-12 to 1e7 pixels a unit, eyes up to 1e12 units away, Gouraud",
             "as above",
             "error of a channel",
             2e-4,
-            lambda cases: ranges(5 * cases, GOURAUD, LARGEST_FAN_PX),
+            ranges(GOURAUD, LARGEST_FAN_PX),
         ),
         Extreme(
             "turning past 45 and 90 degrees by 0.01, and past other lattice planes: opaque noise, 128 pixels",

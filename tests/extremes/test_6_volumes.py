@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from brickwork import transfer_of as transfer
 from exact_classification import classified, placed
 from extremes import Extreme, Section
 from lattices import MATRICES, SHAPES
 from number_types import LARGEST
-from ray_integrals import along_z, transfer
+from ray_integrals import along_z
 from splat_reference import rasterize_reference
 from splatting import look
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 import mpmath
 import numpy as np
 import pytest
-from extremes import Extreme, Section
+from extremes import Extreme, Measure, Random, Section, worst_of
 
 from renderer.scene import ErrorSpec, tolerance_at
 
@@ -17,43 +17,41 @@ Keys = tuple[tuple[int, float], ...]
 MAX_FRAME = 999_999
 
 
-def whole_range(rng: np.random.Generator) -> Keys:
+def whole_range(rng: Random) -> Keys:
     """Return two to five keys anywhere in the range of frames and of tolerances, its ends among them."""
     frames = np.unique(rng.integers(0, MAX_FRAME, 5))
     return tuple((int(frame), draw_tolerance(rng)) for frame in frames)
 
 
-def draw_tolerance(rng: np.random.Generator) -> float:
+def draw_tolerance(rng: Random) -> float:
     return float(rng.choice([1e-300, 1e300, 10 ** rng.uniform(-300, 300)]))
 
 
-def usual(rng: np.random.Generator) -> Keys:
+def usual(rng: Random) -> Keys:
     """Return keys over five decades, as schedules have them."""
     return tuple((frame, 10 ** rng.uniform(-4, 1)) for frame in (0, 50, 120))
 
 
-def almost_equal(rng: np.random.Generator) -> Keys:
+def almost_equal(rng: Random) -> Keys:
     """Return two keys that differ by some units in the last place, a million frames apart."""
     first = 10 ** rng.uniform(-300, 299)
     return (0, first), (MAX_FRAME, first * (1 + rng.integers(-20, 20) * 2.0**-52))
 
 
-def relative_error(schedules: Callable[[np.random.Generator], Keys]) -> Callable[[int], float]:
+def relative_error(schedules: Callable[[Random], Keys]) -> Measure:
     """Measure a tolerance between keys against the interpolation in 50 digits."""
 
-    def measure(num_cases: int) -> float:
-        rng, worst = np.random.default_rng(7), 0.0
+    def error(rng: Random, _: int) -> float:
+        keys, worst = schedules(rng), 0.0
         with mpmath.workdps(50):
-            for _ in range(num_cases):
-                keys = schedules(rng)
-                for (start, before), (end, after) in pairwise(keys):
-                    frame = int(rng.integers(start, end + 1))
-                    share = mpmath.mpf(frame - start) / (end - start)
-                    expected = mpmath.mpf(before) ** (1 - share) * mpmath.mpf(after) ** share
-                    worst = max(worst, float(abs(tolerance_at(ErrorSpec(keys), frame) / expected - 1)))
+            for (start, before), (end, after) in pairwise(keys):
+                frame = int(rng.integers(start, end + 1))
+                share = mpmath.mpf(frame - start) / (end - start)
+                expected = mpmath.mpf(before) ** (1 - share) * mpmath.mpf(after) ** share
+                worst = max(worst, float(abs(tolerance_at(ErrorSpec(keys), frame) / expected - 1)))
         return worst
 
-    return measure
+    return worst_of(error)
 
 
 def turning_back(num_cases: int) -> float:

@@ -11,6 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from renderer.draw import GLRasterizer
+
+Random = np.random.Generator
+Measure = Callable[[int], float]
 
 # Random cases of each extreme: few in the tests, more for the page.
 CASES_IN_TESTS = 20
@@ -30,7 +38,7 @@ class Extreme:
     method: str
     quantity: str
     bound: float
-    measure: Callable[[int], float]
+    measure: Measure
 
     def __str__(self) -> str:
         return self.name
@@ -40,6 +48,21 @@ class Extreme:
         worst = self.measure(CASES_IN_TESTS)
         assert not math.isnan(worst), f"{self.name}: the {self.quantity} is not a number"
         assert worst <= self.bound, f"{self.name}: {self.quantity} {worst:.3g}, not at most {self.bound:g}"
+
+
+def worst_of(error: Callable[[Random, int], float]) -> Measure:
+    """Return the measure of the largest of random cases. error: of a case, by its random numbers and its number."""
+    return lambda num_cases: max(error(np.random.default_rng(case), case) for case in range(num_cases))
+
+
+def worst_drawn(error: Callable[[GLRasterizer, Random, int], float]) -> Measure:
+    """Return the measure of the largest of random cases, as `worst_of`, that a rasteriser draws."""
+
+    def measure(num_cases: int) -> float:
+        with GLRasterizer() as gl:
+            return worst_of(partial(error, gl))(num_cases)
+
+    return measure
 
 
 @dataclass(frozen=True)
