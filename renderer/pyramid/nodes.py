@@ -319,22 +319,16 @@ def _total_variance(variances: Array, g: int, node: int) -> Any:
 
 @jit
 def list_visible_cells(
-    means: Float32,
-    groups: Int64,
-    width: int,
-    shape: tuple[int, int, int],
-    cells: Int32,
-    sizes: Int64,
-    shift: int,
-    occupied: Bools,
-) -> None:
-    """Write the cells [., 3] (x, y, z) of the visible nodes [g, n, 4] of groups at `groups` [g, 3], in Morton order,
+    means: Float32, groups: Int64, width: int, shape: tuple[int, int, int], num_listed: int, shift: int, occupied: Bools
+) -> tuple[Int32, Int64]:
+    """Return the cells [., 3] (x, y, z) of the visible nodes [g, n, 4] of groups at `groups` [g, 3], in Morton order,
     and their numbers of voxels [.]. Mark them in the grid `occupied` [z, y, x] of cells 2^shift times as wide. Nodes
     below a leaf of every cut, whose last channel is negative, count as visible.
 
-    width: of a node, in voxels, where the border does not cut it. shape: of the volume, z, y, x. Nothing is written to
-    `cells` and `sizes` if they are empty, and nothing is marked if `shift` is below 0.
+    width: of a node, in voxels, where the border does not cut it. shape: of the volume, z, y, x. num_listed: the number
+    of visible nodes; with 0, none is listed. Nothing is marked if `shift` is below 0.
     """
+    cells, sizes = np.empty((num_listed, 3), np.int32), np.empty(num_listed, np.int64)
     num, num_nodes, at = 0, np.uint64(means.shape[1]), np.empty(3, np.int64)
     digits = 2 if num_nodes == 64 else 1 if num_nodes == 8 else 0
     for g in range(len(means)):
@@ -350,40 +344,36 @@ def list_visible_cells(
                     size *= min(shape[2 - axis] - cell * width, width)
                 if shift >= 0:
                     occupied[at[2] >> shift, at[1] >> shift, at[0] >> shift] = True
-                if len(cells) > 0:
+                if num_listed > 0:
                     cells[num, 0], cells[num, 1], cells[num, 2], sizes[num] = at[0], at[1], at[2], size
                     num += 1
+    return cells, sizes
 
 
 @jit
 def append_visible(
-    means: Float32,
-    packed_means: PackedChannels,
-    variances: Array,
-    children: Float32,
-    packed_out: PackedChannels,
-    deviations_out: Float32,
-    masks_out: UInt8,
+    means: Float32, variances: Array, children: Float32, visible: Float32, deviations: Float32, masks: UInt8
 ) -> int:
-    """Append the visible nodes of groups [g, n, 4] in Morton order, packed; return how many they are.
+    """Write the visible nodes of groups [g, n, 4] in Morton order to `visible` [., 4]; return how many they are.
 
-    variances: [g, n, c]; the roots of their sums over the channels go to `deviations_out` [.]. The root is taken before
+    variances: [g, n, c]; the roots of their sums over the channels go to `deviations` [.]. The root is taken before
         rounding to float32, which might not hold the square.
     children: [g, 8 n, 4], whose visibility becomes masks [.]; [0, ., 4] where they are voxels.
     """
+    packed, packed_visible = means.view(np.complex128), visible.view(np.complex128)
     num, num_nodes = np.uint64(0), np.uint64(means.shape[1])
     for g in range(len(means)):
         for index in range(num_nodes):
             node = GROUP_INDEX_OF_MORTON[index] if num_nodes == 64 else index
             if means[g, node, 3] > 0:
-                packed_out[num] = packed_means[g, node]
-                deviations_out[num] = np.sqrt(_total_variance(variances, g, node))
+                packed_visible[num, 0] = packed[g, node, 0]
+                deviations[num] = np.sqrt(_total_variance(variances, g, node))
                 if len(children) > 0:
                     mask = 0
                     for k in range(8):
                         if children[g, np.uint64(k) * num_nodes + node, 3] > 0:
                             mask |= 1 << k
-                    masks_out[num] = mask
+                    masks[num] = mask
                 num += np.uint64(1)
     return int(num)
 

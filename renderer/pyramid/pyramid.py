@@ -40,7 +40,6 @@ from renderer.pyramid.nodes import (
     classify_blocks,
     merge,
     opacities_to_depths,
-    packed_channels,
     store_scaled,
 )
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
@@ -415,10 +414,9 @@ def _build_blocks(plan: _Plan, cubes: Int64, targets: list[Level], scratch: Scra
         target = target.part(0, _store_visible(plan, scratch, part, target))
         if is_streamed or part == occupied_part:
             num_listed = len(target.means) if is_streamed else 0
-            visible_cells, sizes = np.empty((num_listed, 3), np.int32), np.empty(num_listed, np.int64)
             shift = pyramid.occupied_level - 1 - part if part == occupied_part else -1
-            compiled.list_visible_cells(
-                nodes[part][0], cells, 2 << part, raw.shape, visible_cells, sizes, shift, pyramid.occupied
+            visible_cells, sizes = compiled.list_visible_cells(
+                nodes[part][0], cells, 2 << part, raw.shape, num_listed, shift, pyramid.occupied
             )
         if plan.on_nodes is not None and is_streamed:
             scales = error_scale(pyramid.volume, pyramid.measure, np.arange(8 ** (part + 1) + 1)) * pyramid.error_unit
@@ -470,8 +468,7 @@ def _store_visible(plan: _Plan, scratch: Scratch, part: int, target: Level) -> i
     means, _ = scratch.nodes[part]
     _, variances = scratch.errors[part]
     children = scratch.nodes[part - 1][0] if part > 0 else means[:0]
-    packed, packed_out = packed_channels(means), packed_channels(scratch.visible)
-    num = compiled.append_visible(means, packed, variances, children, packed_out, scratch.deviations, target.masks)
+    num = compiled.append_visible(means, variances, children, scratch.visible, scratch.deviations, target.masks)
     if plan.pyramid.max_depth is not None:
         opacities_to_depths(scratch.visible[:num], plan.pyramid.max_depth)
     store_scaled(scratch.visible[:num], 1 / plan.pyramid.mean_unit, target.means[:num])
