@@ -49,12 +49,8 @@ class BrickCut:
 def cut_bricks(bricks: Bricks, tolerance: float, *, finest_level: int = 0) -> BrickCut:
     """Return the coarsest bricks whose errors are below `tolerance` (in the measure's unit), none below `finest_level`.
 
-    Bricks whose own level shows nothing are left out. Raises ValueError where either argument is below 0.
+    Bricks whose own level shows nothing are left out.
     """
-    if not tolerance >= 0:
-        raise ValueError(f"no bricks for this tolerance: got {tolerance}, expected at least 0")
-    if finest_level < 0:
-        raise ValueError(f"no bricks of this level: got {finest_level}, expected at least 0")
     cells, leaves = np.zeros((1, 3), np.int32), []
     for number in range(len(bricks.levels) - 1, -1, -1):
         (x, y, z), level = cells.T, bricks.levels[number]

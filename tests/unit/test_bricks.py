@@ -295,14 +295,3 @@ def test_the_scalar_range_spans_the_changes_of_the_transfer_function() -> None:
     assert bricks.scalar_range == (51, 151)  # no less than 1/64
     constant = TransferFunction(values, np.array(5 * [red]), np.full(5, 0.5), 1.0)
     assert bricks_of(volume, constant).scalar_range == (-1000, 3000)
-
-
-@pytest.mark.parametrize("tolerance", [-1e-9, float("nan")])
-def test_negative_and_undefined_tolerances_are_refused(tolerance: float) -> None:
-    with pytest.raises(ValueError, match="no bricks for this tolerance"):
-        cut_bricks(bricks_of(soft((5, 5, 5)), SOFT), tolerance)
-
-
-def test_negative_levels_are_refused() -> None:
-    with pytest.raises(ValueError, match="no bricks of this level"):
-        cut_bricks(bricks_of(soft((5, 5, 5)), SOFT), 0.1, finest_level=-1)
