@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 import pytest
+from brick_reference import index_gradients
 from dense_bricks import OBLIQUE, Shape, depths_of, means_over_cells, patches, random_transfer
 from number_types import TYPES, limits
 
@@ -77,19 +78,8 @@ def noise(shape: Shape, dtype: str, low: float, high: float, seed: int = 0) -> A
 
 
 def world_gradients(volume: Volume) -> Float64:
-    """[z, y, x, 3], in some unit: of a quarter of the scalars, by central differences, one-sided at the border and 0
-    along an axis of one voxel."""
-    scalars = volume.values.astype(np.float64) / 4
-    slopes = []
-    for axis, n in zip((2, 1, 0), volume.shape_xyz, strict=True):
-        below, above = np.maximum(np.arange(n) - 1, 0), np.minimum(np.arange(n) + 1, n - 1)
-        shape = [-1 if k == axis else 1 for k in range(3)]
-        slopes.append(
-            (scalars.take(above, axis) - scalars.take(below, axis)) / np.maximum(above - below, 1).reshape(shape)
-        )
-    gradient = np.stack(slopes, axis=-1)
-    largest = np.abs(gradient).max() or 1.0  # nothing overflows in the product
-    return np.asarray(gradient / largest @ np.linalg.inv(volume.world_from_index[:3, :3]))
+    """[z, y, x, 3], in some unit: by central differences, one-sided at the border and 0 along an axis of one voxel."""
+    return index_gradients(volume.values.astype(np.float64) / 4) @ np.linalg.inv(volume.world_from_index[:3, :3])
 
 
 @pytest.mark.parametrize("dtype", TYPES)

@@ -5,17 +5,15 @@ The reference draws; that the device draws the same is the matter of the parity 
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from brick_reference import rasterize_bricks_reference
+from brick_reference import picture_at, rasterize_bricks_reference
 from brickwork import (
     AFFINES,
     CAMERAS,
     EACH_SHADING,
-    EXACTLY,
     batch_of,
     bricks_of,
     hills,
@@ -27,10 +25,8 @@ from brickwork import (
 )
 from ray_integrals import ray_spans
 
-from renderer.bricks import cut_bricks, make_brick_batch
 from renderer.scene import ErrorSpec, ShadingSpec
 from renderer.truth import integrate
-from renderer.view import visible_bricks
 from renderer.volume import Float64, Volume
 
 LEVEL = 1 / 255  # of an image of 8 bits
@@ -46,7 +42,7 @@ def diagonal(volume: Volume) -> float:
     return float(np.linalg.norm(volume.world_from_index[:3, :3] @ volume.shape_xyz))
 
 
-def error(image: Float64, truth: Float64) -> float:
+def largest_error(image: Float64, truth: Float64) -> float:
     assert truth[..., 3].max() > 0.2, truth[..., 3].max()
     return float(np.abs(image - truth).max())
 
@@ -63,7 +59,7 @@ def test_constant_volumes_obey_beer_and_lambert(affine: str, shape: tuple[int, i
         image = rasterize_bricks_reference(batch_of(cut, bricks), ordered(cut, view), view)
         # float32: of the means, and of the table.
         limit = 1e-7 + (HALF if precision == "half" else 0)
-        assert error(image, alpha[..., None] * (*COLOR, 1.0)) < limit, (camera, shape)
+        assert largest_error(image, alpha[..., None] * (*COLOR, 1.0)) < limit, (camera, shape)
 
 
 def ramp(shape: tuple[int, int, int], rng: np.random.Generator, affine: str) -> Volume:
@@ -84,7 +80,7 @@ def test_ramps_meet_without_seams(affine: str, camera: str, shading: ShadingSpec
     cut, view = random_cut(bricks, len(camera)), view_of(volume, camera)
     truth = integrate(volume, transfer, view, step_voxels=1.0, shading=shading)
     batch = batch_of(cut, bricks, shading=shading)
-    assert error(rasterize_bricks_reference(batch, ordered(cut, view), view), truth) < LEVEL
+    assert largest_error(rasterize_bricks_reference(batch, ordered(cut, view), view), truth) < LEVEL
 
 
 @EACH_SHADING
@@ -96,9 +92,7 @@ def test_pictures_converge_to_the_truth_with_the_tolerance(shading: ShadingSpec 
     truth = integrate(volume, transfer, view, step_voxels=0.25, shading=shading)
     errors = []
     for tolerance in (1.0, 0.1, 0.01, 1e-3, 0.0):
-        cut = cut_bricks(bricks, tolerance)
-        batch = make_brick_batch(cut, bricks, tolerance=tolerance, shading=shading, voxel_px=1.0)
-        image = rasterize_bricks_reference(batch, visible_bricks(batch, view), view)
+        image = picture_at(bricks, view, tolerance, shading, every_pixel=False)
         errors.append(np.sqrt(np.mean((image - truth) ** 2)))
     assert np.all(np.diff(errors) < 0), errors
     assert errors[0] < 0.2
@@ -116,9 +110,8 @@ def test_no_step_keeps_pace_with_what_is_regular(period: int, azimuth: float) ->
     bricks, view = bricks_of(volume, transfer), view_of(volume, "orthographic", (24, 24), azimuth=azimuth, elevation=0)
     truth = integrate(volume, transfer, view, step_voxels=0.02)
     for tolerance in 0.01 * 10.0 ** (np.arange(7) / 4):
-        batch = make_brick_batch(cut_bricks(bricks, tolerance), bricks, tolerance=tolerance, shading=None, voxel_px=1)
-        image = rasterize_bricks_reference(replace(batch, screen_sampling=EXACTLY), visible_bricks(batch, view), view)
-        assert np.sqrt(np.mean((image - truth) ** 2)) < tolerance, tolerance
+        error = picture_at(bricks, view, tolerance) - truth
+        assert np.sqrt(np.mean(error**2)) < tolerance, tolerance
 
 
 @pytest.mark.parametrize("inside", [0.0, 0.3], ids=["visible above", "visible below"])
@@ -135,9 +128,8 @@ def test_steps_at_the_ends_of_a_transfer_function(at: str, inside: float) -> Non
     )
     bricks, view = bricks_of(volume, transfer), view_of(volume, "perspective")
     truth = integrate(volume, transfer, view, step_voxels=0.05)
-    batch = make_brick_batch(cut_bricks(bricks, 0.0), bricks, tolerance=0.0, shading=None, voxel_px=1)
-    image = rasterize_bricks_reference(batch, visible_bricks(batch, view), view)
-    assert np.sqrt(np.mean((image - truth) ** 2)) < 4e-3  # seen: 2.6e-3, steps of 1/16 across a jump
+    error = picture_at(bricks, view, 0.0) - truth
+    assert np.sqrt(np.mean(error**2)) < 4e-3  # seen: 2.6e-3, steps of 1/16 across a jump
 
 
 @pytest.mark.parametrize("error", [{}, {"measure": "rms"}, {"measure": "rms", "of": "scalar"}], ids=str)
@@ -148,9 +140,7 @@ def test_opaque_walls_are_exact_at_the_tolerance_0(error: dict[str, Any]) -> Non
     transfer = transfer_of((0.4, (0.9, 0.2, 0.1), 0.0), (1, (0.1, 0.5, 1.0), 40 / volume.finest_spacing))
     bricks, view = bricks_of(volume, transfer, error=ErrorSpec(**error)), view_of(volume, "perspective", (24, 18))
     truth = integrate(volume, transfer, view, step_voxels=0.01)
-    batch = make_brick_batch(cut_bricks(bricks, 0.0), bricks, tolerance=0.0, shading=None, voxel_px=1)
-    image = rasterize_bricks_reference(batch, visible_bricks(batch, view), view)
-    assert np.sqrt(np.mean((image - truth) ** 2)) < 5e-5
+    assert np.sqrt(np.mean((picture_at(bricks, view, 0.0) - truth) ** 2)) < 5e-5
 
 
 def test_empty_bricks_beside_a_surface_show_no_coarse_fringe() -> None:
@@ -162,6 +152,4 @@ def test_empty_bricks_beside_a_surface_show_no_coarse_fringe() -> None:
     transfer = transfer_of((0, COLOR, 0.0), (200, (0.9, 0.4, 0.1), 1.0))
     bricks, view = bricks_of(volume, transfer), view_of(volume, "perspective", (40, 30))
     truth = integrate(volume, transfer, view, step_voxels=0.25)
-    cut = cut_bricks(bricks, 1e-3)
-    batch = make_brick_batch(cut, bricks, tolerance=1e-3, shading=None, voxel_px=1.0)
-    assert error(rasterize_bricks_reference(batch, visible_bricks(batch, view), view), truth) < LEVEL
+    assert largest_error(picture_at(bricks, view, 1e-3), truth) < LEVEL

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ray_integrals import COLORFUL, EXACT, along_z, look, oblique, ray_spans, transfer, volume
+from brickwork import transfer_of
+from ray_integrals import COLORFUL, EXACT, along_z, look, oblique, ray_spans, volume
 
 from renderer.scene import ShadingSpec, TurntablePath
 from renderer.truth import converged_image, integrate
@@ -41,7 +42,7 @@ def test_linear_field_in_an_oblique_volume(projection: str, distance: float, sha
         assert cosine > 0.1
         factor = shading.ambient + shading.diffuse * cosine
     alpha = -np.expm1(-depth).reshape(view.size[::-1])
-    ramp = transfer((-10.0, tuple(color), 0.0), (0.0, tuple(color), 0.0), (10.0, tuple(color), 1.0))
+    ramp = transfer_of((-10.0, tuple(color), 0.0), (0.0, tuple(color), 0.0), (10.0, tuple(color), 1.0))
     image = integrate(field, ramp, view, step_voxels=1.0, shading=shading)
     # The closed form divides differences of squares by speeds that may be small: 4e-14 was seen.
     np.testing.assert_allclose(image[..., 3], alpha, atol=1e-12)
@@ -52,7 +53,7 @@ def test_linear_field_in_an_oblique_volume(projection: str, distance: float, sha
 def test_linear_ramp_of_color() -> None:
     """Constant tau, colour falling from 1 to 0 over a cell of length 2: the integral of (1 - s / 2) tau exp(-tau s)."""
     tau, length = 0.7, 2.0
-    image = along_z([0, 1], transfer((0, (0, 0, 0), tau), (1, (1, 1, 1), tau)), spacing=length)
+    image = along_z([0, 1], transfer_of((0, (0, 0, 0), tau), (1, (1, 1, 1), tau)), spacing=length)
     depth = tau * length
     cell = 1.0 - (-np.expm1(-depth)) / depth
     expected = -np.expm1(-depth / 2) + np.exp(-depth / 2) * cell
@@ -63,30 +64,30 @@ def test_linear_ramp_of_color() -> None:
 
 def test_step_lies_exactly_where_the_field_crosses_it() -> None:
     """Opaque from 0.25 up on a column 1, 0: half a voxel and three quarters of the cell."""
-    step = transfer((0.25, (1, 1, 1), 0.0), (0.25, (1, 1, 1), 2.0))
+    step = transfer_of((0.25, (1, 1, 1), 0.0), (0.25, (1, 1, 1), 2.0))
     assert along_z([0, 1], step)[3] == pytest.approx(-np.expm1(-2 * 1.25), abs=EXACT)
 
 
 @pytest.mark.parametrize(("value", "alpha"), [(0.25, -np.expm1(-2.0)), (np.nextafter(0.25, 0), 0.0)])
 def test_at_a_step_the_value_belongs_to_the_upper_side(value: float, alpha: float) -> None:
-    step = transfer((0.25, (1, 1, 1), 0.0), (0.25, (1, 1, 1), 2.0))
+    step = transfer_of((0.25, (1, 1, 1), 0.0), (0.25, (1, 1, 1), 2.0))
     assert along_z([value], step)[3] == pytest.approx(alpha, abs=EXACT)
 
 
 def test_a_shell_much_thinner_than_any_step_is_not_missed() -> None:
     """A hat of 1e7 extinction and half-width 1e-7 in a value that rises by 3 per voxel: a depth of 1/3, twice."""
-    hat = transfer((0.5 - 1e-7, (1, 1, 1), 0.0), (0.5, (1, 1, 1), 1e7), (0.5 + 1e-7, (1, 1, 1), 0.0))
+    hat = transfer_of((0.5 - 1e-7, (1, 1, 1), 0.0), (0.5, (1, 1, 1), 1e7), (0.5 + 1e-7, (1, 1, 1), 0.0))
     # 0.5 has lost 7 of its 16 digits within the hat.
     assert along_z([0, 3, 0], hat)[3] == pytest.approx(-np.expm1(-2 / 3), abs=1e-8)
 
 
 def test_nothing_is_seen_behind_what_is_opaque() -> None:
-    wall = transfer((0, (0, 1, 0), 1.0), (1, (1, 0, 0), 40.0))
+    wall = transfer_of((0, (0, 1, 0), 1.0), (1, (1, 0, 0), 40.0))
     np.testing.assert_allclose(along_z([0, 0, 1, 1], wall), [1, 0, 0, 1], atol=1e-12)
 
 
 def test_faint_media_keep_all_their_digits() -> None:
-    image = along_z([1, 1, 1], transfer((1, (1, 0.5, 0), 1e-14)))
+    image = along_z([1, 1, 1], transfer_of((1, (1, 0.5, 0), 1e-14)))
     # The length of 3 is a difference of places 100 away, which are rounded to 1.4e-14.
     np.testing.assert_allclose(image, [3e-14, 1.5e-14, 0, 3e-14], rtol=1e-13)
 
@@ -100,7 +101,7 @@ def test_skipped_macrocells_are_transparent(shape: tuple[int, int, int], dtype: 
     values.flat[rng.integers(values.size)] = 100
     values.flags.writeable = False
     sparse = Volume(values, oblique(), "test", "")
-    shell = transfer(
+    shell = transfer_of(
         (10, (1, 0, 0), 0), (60, (1, 0, 0), 0), (60, (0, 1, 0.5), 3), (70, (0, 0, 1), 0), (100, (1, 1, 1), 0)
     )
     fog = replace(shell, extinctions=np.maximum(shell.extinctions, 1e-200))
@@ -115,7 +116,7 @@ def test_skipped_macrocells_are_transparent(shape: tuple[int, int, int], dtype: 
 
 def test_light_on_a_plane_is_lamberts_cosine() -> None:
     """A ramp along z has the gradient +z, so that n = -z; two equal voxels in a row have none, which is `ambient`."""
-    white = transfer((0, (1, 1, 1), 0.5))
+    white = transfer_of((0, (1, 1, 1), 0.5))
     for values, light, factor in (
         ([0, 1, 2], (0.0, 3.0, -4.0), 0.25 + 0.5 * 0.8),
         ([0, 1, 2], (0.0, 3.0, 4.0), 0.25),
@@ -150,6 +151,6 @@ def test_row_0_is_the_top_and_column_0_the_left() -> None:
     values = np.zeros((3, 3, 3))
     values[2, 1, 2] = 1.0
     view = look((1.0, 1.0, 1.0), 20.0, (9, 9), path=TurntablePath(1))
-    image = integrate(volume(values), transfer((0, (1, 1, 1), 0), (1, (1, 1, 1), 5)), view, step_voxels=1.0)
+    image = integrate(volume(values), transfer_of((0, (1, 1, 1), 0), (1, (1, 1, 1), 5)), view, step_voxels=1.0)
     row, column = np.unravel_index(image[..., 3].argmax(), (9, 9))
     assert row < 4 < column

@@ -10,7 +10,8 @@ from itertools import count
 
 import numpy as np
 import pytest
-from ray_integrals import COLORFUL, look, oblique, riemann, transfer, volume
+from brickwork import transfer_of
+from ray_integrals import COLORFUL, look, oblique, riemann, volume
 
 from renderer.readers.procedural import procedural_values
 from renderer.scene import ProceduralSource, ShadingSpec
@@ -42,7 +43,7 @@ def test_the_error_falls_with_the_eighth_power_of_the_step(
     Seen: 7.6 to 9.1; with light 5.8 to 6.3 from step 1, where its factor is not yet resolved, and then 7.9 to 8.5.
     """
     field = volume(np.random.default_rng(7).uniform(0, 1, (2, 2, 2)), np.diag([8.0, 8.0, 8.0, 1.0]))
-    ramp = transfer((0, (0, 1, 0.5), 0.01), (1, (1, 0, 0.2), 0.12))
+    ramp = transfer_of((0, (0, 1, 0.5), 0.01), (1, (1, 0, 0.2), 0.12))
     fov = 10.0 if distance == 60.0 else 60.0
     view = look(tuple(field.centre), distance, (8, 8), field_of_view=fov, projection=projection)
     images = [integrate(field, ramp, view, step_voxels=step, shading=shading) for step in (1.0, 0.5, 0.25, 1 / 32)]
@@ -53,14 +54,14 @@ def test_the_error_falls_with_the_eighth_power_of_the_step(
 
 
 SETTLING = {
-    "steps": transfer(
+    "steps": transfer_of(
         (0.2, (1, 0, 0), 0), (0.2, (1, 0, 0), 0.5), (0.5, (0, 1, 0), 0.5), (0.5, (0, 0.2, 1), 3), (0.7, (1, 1, 1), 3)
     ),
-    "spikes": transfer(
+    "spikes": transfer_of(
         *[(0.3, (1, 0, 0), 0), (0.3005, (0, 1, 0), 40), (0.301, (1, 0, 0), 0), (0.6, (0, 0, 1), 0)],
         *[(0.6 + 1e-6, (0, 1, 0), 4e3), (0.6 + 2e-6, (1, 1, 1), 0), (0.9, (1, 0, 0), 0.3)],
     ),
-    "opaque": transfer((0.1, (1, 0, 0), 0), (0.15, (0, 0.2, 1), 40), (0.4, (0, 1, 0), 40), (0.5, (1, 1, 1), 0.1)),
+    "opaque": transfer_of((0.1, (1, 0, 0), 0), (0.15, (0, 0.2, 1), 40), (0.4, (0, 1, 0), 40), (0.5, (1, 1, 1), 0.1)),
 }
 
 

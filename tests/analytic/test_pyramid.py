@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from brick_reference import index_gradients, light_factor
 from dense_bricks import OBLIQUE, means_over_cells, spread_of_cells, sums_over_cells
 
 from renderer.pyramid import Level, Pyramid, build_pyramid, store_scaled
@@ -50,19 +51,10 @@ def noise(shape: tuple[int, int, int], dtype: Any, low: float, high: float, seed
     return volume((low + np.clip(field, 0, 1) * (high - low)).astype(dtype))
 
 
-def gradient(values: Float64, axis: int) -> Float64:
-    return np.asarray(np.gradient(values, axis=axis)) if values.shape[axis] > 1 else np.zeros_like(values)
-
-
 def lighting(of: Volume, shading: ShadingSpec) -> Float64:
     """Return Lambert's factor on the normal -g / |g|, with g the gradient in the world."""
-    values = of.values.astype(np.float64)
-    index_gradient = np.stack([gradient(values, 2), gradient(values, 1), gradient(values, 0)], axis=-1)
-    g = index_gradient @ np.linalg.inv(of.world_from_index[:3, :3])
-    length = np.linalg.norm(g, axis=-1)
-    light = np.array(shading.light) / np.linalg.norm(shading.light)
-    toward = np.divide(-g @ light, length, out=np.zeros_like(length), where=length > 0)
-    return np.asarray(shading.ambient + shading.diffuse * np.maximum(toward, 0))
+    g = index_gradients(of.values.astype(np.float64)) @ np.linalg.inv(of.world_from_index[:3, :3])
+    return light_factor(shading, g.reshape(-1, 3)).reshape(of.values.shape)
 
 
 def channels(of: Volume, tf: TransferFunction, *, opacity: bool, shading: ShadingSpec | None = None) -> Float64:

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-from brick_reference import rasterize_bricks_reference
-from brickwork import AFFINES, EXACTLY, bricks_of, placed, transfer_of, view_of
+from brick_reference import picture_at
+from brickwork import AFFINES, bricks_of, placed, transfer_of, view_of
 from dense_bricks import channels_of
 
-from renderer.bricks import Bricks, cut_bricks, make_brick_batch
 from renderer.bricks.subvoxel import SIMPLIFICATION_TOLERANCE, make_channel_curve
 from renderer.transfer import TransferFunction
 from renderer.truth import integrate
-from renderer.view import View, visible_bricks
 from renderer.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
@@ -79,9 +76,9 @@ def test_peaks_between_voxels_are_drawn_within_the_tolerance(volume: Volume, tra
     truth = integrate(volume, transfer, view, step_voxels=1 / 4)
     assert truth[..., 3].max() > 0.1
     for tolerance in (1.0, 0.3, 0.1, 0.03, 0.01):
-        error = picture(bricks, view, tolerance) - truth
+        error = picture_at(bricks, view, tolerance) - truth
         assert np.sqrt(np.mean(error**2)) < 0.2 * tolerance, tolerance
-    assert np.sqrt(np.mean((picture(bricks, view, 0.0) - truth) ** 2)) < 1e-3
+    assert np.sqrt(np.mean((picture_at(bricks, view, 0.0) - truth) ** 2)) < 1e-3
 
 
 def box(first: int, end: int) -> Volume:
@@ -113,13 +110,6 @@ def test_edges_at_node_borders_are_drawn_within_the_tolerance(volume: Volume) ->
     bricks, view = bricks_of(volume, RAMP), view_of(volume, "perspective")
     truth = integrate(volume, RAMP, view, step_voxels=1 / 4)
     for tolerance in (0.3, 0.1, 0.03, 0.01):
-        error = picture(bricks, view, tolerance) - truth
+        error = picture_at(bricks, view, tolerance) - truth
         assert np.sqrt(np.mean(error**2)) < 0.1 * tolerance, tolerance
-    assert np.sqrt(np.mean((picture(bricks, view, 0.0) - truth) ** 2)) < 1e-4
-
-
-def picture(bricks: Bricks, view: View, tolerance: float) -> Float64:
-    """Draw all pixels of a cut."""
-    batch = make_brick_batch(cut_bricks(bricks, tolerance), bricks, tolerance=tolerance, shading=None, voxel_px=1.0)
-    batch = replace(batch, screen_sampling=EXACTLY)
-    return rasterize_bricks_reference(batch, visible_bricks(batch, view), view)
+    assert np.sqrt(np.mean((picture_at(bricks, view, 0.0) - truth) ** 2)) < 1e-4

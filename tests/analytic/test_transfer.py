@@ -6,22 +6,15 @@ import math
 
 import numpy as np
 import pytest
+from brickwork import transfer_of
 
 from renderer.scene import ColormapSpec, ControlPoint, TransferSpec, colormap_points
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.transfer.transfer_function import MAX_VOXEL_DEPTH, NUM_COLORMAP_SAMPLES
 
-Point = tuple[float, tuple[float, float, float], float]
-
-
-def transfer(*points: Point) -> TransferFunction:
-    """Return the function through points of a value, a colour and an extinction."""
-    values, colors, extinctions = zip(*points, strict=True)
-    return TransferFunction(np.array(values, float), np.array(colors, float), np.array(extinctions, float), 1.0)
-
 
 def test_the_value_of_a_step_belongs_to_its_upper_side() -> None:
-    tf = transfer((0, (0, 0, 0), 0), (5, (0, 0, 0), 1), (5, (1, 1, 1), 3), (9, (1, 1, 1), 3))
+    tf = transfer_of((0, (0, 0, 0), 0), (5, (0, 0, 0), 1), (5, (1, 1, 1), 3), (9, (1, 1, 1), 3))
     below, at = np.nextafter(5.0, 0.0), 5.0
     np.testing.assert_allclose(tf.classify(np.array([below, at]))[1], [1, 3], rtol=1e-15)
     np.testing.assert_array_equal(tf.classify(np.array([below, at]))[0], [[0, 0, 0], [1, 1, 1]])

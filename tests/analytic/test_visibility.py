@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 import pytest
+from brickwork import AFFINES
 
 from renderer.pyramid import Cut
 from renderer.view import View
@@ -13,14 +14,6 @@ from renderer.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
 
-AFFINES = {
-    "identity": np.eye(3),
-    "anisotropic": np.diag([1.0, 0.3, 4.0]),
-    "oblique": np.array([[0.8, -0.6, 0], [0.6, 0.8, 0], [0, 0, 1.0]])
-    @ np.array([[1, 0, 0], [0, 0.6, -0.8], [0, 0.8, 0.6]]),
-    "sheared": np.array([[1, 0.4, -0.3], [0, 1, 0.7], [0.2, 0, 1.0]]),
-    "left-handed": np.diag([-1.0, 2.0, 1.0]),
-}
 each_affine = pytest.mark.parametrize("affine", AFFINES.values(), ids=AFFINES.keys())
 
 

@@ -129,13 +129,7 @@ def test_samples_stay_in_their_brick(shading: ShadingSpec | None, brick_backend:
             free = np.flatnonzero(atlas._key_from_slot < 0)
             assert len(free) > 0
             with cast(Any, gl)._context:
-                atlas._write(
-                    free,
-                    np.full(
-                        (len(free), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, atlas.num_channels),
-                        np.nan,
-                        np.float32,
-                    ),
-                )
+                shape = (len(free), *[PADDED_BRICK_SIZE] * 3, atlas.num_channels)
+                atlas._write(free, np.full(shape, np.nan, np.float32))
             assert expected[..., 3].max() > 0.5
             assert gl.rasterize(batch, order, view).tobytes() == expected.tobytes()

@@ -11,7 +11,7 @@ N. Max, "Optical Models for Direct Volume Rendering", IEEE TVCG 1 (1995): the in
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise, product
 from typing import Any
 
@@ -19,10 +19,10 @@ import numpy as np
 import numpy.typing as npt
 from dense_bricks import means_over_cells
 
-from renderer.bricks import DITHER, JITTER_PER_PX, BrickBatch, Bricks
+from renderer.bricks import DITHER, JITTER_PER_PX, BrickBatch, Bricks, ScreenSampling, cut_bricks, make_brick_batch
 from renderer.scene import ShadingSpec
 from renderer.transfer import MAX_NORMALIZED_SCALAR, VISIBILITY_THRESHOLD
-from renderer.view import View
+from renderer.view import View, visible_bricks
 from renderer.volume import Volume
 
 Float64 = npt.NDArray[np.float64]
@@ -62,6 +62,16 @@ def rasterize_bricks_reference(batch: BrickBatch, order: npt.NDArray[np.uint32],
         image = _between(image, coarse, *nodes)
         image[is_drawn] = _radiance(batch, order, _rays(batch.cut.volume, view, *(n[is_drawn] for n in nodes)), fields)
     return _between(image, strides[-1], *_pixel_grid(view.size, 1))
+
+
+def picture_at(
+    bricks: Bricks, view: View, tolerance: float, shading: ShadingSpec | None = None, *, every_pixel: bool = True
+) -> Float64:
+    """Composite what is drawn at a tolerance, of voxels about a pixel wide; every pixel, or those that are drawn."""
+    batch = make_brick_batch(cut_bricks(bricks, tolerance), bricks, tolerance=tolerance, shading=shading, voxel_px=1.0)
+    if every_pixel:
+        batch = replace(batch, screen_sampling=ScreenSampling((1,), 0.0, 0.0))
+    return rasterize_bricks_reference(batch, visible_bricks(batch, view), view)
 
 
 def _pixel_grid(size: tuple[int, int], stride: int) -> tuple[Int64, Int64]:
@@ -199,12 +209,12 @@ def _scalar_field(batch: BrickBatch) -> Float64:
     channels = [np.clip((halves - first) / (last - first), -limit, limit)[..., None]]
     if batch.shading is not None:
         world_from_index = bricks.volume.world_from_index[:3, :3]
-        channels.append(_index_gradients(halves) @ np.linalg.inv(world_from_index))
+        channels.append(index_gradients(halves) @ np.linalg.inv(world_from_index))
     around = [(1, 1), (1, 1), (1, 1), (0, 0)]
     return np.pad(np.concatenate(channels, axis=-1), around, mode="edge").astype(np.float32).astype(np.float64)
 
 
-def _index_gradients(scalars: Float64) -> Float64:
+def index_gradients(scalars: Float64) -> Float64:
     """Return gradients [z, y, x, 3], along x, y, z: central differences, one-sided at the border, 0 along one voxel.
 
     They are divided by the largest difference of two scalars.
@@ -249,8 +259,8 @@ def _cell_means(bricks: Bricks, level: int) -> Float64:
     lighting = pyramid.classifier.lighting
     if lighting is not None:
         shading = ShadingSpec(*lighting.light[3:], lighting.light[:3])
-        gradients = _index_gradients(scalars / 2) @ np.linalg.inv(bricks.volume.world_from_index[:3, :3])
-        colors = colors * _light(shading, gradients.reshape(-1, 3)).reshape(*scalars.shape, 1)
+        gradients = index_gradients(scalars / 2) @ np.linalg.inv(bricks.volume.world_from_index[:3, :3])
+        colors = colors * light_factor(shading, gradients.reshape(-1, 3)).reshape(*scalars.shape, 1)
     weights = extinctions[..., None] * bricks.volume.finest_spacing
     if pyramid.max_depth is not None:  # opacities are averaged
         weights = -np.expm1(-weights)
@@ -283,11 +293,11 @@ def _classified(batch: BrickBatch, texel: Float64) -> Float64:
     offset = (texel[:, 0] - rows[k, 1])[:, None]
     channels = rows[k, 4:8] + offset * rows[k, 8:].astype(np.float64)
     if batch.shading is not None:
-        channels[:, :3] *= _light(batch.shading, texel[:, 1:])[:, None]
+        channels[:, :3] *= light_factor(batch.shading, texel[:, 1:])[:, None]
     return np.hstack([channels[:, :3] * channels[:, 3:], channels[:, 3:]])
 
 
-def _light(shading: ShadingSpec, gradient: Float64) -> Float64:
+def light_factor(shading: ShadingSpec, gradient: Float64) -> Float64:
     """[n]: what the colour is multiplied by, Lambert's law for a surface that faces down a world gradient [n, 3]."""
     length = np.linalg.norm(gradient, axis=1)
     toward_light = -gradient @ (np.array(shading.light) / np.linalg.norm(shading.light))

@@ -121,8 +121,7 @@ def batch_of(
     """A batch by hand: one step for all, or one for each level."""
     volume = cut.volume
     steps = np.broadcast_to(np.asarray(step, np.float64), len(bricks.levels))[cut.levels]
-    length = 0.5 * float(np.linalg.norm(volume.world_from_index[:3, :3] * volume.shape_xyz))
-    return BrickBatch(cut, bricks, steps, shading, screen_sampling, volume.centre, length)
+    return BrickBatch(cut, bricks, steps, shading, screen_sampling, volume.centre, volume.half_diagonal)
 
 
 def view_of(

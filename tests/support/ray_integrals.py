@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from brickwork import transfer_of
 
 from renderer.scene import CameraSpec, ShadingSpec, TurntablePath, Vector
 from renderer.transfer import TransferFunction
@@ -16,11 +17,6 @@ from renderer.volume import Float64, Volume
 
 # float64 sums over a few hundred cells.
 EXACT = 1e-13
-
-
-def transfer(*points: tuple[float, tuple[float, float, float], float]) -> TransferFunction:
-    values, colors, extinctions = zip(*points, strict=True)
-    return TransferFunction(np.array(values, float), np.array(colors, float), np.array(extinctions, float), 1.0)
 
 
 def volume(values: npt.ArrayLike, world_from_index: Float64 | None = None) -> Volume:
@@ -114,7 +110,9 @@ def interpolate(values: Float64, index: Float64) -> Float64:
     return total
 
 
-COLORFUL = transfer((-0.5, (1, 0, 0.5), 0.2), (0.3, (0, 1, 0.2), 0.9), (0.8, (0.3, 0.2, 1), 0.0), (1.5, (1, 1, 0), 1.3))
+COLORFUL = transfer_of(
+    (-0.5, (1, 0, 0.5), 0.2), (0.3, (0, 1, 0.2), 0.9), (0.8, (0.3, 0.2, 1), 0.0), (1.5, (1, 1, 0), 1.3)
+)
 
 
 def along_z(values: list[float], tf: TransferFunction, step_voxels: float = 1.0, spacing: float = 1.0) -> Float64:

@@ -159,11 +159,14 @@ def test_the_workload_equals_counted_samples(projection: str, tolerance: float) 
     assert lod.num_pixels(orders, view) == pytest.approx(counted(lod, view), rel=0.08)
 
 
-def test_subsampled_pixel_grids_cost_less() -> None:
+@pytest.fixture(scope="module")
+def lod() -> LOD:
+    return make_primitive(stage_of(PLAIN, lumps())).make_lod(0.1, lambda name: None)
+
+
+def test_subsampled_pixel_grids_cost_less(lod: LOD) -> None:
     """The coarser the grid, the less it costs; but pixels that differ are looked at in addition."""
-    stage = stage_of(PLAIN, lumps())
-    lod = make_primitive(stage).make_lod(0.1, lambda name: None)
-    view = look(target=tuple(stage.volume.centre), distance=150.0)
+    view = look(target=tuple(lod.batch.origin), distance=150.0)
     orders = lod.orders(view)
 
     def load(*strides: int, spread: float = 0.1) -> float:
@@ -175,18 +178,14 @@ def test_subsampled_pixel_grids_cost_less() -> None:
     assert load(4, 1, spread=1.0) < load(4, 1, spread=0.1) < load(4, 1, spread=0.01)
 
 
-def test_bricks_out_of_view_take_no_samples() -> None:
-    stage = stage_of(PLAIN, lumps())
-    lod = make_primitive(stage).make_lod(0.1, lambda name: None)
+def test_bricks_out_of_view_take_no_samples(lod: LOD) -> None:
     view = look(target=(1e4, 0.0, 0.0), distance=10.0)
     assert lod.num_pixels(lod.orders(view), view) == 0
 
 
-def test_samples_around_the_eye_are_bounded() -> None:
+def test_samples_around_the_eye_are_bounded(lod: LOD) -> None:
     """The projection of a brick around the eye is undefined; no ray in it is longer than its diagonal."""
-    stage = stage_of(PLAIN, lumps())
-    lod = make_primitive(stage).make_lod(0.1, lambda name: None)
-    view = look(target=tuple(stage.volume.centre), distance=1e-3, size=(40, 30))
+    view = look(target=tuple(lod.batch.origin), distance=1e-3, size=(40, 30))
     ((_, order),) = lod.orders(view)
     longest = BRICK_SIZE * math.sqrt(3) * 1.5 / lod.batch.steps.min() + 7
     assert 0 < num_samples(lod.batch, order, view) < len(order) * 40 * 30 * longest
