@@ -426,7 +426,8 @@ def classify_blocks(
 
 def merge(groups: Groups, extents: UInt64, side: int) -> None:
     """Merge the 64 nodes of each group, `side` voxels wide, into their 8 parents and the root."""
-    _merge_groups(*groups, extents, side)
+    nodes, parents, roots = groups
+    _merge_groups(nodes, parents, roots, extents, side)
 
 
 def opacities_to_depths(means: Float32, max_depth: float) -> None:
