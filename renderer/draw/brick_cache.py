@@ -6,7 +6,6 @@ bricks are uploaded more often. One atlas holds the scalars of level 0, another 
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -121,7 +120,7 @@ def make_brick_view(batch: BrickBatch, order: UInt32, view: View) -> BrickView:
     """Return the bricks `batch[order]`, uint32 [n], in a view."""
     cut, centre = batch.cut, batch.cut.volume.centre_index
     levels, cells = cut.levels[order].astype(np.int64), cut.cells[order].astype(np.int64)
-    grids = np.array([level.visible_bounds.shape[:3] for level in batch.bricks.levels])
+    grids = np.array([level.errors.shape for level in batch.bricks.levels])
     sizes = grids.prod(axis=1)
     first_keys = np.cumsum(sizes) - sizes - sizes[0]
     first_keys[0] = 0
@@ -221,8 +220,8 @@ class BrickCache(Generic[A]):
         num_channels = 4 if batch.shading else 1
         if self._bricks is not batch.bricks or self.atlases[0].num_channels != num_channels:
             self._evict_bricks()
-            num_scalars, num_means = _num_keys(batch.bricks)
-            self.atlases = self._make_scalar_atlas(num_channels, num_scalars), self._make_mean_atlas(4, num_means)
+            num_scalars, *nums = (level.errors.size for level in batch.bricks.levels)
+            self.atlases = self._make_scalar_atlas(num_channels, num_scalars), self._make_mean_atlas(4, sum(nums))
             self._bricks = batch.bricks
         last = self._brick_view
         if last is None or not (last.batch is batch and last.order is order and last.view is view):
@@ -246,9 +245,3 @@ class BrickCache(Generic[A]):
         for level in np.unique(levels).tolist():
             texels[levels == level] = mean_texels(batch.bricks, level, cells[levels == level], self._means)
         return texels
-
-
-def _num_keys(bricks: Bricks) -> tuple[int, int]:
-    """Return the number of bricks on level 0, and on all levels above."""
-    num_scalars, *num_means = (math.prod(level.visible_bounds.shape[:3]) for level in bricks.levels)
-    return num_scalars, sum(num_means)

@@ -145,14 +145,8 @@ def _integrate_piece(
     for number in range(max_steps.size):
         num_steps = math.ceil(num_parts / max_steps[number])
         width = 1.0 / num_steps
-        red, green, blue, depth_before = (
-            gathered[number, 0],
-            gathered[number, 1],
-            gathered[number, 2],
-            gathered[number, 3],
-        )
         for step in range(num_steps):
-            if depth_before > _MAX_OPTICAL_DEPTH:
+            if gathered[number, 3] > _MAX_OPTICAL_DEPTH:
                 break
             d0, d1, d2, d3 = restrict_cubic((t0, t1, t2, t3), step * width, width)
             # From the integrand in powers of x to its integral from 0 to x, divided by x.
@@ -173,15 +167,11 @@ def _integrate_piece(
                 s0 += weight * (r - c0)
                 s1 += weight * (g - c1)
                 s2 += weight * (b - c2)
-            transmittance = math.exp(-depth_before)
-            red, green, blue = red + transmittance * s0, green + transmittance * s1, blue + transmittance * s2
-            depth_before += depth
-        gathered[number, 0], gathered[number, 1], gathered[number, 2], gathered[number, 3] = (
-            red,
-            green,
-            blue,
-            depth_before,
-        )
+            transmittance = math.exp(-gathered[number, 3])
+            gathered[number, 0] += transmittance * s0
+            gathered[number, 1] += transmittance * s1
+            gathered[number, 2] += transmittance * s2
+            gathered[number, 3] += depth
 
 
 @inline
