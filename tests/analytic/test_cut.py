@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from brickwork import hills
 from dense_bricks import OBLIQUE, depths_of, errors_of_cells, spread_of_cells
 
 from renderer.pyramid import Cut, Pyramid, build_pyramid, cut_pyramid
@@ -26,15 +27,8 @@ HALF_RTOL = 2.0**-11 + 2e-6
 
 def blobs(shape: tuple[int, int, int]) -> Volume:
     """Return smooth blobs with noise on a transparent background."""
-    rng = np.random.default_rng(0)
-    z, y, x = np.indices(shape)
-    field = np.zeros(shape)
-    for centre in rng.uniform(0, shape, (3, 3)):
-        radius = rng.uniform(3, 20)
-        squares = (z - centre[0]) ** 2 + (y - centre[1]) ** 2 + (x - centre[2]) ** 2
-        field += np.exp(-squares / radius**2)
-    field = np.clip(field + rng.normal(0, 0.02, shape), 0, 1)
-    return make_volume((field * 250).astype(np.uint8), OBLIQUE, "blobs")
+    field = 1.5 * hills(shape, 40.0) - 0.5 + np.random.default_rng(0).normal(0, 0.02, shape)
+    return make_volume((np.clip(field, 0, 1) * 250).astype(np.uint8), OBLIQUE, "blobs")
 
 
 def plain(values: Array) -> Volume:

@@ -11,16 +11,9 @@ from splatting import camera_pose, cut_of, in_order, look, place_splats, volume_
 
 from renderer.draw import GLRasterizer
 from renderer.draw.gl import raster as raster_gl
-from renderer.scene import (
-    SplatSpec,
-    TurntablePath,
-)
+from renderer.scene import SplatSpec, TurntablePath
 from renderer.splats import make_splats
-from renderer.view import (
-    blended_orders,
-    make_order_blending,
-    visible_order,
-)
+from renderer.view import blended_orders, make_order_blending, visible_order
 from renderer.view.order_blending import FADE_ANGLE, MIN_WEIGHT, NEIGHBOURS, sort_directions
 
 Float64 = npt.NDArray[np.float64]

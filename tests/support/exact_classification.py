@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from extremes import Measure, Random, worst_of
 from number_types import INTEGERS, limits
 
 from renderer.transfer import TransferFunction, classify_voxel, make_classifier, raw_voxels
@@ -16,7 +17,6 @@ from renderer.volume import Volume, make_volume
 
 Array = npt.NDArray[Any]
 Float64 = npt.NDArray[np.float64]
-Random = np.random.Generator
 
 
 def placed(values: Array, axes: Float64) -> Volume:
@@ -70,16 +70,12 @@ def about(values: Float64, dtype: str, rng: Random) -> Array:
     return np.concatenate([ends, typed, steps[np.isfinite(steps)]])
 
 
-def classified(dtypes: tuple[str, ...], points: Callable[[Random], Any]) -> Callable[[int], float]:
+def classified(dtypes: tuple[str, ...], points: Callable[[Random], Any]) -> Measure:
     """Return the measure of functions of random colours and extinctions at the given control values."""
 
-    def measure(num_cases: int) -> float:
-        worst = 0.0
-        for case in range(num_cases):
-            rng = np.random.default_rng(case)
-            values = np.array(points(rng), np.float64)
-            by = TransferFunction(values, rng.random((len(values), 3)), rng.random(len(values)) * 5, 1.0)
-            worst = max(worst, worst_classified(by, about(values, dtypes[case % len(dtypes)], rng)))
-        return worst
+    def error(rng: Random, case: int) -> float:
+        values = np.array(points(rng), np.float64)
+        by = TransferFunction(values, rng.random((len(values), 3)), rng.random(len(values)) * 5, 1.0)
+        return worst_classified(by, about(values, dtypes[case % len(dtypes)], rng))
 
-    return measure
+    return worst_of(error)

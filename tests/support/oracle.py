@@ -168,14 +168,6 @@ def _slope(values: npt.NDArray[np.object_], axis: int) -> npt.NDArray[np.object_
     return np.asarray((values.take(high, axis) - values.take(low, axis)) / steps)
 
 
-@dataclass(frozen=True)
-class _Node:
-    """The error of a cell of level 1 or more, and how far off rounding may put it."""
-
-    error: float
-    slack: float
-
-
 def require_cut(field: Field, scene: Scene, tolerance: float, finest_level: int, leaves: Collection[Leaf]) -> None:
     """Raise DisagreementError unless `leaves`, which are the renderer's, are the cut that the definition gives."""
     given = set(leaves)
@@ -193,9 +185,9 @@ def require_cut(field: Field, scene: Scene, tolerance: float, finest_level: int,
         if level == 0 or level <= finest_level:
             expected.append(cell)
             continue
-        node = _node(field, scene, cell)
-        is_leaf = node.error < tolerance
-        if is_leaf != (cell in given) and abs(node.error - tolerance) <= node.slack:
+        error, slack = _node_error(field, scene, cell)
+        is_leaf = error < tolerance
+        if is_leaf != (cell in given) and abs(error - tolerance) <= slack:
             is_leaf = not is_leaf
         if is_leaf:
             expected.append(cell)
@@ -205,7 +197,7 @@ def require_cut(field: Field, scene: Scene, tolerance: float, finest_level: int,
             ]  # fmt: skip
     if set(expected) != given:
         extra, missing = sorted(given - set(expected))[:3], sorted(set(expected) - given)[:3]
-        errors = {cell: _node(field, scene, cell).error for cell in (*extra, *missing) if cell[0] > 0}
+        errors = {cell: _node_error(field, scene, cell)[0] for cell in (*extra, *missing) if cell[0] > 0}
         raise DisagreementError(f"wrong cut at {tolerance!r}: extra {extra}, missing {missing}, errors {errors}")
 
 
@@ -215,8 +207,8 @@ def _window(cell: Leaf) -> tuple[slice, slice, slice]:
     return z, y, x
 
 
-def _node(field: Field, scene: Scene, cell: Leaf) -> _Node:
-    """The error of a cell from all its voxels."""
+def _node_error(field: Field, scene: Scene, cell: Leaf) -> tuple[float, float]:
+    """The error of a cell of level 1 or more from all its voxels, and how far off rounding may put it."""
     window = _window(cell)
     half = FLOAT16 if scene.pyramid.precision == "half" else 0.0
     if scene.error.of == "scalar":
@@ -239,7 +231,7 @@ def _node(field: Field, scene: Scene, cell: Leaf) -> _Node:
     deviation = float(np.sqrt(((apart - apart.mean(axis=0)) ** 2).mean(axis=0).sum()))
     if scene.pyramid.precision == "half":
         rounding += TINIEST_HALF * unit
-    return _Node(deviation * scale, ((2 * half + 16 * FLOAT32) * deviation + rounding) * scale)
+    return deviation * scale, ((2 * half + 16 * FLOAT32) * deviation + rounding) * scale
 
 
 def drawn(field: Field, scene: Scene, order: list[Leaf]) -> Cells:
@@ -258,7 +250,8 @@ def _content(field: Field, scene: Scene, cell: Leaf) -> tuple[float, float, floa
         red, green, blue, depth = field.depths[_window(cell)][0, 0, 0]
         low, high, slack = depth * (1 - 4 * FLOAT32), depth * (1 + 4 * FLOAT32), 4 * FLOAT32
         return depth, low, high, red / depth, green / depth, blue / depth, 2 * slack
-    mean = _mean(field, scene, cell)
+    averaged = field.opacities if scene.pyramid.average == "opacity" else field.depths
+    mean = averaged[_window(cell)].reshape(-1, 4).mean(axis=0)
     noise, absolute = 8 * FLOAT32 * mean, 0.0
     low, stored, high = np.maximum(mean - noise, 0), mean, mean + noise
     if scene.pyramid.average == "opacity":
@@ -272,12 +265,6 @@ def _content(field: Field, scene: Scene, cell: Leaf) -> tuple[float, float, floa
     brightest, darkest = high[:3] / max(low[3], 1e-300), low[:3] / high[3]
     slack = min(2.0, float(np.maximum(brightest - color, color - darkest).max()) + 8 * FLOAT32)
     return depth, shallow, deep, *color.tolist(), slack
-
-
-def _mean(field: Field, scene: Scene, cell: Leaf) -> Float64:
-    """Mean channels of a cell's voxels, of what the pyramid averages."""
-    averaged = field.opacities if scene.pyramid.average == "opacity" else field.depths
-    return np.asarray(averaged[_window(cell)].reshape(-1, 4).mean(axis=0))
 
 
 def _half(values: Float64) -> Float64:
