@@ -20,15 +20,15 @@ import math
 import os
 import random
 import shutil
-import sqlite3
 import subprocess
 import sys
 import time
-from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from xml.etree import ElementTree
+
+from coverage import CoverageData
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("renderer", "hsplat_cli")
@@ -85,9 +85,12 @@ def map_tests(folder: Path) -> None:
 
 def draw(number: int, seed: int) -> list[Mutant]:
     """Draw places evenly over the product."""
-    paths = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
-    found = [mutant for path in paths for mutant in mutants_of(path)]
-    return random.Random(seed).sample(found, number)
+    return random.Random(seed).sample([mutant for path in sources() for mutant in mutants_of(path)], number)
+
+
+def sources() -> list[Path]:
+    """Return the files of the product."""
+    return sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 
 
 def mutants_of(path: Path) -> Iterator[Mutant]:
@@ -155,21 +158,18 @@ def _text(node: ast.expr) -> str:
 
 
 class Coverage:
-    """Which tests run a mutant, by the map."""
+    """The map: which tests run a mutant."""
 
     def __init__(self, folder: Path) -> None:
-        self._lines: dict[str, dict[int, set[str]]] = defaultdict(lambda: defaultdict(set))
-        database = sqlite3.connect(folder / "coverage")
-        query = (
-            "select file.path, context.context, line_bits.numbits from line_bits "
-            "join file on file.id = file_id join context on context.id = context_id"
-        )
-        for path, context, bits in database.execute(query):
-            test = context.rpartition("|")[0]  # phases of a test: setup, run, teardown
-            if test:
-                lines = self._lines[str(Path(path).relative_to(ROOT))]
-                for number in _numbers(bits):
-                    lines[number].add(test)
+        data = CoverageData(str(folder / "coverage"))
+        data.read()
+        self._lines = {
+            str(Path(path).relative_to(ROOT)): {
+                number: {context.rpartition("|")[0] for context in contexts} - {""}  # without setup, run, teardown
+                for number, contexts in data.contexts_by_lineno(path).items()
+            }
+            for path in data.measured_files()
+        }
         self._durations: dict[str, float] = {}
         self._failed: set[str] = set()
         for case in ElementTree.parse(folder / "durations.xml").iter("testcase"):
@@ -177,15 +177,15 @@ class Coverage:
             self._durations[name] = float(case.get("time", 0))
             if case.find("failure") is not None or case.find("error") is not None:
                 self._failed.add(name)
-        self._functions = [function for path in self._sources() for function in _functions_of(path)]
+        self._functions = [function for path in sources() for function in _functions_of(path)]
 
-    def _sources(self) -> list[Path]:
-        return sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+    def _tests_between(self, file: str, first_line: int, last_line: int) -> set[str]:
+        lines = self._lines.get(file, {})
+        return set().union(*(lines.get(number, ()) for number in range(first_line, last_line + 1)))
 
     def tests_of(self, mutant: Mutant) -> list[str]:
         """Return the tests that run a mutant, the quickest first, no more than MAX_TESTS_S of them."""
-        lines = self._lines[mutant.file]
-        tests = set().union(*(lines[number] for number in range(mutant.first_line, mutant.last_line + 1)))
+        tests = self._tests_between(mutant.file, mutant.first_line, mutant.last_line)
         if not tests or _is_run_at_import(mutant):
             tests |= self._by_name(mutant)
         picked, seconds = [], 0.0
@@ -206,19 +206,11 @@ class Coverage:
             seen.add(name)
             for file, function, first, last, used in self._functions:
                 if name in used:
-                    covered = set().union(*(self._lines[file][line] for line in range(first, last + 1)))
+                    covered = self._tests_between(file, first, last)
                     tests |= covered
                     if not covered:
                         names.add(function)
         return tests
-
-
-def _numbers(bits: bytes) -> Iterator[int]:
-    """Yield the line numbers that coverage.py packs into bits."""
-    for byte_number, byte in enumerate(bits):
-        for bit in range(8):
-            if byte >> bit & 1:
-                yield 8 * byte_number + bit
 
 
 def _functions_of(path: Path) -> Iterator[tuple[str, str, int, int, frozenset[str]]]:
