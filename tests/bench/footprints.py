@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 
 import imageio.v3 as iio
 import numpy as np
-from measuring import PAGES, ROOT, SCENES, THREADS, machine_line, parser_of, render_command, timed
+from measuring import PAGES, ROOT, SCENES, THREADS, Point, fastest, machine_line, parser_of, render_command, timed
 
 from hsplat_cli.scenes import suggest_scene
-from hsplat_cli.terminal import Reporter
+from hsplat_cli.terminal import PeakMemory, Reporter
 from renderer.draw import GLRasterizer
 from renderer.frame import Stage, prepare_stage, render_frames
 from renderer.scene import (
@@ -34,7 +34,7 @@ from renderer.scene import (
     parse_scene_content,
     with_tolerance,
 )
-from renderer.study import TRUTH_TOLERANCE, Truth, compute_truth, over_background
+from renderer.study import TRUTH_TOLERANCE, Truth, compute_truth, measure_setting
 from renderer.suggest import FilmOptions
 
 PAGE, PICTURE = PAGES / "footprints.md", ROOT / "docs" / "trade.png"
@@ -49,18 +49,9 @@ FINE = {"integrated": (0.07, 0.05, 0.03, 0.02, 0.01, 0.003, 0.001, 0.0), "gaussi
 TOLERANCES = (30.0, 10.0, 5.0, 3.0, 2.0, 1.4, 1.0, 0.7, 0.5, 0.4, 0.3, 0.2, 0.15, 0.1)
 FRAME = 11  # of 120: along no axis
 SHOWN, SHOWN_FRAME = (20.0, 1.0, 0.3, 0.03), 4  # in the picture
-REPEATS, PATIENCE_S = 5, 1.0
+REPEATS = 5
 # Finer tolerances than one that takes so long are left out.
 LONG_S = 4.0
-
-
-class Point(NamedTuple):
-    """One setting: PSNR in dB, processor time of a warm frame and of what is done once, in ms."""
-
-    tolerance: float
-    psnr: float
-    ms: float
-    once_ms: float
 
 
 class Subject(NamedTuple):
@@ -80,6 +71,8 @@ def main() -> None:
     found: dict[str, Any] = {}
     if arguments.found and arguments.found.exists():
         found = json.loads(arguments.found.read_text())
+        for each in found.values():
+            each["points"] = {name: [Point(*point) for point in points] for name, points in each["points"].items()}
     for name, subject in subjects(arguments.data).items():
         if name in found or (arguments.only and name not in arguments.only):
             continue
@@ -142,7 +135,7 @@ def row_of_pictures() -> Iterator[str]:
     yield f"![The demo at {', '.join(f'{p.psnr:.0f}' for p in points)} dB](../{PICTURE.name})"
     yield ""
     yield (
-        f"The demo at `tolerance` {', '.join(f'{p.tolerance:g}' for p in points)}: "
+        f"The demo at `tolerance` {', '.join(f'{p.setting}' for p in points)}: "
         f"{', '.join(f'{p.psnr:.0f}' for p in points)} dB in {', '.join(f'{p.ms:.0f}' for p in points)} ms."
     )
     yield ""
@@ -178,7 +171,7 @@ def stills(data: Path, found: dict[str, Any]) -> Iterator[str]:
 
 def command_s(scene: Path, volume: Path | None, footprint: str, point: Point) -> float:
     """Processor seconds of a whole command that draws one frame."""
-    changes = ("output.size=[256, 256]", f"splat={{footprint: {footprint}}}", f"error.tolerance={point.tolerance!r}")
+    changes = ("output.size=[256, 256]", f"splat={{footprint: {footprint}}}", f"error.tolerance={point.setting}")
     with tempfile.TemporaryDirectory() as folder:
         command = render_command(scene, volume, Path(folder, "still.png"), changes)
         return timed([*command, "--workers", "1", "--frames", str(FRAME)])[1]
@@ -246,17 +239,11 @@ def measured(stage: Stage, truth: Truth, tolerances: Sequence[float]) -> Iterato
     with GLRasterizer() as rasterizer:
         for tolerance in tolerances:
             at = replace(stage, scene=with_tolerance(stage.scene, tolerance))
-            (frame,) = render_frames(at, [truth.frame], rasterizer, clock=time.process_time)
-            difference = over_background(frame.radiance, stage.scene.output.background) - truth.picture
-            taken: list[float] = []
-            once: list[float] = []
-            while len(taken) < REPEATS and sum(taken) < PATIENCE_S:
-                (frame,) = render_frames(at, [truth.frame], rasterizer, clock=time.process_time)
-                once.append(frame.seconds["cut"] + frame.seconds["primitives"])
-                taken.append(sum(frame.seconds[stage] for stage in ("order", "draw", "quantize")))
-            ms, psnr = 1e3 * statistics.median(taken), -10 * float(np.log10(np.mean(difference**2)))
-            yield Point(tolerance, psnr, ms, 1e3 * statistics.median(once))
-            if ms > 1e3 * LONG_S:
+            found = measure_setting(
+                at, [truth], rasterizer, clock=time.process_time, memory=PeakMemory(), repeats=REPEATS
+            )
+            yield Point(f"{tolerance:g}", found.overall.everywhere["psnr"], 1e3 * found.frame_seconds)
+            if found.frame_seconds > LONG_S:
                 return
 
 
@@ -268,7 +255,7 @@ def table(name: str, found: dict[str, Any]) -> Iterator[str]:
     yield "| --- " * (len(FOOTPRINTS) + 2) + "|"
     for accuracy in ACCURACIES:
         best = {footprint: fastest(found["points"][footprint], accuracy) for footprint in FOOTPRINTS}
-        cells = [f"{p.ms:.1f} ms at {p.tolerance:g}" if p else "not reached" for p in best.values()]
+        cells = [f"{p.ms:.1f} ms at {p.setting}" if p else "not reached" for p in best.values()]
         at = ratio_at(found, accuracy)
         ratio = f"{at:.2f}" if at else ("only integrated" if best["integrated"] else "")
         yield f"| {accuracy:g} dB | " + " | ".join(cells) + f" | {ratio} |"
@@ -276,12 +263,6 @@ def table(name: str, found: dict[str, Any]) -> Iterator[str]:
     once = ", ".join(f"{footprint} {seconds:.2f} s" for footprint, seconds in found["once_s"].items())
     yield f"Pyramid and bricks: {once}."
     yield ""
-
-
-def fastest(points: Sequence[Any], accuracy: float) -> Point | None:
-    """The fastest that reaches an accuracy, if any does."""
-    reach = (point for point in (Point(*each) for each in points) if point.psnr >= accuracy)
-    return min(reach, key=lambda point: point.ms, default=None)
 
 
 if __name__ == "__main__":

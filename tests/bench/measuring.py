@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from hsplat_cli.terminal import describe_machine
 from renderer.draw import GLRasterizer
@@ -18,6 +19,19 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = ROOT / "docs" / "benchmarks"
 SCENES = Path(__file__).with_name("scenes")
 THREADS = os.cpu_count() or 1
+
+
+class Point(NamedTuple):
+    """A setting, by its tolerance or its name, with the accuracy and the milliseconds of a frame."""
+
+    setting: str
+    psnr: float
+    ms: float
+
+
+def fastest(points: Sequence[Point], psnr: float) -> Point | None:
+    """Return the fastest that reaches an accuracy, if any does."""
+    return min((point for point in points if point.psnr >= psnr), key=lambda point: point.ms, default=None)
 
 
 def parser_of(description: str | None) -> argparse.ArgumentParser:

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-from measuring import PAGES, SCENES, parser_of
+from measuring import PAGES, SCENES, Point, fastest, parser_of
 
 from hsplat_cli.main import run
 
@@ -29,14 +29,6 @@ TOLERANCES = (
 # Accuracies, dB, and the part of VTK's time that a frame may take.
 GOALS = ((30.0, 1 / 3), (35.0, 1 / 4), (40.0, 1 / 5), (45.0, 1 / 8))
 GOAL_AT_BEST = 1 / 10
-
-
-class Point(NamedTuple):
-    """One setting: its name, accuracy and milliseconds of a frame."""
-
-    label: str
-    psnr: float
-    ms: float
 
 
 def main() -> None:
@@ -116,14 +108,14 @@ def section(name: str, study: dict[str, Any]) -> Iterator[str]:
         mine, theirs = fastest(own, psnr), fastest(peer, psnr)
         ratio = f"{mine.ms / theirs.ms:.2f}" if mine and theirs else ""
         yield (
-            f"| {psnr:.1f} dB | {shown(mine)} | {mine.label.removeprefix('tolerance ') if mine else ''} "
-            f"| {shown(theirs)} | {theirs.label if theirs else ''} | {ratio} | {goal:.2f} |"
+            f"| {psnr:.1f} dB | {shown(mine)} | {mine.setting.removeprefix('tolerance ') if mine else ''} "
+            f"| {shown(theirs)} | {theirs.setting if theirs else ''} | {ratio} | {goal:.2f} |"
         )
     yield ""
     yield "| tolerance | PSNR, dB | ms |"
     yield "| --- | --- | --- |"
     for point in own:
-        yield f"| {point.label.removeprefix('tolerance ')} | {point.psnr:.1f} | {point.ms:.1f} |"
+        yield f"| {point.setting.removeprefix('tolerance ')} | {point.psnr:.1f} | {point.ms:.1f} |"
 
 
 def points(study: dict[str, Any], tool: str) -> list[Point]:
@@ -137,11 +129,6 @@ def points(study: dict[str, Any], tool: str) -> list[Point]:
         for each in study["measurements"]
         if each["options"]["tool"] == tool
     ]
-
-
-def fastest(points: Sequence[Point], psnr: float) -> Point | None:
-    """The fastest that reaches an accuracy, if any does."""
-    return min((point for point in points if point.psnr >= psnr), key=lambda point: point.ms, default=None)
 
 
 def shown(point: Point | None) -> str:
