@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -26,21 +25,6 @@ _UNITS_PER_STEP = 255  # errors are exact in 255ths of a step: a step at an opac
 _BLOCK_PX = 256
 
 _Block = tuple[slice, slice]
-
-# In the order in which they are checked: the first one that exceeds its limit is given as the reason.
-COMPARISON_METRICS = {
-    metric.name: metric
-    for metric in (
-        Metric("largest", "largest error of a channel", "steps"),
-        Metric("p99", "99th percentile of the pixels' largest errors", "steps"),
-        Metric("flip", "mean FLIP"),
-        Metric("ssim", "mean SSIM", higher_is_better=True),
-        Metric(
-            "densest", f"mean error of a channel in the densest window of {WINDOW_PX} x {WINDOW_PX} pixels", "steps"
-        ),
-        Metric("bias", "mean signed error of the most shifted channel", "steps"),
-    )
-}
 
 
 class FrameDifference:
@@ -74,15 +58,7 @@ class FrameDifference:
         """
         wanted = set(names)
         assert wanted <= set(COMPARISON_METRICS), wanted
-        functions: dict[str, Callable[[], float]] = {
-            "largest": self.largest,
-            "p99": self.p99,
-            "flip": partial(self.perceptual_metric, "flip"),
-            "ssim": partial(self.perceptual_metric, "ssim"),
-            "densest": self.densest,
-            "bias": lambda: max(map(abs, self.bias)),
-        }
-        found = {name: functions[name]() for name in COMPARISON_METRICS if name in wanted}
+        found = {metric.name: of(self) for metric, of in _FUNCTIONS.items() if metric.name in wanted}
         return {name: value for name, value in found.items() if not math.isnan(value)}
 
     def largest(self) -> float:
@@ -116,6 +92,22 @@ class FrameDifference:
                     actual, golden = _over(self._actual[around], ground), _over(self._golden[around], ground)
                     errors[ground] += float(np.sum(np.abs(metric_map(name, actual, golden)[cut] - perfect)))
         return float(abs(perfect - max(errors) / (height * width)))
+
+
+# In the order in which they are checked: the first one that exceeds its limit is given as the reason.
+_FUNCTIONS: dict[Metric, Callable[[FrameDifference], float]] = {
+    Metric("largest", "largest error of a channel", "steps"): FrameDifference.largest,
+    Metric("p99", "99th percentile of the pixels' largest errors", "steps"): FrameDifference.p99,
+    Metric("flip", "mean FLIP"): lambda difference: difference.perceptual_metric("flip"),
+    Metric("ssim", "mean SSIM", higher_is_better=True): lambda difference: difference.perceptual_metric("ssim"),
+    Metric(
+        "densest", f"mean error of a channel in the densest window of {WINDOW_PX} x {WINDOW_PX} pixels", "steps"
+    ): FrameDifference.densest,
+    Metric("bias", "mean signed error of the most shifted channel", "steps"): (
+        lambda difference: max(map(abs, difference.bias))
+    ),
+}
+COMPARISON_METRICS = {metric.name: metric for metric in _FUNCTIONS}
 
 
 def _signed_errors_in_255ths(golden: Pixels, actual: Pixels) -> Int32:

@@ -237,16 +237,10 @@ def _noticeable_share(values: _Map) -> float:
 _FUNCTIONS: dict[Metric, tuple[Callable[[FloatImage, FloatImage], _Map], Callable[[_Map], Any]]] = {
     Metric("rmse", "RMSE"): (_error_map, _root_mean_square),
     Metric("max_error", "largest error"): (_error_map, np.max),
-    Metric("psnr", "PSNR", "dB", higher_is_better=True): (
-        _error_map,
-        lambda errors: _psnr_of(_root_mean_square(errors)),
-    ),
+    Metric("psnr", "PSNR", "dB", higher_is_better=True): (_error_map, _psnr),
     Metric("ssim", "SSIM", higher_is_better=True): (_ssim_map, np.mean),
     Metric("flip", "FLIP"): (_flip_map, np.mean),
     Metric("flip_p99", "FLIP, 99th percentile"): (_flip_map, partial(np.percentile, q=99)),
-    Metric("delta_e_share", "pixels with Delta-E over 2.3"): (
-        _delta_e_map,
-        lambda deltas: np.mean(deltas > NOTICEABLE_DELTA_E),
-    ),
+    Metric("delta_e_share", "pixels with Delta-E over 2.3"): (_delta_e_map, _noticeable_share),
 }
 METRICS = {metric.name: metric for metric in _FUNCTIONS}

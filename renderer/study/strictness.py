@@ -12,9 +12,8 @@ Limits = Mapping[str, float]  # by the name of the metric
 
 @dataclass(frozen=True)
 class Strictness:
-    """A named set of limits. purpose: when to use it, in one sentence."""
+    """A set of limits. purpose: when to use it, in one sentence."""
 
-    name: str
     purpose: str
     limits: Limits
 
@@ -29,24 +28,18 @@ class Strictness:
 # have seen up to 3 steps between processors. Limits that are not whole numbers leave a factor of at least 1.29. In
 # return, a change of a pixel by 2 steps always fails at `same-machine`; the page lists what limits cannot see, too.
 STRICTNESSES = {
-    strictness.name: strictness
-    for strictness in (
-        Strictness(
-            "exact",
-            "the same picture, but for colours at an alpha of 0: one program, one driver, one kind of processor",
-            {"largest": 0.0},
-        ),
-        Strictness(
-            "same-machine",
-            "one driver and one kind of processor: here and there another rounding, by one step",
-            {"largest": 1.0, "p99": 0.0, "flip": 0.001, "densest": 0.1, "bias": 0.01},
-        ),
-        Strictness(
-            "cross-driver",
-            "another driver, version or processor: small differences everywhere, and no more than that",
-            {"largest": 5.0, "p99": 1.0, "flip": 0.012, "densest": 0.85, "bias": 0.15},
-        ),
-    )
+    "exact": Strictness(
+        "the same picture, but for colours at an alpha of 0: one program, one driver, one kind of processor",
+        {"largest": 0.0},
+    ),
+    "same-machine": Strictness(
+        "one driver and one kind of processor: here and there another rounding, by one step",
+        {"largest": 1.0, "p99": 0.0, "flip": 0.001, "densest": 0.1, "bias": 0.01},
+    ),
+    "cross-driver": Strictness(
+        "another driver, version or processor: small differences everywhere, and no more than that",
+        {"largest": 5.0, "p99": 1.0, "flip": 0.012, "densest": 0.85, "bias": 0.15},
+    ),
 }
 
 
