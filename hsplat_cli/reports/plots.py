@@ -59,16 +59,17 @@ def _error(metric: str, pixels: str, measurement: Measurement) -> float:
 _psnr = partial(_error, "psnr", "everywhere")
 
 
-def plottable(measurements: Sequence[Measurement], axis: CostAxis) -> list[int]:
-    """Return the indices of the measurements with a finite PSNR and a finite cost above 0."""
-    return [i for i, m in enumerate(measurements) if 0 < axis.cost(m) < math.inf and math.isfinite(_psnr(m))]
+def plottable(
+    measurements: Sequence[Measurement], axis: CostAxis, value: Callable[[Measurement], float] = _psnr
+) -> list[Measurement]:
+    """Return the measurements with a finite value and a finite cost above 0."""
+    return [m for m in measurements if 0 < axis.cost(m) < math.inf and math.isfinite(value(m))]
 
 
 def plottable_fronts(measurements: Sequence[Measurement], axis: CostAxis) -> dict[str, list[Measurement]]:
     """Return the plottable measurements on the Pareto front of each program."""
-    shown = set(plottable(measurements, axis))
     fronts = pareto_fronts(measurements, axis.cost)
-    return {program: [measurements[i] for i in front if i in shown] for program, front in fronts.items()}
+    return {program: plottable([measurements[i] for i in front], axis) for program, front in fronts.items()}
 
 
 def tradeoff_figure(measurements: Sequence[Measurement], axis: CostAxis) -> Figure:
@@ -142,7 +143,7 @@ def _draw_series(
         members = [measurements[i] for i in numbers]
         program = program_of(members[0])
         style = _series_style(program, next(counts[program]))
-        shown = [m for m in members if 0 < axis.cost(m) < math.inf and math.isfinite(value(m))]
+        shown = plottable(members, axis, value)
         if not shown:
             continue
         costs, values = np.array([axis.cost(m) for m in shown]), [value(m) for m in shown]

@@ -106,7 +106,7 @@ def _charts(measurements: Sequence[Measurement]) -> list[Chart]:
     charts = []
     for axis in (TIME_AXIS, SPLATS_AXIS):
         if shown := plottable(measurements, axis):
-            series = ", ".join(group_by_series([measurements[i] for i in shown]))
+            series = ", ".join(group_by_series(shown))
             alt = f"PSNR in dB over the {axis.title}, logarithmic, of {series}"
             charts.append(Chart(tradeoff_figure(measurements, axis), _tradeoff_caption(measurements, axis), alt))
     if plottable(measurements, TIME_AXIS):
@@ -177,10 +177,9 @@ def _primitive_nouns(measurements: Sequence[Measurement]) -> str:
 def _stage_columns(measurements: Sequence[Measurement]) -> list[Column]:
     """Return the columns of the times of stages, over frames and repetitions together."""
     names = dict.fromkeys(name for m in measurements for name in _stage_times(m))
-    titles = {("splats", True): _primitive_nouns(measurements)}
     return [
         Column(
-            titles.get(name, name[0]),
+            _primitive_nouns(measurements) if name[0] == "primitives" else name[0],
             f"ms, {'once' if name[1] else 'each frame'}",
             partial(_stage_median, name),
             partial(_stage_text, name),

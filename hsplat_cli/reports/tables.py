@@ -112,21 +112,19 @@ def csv_text(study: Study) -> str:
     Metrics cover all pixels, `volume_*` those in which the volume is visible. Numbers are exact, with `nan` and `inf`;
     absent values are empty. The fronts are those of the measurement, over all its frames.
     """
-    identities, values = [], []
-    for m, (on_time, on_splats) in zip(study.measurements, on_pareto_fronts(study.measurements), strict=True):
-        for sample in m.frames:
-            identities.append(
-                {"series": m.setting.series, "label": m.setting.label, "frame": sample.frame, **m.setting.options}
-            )
-            fronts = {"on_time_front": on_time, "on_splats_front": on_splats}
-            values.append(fronts | _frame_row(m, sample))
-    columns = dict.fromkeys(name for row in [*identities, *values] for name in row)
+    options = dict.fromkeys((name for m in study.measurements for name in m.setting.options), "")
+    on_fronts = on_pareto_fronts(study.measurements)
+    rows = [
+        {"series": m.setting.series, "label": m.setting.label, "frame": sample.frame, **options, **m.setting.options}
+        | {"on_time_front": on_time, "on_splats_front": on_splats, **_frame_row(m, sample)}
+        for m, (on_time, on_splats) in zip(study.measurements, on_fronts, strict=True)
+        for sample in m.frames
+    ]
     text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, columns, restval="")
+    writer = csv.DictWriter(text, dict.fromkeys(name for row in rows for name in row), restval="")
     writer.writeheader()
-    for identity, row in zip(identities, values, strict=True):
-        cells = (identity | row).items()
-        writer.writerow({name: str(cell).lower() if isinstance(cell, bool) else cell for name, cell in cells})
+    for row in rows:
+        writer.writerow({name: str(cell).lower() if isinstance(cell, bool) else cell for name, cell in row.items()})
     return text.getvalue()
 
 
