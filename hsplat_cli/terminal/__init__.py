@@ -7,7 +7,7 @@ reports.
 - `reporter.py`: the `Reporter`; `progress_bar.py`: progress and the time that remains.
 - `film_events.py`: prints what a film job tells.
 - `arguments.py`: groups of options, output paths, `--frames A:B`, `90s`.
-- `machine.py`: the machine, its memory and versions.
+- `machine.py`: the machine and its versions.
 """
 
 import lazy_loader

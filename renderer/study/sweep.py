@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from renderer.study.metrics import Accuracy, FloatImage, measure_accuracy, over_
 from renderer.study.thumbnails import difference_thumbnail, thumbnail
 from renderer.study.tolerance_search import spread_tolerances
 from renderer.study.truths import Truth
+from renderer.system import PeakMemory
 from renderer.volume import UInt8
 
 # The number of tolerances of a series, unless they are given.
@@ -35,19 +36,7 @@ _CUT_STAGES = ("cut", "primitives")
 # After this time a setting is not drawn again.
 _REPEAT_LIMIT_S = 4.0
 
-
 Seconds = Mapping[str, float]  # by stage
-
-
-class MemoryMeter(Protocol):
-    """A meter of the peak memory of the process since the last reset, if the system knows it.
-
-    trim: return freed memory to the system.
-    """
-
-    def trim(self) -> None: ...
-    def reset(self) -> None: ...
-    def peak_bytes(self) -> int | None: ...
 
 
 @dataclass(frozen=True)
@@ -171,15 +160,14 @@ class FirstPass:
 
 
 def measure_setting(
-    stage: Stage, truths: Sequence[Truth], rasterizer: Rasterizer, *, clock: Clock, memory: MemoryMeter, repeats: int
+    stage: Stage, truths: Sequence[Truth], rasterizer: Rasterizer, *, clock: Clock, repeats: int
 ) -> Measurement:
     """Measure the scene's constant tolerance and footprint, on the frames of the truths."""
     numbers, judged = [truth.frame for truth in truths], FirstPass(truths)
     peaks: list[int] = []
     counts: list[tuple[int, int]] = []
     first_pass: list[Seconds] = []
-    memory.trim()
-    memory.reset()
+    memory = PeakMemory()
     for frame in render_frames(stage, numbers, rasterizer, clock=clock):
         peaks += [peak] if (peak := memory.peak_bytes()) is not None else []
         judged.add(over_background(frame.radiance, stage.scene.output.background))

@@ -3,7 +3,8 @@
 In: nothing but the machine. Out: numbers of the machine, children that never outlive this process, versions for
 records.
 
-- `cores.py`: processors that this process may use; `memory.py`: memory that is left for it.
+- `cores.py`: processors that this process may use; `memory.py`: memory that is left for it, and the most that it has
+  held.
 - `child_processes.py`: children that end with their parent.
 - `interrupts.py`: SIGINT and SIGTERM, which wait while files get their final names.
 - `versions.py`: versions of what made an output.

@@ -6,7 +6,7 @@ from .child_processes import (
 )
 from .cores import num_cores as num_cores, num_drawing_threads as num_drawing_threads
 from .interrupts import deferrable_interrupts as deferrable_interrupts, sigterm_as_interrupt as sigterm_as_interrupt
-from .memory import free_bytes as free_bytes, free_swap_bytes as free_swap_bytes
+from .memory import PeakMemory as PeakMemory, free_bytes as free_bytes, free_swap_bytes as free_swap_bytes
 from .printable_text import PrintableText as PrintableText, join_lines as join_lines, printable as printable
 from .versions import (
     MEASURING_PACKAGES as MEASURING_PACKAGES,

@@ -1,13 +1,19 @@
-"""Measure the memory that is left for this process: in a container or a batch job less than the machine has."""
+"""Measure the memory that is left for this process, and the most that it has held.
+
+In a container or a batch job less is left than the machine has.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import math
 from pathlib import Path
 
 from renderer.system.cores import control_groups
 
 _MEMINFO = Path("/proc/meminfo")
+_RESET = Path("/proc/self/clear_refs")
 # The files of limits, of what is in use and of its parts, by the version of control groups.
 _FILES = {
     2: (("memory.max", "memory.high"), "memory.current", ("inactive_file", "active_file")),
@@ -23,6 +29,31 @@ def free_bytes() -> float:
 def free_swap_bytes() -> float:
     """Return the free swap space of the machine; 0 where nobody knows."""
     return _read_meminfo("SwapFree", 0)
+
+
+class PeakMemory:
+    """A meter of the peak memory of this process since the last reset, as Linux counts it; unknown on other systems.
+
+    A new one returns freed memory to the system, where the C library can: it would count.
+    """
+
+    def __init__(self) -> None:
+        with contextlib.suppress(OSError, AttributeError, TypeError):  # no such library, no such function
+            ctypes.CDLL(None).malloc_trim(0)
+        self.reset()
+
+    def reset(self) -> None:
+        """Start again from the memory held now."""
+        self._is_known = False
+        with contextlib.suppress(OSError):  # no such file, or not allowed to
+            _RESET.write_text("5")
+            self._is_known = True
+
+    def peak_bytes(self) -> int | None:
+        """Return bytes of physical memory; None where the system does not tell."""
+        if not self._is_known:
+            return None
+        return int(Path("/proc/self/status").read_text().partition("VmHWM:")[2].split()[0]) * 1024
 
 
 def _read_meminfo(name: str, otherwise: float) -> float:

@@ -20,7 +20,7 @@ import numpy as np
 from measuring import PAGES, ROOT, SCENES, THREADS, Point, fastest, machine_line, parser_of, render_command, timed
 
 from hsplat_cli.scenes import suggest_scene
-from hsplat_cli.terminal import PeakMemory, Reporter
+from hsplat_cli.terminal import Reporter
 from renderer.draw import GLRasterizer
 from renderer.frame import Stage, prepare_stage, render_frames
 from renderer.scene import (
@@ -239,9 +239,7 @@ def measured(stage: Stage, truth: Truth, tolerances: Sequence[float]) -> Iterato
     with GLRasterizer() as rasterizer:
         for tolerance in tolerances:
             at = replace(stage, scene=with_tolerance(stage.scene, tolerance))
-            found = measure_setting(
-                at, [truth], rasterizer, clock=time.process_time, memory=PeakMemory(), repeats=REPEATS
-            )
+            found = measure_setting(at, [truth], rasterizer, clock=time.process_time, repeats=REPEATS)
             yield Point(f"{tolerance:g}", found.overall.everywhere["psnr"], 1e3 * found.frame_seconds)
             if found.frame_seconds > LONG_S:
                 return

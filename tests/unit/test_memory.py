@@ -1,10 +1,11 @@
-"""The memory that this process may take is that of its control group, where the machine has more."""
+"""The memory that this process may take is that of its control group, where the machine has more; its peak is known."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from renderer.system import memory
@@ -70,3 +71,21 @@ def test_a_system_without_either_has_no_known_bound(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(memory, "control_groups", lambda name: control_groups(name, tmp_path, tmp_path / "absent"))
     assert memory.free_bytes() == math.inf
     assert memory.free_swap_bytes() == 0
+
+
+def test_the_peak_is_that_since_the_reset() -> None:
+    meter = memory.PeakMemory()
+    before = meter.peak_bytes()
+    assert before is not None
+    large = np.ones(GIB // 8, np.uint8)
+    with_it = meter.peak_bytes()
+    assert with_it is not None and with_it - before > 0.12 * GIB
+    del large
+    assert meter.peak_bytes() == pytest.approx(with_it, abs=GIB / 1024)  # a peak stays
+    after = memory.PeakMemory().peak_bytes()
+    assert after is not None and after < with_it - 0.1 * GIB
+
+
+def test_the_peak_is_unknown_on_other_systems(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(memory, "_RESET", tmp_path / "missing" / "file")
+    assert memory.PeakMemory().peak_bytes() is None

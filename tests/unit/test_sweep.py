@@ -24,6 +24,7 @@ from renderer.study import (
     plan_sweep,
     pool_accuracies,
     spread_evenly,
+    sweep,
 )
 from renderer.study.truths import extreme_coverage_frames
 from renderer.truth import Convergence
@@ -69,10 +70,7 @@ class Memory:
     """Reports 300 bytes after a reset, then 100 more each time."""
 
     def __init__(self) -> None:
-        self._bytes = 0
-
-    def trim(self) -> None:
-        pass
+        self.reset()
 
     def reset(self) -> None:
         self._bytes = 200
@@ -94,9 +92,10 @@ def ticking(seconds: float) -> Callable[[], float]:
     return lambda: seconds * next(ticks)
 
 
-def test_the_first_pass_warms_up_and_yields_the_pictures(stage: Stage) -> None:
+def test_the_first_pass_warms_up_and_yields_the_pictures(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sweep, "PeakMemory", Memory)
     grey = Grey()
-    found = measure_setting(stage, truths(), grey, clock=ticking(1e-3), memory=Memory(), repeats=3)
+    found = measure_setting(stage, truths(), grey, clock=ticking(1e-3), repeats=3)
     assert len(grey.eyes) == 2 * (1 + 3)
     expected = [measure_accuracy(np.full((16, 20, 3), 0.25), truth.picture, truth.on_volume) for truth in truths()]
     assert [sample.accuracy for sample in found.frames] == expected
@@ -116,10 +115,10 @@ def test_the_first_pass_warms_up_and_yields_the_pictures(stage: Stage) -> None:
 def test_slow_settings_are_drawn_less_often(stage: Stage) -> None:
     """A pass takes 12 ticks of the clock: 12 seconds are too many, and two passes of 2.4 seconds are over the limit."""
     slow, medium = Grey(), Grey()
-    found = measure_setting(stage, truths(), slow, clock=ticking(1.0), memory=Memory(), repeats=3)
+    found = measure_setting(stage, truths(), slow, clock=ticking(1.0), repeats=3)
     assert len(slow.eyes) == 3 and slow.eyes[2] == slow.eyes[0]
     assert [len(sample.frame_seconds) for sample in found.frames] == [1, 1]
-    measure_setting(stage, truths(), medium, clock=ticking(0.2), memory=Memory(), repeats=9)
+    measure_setting(stage, truths(), medium, clock=ticking(0.2), repeats=9)
     assert 2 * (1 + 1) < len(medium.eyes) < 2 * (1 + 9)
 
 
@@ -180,7 +179,7 @@ def test_bricks_have_a_stage_and_tolerances_of_their_own(stage: Stage) -> None:
 
 
 def test_a_measurement_of_bricks_counts_bricks(stage: Stage) -> None:
-    found = measure_setting(integrated(stage), truths(), Grey(), clock=ticking(1e-3), memory=Memory(), repeats=1)
+    found = measure_setting(integrated(stage), truths(), Grey(), clock=ticking(1e-3), repeats=1)
     assert found.setting.series == "integrated, optical" and found.setting.label == "tolerance 0.1"
     assert "opacity_correction" not in found.setting.options
     assert found.num_cells == 8 and 0 < found.num_primitives <= 8

@@ -15,7 +15,7 @@ from hsplat_cli.reports import REPORT_FILES, require_page_packages, terminal_tab
 from hsplat_cli.studies.measure.options import Sweep
 from hsplat_cli.studies.measure.tolerance import open_at_any_tolerance
 from hsplat_cli.studies.peers import vtk_peer
-from hsplat_cli.terminal import FilmEvents, PeakMemory, Reporter, describe_machine
+from hsplat_cli.terminal import FilmEvents, Reporter, describe_machine
 from renderer.draw import open_rasterizer
 from renderer.errors import HsplatError
 from renderer.film import require_writable_dry_run
@@ -164,7 +164,6 @@ def _measure_hsplat(
     Each setting gets a new GL context: a software driver keeps the memory of its largest picture, which would count for
     all later settings.
     """
-    memory = PeakMemory()
     measured: dict[Hashable, Measurement] = {}
     for settings in plan:
         with open_at_any_tolerance(settings[0].scene, volume) as stage:
@@ -177,7 +176,6 @@ def _measure_hsplat(
                             truths,
                             rasterizer,
                             clock=time.perf_counter,
-                            memory=memory,
                             repeats=request.repeats,
                         )
                 setting = splat_setting(scene.error, scene.splat)
