@@ -245,9 +245,10 @@ for seconds in (9, 0.5):
 
 
 def with_stand_in(action: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Measurement]:
-    script = folder / "worker.py"
+    script = folder / "stand_in_worker.py"
     script.write_text(STAND_IN.format(pid=str(folder / "pid"), action=action), encoding="utf-8")
-    monkeypatch.setattr(vtk_peer, "_SCRIPT", script)
+    monkeypatch.setattr(vtk_peer, "_WORKER", script.stem)
+    monkeypatch.syspath_prepend(folder)
     volume = with_transparent_border(engine(), transfer())
     view = look(volume)
     right = Truth(0, np.zeros((54, 72, 3)), np.ones((54, 72), bool), CONVERGENCE)
@@ -302,9 +303,10 @@ def test_vtk_describes_its_version_and_driver() -> None:
 
 
 def test_a_vtk_that_does_not_start_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    script = tmp_path / "worker.py"
+    script = tmp_path / "stand_in_worker.py"
     script.write_text("import sys\nprint('no screen', file=sys.stderr)\nsys.exit(3)\n", encoding="utf-8")
-    monkeypatch.setattr(vtk_peer, "_SCRIPT", script)
+    monkeypatch.setattr(vtk_peer, "_WORKER", script.stem)
+    monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(RenderError) as caught:
         describe_vtk()
     assert str(caught.value) == (

@@ -12,14 +12,12 @@ from __future__ import annotations
 import math
 import re
 import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
-from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
@@ -27,7 +25,7 @@ import numpy as np
 from renderer.errors import InputError, RenderError, require_package
 from renderer.scene import Color, Scene
 from renderer.study import FirstPass, FloatImage, Measurement, Setting, Truth
-from renderer.system import join_lines
+from renderer.system import ChildProcesses, join_lines
 from renderer.transfer import TransferFunction
 from renderer.view import View
 from renderer.volume import Array, Float64, Volume, make_volume
@@ -45,7 +43,7 @@ _DEPTH_BETWEEN_POINTS = 0.02
 # Width of the ramp that replaces a step, as a share of the transfer function's range: below the table's resolution.
 _STEP_WIDTH = 1e-6
 
-_SCRIPT = Path(__file__).with_name("vtk_worker.py")
+_WORKER = "hsplat_cli.studies.peers.vtk_worker"
 
 # Smallest depth of the near plane, as a share of the far plane's: float32 depths stay distinct.
 _NEAREST_PART = 1e-4
@@ -230,17 +228,12 @@ def _camera(volume: Volume, view: View) -> dict[str, Any]:
 
 @contextmanager
 def _start_worker() -> Iterator[_Worker]:
-    """Start VTK's process, which ends with the block."""
+    """Start VTK's process, which ends with the block, and with this process."""
     ours, theirs = Pipe()
-    with ours, tempfile.TemporaryFile() as output:
+    with ours, tempfile.TemporaryFile() as output, ChildProcesses() as children:
         with theirs:
-            process = subprocess.Popen(
-                [sys.executable, str(_SCRIPT), str(theirs.fileno())],
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=output,
-                pass_fds=[theirs.fileno()],
-            )
+            end = theirs.fileno()
+            process = children.start(_WORKER, [str(end)], pass_fds=[end], stdout=output, stderr=output)
         try:
             yield _Worker(process, ours, output)
         finally:

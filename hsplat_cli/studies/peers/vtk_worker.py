@@ -1,4 +1,4 @@
-"""Draw with VTK in a separate process: `python vtk_worker.py DESCRIPTOR`, the file descriptor of a connection.
+"""Draw with VTK in a separate process; the argument is the file descriptor of a connection.
 
 Imports nothing of hsplat; `hsplat_cli.studies.peers.vtk_peer` starts it. The worker first sends VTK's version and
 driver. It receives the scene in its own unit of length, a dict, then its voxels, the bytes of [z, y, x] of a type that
