@@ -93,8 +93,7 @@ class CostAtPsnr:
 
 def costs_by_psnr(measurements: Sequence[Measurement]) -> list[CostAtPsnr]:
     """Return the cost of every fifth dB, up to the highest PSNR measured."""
-    own = [m for m in measurements if program_of(m) == OWN]
-    peers = [m for m in measurements if program_of(m) == PEER]
+    own, peers = ([m for m in measurements if program_of(m) == program] for program in (OWN, PEER))
     return [_cost_at_psnr(float(psnr), own, peers) for psnr in _wanted_psnrs(measurements)]
 
 

@@ -40,8 +40,8 @@ from .sweep import (
 )
 from .thumbnails import (
     DIFFERENCE_GAIN as DIFFERENCE_GAIN,
-    difference_picture as difference_picture,
-    difference_thumbnail as difference_thumbnail,
+    amplified_difference as amplified_difference,
+    rounded as rounded,
     thumbnail as thumbnail,
 )
 from .tolerance_search import (

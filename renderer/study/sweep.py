@@ -20,7 +20,7 @@ from renderer.draw import Rasterizer
 from renderer.frame import Clock, Stage, make_primitive, render_frames
 from renderer.scene import ErrorSpec, Scene, SplatSpec, with_tolerance
 from renderer.study.metrics import Accuracy, FloatImage, measure_accuracy, over_background, pool_accuracies
-from renderer.study.thumbnails import difference_thumbnail, thumbnail
+from renderer.study.thumbnails import amplified_difference, thumbnail
 from renderer.study.tolerance_search import spread_tolerances
 from renderer.study.truths import Truth
 from renderer.system import PeakMemory
@@ -143,7 +143,7 @@ class FirstPass:
         truth = self._truths[len(self._accuracies)]
         self._accuracies.append(measure_accuracy(picture, truth.picture, truth.on_volume))
         if not self._thumbnails:
-            self._thumbnails = thumbnail(picture), difference_thumbnail(picture, truth.picture)
+            self._thumbnails = thumbnail(picture), thumbnail(amplified_difference(picture, truth.picture))
 
     def measurement(
         self,
@@ -165,21 +165,21 @@ def measure_setting(
     """Measure the scene's constant tolerance and footprint, on the frames of the truths."""
     numbers, judged = [truth.frame for truth in truths], FirstPass(truths)
     peaks: list[int] = []
-    counts: list[tuple[int, int]] = []
+    nums_primitives: list[int] = []
     first_pass: list[Seconds] = []
     memory = PeakMemory()
     for frame in render_frames(stage, numbers, rasterizer, clock=clock):
         peaks += [peak] if (peak := memory.peak_bytes()) is not None else []
         judged.add(over_background(frame.radiance, stage.scene.output.background))
-        counts.append((frame.num_cells, frame.num_primitives))
+        nums_primitives.append(frame.num_primitives)
         first_pass.append(frame.seconds)
         memory.reset()
     passes = _timed_passes(stage, numbers, rasterizer, clock, repeats, first_pass)
     return judged.measurement(
-        [num_primitives for _, num_primitives in counts],
+        nums_primitives,
         [_repetitions(repetitions, FRAME_STAGES) for repetitions in zip(*passes, strict=True)],
         setting=splat_setting(stage.scene.error, stage.scene.splat),
-        num_cells=counts[0][0],
+        num_cells=frame.num_cells,
         pyramid_seconds=stage.seconds["pyramid"],
         seconds=_repetitions([seconds[0] for seconds in passes], _CUT_STAGES),
         peak_bytes=max(peaks, default=None),

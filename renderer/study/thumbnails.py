@@ -19,22 +19,14 @@ def thumbnail(picture: FloatImage) -> UInt8:
     block = -(-max(height, width) // THUMBNAIL_PX)
     padded = np.pad(picture, ((0, -height % block), (0, -width % block), (0, 0)), mode="edge")
     blocks = padded.reshape(padded.shape[0] // block, block, padded.shape[1] // block, block, 3)
-    return _rounded(blocks.mean(axis=(1, 3)))
+    return rounded(blocks.mean(axis=(1, 3)))
 
 
-def difference_thumbnail(picture: FloatImage, truth: FloatImage) -> UInt8:
-    """Return the thumbnail of the absolute difference, times DIFFERENCE_GAIN."""
-    return thumbnail(_amplified(picture, truth))
-
-
-def difference_picture(picture: FloatImage, truth: FloatImage) -> UInt8:
-    """Return the absolute difference, times DIFFERENCE_GAIN, at full size, uint8 [h, w, 3]."""
-    return _rounded(_amplified(picture, truth))
-
-
-def _amplified(picture: FloatImage, truth: FloatImage) -> FloatImage:
+def amplified_difference(picture: FloatImage, truth: FloatImage) -> FloatImage:
+    """Return the absolute difference, times DIFFERENCE_GAIN, at most 1."""
     return np.minimum(np.abs(picture - truth) * DIFFERENCE_GAIN, 1.0)
 
 
-def _rounded(picture: FloatImage) -> UInt8:
+def rounded(picture: FloatImage) -> UInt8:
+    """Return a picture in [0, 1] with 8 bits a channel."""
     return np.asarray(np.floor(picture * 255 + 0.5), np.uint8)

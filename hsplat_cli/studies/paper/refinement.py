@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from hsplat_cli.studies.paper.figure import Claim, FigureRenderer, FigureStage, PaperFigure, PictureRows
 from renderer.scene import Scene, counted
-from renderer.study import DIFFERENCE_GAIN, compute_metric, difference_picture
+from renderer.study import DIFFERENCE_GAIN, amplified_difference, compute_metric, rounded
 
 INTERACTIVE_FRAME_S, REFINED_FRAME_S = 0.2, 5.0
 # Seconds of each picture.
@@ -111,7 +111,7 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> tuple[list[TimedFr
             )
             drawings.append(drawing)
             pictures.append((frame.image, f"{name}: {drawing.seconds:.2f} s, {drawing.psnr_db:.1f} dB"))
-            differences.append((difference_picture(rgb[-1], truth), name))
+            differences.append((rounded(amplified_difference(rgb[-1], truth)), name))
     rows = {
         "The pictures": pictures,
         f"Their differences from the ray integral, times {DIFFERENCE_GAIN:g}": differences,
