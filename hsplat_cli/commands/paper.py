@@ -73,10 +73,10 @@ def paper(folder: Path | None, volume: Path | None, output: Path, numbers: tuple
     require_no_input([path], [file for path, scene in scenes.values() for file in (path, *volume_files(scene.volume))])
     figures, text = _page(scenes, reporter)
     write_staged(path, text.encode())
-    for figure in figures:
+    for number, figure in figures.items():
         for claim in figure.claims:
             verdict = "confirmed" if claim.is_confirmed else "NOT CONFIRMED"
-            reporter.line(f"figure {figure.number}: {verdict}: {claim.statement}")
+            reporter.line(f"figure {number}: {verdict}: {claim.statement}")
     reporter.line(f"page: {path}")
 
 
@@ -115,7 +115,7 @@ def _make_figure(number: int, path: Path, scene: Scene, figure_renderer: FigureR
     return replace(figure, notes=(note, *figure.notes)) if spec.takes_volume else figure
 
 
-def _page(scenes: Mapping[int, tuple[Path, Scene]], reporter: Reporter) -> tuple[list[PaperFigure], str]:
+def _page(scenes: Mapping[int, tuple[Path, Scene]], reporter: Reporter) -> tuple[dict[int, PaperFigure], str]:
     # Imported here to keep --help fast.
     from hsplat_cli.reports import format_facts, plot_style, render_page
     from hsplat_cli.studies import FigureRenderer
@@ -125,7 +125,7 @@ def _page(scenes: Mapping[int, tuple[Path, Scene]], reporter: Reporter) -> tuple
     reporter.announce_compilation()
     num_threads = num_cores()
     work = [FIGURE_SPECS[number].work for number in scenes]
-    figures: list[PaperFigure] = []
+    figures: dict[int, PaperFigure] = {}
     with (
         open_rasterizer(needs_opengl=True) as rasterizer,
         plot_style(),
@@ -135,7 +135,7 @@ def _page(scenes: Mapping[int, tuple[Path, Scene]], reporter: Reporter) -> tuple
         volumes = {scene.volume: read_volume(scene.volume) for _, scene in scenes.values()}
         figure_renderer = FigureRenderer(rasterizer, volumes, time.perf_counter, num_threads)
         for number, (path, scene) in scenes.items():
-            figures.append(_make_figure(number, path, scene, figure_renderer))
+            figures[number] = _make_figure(number, path, scene, figure_renderer)
             bar.advance(f"figure {number}")
         facts = format_facts(describe_machine(rasterizer.device))
         title = "Hierarchical splatting, 1991, reproduced"

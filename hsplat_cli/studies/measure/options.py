@@ -35,7 +35,7 @@ _WANTED: FieldTable = {
 
 @dataclass(frozen=True)
 class Sweep:
-    """Lists of which all combinations are measured.
+    """A sweep: lists of which all combinations are measured.
 
     errors: one for each measure; their tolerance is ignored. splats: each footprint, corrected or not.
     tolerances: None for a choice that suits the volume.

@@ -51,7 +51,7 @@ _PEER_FRAME_S = 0.4
 
 @dataclass(frozen=True)
 class StudyRequest:
-    """The scene, the settings and the frames to measure.
+    """A request for a study: the scene, the settings and the frames to measure.
 
     name: of the scene's file. frames: None for a few spread over the path. peer: "vtk" or None. folder: of the report.
     """

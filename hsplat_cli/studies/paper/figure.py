@@ -43,13 +43,12 @@ PictureRows = Mapping[str, Sequence[tuple[Pixels, str]]]
 
 @dataclass(frozen=True)
 class PaperFigure:
-    """One figure of the paper.
+    """A figure of the paper, without its number.
 
     tables: by caption; each line maps headings to cells, and its first cell is its heading. notes: what differs from
     the paper, such as a substitute volume.
     """
 
-    number: int
     title: str
     description: str
     claims: tuple[Claim, ...]

@@ -56,7 +56,6 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
     """Return figure 1 for a scene of one splat."""
     drawn, smooth = measure(scene, figure_renderer)
     return PaperFigure(
-        1,
         "Splat shapes and footprints",
         "One splat, drawn as a fan of Gouraud-shaded triangles around its centre, at several angular and radial "
         "subdivisions. The vertices have the opacities of a smooth profile; the hardware interpolates between them.",

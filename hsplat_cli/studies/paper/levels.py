@@ -45,7 +45,6 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
     """Return figure 4 for a scene of a volume of one material."""
     corrected, uncorrected, num_judged, rows = measure(scene, figure_renderer)
     return PaperFigure(
-        4,
         "A constant volume drawn at each level",
         "The same block of one material, with cells from one voxel (level 0) to a single cell (the root). Numbers are "
         f"for the inside: rays with at least {INSIDE_SHARE:.0%} of the largest optical depth.",

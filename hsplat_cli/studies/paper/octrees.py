@@ -56,7 +56,6 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
     octrees, rows = measure(scene, figure_renderer)
     side = 1 << BLOCK_LEVEL
     return PaperFigure(
-        5,
         "Octrees at falling error",
         "Octrees fitted to the pyramid as the tolerated error falls, with and without their cells as lines. Orange "
         "cells are single voxels; redder, then bluer cells are larger. Small cells have fainter lines.",

@@ -48,7 +48,6 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
     """Return figure 3 for a scene of a cube of one material."""
     splats = measure(scene, figure_renderer)
     return PaperFigure(
-        3,
         "One splat at resolutions that are powers of two",
         "A cube of one material, always of the same size in the picture and always one splat, stands for 1 to "
         f"{SIDES[-1]} voxels a side, each of opacity {splats.opacity:g}.",

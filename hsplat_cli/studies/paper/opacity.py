@@ -59,7 +59,6 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
     """Return figure 2 for a scene of a slab seen along its depth, y."""
     slab = measure(scene, figure_renderer)
     return PaperFigure(
-        2,
         "Opacity correction by opacity and resolution",
         f"A slab of one material, {slab.depth} voxels deep, drawn with cells of 1 to {slab.depth} voxels a side. All "
         "numbers are alphas of drawn pixels, the mean over the middle of the picture.",

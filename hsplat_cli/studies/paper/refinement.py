@@ -61,7 +61,6 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
         if drawing.tolerance == 0
     ]
     return PaperFigure(
-        6,
         "Five times a second, in five seconds, at full resolution",
         "One view at the tolerances that meet two budgets on this machine, and with a splat for every visible voxel. "
         "Times are for one frame of a film: sort, draw and round to 8 bits; the cut is made once for all frames.",
