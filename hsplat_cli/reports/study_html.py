@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -177,15 +176,16 @@ def _primitive_nouns(measurements: Sequence[Measurement]) -> str:
 def _stage_columns(measurements: Sequence[Measurement]) -> list[Column]:
     """Return the columns of the times of stages, over frames and repetitions together."""
     names = dict.fromkeys(name for m in measurements for name in _stage_times(m))
-    return [
-        Column(
-            _primitive_nouns(measurements) if name[0] == "primitives" else name[0],
-            f"ms, {'once' if name[1] else 'each frame'}",
-            partial(_stage_median, name),
-            partial(_stage_text, name),
-        )
-        for name in names
-    ]
+    titles = {"primitives": _primitive_nouns(measurements)}
+    return [_stage_column(titles.get(stage, stage), stage, is_once) for stage, is_once in names]
+
+
+def _stage_column(title: str, stage: str, is_once: bool) -> Column:
+    def seconds(measurement: Measurement) -> Sequence[float]:
+        return _stage_times(measurement).get((stage, is_once), ())
+
+    unit = f"ms, {'once' if is_once else 'each frame'}"
+    return Column(title, unit, lambda m: float(np.median(seconds(m) or math.nan)), lambda m: _times_text(seconds(m)))
 
 
 def _stage_times(measurement: Measurement) -> dict[tuple[str, bool], tuple[float, ...]]:
@@ -200,12 +200,8 @@ def _stage_times(measurement: Measurement) -> dict[tuple[str, bool], tuple[float
     return times
 
 
-def _stage_median(name: tuple[str, bool], measurement: Measurement) -> float:
-    return float(np.median(_stage_times(measurement).get(name, math.nan)))
-
-
-def _stage_text(name: tuple[str, bool], measurement: Measurement) -> str:
-    seconds = _stage_times(measurement).get(name)
+def _times_text(seconds: Sequence[float]) -> str:
+    """Format the median of some times, their quartiles and their number."""
     if not seconds:
         return ABSENT
     low, median, high = map(ms_text, np.quantile(seconds, [0.25, 0.5, 0.75]))
