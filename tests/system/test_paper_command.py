@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hsplat_cli import main
@@ -57,17 +57,9 @@ def test_some_figures_only_and_quietly(folder: Path, capsys: pytest.CaptureFixtu
 
 def test_a_volume_of_ones_own(folder: Path) -> None:
     scan = folder / "my scan.npy"
-    shutil.copy(_volume(folder), scan)
+    values = np.zeros((12, 16, 20), np.uint8)
+    values[3:9, 4:12, 5:15] = np.linspace(90, 255, 10).astype(np.uint8)
+    np.save(scan, values)
     arguments = ["paper", str(folder), "--output", str(folder), "--figure", "5", "--volume", str(scan), "--quiet"]
     assert main.run(arguments) == 0
     assert "The volume is my scan.npy." in (folder / "index.html").read_text("utf-8")
-
-
-def _volume(folder: Path) -> Path:
-    import numpy as np
-
-    path = folder / "scan.npy"
-    values = np.zeros((12, 16, 20), np.uint8)
-    values[3:9, 4:12, 5:15] = np.linspace(90, 255, 10).astype(np.uint8)
-    np.save(path, values)
-    return path

@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from hsplat_cli.studies.peers import vtk_peer
@@ -326,18 +325,3 @@ def test_errors_of_vtk_end_the_measurement() -> None:
     assert status == "  got: exit status 1"
     assert said and all("ERR" in line and "\x1b" not in line for line in said)
     assert hint == "  hint: measure without the peer"
-
-
-def test_pictures_are_upright() -> None:
-    """Only the upper left quarter of the volume, as seen, is visible."""
-    values: npt.NDArray[np.uint8] = np.zeros((16, 16, 16), np.uint8)
-    values[9:, :, :7] = 200
-    volume = make_volume(values, np.eye(4), "corner")
-    view = make_view(CameraSpec(TurntablePath(1)), 0, (7.5, 7.5, 7.5), 60.0, (40, 40))
-    measurements = measured(volume, transfer(), view)
-    assert len(measurements) == 2
-    for measurement in measurements:
-        upper_left = measurement.picture[:20, :20]
-        is_background = np.all(measurement.picture == np.array(BACKGROUND) * 255, axis=2)
-        assert not np.all(upper_left == np.array(BACKGROUND) * 255)
-        assert is_background[20:].all() and is_background[:, 20:].all()
