@@ -10,7 +10,6 @@ import contextlib
 import math
 import os
 import subprocess
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
@@ -19,14 +18,12 @@ import numpy as np
 
 from hsplat_cli.compare.picture_file import MAX_PIXELS, require_file
 from renderer.errors import InputError
-from renderer.film import Pixels, find_ffmpeg
+from renderer.film import Pixels, StreamTail, find_ffmpeg
 from renderer.system import join_lines
 
 # ffmpeg's most exact conversion, the same on every processor. A GIF may be transparent.
 _RGB_FILTER = "scale=flags=bicubic+accurate_rnd+full_chroma_int+full_chroma_inp+bitexact,format=rgb24"
 _RGBA_FILTER = "format=rgba"
-
-_MAX_STDERR_BYTES = 2000
 
 
 def count_film_frames(path: Path) -> int:
@@ -43,23 +40,24 @@ def decode_film(path: Path) -> Iterator[Iterator[Pixels]]:
     MAX_PIXELS, which ffmpeg refuses before it allocates them; RenderError without ffmpeg.
     """
     _require_film(path)
-    with contextlib.ExitStack() as stack:
+    try:
+        # In its own session, so that Ctrl-C reaches only this process, which ends ffmpeg.
+        process = subprocess.Popen(
+            _command(path),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+        )
+    except (OSError, subprocess.SubprocessError) as error:
+        raise InputError("ffmpeg cannot be started", where=str(path), got=str(error)) from error
+    assert process.stdout is not None and process.stderr is not None
+    with process.stdout as pictures:
         try:
-            stderr_file = stack.enter_context(tempfile.TemporaryFile())
-            # In its own session, so that Ctrl-C reaches only this process, which ends ffmpeg.
-            process = stack.enter_context(
-                subprocess.Popen(
-                    _command(path),
-                    stdin=subprocess.DEVNULL,
-                    stdout=subprocess.PIPE,
-                    stderr=stderr_file,
-                    start_new_session=True,
-                )
-            )
-        except (OSError, subprocess.SubprocessError) as error:
-            raise InputError("ffmpeg cannot be started", where=str(path), got=str(error)) from error
-        stack.callback(process.kill)
-        yield _frames(process, stderr_file, path)
+            yield _frames(process, pictures, StreamTail(process.stderr), path)
+        finally:
+            process.kill()
+            process.wait()
 
 
 def _command(path: Path) -> list[str]:
@@ -72,19 +70,19 @@ def _command(path: Path) -> list[str]:
     return [find_ffmpeg(path), *general, *source, "-fps_mode", "passthrough", *sink]
 
 
-def _frames(process: subprocess.Popen[bytes], stderr_file: IO[bytes], path: Path) -> Iterator[Pixels]:
-    stream, is_whole = process.stdout, True
-    assert stream is not None
-    while is_whole and (shape := _read_pam_header(stream)) is not None:
-        content = stream.read(math.prod(shape))
+def _frames(
+    process: subprocess.Popen[bytes], pictures: IO[bytes], stderr_tail: StreamTail, path: Path
+) -> Iterator[Pixels]:
+    is_whole = True
+    while is_whole and (shape := _read_pam_header(pictures)) is not None:
+        content = pictures.read(math.prod(shape))
         is_whole = len(content) == math.prod(shape)
         if is_whole:
             yield np.frombuffer(content, np.uint8).reshape(shape)
     status = process.wait()
-    stderr_file.seek(0)
-    messages = stderr_file.read(_MAX_STDERR_BYTES).decode("utf-8", "replace").strip()
+    messages = stderr_tail.lines()
     if status != 0 or messages or not is_whole:  # some errors leave the exit status at 0
-        got = join_lines(messages.splitlines()) or f"exit status {status} of ffmpeg and no message"
+        got = join_lines(messages) or f"exit status {status} of ffmpeg and no message"
         raise InputError("the film cannot be decoded", where=str(path), got=got)
 
 

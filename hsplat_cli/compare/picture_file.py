@@ -14,12 +14,10 @@ import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
-import imageio.v3
-import numpy as np
 from PIL import Image
 
 from renderer.errors import InputError
-from renderer.film import Pixels, join_png_chunks, png_chunks
+from renderer.film import Pixels, decode_png, join_png_chunks, png_chunks
 from renderer.scene import read_bounded
 
 # The header's size is checked before memory is allocated. 8192 x 4096 pixels with alpha take 2 GB to compare.
@@ -27,7 +25,6 @@ MAX_PIXELS = 2**25
 # Twice such a picture with alpha, uncompressed.
 MAX_FILE_BYTES = 2**28
 
-_SUFFIX = ".png"
 _EXPECTED = "a PNG file, 8-bit RGB or RGBA"
 _COLOR_TYPES = {0: "grey", 2: "RGB", 3: "palette", 4: "grey with alpha", 6: "RGBA"}
 _CHANNELS = {2: 3, 6: 4}
@@ -43,7 +40,7 @@ _LFS_POINTER = b"version https://git-lfs.github.com/"
 
 def is_picture(name: str) -> bool:
     """Return whether a name matches `*.png`, in any case; hidden files do not."""
-    return name.lower().endswith(_SUFFIX) and not name.startswith(".")
+    return name.lower().endswith(".png") and not name.startswith(".")
 
 
 def read_picture(path: Path) -> Pixels:
@@ -78,15 +75,13 @@ def decode_picture(content: bytes, path: Path) -> Pixels:
         raise _unreadable_error(str(error), content, path) from error
     shape, is_interlaced = _parse_header(chunks, path)
     data = b"".join(content for name, content in chunks if name == b"IDAT")
-    pixels = None
-    if _is_complete(data, shape, is_interlaced=is_interlaced):
-        # Other chunks could change the picture or its cost.
-        plain = join_png_chunks([chunks[0], (b"IDAT", data), chunks[-1]])
-        with contextlib.suppress(OSError, SyntaxError, ValueError):  # Pillow raises SyntaxError for a broken PNG
-            pixels = np.asarray(imageio.v3.imread(plain, extension=_SUFFIX, plugin="pillow"))
-    if pixels is None or pixels.shape != shape or pixels.dtype != np.uint8:
+    if not _is_complete(data, shape, is_interlaced=is_interlaced):
         raise _damaged_error(path)
-    return pixels
+    try:
+        # Other chunks could change the picture or its cost.
+        return decode_png(join_png_chunks([chunks[0], (b"IDAT", data), chunks[-1]]))
+    except ValueError as error:
+        raise _damaged_error(path) from error
 
 
 def _parse_header(chunks: Sequence[tuple[bytes, bytes]], path: Path) -> tuple[tuple[int, int, int], bool]:

@@ -32,6 +32,7 @@ from .names import (
 )
 from .picture import Picture as Picture, Pixels as Pixels
 from .png import (
+    decode_png as decode_png,
     encode_png as encode_png,
     join_png_chunks as join_png_chunks,
     png_chunks as png_chunks,
