@@ -178,10 +178,16 @@ def _file_pairs(
     if links:
         words = "1 frame of ACTUAL is a link" if len(links) == 1 else f"{len(links)} frames of ACTUAL are links"
         notes = [f"{words} to the golden: {_first_names(links)}", *notes]
-    return Pairs(names, _read_pairs(names, goldens, actuals), notes)
+    return Pairs(names, read_pairs(names, goldens, actuals), notes)
 
 
-def _read_pairs(names: Sequence[str], goldens: Mapping[str, Path], actuals: Mapping[str, Path]) -> Iterator[Pair]:
+def read_pairs(
+    names: Sequence[str], goldens: Mapping[str, Path], actuals: Mapping[str, Path], *, are_recorded: bool = False
+) -> Iterator[Pair]:
+    """Read the pictures of both sides, by the name of their pair. are_recorded: as `is_recorded` of a Pair.
+
+    Raises InputError with all pictures that cannot be read.
+    """
     unreadable: list[InputError] = []
     for name in names:
         try:
@@ -190,7 +196,7 @@ def _read_pairs(names: Sequence[str], goldens: Mapping[str, Path], actuals: Mapp
             unreadable.append(error)
             continue
         if not unreadable:  # after an error the others are read only to report all errors at once
-            yield Pair(name, *pictures)
+            yield Pair(name, *pictures, are_recorded)
     if unreadable:
         raise _combined_error(unreadable)
 

@@ -36,13 +36,13 @@ _KINDS = {3: "RGB", 4: "RGBA"}
 class Pair:
     """A golden frame and the actual one: uint8 [h, w, 3 or 4], straight alpha; None for a side without this frame.
 
-    name: of the file, or `frame 12` of a film. is_golden_missing: the golden is absent although it is recorded.
+    name: of the file, or `frame 12` of a film. is_recorded: a golden of None is missing, because it is recorded.
     """
 
     name: str
     golden: Pixels | None
     actual: Pixels | None
-    is_golden_missing: bool = False
+    is_recorded: bool = False
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def compare_pair(pair: Pair, limits: Limits) -> Outcome:
     """Compare one pair. Raises InputError if a limited metric cannot be computed."""
     golden, actual = pair.golden, pair.actual
     if golden is None or actual is None:
-        status: Status = "missing" if actual is None or pair.is_golden_missing else "extra"
+        status: Status = "missing" if actual is None or pair.is_recorded else "extra"
         return Outcome(pair.name, status, f"{'ACTUAL' if actual is None else 'GOLDEN'} has no such frame", limits)
     (height, width, channels), (actual_height, actual_width, actual_channels) = golden.shape, actual.shape
     if (height, width) != (actual_height, actual_width):

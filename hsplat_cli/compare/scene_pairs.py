@@ -5,11 +5,12 @@ from __future__ import annotations
 import contextlib
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from hsplat_cli.compare.file_pairs import read_pairs
 from hsplat_cli.compare.golden.provenance import (
     PROVENANCE_FILE,
     Golden,
@@ -19,29 +20,20 @@ from hsplat_cli.compare.golden.provenance import (
     origin_from_record,
     read_provenance,
 )
-from hsplat_cli.compare.outcome import Pair, Pairs
-from hsplat_cli.compare.picture_file import MAX_PIXELS, is_picture, read_picture
+from hsplat_cli.compare.outcome import Pairs
+from hsplat_cli.compare.picture_file import MAX_PIXELS, is_picture
 from hsplat_cli.compare.rules import Rules
 from hsplat_cli.executors import ExecutorSpec, require_executor
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import FilmEvents, Reporter, parse_frames
 from renderer.errors import InputError, RenderError
-from renderer.film import file_matches_digest
-from renderer.job import FilmJob
+from renderer.film import file_matches_digest, frame_path
+from renderer.job import FilmJob, FilmRecord
 from renderer.scene import MetricTarget, TimeBudget, counted, first_few, schedule_to_dict
 
 _TEMPLATE = Path("frame-{frame}.png")
 _SHOWN_DIGITS = 8
 _MAX_NAMES = 3
-
-
-@dataclass(frozen=True)
-class RenderedFrames:
-    """Rendered frames. files: by number. origin: as in Provenance. notes: for the user."""
-
-    files: Mapping[int, Path]
-    origin: Mapping[str, Any]
-    notes: Sequence[str]
 
 
 def load_numbered_job(request: SceneRequest) -> FilmJob:
@@ -77,8 +69,11 @@ def load_reproducible_job(request: SceneRequest) -> FilmJob:
 @contextlib.contextmanager
 def rendered_frames(
     job: FilmJob, frames: Sequence[int], executor: ExecutorSpec, reporter: Reporter
-) -> Iterator[RenderedFrames]:
-    """Render frames of a job of `load_reproducible_job` to a folder that lasts for the block. Raises HsplatError."""
+) -> Iterator[tuple[Mapping[int, Path], FilmRecord]]:
+    """Render frames of a job of `load_reproducible_job`, and yield their files, by number, and the record of the film.
+
+    The files last for the block. Raises HsplatError.
+    """
     # Imported here: comparing files needs neither numba nor OpenGL.
     from hsplat_cli.executors import open_executor
     from renderer.job import OnePass, make_film
@@ -98,8 +93,7 @@ def rendered_frames(
         with _DrawingEvents(reporter, job.scene.splat.primitive_name) as events:
             film = make_film(job, partial(open_executor, executor, reporter), OnePass(), events)
         assert film.shortfall is None, "a reproducible job has no goal to miss"
-        files = {frame: template.with_name(template.name.format(frame=frame)) for frame in frames}
-        yield RenderedFrames(files, origin_from_record(film.record), film.record.notes)
+        yield {frame: frame_path(template, frame) for frame in frames}, film.record
 
 
 class _DrawingEvents(FilmEvents):
@@ -137,18 +131,12 @@ def open_scene_pairs(
     names = [golden.file for golden in goldens]
     rules.require_frames(names)  # before rendering
     reporter.announce_compilation()
-    with rendered_frames(job, numbers, executor, reporter) as rendered:
-        before, now = provenance.origin, rendered.origin
-        notes = [*_origin_notes(before, now), *_file_notes(folder, goldens, unlisted), *rendered.notes]
-        yield Pairs(names, _read_pairs(folder, goldens, rendered.files), notes, _facts(before, now))
-
-
-def _read_pairs(folder: Path, goldens: Sequence[Golden], files: Mapping[int, Path]) -> Iterator[Pair]:
-    for golden in goldens:
-        path, source = folder / golden.file, files.get(golden.frame)
-        picture = read_picture(path) if path.exists() else None
-        actual = None if source is None else read_picture(source)
-        yield Pair(golden.file, picture, actual, is_golden_missing=picture is None)
+    with rendered_frames(job, numbers, executor, reporter) as (files, record):
+        before, now = provenance.origin, origin_from_record(record)
+        notes = [*_origin_notes(before, now), *_file_notes(folder, goldens, unlisted), *record.notes]
+        kept = {golden.file: path for golden in goldens if (path := folder / golden.file).exists()}
+        drawn = {golden.file: files[golden.frame] for golden in goldens if golden.frame in files}
+        yield Pairs(names, read_pairs(names, kept, drawn, are_recorded=True), notes, _facts(before, now))
 
 
 def _read_folder(folder: Path) -> tuple[Provenance, Sequence[str]]:

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from hsplat_cli.compare.golden.provenance import Golden, Provenance
-from hsplat_cli.compare.golden.update import GoldenUpdate, describe_update, plan_update
-from hsplat_cli.compare.scene_pairs import RenderedFrames
+from hsplat_cli.compare.golden.update import GoldenOptions, GoldenUpdate, describe_update, plan_update
 from renderer.film import Pixels, bytes_digest, encode_png, file_digest
 
 DIGEST = "0" * 32
@@ -54,9 +53,10 @@ class Desk:
         for frame, picture in enumerate(pictures):
             (self._drawn / f"{frame}.png").write_bytes(encode_png(picture))
         files = {frame: self._drawn / f"{frame}.png" for frame in names}
-        drawing = RenderedFrames(files, {**ORIGIN, "scene": {"tolerance": tolerance}}, ())
         before = self.before if self.before.goldens else None
-        return plan_update(self.folder, before, names, drawing, date=None, prune=False)
+        return plan_update(
+            GoldenOptions(self.folder), before, names, files, {**ORIGIN, "scene": {"tolerance": tolerance}}
+        )
 
 
 @pytest.fixture

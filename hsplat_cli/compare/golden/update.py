@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -22,12 +23,13 @@ from hsplat_cli.compare.golden.provenance import (
     Provenance,
     describe_changes,
     golden_file_name,
+    origin_from_record,
     provenance_bytes,
     read_provenance,
 )
 from hsplat_cli.compare.outcome import Outcome, Pair, compare_pair
 from hsplat_cli.compare.picture_file import read_picture
-from hsplat_cli.compare.scene_pairs import RenderedFrames, rendered_frames
+from hsplat_cli.compare.scene_pairs import rendered_frames
 from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.terminal import Reporter, format_table
 from renderer.errors import InputError
@@ -46,9 +48,10 @@ _MAX_NAMES = 5
 
 @dataclass(frozen=True)
 class GoldenOptions:
-    """Holds the options of `hsplat golden`.
+    """The options of `hsplat golden`.
 
-    frames: None for those that are golden already, or for all frames at first.
+    frames: None for those that are golden already, or for all frames at first. date: of changed pictures; the others
+    keep theirs. prune: removes goldens of other frames.
     """
 
     folder: Path
@@ -60,7 +63,7 @@ class GoldenOptions:
 
 
 def update_goldens(
-    job: FilmJob, golden_options: GoldenOptions, executor: ExecutorSpec, reporter: Reporter, ask: Callable[[], bool]
+    job: FilmJob, options: GoldenOptions, executor: ExecutorSpec, reporter: Reporter, ask: Callable[[], bool]
 ) -> None:
     """Render the frames and keep them; existing goldens change only if `ask` returns True.
 
@@ -68,10 +71,10 @@ def update_goldens(
     goldens of another scene would stay; the errors of rendering and writing; and click's Exit with 1 if the user
     declines.
     """
-    folder = golden_options.folder
+    folder = options.folder
     with lock_slots(folder / _STAGING_FOLDER, [0], folder / PROVENANCE_FILE):
         provenance = read_provenance(folder) if os.path.lexists(folder / PROVENANCE_FILE) else None
-        if provenance is not None and not golden_options.update:
+        if provenance is not None and not options.update:
             raise InputError(
                 "the folder has goldens",
                 where=str(folder),
@@ -79,19 +82,17 @@ def update_goldens(
                 hint="--update shows what has changed and overwrites them; `hsplat compare SCENE FOLDER` compares",
             )
         listed = {golden.frame: golden.file for golden in provenance.goldens} if provenance else {}
-        frames = golden_options.frames or [frame for frame in job.frames if frame in listed] or job.frames
+        frames = options.frames or [frame for frame in job.frames if frame in listed] or job.frames
         num_frames = job.scene.camera.path.frames
         names = {frame: listed.get(frame) or golden_file_name(frame, num_frames) for frame in frames}
         outputs = (folder / name for name in (PROVENANCE_FILE, *names.values(), *listed.values()))
         require_no_input(chain(outputs, folder_files(folder / _STAGING_FOLDER)), job.input_files())
         _require_free(folder, [name for name in names.values() if name not in listed.values()])
-        with rendered_frames(job, frames, executor, reporter) as rendered:
-            plan = plan_update(
-                folder, provenance, names, rendered, date=golden_options.date, prune=golden_options.prune
-            )
+        with rendered_frames(job, frames, executor, reporter) as (files, record):
+            plan = plan_update(options, provenance, names, files, origin_from_record(record))
             plan.require_one_origin(folder)
-            must_ask = provenance is not None and plan.changes_anything and not golden_options.yes
-            for line in (*(f"note: {note}" for note in rendered.notes), *describe_update(plan)):
+            must_ask = provenance is not None and plan.changes_anything and not options.yes
+            for line in (*(f"note: {note}" for note in record.notes), *describe_update(plan)):
                 (reporter.result if must_ask else reporter.line)(line)
             if not plan.changes_anything:
                 reporter.line(f"{folder}: nothing changes")
@@ -174,35 +175,33 @@ class GoldenUpdate:
 
 
 def plan_update(
-    folder: Path,
+    options: GoldenOptions,
     before: Provenance | None,
     names: Mapping[int, str],
-    rendered: RenderedFrames,
-    *,
-    date: str | None,
-    prune: bool,
+    files: Mapping[int, Path],
+    origin: Mapping[str, Any],
 ) -> GoldenUpdate:
-    """Plan to give `folder` the rendered frames.
+    """Plan to give the folder the rendered frames.
 
-    names: file names of all requested frames. date: of changed pictures; the others keep theirs. prune: remove goldens
-    of other frames.
+    names: of the goldens of all requested frames, by number. files: the rendered pictures. origin: as in Provenance.
     """
     listed = {golden.frame: golden for golden in before.goldens} if before else {}
     changes: list[Outcome] = []
     sources: dict[str, Path] = {}
     goldens: list[Golden] = []
     for frame, name in names.items():
-        change = _compare(folder / name, rendered.files[frame], is_new=frame not in listed)
-        path = folder / name
+        path = options.folder / name
+        change = _compare(path, files[frame], is_new=frame not in listed)
         if change.status != "same":
             changes.append(change)
-            path = sources[name] = rendered.files[frame]
+            path = sources[name] = files[frame]
+        date = options.date if name in sources else listed[frame].date
         with translate_os_errors(path):
-            goldens.append(Golden(frame, name, file_digest(path), date if name in sources else listed[frame].date))
+            goldens.append(Golden(frame, name, file_digest(path), date))
     others = [golden for frame, golden in listed.items() if frame not in names]
-    removed = [golden for golden in others if prune or not os.path.lexists(folder / golden.file)]
+    removed = [golden for golden in others if options.prune or not os.path.lexists(options.folder / golden.file)]
     unrequested = [golden for golden in others if golden not in removed]
-    after = Provenance(rendered.origin, tuple(sorted([*goldens, *unrequested], key=lambda golden: golden.frame)))
+    after = Provenance(origin, tuple(sorted([*goldens, *unrequested], key=lambda golden: golden.frame)))
     changes.sort(key=lambda change: [-change.figures.get(name, math.inf) for name in _LIMITS])
     return GoldenUpdate(before, after, changes, sources, removed, unrequested)
 
