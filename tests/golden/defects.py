@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from subjects import Pixels, Shot, shifted
+from subjects import Change, Pixels, Shot, shifted
 
 from renderer.bricks import BrickBatch
 from renderer.film import quantize
@@ -30,17 +30,6 @@ SEEN_LEVELS = 2.0
 
 # Cells, or pairs of them, that are tried until one is seen.
 TRIES = 40
-
-
-@dataclass(frozen=True)
-class Defect:
-    """A fault. inject: draws a shot with it, and returns None where there is nothing to spoil."""
-
-    name: str
-    inject: Callable[[Shot], Pixels | None]
-
-    def __str__(self) -> str:
-        return self.name
 
 
 def _first_seen(shot: Shot, pictures: Iterable[Pixels]) -> Pixels | None:
@@ -68,8 +57,6 @@ def _level_missing(shot: Shot) -> Pixels | None:
 
 def _block_missing(shot: Shot) -> Pixels | None:
     """Lose all splats in 8 x 8 x 8 voxels."""
-    if isinstance(shot.batch, BrickBatch):
-        return None
     blocks = (shot.cut.cells << shot.cut.levels[:, None].astype(np.int32)) >> 3
     inside = ((blocks == blocks[splat]).all(axis=1) for splat in _some_cells(shot))
     return _first_seen(shot, (_without(shot, lost) for lost in inside))
@@ -139,8 +126,6 @@ def _uncorrected_level(shot: Shot) -> Pixels | None:
         factors = np.where(shot.cut.levels == level, np.float32(0.5**level), np.float32(1))
         return shot.drawn_of(_scaled(shot.batch, slice(3, 7), factors[:, None]))
 
-    if isinstance(shot.batch, BrickBatch):
-        return None
     return _first_seen(shot, (uncorrected(level) for level in _levels_by_number(shot) if level > 0))
 
 
@@ -163,57 +148,38 @@ def _too_dense(shot: Shot) -> Pixels:
     return shot.drawn_of(_scaled(shot.batch, slice(3, 7), 1.01))
 
 
-def _wider(shot: Shot) -> Pixels | None:
-    if isinstance(shot.batch, BrickBatch):
-        return None
+def _wider(shot: Shot) -> Pixels:
     return shot.drawn_of(replace(shot.batch, axes=shot.batch.axes * 1.01))
 
 
 def _ending_in_a_step(shot: Shot) -> Pixels | None:
     """End footprints in a step of 0.2 % of their middle, with the same integral."""
-    if isinstance(shot.batch, BrickBatch) or not isinstance(shot.batch.footprint, GaussianFootprint):
-        return None
     footprint = shot.batch.footprint
+    if not isinstance(footprint, GaussianFootprint):
+        return None
     c0, c1, c2 = np.divide(footprint.coefficients, 1 + footprint.rim * math.pi * footprint.cutoff**2).tolist()
     return shot.drawn_of(replace(shot.batch, footprint=replace(footprint, coefficients=(c0, c1, c2), rim=0.0)))
 
 
-def _scaled(splats: SplatBatch | BrickBatch, columns: slice, factor: Any) -> SplatBatch:
-    assert isinstance(splats, SplatBatch)
+def _scaled(splats: SplatBatch, columns: slice, factor: Any) -> SplatBatch:
     vertices = splats.vertices.copy()
     vertices[:, columns] *= np.asarray(factor, np.float32)
     return replace(splats, vertices=vertices)
 
 
-def _gaps(shot: Shot) -> Pixels | None:
+def _gaps(shot: Shot) -> Pixels:
     """Leave a tenth of a voxel free between bricks."""
-    if not isinstance(shot.batch, BrickBatch):
-        return None
     low, high = shot.batch.cut.visible_bounds.transpose(1, 0, 2)
     bounds = np.stack([np.minimum(low + 0.05, (low + high) / 2), np.maximum(high - 0.05, (low + high) / 2)], axis=1)
     return shot.drawn_of(replace(shot.batch, cut=replace(shot.batch.cut, visible_bounds=bounds)))
 
 
-def _long_steps(shot: Shot) -> Pixels | None:
+def _long_steps(shot: Shot) -> Pixels:
     """Take half as many samples along rays."""
-    if not isinstance(shot.batch, BrickBatch):
-        return None
     return shot.drawn_of(replace(shot.batch, steps=2 * shot.batch.steps))
 
 
-def _subsampled(shot: Shot) -> Pixels | None:
-    """Interpolate pixels that differ by up to a tenth."""
-    return _sampled(shot, strides=(4, 1), difference_threshold=0.1)
-
-
-def _ended_early(shot: Shot) -> Pixels | None:
-    """End rays at a transmittance of 10 %."""
-    return _sampled(shot, termination_transmittance=0.1)
-
-
-def _sampled(shot: Shot, **changes: Any) -> Pixels | None:
-    if not isinstance(shot.batch, BrickBatch):
-        return None
+def _sampled(shot: Shot, **changes: Any) -> Pixels:
     return shot.drawn_of(replace(shot.batch, screen_sampling=replace(shot.batch.screen_sampling, **changes)))
 
 
@@ -376,39 +342,41 @@ def _random(shot: Shot) -> np.random.Generator:
 
 
 DEFECTS = (
-    Defect("one splat or brick missing", _one_missing),
-    Defect("two overlapping ones swapped", _two_swapped),
-    Defect("all in reverse order", _reversed),
-    Defect("one level of cells missing", _level_missing),
-    Defect("8 x 8 x 8 voxels missing", _block_missing),
-    Defect("no opacity correction in one level", _uncorrected_level),
-    Defect("red 1 % too strong", _red_too_strong),
-    Defect("optical depths 1 % too large", _too_dense),
-    Defect("footprints 1 % wider", _wider),
-    Defect("footprints that end in a step", _ending_in_a_step),
-    Defect("gaps of 0.1 voxel between bricks", _gaps),
-    Defect("steps twice as long", _long_steps),
-    Defect("pixels interpolated that differ", _subsampled),
-    Defect("rays that end at a transmittance of 10 %", _ended_early),
-    Defect("volume mirrored", _mirrored),
-    Defect("volume half a voxel off", _half_a_voxel_off),
-    Defect("camera off by 0.1 degree", _camera_off),
-    Defect("shifted by 0.1 px", partial(shifted, pixels=0.1)),
-    Defect("shifted by 0.25 px", partial(shifted, pixels=0.25)),
-    Defect("one frame repeated", _frame_repeated),
-    Defect("tolerance 10 % coarser", _coarser),
-    Defect("a grey for a colour of the transfer function", _grey_point),
-    Defect("all colours grey", _grey_picture),
-    Defect("alpha lost", _alpha_lost),
-    Defect("premultiplied for straight alpha", _premultiplied),
-    Defect("wrong gamma: a power of 2.2 for sRGB's curve", _wrong_gamma),
-    Defect("blue for red", _blue_for_red),
-    Defect("rounded down", _rounded_down),
-    Defect("background one step brighter", _other_background),
-    Defect("one row doubled", _row_doubled),
-    Defect("a black tile of 16 x 16 px", _black_tile),
-    Defect("noise cluster: 3 steps in 8 x 8 px", _noise_cluster(3)),
-    Defect("noise cluster: 1 step in 8 x 8 px", _noise_cluster(1)),
-    Defect("one pixel off by 3 steps", _one_pixel_off(3)),
-    Defect("one pixel off by 8 steps", _one_pixel_off(8)),
+    Change("one splat or brick missing", _one_missing),
+    Change("two overlapping ones swapped", _two_swapped),
+    Change("all in reverse order", _reversed),
+    Change("one level of cells missing", _level_missing),
+    Change("8 x 8 x 8 voxels missing", _block_missing, of=SplatBatch),
+    Change("no opacity correction in one level", _uncorrected_level, of=SplatBatch),
+    Change("red 1 % too strong", _red_too_strong),
+    Change("optical depths 1 % too large", _too_dense),
+    Change("footprints 1 % wider", _wider, of=SplatBatch),
+    Change("footprints that end in a step", _ending_in_a_step, of=SplatBatch),
+    Change("gaps of 0.1 voxel between bricks", _gaps, of=BrickBatch),
+    Change("steps twice as long", _long_steps, of=BrickBatch),
+    Change(
+        "pixels interpolated that differ", partial(_sampled, strides=(4, 1), difference_threshold=0.1), of=BrickBatch
+    ),
+    Change("rays that end at a transmittance of 10 %", partial(_sampled, termination_transmittance=0.1), of=BrickBatch),
+    Change("volume mirrored", _mirrored),
+    Change("volume half a voxel off", _half_a_voxel_off),
+    Change("camera off by 0.1 degree", _camera_off),
+    Change("shifted by 0.1 px", partial(shifted, pixels=0.1)),
+    Change("shifted by 0.25 px", partial(shifted, pixels=0.25)),
+    Change("one frame repeated", _frame_repeated),
+    Change("tolerance 10 % coarser", _coarser),
+    Change("a grey for a colour of the transfer function", _grey_point),
+    Change("all colours grey", _grey_picture),
+    Change("alpha lost", _alpha_lost),
+    Change("premultiplied for straight alpha", _premultiplied),
+    Change("wrong gamma: a power of 2.2 for sRGB's curve", _wrong_gamma),
+    Change("blue for red", _blue_for_red),
+    Change("rounded down", _rounded_down),
+    Change("background one step brighter", _other_background),
+    Change("one row doubled", _row_doubled),
+    Change("a black tile of 16 x 16 px", _black_tile),
+    Change("noise cluster: 3 steps in 8 x 8 px", _noise_cluster(3)),
+    Change("noise cluster: 1 step in 8 x 8 px", _noise_cluster(1)),
+    Change("one pixel off by 3 steps", _one_pixel_off(3)),
+    Change("one pixel off by 8 steps", _one_pixel_off(8)),
 )

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from defects import DEFECTS, SEEN_LEVELS
-from harmless import HARMLESS, Machine, drawn_by
-from subjects import Pixels, Shot
+from defects import SEEN_LEVELS
+from harmless import Machine, drawn_by
+from subjects import Change, Pixels, Shot
 
 from renderer.study import COMPARISON_METRICS, STRICTNESSES, FrameDifference, exceeded_limits
 
@@ -41,26 +41,18 @@ class Measured:
         return exceeded_limits(self.figures, STRICTNESSES[level].limits)
 
 
-def harmless_changes(shot: Shot) -> Iterator[Measured]:
-    """Measure the harmless changes that need no other process."""
-    for change in HARMLESS:
-        picture = change.make(shot)
-        if picture is not None:
-            yield _measured(shot, change.name, picture, change.level)
-
-
-def defects(shot: Shot) -> Iterator[Measured]:
-    """Measure the defects that change this shot."""
-    for defect in DEFECTS:
-        picture = defect.inject(shot)
-        if picture is not None and not np.array_equal(picture, shot.golden):
-            yield _measured(shot, defect.name, picture, None)
+def measured(shot: Shot, change: Change) -> Measured | None:
+    """Measure a change of a shot; None where there is nothing to change, or a defect that changes nothing."""
+    picture = change.picture(shot)
+    if picture is None or (change.level is None and np.array_equal(picture, shot.golden)):
+        return None
+    return _measured(shot, change.name, picture, change.level)
 
 
 def on_machine(shots: Sequence[Shot], machine: Machine, primitive: str) -> tuple[str, list[Measured]]:
     """Return the name of the machine's device and driver, and the measurements of all shots."""
-    drawn = drawn_by(machine, primitive)
-    return drawn.by, [_measured(shot, machine.name, drawn.pictures[str(shot)], machine.level) for shot in shots]
+    by, pictures = drawn_by(machine, primitive)
+    return by, [_measured(shot, machine.name, pictures[str(shot)], machine.level) for shot in shots]
 
 
 def _measured(shot: Shot, change: str, picture: Pixels, passes_at: str | None) -> Measured:

@@ -22,8 +22,9 @@ FOLDER = Path(__file__).resolve().parent
 ROOT = FOLDER.parents[1]
 sys.path[:0] = [str(ROOT), str(FOLDER), str(ROOT / "tests" / "support")]
 
-from harmless import BRICK_MACHINES, SPLAT_MACHINES, Machine  # noqa: E402
-from measured import Measured, defects, harmless_changes, on_machine  # noqa: E402
+from defects import DEFECTS  # noqa: E402
+from harmless import BRICK_MACHINES, HARMLESS, SPLAT_MACHINES, Machine  # noqa: E402
+from measured import Measured, measured, on_machine  # noqa: E402
 from subjects import BRICKS, SPLATS, Shot, Subject  # noqa: E402
 
 from renderer.draw import CPURasterizer, GLRasterizer  # noqa: E402
@@ -59,9 +60,11 @@ def _measure(primitive: str, drivers: Sequence[Machine]) -> tuple[list[Measured]
         names = {"this machine": gl.device if primitive == "splats" else cpu.device}
         shots = [Shot(subject, gl, cpu) for subject in PARTS[primitive].subjects]
         for shot in shots:
-            for row in (*harmless_changes(shot), *defects(shot)):
-                _print(row)
-                rows.append(row)
+            for change in (*HARMLESS, *DEFECTS):
+                row = measured(shot, change)
+                if row is not None:
+                    _print(row)
+                    rows.append(row)
         for machine in (*PARTS[primitive].machines, *drivers):
             names[machine.name], on_it = on_machine(shots, machine, primitive)
             for row in on_it:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -159,6 +160,27 @@ class Shot:
     def drawn(self, draw_list: DrawList, rasterizer: Rasterizer | None = None) -> Frame:
         """Draw a frame by the product's own last step."""
         return draw_frame(self.stage, draw_list, self.rasterizer if rasterizer is None else rasterizer, _stopwatch())
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of a frame's picture.
+
+    make: draws a shot with it; returns None where there is nothing to change. level: the strictest at which it has to
+    pass; None for a defect. of: the splats or bricks that it is made for, unless it is for both.
+    """
+
+    name: str
+    make: Callable[[Shot], Pixels | None]
+    level: str | None = None
+    of: type[SplatBatch | BrickBatch] | None = None
+
+    def __str__(self) -> str:
+        return self.name
+
+    def picture(self, shot: Shot) -> Pixels | None:
+        """Return the changed picture of a shot; None where there is nothing to change."""
+        return self.make(shot) if self.of is None or isinstance(shot.batch, self.of) else None
 
 
 def shifted(shot: Shot, pixels: float) -> Pixels:

@@ -8,12 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from defects import DEFECTS, SEEN_LEVELS, Defect
-from harmless import HARMLESS, Harmless
-from subjects import BRICKS, SPLATS, Pixels, Shot
+from defects import DEFECTS
+from harmless import HARMLESS
+from measured import Measured, measured
+from subjects import BRICKS, SPLATS, Change, Shot
 
 from renderer.draw import CPURasterizer, GLRasterizer
-from renderer.study import STRICTNESSES, FrameDifference, exceeded_limits
+from renderer.study import STRICTNESSES
 
 SHOTS = {"splats": ("coarse",), "bricks": ("bricks_coarse", "bricks_transparent")}
 
@@ -65,40 +66,31 @@ def shots(rasterizer: GLRasterizer) -> Iterator[dict[str, list[Shot]]]:
         }
 
 
-def exceeded(shot: Shot, picture: Pixels) -> dict[str, list[str]]:
-    """Return the metrics over their limits, by the strictness."""
-    limits = {name: level.limits for name, level in STRICTNESSES.items()}
-    figures = FrameDifference(shot.golden, picture).metrics({name for each in limits.values() for name in each})
-    return {name: exceeded_limits(figures, each) for name, each in limits.items()}
+def rows_of(change: Change, shots: list[Shot]) -> list[Measured]:
+    return [row for shot in shots if (row := measured(shot, change)) is not None]
 
 
 @each_primitive
 @pytest.mark.parametrize("defect", DEFECTS, ids=str)
 def test_every_defect_is_found_on_the_same_machine(
-    defect: Defect, primitive: str, shots: dict[str, list[Shot]]
+    defect: Change, primitive: str, shots: dict[str, list[Shot]]
 ) -> None:
-    drawn = [(shot, defect.inject(shot)) for shot in shots[primitive]]
-    pictures = [(shot, picture) for shot, picture in drawn if picture is not None]
-    assert bool(pictures) == (defect.name not in ABSENT[primitive])
-    if not pictures:
+    rows = rows_of(defect, shots[primitive])
+    assert bool(rows) == (defect.name not in ABSENT[primitive])
+    if not rows:
         return
-    moved = max(FrameDifference(shot.golden, picture).largest() for shot, picture in pictures)
-    assert moved > 0
-    assert (moved < SEEN_LEVELS) == (defect.name in FAINT[primitive])
-    found = [exceeded(shot, picture) for shot, picture in pictures]
-    assert all(levels["same-machine"] for levels in found)
-    assert all(levels["cross-driver"] for levels in found) == (defect.name not in UNSEEN_ACROSS_DRIVERS[primitive])
+    assert any(row.is_seen for row in rows) == (defect.name not in FAINT[primitive])
+    assert all(row.over("same-machine") for row in rows)
+    assert all(row.over("cross-driver") for row in rows) == (defect.name not in UNSEEN_ACROSS_DRIVERS[primitive])
 
 
 @each_primitive
 @pytest.mark.parametrize("change", [each for each in HARMLESS if "reference" not in each.name], ids=str)
-def test_harmless_changes_pass(change: Harmless, primitive: str, shots: dict[str, list[Shot]]) -> None:
-    pictures = [(shot, change.make(shot)) for shot in shots[primitive]]
-    levels = list(STRICTNESSES)
-    found = [exceeded(shot, picture) for shot, picture in pictures if picture is not None]
-    assert found
+def test_harmless_changes_pass(change: Change, primitive: str, shots: dict[str, list[Shot]]) -> None:
+    rows, levels = rows_of(change, shots[primitive]), list(STRICTNESSES)
+    assert rows
     for level in levels[levels.index(change.level) :]:
-        assert [each[level] for each in found] == [[]] * len(found)
+        assert [row.over(level) for row in rows] == [[]] * len(rows)
 
 
 def test_changes_have_names_of_their_own() -> None:
