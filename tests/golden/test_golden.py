@@ -12,16 +12,13 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 import pytest
 from golden_cases import CASES, FOLDER, FRAMES, Case
 
 from hsplat_cli.compare.golden.provenance import read_provenance
 from hsplat_cli.compare.picture_file import read_picture
 from renderer.draw import GLRasterizer
-from renderer.film import Pixels, quantize
-from renderer.frame import frame
+from renderer.film import Pixels
 from renderer.study import STRICTNESSES, FrameDifference, exceeded_limits
 
 FAILED = FOLDER / "failed"
@@ -86,18 +83,3 @@ def looks_same(first: Pixels, second: Pixels) -> bool:
     """Compare at `cross-driver` without FLIP, which takes a while for a thousand pairs."""
     limits = STRICTNESSES["cross-driver"].limits
     return not exceeded_limits(FrameDifference(first, second).metrics(limits.keys() - {"flip"}), limits)
-
-
-def test_a_defect_of_the_renderer_is_found_by_the_command(
-    rasterizer: GLRasterizer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The defect is a red that is 1 % too strong, before the picture is rounded to 8 bits."""
-
-    def quantize_with_defect(radiance: npt.NDArray[np.float32], background: Any) -> Pixels:
-        return quantize(radiance * np.float32([1.01, 1, 1, 1]), background)
-
-    monkeypatch.setattr(frame, "quantize", quantize_with_defect)
-    (default,) = (case for case in CASES if case.name == "default")
-    result = compared(default, rasterizer, tmp_path)
-    assert [each["status"] for each in result["frames"]] == ["different"] * 3
-    assert all(each["bias"][0] > 0.1 > abs(each["bias"][2]) for each in result["frames"])

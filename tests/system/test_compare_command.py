@@ -84,29 +84,15 @@ def test_all_reports_list_the_same_failures(capsys: pytest.CaptureFixture[str]) 
     assert [len(case) for case in suite] == [1] * 7 + [0] * 6
     page = Path(REPORTS[2]).read_text(encoding="utf-8")
     assert all(name in page for name in names)
-
-
-def test_equal_frames_give_equal_reports() -> None:
-    paint("frame-3.png", 8)
-    contents = []
-    for _ in range(2):
-        assert compare("golden", "actual", *WRITE_REPORTS, "--quiet") == 1
-        contents.append([Path(report).read_bytes() for report in REPORTS])
-    assert contents[0] == contents[1]
+    written = [Path(report).read_bytes() for report in REPORTS]
+    assert compare("golden", "actual", *WRITE_REPORTS, "--quiet") == 1
+    assert [Path(report).read_bytes() for report in REPORTS] == written
 
 
 def test_levels_and_limits_decide_the_exit_code() -> None:
     paint("frame-3.png", 1, first=1)
     assert compare("golden", "actual", "--level", "exact", "--quiet") == 1
     assert compare("golden", "actual", "--level", "exact", "--limit", "largest=1", "--quiet") == 0
-    Path("golden/compare.yaml").write_text("level: exact\n", encoding="utf-8")
-    assert compare() == 1
-    Path("golden/compare.yaml").write_text("level: exact\nframes:\n  frame-3.png: {largest: 1}\n", encoding="utf-8")
-    assert compare() == 0
-    assert compare("golden/frame-3.png", "actual/frame-3.png") == 0
-    assert compare("golden", "actual", "--level", "exact") == 1
-    paint("frame-4.png", 1, first=1)
-    assert compare() == 1
 
 
 @pytest.mark.parametrize("suffix", ["mp4", "gif"])

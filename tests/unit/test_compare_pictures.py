@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import struct
 import zlib
 from pathlib import Path
@@ -96,24 +95,3 @@ def test_damaged_files_are_refused(tmp_path: Path, contents: list[bytes], why: s
 def test_data_may_be_in_many_chunks(tmp_path: Path) -> None:
     pieces = [DATA[start : start + 7] for start in range(0, len(DATA), 7)]
     np.testing.assert_array_equal(read(tmp_path, idat(*pieces, b"")), RGB)
-
-
-def test_paths_that_are_no_files_are_refused(tmp_path: Path) -> None:
-    (tmp_path / "folder.png").mkdir()
-    os.mkfifo(tmp_path / "pipe.png")
-    (tmp_path / "link.png").symlink_to("nowhere")
-    for name, words in (
-        ("folder.png", "not a file: a folder"),
-        ("pipe.png", "not a file: a special file"),
-        ("link.png", "a broken link: nowhere"),
-        ("absent.png", "no such file: None"),
-    ):
-        with pytest.raises(InputError) as caught:
-            read_picture(tmp_path / name)
-        assert f"{caught.value.what}: {caught.value.got}" == words
-
-
-def test_a_link_is_followed(tmp_path: Path) -> None:
-    (tmp_path / "picture.png").write_bytes(encode_png(RGB))
-    (tmp_path / "link.png").symlink_to("picture.png")
-    np.testing.assert_array_equal(read_picture(tmp_path / "link.png"), RGB)

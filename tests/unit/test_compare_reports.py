@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
 from typing import Any
 from xml.etree import ElementTree
 
-import pytest
-from hypothesis import given, strategies as st
+from hypothesis import example, given, strategies as st
 
 from hsplat_cli.compare import comparison_table
 from hsplat_cli.compare.outcome import Comparison, Outcome
@@ -168,29 +166,11 @@ def test_junit_has_facts_and_notes() -> None:
     assert suite[2].text == "one\ntwo"
 
 
-@pytest.mark.parametrize(
-    ("name", "shown"),
-    [
-        ('a "b" & <c>.png', 'a "b" & <c>.png'),
-        ("\x00\x01\x1b[31m.png", "\\x00\\x01\\x1b[31m.png"),
-        ("two\nlines\r\t.png", "two\\nlines\\r\\t.png"),
-        (os.fsdecode(b"\xff\xfe.png"), "\\udcff\\udcfe.png"),
-        ("\ufffe\U0001ffff.png", "\\ufffe\\U0001ffff.png"),
-        ("é 雪 😀.png", "é 雪 😀.png"),
-        ("]]>.png", "]]>.png"),
-        ("\u202egnp.png", "\\u202egnp.png"),
-    ],
-)
-def test_unprintable_characters_are_escaped(name: str, shown: str) -> None:
-    found = comparison([missing(name), different("b.png")])
-    assert comparison_table(found).splitlines()[1].startswith(f"{shown}  ")
-    assert json.loads(comparison_json(found))["frames"][0]["name"] == name
-    assert suite_of(found)[0].get("name") == shown
-
-
+@example("]]> & <c>.png")
+@example("two\nlines\udcff\u202e.png")
 @given(st.text(st.characters(codec=None, categories=None), max_size=20))
 def test_any_name_can_be_reported(name: str) -> None:
     found = Comparison(name, name, "exact", [missing(name)], notes=[name])
     assert suite_of(found)[0].get("name") == printable(name)
-    json.loads(comparison_json(found).encode())
-    comparison_table(found).encode()
+    assert json.loads(comparison_json(found).encode())["frames"][0]["name"] == name
+    assert comparison_table(found).splitlines()[1].startswith(f"{printable(name)}  ")
