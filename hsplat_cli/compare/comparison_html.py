@@ -170,7 +170,7 @@ class GalleryFrame:
 
 
 class Gallery:
-    """Collects the pictures of the worst `max_frames` frames, of those that are not the same."""
+    """A collection of the pictures of the worst `max_frames` frames, of those that are not the same."""
 
     def __init__(self, max_frames: int = 24) -> None:
         self._max_frames = max_frames

@@ -52,10 +52,10 @@ def read_picture(path: Path) -> Pixels:
     return decode_picture(file_content(path), path)
 
 
-def file_content(path: Path) -> bytes:
-    """Read a file of at most MAX_FILE_BYTES. Raises InputError."""
-    require_file(path, _EXPECTED)
-    return read_bounded(path, MAX_FILE_BYTES, "a picture or film")
+def file_content(path: Path, max_bytes: int = MAX_FILE_BYTES, expected: str = _EXPECTED) -> bytes:
+    """Read a regular file of a limited size, by default a picture. Raises InputError."""
+    require_file(path, expected)
+    return read_bounded(path, max_bytes, expected)
 
 
 def require_file(path: Path, expected: str) -> None:

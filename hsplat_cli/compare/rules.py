@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from hsplat_cli.compare.outcome import number_text
-from hsplat_cli.compare.picture_file import is_picture, require_file
+from hsplat_cli.compare.picture_file import file_content, is_picture
 from renderer.errors import InputError, Problem, require_package
 from renderer.scene import (
     MAX_SCENE_BYTES,
@@ -37,7 +37,6 @@ from renderer.scene import (
     number_field,
     parse_yaml_file,
     raise_problems,
-    read_bounded,
     read_fields,
     read_option,
     section_field,
@@ -172,9 +171,7 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
             raise InputError("not read under this name", where=str(other), hint=f"call it {LIMITS_FILE}")
     if not os.path.lexists(path):
         return Rules()
-    require_file(path, "a file of limits")
-    content = read_bounded(path, MAX_SCENE_BYTES, "a file of limits")
-    tree, lines = parse_yaml_file(content, path)
+    tree, lines = parse_yaml_file(file_content(path, MAX_SCENE_BYTES, "a file of limits"), path)
     found: list[Problem] = []
     table = {"level": _LEVEL, "limits": _LIMITS, "frames": _FRAMES}
     given = read_fields(TreeNode({} if tree.data is None else tree.data, "", found), table)

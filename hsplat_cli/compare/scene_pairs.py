@@ -12,11 +12,11 @@ from typing import Any
 
 from hsplat_cli.compare.file_pairs import read_pairs
 from hsplat_cli.compare.golden.provenance import (
+    GOLDEN_FILE,
     PROVENANCE_FILE,
     Golden,
     Provenance,
     describe_changes,
-    is_golden_file_name,
     origin_from_record,
     read_provenance,
 )
@@ -161,7 +161,7 @@ def _read_folder(folder: Path) -> tuple[Provenance, Sequence[str]]:
         )
     provenance = read_provenance(folder)
     unlisted = sorted(names - {golden.file for golden in provenance.goldens})
-    lost = list(filter(is_golden_file_name, unlisted))
+    lost = list(filter(GOLDEN_FILE.fullmatch, unlisted))
     if lost:
         raise InputError(
             f"{PROVENANCE_FILE} does not list all goldens in this folder",

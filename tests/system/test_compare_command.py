@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import subprocess
 from pathlib import Path
@@ -11,8 +10,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from commands import HSPLAT, environment, hsplat
-from png_files import noise, smooth, write_film, write_frames
+from commands import HSPLAT, environment
+from png_files import smooth, write_film, write_frames
 from processes import MARK, marked, new_mark
 
 from hsplat_cli import main
@@ -175,22 +174,6 @@ def test_an_interrupt_leaves_no_report_and_no_process(monkeypatch: pytest.Monkey
     assert compare("film.mp4", "copy.mp4", *WRITE_REPORTS) == 130
     assert list(Path("reports").iterdir()) == []
     assert marked(mark) == set()
-
-
-def test_odd_names_are_printed_and_reported() -> None:
-    names = [b'a "b" & <c>.png', b"two\nlines.png", b"\xff\x01.png"]
-    for side in ("golden", "actual"):
-        for number, name in enumerate(names):
-            picture = noise(number + (side == "actual"), 16, 16)
-            Path(side, os.fsdecode(name)).write_bytes(encode_png(picture))
-    arguments = ["compare", "golden", "actual", "--quiet", *WRITE_REPORTS]
-    done = hsplat(*arguments, PYTHONIOENCODING="ascii", LC_ALL="C")
-    assert (done.returncode, done.stderr) == (1, "")
-    for name in ('a "b" & <c>.png', "two\\nlines.png", "\\udcff\\x01.png"):
-        assert f"\n{name}  " in f"\n{done.stdout}"
-    reported = {frame["name"] for frame in json.loads(Path(REPORTS[0]).read_text())["frames"]}
-    assert {os.fsdecode(name) for name in names} <= reported
-    ElementTree.parse(REPORTS[1])
 
 
 @pytest.mark.parametrize(

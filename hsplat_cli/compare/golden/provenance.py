@@ -14,7 +14,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
-from hsplat_cli.compare.picture_file import require_file
+from hsplat_cli.compare.picture_file import file_content
 from renderer.errors import InputError, Problem
 from renderer.job import DIGEST_FIELD, FilmRecord, describe_differences
 from renderer.scene import (
@@ -30,7 +30,6 @@ from renderer.scene import (
     mapping_field,
     may_be_json,
     raise_problems,
-    read_bounded,
     read_fields,
     section_field,
     sequence_field,
@@ -52,7 +51,8 @@ _MAX_LINE_LENGTH = 200
 _MAX_VOXELS = 2**62
 _MAX_PROBLEMS = 20
 
-_GOLDEN_FILE = re.compile(r"frame-([0-9]{4,9})\.png")
+# The names of `golden_file_name`.
+GOLDEN_FILE = re.compile(r"frame-([0-9]{4,9})\.png")
 
 
 def _is_single_line(text: str) -> bool:
@@ -74,7 +74,7 @@ class Golden:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where the goldens of a folder come from: the content of golden.json.
+    """A record of where the goldens of a folder come from: the content of golden.json.
 
     origin: what the frames were rendered from: `volume`, `device`, `scene`, `versions`. goldens: ascending, at least
     one.
@@ -89,11 +89,6 @@ def golden_file_name(frame: int, num_frames: int) -> str:
     return f"frame-{frame:0{max(4, len(str(num_frames - 1)))}}.png"
 
 
-def is_golden_file_name(name: str) -> bool:
-    """Return whether `golden_file_name` may return this name."""
-    return _GOLDEN_FILE.fullmatch(name) is not None
-
-
 def origin_from_record(record: FilmRecord) -> dict[str, Any]:
     """Return the origin of frames from the record of the film that they are.
 
@@ -106,24 +101,19 @@ def origin_from_record(record: FilmRecord) -> dict[str, Any]:
         section["raw"] = _without(section["raw"], "file")
     return {
         "volume": {
-            "name": to_single_line(Path(volume.name).name),
+            "name": short_text(Path(volume.name).name),
             "fingerprint": volume.fingerprint,
             "shape": volume.shape,
             "dtype": volume.dtype,
         },
-        "device": to_single_line(record.device),
+        "device": short_text(record.device),
         "scene": depends_on["scene"] | {"volume": section},
-        "versions": {name: to_single_line(version) for name, version in depends_on["versions"].items()},
+        "versions": {name: short_text(version) for name, version in depends_on["versions"].items()},
     }
 
 
 def _without(mapping: Mapping[str, Any], key: str) -> dict[str, Any]:
     return {other: value for other, value in mapping.items() if other != key}
-
-
-def to_single_line(text: str) -> str:
-    """Return any text, such as a file name, as one printable line of limited length."""
-    return short_text(text) or format_value(text)
 
 
 def describe_changes(before: Mapping[str, Any], now: Mapping[str, Any], *parts: str) -> str:
@@ -162,8 +152,7 @@ def parse_date(text: str | None) -> str | None:
 def read_provenance(folder: Path) -> Provenance:
     """Read golden.json in a folder. Raises InputError, or SceneError with all its problems."""
     path = folder / PROVENANCE_FILE
-    require_file(path, f"a {PROVENANCE_FILE}")
-    content = read_bounded(path, MAX_PROVENANCE_BYTES, f"a {PROVENANCE_FILE}")
+    content = file_content(path, MAX_PROVENANCE_BYTES, f"a {PROVENANCE_FILE}")
     data = load_json_object(decode_utf8(content, path), path, kind=PROVENANCE_FILE) if may_be_json(content) else {}
     if data.get("format") != FORMAT:
         raise InputError(
@@ -188,7 +177,7 @@ def read_provenance(folder: Path) -> Provenance:
 
 def _check_golden(node: TreeNode, given: dict[str, Any]) -> None:
     if valid_keys(given, "frame", "file") == ["frame", "file"]:
-        name = _GOLDEN_FILE.fullmatch(given["file"])
+        name = GOLDEN_FILE.fullmatch(given["file"])
         if name is None or int(name[1]) != given["frame"]:
             expected = f"frame-{given['frame']:04}.png"
             node.child("file", given["file"]).reject("not the file of this frame", expected=expected)
