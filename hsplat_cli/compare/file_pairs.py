@@ -13,6 +13,7 @@ from hsplat_cli.compare.outcome import Pair, Pairs
 from hsplat_cli.compare.picture_file import decode_picture, file_content, is_picture, read_picture
 from renderer.errors import InputError, Problem, SceneError
 from renderer.film import ANY_FRAME_FIELD, Pixels, frame_path
+from renderer.job import folder_files
 from renderer.scene import FRAME_FIELD, counted, first_few, is_same_file, nearest_file_hint
 
 _FILM_SUFFIXES = (".mp4", ".gif")
@@ -141,10 +142,7 @@ def _ignored_notes(side: Path, compared: Collection[Path]) -> Iterator[str]:
 
 
 def _has_pictures(path: Path) -> bool:
-    try:
-        return path.is_dir() and any(is_picture(below.name) for below in path.iterdir())
-    except OSError:
-        return False
+    return any(is_picture(below.name) for below in folder_files(path))
 
 
 def _some(paths: Iterable[Path]) -> str:
@@ -186,7 +184,7 @@ def read_pairs(
 ) -> Iterator[Pair]:
     """Read the pictures of both sides, by the name of their pair. are_recorded: as `is_recorded` of a Pair.
 
-    Raises InputError with all pictures that cannot be read.
+    Raises SceneError with all pictures that cannot be read.
     """
     unreadable: list[InputError] = []
     for name in names:
@@ -198,17 +196,11 @@ def read_pairs(
         if not unreadable:  # after an error the others are read only to report all errors at once
             yield Pair(name, *pictures, are_recorded)
     if unreadable:
-        raise _combined_error(unreadable)
-
-
-def _combined_error(errors: Sequence[InputError]) -> InputError:
-    if len(errors) == 1:
-        return errors[0]
-    num_more = len(errors) - _MAX_ERRORS_SHOWN
-    more = [Problem("", f"... and {counted(num_more, 'more frame')} that cannot be read")] if num_more > 0 else []
-    shown = errors[:_MAX_ERRORS_SHOWN]
-    problems = [Problem("", each.what, each.got, each.expected, each.hint, location=each.where) for each in shown]
-    return SceneError([*problems, *more])
+        num_more = len(unreadable) - _MAX_ERRORS_SHOWN
+        more = [Problem("", f"... and {counted(num_more, 'more frame')} that cannot be read")] if num_more > 0 else []
+        shown = unreadable[:_MAX_ERRORS_SHOWN]
+        problems = [Problem("", each.what, each.got, each.expected, each.hint, location=each.where) for each in shown]
+        raise SceneError([*problems, *more])
 
 
 def _first_names(names: Iterable[str]) -> str:

@@ -46,7 +46,7 @@ def notes_on(golden: Path, actual: Path) -> list[str]:
 def problem(golden: Path, actual: Path) -> str:
     with pytest.raises(InputError) as caught, open_pairs(golden, actual) as pairs:
         list(pairs.pairs)
-    return caught.value.what
+    return caught.value.summary
 
 
 def test_two_pictures_are_a_pair_under_the_name_of_the_golden(golden: Path) -> None:
