@@ -21,7 +21,6 @@ _OTHER_SUFFIXES = (".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
 
 _FOLDER, _TEMPLATE, _PICTURE = "a folder", "a template of frames", "a PNG picture"
 _EXPECTED = "two folders or templates of PNG files, two PNG pictures, or two films in one format, MP4 or GIF"
-_MAX_NAMED = 3
 _MAX_ERRORS_SHOWN = 10
 
 
@@ -146,7 +145,7 @@ def _has_pictures(path: Path) -> bool:
 
 
 def _some(paths: Iterable[Path]) -> str:
-    return first_few([path.name for path in paths], _MAX_NAMED)
+    return first_few([path.name for path in paths])
 
 
 def _entries(folder: Path) -> list[Path]:
@@ -204,7 +203,7 @@ def read_pairs(
 
 
 def _first_names(names: Iterable[str]) -> str:
-    return first_few(list(map(repr, sorted(names, key=natural_sort_key))), _MAX_NAMED)
+    return first_few(list(map(repr, sorted(names, key=natural_sort_key))))
 
 
 def _differ_in_normalization(goldens: Iterable[str], actuals: Iterable[str]) -> bool:

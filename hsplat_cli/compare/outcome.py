@@ -14,7 +14,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.film import Pixels
-from renderer.scene import counted
+from renderer.scene import counted, format_value
 from renderer.study import COMPARISON_METRICS, FrameDifference, Limits, exceeded_limits, severity
 
 # `same`: equal pixels. `close`: within the limits. All others fail.
@@ -208,13 +208,7 @@ def value_text(name: str, value: float, limit: float) -> str:
 
 def limit_text(name: str, limit: float) -> str:
     """Format a limit: `at most 4`, `at least 0.99`."""
-    return f"{'at least' if COMPARISON_METRICS[name].higher_is_better else 'at most'} {number_text(limit)}"
-
-
-def number_text(number: float) -> str:
-    """Format a number with as many digits as needed to read it back: `4`, `0.99`, `0.12345678`."""
-    text = f"{number:g}"
-    return text if float(text) == number else repr(number)
+    return f"{'at least' if COMPARISON_METRICS[name].higher_is_better else 'at most'} {format_value(limit)}"
 
 
 def limits_text(name: str, limits: Iterable[float]) -> str:

@@ -19,7 +19,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from hsplat_cli.compare.outcome import number_text
 from hsplat_cli.compare.picture_file import file_content, is_picture
 from renderer.errors import InputError, Problem, require_package
 from renderer.scene import (
@@ -83,7 +82,7 @@ class Rules:
         descriptions = []
         for changes, source in ((by_file, self.file), (self.overrides, "option")):
             others = [
-                f"{figure} {'none' if limit is None else number_text(limit)}"
+                f"{figure} {'none' if limit is None else format_value(limit)}"
                 for figure, limit in changes.items()
                 if limit != of_level.get(figure)
             ]

@@ -33,7 +33,6 @@ from renderer.scene import MetricTarget, TimeBudget, counted, first_few, schedul
 
 _TEMPLATE = Path("frame-{frame}.png")
 _SHOWN_DIGITS = 8
-_MAX_NAMES = 3
 
 
 def load_numbered_job(request: SceneRequest) -> FilmJob:
@@ -166,7 +165,7 @@ def _read_folder(folder: Path) -> tuple[Provenance, Sequence[str]]:
         raise InputError(
             f"{PROVENANCE_FILE} does not list all goldens in this folder",
             where=str(folder),
-            got=_some(lost),
+            got=first_few(lost),
             hint=f"restore {PROVENANCE_FILE}, or move pictures that are not golden elsewhere",
         )
     return provenance, unlisted
@@ -179,7 +178,7 @@ def _select_goldens(goldens: Sequence[Golden], frames: str | None, job: FilmJob,
     requested = frozenset(parse_frames(frames, job.scene.camera.path.frames))
     picked = [golden for golden in goldens if golden.frame in requested]
     if not picked:
-        numbers = _some([golden.frame for golden in goldens])
+        numbers = first_few([golden.frame for golden in goldens])
         raise InputError(
             "no goldens of these frames",
             where="--frames",
@@ -203,15 +202,11 @@ def _file_notes(folder: Path, goldens: Sequence[Golden], unlisted: Sequence[str]
     kept = [golden for golden in goldens if golden.file not in gone]
     changed = [golden.file for golden in kept if not file_matches_digest(folder / golden.file, golden.digest)]
     if gone:
-        yield f"missing goldens that {PROVENANCE_FILE} lists: {_some(gone)}"
+        yield f"missing goldens that {PROVENANCE_FILE} lists: {first_few(gone)}"
     if changed:
-        yield f"changed by hand or by an interrupted update since {PROVENANCE_FILE} was written: {_some(changed)}"
+        yield f"changed by hand or by an interrupted update since {PROVENANCE_FILE} was written: {first_few(changed)}"
     if unlisted:
-        yield f"not compared, because {PROVENANCE_FILE} does not list them: {_some(unlisted)}"
-
-
-def _some(items: Sequence[object]) -> str:
-    return first_few(items, _MAX_NAMES)
+        yield f"not compared, because {PROVENANCE_FILE} does not list them: {first_few(unlisted)}"
 
 
 def _facts(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, tuple[str, str]]:

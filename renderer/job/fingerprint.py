@@ -23,7 +23,6 @@ from renderer.system import package_versions, sources_digest
 
 # These keys say how frames become a film and what is told of it, not what is in them.
 _ENCODING_KEYS = ("file", "frames_per_second", "quality", "record_paths")
-_MAX_DIFFERENCES = 3
 
 
 def film_fingerprint(scene: Scene, requested: ErrorSpec, volume_fingerprint: str, device: str) -> FilmFingerprint:
@@ -55,7 +54,7 @@ def fingerprint_of(depends_on: Mapping[str, Any], output: OutputSpec) -> FilmFin
 def describe_differences(before: Any, now: Any) -> str:
     """Return the first few keys in which two fingerprints' data differ: `scene.error.tolerance was 0.2`."""
     found = [f"{path} was {format_value(old)}" for path, old, _ in differences(before, now)]
-    return first_few(found, _MAX_DIFFERENCES, "; ")
+    return first_few(found, between="; ")
 
 
 def describe_mismatch(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:

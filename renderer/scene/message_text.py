@@ -90,7 +90,7 @@ def pluralize_range(nums: Sequence[int], one: str) -> str:
     return counted(high, one) if low == high else f"{low} to {counted(high, one)}"
 
 
-def first_few(items: Sequence[object], most: int, between: str = ", ") -> str:
+def first_few(items: Sequence[object], most: int = 3, between: str = ", ") -> str:
     """Return `a, b and 2 more`, with at most `most` of the items."""
     more = f" and {len(items) - most} more" if len(items) > most else ""
     return between.join(map(str, items[:most])) + more
