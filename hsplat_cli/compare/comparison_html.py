@@ -36,8 +36,6 @@ NUM_PASSING_SHOWN = 6
 # Limits the size of all pictures on the page. Incompressible pictures of a frame take 4 MB: seven frames always fit.
 MAX_PICTURE_BYTES = 30_000_000
 GAINS = (1, 10, 50)
-# Smaller pictures are enlarged by whole pixels up to this size.
-_MIN_SHOWN_PX = 384
 # The plot of errors.
 WIDTH, HEIGHT = 864, 344  # the width of a figure on the page: the plot's text is as large as the page's
 LEFT, RIGHT, TOP, BOTTOM = 62, 850, 14, 278
@@ -73,7 +71,6 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
         gains=GAINS,
         default_gain=GAINS[-1] if largest * GAINS[-1] <= 255 else GAINS[-2],  # tells the errors of all frames apart
         metrics=[metric for name, metric in COMPARISON_METRICS.items() if any(name in o.figures for o in outcomes)],
-        min_shown_px=_MIN_SHOWN_PX,
         value_text=value_text,
         limit_text=limit_text,
         share_text=share_text,

@@ -175,11 +175,6 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
     table = {"level": _LEVEL, "limits": _LIMITS, "frames": _FRAMES}
     given = read_fields(TreeNode({} if tree.data is None else tree.data, "", found), table)
     problems += TreeEditor(tree, path, lines).located_problems(found)
-    frames = given["frames"] if valid_keys(given, "frames") else {}
-    return Rules(
-        given.get("level", DEFAULT_LEVEL),
-        given.get("limits", {}),
-        frames,
-        file=path,
-        places={name: format_location(path, tree.locations[join_keys("frames", name)].key) for name in frames},
-    )
+    names = given["frames"] if valid_keys(given, "frames") else ()
+    places = {name: format_location(path, tree.locations[join_keys("frames", name)].key) for name in names}
+    return Rules(**given, file=path, places=places)

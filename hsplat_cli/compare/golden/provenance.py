@@ -9,14 +9,14 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
 from hsplat_cli.compare.picture_file import file_content
 from renderer.errors import InputError, Problem
-from renderer.job import DIGEST_FIELD, FilmRecord, describe_differences
+from renderer.job import DIGEST_FIELD, FilmRecord, describe_differences, record_to_json
 from renderer.scene import (
     FRAME_NUMBER_FIELD,
     MAPPING_FIELD,
@@ -131,10 +131,7 @@ def describe_changes(before: Mapping[str, Any], now: Mapping[str, Any], *parts: 
 def provenance_bytes(provenance: Provenance) -> bytes:
     """Return the content of golden.json, with a line for each golden, for readable diffs."""
     head = json.dumps({"format": FORMAT, **provenance.origin}, indent=2, allow_nan=False)
-    records = (
-        {key: value for key, value in asdict(golden).items() if value is not None} for golden in provenance.goldens
-    )
-    frames = ",\n    ".join(map(json.dumps, records))
+    frames = ",\n    ".join(json.dumps(record_to_json(golden)) for golden in provenance.goldens)
     return f'{head.removesuffix(_END)},\n  "frames": [\n    {frames}\n  ]{_END}\n'.encode()
 
 
