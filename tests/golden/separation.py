@@ -192,8 +192,8 @@ def _unseen(rows: Sequence[Measured]) -> list[str]:
         num_seen = sum(row.is_seen for row in unseen)
         num_faint = len(unseen) - num_seen
         what = f"{num_seen} visible defects and, after them, {num_faint} faint ones, of {len(defects)} in all."
-        cells = [[row[1], row[0], *row[2:]] for row in map(_all_figures, unseen)]
-        lines += [f"### What `{level}` cannot see", "", what, "", *_table(["defect", "frame", *_FIGURE_HEADERS], cells)]
+        table = _table(["defect", "frame", *_FIGURE_HEADERS], map(_all_figures, unseen))
+        lines += [f"### What `{level}` cannot see", "", what, "", *table]
     return lines
 
 
@@ -202,7 +202,7 @@ _FIGURE_HEADERS = [*(f"`{name}`" for name in COMPARISON_METRICS), "signed mean o
 
 def _all_figures(row: Measured) -> list[str]:
     figures = [_figure(row, name) for name in COMPARISON_METRICS]
-    return [row.subject, row.change, *figures, " ".join(f"{mean:+.2g}" for mean in row.bias)]
+    return [row.change, row.subject, *figures, " ".join(f"{mean:+.2g}" for mean in row.bias)]
 
 
 def _by_change(rows: Iterable[Measured]) -> list[tuple[str, list[Measured]]]:
@@ -221,11 +221,7 @@ def _figure(row: Measured, name: str) -> str:
     if name not in row.figures:
         return ""
     value = row.figures[name]
-    return f"{value:.5f}" if COMPARISON_METRICS[name].higher_is_better and value < 1 else _number(value)
-
-
-def _number(value: float) -> str:
-    return f"{value:.3g}"
+    return f"{value:.5f}" if COMPARISON_METRICS[name].higher_is_better and value < 1 else f"{value:.3g}"
 
 
 PARTS = {
