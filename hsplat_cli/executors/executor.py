@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -41,22 +40,12 @@ def open_executor(spec: ExecutorSpec, reporter: Reporter, scene: Scene) -> Itera
         yield local if is_alone else ProcessesExecutor(local, spec.num_local_processes, stack, reporter)
 
 
-class _DaskExecutor(ABC):
+class _DaskExecutor:
     """An executor that draws with processes of Dask."""
 
     def __init__(self, stack: contextlib.ExitStack, reporter: Reporter) -> None:
         self._stack, self._reporter = stack, reporter
         self._drawings: list[ClusterDrawing] = []
-
-    @property
-    @abstractmethod
-    def device(self) -> str:
-        """Return what draws, on which the bytes depend."""
-
-    @property
-    def devices(self) -> Sequence[str]:
-        """Return what has drawn the frames so far: one device, unless machines differ."""
-        return list(dict.fromkeys(device for drawing in self._drawings for device in drawing.devices))
 
     @property
     def notes(self) -> Sequence[str]:

@@ -32,7 +32,8 @@ class DrawnFrame:
 class Executor(Protocol):
     """A way to draw frames: this process, or a cluster.
 
-    device: what draws, on which the bytes depend. rasterizer: draws trial frames in this process.
+    device: what draws, on which the bytes depend; where machines may differ, records of frames have their own.
+    rasterizer: draws trial frames in this process.
     """
 
     @property
@@ -40,10 +41,6 @@ class Executor(Protocol):
 
     @property
     def rasterizer(self) -> Rasterizer: ...
-
-    @property
-    def devices(self) -> Sequence[str]:
-        """Return what has drawn the frames so far: one device, unless machines differ."""
 
     @property
     def notes(self) -> Sequence[str]:
@@ -63,11 +60,6 @@ class LocalExecutor:
     def device(self) -> str:
         """Return device and driver of OpenGL, or that the processor draws."""
         return self.rasterizer.device
-
-    @property
-    def devices(self) -> Sequence[str]:
-        """Return the only device."""
-        return [self.device]
 
     @property
     def notes(self) -> Sequence[str]:

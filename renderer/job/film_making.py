@@ -241,9 +241,9 @@ class FilmInProgress:
         return FinishedFilm(file, sidecar, record, summary, self.stage.volume.note, shortfall)
 
     def _devices(self, frames: Sequence[FrameRecord]) -> Sequence[str]:
-        """Return what drew the frames: those that say it themselves, and all others."""
+        """Return what drew the frames: what their records say, and for all others the executor's device."""
         elsewhere = [frame.device for frame in frames if frame.device is not None]
-        return list(dict.fromkeys([*elsewhere, *self.executor.devices])) or [self.executor.device]
+        return list(dict.fromkeys(elsewhere + [self.executor.device] * (len(elsewhere) < len(frames))))
 
 
 class OnePass:

@@ -66,10 +66,9 @@ def draw(
     with closing(ClusterDrawing(client, "--workers 2", plan_of(stage), Reporter())) as executor:
         files = []
         for number, result in enumerate(executor.draw(range(NUM_FRAMES))):
-            assert result.record.frame == number
+            assert (result.record.frame, result.record.device is None) == (number, False)
             files.append(result.picture.png)
             on_frame(number)
-        assert len(executor.devices) == 1
         return files, executor.notes
 
 

@@ -44,11 +44,11 @@ def test_no_more_processes_than_frames(workers: int, num_frames: int, is_timed: 
     plan: Any = SimpleNamespace(is_timing_dependent=is_timed)
     local: Any = SimpleNamespace(draw=lambda _plan, numbers: (f"here {number}" for number in numbers), notes=())
     drawing = SimpleNamespace(
-        draw=lambda numbers: (f"there {number}" for number in numbers), devices=["a GPU"], notes=["a note"], close=int
+        draw=lambda numbers: (f"there {number}" for number in numbers), notes=["a note"], close=int
     )
     with ExitStack() as stack, mock.patch.multiple(executor, connect_locally=start, ClusterDrawing=lambda *_: drawing):
         several = executor.ProcessesExecutor(local, workers, stack, Reporter())
         place = "here" if num_started is None else "there"
         assert list(several.draw(plan, range(num_frames))) == [f"{place} {number}" for number in range(num_frames)]
-        assert (several.devices, several.notes) == (([], []) if num_started is None else (["a GPU"], ["a note"]))
+        assert several.notes == ([] if num_started is None else ["a note"])
     assert started == ([] if num_started is None else [num_started])

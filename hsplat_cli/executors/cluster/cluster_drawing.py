@@ -50,11 +50,6 @@ class ClusterDrawing:
         self._redrawn: list[int] = []
 
     @property
-    def devices(self) -> tuple[str, ...]:
-        """Return what has drawn the frames so far: one device, unless machines differ."""
-        return tuple(dict.fromkeys(versions["device"] for versions in self._worker_versions))
-
-    @property
     def notes(self) -> list[str]:
         """Return what the user should know: versions that drew and differ from those here, and what went wrong."""
         mixed = []
