@@ -9,7 +9,7 @@ A film that is up to date is not drawn again, and one that was stopped resumes w
   was reached.
 - `executor.py`: what draws, and drawing in this process.
 - `events.py`: what a job tells while it runs; `progress.py`: to a function, or a bar in a notebook.
-- `frame_store.py`: finished frames; `checkpoint.py`: those of an unfinished film.
+- `checkpoint.py`: finished frames; those of an unfinished film are kept in files.
 - `record.py`: the records of films and frames, to JSON and back; `make_record.py`: makes them; `sidecar.py`: the file.
 - `fingerprint.py`: what frames depend on; `existing_film.py`: the film that is there; `original.py`: one made again.
 - `inputs.py`: files that are read, which no output overwrites.

@@ -34,18 +34,3 @@ class BackgroundThread(contextlib.AbstractContextManager["BackgroundThread[Any]"
         """Return the result of the task that runs, if any."""
         running, self._running = self._running, None
         return [] if running is None else [running.result()]
-
-
-class SameThread(contextlib.AbstractContextManager["SameThread[Any]"], Generic[Result]):
-    """A stand-in for a BackgroundThread that runs each task at once: then its time counts for its frame."""
-
-    def __exit__(self, *_: object) -> None:
-        """Do nothing: no task is left."""
-
-    def run(self, task: Callable[[], Result]) -> list[Result]:
-        """Run a task and return its result."""
-        return [task()]
-
-    def wait(self) -> list[Result]:
-        """Return nothing: no task is left."""
-        return []

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from renderer.film import (
+    Picture,
     bytes_digest,
     data_digest,
     frame_matches_digest,
@@ -25,7 +26,6 @@ from renderer.film import (
     write_staged,
 )
 from renderer.job.executor import DrawnFrame
-from renderer.job.frame_store import FrameStore
 from renderer.job.record import FilmFingerprint, FrameRecord, read_frame_record, record_to_json
 from renderer.scene import OutputSpec, read_json_object
 
@@ -33,6 +33,30 @@ _FILE_PATTERN = re.compile(r"([0-9]{6,9})\.(json|png)")
 _FINGERPRINT_PATTERN = re.compile(r"fingerprint-[0-9a-f]{32}\.json")
 _DIGEST_PATTERN = re.compile(r"[0-9a-f]{32}")
 _MAX_JSON_BYTES = 2**26  # of a record or a fingerprint; some kilobytes are usual
+
+
+class FrameStore:
+    """A store of finished frames, which keeps no others: those of parts, or none at all.
+
+    records: of the finished frames, by number. file: returns where the picture of one is.
+    is_output: the pictures are the files of the output, so that no film is written of them.
+    """
+
+    is_output = False
+
+    def __init__(self, output: OutputSpec, records: Mapping[int, FrameRecord], file: Callable[[int], Path]) -> None:
+        self._output, self._file = output, file
+        self.records = dict(records)
+
+    def finished_frame(self, number: int) -> DrawnFrame:
+        """Return a finished frame, whose picture is read on demand."""
+        return DrawnFrame(self.records[number], Picture(file=self._file(number)))
+
+    def save(self, frame: DrawnFrame) -> FrameRecord:
+        """Return the record of a frame that was drawn, with its digest if it will have a file."""
+        if not has_frame_files(self._output):
+            return frame.record
+        return replace(frame.record, digest=bytes_digest(frame.picture.png))
 
 
 class FrameCheckpoint(FrameStore):
@@ -106,32 +130,24 @@ class FrameCheckpoint(FrameStore):
         return self._folder / f"{number:06}.{suffix}"
 
 
-def remove_checkpoint_frames(folder: Path, output: OutputSpec, numbers: Iterable[int]) -> None:
+def remove_checkpoint_frames(
+    folder: Path, output: OutputSpec, numbers: Iterable[int], *, of: FilmFingerprint | None = None
+) -> None:
     """Remove these frames from a folder; for an output in one file, all frames. The output's own files stay.
 
-    Other frames of an output with numbered files may be those of another job.
+    Other frames of an output with numbered files may be those of another job. of: frames of other fingerprints stay.
     """
-    _remove_frames(folder, output, numbers, lambda _: True)
-
-
-def remove_frames_of(folder: Path, output: OutputSpec, numbers: Iterable[int], fingerprint: FilmFingerprint) -> None:
-    """Remove frames as `remove_checkpoint_frames`, but those of other fingerprints stay."""
-    digest = data_digest(fingerprint.depends_on)
+    own = frozenset(numbers) if is_numbered(output) else None
 
     def is_unwanted(number: str) -> bool:
-        found = _read_frame(folder / f"{number}.json")
-        return found is None or found[0] == digest
+        if own is not None and int(number) not in own:
+            return False
+        found = None if of is None else _read_frame(folder / f"{number}.json")
+        return found is None or found[0] == of.frames_digest
 
-    _remove_frames(folder, output, numbers, is_unwanted)
-
-
-def _remove_frames(
-    folder: Path, output: OutputSpec, numbers: Iterable[int], is_unwanted: Callable[[str], bool]
-) -> None:
-    own = frozenset(numbers) if is_numbered(output) else None
     with contextlib.suppress(OSError):  # the folder has vanished: nothing is left
         files = [(path, name[1]) for path in folder.iterdir() if (name := _FILE_PATTERN.fullmatch(path.name))]
-        unwanted = {number for _, number in files if (own is None or int(number) in own) and is_unwanted(number)}
+        unwanted = set(filter(is_unwanted, {number for _, number in files}))
         for path, number in files:
             if number in unwanted:
                 path.unlink(missing_ok=True)

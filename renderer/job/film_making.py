@@ -18,14 +18,13 @@ from renderer.compiled import remove_unused_caches
 from renderer.errors import RenderError
 from renderer.film import has_frame_files
 from renderer.frame import LODCostEstimator, Stage, open_stage
-from renderer.job.checkpoint import FrameCheckpoint, remove_checkpoint_frames, remove_frames_of
+from renderer.job.checkpoint import FrameCheckpoint, FrameStore, remove_checkpoint_frames
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame, Executor
 from renderer.job.existing_film import ExistingFilm, find_existing_film
 from renderer.job.film_job import FilmJob
 from renderer.job.film_output import FilmOutput, locked_film_output
 from renderer.job.fingerprint import describe_mismatch, film_fingerprint
-from renderer.job.frame_store import FrameStore
 from renderer.job.goals import find_shortfall, summary_parts
 from renderer.job.make_record import film_record
 from renderer.job.original import OriginalFilm
@@ -123,7 +122,7 @@ class LockedJob:
         """Return the film that is up to date."""
         output = self.output
         # Left by a job that was killed when its film was complete.
-        remove_frames_of(output.folder, output.spec, output.frames, fingerprint)
+        remove_checkpoint_frames(output.folder, output.spec, output.frames, of=fingerprint)
         record = existing.keep(output)
         events.note(f"{output.spec.file} is up to date; --force draws it again")
         return FinishedFilm(output.spec.file, output.sidecar, record, volume_note=volume.note)

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from renderer.errors import RenderError
 from renderer.film import (
@@ -21,10 +20,10 @@ from renderer.film import (
     require_encoder,
     translate_os_errors,
 )
-from renderer.job.background import BackgroundThread, SameThread
+from renderer.job.background import BackgroundThread
+from renderer.job.checkpoint import FrameStore
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame
-from renderer.job.frame_store import FrameStore
 from renderer.job.record import FilmFingerprint, FilmRecord, FrameRecord
 from renderer.job.sidecar import write_sidecar
 from renderer.scene import OutputSpec
@@ -54,14 +53,12 @@ class FilmOutput:
         drawn: yields the frames that the store lacks, in their order; they are saved there.
         label: of the film or its pass, for the listener.
         defer_interrupts: called before files get their final names.
-        is_overlapped: a frame is stored while the next one is drawn.
+        is_overlapped: a frame is stored while the next one is drawn. Else its time counts for its frame.
         """
-        finished, records = frozenset(store.records), list[FrameRecord]()
-        missing = frozenset(self.frames) - finished
+        missing, records = frozenset(self.frames).difference(store.records), list[FrameRecord]()
         # Where no frame is missing, the progress is that of writing them.
         shown = missing or frozenset(self.frames)
         events.started(label, len(shown))
-        make_thread = BackgroundThread[FrameRecord] if is_overlapped else SameThread[FrameRecord]
 
         def take(stored: Sequence[FrameRecord]) -> None:
             for record in stored:
@@ -69,13 +66,13 @@ class FilmOutput:
                 if record.frame in shown:
                     events.frame_finished(record)
 
-        with self._open_film(store, defer_interrupts) as write, make_thread() as thread:
+        with self._open_film(store, defer_interrupts) as write, BackgroundThread[FrameRecord]() as thread:
             for number in self.frames:
-                if number in missing:
-                    task = partial(_add_drawn, _next_frame(drawn, number), store, write)
-                else:
-                    task = partial(_add_finished, store.finished_frame(number), write, is_written=not store.is_output)
-                take(thread.run(task))
+                is_new = number in missing
+                frame = _next_frame(drawn, number) if is_new else store.finished_frame(number)
+                take(thread.run(partial(_store_frame, frame, store, write, is_new=is_new)))
+                if not is_overlapped:
+                    take(thread.wait())
             take(thread.wait())
         return records
 
@@ -130,19 +127,11 @@ def _next_frame(drawn: Iterator[DrawnFrame], number: int) -> DrawnFrame:
     return frame
 
 
-def _add_drawn(frame: DrawnFrame, store: FrameStore, write: WriteFrame) -> FrameRecord:
+def _store_frame(frame: DrawnFrame, store: FrameStore, write: WriteFrame, *, is_new: bool) -> FrameRecord:
+    """Save a frame that was drawn, and write it to the film; return its record with the time of that."""
+    if store.is_output and not is_new:
+        return frame.record
     before = time.perf_counter()
-    record = store.save(frame)
+    record = store.save(frame) if is_new else frame.record
     write(record.frame, frame.picture)
-    return _with_encoding_time(record, before)
-
-
-def _add_finished(frame: DrawnFrame, write: WriteFrame, *, is_written: bool) -> FrameRecord:
-    before = time.perf_counter()
-    write(frame.record.frame, frame.picture)
-    return _with_encoding_time(frame.record, before) if is_written else frame.record
-
-
-def _with_encoding_time(record: FrameRecord, before: float) -> FrameRecord:
-    seconds: dict[str, Any] = {**record.seconds, "encode": time.perf_counter() - before}
-    return replace(record, seconds=seconds)
+    return replace(record, seconds={**record.seconds, "encode": time.perf_counter() - before})

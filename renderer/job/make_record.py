@@ -90,14 +90,15 @@ def _plan_record(
     shortfall: RenderError | None,
 ) -> ScheduleRecord:
     """Return the record of the accuracy; what was measured of an original holds while the same is requested."""
-    schedule = schedule_record(
+    schedule = ScheduleRecord(
         requested,
-        frames,
-        None if shortfall is None else str(shortfall),
-        is_met=shortfall is None,
-        is_reproducible=not plan.is_timing_dependent,
+        min_max([frame.tolerance for frame in frames]),
+        min_max([frame.cells for frame in frames]),
+        met=shortfall is None,
+        reproducible=not plan.is_timing_dependent,
+        shortfall=None if shortfall is None else str(shortfall),
+        measured=_measured_record(plan),
     )
-    schedule = replace(schedule, measured=_measured_record(plan))
     if original is None:
         return schedule
     schedule, before = replace(schedule, made_from=original.path.name), original.record.schedule
@@ -109,29 +110,6 @@ def _plan_record(
         reproducible=before.reproducible,
         shortfall=before.shortfall,
         measured=before.measured,
-    )
-
-
-def schedule_record(
-    requested: ErrorSpec,
-    frames: Sequence[FrameRecord],
-    shortfall: str | None,
-    *,
-    is_met: bool,
-    is_reproducible: bool,
-) -> ScheduleRecord:
-    """Return the record of the accuracy that was requested, and of what these frames reached of it.
-
-    is_reproducible: the scene makes the same film again. If not, because the tolerances depend on the speed of the
-    machine, the sidecar does.
-    """
-    return ScheduleRecord(
-        requested=requested,
-        tolerance=min_max([frame.tolerance for frame in frames]),
-        cells=min_max([frame.cells for frame in frames]),
-        met=is_met,
-        reproducible=is_reproducible,
-        shortfall=shortfall,
     )
 
 

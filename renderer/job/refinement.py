@@ -28,11 +28,10 @@ from renderer.frame import (
     calibrate_costs,
     find_finest_in_time,
 )
-from renderer.job.checkpoint import remove_frames_of
+from renderer.job.checkpoint import FrameStore, remove_checkpoint_frames
 from renderer.job.executor import DrawnFrame
 from renderer.job.existing_film import ExistingFilm
 from renderer.job.film_making import FilmInProgress, FinishedFilm
-from renderer.job.frame_store import FrameStore
 from renderer.job.goals import range_text
 from renderer.job.plan import FilmPlan
 from renderer.job.record import DifferenceRecord, FrameRecord, PassRecord, min_max
@@ -86,7 +85,7 @@ class Refinement:
             for each in refiner.plan_passes():
                 refiner.make_pass(each)
             if not each.plan.is_unfinished:
-                remove_frames_of(output.folder, output.spec, output.frames, film.fingerprint)
+                remove_checkpoint_frames(output.folder, output.spec, output.frames, of=film.fingerprint)
         except DeadlineReached:
             pass
         except KeyboardInterrupt:

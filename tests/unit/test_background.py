@@ -6,14 +6,13 @@ import threading
 
 import pytest
 
-from renderer.job.background import BackgroundThread, SameThread
+from renderer.job.background import BackgroundThread
 
 LONGEST_S = 30.0  # until a thread that waits is taken for stuck
 
 
-@pytest.mark.parametrize("kind", [BackgroundThread, SameThread])
-def test_results_come_in_order_of_their_tasks(kind: type[BackgroundThread[int]]) -> None:
-    with kind() as thread:
+def test_results_come_in_order_of_their_tasks() -> None:
+    with BackgroundThread[int]() as thread:
         results = [result for k in range(7) for result in thread.run(lambda k=k: k)]
         assert [*results, *thread.wait()] == list(range(7))
         assert thread.wait() == []

@@ -13,7 +13,7 @@ import pytest
 
 from renderer.film import Picture, atomic as staging, bytes_digest, data_digest, encode_png, frame_path
 from renderer.job import DrawnFrame, FilmFingerprint, FrameCheckpoint, FrameRecord, record_to_json
-from renderer.job.checkpoint import remove_checkpoint_frames, remove_frames_of
+from renderer.job.checkpoint import remove_checkpoint_frames
 from renderer.job.record import read_frame_record
 from renderer.scene import OutputSpec
 
@@ -217,10 +217,10 @@ def test_frames_of_another_fingerprint_may_stay(folder: Path, output: OutputSpec
     for number in (1, 2):
         save(other, number)
     (folder / "000003.png").write_bytes(b"no record came")
-    remove_frames_of(folder, output, NUMBERS, FINGERPRINT)
+    remove_checkpoint_frames(folder, output, NUMBERS, of=FINGERPRINT)
     assert not list(folder.glob("00000[03].*"))
     assert FrameCheckpoint(folder, output, [1, 2], OTHER).records == other.records
-    remove_frames_of(folder, output, NUMBERS, OTHER)
+    remove_checkpoint_frames(folder, output, NUMBERS, of=OTHER)
     assert list(folder.iterdir()) == []
 
 

@@ -10,11 +10,11 @@ from renderer.film import picture_shape, sidecar_path_of_file
 from renderer.job.assemble.agreement import PickedFrame, file_problems, film_problems, pick_frames
 from renderer.job.assemble.merged_record import merged_record, parts_fingerprint, parts_of
 from renderer.job.assemble.parts import Part
+from renderer.job.checkpoint import FrameStore
 from renderer.job.events import JobEvents
 from renderer.job.existing_film import ExistingFilm, find_existing_film
 from renderer.job.film_making import FinishedFilm
 from renderer.job.film_output import FilmOutput, locked_film_output
-from renderer.job.frame_store import FrameStore
 from renderer.job.inputs import film_files, require_no_input
 from renderer.job.record import FilmFingerprint, FilmRecord
 from renderer.scene import OutputSpec, counted, is_same_file, raise_problems

@@ -11,8 +11,8 @@ from renderer.film import data_digest, film_notes, has_frame_files
 from renderer.job.assemble.agreement import PickedFrame, error_without_schedule
 from renderer.job.assemble.parts import Part
 from renderer.job.fingerprint import fingerprint_of
-from renderer.job.make_record import schedule_record, visibility_notes
-from renderer.job.record import FilmFingerprint, FilmRecord, PartRecord, min_max
+from renderer.job.make_record import visibility_notes
+from renderer.job.record import FilmFingerprint, FilmRecord, PartRecord, ScheduleRecord, min_max
 from renderer.scene import ErrorSpec, OutputSpec, is_film_wide_goal, schedule_from_tolerances, schedule_to_dict
 from renderer.system import package_versions, sources_digest
 
@@ -38,12 +38,13 @@ def merged_record(picked: Sequence[PickedFrame], output: OutputSpec, seconds: fl
         pyramid=replace(first.pyramid, finest_level_drawn=finest),
         device=device,
         versions=tools,
-        schedule=schedule_record(
+        schedule=ScheduleRecord(
             first.schedule.requested,
-            frames,
-            "\n".join(filter(None, missed)) or None,
-            is_met=not missed,
-            is_reproducible=all(part.record.schedule.reproducible for part in parts),
+            min_max([frame.tolerance for frame in frames]),
+            min_max([frame.cells for frame in frames]),
+            met=not missed,
+            reproducible=all(part.record.schedule.reproducible for part in parts),
+            shortfall="\n".join(filter(None, missed)) or None,
         ),
         notes=(*film_notes(output), *_part_notes(picked)),
         seconds=summed | {"assembling": seconds},
