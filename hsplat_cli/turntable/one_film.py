@@ -20,7 +20,7 @@ from hsplat_cli.turntable.manifest import FilmEntry, update_manifest
 from renderer.errors import HsplatError, InputError, OutputLockedError
 from renderer.film import bytes_digest, require_writable, sidecar_path_of_file, translate_os_errors, write_staged
 from renderer.job import FilmJob, expand_pattern, film_files, require_no_input, volume_files
-from renderer.scene import OutputSpec, Scene, VolumeSpec, accuracy_of, parse_scene_content
+from renderer.scene import OutputSpec, VolumeSpec, accuracy_of, parse_scene_content
 from renderer.suggest import FilmOptions
 
 
@@ -109,15 +109,12 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     scene = parse_scene_content(content, request.scene)  # before the file exists: no change to it affects the job
     # Imported here to keep --help fast.
     from hsplat_cli.executors import open_executor
-    from renderer.job import OnePass, locked_job
+    from renderer.job import OnePass, make_film as draw_film
 
     job = FilmJob(scene, range(scene.camera.path.frames), accuracy_of(scene.error))
-    # Locked from before the scene is written until the film is finished, because they belong together.
-    with locked_job(job) as locked, _TurntableEvents(reporter, request, scene) as events:
-        write_scene(request, content, reporter)
-        reporter.announce_compilation()
-        open_this = partial(open_executor, request.executor, reporter)
-        film = locked.make(open_this, OnePass(), events, resumes=not request.force)
+    open_this = partial(open_executor, request.executor, reporter)
+    with _TurntableEvents(reporter, request, content, scene.splat.primitive_name) as events:
+        film = draw_film(job, open_this, OnePass(), events, resumes=not request.force)
     report_film(film, reporter)
     if film.shortfall is not None:
         raise film.shortfall
@@ -132,11 +129,16 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
 
 
 class _TurntableEvents(FilmEvents):
-    """A listener that also records in turntable.json that a film is started."""
+    """A listener that also writes the scene, and records in turntable.json that a film is started."""
 
-    def __init__(self, reporter: Reporter, request: FilmRequest, scene: Scene) -> None:
-        super().__init__(reporter, scene.splat.primitive_name)
-        self._request = request
+    def __init__(self, reporter: Reporter, request: FilmRequest, content: bytes, noun: str) -> None:
+        super().__init__(reporter, noun)
+        self._request, self._content = request, content
+
+    def locked(self) -> None:
+        """Write the scene: it belongs to the film, and no other job may change it before the film is finished."""
+        write_scene(self._request, self._content, self._reporter)
+        self._reporter.announce_compilation()
 
     def prepared(self) -> None:
         """Record the film; one that is up to date is not started."""

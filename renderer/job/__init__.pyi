@@ -19,7 +19,6 @@ from .film_job import FilmJob as FilmJob
 from .film_making import (
     FinishedFilm as FinishedFilm,
     OnePass as OnePass,
-    locked_job as locked_job,
     make_film as make_film,
 )
 from .fingerprint import describe_differences as describe_differences

@@ -18,7 +18,6 @@ from typing import Any
 from renderer.film import (
     Picture,
     bytes_digest,
-    data_digest,
     frame_matches_digest,
     frame_path,
     has_frame_files,
@@ -73,8 +72,7 @@ class FrameCheckpoint(FrameStore):
     def __init__(self, folder: Path, output: OutputSpec, numbers: Sequence[int], fingerprint: FilmFingerprint) -> None:
         super().__init__(output, {}, self._picture_path)
         self._folder, self._numbers = folder, frozenset(numbers)
-        self._depends_on: Mapping[str, Any] = json.loads(json.dumps(fingerprint.depends_on))  # as it is read again
-        self._digest = data_digest(fingerprint.depends_on)
+        self._fingerprint = fingerprint
         self.former: Mapping[str, Any] | None = None
         self.num_outdated = 0
         # Frames in files are those of the output.
@@ -89,7 +87,7 @@ class FrameCheckpoint(FrameStore):
         if found is None:
             return
         fingerprint_digest, record = found
-        if fingerprint_digest == self._digest:
+        if fingerprint_digest == self._fingerprint.frames_digest:
             self.adopt_records([record])
             return
         if self.former is None:
@@ -111,10 +109,11 @@ class FrameCheckpoint(FrameStore):
         number, png = frame.record.frame, frame.picture.png
         record = replace(frame.record, digest=bytes_digest(png))
         self._write(self._picture_path(number), png)
-        path = _fingerprint_path(self._folder, self._digest)
+        digest = self._fingerprint.frames_digest
+        path = _fingerprint_path(self._folder, digest)
         if not path.exists():
-            self._write(path, json.dumps(self._depends_on, allow_nan=False).encode())
-        content = json.dumps({"fingerprint": self._digest, "record": record_to_json(record)}, allow_nan=False)
+            self._write(path, json.dumps(self._fingerprint.depends_on, allow_nan=False).encode())
+        content = json.dumps({"fingerprint": digest, "record": record_to_json(record)}, allow_nan=False)
         self._write(self._checkpoint_path(number, "json"), content.encode())
         self.records[number] = record
         return record

@@ -12,6 +12,9 @@ class JobEvents:
     as an interrupt does: the frames that are finished are kept, and the same job resumes there.
     """
 
+    def locked(self) -> None:
+        """Take note that the output is locked until the film is made; it may be up to date."""
+
     def prepared(self) -> None:
         """Take note that the volume is read and the film is not up to date: the work begins."""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,11 +27,10 @@ from renderer.job.film_output import FilmOutput, locked_film_output
 from renderer.job.fingerprint import describe_mismatch, film_fingerprint
 from renderer.job.goals import find_shortfall, summary_parts
 from renderer.job.make_record import film_record
-from renderer.job.original import OriginalFilm
 from renderer.job.plan import FilmPlan, make_plan
 from renderer.job.record import FilmFingerprint, FilmRecord, FrameRecord, PassRecord
 from renderer.readers import read_volume
-from renderer.scene import ErrorSpec, Scene, TimeBudget, accuracy_of, counted, tolerance_at
+from renderer.scene import Scene, TimeBudget, accuracy_of, counted, tolerance_at
 from renderer.system import deferrable_interrupts, num_cores
 from renderer.volume import Volume
 
@@ -58,74 +57,49 @@ class FinishedFilm:
 def make_film(
     job: FilmJob, open_executor: OpenExecutor, passes: Passes, events: JobEvents, *, resumes: bool = True
 ) -> FinishedFilm:
-    """Lock the output and make the film; as `LockedJob.make`."""
-    with locked_job(job) as locked:
-        return locked.make(open_executor, passes, events, resumes=resumes)
+    """Lock the output and make the film, or return the film that is up to date.
 
-
-@contextlib.contextmanager
-def locked_job(job: FilmJob) -> Iterator[LockedJob]:
-    """Lock the output of a job for the block, in which the film can be made.
-
-    Raises OutputLockedError if another job is writing it; InputError and RenderError if it cannot be written, and
-    InputError if it is one of the job's inputs.
+    open_executor: opens what draws a scene. passes: one, or several that refine.
+    resumes: frames that an earlier job finished are kept; else all are drawn again.
+    Raises OutputLockedError if another job is writing the output, InputError and RenderError if it cannot be written,
+    and InputError if it is one of the job's inputs; HsplatError, and KeyboardInterrupt.
     """
     job.require_no_input()
     with locked_film_output(job.scene.output, job.frames, job.sidecar) as output:
-        yield LockedJob(job, output)
-
-
-@dataclass(frozen=True)
-class LockedJob:
-    """A job whose output is locked; made by `locked_job`."""
-
-    job: FilmJob
-    output: FilmOutput
-
-    def make(
-        self, open_executor: OpenExecutor, passes: Passes, events: JobEvents, *, resumes: bool = True
-    ) -> FinishedFilm:
-        """Make the film, or return the film that is up to date.
-
-        open_executor: opens what draws a scene. passes: one, or several that refine.
-        resumes: frames that an earlier job finished are kept; else all are drawn again.
-        Raises HsplatError, and KeyboardInterrupt.
-        """
+        events.locked()
         start = time.perf_counter()
         # What can fail early is tried before a voxel is read: the output, the encoder, OpenGL or the cluster.
-        with open_executor(self.job.scene) as executor:
+        with open_executor(job.scene) as executor:
             before_reading = time.perf_counter()
-            volume = read_volume(self.job.scene.volume)
+            volume = read_volume(job.scene.volume)
             read_seconds = time.perf_counter() - before_reading
             if volume.note is not None:
                 events.note(f"{volume.name}: {volume.note}")
-            job, fingerprint = _with_fingerprint(self.job, volume, executor.device)
-            existing = find_existing_film(self.output.sidecar, events) if resumes else None
-            if existing is not None and existing.is_up_to_date(fingerprint, self.output.spec, job.frames):
-                return self._kept_film(existing, fingerprint, volume, events)
+            job, fingerprint = _with_fingerprint(job, volume, executor.device)
+            existing = find_existing_film(output.sidecar, events) if resumes else None
+            if existing is not None and existing.is_up_to_date(fingerprint, output.spec, job.frames):
+                return _kept_film(output, existing, fingerprint, volume, events)
             with _open_stage(job, volume) as stage:
-                why_stale = existing.why_stale(fingerprint, self.output.spec, job.frames) if existing else ""
+                why_stale = existing.why_stale(fingerprint, output.spec, job.frames) if existing else ""
                 if why_stale:
-                    events.note(f"{self.output.spec.file} {why_stale}")
+                    events.note(f"{output.spec.file} {why_stale}")
                 events.prepared()
                 stage.seconds["read"] += read_seconds
-                film = FilmInProgress(
-                    self.output, job.requested, job.original, fingerprint, stage, executor, events, start
-                )
+                film = FilmInProgress(job, output, fingerprint, stage, executor, events, start)
                 made = passes.make(film, existing, resumes=resumes)
         remove_unused_caches()
-        return made
+    return made
 
-    def _kept_film(
-        self, existing: ExistingFilm, fingerprint: FilmFingerprint, volume: Volume, events: JobEvents
-    ) -> FinishedFilm:
-        """Return the film that is up to date."""
-        output = self.output
-        # Left by a job that was killed when its film was complete.
-        remove_checkpoint_frames(output.folder, output.spec, output.frames, of=fingerprint)
-        record = existing.keep(output)
-        events.note(f"{output.spec.file} is up to date; --force draws it again")
-        return FinishedFilm(output.spec.file, output.sidecar, record, volume_note=volume.note)
+
+def _kept_film(
+    output: FilmOutput, existing: ExistingFilm, fingerprint: FilmFingerprint, volume: Volume, events: JobEvents
+) -> FinishedFilm:
+    """Return the film that is up to date."""
+    # Left by a job that was killed when its film was complete.
+    remove_checkpoint_frames(output.folder, output.spec, output.frames, of=fingerprint)
+    record = existing.keep(output)
+    events.note(f"{output.spec.file} is up to date; --force draws it again")
+    return FinishedFilm(output.spec.file, output.sidecar, record, volume_note=volume.note)
 
 
 def _with_fingerprint(job: FilmJob, volume: Volume, device: str) -> tuple[FilmJob, FilmFingerprint]:
@@ -166,15 +140,10 @@ class Passes(Protocol):
 
 @dataclass(frozen=True)
 class FilmInProgress:
-    """A film that is being made.
+    """A film that is being made. start: when the job began, by `perf_counter`."""
 
-    requested: the accuracy. original: the film that is made again, if any. start: when the job began, by
-    `perf_counter`.
-    """
-
+    job: FilmJob
     output: FilmOutput
-    requested: ErrorSpec
-    original: OriginalFilm | None
     fingerprint: FilmFingerprint
     stage: Stage
     executor: Executor
@@ -220,17 +189,17 @@ class FilmInProgress:
         would not have made this film: a coarser pass, or one whose tolerances depend on the clock though no time budget
         was requested.
         """
-        scene, seconds = self.stage.scene, time.perf_counter() - self.start
-        shortfall = find_shortfall(scene, self.requested, plan, frames)
+        scene, requested, seconds = self.stage.scene, self.job.requested, time.perf_counter() - self.start
+        shortfall = find_shortfall(scene, requested, plan, frames)
         notes = [*self.output.notes(store), *self.executor.notes]
-        record = film_record(plan, frames, self.requested, self.original, shortfall, self._devices(frames))
+        record = film_record(plan, frames, requested, self.job.original, shortfall, self._devices(frames))
         record = replace(
             record,
             notes=(*notes, *record.notes),
             seconds={**self.stage.seconds, "total": seconds},
             passes=tuple(passes),
         )
-        is_lasting = record.schedule.reproducible or isinstance(self.requested.goal, TimeBudget)
+        is_lasting = record.schedule.reproducible or isinstance(requested.goal, TimeBudget)
         if is_lasting and not plan.is_unfinished:
             record = self.output.write_record(record, self.fingerprint)
         else:
