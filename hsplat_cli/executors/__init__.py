@@ -4,7 +4,7 @@ In: a plan and frame numbers. Out: drawn frames in order, the same bytes from ev
 entrance; it opens an `Executor` of `renderer.job`.
 
 - `executor.py`: `open_executor` and the executors that use Dask; `options.py`: `--workers` and `--scheduler`.
-- `cluster/`: Dask: `cluster_drawing.py`, `schedule.py` (frames that are drawn ahead, in order), `connection.py`,
+- `cluster/`: Dask: `cluster_drawing.py` (frames are drawn ahead, and come in order), `connection.py`,
   `local_cluster.py` (of this machine, with TLS), `registry.py` (workers come and go), `worker.py`.
 """
 

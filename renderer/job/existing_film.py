@@ -69,7 +69,8 @@ class ExistingFilm:
         """Return the record of this film, which is up to date; take the paths from it that it should not have."""
         if output.spec.record_paths or not self.record.scene["output"].get("record_paths", True):
             return self.record
-        return output.write_passing_record(record_from_json(without_paths(record_to_json(self.record)), output.sidecar))
+        record = record_from_json(without_paths(record_to_json(self.record)), output.sidecar)
+        return output.write_record(record, self.fingerprint)
 
 
 def find_existing_film(sidecar: Path, events: JobEvents) -> ExistingFilm | None:

@@ -16,7 +16,7 @@ from typing import Protocol
 
 from renderer.compiled import remove_unused_caches
 from renderer.errors import RenderError
-from renderer.film import has_frame_files
+from renderer.film import film_notes, has_frame_files
 from renderer.frame import LODCostEstimator, Stage, open_stage
 from renderer.job.checkpoint import FrameCheckpoint, FrameStore, remove_checkpoint_frames
 from renderer.job.events import JobEvents
@@ -177,7 +177,6 @@ class FilmInProgress:
     def finish(
         self,
         plan: FilmPlan,
-        store: FrameStore,
         frames: Sequence[FrameRecord],
         *,
         num_resumed: int = 0,
@@ -191,7 +190,7 @@ class FilmInProgress:
         """
         scene, requested, seconds = self.stage.scene, self.job.requested, time.perf_counter() - self.start
         shortfall = find_shortfall(scene, requested, plan, frames)
-        notes = [*self.output.notes(store), *self.executor.notes]
+        notes = [*film_notes(self.output.spec), *self.executor.notes]
         record = film_record(plan, frames, requested, self.job.original, shortfall, self._devices(frames))
         record = replace(
             record,
@@ -200,10 +199,8 @@ class FilmInProgress:
             passes=tuple(passes),
         )
         is_lasting = record.schedule.reproducible or isinstance(requested.goal, TimeBudget)
-        if is_lasting and not plan.is_unfinished:
-            record = self.output.write_record(record, self.fingerprint)
-        else:
-            record = self.output.write_passing_record(record)
+        fingerprint = self.fingerprint if is_lasting and not plan.is_unfinished else None
+        record = self.output.write_record(record, fingerprint)
         summary = ", ".join(summary_parts(scene, plan, frames, seconds, num_resumed))
         file, sidecar = self.output.spec.file, self.output.sidecar
         return FinishedFilm(file, sidecar, record, summary, self.stage.volume.note, shortfall)
@@ -228,7 +225,7 @@ class OnePass:
             try:
                 label = output.spec.file.name
                 frames = film.write_frames(plan, checkpoint, film.draw(plan, checkpoint), label, defer_interrupts)
-                made = film.finish(plan, checkpoint, frames, num_resumed=num_resumed)
+                made = film.finish(plan, frames, num_resumed=num_resumed)
             except BaseException:
                 _tell_resumable(film, checkpoint, resumes=resumes)
                 raise

@@ -13,7 +13,6 @@ from renderer.errors import RenderError
 from renderer.film import (
     WriteFrame,
     file_digest,
-    film_notes,
     has_frame_files,
     locked_output,
     open_film,
@@ -87,23 +86,16 @@ class FilmOutput:
         yield lambda _number, _picture: None
         defer_interrupts()
 
-    def notes(self, store: FrameStore) -> list[str]:
-        """Return what the user should know about the film that was encoded."""
-        return [] if store.is_output else film_notes(self.spec)
+    def write_record(self, record: FilmRecord, fingerprint: FilmFingerprint | None) -> FilmRecord:
+        """Write the sidecar of a film, and return its record.
 
-    def write_record(self, record: FilmRecord, fingerprint: FilmFingerprint) -> FilmRecord:
-        """Write the sidecar of a film that is up to date from now on, and return its record.
-
-        It has the fingerprint, and the digest of a film in one file; frames in files have digests in their records.
+        fingerprint: of a film that is up to date from now on; None for one that the next job makes again. With it the
+        record has the digest of a film in one file, too; frames in files have digests in their records.
         """
         record = replace(record, fingerprint=fingerprint)
-        if not has_frame_files(self.spec):
+        if fingerprint is not None and not has_frame_files(self.spec):
             with translate_os_errors(self.spec.file):
                 record = replace(record, digest=file_digest(self.spec.file))
-        return self.write_passing_record(record)
-
-    def write_passing_record(self, record: FilmRecord) -> FilmRecord:
-        """Write the sidecar of a film that the next job makes again, and return its record."""
         write_sidecar(self.sidecar, record, self.folder)
         return record
 

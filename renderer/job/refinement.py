@@ -175,7 +175,7 @@ class Refiner:
             frames = film.write_frames(each.plan, self._store, drawing, label, defer_interrupts)
             self._record_pass(each, start, frames)
             # An interrupt that was deferred ends the block: the film is kept before.
-            self.made = film.finish(each.plan, self._store, frames, passes=self.passes)
+            self.made = film.finish(each.plan, frames, passes=self.passes)
             film.events.pass_finished(self._summary(frames))
 
     def _record_pass(self, each: Pass, start: float, frames: Sequence[FrameRecord]) -> None:

@@ -7,7 +7,7 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 
-from hsplat_cli.executors.cluster.schedule import draw_ahead
+from hsplat_cli.executors.cluster.cluster_drawing import draw_ahead
 from renderer.film import Picture
 from renderer.job import DrawnFrame, FrameRecord
 
@@ -33,7 +33,7 @@ def test_results_are_in_order_and_few_frames_are_drawn_ahead() -> None:
     with ThreadPoolExecutor(num_workers) as threads:
         num_yielded = 0
         for _ in range(2):
-            drawing = draw_ahead(numbers, draw, threads, check, 0.01)
+            drawing = draw_ahead(numbers, draw, threads, check)
             for result, number in zip(drawing, numbers[:-num_workers], strict=False):
                 num_yielded += 1
                 assert result.record.frame == number

@@ -1,19 +1,23 @@
 """Draws a film on a cluster.
 
 The client gives each frame to one worker, and does not leave it to Dask's scheduler: a worker that cannot draw does not
-take frame after frame, and the number of frames under way is bounded. Workers may come and go.
+take frame after frame, and the number of frames under way is bounded. Workers may come and go. Each frame has a thread
+that waits for the worker that draws it. A frame whose worker is lost is drawn by another one, until MAX_LOSSES workers
+were lost at it.
 """
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Generator, Sequence
+from collections import deque
+from collections.abc import Callable, Generator, Sequence
+from concurrent import futures
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from dataclasses import replace
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.executors.cluster.registry import WorkerRegistry
-from hsplat_cli.executors.cluster.schedule import MAX_LOSSES, draw_ahead
 from hsplat_cli.executors.cluster.worker import SerializedStage, draw_on_worker
 from hsplat_cli.terminal import Reporter
 from renderer.errors import ContextLostError, HsplatError, RenderError
@@ -31,6 +35,9 @@ _POLL_INTERVAL_S = 0.5
 _FETCH_TIMEOUT_S = 2.0
 # Threads wait for workers: more than a cluster has workers.
 _MAX_THREADS = 1000
+MAX_LOSSES = 3
+# Frames that are drawn, or finished and wait for one before them, for each worker.
+_WINDOW_PER_WORKER = 4
 
 
 class ClusterDrawing:
@@ -68,7 +75,7 @@ class ClusterDrawing:
 
         Raises RenderError, or what a frame failed with, once several workers have failed on it, or were lost at it.
         """
-        return draw_ahead(numbers, self._draw, self._threads, self._registry.update_workers, _POLL_INTERVAL_S)
+        return draw_ahead(numbers, self._draw, self._threads, self._registry.update_workers)
 
     def close(self) -> None:
         """Let the workers free the stage, and the threads end."""
@@ -148,3 +155,29 @@ class ClusterDrawing:
                 if worker not in self._registry.usable_workers:
                     return None
                 seconds *= 2
+
+
+def draw_ahead(
+    numbers: Sequence[int],
+    draw: Callable[[int], DrawnFrame],
+    threads: ThreadPoolExecutor,
+    check: Callable[[], int],
+) -> Generator[DrawnFrame, None, None]:
+    """Draw a few frames ahead of the one that is waited for, and yield them in order; may be closed before its end.
+
+    draw: draws a frame, in one of the threads. check: returns the number of workers; called before each frame, and
+    after every interval without one; what it raises ends the film.
+    """
+    waiting, drawing = iter(numbers), deque[futures.Future[DrawnFrame]]()
+    try:
+        while True:
+            num = _WINDOW_PER_WORKER * max(1, check()) - len(drawing)
+            drawing.extend(threads.submit(draw, number) for number in islice(waiting, max(0, num)))
+            if not drawing:
+                return
+            futures.wait([drawing[0]], _POLL_INTERVAL_S)
+            if drawing[0].done():
+                yield drawing.popleft().result()
+    finally:
+        for future in drawing:
+            future.cancel()

@@ -81,6 +81,4 @@ def _write(
     with deferrable_interrupts() as defer_interrupts:
         film.write_frames(store, iter(()), film.spec.file.name, events, defer_interrupts, is_overlapped=True)
         record = merged_record(picked, film.spec, time.perf_counter() - start)
-        if fingerprint is None:
-            return film.write_passing_record(record)
         return film.write_record(record, fingerprint)
