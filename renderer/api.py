@@ -25,11 +25,11 @@ from renderer.job import (
     FilmJob,
     JobEvents,
     NotebookBar,
-    OnePass,
     OnProgress,
     ProgressEvents,
     make_film,
     make_plan,
+    one_pass,
     open_local_executor,
 )
 from renderer.readers import read_volume
@@ -247,7 +247,7 @@ def render(
     path = Path(scene) if isinstance(scene, (str, os.PathLike)) else None
     job = FilmJob(made, numbers, accuracy_of(made.error), path=path)
     events = ProgressEvents(on_progress or NotebookBar())
-    film = make_film(job, open_local_executor, OnePass(), events, resumes=resume)
+    film = make_film(job, open_local_executor, one_pass, events, resumes=resume)
     if film.shortfall is not None and not best_effort:
         raise film.shortfall
     notes = [film.volume_note] if film.volume_note else []

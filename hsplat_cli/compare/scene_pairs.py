@@ -75,7 +75,7 @@ def rendered_frames(
     """
     # Imported here: comparing files needs neither numba nor OpenGL.
     from hsplat_cli.executors import open_executor
-    from renderer.job import OnePass, make_film
+    from renderer.job import make_film, one_pass
 
     require_executor(executor)
     try:
@@ -90,7 +90,7 @@ def rendered_frames(
         output = replace(job.scene.output, file=template)
         job = replace(job, scene=replace(job.scene, output=output), frames=frames)
         with _DrawingEvents(reporter, job.scene.splat.primitive_name) as events:
-            film = make_film(job, partial(open_executor, executor, reporter), OnePass(), events)
+            film = make_film(job, partial(open_executor, executor, reporter), one_pass, events)
         assert film.shortfall is None, "a reproducible job has no goal to miss"
         yield {frame: frame_path(template, frame) for frame in frames}, film.record
 

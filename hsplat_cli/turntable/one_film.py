@@ -109,12 +109,12 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     scene = parse_scene_content(content, request.scene)  # before the file exists: no change to it affects the job
     # Imported here to keep --help fast.
     from hsplat_cli.executors import open_executor
-    from renderer.job import OnePass, make_film as draw_film
+    from renderer.job import make_film as draw_film, one_pass
 
     job = FilmJob(scene, range(scene.camera.path.frames), accuracy_of(scene.error))
     open_this = partial(open_executor, request.executor, reporter)
     with _TurntableEvents(reporter, request, content, scene.splat.primitive_name) as events:
-        film = draw_film(job, open_this, OnePass(), events, resumes=not request.force)
+        film = draw_film(job, open_this, one_pass, events, resumes=not request.force)
     report_film(film, reporter)
     if film.shortfall is not None:
         raise film.shortfall

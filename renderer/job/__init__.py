@@ -3,15 +3,16 @@
 In: a `FilmJob`, what opens an executor, and a listener (`JobEvents`). Out: the film, its sidecar and a `FinishedFilm`.
 A film that is up to date is not drawn again, and one that was stopped resumes where it stopped.
 
-- `film_job.py`: what is to be made; `film_making.py`: the job, step by step, in one pass; `refinement.py`: in several.
-- `film_output.py`: the loop over frames, and the sidecar; `background.py`: a frame is stored while the next is drawn.
+- `film_job.py`: what is to be made, perhaps again.
+- `film_making.py`: the job, step by step, in one pass; `refinement.py`: in several.
+- `film_output.py`: the loop over frames, each of which is stored while the next one is drawn; and the sidecar.
 - `plan.py`: the tolerances for what a scene requests; `accuracy.py`: the search for an accuracy; `goals.py`: whether it
   was reached.
 - `executor.py`: what draws, and drawing in this process.
-- `events.py`: what a job tells while it runs; `progress.py`: to a function, or a bar in a notebook.
+- `events.py`: what a job tells while it runs, to a function, a bar in a notebook, or another listener.
 - `checkpoint.py`: finished frames; those of an unfinished film are kept in files.
 - `record.py`: the records of films and frames, to JSON and back; `make_record.py`: makes them; `sidecar.py`: the file.
-- `fingerprint.py`: what frames depend on; `existing_film.py`: the film that is there; `original.py`: one made again.
+- `fingerprint.py`: what frames depend on; `existing_film.py`: the film that is there.
 - `inputs.py`: files that are read, which no output overwrites.
 - `assemble/`: one film of parts: `parts.py` finds them, `agreement.py` compares them, `merged_record.py` and
   `assembly.py` write the film.

@@ -7,7 +7,12 @@ from .accuracy import (
 from .assemble.assembly import assemble_film as assemble_film
 from .assemble.parts import Part as Part, find_parts as find_parts
 from .checkpoint import FrameCheckpoint as FrameCheckpoint
-from .events import JobEvents as JobEvents
+from .events import (
+    JobEvents as JobEvents,
+    NotebookBar as NotebookBar,
+    OnProgress as OnProgress,
+    ProgressEvents as ProgressEvents,
+)
 from .executor import (
     DrawnFrame as DrawnFrame,
     Executor as Executor,
@@ -15,11 +20,11 @@ from .executor import (
     draw_frames as draw_frames,
     open_local_executor as open_local_executor,
 )
-from .film_job import FilmJob as FilmJob
+from .film_job import FilmJob as FilmJob, OriginalFilm as OriginalFilm
 from .film_making import (
     FinishedFilm as FinishedFilm,
-    OnePass as OnePass,
     make_film as make_film,
+    one_pass as one_pass,
 )
 from .fingerprint import describe_differences as describe_differences
 from .inputs import (
@@ -30,9 +35,7 @@ from .inputs import (
     require_no_input as require_no_input,
     volume_files as volume_files,
 )
-from .original import OriginalFilm as OriginalFilm
 from .plan import FilmPlan as FilmPlan, make_plan as make_plan
-from .progress import NotebookBar as NotebookBar, OnProgress as OnProgress, ProgressEvents as ProgressEvents
 from .record import (
     DIGEST_FIELD as DIGEST_FIELD,
     FilmFingerprint as FilmFingerprint,

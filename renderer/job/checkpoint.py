@@ -141,7 +141,9 @@ def remove_checkpoint_frames(
     def is_unwanted(number: str) -> bool:
         if own is not None and int(number) not in own:
             return False
-        found = None if of is None else _read_frame(folder / f"{number}.json")
+        if of is None:
+            return True
+        found = _read_frame(folder / f"{number}.json")
         return found is None or found[0] == of.frames_digest
 
     with contextlib.suppress(OSError):  # the folder has vanished: nothing is left

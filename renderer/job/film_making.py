@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
 
 from renderer.compiled import remove_unused_caches
 from renderer.errors import RenderError
@@ -35,6 +34,7 @@ from renderer.system import deferrable_interrupts, num_cores
 from renderer.volume import Volume
 
 OpenExecutor = Callable[[Scene], AbstractContextManager[Executor]]
+Passes = Callable[["FilmInProgress"], "FinishedFilm"]
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def make_film(
 ) -> FinishedFilm:
     """Lock the output and make the film, or return the film that is up to date.
 
-    open_executor: opens what draws a scene. passes: one, or several that refine.
+    open_executor: opens what draws a scene. passes: draws and writes the film, by `one_pass` or several that refine.
     resumes: frames that an earlier job finished are kept; else all are drawn again.
     Raises OutputLockedError if another job is writing the output, InputError and RenderError if it cannot be written,
     and InputError if it is one of the job's inputs; HsplatError, and KeyboardInterrupt.
@@ -85,8 +85,10 @@ def make_film(
                     events.note(f"{output.spec.file} {why_stale}")
                 events.prepared()
                 stage.seconds["read"] += read_seconds
-                film = FilmInProgress(job, output, fingerprint, stage, executor, events, start)
-                made = passes.make(film, existing, resumes=resumes)
+                film = FilmInProgress(
+                    job, output, fingerprint, stage, executor, events, start, existing, resumes=resumes
+                )
+                made = passes(film)
         remove_unused_caches()
     return made
 
@@ -131,16 +133,13 @@ def _open_stage(job: FilmJob, volume: Volume) -> AbstractContextManager[Stage]:
 # Passes
 
 
-class Passes(Protocol):
-    """A way to make a film: in one pass, or by several that refine."""
-
-    def make(self, film: FilmInProgress, existing: ExistingFilm | None, *, resumes: bool) -> FinishedFilm:
-        """Draw the film, and write it with its sidecar. existing: the film that is there, if it may be used."""
-
-
 @dataclass(frozen=True)
 class FilmInProgress:
-    """A film that is being made. start: when the job began, by `perf_counter`."""
+    """A film that is being made.
+
+    start: when the job began, by `perf_counter`. existing: the film that is there, if it may be used.
+    resumes: frames that an earlier job finished are kept.
+    """
 
     job: FilmJob
     output: FilmOutput
@@ -149,29 +148,37 @@ class FilmInProgress:
     executor: Executor
     events: JobEvents
     start: float
+    existing: ExistingFilm | None
+    resumes: bool
 
     def plan(self, estimator: LODCostEstimator, on_step: Callable[[], None] = lambda: None) -> FilmPlan:
         """Find the tolerances for what the scene requests; parameters are those of `make_plan`."""
         return make_plan(estimator, self.output.frames, lambda: self.executor.rasterizer, self.events, on_step)
 
-    def draw(self, plan: FilmPlan, store: FrameStore) -> Generator[DrawnFrame, None, None]:
-        """Yield the frames that a store lacks."""
-        return self.executor.draw(plan, [number for number in self.output.frames if number not in store.records])
-
     def write_frames(
         self,
         plan: FilmPlan,
         store: FrameStore,
-        drawing: Generator[DrawnFrame, None, None],
         label: str,
         defer_interrupts: Callable[[], None],
+        on_step: Callable[[], None] = lambda: None,
     ) -> list[FrameRecord]:
-        """Write the film of the frames in the store and of those that are drawn; as `FilmOutput.write_frames`."""
+        """Write the film, and draw the frames that the store lacks; the rest is as in `FilmOutput.write_frames`.
+
+        on_step: called between two frames; what it raises ends the drawing.
+        """
+
+        def draw() -> Iterator[DrawnFrame]:
+            for frame in drawing:
+                yield frame
+                on_step()
+
+        missing = [number for number in self.output.frames if number not in store.records]
         # On a time budget each frame is stored before the next one is drawn: both count.
         is_overlapped = not plan.is_timing_dependent
-        with contextlib.closing(drawing):
+        with contextlib.closing(self.executor.draw(plan, missing)) as drawing:
             return self.output.write_frames(
-                store, drawing, label, self.events, defer_interrupts, is_overlapped=is_overlapped
+                store, draw(), label, self.events, defer_interrupts, is_overlapped=is_overlapped
             )
 
     def finish(
@@ -211,35 +218,31 @@ class FilmInProgress:
         return list(dict.fromkeys(elsewhere + [self.executor.device] * (len(elsewhere) < len(frames))))
 
 
-class OnePass:
-    """A pass that draws the film as the scene requests it; finished frames are not drawn again."""
-
-    def make(self, film: FilmInProgress, existing: ExistingFilm | None, *, resumes: bool) -> FinishedFilm:
-        """Draw the frames that are missing, and write the film. Those that are finished are kept until it is whole."""
-        plan, output = film.plan(LODCostEstimator(film.stage)), film.output
-        if not resumes:
-            remove_checkpoint_frames(output.folder, output.spec, output.frames)
-        checkpoint = _resume_checkpoint(film, plan, existing)
-        num_resumed = len(checkpoint.records)
-        with deferrable_interrupts() as defer_interrupts:
-            try:
-                label = output.spec.file.name
-                frames = film.write_frames(plan, checkpoint, film.draw(plan, checkpoint), label, defer_interrupts)
-                made = film.finish(plan, frames, num_resumed=num_resumed)
-            except BaseException:
-                _tell_resumable(film, checkpoint, resumes=resumes)
-                raise
-            remove_checkpoint_frames(output.folder, output.spec, output.frames)
-        return made
+def one_pass(film: FilmInProgress) -> FinishedFilm:
+    """Draw the film as the scene requests it, and write it. Frames are kept from when they are finished until then."""
+    plan, output = film.plan(LODCostEstimator(film.stage)), film.output
+    if not film.resumes:
+        remove_checkpoint_frames(output.folder, output.spec, output.frames)
+    checkpoint = _resume_checkpoint(film, plan)
+    num_resumed = len(checkpoint.records)
+    with deferrable_interrupts() as defer_interrupts:
+        try:
+            frames = film.write_frames(plan, checkpoint, output.spec.file.name, defer_interrupts)
+            made = film.finish(plan, frames, num_resumed=num_resumed)
+        except BaseException:
+            _tell_resumable(film, checkpoint)
+            raise
+        remove_checkpoint_frames(output.folder, output.spec, output.frames)
+    return made
 
 
-def _resume_checkpoint(film: FilmInProgress, plan: FilmPlan, existing: ExistingFilm | None) -> FrameCheckpoint:
+def _resume_checkpoint(film: FilmInProgress, plan: FilmPlan) -> FrameCheckpoint:
     """Return the job's finished frames that equal what would be drawn; tell which, and why others do not.
 
     The sidecar of another film stays until this film has its own, even while frames of this film replace its frames:
     this film may be made from it, and its digests expose the mixture.
     """
-    output, events, fingerprint = film.output, film.events, film.fingerprint
+    output, events, fingerprint, existing = film.output, film.events, film.fingerprint, film.existing
     checkpoint = FrameCheckpoint(output.folder, output.spec, output.frames, fingerprint)
     is_same = existing is not None and existing.fingerprint.frames_digest == fingerprint.frames_digest
     if existing is not None and is_same and has_frame_files(output.spec):
@@ -265,12 +268,12 @@ def _matches_plan(plan: FilmPlan, record: FrameRecord) -> bool:
     return record.tolerance == tolerance_at(plan.stage.scene.error, record.frame)
 
 
-def _tell_resumable(film: FilmInProgress, checkpoint: FrameCheckpoint, *, resumes: bool) -> None:
+def _tell_resumable(film: FilmInProgress, checkpoint: FrameCheckpoint) -> None:
     """Tell, when the work ends early, which frames are kept and which command resumes."""
     file, output = film.output.spec.file, film.output
     if checkpoint.records and output.folder.is_dir():
-        command = "the same command" + " without --force" * (not resumes)
-        if not resumes and not has_frame_files(output.spec) and file.exists():  # it may be up to date
+        command = "the same command" + " without --force" * (not film.resumes)
+        if not film.resumes and not has_frame_files(output.spec) and file.exists():  # it may be up to date
             command += f", once {file} is removed,"
         film.events.note(f"{_finished_text(film, checkpoint)} kept; {command} resumes there")
 

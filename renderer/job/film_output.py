@@ -5,8 +5,8 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 from renderer.errors import RenderError
@@ -19,7 +19,6 @@ from renderer.film import (
     require_encoder,
     translate_os_errors,
 )
-from renderer.job.background import BackgroundThread
 from renderer.job.checkpoint import FrameStore
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame
@@ -58,21 +57,26 @@ class FilmOutput:
         # Where no frame is missing, the progress is that of writing them.
         shown = missing or frozenset(self.frames)
         events.started(label, len(shown))
+        being_stored = list[Future[FrameRecord]]()  # at most one
 
-        def take(stored: Sequence[FrameRecord]) -> None:
-            for record in stored:
+        def finish_storing() -> None:
+            while being_stored:
+                record = being_stored.pop().result()
                 records.append(record)
                 if record.frame in shown:
                     events.frame_finished(record)
 
-        with self._open_film(store, defer_interrupts) as write, BackgroundThread[FrameRecord]() as thread:
+        # However the block ends, a frame that was drawn is stored before.
+        with self._open_film(store, defer_interrupts) as write, ThreadPoolExecutor(1, "hsplat-background") as thread:
+            thread.submit(bool).result()  # an interrupt while the thread starts would lose its task
             for number in self.frames:
                 is_new = number in missing
                 frame = _next_frame(drawn, number) if is_new else store.finished_frame(number)
-                take(thread.run(partial(_store_frame, frame, store, write, is_new=is_new)))
+                finish_storing()
+                being_stored.append(thread.submit(_store_frame, frame, store, write, is_new=is_new))
                 if not is_overlapped:
-                    take(thread.wait())
-            take(thread.wait())
+                    finish_storing()
+            finish_storing()
         return records
 
     @contextlib.contextmanager

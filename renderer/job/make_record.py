@@ -11,7 +11,7 @@ import numpy as np
 
 from renderer.errors import RenderError
 from renderer.frame import Frame, finest_level_at
-from renderer.job.original import OriginalFilm
+from renderer.job.film_job import OriginalFilm
 from renderer.job.plan import FilmPlan
 from renderer.job.record import (
     CameraRecord,

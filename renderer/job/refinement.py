@@ -7,11 +7,10 @@ longer than the last one alone.
 
 from __future__ import annotations
 
-import contextlib
 import math
 import statistics
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -30,7 +29,6 @@ from renderer.frame import (
 )
 from renderer.job.checkpoint import FrameStore, remove_checkpoint_frames
 from renderer.job.executor import DrawnFrame
-from renderer.job.existing_film import ExistingFilm
 from renderer.job.film_making import FilmInProgress, FinishedFilm
 from renderer.job.goals import range_text
 from renderer.job.plan import FilmPlan
@@ -78,7 +76,7 @@ class Refinement:
     time_limit: float = math.inf
     best_effort: bool = False
 
-    def make(self, film: FilmInProgress, existing: ExistingFilm | None, *, resumes: bool) -> FinishedFilm:
+    def __call__(self, film: FilmInProgress) -> FinishedFilm:
         """Draw pass after pass, until one is what the scene requests or the time is up."""
         refiner, output = Refiner(film, film.start + self.time_limit), film.output
         try:
@@ -171,8 +169,7 @@ class Refiner:
         film, start = self._film, time.perf_counter()
         label = f"{film.output.spec.file.name}, pass {len(self.passes) + 1}"
         with deferrable_interrupts() as defer_interrupts:
-            drawing = self._until_deadline(film.draw(each.plan, self._store))
-            frames = film.write_frames(each.plan, self._store, drawing, label, defer_interrupts)
+            frames = film.write_frames(each.plan, self._store, label, defer_interrupts, self.require_time)
             self._record_pass(each, start, frames)
             # An interrupt that was deferred ends the block: the film is kept before.
             self.made = film.finish(each.plan, frames, passes=self.passes)
@@ -204,13 +201,6 @@ class Refiner:
             psnr_db = last.difference.psnr_db
             facts.append("nothing changed" if psnr_db is None else f"{psnr_db:.1f} dB from the pass before")
         return ", ".join(facts)
-
-    def _until_deadline(self, drawing: Generator[DrawnFrame, None, None]) -> Generator[DrawnFrame, None, None]:
-        """Yield frames; between two of them, raise DeadlineReached where the time is up."""
-        with contextlib.closing(drawing):
-            for frame in drawing:
-                yield frame
-                self.require_time()
 
     def _may_skip_first_pass(self, first: float) -> bool:
         """Return whether the last pass may have so few cells that a first pass of `first` seconds a frame is useless.
