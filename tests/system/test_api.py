@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -141,24 +140,6 @@ def test_options_take_the_place_of_what_a_scene_says() -> None:
     assert np.array_equal(renderer.render_frame(scene, 1, camera=scene.camera), renderer.render_frame(scene, 1))
     near = renderer.render_frame(scene, 1, camera={"field_of_view": 60, "distance": 10})
     assert not np.array_equal(near, renderer.render_frame(scene, 1))
-
-
-@pytest.mark.parametrize("output", ["film.gif", "link.gif"])
-def test_a_film_never_takes_the_place_of_a_volume(output: str) -> None:
-    content = (np.indices((6, 6, 6)).sum(axis=0) * 16).astype(np.uint8).tobytes()
-    Path("film.gif").write_bytes(content)
-    Path("link.gif").symlink_to("film.gif")
-    text = Path("scene.yaml").read_text(encoding="utf-8")
-    text = text.replace(
-        "procedural: {name: engine_block, shape: [24, 24, 12]}",
-        "raw: {file: film.gif, shape: [6, 6, 6], dtype: uint8}",
-    )
-    Path("scene.yaml").write_text(text, encoding="utf-8")
-    for scene in ("scene.yaml", renderer.load_scene("scene.yaml")):
-        with pytest.raises(renderer.InputError, match="would overwrite an input"):
-            renderer.render(scene, output=output)
-    assert Path("film.gif").read_bytes() == content
-    assert sorted(os.listdir()) == ["film.gif", "link.gif", "scene.yaml"]
 
 
 def test_a_film_never_takes_the_place_of_a_mapped_array() -> None:

@@ -14,7 +14,7 @@ import pytest
 from small_scene import edit_sidecar, sidecar, small_scene
 
 from hsplat_cli import main
-from renderer.film import bytes_digest, encode_png, join_png_chunks, png_chunks
+from renderer.film import bytes_digest, encode_png
 from renderer.job.assemble import assembly, merged_record as merged
 from renderer.job.film_output import FilmOutput, locked_film_output
 from renderer.system import package_versions
@@ -217,20 +217,6 @@ def test_a_part_that_was_drawn_again(parts: None, capsys: pytest.CaptureFixture[
     assert not says_up_to_date(capsys, *command)
     assert Path("film.mp4").read_bytes() != before
     assert says_up_to_date(capsys, *command)
-
-
-def test_a_frame_that_cannot_be_decoded(parts: None, capsys: pytest.CaptureFixture[str]) -> None:
-    """All its checksums, and its digest, are right."""
-    header, _, end = png_chunks(Path("parts/0001.png").read_bytes())
-    other = join_png_chunks([header, (b"IDAT", b"no data"), end])
-    Path("parts/0001.png").write_bytes(other)
-    edit_sidecar("parts/frames.0-2.json", lambda data: data["frames"][1].update(digest=bytes_digest(other)))
-    assert main.run(["assemble", "parts", "--output", "film.mp4", "--quiet"]) == 2
-    assert capsys.readouterr().err == (
-        "parts/0001.png: a frame that cannot be decoded\n"
-        "  hint: remove it, and the command that drew it draws it again\n"
-    )
-    assert not Path("film.mp4").exists()
 
 
 def test_whether_a_film_exists_is_seen_under_the_lock(parts: None, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -155,18 +155,6 @@ def test_parts_of_both_are_one_film(error: str | None, one: Maker, other: Maker,
     assert draws.take_numbers() == []
 
 
-@both_ways
-def test_one_draws_what_is_missing_from_the_sidecar_of_the_other(one: Maker, other: Maker, draws: Draws) -> None:
-    one.make("{frame}.png")
-    expected = output_files()
-    for number in (1, 3):
-        Path(f"out/{number}.png").unlink()
-    draws.take_numbers()
-    other.make("{frame}.png")
-    assert draws.take_numbers() == [1, 3]
-    assert output_files() == expected
-
-
 def test_frames_of_the_api_are_those_of_a_golden_folder() -> None:
     """A comparison writes nothing."""
     assert main.run(["golden", "scene.yaml", "out/goldens", "--quiet"]) == 0

@@ -142,14 +142,6 @@ def test_other_words_about_the_volume_make_another_film() -> None:
     assert schedule["requested"] == {"tolerance": schedule["tolerance"][0]}
 
 
-def test_a_sidecar_of_another_name_has_a_film_of_that_name(folder: Path) -> None:
-    render("scene.yaml")
-    Path("film.mp4.json").rename("best.json")
-    render("best.json")
-    made = pictures(folder)
-    assert made["best.mp4"] == made["film.mp4"]
-
-
 def test_other_versions_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     render("scene.yaml")
     made = sidecar()

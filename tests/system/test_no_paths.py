@@ -71,14 +71,6 @@ def test_a_film_without_paths(how: list[str]) -> None:
     assert data["scene"]["output"]["file"] == "film.mp4"
 
 
-def test_it_has_the_frames_and_the_fingerprint_of_a_film_with_paths() -> None:
-    run("render", "scene.yaml")
-    run("render", "scene.yaml", "--no-paths", "--output", "other.mp4")
-    first, second = sidecar(), sidecar("other.mp4.json")
-    assert first["fingerprint"] == second["fingerprint"]
-    assert first["digest"] == second["digest"]
-
-
 def test_a_film_that_is_up_to_date_loses_its_paths_and_is_not_drawn_again(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

@@ -235,12 +235,9 @@ def test_a_pass_that_is_finer_than_an_accuracy_needs_is_not_the_last() -> None:
     assert record["schedule"]["measured"]["worst"] >= 5
 
 
-@pytest.mark.usefixtures("heeds_interrupts")
-@pytest.mark.parametrize(("output", "options"), [("film.mp4", ("--progressive",)), ("{frame}.png", ())])
-def test_an_interrupt_between_film_and_sidecar_waits_for_both(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, output: str, options: tuple[str, ...]
-) -> None:
-    """Otherwise the sidecar would describe another film than the one beside it."""
+@pytest.fixture
+def named_with_an_interrupt(heeds_interrupts: None, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Interrupt this process whenever a film or its first picture gets its final name."""
     replace = os.replace
 
     def interrupted(source: Path, target: Path) -> None:
@@ -248,38 +245,33 @@ def test_an_interrupt_between_film_and_sidecar_waits_for_both(
             os.kill(os.getpid(), signal.SIGINT)
         replace(source, target)
 
-    monkeypatch.setattr(os, "replace", interrupted)
-    assert render("--output", output, *options) == 130
-    monkeypatch.setattr(os, "replace", replace)
-    if output == "film.mp4":
-        assert files(folder) == ["film.mp4", "film.mp4.json", "scene.yaml"]
-        first = Path("film.mp4").read_bytes()
-        assert main.run(["render", "film.mp4.json", "--quiet"]) == 0
-        assert Path("film.mp4").read_bytes() == first
-    else:  # frames appear one by one, each whole: the one that was being written has its record, too
-        assert [name for name in files(folder) if "fingerprint-" not in name] == [
-            "0.png", "frames.unfinished/000000.json", "frames.unfinished/lock", "scene.yaml",
-        ]  # fmt: skip
-    assert not [path for path in folder.rglob("*") if "partial" in path.name]
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", interrupted)
+        yield
 
 
-@pytest.mark.usefixtures("heeds_interrupts")
+@pytest.mark.usefixtures("named_with_an_interrupt")
 @pytest.mark.parametrize("options", [(), ("--best-effort",)])
-def test_an_interrupt_that_waited_for_a_pass_keeps_its_film(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+def test_an_interrupt_between_film_and_sidecar_waits_for_both(
+    folder: Path, options: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    replace = os.replace
-
-    def interrupted(source: Path, target: Path) -> None:
-        if Path(target).name == "film.mp4":
-            os.kill(os.getpid(), signal.SIGINT)
-        replace(source, target)
-
-    monkeypatch.setattr(os, "replace", interrupted)
+    """Otherwise the sidecar would describe another film than the one beside it. The pass before is the film."""
     assert main.run(["render", "scene.yaml", "--progressive", *options]) == (0 if options else 130)
     assert "film.mp4 is whole, as pass 1 made it\n" in capsys.readouterr().out
     assert len(sidecar()["passes"]) == 1
     assert files(folder) == ["film.mp4", "film.mp4.json", "scene.yaml"]
+    first = Path("film.mp4").read_bytes()
+    assert main.run(["render", "film.mp4.json", "--output", "again.mp4", "--quiet"]) == 0
+    assert Path("again.mp4").read_bytes() == first
+
+
+@pytest.mark.usefixtures("named_with_an_interrupt")
+def test_an_interrupt_between_a_frame_and_its_record_waits_for_both(folder: Path) -> None:
+    """Frames appear one by one, each whole: the one that was being written has its record, too."""
+    assert render("--output", "{frame}.png") == 130
+    assert [name for name in files(folder) if "fingerprint-" not in name] == [
+        "0.png", "frames.unfinished/000000.json", "frames.unfinished/lock", "scene.yaml",
+    ]  # fmt: skip
 
 
 def test_budgets_that_some_frames_cannot_keep_are_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

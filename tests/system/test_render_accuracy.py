@@ -27,7 +27,6 @@ NUM_FRAMES = 24
 SCENE = small_scene(shape="32, 32, 16", frames=NUM_FRAMES, size="48, 32", error="psnr: 27", footprint="gaussian")
 BEYOND = ("--set", "error.psnr=150")
 RMSE = ("--set", "error.psnr=null", "--set", "error.rmse=0.04")
-ELSEWHERE = ("--set", "camera.target=[10000, 0, 0]")
 EXTRAS = ("skimage", "flip_evaluator", "matplotlib", "jinja2", "scipy", "vtkmodules")
 
 
@@ -150,13 +149,6 @@ def test_lines_and_transparency_do_not_count() -> None:
     plain, lines = sidecar("plain/frames.0-2.json"), sidecar("lines/frames.0-2.json")
     assert lines["schedule"] == plain["schedule"]
     assert Path("lines/0.png").read_bytes() != Path("plain/0.png").read_bytes()
-
-
-def test_a_film_of_nothing_has_any_accuracy() -> None:
-    render("--quiet", *ELSEWHERE)
-    made = sidecar()
-    assert made["schedule"]["met"]
-    assert np.asarray(imageio.imread("film.mp4", index=None)).max() < 20  # black, as far as the encoder goes
 
 
 def test_an_infinite_psnr_is_left_out_of_the_sidecar() -> None:

@@ -178,13 +178,6 @@ def test_a_lock_file_that_somebody_else_wrote(tmp_path: Path) -> None:
     assert (tmp_path / ".x.lock").read_bytes() == b"mine"
 
 
-def test_a_holder_that_is_killed(folder: Path) -> None:
-    python("-c", f"import os\nfrom pathlib import Path\n{IMPORT}\nwith {block(folder, 0)}: os.kill(os.getpid(), 9)")
-    assert (folder / "lock").is_file()
-    take(folder, [0])
-    assert not folder.exists()
-
-
 @pytest.mark.parametrize("kind", ["same", "own"])
 def test_processes_that_take_turns(folder: Path, kind: str) -> None:
     """Neither do two ever hold one place, nor is anybody refused because another one comes or goes."""

@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from commands import environment, other_process
 
 from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.terminal import Reporter
-from hsplat_cli.turntable import FilmRequest, batch, manifest as manifest_module, run_batch
+from hsplat_cli.turntable import FilmRequest, manifest as manifest_module
 from hsplat_cli.turntable.manifest import MANIFEST_FILE
 from hsplat_cli.turntable.one_film import marked_scene, write_scene
 from renderer.errors import InputError, RenderError
@@ -180,32 +179,6 @@ def order(folder: Path, volume: str = "scan.npy", *, force: bool = False) -> Fil
     spec, executor = VolumeSpec(FileSource(folder / volume)), ExecutorSpec(None, None)
     out = folder / "out"
     return FilmRequest(spec, FilmOptions(), out / "scan.yaml", out / "scan.mp4", executor, force)
-
-
-def orders(folder: Path, *names: str) -> list[FilmRequest]:
-    one = order(folder.parent)
-    return [replace(one, scene=folder / f"{name}.yaml", output=folder / f"{name}.mp4") for name in names]
-
-
-def test_an_interrupted_batch_keeps_the_records(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def interrupt(*arguments: object) -> None:
-        raise KeyboardInterrupt
-
-    films_there = [record(name, frames=3) for name in "abc"]
-    for name in "abc":
-        (tmp_path / f"{name}.yaml").touch()
-    update_manifest(tmp_path, films_there)
-    monkeypatch.setattr(batch, "_make_in_process", interrupt)
-    with pytest.raises(KeyboardInterrupt):
-        run_batch(orders(tmp_path, "a", "b", "c"), {}, tmp_path, Reporter(is_quiet=True))
-    assert films(tmp_path) == films_there
-    assert [line.split()[1:3] for line in capsys.readouterr().out.splitlines()[1:]] == [
-        ["interrupted", "-"],
-        ["not", "begun"],
-        ["not", "begun"],
-    ]
 
 
 def write(request: FilmRequest, text: str) -> None:
