@@ -54,23 +54,22 @@ def fail_with(script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> s
     return str(caught.value)
 
 
-def test_ffmpeg_fails_with_a_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    script = "#!/bin/sh\ncat > /dev/null\necho '[libx264] first' >&2\necho 'Conversion failed!' >&2\nexit 1\n"
-    assert fail_with(script, tmp_path, monkeypatch) == (
-        "film.mp4: ffmpeg could not complete the film\n  got: [libx264] first\n    Conversion failed!"
-    )
+FAILED = "film.mp4: ffmpeg could not complete the film\n  got: "
+SILENT = "#!/bin/sh\ncat > /dev/null\n"
 
 
-def test_ffmpeg_fails_without_a_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert fail_with("#!/bin/sh\ncat > /dev/null\nexit 9\n", tmp_path, monkeypatch) == (
-        "film.mp4: ffmpeg could not complete the film\n  got: exit status 9 and no message"
-    )
-
-
-def test_ffmpeg_does_not_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert fail_with("#!/absent\n", tmp_path, monkeypatch) == (
-        f"film.mp4: ffmpeg cannot be started\n  got: [Errno 2] No such file or directory: '{tmp_path / 'ffmpeg'}'"
-    )
+@pytest.mark.parametrize(
+    ("script", "message"),
+    [
+        (f"{SILENT}echo '[libx264] first' >&2\necho 'Conversion failed!' >&2\nexit 1\n",
+         f"{FAILED}[libx264] first\n    Conversion failed!"),
+        (f"{SILENT}exit 9\n", f"{FAILED}exit status 9 and no message"),
+        (f"{SILENT}kill -9 $$\n", f"{FAILED}signal SIGKILL and no message"),
+        ("#!/absent\n", "film.mp4: ffmpeg cannot be started\n  got: [Errno 2] No such file or directory: 'PROGRAM'"),
+    ],
+)  # fmt: skip
+def test_ffmpeg_fails(script: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert fail_with(script, tmp_path, monkeypatch) == message.replace("PROGRAM", str(tmp_path / "ffmpeg"))
 
 
 def test_ffmpeg_is_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ import os
 import re
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +19,12 @@ import pytest
 
 from hsplat_cli import main
 from renderer.film import bytes_digest, join_png_chunks, png_chunks
-from renderer.frame import Frame, stage as stages
-from renderer.job import describe_differences, executor
+from renderer.frame import stage as stages
+from renderer.job import describe_differences
 from renderer.view import View, make_view
 from tests.messages.conftest import SCENE
 from tests.support.machines import set_device
+from tests.support.resuming import on_each_frame
 from tests.support.transcripts import Case, cases
 
 FULL = "the disk is full\n  hint: free some space, or write to another disk\n"
@@ -72,15 +73,7 @@ def render(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, st
 
 def at_frame(monkeypatch: pytest.MonkeyPatch, number: int, happens: Callable[[], None]) -> None:
     """Call `happens` before each following job has drawn this frame."""
-    original = executor.render_frames
-
-    def watched(*arguments: Any, **options: Any) -> Iterator[Frame]:
-        for frame in original(*arguments, **options):
-            if frame.number == number:
-                happens()
-            yield frame
-
-    monkeypatch.setattr(executor, "render_frames", watched)
+    on_each_frame(monkeypatch, lambda frame: happens() if frame.number == number else None)
 
 
 @pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])

@@ -37,17 +37,27 @@ class Draws:
 
 def watch_draws(monkeypatch: pytest.MonkeyPatch) -> Draws:
     """Record all frames that are drawn from now on."""
-    found, original = Draws(), executor.render_frames
+    found = Draws()
+
+    def look(frame: Frame) -> None:
+        if frame.number == found.stop_at:
+            raise KeyboardInterrupt
+        found.numbers.append(frame.number)
+
+    on_each_frame(monkeypatch, look)
+    return found
+
+
+def on_each_frame(monkeypatch: pytest.MonkeyPatch, look: Callable[[Frame], object]) -> None:
+    """Call `look` with each frame that is drawn from now on, before it is stored."""
+    original = executor.render_frames
 
     def watched(*arguments: Any, **options: Any) -> Iterator[Frame]:
         for frame in original(*arguments, **options):
-            if frame.number == found.stop_at:
-                raise KeyboardInterrupt
-            found.numbers.append(frame.number)
+            look(frame)
             yield frame
 
     monkeypatch.setattr(executor, "render_frames", watched)
-    return found
 
 
 def arguments(output: str, *options: str) -> list[str]:

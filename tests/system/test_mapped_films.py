@@ -1,15 +1,13 @@
-"""A film of a mapped volume is the same from one process and from several; a truncated file is an error."""
+"""A film of a mapped volume is the same from one process and from several."""
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hsplat_cli.main import run
-from renderer.job import DrawnFrame, FrameCheckpoint, FrameRecord
 from renderer.readers import read_volume
 from renderer.scene import RawSource, VolumeSpec
 
@@ -56,21 +54,3 @@ def test_any_number_of_processes(folder: Path) -> None:
     assert len(alone) == 4 and len(set(alone)) == 4
     assert run(["render", "scene.yaml", "--workers", "2", "--force", "--quiet"]) == 0
     assert pictures(folder) == alone
-
-
-def test_a_file_that_shrinks_in_the_middle_of_a_film(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """When the first frame has been finished it loses what is left of it."""
-    whole = (folder / "large.raw").stat().st_size
-    keep = FrameCheckpoint.save
-
-    def shrink(checkpoint: FrameCheckpoint, frame: DrawnFrame) -> FrameRecord:
-        os.truncate(folder / "large.raw", 1000)
-        return keep(checkpoint, frame)
-
-    monkeypatch.setattr(FrameCheckpoint, "save", shrink)
-    assert run(["render", "scene.yaml", "--quiet"]) == 2
-    said = capsys.readouterr().err
-    assert f"{folder / 'large.raw'}: the volume's file became shorter while it was in use\n" in said
-    assert f"got: 1000 bytes\n  expected: {whole} bytes, as when it was opened\n" in said

@@ -7,18 +7,17 @@ import signal
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import imageio.v3 as imageio
 import pytest
 from commands import files
-from resuming import printed_lines
+from resuming import on_each_frame, printed_lines
 from small_scene import sidecar, small_scene
 
 from hsplat_cli import main
 from renderer.film import file_digest
 from renderer.frame import Frame
-from renderer.job import executor, refinement
+from renderer.job import refinement
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
 
@@ -48,20 +47,19 @@ def interrupt_at(frame_number: int, first_pass: int = 1) -> Hook:
 @pytest.fixture
 def on_frame(monkeypatch: pytest.MonkeyPatch) -> Callable[[Hook], None]:
     """Return a function that sets what is called with the number of the pass and each frame, before it is written."""
-    original = executor.render_frames
+    hook: Hook = lambda *_: None  # noqa: E731
+    num_passes = 0
 
-    def set_hook(hook: Hook) -> None:
-        num_passes = 0
+    def look(frame: Frame) -> None:
+        nonlocal num_passes
+        num_passes += frame.number == 0
+        hook(num_passes, frame)
 
-        def watched(*arguments: Any, **options: Any) -> Iterator[Frame]:
-            nonlocal num_passes
-            num_passes += 1
-            for frame in original(*arguments, **options):
-                hook(num_passes, frame)
-                yield frame
+    def set_hook(new: Hook) -> None:
+        nonlocal hook, num_passes
+        hook, num_passes = new, 0
 
-        monkeypatch.setattr(executor, "render_frames", watched)
-
+    on_each_frame(monkeypatch, look)
     return set_hook
 
 

@@ -8,14 +8,13 @@ import signal
 import subprocess
 import time
 from pathlib import Path
-from typing import Any
 
 import imageio.v3 as imageio
 import pytest
 from commands import HSPLAT, environment
+from resuming import on_each_frame
 
 from hsplat_cli import main
-from renderer.job import executor
 
 SCENE = """\
 volume:
@@ -39,19 +38,6 @@ def out(scene_folder: Path) -> None:
     (scene_folder / "out").mkdir()
 
 
-class Interrupted:
-    """Stands in for the frame loop and has a signal sent to this process at the third frame."""
-
-    def __init__(self, number: signal.Signals) -> None:
-        self._number, self._render_frames = number, executor.render_frames
-
-    def __call__(self, *arguments: Any, **options: Any) -> Any:
-        for frame in self._render_frames(*arguments, **options):
-            if frame.number == 2:
-                os.kill(os.getpid(), self._number)
-            yield frame
-
-
 def finished_frames(out: Path) -> list[int]:
     """Return the frames that have a record; nothing but these records and whole pictures may be left."""
     # The lock is left where it was just being made; the next job takes it.
@@ -70,7 +56,7 @@ def finished_frames(out: Path) -> list[int]:
 def test_in_the_middle(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], number: signal.Signals, name: str
 ) -> None:
-    monkeypatch.setattr(executor, "render_frames", Interrupted(number))
+    on_each_frame(monkeypatch, lambda frame: os.kill(os.getpid(), number) if frame.number == 2 else None)
     code = main.run(["render", "scene.yaml", "--output", f"out/{name}", "--set", "camera.path.frames=6"])
     assert code == 130
     *_, kept, last = capsys.readouterr().err.splitlines()
