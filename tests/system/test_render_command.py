@@ -33,14 +33,6 @@ def shown(name: str) -> Array:
     return np.asarray(imageio.imread(name, index=None))
 
 
-def test_mp4(folder: Path) -> None:
-    render()
-    assert files(folder) == ["film.mp4", "film.mp4.json", "scene.yaml"]
-    film = imageio.imread("film.mp4", plugin="FFMPEG")
-    assert film.shape == (6, 32, 48, 3)
-    assert film.max() > 100
-
-
 def test_png(folder: Path) -> None:
     render("--output", "new/deep/{frame:03}.png", "--frames", "1::2")
     assert files(folder) == [
