@@ -178,13 +178,6 @@ def test_a_still(frames: list[str], folder: Path) -> None:
     assert main.run(["check", "still.png.json"]) == 0
 
 
-def test_a_still_out_of_a_film(folder: Path) -> None:
-    render("scene.yaml", "--output", "{frame}.png")
-    render("frames.json", "--frames", "3", "--output", "still.png")
-    made = pictures(folder)
-    assert made["still.png"] == made["3.png"]
-
-
 def test_parts_in_one_folder(folder: Path) -> None:
     """Each has a sidecar of its own, which makes that part again, and no other, wherever the folder is by then."""
     scene = ("scene.yaml", "--set", "error.splats={0: 1, 6: 100}")
