@@ -12,7 +12,7 @@ from hsplat_cli.commands.options import quiet_option
 from hsplat_cli.terminal import FilmEvents, Reporter, parse_frames, report_film
 from renderer.errors import Problem, SceneError
 from renderer.film import has_frame_files
-from renderer.scene import FRAME_FIELD, OUTPUT_SECTION, OutputSpec, TreeNode, format_value
+from renderer.scene import FRAME_FIELD, OUTPUT_SECTION, OutputSpec, format_value, schema
 
 if TYPE_CHECKING:
     from renderer.job import Part
@@ -62,7 +62,7 @@ def _output_spec(part: Part, options: Mapping[str, tuple[Any, str]], numbers: Se
     """Return the recorded output, changed by options: each a value and its text. Raises SceneError."""
     problems: list[Problem] = []
     tree = {**part.record.scene["output"], **{key: value for key, (value, _) in options.items()}}
-    spec = OUTPUT_SECTION.read(TreeNode(tree, "output", problems))
+    spec = OUTPUT_SECTION.read(schema.TreeNode(tree, "output", problems))
     if not problems and has_frame_files(spec) and len(numbers) > 1 and not FRAME_FIELD.search(spec.file.name):
         hint, got = f"write {spec.file.stem}-{{frame:04}}.png", format_value(str(spec.file))
         problems.append(Problem("output.file", "frames need a number in their names", got, hint=hint))

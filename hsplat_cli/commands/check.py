@@ -19,17 +19,7 @@ from renderer.film import (
     unfinished_folder,
 )
 from renderer.readers import find_volume
-from renderer.scene import (
-    ByFrame,
-    FileSource,
-    MetricTarget,
-    RawSource,
-    Scene,
-    SplatBudget,
-    VolumeSpec,
-    counted,
-    scene_to_dict,
-)
+from renderer.scene import ByFrame, FileSource, MetricTarget, RawSource, Scene, SplatBudget, VolumeSpec, counted
 from renderer.system import join_lines
 
 # The number of values of a schedule that are listed.
@@ -59,16 +49,16 @@ def check(request: SceneRequest, output: str | None) -> None:
 
 
 def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
-    output, path = scene.output, scene_to_dict(scene)["camera"]["path"]
-    frames = counted(scene.camera.path.frames, "frame")
-    if num_frames < scene.camera.path.frames:
+    output, path = scene.output, scene.camera.path
+    frames = counted(path.frames, "frame")
+    if num_frames < path.frames:
         frames = f"{num_frames} of {frames}"
     rate = "1 frame" if output.frames_per_second == 1 else f"{output.frames_per_second:g} frames"
     film = f", {num_frames / output.frames_per_second:.3g} s at {rate} per second"
     width, height = output.size
     return [
         ("volume", _source(scene.volume)),
-        ("camera", f"{path['type']}, {frames}"),
+        ("camera", f"{path.type}, {frames}"),
         ("error", _schedule(scene)),
         ("output", f"{output.file}, {width} x {height}{'' if has_frame_files(output) else film}"),
     ]

@@ -23,24 +23,15 @@ from hsplat_cli.compare.picture_file import file_content, is_picture
 from renderer.errors import InputError, Problem, require_package
 from renderer.scene import (
     MAX_SCENE_BYTES,
-    FieldType,
     TreeEditor,
-    TreeNode,
-    choice_field,
     counted,
     did_you_mean,
     format_location,
     format_value,
     join_keys,
-    mapping_field,
-    number_field,
     parse_yaml_file,
     raise_problems,
-    read_fields,
-    read_option,
-    section_field,
-    valid_keys,
-    word_or,
+    schema,
 )
 from renderer.study import COMPARISON_METRICS, STRICTNESSES, Limits, Metric
 
@@ -117,7 +108,7 @@ def load_rules(
     """
     problems: list[Problem] = []
     if level is not None:
-        read_option(_LEVEL, level, f"{option_names[0]} {level}", problems)
+        schema.read_option(_LEVEL, level, f"{option_names[0]} {level}", problems)
     changes: dict[str, float | None] = {}
     for text in overrides:
         changes.update(_parse_override(text, option_names[1], problems))
@@ -138,17 +129,17 @@ def load_rules(
     return rules
 
 
-def _limit(figure: Metric) -> FieldType[Any]:
+def _limit(figure: Metric) -> schema.FieldType[Any]:
     """Return the field of a limit: a number in the metric's range, or `none`, read as None."""
-    plain = number_field(minimum=0, maximum=255 if figure.unit == "steps" else 1)
+    plain = schema.number_field(minimum=0, maximum=255 if figure.unit == "steps" else 1)
     words = " ".join(filter(None, (plain.expected, figure.unit)))
-    return replace(word_or({"none": None}, plain, f"{words}, or none"), empty_hint="none removes a limit")
+    return replace(schema.word_or({"none": None}, plain, f"{words}, or none"), empty_hint="none removes a limit")
 
 
-_LEVEL: FieldType[Any] = choice_field(*STRICTNESSES)
+_LEVEL: schema.FieldType[Any] = schema.choice_field(*STRICTNESSES)
 _FIGURES = {name: _limit(figure) for name, figure in COMPARISON_METRICS.items()}
-_LIMITS: FieldType[dict[str, Any]] = section_field(_FIGURES, lambda _, given: given)
-_FRAMES = mapping_field(_LIMITS, "a mapping of frames to their limits", "a frame's name")
+_LIMITS: schema.FieldType[dict[str, Any]] = schema.section_field(_FIGURES, lambda _, given: given)
+_FRAMES = schema.mapping_field(_LIMITS, "a mapping of frames to their limits", "a frame's name")
 
 
 def _parse_override(text: str, option_name: str, problems: list[Problem]) -> dict[str, float | None]:
@@ -156,7 +147,7 @@ def _parse_override(text: str, option_name: str, problems: list[Problem]) -> dic
     name, equals, value = (part.strip() for part in text.partition("="))
     location = f"{option_name} {text}"
     if equals:
-        changes: dict[str, float | None] = read_option(_LIMITS, {name: value or None}, location, problems)
+        changes: dict[str, float | None] = schema.read_option(_LIMITS, {name: value or None}, location, problems)
         return changes
     expected = f"{option_name} FIGURE=VALUE, such as largest=4"
     problems.append(Problem("", "not a limit", expected=expected, location=location))
@@ -170,11 +161,11 @@ def _rules_of_file(folder: Path, problems: list[Problem]) -> Rules:
             raise InputError("not read under this name", where=str(other), hint=f"call it {LIMITS_FILE}")
     if not os.path.lexists(path):
         return Rules()
-    tree, lines = parse_yaml_file(file_content(path, MAX_SCENE_BYTES, "a file of limits"), path)
+    tree = parse_yaml_file(file_content(path, MAX_SCENE_BYTES, "a file of limits"), path)
     found: list[Problem] = []
     table = {"level": _LEVEL, "limits": _LIMITS, "frames": _FRAMES}
-    given = read_fields(TreeNode({} if tree.data is None else tree.data, "", found), table)
-    problems += TreeEditor(tree, path, lines).located_problems(found)
-    names = given["frames"] if valid_keys(given, "frames") else ()
+    given = schema.read_fields(schema.TreeNode({} if tree.data is None else tree.data, "", found), table)
+    problems += TreeEditor(tree, path).located_problems(found)
+    names = given["frames"] if schema.valid_keys(given, "frames") else ()
     places = {name: format_location(path, tree.locations[join_keys("frames", name)].key) for name in names}
     return Rules(**given, file=path, places=places)

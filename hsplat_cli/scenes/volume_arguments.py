@@ -14,17 +14,7 @@ import click
 from hsplat_cli.terminal import Reporter, option_group
 from renderer.errors import InputError, Problem, SceneError
 from renderer.readers import UnknownFormatError
-from renderer.scene import (
-    COLORMAP_FIELD,
-    MAX_FRAMES,
-    FieldType,
-    FileSource,
-    OutputSpec,
-    RawSource,
-    TreeNode,
-    VolumeSpec,
-    field_table,
-)
+from renderer.scene import COLORMAP_FIELD, MAX_FRAMES, FileSource, OutputSpec, RawSource, VolumeSpec, schema
 from renderer.suggest import FilmOptions
 
 if TYPE_CHECKING:
@@ -38,7 +28,7 @@ _GOT = re.compile(r"^(time|component): (-?[0-9]+)$")
 
 
 def check_as(
-    field: FieldType[Any], split: Callable[[str], object] = str, example: str | None = None
+    field: schema.FieldType[Any], split: Callable[[str], object] = str, example: str | None = None
 ) -> Callable[..., Any]:
     """Return a click callback that reads an option as the key of a scene that has this type.
 
@@ -47,7 +37,7 @@ def check_as(
 
     def read(_context: click.Context, parameter: click.Parameter, text: str | None) -> Any:
         problems: list[Problem] = []
-        value = None if text is None else field.read(TreeNode(split(text), "", problems))
+        value = None if text is None else field.read(schema.TreeNode(split(text), "", problems))
         if problems:
             location = f"{parameter.opts[0]} {text}"
             hint = example and f"such as {parameter.opts[0]} {example}"
@@ -62,7 +52,7 @@ def split_numbers(text: str) -> list[str]:
     return re.split("[,xX]", text)
 
 
-_RAW_FIELDS = field_table(RawSource)
+_RAW_FIELDS = schema.field_table(RawSource)
 
 
 def volume_options(nonfinite: Literal["error"] | None) -> Callable[[Any], Any]:
@@ -76,7 +66,7 @@ def volume_options(nonfinite: Literal["error"] | None) -> Callable[[Any], Any]:
         click.option(
             "--nonfinite",
             metavar="error|lowest|NUMBER",
-            callback=check_as(field_table(VolumeSpec)["nonfinite"]),
+            callback=check_as(schema.field_table(VolumeSpec)["nonfinite"]),
             default=nonfinite,
             show_default=nonfinite or "a value that is not seen",
             help="What to do with NaN and inf: refuse them, or draw them as the lowest value, or as another one.",
@@ -110,7 +100,7 @@ def _split_size(text: str) -> list[str]:
     return parts * 2 if len(parts) == 1 else parts
 
 
-_check_size = check_as(field_table(OutputSpec)["size"], _split_size, "640x480")
+_check_size = check_as(schema.field_table(OutputSpec)["size"], _split_size, "640x480")
 _check_colormap = check_as(COLORMAP_FIELD)
 _option = partial(click.option, show_default=True)
 

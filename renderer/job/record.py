@@ -10,37 +10,25 @@ import re
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 from renderer.errors import InputError, Problem
 from renderer.scene import (
-    BOOLEAN_FIELD,
     ERROR_SECTION,
-    INVALID,
-    MAPPING_FIELD,
     MAX_FRAMES,
     MAX_SIDECAR_BYTES,
-    TEXT_FIELD,
     ErrorSpec,
-    FieldType,
-    TreeNode,
     check_frame_in_path,
     check_frames_ascend,
-    dataclass_field,
     decode_utf8,
     format_value,
     is_shallow,
     load_json_object,
-    mapping_field,
     may_be_json,
     raise_problems,
-    read_option,
-    required_keys,
     schedule_to_dict,
-    sequence_field,
-    text_field,
+    schema,
 )
 
 FORMAT = "hsplat film 1"
@@ -57,50 +45,47 @@ _FORMER_KEYS = {"cause": "fingerprint", "gl": "device"}
 # Types of fields. JSON has numbers, so text that spells one is refused.
 
 
-def _number(expected: str, kinds: tuple[type, ...], least: float, most: float) -> FieldType[Any]:
-    def parse(node: TreeNode) -> Any:
+def _number(expected: str, kinds: tuple[type, ...], least: float, most: float) -> schema.FieldType[Any]:
+    def parse(node: schema.TreeNode) -> Any:
         value: Any = node.value
         if type(value) not in kinds:
             return node.reject("not a whole number" if kinds == (int,) else "not a number")
         return value if least <= value <= most else node.reject("out of range")
 
-    return FieldType(expected, parse)
+    return schema.FieldType(expected, parse)
 
 
-_list_of = partial(sequence_field, expected="a list", may_be_empty=True)
-
-
-def _parse_shallow(node: TreeNode) -> Any:
+def _parse_shallow(node: schema.TreeNode) -> Any:
     """Parse data that is copied as it is."""
     if not isinstance(node.value, dict) or is_shallow(node.value, _MOST_LEVELS):
-        return MAPPING_FIELD.parse(node)
+        return schema.MAPPING_FIELD.parse(node)
     return node.reject("too many levels", got="", expected=f"at most {_MOST_LEVELS}")
 
 
-def _parse_scene(node: TreeNode) -> Any:
+def _parse_scene(node: schema.TreeNode) -> Any:
     """Parse a recorded scene, which is checked where it is used; paths are taken from these sections anywhere."""
     scene = _parse_shallow(node)
-    for section in ("volume", "output") if scene is not INVALID else ():
+    for section in ("volume", "output") if scene is not schema.INVALID else ():
         if section in scene:
-            MAPPING_FIELD.read(node.child(section, scene[section]))
+            schema.MAPPING_FIELD.read(node.child(section, scene[section]))
         else:
-            MAPPING_FIELD.reject(node.child(section), "missing")
+            schema.MAPPING_FIELD.reject(node.child(section), "missing")
     return scene
 
 
-DIGEST_FIELD = text_field("32 hexadecimal digits", "not a digest", _DIGEST.fullmatch)
+DIGEST_FIELD = schema.text_field("32 hexadecimal digits", "not a digest", _DIGEST.fullmatch)
 _AMOUNT = _number(f"a number from 0 to {_MAX_AMOUNT:g}", (int, float), 0, _MAX_AMOUNT)
 _COORDINATE = _number("a number", (int, float), -_MAX_AMOUNT, _MAX_AMOUNT)
 _COUNT = _number("a whole number of at least 0", (int,), 0, 2**63 - 1)
 _FRAME_NUMBER = _number(f"a whole number from 0 to {MAX_FRAMES - 1}", (int,), 0, MAX_FRAMES - 1)
-_AMOUNTS, _TEXTS = mapping_field(_AMOUNT), mapping_field(TEXT_FIELD)
-_RANGE = sequence_field(_AMOUNT, "[smallest, largest]", count=2)
-_VECTOR = sequence_field(_COORDINATE, "[x, y, z]", count=3)
-_SHAPE = sequence_field(_COUNT, "[x, y, z]", count=3)
-_MATRIX = sequence_field(sequence_field(_COORDINATE, "four numbers", count=4), "a 4 x 4 matrix", count=4)
-_DATA: FieldType[Any] = FieldType("a mapping", _parse_shallow)
-_SCENE: FieldType[Any] = FieldType("a mapping", _parse_scene)
-_FORMAT = text_field(FORMAT, "another format of records", FORMAT.__eq__)
+_AMOUNTS, _TEXTS = schema.mapping_field(_AMOUNT), schema.mapping_field(schema.TEXT_FIELD)
+_RANGE = schema.sequence_field(_AMOUNT, "[smallest, largest]", count=2)
+_VECTOR = schema.sequence_field(_COORDINATE, "[x, y, z]", count=3)
+_SHAPE = schema.sequence_field(_COUNT, "[x, y, z]", count=3)
+_MATRIX = schema.sequence_field(schema.sequence_field(_COORDINATE, "four numbers", count=4), "a 4 x 4 matrix", count=4)
+_DATA: schema.FieldType[Any] = schema.FieldType("a mapping", _parse_shallow)
+_SCENE: schema.FieldType[Any] = schema.FieldType("a mapping", _parse_scene)
+_FORMAT = schema.text_field(FORMAT, "another format of records", FORMAT.__eq__)
 
 Range = tuple[float, float]
 Amounts = Mapping[str, float]
@@ -120,8 +105,8 @@ class FrameRecord:
     seconds: Annotated[Amounts, _AMOUNTS, "The time of each step; `encode` is to write and encode the picture."]
     digest: Annotated[str | None, DIGEST_FIELD, "The digest of its PNG file."] = None
     predicted_seconds: Annotated[float | None, _AMOUNT, "The time predicted for it, on a budget of time."] = None
-    device: Annotated[str | None, TEXT_FIELD, "What drew it, where that was on a cluster."] = None
-    blank: Annotated[bool, BOOLEAN_FIELD, "True where nothing of the volume shows."] = False
+    device: Annotated[str | None, "What drew it, where that was on a cluster."] = None
+    blank: Annotated[bool, "True where nothing of the volume shows."] = False
 
     @property
     def total_seconds(self) -> float:
@@ -129,8 +114,9 @@ class FrameRecord:
         return float(sum(self.seconds.values()))
 
 
-_FRAME = dataclass_field(FrameRecord)
-_FRAME_KEYS, _REQUIRED_FRAME_KEYS = {field.name for field in fields(FrameRecord)}, set(required_keys(FrameRecord))
+_FRAME = schema.dataclass_field(FrameRecord)
+_FRAME_KEYS = {field.name for field in fields(FrameRecord)}
+_REQUIRED_FRAME_KEYS = set(schema.required_keys(FrameRecord))
 
 
 def read_frame_record(value: Any) -> FrameRecord | None:
@@ -155,7 +141,7 @@ def _is_amount(value: Any) -> bool:
     return type(value) in (int, float) and 0 <= value <= min(_MAX_AMOUNT, sys.float_info.max)
 
 
-def _parse_frames(node: TreeNode) -> Any:
+def _parse_frames(node: schema.TreeNode) -> Any:
     """Parse the records of all frames; report the first wrong one alone: others may have the same mistake."""
     if not isinstance(node.value, list):
         return node.reject("not a list")
@@ -168,15 +154,15 @@ def _parse_frames(node: TreeNode) -> Any:
             before = len(node.problems)
             _FRAME.read(node.child(index, value))
             assert len(node.problems) > before, value
-            return INVALID
+            return schema.INVALID
         number = node.child(index).child("frame")
         if found and not check_frames_ascend(number, found[-1].frame, record.frame):
-            return INVALID
+            return schema.INVALID
         found.append(record)
     return tuple(found)
 
 
-_FRAMES: FieldType[Any] = FieldType("a list of one or more records of frames", _parse_frames)
+_FRAMES: schema.FieldType[Any] = schema.FieldType("a list of one or more records of frames", _parse_frames)
 
 
 # Parts of a film's record
@@ -186,9 +172,9 @@ _FRAMES: FieldType[Any] = FieldType("a list of one or more records of frames", _
 class VolumeRecord:
     """A record of the volume that was drawn."""
 
-    name: Annotated[str, TEXT_FIELD, "Its file, or the name of its formula."]
+    name: Annotated[str, "Its file, or the name of its formula."]
     fingerprint: Annotated[str, DIGEST_FIELD, "The digest of its voxels and their place in the world."]
-    dtype: Annotated[str, TEXT_FIELD, "The type of its voxels."]
+    dtype: Annotated[str, "The type of its voxels."]
     shape: Annotated[tuple[int, int, int], _SHAPE, "Its voxels along x, y and z."]
     world_from_index: Annotated[tuple[tuple[float, ...], ...], _MATRIX, "From voxel indices to the world, 4 x 4."]
 
@@ -214,9 +200,9 @@ class PyramidRecord:
 class MeasuredRecord:
     """A record of the search for the tolerance of an accuracy."""
 
-    metric: Annotated[str, TEXT_FIELD, "What was measured: `psnr` or `rmse`."]
+    metric: Annotated[str, "What was measured: `psnr` or `rmse`."]
     frame: Annotated[int, _FRAME_NUMBER, "The probe frame with the worst value."]
-    probes: Annotated[tuple[int, ...], _list_of(_FRAME_NUMBER), "All probe frames."]
+    probes: Annotated[tuple[Annotated[int, _FRAME_NUMBER], ...], "All probe frames."]
     worst: Annotated[float | None, _AMOUNT, "The worst value; left out for the PSNR of equal pictures."] = None
 
 
@@ -227,11 +213,11 @@ class ScheduleRecord:
     requested: Annotated[ErrorSpec, ERROR_SECTION, "The accuracy, as a section `error` of a scene."]
     tolerance: Annotated[Range, _RANGE, "The smallest and the largest tolerance of a frame."]
     cells: Annotated[Range, _RANGE, "The smallest and the largest number of cells of a frame."]
-    met: Annotated[bool, BOOLEAN_FIELD, "Whether what was requested was reached."]
-    reproducible: Annotated[bool, BOOLEAN_FIELD, "False where the tolerances depend on the speed of the machine."]
-    shortfall: Annotated[str | None, TEXT_FIELD, "What was not reached."] = None
-    measured: Annotated[MeasuredRecord | None, dataclass_field(MeasuredRecord), "The search for an accuracy."] = None
-    made_from: Annotated[str | None, TEXT_FIELD, "The sidecar of the film that this one was made again from."] = None
+    met: Annotated[bool, "Whether what was requested was reached."]
+    reproducible: Annotated[bool, "False where the tolerances depend on the speed of the machine."]
+    shortfall: Annotated[str | None, "What was not reached."] = None
+    measured: Annotated[MeasuredRecord | None, "The search for an accuracy."] = None
+    made_from: Annotated[str | None, "The sidecar of the film that this one was made again from."] = None
 
 
 @dataclass(frozen=True)
@@ -252,18 +238,18 @@ class PassRecord:
     predicted_seconds: Annotated[float, _AMOUNT, "The time that was predicted for it."]
     seconds: Annotated[float, _AMOUNT, "The time that it took."]
     after_seconds: Annotated[float, _AMOUNT, "When it was finished, from the start of the job."]
-    difference: Annotated[DifferenceRecord | None, dataclass_field(DifferenceRecord), "From the pass before."] = None
+    difference: Annotated[DifferenceRecord | None, "From the pass before."] = None
 
 
 @dataclass(frozen=True)
 class PartRecord:
     """A record of a part that a film was assembled from."""
 
-    sidecar: Annotated[str, TEXT_FIELD, "The sidecar of the part."]
+    sidecar: Annotated[str, "The sidecar of the part."]
     frames: Annotated[Range, _RANGE, "The first and the last frame that was taken."]
     num_frames: Annotated[int, _COUNT, "The number of frames that were taken."]
     seconds: Annotated[Amounts, _AMOUNTS, "What the part took."]
-    measured: Annotated[MeasuredRecord | None, dataclass_field(MeasuredRecord), "The search for an accuracy."] = None
+    measured: Annotated[MeasuredRecord | None, "The search for an accuracy."] = None
 
 
 @dataclass(frozen=True)
@@ -280,24 +266,18 @@ class FilmRecord:
     """A record of how a film was made, and what it cost: the content of its sidecar."""
 
     scene: Annotated[Mapping[str, Any], _SCENE, "A scene that draws the same frames, with every default."]
-    volume: Annotated[VolumeRecord, dataclass_field(VolumeRecord), "The volume."]
-    camera: Annotated[CameraRecord, dataclass_field(CameraRecord), "The camera."]
-    pyramid: Annotated[PyramidRecord, dataclass_field(PyramidRecord), "The pyramid."]
-    device: Annotated[str, TEXT_FIELD, "What drew the frames: device and driver of OpenGL, or the processor."]
+    volume: Annotated[VolumeRecord, "The volume."]
+    camera: Annotated[CameraRecord, "The camera."]
+    pyramid: Annotated[PyramidRecord, "The pyramid."]
+    device: Annotated[str, "What drew the frames: device and driver of OpenGL, or the processor."]
     versions: Annotated[Mapping[str, str], _TEXTS, "Versions of Python, hsplat and the packages that bytes depend on."]
-    schedule: Annotated[ScheduleRecord, dataclass_field(ScheduleRecord), "The accuracy."]
-    notes: Annotated[tuple[str, ...], _list_of(TEXT_FIELD), "What the user should know."]
+    schedule: Annotated[ScheduleRecord, "The accuracy."]
+    notes: Annotated[tuple[str, ...], "What the user should know."]
     seconds: Annotated[Amounts, _AMOUNTS, "The time of each step of the whole film."]
     frames: Annotated[tuple[FrameRecord, ...], _FRAMES, "The frames, ascending."]
-    passes: Annotated[
-        tuple[PassRecord, ...], _list_of(dataclass_field(PassRecord)), "Passes of a progressive film."
-    ] = ()
-    parts: Annotated[tuple[PartRecord, ...], _list_of(dataclass_field(PartRecord)), "Parts of an assembled film."] = ()
-    fingerprint: Annotated[
-        FilmFingerprint | None,
-        dataclass_field(FilmFingerprint),
-        "Left out where one pass would not have made this film.",
-    ] = None
+    passes: Annotated[tuple[PassRecord, ...], "Passes of a progressive film."] = ()
+    parts: Annotated[tuple[PartRecord, ...], "Parts of an assembled film."] = ()
+    fingerprint: Annotated[FilmFingerprint | None, "Left out where one pass would not have made this film."] = None
     digest: Annotated[str | None, DIGEST_FIELD, "The digest of a film in one file."] = None
     format: Annotated[str, _FORMAT, "The version of this format."] = FORMAT
 
@@ -309,7 +289,7 @@ class FilmRecord:
 
 # The frames, of which there are many, come last in the file.
 _LAST = "frames"
-_FILM = dataclass_field(FilmRecord)
+_FILM = schema.dataclass_field(FilmRecord)
 
 
 # To JSON and back
@@ -336,7 +316,7 @@ def _plain(value: Any) -> Any:
 def record_from_json(data: Mapping[str, Any], path: Path) -> FilmRecord:
     """Return the record in plain data. Raises SceneError with everything that is wrong with it."""
     problems: list[Problem] = []
-    record: FilmRecord = read_option(_FILM, data, str(path), problems)
+    record: FilmRecord = schema.read_option(_FILM, data, str(path), problems)
     raise_problems(problems)
     return record
 
@@ -378,7 +358,7 @@ def _format_error(data: Mapping[str, Any], path: Path) -> InputError:
 def late_frame_problems(record: FilmRecord, num_frames: int) -> list[Problem]:
     """Return the problem of a film whose last frame comes after the end of the path in its scene, if it does."""
     problems: list[Problem] = []
-    node = TreeNode(None, f"frames.{len(record.frames) - 1}.frame", problems)
+    node = schema.TreeNode(None, f"frames.{len(record.frames) - 1}.frame", problems)
     check_frame_in_path(node, record.numbers[-1], num_frames)
     return problems
 

@@ -1,3 +1,4 @@
+from . import schema as schema
 from .camera_section import (
     FRAME_NUMBER_FIELD as FRAME_NUMBER_FIELD,
     MAX_FRAMES as MAX_FRAMES,
@@ -77,33 +78,12 @@ from .schedule import (
     with_tolerances as with_tolerances,
 )
 from .schema import (
-    BOOLEAN_FIELD as BOOLEAN_FIELD,
-    INVALID as INVALID,
-    MAPPING_FIELD as MAPPING_FIELD,
     MAX_WORLD_LENGTH as MAX_WORLD_LENGTH,
     MIN_WORLD_LENGTH as MIN_WORLD_LENGTH,
-    TEXT_FIELD as TEXT_FIELD,
     TILDE_HINT as TILDE_HINT,
     Color as Color,
-    FieldTable as FieldTable,
-    FieldType as FieldType,
-    TreeNode as TreeNode,
     Vector as Vector,
-    choice_field as choice_field,
-    dataclass_field as dataclass_field,
-    field_table as field_table,
     has_unexpanded_tilde as has_unexpanded_tilde,
-    integer_field as integer_field,
-    mapping_field as mapping_field,
-    number_field as number_field,
-    read_fields as read_fields,
-    read_option as read_option,
-    required_keys as required_keys,
-    section_field as section_field,
-    sequence_field as sequence_field,
-    text_field as text_field,
-    valid_keys as valid_keys,
-    word_or as word_or,
 )
 from .spec import (
     PyramidSpec as PyramidSpec,

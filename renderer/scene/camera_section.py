@@ -174,6 +174,3 @@ class CameraSpec:
     target: Annotated[Vector | Literal["visible"] | None, _TARGET] = None
     distance: Annotated[float | None, schema.LENGTH_FIELD] = None
     near: Annotated[float, schema.number_field(minimum=0, maximum=schema.MAX_WORLD_LENGTH)] = 0.0
-
-
-CAMERA_SECTION = schema.dataclass_field(CameraSpec)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from renderer.errors import Problem, SceneError
 from renderer.scene.camera_section import CameraSpec, KeyframePath
-from renderer.scene.volume_section import FileSource, RawSource, VolumeSpec
+from renderer.scene.volume_section import FileSource, VolumeSpec
 
 if TYPE_CHECKING:
     from renderer.volume import Volume
@@ -69,8 +69,7 @@ def proportion_problems(volume: VolumeSpec, camera: CameraSpec, size: tuple[int,
     shape = tuple(end - first for first, end in first_end)
     centre = tuple(0.5 * (first + end - 1) * side for (first, end), side in zip(first_end, source.spacing, strict=True))
     extent = _extent(shape, source.spacing, centre)
-    name = "raw" if isinstance(source, RawSource) else "procedural"
-    yield from volume_problems(extent, f"volume.{name}.spacing")
+    yield from volume_problems(extent, f"volume.{source.key}.spacing")
     yield from camera_problems(camera, size, extent)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import accumulate
 
 from renderer.errors import closest_match
 from renderer.system import printable
@@ -66,11 +67,9 @@ def join_words(names: Iterable[object], last: str = "or") -> str:
 
 def join_some(words: Sequence[str], separator: str = ", ") -> str:
     """Return the first words, as many as fit into a line of a message but at least one, and how many more there are."""
-    num, length = 1, len(words[0])
-    while num < min(len(words), _MAX_WORDS) and length + len(separator + words[num]) <= _MAX_LINE_LENGTH:
-        length += len(separator + words[num])
-        num += 1
-    return separator.join(words[:num]) + f" and {len(words) - num} more" * (num < len(words))
+    ends = accumulate(len(word + separator) for word in words[:_MAX_WORDS])
+    num = sum(end - len(separator) <= _MAX_LINE_LENGTH for end in ends)
+    return first_few(words, max(num, 1), separator)
 
 
 def did_you_mean(name: object, names: Iterable[str]) -> str | None:

@@ -49,12 +49,12 @@ def parse_scene_content(
     if len(content) > MAX_SCENE_BYTES:
         raise InputError("too large for a scene", where=str(path), expected=f"at most {MAX_SCENE_BYTES} bytes")
     reject_volume_header(content, path)
-    tree, lines = yaml_tree.parse_yaml_file(content, path)
+    tree = yaml_tree.parse_yaml_file(content, path)
     if not isinstance(tree.data, dict):
         got = "an empty file" if tree.data is None else format_value(tree.data)
         expected = "the keys volume, transfer_function, camera and output"
         raise InputError("not a scene", where=str(path), got=got, expected=expected)
-    editor = TreeEditor(tree, path, lines)
+    editor = TreeEditor(tree, path)
     editor.apply(overrides, volume, output)
     return editor.parse(is_single_frame=is_single_frame)
 
@@ -73,14 +73,13 @@ class TreeEditor:
     Parameters
     ----------
     tree: a mapping, which is changed.
-    path: the file that it was read from. lines: its lines, to show with problems.
+    path: the file that it was read from.
     path_prefix: where the scene is in the file, for files that are located by keys instead of lines.
     hints: for problems with the file's own values, by path.
     """
 
     tree: yaml_tree.YamlTree
     path: Path
-    lines: Sequence[str] = ()
     path_prefix: str = ""
     hints: Mapping[str, str] = field(default_factory=dict)
 
@@ -210,7 +209,7 @@ class TreeEditor:
         """Return the problem with its location and, if that is in the file, the line itself."""
         if isinstance(origin, int):
             return replace(problem, location=self._options[origin])
-        what = yaml_tree.with_excerpt(problem.what, self.lines, origin)
+        what = yaml_tree.with_excerpt(problem.what, self.tree.lines, origin)
         return replace(problem, location=yaml_tree.format_location(self.path, origin), what=what)
 
 

@@ -11,9 +11,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import MISSING, dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from functools import partial
 from pathlib import Path
+from types import NoneType, UnionType
 from typing import Annotated, Any, Generic, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from renderer.errors import Problem, closest_match
@@ -297,19 +298,32 @@ def dataclass_field(
 
 
 def field_table(cls: Any) -> dict[str, FieldType[Any]]:
-    """Return the types of a dataclass's fields: those of annotations, choices of a Literal, and booleans.
+    """Return the types of a dataclass's fields: those that annotations declare, or else those that follow from hints.
 
-    Fields of other types are left out.
+    Fields whose hints say too little are left out.
     """
-    table: dict[str, FieldType[Any]] = {}
-    for name, hint in get_type_hints(cls, include_extras=True).items():
-        if get_origin(hint) is Annotated:
-            table[name] = hint.__metadata__[0]
-        elif get_origin(hint) is Literal:
-            table[name] = choice_field(*get_args(hint))
-        elif hint is bool:
-            table[name] = BOOLEAN_FIELD
-    return table
+    found = {name: _field_type(hint) for name, hint in get_type_hints(cls, include_extras=True).items()}
+    return {name: field for name, field in found.items() if field is not None}
+
+
+def _field_type(hint: Any) -> FieldType[Any] | None:
+    """Return the type that a hint declares or says: a boolean, text, one of a Literal's words, another dataclass,
+    or a list of any number of these."""
+    if get_origin(hint) is Annotated:
+        declared = (item for item in hint.__metadata__ if isinstance(item, FieldType))
+        return next(declared, None) or _field_type(hint.__origin__)
+    if get_origin(hint) is Literal:
+        return choice_field(*get_args(hint))
+    if get_origin(hint) is UnionType:
+        kinds = [kind for kind in get_args(hint) if kind is not NoneType]
+        return _field_type(kinds[0]) if len(kinds) == 1 else None
+    if get_origin(hint) is tuple and get_args(hint)[1:] == (...,):
+        item = _field_type(get_args(hint)[0])
+        return item and sequence_field(item, "a list", may_be_empty=True)
+    if isinstance(hint, type) and is_dataclass(hint):
+        return dataclass_field(hint)
+    plain: dict[Any, FieldType[Any]] = {bool: BOOLEAN_FIELD, str: TEXT_FIELD}
+    return plain.get(hint)
 
 
 def required_keys(cls: Any) -> list[str]:

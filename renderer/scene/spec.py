@@ -17,20 +17,13 @@ from typing import Annotated, Any, Literal
 
 from renderer.errors import Problem
 from renderer.scene import schema
-from renderer.scene.camera_section import CAMERA_SECTION, CameraPath, CameraSpec, direction_field
+from renderer.scene.camera_section import CameraPath, CameraSpec, direction_field
 from renderer.scene.error_section import ERROR_SECTION, ErrorSpec, check_scheduled_frames, schedule_to_dict
 from renderer.scene.limits import proportion_problems, raise_problems
 from renderer.scene.output_section import OUTPUT_SECTION, OutputSpec, check_frame_field
 from renderer.scene.splat_section import SPLAT_SECTION, SplatSpec, unused_splat_keys
 from renderer.scene.transfer_section import TRANSFER_FUNCTION_SECTION, ColormapSpec, TransferSpec
-from renderer.scene.volume_section import (
-    VOLUME_SECTION,
-    ArraySource,
-    FileSource,
-    ProceduralSource,
-    RawSource,
-    VolumeSpec,
-)
+from renderer.scene.volume_section import VOLUME_SECTION, ArraySource, FileSource, VolumeSpec
 
 VERSION = 1
 
@@ -68,12 +61,12 @@ class Scene:
 
     volume: Annotated[VolumeSpec, VOLUME_SECTION]
     transfer_function: Annotated[TransferSpec, TRANSFER_FUNCTION_SECTION]
-    camera: Annotated[CameraSpec, CAMERA_SECTION]
+    camera: CameraSpec
     output: Annotated[OutputSpec, OUTPUT_SECTION]
     error: Annotated[ErrorSpec, ERROR_SECTION] = field(default=ErrorSpec())
     splat: Annotated[SplatSpec, SPLAT_SECTION] = field(default=SplatSpec("integrated"))
-    pyramid: Annotated[PyramidSpec, schema.dataclass_field(PyramidSpec)] = PyramidSpec()
-    shading: Annotated[ShadingSpec | None, schema.dataclass_field(ShadingSpec)] = None
+    pyramid: PyramidSpec = PyramidSpec()
+    shading: ShadingSpec | None = None
     overlay: Literal["none", "octree"] = "none"
     version: Annotated[int, _VERSION] = VERSION
 
@@ -121,8 +114,6 @@ _MISPLACED_KEY_HINTS = {
 
 # Back to plain data
 
-_SOURCE_KEYS: dict[type, str] = {RawSource: "raw", ProceduralSource: "procedural", ArraySource: "array"}
-
 
 def scene_to_dict(scene: Scene) -> dict[str, Any]:
     """Return the scene as plain data for JSON or YAML, with every default written out.
@@ -139,7 +130,7 @@ def spec_to_dict(value: Any) -> dict[str, Any]:
     plain = {name: _plain(item) for name, item in pairs if item is not None}  # None stands for a key that is not given
     if isinstance(value, VolumeSpec):
         source: dict[str, Any] = plain.pop("source")
-        return (source if isinstance(value.source, FileSource) else {_SOURCE_KEYS[type(value.source)]: source}) | plain
+        return (source if isinstance(value.source, FileSource) else {value.source.key: source}) | plain
     if isinstance(value, TransferSpec):
         mapping = plain.pop("mapping")
         has_colormap = isinstance(value.mapping, ColormapSpec)

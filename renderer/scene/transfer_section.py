@@ -103,7 +103,7 @@ class TransferSpec:
     """
 
     mapping: tuple[ControlPoint, ...] | ColormapSpec
-    unit: float | None = None
+    unit: Annotated[float | None, schema.LENGTH_FIELD] = None
 
 
 def _check_range(node: TreeNode, low_high: tuple[Any, ...]) -> Any:
@@ -129,7 +129,7 @@ _COLORMAP_FIELDS: schema.FieldTable = {
     "opacity": schema.sequence_field(_OPACITY_POINT, "a list of [value, opacity], one or more"),
 }
 _FIELDS: schema.FieldTable = {
-    "unit": schema.LENGTH_FIELD,
+    **schema.field_table(TransferSpec),
     "points": schema.sequence_field(
         schema.dataclass_field(ControlPoint), "a list of {value: ..., color: ..., opacity: ...}, one or more"
     ),

@@ -131,6 +131,7 @@ class FileSource:
 class RawSource:
     """A file of headerless voxels, x fastest; `dtype`: a numpy name without byte order; `offset`: bytes to skip."""
 
+    key: ClassVar[str] = "raw"  # in the section
     file: Annotated[Path, _file_field("a file of voxels without a header", folder=False)]
     shape: Shape
     dtype: Annotated[str, schema.choice_field(*ITEM_SIZES, aliases=_ALIASES)]
@@ -143,6 +144,7 @@ class RawSource:
 class ProceduralSource:
     """A volume made from a formula."""
 
+    key: ClassVar[str] = "procedural"
     name: Annotated[str, schema.choice_field(*PROCEDURAL_NAMES)]
     shape: Shape
     seed: Annotated[int, schema.integer_field(minimum=0, maximum=2**32 - 1)] = 1
@@ -153,6 +155,7 @@ class ProceduralSource:
 class ArraySource:
     """An array of voxels in memory, of a scene made in Python: numpy [z, y, x], which is never written to."""
 
+    key: ClassVar[str] = "array"
     name: ClassVar[str] = "the array"  # in messages
     values: Any
     spacing: schema.Vector = (1.0, 1.0, 1.0)

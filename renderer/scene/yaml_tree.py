@@ -51,9 +51,13 @@ class SourceLocation(NamedTuple):
 
 @dataclass
 class YamlTree:
-    """A tree of plain data, the locations of its dotted paths, and the problems that did not prevent reading."""
+    """A tree of plain data, the locations of its dotted paths, and the problems that did not prevent reading.
+
+    lines: of the text, to show with problems.
+    """
 
     data: Any = None
+    lines: Sequence[str] = ()
     locations: dict[str, SourceLocation] = field(default_factory=dict)
     problems: list[tuple[TextPosition, Problem]] = field(default_factory=list)
 
@@ -66,14 +70,13 @@ class NotYamlError(Exception):
         super().__init__(what)
 
 
-def parse_yaml_file(content: bytes, path: Path) -> tuple[YamlTree, list[str]]:
-    """Return the data in the content of a file, and its lines for `with_excerpt`. Raises InputError."""
+def parse_yaml_file(content: bytes, path: Path) -> YamlTree:
+    """Return the data in the content of a file. Raises InputError."""
     text = decode_utf8(content, path)
-    lines = LINE_BREAK.split(text)
     try:
-        return parse_yaml(text), lines
+        return parse_yaml(text)
     except NotYamlError as error:
-        what = with_excerpt(error.what, lines, error.mark)
+        what = with_excerpt(error.what, LINE_BREAK.split(text), error.mark)
         raise InputError(what, where=format_location(path, error.mark), hint=error.hint) from error
 
 
@@ -98,7 +101,7 @@ _MAX_LINE = 120
 
 def parse_yaml(text: str) -> YamlTree:
     """Return the data in `text`; None if it has nothing but comments. Raises NotYamlError."""
-    tree = _Builder()
+    tree = _Builder(lines=LINE_BREAK.split(text))
     try:
         node = yaml.compose(text, Loader=_Loader)
         if node is not None:

@@ -33,7 +33,7 @@ _MIN_VALID_FRACTION = 0.1
 # If more voxels than this multiple of the NaN voxels have the fill value, others have it, too.
 _MAX_NONFINITE_RATIO = 1.5
 # A side of a background with less than this part of the other side's voxels does not count.
-ONE_SIDED_RATIO = 0.15
+_ONE_SIDED_RATIO = 0.15
 # Values outside these percentiles are ignored when contrast is measured.
 _CONTRAST_PERCENTILES = (0.01, 99.99)
 
@@ -179,6 +179,16 @@ class Background:
     below: float
     above: float
 
+    @property
+    def has_much_below(self) -> bool:
+        """Return whether the part below it counts beside the part above it."""
+        return self.below > _ONE_SIDED_RATIO * self.above
+
+    @property
+    def has_much_above(self) -> bool:
+        """Return whether the part above it counts beside the part below it."""
+        return self.above > _ONE_SIDED_RATIO * self.below
+
 
 def find_background(sample: VoxelSample) -> Background:
     """Find the shortest interval with half of the values on the volume's six faces, and widen it by its noise.
@@ -209,11 +219,6 @@ def find_background(sample: VoxelSample) -> Background:
     )
 
 
-def has_much_below(background: Background) -> bool:
-    """Return whether the part below a background counts beside the part above it."""
-    return background.below > ONE_SIDED_RATIO * background.above
-
-
 def is_about_zero(sample: VoxelSample) -> bool:
     """Return whether the median of the valid values is near the data value 0, compared with their spread."""
     shares = sample.normalized[sample.is_valid]
@@ -235,17 +240,15 @@ def second_difference_ratio(sample: VoxelSample, above: float) -> float:
 def coherence(sample: VoxelSample, above: float) -> float:
     """Return the probability that a neighbour of a voxel above `above` is above it, too: low for noise, high for
     objects."""
-    here = sample.normalized > above
-    num = int(np.count_nonzero(here))
-    return int(np.count_nonzero(here & (sample.neighbours > above))) / (4 * num) if num else 0.0
+    are_above = (sample.neighbours > above)[:, sample.normalized > above]
+    return float(np.mean(are_above)) if are_above.size else 0.0
 
 
 def equal_neighbour_fraction(sample: VoxelSample, background: float) -> float:
     """Return the part of the neighbours of voxels outside the background that have the voxel's own value."""
-    here = np.abs(sample.normalized - background) > 1e-9
-    num = int(np.count_nonzero(here))
-    same = int(np.count_nonzero(here & (np.abs(sample.neighbours - sample.normalized) <= 1e-9)))
-    return same / (4 * num) if num else 1.0
+    are_outside = np.abs(sample.normalized - background) > 1e-9
+    are_equal = (np.abs(sample.neighbours - sample.normalized) <= 1e-9)[:, are_outside]
+    return float(np.mean(are_equal)) if are_equal.size else 1.0
 
 
 def small_step_fraction(sample: VoxelSample, step: float) -> float:

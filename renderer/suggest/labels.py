@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 
 from renderer.scene import Color, ColormapSpec, ControlPoint
-from renderer.suggest.features import (
-    VoxelSample,
-    equal_neighbour_fraction,
-    faces,
-    small_step_fraction,
-    transition_value_fraction,
-)
+from renderer.suggest import features
+from renderer.suggest.features import VoxelSample
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.opacity import (
     Layer,
@@ -64,10 +59,10 @@ def label_values(volume: Volume, statistics: Statistics, sample: VoxelSample) ->
     if found is None or (len(found) > 2 and not all(value == int(value) for value in found)):
         return None
     if len(found) > _MAX_CERTAIN_LABELS:
-        if not is_piecewise or transition_value_fraction(sample) > _MAX_TRANSITION_FRACTION:
+        if not is_piecewise or features.transition_value_fraction(sample) > _MAX_TRANSITION_FRACTION:
             return None
         two_levels = 2.5 / (found[-1] - found[0])
-        if len(found) > _MAX_GRADED_LABELS and small_step_fraction(sample, two_levels) > _MAX_SMALL_STEPS:
+        if len(found) > _MAX_GRADED_LABELS and features.small_step_fraction(sample, two_levels) > _MAX_SMALL_STEPS:
             return None
     return found
 
@@ -79,7 +74,7 @@ def label_reason(sample: VoxelSample, values: Sequence[float], outside: float) -
 
 
 def _is_piecewise_constant(sample: VoxelSample) -> bool:
-    return equal_neighbour_fraction(sample, _border_mode(sample)) >= _MIN_EQUAL_NEIGHBOURS
+    return features.equal_neighbour_fraction(sample, _border_mode(sample)) >= _MIN_EQUAL_NEIGHBOURS
 
 
 def _distinct_values(volume: Volume, statistics: Statistics) -> list[float] | None:
@@ -103,7 +98,7 @@ def background_label(sample: VoxelSample, values: Sequence[float]) -> float:
 
 
 def _border_mode(sample: VoxelSample) -> float:
-    values, counts = np.unique(faces(sample.normalized), return_counts=True)
+    values, counts = np.unique(features.faces(sample.normalized), return_counts=True)
     return float(values[counts.argmax()])
 
 
@@ -130,12 +125,10 @@ def label_mapping(
     if colormap is not None or len(shown) > len(_PALETTE):
         knots = tuple((at, float(value != outside)) for value in values for at in regions[value])
         common = opacity(Layer("", knots, OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH))
-        steps = [(at, common if value != outside else 0.0) for value in values for at in between[value]]
-        # The middle of three points of one opacity has no effect.
-        is_redundant = [a[1] == b[1] == c[1] for a, b, c in zip(steps, steps[1:], steps[2:], strict=False)]
-        steps = [
-            step for step, is_left_out in zip(steps, [False, *is_redundant, False], strict=True) if not is_left_out
-        ]
+        steps: list[tuple[float, float]] = []
+        for is_shown, labels in groupby(values, lambda value: value != outside):
+            first, *_, last = (at for value in labels for at in between[value])
+            steps += [(at, common if is_shown else 0.0) for at in (first, last)]
         is_table = colormap is None and values[0] >= 0 and values[-1] <= 255  # every label has its own entry
         span = (0.0, 255.0) if is_table else (values[0], values[-1])
         return ColormapSpec(colormap or _MANY_LABELS_COLORMAP, span, tuple(steps)), (), unit

@@ -6,8 +6,9 @@ dense the layers are.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from renderer.scene import Color, ShadingSpec, colormap_points
 from renderer.suggest.features import Background, VoxelSample, coherence, otsu_threshold
 from renderer.suggest.opacity import Layer, covered_ray_fraction
 from renderer.volume import Float64
+
+T = TypeVar("T")
 
 # Mean opacities of the rays through a layer: a faint one, a translucent one, an opaque one, and a field that is dense
 # in some places and thin in others.
@@ -88,15 +91,12 @@ def ct_preset(sample: VoxelSample, zero: float) -> Preset:
     """Return the preset of a CT scan; `zero` is the stored value of 0 Hounsfield units."""
     has_bone = float(np.mean(sample.normalized > sample.normalize(_BONE_THRESHOLD + zero))) > _MIN_BONE_FRACTION
 
-    def at(hounsfield: float) -> float:
-        return sample.normalize(hounsfield + zero)
+    def normalized(points: Iterable[tuple[float, T]]) -> tuple[tuple[float, T], ...]:
+        return tuple((sample.normalize(hounsfield + zero), each) for hounsfield, each in points)
 
-    tissue = Layer(
-        "soft tissue", tuple((at(v), w) for v, w in _TISSUE), TRANSLUCENT_COVERAGE if has_bone else OPAQUE_COVERAGE
-    )
-    bone = Layer("bone", tuple((at(v), w) for v, w in _BONE), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
-    layers = (tissue, bone) if has_bone else (tissue,)
-    return Preset(layers, tuple((at(v), color) for v, color in _CT_COLORS))
+    tissue = Layer("soft tissue", normalized(_TISSUE), TRANSLUCENT_COVERAGE if has_bone else OPAQUE_COVERAGE)
+    bone = Layer("bone", normalized(_BONE), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
+    return Preset((tissue, bone) if has_bone else (tissue,), normalized(_CT_COLORS))
 
 
 # Scans: materials that stand out from a background.

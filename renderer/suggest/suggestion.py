@@ -15,20 +15,8 @@ from operator import itemgetter
 import numpy as np
 
 from renderer.scene import ColormapSpec, ControlPoint, ShadingSpec, SplatSpec, TransferSpec
-from renderer.suggest import presets
-from renderer.suggest.features import (
-    ONE_SIDED_RATIO,
-    Background,
-    VoxelSample,
-    faces,
-    find_background,
-    has_much_below,
-    is_about_zero,
-    is_level_set_interior,
-    otsu_threshold,
-    sample_volume,
-    second_difference_ratio,
-)
+from renderer.suggest import features, presets
+from renderer.suggest.features import Background, VoxelSample
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.labels import background_label, label_mapping, label_reason, label_values
 from renderer.suggest.opacity import calibrate_layer_depth, format_number, opacity_from_depth, opacity_unit_length
@@ -67,15 +55,15 @@ def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None)
     if statistics.minimum == statistics.maximum:
         return _with_colormap(_constant_suggestion(volume, float(statistics.minimum)), colormap)
     if all(0 <= outlier.value < _MAX_OUTLYING_LABEL for outlier in statistics.outliers):
-        sample = sample_volume(volume, statistics)
+        sample = features.sample_volume(volume, statistics)
         if statistics.without_outliers is None or label_values(volume, statistics, sample) is not None:
             return _suggest_from(volume, statistics, sample, colormap)
     others = statistics.without_outliers
     assert others is not None, statistics.outliers
-    sample = sample_volume(volume, others)
+    sample = features.sample_volume(volume, others)
     nonfinite_fill = suggest_nonfinite_fill(volume, others)
     if nonfinite_fill is not None:
-        sample = sample_volume(volume, others, sample.normalize(nonfinite_fill))
+        sample = features.sample_volume(volume, others, sample.normalize(nonfinite_fill))
     return hide_outliers(_suggest_from(volume, others, sample, colormap), statistics, sample)
 
 
@@ -90,7 +78,7 @@ def _suggest_from(volume: Volume, statistics: Statistics, sample: VoxelSample, c
         reason = f"air lies near {zero - 1000:g} and soft tissue near {zero:g}{offset}"
         kind, preset = "CT in Hounsfield units", presets.ct_preset(sample, zero)
     else:
-        kind, reason, preset = _recognise(volume, statistics, sample, find_background(sample))
+        kind, reason, preset = _recognise(volume, statistics, sample, features.find_background(sample))
     return _with_colormap(_preset_suggestion(kind, reason, sample, preset), colormap)
 
 
@@ -130,21 +118,21 @@ def _recognise(
     """Return the kind, the reason and the preset of data that are neither labels nor Hounsfield units."""
     if not background.is_there or background.above + background.below == 0:
         return _filled_volume_preset(statistics, sample)
-    if has_much_below(background) and background.above > ONE_SIDED_RATIO * background.below:
+    if background.has_much_below and background.has_much_above:
         middle = sample.round_value(sample.denormalize(background.middle))
         away = max(background.high - background.middle, 0.04)
         reason = f"values lie on both sides of a background near {middle:.12g}"
         return "field with two signs", reason, presets.diverging_preset(sample, background.middle, away)
     if background.below > background.above:
         turned = sample.with_inverted_range()
-        kind, reason, preset = _object_preset(volume, turned, find_background(turned))
+        kind, reason, preset = _object_preset(volume, turned, features.find_background(turned))
         return f"{kind}, dark in a bright background", reason, preset.with_inverted_range()
     return _object_preset(volume, sample, background)
 
 
 def _object_preset(volume: Volume, sample: VoxelSample, background: Background) -> tuple[str, str, Preset]:
     """Return the kind, the reason and the preset of an object brighter than its background."""
-    rough = second_difference_ratio(sample, background.high)
+    rough = features.second_difference_ratio(sample, background.high)
     near = f"the background is near {sample.round_value(sample.denormalize(background.middle)):.12g}"
     is_float = volume.values.dtype.kind == "f"
     if is_float and presets.tail_ratio(sample, background.high, origin=background.middle) > _HEAVY_TAIL:
@@ -163,16 +151,16 @@ def _filled_volume_preset(statistics: Statistics, sample: VoxelSample) -> tuple[
     shares = sample.normalized[sample.is_valid]
     if low < 0 < high:
         zero = sample.normalize(0.0)
-        if is_about_zero(sample):
+        if features.is_about_zero(sample):
             preset = presets.diverging_preset(sample, zero, 1.2 * float(np.std(shares)))
             return "field with two signs", "values lie on both sides of 0 and fill the volume to its border", preset
-        if is_level_set_interior(sample.with_inverted_range(), 1 - zero):
+        if features.is_level_set_interior(sample.with_inverted_range(), 1 - zero):
             preset = presets.level_set_preset(1 - zero).with_inverted_range()
             return "level set", "negative values lie inside of positive ones", preset
-        if is_level_set_interior(sample, zero):
+        if features.is_level_set_interior(sample, zero):
             return "level set", "positive values lie inside of negative ones", presets.level_set_preset(zero)
     bottom, top = np.percentile(shares, (0.01, 99.99)).tolist()
-    threshold = otsu_threshold(shares, bottom, top, _TWO_PHASE_SEPARATION)
+    threshold = features.otsu_threshold(shares, bottom, top, _TWO_PHASE_SEPARATION)
     if threshold is not None:
         preset = presets.two_phase_preset(sample, threshold)
         return "two phases", "there is no background, and values gather in two groups", preset
@@ -283,23 +271,23 @@ def suggest_nonfinite_fill(volume: Volume, statistics: Statistics) -> float | No
     low, high = float(statistics.minimum), float(statistics.maximum)
     if low == high:  # a mask by NaN
         return 0.0 if low else None
-    sample = sample_volume(volume, statistics)
+    sample = features.sample_volume(volume, statistics)
     if label_values(volume, statistics, sample) is not None:
         return _nonfinite_label(sample, low)
-    if low < 0 < high and is_about_zero(sample):
+    if low < 0 < high and features.is_about_zero(sample):
         return 0.0
-    if low < 0 < high and is_level_set_interior(sample.with_inverted_range(), 1 - sample.normalize(0.0)):
+    if low < 0 < high and features.is_level_set_interior(sample.with_inverted_range(), 1 - sample.normalize(0.0)):
         return high
-    background = find_background(sample)
-    if not (background.is_there and has_much_below(background)):
+    background = features.find_background(sample)
+    if not (background.is_there and background.has_much_below):
         return None
     return sample.round_value(sample.denormalize(background.middle))
 
 
 def _nonfinite_label(sample: VoxelSample, low: float) -> float | None:
     """Return the label at the border if it has more voxels there than NaN has; else a label that no voxel has."""
-    is_known = faces(sample.is_valid)
-    values, counts = np.unique(faces(sample.normalized)[is_known], return_counts=True)
+    is_known = features.faces(sample.is_valid)
+    values, counts = np.unique(features.faces(sample.normalized)[is_known], return_counts=True)
     if counts.max(initial=0) > np.count_nonzero(~is_known):
         outside = float(values[counts.argmax()])
         return sample.denormalize(outside) if outside > 0 else None

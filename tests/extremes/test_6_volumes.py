@@ -21,14 +21,7 @@ from splat_reference import rasterize_reference
 from splatting import look
 
 from renderer.pyramid import Pyramid, build_pyramid, cut_pyramid
-from renderer.scene import (
-    ColormapSpec,
-    ErrorSpec,
-    PyramidSpec,
-    ShadingSpec,
-    SplatSpec,
-    TransferSpec,
-)
+from renderer.scene import ColormapSpec, ErrorSpec, PyramidSpec, ShadingSpec, SplatSpec, TransferSpec
 from renderer.splats import make_splats
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.truth import integrate

@@ -4,32 +4,30 @@ from __future__ import annotations
 
 import argparse
 import multiprocessing
+import sys
+import tempfile
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from hsplat_cli.terminal import Reporter
 
-
-class Judged(Protocol):
-    """A verdict; no case may be `wrong`."""
-
-    outcome: str
-
-
-V = TypeVar("V", bound=Judged)
+V = TypeVar("V")  # a verdict: `index`, `case` in words, `outcome`, and `why` it is wrong, which no case may be
 
 
 def fuzz(
     description: str | None,
     unit: str,
-    judge_alone: Callable[[int, int, Path], V],
-    judge: Callable[[int, int], V],
-    report: Callable[[list[V], int, Path], int],
+    judge: Callable[[int, int, Path], V],
+    write: Callable[[int, int, Path], object],
+    summary: Callable[[list[V]], list[str]],
 ) -> int:
-    """Judge cases by their seed and number: one alone, whose files stay in a folder, or many; return the exit code."""
+    """Judge cases by their seed and number: one alone, whose files stay in a folder, or many; return the exit code.
+
+    judge: of a case in a folder. write: its files alone, for a case that fails. summary: lines about all verdicts.
+    """
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(f"--{unit}", type=int, default=20_000, dest="number")
     parser.add_argument("--first", type=int, default=0, metavar="NUMBER", help=f"number of the first of the {unit}")
@@ -42,16 +40,30 @@ def fuzz(
     if arguments.only is not None:
         folder = failures / f"{arguments.seed}-{arguments.only}"
         folder.mkdir(parents=True, exist_ok=True)
-        alone = judge_alone(arguments.seed, arguments.only, folder)
+        alone = judge(arguments.seed, arguments.only, folder)
         print(f"{folder}\n{alone}")
         return int(alone.outcome == "wrong")
     numbers = range(arguments.first, arguments.first + arguments.number)
     verdicts: list[V] = []
+    wrong: list[V] = []
     with (
         Reporter().progress(len(numbers), label="fuzz", unit=unit) as bar,
         ProcessPoolExecutor(arguments.workers, multiprocessing.get_context("spawn")) as pool,
     ):
-        for verdict in pool.map(partial(judge, arguments.seed), numbers, chunksize=4):
+        for verdict in pool.map(partial(judge_apart, judge, arguments.seed), numbers, chunksize=4):
             verdicts.append(verdict)
-            bar.advance(f"{sum(each.outcome == 'wrong' for each in verdicts)} wrong")
-    return report(verdicts, arguments.seed, failures)
+            wrong += [verdict] * (verdict.outcome == "wrong")
+            bar.advance(f"{len(wrong)} wrong")
+    print("\n".join(summary(verdicts)))
+    for verdict in wrong:
+        folder = failures / f"{arguments.seed}-{verdict.index}"
+        write(arguments.seed, verdict.index, folder)
+        print(f"\npython {sys.argv[0]} --seed {arguments.seed} --only {verdict.index}  # {folder}")
+        print(f"  {verdict.case}: {verdict.why.strip()}")
+    return int(bool(wrong))
+
+
+def judge_apart(judge: Callable[[int, int, Path], V], seed: int, index: int) -> V:
+    """Judge a case in a temporary folder."""
+    with tempfile.TemporaryDirectory(prefix="hsplat-fuzz-", ignore_cleanup_errors=True) as folder:
+        return judge(seed, index, Path(folder, "case"))  # a link to `..` finds nothing else

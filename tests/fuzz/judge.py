@@ -26,15 +26,7 @@ from hsplat_cli.main import run
 from renderer.draw import GLRasterizer
 from renderer.errors import InputError
 from renderer.film import encode_png
-from renderer.frame import (
-    Frame,
-    LODCostEstimator,
-    Stage,
-    finest_level_at,
-    prepare_stage,
-    render_frames,
-    view_of,
-)
+from renderer.frame import Frame, LODCostEstimator, Stage, finest_level_at, prepare_stage, render_frames, view_of
 from renderer.job import JobEvents, make_plan
 from renderer.pyramid import cut_pyramid
 from renderer.scene import Scene, SplatBudget, load_scene, scheduled_value
@@ -53,13 +45,18 @@ PLACED = re.compile(r"\A(\S.*?): \S")
 FAULTS = ("Traceback", "a bug; please report", "this is a fault of hsplat", "unexpected ")
 
 
+LEGAL = "legal"
+
+
 @dataclass
 class Verdict:
-    """The outcome: picture, refused, failed, or wrong, which no scene may have. why: what is wrong, or the message."""
+    """The outcome: picture, refused, failed, or wrong, which no scene may have.
+
+    case: how the scene was spoilt, or LEGAL. why: what is wrong, or the message.
+    """
 
     index: int
-    legal: bool
-    spoilt: str
+    case: str
     outcome: str
     why: str = ""
     seconds: float = 0.0
@@ -84,7 +81,7 @@ def write_case(case: Case, folder: Path) -> Path:
 
 def judge(case: Case, folder: Path, rasterizer: GLRasterizer) -> Verdict:
     """Draw the scene in `folder`, which becomes the current one for the time."""
-    verdict = Verdict(case.index, not case.spoilt, case.spoilt, "wrong")
+    verdict = Verdict(case.index, case.spoilt or LEGAL, "wrong")
     start = time.perf_counter()
     try:
         with _inside(folder), _hang_policy(), _loud():

@@ -66,6 +66,10 @@ class Verdict:
     num_bytes: int = 0
     in_child: bool = False
 
+    @property
+    def case(self) -> str:
+        return f"{self.base}, {self.damage}"
+
 
 @dataclass
 class _Result:
@@ -78,11 +82,9 @@ class _Result:
     found: dict[str, Any] = field(default_factory=dict)
 
 
-def judge_number(seed: int, index: int) -> Verdict:
-    """Judge one volume in a temporary folder, with real volumes among the undamaged ones if there are any."""
-    case = make_case(make_bases(real_data()), seed, index)
-    with tempfile.TemporaryDirectory(prefix="hsplat-fuzz-", ignore_cleanup_errors=True) as folder:
-        return judge_volume(case, Path(folder, "case"), index)  # a link to `..` finds nothing else
+def judge_number(seed: int, index: int, folder: Path) -> Verdict:
+    """Judge one volume in a folder, with real volumes among the undamaged ones if there are any."""
+    return judge_volume(make_case(make_bases(real_data()), seed, index), folder, index)
 
 
 def judge_bomb(name: str) -> Verdict:

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 from collections import Counter
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
@@ -20,18 +20,14 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support"), str(ROOT / "tests" / "fuzz")]
 
 from fuzzing import fuzz  # noqa: E402
-from judge import Verdict, judge, make_case, write_case  # noqa: E402
+from judge import LEGAL, Verdict, judge, make_case, write_case  # noqa: E402
 
 from renderer.draw import GLRasterizer  # noqa: E402
 
 
 def main() -> int:
     os.environ["LP_NUM_THREADS"] = "1"  # of Mesa's software renderer: the processes share the cores
-    return fuzz(__doc__, "scenes", judge_alone, judge_scene, report)
-
-
-def judge_alone(seed: int, index: int, folder: Path) -> Verdict:
-    return judge(make_case(seed, index), folder, rasterizer_of_process())
+    return fuzz(__doc__, "scenes", judge_scene, write_scene, summary)
 
 
 @cache
@@ -39,29 +35,27 @@ def rasterizer_of_process() -> GLRasterizer:
     return GLRasterizer()
 
 
-def judge_scene(seed: int, index: int) -> Verdict:
-    """Judge a scene in a worker process."""
-    with tempfile.TemporaryDirectory(prefix="hsplat-fuzz-") as folder:
-        return judge(make_case(seed, index), Path(folder), rasterizer_of_process())
+def judge_scene(seed: int, index: int, folder: Path) -> Verdict:
+    return judge(make_case(seed, index), folder, rasterizer_of_process())
 
 
-def report(verdicts: list[Verdict], seed: int, failures: Path) -> int:
-    """Print a summary, and return 1 if any verdict is wrong."""
-    for legal in (True, False):
-        of_kind = [verdict for verdict in verdicts if verdict.legal == legal]
-        counts = Counter(verdict.outcome for verdict in of_kind)
-        print(f"{len(of_kind)} {'legal' if legal else 'spoilt'}: " + ", ".join(f"{n} {k}" for k, n in counts.items()))
-    print("spoilt by: " + ", ".join(f"{k} {n}" for k, n in Counter(v.spoilt for v in verdicts if v.spoilt).items()))
+def write_scene(seed: int, index: int, folder: Path) -> Path:
+    return write_case(make_case(seed, index), folder)
+
+
+def summary(verdicts: list[Verdict]) -> list[str]:
+    legal, spoilt = ([v for v in verdicts if (v.case == LEGAL) == is_legal] for is_legal in (True, False))
+    lines = [
+        f"{len(legal)} legal: {_counts(verdict.outcome for verdict in legal)}",
+        f"{len(spoilt)} spoilt: {_counts(verdict.outcome for verdict in spoilt)}",
+        f"spoilt by: {_counts(verdict.case for verdict in spoilt)}",
+    ]
     slowest = max(verdicts, key=lambda verdict: verdict.seconds, default=None)
-    if slowest is not None:
-        print(f"slowest: {slowest.seconds:.1f} s, scene {slowest.index}")
-    wrong = [verdict for verdict in verdicts if verdict.outcome == "wrong"]
-    for verdict in sorted(wrong, key=lambda verdict: verdict.index):
-        folder = failures / f"{seed}-{verdict.index}"
-        write_case(make_case(seed, verdict.index), folder)
-        print(f"\npython tests/fuzz/run.py --seed {seed} --only {verdict.index}  # {folder}")
-        print(f"  {verdict.spoilt or 'legal'}: {verdict.why.strip()}")
-    return int(bool(wrong))
+    return lines if slowest is None else [*lines, f"slowest: {slowest.seconds:.1f} s, scene {slowest.index}"]
+
+
+def _counts(words: Iterable[str]) -> str:
+    return ", ".join(f"{num} {word}" for word, num in Counter(words).items())
 
 
 if __name__ == "__main__":

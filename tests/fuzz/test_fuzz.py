@@ -30,7 +30,7 @@ def test_right_pictures_or_clear_errors(rasterizer: GLRasterizer, tmp_path: Path
         judge(make_case(SEED, index, DTYPES), tmp_path / str(index), rasterizer)
         for index in range(first, first + AT_ONCE)
     ]
-    wrong = [f"{v.index} ({v.spoilt or 'legal'}): {v.why}" for v in verdicts if v.outcome == "wrong"]
+    wrong = [f"{v.index} ({v.case}): {v.why}" for v in verdicts if v.outcome == "wrong"]
     assert not wrong, "\n".join(wrong)
     assert any(verdict.outcome == "picture" for verdict in verdicts)
     assert any(verdict.outcome == "refused" for verdict in verdicts)

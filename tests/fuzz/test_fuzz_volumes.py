@@ -18,6 +18,7 @@ from typing import Any
 import judge_volumes
 import numpy as np
 import pytest
+from fuzzing import judge_apart
 from judge_volumes import judge_bomb, judge_number, judge_volume
 from volume_bases import Base, make_bases
 from volume_damage import Case, make_case
@@ -51,8 +52,8 @@ def pool() -> Iterator[ProcessPoolExecutor]:
 
 
 def test_damaged_volumes_do_no_harm(pool: ProcessPoolExecutor) -> None:
-    verdicts = list(pool.map(partial(judge_number, SEED), range(FILES), chunksize=50))
-    assert [f"{v.index}, {v.base}, {v.damage}: {v.why}" for v in verdicts if v.outcome == "wrong"] == []
+    verdicts = list(pool.map(partial(judge_apart, judge_number, SEED), range(FILES), chunksize=50))
+    assert [f"{v.index}, {v.case}: {v.why}" for v in verdicts if v.outcome == "wrong"] == []
     assert {verdict.base.split()[0] for verdict in verdicts} == FORMATS
     for outcome in ("same", "other", "refused"):
         assert sum(verdict.outcome == outcome for verdict in verdicts) > FILES / 20

@@ -10,7 +10,7 @@ import re
 import struct
 import tempfile
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -22,8 +22,8 @@ import numpy as np
 import tifffile
 from pydicom import dcmread
 from pydicom.uid import DeflatedExplicitVRLittleEndian, ImplicitVRLittleEndian, RLELossless
-from volume_base import Array, Base, Ranges, attached, behind, detached, written
-from volume_bombs import deflated, zipped
+from volume_base import Array, Base, Ranges, attached, behind, detached, in_memory, written
+from volume_bombs import deflated, zip_archive
 from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkIOLegacy import vtkStructuredPointsWriter
@@ -145,17 +145,17 @@ def _packed_by_gzip(data: bytes) -> bytes:
 
 def _arrays() -> Iterator[Base]:
     values = _values("float32")
-    data = _bytes_by(np.save, values)
+    data = in_memory(np.save, values)
     headers: dict[str, Ranges] = {"a.npy": ((0, 128),)}
     yield Base("npy plain", {"a.npy": data}, "a.npy", values=values, headers=headers)
     wide = np.asfortranarray(_values(">u2", (2, 4, 6, 5)))
     second = wide[1].astype(np.uint16)
-    yield Base("npy time", {"a.npy": _bytes_by(np.save, wide)}, "a.npy", {"time": 1}, second, headers=headers)
+    yield Base("npy time", {"a.npy": in_memory(np.save, wide)}, "a.npy", {"time": 1}, second, headers=headers)
     for name, save_as in (("stored", np.savez), ("deflate", np.savez_compressed)):
-        packed = _bytes_by(save_as, a=values)
+        packed = in_memory(save_as, a=values)
         spans = {"a.npz": ((0, len(packed)),)}
         yield Base(f"npz {name}", {"a.npz": packed}, "a.npz", {}, values, spans, pack=_packed_by_zip, unpacked=data)
-    packed = _bytes_by(np.savez_compressed, a=values, b=values + 1)
+    packed = in_memory(np.savez_compressed, a=values, b=values + 1)
     spans = {"a.npz": ((0, packed.index(b"PK\1\2")),)}
     yield Base("npz two", {"a.npz": packed}, "a.npz", {"component": 1}, values + 1, spans)
     plain = _values("int16")
@@ -163,15 +163,8 @@ def _arrays() -> Iterator[Base]:
     yield Base("raw", {"a.raw": bytes(16) + plain.tobytes()}, "a.raw", values=plain, raw=raw)
 
 
-def _bytes_by(write: Callable[..., Any], *arguments: Any, **options: Any) -> bytes:
-    """Return what a function writes into a file, its first argument."""
-    out = io.BytesIO()
-    write(out, *arguments, **options)
-    return out.getvalue()
-
-
 def _packed_by_zip(data: bytes) -> bytes:
-    return zipped(deflated(data), size=len(data), checksum=zlib.crc32(data))
+    return zip_archive(deflated(data), size=len(data), checksum=zlib.crc32(data))
 
 
 def _cube() -> Iterator[Base]:
@@ -217,10 +210,8 @@ def _tiff() -> Iterator[Base]:
         for page in tiled:
             writer.write(page[::2, ::2], tile=(16, 16), compression="deflate", metadata=None, subfiletype=1)
     yield _tiff_of("pyramid", {"a.tif": out.getvalue()}, tiled)
-    files = {}
-    for k, page in enumerate(values):
-        files[f"stack/s{k:02}.tif"] = _bytes_by(tifffile.imwrite, page, compression="deflate", metadata=None)
-    yield _tiff_of("folder", files, values, opened="stack")
+    pages = [in_memory(tifffile.imwrite, page, compression="deflate", metadata=None) for page in values]
+    yield _tiff_of("folder", {f"stack/s{k:02}.tif": page for k, page in enumerate(pages)}, values, opened="stack")
 
 
 def _tiff_base(
@@ -237,7 +228,7 @@ def _tiff_base(
     arguments = {"photometric": "minisblack", "software": False, **arguments}
     if stored is not None:
         arguments |= {"shape": values.shape, "dtype": values.dtype}
-    data = _bytes_by(tifffile.imwrite, values if stored is None else stored, **arguments)
+    data = in_memory(tifffile.imwrite, values if stored is None else stored, **arguments)
     data = re.sub(rb"urn:uuid:[-0-9a-f]{36}", b"urn:uuid:" + b"0" * 36, data)  # drawn at random
     expected = (values if seen is None else seen) if is_exact else None
     return _tiff_of(name, {"a.tif": data}, expected, choice=choice)

@@ -127,15 +127,14 @@ def nifti_dicom_in_an_extension() -> Files:
     return {"a.nii": _nifti_header(offset=352 + size, extended=1) + extension + bytes(64)}
 
 
-def _npy(shape: str, descr: str = "'<u2'", *, length: int | None = None, version: int = 1) -> bytes:
+def npy_header(shape: str, descr: str = "'<u2'", *, length: int | None = None, version: int = 1) -> bytes:
     header = f"{{'descr': {descr}, 'fortran_order': False, 'shape': ({shape})}}\n".encode()
     size = len(header) if length is None else length
     return b"\x93NUMPY" + bytes((version, 0)) + size.to_bytes(2 if version == 1 else 4, "little") + header
 
 
-def zipped(content: bytes, *, size: int, name: str = "a.npy", method: int = 8, checksum: int = 0) -> bytes:
-    """Return an archive with one member, whose content is compressed already, of `size` bytes, by deflate or another
-    method; the checksum is theirs, or wrong."""
+def zip_archive(content: bytes, *, size: int, name: str = "a.npy", method: int = 8, checksum: int = 0) -> bytes:
+    """Return an archive with one member, whose content is compressed already. A checksum of 0 is wrong."""
     common = struct.pack("<HHHHIII", 0, method, 0, 33, checksum, len(content), size)
     local = b"PK\3\4" + struct.pack("<H", 20) + common + struct.pack("<HH", len(name), 0) + name.encode()
     rest = struct.pack("<HHHHHII", len(name), 0, 0, 0, 0, 0, 0) + name.encode()
@@ -156,13 +155,13 @@ def stored_block(data: bytes) -> bytes:
 
 
 def npz_inflates_behind_its_array() -> Files:
-    start = stored_block(_npy("4, 4, 4") + bytes(128))
-    return {"a.npz": zipped(start + zeros_by_deflate(4096), size=2**32 - 1)}
+    start = stored_block(npy_header("4, 4, 4") + bytes(128))
+    return {"a.npz": zip_archive(start + zeros_by_deflate(4096), size=2**32 - 1)}
 
 
 def npz_header_of_gigabytes() -> Files:
-    start = stored_block(_npy("4, 4, 4", length=2**32 - 1, version=2))
-    return {"a.npz": zipped(start + zeros_by_deflate(4080), size=2**32 - 1)}
+    start = stored_block(npy_header("4, 4, 4", length=2**32 - 1, version=2))
+    return {"a.npz": zip_archive(start + zeros_by_deflate(4080), size=2**32 - 1)}
 
 
 def npz_many_arrays() -> Files:
@@ -174,7 +173,7 @@ def npz_many_arrays() -> Files:
 
 
 def npz_names_in_bad_utf_8() -> Files:
-    data = bytearray(zipped(b"", size=0, method=0, name="a\xff\xfe.npy".encode("latin-1").decode("latin-1")))
+    data = bytearray(zip_archive(b"", size=0, method=0, name="a\xff\xfe.npy".encode("latin-1").decode("latin-1")))
     data = bytearray(bytes(data).replace(b"\xc3\xbf\xc3\xbe", b"\xff\xfe\xff\xfe"))
     for mark, at in ((b"PK\3\4", 6), (b"PK\1\2", 8)):
         data[data.index(mark) + at + 1] |= 8
@@ -243,25 +242,25 @@ BOMBS: dict[str, dict[str, Callable[[], Files]]] = {
         },
     },
     "npy": {
-        "header_of_gigabytes": lambda: {"a.npy": (_npy("4, 4, 4", length=2**32 - 1, version=2), 2**33)},
-        "nested_types": lambda: {"a.npy": _npy("4, 4, 4", "[('a', " * 900 + "'<u2'" + ")]" * 900) + bytes(128)},
-        "nested_parentheses": lambda: {"a.npy": _npy("(" * 9000 + "4" + ")" * 9000) + bytes(128)},
-        "long_types": lambda: {"a.npy": _npy("4, 4, 4", "'<U999999999'") + bytes(128)},
-        "long_shape": lambda: {"a.npy": _npy("4, 4, " + "9" * 4000) + bytes(128)},
-        "powers": lambda: {"a.npy": _npy("4, 4, 9**9**9") + bytes(128)},
-        "sparse": lambda: {"a.npy": (_npy("1000, 1000, 500"), 2**30 + 2**20)},
+        "header_of_gigabytes": lambda: {"a.npy": (npy_header("4, 4, 4", length=2**32 - 1, version=2), 2**33)},
+        "nested_types": lambda: {"a.npy": npy_header("4, 4, 4", "[('a', " * 900 + "'<u2'" + ")]" * 900) + bytes(128)},
+        "nested_parentheses": lambda: {"a.npy": npy_header("(" * 9000 + "4" + ")" * 9000) + bytes(128)},
+        "long_types": lambda: {"a.npy": npy_header("4, 4, 4", "'<U999999999'") + bytes(128)},
+        "long_shape": lambda: {"a.npy": npy_header("4, 4, " + "9" * 4000) + bytes(128)},
+        "powers": lambda: {"a.npy": npy_header("4, 4, 9**9**9") + bytes(128)},
+        "sparse": lambda: {"a.npy": (npy_header("1000, 1000, 500"), 2**30 + 2**20)},
     },
     "npz": {
         "inflates_behind_its_array": npz_inflates_behind_its_array,
         "header_of_gigabytes": npz_header_of_gigabytes,
         "claims_gigabytes": lambda: {
-            "a.npz": zipped(stored_block(_npy("1000, 1000, 2000")) + zeros_by_deflate(64), size=2**32 - 1)
+            "a.npz": zip_archive(stored_block(npy_header("1000, 1000, 2000")) + zeros_by_deflate(64), size=2**32 - 1)
         },
         "many_arrays": npz_many_arrays,
         "lzma_of_a_huge_window": lambda: {
-            "a.npz": zipped(b"\x09\x04\x05\x00\x5d\xff\xff\xff\xff" + bytes(100), size=1000, method=14)
+            "a.npz": zip_archive(b"\x09\x04\x05\x00\x5d\xff\xff\xff\xff" + bytes(100), size=1000, method=14)
         },
-        "bzip2_inflates": lambda: {"a.npz": zipped(zeros_by_bzip2(4096), size=2**32 - 1, method=12)},
+        "bzip2_inflates": lambda: {"a.npz": zip_archive(zeros_by_bzip2(4096), size=2**32 - 1, method=12)},
         "names_in_bad_utf_8": npz_names_in_bad_utf_8,
     },
     "cube": {

@@ -31,6 +31,16 @@ output:
   background: "#000000"
 """
 
+
+def small_scene(num_frames: int) -> str:
+    """Return SCENE with few frames, pixels and voxels."""
+    text = SCENE
+    for old, new in (("120", str(num_frames)), ("[512, 512]", "[32, 32]"), ("[64, 64, 32]", "[8, 8, 8]")):
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    return text
+
+
 # The scene of a volume that a test writes.
 SCAN_SCENE = """\
 volume: {file: scan.npy}

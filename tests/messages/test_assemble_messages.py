@@ -13,10 +13,8 @@ import pytest
 
 from hsplat_cli import main
 from renderer.film import bytes_digest, encode_png
-from tests.messages.conftest import SCENE
+from tests.messages.conftest import small_scene
 from tests.support.transcripts import Case, cases
-
-SMALL = ["camera.path.frames=9", "output.size=[32, 32]", "volume.procedural.shape=[8, 8, 8]"]
 
 
 @pytest.fixture(scope="module")
@@ -25,15 +23,14 @@ def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("template")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        Path("scene.yaml").write_text(SCENE, encoding="utf-8")
+        Path("scene.yaml").write_text(small_scene(9), encoding="utf-8")
         for frames in ("0:3", "3:6", "6:9"):
             draw("--frames", frames, "--output", "parts/{frame:04}.png")
     return folder
 
 
 def draw(*arguments: str) -> None:
-    options = [word for change in SMALL for word in ("--set", change)]
-    assert main.run(["render", "scene.yaml", "--quiet", *options, *arguments]) == 0
+    assert main.run(["render", "scene.yaml", "--quiet", *arguments]) == 0
 
 
 def change(name: str, edit: Callable[[dict[str, Any]], object]) -> None:
@@ -132,12 +129,9 @@ PREPARATIONS: dict[str, Callable[[], object]] = {
 
 
 @cases("assemble.txt")
-def test_messages(
-    case: Case, template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_messages(case: Case, template: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A refused command changes no file."""
-    shutil.copytree(template, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
+    shutil.copytree(template, folder, dirs_exist_ok=True)
     PREPARATIONS[case.title]()
     before = files()
     case.check(capsys)

@@ -12,6 +12,7 @@ from hsplat_cli import main
 from hsplat_cli.compare.golden.provenance import Golden, Provenance
 from hsplat_cli.compare.golden.update import GoldenUpdate, describe_update
 from hsplat_cli.compare.outcome import Outcome
+from tests.messages.conftest import small_scene
 from tests.support.transcripts import Case, cases
 
 DIGEST = "0" * 32
@@ -33,17 +34,12 @@ GOLDEN_JSON = f"""\
   ]
 }}
 """
-SMALLER = {"frames: 120": "frames: 2", "[512, 512]": "[32, 32]", "[64, 64, 32]": "[8, 8, 8]"}
 
 
 @pytest.fixture(autouse=True)
 def folder(scene_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Add goldens without pictures, and frames without a record, to the folder of a small scene."""
-    text = Path("scene.yaml").read_text("utf-8")
-    for old, new in SMALLER.items():
-        assert old in text
-        text = text.replace(old, new)
-    Path("scene.yaml").write_text(text, "utf-8")
+    Path("scene.yaml").write_text(small_scene(2), "utf-8")
     for name in ("goldens", "frames", "cut"):
         Path(name).mkdir()
     Path("goldens/golden.json").write_text(GOLDEN_JSON, "utf-8")

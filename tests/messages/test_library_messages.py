@@ -9,21 +9,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from film_stages import PLAIN, stage_of
 from splatting import place_splats
 
 from renderer.errors import HsplatError
-from renderer.frame import prepare_stage
 from renderer.readers.common import check_lengths, errors_about
-from renderer.scene import (
-    CameraSpec,
-    ControlPoint,
-    FileSource,
-    OutputSpec,
-    Scene,
-    TransferSpec,
-    TurntablePath,
-    VolumeSpec,
-)
+from renderer.scene import CameraSpec, TurntablePath
 from renderer.truth import converged_image
 from renderer.view import fit_distance, make_view
 from renderer.volume import Volume, make_volume
@@ -39,10 +30,7 @@ FAR_AWAY = np.eye(4) + np.array([[0, 0, 0, -1e13]] * 3 + [[0.0] * 4])
 
 def prepare(camera: CameraSpec, world_from_index: np.ndarray) -> None:
     """Prepare a scene of 2 x 2 x 2 voxels."""
-    transfer = TransferSpec((ControlPoint(0.0, (1.0, 1.0, 1.0), 0.5),), 1.0)
-    scene = Scene(VolumeSpec(FileSource(Path("scan.nrrd"))), transfer, camera, OutputSpec(Path("film.mp4"), (8, 8)))
-    volume = make_volume(np.ones((2, 2, 2), np.uint8), world_from_index, "scan.nrrd")
-    prepare_stage(scene, clock=lambda: 0.0, num_threads=1, volume=volume)
+    stage_of(replace(PLAIN, camera=camera), make_volume(np.ones((2, 2, 2), np.uint8), world_from_index, "scan.nrrd"))
 
 
 def frame(points: object) -> None:

@@ -50,10 +50,7 @@ OLD_SIDECAR = """\
 
 
 @cases("sidecar.txt")
-def test_messages(
-    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_messages(case: Case, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     Path("film.mp4.json").write_text(SIDECAR, encoding="utf-8")
     Path("film.mp4").write_bytes(b"a film")
     Path("old.json").write_text(OLD_SIDECAR, encoding="utf-8")
@@ -61,7 +58,7 @@ def test_messages(
     Path("bytes.json").write_bytes(b'{"scene": {\n"output": "\xff"}}')
     Path("huge.json").write_bytes(b'{"scene": {"version": %s}}' % (b"9" * 5000))
     np.save("other.npy", np.zeros((8, 8, 8), np.uint8))
-    before = sorted(tmp_path.iterdir())
+    before = sorted(folder.iterdir())
     case.check(capsys)
-    assert sorted(tmp_path.iterdir()) == before
+    assert sorted(folder.iterdir()) == before
     assert Path("film.mp4").read_bytes() == b"a film"

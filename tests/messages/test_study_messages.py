@@ -13,25 +13,15 @@ from hsplat_cli import main
 from hsplat_cli.commands.paper import SCENES
 from hsplat_cli.studies.measure.study import scene_notes
 from renderer.scene import load_scene
+from tests.messages.conftest import small_scene
 from tests.support.transcripts import Case, cases
-
-SMALLER = {
-    "frames: 120": "frames: 6",
-    "[512, 512]": "[32, 32]",
-    "[64, 64, 32]": "[8, 8, 8]",
-    "shading:\n  ambient: 0.3\n": "",
-}
 
 
 @pytest.fixture(autouse=True)
 def folder(scene_folder: Path) -> Path:
     """Fill the current folder with a small scene of bricks and, in `figures`, the scenes of `hsplat paper`."""
-    scene = scene_folder / "scene.yaml"
-    text = scene.read_text("utf-8")
-    for old, new in SMALLER.items():
-        assert text.count(old) == 1, old
-        text = text.replace(old, new)
-    scene.write_text(text, "utf-8")
+    text = small_scene(6).replace("shading:\n  ambient: 0.3\n", "")
+    (scene_folder / "scene.yaml").write_text(text, "utf-8")
     shutil.copytree(SCENES, scene_folder / "figures")
     for name in ("empty", "one"):
         (scene_folder / name).mkdir()

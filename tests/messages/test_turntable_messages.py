@@ -13,9 +13,8 @@ from tests.support.transcripts import Case, cases
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def folder(folder: Path) -> None:
     """Fill the current folder with files, most of them with one fault."""
-    monkeypatch.chdir(tmp_path)
     for name in ("empty", "series", "other", "out"):
         Path(name).mkdir()
     for name in ("series/1.dcm", "series/2.dcm", "out/scan.yaml"):

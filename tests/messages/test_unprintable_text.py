@@ -152,12 +152,8 @@ SOURCES: list[Callable[[], list[str]]] = [
 
 @pytest.mark.parametrize("source", SOURCES, ids=lambda source: source.__name__)
 def test_text_from_outside_is_printable(
-    source: Callable[[], list[str]],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
+    source: Callable[[], list[str]], folder: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     main.run(source())
     lines = "".join(capfd.readouterr()).split("\n")
     assert [line for line in lines if not line.isprintable() or "\ufe0f" in line] == []
@@ -165,10 +161,7 @@ def test_text_from_outside_is_printable(
     assert not any(line.startswith("written by us") for line in lines)
 
 
-def test_names_that_are_not_utf8_are_told_apart(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_names_that_are_not_utf8_are_told_apart(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     shown = set()
     for name in (b"\x9b", "\x9b".encode()):
         main.run(["info", f"{os.fsdecode(name)}.npy"])
@@ -187,20 +180,14 @@ def test_a_traceback_is_printable(
     assert all(line.isprintable() for line in text.split("\n"))
 
 
-def test_json_keeps_the_true_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_json_keeps_the_true_name(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert main.run([*volume_that_is_read(), "--json"]) == 0
     text = capfd.readouterr().out
     assert text.isascii()
     assert json.loads(text)["name"] == f"{HOSTILE}{FAKE_LINE}.npy"
 
 
-def test_a_scene_on_the_standard_output_keeps_the_true_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_scene_on_the_standard_output_keeps_the_true_name(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     _, volume = volume_that_is_read()
     assert main.run(["init", volume]) == 0
     text = capfd.readouterr().out

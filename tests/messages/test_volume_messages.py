@@ -12,6 +12,7 @@ import nibabel as nib
 import numpy as np
 import pytest
 import tifffile
+from volume_bombs import npy_header
 
 from tests.messages.conftest import SCAN_SCENE
 from tests.support.tiff_files import COMPRESSION, SHORT, tiff
@@ -46,8 +47,7 @@ CUBE = "a\nb\n{} 0 0 0\n2 1 0 0\n2 0 1 0\n2 0 0 1\n"
 
 def array(shape: str) -> bytes:
     """Return an array file whose header has this shape."""
-    header = f"{{'descr': '<u2', 'fortran_order': False, 'shape': ({shape})}}\n".encode()
-    return b"\x93NUMPY\1\0" + np.uint16(len(header)).tobytes() + header + bytes(1000)
+    return npy_header(shape) + bytes(1000)
 
 
 def zipped(names: list[str], data: bytes = b"") -> bytes:

@@ -14,12 +14,7 @@ from renderer.frame import Frame
 from renderer.job import executor
 
 NUM_FRAMES = 5
-
-
-def enter_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make this the current folder, with the scene in scene.yaml."""
-    monkeypatch.chdir(folder)
-    (folder / "scene.yaml").write_text(small_scene.small_scene(frames=NUM_FRAMES), encoding="utf-8")
+SCENE = small_scene.small_scene(frames=NUM_FRAMES)
 
 
 class Draws:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 from renderer.job import FilmRecord
+from renderer.scene import schema
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "sidecar.md"
 _HEAD = """\
@@ -48,9 +49,9 @@ def _table(cls: Any, paths: list[str]) -> Iterator[str]:
     yield ""
     yield "| key | value | meaning |"
     yield "|---|---|---|"
-    hints = get_type_hints(cls, include_extras=True)
+    hints, types = get_type_hints(cls, include_extras=True), schema.field_table(cls)
     for field in dataclasses.fields(cls):
-        kind, (read, meaning) = hints[field.name].__origin__, hints[field.name].__metadata__
+        kind, meaning, read = hints[field.name].__origin__, hints[field.name].__metadata__[-1], types[field.name]
         value = ("a list of mappings" if "a list" in read.expected else "a mapping") + ", see below"
         is_optional = field.default is not dataclasses.MISSING and not field.default
         name = f"*`{field.name}`*" if is_optional else f"`{field.name}`"

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from machines import set_device
 from resuming import (
+    SCENE,
     Draws,
     arguments,
     assert_clean,
     edit_sidecar,
-    enter_folder,
     interrupt_render,
     modification_times,
     output_files,
@@ -34,8 +34,8 @@ from renderer.system import printable
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    enter_folder(tmp_path, monkeypatch)
+def folder(folder: Path) -> None:
+    (folder / "scene.yaml").write_text(SCENE, encoding="utf-8")
 
 
 @pytest.fixture(autouse=True)

@@ -12,12 +12,7 @@ import numpy as np
 import pytest
 
 from hsplat_cli.studies.peers import vtk_peer
-from hsplat_cli.studies.peers.vtk_peer import (
-    describe_vtk,
-    measure_vtk,
-    vtk_settings,
-    with_transparent_border,
-)
+from hsplat_cli.studies.peers.vtk_peer import describe_vtk, measure_vtk, vtk_settings, with_transparent_border
 from renderer.errors import InputError, RenderError
 from renderer.readers.procedural import procedural_values
 from renderer.scene import CameraSpec, ProceduralSource, TurntablePath

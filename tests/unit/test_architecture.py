@@ -89,8 +89,11 @@ def _imported(path: Path) -> Iterator[str]:
 
 
 def _is_door(module: str) -> bool:
-    """A room, a module beside the rooms, or a module that another program finds by its name."""
-    return module in (*ROOMS, "renderer") or _room(module) in ORDER or module == "hsplat_cli.compare.pytest_plugin"
+    """A room, a module that its room offers, one beside the rooms, or one that another program finds by its name."""
+    parent, _, name = module.rpartition(".")
+    is_offered = parent in ROOMS and name in importlib.import_module(parent).__all__
+    is_known = module in (*ROOMS, "renderer", "hsplat_cli.compare.pytest_plugin")
+    return is_offered or is_known or _room(module) in ORDER
 
 
 def test_every_folder_is_a_room() -> None:

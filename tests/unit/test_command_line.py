@@ -177,18 +177,13 @@ def test_wrong_usage_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
     ],
 )
 def test_no_output_is_in_a_folder_named_tilde(
-    arguments: list[str],
-    where: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    arguments: list[str], where: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     assert main.run(arguments) == 2
     text = capsys.readouterr().err
     assert text.startswith(f"{where}: a folder named ~\n")
     assert text.endswith("\n  hint: ~ is not expanded: write the whole path\n")
-    assert not any(tmp_path.iterdir())
+    assert not any(folder.iterdir())
 
 
 Fail = Callable[[BaseException], int]

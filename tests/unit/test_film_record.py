@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from spoiling import spoil
 
 from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.errors import InputError
@@ -283,6 +284,7 @@ JUNK = [
     None, True, False, 0, -1, 3.5, 10**30, 1e300, -0.0, "", "x", "1e3", "\0", "\ud800", "{frame}.png", "..", ".mp4",
     [], [1], [[]], {}, {"": 1}, {"frame": 2}, {"frame": None}, {"file": 3}, {"0": 1}, {"requested": {}}, {"scene": {}},
 ]  # fmt: skip
+KEYS = ["x", "frame", "format", "digest", ""]
 
 
 @pytest.mark.usefixtures("folder")
@@ -292,7 +294,7 @@ def test_any_data_is_read_or_refused() -> None:
     for _ in range(500):
         data = copy.deepcopy(SIDECAR)
         for _ in range(choose.choice([1, 1, 1, 3])):
-            spoil(data, choose)
+            spoil(data, choose, JUNK, KEYS)
         options = choose.choice([{}, {"frames": "4"}, {"output": Path("a.png")}, {"overrides": ["error.splats=3"]}])
         num_refused += refuses(json.dumps(data), **options)
     assert 160 < num_refused < 500
@@ -314,23 +316,6 @@ def test_any_text_is_read_or_refused() -> None:
         content = bytearray(text.encode())
         content[choose.randrange(len(content))] = choose.randrange(256)
         refuses(bytes(content))
-
-
-def spoil(data: Any, choose: random.Random) -> None:
-    """Replace, remove or add something somewhere in the data."""
-    while True:
-        keys = list(data) if isinstance(data, dict) else list(range(len(data)))
-        if not keys:
-            return
-        key = choose.choice(keys)
-        if isinstance(data[key], (dict, list)) and data[key] and choose.random() < 0.8:
-            data = data[key]
-            continue
-        if choose.random() < 0.2:
-            del data[key]
-        else:
-            data[key] = copy.deepcopy(choose.choice(JUNK))
-        return
 
 
 def refuses(content: str | bytes, **options: Any) -> bool:

@@ -34,14 +34,13 @@ pytestmark = pytest.mark.skipif(sys.platform == "darwin", reason="names of its f
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(folder: Path) -> Path:
     """The current folder, with VALUES in FILES, and a series."""
-    monkeypatch.chdir(tmp_path)
     for name in FILES[:-1]:
         write_image(Path(name), VALUES, compressed=True)
     Path("dicom").mkdir()
     write_series(Path("dicom"), [k * NORMAL for k in range(3)])
-    return tmp_path
+    return folder
 
 
 def found(locale: str, names: list[bytes]) -> list[str]:

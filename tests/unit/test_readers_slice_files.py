@@ -26,11 +26,10 @@ NAMINGS = {
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
+def folder(folder: Path) -> Path:
     for number, plane in enumerate(VALUES, 1):
         Path(f"slice{number:02}.raw").write_bytes(plane.tobytes())
-    return tmp_path
+    return folder
 
 
 def read(header: str, text: str) -> npt.NDArray[np.generic]:

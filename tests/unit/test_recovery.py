@@ -133,9 +133,8 @@ def test_only_a_context_of_the_same_device_replaces_a_lost_one(
 
 
 def test_the_command_continues_and_prints_a_note(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     Path("scene.yaml").write_text(small_scene(), encoding="utf-8")
     assert main.run(["render", "scene.yaml", "--workers", "1", "--output", "whole.mp4"]) == 0
     assert "note: OpenGL" not in capsys.readouterr().out

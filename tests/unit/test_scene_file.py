@@ -177,16 +177,15 @@ def test_overrides_reach_keys_that_are_numbers() -> None:
     assert scene.error.tolerance == ((0, 0.5), (40, 0.2))
 
 
-def test_the_volume_option_keeps_the_rest_of_the_section(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "scenes").mkdir()
-    (tmp_path / "scan.nrrd").touch()
+def test_the_volume_option_keeps_the_rest_of_the_section(folder: Path) -> None:
+    (folder / "scenes").mkdir()
+    (folder / "scan.nrrd").touch()
     text = DEMO.read_text(encoding="utf-8").replace(
         "volume:", "volume:\n  crop: [[0, 2], [0, 2], [0, 2]]\n  nonfinite: lowest"
     )
-    (tmp_path / "scenes" / "scene.yaml").write_text(text, encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
+    (folder / "scenes" / "scene.yaml").write_text(text, encoding="utf-8")
     scene = load(Path("scenes/scene.yaml"), volume=Path("scan.nrrd"), output=Path("frames/{frame}.png"))
-    assert scene.volume.source == FileSource(tmp_path / "scan.nrrd")
+    assert scene.volume.source == FileSource(folder / "scan.nrrd")
     assert scene.volume.crop == ((0, 2), (0, 2), (0, 2))
     assert scene.volume.nonfinite == "lowest"
     assert scene.output.file == Path("frames/{frame}.png")
@@ -202,13 +201,12 @@ def test_the_volume_option_replaces_any_volume(tmp_path: Path) -> None:
         )
 
 
-def test_files_are_relative_to_the_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "scenes").mkdir()
-    (tmp_path / "scenes" / "scan.nrrd").touch()
+def test_files_are_relative_to_the_scene(folder: Path) -> None:
+    (folder / "scenes").mkdir()
+    (folder / "scenes" / "scan.nrrd").touch()
     text = (ROOT / "configs" / "engine.yaml").read_text(encoding="utf-8").replace("engine.nhdr  ", "scan.nrrd  ")
-    (tmp_path / "scenes" / "scene.yaml").write_text(text, encoding="utf-8-sig")
-    monkeypatch.chdir(tmp_path)
-    assert load(Path("scenes/scene.yaml")).volume.source == FileSource(tmp_path / "scenes" / "scan.nrrd")
+    (folder / "scenes" / "scene.yaml").write_text(text, encoding="utf-8-sig")
+    assert load(Path("scenes/scene.yaml")).volume.source == FileSource(folder / "scenes" / "scan.nrrd")
 
 
 # Anything at all

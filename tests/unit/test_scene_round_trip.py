@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 import pytest
+from spoiling import spoil
 
 from renderer.errors import SceneError
 from renderer.scene import (
@@ -140,37 +141,14 @@ JUNK: list[Any] = [
 KEYS = ["x", 0, None, True, "fram", "axi", "points", "colormap", "raw", "\x1b", "a.b", 9**5000]
 
 
-def places(tree: Any) -> Iterator[tuple[Any, Any]]:
-    """Yield every (container, key) in a tree."""
-    for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree):
-        yield tree, key
-        if isinstance(value, (dict, list)):
-            yield from places(value)
-
-
-def spoil(tree: dict[str, Any], choose: random.Random) -> None:
-    """Add, remove or replace one to four random things by junk."""
-    for _ in range(choose.randint(1, 4)):
-        every = list(places(tree))
-        if not every:
-            break
-        container, key = choose.choice(every)
-        action = choose.random()
-        if action < 0.2 and isinstance(container, dict):
-            container[choose.choice(KEYS)] = copy.deepcopy(choose.choice(JUNK))
-        elif action < 0.4:
-            del container[key]
-        else:
-            container[key] = copy.deepcopy(choose.choice(JUNK))
-
-
 @pytest.mark.parametrize("name", SCENES)
 def test_spoilt_data_are_refused_or_make_a_scene(name: str) -> None:
     choose = random.Random(1)
     num_read, refusals = 0, list[str]()
     spoilt = [copy.deepcopy(scene_to_dict(SCENES[name])) for _ in range(200)]
     for tree in spoilt:
-        spoil(tree, choose)
+        for _ in range(choose.randint(1, 4)):
+            spoil(tree, choose, JUNK, KEYS)
     for tree in [*spoilt, *JUNK]:
         try:
             scene = parse(tree)

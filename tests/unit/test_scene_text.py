@@ -64,9 +64,8 @@ def read_back(
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_file_name_reads_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def test_every_file_name_reads_back(folder: Path, name: str) -> None:
     """The scene's folder is neither the volume's nor the current one."""
-    monkeypatch.chdir(tmp_path)
     Path("data").mkdir()
     Path("scenes").mkdir()
     volume = Path("data", name)

@@ -4,26 +4,22 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from film_stages import PLAIN
 from hypothesis import given, settings, strategies as st
 
 from renderer.scene import (
     MIN_TOLERANCE,
     CameraSpec,
-    ControlPoint,
     ErrorSpec,
     MetricTarget,
-    OutputSpec,
-    ProceduralSource,
-    Scene,
     SplatBudget,
     TimeBudget,
-    TransferSpec,
     TurntablePath,
-    VolumeSpec,
     min_tolerance,
     parse_scene,
     scene_to_dict,
@@ -34,13 +30,8 @@ from renderer.scene import (
 )
 
 MAX_FRAMES = 1_000_000
-SCENE = Scene(
-    volume=VolumeSpec(ProceduralSource("constant", (8, 8, 8))),
-    transfer_function=TransferSpec((ControlPoint(0, (1, 1, 1), 0.1),)),
-    camera=CameraSpec(TurntablePath(MAX_FRAMES)),
-    error=ErrorSpec(goal=SplatBudget(((0, 1000),)), finest_level=1),
-    output=OutputSpec(Path("film.mp4")),
-)
+BUDGET = ErrorSpec(goal=SplatBudget(((0, 1000),)), finest_level=1)
+SCENE = replace(PLAIN, camera=CameraSpec(TurntablePath(MAX_FRAMES)), error=BUDGET)
 GOALS = (SplatBudget(((0, 1000), (9, 5))), TimeBudget(((0, 0.5),)), MetricTarget("psnr", 30), MetricTarget("rmse", 0.1))
 
 TOLERANCE = st.floats(MIN_TOLERANCE, sys.float_info.max)

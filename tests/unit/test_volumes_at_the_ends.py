@@ -32,10 +32,7 @@ output: {file: "frame{frame}.png", size: [32, 16], background: "#336699"}
 """
 
 
-def test_a_hidden_volume_gives_the_background_and_a_note(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_hidden_volume_gives_the_background_and_a_note(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     np.save("hidden.npy", np.random.default_rng(0).integers(0, 11, (9, 17, 5), np.uint8))
     Path("scene.yaml").write_text(SCENE, encoding="utf-8")
     assert main.run(["render", "scene.yaml"]) == 0

@@ -19,23 +19,13 @@ from renderer.errors import InputError, Problem
 from renderer.job import DIGEST_FIELD, FilmRecord, describe_differences, record_to_json
 from renderer.scene import (
     FRAME_NUMBER_FIELD,
-    MAPPING_FIELD,
-    FieldTable,
-    TreeNode,
-    dataclass_field,
     decode_utf8,
     format_value,
-    integer_field,
     load_json_object,
-    mapping_field,
     may_be_json,
     raise_problems,
-    read_fields,
-    section_field,
-    sequence_field,
+    schema,
     short_text,
-    text_field,
-    valid_keys,
 )
 
 PROVENANCE_FILE = "golden.json"
@@ -59,7 +49,7 @@ def _is_single_line(text: str) -> bool:
     return text.isprintable() and 0 < len(text) <= _MAX_LINE_LENGTH
 
 
-_LINE = text_field(f"one line of at most {_MAX_LINE_LENGTH} characters", "not a line of text", _is_single_line)
+_LINE = schema.text_field(f"one line of at most {_MAX_LINE_LENGTH} characters", "not a line of text", _is_single_line)
 
 
 @dataclass(frozen=True)
@@ -160,8 +150,8 @@ def read_provenance(folder: Path) -> Provenance:
             hint="`hsplat golden SCENE FOLDER` writes it; give it a folder without one",
         )
     problems: list[Problem] = []
-    node = TreeNode(data, "", problems)
-    given = read_fields(node, _TABLE, required=["format", *_PARTS, "frames"])
+    node = schema.TreeNode(data, "", problems)
+    given = schema.read_fields(node, _TABLE, required=["format", *_PARTS, "frames"])
     if not problems:
         for number, (before, after) in enumerate(pairwise(golden.frame for golden in given["frames"]), 1):
             if after <= before:
@@ -172,27 +162,29 @@ def read_provenance(folder: Path) -> Provenance:
     return Provenance({part: given[part] for part in _PARTS}, given["frames"])
 
 
-def _check_golden(node: TreeNode, given: dict[str, Any]) -> None:
-    if valid_keys(given, "frame", "file") == ["frame", "file"]:
+def _check_golden(node: schema.TreeNode, given: dict[str, Any]) -> None:
+    if schema.valid_keys(given, "frame", "file") == ["frame", "file"]:
         name = GOLDEN_FILE.fullmatch(given["file"])
         if name is None or int(name[1]) != given["frame"]:
             expected = f"frame-{given['frame']:04}.png"
             node.child("file", given["file"]).reject("not the file of this frame", expected=expected)
 
 
-_VOLUME_TABLE: FieldTable = {
+_VOLUME_TABLE: schema.FieldTable = {
     "name": _LINE,
     "fingerprint": DIGEST_FIELD,
-    "shape": sequence_field(integer_field(minimum=1, maximum=_MAX_VOXELS), "three numbers of voxels", count=3),
+    "shape": schema.sequence_field(
+        schema.integer_field(minimum=1, maximum=_MAX_VOXELS), "three numbers of voxels", count=3
+    ),
     "dtype": _LINE,
 }
-_TABLE: FieldTable = {
+_TABLE: schema.FieldTable = {
     "format": _LINE,
-    "volume": section_field(_VOLUME_TABLE, lambda _, given: given, required=list(_VOLUME_TABLE)),
+    "volume": schema.section_field(_VOLUME_TABLE, lambda _, given: given, required=list(_VOLUME_TABLE)),
     "device": _LINE,
-    "scene": MAPPING_FIELD,
-    "versions": mapping_field(_LINE),
-    "frames": sequence_field(
-        dataclass_field(Golden, _check_golden), "a list of one or more frames, each with frame, file and digest"
+    "scene": schema.MAPPING_FIELD,
+    "versions": schema.mapping_field(_LINE),
+    "frames": schema.sequence_field(
+        schema.dataclass_field(Golden, _check_golden), "a list of one or more frames, each with frame, file and digest"
     ),
 }

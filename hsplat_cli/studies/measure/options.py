@@ -6,30 +6,14 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from renderer.errors import Problem
-from renderer.scene import (
-    MAX_PSNR_DB,
-    ErrorSpec,
-    FieldTable,
-    FieldType,
-    MetricTarget,
-    Scene,
-    SplatSpec,
-    TreeNode,
-    choice_field,
-    field_table,
-    number_field,
-    raise_problems,
-    read_fields,
-    read_option,
-    section_field,
-)
+from renderer.scene import MAX_PSNR_DB, ErrorSpec, MetricTarget, Scene, SplatSpec, raise_problems, schema
 
 T = TypeVar("T")
 
 _MEASURES = {"optical": ("optical", "classified"), "rms": ("rms", "classified"), "rms:scalar": ("rms", "scalar")}
-_WANTED: FieldTable = {
-    "psnr": number_field(above=0, maximum=MAX_PSNR_DB),
-    **dict.fromkeys(("rmse", "ssim", "flip"), number_field(above=0, maximum=1)),
+_WANTED: schema.FieldTable = {
+    "psnr": schema.number_field(above=0, maximum=MAX_PSNR_DB),
+    **dict.fromkeys(("rmse", "ssim", "flip"), schema.number_field(above=0, maximum=1)),
 }
 
 
@@ -48,14 +32,14 @@ class Sweep:
 
 def parse_sweep(scene: Scene, *, tolerances: str | None, footprints: str, measures: str, corrections: str) -> Sweep:
     """Parse lists with commas. Raises SceneError with the name of the option."""
-    are_corrected = [word == "on" for word in _items("--corrections", corrections, choice_field("on", "off"))]
+    are_corrected = [word == "on" for word in _items("--corrections", corrections, schema.choice_field("on", "off"))]
     shapes = _items("--footprints", footprints, _footprint_field(scene.splat))
-    pairs = [_MEASURES[word] for word in _items("--measures", measures, choice_field(*_MEASURES))]
+    pairs = [_MEASURES[word] for word in _items("--measures", measures, schema.choice_field(*_MEASURES))]
     splats = [_with_correction(shape, is_on) for is_on in are_corrected for shape in shapes]
     return Sweep(
         errors=tuple(replace(scene.error, measure=measure, of=of) for measure, of in pairs),  # type: ignore[arg-type]
         splats=tuple(dict.fromkeys(splats)),
-        tolerances=None if tolerances is None else _items("--tolerances", tolerances, number_field(minimum=0)),
+        tolerances=None if tolerances is None else _items("--tolerances", tolerances, schema.number_field(minimum=0)),
     )
 
 
@@ -63,33 +47,35 @@ def parse_want(text: str) -> MetricTarget:
     """Parse `psnr=38`, `rmse=0.01`, `ssim=0.95` or `flip=0.02`. Raises SceneError."""
     metric, _, number = (part.strip() for part in text.partition("="))
     problems: list[Problem] = []
-    wanted = read_option(section_field(_WANTED, lambda _, given: given), {metric: number}, "--want", problems)
+    wanted = schema.read_option(
+        schema.section_field(_WANTED, lambda _, given: given), {metric: number}, "--want", problems
+    )
     raise_problems(problems)
     return MetricTarget(metric, wanted[metric])  # type: ignore[arg-type]
 
 
-def _items(option: str, text: str, field: FieldType[T]) -> tuple[T, ...]:
+def _items(option: str, text: str, field: schema.FieldType[T]) -> tuple[T, ...]:
     """Return the values between the commas, without repetitions."""
     problems: list[Problem] = []
-    found = [read_option(field, word.strip(), option, problems) for word in text.split(",")]
+    found = [schema.read_option(field, word.strip(), option, problems) for word in text.split(",")]
     raise_problems(problems)
     return tuple(dict.fromkeys(found))
 
 
-def _footprint_field(splat: SplatSpec) -> FieldType[SplatSpec]:
+def _footprint_field(splat: SplatSpec) -> schema.FieldType[SplatSpec]:
     """Return the type of `integrated`, `gaussian`, `gouraud` with the scene's subdivisions, or `gouraud:AxR` with A
     angular and R radial ones."""
 
-    def parse(node: TreeNode) -> SplatSpec:
+    def parse(node: schema.TreeNode) -> SplatSpec:
         word = str(node.value)
         given: dict[str, Any] = {"footprint": word}
         if word.startswith("gouraud:"):
             given["footprint"] = "gouraud"
             given["angular"], _, given["radial"] = word.removeprefix("gouraud:").partition("x")
-        changes = read_fields(TreeNode(given, "", node.problems), field_table(SplatSpec))
+        changes = schema.read_fields(schema.TreeNode(given, "", node.problems), schema.field_table(SplatSpec))
         return SplatSpec("integrated") if word == "integrated" else replace(splat, **changes)
 
-    return FieldType("gaussian, gouraud, gouraud:12x4 or integrated", parse)
+    return schema.FieldType("gaussian, gouraud, gouraud:12x4 or integrated", parse)
 
 
 def _with_correction(splat: SplatSpec, is_on: bool) -> SplatSpec:

@@ -12,18 +12,7 @@ from renderer.errors import InputError, Problem, SceneError
 from renderer.film import film_path_of_sidecar, frame_path
 from renderer.job.inputs import expand_pattern
 from renderer.job.record import FilmRecord, late_frame_problems, parse_film_record
-from renderer.scene import (
-    MAPPING_FIELD,
-    MAX_FRAMES,
-    OUTPUT_FILE_FIELD,
-    FieldTable,
-    FieldType,
-    TreeNode,
-    integer_field,
-    raise_problems,
-    read_content,
-    read_fields,
-)
+from renderer.scene import MAX_FRAMES, OUTPUT_FILE_FIELD, raise_problems, read_content, schema
 
 _EXPECTED = "a folder of numbered frames, or the .json files beside them"
 
@@ -132,18 +121,18 @@ def _digest_problems(record: FilmRecord, path: Path) -> Iterator[Problem]:
 def _scene_problems(record: FilmRecord) -> list[Problem]:
     """Return what is wrong with what a film of parts takes from the recorded scene."""
     problems: list[Problem] = []
-    path = _known({"path": _known({"frames": integer_field(minimum=1, maximum=MAX_FRAMES)})})
-    table = {"output": _known({"file": OUTPUT_FILE_FIELD}), "camera": path, "error": MAPPING_FIELD}
-    found = _known(table).read(TreeNode(record.scene, "scene", problems))
+    path = _known({"path": _known({"frames": schema.integer_field(minimum=1, maximum=MAX_FRAMES)})})
+    table = {"output": _known({"file": OUTPUT_FILE_FIELD}), "camera": path, "error": schema.MAPPING_FIELD}
+    found = _known(table).read(schema.TreeNode(record.scene, "scene", problems))
     return problems or late_frame_problems(record, found["camera"]["path"]["frames"])
 
 
-def _known(table: FieldTable) -> FieldType[Any]:
+def _known(table: schema.FieldTable) -> schema.FieldType[Any]:
     """Return the type of a mapping that has these keys, and perhaps others."""
 
-    def parse(node: TreeNode) -> Any:
+    def parse(node: schema.TreeNode) -> Any:
         if isinstance(node.value, Mapping):
             node = replace(node, value={key: node.value[key] for key in table if key in node.value})
-        return read_fields(node, table, required=table)
+        return schema.read_fields(node, table, required=table)
 
-    return FieldType("a mapping", parse)
+    return schema.FieldType("a mapping", parse)

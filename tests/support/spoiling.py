@@ -1,0 +1,29 @@
+"""Plain data with random mistakes, for tests of what anybody may have edited."""
+
+from __future__ import annotations
+
+import copy
+import random
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+
+def places(tree: Any) -> Iterator[tuple[Any, Any]]:
+    """Yield every (container, key) in a tree."""
+    for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree):
+        yield tree, key
+        if isinstance(value, (dict, list)):
+            yield from places(value)
+
+
+def spoil(tree: dict[str, Any], choose: random.Random, junk: Sequence[Any], keys: Sequence[Any]) -> None:
+    """Add, remove or replace a random thing by junk; `keys`: for what is added."""
+    every = list(places(tree))
+    container, key = choose.choice(every) if every else (tree, keys[0])
+    action, thing = choose.random(), copy.deepcopy(choose.choice(junk))
+    if action < 0.2 and isinstance(container, dict):
+        container[choose.choice(keys)] = thing
+    elif action < 0.4 and every:
+        del container[key]
+    else:
+        container[key] = thing
