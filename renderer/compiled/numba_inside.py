@@ -1,8 +1,8 @@
 """Imports numba and the private parts of it that this room uses, and names settings with which it cannot work.
 
-To mypy they are `Any`: it knows too little of numba, or other signatures.
+They have no types.
 """
-# ruff: noqa: E402  other imports follow the guarded one of numba
+# ruff: noqa: E402, F401  imports follow the guarded one of numba; others import them from here
 
 from __future__ import annotations
 
@@ -56,32 +56,16 @@ def _import_numba() -> Any:
 
 numba: Any = _import_numba()
 
-from llvmlite import binding as _binding, ir as _ir
-from numba import extending as _extending
-from numba.core import (
-    cgutils as _cgutils,
-    compiler as _compiler,
-    imputils as _imputils,
-    typeconv as _typeconv,
-    types as _types,
-)
-from numba.core.registry import cpu_target as _cpu_target
-from numba.core.serialize import dumps as _dumps
-from numba.core.typing import templates as _templates
-from numba.np import arrayobj as _arrayobj
+from llvmlite import binding, ir
+from numba import extending
+from numba.core import cgutils, imputils, typeconv, types as _types
+from numba.core.compiler import CompileResult
+from numba.core.registry import cpu_target
+from numba.core.serialize import dumps
+from numba.core.typing import templates
+from numba.np.arrayobj import make_array
 
-binding: Any = _binding
-ir: Any = _ir
-extending: Any = _extending
-cgutils: Any = _cgutils
-imputils: Any = _imputils
-typeconv: Any = _typeconv
-types: Any = _types
-templates: Any = _templates
-cpu_target: Any = _cpu_target
-make_array: Any = _arrayobj.make_array
-CompileResult: Any = _compiler.CompileResult
-dumps: Any = _dumps
+types: Any = _types  # mypy takes the imported name for Python's own module
 
 
 @cache

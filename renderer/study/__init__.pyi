@@ -17,7 +17,6 @@ from .metrics import (
 from .pareto import (
     Cost as Cost,
     cost_at_psnr as cost_at_psnr,
-    find_regressions as find_regressions,
     pareto_front as pareto_front,
 )
 from .strictness import (

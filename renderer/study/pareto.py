@@ -44,9 +44,3 @@ def cost_at_psnr(psnrs: Sequence[float], costs: Sequence[float], wanted: float) 
     low, high = front[above - 1], front[above]
     part = (wanted - psnrs[low]) / (psnrs[high] - psnrs[low]) if math.isfinite(psnrs[high]) else 1.0
     return Cost(costs[low] ** (1 - part) * costs[high] ** part)
-
-
-def find_regressions(values: Sequence[float], *, higher_is_better: bool, least: float) -> list[int]:
-    """Return the indices at which values that should improve get worse than the one before by `least` or more."""
-    sign = 1.0 if higher_is_better else -1.0
-    return [i for i in range(1, len(values)) if sign * (values[i - 1] - values[i]) >= least]

@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import logging
 import ssl
-import threading
 import warnings
 from collections.abc import Iterator
 from functools import partial
@@ -32,7 +31,7 @@ _CLOSE_TIMEOUT_S = 2.0
 @contextlib.contextmanager
 def connect(address: str) -> Iterator[Client]:
     """Connect to the scheduler at an address. Raises InputError where none answers within some ten seconds."""
-    with silent_libraries:
+    with silent_libraries():
         _require_scheduler(address)
         with _client(address) as client:
             yield client
@@ -47,7 +46,7 @@ def connect_locally(num_workers: int) -> Iterator[Client]:
     from hsplat_cli.executors.cluster.local_cluster import local_cluster
 
     with (
-        silent_libraries,
+        silent_libraries(),
         deferrable_interrupts() as defer_interrupts,
         local_cluster(num_workers) as cluster,
         _client(cluster) as client,
@@ -71,34 +70,17 @@ def _client(scheduler: str | SpecCluster) -> Iterator[Client]:
         client.close(timeout=_CLOSE_TIMEOUT_S)
 
 
-class SilentLibraries(contextlib.AbstractContextManager["SilentLibraries"]):
-    """Logs nothing and shows no warnings from the first thread that enters the block to the last that leaves it.
-
-    What matters to users in the logs of Dask and its libraries is reported as an error or a note.
-    """
-
-    def __init__(self) -> None:
-        self._lock, self._num_users = threading.Lock(), 0
-        self._restore = contextlib.ExitStack()
-
-    def __enter__(self) -> SilentLibraries:
-        with self._lock:
-            if self._num_users == 0:
-                self._restore.callback(logging.disable, logging.root.manager.disable)
-                logging.disable(logging.CRITICAL)
-                self._restore.enter_context(warnings.catch_warnings())
-                warnings.simplefilter("ignore")
-            self._num_users += 1
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        with self._lock:
-            self._num_users -= 1
-            if self._num_users == 0:
-                self._restore.close()
-
-
-silent_libraries = SilentLibraries()
+@contextlib.contextmanager
+def silent_libraries() -> Iterator[None]:
+    """Log nothing and show no warnings: what matters to users of Dask's is reported as an error or a note."""
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(before)
 
 
 def _require_scheduler(address: str) -> None:

@@ -13,7 +13,6 @@ import logging
 import signal
 import sys
 import tempfile
-import threading
 from collections.abc import Iterator
 from multiprocessing import resource_tracker
 from typing import Any
@@ -27,8 +26,6 @@ from renderer.system import deferrable_interrupts, num_cores
 
 # Time for processes to end by themselves, on a busy machine too: Dask waits again at the end of the program.
 _CLOSE_TIMEOUT_S = 10.0
-# One thread at a time starts a cluster: Dask's configuration and sys.path are those of the process.
-_starting = threading.Lock()
 
 
 # Dask reads the configuration of its servers by the names of their classes.
@@ -55,7 +52,7 @@ def local_cluster(num_workers: int) -> Iterator[SpecCluster]:
             defer_interrupts()  # a cluster that is half started cannot be ended
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="hsplat-", ignore_cleanup_errors=True))
             try:
-                with _starting, dask.config.set({"temporary-directory": folder}), _same_sys_path():
+                with dask.config.set({"temporary-directory": folder}), _same_sys_path():
                     cluster = _start(num_workers)
             except (OSError, RuntimeError) as error:
                 what, where = "no processes can be started", f"--workers {num_workers}"

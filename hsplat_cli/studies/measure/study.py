@@ -24,12 +24,10 @@ from renderer.job import find_truth, nothing_visible_error, without_paths
 from renderer.readers import read_volume
 from renderer.scene import Scene, counted, scene_to_dict, schedule_to_dict
 from renderer.study import (
-    METRICS,
     Measurement,
     PlannedSetting,
     Study,
     Truth,
-    find_regressions,
     is_loop,
     measure_setting,
     plan_sweep,
@@ -41,8 +39,6 @@ from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.view import View
 from renderer.volume import Volume
 
-# Smaller setbacks are below the digits shown.
-_MIN_SETBACK = {"psnr": 0.01, "ssim": 1e-4, "flip": 1e-4}
 # Number of frames measured by default.
 _NUM_FRAMES = 3
 # Estimated seconds of a peer's frame, for the time remaining.
@@ -112,7 +108,7 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
                 "dtype": str(volume.values.dtype),
                 "shape": volume.shape_xyz,
             },
-            "notes": (*notes, *monotonicity_notes(measurements)),
+            "notes": notes,
         }
         study = Study(
             name=request.name,
@@ -206,29 +202,4 @@ def scene_notes(scene: Scene, *, has_transparent_border: bool) -> list[str]:
             "VTK's frames have 8 bits, and hsplat's are compared before they are rounded to that; the rounding alone "
             "limits a picture to about 59 dB where the volume is visible"
         )
-    return notes
-
-
-def monotonicity_notes(measurements: Sequence[Measurement]) -> list[str]:
-    """Return a note for each series and metric that gets worse as the tolerance falls, with the largest setback."""
-    series: dict[str, list[Measurement]] = {}
-    for measurement in measurements:
-        if "tolerance" in measurement.setting.options:
-            series.setdefault(measurement.setting.series, []).append(measurement)
-    notes = []
-    for name, points in series.items():
-        points.sort(key=lambda point: -float(point.setting.options["tolerance"]))
-        for metric in METRICS.values():
-            if metric.name not in _MIN_SETBACK:
-                continue
-            values = [point.overall.everywhere[metric.name] for point in points]
-            worse = find_regressions(values, higher_is_better=metric.higher_is_better, least=_MIN_SETBACK[metric.name])
-            if worse:
-                at = max(worse, key=lambda i: abs(values[i] - values[i - 1]))
-                unit = f" {metric.unit}" if metric.unit else ""
-                times = "once" if len(worse) == 1 else f"{len(worse)} times, at most"
-                notes.append(
-                    f"{name}: {metric.label} gets worse as the tolerance falls, {times} from {values[at - 1]:.4g} to "
-                    f"{values[at]:.4g}{unit} between {points[at - 1].setting.label} and {points[at].setting.label}"
-                )
     return notes
