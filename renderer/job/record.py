@@ -7,7 +7,6 @@ may have edited a sidecar: reading checks everything, and says where a mistake i
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
@@ -115,30 +114,13 @@ class FrameRecord:
 
 
 _FRAME = schema.dataclass_field(FrameRecord)
-_FRAME_KEYS = {field.name for field in fields(FrameRecord)}
-_REQUIRED_FRAME_KEYS = set(schema.required_keys(FrameRecord))
 
 
 def read_frame_record(value: Any) -> FrameRecord | None:
-    """Return the record of a frame in plain data; None where it is none. A million of them are read in seconds."""
-    if not (isinstance(value, dict) and value.keys() <= _FRAME_KEYS and value.keys() >= _REQUIRED_FRAME_KEYS):
-        return None
-    record = FrameRecord(**value)
-    is_right = (
-        all(type(number) is int and 0 <= number < 2**63 for number in (record.frame, record.cells, record.primitives))
-        and record.frame < MAX_FRAMES
-        and isinstance(record.seconds, dict)
-        and all(map(_is_amount, (record.tolerance, *record.seconds.values())))
-        and (record.predicted_seconds is None or _is_amount(record.predicted_seconds))
-        and isinstance(record.device, str | None)
-        and isinstance(record.blank, bool)
-        and (record.digest is None or (isinstance(record.digest, str) and bool(_DIGEST.fullmatch(record.digest))))
-    )
-    return record if is_right else None
-
-
-def _is_amount(value: Any) -> bool:
-    return type(value) in (int, float) and 0 <= value <= min(_MAX_AMOUNT, sys.float_info.max)
+    """Return the record of a frame in plain data; None where it is none."""
+    problems: list[Problem] = []
+    record: FrameRecord = _FRAME.read(schema.TreeNode(value, "", problems))
+    return None if problems else record
 
 
 def _parse_frames(node: schema.TreeNode) -> Any:
@@ -149,14 +131,11 @@ def _parse_frames(node: schema.TreeNode) -> Any:
         return node.reject("empty", got="")
     found: list[FrameRecord] = []
     for index, value in enumerate(node.value):
-        record = read_frame_record(value)
-        if record is None:
-            before = len(node.problems)
-            _FRAME.read(node.child(index, value))
-            assert len(node.problems) > before, value
+        child, num_problems = node.child(index, value), len(node.problems)
+        record = _FRAME.read(child)
+        if len(node.problems) > num_problems:
             return schema.INVALID
-        number = node.child(index).child("frame")
-        if found and not check_frames_ascend(number, found[-1].frame, record.frame):
+        if found and not check_frames_ascend(child.child("frame"), found[-1].frame, record.frame):
             return schema.INVALID
         found.append(record)
     return tuple(found)
