@@ -88,16 +88,7 @@ class ProcessesExecutor(_DaskExecutor):
     def __init__(self, local: LocalExecutor, num: int, stack: contextlib.ExitStack, reporter: Reporter) -> None:
         super().__init__(stack, reporter)
         self._local, self._num = local, num
-
-    @property
-    def device(self) -> str:
-        """Return what draws in this process, as in the others."""
-        return self._local.device
-
-    @property
-    def rasterizer(self) -> Rasterizer:
-        """Return what draws trial frames in this process."""
-        return self._local.rasterizer
+        self.device, self.rasterizer = local.device, local.rasterizer
 
     @property
     def notes(self) -> Sequence[str]:

@@ -37,18 +37,14 @@ _WIDTH_IN = 8.0
 
 @dataclass(frozen=True)
 class CostAxis:
-    """A logarithmic axis of cost. cost: that of a measurement, NaN without one. quartiles: of the cost."""
+    """A logarithmic axis of cost. cost: that of a measurement, NaN without one. has_bars: from quartile to quartile."""
 
     title: str
     cost: CostOf
-    quartiles: Callable[[Measurement], tuple[float, float]] | None = None
+    has_bars: bool = False
 
 
-TIME_AXIS = CostAxis(
-    "time of a frame, ms",
-    lambda m: 1000 * m.frame_seconds,
-    lambda m: (1000 * m.frame_seconds_spread[0], 1000 * m.frame_seconds_spread[1]),
-)
+TIME_AXIS = CostAxis("time of a frame, ms", lambda m: 1000 * m.frame_seconds, has_bars=True)
 SPLATS_AXIS = CostAxis("splats of a frame", cost_in_splats)
 
 
@@ -101,7 +97,7 @@ def metrics_figure(measurements: Sequence[Measurement]) -> Figure:
             title += f", {metric.unit}"
         elif name.endswith("_share"):
             axes.yaxis.set_major_formatter(PercentFormatter(1.0))
-        _draw_series(axes, measurements, replace(TIME_AXIS, quartiles=None), partial(_error, name, pixels))
+        _draw_series(axes, measurements, replace(TIME_AXIS, has_bars=False), partial(_error, name, pixels))
         _format_axes(axes, TIME_AXIS, title, many_ticks=False)
         axes.set_title(
             f"{'higher' if metric.higher_is_better else 'lower'} is better",
@@ -147,8 +143,8 @@ def _draw_series(
         if not shown:
             continue
         costs, values = np.array([axis.cost(m) for m in shown]), [value(m) for m in shown]
-        if axis.quartiles:
-            low, high = np.array([axis.quartiles(m) for m in shown]).T
+        if axis.has_bars:
+            low, high = 1000 * np.array([m.frame_seconds_spread for m in shown]).T
             # Rounding may put a quartile on the wrong side of the median.
             bars = np.maximum([costs - low, high - costs], 0)
             axes.errorbar(costs, values, xerr=bars, fmt="none", ecolor=style["color"], elinewidth=1.0, capsize=2.5)

@@ -125,7 +125,7 @@ def _tradeoff_caption(measurements: Sequence[Measurement], axis: CostAxis) -> st
     parts = ["Higher and further to the left is better."]
     parts += [f"Labels at the points of a front, where they fit: {', '.join(names)}."] if names else []
     parts += ["Settings with bricks are not in this plot."] if axis is SPLATS_AXIS and has_bricks(measurements) else []
-    parts += ["Bars reach from the first to the third quartile of the time."] if axis.quartiles else []
+    parts += ["Bars reach from the first to the third quartile of the time."] if axis.has_bars else []
     exact = sum(m.overall.everywhere["psnr"] == math.inf for m in measurements if axis.cost(m) > 0)
     parts += [f"Not shown, because equal to the truth: {exact}."] if exact else []
     return " ".join(parts)

@@ -153,13 +153,9 @@ def _accuracy_row(accuracy: Accuracy) -> dict[str, float]:
 
 
 def _times_row(name: str, seconds: Sequence[float]) -> dict[str, float]:
-    first, median, third = (float(value) for value in np.quantile(seconds, [0.25, 0.5, 0.75]) * 1000)
-    return {
-        f"{name}_ms_median": median,
-        f"{name}_ms_q1": first,
-        f"{name}_ms_q3": third,
-        f"{name}_repetitions": len(seconds),
-    }
+    milliseconds = (1000 * np.quantile(seconds, [0.5, 0.25, 0.75])).tolist()
+    row = {f"{name}_ms_{part}": value for part, value in zip(("median", "q1", "q3"), milliseconds, strict=True)}
+    return row | {f"{name}_repetitions": len(seconds)}
 
 
 def json_text(study: Study, *, date: str) -> str:

@@ -22,6 +22,7 @@ from renderer.scene import (
     RawSource,
     TransferSpec,
     VolumeSpec,
+    format_value,
     parse_scene_content,
     parse_yaml,
 )
@@ -107,7 +108,7 @@ def scene_text(found: VolumeSuggestion, film: FilmOptions, *, folder: Path, outp
     found: its volume's file is relative to the current folder. folder: of the scene's file, to which the scene's volume
     is relative. output: relative to the current folder.
     """
-    suggestion, elevation = found.suggestion, number_text(film.elevation)
+    suggestion, elevation = found.suggestion, format_value(film.elevation)
     lines = [
         f"# A turntable of {printable(volume_file(found.volume).name)}: {suggestion.kind};",
         f"# {suggestion.reason}.",
@@ -127,14 +128,14 @@ def scene_text(found: VolumeSuggestion, film: FilmOptions, *, folder: Path, outp
         "",
         "error:",
         _with_comment(
-            f"  tolerance: {number_text(film.tolerance)}",
+            f"  tolerance: {format_value(film.tolerance)}",
             "smaller is more exact and slower, 0 draws every visible voxel",
         ),
         "",
         "output:",
         _with_comment(f"  file: {yaml_string(output)}", "relative to the current folder"),
         f"  size: [{film.size[0]}, {film.size[1]}]",
-        f"  frames_per_second: {number_text(film.fps)}",
+        f"  frames_per_second: {format_value(film.fps)}",
         f"  background: {yaml_string(film.background)}",
         *(["  record_paths: false         # in the JSON file beside the film"] * film.no_paths),
     ]
@@ -167,7 +168,7 @@ def _volume_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
     if found.nonfinite is not None:
         yield f"  # {found.nonfinite}."
     if found.is_float:
-        instead = volume.nonfinite if isinstance(volume.nonfinite, str) else number_text(volume.nonfinite)
+        instead = volume.nonfinite if isinstance(volume.nonfinite, str) else format_value(volume.nonfinite)
         yield _with_comment(
             f"  nonfinite: {instead}", "NaN and infinities: error, lowest, as the lowest finite value, or a number"
         )
@@ -177,7 +178,7 @@ def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterato
     """Yield the section `transfer_function`, one line for each point, with a note behind it."""
     yield "transfer_function:"
     if transfer.unit is not None:
-        yield f"  unit: {number_text(transfer.unit)}"
+        yield f"  unit: {format_value(transfer.unit)}"
     mapping = transfer.mapping
     if isinstance(mapping, ColormapSpec):
         yield f"  colormap: {yaml_string(mapping.name)}"
@@ -187,7 +188,7 @@ def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterato
         return
     yield "  points:"
     for k, point in enumerate(mapping):
-        value, color, opacity = number_text(point.value), _hex_color(point.color), number_text(point.opacity)
+        value, color, opacity = format_value(point.value), _hex_color(point.color), format_value(point.opacity)
         note = f"  # {notes[k]}" if k < len(notes) and notes[k] else ""
         yield f'    - {{value: {value}, color: "{color}", opacity: {opacity}}}{note}'
 
@@ -195,7 +196,7 @@ def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterato
 def _drawing_lines(suggestion: Suggestion) -> Iterator[str]:
     """Yield the sections `shading` and `splat`, or why there is none."""
     if (shading := suggestion.shading) is not None:
-        ambient, diffuse = number_text(shading.ambient), number_text(shading.diffuse)
+        ambient, diffuse = format_value(shading.ambient), format_value(shading.diffuse)
         yield from ("", _SHADING_COMMENT)
         yield f"shading: {{ambient: {ambient}, diffuse: {diffuse}, light: {_list(shading.light)}}}"
     if suggestion.splat is not None:
@@ -209,16 +210,11 @@ def _with_comment(line: str, comment: str) -> str:
 
 
 def _list(numbers: Sequence[float]) -> str:
-    return f"[{', '.join(map(number_text, numbers))}]"
+    return f"[{', '.join(map(format_value, numbers))}]"
 
 
 def _hex_color(color: Color) -> str:
     return "#" + "".join(f"{round(255 * part):02x}" for part in color)
-
-
-def number_text(value: float) -> str:
-    """Return a number as YAML reads it back; a whole number as an integer, where that is exact."""
-    return repr(int(value) if abs(value) < 2**53 and value == int(value) else value)
 
 
 def yaml_string(text: str | Path) -> str:

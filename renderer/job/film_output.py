@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -59,9 +59,8 @@ class FilmOutput:
         events.started(label, len(shown))
         being_stored = list[Future[FrameRecord]]()  # at most one
 
-        def finish_storing() -> None:
-            while being_stored:
-                record = being_stored.pop().result()
+        def finish(stored: Sequence[FrameRecord]) -> None:
+            for record in stored:
                 records.append(record)
                 if record.frame in shown:
                     events.frame_finished(record)
@@ -72,11 +71,12 @@ class FilmOutput:
             for number in self.frames:
                 is_new = number in missing
                 frame = _next_frame(drawn, number) if is_new else store.finished_frame(number)
-                finish_storing()
-                being_stored.append(thread.submit(_store_frame, frame, store, write, is_new=is_new))
+                stored = [each.result() for each in being_stored]
+                being_stored = [thread.submit(_store_frame, frame, store, write, is_new=is_new)]
                 if not is_overlapped:
-                    finish_storing()
-            finish_storing()
+                    wait(being_stored)
+                finish(stored)  # a listener may end the job: this frame is being stored already
+            finish([each.result() for each in being_stored])
         return records
 
     @contextlib.contextmanager

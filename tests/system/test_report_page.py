@@ -190,7 +190,7 @@ def test_ticks_leave_room_for_each_other(decades: float) -> None:
     measurements = own_series()
     costs = {id(m): 10 ** (decades * k / (len(measurements) - 1)) for k, m in enumerate(measurements)}
     with plot_style():
-        figure = tradeoff_figure(measurements, replace(TIME_AXIS, cost=lambda m: costs[id(m)], quartiles=None))
+        figure = tradeoff_figure(measurements, replace(TIME_AXIS, cost=lambda m: costs[id(m)], has_bars=False))
         figure.draw_without_rendering()
         axes = figure.axes[0]
         low, high = axes.get_xlim()

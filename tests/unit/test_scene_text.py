@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, strategies as st
 
-from hsplat_cli.scenes.scene_text import number_text, scene_text, yaml_string
+from hsplat_cli.scenes.scene_text import scene_text, yaml_string
 from renderer.scene import (
     ColormapSpec,
     ControlPoint,
@@ -21,6 +21,7 @@ from renderer.scene import (
     TransferSpec,
     TurntablePath,
     VolumeSpec,
+    format_value,
     load_scene,
     parse_yaml,
 )
@@ -118,7 +119,7 @@ def test_labels_are_drawn_by_voxel_where_there_is_room(tmp_path: Path, splat: Sp
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_any_number_reads_back(value: float) -> None:
-    assert parse_yaml(f"a: {number_text(value)}").data == {"a": value}
+    assert parse_yaml(f"a: {format_value(value)}").data == {"a": value}
 
 
 @given(st.text(st.characters(exclude_categories=["Cs"])))

@@ -19,6 +19,7 @@ from renderer.errors import InputError, Problem
 from renderer.job import DIGEST_FIELD, FilmRecord, describe_differences, record_to_json
 from renderer.scene import (
     FRAME_NUMBER_FIELD,
+    check_frames_ascend,
     decode_utf8,
     format_value,
     load_json_object,
@@ -154,9 +155,7 @@ def read_provenance(folder: Path) -> Provenance:
     given = schema.read_fields(node, _TABLE, required=["format", *_PARTS, "frames"])
     if not problems:
         for number, (before, after) in enumerate(pairwise(golden.frame for golden in given["frames"]), 1):
-            if after <= before:
-                what, expected = f"frame {after} after frame {before}", "frames in ascending order, each once"
-                node.child("frames").child(number).reject(what, expected=expected)
+            check_frames_ascend(node.child("frames").child(number).child("frame"), before, after)
     # One mistake may be that of many frames.
     raise_problems(replace(problem, location=str(path)) for problem in problems[:_MAX_PROBLEMS])
     return Provenance({part: given[part] for part in _PARTS}, given["frames"])

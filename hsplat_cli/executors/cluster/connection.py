@@ -73,14 +73,11 @@ def _client(scheduler: str | SpecCluster) -> Iterator[Client]:
 @contextlib.contextmanager
 def silent_libraries() -> Iterator[None]:
     """Log nothing and show no warnings: what matters to users of Dask's is reported as an error or a note."""
-    before = logging.root.manager.disable
-    logging.disable(logging.CRITICAL)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        logging.disable(before)
+    with warnings.catch_warnings(), contextlib.ExitStack() as stack:
+        stack.callback(logging.disable, logging.root.manager.disable)
+        logging.disable(logging.CRITICAL)
+        warnings.simplefilter("ignore")
+        yield
 
 
 def _require_scheduler(address: str) -> None:

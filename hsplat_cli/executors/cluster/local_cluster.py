@@ -64,10 +64,8 @@ def local_cluster(num_workers: int) -> Iterator[SpecCluster]:
 def _start(num_workers: int) -> SpecCluster:
     security = Security.temporary()
     listen = {"host": "127.0.0.1", "protocol": "tls://", "security": security}
-    limits = {
-        "nthreads": max(1, num_cores() // num_workers),
-        "memory_limit": 0,
-    }  # no limit: no spilling to disk, no process ended for its size
+    # Without a limit of memory nothing is spilled to disk, and no process is ended for its size.
+    limits = {"nthreads": max(1, num_cores() // num_workers), "memory_limit": 0}
     quiet = {"silence_logs": logging.CRITICAL}
     worker = {"cls": Nanny, "options": {**listen, **limits, **quiet, "worker_class": Worker}}
     return SpecCluster(
