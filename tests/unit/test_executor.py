@@ -42,7 +42,9 @@ def test_no_more_processes_than_frames(workers: int, num_frames: int, is_timed: 
         return nullcontext("client")
 
     plan: Any = SimpleNamespace(is_timing_dependent=is_timed)
-    local: Any = SimpleNamespace(draw=lambda _plan, numbers: (f"here {number}" for number in numbers), notes=())
+    local: Any = SimpleNamespace(
+        draw=lambda _plan, numbers: (f"here {number}" for number in numbers), notes=(), device="", rasterizer=None
+    )
     drawing = SimpleNamespace(
         draw=lambda numbers: (f"there {number}" for number in numbers), notes=["a note"], close=int
     )
