@@ -13,6 +13,9 @@ from dataclasses import dataclass
 
 from renderer.system import PrintableText, join_lines, printable
 
+# A part of a message is cut to this length: that of the longest paths.
+_MAX_LINE = 1000
+
 
 class HsplatError(Exception):
     """The root of all errors that are shown to a user.
@@ -106,10 +109,16 @@ def format_message(
     what: str, *, where: str | None = None, got: str | None = None, expected: str | None = None, hint: str | None = None
 ) -> PrintableText:
     """Return the printable text of a message: `where: what`, and one indented line for each further part."""
-    lines = [printable(what) if where is None else f"{printable(where)}: {printable(what)}"]
+    lines = [_readable(what) if where is None else f"{_readable(where)}: {_readable(what)}"]
     parts = (("got", got), ("expected", expected), ("hint", hint))
-    lines += [f"  {name}: {printable(text)}".replace("\n", "\n    ") for name, text in parts if text]
+    lines += [f"  {name}: {_readable(text)}".replace("\n", "\n    ") for name, text in parts if text]
     return PrintableText("\n".join(lines))
+
+
+def _readable(text: str) -> str:
+    """Return printable text, without the middle of a line that is too long to be read."""
+    is_readable = isinstance(text, PrintableText) or len(text) <= _MAX_LINE
+    return printable(text if is_readable else f"{text[: _MAX_LINE // 2]}...{text[-_MAX_LINE // 2 :]}")
 
 
 def closest_match(name: str, names: Iterable[str]) -> str | None:

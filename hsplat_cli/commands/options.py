@@ -12,7 +12,7 @@ import click
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter, option_group
 
-FILE = click.Path(path_type=Path)
+FILE = click.Path(path_type=Path, readable=False)  # not checked by click, whose messages differ from ours
 _SCENE = click.argument("scene", type=FILE)
 
 

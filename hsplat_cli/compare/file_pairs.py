@@ -14,7 +14,7 @@ from hsplat_cli.compare.picture_file import decode_picture, file_content, is_pic
 from renderer.errors import InputError, Problem, SceneError
 from renderer.film import ANY_FRAME_FIELD, Pixels, frame_path
 from renderer.job import folder_files
-from renderer.scene import FRAME_FIELD, counted, first_few, is_same_file, nearest_file_hint
+from renderer.scene import FRAME_FIELD, counted, first_few, is_same_file, missing_file_error, nearest_file_hint
 
 _FILM_SUFFIXES = (".mp4", ".gif")
 _OTHER_SUFFIXES = (".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
@@ -59,10 +59,8 @@ def _kind(path: Path) -> str:
     if ANY_FRAME_FIELD.search(str(path)):
         return _TEMPLATE
     suffix = path.suffix.lower()
-    if not is_there and path.is_symlink():
-        raise InputError("a broken link", where=str(path), got=str(path.readlink()))
     if not is_there:
-        raise InputError("no such file or folder", where=str(path), hint=nearest_file_hint(path))
+        raise missing_file_error(path, "no such file or folder")
     if suffix in _FILM_SUFFIXES:
         return f"a film in {suffix}"
     if suffix == ".png":

@@ -40,7 +40,7 @@ class OutputPath(click.Path):
     """
 
     def __init__(self, *, file_okay: bool = True, dir_okay: bool = True) -> None:
-        super().__init__(path_type=Path, file_okay=file_okay)
+        super().__init__(path_type=Path, file_okay=file_okay, readable=False)
         self._may_be_folder = dir_okay
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from renderer.errors import InputError, closest_match
-from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, join_some, short_text
+from renderer.errors import InputError
+from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, join_some, missing_file_error, short_text
 from renderer.system import free_bytes, free_swap_bytes
 from renderer.volume import Array, Float64, MappedFile, iter_slabs
 
@@ -265,14 +265,10 @@ def require_exists(path: Path) -> Path:
             raise InputError("no permission to read this", where=str(path))
         if not (path.is_file() or path.is_dir()):
             raise InputError("this is neither a file nor a folder", where=str(path))
+        if path.is_file() and path.stat().st_size == 0:  # also a file of the kernel, whose content may be waited for
+            raise InputError("an empty file", where=str(path))
         return path
-    try:
-        meant = closest_match(path.name, sorted(entry.name for entry in path.parent.iterdir()))
-    except OSError:
-        meant = None
-    raise InputError(
-        "no such file or folder", where=str(path), hint=f"did you mean {path.parent / meant}?" if meant else None
-    )
+    raise missing_file_error(path, "no such file or folder")
 
 
 @contextmanager

@@ -32,6 +32,7 @@ from .input_file import (
     decode_utf8 as decode_utf8,
     is_same_file as is_same_file,
     may_be_json as may_be_json,
+    missing_file_error as missing_file_error,
     nearest_file_hint as nearest_file_hint,
     read_bounded as read_bounded,
     read_content as read_content,
@@ -109,6 +110,7 @@ from .volume_section import (
     VolumeSpec as VolumeSpec,
 )
 from .yaml_tree import (
+    MAX_DEPTH as MAX_DEPTH,
     NotYamlError as NotYamlError,
     TextPosition as TextPosition,
     YamlTree as YamlTree,

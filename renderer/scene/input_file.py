@@ -46,7 +46,7 @@ def _open(path: Path, what: str) -> Iterator[BinaryIO]:
         with path.open("rb") as file:
             yield file
     except FileNotFoundError as error:
-        raise InputError("no such file", where=str(path), hint=nearest_file_hint(path)) from error
+        raise missing_file_error(path) from error
     except IsADirectoryError as error:
         raise InputError("a folder", where=str(path), expected=what) from error
     except (OSError, ValueError) as error:
@@ -98,11 +98,17 @@ def is_same_file(path: Path, other: Path) -> bool:
         return False
 
 
+def missing_file_error(path: Path, what: str = "no such file") -> InputError:
+    """Return the error for a file that is not there: with a similar name, or where a link of its name leads."""
+    if path.is_symlink():
+        return InputError("a broken link", where=str(path), got=os.readlink(path))
+    return InputError(what, where=str(path), hint=nearest_file_hint(path))
+
+
 def nearest_file_hint(path: Path) -> str | None:
     """Return a hint with the file of the most similar name in the folder, or None."""
     try:
-        # The name itself may be there: as a link that leads nowhere.
-        names = sorted({entry.name for entry in path.parent.iterdir()} - {path.name})
+        names = sorted(entry.name for entry in path.parent.iterdir())
     except OSError:
         return None
     close = closest_match(path.name, names)

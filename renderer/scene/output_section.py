@@ -25,7 +25,7 @@ _FILE_WORDS = "a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one 
 
 
 def _parse_file(node: TreeNode) -> Any:
-    if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
+    if not schema.is_file_name(node.value):
         return node.reject("not a file name")
     if schema.has_unexpanded_tilde(node.value):
         return node.reject("a folder named ~", hint=schema.TILDE_HINT)

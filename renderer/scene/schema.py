@@ -9,13 +9,14 @@ values that are already wrong.
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Any, Generic, Literal, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Generic, Literal, TypeGuard, TypeVar, get_args, get_origin, get_type_hints
 
 from renderer.errors import Problem, closest_match
 from renderer.scene.message_text import did_you_mean, format_value, join_keys, join_words
@@ -102,6 +103,14 @@ FieldTable = Mapping[str, FieldType[Any]]
 
 
 TILDE_HINT = "~ is not expanded: write the whole path"
+
+
+def is_file_name(value: object) -> TypeGuard[str]:
+    """Return whether a value may name a file on this system: half of a surrogate pair, for one, may not."""
+    try:
+        return isinstance(value, str) and bool(value.strip()) and b"\0" not in os.fsencode(value)
+    except UnicodeEncodeError:
+        return False
 
 
 def has_unexpanded_tilde(name: str) -> bool:

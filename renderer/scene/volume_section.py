@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -80,7 +81,7 @@ def _file_field(expected: str, *, folder: bool) -> schema.FieldType[Path]:
     """Return the type of an existing file (or folder), relative to the node's base."""
 
     def parse(node: TreeNode) -> Any:
-        if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
+        if not schema.is_file_name(node.value):
             return node.reject("not a file name")
         path = node.base / node.value
         got = str(path)
@@ -97,6 +98,8 @@ def _file_field(expected: str, *, folder: bool) -> schema.FieldType[Path]:
             return path
         if is_other:
             return node.reject("neither a file nor a folder", got=got, hint="write a pipe's content to a file")
+        if path.is_symlink():
+            return node.reject("a broken link", got=f"{got}, which leads to {os.readlink(path)}")
         return node.reject("no such file", got=got, hint=_missing_file_hint(path))
 
     return schema.FieldType(expected, parse)

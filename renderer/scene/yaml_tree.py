@@ -208,11 +208,16 @@ class _Builder(YamlTree):
             kind = "?"
         if kind != "str":
             self._reject_tag(node, path)
-        return text
+        return _join_surrogates(text)
 
     def _reject_tag(self, node: yaml.Node, path: str) -> None:
         problem = Problem(path, "tags are not used here", got=format_value(node.tag), hint="remove what begins with !")
         self.problems.append((_mark(node.start_mark), problem))
+
+
+def _join_surrogates(text: str) -> str:
+    """Return a text in which two escapes for one character, as JSON has them for an emoji, are that character."""
+    return text.encode("utf-16", "surrogatepass").decode("utf-16", "surrogatepass")
 
 
 def _mark(mark: yaml.Mark) -> TextPosition:
