@@ -134,7 +134,6 @@ def _npy_header(file: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[
         if file.read(6) != b"\x93NUMPY":
             raise InputError(
                 "this is not a .npy file",
-                got="an empty file" if path.stat().st_size == 0 else None,
                 expected="an array saved by numpy.save",
             )
         version = (*file.read(2),)

@@ -67,6 +67,8 @@ def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int
 
 def _data_file(header: Path, name: str) -> Path:
     file = header.parent / name
+    if not file.is_file() and re.fullmatch('".+"', name):
+        file = header.parent / name[1:-1]
     if not file.is_file():
         raise InputError(
             "the data file that this header names is not there",

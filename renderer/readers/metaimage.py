@@ -64,7 +64,6 @@ def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
     if missing:
         raise InputError(
             "this is not a MetaImage header, or it is damaged",
-            got="an empty file" if path.stat().st_size == 0 else None,
             expected=" and ".join(f"a line `{name} = ...`" for name in missing),
         )
     num_axes = _num_axes(fields)

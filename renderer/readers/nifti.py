@@ -126,7 +126,6 @@ def _header(start: bytes, path: Path, *, is_single: bool) -> _Header:
             return header
     raise InputError(
         "this is not a NIfTI file, or it is damaged",
-        got="an empty file" if path.stat().st_size == 0 else None,
         expected="a header of NIfTI-1 or NIfTI-2, whose type of voxels and axes are known",
     )
 

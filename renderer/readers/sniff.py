@@ -57,6 +57,8 @@ class UnknownFormatError(InputError):
 def find_format(path: Path) -> Format:
     """Return the format of a volume file; raises UnknownFormatError for any other file."""
     start = _start(path)
+    if not start:
+        raise InputError("an empty file", where=str(path))
     if _begins_like_dicom(start):
         return "dicom"
     for signature, found in _SIGNATURES.items():
@@ -72,7 +74,6 @@ def find_format(path: Path) -> Format:
     raise UnknownFormatError(
         "this is not a volume in a known format, or it is damaged",
         where=str(path),
-        got=None if start else "an empty file",
         expected=KNOWN_FORMATS,
         hint="voxels without a header are read with `raw: {file, shape, dtype, spacing}`",
     )
@@ -159,6 +160,8 @@ def _search(folder: Path) -> Iterator[Path]:
 
 def _start(path: Path) -> bytes:
     try:
+        if path.stat().st_size == 0:  # also a file of the kernel, whose content may be waited for
+            return b""
         with path.open("rb") as file:
             return file.read(_FIRST_BYTES)
     except OSError as error:
@@ -170,10 +173,15 @@ def read_start(path: Path, num_bytes: int) -> tuple[bytes, bool]:
     start = _start(path)
     if start[:2] != _GZIP:
         return start[:num_bytes], False
+    content = b""
     try:
-        return zlib.decompressobj(zlib.MAX_WBITS | 16).decompress(start, num_bytes), True
-    except zlib.error:
-        return b"", True
+        while start and len(content) < num_bytes:  # a gzip member may end anywhere
+            stream = zlib.decompressobj(zlib.MAX_WBITS | 16)
+            content += stream.decompress(start, num_bytes - len(content))
+            start = stream.unused_data
+    except zlib.error:  # perhaps in padding, behind what is needed
+        pass
+    return content, True
 
 
 def _begins_like_dicom(start: bytes) -> bool:

@@ -141,7 +141,6 @@ def _open_pages(path: Path) -> Iterator[list[_Page]]:
         raise InputError(
             "this is not a TIFF file, or its directories are damaged",
             where=str(path),
-            got="an empty file" if path.stat().st_size == 0 else None,
             expected="II or MM and 42 or 43, by which TIFF and BigTIFF begin, and pages and fields inside the file",
             hint="the file is truncated or damaged",
         ) from error

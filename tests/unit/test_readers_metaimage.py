@@ -76,3 +76,12 @@ def test_messages(case: Case, folder: Path, capfd: pytest.CaptureFixture[str]) -
     for name, (lines, data) in REFUSED.items():
         write(name, lines, data)
     case.check(capfd)
+
+
+@pytest.mark.parametrize("data_file", ['"a b.raw"', "a b.raw"])
+def test_the_name_of_a_data_file_may_be_quoted(data_file: str, folder: Path) -> None:
+    Path("a b.raw").write_bytes(RAW)
+    Path("a.mhd").write_text(f"{HEAD}ElementDataFile = {data_file}\n")
+    np.testing.assert_array_equal(read(Path("a.mhd")).values, VALUES)
+    Path('"a b.raw"').write_bytes(RAW[::-1])  # a file may be called so
+    assert np.array_equal(read(Path("a.mhd")).values, VALUES) == ('"' not in data_file)

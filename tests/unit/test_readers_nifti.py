@@ -156,3 +156,12 @@ def test_what_follows_the_voxels_is_ignored(tmp_path, name):
     if name.endswith(".gz"):
         (tmp_path / name).write_bytes(pack((tmp_path / "whole.nii").read_bytes() + bytes(1 << 26)))
         refused(tmp_path / name, match="the file is longer than its header says")
+
+
+@pytest.mark.parametrize("end", [1, 100, 347, 352, 353])
+def test_gzip_members_may_end_anywhere(tmp_path, end):
+    values = np.arange(60, dtype=np.uint8).reshape(3, 4, 5)
+    nib.Nifti1Image(values.T, np.eye(4)).to_filename(tmp_path / "whole.nii")
+    data = (tmp_path / "whole.nii").read_bytes()
+    (tmp_path / "a.nii.gz").write_bytes(gzip.compress(data[:end]) + gzip.compress(data[end:]))
+    np.testing.assert_array_equal(read(tmp_path / "a.nii.gz").values, values)

@@ -42,6 +42,8 @@ def read(header: str, text: str) -> npt.NDArray[np.generic]:
     [
         LIST,
         LIST.replace("\n", "\r\n"),
+        LIST.replace("slice", '"slice').replace(".raw", '.raw"'),
+        '"slice%02d.raw" 1 4 1\n',
         LIST.replace("LIST", "LIST 2"),
         LIST.replace("LIST", "LIST 2D"),
         "slice%02d.raw 1 4 1\n",

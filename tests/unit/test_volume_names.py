@@ -95,7 +95,9 @@ def test_data_files_are_left_out_beside_their_headers() -> None:
     Path("engine.nhdr").write_text(
         "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\ndata file: engine.raw\n", encoding="ascii"
     )
-    touch("pair.hdr", "pair.img", "alone.raw")
+    touch("alone.raw")
+    for name in ("pair.hdr", "pair.img"):
+        Path(name).write_bytes(b"\0")
     volumes, notes = expand_volumes(["*"])
     assert volumes == [Path("alone.raw"), Path("engine.nhdr"), Path("pair.hdr")]
     assert notes == ["engine.raw is the data of engine.nhdr", "pair.img is the data of pair.hdr"]
