@@ -6,6 +6,7 @@ import contextlib
 import errno
 import os
 import re
+import stat
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -90,8 +91,7 @@ def require_writable_dry_run(path: Path) -> None:
     with translate_os_errors(path):
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
             path.lstat()  # fails for a name that is too long
-        if path.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        _require_replaceable(path)
         folder = _nearest_existing_parent(path)
         if not folder.is_dir():  # or a broken link
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path))
@@ -173,6 +173,20 @@ def _create(temporary: Path, path: Path, folder: Path | None) -> None:
         if folder is not None:
             temporary.touch(exist_ok=False)  # first: fail if the folder has vanished
         path.parent.mkdir(parents=True, exist_ok=True)
-        if path.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        _require_replaceable(path)
         temporary.touch()
+
+
+def _require_replaceable(path: Path) -> None:
+    """Raise InputError or OSError if something has this name that cannot be replaced by a file, or should not be."""
+    try:
+        status = path.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if path.exists() and not path.is_file():
+        raise InputError("the output is a device or a pipe", where=str(path), expected="the name of a file")
+    folder = path.parent.stat()
+    if folder.st_mode & stat.S_ISVTX and os.geteuid() not in (0, status.st_uid, folder.st_uid):
+        raise PermissionError(errno.EPERM, os.strerror(errno.EPERM), str(path))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from renderer.errors import HsplatError
-from renderer.film import open_film, quantize, require_writable
+from renderer.film import open_film, quantize, require_writable, require_writable_dry_run
 from renderer.film.atomic import output_error
 from renderer.film.encode import open_encoder
 from renderer.scene import OutputSpec
@@ -96,3 +96,17 @@ def test_pixels_that_are_not_numbers() -> None:
         "  got: 2 of 20 pixels, the first at row 2, column 3: [0.0, nan, 0.0, 0.0]\n"
         "  hint: this is a bug in hsplat or in the graphics driver; please report it with the scene file"
     )
+
+
+def test_a_file_of_somebody_else_in_a_sticky_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in /tmp, where a rename would fail when all frames are drawn."""
+    file = tmp_path / "film.mp4"
+    file.touch()
+    monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)
+    for check in (require_writable, require_writable_dry_run):
+        check(file)
+        tmp_path.chmod(0o1777)
+        with pytest.raises(HsplatError, match="no permission to write here"):
+            check(file)
+        check(tmp_path / "another.mp4")
+        tmp_path.chmod(0o777)
