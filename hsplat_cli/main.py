@@ -1,7 +1,7 @@
 """Runs the command `hsplat`: finds the subcommand, and alone turns errors into messages and exit codes.
 
-0: done. 1: the render or the program failed. 2: the input was wrong. 130: interrupted. With `compare`, 1 says that
-frames differ, and 2 that they could not be compared.
+0: done. 1: the render or the program failed. 2: the input was wrong. 128 and the number of a signal: interrupted by it,
+130 by Ctrl-C. With `compare`, 1 says that frames differ, and 2 that they could not be compared.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import click
 
 from hsplat_cli.terminal import Reporter
 from renderer.errors import HsplatError, InputError, closest_match, format_message
-from renderer.system import join_lines, sigterm_as_interrupt
+from renderer.system import exit_on_signals, interrupted_status, join_lines, signals_as_interrupts
 
 # The summary of each command, a function of the same name in a file of the same name. It is imported only when it is
 # called, so help is quick.
@@ -92,6 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     code = run(sys.argv[1:] if arguments is None else arguments)
+    exit_on_signals(code)
     for stream in (sys.stdout, sys.stderr):
         _flush_or_discard(stream)
     sys.exit(code)
@@ -105,9 +106,9 @@ def run(arguments: Sequence[str]) -> int:
     except HsplatError as error:
         _print_error(str(error))
         return 2 if isinstance(error, InputError) else failed
-    except (KeyboardInterrupt, click.Abort):
+    except (KeyboardInterrupt, click.Abort) as error:
         _print_error("hsplat: interrupted")
-        return 130
+        return interrupted_status(error)
     except Exception as error:  # the last resort: no traceback reaches a user
         if _is_out_of_memory(error):
             _print_error(format_message("hsplat: out of memory", hint=_address_space_hint()))
@@ -123,7 +124,7 @@ def _invoke(arguments: Sequence[str]) -> int:
     # click's own main() takes an EOFError for an interrupt, and any broken pipe for that of stdout.
     code = 0
     try:
-        with sigterm_as_interrupt(), hsplat.make_context("hsplat", list(arguments)) as context:
+        with signals_as_interrupts(), hsplat.make_context("hsplat", list(arguments)) as context:
             hsplat.invoke(context)
     except click.exceptions.Exit as done:
         code = done.exit_code

@@ -6,7 +6,7 @@ records.
 - `cores.py`: processors that this process may use; `memory.py`: memory that is left for it, and the most that it has
   held.
 - `child_processes.py`: children that end with their parent.
-- `interrupts.py`: SIGINT and SIGTERM, which wait while files get their final names.
+- `interrupts.py`: Ctrl-C, SIGTERM and SIGHUP, which wait while files get their final names.
 - `versions.py`: versions of what made an output.
 - `printable_text.py`: text from outside, made safe to print.
 """

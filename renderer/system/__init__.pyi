@@ -5,7 +5,12 @@ from .child_processes import (
     open_anonymous_file as open_anonymous_file,
 )
 from .cores import num_cores as num_cores, num_drawing_threads as num_drawing_threads
-from .interrupts import deferrable_interrupts as deferrable_interrupts, sigterm_as_interrupt as sigterm_as_interrupt
+from .interrupts import (
+    deferrable_interrupts as deferrable_interrupts,
+    exit_on_signals as exit_on_signals,
+    interrupted_status as interrupted_status,
+    signals_as_interrupts as signals_as_interrupts,
+)
 from .memory import PeakMemory as PeakMemory, free_bytes as free_bytes, free_swap_bytes as free_swap_bytes
 from .printable_text import PrintableText as PrintableText, join_lines as join_lines, printable as printable
 from .versions import (

@@ -1,11 +1,13 @@
-"""Makes SIGTERM unwind like Ctrl-C, and lets both wait while files get their final names.
+"""Makes SIGTERM and SIGHUP unwind like Ctrl-C, and lets all three wait while files get their final names.
 
-Python handles signals in the main thread, and sets handlers only there. In other threads both functions do nothing: no
-signal interrupts those.
+Python handles signals in the main thread, and sets handlers only there. In other threads these functions do nothing: no
+signal interrupts those. A signal that is ignored, as SIGHUP is after `nohup`, stays ignored.
 """
 
 from __future__ import annotations
 
+import atexit
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -13,45 +15,65 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
+# Ctrl-C, a batch system or `kill`, and a terminal that closes.
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
 
 @contextmanager
-def sigterm_as_interrupt() -> Iterator[None]:
-    """Raise KeyboardInterrupt on SIGTERM, which batch systems send: nothing unfinished is left then."""
+def signals_as_interrupts() -> Iterator[None]:
+    """Raise KeyboardInterrupt, with its number, on each of these signals: nothing unfinished is left then."""
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
+        raise KeyboardInterrupt(number)
 
-    if not _is_main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, interrupt)
+    before = _handle(interrupt)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        _restore(before)
 
 
 @contextmanager
 def deferrable_interrupts() -> Iterator[Callable[[], None]]:
-    """Yield a function that defers SIGINT and SIGTERM to the end of the block, where they raise KeyboardInterrupt.
+    """Yield a function that defers the signals to the end of the block, where they raise KeyboardInterrupt.
 
     Files that belong together get their final names after its call, together.
     """
-    before: dict[signal.Signals, Any] = {}
+    before: dict[int, Any] = {}
     pending: list[int] = []
 
     def defer() -> None:
-        for number in (signal.SIGINT, signal.SIGTERM) if _is_main_thread() else ():
-            before[number] = signal.signal(number, lambda number, frame: pending.append(number))
+        before.update(_handle(lambda number, frame: pending.append(number)))
 
     try:
         yield defer
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        _restore(before)
     if pending:
-        raise KeyboardInterrupt
+        raise KeyboardInterrupt(pending[0])
 
 
-def _is_main_thread() -> bool:
-    return threading.current_thread() is threading.main_thread()
+def interrupted_status(error: BaseException) -> int:
+    """Return the exit status of an interrupted program, as shells count: 130 after Ctrl-C, 143 after SIGTERM."""
+    numbers = [number for number in error.args if isinstance(number, int)]
+    return 128 + int((numbers or [signal.SIGINT])[0])
+
+
+def exit_on_signals(status: int) -> None:
+    """Let each further signal end this process at once, with this status: the work is over, and has been cleaned up."""
+    _handle(lambda number, frame: os._exit(status))
+    # Python removes its handlers before its own end, which takes a while.
+    atexit.register(_handle, signal.SIG_IGN)
+
+
+def _handle(handler: Callable[[int, FrameType | None], None] | signal.Handlers) -> dict[int, Any]:
+    """Set a handler for the signals that are not ignored, and return those before."""
+    if threading.current_thread() is not threading.main_thread():
+        return {}
+    heeded = [number for number in _SIGNALS if signal.getsignal(number) not in (signal.SIG_IGN, None)]
+    return {number: signal.signal(number, handler) for number in heeded}
+
+
+def _restore(handlers: dict[int, Any]) -> None:
+    for number, handler in handlers.items():
+        signal.signal(number, handler)

@@ -1,4 +1,4 @@
-"""An interrupted render keeps finished frames, leaves no incomplete file, and ends with exit code 130."""
+"""An interrupted render keeps finished frames, leaves no incomplete file, and ends with the exit code of the signal."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import re
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -51,14 +52,14 @@ def finished_frames(out: Path) -> list[int]:
 
 
 @pytest.mark.parametrize(
-    ("number", "name"), [(signal.SIGINT, "film.mp4"), (signal.SIGTERM, "film.gif"), (signal.SIGTERM, "{frame}.png")]
+    ("number", "name"), [(signal.SIGINT, "film.mp4"), (signal.SIGHUP, "film.gif"), (signal.SIGTERM, "{frame}.png")]
 )
 def test_in_the_middle(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], number: signal.Signals, name: str
 ) -> None:
     on_each_frame(monkeypatch, lambda frame: os.kill(os.getpid(), number) if frame.number == 2 else None)
     code = main.run(["render", "scene.yaml", "--output", f"out/{name}", "--set", "camera.path.frames=6"])
-    assert code == 130
+    assert code == 128 + number
     *_, kept, last = capsys.readouterr().err.splitlines()
     assert last == "hsplat: interrupted"
     found = finished_frames(folder / "out")
@@ -76,7 +77,7 @@ def test_the_process_from_outside(folder: Path, name: str) -> None:
             time.sleep(0.01)
         process.terminate()
         _, said = process.communicate()
-    assert (process.returncode, said.splitlines()[-1:]) == (130, ["hsplat: interrupted"])
+    assert (process.returncode, said.splitlines()[-1:]) == (143, ["hsplat: interrupted"])
     assert "Traceback" not in said
     finished_frames(folder / "out")
 
@@ -85,3 +86,28 @@ def test_the_handler_is_put_back() -> None:
     before = signal.getsignal(signal.SIGTERM)
     assert main.run(["render", "scene.yaml", "--frames", "0", "--quiet"]) == 0
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_a_signal_that_is_ignored_stays_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As SIGHUP after `nohup`."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        on_each_frame(monkeypatch, lambda frame: os.kill(os.getpid(), signal.SIGHUP))
+        assert main.run(["render", "scene.yaml", "--frames", "0:2", "--quiet"]) == 0
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.parametrize(
+    "late",
+    [
+        "os.kill(os.getpid(), signal.SIGINT); time.sleep(60)",
+        # While Python ends, and has removed its own handlers.
+        "end = type('', (), {'__del__': lambda _, kill=os.kill: kill(os.getpid(), signal.SIGINT)})()",
+    ],
+)
+def test_a_signal_after_the_end_changes_no_exit_code(late: str) -> None:
+    imports = "import os, signal, sys, time; from renderer.system import exit_on_signals"
+    code = f"{imports}; exit_on_signals(7); {late}; sys.exit(7)"
+    run = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True, check=False)
+    assert (run.returncode, run.stderr) == (7, b"")

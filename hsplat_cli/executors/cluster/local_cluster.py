@@ -48,7 +48,7 @@ class Worker(_WithoutHTTP, distributed.Worker):  # type: ignore[misc]
 def local_cluster(num_workers: int) -> Iterator[SpecCluster]:
     """Start processes, which share the cores; they end with the block, and with this process, however it ends."""
     with contextlib.ExitStack() as stack:
-        with deferrable_interrupts() as defer_interrupts, _sigint_blocked_in_children():
+        with deferrable_interrupts() as defer_interrupts, _signals_blocked_in_children():
             defer_interrupts()  # a cluster that is half started cannot be ended
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="hsplat-", ignore_cleanup_errors=True))
             try:
@@ -96,14 +96,15 @@ def _close(cluster: Any) -> None:
 
 
 @contextlib.contextmanager
-def _sigint_blocked_in_children() -> Iterator[None]:
-    """Block SIGINT in processes that start in this block.
+def _signals_blocked_in_children() -> Iterator[None]:
+    """Block SIGINT and SIGHUP in processes that start in this block.
 
-    Ctrl-C reaches all processes of a terminal: they would end, and be replaced, while this process ends them.
+    They reach all processes of a terminal, which would end, and be replaced, while this process ends them.
     """
-    resource_tracker.ensure_running()  # it would unblock the signal if it started later
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
     try:
+        resource_tracker.ensure_running()  # which ignores SIGINT itself, and unblocks it here
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
