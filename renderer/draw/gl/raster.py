@@ -12,6 +12,8 @@ upside down, so that the image that is read back has row 0 at the top.
 
 from __future__ import annotations
 
+import functools
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -282,6 +284,11 @@ def is_software(device: str) -> bool:
 
 def _create_context() -> Any:
     """Make a headless context on the first EGL device that allows it: users may lack permission for a GPU."""
+    if _first_process() != os.getpid():
+        raise RenderError(
+            "OpenGL cannot be used in this process: it was forked from one that had used it",
+            hint='start processes with multiprocessing.get_context("spawn"), or fork before anything is drawn',
+        )
     failures = []
     for device in range(MAX_EGL_DEVICES):
         settings: dict[str, Any] = {"backend": "egl", "device_index": device}
@@ -299,6 +306,12 @@ def _create_context() -> Any:
         hint=f"on Debian or Ubuntu: apt-get install {EGL_PACKAGES}; "
         "the footprint integrated, without an overlay, needs none",
     ) from failures[0]
+
+
+@functools.cache
+def _first_process() -> int:
+    """Return the process that used OpenGL first. In its forks the threads of the driver are missing, and calls hang."""
+    return os.getpid()
 
 
 def _num_large_enough(edges: CellEdges, camera: ModelView) -> int:
