@@ -34,6 +34,7 @@ from renderer.job import (
 )
 from renderer.readers import read_volume
 from renderer.scene import (
+    MAX_DEPTH,
     ArraySource,
     CameraSpec,
     ProceduralSource,
@@ -44,6 +45,7 @@ from renderer.scene import (
     load_scene as load_scene_file,
     parse_scene,
     scene_to_dict,
+    short_text,
     spec_to_dict,
 )
 from renderer.suggest import FilmOptions
@@ -125,7 +127,11 @@ def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = ()) -
     -------
     >>> scene = renderer.load_scene("scene.yaml", overrides=["output.size=[256, 256]"])
     """
-    return load_scene_file(Path(path), overrides=overrides)
+    is_list = isinstance(overrides, Sequence) and not isinstance(overrides, (str, bytes))
+    if not is_list or not all(isinstance(each, str) for each in overrides):
+        expected = 'a list of texts, such as ["error.tolerance=0.2"]'
+        raise InputError("not a list of overrides", where="overrides", got=_repr(overrides), expected=expected)
+    return load_scene_file(_scene_file(path), overrides=overrides)
 
 
 def suggest_scene(
@@ -199,7 +205,7 @@ def render_frame(
     # Nothing is written: whatever the output is, the picture may be odd in size or transparent.
     options |= {"size": size, "background": background, "tolerance": tolerance, "output": _ANY_PICTURE}
     made = _scene(scene, options)
-    numbers = _numbers(frame, made)
+    numbers = [_number(frame, made)]
     with open_local_executor(made) as executor, _open_stage(made) as stage:
         plan = make_plan(LODCostEstimator(stage), numbers, lambda: executor.rasterizer, JobEvents())
         (drawn,) = executor.draw(plan, numbers)
@@ -244,7 +250,7 @@ def render(
     made = _scene(scene, {"output": output}, is_single_frame=True)
     numbers = _numbers(frames, made)
     made = _scene(made, {}, is_single_frame=len(numbers) == 1)
-    path = Path(scene) if isinstance(scene, (str, os.PathLike)) else None
+    path = _scene_file(scene) if isinstance(scene, (str, os.PathLike)) else None
     job = FilmJob(made, numbers, accuracy_of(made.error), path=path)
     events = ProgressEvents(on_progress or NotebookBar())
     film = make_film(job, open_local_executor, one_pass, events, resumes=resume)
@@ -276,7 +282,7 @@ def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:
     from renderer.study import TRUTH_TOLERANCE, compute_truth
 
     made = _scene(scene, {"output": _ANY_PICTURE})
-    (number,) = _numbers(frame, made)
+    number = _number(frame, made)
     with _open_stage(made) as stage:
         truth = compute_truth(stage, number, TRUTH_TOLERANCE, num_threads=num_cores())
     return truth.picture.astype(np.float32)
@@ -293,7 +299,7 @@ def _scene(
     is_volume: a name is that of a volume's file, and not of a scene file.
     """
     if isinstance(source, (str, os.PathLike)) and not is_volume:
-        source = load_scene_file(Path(source), is_single_frame=True)
+        source = load_scene_file(_scene_file(source), is_single_frame=True)
     given = {name: _plain(value) for name, value in options.items() if value is not None}
     is_new, array = not isinstance(source, Scene), None
     if isinstance(source, Scene):
@@ -328,16 +334,38 @@ def _turntable() -> dict[str, Any]:
     }
 
 
+def _scene_file(name: Any) -> Path:
+    """Return the path of a scene file. Raises InputError for anything but a name."""
+    if not isinstance(name, (str, os.PathLike)) or not isinstance(os.fspath(name), str) or not os.fspath(name):
+        raise InputError("not the name of a scene file", got=_repr(name), expected="a name such as scene.yaml")
+    return Path(name)
+
+
 def _array_source(values: npt.ArrayLike) -> ArraySource:
-    array = values if isinstance(values, np.memmap) else np.asarray(values)
+    if np.ma.is_masked(values):
+        raise InputError(
+            "a masked array, whose masked voxels would be drawn",
+            expected="an array without a mask",
+            hint="`array.astype(float).filled(numpy.nan)` hides the masked voxels, as NaN is hidden",
+        )
+    try:
+        array = values if isinstance(values, np.memmap) else np.asarray(values)
+    except (ValueError, TypeError, RuntimeError) as error:  # ragged lists; tensors that are on another device
+        got = short_text(" ".join(str(error).split()))
+        raise InputError(
+            "this cannot be made an array", got=got, expected="numbers in three axes, [z, y, x]"
+        ) from error
     if array.ndim != 3:
         what = "the array does not have the axes of a volume"
-        raise InputError(what, got=f"shape {format_value(list(array.shape))}", expected="three axes, [z, y, x]")
+        got = f"shape {format_value(list(array.shape))}" if array.ndim else _repr(values)
+        raise InputError(what, got=got, expected="three axes, [z, y, x]")
     return ArraySource(array.view(np.uint8) if array.dtype == np.bool_ else array)
 
 
-def _plain(value: Any) -> Any:
-    """Return an option as a scene file would have it."""
+def _plain(value: Any, num_levels: int = MAX_DEPTH) -> Any:
+    """Return an option as a scene file would have it. Raises InputError for more than this number of levels."""
+    if num_levels == 0:
+        raise InputError(f"an option of more than {MAX_DEPTH} levels", hint="does it contain itself?")
     if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist()
     if isinstance(value, os.PathLike):
@@ -347,8 +375,8 @@ def _plain(value: Any) -> Any:
     if isinstance(value, TransferSpec):
         return spec_to_dict(value)
     if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    return [_plain(item) for item in value] if isinstance(value, (list, tuple)) else value
+        return {key: _plain(item, num_levels - 1) for key, item in value.items()}
+    return [_plain(item, num_levels - 1) for item in value] if isinstance(value, (list, tuple)) else value
 
 
 def _with_options(tree: dict[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
@@ -415,18 +443,30 @@ def _with_suggestion(scene: Scene, colormap: str | None, *, is_new: bool) -> Sce
 # Drawing
 
 
+def _number(frame: int, scene: Scene) -> int:
+    """Return the number of this frame of the scene's path. Raises InputError where it is not on it."""
+    if not isinstance(frame, (int, np.integer)):
+        raise InputError("not the number of a frame", where="frame", got=_repr(frame), expected="a whole number")
+    return _numbers(frame, scene)[0]
+
+
 def _numbers(frames: int | slice | Sequence[int] | None, scene: Scene) -> Sequence[int]:
     """Return the numbers of these frames of the scene's path. Raises InputError where they are not on it."""
     path = range(scene.camera.path.frames)
-    with contextlib.suppress(IndexError, TypeError):
+    with contextlib.suppress(IndexError, TypeError, ValueError):  # ValueError: a slice with the step 0
         if frames is None or isinstance(frames, slice):
             picked: Sequence[int] = path[frames or slice(None)]
         else:
             picked = [path[frames]] if isinstance(frames, (int, np.integer)) else [path[frame] for frame in frames]
         if picked and list(picked) == sorted(set(picked)):
             return picked
-    expected = f"numbers from 0 to {path[-1]}, ascending, or from -1 for the last one"
-    raise InputError("no such frames", where="frames", got=format_value(frames), expected=expected)
+    expected = f"whole numbers from 0 to {path[-1]}, ascending, or from -1 for the last one"
+    raise InputError("no such frames", where="frames", got=_repr(frames), expected=expected)
+
+
+def _repr(value: object) -> str:
+    """Return an argument as Python writes it, cut to a readable length."""
+    return short_text(repr(value))
 
 
 def _open_stage(scene: Scene) -> contextlib.AbstractContextManager[Stage]:

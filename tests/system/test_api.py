@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +11,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from commands import other_process
+from commands import environment, other_process
 from small_scene import sidecar, small_scene
 
 import renderer
@@ -220,3 +222,66 @@ def test_a_picture_is_an_array_that_notebooks_display() -> None:
     assert image[4:8, ::2]._repr_png_() == encode_png(np.ascontiguousarray(image[4:8, ::2]))
     assert image[..., 0]._repr_png_() is None
     assert (image / 255)._repr_png_() is None
+
+
+ENDLESS: list[Any] = []
+ENDLESS.append(ENDLESS)
+RING: dict[str, Any] = {}
+RING["ring"] = RING
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: renderer.render_frame(blob(), None), "frame: not the number of a frame\n  got: None"),
+        (lambda: renderer.render_frame(blob(), 1.5), "frame: not the number of a frame\n  got: 1.5"),
+        (lambda: renderer.integrate("scene.yaml", None), "frame: not the number of a frame\n  got: None"),
+        (lambda: renderer.render("scene.yaml", frames=slice(None, None, 0)), "frames: no such frames\n  got: slice"),
+        (lambda: renderer.render("scene.yaml", frames=1.0), "frames: no such frames\n  got: 1.0\n  expected: whole"),
+        (lambda: renderer.render_frame([[[1, 2], [3]]]), "this cannot be made an array"),
+        (lambda: renderer.render_frame(ENDLESS), "this cannot be made an array"),
+        (lambda: renderer.render_frame(object()), "the array does not have the axes of a volume\n  got: <object"),
+        (lambda: renderer.render_frame(blob(), camera=RING), "an option of more than 50 levels"),
+        (lambda: renderer.render_frame(blob(), transfer_function=ENDLESS), "an option of more than 50 levels"),
+        (lambda: renderer.render_frame(""), "not the name of a scene file\n  got: ''"),
+        (lambda: renderer.load_scene(None), "not the name of a scene file\n  got: None"),
+        (
+            lambda: renderer.load_scene("scene.yaml", overrides=[5]),
+            "overrides: not a list of overrides\n  got: \\[5\\]",
+        ),
+        (lambda: renderer.load_scene("scene.yaml", overrides="error.tolerance=1"), "overrides: not a list"),
+        (lambda: renderer.load_scene("scene.yaml", overrides=None), "overrides: not a list"),
+        (lambda: renderer.render_frame(np.ma.masked_greater(blob(), 100)), "a masked array"),
+    ],
+)
+def test_wrong_arguments_are_errors_of_the_input(call: Any, message: str) -> None:
+    with pytest.raises(renderer.InputError, match=message):
+        call()
+
+
+def test_an_array_of_which_nothing_is_masked() -> None:
+    masked = np.ma.masked_greater(blob(), 1000)
+    np.testing.assert_array_equal(renderer.render_frame(masked), renderer.render_frame(blob()))
+    hidden = np.ma.masked_greater(blob(), 100).filled(np.nan)
+    assert renderer.render_frame(hidden).shape == (512, 512, 3)
+
+
+def test_a_fork_after_opengl_was_used_is_an_error_and_does_not_hang() -> None:
+    write_scene("gaussian")
+    code = """
+import os, renderer
+renderer.render_frame("scene.yaml")
+child = os.fork()
+if child == 0:
+    try:
+        renderer.render_frame("scene.yaml")
+    except renderer.RenderError as error:
+        print(error, flush=True)
+    os._exit(0)
+os.waitpid(child, 0)
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", code], env=environment(), capture_output=True, text=True, timeout=120, check=False
+    )
+    assert (run.returncode, run.stderr) == (0, "")
+    assert run.stdout.startswith("OpenGL cannot be used in this process: it was forked from one that had used it")

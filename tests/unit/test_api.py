@@ -105,7 +105,7 @@ def test_frames_that_are_not_on_the_path(frames: Any) -> None:
     with pytest.raises(renderer.InputError) as error:
         renderer.render(scene, frames=frames)
     assert str(error.value).startswith("frames: no such frames\n  got: ")
-    assert "expected: numbers from 0 to 119, ascending, or from -1 for the last one" in str(error.value)
+    assert "expected: whole numbers from 0 to 119, ascending, or from -1 for the last one" in str(error.value)
     assert not Path("film.mp4").exists()
 
 
