@@ -20,7 +20,7 @@ from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable import manifest
 from hsplat_cli.turntable.manifest import FilmEntry
 from hsplat_cli.turntable.one_film import FilmRequest
-from renderer.errors import RenderError
+from renderer.errors import InputError, RenderError
 from renderer.film import require_writable
 from renderer.scene import counted
 from renderer.system import ChildProcesses, describe_exit, join_lines
@@ -31,9 +31,10 @@ _TERMINATE_TIMEOUT_S = 10.0
 
 
 def run_batch(requests: Sequence[FilmRequest], options: Mapping[str, Any], folder: Path, reporter: Reporter) -> None:
-    """Make the films, and print a table, also after an interrupt. Raises RenderError if one of them failed.
+    """Make the films, and print a table, also after an interrupt.
 
     options: of the command line, for all of them. Each process adds its film to turntable.json.
+    Raises InputError if films failed for their inputs or locked outputs alone, RenderError if one failed otherwise.
     """
     require_writable(folder / manifest.MANIFEST_FILE)
     records: list[FilmEntry] = []
@@ -51,10 +52,11 @@ def run_batch(requests: Sequence[FilmRequest], options: Mapping[str, Any], folde
         # Records of films without scene and volume go with each update.
         missing = [record for record in records if not os.path.exists(record["volume"])]
         manifest.try_to_update(folder, missing, reporter)
-    num_failed = sum(record["status"] != manifest.FINISHED for record in records)
-    if num_failed:
-        raise RenderError(
-            f"{num_failed} of {counted(len(records), 'film')} could not be made",
+    exit_codes = [record.get("exit_code") for record in records if record["status"] != manifest.FINISHED]
+    if exit_codes:
+        error = InputError if set(exit_codes) == {2} else RenderError
+        raise error(
+            f"{len(exit_codes)} of {counted(len(records), 'film')} could not be made",
             where=str(folder),
             hint=f"the same command{' without --force' * requests[0].force} makes only what is missing",
         )

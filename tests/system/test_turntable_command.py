@@ -116,7 +116,7 @@ def test_frames_as_pictures() -> None:
 def test_a_volume_that_fails_does_not_stop_the_others(capfd: pytest.CaptureFixture[str]) -> None:
     Path("in/broken.npy").write_bytes(b"\x93NUMPY nothing")
     Path("numpy.py").write_text("raise SystemExit", encoding="utf-8")  # not to be imported
-    assert turntable("no*.nrrd", "in/missing.npy", "in/[bl]*.npy", "in/labels.npy", "-o", "out", *SMALL) == 1
+    assert turntable("no*.nrrd", "in/missing.npy", "in/[bl]*.npy", "in/labels.npy", "-o", "out", *SMALL) == 2
     out, err = capfd.readouterr()
     table = [line.split() for line in out.splitlines()]
     assert table[0] == ["volume", "status", "kind", "frames", "bricks", "seconds", "film"]
@@ -184,7 +184,7 @@ def test_a_film_that_another_command_makes_is_left_alone(capfd: pytest.CaptureFi
         assert turntable("in/uint8.npy", "-o", "out", "--frames", "5", "--size", "32", "--force", "--quiet") == 2
         assert capfd.readouterr().err.startswith("out/uint8.mp4: another job is writing this output\n  got: process ")
         assert (Path("out/uint8.yaml").read_bytes(), report()) == (before, told)
-        assert turntable("in/uint8.npy", "in/labels.npy", "-o", "out", *SMALL) == 1
+        assert turntable("in/uint8.npy", "in/labels.npy", "-o", "out", *SMALL) == 2
     table = capfd.readouterr().out.splitlines()
     assert table[1].split()[1:3] == ["not", "begun"]
     assert table[1].endswith("out/uint8.mp4: another job is writing this output")
@@ -236,7 +236,7 @@ def test_a_wait_for_turntable_json_is_reported_and_can_be_interrupted() -> None:
         assert process.stderr.readline() == waiting
         process.send_signal(signal.SIGTERM)
         _, said = process.communicate(timeout=30)
-        assert process.returncode == 130
+        assert process.returncode == 143
         assert set(said.splitlines()) == {"hsplat: interrupted"}  # the film's process prints it, too
     assert files("out") == []
 
@@ -289,7 +289,7 @@ def test_an_interrupt_ends_the_batch_and_lists_what_is_done() -> None:
         time.sleep(0.02)
     process.send_signal(signal.SIGTERM)
     out, err = process.communicate(timeout=60)
-    assert process.returncode == 130
+    assert process.returncode == 143
     assert err.endswith("hsplat: interrupted\n")
     assert [record["status"] for record in report()] == ["done", "interrupted"]
     assert [line.split()[1] for line in out.splitlines()[-3:]] == ["done", "interrupted", "not"]
