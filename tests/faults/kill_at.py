@@ -3,7 +3,8 @@
     python kill_at.py PLAN REPORT ARGUMENTS...
 
 PLAN is JSON: {"phase": ..., "event": n} kills at the n-th event of a phase, {"phase": ..., "delay": s} so many seconds
-after its beginning, {} not at all; "group": true has the process group killed, not the process alone. Events are what
+after its beginning, {} not at all; "target" says what is killed: the process ("parent"), its process group ("group"),
+the encoder's process ("encoder"), or the first process of a cluster ("worker"). Events are what
 Python's audit hooks tell of: files in the output's folder that are opened, renamed or removed, processes that are
 started. REPORT gets the events and the seconds of each phase of a run that was not killed.
 
@@ -15,6 +16,7 @@ started. REPORT gets the events and the seconds of each phase of a run that was 
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -27,6 +29,8 @@ from typing import Any
 PHASES = ("start", "drawing", "encoding", "finishing")
 EVENTS = ("open", "os.rename", "os.remove", "os.rmdir", "os.mkdir", "subprocess.Popen")
 NUM_FRAMES = 30
+# Words of the command lines of children.
+PROGRAMS = {"encoder": b"ffmpeg", "worker": b"spawn_main"}
 
 
 class Hook:
@@ -34,6 +38,7 @@ class Hook:
 
     def __init__(self, plan: dict[str, Any], folder: Path) -> None:
         self._plan, self._folder = plan, str(folder)
+        self.num_killed = 0
         self._phase, self._num_kept, self._is_busy = 0, 0, False
         self._lock = threading.RLock()  # frames are kept by another thread than draws them
         self.events = [0] * len(PHASES)
@@ -82,10 +87,27 @@ class Hook:
             timer.start()
 
     def kill(self) -> None:
-        """End this process, or its group, as nothing can prevent."""
-        (os.killpg if self._plan.get("group") else os.kill)(
-            0 if self._plan.get("group") else os.getpid(), signal.SIGKILL
-        )
+        """End the target, as nothing can prevent; nothing where a child is not there, yet or any more."""
+        target = self._plan["target"]
+        if target == "group":
+            os.killpg(0, signal.SIGKILL)
+        elif target == "parent":
+            os.kill(os.getpid(), signal.SIGKILL)
+        else:
+            for child in children_with(PROGRAMS[target])[:1]:
+                os.kill(child, signal.SIGKILL)
+                self.num_killed += 1
+
+
+def children_with(word: bytes) -> list[int]:
+    """Return the children of this process whose command line has this word."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):  # gone meanwhile
+            parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+            if parent == os.getpid() and word in (folder / "cmdline").read_bytes():
+                found.append(int(folder.name))
+    return found
 
 
 def main() -> None:
@@ -98,7 +120,9 @@ def main() -> None:
     code = run(arguments)
     ends = [*hook.begins[1:], time.monotonic()]
     seconds = [end - begin for begin, end in zip(hook.begins, ends, strict=True)]
-    Path(report).write_text(json.dumps({"events": hook.events, "seconds": seconds}), encoding="utf-8")
+    Path(report).write_text(
+        json.dumps({"events": hook.events, "seconds": seconds, "killed": hook.num_killed}), encoding="utf-8"
+    )
     sys.exit(code)
 
 
