@@ -107,9 +107,10 @@ def run(arguments: Sequence[str]) -> int:
         _print_error(str(error))
         return 2 if isinstance(error, InputError) else failed
     except (KeyboardInterrupt, click.Abort) as error:
-        _print_error("hsplat: interrupted")
-        return interrupted_status(error)
+        return _interrupted(error)
     except Exception as error:  # the last resort: no traceback reaches a user
+        if isinstance(error.__cause__, KeyboardInterrupt):  # a SystemError: it came while a compiled loop was called
+            return _interrupted(error.__cause__)
         if _is_out_of_memory(error):
             _print_error(format_message("hsplat: out of memory", hint=_address_space_hint()))
         elif isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT) and error.filename is None:
@@ -118,6 +119,11 @@ def run(arguments: Sequence[str]) -> int:
             what = f"{type(error).__name__}: {error}"
             _print_error(f"hsplat: unexpected {what} (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)")
         return failed
+
+
+def _interrupted(error: BaseException) -> int:
+    _print_error("hsplat: interrupted")
+    return interrupted_status(error)
 
 
 def _invoke(arguments: Sequence[str]) -> int:

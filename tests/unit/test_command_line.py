@@ -204,12 +204,19 @@ def fail(monkeypatch: pytest.MonkeyPatch) -> Fail:
     return run
 
 
+def caused(error: Exception, cause: BaseException) -> Exception:
+    error.__cause__ = cause
+    return error
+
+
 @pytest.mark.parametrize(
     ("error", "code", "message"),
     [
         (InputError("no voxels", where="a.nrrd"), 2, "a.nrrd: no voxels\n"),
         (RenderError("the disk is full", hint="make room"), 1, "the disk is full\n  hint: make room\n"),
         (KeyboardInterrupt(), 130, "hsplat: interrupted\n"),
+        (KeyboardInterrupt(15), 143, "hsplat: interrupted\n"),
+        (caused(SystemError("a result with an exception set"), KeyboardInterrupt()), 130, "hsplat: interrupted\n"),
         (MemoryError(), 1, "hsplat: out of memory\n"),
         (RuntimeError("can't start new thread"), 1, "hsplat: out of memory\n"),
         (ImportError("libX.so: failed to map segment from shared object"), 1, "hsplat: out of memory\n"),
