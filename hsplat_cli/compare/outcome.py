@@ -60,7 +60,7 @@ class Pairs:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The outcome of one pair of frames.
+    """An outcome of one pair of frames.
 
     name: as in Pair. why: one sentence; every number in it has its metric, its unit and its limit.
     limits: of this frame. figures: errors by the names of COMPARISON_METRICS; empty if nothing can be compared.
@@ -95,7 +95,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The outcome of all pairs, at least one, in the order of their names.
+    """An outcome of all pairs, at least one, in the order of their names.
 
     golden, actual: what was compared, as text. level: name of the strictness. notes: for the user. facts: both sides of
     a fact such as the device, by its name: (golden, actual). other_limits: as in `Rules.other_limits`.

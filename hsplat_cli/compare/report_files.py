@@ -36,7 +36,7 @@ _LOOSEST = "cross-driver"
 
 @dataclass(frozen=True)
 class ReportFiles:
-    """The paths of the requested reports, by option.
+    """A set of paths of the requested reports, by option.
 
     private: inputs whose folders, and those of the limits beside them, the reports leave out.
     """

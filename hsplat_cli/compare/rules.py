@@ -46,7 +46,7 @@ LimitChanges = Mapping[str, float | None]  # by the metric's name; None removes 
 
 @dataclass(frozen=True)
 class Rules:
-    """The limits of all frames.
+    """A set of limits of all frames.
 
     level: of STRICTNESSES. limits: changes for all frames. frames: changes for some, by name. overrides: changes
     for all frames, applied last. file: that names frames. places: of the names in the file. notes: for the user.

@@ -21,7 +21,7 @@ _ADDRESS = re.compile(r"(?:(?:tcp|tls)://)?(?:\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+
 
 @dataclass(frozen=True)
 class ExecutorSpec:
-    """The choice of processes that draw.
+    """A choice of processes that draw.
 
     workers: their number on this machine, where it was given. scheduler: address of a cluster's, or `local`, if given.
     """

@@ -43,7 +43,7 @@ _IMPORTED = _source_states()
 
 
 class _Store:
-    """The folder of compiled loops, which is found and made when it is first needed; it may not exist.
+    """A folder of compiled loops, which is found and made when it is first needed; it may not exist.
 
     problem: why loops are not kept for later runs, if they are not.
     """
@@ -107,7 +107,7 @@ def remove_unused_caches() -> None:
 
 
 class KernelCache:
-    """The entries of one function, in the place and with the methods of numba's own cache."""
+    """A cache of one function, in the place and with the methods of numba's own cache."""
 
     def __init__(self, function: Callable[..., object]) -> None:
         assert function.__closure__ is None, "the values of a closure are in no digest"

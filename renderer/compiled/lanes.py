@@ -64,7 +64,7 @@ imputils.lower_builtin(num_lanes)(lambda context, *_: context.get_constant(types
 
 
 class Lanes(types.Type):  # type: ignore[misc]  # numba has no types
-    """The type of a vector: `dtype` in each of `count` lanes."""
+    """A type of a vector: `dtype` in each of `count` lanes."""
 
     def __init__(self, dtype: Any, count: int) -> None:
         self.dtype, self.count = dtype, count

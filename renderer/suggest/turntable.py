@@ -11,7 +11,7 @@ from renderer.scene import OutputSpec
 
 @dataclass(frozen=True)
 class FilmOptions:
-    """The options of a turntable besides its volume.
+    """A choice of the options of a turntable besides its volume.
 
     background: a colour or `transparent`. colormap: from which the suggestion takes its colours, if any.
     hides_nonfinite: as for `suggest_for`.

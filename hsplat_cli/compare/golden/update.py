@@ -48,7 +48,7 @@ _MAX_NAMES = 5
 
 @dataclass(frozen=True)
 class GoldenOptions:
-    """The options of `hsplat golden`.
+    """A choice of the options of `hsplat golden`.
 
     frames: None for those that are golden already, or for all frames at first. date: of changed pictures; the others
     keep theirs. prune: removes goldens of other frames.
@@ -138,7 +138,7 @@ def _require_free(folder: Path, new_names: Iterable[str]) -> None:
 
 @dataclass(frozen=True)
 class GoldenUpdate:
-    """The update of a folder.
+    """An update of a folder.
 
     before, after: content of golden.json; no `before` for the first goldens. changes: goldens to write, worst first.
     sources: their pictures, by the name of the golden. removed: goldens to remove. unrequested: goldens that are kept

@@ -26,7 +26,7 @@ _HINT = "`dask worker ADDRESS` starts one"
 
 
 class WorkerRegistry:
-    """The workers of a cluster that can draw, as `usable_workers`, by their addresses.
+    """A registry of the workers of a cluster that can draw, as `usable_workers`, by their addresses.
 
     where: the option that chose the cluster, for messages.
     """
