@@ -5,7 +5,7 @@ entrance; it opens an `Executor` of `renderer.job`.
 
 - `executor.py`: `open_executor` and the executors that use Dask; `options.py`: `--workers` and `--scheduler`.
 - `cluster/`: Dask: `cluster_drawing.py` (frames are drawn ahead, and come in order), `connection.py`,
-  `local_cluster.py` (of this machine, with TLS), `registry.py` (workers come and go), `worker.py`.
+  `local_cluster.py` and `local_worker.py` (of this machine, with TLS), `registry.py` (workers come and go), `worker.py`.
 """
 
 import lazy_loader

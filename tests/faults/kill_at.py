@@ -30,7 +30,7 @@ PHASES = ("start", "drawing", "encoding", "finishing")
 EVENTS = ("open", "os.rename", "os.remove", "os.rmdir", "os.mkdir", "subprocess.Popen")
 NUM_FRAMES = 30
 # Words of the command lines of children.
-PROGRAMS = {"encoder": b"ffmpeg", "worker": b"spawn_main"}
+PROGRAMS = {"encoder": b"ffmpeg", "worker": b"local_worker"}
 
 
 class Hook:

@@ -14,10 +14,13 @@ from pathlib import Path
 import psutil
 import pytest
 from commands import HSPLAT, environment
-from distributed import SpecCluster
 from processes import MARK, marked, new_mark, wait_until
 
 from hsplat_cli import main
+from hsplat_cli.executors.cluster import local_cluster
+from hsplat_cli.executors.cluster.connection import connect_locally
+from renderer.errors import RenderError
+from renderer.system import ChildProcesses
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
 
@@ -67,13 +70,31 @@ def test_the_same_film(capsys: pytest.CaptureFixture[str]) -> None:
 def test_frames_of_a_killed_process_are_drawn_again() -> None:
     mark = new_mark()
     with rendering(mark) as job:
-        workers = [child for child in psutil.Process(job.pid).children() if "spawn_main" in " ".join(child.cmdline())]
+        workers = [child for child in psutil.Process(job.pid).children() if "local_worker" in " ".join(child.cmdline())]
         assert len(workers) == 2
         workers[0].kill()
         _, said = job.communicate()
     assert (job.returncode, "Traceback" in said) == (0, False), said
     assert Path("film.mp4").read_bytes() == film_of_one_process()
     assert wait_until(lambda: not marked(mark), SOON_S)
+
+
+def test_a_killed_process_is_replaced() -> None:
+    with connect_locally(1) as client:
+        before = client.run(os.getpid)
+        os.kill(*before.values(), signal.SIGKILL)
+        assert wait_until(lambda: not client.nthreads().keys() <= before.keys(), SOON_S)
+        assert not set(client.run(os.getpid).values()) & set(before.values())
+
+
+@pytest.mark.parametrize("module", ["no_such_module", "this"])  # ends early, with and without an error
+def test_processes_that_do_not_start(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local_cluster, "_WORKER_MODULE", module)
+    with (
+        pytest.raises(RenderError, match="--workers 2: no processes can be started\n  got: exit status"),
+        connect_locally(2),
+    ):
+        pass
 
 
 def test_an_interrupt_of_all_processes_of_a_terminal() -> None:
@@ -91,15 +112,14 @@ def test_an_interrupt_of_all_processes_of_a_terminal() -> None:
 @pytest.mark.usefixtures("heeds_interrupts")
 def test_an_interrupt_waits_for_the_end_of_the_processes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-C may come a second time, while they end."""
-    mark, close = new_mark(), SpecCluster.close
+    mark, close = new_mark(), ChildProcesses.__exit__
     monkeypatch.setenv(MARK, mark)
 
-    def interrupted_close(cluster: SpecCluster, timeout: float) -> None:
+    def interrupted_close(children: ChildProcesses, *_: object) -> None:
         assert len(marked(mark)) >= 2
         os.kill(os.getpid(), signal.SIGINT)
-        close(cluster, timeout)
+        close(children)
 
-    monkeypatch.setattr(SpecCluster, "close", interrupted_close)
+    monkeypatch.setattr(ChildProcesses, "__exit__", interrupted_close)
     assert main.run(["render", "scene.yaml", "--workers", "2", "--quiet"]) == 130
-    programs = [" ".join(psutil.Process(number).cmdline()) for number in marked(mark)]
-    assert not any("spawn_main" in program for program in programs)
+    assert not marked(mark) - {os.getpid()}
