@@ -18,7 +18,6 @@ import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -34,6 +33,8 @@ Progress = Callable[[float], None]
 # Few enough to keep every core busy until the end and to stop soon after an interrupt (they take some milliseconds, or
 # half a second if each meets a thousand shaded cells), and enough to be worth a task.
 _RAYS_PER_TASK = 256
+# Few rays are shared out among the threads.
+_TASKS_PER_THREAD = 4
 # The first step, in voxels, and how often it is halved.
 _FIRST_STEP, _MAX_HALVINGS = 1.0, 12
 # Scalars are scaled so that the largest scalar or control value lies between these powers of two, as it usually does:
@@ -54,24 +55,32 @@ class Convergence:
     num_pixels: tuple[int, ...]
 
 
-def integrate(volume: Volume, transfer: TransferFunction, view: View, *, step_voxels: float, **options: Any) -> Float64:
+def _ignore(_share: float) -> None:
+    pass
+
+
+def integrate(
+    volume: Volume,
+    transfer: TransferFunction,
+    view: View,
+    *,
+    step_voxels: float,
+    shading: ShadingSpec | None = None,
+    num_threads: int = 2,
+    on_progress: Progress = _ignore,
+) -> Float64:
     """Return the image, float64 [height, width, 4], premultiplied RGBA, unclipped, row 0 at the top.
 
     step_voxels: the longest quadrature step, in voxels of the index axes and in optical depth. Pieces shorter than a
         voxel and thinner than a depth of 1 are also cut into 1 / step_voxels, so that halving it refines every piece.
         Without shading, 1 is already accurate to about 1e-7 (CT scans of an engine and a tree).
-    options: shading, num_threads and on_progress.
-    shading: colour times ambient + diffuse * max(0, n . light), n the negative normalised world gradient (central
-        differences at voxel centres, one-sided at the border, interpolated trilinearly), and times ambient where the
-        gradient is zero.
-    num_threads: the image does not depend on it.
+    shading: as in `RayIntegrator`. num_threads: the image does not depend on it.
     on_progress: called in the caller's thread with the finished share of the rays, in (0, 1]. What it raises ends the
         work, as an interrupt does: rays that have not started are dropped.
     """
     width, height = view.size
-    integrate_pixels = _make_integrator(volume, transfer, view, **options)
-    radiance = integrate_pixels(np.arange(width * height), [step_voxels], 0.0)
-    return radiance.reshape(height, width, 4)
+    integrator = RayIntegrator(volume, transfer, shading, num_threads=num_threads)
+    return integrator.integrate(view, np.arange(width * height), [step_voxels], on_progress).reshape(height, width, 4)
 
 
 def converged_image(
@@ -81,53 +90,126 @@ def converged_image(
     *,
     tolerance: float,
     shading: ShadingSpec | None = None,
-    **options: Any,
+    num_threads: int = 2,
+    on_progress: Progress = _ignore,
 ) -> tuple[Float64, Convergence]:
-    """Integrate each pixel at ever shorter steps, until halving the step changes no channel by `tolerance` or more.
+    """Return the image, converged as by `RayIntegrator.converge`, and its convergence.
 
-    Without shading, one such halving is enough. The integrand of a piece is then a polynomial times the exponential of
-    a polynomial, over at most a voxel and an optical depth of 1, and each halving divides the error by 256: the change
-    is the error of the coarser image, and the finer one, which is returned, is far better. With shading, the integrand
-    has a square root, whose singularities may lie near the ray. One agreement can then be an accident, which was seen
-    to leave an error of thirty times the tolerance: two in a row are required.
-
-    options: num_threads and on_progress, as in `integrate`. The share is that of the rays that are known to be needed:
-        it falls when pixels need one more halving.
-    Returns the image and its convergence. Raises RenderError if a pixel does not converge.
+    num_threads and on_progress: as in `integrate`. The share is that of the rays that are known to be needed: it falls
+    when pixels need one more halving.
     """
     width, height = view.size
-    integrate_pixels = _make_integrator(volume, transfer, view, shading, **options)
-    num_agreements = 1 if shading is None else 2
-    pixels = np.arange(width * height)  # those that have not converged
-    agreements = np.zeros(pixels.size, np.int64)  # in a row
-    image = np.full((pixels.size, 4), np.inf)  # agrees with nothing
-    # Every pixel needs these; together they take little longer than one.
-    steps = [_FIRST_STEP / 2**num_halvings for num_halvings in range(_MAX_HALVINGS + 1)]
-    first = steps[: num_agreements + 1]
-    changes, counts, num_done = [], [], 0
-    for at_once in (first, *([step] for step in steps[len(first) :])):
-        num_needed = num_done + pixels.size
-        for finer in integrate_pixels(pixels, at_once, num_done / num_needed):
-            change = np.abs(finer - image[pixels]).max(axis=1)
-            changes.append(float(change.max()))
-            counts.append(pixels.size)
-            image[pixels] = finer
-            agreements = np.where(change < tolerance, agreements + 1, 0)
-        num_done = num_needed
-        remaining = agreements < num_agreements
-        pixels, agreements = pixels[remaining], agreements[remaining]
-        if pixels.size == 0:
-            record = Convergence(tuple(steps[1 : len(counts)]), tuple(changes[1:]), tuple(counts[1:]))
-            return image.reshape(height, width, 4), record
-    in_a_row = "" if num_agreements == 1 else " at two halvings in a row"
-    of_how_many = f"{pixels.size} of {len(image)} pixels"
-    raise RenderError(
-        f"the ray integral does not converge in {_MAX_HALVINGS} halvings of its step",
-        where=volume.name,
-        got=f"a change of {changes[-1]:.3g} at a step of {steps[-1]:.3g} voxels; {of_how_many} have not converged",
-        expected=f"a change below {tolerance:g}{in_a_row}",
-        hint="ask for a larger tolerance",
-    )
+    integrator = RayIntegrator(volume, transfer, shading, num_threads=num_threads)
+    image, convergence = integrator.converge(view, np.arange(width * height), tolerance, on_progress)
+    return image.reshape(height, width, 4), convergence
+
+
+class RayIntegrator:
+    """An integrator of rays through a volume, in any view. It remembers which parts of the volume show nothing.
+
+    shading: colour times ambient + diffuse * max(0, n . light), n the negative normalised world gradient (central
+        differences at voxel centres, one-sided at the border, interpolated trilinearly), and times ambient where the
+        gradient is zero.
+    """
+
+    def __init__(
+        self, volume: Volume, transfer: TransferFunction, shading: ShadingSpec | None = None, *, num_threads: int = 2
+    ) -> None:
+        values = volume.values
+        if values.dtype == np.float16:  # numba lacks it; the copy is exact
+            values = values.astype(np.float32)
+            values.flags.writeable = False  # as in every Volume, for which kernels are compiled
+        self._volume, self._values, self._num_threads = volume, values, num_threads
+        # For each cube of cells, the first ray notes whether anything in it is visible.
+        self._macrocells = np.zeros([n // MACROCELL_SIZE + 1 for n in values.shape], np.uint8)
+        self._index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
+        largest = max(*map(abs, volume.value_range()), float(np.abs(transfer.values).max()))
+        exponent = math.frexp(largest)[1]
+        scale = math.ldexp(1.0, min(max(exponent, _LEAST_EXPONENT), _LARGEST_EXPONENT) - exponent)
+        self._intervals = _intervals(transfer, scale)
+        self._lambert, self._is_shaded = _lambert_shading(shading, self._index_from_world), shading is not None
+
+    def integrate(
+        self,
+        view: View,
+        pixels: Int64,
+        steps: Sequence[float],
+        on_progress: Progress = _ignore,
+        done: float = 0.0,
+    ) -> Float64:
+        """Return premultiplied RGBA of pixels with each of some steps in voxels, float64 [steps, n, 4].
+
+        pixels: numbered row by row from the top left corner. done: the finished share of the whole work, of which these
+        pixels are the rest. Other parameters as in the function `integrate`.
+        """
+        radiance, max_steps = np.empty((pixels.size, len(steps), 4)), np.array(steps)
+        num_rays = max(1, min(_RAYS_PER_TASK, pixels.size // (_TASKS_PER_THREAD * self._num_threads)))
+
+        def integrate_part(first: int) -> None:
+            self._volume.require_unchanged()
+            part = slice(first, first + num_rays)
+            origins, directions, starts = rays_through_pixels(self._volume.centre, view, pixels[part])
+            origins = origins @ self._index_from_world.T + self._volume.centre_index
+            directions = directions @ self._index_from_world.T
+            field = self._values, self._macrocells
+            optics = self._intervals, self._lambert
+            integrate_rays(*field, origins, directions, starts, max_steps, *optics, radiance[part])
+
+        with ThreadPoolExecutor(self._num_threads) as pool:
+            try:
+                parts = [pool.submit(integrate_part, first) for first in range(0, pixels.size, num_rays)]
+                for number, part in enumerate(parts, 1):
+                    part.result()
+                    on_progress(done + number / len(parts) * (1.0 - done))
+            finally:  # after an interrupt or an error, drop what has not started
+                pool.shutdown(wait=False, cancel_futures=True)
+        self._volume.require_unchanged()
+        return np.moveaxis(radiance, 1, 0)
+
+    def converge(
+        self, view: View, pixels: Int64, tolerance: float, on_progress: Progress = _ignore
+    ) -> tuple[Float64, Convergence]:
+        """Integrate pixels at ever shorter steps, until halving the step changes no channel by `tolerance` or more.
+
+        Without shading, one such halving is enough. The integrand of a piece is then a polynomial times the exponential
+        of a polynomial, over at most a voxel and an optical depth of 1, and each halving divides the error by 256: the
+        change is the error of the coarser result, and the finer one, which is returned, is far better. With shading,
+        the integrand has a square root, whose singularities may lie near the ray. One agreement can then be an
+        accident, which was seen to leave an error of thirty times the tolerance: two in a row are required.
+
+        Returns premultiplied RGBA, float64 [n, 4], and the convergence. Raises RenderError where a pixel does not
+        converge.
+        """
+        num_agreements = 2 if self._is_shaded else 1
+        remaining = np.arange(pixels.size)  # those that have not converged
+        agreements = np.zeros(pixels.size, np.int64)  # in a row
+        radiance = np.full((pixels.size, 4), np.inf)  # agrees with nothing
+        # Every pixel needs these; together they take little longer than one.
+        steps = [_FIRST_STEP / 2**num_halvings for num_halvings in range(_MAX_HALVINGS + 1)]
+        first = steps[: num_agreements + 1]
+        changes, counts, num_done = [], [], 0
+        for at_once in (first, *([step] for step in steps[len(first) :])):
+            num_needed = num_done + remaining.size
+            for finer in self.integrate(view, pixels[remaining], at_once, on_progress, num_done / num_needed):
+                change = np.abs(finer - radiance[remaining]).max(axis=1)
+                changes.append(float(change.max()))
+                counts.append(remaining.size)
+                radiance[remaining] = finer
+                agreements = np.where(change < tolerance, agreements + 1, 0)
+            num_done = num_needed
+            is_open = agreements < num_agreements
+            remaining, agreements = remaining[is_open], agreements[is_open]
+            if remaining.size == 0:
+                return radiance, Convergence(tuple(steps[1 : len(counts)]), tuple(changes[1:]), tuple(counts[1:]))
+        in_a_row = " at two halvings in a row" * self._is_shaded
+        of_how_many = f"{remaining.size} of {len(radiance)} pixels"
+        raise RenderError(
+            f"the ray integral does not converge in {_MAX_HALVINGS} halvings of its step",
+            where=self._volume.name,
+            got=f"a change of {changes[-1]:.3g} at a step of {steps[-1]:.3g} voxels; {of_how_many} have not converged",
+            expected=f"a change below {tolerance:g}{in_a_row}",
+            hint="ask for a larger tolerance",
+        )
 
 
 def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tuple[Float64, Float64, Float64]:
@@ -151,57 +233,6 @@ def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tupl
     length = np.linalg.norm(direction, axis=1)  # world length per unit of depth
     origins = depth * direction - point
     return origins @ view.axes, direction / length[:, None] @ view.axes, (view.near - depth) * length
-
-
-def _make_integrator(
-    volume: Volume,
-    transfer: TransferFunction,
-    view: View,
-    shading: ShadingSpec | None = None,
-    num_threads: int = 2,
-    on_progress: Progress = lambda _: None,
-) -> Callable[[Int64, Sequence[float], float], Float64]:
-    """Return a function that integrates pixels, with each of some steps in voxels, to float64 [steps, n, 4].
-
-    It reports the finished share of the whole work, which these pixels take from a share to its end.
-    """
-    values = volume.values
-    if values.dtype == np.float16:  # numba lacks it; the copy is exact
-        values = values.astype(np.float32)
-        values.flags.writeable = False  # as in every Volume, for which kernels are compiled
-    # For each cube of cells, the first ray notes whether anything in it is visible.
-    macrocells = np.zeros([n // MACROCELL_SIZE + 1 for n in values.shape], np.uint8)
-    index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
-    largest = max(*map(abs, volume.value_range()), float(np.abs(transfer.values).max()))
-    exponent = math.frexp(largest)[1]
-    scale = math.ldexp(1.0, min(max(exponent, _LEAST_EXPONENT), _LARGEST_EXPONENT) - exponent)
-    intervals, lambert = _intervals(transfer, scale), _lambert_shading(shading, index_from_world)
-
-    def integrate_pixels(pixels: Int64, steps: Sequence[float], done: float) -> Float64:
-        radiance, max_steps = np.empty((pixels.size, len(steps), 4)), np.array(steps)
-
-        def integrate_part(first: int) -> None:
-            volume.require_unchanged()
-            part = slice(first, first + _RAYS_PER_TASK)
-            origins, directions, starts = rays_through_pixels(volume.centre, view, pixels[part])
-            origins = origins @ index_from_world.T + volume.centre_index
-            directions = directions @ index_from_world.T
-            integrate_rays(
-                values, macrocells, origins, directions, starts, max_steps, intervals, lambert, radiance[part]
-            )
-
-        with ThreadPoolExecutor(num_threads) as pool:
-            try:
-                parts = [pool.submit(integrate_part, first) for first in range(0, pixels.size, _RAYS_PER_TASK)]
-                for number, part in enumerate(parts, 1):
-                    part.result()
-                    on_progress(done + number / len(parts) * (1.0 - done))
-            finally:  # after an interrupt or an error, drop what has not started
-                pool.shutdown(wait=False, cancel_futures=True)
-        volume.require_unchanged()
-        return np.moveaxis(radiance, 1, 0)
-
-    return integrate_pixels
 
 
 def _intervals(transfer: TransferFunction, scale: float) -> Intervals:

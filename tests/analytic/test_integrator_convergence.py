@@ -91,14 +91,14 @@ def test_progress_is_the_share_of_the_rays_known_to_be_needed(monkeypatch: pytes
     noise = volume(np.random.default_rng(3).uniform(-1, 2, (4, 5, 6)))
     view = look(tuple(noise.centre), 9.0, (16, 16))
     shares: list[float] = []
-    integrate(noise, COLORFUL, view, step_voxels=1.0, on_progress=shares.append)
+    integrate(noise, COLORFUL, view, step_voxels=1.0, num_threads=1, on_progress=shares.append)
     assert shares == [0.25, 0.5, 0.75, 1.0]
     for shading in (None, ShadingSpec()):  # the first steps are taken at once
         shares.clear()
-        converged_image(noise, COLORFUL, view, tolerance=0.1, shading=shading, on_progress=shares.append)
+        converged_image(noise, COLORFUL, view, tolerance=0.1, shading=shading, num_threads=1, on_progress=shares.append)
         assert shares == [0.25, 0.5, 0.75, 1.0]
     shares.clear()
-    _, report = converged_image(noise, COLORFUL, view, tolerance=1e-9, on_progress=shares.append)
+    _, report = converged_image(noise, COLORFUL, view, tolerance=1e-9, num_threads=1, on_progress=shares.append)
     assert len(report.num_pixels) > 1
     assert shares[-1] == 1.0
 
