@@ -4,8 +4,8 @@ In: a plan and frame numbers. Out: drawn frames in order, the same bytes from ev
 entrance; it opens an `Executor` of `renderer.job`.
 
 - `executor.py`: `open_executor` and the executors that use Dask; `options.py`: `--workers` and `--scheduler`.
-- `cluster/`: Dask: `cluster_drawing.py` (frames are drawn ahead, and come in order), `connection.py`,
-  `local_cluster.py` and `local_worker.py` (of this machine, with TLS), `registry.py` (workers come and go), `worker.py`.
+- `cluster/`: Dask: `cluster_drawing.py` (frames are drawn ahead, and come in order), `connection.py`, `registry.py`
+  (workers come and go), `worker.py`, `local_cluster.py` and `local_worker.py` (processes of this machine, with TLS).
 """
 
 import lazy_loader
