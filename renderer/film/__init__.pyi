@@ -38,7 +38,11 @@ from .png import (
     png_chunks as png_chunks,
     png_shape as png_shape,
 )
-from .quantization import quantize as quantize, require_finite as require_finite
+from .quantization import (
+    over_background as over_background,
+    quantize as quantize,
+    require_finite as require_finite,
+)
 from .runs import consecutive_ranges as consecutive_ranges
 from .stream_tail import StreamTail as StreamTail
 from .writer import (

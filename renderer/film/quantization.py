@@ -1,4 +1,4 @@
-"""Round float images to 8 bits: the only place where a picture loses precision, and it does so once."""
+"""Put float images over their background, and round them to 8 bits: the only place where a picture loses precision."""
 
 from __future__ import annotations
 
@@ -31,6 +31,21 @@ def quantize(image: npt.NDArray[np.float32], background: Color | None) -> npt.ND
     else:
         _composite_over(np.ascontiguousarray(image), np.array(background, np.float32), result)
     return result
+
+
+def over_background(radiance: npt.NDArray[np.floating[Any]], background: Color | None) -> npt.NDArray[np.float64]:
+    """Return the picture before it is rounded, which metrics compare: `c + (1 - a) b`, clipped to [0, 1].
+
+    radiance: [h, w, 4], premultiplied RGBA. background: None, for a transparent film, counts as black.
+
+    Returns float64 [h, w, 3]. Raises RenderError for a value that is not finite.
+    """
+    require_finite(radiance)
+    picture = np.empty((*radiance.shape[:2], 3))
+    transparency = 1 - radiance[..., 3].astype(np.float64)
+    for channel, behind in enumerate(background or (0.0, 0.0, 0.0)):
+        picture[..., channel] = radiance[..., channel] + transparency * behind
+    return np.clip(picture, 0, 1, out=picture)
 
 
 @jit

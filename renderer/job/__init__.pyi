@@ -19,6 +19,7 @@ from .executor import (
     LocalExecutor as LocalExecutor,
     draw_frames as draw_frames,
     open_local_executor as open_local_executor,
+    open_prober as open_prober,
 )
 from .film_job import FilmJob as FilmJob, OriginalFilm as OriginalFilm
 from .film_making import (

@@ -8,25 +8,38 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
 
 from renderer.draw import Rasterizer, RecoveringRasterizer, open_rasterizer
 from renderer.film import Picture
 from renderer.frame import Stage, ToleranceController, render_frames
+from renderer.job.film_accuracy import frame_accuracy
 from renderer.job.make_record import frame_record
 from renderer.job.plan import FilmPlan
 from renderer.job.record import FrameRecord
+from renderer.probes import FrameProber, num_probe_rays
 from renderer.scene import Scene
+from renderer.system import num_cores
 
 
 @dataclass(frozen=True)
 class DrawnFrame:
-    """A frame that is drawn: its picture, and its record."""
+    """A frame that is drawn: its picture, and its record. prober: measures its accuracy, where that is wanted."""
 
     record: FrameRecord
     picture: Picture
+    prober: FrameProber | None = None
+
+    def measured(self) -> DrawnFrame:
+        """Return the frame with its accuracy in its record; the rays take a while."""
+        if self.prober is None:
+            return self
+        start, record = time.perf_counter(), self.record
+        accuracy = frame_accuracy(self.prober.probe(record.frame, self.picture.pixels))
+        seconds = {**record.seconds, "probe": time.perf_counter() - start}
+        return DrawnFrame(replace(record, accuracy=accuracy, seconds=seconds), self.picture)
 
 
 class Executor(Protocol):
@@ -68,7 +81,7 @@ class LocalExecutor:
 
     def draw(self, plan: FilmPlan, numbers: Sequence[int]) -> Generator[DrawnFrame, None, None]:
         """Yield these frames, in this order; may be closed before its end."""
-        return draw_frames(plan.stage, numbers, self.rasterizer, plan.controller)
+        return draw_frames(plan.stage, numbers, self.rasterizer, plan.controller, open_prober(plan.stage))
 
 
 @contextlib.contextmanager
@@ -78,9 +91,22 @@ def open_local_executor(scene: Scene) -> Iterator[LocalExecutor]:
         yield LocalExecutor(rasterizer)
 
 
+def open_prober(stage: Stage) -> FrameProber | None:
+    """Return what measures the accuracy of frames; None where the scene wants no rays, or has no exact picture."""
+    num_rays = num_probe_rays(stage.scene)
+    return FrameProber(stage, num_rays, num_threads=num_cores()) if num_rays else None
+
+
 def draw_frames(
-    stage: Stage, numbers: Sequence[int], rasterizer: Rasterizer, controller: ToleranceController
+    stage: Stage,
+    numbers: Sequence[int],
+    rasterizer: Rasterizer,
+    controller: ToleranceController,
+    prober: FrameProber | None = None,
 ) -> Generator[DrawnFrame, None, None]:
-    """Draw these frames in this process, one after the other; parameters are those of `render_frames`."""
+    """Draw these frames in this process, one after the other.
+
+    prober: for `DrawnFrame.measured`. Other parameters are those of `render_frames`.
+    """
     for frame in render_frames(stage, numbers, rasterizer, clock=time.perf_counter, controller=controller):
-        yield DrawnFrame(frame_record(frame), Picture(frame.image))
+        yield DrawnFrame(frame_record(frame), Picture(frame.image), prober)

@@ -128,6 +128,6 @@ def _store_frame(frame: DrawnFrame, store: FrameStore, write: WriteFrame, *, is_
     if store.is_output and not is_new:
         return frame.record
     before = time.perf_counter()
-    record = store.save(frame) if is_new else frame.record
+    record = store.save(frame.measured()) if is_new else frame.record
     write(record.frame, frame.picture)
     return replace(record, seconds={**record.seconds, "encode": time.perf_counter() - before})

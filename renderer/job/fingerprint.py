@@ -32,7 +32,8 @@ def film_fingerprint(scene: Scene, requested: ErrorSpec, volume_fingerprint: str
     from its sidecar has the same fingerprint.
     """
     tree = scene_to_dict(with_draw_order(scene))
-    rest = {key: value for key, value in tree["error"].items() if key not in schedule_to_dict(scene.error)}
+    left_out = {*schedule_to_dict(scene.error), "probes"}
+    rest = {key: value for key, value in tree["error"].items() if key not in left_out}
     output = {key: value for key, value in tree["output"].items() if key not in _ENCODING_KEYS}
     del tree["volume"]
     depends_on = {

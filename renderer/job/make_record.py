@@ -11,6 +11,7 @@ import numpy as np
 
 from renderer.errors import RenderError
 from renderer.frame import Frame, finest_level_at
+from renderer.job.film_accuracy import film_accuracy
 from renderer.job.film_job import OriginalFilm
 from renderer.job.plan import FilmPlan
 from renderer.job.record import (
@@ -78,6 +79,7 @@ def film_record(
             *visibility_notes(frames),
         ),
         seconds={},
+        accuracy=film_accuracy(frames),
         frames=tuple(frames),
     )
 

@@ -79,6 +79,7 @@ _COUNT = _number("a whole number of at least 0", (int,), 0, 2**63 - 1)
 _FRAME_NUMBER = _number(f"a whole number from 0 to {MAX_FRAMES - 1}", (int,), 0, MAX_FRAMES - 1)
 _AMOUNTS, _TEXTS = schema.mapping_field(_AMOUNT), schema.mapping_field(schema.TEXT_FIELD)
 _RANGE = schema.sequence_field(_AMOUNT, "[smallest, largest]", count=2)
+_INTERVAL = schema.sequence_field(_COORDINATE, "[low, high]", count=2)
 _VECTOR = schema.sequence_field(_COORDINATE, "[x, y, z]", count=3)
 _SHAPE = schema.sequence_field(_COUNT, "[x, y, z]", count=3)
 _MATRIX = schema.sequence_field(schema.sequence_field(_COORDINATE, "four numbers", count=4), "a 4 x 4 matrix", count=4)
@@ -94,6 +95,18 @@ Amounts = Mapping[str, float]
 
 
 @dataclass(frozen=True)
+class FrameAccuracy:
+    """A record of how exact a frame is, by exact rays through some of its pixels."""
+
+    psnr: Annotated[float, _COORDINATE, "In decibels, of the picture after rounding; 200 where no ray saw an error."]
+    interval: Annotated[Range, _INTERVAL, "Between these it lies in 95 % of cases, or more."]
+    rays: Annotated[int, _COUNT, "The rays."]
+    variance: Annotated[float, _AMOUNT, "Of the rays' squared errors, each weighted by the chance of its pixel."]
+    largest: Annotated[float, _AMOUNT, "The largest of these."]
+    largest_error: Annotated[float, _AMOUNT, "The largest error seen of a channel, in [0, 1]."]
+
+
+@dataclass(frozen=True)
 class FrameRecord:
     """A record of one frame: what was drawn, and what it cost."""
 
@@ -106,6 +119,7 @@ class FrameRecord:
     predicted_seconds: Annotated[float | None, _AMOUNT, "The time predicted for it, on a budget of time."] = None
     device: Annotated[str | None, "What drew it, where that was on a cluster."] = None
     blank: Annotated[bool, "True where nothing of the volume shows."] = False
+    accuracy: Annotated[FrameAccuracy | None, "How exact its picture is, where rays have measured it."] = None
 
     @property
     def total_seconds(self) -> float:
@@ -200,6 +214,28 @@ class ScheduleRecord:
 
 
 @dataclass(frozen=True)
+class WorstFrame:
+    """A record of the frame that is the least exact by its own rays."""
+
+    frame: Annotated[int, _FRAME_NUMBER, "Its number."]
+    psnr: Annotated[float, _COORDINATE, "In decibels."]
+    interval: Annotated[Range, _INTERVAL, "Between these it lies in 95 % of cases, or more."]
+
+
+@dataclass(frozen=True)
+class FilmAccuracy:
+    """A record of how exact the frames of a film are together, by their rays."""
+
+    psnr: Annotated[float, _COORDINATE, "In decibels, of their mean squared error."]
+    interval: Annotated[Range, _INTERVAL, "Between these it lies in 95 % of cases, or more."]
+    rays: Annotated[int, _COUNT, "The rays through all frames."]
+    worst: Annotated[WorstFrame, "The least exact frame."]
+    largest_error: Annotated[float, _AMOUNT, "The largest error seen of a channel, in [0, 1]."]
+    method: Annotated[str, "How the pixels of the rays were chosen."]
+    seed: Annotated[int, _COUNT, "Of their choice, beside the number of the frame."]
+
+
+@dataclass(frozen=True)
 class DifferenceRecord:
     """A record of how much a pass changed."""
 
@@ -254,6 +290,7 @@ class FilmRecord:
     notes: Annotated[tuple[str, ...], "What the user should know."]
     seconds: Annotated[Amounts, _AMOUNTS, "The time of each step of the whole film."]
     frames: Annotated[tuple[FrameRecord, ...], _FRAMES, "The frames, ascending."]
+    accuracy: Annotated[FilmAccuracy | None, "How exact the frames are, where rays have measured all of them."] = None
     passes: Annotated[tuple[PassRecord, ...], "Passes of a progressive film."] = ()
     parts: Annotated[tuple[PartRecord, ...], "Parts of an assembled film."] = ()
     fingerprint: Annotated[FilmFingerprint | None, "Left out where one pass would not have made this film."] = None

@@ -29,6 +29,11 @@ MIN_SECONDS, LONGEST_S = 1e-4, 86400.0
 MAX_PSNR_DB = 200.0
 
 
+# More exact rays than these take longer than a whole exact picture of usual size.
+MAX_PROBES = 10**6
+_NUM_PROBES = schema.integer_field(minimum=0, maximum=MAX_PROBES)
+_PROBES = schema.word_or({"auto": None}, _NUM_PROBES, f"auto, or {_NUM_PROBES.expected}")
+
 # (frame, value) in ascending frame order. One entry is constant; between two entries the value's logarithm is linear.
 ByFrame = tuple[tuple[int, float], ...]
 
@@ -72,13 +77,15 @@ class ErrorSpec:
     """An error schedule: a tolerance by frame or, with a `goal`, one that is found for it.
 
     goal: a `MetricTarget` asks for the coarsest tolerance, one for the whole film, that reaches it. finest_level: cells
-        smaller than `2^finest_level` voxels are not drawn, whatever their error.
+        smaller than `2^finest_level` voxels are not drawn, whatever their error. probes: exact rays that measure the
+        accuracy of each frame; None for as many as its size suggests.
     """
 
     tolerance: ByFrame = ((0, 0.1),)
     measure: Literal["optical", "rms"] = "optical"
     of: Literal["classified", "scalar"] = "classified"
     finest_level: Annotated[int, schema.integer_field(minimum=0, maximum=MAX_LEVEL)] = 0
+    probes: Annotated[int | None, _PROBES] = None
     goal: SplatBudget | TimeBudget | MetricTarget | None = None
 
 
@@ -186,6 +193,16 @@ def _build_error(node: TreeNode, given: dict[str, Any]) -> ErrorSpec:
 
 
 ERROR_SECTION = schema.section_field(_SCHEDULES | schema.field_table(ErrorSpec), _build_error)
+
+
+def check_exact_picture(node: TreeNode, given: Mapping[str, Any]) -> None:
+    """Check that probes have something to compare with; `given` holds the sections of the whole scene."""
+    error = given.get("error")
+    if isinstance(error, ErrorSpec) and error.probes not in (None, 0, INVALID) and given.get("overlay") == "octree":
+        node.child("probes", error.probes).reject(
+            "there is no exact picture of a scene with overlay: octree",
+            expected="auto or 0, which measure nothing there, or overlay: none",
+        )
 
 
 def check_scheduled_frames(node: TreeNode, given: Mapping[str, Any]) -> None:

@@ -18,7 +18,13 @@ from typing import Annotated, Any, Literal
 from renderer.errors import Problem
 from renderer.scene import schema
 from renderer.scene.camera_section import CameraPath, CameraSpec, direction_field
-from renderer.scene.error_section import ERROR_SECTION, ErrorSpec, check_scheduled_frames, schedule_to_dict
+from renderer.scene.error_section import (
+    ERROR_SECTION,
+    ErrorSpec,
+    check_exact_picture,
+    check_scheduled_frames,
+    schedule_to_dict,
+)
 from renderer.scene.limits import proportion_problems, raise_problems
 from renderer.scene.output_section import OUTPUT_SECTION, OutputSpec, check_frame_field
 from renderer.scene.splat_section import SPLAT_SECTION, SplatSpec, unused_splat_keys
@@ -88,6 +94,7 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     required = schema.required_keys(Scene)
     given = schema.read_fields(node, _SECTIONS, required=required, misplaced_hints=_MISPLACED_KEY_HINTS)
     check_scheduled_frames(node.child("error"), given)
+    check_exact_picture(node.child("error"), given)
     if not is_single_frame:
         check_frame_field(node.child("output"), given)
     scene = Scene(**given)

@@ -10,7 +10,6 @@ from .metrics import (
     Metric as Metric,
     compute_metric as compute_metric,
     measure_accuracy as measure_accuracy,
-    over_background as over_background,
     pool_accuracies as pool_accuracies,
     require_measuring_packages as require_measuring_packages,
 )

@@ -17,7 +17,6 @@ import numpy.typing as npt
 
 from renderer.errors import require_package
 from renderer.film import require_finite
-from renderer.scene import Color
 from renderer.volume import Bools
 
 FloatImage = npt.NDArray[np.float64]
@@ -61,21 +60,6 @@ class Accuracy:
 
     everywhere: ErrorMetrics
     on_volume: ErrorMetrics
-
-
-def over_background(radiance: npt.NDArray[np.floating[Any]], background: Color | None) -> FloatImage:
-    """Return the picture that metrics compare: `c + (1 - a) b`, clipped to [0, 1].
-
-    radiance: [h, w, 4], premultiplied RGBA. background: None, for a transparent film, counts as black.
-
-    Returns float64 [h, w, 3]. Raises RenderError for a value that is not finite.
-    """
-    require_finite(radiance)
-    picture = np.empty((*radiance.shape[:2], 3))
-    transparency = 1 - radiance[..., 3].astype(np.float64)
-    for channel, behind in enumerate(background or (0.0, 0.0, 0.0)):
-        picture[..., channel] = radiance[..., channel] + transparency * behind
-    return np.clip(picture, 0, 1, out=picture)
 
 
 def measure_accuracy(picture: FloatImage, truth: FloatImage, on_volume: Bools) -> Accuracy:

@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 
 from renderer.draw import Rasterizer
+from renderer.film import over_background
 from renderer.frame import Clock, Stage, make_primitive, render_frames
 from renderer.scene import ErrorSpec, Scene, SplatSpec, with_tolerance
-from renderer.study.metrics import Accuracy, FloatImage, measure_accuracy, over_background, pool_accuracies
+from renderer.study.metrics import Accuracy, FloatImage, measure_accuracy, pool_accuracies
 from renderer.study.thumbnails import amplified_difference, thumbnail
 from renderer.study.tolerance_search import spread_tolerances
 from renderer.study.truths import Truth

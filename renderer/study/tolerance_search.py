@@ -16,10 +16,11 @@ from functools import cache, lru_cache
 import numpy as np
 
 from renderer.draw import Rasterizer
+from renderer.film import over_background
 from renderer.frame import Clock, ScheduleController, Stage, make_primitive, render_frames
 from renderer.pyramid import Pyramid, root_error
 from renderer.scene import MIN_TOLERANCE, MetricTarget, with_tolerance
-from renderer.study.metrics import compute_metric, over_background
+from renderer.study.metrics import compute_metric
 from renderer.study.truths import Truth, extreme_coverage_frames, is_loop, spread_evenly
 
 # Probe frames besides those with the smallest and the largest picture; as many check frames lie between them.

@@ -9,9 +9,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from renderer.draw import Rasterizer
+from renderer.film import over_background
 from renderer.frame import Clock, Stage, render_frames, view_of
 from renderer.scene import CameraPath, KeyframePath, with_tolerance
-from renderer.study.metrics import FloatImage, over_background
+from renderer.study.metrics import FloatImage
 from renderer.transfer import make_transfer_function
 from renderer.truth import Convergence, converged_image
 from renderer.volume import Bools

@@ -33,8 +33,8 @@ Progress = Callable[[float], None]
 # Few enough to keep every core busy until the end and to stop soon after an interrupt (they take some milliseconds, or
 # half a second if each meets a thousand shaded cells), and enough to be worth a task.
 _RAYS_PER_TASK = 256
-# Few rays are shared out among the threads.
-_TASKS_PER_THREAD = 4
+# Few rays are shared out among the threads, in tasks that take some milliseconds.
+_TASKS_PER_THREAD, _MIN_RAYS_PER_TASK = 4, 32
 # The first step, in voxels, and how often it is halved.
 _FIRST_STEP, _MAX_HALVINGS = 1.0, 12
 # Scalars are scaled so that the largest scalar or control value lies between these powers of two, as it usually does:
@@ -123,7 +123,7 @@ class RayIntegrator:
         # For each cube of cells, the first ray notes whether anything in it is visible.
         self._macrocells = np.zeros([n // MACROCELL_SIZE + 1 for n in values.shape], np.uint8)
         self._index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
-        largest = max(*map(abs, volume.value_range()), float(np.abs(transfer.values).max()))
+        largest = max(_largest_magnitude(volume), float(np.abs(transfer.values).max()))
         exponent = math.frexp(largest)[1]
         scale = math.ldexp(1.0, min(max(exponent, _LEAST_EXPONENT), _LARGEST_EXPONENT) - exponent)
         self._intervals = _intervals(transfer, scale)
@@ -143,7 +143,8 @@ class RayIntegrator:
         pixels are the rest. Other parameters as in the function `integrate`.
         """
         radiance, max_steps = np.empty((pixels.size, len(steps), 4)), np.array(steps)
-        num_rays = max(1, min(_RAYS_PER_TASK, pixels.size // (_TASKS_PER_THREAD * self._num_threads)))
+        shared_out = max(_MIN_RAYS_PER_TASK, pixels.size // (_TASKS_PER_THREAD * self._num_threads))
+        num_rays = min(_RAYS_PER_TASK, shared_out)
 
         def integrate_part(first: int) -> None:
             self._volume.require_unchanged()
@@ -233,6 +234,13 @@ def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tupl
     length = np.linalg.norm(direction, axis=1)  # world length per unit of depth
     origins = depth * direction - point
     return origins @ view.axes, direction / length[:, None] @ view.axes, (view.near - depth) * length
+
+
+def _largest_magnitude(volume: Volume) -> float:
+    """Return an upper bound of the magnitude of the values; only numbers of floating point take a pass over them."""
+    if volume.values.dtype.kind in "iu":
+        return float(np.iinfo(volume.values.dtype).max)
+    return max(map(abs, volume.value_range()))
 
 
 def _intervals(transfer: TransferFunction, scale: float) -> Intervals:

@@ -10,11 +10,11 @@ import numpy.typing as npt
 import pytest
 
 from renderer.errors import InputError, RenderError
+from renderer.film import over_background
 from renderer.study import (
     METRICS,
     compute_metric,
     measure_accuracy,
-    over_background,
     pool_accuracies,
     require_measuring_packages,
 )

@@ -15,10 +15,11 @@ from small_scene import sidecar, small_scene
 
 from hsplat_cli import main
 from renderer.draw import GLRasterizer
+from renderer.film import over_background
 from renderer.frame import prepare_stage, render_frames
 from renderer.job import accuracy
 from renderer.scene import Scene, load_scene, with_tolerance
-from renderer.study import TRUTH_TOLERANCE, compute_metric, compute_truth, over_background
+from renderer.study import TRUTH_TOLERANCE, compute_metric, compute_truth
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
 

@@ -50,6 +50,35 @@ def test_a_part_of_the_film_is_that_part() -> None:
     assert [frame["frame"] for frame in sidecar("some/frames.2-4-by-2.json")["frames"]] == [2, 4]
 
 
+def test_a_film_says_how_exact_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+    """The figures are the same on every run, and no byte of the film depends on the rays."""
+    render()
+    film, made = Path("film.mp4").read_bytes(), sidecar()
+    accuracy, frames = made["accuracy"], [frame["accuracy"] for frame in made["frames"]]
+    low, high = accuracy["interval"]
+    assert low < accuracy["psnr"] < high
+    assert f"{accuracy['psnr']:.1f} +- " in capsys.readouterr().out
+    assert accuracy["rays"] == sum(frame["rays"] for frame in frames)
+    assert accuracy["psnr"] == pytest.approx(-10 * math.log10(np.mean([10 ** (-f["psnr"] / 10) for f in frames])))
+    worst = min(range(6), key=lambda number: frames[number]["psnr"])
+    assert accuracy["worst"] == {"frame": worst} | {key: frames[worst][key] for key in ("psnr", "interval")}
+    render("--force", "--workers", "2")
+    assert (Path("film.mp4").read_bytes(), sidecar()["accuracy"]) == (film, accuracy)
+    render("--force", "--set", "error.probes=0")
+    assert Path("film.mp4").read_bytes() == film
+    assert "accuracy" not in sidecar()
+    assert "exact picture" not in capsys.readouterr().out
+    render()  # the film is up to date, whether its accuracy is known or not
+    assert "accuracy" not in sidecar()
+
+
+def test_parts_are_as_exact_as_the_film() -> None:
+    for name, frames in (("all", ":"), ("parts", ":3"), ("parts", "3:")):
+        render("--output", f"{name}/{{frame}}.png", "--frames", frames)
+    assert main.run(["assemble", "parts", "--output", "joined.mp4"]) == 0
+    assert sidecar("joined.mp4.json")["accuracy"] == sidecar("all/frames.json")["accuracy"]
+
+
 def test_alpha_is_straight() -> None:
     """Over the background it is the picture that has that background, but for two roundings and that of the sum."""
     render("--output", "clear-{frame}.png", "--frames", "0", "--set", "output.background=transparent")
@@ -67,7 +96,7 @@ def test_the_sidecar_says_how_it_was_made() -> None:
     made = sidecar("film.mp4.json")
     assert list(made) == [
         "format", "scene", "volume", "camera", "pyramid", "device", "versions", "schedule", "notes", "seconds",
-        "fingerprint", "digest", "frames",
+        "accuracy", "fingerprint", "digest", "frames",
     ]  # fmt: skip
     assert made["scene"]["splat"] == {"footprint": "integrated"}
     assert made["volume"]["shape"] == [24, 24, 12]
@@ -104,7 +133,7 @@ def test_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
     bricks = sidecar("film.gif.json")["frames"][0]["primitives"]
     first, *rest = said.out.splitlines()
     assert first.startswith("film.gif: 6 frames in ")
-    assert first.endswith(f" s, {bricks} brick{'s' * (bricks > 1)} a frame")
+    assert first.endswith(f" dB of the exact picture, {bricks} brick{'s' * (bricks > 1)} a frame")
     assert rest == [
         "note: a GIF shows each frame for whole hundredths of a second: 33.33 frames per second, not 30",
         "how it was made: film.gif.json",

@@ -14,9 +14,10 @@ import pytest
 from hsplat_cli.studies.peers import vtk_peer
 from hsplat_cli.studies.peers.vtk_peer import describe_vtk, measure_vtk, vtk_settings, with_transparent_border
 from renderer.errors import InputError, RenderError
+from renderer.film import over_background
 from renderer.readers.procedural import procedural_values
 from renderer.scene import CameraSpec, ProceduralSource, TurntablePath
-from renderer.study import Measurement, Setting, Truth, over_background
+from renderer.study import Measurement, Setting, Truth
 from renderer.transfer import TransferFunction
 from renderer.truth import Convergence, integrate
 from renderer.view import View, make_view

@@ -35,6 +35,7 @@ ORDER = {
         "film",
         "frame",
         "truth",
+        "probes",
         "study",
         "job",
     ],

@@ -79,7 +79,7 @@ SCENES = {
         volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9), 7, SPACING)),
         transfer_function=TransferSpec(POINTS),
         camera=CameraSpec(TurntablePath(9, 0.1, 12.5, AXIS)),
-        error=ErrorSpec(goal=MetricTarget("psnr", 30.1)),
+        error=ErrorSpec(goal=MetricTarget("psnr", 30.1), probes=64),
         output=OutputSpec(Path("b/c.gif"), record_paths=False),
     ),
     "time budget": Scene(

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.errors import ContextLostError
 from renderer.frame import ScheduleController, deserialize_stage
-from renderer.job import FrameRecord, draw_frames
+from renderer.job import FrameRecord, draw_frames, open_prober
 from renderer.system import package_versions, sources_digest
 
 
@@ -54,14 +54,15 @@ class SerializedStage:
             os.environ.setdefault("LP_NUM_THREADS", str(num_threads))
             content = self._content if self._content.flags.writeable else self._content.copy()
             self._stage = deserialize_stage(content.data)
-            self._controller = ScheduleController(self._stage)
+            self._controller, self._prober = ScheduleController(self._stage), open_prober(self._stage)
             self._rasterizers.append(open_rasterizer(needs_opengl=self._stage.scene.needs_opengl))
             self._versions = package_versions() | {"device": self._rasterizers[0].device}
         try:
-            (drawn,) = draw_frames(self._stage, [number], self._rasterizers[0], self._controller)
+            (drawn,) = draw_frames(self._stage, [number], self._rasterizers[0], self._controller, self._prober)
         except ContextLostError:
             self._rasterizers.pop().release()
             raise
+        drawn = drawn.measured()
         return drawn.picture.png, drawn.record, self._versions
 
 

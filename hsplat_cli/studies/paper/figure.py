@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.reports import Chart
 from renderer.draw import Rasterizer
-from renderer.film import Pixels
+from renderer.film import Pixels, over_background
 from renderer.frame import Clock, Frame, Stage, open_stage, render_frames
 from renderer.scene import Scene, VolumeSpec, with_tolerance
-from renderer.study import FRAME_STAGES, TRUTH_TOLERANCE, FloatImage, compute_truth, over_background
+from renderer.study import FRAME_STAGES, TRUTH_TOLERANCE, FloatImage, compute_truth
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.volume import Volume
 

@@ -57,7 +57,8 @@ def _film_identity(part: Part) -> dict[str, Any]:
     recorded = part.record.scene
     scene = {key: value for key, value in recorded.items() if key != "volume"}
     output = {key: value for key, value in recorded["output"].items() if key not in ("file", "record_paths")}
-    error = error_without_schedule(part) if part.has_goal else recorded["error"]
+    left_out = ("tolerance", "probes") if part.has_goal else ("probes",)
+    error = {key: value for key, value in recorded["error"].items() if key not in left_out}
     return {
         "scene": {**scene, "output": output, "error": error},
         "volume": {"fingerprint": part.record.volume.fingerprint},

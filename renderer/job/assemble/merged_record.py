@@ -10,6 +10,7 @@ from typing import Any
 from renderer.film import data_digest, film_notes, has_frame_files
 from renderer.job.assemble.agreement import PickedFrame, error_without_schedule
 from renderer.job.assemble.parts import Part
+from renderer.job.film_accuracy import film_accuracy
 from renderer.job.fingerprint import fingerprint_of
 from renderer.job.make_record import visibility_notes
 from renderer.job.record import FilmFingerprint, FilmRecord, PartRecord, ScheduleRecord, min_max
@@ -49,6 +50,7 @@ def merged_record(picked: Sequence[PickedFrame], output: OutputSpec, seconds: fl
         notes=(*film_notes(output), *_part_notes(picked)),
         seconds=summed | {"assembling": seconds},
         frames=tuple(frames),
+        accuracy=film_accuracy(frames),
         parts=tuple(_part_record(part, picked) for part in parts),
     )
 

@@ -1,0 +1,56 @@
+"""Say how exact frames, and the film of them, are: from exact rays to records and words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from renderer.job.record import FilmAccuracy, FrameAccuracy, FrameRecord, Range, WorstFrame
+from renderer.probes import ErrorSamples, Probe, pool_samples, psnr
+
+_METHOD = "stratified by the differences between neighbouring pixels"
+# No error at all counts as this many decibels, and so does less than that.
+_MOST_DB = 200.0
+
+
+def frame_accuracy(probe: Probe) -> FrameAccuracy:
+    """Return the record of what rays have measured of a frame."""
+    samples = probe.samples
+    value, interval = _decibels(samples)
+    return FrameAccuracy(value, interval, samples.num, samples.variance, samples.largest, probe.largest_error)
+
+
+def film_accuracy(frames: Sequence[FrameRecord]) -> FilmAccuracy | None:
+    """Return the record of what rays have measured of a film; None unless they have of each frame."""
+    measured = [(frame.frame, frame.accuracy) for frame in frames if frame.accuracy is not None]
+    if len(measured) < len(frames):
+        return None
+    pooled = pool_samples([_samples(accuracy) for _, accuracy in measured])
+    value, interval = _decibels(pooled)
+    number, worst = min(measured, key=lambda each: each[1].psnr)
+    return FilmAccuracy(
+        value,
+        interval,
+        pooled.num,
+        WorstFrame(number, worst.psnr, worst.interval),
+        max(accuracy.largest_error for _, accuracy in measured),
+        _METHOD,
+        seed=0,
+    )
+
+
+def accuracy_text(value: float, interval: Range) -> str:
+    """Return `58.8 +- 0.2 dB of the exact picture`."""
+    if value >= _MOST_DB:
+        return f"no difference from the exact picture seen, at least {interval[0]:.0f} dB"
+    return f"{value:.1f} +- {max(value - interval[0], interval[1] - value):.1f} dB of the exact picture"
+
+
+def _samples(accuracy: FrameAccuracy) -> ErrorSamples:
+    mean = 10 ** (-accuracy.psnr / 10) if accuracy.psnr < _MOST_DB else 0.0
+    return ErrorSamples(accuracy.rays, mean, accuracy.variance, accuracy.largest)
+
+
+def _decibels(samples: ErrorSamples) -> tuple[float, Range]:
+    """Return the PSNR and its interval, from low to high."""
+    low, high = samples.interval
+    return min(psnr(samples.mean), _MOST_DB), (psnr(high), min(psnr(low), _MOST_DB))

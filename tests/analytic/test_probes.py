@@ -1,0 +1,157 @@
+"""What a few exact rays say of a frame: unbiased, the same on every run, and within the interval that they give."""
+
+from __future__ import annotations
+
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from renderer.draw import open_rasterizer
+from renderer.film import over_background
+from renderer.frame import Frame, Stage, prepare_stage, render_frames, view_of
+from renderer.probes import ErrorSamples, FrameProber, choose_pixels, error_samples, pool_samples, psnr
+from renderer.scene import Scene, parse_scene, with_tolerance
+from renderer.transfer import make_transfer_function
+from renderer.truth import converged_image
+
+Picture = npt.NDArray[np.uint8]
+SIZES = ((64, 48, 3), (37, 53, 3), (8, 8, 4), (1, 1, 3), (5, 200, 4))
+
+
+def edgy_picture(shape: tuple[int, ...]) -> Picture:
+    """A picture with an edge and a flat part."""
+    picture = np.zeros(shape, np.uint8)
+    picture[:, shape[1] // 3 :] = np.random.default_rng(1).integers(0, 255, shape[2])
+    picture[: shape[0] // 2, shape[1] // 2 :] //= 3
+    return picture
+
+
+@pytest.mark.parametrize("shape", SIZES, ids=str)
+def test_means_are_those_of_all_pixels(shape: tuple[int, int, int]) -> None:
+    """Horvitz and Thompson: a quantity over the chance of its pixel has the mean over the picture."""
+    picture, height, width = edgy_picture(shape), shape[0], shape[1]
+    quantity = np.random.default_rng(2).exponential(size=height * width)
+    means = []
+    for seed in range(400):
+        chosen = choose_pixels(picture, 32, (seed,))
+        assert 0 <= chosen.numbers.min() <= chosen.numbers.max() < height * width
+        means.append((chosen.factors * quantity[chosen.numbers]).mean())
+    assert abs(np.mean(means) - quantity.mean()) <= 4 * np.std(means) / np.sqrt(len(means)) + 1e-12
+    everywhere = np.mean([choose_pixels(picture, 32, (seed,)).factors.mean() for seed in range(400)])
+    assert everywhere == pytest.approx(1.0, abs=0.05)
+
+
+def test_every_pixel_may_be_chosen_and_edges_are_more_often() -> None:
+    picture = np.zeros((16, 16, 3), np.uint8)
+    picture[:8, :3] = 200
+    numbers = np.concatenate([choose_pixels(picture, 64, (seed,)).numbers for seed in range(400)])
+    counts = np.bincount(numbers, minlength=256).reshape(16, 16)
+    assert counts.min() > 0
+    assert counts[:8, 2].mean() > 5 * counts[9:, 9:].mean()
+
+
+def test_the_choice_follows_from_the_seed_and_the_picture() -> None:
+    picture = edgy_picture((40, 40, 3))
+    for one, two in zip(choose_pixels(picture, 9, (0, 5)), choose_pixels(picture.copy(), 9, (0, 5)), strict=True):
+        assert np.array_equal(one, two)
+    assert not np.array_equal(choose_pixels(picture, 9, (0, 5)).numbers, choose_pixels(picture, 9, (0, 6)).numbers)
+
+
+@pytest.mark.parametrize("num", [16, 64, 1024])
+@pytest.mark.parametrize("spread", [0.5, 1.0, 1.7])  # of the logarithm
+def test_intervals_hold_for_skewed_samples(num: int, spread: float) -> None:
+    random, mean = np.random.default_rng(7), np.exp(spread**2 / 2)
+    intervals = np.array([error_samples(random.lognormal(0, spread, num)).interval for _ in range(1000)])
+    assert np.mean((intervals[:, 0] <= mean) & (mean <= intervals[:, 1])) >= 0.93
+
+
+def test_an_interval_without_any_error_is_not_a_promise() -> None:
+    low, high = error_samples(np.zeros(64)).interval
+    assert low == 0.0
+    assert 60 < psnr(high) < 80
+    assert psnr(low) == np.inf
+
+
+def test_pictures_together() -> None:
+    """Their mean squared errors count alike, however many rays each has; more rays narrow the interval."""
+    one, two = ErrorSamples(64, 1e-4, 1e-8, 9e-4), ErrorSamples(256, 3e-4, 1e-8, 2e-3)
+    both = pool_samples([one, two])
+    assert (both.num, both.mean, both.largest) == (320, pytest.approx(2e-4), 2e-3)
+    assert both.variance / both.num == pytest.approx((1e-8 / 64 + 1e-8 / 256) / 4)
+    many = pool_samples([one] * 100)
+    assert many.mean == pytest.approx(one.mean)
+    assert many.variance == pytest.approx(one.variance)
+    assert np.log(np.divide(*many.interval[::-1])) < np.log(np.divide(*one.interval[::-1])) / 5
+
+
+# Frames
+
+TREE: dict[str, Any] = {
+    "volume": {"procedural": {"name": "engine_block", "shape": [48, 48, 24]}},
+    "transfer_function": {
+        "points": [
+            {"value": 50, "color": "#6680e6", "opacity": 0.0},
+            {"value": 120, "color": "#e6b080", "opacity": 0.1},
+            {"value": 255, "color": "white", "opacity": 0.7},
+        ]
+    },
+    "camera": {"path": {"type": "turntable", "frames": 8, "elevation": 20}},
+    "error": {"tolerance": 0.5},
+    "output": {"file": "{frame}.png", "size": [120, 90]},
+}
+VARIANTS: dict[str, dict[str, Any]] = {
+    "plain": {},
+    "lit": {"shading": {"ambient": 0.3, "diffuse": 0.7, "light": [1, -1, 1]}},
+    "transparent": {"output": {**TREE["output"], "background": "transparent"}},
+    "white": {"output": {**TREE["output"], "background": "white"}},
+    "gaussian": {"splat": {"footprint": "gaussian"}},
+}
+
+
+def scene_of(tmp_path: Any, **changes: Any) -> Scene:
+    return parse_scene(TREE | changes, base=tmp_path)
+
+
+def drawn(stage: Stage, number: int) -> Frame:
+    with open_rasterizer(needs_opengl=stage.scene.needs_opengl) as rasterizer:
+        (frame,) = render_frames(stage, [number], rasterizer, clock=perf_counter)
+    return frame
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_rays_measure_the_error_of_a_frame(variant: str, tmp_path: Any) -> None:
+    scene = scene_of(tmp_path, **VARIANTS[variant])
+    stage = prepare_stage(scene, clock=perf_counter, num_threads=2)
+    frame = drawn(stage, 3)
+    transfer = make_transfer_function(scene.transfer_function, stage.volume.finest_spacing)
+    exact, _ = converged_image(stage.volume, transfer, view_of(stage, 3), tolerance=1e-6, shading=scene.shading)
+    truth = over_background(exact, scene.output.background)
+    shown = frame.image / 255
+    picture = shown[..., :3] * shown[..., 3:] if shown.shape[2] == 4 else shown
+    probe = FrameProber(stage, 20_000).probe(3, frame.image)
+    assert probe.samples.mean == pytest.approx(((picture - truth) ** 2).mean(), rel=0.1)
+    assert probe.largest_error <= np.abs(picture - truth).max() + 1e-3
+    unrounded = over_background(frame.radiance, scene.output.background)
+    probe = FrameProber(stage, 20_000).probe(3, frame.image, frame.radiance)
+    assert probe.samples.mean == pytest.approx(((unrounded - truth) ** 2).mean(), rel=0.1)
+
+
+def test_figures_do_not_depend_on_the_number_of_threads(tmp_path: Any) -> None:
+    stage = prepare_stage(scene_of(tmp_path, **VARIANTS["lit"]), clock=perf_counter, num_threads=2)
+    frame = drawn(stage, 5)
+    found = [FrameProber(stage, 300, num_threads=num).probe(5, frame.image) for num in (1, 2, 5)]
+    assert found[0] == found[1] == found[2]
+    assert FrameProber(stage, 300, seed=1).probe(5, frame.image) != found[0]
+
+
+def test_a_wrong_picture_is_seen(tmp_path: Any) -> None:
+    """A frame of another number is not near the exact picture of this one."""
+    scene = scene_of(tmp_path)
+    stage = prepare_stage(with_tolerance(scene, 0.05), clock=perf_counter, num_threads=2)
+    right, wrong = drawn(stage, 0), drawn(stage, 1)
+    prober = FrameProber(stage, 64)
+    (worst, _), (_, best) = (prober.probe(0, frame.image).samples.interval[::-1] for frame in (right, wrong))
+    assert psnr(worst) > psnr(best)
