@@ -64,6 +64,7 @@ def test_a_film_says_how_exact_it_is(capsys: pytest.CaptureFixture[str]) -> None
     assert accuracy["worst"] == {"frame": worst} | {key: frames[worst][key] for key in ("psnr", "interval")}
     render("--force", "--workers", "2")
     assert (Path("film.mp4").read_bytes(), sidecar()["accuracy"]) == (film, accuracy)
+    capsys.readouterr()
     render("--force", "--set", "error.probes=0")
     assert Path("film.mp4").read_bytes() == film
     assert "accuracy" not in sidecar()
