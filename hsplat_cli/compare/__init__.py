@@ -6,7 +6,7 @@ an HTML report and JUnit. `golden/` keeps golden frames and says what they were 
 - `api.py`: the comparison; `rules.py`: strictness and limits; `outcome.py`: pairs, their verdicts and
   the numbers in them.
 - `file_pairs.py`: pairs of files; `scene_pairs.py`: goldens and frames rendered now; `picture_file.py`: strict PNG
-  reading; `film_decoder.py`: frames of MP4 and GIF.
+  reading.
 - `report_files.py`: the reports (terminal, JSON, JUnit); `comparison_html.py`: the page and its pictures.
 - `pytest_plugin.py`: the fixture.
 - `golden/`: `provenance.py` (golden.json), `update.py`.

@@ -8,11 +8,10 @@ import unicodedata
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from hsplat_cli.compare.film_decoder import count_film_frames, decode_film
 from hsplat_cli.compare.outcome import Pair, Pairs
-from hsplat_cli.compare.picture_file import decode_picture, file_content, is_picture, read_picture
+from hsplat_cli.compare.picture_file import MAX_PIXELS, decode_picture, file_content, is_picture, read_picture
 from renderer.errors import InputError, Problem, SceneError
-from renderer.film import ANY_FRAME_FIELD, Pixels, frame_path
+from renderer.film import ANY_FRAME_FIELD, Pixels, count_film_frames, decode_film, frame_path
 from renderer.job import folder_files
 from renderer.scene import FRAME_FIELD, counted, first_few, is_same_file, missing_file_error, nearest_file_hint
 
@@ -235,7 +234,7 @@ def natural_sort_key(name: str) -> tuple[list[str | int], str]:
 def _open_films(golden: Path, actual: Path) -> Iterator[Pairs]:
     if is_same_file(golden, actual):
         raise _same_files_error(actual)
-    num_goldens, num_actuals = count_film_frames(golden), count_film_frames(actual)
+    num_goldens, num_actuals = (count_film_frames(film, MAX_PIXELS) for film in (golden, actual))
     if num_goldens != num_actuals:
         raise InputError(
             "films with different numbers of frames",
@@ -251,5 +250,5 @@ def _open_films(golden: Path, actual: Path) -> Iterator[Pairs]:
         "PNG frames are better goldens",
         "only the pictures of films are compared, not their timing",
     )
-    with decode_film(golden) as goldens, decode_film(actual) as actuals:
+    with decode_film(golden, MAX_PIXELS) as goldens, decode_film(actual, MAX_PIXELS) as actuals:
         yield Pairs(names, map(Pair, names, goldens, actuals), notes)

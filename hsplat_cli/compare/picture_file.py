@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
 import struct
 import zlib
 from collections.abc import Sequence
@@ -18,7 +17,7 @@ from PIL import Image
 
 from renderer.errors import InputError
 from renderer.film import Pixels, decode_png, join_png_chunks, png_chunks
-from renderer.scene import read_bounded
+from renderer.scene import read_bounded, require_file
 
 # The header's size is checked before memory is allocated. 8192 x 4096 pixels with alpha take 2 GB to compare.
 MAX_PIXELS = 2**25
@@ -56,15 +55,6 @@ def file_content(path: Path, max_bytes: int = MAX_FILE_BYTES, expected: str = _E
     """Read a regular file of a limited size, by default a picture. Raises InputError."""
     require_file(path, expected)
     return read_bounded(path, max_bytes, expected)
-
-
-def require_file(path: Path, expected: str) -> None:
-    """Raise InputError for a broken link, and for anything but a regular file: opening a pipe would block."""
-    if os.path.islink(path) and not os.path.exists(path):
-        raise InputError("a broken link", where=str(path), got=str(path.readlink()))
-    if os.path.exists(path) and not os.path.isfile(path):
-        got = "a folder" if os.path.isdir(path) else "a special file"
-        raise InputError("not a file", where=str(path), got=got, expected=expected)
 
 
 def decode_picture(content: bytes, path: Path) -> Pixels:

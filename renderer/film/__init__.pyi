@@ -5,6 +5,11 @@ from .atomic import (
     translate_os_errors as translate_os_errors,
     write_staged as write_staged,
 )
+from .decode import (
+    count_film_frames as count_film_frames,
+    decode_film as decode_film,
+    decode_known_film as decode_known_film,
+)
 from .digests import (
     bytes_digest as bytes_digest,
     data_digest as data_digest,

@@ -76,7 +76,8 @@ def open_encoder(
     Raises RenderError with the end of ffmpeg's messages if it cannot start, stops early or fails. However the block
     ends, ffmpeg has ended too.
     """
-    process = _start([find_ffmpeg(output), *_arguments(size, frames_per_second, options, file)], output)
+    arguments = _arguments(size, frames_per_second, options, file)
+    process = start_ffmpeg(arguments, output, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
     assert process.stdin is not None and process.stderr is not None
     pictures, stderr_tail = process.stdin, StreamTail(process.stderr)
 
@@ -117,18 +118,14 @@ def _arguments(size: tuple[int, int], rate: Fraction, options: Sequence[str], fi
     return [*general, *source, "-i", "pipe:0", *options, f"file:{file}"]
 
 
-def _start(command: Sequence[str], output: Path) -> subprocess.Popen[bytes]:
+def start_ffmpeg(arguments: Sequence[str], file: Path, *, stdin: int, stdout: int) -> subprocess.Popen[bytes]:
+    """Start ffmpeg, which the caller has to end. Raises RenderError. file: for messages. stdin, stdout: as of Popen."""
+    command = [find_ffmpeg(file), *arguments]
     try:
-        # In a new session, Ctrl-C in the terminal does not reach ffmpeg, which is ended below.
-        return subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            start_new_session=True,
-        )
+        # In a new session, Ctrl-C in the terminal does not reach ffmpeg.
+        return subprocess.Popen(command, stdin=stdin, stdout=stdout, stderr=subprocess.PIPE, start_new_session=True)
     except OSError as error:
-        raise RenderError("ffmpeg cannot be started", where=str(output), got=str(error)) from error
+        raise RenderError("ffmpeg cannot be started", where=str(file), got=str(error)) from error
 
 
 def find_ffmpeg(output: Path) -> str:

@@ -37,6 +37,7 @@ from .input_file import (
     read_bounded as read_bounded,
     read_content as read_content,
     read_json_object as read_json_object,
+    require_file as require_file,
 )
 from .json_tree import is_shallow as is_shallow, load_json_object as load_json_object
 from .limits import (

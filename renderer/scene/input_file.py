@@ -24,6 +24,15 @@ _VOLUME_HEADER = re.compile(rb"NRRD000|# vtk DataFile|(?:.*\n)*?ElementDataFile[
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
+def require_file(path: Path, expected: str) -> None:
+    """Raise InputError for a broken link, and for anything but a regular file: opening a pipe would block."""
+    if os.path.islink(path) and not os.path.exists(path):
+        raise InputError("a broken link", where=str(path), got=str(path.readlink()))
+    if os.path.exists(path) and not os.path.isfile(path):
+        got = "a folder" if os.path.isdir(path) else "a special file"
+        raise InputError("not a file", where=str(path), got=got, expected=expected)
+
+
 def read_bounded(path: Path, max_bytes: int, what: str) -> bytes:
     """Return the content of a file of at most `max_bytes`; `what` it should be, for messages. Raises InputError."""
     with _open(path, what) as file:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +10,7 @@ from hypothesis import given, strategies as st
 from png_files import noise, smooth, write_film, write_frames
 from processes import MARK, marked, new_mark
 
-from hsplat_cli.compare import film_decoder
 from hsplat_cli.compare.file_pairs import natural_sort_key, open_pairs
-from hsplat_cli.compare.film_decoder import count_film_frames, decode_film
 from renderer.errors import InputError
 from renderer.film import encode_png
 
@@ -157,51 +154,6 @@ def test_films_are_paired_by_index(films: Path, suffix: str) -> None:
             errors.append(np.abs(pair.golden.astype(int) - pair.actual).mean())
     assert errors.index(max(errors)) == 3
     assert max(errors) > 5 * sorted(errors)[-2]
-
-
-@pytest.mark.parametrize(("suffix", "largest"), [("mp4", 3), ("gif", 0)])
-def test_decoded_colours_are_those_that_were_encoded(tmp_path: Path, suffix: str, largest: int) -> None:
-    """A step of 8-bit YCbCr in limited range is up to 2.1 steps of a channel (BT.709), rounded twice; the matrix of
-    BT.601 would be more than ten steps off."""
-    colors = [(255, 0, 0), (0, 255, 0), (0, 0, 255), (200, 30, 90), (255, 255, 255), (128, 128, 128)]
-    film = write_film(tmp_path / f"film.{suffix}", [np.full((32, 32, 3), color, np.uint8) for color in colors])
-    with decode_film(film) as frames:
-        for color, frame in zip(colors, frames, strict=True):
-            assert np.abs(frame[..., :3].astype(int) - color).max() <= largest
-            assert frame.shape[2] == 3 or (frame[..., 3] == 255).all()
-
-
-@both_formats
-def test_a_film_that_is_cut_off_is_refused(films: Path, tmp_path: Path, suffix: str) -> None:
-    content = (films / f"film.{suffix}").read_bytes()
-    path = tmp_path / f"cut.{suffix}"
-    for length in {0, 1, 7, 13, 20, *range(30, len(content), 499), len(content) - 1}:
-        path.write_bytes(content[:length])
-        with pytest.raises(InputError):
-            count_film_frames(path)
-
-
-def test_a_damaged_film_is_refused(films: Path, tmp_path: Path) -> None:
-    content = bytearray((films / "film.mp4").read_bytes())
-    place = content.index(b"mdat") + 800
-    content[place : place + 40] = bytes(40)
-    path = tmp_path / "damaged.mp4"
-    path.write_bytes(content)
-    with pytest.raises(InputError, match="the film cannot be decoded"):
-        count_film_frames(path)
-
-
-def test_a_pipe_is_refused(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe.mp4")
-    with pytest.raises(InputError, match="not a file"):
-        count_film_frames(tmp_path / "pipe.mp4")
-
-
-@both_formats
-def test_huge_frames_are_refused(films: Path, monkeypatch: pytest.MonkeyPatch, suffix: str) -> None:
-    monkeypatch.setattr(film_decoder, "MAX_PIXELS", 32 * 32 - 1)
-    with pytest.raises(InputError, match="the film cannot be decoded"):
-        count_film_frames(films / f"film.{suffix}")
 
 
 def test_no_process_is_left(films: Path, monkeypatch: pytest.MonkeyPatch) -> None:
