@@ -67,7 +67,7 @@ def decode_film(path: Path, max_pixels: int) -> Iterator[Iterator[Pixels]]:
 
     Raises InputError if the file is no MP4 or GIF, is cut off, cannot be decoded to its end, or has larger frames than
     `max_pixels`, which ffmpeg refuses before it allocates them; RenderError without ffmpeg. A file that ends between
-    two frames is a shorter film.
+    two frames is a shorter film, and H.264 has no checksum: some damage shows in the pictures alone.
     """
     _require_film(path)
     process = start_ffmpeg(_arguments(path, max_pixels), path, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE)
