@@ -208,7 +208,7 @@ class FilmInProgress:
         is_lasting = record.schedule.reproducible or isinstance(requested.goal, TimeBudget)
         fingerprint = self.fingerprint if is_lasting and not plan.is_unfinished else None
         record = self.output.write_record(record, fingerprint)
-        summary = ", ".join(summary_parts(scene, plan, frames, seconds, num_resumed))
+        summary = ", ".join(summary_parts(scene, plan, record, num_resumed))
         file, sidecar = self.output.spec.file, self.output.sidecar
         return FinishedFilm(file, sidecar, record, summary, self.stage.volume.note, shortfall)
 

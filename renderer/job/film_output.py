@@ -3,28 +3,41 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
+
+import numpy as np
 
 from renderer.errors import RenderError
 from renderer.film import (
+    Picture,
+    Pixels,
     WriteFrame,
+    decode_film,
     file_digest,
     has_frame_files,
     locked_output,
     open_film,
+    picture_shape,
     require_encoder,
     translate_os_errors,
 )
 from renderer.job.checkpoint import FrameStore
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame
+from renderer.job.film_accuracy import with_encoding_loss
 from renderer.job.record import FilmFingerprint, FilmRecord, FrameRecord
 from renderer.job.sidecar import write_sidecar
 from renderer.scene import OutputSpec
+
+# Of the frames, and their memory, that are compared with what the file keeps of them: a decoder takes as long for the
+# rest as an encoder for a tenth of it.
+_MAX_COMPARED, _MAX_COMPARED_BYTES = 16, 2**26
 
 
 @dataclass(frozen=True)
@@ -35,6 +48,8 @@ class FilmOutput:
     frames: Sequence[int]
     sidecar: Path
     folder: Path
+    # The first frames of the film that was written last, to compare with what the file keeps of them.
+    _first_frames: list[Pixels] = field(default_factory=list)
 
     def write_frames(
         self,
@@ -67,6 +82,7 @@ class FilmOutput:
 
         # However the block ends, a frame that was drawn is stored before.
         with self._open_film(store, defer_interrupts) as write, ThreadPoolExecutor(1, "hsplat-background") as thread:
+            self._first_frames.clear()
             thread.submit(bool).result()  # an interrupt while the thread starts would lose its task
             for number in self.frames:
                 is_new = number in missing
@@ -85,10 +101,24 @@ class FilmOutput:
         if not store.is_output:
             film = open_film(self.spec, self.frames, staging_folder=self.folder, before_rename=defer_interrupts)
             with film as write:
-                yield write
+                yield partial(self._write_and_remember, write)
             return
         yield lambda _number, _picture: None
         defer_interrupts()
+
+    def _write_and_remember(self, write: WriteFrame, number: int, picture: Picture) -> None:
+        write(number, picture)
+        num = min(_MAX_COMPARED, max(1, _MAX_COMPARED_BYTES // math.prod(picture_shape(self.spec))))
+        if len(self._first_frames) < num and not has_frame_files(self.spec):
+            self._first_frames.append(picture.pixels)
+
+    def _encoding_loss(self) -> float:
+        """Return the mean squared error of the first frames as they are decoded, in [0, 1]."""
+        width, height = self.spec.size
+        with decode_film(self.spec.file, 2 * width * height) as decoded:
+            pairs = zip(self._first_frames, decoded, strict=False)
+            differences = (drawn.astype(np.int16) - kept[..., :3] for drawn, kept in pairs)
+            return float(np.mean([np.mean(np.square(each, dtype=np.float32)) for each in differences])) / 255**2
 
     def write_record(self, record: FilmRecord, fingerprint: FilmFingerprint | None) -> FilmRecord:
         """Write the sidecar of a film, and return its record.
@@ -97,6 +127,9 @@ class FilmOutput:
         record has the digest of a film in one file, too; frames in files have digests in their records.
         """
         record = replace(record, fingerprint=fingerprint)
+        if record.accuracy is not None and self._first_frames:
+            accuracy = with_encoding_loss(record.accuracy, self._encoding_loss(), len(self._first_frames))
+            record = replace(record, accuracy=accuracy)
         if fingerprint is not None and not has_frame_files(self.spec):
             with translate_os_errors(self.spec.file):
                 record = replace(record, digest=file_digest(self.spec.file))

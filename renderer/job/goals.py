@@ -6,9 +6,9 @@ import statistics
 from collections.abc import Iterator, Sequence
 
 from renderer.errors import RenderError
-from renderer.job.film_accuracy import accuracy_text, film_accuracy
+from renderer.job.film_accuracy import accuracy_text
 from renderer.job.plan import BEST_EFFORT_HINT, FilmPlan
-from renderer.job.record import FrameRecord, min_max
+from renderer.job.record import FilmRecord, FrameRecord, min_max
 from renderer.scene import (
     ErrorSpec,
     Scene,
@@ -85,14 +85,13 @@ def _is_in_time(goal: TimeBudget, frame: FrameRecord) -> bool:
     return abs(share - 1) <= _TIME_MARGIN or (share < 1 and frame.tolerance == 0)
 
 
-def summary_parts(
-    scene: Scene, plan: FilmPlan, frames: Sequence[FrameRecord], seconds: float, num_resumed: int
-) -> Iterator[str]:
+def summary_parts(scene: Scene, plan: FilmPlan, record: FilmRecord, num_resumed: int) -> Iterator[str]:
     """Yield `120 frames in 25.1 s`, how exact they are, `190 bricks a frame`, and how a goal was met."""
+    frames, seconds = record.frames, record.seconds["total"]
     num, goal, found = len(frames), scene.error.goal, plan.found
     yield f"{counted(num, 'frame')} in {seconds:.1f} s" + (f" ({num_resumed} drawn before)" if num_resumed else "")
-    if (accuracy := film_accuracy(frames)) is not None:
-        yield accuracy_text(accuracy.psnr, accuracy.interval)
+    if record.accuracy is not None:
+        yield accuracy_text(record.accuracy)
     yield f"{pluralize_range([frame.primitives for frame in frames], scene.splat.primitive_name)} a frame"
     if goal is not None:
         yield f"tolerance {range_text([frame.tolerance for frame in frames])}"

@@ -223,6 +223,15 @@ class WorstFrame:
 
 
 @dataclass(frozen=True)
+class FileAccuracy:
+    """A record of what an encoder has kept of the frames."""
+
+    psnr: Annotated[float, _COORDINATE, "In decibels, of the film as it is decoded, from the exact pictures."]
+    psnr_of_encoding: Annotated[float, _COORDINATE, "The same from the frames as they were drawn."]
+    frames: Annotated[int, _COUNT, "The frames that were decoded and compared, the first ones."]
+
+
+@dataclass(frozen=True)
 class FilmAccuracy:
     """A record of how exact the frames of a film are together, by their rays."""
 
@@ -233,6 +242,7 @@ class FilmAccuracy:
     largest_error: Annotated[float, _AMOUNT, "The largest error seen of a channel, in [0, 1]."]
     method: Annotated[str, "How the pixels of the rays were chosen."]
     seed: Annotated[int, _COUNT, "Of their choice, beside the number of the frame."]
+    file: Annotated[FileAccuracy | None, "What a film in one file keeps of them; PNG files keep all."] = None
 
 
 @dataclass(frozen=True)

@@ -5,4 +5,9 @@ from .estimate import (
     psnr as psnr,
 )
 from .pixels import ChosenPixels as ChosenPixels, choose_pixels as choose_pixels
-from .prober import FrameProber as FrameProber, Probe as Probe, num_probe_rays as num_probe_rays
+from .prober import (
+    ExactPixels as ExactPixels,
+    FrameProber as FrameProber,
+    Probe as Probe,
+    num_probe_rays as num_probe_rays,
+)

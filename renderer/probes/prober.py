@@ -9,8 +9,8 @@ import numpy as np
 from renderer.film import Pixels, over_background
 from renderer.frame import Stage, view_of
 from renderer.probes.estimate import ErrorSamples, error_samples
-from renderer.probes.pixels import choose_pixels
-from renderer.scene import Scene
+from renderer.probes.pixels import ChosenPixels, choose_pixels
+from renderer.scene import Color, Scene
 from renderer.transfer import make_transfer_function
 from renderer.truth import RayIntegrator
 from renderer.volume import Float32, Float64
@@ -28,6 +28,28 @@ class Probe:
 
     samples: ErrorSamples
     largest_error: float
+
+
+@dataclass(frozen=True)
+class ExactPixels:
+    """The exact colours of some pixels of a frame, over its background: float64 [n, 3] in [0, 1]."""
+
+    chosen: ChosenPixels
+    colors: Float64
+    background: Color | None
+
+    def compare_image(self, image: Pixels) -> Probe:
+        """Measure the error of a picture, uint8 [h, w, 3], or 4 with straight alpha, which is compared over black."""
+        values = image.reshape(-1, image.shape[2])[self.chosen.numbers] / 255
+        return self._compare(values[:, :3] * values[:, 3:] if values.shape[1] == 4 else values)
+
+    def compare_radiance(self, radiance: Float32) -> Probe:
+        """Measure the error of a picture before it is rounded: premultiplied RGBA, [h, w, 4]."""
+        return self._compare(over_background(radiance.reshape(-1, 1, 4)[self.chosen.numbers], self.background)[:, 0])
+
+    def _compare(self, colors: Float64) -> Probe:
+        errors = (colors - self.colors) ** 2
+        return Probe(error_samples(self.chosen.factors * errors.mean(axis=1)), float(np.sqrt(errors.max())))
 
 
 def num_probe_rays(scene: Scene) -> int:
@@ -49,23 +71,13 @@ class FrameProber:
         self._step = _STEP if stage.scene.shading is None else _SHADED_STEP
         self._stage, self._num_rays, self._seed = stage, num_rays, seed
 
-    def probe(self, number: int, image: Pixels, radiance: Float32 | None = None) -> Probe:
-        """Measure the error of a frame: of its picture or, where that is given, of the radiance before rounding.
-
-        image: uint8 [h, w, 3], or 4 with straight alpha, which is compared over black. radiance: [h, w, 4].
-        """
+    def exact_pixels(self, number: int, image: Pixels) -> ExactPixels:
+        """Choose pixels of a frame by its picture, uint8 [h, w, channels], and compute their exact colours."""
         background = self._stage.scene.output.background
         chosen = choose_pixels(image, self._num_rays, (self._seed, number))
         (exact,) = self._integrator.integrate(view_of(self._stage, number), chosen.numbers, [self._step])
-        if radiance is None:
-            shown = _colors(image.reshape(-1, image.shape[2])[chosen.numbers])
-        else:
-            shown = over_background(radiance.reshape(-1, 1, 4)[chosen.numbers], background)[:, 0]
-        errors = (shown - over_background(exact[:, None], background)[:, 0]) ** 2
-        return Probe(error_samples(chosen.factors * errors.mean(axis=1)), float(np.sqrt(errors.max())))
+        return ExactPixels(chosen, over_background(exact[:, None], background)[:, 0], background)
 
-
-def _colors(pixels: Pixels) -> Float64:
-    """Return the colours of pixels [n, channels] over black, float64 [n, 3] in [0, 1]."""
-    values = pixels / 255
-    return values[:, :3] * values[:, 3:] if pixels.shape[1] == 4 else values
+    def probe(self, number: int, image: Pixels) -> Probe:
+        """Measure the error of a frame's picture; parameters as in `exact_pixels`."""
+        return self.exact_pixels(number, image).compare_image(image)

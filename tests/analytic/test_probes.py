@@ -135,7 +135,7 @@ def test_rays_measure_the_error_of_a_frame(variant: str, tmp_path: Any) -> None:
     assert probe.samples.mean == pytest.approx(((picture - truth) ** 2).mean(), rel=0.1)
     assert probe.largest_error <= np.abs(picture - truth).max() + 1e-3
     unrounded = over_background(frame.radiance, scene.output.background)
-    probe = FrameProber(stage, 20_000).probe(3, frame.image, frame.radiance)
+    probe = FrameProber(stage, 20_000).exact_pixels(3, frame.image).compare_radiance(frame.radiance)
     assert probe.samples.mean == pytest.approx(((unrounded - truth) ** 2).mean(), rel=0.1)
 
 

@@ -217,6 +217,7 @@ def caused(error: Exception, cause: BaseException) -> Exception:
         (KeyboardInterrupt(), 130, "hsplat: interrupted\n"),
         (KeyboardInterrupt(15), 143, "hsplat: interrupted\n"),
         (caused(SystemError("a result with an exception set"), KeyboardInterrupt()), 130, "hsplat: interrupted\n"),
+        (caused(SystemError("again"), caused(TypeError("a"), KeyboardInterrupt(1))), 129, "hsplat: interrupted\n"),
         (MemoryError(), 1, "hsplat: out of memory\n"),
         (RuntimeError("can't start new thread"), 1, "hsplat: out of memory\n"),
         (ImportError("libX.so: failed to map segment from shared object"), 1, "hsplat: out of memory\n"),

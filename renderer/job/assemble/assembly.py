@@ -13,6 +13,7 @@ from renderer.job.assemble.parts import Part
 from renderer.job.checkpoint import FrameStore
 from renderer.job.events import JobEvents
 from renderer.job.existing_film import ExistingFilm, find_existing_film
+from renderer.job.film_accuracy import accuracy_text
 from renderer.job.film_making import FinishedFilm
 from renderer.job.film_output import FilmOutput, locked_film_output
 from renderer.job.inputs import film_files, require_no_input
@@ -45,6 +46,8 @@ def assemble_film(
         raise_problems([*problems, *file_problems(picked, picture_shape(output))])
         record = _write(picked, fingerprint, film, start, events)
     summary = f"{counted(len(picked), 'frame')} of {counted(len(parts_of(picked)), 'part')}"
+    if record.accuracy is not None:
+        summary = f"{summary}, {accuracy_text(record.accuracy)}"
     return FinishedFilm(output.file, sidecar, record, summary)
 
 
