@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-# The tolerance from which on a subsampled pixel grid is used, and its strides. Every pixel is drawn at smaller
-# tolerances: nearly all blocks of a finer grid differ there, and thin structures must not fall between its nodes.
-STRIDES = ((2.0, (8, 4)), (1.0, (4, 2)), (0.15, (4, 1)))
-# Nodes of the first grid are at most MAX_STRIDE_CELLS of the finest cells apart for each STRIDE_TOLERANCE_UNIT of the
+# The tolerance from which on a subsampled pixel grid is used, the stride that the cells must allow, and the strides.
+# Every pixel is drawn at smaller tolerances: nearly all blocks of a finer grid differ there, and thin structures must
+# not fall between its nodes. Below 1, a first grid of every other pixel is 0.6 to 4 dB more exact than one of every
+# fourth, for the same accuracy in the same time or less (four CT scans). Where the cells do not allow a stride of 4,
+# it takes longer than to draw every pixel.
+STRIDES = ((2.0, 8, (8, 4)), (1.0, 4, (4, 2)), (0.15, 4, (2, 1)))
+# Nodes of a grid of that stride are at most MAX_STRIDE_CELLS of the finest cells apart for each STRIDE_TOLERANCE_UNIT of the
 # tolerance, four of them at 0.3, and at most this share of the volume's thinnest side. Thinner structures may fall
 # between them: a sheet seen edge-on, or what a steep transfer function cuts out of a cell.
 MAX_STRIDE_CELLS, STRIDE_TOLERANCE_UNIT, MAX_STRIDE_THICKNESS = 1.35, 0.1, 0.5
@@ -53,6 +56,6 @@ def screen_sampling_at(tolerance: float, cell_px: float, thinnest_px: float = ma
     cell_px, thinnest_px: widths in pixels of the finest cells, and of the volume's thinnest side.
     """
     most = min(MAX_STRIDE_CELLS * cell_px * tolerance / STRIDE_TOLERANCE_UNIT, MAX_STRIDE_THICKNESS * thinnest_px)
-    strides = next((wanted for least, wanted in STRIDES if tolerance >= least and wanted[0] <= most), (1,))
+    strides = next((wanted for least, widest, wanted in STRIDES if tolerance >= least and widest <= most), (1,))
     threshold = min(DIFFERENCE_THRESHOLD * tolerance, MAX_DIFFERENCE_THRESHOLD) if len(strides) > 1 else 0.0
     return ScreenSampling(strides, threshold, min(TERMINATION_TRANSMITTANCE * tolerance, MAX_TERMINATION_TRANSMITTANCE))
