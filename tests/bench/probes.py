@@ -305,7 +305,7 @@ def times(found: Sequence[Figures]) -> Iterator[str]:
         f"`FrameProber.probe` with {FILM_RAYS} rays, beside the frame's own drawing at `tolerance: "
         f"{TIMED_TOLERANCE:g}`: CPU milliseconds of all threads, medians of {TIMED_ROUNDS * len(FRAMES)} frames in "
         "turns. The first round of frames, which uploads bricks and finds empty space, is not counted. Encoding is not "
-        "counted, either."
+        "counted, either. Other work on the machine was not excluded."
     )
     yield ""
     yield "| scene | drawing | probing | share |"
