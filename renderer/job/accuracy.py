@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from renderer.draw import Rasterizer
 from renderer.errors import InputError, RenderError
@@ -15,7 +15,37 @@ from renderer.scene import MetricTarget, Scene, counted
 from renderer.system import num_cores
 
 if TYPE_CHECKING:
-    from renderer.study import ToleranceSearchResult, Trial, Truth
+    from renderer.study import FilmTolerances, ToleranceSearchResult, Trial, Truth
+
+
+def search_film_tolerances(
+    stage: Stage,
+    frames: Sequence[int],
+    want: MetricTarget,
+    rasterizer: Rasterizer,
+    events: JobEvents,
+    on_step: Callable[[], None] = lambda: None,
+) -> FilmTolerances:
+    """Search for the coarsest tolerances along a film with this accuracy, and tell each trial.
+
+    on_step: called after each trial; what it raises is passed on. Others are those of `find_film_tolerances`.
+    """
+    from renderer.study import find_film_tolerances
+
+    options: dict[str, Any] = {"num_threads": num_cores(), "clock": time.perf_counter}
+    tell = _trial_teller(stage, want, events, on_step)
+    return find_film_tolerances(stage, frames, want, rasterizer, on_trial=tell, **options)
+
+
+def _trial_teller(
+    stage: Stage, want: MetricTarget, events: JobEvents, on_step: Callable[[], None]
+) -> Callable[[Trial], None]:
+    def tell(trial: Trial) -> None:
+        on_step()
+        cells = counted(trial.num_cells, stage.scene.splat.primitive_name)
+        events.note(f"tolerance {trial.tolerance:g}: {want.format(trial.value)} on frame {trial.frame}, {cells}")
+
+    return tell
 
 
 def search_tolerance(
@@ -37,12 +67,7 @@ def search_tolerance(
     def find(frame: int) -> Truth:
         return find_truth(stage, frame, truth_tolerance, events, on_step)
 
-    def tell(trial: Trial) -> None:
-        on_step()
-        cells = counted(trial.num_cells, stage.scene.splat.primitive_name)
-        events.note(f"tolerance {trial.tolerance:g}: {want.format(trial.value)} on frame {trial.frame}, {cells}")
-
-    clock = time.perf_counter
+    clock, tell = time.perf_counter, _trial_teller(stage, want, events, on_step)
     return find_tolerance(stage, frames, want, rasterizer, find_truth=find, clock=clock, on_trial=tell)
 
 
@@ -72,9 +97,8 @@ def nothing_visible_error(num_frames: int) -> InputError:
     )
 
 
-def unreachable_accuracy_error(found: ToleranceSearchResult, scene: Scene, *, where: str, hint: str) -> RenderError:
-    """Return the error where no tolerance is good enough. hint: what to do about it."""
-    want, worst = found.want, found.worst
+def unreachable_accuracy_error(want: MetricTarget, worst: Trial, scene: Scene, *, where: str, hint: str) -> RenderError:
+    """Return the error where no tolerance is good enough. worst: a trial at tolerance 0. hint: what to do about it."""
     level, noun = scene.error.finest_level, scene.splat.primitive_name
     drawn = f"{worst.num_cells} {noun}{'s' * (worst.num_cells != 1)}"
     limit = "docs/footprints.md says what limits it"

@@ -6,14 +6,17 @@ import statistics
 from collections.abc import Iterator, Sequence
 
 from renderer.errors import RenderError
-from renderer.job.film_accuracy import accuracy_text
+from renderer.job.film_accuracy import accuracy_text, film_accuracy
 from renderer.job.plan import BEST_EFFORT_HINT, FilmPlan
 from renderer.job.record import FilmRecord, FrameRecord, min_max
+from renderer.probes import psnr
 from renderer.scene import (
     ErrorSpec,
+    MetricTarget,
     Scene,
     TimeBudget,
     counted,
+    first_few,
     format_value,
     pluralize_range,
     schedule_to_dict,
@@ -26,6 +29,10 @@ _TIME_MARGIN = 0.2
 _MAX_LATE_FRACTION = 0.1
 # Steps that later frames share: the cut, its primitives and its edges.
 _SHARED_STEPS = ("cut", "primitives", "edges")
+# Up to this fraction of the frames may be less exact without an error.
+_MAX_MISSING_FRACTION = 0.05
+# The mean squared error of numbers that are rounded to 8 bits.
+_ROUNDING = 1 / 12 / 255**2
 
 
 def find_shortfall(
@@ -42,7 +49,32 @@ def find_shortfall(
             expected=", ".join(f"{name} {format_value(value)}" for name, value in wanted),
             hint=f"it needs more time; {BEST_EFFORT_HINT}",
         )
+    if isinstance(goal, MetricTarget) and plan.shortfall is None:
+        return _accuracy_shortfall(goal, frames)
     return _time_shortfall(goal, frames) if isinstance(goal, TimeBudget) else plan.shortfall
+
+
+def _accuracy_shortfall(goal: MetricTarget, frames: Sequence[FrameRecord]) -> RenderError | None:
+    """Return the error where the rays through the frames that were drawn say for sure that they are not as exact.
+
+    They see what rounding to 8 bits adds, which the goal does not count.
+    """
+    film = film_accuracy(frames)
+    if film is None:
+        return None
+    wanted = 10 ** (-goal.value / 10) if goal.metric == "psnr" else goal.value**2
+    least = psnr(wanted + _ROUNDING)
+    missing = [frame.frame for frame in frames if frame.accuracy is not None and frame.accuracy.interval[1] < least]
+    if film.interval[1] >= least and len(missing) <= _MAX_MISSING_FRACTION * len(frames):
+        return None
+    which = f"; surely less on frame {first_few(missing)}" if missing else ""
+    return RenderError(
+        "the film is less exact than requested",
+        where=f"error.{goal.metric}",
+        got=f"{film.psnr:.1f} dB, at most {film.interval[1]:.1f}{which}",
+        expected=f"{goal}, of 8 bits {least:.1f} dB",
+        hint=f"ask for a little more; {BEST_EFFORT_HINT}",
+    )
 
 
 def _time_shortfall(goal: TimeBudget, frames: Sequence[FrameRecord]) -> RenderError | None:
@@ -100,7 +132,7 @@ def summary_parts(scene: Scene, plan: FilmPlan, record: FilmRecord, num_resumed:
         yield f"{typical:.3g} s a frame (predicted: {statistics.median(map(_predicted, frames)):.3g} s)"
         yield f"{sum(_is_in_time(goal, frame) for frame in frames)} of {num} in time"
     if found is not None:
-        worst, num_probes = found.want.format(found.worst.value), len(found.frames)
+        worst, num_probes = found.want.format(found.worst.value), len(found.tried)
         yield f"{worst} or better on {num_probes} probe frames" if num_probes > 1 else worst
 
 

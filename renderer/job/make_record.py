@@ -117,11 +117,11 @@ def _plan_record(
 
 def _measured_record(plan: FilmPlan) -> MeasuredRecord | None:
     """Return the record of the search for an accuracy, if there was one."""
-    if plan.found is None:
+    found = plan.found
+    if found is None:
         return None
-    worst, probes = plan.found.worst, tuple(plan.found.frames)
-    value = worst.value if isfinite(worst.value) else None  # the PSNR of equal pictures
-    return MeasuredRecord(plan.found.want.metric, worst.frame, probes, value)
+    value = found.worst.value if isfinite(found.worst.value) else None  # the PSNR of equal pictures
+    return MeasuredRecord(found.want.metric, found.worst.frame, found.tried, value)
 
 
 # Notes

@@ -18,12 +18,12 @@ from renderer.frame import (
     ToleranceController,
     calibrate_costs,
 )
-from renderer.job.accuracy import search_tolerance, unreachable_accuracy_error
+from renderer.job.accuracy import search_film_tolerances, unreachable_accuracy_error
 from renderer.job.events import JobEvents
-from renderer.scene import MetricTarget, SplatBudget, TimeBudget, scheduled_value, with_tolerance, with_tolerances
+from renderer.scene import MetricTarget, SplatBudget, TimeBudget, scheduled_value, with_tolerances
 
 if TYPE_CHECKING:  # the ray integral takes a while to load, and most films do not need it
-    from renderer.study import ToleranceSearchResult
+    from renderer.study import FilmTolerances
 
 # A trial drawing that takes this part of a frame's time tells enough about the whole.
 _MAX_TRIAL_FRACTION = 0.3
@@ -45,7 +45,7 @@ class FilmPlan:
     shortfall: RenderError | None = None
     is_unfinished: bool = False
     is_timing_dependent: bool = False
-    found: ToleranceSearchResult | None = None
+    found: FilmTolerances | None = None
 
 
 def make_plan(
@@ -63,10 +63,7 @@ def make_plan(
     stage = estimator.stage
     goal = stage.scene.error.goal
     if isinstance(goal, MetricTarget):
-        # Imported here: the ray integral takes a while to load.
-        from renderer.study import TRUTH_TOLERANCE
-
-        found = search_tolerance(stage, frames, goal, TRUTH_TOLERANCE, rasterizer(), events, on_step)
+        found = search_film_tolerances(stage, frames, goal, rasterizer(), events, on_step)
         return _plan_accuracy(stage, goal, found)
     if isinstance(goal, TimeBudget):
         return _plan_time(estimator, goal, frames, rasterizer(), on_step)
@@ -93,11 +90,11 @@ def _plan_time(
     return FilmPlan(estimator.stage, controller, is_timing_dependent=True)
 
 
-def _plan_accuracy(stage: Stage, goal: MetricTarget, found: ToleranceSearchResult) -> FilmPlan:
-    """Plan one tolerance for the whole film; 0 if none is good enough."""
+def _plan_accuracy(stage: Stage, goal: MetricTarget, found: FilmTolerances) -> FilmPlan:
+    """Plan the tolerances that were found; 0 if none is good enough."""
     shortfall = None
-    if found.tolerance is None:
-        hint = f"the film is drawn at tolerance 0, and {BEST_EFFORT_HINT}"
-        shortfall = unreachable_accuracy_error(found, stage.scene, where=f"error.{goal.metric}", hint=hint)
-    exact = replace(stage, scene=with_tolerance(stage.scene, found.tolerance or 0.0))
+    if not found.is_reachable:
+        where, hint = f"error.{goal.metric}", f"the film is drawn at tolerance 0, and {BEST_EFFORT_HINT}"
+        shortfall = unreachable_accuracy_error(goal, found.worst, stage.scene, where=where, hint=hint)
+    exact = replace(stage, scene=with_tolerances(stage.scene, found.by_frame))
     return FilmPlan(exact, ScheduleController(exact), shortfall=shortfall, found=found)

@@ -1,7 +1,7 @@
 """Estimate a mean squared error, and an interval that holds it, from samples whose mean it is expected to be.
 
 Few pixels have most of the error, and a few rays may miss them: an interval from the spread of the samples alone holds
-the truth in 76 to 100 % of cases in place of 95. The upper end therefore takes one more sample, several times as large
+the truth in 69 to 100 % of cases in place of 95. The upper end therefore takes one more sample, several times as large
 as the largest one. docs/benchmarks/probes.md says how often that holds.
 """
 
@@ -32,6 +32,11 @@ class ErrorSamples:
     mean: float
     variance: float
     largest: float
+
+    @property
+    def deviation(self) -> float:
+        """Return the standard deviation of the estimate's logarithm; 0 where no sample has an error."""
+        return math.sqrt(self.variance / self.num) / self.mean if self.mean > 0 else 0.0
 
     @property
     def interval(self) -> tuple[float, float]:

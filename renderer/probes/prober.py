@@ -19,7 +19,7 @@ from renderer.volume import Float32, Float64
 # that were chosen in seven scans), a tenth of the error of a picture with 58 dB.
 _STEP, _SHADED_STEP = 1.0, 0.5
 # Where the scene does not say: pixels of a picture for each ray, and the fewest rays of a frame and of a whole path.
-_PIXELS_PER_RAY, _MIN_RAYS, _MIN_RAYS_OF_PATH = 4096, 16, 1024
+_PIXELS_PER_RAY, _MIN_RAYS, _MIN_RAYS_OF_PATH = 4096, 32, 1024
 
 
 @dataclass(frozen=True)

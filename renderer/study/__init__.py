@@ -5,7 +5,8 @@ over tolerances with their Pareto front, the tolerance that reaches an accuracy,
 are compared.
 
 - `metrics.py`: RMSE, PSNR, SSIM, FLIP, Delta-E. `truths.py`: the truth of a frame. `thumbnails.py`: small pictures.
-- `tolerance_search.py`: the tolerance for an accuracy.
+- `tolerance_search.py`: the tolerance for an accuracy, by whole exact pictures; `film_tolerances.py`: those along a
+  film, by a few exact rays.
 - `sweep.py`: cost and accuracy of many settings, and the record of a study; `pareto.py`: those that no other beats.
 - `comparison.py`: the errors of a picture against its golden frame; `strictness.py`: named limits of these errors, and
   what exceeds them.

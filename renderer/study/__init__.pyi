@@ -2,6 +2,10 @@ from .comparison import (
     COMPARISON_METRICS as COMPARISON_METRICS,
     FrameDifference as FrameDifference,
 )
+from .film_tolerances import (
+    FilmTolerances as FilmTolerances,
+    find_film_tolerances as find_film_tolerances,
+)
 from .metrics import (
     METRICS as METRICS,
     SSIM_WINDOW_PX as SSIM_WINDOW_PX,

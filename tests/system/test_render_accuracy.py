@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from hsplat_cli import main
 from renderer.draw import GLRasterizer
 from renderer.film import over_background
 from renderer.frame import prepare_stage, render_frames
-from renderer.job import accuracy
+from renderer.job import plan
 from renderer.scene import Scene, load_scene, with_tolerance
 from renderer.study import TRUTH_TOLERANCE, compute_metric, compute_truth
 
@@ -27,7 +28,7 @@ NUM_FRAMES = 24
 # Splats, whose accuracy hardly differs between frames: few pixels decide that of a small picture of bricks.
 SCENE = small_scene(shape="32, 32, 16", frames=NUM_FRAMES, size="48, 32", error="psnr: 27", footprint="gaussian")
 BEYOND = ("--set", "error.psnr=150")
-RMSE = ("--set", "error.psnr=null", "--set", "error.rmse=0.04")
+RMSE = ("--set", "error.psnr=null", "--set", "error.rmse=0.045")
 EXTRAS = ("skimage", "flip_evaluator", "matplotlib", "jinja2", "scipy", "vtkmodules")
 
 
@@ -48,23 +49,23 @@ def accuracies(metric: str, scene: Scene, frames: Sequence[int], rasterizer: GLR
     }
 
 
-@pytest.mark.parametrize(("metric", "change", "wanted"), [("psnr", (), 27.0), ("rmse", RMSE, 0.04)])
+@pytest.mark.parametrize(("metric", "change", "wanted"), [("psnr", (), 27.0), ("rmse", RMSE, 0.045)])
 def test_the_whole_film_has_the_accuracy(
     metric: str, change: tuple[str, ...], wanted: float, rasterizer: GLRasterizer
 ) -> None:
-    """Of the frames that were tried all do, a third; of those between them the worst seen was 0.13 dB short."""
+    """All frames but one or two do, and none is much too good in the mean."""
     render("--quiet", *change)
     made = sidecar()
-    measured = made["schedule"]["measured"]
     scene = with_tolerance(load_scene(Path("scene.yaml")), made["frames"][0]["tolerance"])
-    sign, slack = (1, 0.2) if metric == "psnr" else (-1, wanted * (10 ** (0.2 / 20) - 1))  # 0.2 dB either way
     values = accuracies(metric, scene, range(NUM_FRAMES), rasterizer)
+    decibels = np.array([value if metric == "psnr" else -20 * np.log10(value) for value in values.values()])
+    margins = decibels - (wanted if metric == "psnr" else -20 * np.log10(wanted))
+    assert np.count_nonzero(margins < 0) <= 2
+    assert margins.min() > -0.5
+    assert margins.mean() < 3
+    measured = made["schedule"]["measured"]
     tried = {frame: values[frame] for frame in measured["probes"]}
-    assert min(sign * (value - wanted) for value in tried.values()) >= 0
-    assert min(sign * (value - wanted) for value in values.values()) >= -slack
-    worst = min(tried, key=lambda frame: sign * tried[frame])
-    assert measured["frame"] == worst
-    assert measured["worst"] == pytest.approx(tried[worst], rel=1e-6)  # of float32 pictures that are drawn alike
+    assert measured["worst"] == pytest.approx(tried[measured["frame"]], rel=0.04 if metric == "psnr" else 0.2)
 
 
 def test_a_search_is_printed_and_recorded(capsys: pytest.CaptureFixture[str]) -> None:
@@ -78,10 +79,10 @@ def test_a_search_is_printed_and_recorded(capsys: pytest.CaptureFixture[str]) ->
     assert (schedule["requested"], schedule["tolerance"]) == ({"psnr": 27}, [tolerance, tolerance])
     assert schedule["met"] and schedule["reproducible"]
     assert measured["metric"] == "psnr" and measured["worst"] >= 27
-    assert measured["probes"] == [0, 3, 6, 9, 12, 15, 18, 21]
-    assert printed.out.splitlines()[0].endswith(f", psnr {measured['worst']:.2f} dB or better on 8 probe frames")
+    assert {0, 23} < {*measured["probes"]}
+    num = len(measured["probes"])
+    assert printed.out.splitlines()[0].endswith(f", psnr {measured['worst']:.2f} dB or better on {num} probe frames")
     lines = printed.err.splitlines()
-    assert any(line.startswith("truth of frame ") for line in lines)
     assert any(line.startswith("tolerance ") and " dB on frame 0, " in line for line in lines)
     assert "24/24 frames, " in lines[-1]
     given = ("--set", "error.psnr=null", "--set", f"error.tolerance={tolerance}")
@@ -90,12 +91,43 @@ def test_a_search_is_printed_and_recorded(capsys: pytest.CaptureFixture[str]) ->
         assert Path(f"found/{frame}.png").read_bytes() == Path(f"given/{frame}.png").read_bytes()
 
 
-def test_measure_finds_the_same(capsys: pytest.CaptureFixture[str]) -> None:
-    """And prints a line that takes the place of what the scene asks for."""
+def test_tolerances_of_bricks_vary_along_the_film_and_are_made_again(tmp_path: Path) -> None:
+    bricks = ("--set", "splat.footprint=integrated", "--set", "error.psnr=46")
+    render("--quiet", *bricks)
+    tolerances = [frame["tolerance"] for frame in sidecar()["frames"]]
+    assert len({*tolerances}) > 1
+    film = Path("film.mp4").read_bytes()
+    render("--quiet", *bricks, "--force", "--workers", "2")
+    assert Path("film.mp4").read_bytes() == film
+    assert main.run(["render", "film.mp4.json", "--output", "again.mp4", "--quiet"]) == 0
+    assert Path("again.mp4").read_bytes() == film
+
+
+def test_a_film_that_misses_the_accuracy_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its own rays notice what the trial pictures did not."""
+    find = plan.search_film_tolerances
+
+    def too_coarse(*arguments: Any, **options: Any) -> Any:
+        found = find(*arguments, **options)
+        return replace(found, by_frame=dict.fromkeys(found.by_frame, 1e9))
+
+    monkeypatch.setattr(plan, "search_film_tolerances", too_coarse)
+    render("--quiet", code=1)
+    shortfall = sidecar()["schedule"]["shortfall"]
+    assert shortfall.startswith("error.psnr: the film is less exact than requested\n  got: ")
+    assert f"{shortfall}\n" == capsys.readouterr().err
+    render("--quiet", "--best-effort")
+
+
+def test_measure_finds_a_tolerance_for_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+    """It prints a line that takes the place of what the scene asks for. Whole truths need no margin."""
     render("--quiet", *RMSE)
-    assert main.run(["measure", "scene.yaml", "--quiet", "--want", "rmse=0.04"]) == 0
+    assert main.run(["measure", "scene.yaml", "--quiet", "--want", "rmse=0.045"]) == 0
     line = yaml.safe_load(capsys.readouterr().out.splitlines()[0])["error"]
-    assert line == {"measure": "optical", "tolerance": sidecar()["scene"]["error"]["tolerance"]}
+    assert line.keys() == {"measure", "tolerance"}
+    assert 0.3 < sidecar()["scene"]["error"]["tolerance"] / line["tolerance"] < 1.3
 
 
 def test_a_film_beyond_full_resolution_is_whole(capsys: pytest.CaptureFixture[str]) -> None:
@@ -121,7 +153,7 @@ def test_an_interrupted_search_leaves_nothing(folder: Path, monkeypatch: pytest.
     def interrupt(*arguments: Any, **options: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(accuracy, "find_truth", interrupt)
+    monkeypatch.setattr(plan, "search_film_tolerances", interrupt)
     render("--quiet", code=130)
     assert [path.name for path in folder.iterdir()] == ["scene.yaml"]
 
@@ -148,7 +180,8 @@ def test_lines_and_transparency_do_not_count() -> None:
     change = ("--set", "overlay=octree", "--set", "output.background=transparent")
     render(*film, "--output", "lines/{frame}.png", *change)
     plain, lines = sidecar("plain/frames.0-2.json"), sidecar("lines/frames.0-2.json")
-    assert lines["schedule"] == plain["schedule"]
+    assert lines["schedule"]["tolerance"] == pytest.approx(plain["schedule"]["tolerance"], rel=0.15)
+    assert lines["schedule"]["measured"]["worst"] == pytest.approx(plain["schedule"]["measured"]["worst"], abs=0.5)
     assert Path("lines/0.png").read_bytes() != Path("plain/0.png").read_bytes()
 
 

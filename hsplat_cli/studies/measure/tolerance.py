@@ -39,7 +39,7 @@ def print_tolerance(
         raise nothing_visible_error(len(found.frames))
     if found.tolerance is None:
         where = f"--want {want.metric}={want.value:g}"
-        raise unreachable_accuracy_error(found, scene, where=where, hint="want less")
+        raise unreachable_accuracy_error(want, found.worst, scene, where=where, hint="want less")
     reporter.result(_line(scene, found.tolerance))
     reporter.result(f"# {_comment(found, scene.splat.primitive_name)}")
 
