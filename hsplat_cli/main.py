@@ -1,7 +1,8 @@
 """Runs the command `hsplat`: finds the subcommand, and alone turns errors into messages and exit codes.
 
 0: done. 1: the render or the program failed. 2: the input was wrong. 128 and the number of a signal: interrupted by it,
-130 by Ctrl-C. With `compare`, 1 says that frames differ, and 2 that they could not be compared.
+130 by Ctrl-C. With `compare` and `verify`, 1 says that frames differ, and 2 that they
+could not be compared.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from renderer.system import exit_on_signals, interrupted_status, join_lines, sig
 COMMANDS = {
     "render": "Render a scene to a film or to numbered frames.",
     "assemble": "Make one film of frames that were drawn in parts.",
+    "verify": "Verify a film by its sidecar; exit with 1 where it differs.",
     "check": "Check a scene file and list everything that is wrong with it.",
     "init": "Write a scene file for a volume, to start from.",
     "turntable": "Render turntables of volumes without a scene file.",
@@ -100,7 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def run(arguments: Sequence[str]) -> int:
     """Run a command line and return the exit code; print errors on the standard error stream."""
-    failed = 2 if list(arguments[:1]) == ["compare"] else 1
+    failed = 2 if list(arguments[:1]) in (["compare"], ["verify"]) else 1
     try:
         return _invoke(arguments)
     except HsplatError as error:

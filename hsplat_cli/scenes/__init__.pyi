@@ -1,4 +1,4 @@
-from .job import SceneRequest as SceneRequest, load_job as load_job
+from .job import SceneRequest as SceneRequest, load_film as load_film, load_job as load_job
 from .scene_text import (
     suggest_scene as suggest_scene,
     transfer_lines as transfer_lines,

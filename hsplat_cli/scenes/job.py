@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from hsplat_cli.terminal import is_one_frame, parse_frames
 from renderer.errors import InputError
-from renderer.film import film_path_of_sidecar
+from renderer.film import film_path_of_sidecar, sidecar_path_of_file
 from renderer.job import FilmJob, OriginalFilm
 from renderer.scene import (
     Scene,
@@ -74,6 +74,24 @@ def load_job(request: SceneRequest, draws: Literal["film", "passes", "nothing"] 
     if draws != "nothing":
         job.require_no_input()
     return job
+
+
+def load_film(film: Path, volume: Path | None) -> FilmJob:
+    """Load the job that has made a film: a file, a template of numbered frames, or the sidecar.
+
+    volume: where its volume is now, if it was moved. Raises InputError where there is no sidecar, and SceneError.
+    """
+    from renderer.job import parse_film_record
+
+    is_sidecar = film.suffix.lower() == ".json"
+    path = film if is_sidecar else sidecar_path_of_file(film, (), 0)
+    if not is_sidecar and not path.exists():
+        hint = "name the film, its frames as frames/{frame:04}.png, or the .json file beside them"
+        raise InputError("no sidecar of this film", where=str(film), expected=str(path), hint=hint)
+    record = parse_film_record(read_content(path), path)
+    if record is None:
+        raise InputError("not the sidecar of a film", where=str(path))
+    return _load_original(record, SceneRequest(path, volume=volume), "nothing")
 
 
 def _load_original(record: FilmRecord, request: SceneRequest, draws: Literal["film", "passes", "nothing"]) -> FilmJob:

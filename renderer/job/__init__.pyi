@@ -21,6 +21,7 @@ from .executor import (
     open_local_executor as open_local_executor,
     open_prober as open_prober,
 )
+from .film_accuracy import accuracy_text as accuracy_text
 from .film_job import FilmJob as FilmJob, OriginalFilm as OriginalFilm
 from .film_making import (
     FinishedFilm as FinishedFilm,
@@ -48,3 +49,10 @@ from .record import (
 )
 from .refinement import Refinement as Refinement
 from .sidecar import shorten_paths as shorten_paths, without_paths as without_paths
+from .verification import (
+    FilmFiles as FilmFiles,
+    VerifiedFilm as VerifiedFilm,
+    verify_files as verify_files,
+    verify_film as verify_film,
+)
+from .verified_accuracy import MeasuredFilm as MeasuredFilm, RayOptions as RayOptions

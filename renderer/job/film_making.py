@@ -79,7 +79,7 @@ def make_film(
             existing = find_existing_film(output.sidecar, events) if resumes else None
             if existing is not None and existing.is_up_to_date(fingerprint, output.spec, job.frames):
                 return _kept_film(output, existing, fingerprint, volume, events)
-            with _open_stage(job, volume) as stage:
+            with open_job_stage(job, volume) as stage:
                 why_stale = existing.why_stale(fingerprint, output.spec, job.frames) if existing else ""
                 if why_stale:
                     events.note(f"{output.spec.file} {why_stale}")
@@ -117,7 +117,7 @@ def _with_fingerprint(job: FilmJob, volume: Volume, device: str) -> tuple[FilmJo
     return job, film_fingerprint(job.scene, job.requested, volume.fingerprint, device)
 
 
-def _open_stage(job: FilmJob, volume: Volume) -> AbstractContextManager[Stage]:
+def open_job_stage(job: FilmJob, volume: Volume) -> AbstractContextManager[Stage]:
     """Prepare the stage, of the volume that the original was made from, if there is one."""
     original = job.original
     return open_stage(

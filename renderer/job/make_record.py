@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import isfinite
 from typing import Any
@@ -154,11 +154,17 @@ def original_notes(original: OriginalFilm, device: str) -> Iterator[str]:
         requested = schedule_to_dict(record.schedule.requested).items()
         goals = ", ".join(f"{name} {format_value(value)}" for name, value in requested)
         yield f"the original film did not meet what was requested: {goals}"
-    before, now = original.tools, package_versions() | {"device": device, "sources": sources_digest()}
-    changed = [
-        f"{name} {now[name]}, which was {short_text(before[name])}"
-        for name in now
-        if name in before and before[name] != now[name]
-    ]
+    now = package_versions() | {"device": device, "sources": sources_digest()}
+    changed = changed_tools(original, now)
     if changed:
         yield f"the bytes may differ from the original film, which had other versions: {'; '.join(changed)}"
+
+
+def changed_tools(original: OriginalFilm, now: Mapping[str, str]) -> list[str]:
+    """Return `numba 0.61.0, which was 0.60.0` for what has another version than made an original film."""
+    before = original.tools
+    return [
+        f"{name} {version}, which was {short_text(before[name])}"
+        for name, version in now.items()
+        if name in before and before[name] != version
+    ]

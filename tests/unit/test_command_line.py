@@ -9,13 +9,14 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import click
 import pytest
 from commands import HSPLAT, python
 
 from hsplat_cli import main
-from hsplat_cli.commands import check, compare as command
+from hsplat_cli.commands import check, compare, verify
 from hsplat_cli.terminal import Reporter
 from renderer.compiled import kernel_cache
 from renderer.errors import InputError, RenderError
@@ -152,7 +153,7 @@ def test_wrong_command_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr() == (
         "",
         "hsplat has no command 'chekc'\n"
-        "  expected: render, assemble, check, init, turntable, measure, paper, golden, compare, info\n"
+        "  expected: render, assemble, verify, check, init, turntable, measure, paper, golden, compare, info\n"
         "  hint: did you mean check?\n",
     )
 
@@ -173,6 +174,7 @@ def test_wrong_usage_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
         (["paper", "--output=~/paper"], "--output"),
         (["golden", "scene.yaml", "~/goldens"], "FOLDER"),
         (["compare", "a", "b", "--html=~/page.html"], "--html"),
+        (["verify", "film.mp4", "--json=~/result.json"], "--json"),
         (["render", str(DEMO), "--output=~/demo.mp4"], "--output ~/demo.mp4: output.file"),
     ],
 )
@@ -261,14 +263,18 @@ def test_a_lack_of_memory_is_found_behind_the_error_of_a_library(
     )
 
 
+@pytest.mark.parametrize("module", [compare, verify])
 @pytest.mark.parametrize("error", [RenderError("the disk is full"), MemoryError(), KeyError("a")])
-def test_failures_of_compare_have_the_code_2(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
+def test_failures_of_what_finds_differences_have_the_code_2(
+    monkeypatch: pytest.MonkeyPatch, error: BaseException, module: ModuleType
+) -> None:
     @click.command()
     def failing() -> None:
         raise error
 
-    monkeypatch.setattr(command, "compare", failing)
-    assert main.run(["compare"]) == 2
+    name = module.__name__.rpartition(".")[2]
+    monkeypatch.setattr(module, name, failing)
+    assert main.run([name]) == 2
 
 
 def test_a_variable_shows_the_traceback(

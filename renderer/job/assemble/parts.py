@@ -54,7 +54,7 @@ def find_parts(names: Sequence[str]) -> list[Part]:
         try:
             paths = expand_pattern(name)
         except InputError as error:
-            problems.append(_problem(error, name))
+            problems.append(problem_of(error, name))
             continue
         for path in paths:
             for part in _parts_at(path, problems):
@@ -87,7 +87,7 @@ def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Pa
         problems.extend(error.problems)
         return
     except InputError as error:
-        problems.append(_problem(error, str(path)))
+        problems.append(problem_of(error, str(path)))
         return
     if record is None or not _has_frames(record):
         if is_named:
@@ -106,7 +106,8 @@ def _has_frames(record: FilmRecord) -> bool:
     return isinstance(file, str) and file.lower().endswith(".png")
 
 
-def _problem(error: InputError, place: str) -> Problem:
+def problem_of(error: InputError, place: str) -> Problem:
+    """Return the problem that an error is. place: where that is, unless the error says it."""
     return Problem("", error.what, error.got, error.expected, error.hint, location=error.where or place)
 
 

@@ -1,0 +1,166 @@
+"""Run `hsplat verify FILM`: verify a finished film by its files, its sidecar and fresh exact rays.
+
+Exit codes: 0 all is right, 1 something differs, 2 it could not be verified (see `main.run`).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hsplat_cli.commands.options import FILE, quiet_option
+from hsplat_cli.scenes import load_film
+from hsplat_cli.terminal import FilmEvents, OutputPath, Reporter
+from renderer.errors import HsplatError, Problem
+from renderer.scene import counted
+from renderer.system import join_lines
+
+if TYPE_CHECKING:
+    from renderer.job import FilmFiles, FilmJob, VerifiedFilm
+
+_STDOUT = Path("-")
+_MAX_LINES = 20
+
+
+@click.command()
+@click.argument("film", type=FILE)
+@click.option("--volume", type=FILE, metavar="FILE", help="Where the volume is now, if it was moved.")
+@click.option(
+    "--precision",
+    type=click.FloatRange(0.01, 100),
+    default=0.5,
+    show_default=True,
+    metavar="DB",
+    help="Measure the accuracy to this many decibels on each side.",
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(1),
+    default=1,
+    show_default=True,
+    help="Of the choice of pixels; another one gives other rays.",
+)
+@click.option(
+    "--json",
+    "json_file",
+    type=OutputPath(dir_okay=False),
+    metavar="FILE",
+    help="Write the result as JSON; - prints it.",
+)
+@quiet_option(help="Print nothing unless something differs.")
+def verify(
+    *, film: Path, volume: Path | None, precision: float, seed: int, json_file: Path | None, reporter: Reporter
+) -> None:
+    """Verify a film by its sidecar; exit with 1 where it differs.
+
+    FILM is a film, the template of its numbered frames such as frames/{frame:04}.png, or the JSON file beside them. It
+    is compared with that file: whether all of it is there and unchanged, whether it is of this volume, and how exact it
+    is by fresh exact rays. Nothing is drawn, and no other file than that of --json is written.
+    """
+    # Imported here to keep --help fast.
+    from renderer.job import RayOptions, verify_files, verify_film
+
+    job = load_film(film, volume)
+    assert job.original is not None, "a film has a sidecar"
+    _prepare_report(json_file, job)
+    files = verify_files(job.original, job.scene.output)
+    reporter.announce_compilation()
+    try:
+        with FilmEvents(reporter, job.scene.splat.primitive_name) as events:
+            verified = verify_film(job, job.original, files, RayOptions(seed, precision), events)
+    except HsplatError as error:
+        _write_report(json_file, {**_facts(job, files.problems), "passes": False, "error": str(error)}, reporter)
+        if json_file != _STDOUT and files.problems:
+            reporter.result(_problem_lines(files.problems))
+        raise
+    problems = [*files.problems, *verified.problems]
+    _write_report(json_file, _facts(job, problems) | _measured_facts(files, verified), reporter)
+    if json_file != _STDOUT:
+        show = reporter.result if problems else reporter.line
+        show(f"{job.scene.output.file}: {'; '.join(_summary(job, files, verified))}")
+        for note in [*files.notes, *verified.notes]:
+            reporter.note(note)
+        if problems:
+            show(_problem_lines(problems))
+    if problems:
+        raise click.exceptions.Exit(1)
+
+
+def _summary(job: FilmJob, files: FilmFiles, verified: VerifiedFilm) -> Iterator[str]:
+    """Yield `whole, 120 frames`, `of this volume`, `43.6 +- 0.3 dB of the exact picture (7680 rays)`."""
+    from renderer.job import accuracy_text
+
+    num = len(job.frames)
+    yield "not whole" if files.problems else f"whole, {counted(num, 'frame')}"
+    yield "of this volume"
+    if verified.measured is not None:
+        accuracy, num_measured = verified.measured.accuracy, verified.measured.num_frames
+        through = f" through {counted(num_measured, 'frame')}" * (num_measured < num)
+        yield f"{accuracy_text(accuracy.psnr, accuracy.interval)} ({accuracy.rays} rays{through})"
+
+
+def _problem_lines(problems: Sequence[Problem]) -> str:
+    """Return a line for each problem, of many the first ones."""
+    lines = [
+        ": ".join(filter(None, (each.location, each.what, each.got)))
+        + (f" (expected: {each.expected})" if each.expected else "")
+        for each in problems[:_MAX_LINES]
+    ]
+    more = len(problems) - _MAX_LINES
+    return join_lines(lines + [f"... and {more} more; --json FILE has all of them"] * (more > 0))
+
+
+# JSON
+
+
+def _prepare_report(path: Path | None, job: FilmJob) -> None:
+    """Refuse a name that is not that of a report, or of what is read, before the work begins."""
+    if path is None or path == _STDOUT:
+        return
+    from hsplat_cli.compare import ReportFiles
+    from renderer.film import require_writable
+    from renderer.job import film_files
+
+    files = film_files(job.scene.output, job.frames, job.sidecar)
+    ReportFiles({"--json": path}).require_names([*job.input_files(), *files])
+    require_writable(path)
+
+
+def _write_report(path: Path | None, facts: dict[str, Any], reporter: Reporter) -> None:
+    content = f"{json.dumps(facts, indent=2, allow_nan=False)}\n".encode()
+    if path == _STDOUT:
+        reporter.content(content)
+    elif path is not None:
+        from renderer.film import write_staged
+
+        write_staged(path, content)
+
+
+def _facts(job: FilmJob, problems: Sequence[Problem]) -> dict[str, Any]:
+    """Return what is known without the volume, as plain data."""
+    assert job.original is not None
+    return {
+        "passes": not problems,
+        "film": str(job.scene.output.file),
+        "sidecar": str(job.original.path),
+        "frames": len(job.frames),
+        "problems": [
+            {"where": each.location, "what": each.what, "got": each.got, "expected": each.expected, "hint": each.hint}
+            for each in problems
+        ],
+    }
+
+
+def _measured_facts(files: FilmFiles, verified: VerifiedFilm) -> dict[str, Any]:
+    from renderer.job import record_to_json
+
+    measured = verified.measured
+    facts: dict[str, Any] = {"notes": [*files.notes, *verified.notes]}
+    if measured is not None:
+        facts |= {"accuracy": record_to_json(measured.accuracy), "is_precise": measured.is_precise}
+        facts |= {"measured_frames": measured.num_frames}
+    return facts
