@@ -1,7 +1,7 @@
 """Measure how exact the pictures of a finished film are by fresh exact rays, and find those that are not its own.
 
 Numbered frames are the pictures whose accuracy was recorded. What an encoder does to pictures is no mistake: an encoded
-film is judged by what is usual in it. docs/verifying.md says what is found, and how often that is wrong.
+film is judged by what is usual in it. docs/commands.md says what is found, and how often that is wrong.
 """
 
 from __future__ import annotations

@@ -1,0 +1,67 @@
+"""What a user reads about a film that is verified."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hsplat_cli import main
+from tests.messages.conftest import small_scene
+from tests.support.transcripts import Case, cases
+
+
+@pytest.fixture(scope="module")
+def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Draw a film and its frames once for all cases."""
+    folder = tmp_path_factory.mktemp("template")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        Path("scene.yaml").write_text(small_scene(6), encoding="utf-8")
+        for output in ("film.gif", "frames/{frame}.png"):
+            assert main.run(["render", "scene.yaml", "--quiet", "--output", output]) == 0
+        np.save("other.npy", np.arange(512, dtype=np.uint8).reshape(8, 8, 8))
+        Path("other.json").write_text("{}", encoding="utf-8")
+    return folder
+
+
+def edit(path: str, change: Callable[[dict[str, Any]], object]) -> None:
+    data = json.loads(Path(path).read_text(encoding="utf-8"))
+    change(data)
+    Path(path).write_text(json.dumps(data), encoding="utf-8")
+
+
+def damage_pictures() -> None:
+    Path("frames/0.png").unlink()
+    shutil.copy("frames/2.png", "frames/1.png")
+    Path("frames/5.png").write_bytes(Path("frames/5.png").read_bytes()[:-9])
+
+
+# What happens before the commands of a case, by its title.
+PREPARATIONS: dict[str, Callable[[], object]] = {
+    "pictures that are missing, exchanged and edited": damage_pictures,
+    "a film that is cut off": lambda: Path("film.gif").write_bytes(Path("film.gif").read_bytes()[:-9]),
+    "another scene in the sidecar": lambda: edit(
+        "film.gif.json", lambda data: data["scene"]["camera"]["path"].update(elevation=21)
+    ),
+    "no sidecar": lambda: Path("film.gif.json").unlink(),
+}
+
+
+@cases("verify.txt")
+def test_messages(case: Case, template: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No command changes a file."""
+    shutil.copytree(template, folder, dirs_exist_ok=True)
+    PREPARATIONS.get(case.title, lambda: None)()
+    before = files()
+    case.check(capsys)
+    assert files() == before
+
+
+def files() -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
