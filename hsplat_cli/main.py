@@ -1,8 +1,7 @@
 """Runs the command `hsplat`: finds the subcommand, and alone turns errors into messages and exit codes.
 
 0: done. 1: the render or the program failed. 2: the input was wrong. 128 and the number of a signal: interrupted by it,
-130 by Ctrl-C. With `compare` and `verify`, 1 says that frames differ, and 2 that they
-could not be compared.
+130 by Ctrl-C. With `compare` and `verify`, 1 says that something differs, and 2 that this could not be found out.
 """
 
 from __future__ import annotations

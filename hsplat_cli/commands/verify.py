@@ -100,7 +100,7 @@ def _summary(job: FilmJob, files: FilmFiles, verified: VerifiedFilm) -> Iterator
     if verified.measured is not None:
         accuracy, num_measured = verified.measured.accuracy, verified.measured.num_frames
         through = f" through {counted(num_measured, 'frame')}" * (num_measured < num)
-        yield f"{accuracy_text(accuracy.psnr, accuracy.interval)} ({accuracy.rays} rays{through})"
+        yield f"{accuracy_text(accuracy)} ({accuracy.rays} rays{through})"
 
 
 def _problem_lines(problems: Sequence[Problem]) -> str:

@@ -15,7 +15,7 @@ from renderer.errors import Problem
 from renderer.film import Picture, Pixels, decode_known_film, frame_path, has_frame_files
 from renderer.frame import Stage
 from renderer.job.events import JobEvents
-from renderer.job.film_accuracy import accuracy_text, film_accuracy, frame_accuracy
+from renderer.job.film_accuracy import film_accuracy, frame_accuracy
 from renderer.job.record import FilmAccuracy, FrameAccuracy, FrameRecord
 from renderer.probes import FrameProber, psnr
 from renderer.scene import OutputSpec
@@ -31,7 +31,7 @@ _UNUSUAL, _LEAST_LOSS = 4.0, 1 / 255**2 / 12
 _HARDLY_WORSE = 2.0
 # How many frames on each side of a frame show nearly the same.
 _NUM_BESIDE = 4
-# The mean squared error that encoding adds at the lowest quality.
+# The mean squared error that encoding may add. What is recorded of it is that of the first frames alone.
 _MOST_OF_ENCODING = 10 ** (-20 / 10)
 
 
@@ -130,7 +130,7 @@ def _problems(
 ) -> Iterator[Problem]:
     """Yield a problem where a whole interval lies below the least PSNR. frame: in whose file it is."""
     if found is not None and found.interval[1] < least:
-        got, expected = accuracy_text(found.psnr, found.interval), f"at least {least:.1f} dB"
+        got, expected = f"at most {found.interval[1]:.1f} dB", f"at least {least:.1f} dB"
         yield Problem("", what, got, expected, location=str(frame_path(output.file, frame)))
 
 
