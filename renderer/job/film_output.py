@@ -18,7 +18,7 @@ from renderer.film import (
     Picture,
     Pixels,
     WriteFrame,
-    decode_film,
+    decode_known_film,
     file_digest,
     has_frame_files,
     locked_output,
@@ -114,10 +114,9 @@ class FilmOutput:
 
     def _encoding_loss(self) -> float:
         """Return the mean squared error of the first frames as they are decoded, in [0, 1]."""
-        width, height = self.spec.size
-        with decode_film(self.spec.file, 2 * width * height) as decoded:
+        with decode_known_film(self.spec.file, self.spec.size, len(self.frames)) as decoded:
             pairs = zip(self._first_frames, decoded, strict=False)
-            differences = (drawn.astype(np.int16) - kept[..., :3] for drawn, kept in pairs)
+            differences = (drawn.astype(np.int16) - kept for drawn, kept in pairs)
             return float(np.mean([np.mean(np.square(each, dtype=np.float32)) for each in differences])) / 255**2
 
     def write_record(self, record: FilmRecord, fingerprint: FilmFingerprint | None) -> FilmRecord:
