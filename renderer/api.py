@@ -22,11 +22,13 @@ from renderer.errors import InputError, SceneError
 from renderer.film import encode_png, frame_path
 from renderer.frame import LODCostEstimator, Stage, open_stage
 from renderer.job import (
+    FilmAccuracy,
     FilmJob,
     JobEvents,
     NotebookBar,
     OnProgress,
     ProgressEvents,
+    accuracy_text,
     make_film,
     make_plan,
     one_pass,
@@ -93,12 +95,15 @@ class Film:
     frames: the numbers of its frames.
     sidecar: the JSON file beside it, which records how it was made and what each frame cost.
     notes: what you should know about it, such as that nothing is in view; mostly empty.
+    accuracy: how exact its frames are, by exact rays: `psnr` in decibels, its 95 % `interval`, the `worst` frame, and
+        as `file.psnr` what the file keeps of them; None where nothing was measured.
     """
 
     path: Path
     frames: tuple[int, ...]
     sidecar: Path
     notes: tuple[str, ...] = ()
+    accuracy: FilmAccuracy | None = None
 
     def _repr_html_(self) -> str:
         """Return the film, or its first picture, with a caption."""
@@ -107,7 +112,8 @@ class Film:
         data = f"data:{kind};base64,{base64.b64encode(first.read_bytes()).decode()}"
         shown = f'<img src="{data}">' if kind != "video/mp4" else f'<video controls loop muted src="{data}"></video>'
         count = f"{len(self.frames)} frame{'s' * (len(self.frames) != 1)}"
-        lines = [f"{self.path}: {count}; how it was made: {self.sidecar}", *self.notes]
+        exact = [] if self.accuracy is None else [accuracy_text(self.accuracy)]
+        lines = [f"{self.path}: {count}; how it was made: {self.sidecar}", *exact, *self.notes]
         caption = "<br>".join(html.escape(printable(line)) for line in lines)
         return f"<figure>{shown}<figcaption>{caption}</figcaption></figure>"
 
@@ -257,7 +263,8 @@ def render(
     if film.shortfall is not None and not best_effort:
         raise film.shortfall
     notes = [film.volume_note] if film.volume_note else []
-    return Film(film.file, film.record.numbers, film.sidecar, (*notes, *film.record.notes))
+    record = film.record
+    return Film(film.file, record.numbers, film.sidecar, (*notes, *record.notes), record.accuracy)
 
 
 def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:

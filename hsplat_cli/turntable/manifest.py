@@ -33,8 +33,8 @@ _NOTICE_DELAY_S, _POLL_INTERVAL_S = 2.0, 0.02
 
 # Titles of columns, and the keys of records. Turntables draw bricks, which sidecars and records count as `primitives`.
 _COLUMNS = {name: name for name in ("volume", "status", "kind", "frames")}
-_COLUMNS |= {"bricks": "primitives", "seconds": "seconds", "film": "film"}
-_NUMBER_COLUMNS = (3, 4, 5)
+_COLUMNS |= {"bricks": "primitives", "seconds": "seconds", "dB": "psnr", "film": "film"}
+_NUMBER_COLUMNS = (3, 4, 5, 6)
 
 VOLUME_KEY = "scene_of"  # the volume's path relative to the folder, without links
 _TEXT_KEYS = ("volume", "scene", "film", "status", VOLUME_KEY)  # that each record has
@@ -141,6 +141,5 @@ def _row(record: FilmEntry) -> list[str]:
     shown = record if record["status"] == FINISHED else record | {"film": "-"}
     if "error" in record:
         shown = shown | {"film": record["error"].splitlines()[0]}
-    if "seconds" in record:
-        shown = shown | {"seconds": f"{record['seconds']:.1f}"}
+    shown |= {key: f"{record[key]:.1f}" for key in ("seconds", "psnr") if key in record}
     return [str(shown.get(key, "-")) for key in _COLUMNS.values()]

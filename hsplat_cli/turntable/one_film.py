@@ -118,14 +118,21 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     report_film(film, reporter)
     if film.shortfall is not None:
         raise film.shortfall
-    frames = film.record.frames
-    return request.record(manifest.FINISHED) | {
-        "kind": found.suggestion.kind,
-        "reason": found.suggestion.reason,
-        "frames": len(frames),
-        "primitives": round(sum(frame.primitives for frame in frames) / len(frames)),
-        "seconds": round(film.record.seconds["total"], 3),
-    }
+    frames, accuracy = film.record.frames, film.record.accuracy
+    exact = {} if accuracy is None else {"psnr": round(accuracy.psnr, 2), "psnr_interval": list(accuracy.interval)}
+    in_file = {"file_psnr": round(accuracy.file.psnr, 2)} if accuracy and accuracy.file else {}
+    return (
+        request.record(manifest.FINISHED)
+        | exact
+        | in_file
+        | {
+            "kind": found.suggestion.kind,
+            "reason": found.suggestion.reason,
+            "frames": len(frames),
+            "primitives": round(sum(frame.primitives for frame in frames) / len(frames)),
+            "seconds": round(film.record.seconds["total"], 3),
+        }
+    )
 
 
 class _TurntableEvents(FilmEvents):

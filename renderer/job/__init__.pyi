@@ -40,6 +40,7 @@ from .inputs import (
 from .plan import FilmPlan as FilmPlan, make_plan as make_plan
 from .record import (
     DIGEST_FIELD as DIGEST_FIELD,
+    FilmAccuracy as FilmAccuracy,
     FilmFingerprint as FilmFingerprint,
     FilmRecord as FilmRecord,
     FrameRecord as FrameRecord,

@@ -10,7 +10,7 @@ import time
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from renderer.draw import Rasterizer, RecoveringRasterizer, open_rasterizer
 from renderer.film import Picture
@@ -19,9 +19,11 @@ from renderer.job.film_accuracy import frame_accuracy
 from renderer.job.make_record import frame_record
 from renderer.job.plan import FilmPlan
 from renderer.job.record import FrameRecord
-from renderer.probes import FrameProber, num_probe_rays
 from renderer.scene import Scene
 from renderer.system import num_cores
+
+if TYPE_CHECKING:
+    from renderer.probes import FrameProber
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,9 @@ def open_local_executor(scene: Scene) -> Iterator[LocalExecutor]:
 
 def open_prober(stage: Stage) -> FrameProber | None:
     """Return what measures the accuracy of frames; None where the scene wants no rays, or has no exact picture."""
+    # Imported here: the ray integral takes a while to load.
+    from renderer.probes import FrameProber, num_probe_rays
+
     num_rays = num_probe_rays(stage.scene)
     return FrameProber(stage, num_rays, num_threads=num_cores()) if num_rays else None
 

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from renderer.job.record import FileAccuracy, FilmAccuracy, FrameAccuracy, FrameRecord, Range, WorstFrame
-from renderer.probes import ErrorSamples, Probe, pool_samples, psnr
+from renderer.probes import ErrorSamples, pool_samples, psnr
+
+if TYPE_CHECKING:
+    from renderer.probes import Probe
 
 _METHOD = "stratified by the differences between neighbouring pixels"
 # No error at all counts as this many decibels, and so does less than that.

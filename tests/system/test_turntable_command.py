@@ -119,7 +119,7 @@ def test_a_volume_that_fails_does_not_stop_the_others(capfd: pytest.CaptureFixtu
     assert turntable("no*.nrrd", "in/missing.npy", "in/[bl]*.npy", "in/labels.npy", "-o", "out", *SMALL) == 2
     out, err = capfd.readouterr()
     table = [line.split() for line in out.splitlines()]
-    assert table[0] == ["volume", "status", "kind", "frames", "bricks", "seconds", "film"]
+    assert table[0] == ["volume", "status", "kind", "frames", "bricks", "seconds", "dB", "film"]
     assert [row[:2] for row in table[1:]] == [
         ["no*.nrrd", "failed"],
         ["in/missing.npy", "failed"],
