@@ -10,16 +10,29 @@ from hsplat_cli.commands.options import takes_scene
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import Reporter
 from renderer.film import (
+    finer_than_kept,
     frame_path,
     has_frame_files,
     require_own_folder,
     require_writable_dry_run,
     sidecar_path,
     translate_os_errors,
+    typical_kept_psnr,
+    typical_psnr,
     unfinished_folder,
 )
 from renderer.readers import find_volume
-from renderer.scene import ByFrame, FileSource, MetricTarget, RawSource, Scene, SplatBudget, VolumeSpec, counted
+from renderer.scene import (
+    ByFrame,
+    FileSource,
+    MetricTarget,
+    RawSource,
+    Scene,
+    SplatBudget,
+    TimeBudget,
+    VolumeSpec,
+    counted,
+)
 from renderer.system import join_lines
 
 # The number of values of a schedule that are listed.
@@ -61,7 +74,19 @@ def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
         ("camera", f"{path.type}, {frames}"),
         ("error", _schedule(scene)),
         ("output", f"{output.file}, {width} x {height}{'' if has_frame_files(output) else film}"),
+        *([("note", advice)] if (advice := _advice(scene)) is not None else []),
     ]
+
+
+def _advice(scene: Scene) -> str | None:
+    """Return what to say where the scene asks for far more than the format of its film keeps."""
+    goal = scene.error.goal
+    if scene.splat.footprint != "integrated" or isinstance(goal, (SplatBudget, TimeBudget)):
+        return None
+    if goal is None:
+        finest = min(tolerance for _, tolerance in scene.error.tolerance)
+        return finer_than_kept(typical_psnr(finest), typical_kept_psnr(scene.output))
+    return finer_than_kept(goal.value, typical_kept_psnr(scene.output)) if goal.metric == "psnr" else None
 
 
 def _source(volume: VolumeSpec) -> str:

@@ -15,6 +15,7 @@ from functools import lru_cache
 from itertools import pairwise
 
 from renderer.draw import Rasterizer
+from renderer.film import typical_tolerance
 from renderer.frame import Clock, ScheduleController, Stage, make_primitive, render_frames
 from renderer.probes import ErrorSamples, ExactPixels, FrameProber, psnr
 from renderer.scene import MetricTarget, with_tolerance
@@ -29,8 +30,6 @@ _MARGIN, _MARGIN_BETWEEN = 1.5, 0.5
 _NUM_KEYS, _MAX_KEYS = 8, 32
 # From one tolerance of the ladder to the next, about 1 dB.
 _STEP = 1.12
-# Where the search begins: bricks of many scans have about this PSNR at this tolerance.
-_TYPICAL_TOLERANCE, _TYPICAL_DB, _DB_PER_DECADE = 0.1, 53.0, 17.0
 
 
 @dataclass(frozen=True)
@@ -142,8 +141,7 @@ def _tolerance_ladder(stage: Stage) -> list[float]:
 def _first_guess(ladder: Sequence[float], want: MetricTarget) -> int:
     """Return the step of a tolerance that has this accuracy with many scans."""
     decibels = want.value if want.metric == "psnr" else psnr(want.value**2)
-    tolerance = _TYPICAL_TOLERANCE * 10 ** ((_TYPICAL_DB - decibels) / _DB_PER_DECADE)
-    return min(bisect_left(ladder, -tolerance, key=lambda each: -each), len(ladder) - 1)
+    return min(bisect_left(ladder, -typical_tolerance(decibels), key=lambda each: -each), len(ladder) - 1)
 
 
 @dataclass(frozen=True)

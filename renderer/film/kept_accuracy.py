@@ -1,0 +1,51 @@
+"""Say how much of the accuracy of frames a film file keeps, and which tolerance would do as well.
+
+Typical values, from docs/benchmarks/encoding.md and, for the footprint of bricks, docs/benchmarks/goals.md. What a film
+has is measured when it is made.
+"""
+
+from __future__ import annotations
+
+import math
+
+from renderer.film.names import has_frame_files
+from renderer.scene import OutputSpec
+
+# Decibels. A step of an MP4's quality is 3 of its constant rate factor.
+_GIF_DB, _MP4_DB, _MP4_QUALITY, _DB_PER_QUALITY = 49.0, 44.5, 8.0, 1.4
+# Bricks have about this PSNR at this tolerance.
+_TOLERANCE, _TOLERANCE_DB, _DB_PER_DECADE = 0.1, 53.0, 17.0
+# Frames that are better by the first than what the file keeps are worth a word. With the second, the error of the film
+# is a sixth more.
+_TOO_GOOD_DB, _GOOD_ENOUGH_DB = 16.0, 8.0
+
+
+def typical_psnr(tolerance: float) -> float:
+    """Return about which PSNR bricks have at a tolerance; infinity at 0."""
+    return _TOLERANCE_DB + _DB_PER_DECADE * math.log10(_TOLERANCE / tolerance) if tolerance > 0 else math.inf
+
+
+def typical_tolerance(decibels: float) -> float:
+    """Return about which tolerance gives bricks a PSNR."""
+    return float(_TOLERANCE * 10 ** ((_TOLERANCE_DB - decibels) / _DB_PER_DECADE))
+
+
+def typical_kept_psnr(output: OutputSpec) -> float:
+    """Return about which PSNR a decoded film has from its frames; infinity for PNG files."""
+    if has_frame_files(output):
+        return math.inf
+    is_gif = output.file.suffix.lower() == ".gif"
+    return _GIF_DB if is_gif else _MP4_DB + _DB_PER_QUALITY * (output.quality - _MP4_QUALITY)
+
+
+def finer_than_kept(psnr: float, kept: float) -> str | None:
+    """Return what to say where frames are far more exact than what the file keeps of them, both in decibels."""
+    if psnr < kept + _TOO_GOOD_DB:
+        return None
+    wanted = kept + _GOOD_ENOUGH_DB
+    tolerance = float(f"{typical_tolerance(wanted):.1g}")
+    had = "exact frames" if math.isinf(psnr) else f"frames of {psnr:.0f} dB"
+    return (
+        f"the file keeps about {kept:.0f} dB of {had}: tolerance {tolerance:g}, or psnr {wanted:.0f}, gives nearly the "
+        "same film sooner"
+    )

@@ -1,0 +1,33 @@
+"""What is said of frames that are far more exact than what their file keeps."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from renderer.film import finer_than_kept, typical_kept_psnr, typical_psnr, typical_tolerance
+from renderer.scene import OutputSpec
+
+
+@pytest.mark.parametrize("tolerance", [2.0, 0.1, 1e-3])
+def test_tolerances_and_decibels_belong_together(tolerance: float) -> None:
+    assert typical_tolerance(typical_psnr(tolerance)) == pytest.approx(tolerance)
+
+
+def test_what_formats_keep() -> None:
+    kept = [typical_kept_psnr(OutputSpec(Path("a.mp4"), (8, 8), quality=quality)) for quality in (2, 8, 10)]
+    assert kept == sorted(kept)
+    assert 35 < kept[0] < 40 < kept[1] < 46 < kept[2] < 50
+    assert 45 < typical_kept_psnr(OutputSpec(Path("a.gif"), (8, 8))) < 52
+    assert typical_kept_psnr(OutputSpec(Path("{frame}.png"), (8, 8))) == math.inf
+
+
+def test_the_advice_names_a_tolerance_that_is_still_finer_than_the_file() -> None:
+    assert finer_than_kept(59.0, 44.0) is None
+    assert finer_than_kept(200.0, math.inf) is None
+    assert finer_than_kept(61.0, 44.0) == (
+        "the file keeps about 44 dB of frames of 61 dB: tolerance 0.1, or psnr 52, gives nearly the same film sooner"
+    )
+    assert "of exact frames" in str(finer_than_kept(typical_psnr(0.0), 44.0))
