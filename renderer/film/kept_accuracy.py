@@ -1,6 +1,6 @@
 """Say how much of the accuracy of frames a film file keeps, and which tolerance would do as well.
 
-Typical values, from docs/benchmarks/encoding.md and, for the footprint of bricks, docs/benchmarks/goals.md. What a film
+Typical values, from docs/benchmarks/encoding.md and, of many scans drawn as bricks. What a film
 has is measured when it is made.
 """
 
