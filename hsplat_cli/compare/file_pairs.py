@@ -11,8 +11,8 @@ from pathlib import Path
 from hsplat_cli.compare.outcome import Pair, Pairs
 from hsplat_cli.compare.picture_file import MAX_PIXELS, decode_picture, file_content, is_picture, read_picture
 from renderer.errors import InputError, Problem, SceneError
-from renderer.film import ANY_FRAME_FIELD, Pixels, count_film_frames, decode_film, frame_path
-from renderer.job import folder_files
+from renderer.film import ANY_FRAME_FIELD, Pixels, count_film_frames, decode_film, frame_path, sidecar_path_of_file
+from renderer.job import accuracy_text, folder_files, parse_film_record
 from renderer.scene import FRAME_FIELD, counted, first_few, is_same_file, missing_file_error, nearest_file_hint
 
 _FILM_SUFFIXES = (".mp4", ".gif")
@@ -251,4 +251,15 @@ def _open_films(golden: Path, actual: Path) -> Iterator[Pairs]:
         "only the pictures of films are compared, not their timing",
     )
     with decode_film(golden, MAX_PIXELS) as goldens, decode_film(actual, MAX_PIXELS) as actuals:
-        yield Pairs(names, map(Pair, names, goldens, actuals), notes)
+        accuracies = _recorded_accuracy(golden) or "not known", _recorded_accuracy(actual) or "not known"
+        yield Pairs(names, map(Pair, names, goldens, actuals), notes, {"accuracy": accuracies})
+
+
+def _recorded_accuracy(film: Path) -> str:
+    """Return how exact a film is by the sidecar beside it; empty where none says it."""
+    sidecar = sidecar_path_of_file(film, (), 0)
+    try:
+        record = parse_film_record(sidecar.read_bytes(), sidecar)
+    except (OSError, InputError):
+        return ""
+    return accuracy_text(record.accuracy) if record and record.accuracy else ""

@@ -13,6 +13,7 @@ import pytest
 from commands import HSPLAT, environment
 from png_files import smooth, write_film, write_frames
 from processes import MARK, marked, new_mark
+from small_scene import small_scene
 
 from hsplat_cli import main
 from hsplat_cli.compare import api
@@ -113,6 +114,23 @@ def test_films_are_compared_frame_by_frame(capsys: pytest.CaptureFixture[str], s
     assert sorted(frame["number"] for frame in frames) == list(range(6))
     Path("compare.yaml").write_text("frames: {frame 6: {largest: 9}}\n", encoding="utf-8")
     assert compare(str(film), copy) == 2
+
+
+def test_the_report_says_how_exact_both_films_are() -> None:
+    """By the sidecars beside them, which may be missing or damaged."""
+    Path("scene.yaml").write_text(small_scene(), encoding="utf-8")
+    for name, tolerance in (("fine", 0.01), ("coarse", 5)):
+        change = f"error.tolerance={tolerance}"
+        assert main.run(["render", "scene.yaml", "--quiet", "--output", f"{name}.mp4", "--set", change]) == 0
+    assert compare("fine.mp4", "coarse.mp4", "--json", "report.json", "--quiet") == 1
+    accuracy = json.loads(Path("report.json").read_text())["facts"]["accuracy"]
+    values = [float(accuracy[side].split()[0]) for side in ("golden", "actual")]
+    assert values[0] > values[1] + 10
+    Path("fine.mp4.json").write_bytes(b"{")
+    Path("coarse.mp4.json").unlink()
+    assert compare("fine.mp4", "coarse.mp4", "--json", "report.json", "--quiet") == 1
+    accuracy = json.loads(Path("report.json").read_text())["facts"]["accuracy"]
+    assert accuracy == {"golden": "not known", "actual": "not known"}
 
 
 def test_reports_say_why_nothing_was_compared(capsys: pytest.CaptureFixture[str]) -> None:
