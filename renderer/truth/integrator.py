@@ -33,8 +33,8 @@ Progress = Callable[[float], None]
 # Few enough to keep every core busy until the end and to stop soon after an interrupt (they take some milliseconds, or
 # half a second if each meets a thousand shaded cells), and enough to be worth a task.
 _RAYS_PER_TASK = 256
-# Few rays are shared out among the threads, in tasks that take some milliseconds.
-_TASKS_PER_THREAD, _MIN_RAYS_PER_TASK = 4, 32
+# Fewer rays are shared out among the threads. A task takes some milliseconds: a single one needs no other thread.
+_TASKS_PER_THREAD, _MIN_RAYS_PER_TASK = 4, 128
 # The first step, in voxels, and how often it is halved.
 _FIRST_STEP, _MAX_HALVINGS = 1.0, 12
 # Scalars are scaled so that the largest scalar or control value lies between these powers of two, as it usually does:
@@ -123,7 +123,7 @@ class RayIntegrator:
         # For each cube of cells, the first ray notes whether anything in it is visible.
         self._macrocells = np.zeros([n // MACROCELL_SIZE + 1 for n in values.shape], np.uint8)
         self._index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
-        largest = max(_largest_magnitude(volume), float(np.abs(transfer.values).max()))
+        largest = max(_least_largest(volume), float(np.abs(transfer.values).max()))
         exponent = math.frexp(largest)[1]
         scale = math.ldexp(1.0, min(max(exponent, _LEAST_EXPONENT), _LARGEST_EXPONENT) - exponent)
         self._intervals = _intervals(transfer, scale)
@@ -156,6 +156,10 @@ class RayIntegrator:
             optics = self._intervals, self._lambert
             integrate_rays(*field, origins, directions, starts, max_steps, *optics, radiance[part])
 
+        if pixels.size <= num_rays:
+            integrate_part(0)
+            on_progress(1.0)
+            return np.moveaxis(radiance, 1, 0)
         with ThreadPoolExecutor(self._num_threads) as pool:
             try:
                 parts = [pool.submit(integrate_part, first) for first in range(0, pixels.size, num_rays)]
@@ -236,11 +240,15 @@ def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tupl
     return origins @ view.axes, direction / length[:, None] @ view.axes, (view.near - depth) * length
 
 
-def _largest_magnitude(volume: Volume) -> float:
-    """Return an upper bound of the magnitude of the values; only numbers of floating point take a pass over them."""
-    if volume.values.dtype.kind in "iu":
-        return float(np.iinfo(volume.values.dtype).max)
-    return max(map(abs, volume.value_range()))
+def _least_largest(volume: Volume) -> float:
+    """Return what the largest magnitude of the values may be taken for, where control values are no larger.
+
+    Only for float64 it is the largest itself, which takes a pass over all values: float64 has room for scaled float32.
+    """
+    dtype = volume.values.dtype
+    if dtype == np.float64:
+        return max(map(abs, volume.value_range()))
+    return 1.0 if dtype.kind in "iu" else float(np.finfo(np.float32).smallest_subnormal)
 
 
 def _intervals(transfer: TransferFunction, scale: float) -> Intervals:

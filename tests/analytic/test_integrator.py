@@ -154,3 +154,15 @@ def test_row_0_is_the_top_and_column_0_the_left() -> None:
     image = integrate(volume(values), transfer_of((0, (1, 1, 1), 0), (1, (1, 1, 1), 5)), view, step_voxels=1.0)
     row, column = np.unravel_index(image[..., 3].argmax(), (9, 9))
     assert row < 4 < column
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.int32, np.float32])
+def test_no_pass_over_the_values_comes_before_the_first_ray(dtype: type, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They may lie in a large file, of which a few rays need little."""
+    block = Volume(np.full((3, 3, 3), 1, dtype), np.eye(4), "block", "")
+    view = look(tuple(block.centre), 9.0, (4, 4))
+    expected = integrate(volume(block.values.astype(float)), COLORFUL, view, step_voxels=1.0)
+    monkeypatch.delattr(Volume, "value_range")
+    image = integrate(block, COLORFUL, view, step_voxels=1.0)
+    assert image[..., 3].max() > 0
+    np.testing.assert_allclose(image, expected, atol=EXACT)
