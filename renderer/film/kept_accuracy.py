@@ -1,7 +1,7 @@
 """Say how much of the accuracy of frames a film file keeps, and which tolerance would do as well.
 
-Typical values, from docs/benchmarks/encoding.md and, of many scans drawn as bricks. What a film
-has is measured when it is made.
+Typical values of many scans drawn as bricks (docs/benchmarks/encoding.md, goals.md). What a film has is measured when
+it is made.
 """
 
 from __future__ import annotations
