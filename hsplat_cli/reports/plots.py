@@ -52,7 +52,12 @@ def _error(metric: str, pixels: str, measurement: Measurement) -> float:
     return float(getattr(measurement.overall, pixels)[metric])
 
 
-_psnr = partial(_error, "psnr", "everywhere")
+_psnr, _psnr_low, _psnr_high = (partial(_error, f"psnr{end}", "everywhere") for end in ("", "_low", "_high"))
+
+
+def has_intervals(measurements: Sequence[Measurement]) -> bool:
+    """Return whether PSNRs are estimates with intervals."""
+    return bool(measurements) and all("psnr_low" in m.overall.everywhere for m in measurements)
 
 
 def plottable(
@@ -143,11 +148,15 @@ def _draw_series(
         if not shown:
             continue
         costs, values = np.array([axis.cost(m) for m in shown]), [value(m) for m in shown]
+        bars: dict[str, Any] = {}
         if axis.has_bars:
             low, high = 1000 * np.array([m.frame_seconds_spread for m in shown]).T
             # Rounding may put a quartile on the wrong side of the median.
-            bars = np.maximum([costs - low, high - costs], 0)
-            axes.errorbar(costs, values, xerr=bars, fmt="none", ecolor=style["color"], elinewidth=1.0, capsize=2.5)
+            bars["xerr"] = np.maximum([costs - low, high - costs], 0)
+        if value is _psnr and has_intervals(shown):
+            bars["yerr"] = [[_psnr(m) - _psnr_low(m) for m in shown], [_psnr_high(m) - _psnr(m) for m in shown]]
+        if bars:
+            axes.errorbar(costs, values, **bars, fmt="none", ecolor=style["color"], elinewidth=1.0, capsize=2.5)
         axes.plot(costs, values, label=series, **style)
 
 

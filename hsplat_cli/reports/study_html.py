@@ -29,12 +29,13 @@ from hsplat_cli.reports.plots import (
     SPLATS_AXIS,
     TIME_AXIS,
     CostAxis,
+    has_intervals,
     metrics_figure,
     plottable,
     plottable_fronts,
     tradeoff_figure,
 )
-from hsplat_cli.reports.tables import Column, cost_columns, csv_text, json_text, metric_column, to_plain
+from hsplat_cli.reports.tables import Column, cost_columns, csv_text, json_text, metric_columns, to_plain
 from renderer.bricks import BRICK_SIZE
 from renderer.film import write_staged
 from renderer.study import DIFFERENCE_GAIN, Cost, Measurement, Study, Truth, thumbnail
@@ -85,18 +86,20 @@ def study_page(study: Study, *, date: str) -> str:
             on_front=[on_time for on_time, _ in on_fronts],
             fronts=[" and ".join(["time"] * on_time + ["splats"] * on_splats) for on_time, on_splats in on_fronts],
             cost_columns=cost_columns(measurements, count_text),
-            everywhere_columns=[metric_column(name, "everywhere") for name in _METRICS],
-            on_volume_columns=[metric_column(name, "on_volume") for name in _METRICS],
+            is_estimate=has_intervals(measurements),
+            everywhere_columns=metric_columns(measurements, _METRICS, "everywhere"),
+            on_volume_columns=metric_columns(measurements, _METRICS, "on_volume"),
             stage_columns=_stage_columns(measurements),
             scene=yaml.safe_dump(to_plain(study.scene), sort_keys=False, default_flow_style=None, width=100),
         )
 
 
 def _facts(study: Study, date: str) -> list[tuple[str, str]]:
-    frames = ", ".join(str(truth.frame) for truth in study.truths)
+    numbers = {sample.frame for m in study.measurements for sample in m.frames}
+    frames = ", ".join(map(str, sorted(numbers)))
     size = study.scene.get("output", {}).get("size", ())
     volume = format_facts({f"volume, {name}" if name != "name" else "volume": v for name, v in study.volume.items()})
-    noun = "frame" if len(study.truths) == 1 else "frames"
+    noun = "frame" if len(numbers) == 1 else "frames"
     picture = [("pictures", f"{' x '.join(map(str, size))} pixels, {noun} {frames}")] if size else []
     return [*volume, *picture, *format_facts(study.machine), ("date", date)]
 
@@ -108,7 +111,7 @@ def _charts(measurements: Sequence[Measurement]) -> list[Chart]:
             series = ", ".join(group_by_series(shown))
             alt = f"PSNR in dB over the {axis.title}, logarithmic, of {series}"
             charts.append(Chart(tradeoff_figure(measurements, axis), _tradeoff_caption(measurements, axis), alt))
-    if plottable(measurements, TIME_AXIS):
+    if plottable(measurements, TIME_AXIS) and not has_intervals(measurements):
         series = ", ".join(group_by_series(measurements))
         alt = f"PSNR on the volume, SSIM, FLIP and pixels over Delta-E 2.3 over the {TIME_AXIS.title}, of {series}"
         charts.append(Chart(metrics_figure(measurements), "The same settings by other metrics.", alt))
@@ -126,6 +129,7 @@ def _tradeoff_caption(measurements: Sequence[Measurement], axis: CostAxis) -> st
     parts += [f"Labels at the points of a front, where they fit: {', '.join(names)}."] if names else []
     parts += ["Settings with bricks are not in this plot."] if axis is SPLATS_AXIS and has_bricks(measurements) else []
     parts += ["Bars reach from the first to the third quartile of the time."] if axis.has_bars else []
+    parts += ["Those of the PSNR hold it in 95 % of cases or more."] if has_intervals(measurements) else []
     exact = sum(m.overall.everywhere["psnr"] == math.inf for m in measurements if axis.cost(m) > 0)
     parts += [f"Not shown, because equal to the truth: {exact}."] if exact else []
     return " ".join(parts)

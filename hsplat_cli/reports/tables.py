@@ -63,6 +63,26 @@ def metric_column(name: str, pixels: str) -> Column:
     return _number(title, unit, lambda m: getattr(m.overall, pixels)[name], partial(metric_text, metric))
 
 
+def metric_columns(measurements: Sequence[Measurement], names: Sequence[str], pixels: str) -> list[Column]:
+    """Return the columns of the metrics that all measurements have, each with that of its interval, if it has one."""
+    columns = []
+    for name in names:
+        columns += [metric_column(name, pixels)] * all(name in getattr(m.overall, pixels) for m in measurements)
+        if measurements and all(f"{name}_low" in getattr(m.overall, pixels) for m in measurements):
+            columns.append(_interval_column(name, pixels))
+    return columns
+
+
+def _interval_column(name: str, pixels: str) -> Column:
+    def ends(measurement: Measurement) -> list[float]:
+        return [getattr(measurement.overall, pixels)[f"{name}_{end}"] for end in ("low", "high")]
+
+    text = partial(metric_text, METRICS[name])
+    return Column(
+        "95 %", METRICS[name].unit, lambda m: ends(m)[1] - ends(m)[0], lambda m: " to ".join(map(text, ends(m)))
+    )
+
+
 def _number(title: str, unit: str, value: Callable[[Measurement], float | None], text: Callable[[Any], str]) -> Column:
     return Column(title, unit, value, lambda m: text(value(m)))
 
@@ -99,9 +119,10 @@ def terminal_table(study: Study) -> str:
 def _terminal_columns(measurements: Sequence[Measurement]) -> list[Column]:
     """Return the columns of costs, without `once`, and the most telling metrics."""
     *costs, _, memory = cost_columns(measurements, short_count_text)
-    on_volume = replace(metric_column("psnr", "on_volume"), title="volume")
-    metrics = [metric_column(name, "everywhere") for name in ("psnr", "ssim", "flip", "delta_e_share")]
-    return [*costs, metrics[0], on_volume, *metrics[1:], memory]
+    on_volume = [replace(each, title="volume") for each in metric_columns(measurements, ["psnr"], "on_volume")]
+    others = ("ssim", "flip", "delta_e_share") if on_volume else ("rmse",)
+    psnr, metrics = (metric_columns(measurements, names, "everywhere") for names in (("psnr",), others))
+    return [*costs, *psnr, *on_volume, *metrics, memory]
 
 
 def csv_text(study: Study) -> str:
@@ -109,7 +130,8 @@ def csv_text(study: Study) -> str:
 
     Settings have the names of their options. Times are milliseconds: `frame_ms_*` of a whole frame, `frame_STAGE_ms_*`
     of each stage, `once_STAGE_ms_*` of stages that run once for all frames, `pyramid_ms` of the pyramid, timed once.
-    Metrics cover all pixels, `volume_*` those in which the volume is visible. Numbers are exact, with `nan` and `inf`;
+    Metrics cover all pixels, `volume_*` those in which the volume is visible; `*_low` and `*_high` are the ends of the
+    interval of an estimate. Numbers are exact, with `nan` and `inf`;
     absent values are empty. The fronts are those of the measurement, over all its frames.
     """
     options = dict.fromkeys((name for m in study.measurements for name in m.setting.options), "")
@@ -146,9 +168,11 @@ def _frame_row(measurement: Measurement, sample: FrameMeasurement) -> dict[str, 
 def _accuracy_row(accuracy: Accuracy) -> dict[str, float]:
     pixels = {"": accuracy.everywhere, "volume_": accuracy.on_volume}
     return {
-        f"{prefix}{name}{'_db' if metric.unit == 'dB' else ''}": errors[name]
+        f"{prefix}{name}{'_db' if metric.unit == 'dB' else ''}{end}": errors[f"{name}{end}"]
         for prefix, errors in pixels.items()
         for name, metric in METRICS.items()
+        for end in ("", "_low", "_high")
+        if f"{name}{end}" in errors
     }
 
 

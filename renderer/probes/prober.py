@@ -47,6 +47,10 @@ class ExactPixels:
         """Measure the error of a picture before it is rounded: premultiplied RGBA, [h, w, 4]."""
         return self._compare(over_background(radiance.reshape(-1, 1, 4)[self.chosen.numbers], self.background)[:, 0])
 
+    def compare_picture(self, picture: Float64) -> Probe:
+        """Measure the error of a picture over its background, in [0, 1]: [h, w, 3]."""
+        return self._compare(picture.reshape(-1, 3)[self.chosen.numbers])
+
     def _compare(self, colors: Float64) -> Probe:
         errors = (colors - self.colors) ** 2
         return Probe(error_samples(self.chosen.factors * errors.mean(axis=1)), float(np.sqrt(errors.max())))
@@ -63,19 +67,30 @@ def num_probe_rays(scene: Scene) -> int:
 
 
 class FrameProber:
-    """A prober of the frames of a stage. seed: of the choice of pixels, which also depends on the frame's number."""
+    """A prober of the frames of a stage.
 
-    def __init__(self, stage: Stage, num_rays: int, *, seed: int = 0, num_threads: int = 2) -> None:
+    seed: of the choice of pixels, which also depends on the frame's number.
+    tolerance: of the convergence of the exact rays, in every channel; None for rays of one step.
+    """
+
+    def __init__(
+        self, stage: Stage, num_rays: int, *, seed: int = 0, num_threads: int = 2, tolerance: float | None = None
+    ) -> None:
         transfer = make_transfer_function(stage.scene.transfer_function, stage.volume.finest_spacing)
         self._integrator = RayIntegrator(stage.volume, transfer, stage.scene.shading, num_threads=num_threads)
         self._step = _STEP if stage.scene.shading is None else _SHADED_STEP
+        self._tolerance = tolerance
         self._stage, self._num_rays, self._seed = stage, num_rays, seed
 
     def exact_pixels(self, number: int, image: Pixels) -> ExactPixels:
         """Choose pixels of a frame by its picture, uint8 [h, w, channels], and compute their exact colours."""
         background = self._stage.scene.output.background
         chosen = choose_pixels(image, self._num_rays, (self._seed, number))
-        (exact,) = self._integrator.integrate(view_of(self._stage, number), chosen.numbers, [self._step])
+        view = view_of(self._stage, number)
+        if self._tolerance is None:
+            (exact,) = self._integrator.integrate(view, chosen.numbers, [self._step])
+        else:
+            exact, _ = self._integrator.converge(view, chosen.numbers, self._tolerance)
         return ExactPixels(chosen, over_background(exact[:, None], background)[:, 0], background)
 
     def probe(self, number: int, image: Pixels) -> Probe:

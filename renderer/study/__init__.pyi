@@ -12,10 +12,12 @@ from .metrics import (
     Accuracy as Accuracy,
     FloatImage as FloatImage,
     Metric as Metric,
+    SampledAccuracy as SampledAccuracy,
     compute_metric as compute_metric,
     measure_accuracy as measure_accuracy,
     pool_accuracies as pool_accuracies,
     require_measuring_packages as require_measuring_packages,
+    sampled_accuracy as sampled_accuracy,
 )
 from .pareto import (
     Cost as Cost,
@@ -36,6 +38,7 @@ from .sweep import (
     PlannedSetting as PlannedSetting,
     Setting as Setting,
     Study as Study,
+    Truths as Truths,
     measure_setting as measure_setting,
     plan_sweep as plan_sweep,
     splat_setting as splat_setting,
@@ -52,9 +55,12 @@ from .tolerance_search import (
     find_tolerance as find_tolerance,
 )
 from .truths import (
+    NUM_SAMPLED_PIXELS as NUM_SAMPLED_PIXELS,
     TRUTH_TOLERANCE as TRUTH_TOLERANCE,
+    SampledTruth as SampledTruth,
     Truth as Truth,
     compute_truth as compute_truth,
     is_loop as is_loop,
+    sample_truths as sample_truths,
     spread_evenly as spread_evenly,
 )

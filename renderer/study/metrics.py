@@ -17,11 +17,13 @@ import numpy.typing as npt
 
 from renderer.errors import require_package
 from renderer.film import require_finite
+from renderer.probes import ErrorSamples, pool_samples, psnr
 from renderer.volume import Bools
 
 FloatImage = npt.NDArray[np.float64]
 _Map = npt.NDArray[Any]
-# Of a picture against the truth over some pixels, by the names of METRICS; NaN where a metric is undefined.
+# Of a picture against the truth over some pixels, by the names of METRICS; NaN where a metric is undefined. The ends of
+# the interval of an estimate stand beside it, with `_low` and `_high` after the name.
 ErrorMetrics = Mapping[str, float]
 
 # FLIP's own default: a display 0.7 m wide with 3840 pixels, seen from 0.7 m.
@@ -60,6 +62,21 @@ class Accuracy:
 
     everywhere: ErrorMetrics
     on_volume: ErrorMetrics
+
+
+@dataclass(frozen=True)
+class SampledAccuracy(Accuracy):
+    """An accuracy that a few exact rays tell: RMSE and PSNR with their intervals, over all pixels alone."""
+
+    samples: ErrorSamples
+
+
+def sampled_accuracy(samples: ErrorSamples) -> SampledAccuracy:
+    """Return the accuracy that samples of the squared error tell."""
+    low, high = samples.interval
+    everywhere = {"rmse": math.sqrt(samples.mean), "rmse_low": math.sqrt(low), "rmse_high": math.sqrt(high)}
+    everywhere |= {"psnr": psnr(samples.mean), "psnr_low": psnr(high), "psnr_high": psnr(low)}
+    return SampledAccuracy(everywhere, {}, samples)
 
 
 def measure_accuracy(picture: FloatImage, truth: FloatImage, on_volume: Bools) -> Accuracy:
@@ -104,8 +121,11 @@ def pool_accuracies(accuracies: Sequence[Accuracy]) -> Accuracy:
 
     RMSE is from the mean of the squares, PSNR from that; errors have their maximum, other metrics their mean. A frame
     whose metric is NaN, such as one that shows nothing of the volume, is left out of it. If all are NaN, so is the
-    result.
+    result. Of estimates, the samples are pooled.
     """
+    samples = [each.samples for each in accuracies if isinstance(each, SampledAccuracy)]
+    if samples:
+        return sampled_accuracy(pool_samples(samples))
     return Accuracy(
         _pool_metrics([each.everywhere for each in accuracies]), _pool_metrics([each.on_volume for each in accuracies])
     )

@@ -20,10 +20,10 @@ from renderer.draw import Rasterizer
 from renderer.film import over_background
 from renderer.frame import Clock, Stage, make_primitive, render_frames
 from renderer.scene import ErrorSpec, Scene, SplatSpec, with_tolerance
-from renderer.study.metrics import Accuracy, FloatImage, measure_accuracy, pool_accuracies
-from renderer.study.thumbnails import amplified_difference, thumbnail
+from renderer.study.metrics import Accuracy, FloatImage, pool_accuracies
+from renderer.study.thumbnails import thumbnail
 from renderer.study.tolerance_search import spread_tolerances
-from renderer.study.truths import Truth
+from renderer.study.truths import SampledTruth, Truth
 from renderer.system import PeakMemory
 from renderer.volume import UInt8
 
@@ -38,6 +38,7 @@ _CUT_STAGES = ("cut", "primitives")
 _REPEAT_LIMIT_S = 4.0
 
 Seconds = Mapping[str, float]  # by stage
+Truths = Sequence[Truth] | Sequence[SampledTruth]
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ class Measurement:
     overall: the accuracy over all frames together.
     peak_bytes: the peak memory of the process; None if the system does not know it.
     picture, difference: uint8 [h, w, 3], thumbnails of the first frame and of its difference from the truth, times
-        DIFFERENCE_GAIN.
+        DIFFERENCE_GAIN; there is no difference from a truth of some pixels.
     """
 
     setting: Setting
@@ -94,7 +95,7 @@ class Measurement:
     overall: Accuracy
     peak_bytes: int | None
     picture: UInt8
-    difference: UInt8
+    difference: UInt8 | None
 
     @property
     def frame_seconds(self) -> float:
@@ -134,17 +135,17 @@ def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
 class FirstPass:
     """A first pass over the frames of a setting: what its pictures tell, one added after the other."""
 
-    def __init__(self, truths: Sequence[Truth]) -> None:
+    def __init__(self, truths: Truths) -> None:
         self._truths = truths
         self._accuracies: list[Accuracy] = []
-        self._thumbnails: tuple[UInt8, ...] = ()
+        self._thumbnails: tuple[UInt8, UInt8 | None] | None = None
 
     def add(self, picture: FloatImage) -> None:
         """Compare the picture of the next frame, float64 [h, w, 3], with its truth."""
         truth = self._truths[len(self._accuracies)]
-        self._accuracies.append(measure_accuracy(picture, truth.picture, truth.on_volume))
-        if not self._thumbnails:
-            self._thumbnails = thumbnail(picture), thumbnail(amplified_difference(picture, truth.picture))
+        self._accuracies.append(truth.accuracy_of(picture))
+        if self._thumbnails is None:
+            self._thumbnails = thumbnail(picture), truth.thumbnail_of_difference(picture)
 
     def measurement(
         self,
@@ -155,15 +156,17 @@ class FirstPass:
         """Return the record, with the number of primitives and the seconds of each frame. rest: its other fields."""
         numbers = [truth.frame for truth in self._truths]
         frames = tuple(map(FrameMeasurement, numbers, nums_primitives, frame_seconds, self._accuracies))
+        assert self._thumbnails is not None, "no picture was added"
         picture, difference = self._thumbnails
         overall = pool_accuracies(self._accuracies)
         return Measurement(frames=frames, overall=overall, picture=picture, difference=difference, **rest)
 
 
-def measure_setting(
-    stage: Stage, truths: Sequence[Truth], rasterizer: Rasterizer, *, clock: Clock, repeats: int
-) -> Measurement:
-    """Measure the scene's constant tolerance and footprint, on the frames of the truths."""
+def measure_setting(stage: Stage, truths: Truths, rasterizer: Rasterizer, *, clock: Clock, repeats: int) -> Measurement:
+    """Measure the scene's constant tolerance and footprint, on the frames of the truths.
+
+    repeats: the most timed passes. With 0 the first pass is timed, in which the first frame may be slower.
+    """
     numbers, judged = [truth.frame for truth in truths], FirstPass(truths)
     peaks: list[int] = []
     nums_primitives: list[int] = []
@@ -190,7 +193,7 @@ def measure_setting(
 def _timed_passes(
     stage: Stage, numbers: Sequence[int], rasterizer: Rasterizer, clock: Clock, repeats: int, first_pass: list[Seconds]
 ) -> list[list[Seconds]]:
-    """Return the seconds of the frames in up to `repeats` warm passes.
+    """Return the seconds of the frames in up to `repeats` warm passes; of the first pass for none.
 
     If the first pass takes too long to repeat, only its first frame is drawn again; the others were warm.
     """
@@ -198,6 +201,8 @@ def _timed_passes(
     def draw(numbers: Sequence[int]) -> list[Seconds]:
         return [frame.seconds for frame in render_frames(stage, numbers, rasterizer, clock=clock)]
 
+    if repeats == 0:
+        return [first_pass]
     if sum(sum(seconds.values()) for seconds in first_pass) > _REPEAT_LIMIT_S:
         return [draw(numbers[:1]) + first_pass[1:]]
     passes: list[list[Seconds]] = []

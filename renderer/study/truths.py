@@ -11,16 +11,20 @@ import numpy as np
 from renderer.draw import Rasterizer
 from renderer.film import over_background
 from renderer.frame import Clock, Stage, render_frames, view_of
+from renderer.probes import ExactPixels, FrameProber
 from renderer.scene import CameraPath, KeyframePath, with_tolerance
-from renderer.study.metrics import FloatImage
+from renderer.study.metrics import Accuracy, FloatImage, measure_accuracy, sampled_accuracy
+from renderer.study.thumbnails import amplified_difference, thumbnail
 from renderer.transfer import make_transfer_function
 from renderer.truth import Convergence, converged_image
-from renderer.volume import Bools
+from renderer.volume import Bools, UInt8
 
 T = TypeVar("T")
 
 # The convergence of a truth in every channel: a thousandth of the RMSE of a picture with 40 dB.
 TRUTH_TOLERANCE = 1e-5
+# Exact rays of a frame without a whole truth: the PSNR of three frames is then known to about half a decibel.
+NUM_SAMPLED_PIXELS = 1024
 
 # The opacity from which a pixel counts as covered: the smallest that 8 bits show.
 _MIN_COVERED_OPACITY = 1 / 255
@@ -46,6 +50,35 @@ class Truth:
         """Return the share of the pixels that show the volume."""
         return float(self.on_volume.mean())
 
+    @property
+    def shows_volume(self) -> bool:
+        """Return whether any pixel shows the volume."""
+        return bool(self.on_volume.any())
+
+    def accuracy_of(self, picture: FloatImage) -> Accuracy:
+        """Compare a picture over the background, float64 [h, w, 3], with the truth."""
+        return measure_accuracy(picture, self.picture, self.on_volume)
+
+    def thumbnail_of_difference(self, picture: FloatImage) -> UInt8:
+        """Return a thumbnail of the amplified difference of a picture."""
+        return thumbnail(amplified_difference(picture, self.picture))
+
+
+@dataclass(frozen=True)
+class SampledTruth:
+    """A truth of some pixels of one frame; otherwise as Truth. shows_volume: whether its picture does."""
+
+    frame: int
+    exact: ExactPixels
+    shows_volume: bool
+
+    def accuracy_of(self, picture: FloatImage) -> Accuracy:
+        """Estimate the accuracy of a picture over the background, float64 [h, w, 3]."""
+        return sampled_accuracy(self.exact.compare_picture(picture).samples)
+
+    def thumbnail_of_difference(self, _: FloatImage) -> None:
+        """Return None: some pixels show no difference."""
+
 
 def compute_truth(stage: Stage, frame: int, tolerance: float, **options: Any) -> Truth:
     """Compute the truth of a frame to `tolerance` in every channel. Raises RenderError if it does not converge.
@@ -58,6 +91,20 @@ def compute_truth(stage: Stage, frame: int, tolerance: float, **options: Any) ->
         stage.volume, transfer, view, tolerance=tolerance, shading=scene.shading, **options
     )
     return Truth(frame, over_background(image, scene.output.background), image[..., 3] > 0, convergence)
+
+
+def sample_truths(
+    stage: Stage, frames: Sequence[int], tolerance: float, rasterizer: Rasterizer, *, clock: Clock, num_threads: int
+) -> list[SampledTruth]:
+    """Compute the truth of some pixels of each frame, chosen by its picture at the scene's tolerance.
+
+    tolerance: as in `compute_truth`.
+    """
+    prober = FrameProber(stage, NUM_SAMPLED_PIXELS, num_threads=num_threads, tolerance=tolerance)
+    return [
+        SampledTruth(frame.number, prober.exact_pixels(frame.number, frame.image), bool(frame.radiance[..., 3].any()))
+        for frame in render_frames(stage, frames, rasterizer, clock=clock)
+    ]
 
 
 def is_loop(path: CameraPath) -> bool:

@@ -4,39 +4,43 @@ from __future__ import annotations
 
 import datetime
 import time
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from hsplat_cli.reports import REPORT_FILES, require_page_packages, terminal_table, write_study
 from hsplat_cli.studies.measure.options import Sweep
 from hsplat_cli.studies.measure.tolerance import open_at_any_tolerance
 from hsplat_cli.studies.peers import vtk_peer
 from hsplat_cli.terminal import FilmEvents, Reporter, describe_machine
-from renderer.draw import open_rasterizer
+from renderer.draw import Rasterizer, open_rasterizer
 from renderer.errors import HsplatError
 from renderer.film import require_writable_dry_run
-from renderer.frame import view_of
+from renderer.frame import Stage, view_of
 from renderer.job import find_truth, nothing_visible_error, without_paths
 from renderer.readers import read_volume
 from renderer.scene import Scene, counted, scene_to_dict, schedule_to_dict
 from renderer.study import (
+    NUM_SAMPLED_PIXELS,
     Measurement,
     PlannedSetting,
     Study,
     Truth,
+    Truths,
     is_loop,
     measure_setting,
     plan_sweep,
     require_measuring_packages,
+    sample_truths,
     splat_setting,
     spread_evenly,
 )
-from renderer.transfer import TransferFunction, make_transfer_function
-from renderer.view import View
+from renderer.system import num_cores
+from renderer.transfer import make_transfer_function
 from renderer.volume import Volume
 
 # Number of frames measured by default.
@@ -44,12 +48,20 @@ _NUM_FRAMES = 3
 # Estimated seconds of a peer's frame, for the time remaining.
 _PEER_FRAME_S = 0.4
 
+Plan = Sequence[Sequence[PlannedSetting]]
+
+_QUICK_NOTE = (
+    f"errors are estimates from {NUM_SAMPLED_PIXELS} exact rays of each frame, with intervals that hold the error of "
+    "all pixels in 95 % of cases or more; every picture was drawn once, so times are less sure"
+)
+
 
 @dataclass(frozen=True)
 class StudyRequest:
     """A request for a study: the scene, the settings and the frames to measure.
 
     name: of the scene's file. frames: None for a few spread over the path. peer: "vtk" or None. folder: of the report.
+    is_quick: whether a few exact rays take the place of truths. The sweep then has one footprint and error measure.
     """
 
     name: str
@@ -60,17 +72,20 @@ class StudyRequest:
     peer: str | None
     truth_tolerance: float
     folder: Path
+    is_quick: bool = False
+
+
+class _Openers(NamedTuple):
+    """What opens the stage, and the rasterizer, of a scene."""
+
+    stage: Callable[[Scene], AbstractContextManager[Stage]]
+    rasterizer: Callable[[Scene], AbstractContextManager[Rasterizer]]
 
 
 def run_study(request: StudyRequest, reporter: Reporter) -> None:
     """Measure, write the report and print the table; an interrupt or error still writes what was measured before it."""
     scene = request.scene
-    require_page_packages()
-    require_measuring_packages()
-    for name in REPORT_FILES:
-        require_writable_dry_run(request.folder / name)
-    if request.peer:
-        vtk_peer.check_vtk(scene)
+    _require_all(request)
     reporter.announce_compilation()
     needs_opengl = any(replace(scene, splat=splat).needs_opengl for splat in request.sweep.splats)
     with open_rasterizer(needs_opengl=needs_opengl) as rasterizer:  # fails before a voxel is read
@@ -83,20 +98,34 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
         volume = vtk_peer.with_transparent_border(volume, transfer)
     path = scene.camera.path
     frames = request.frames or spread_evenly(range(path.frames), _NUM_FRAMES, is_loop=is_loop(path))
-    with open_at_any_tolerance(scene, volume) as stage, FilmEvents(reporter, scene.splat.primitive_name) as events:
-        views = [view_of(stage, frame) for frame in frames]
-        truths = [find_truth(stage, frame, request.truth_tolerance, events) for frame in frames]
-    if not any(truth.on_volume.any() for truth in truths):
-        raise nothing_visible_error(len(truths))
+    sweep = request.sweep
     measurements: list[Measurement] = []
     end: KeyboardInterrupt | HsplatError | None = None
-    try:
-        for measurement in _measurements(request, volume, transfer, truths, views, reporter):
-            measurements.append(measurement)
-    except (KeyboardInterrupt, HsplatError) as error:
-        end = error
+    with _openers(request, volume) as opened:
+        plan = plan_sweep(scene, opened.stage, sweep.errors, sweep.splats, sweep.tolerances)
+        with opened.stage(scene) as stage, FilmEvents(reporter, scene.splat.primitive_name) as events:
+            views = [view_of(stage, frame) for frame in frames]
+            if request.is_quick:
+                truths = _sample_truths(request, opened, plan, frames)
+            else:
+                truths = [find_truth(stage, frame, request.truth_tolerance, events) for frame in frames]
+        if not any(truth.shows_volume for truth in truths):
+            raise nothing_visible_error(len(truths))
+        drawn = _measure_hsplat(request, plan, opened, truths)
+        work = [each.predicted_seconds(len(frames), request.repeats) for settings in plan for each in settings]
+        if request.peer:
+            background, repeats, peers = scene.output.background, request.repeats, vtk_peer.vtk_settings()
+            work += [len(frames) * (1 + repeats) * _PEER_FRAME_S] * len(peers)
+            arguments = volume, transfer, views, truths, background
+            drawn = chain(drawn, vtk_peer.measure_vtk(*arguments, settings=peers, repeats=repeats))
+        try:
+            for measurement in _with_progress(drawn, work, reporter):
+                measurements.append(measurement)
+        except (KeyboardInterrupt, HsplatError) as error:
+            end = error
     if measurements:
-        notes = scene_notes(scene, has_transparent_border=request.peer is not None)
+        notes = [_QUICK_NOTE] if request.is_quick else []
+        notes += scene_notes(scene, has_transparent_border=request.peer is not None)
         if end:
             why = f"ended by an error ({end.what})" if isinstance(end, HsplatError) else "interrupted"
             notes.insert(0, f"{why}: {counted(len(measurements), 'setting')} had been measured")
@@ -114,59 +143,70 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
             name=request.name,
             machine=machine,
             truth_tolerance=request.truth_tolerance,
-            truths=tuple(truths),
+            truths=tuple(truth for truth in truths if isinstance(truth, Truth)),
             measurements=tuple(measurements),
             **(record if scene.output.record_paths else without_paths(record)),
         )
-        paths = write_study(study, request.folder, date=datetime.date.today().isoformat())
-        reporter.result(terminal_table(study))
-        for note in study.notes:
-            reporter.result(f"note: {note}")
-        reporter.result("written: " + ", ".join(map(str, paths)))
+        _report(study, request.folder, reporter)
     if end:
         raise end
 
 
-def _measurements(
-    request: StudyRequest,
-    volume: Volume,
-    transfer: TransferFunction,
-    truths: Sequence[Truth],
-    views: Sequence[View],
-    reporter: Reporter,
-) -> Iterator[Measurement]:
-    """Measure the settings of hsplat, then those of the peer."""
-    sweep = request.sweep
-    open_stage = partial(open_at_any_tolerance, volume=volume)
-    plan = plan_sweep(request.scene, open_stage, sweep.errors, sweep.splats, sweep.tolerances)
-    work = [each.predicted_seconds(len(truths), request.repeats) for settings in plan for each in settings]
-    peer: Iterator[Measurement] = iter(())
+def _require_all(request: StudyRequest) -> None:
+    """Raise InputError if a package is missing, the report cannot be written, or the peer cannot draw the scene."""
+    require_page_packages()
+    if not request.is_quick:
+        require_measuring_packages()
+    for name in REPORT_FILES:
+        require_writable_dry_run(request.folder / name)
     if request.peer:
-        background, repeats = request.scene.output.background, request.repeats
-        settings = vtk_peer.vtk_settings()
-        work += [len(truths) * (1 + repeats) * _PEER_FRAME_S] * len(settings)
-        peer = vtk_peer.measure_vtk(volume, transfer, views, truths, background, settings=settings, repeats=repeats)
+        vtk_peer.check_vtk(request.scene)
+
+
+@contextmanager
+def _openers(request: StudyRequest, volume: Volume) -> Iterator[_Openers]:
+    """Yield what opens stages and rasterizers; a quick study has one of each, as only the tolerance changes."""
+    scene = request.scene
+    opened = _Openers(
+        partial(open_at_any_tolerance, volume=volume), lambda of: open_rasterizer(needs_opengl=of.needs_opengl)
+    )
+    if request.is_quick:
+        with opened.stage(scene) as stage, opened.rasterizer(scene) as rasterizer:
+            yield _Openers(lambda of: nullcontext(replace(stage, scene=of)), lambda _: nullcontext(rasterizer))
+    else:
+        yield opened
+
+
+def _sample_truths(request: StudyRequest, opened: _Openers, plan: Plan, frames: Sequence[int]) -> Truths:
+    """Compute the truths of some pixels, chosen by pictures at a middle tolerance."""
+    (settings,) = plan
+    scene = settings[len(settings) // 2].scene
+    options: dict[str, Any] = {"clock": time.perf_counter, "num_threads": num_cores()}
+    with opened.stage(scene) as stage, opened.rasterizer(scene) as rasterizer:
+        return sample_truths(stage, frames, request.truth_tolerance, rasterizer, **options)
+
+
+def _with_progress(drawn: Iterator[Measurement], work: Sequence[float], reporter: Reporter) -> Iterator[Measurement]:
+    """Yield the measurements, and tell how far they are. work: predicted seconds of each."""
     with reporter.progress(work, label="measuring", unit="settings") as bar:
-        for measurement in chain(_measure_hsplat(request, plan, volume, truths), peer):
+        for measurement in drawn:
             yield measurement
             bar.advance(f"{measurement.setting.series}, {measurement.setting.label}")
 
 
-def _measure_hsplat(
-    request: StudyRequest, plan: Sequence[Sequence[PlannedSetting]], volume: Volume, truths: Sequence[Truth]
-) -> Iterator[Measurement]:
+def _measure_hsplat(request: StudyRequest, plan: Plan, opened: _Openers, truths: Truths) -> Iterator[Measurement]:
     """Measure the settings, planned by pyramid, with one stage open at a time; equal pictures are drawn once.
 
-    Each setting gets a new GL context: a software driver keeps the memory of its largest picture, which would count for
-    all later settings.
+    Each setting gets a new GL context, unless the study is quick: a software driver keeps the memory of its largest
+    picture, which would count for all later settings.
     """
     measured: dict[Hashable, Measurement] = {}
     for settings in plan:
-        with open_at_any_tolerance(settings[0].scene, volume) as stage:
+        with opened.stage(settings[0].scene) as stage:
             for planned in settings:
                 scene, key = planned.scene, planned.picture_key()
                 if key not in measured:
-                    with open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer:
+                    with opened.rasterizer(scene) as rasterizer:
                         measured[key] = measure_setting(
                             replace(stage, scene=scene),
                             truths,
@@ -176,6 +216,15 @@ def _measure_hsplat(
                         )
                 setting = splat_setting(scene.error, scene.splat)
                 yield replace(measured[key], setting=setting, pyramid_seconds=stage.seconds["pyramid"])
+
+
+def _report(study: Study, folder: Path, reporter: Reporter) -> None:
+    """Write the report, and print its table and notes."""
+    paths = write_study(study, folder, date=datetime.date.today().isoformat())
+    reporter.result(terminal_table(study))
+    for note in study.notes:
+        reporter.result(f"note: {note}")
+    reporter.result("written: " + ", ".join(map(str, paths)))
 
 
 def scene_notes(scene: Scene, *, has_transparent_border: bool) -> list[str]:

@@ -24,7 +24,7 @@ import numpy as np
 
 from renderer.errors import InputError, RenderError, require_package
 from renderer.scene import Color, Scene
-from renderer.study import FirstPass, FloatImage, Measurement, Setting, Truth
+from renderer.study import FirstPass, FloatImage, Measurement, Setting, Truths
 from renderer.system import ChildProcesses, join_lines
 from renderer.transfer import TransferFunction
 from renderer.view import View
@@ -130,7 +130,7 @@ def measure_vtk(
     volume: Volume,
     transfer: TransferFunction,
     views: Sequence[View],
-    truths: Sequence[Truth],
+    truths: Truths,
     background: Color | None,
     *,
     settings: Sequence[Setting],
