@@ -4,7 +4,8 @@ In: pictures, or a scene. Out: metrics (PSNR; SSIM, Wang et al. 2004; FLIP, Ande
 over tolerances with their Pareto front, the tolerance that reaches an accuracy, and the limits by which golden frames
 are compared.
 
-- `metrics.py`: RMSE, PSNR, SSIM, FLIP, Delta-E. `truths.py`: the truth of a frame. `thumbnails.py`: small pictures.
+- `metrics.py`: RMSE, PSNR, SSIM, FLIP, Delta-E. `truths.py`: the truth of a frame, or of some of its pixels.
+- `thumbnails.py`: small pictures.
 - `tolerance_search.py`: the tolerance for an accuracy, by whole exact pictures; `film_tolerances.py`: those along a
   film, by a few exact rays.
 - `sweep.py`: cost and accuracy of many settings, and the record of a study; `pareto.py`: those that no other beats.

@@ -14,6 +14,7 @@ from renderer.film import over_background
 from renderer.frame import Frame, Stage, prepare_stage, render_frames, view_of
 from renderer.probes import ErrorSamples, FrameProber, choose_pixels, error_samples, pool_samples, psnr
 from renderer.scene import Scene, parse_scene, with_tolerance
+from renderer.study import pool_accuracies, sampled_accuracy
 from renderer.transfer import make_transfer_function
 from renderer.truth import converged_image
 
@@ -73,6 +74,19 @@ def test_an_interval_without_any_error_is_not_a_promise() -> None:
     assert low == 0.0
     assert 60 < psnr(high) < 80
     assert psnr(low) == np.inf
+
+
+def test_accuracies_of_samples() -> None:
+    """RMSE and PSNR have the same interval, and several frames that of their samples together."""
+    samples = [ErrorSamples(1024, 1e-4, 2e-8, 9e-4), ErrorSamples(1024, 3e-4, 1e-7, 2e-3)]
+    found = pool_accuracies([sampled_accuracy(each) for each in samples])
+    assert found == sampled_accuracy(pool_samples(samples))
+    figures = found.everywhere
+    assert figures["rmse"] == pytest.approx(np.sqrt(2e-4))
+    assert figures["rmse_low"] < figures["rmse"] < figures["rmse_high"]
+    for one, other in (("", ""), ("_low", "_high"), ("_high", "_low")):
+        assert figures[f"psnr{one}"] == pytest.approx(-20 * np.log10(figures[f"rmse{other}"]))
+    assert found.on_volume == {}
 
 
 def test_pictures_together() -> None:
@@ -137,6 +151,21 @@ def test_rays_measure_the_error_of_a_frame(variant: str, tmp_path: Any) -> None:
     unrounded = over_background(frame.radiance, scene.output.background)
     probe = FrameProber(stage, 20_000).exact_pixels(3, frame.image).compare_radiance(frame.radiance)
     assert probe.samples.mean == pytest.approx(((unrounded - truth) ** 2).mean(), rel=0.1)
+
+
+def test_rays_converge_where_they_are_asked_to(tmp_path: Any) -> None:
+    """A whole picture, compared with itself, then has no error, with light, too; rays of one step leave some."""
+    scene = scene_of(tmp_path, **VARIANTS["lit"])
+    stage = prepare_stage(scene, clock=perf_counter, num_threads=2)
+    transfer = make_transfer_function(scene.transfer_function, stage.volume.finest_spacing)
+    image, _ = converged_image(stage.volume, transfer, view_of(stage, 3), tolerance=1e-7, shading=scene.shading)
+    picture, frame = over_background(image, scene.output.background), drawn(stage, 3)
+    converged, quick = (
+        FrameProber(stage, 1000, tolerance=tolerance).exact_pixels(3, frame.image).compare_picture(picture)
+        for tolerance in (1e-7, None)
+    )
+    assert converged.largest_error < 1e-12
+    assert quick.largest_error > 1e-7
 
 
 def test_figures_do_not_depend_on_the_number_of_threads(tmp_path: Any) -> None:

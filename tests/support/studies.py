@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from renderer.study import METRICS, Accuracy, FrameMeasurement, Measurement, Setting, Study, Truth
+from renderer.probes import ErrorSamples
+from renderer.study import METRICS, Accuracy, FrameMeasurement, Measurement, Setting, Study, Truth, sampled_accuracy
 from renderer.study.metrics import ErrorMetrics
 from renderer.truth import Convergence
 
@@ -93,6 +94,16 @@ def brick_series() -> list[Measurement]:
             setting=dataclasses.replace(each.setting, options={**each.setting.options, **options}),
         )
         for each in drawn
+    ]
+
+
+def quick_series() -> list[Measurement]:
+    """Return settings whose errors are estimates of 1024 rays; the last has none in any of them."""
+    errors = ((1, 20, 1e-3), (0.1, 80, 1e-5), (0, 300, 0.0))
+    samples = [(t, ms, ErrorSamples(1024, error, 2 * error**2, 5 * error)) for t, ms, error in errors]
+    return [
+        dataclasses.replace(measure(f"tolerance {t}", ms, 1000, sampled_accuracy(each)), difference=None)
+        for t, ms, each in samples
     ]
 
 

@@ -19,6 +19,7 @@ from hsplat_cli.studies.measure import study
 from hsplat_cli.studies.peers import vtk_peer
 from hsplat_cli.studies.peers.vtk_peer import describe_vtk, vtk_settings
 from renderer.errors import RenderError
+from renderer.scene import Scene
 from renderer.study import Measurement
 
 SCENE = small_scene(shape="32, 32, 16", frames=8, size="48, 32", error="tolerance: 0.1")
@@ -140,6 +141,54 @@ def test_measurements_before_the_end_are_kept(
     assert main.run(arguments) == code
     assert len({row["tolerance"] for row in rows()}) == num_before
     assert note in capsys.readouterr().out
+
+
+def test_a_quick_study_agrees_with_a_whole_one(capsys: pytest.CaptureFixture[str]) -> None:
+    """Its intervals, of nearly every setting, hold what all pixels say; the files have both ends."""
+    lit = ("--set", "shading={ambient: 0.4, diffuse: 0.6}", "--frames", "0:8:4", "--tolerances", "2,1,0.5,0.2,0.05,0")
+    measure("--quick", *lit, "--output", "quick")
+    printed = capsys.readouterr().out
+    assert "note: errors are estimates from 1024 exact rays of each frame" in printed and "95 %" in printed
+    measure("--repeats", "1", "--footprints", "integrated", "--measures", "optical", *lit)
+    found, whole = rows("quick"), rows()
+    keys = ("series", "tolerance", "frame", "num_cells")
+    assert [[row[key] for key in keys] for row in found] == [[row[key] for key in keys] for row in whole]
+    for name in ("psnr_db", "rmse"):
+        held = [
+            float(row[f"{name}_low"]) <= float(exact[name]) <= float(row[f"{name}_high"])
+            for row, exact in zip(found, whole, strict=True)
+        ]
+        assert sum(held) >= len(held) - 1
+        assert all(float(row[f"{name}_low"]) < float(row[name]) < float(row[f"{name}_high"]) for row in found)
+    assert all(float(row["psnr_db_high"]) - float(row["psnr_db_low"]) < 3 for row in found[:4])  # the coarse ones
+    assert not {"ssim", "flip", "volume_psnr_db"} & set(found[0])
+    overall = json.loads((Path("quick") / "measure.json").read_text("utf-8"))["measurements"][0]["overall"]
+    assert overall["everywhere"]["psnr_low"] < overall["everywhere"]["psnr"] < overall["everywhere"]["psnr_high"]
+    assert overall["samples"]["num"] == 2 * 1024
+
+
+def test_a_quick_study_chooses_frames_and_tolerances_as_a_whole_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It needs no package of the metrics, and prepares the volume once."""
+    prepared: list[Scene] = []
+
+    def refuse() -> None:
+        raise AssertionError("needs packages")
+
+    def remember(scene: Scene, **options: Any) -> Any:
+        prepared.append(scene)
+        return open_at_any_tolerance(scene, **options)
+
+    open_at_any_tolerance = study.open_at_any_tolerance
+    monkeypatch.setattr(study, "require_measuring_packages", refuse)
+    monkeypatch.setattr(study, "open_at_any_tolerance", remember)
+    measure("--quick", "--set", "splat.footprint=gaussian")
+    assert len(prepared) == 1
+    found = rows()
+    assert {row["series"] for row in found} == {"gaussian, optical"}
+    assert {row["frame"] for row in found} == {"0", "2", "5"}
+    assert {row["frame_draw_repetitions"] for row in found} == {"1"}
+    tolerances = [float(row["tolerance"]) for row in found if row["frame"] == "0"]
+    assert 0.1 in tolerances and 0 in tolerances and len(tolerances) > 4
 
 
 def test_an_even_volume_needs_one_brick(capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,7 +18,7 @@ import pytest
 import yaml
 from html_page import Page, assert_can_be_heard, assert_sound_and_alone
 from matplotlib.figure import Figure
-from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, peer_series, study_of
+from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, peer_series, quick_series, study_of
 
 from hsplat_cli.reports import REPORT_FILES, format_facts, plot_style, study_html, write_study
 from hsplat_cli.reports.html import PALETTE, figure_to_svg
@@ -34,6 +34,7 @@ CASES = {
     "bricks": study_of([*brick_series(), *peer_series()]),
     "both": study_of([*brick_series(), *own_series()]),
     "nothing measured": study_of([], notes=()),
+    "quick": study_of(quick_series(), truths=()),
     "undefined": study_of([measure("tolerance 1", 10, 0, UNDEFINED), measure("tolerance 0", 20, 5, INFINITE)]),
     "only the peer, once exact": study_of(
         [*peer_series(), measure("sample distance 0", 900, None, INFINITE, series="vtk gpu", tool="vtk")]
@@ -68,7 +69,8 @@ def test_every_page_is_sound_accessible_and_complete(case: str) -> None:
     assert_sound_and_alone(text_of(case))
     assert_can_be_heard(text_of(case))
     study, page = CASES[case], Page(text_of(case))
-    assert page.tags["img"] == len(study.truths) + 2 * len(study.measurements)
+    num_differences = sum(m.difference is not None for m in study.measurements)
+    assert page.tags["img"] == len(study.truths) + len(study.measurements) + num_differences
     words = {word.strip() for word in page.words}
     assert words >= {m.setting.label for m in study.measurements} | set(study.notes)
 
@@ -158,6 +160,22 @@ def test_plots_have_a_curve_for_each_series_and_both_fronts() -> None:
         "FLIP",
         "pixels with Delta-E over 2.3",
     ]
+
+
+def test_estimates_have_bars_and_intervals() -> None:
+    with plot_style():
+        axes = tradeoff_figure(quick_series(), TIME_AXIS).axes[0]
+    across, up = (collection.get_segments() for collection in axes.collections)
+    low, high = (quick_series()[0].overall.everywhere[f"psnr_{end}"] for end in ("low", "high"))
+    assert len(across) == len(up) == 2  # a PSNR without error is not shown
+    assert up[0][:, 1] == pytest.approx([low, high])
+    assert axes.lines[0].get_ydata()[0] == pytest.approx(30.0)
+    prose = prose_of("quick")
+    assert f"30.00 {low:.2f} to {high:.2f} 0.0316" in prose
+    assert "Those of the PSNR hold it in 95 % of cases or more." in prose
+    assert "8 x 6 pixels, frames 0, 7" in prose and "counts there by the chance" in prose
+    for absent in ("SSIM", "on the volume", "Convergence", "amplified", "The same settings by other metrics"):
+        assert absent not in prose
 
 
 def test_labels_do_not_cover_each_other() -> None:

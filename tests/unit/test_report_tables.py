@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, peer_series, study_of
+from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, peer_series, quick_series, study_of
 
 from hsplat_cli.reports import bytes_text, short_count_text, terminal_table
 from hsplat_cli.reports.costs import costs_by_psnr, on_pareto_fronts
@@ -126,6 +126,22 @@ def test_the_table_names_what_it_counts(measurements: list[Measurement], heading
     above, titles, *_ = terminal_table(study_of(measurements)).splitlines()
     assert " ".join(titles.split()).startswith(heading)
     assert ("bricks" in above.split()) == ("or cells" in titles)
+
+
+def test_estimates_stand_beside_their_intervals() -> None:
+    study = study_of(quick_series(), truths=())
+    above, titles, _, *lines = terminal_table(study).splitlines()
+    assert above.split() == ["time", "quartiles", "PSNR", "95", "%"]
+    assert " ".join(titles.split()) == "setting cells splats ms ms dB dB RMSE 95 % memory front"
+    assert "30.00  29.52 to 30.38  0.0316   0.0303 to 0.0334" in lines[0]
+    assert "inf" in lines[2]
+    rows = list(csv.DictReader(io.StringIO(csv_text(study), newline="")))
+    everywhere = study.measurements[0].overall.everywhere
+    for name, key in (("psnr_db", "psnr"), ("rmse", "rmse")):
+        for end in ("", "_low", "_high"):
+            assert float(rows[0][name + end]) == everywhere[key + end]
+    assert not {"ssim", "volume_rmse"} & set(rows[0])
+    assert loaded(study)["measurements"][0]["overall"]["everywhere"] == everywhere
 
 
 @pytest.mark.parametrize("study", [ALL, ODD], ids=["plain", "odd"])
