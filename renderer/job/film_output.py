@@ -37,7 +37,7 @@ from renderer.scene import OutputSpec
 
 # Of the frames, and their memory, that are compared with what the file keeps of them: a decoder takes as long for the
 # rest as an encoder for a tenth of it.
-_MAX_COMPARED, _MAX_COMPARED_BYTES = 16, 2**26
+_MAX_COMPARED, _MAX_COMPARED_BYTES = 8, 2**26
 
 
 @dataclass(frozen=True)
