@@ -409,7 +409,8 @@ def test_frames_that_were_kept_but_drawn_at_other_tolerances(draws: Draws, capsy
     printed_lines(capsys)
     rerender("film.mp4.json")
     line = "2 existing frames drawn at other tolerances are drawn again"
-    assert printed_lines(capsys)[-2:] == ["1 of 5 frames is already finished", line]
+    printed = printed_lines(capsys)
+    assert printed[printed.index(line) - 1] == "1 of 5 frames is already finished"
     assert draws.take_numbers() == [1, 2, 3, 4]
     assert output_files() == expected
     Path("out/film.mp4").unlink()
@@ -426,21 +427,24 @@ def of_another(what: str) -> list[str]:
 
 
 def test_why_a_film_of_the_same_frames_is_drawn_again(capsys: pytest.CaptureFixture[str]) -> None:
+    def reasons() -> list[str]:
+        return [line for line in printed_lines(capsys) if not line.startswith("the file keeps about ")]
+
     render("film.mp4")
     printed_lines(capsys)
     render("film.mp4", "--set", "output.quality=3")
-    assert printed_lines(capsys) == of_another("output.quality was 8")
+    assert reasons() == of_another("output.quality was 8")
     render("film.mp4", "--frames", "1:3")
     printed_lines(capsys)
     render("film.mp4", "--frames", "0:2")
-    assert printed_lines(capsys) == of_another("it has other frames")
+    assert reasons() == of_another("it has other frames")
     with Path("out/film.mp4").open("ab") as film:
         film.write(b"more")
     render("film.mp4", "--frames", "0:2")
-    assert printed_lines(capsys) == ["out/film.mp4 is not the file that its sidecar describes and is drawn again"]
+    assert reasons() == ["out/film.mp4 is not the file that its sidecar describes and is drawn again"]
     Path("out/film.mp4").unlink()
     render("film.mp4", "--frames", "0:2")
-    assert printed_lines(capsys) == []
+    assert reasons() == []
 
 
 def test_why_where_a_sidecar_was_changed(capsys: pytest.CaptureFixture[str]) -> None:
