@@ -37,7 +37,7 @@ class Worker(WithoutHTTP, distributed.Worker):  # type: ignore[misc]  # mypy doe
 
 @dataclass(frozen=True)
 class WorkerSettings:
-    """A set of what a worker is told. listen: the options of its port; certificate and key: PEM; folder: of its files."""
+    """A worker's settings. listen: the options of its port; certificate and key: PEM; folder: of its files."""
 
     scheduler: str
     listen: dict[str, Any]
