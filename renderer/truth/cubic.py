@@ -92,9 +92,12 @@ def _stationary_points(cubic: Cubic) -> tuple[float, float]:
 def _crossing(cubic: Cubic, knot: float, start: float, end: float) -> float:
     """Return the t in [start, end], where the cubic is monotone and passes through `knot`, at which it equals it."""
     rising = value_at(cubic, end) > knot
+    rounding = 2.0**-52 * (abs(cubic[0]) + abs(cubic[1]) + abs(cubic[2]) + abs(cubic[3]))
     t = 0.5 * (start + end)
     for _ in range(80):
         excess = value_at(cubic, t) - knot
+        if abs(excess) <= rounding:  # else Newton often leaves the bracket by a bit, and bisection follows
+            return t
         if (excess > 0.0) == rising:
             end = t
         else:

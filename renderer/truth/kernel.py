@@ -9,8 +9,8 @@ because crossings are computed and not sampled. Nearly all of the time is spent 
 depend on the step: another step costs little.
 
 Most cells show nothing, which is found out once for each macrocell, when the first ray meets it. All functions are
-inlined, because each array passed to a function is reference-counted atomically in shared memory: with a dozen arrays
-for each cell, two threads took twice as long.
+inlined, because references to each array passed to a function are counted atomically in shared memory: with a dozen
+arrays for each cell, two threads took twice as long.
 """
 
 from __future__ import annotations
@@ -42,6 +42,8 @@ MACROCELL_SIZE = 4
 _UNKNOWN, _EMPTY, _VISIBLE = 0, 1, 2
 
 _ZERO = np.zeros(1)
+# A sum of squares that is no smaller is accurate, and one that is no larger than its inverse, too.
+_LEAST_SQUARE = 2.0**-900
 # The axis that asks for a voxel's value, and not for a difference.
 _VALUE = -1
 
@@ -78,12 +80,14 @@ class LambertShading(NamedTuple):
 @inline
 def _light_factor(gradient: Gradient, t: float, shading: LambertShading) -> float:
     x, y, z = value_at(gradient[0], t), value_at(gradient[1], t), value_at(gradient[2], t)
-    largest = max(abs(x), abs(y), abs(z))
-    if largest == 0.0:
-        return shading.ambient
-    x, y, z = x / largest, y / largest, z / largest  # so that squares neither overflow nor vanish
-    light = shading.light
-    cosine = -(x * light[0] + y * light[1] + z * light[2]) / math.sqrt(x * x + y * y + z * z)
+    light, square = shading.light, x * x + y * y + z * z
+    if not _LEAST_SQUARE < square < 1.0 / _LEAST_SQUARE:  # squares must neither overflow nor vanish
+        largest = max(abs(x), abs(y), abs(z))
+        if largest == 0.0:
+            return shading.ambient
+        x, y, z = x / largest, y / largest, z / largest
+        square = x * x + y * y + z * z
+    cosine = -(x * light[0] + y * light[1] + z * light[2]) / math.sqrt(square)
     return shading.ambient + shading.diffuse * max(0.0, cosine)
 
 
