@@ -8,6 +8,7 @@ from .bricks import (
     Bricks as Bricks,
     make_bricks as make_bricks,
 )
+from .extremes import extreme_bricks as extreme_bricks, extremes_at as extremes_at
 from .layout import (
     BRICK_LEVELS as BRICK_LEVELS,
     BRICK_SIZE as BRICK_SIZE,
@@ -24,6 +25,7 @@ from .sampling import (
     DITHER as DITHER,
     JITTER_PER_PX as JITTER_PER_PX,
     BrickBatch as BrickBatch,
+    Extremes as Extremes,
     make_brick_batch as make_brick_batch,
 )
 from .texels import mean_texels as mean_texels, scalar_texels as scalar_texels

@@ -53,12 +53,30 @@ JITTER_PER_PX = 3242174889, 2447445414
 
 
 @dataclass(frozen=True)
+class Extremes:
+    """How rays find the most extreme scalar of bricks of level 0.
+
+    offset, slope: of `offset + slope * u`, which is 0 where a scalar is as good as none, and 1 at the other end of the
+        colours; u is the texel. Its maximum is sought.
+    tops: float64 [n], an upper bound of it in each brick.
+    slack: by how much it may be missed. by_depth: whether its place counts: the nearest of the largest.
+    """
+
+    offset: float
+    slope: float
+    tops: Float64
+    slack: float
+    by_depth: bool
+
+
+@dataclass(frozen=True)
 class BrickBatch:
     """A batch of bricks to draw, in the order of their cut.
 
     steps: float64 [n], the approximate length of a step, in cells of the brick.
     origin: float64 [3], world position of the model's origin, the volume's centre.
     model_unit: world length of a model unit.
+    extremes: how rays find their extreme scalar; None where they are composited.
     """
 
     cut: BrickCut
@@ -68,9 +86,15 @@ class BrickBatch:
     screen_sampling: ScreenSampling
     origin: Float64
     model_unit: float
+    extremes: Extremes | None = None
 
     def __len__(self) -> int:
         return len(self.cut)
+
+    @property
+    def needs_loops(self) -> bool:
+        """Return whether only the compiled loops draw it, also beside a GPU."""
+        return self.extremes is not None
 
     @property
     def spacings_per_model_unit(self) -> float:

@@ -8,6 +8,7 @@ from renderer.draw import Rasterizer
 from renderer.film import Pixels, quantize
 from renderer.frame.primitives import LOD, Orders
 from renderer.frame.stage import Stage, Stopwatch, view_of
+from renderer.modes import chord_lengths
 from renderer.view import View
 from renderer.volume import Float32
 
@@ -68,6 +69,8 @@ def draw_frame(stage: Stage, draw_list: DrawList, rasterizer: Rasterizer, watch:
     if draw_list.upload(rasterizer):
         watch.lap(UPLOAD_STAGE)
     image = _blend_orders(draw_list, rasterizer)
+    if stage.projection is not None:
+        image = stage.projection.picture(image, chord_lengths(stage.volume, draw_list.view))
     watch.lap("draw")
     if lod.edges is not None:
         lines = rasterizer.rasterize_edges(lod.edges, draw_list.view)

@@ -16,6 +16,7 @@ from renderer.errors import InputError
 from renderer.frame.budget import ScheduleController, ToleranceController
 from renderer.frame.frame import Frame, draw_frame
 from renderer.frame.stage import Clock, Stage, Stopwatch
+from renderer.modes import make_projection
 from renderer.pyramid import EVERY_CUT, FinestCut, build_pyramid
 from renderer.readers import read_volume
 from renderer.scene import (
@@ -72,6 +73,9 @@ def prepare_stage(
     raise_problems([*volume_problems(extent, volume.name), *camera_problems(camera, size, extent)])
     watch.lap("read")
     transfer = make_transfer_function(scene.transfer_function, volume.finest_spacing)
+    projection = make_projection(scene.mode, transfer, volume)
+    if projection is not None:
+        transfer = projection.optics
     build: dict[str, Any] = {"spec": scene.pyramid, "error": scene.error, "shading": scene.shading}
     bricks = None
     if scene.splat.footprint == "integrated":
@@ -90,7 +94,17 @@ def prepare_stage(
     order_blending = make_order_blending(volume.world_from_index, camera.path)
     watch.lap("framing")
     return Stage(
-        scene, volume, pyramid, target, distance, finest_level, voxel_px, order_blending, bricks, watch.seconds
+        scene,
+        volume,
+        pyramid,
+        target,
+        distance,
+        finest_level,
+        voxel_px,
+        order_blending,
+        bricks,
+        projection,
+        watch.seconds,
     )
 
 

@@ -22,6 +22,8 @@ from renderer.bricks import (
     ScreenSampling,
     brick_cut_sizes,
     cut_bricks,
+    extreme_bricks,
+    extremes_at,
     make_brick_batch,
 )
 from renderer.draw import CellEdges, make_edges
@@ -29,6 +31,7 @@ from renderer.frame.stage import Stage, finest_level_at
 from renderer.pyramid import Cut, CutSizes, cut_pyramid, cut_sizes, root_error
 from renderer.scene import MIN_TOLERANCE
 from renderer.splats import SplatBatch, make_splats
+from renderer.system import num_cores
 from renderer.view import View, blended_orders, model_view, total_square_area_px, visible_bricks, visible_order
 from renderer.volume import UInt32
 
@@ -113,7 +116,9 @@ class Primitive(ABC):
 
     def make_lod(self, tolerance: float, lap: Lap) -> LOD:
         """Cut at a tolerance, and prepare the cut for the rasteriser."""
-        cut, batch, orders = self._prepare(tolerance, lap)
+        projection = self._stage.projection
+        factor = 1.0 if projection is None else projection.tolerance_factor
+        cut, batch, orders = self._prepare(factor * tolerance, lap)
         lap("primitives")
         edges = None
         if self._with_edges:
@@ -151,7 +156,10 @@ class Primitive(ABC):
 
 def make_primitive(stage: Stage) -> SplatPrimitive | BrickPrimitive:
     """Return the primitive of the scene's footprint."""
-    return SplatPrimitive(stage) if stage.bricks is None else BrickPrimitive(stage, stage.bricks)
+    if stage.bricks is None:
+        return SplatPrimitive(stage)
+    kind = ExtremumPrimitive if stage.scene.mode.is_extremum else BrickPrimitive
+    return kind(stage, stage.bricks)
 
 
 class SplatPrimitive(Primitive):
@@ -245,6 +253,35 @@ class BrickPrimitive(Primitive):
     def _batch(self, cut: BrickCut, tolerance: float) -> BrickBatch:
         shading, voxel_px = self._stage.scene.shading, self._stage.voxel_px
         return make_brick_batch(cut, self._bricks, tolerance=tolerance, shading=shading, voxel_px=voxel_px)
+
+
+class ExtremumPrimitive(BrickPrimitive):
+    """Draws bricks of level 0, in which rays look for their most extreme scalar; a tolerance passes over some."""
+
+    def __init__(self, stage: Stage, bricks: Bricks) -> None:
+        super().__init__(stage, bricks)
+        mode = stage.scene.mode
+        is_maximum, self._by_depth = mode.type == "maximum", mode.color_by == "depth"
+        num_threads = num_cores()
+        self._all = extreme_bricks(bricks, is_maximum=is_maximum, by_depth=self._by_depth, num_threads=num_threads)
+
+    def _prepare(self, tolerance: float, lap: Lap) -> tuple[BrickCut, BrickBatch, OrderFinder]:
+        batch = self._batch(self._all.cut, tolerance)
+        assert batch.extremes is not None
+        tops = batch.extremes.tops
+
+        def orders(view: View) -> Orders:
+            """Return the bricks with the largest bounds first; by depth, front to back."""
+            order = visible_bricks(batch, view)
+            return [(1.0, order if self._by_depth else order[np.argsort(-tops[order], kind="stable")])]
+
+        return batch.cut, batch, orders
+
+    def _cut(self, tolerance: float) -> BrickCut:
+        return self._all.cut
+
+    def _batch(self, cut: BrickCut, tolerance: float) -> BrickBatch:
+        return extremes_at(self._all, tolerance, self._stage.voxel_px)
 
 
 def num_samples(batch: BrickBatch, order: UInt32, view: View) -> float:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from renderer.bricks import Bricks
+from renderer.modes import Projection
 from renderer.pyramid import Pyramid
 from renderer.scene import Scene, Vector
 from renderer.view import OrderBlending, View, make_view
@@ -24,6 +25,7 @@ class Stage:
     voxel_px: the finest spacing at the volume's centre, in pixels, where it is smallest along the path.
     order_blending: which neighbours change their order along the path.
     bricks: of the volume, if the footprint is drawn from bricks.
+    projection: what the scene's mode colours; None for emission and absorption.
     seconds: the time that each stage of the preparation took.
     """
 
@@ -36,6 +38,7 @@ class Stage:
     voxel_px: float
     order_blending: OrderBlending
     bricks: Bricks | None
+    projection: Projection | None
     seconds: dict[str, float]
 
     def close(self) -> None:

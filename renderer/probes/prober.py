@@ -11,8 +11,7 @@ from renderer.frame import Stage, view_of
 from renderer.probes.estimate import ErrorSamples, error_samples
 from renderer.probes.pixels import ChosenPixels, choose_pixels
 from renderer.scene import Color, Scene
-from renderer.transfer import make_transfer_function
-from renderer.truth import RayIntegrator
+from renderer.truth import SceneRays
 from renderer.volume import Float32, Float64
 
 # Of the rays, in voxels. Without shading 1 leaves errors of 1e-7. With it, 1/2 left 1e-5 to 1.3e-4 (RMS over the pixels
@@ -77,8 +76,7 @@ class FrameProber:
     def __init__(
         self, stage: Stage, num_rays: int, *, seed: int = 0, num_threads: int = 2, tolerance: float | None = None
     ) -> None:
-        transfer = make_transfer_function(stage.scene.transfer_function, stage.volume.finest_spacing)
-        self._integrator = RayIntegrator(stage.volume, transfer, stage.scene.shading, num_threads=num_threads)
+        self._rays = SceneRays(stage.volume, stage.scene, num_threads=num_threads)
         self._step = _STEP if stage.scene.shading is None else _SHADED_STEP
         self._tolerance = tolerance
         self._stage, self._num_rays, self._seed = stage, num_rays, seed
@@ -89,9 +87,9 @@ class FrameProber:
         chosen = choose_pixels(image, self._num_rays, (self._seed, number))
         view = view_of(self._stage, number)
         if self._tolerance is None:
-            (exact,) = self._integrator.integrate(view, chosen.numbers, [self._step])
+            exact = self._rays.integrate(view, chosen.numbers, self._step)
         else:
-            exact, _ = self._integrator.converge(view, chosen.numbers, self._tolerance)
+            exact, _ = self._rays.converge(view, chosen.numbers, self._tolerance)
         return ExactPixels(chosen, over_background(exact[:, None], background)[:, 0], background)
 
     def probe(self, number: int, image: Pixels) -> Probe:

@@ -57,6 +57,7 @@ from .message_text import (
     pluralize_range as pluralize_range,
     short_text as short_text,
 )
+from .mode_section import MODE_NAMES as MODE_NAMES, ModeSpec as ModeSpec
 from .output_section import (
     FRAME_FIELD as FRAME_FIELD,
     OUTPUT_FILE_FIELD as OUTPUT_FILE_FIELD,

@@ -26,6 +26,7 @@ from renderer.scene.error_section import (
     schedule_to_dict,
 )
 from renderer.scene.limits import proportion_problems, raise_problems
+from renderer.scene.mode_section import MODE_SECTION, ModeSpec, check_mode
 from renderer.scene.output_section import OUTPUT_SECTION, OutputSpec, check_frame_field
 from renderer.scene.splat_section import SPLAT_SECTION, SplatSpec, unused_splat_keys
 from renderer.scene.transfer_section import TRANSFER_FUNCTION_SECTION, ColormapSpec, TransferSpec
@@ -73,6 +74,7 @@ class Scene:
     splat: Annotated[SplatSpec, SPLAT_SECTION] = field(default=SplatSpec("integrated"))
     pyramid: PyramidSpec = PyramidSpec()
     shading: ShadingSpec | None = None
+    mode: Annotated[ModeSpec, MODE_SECTION] = field(default=ModeSpec())
     overlay: Literal["none", "octree"] = "none"
     version: Annotated[int, _VERSION] = VERSION
 
@@ -95,6 +97,7 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     given = schema.read_fields(node, _SECTIONS, required=required, misplaced_hints=_MISPLACED_KEY_HINTS)
     check_scheduled_frames(node.child("error"), given)
     check_exact_picture(node.child("error"), given)
+    check_mode(node, given)
     if not is_single_frame:
         check_frame_field(node.child("output"), given)
     scene = Scene(**given)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Any
@@ -79,16 +79,22 @@ COLORMAP_FIELD = schema.FieldType("a name such as viridis, gray, cividis_r or cr
 
 @dataclass(frozen=True)
 class ControlPoint:
-    """A colour and an opacity (in [0, 1], per `TransferSpec.unit`) at a scalar value, in data units."""
+    """A colour and an opacity (in [0, 1], per `TransferSpec.unit`) at a scalar value, in data units.
+
+    Only projections may leave opacities out.
+    """
 
     value: Annotated[float, _NUMBER]
     color: Annotated[Color, COLOR_FIELD]
-    opacity: Annotated[float, _PART]
+    opacity: Annotated[float, _PART] = 1.0
 
 
 @dataclass(frozen=True)
 class ColormapSpec:
-    """A named colormap stretched over `range`, with opacity points (value, opacity)."""
+    """A named colormap stretched over `range`, with opacity points (value, opacity).
+
+    Only projections may leave opacities out.
+    """
 
     name: str
     range: tuple[float, float]
@@ -150,10 +156,12 @@ def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     if not any(key in given for key in _COLORMAP_FIELDS):
         node.reject("no colors and opacities", got="", expected="points, or colormap with range and opacity")
     else:
-        for key in [key for key in _COLORMAP_FIELDS if key not in given]:
+        for key in [key for key in _COLORMAP_FIELDS if key not in given and key != "opacity"]:
             hint = "`hsplat info` shows the values of a volume" if key == "range" else None
             _FIELDS[key].reject(node.child(key), "missing", hint=hint)
     name, low_high, opacity = (given.get(key, INVALID) for key in _COLORMAP_FIELDS)
+    if "opacity" not in given and isinstance(low_high, tuple) and INVALID not in low_high:
+        opacity = ((low_high[0], 1.0),)
     pairs = list(opacity) if isinstance(opacity, tuple) else []
     _check_points(node.child("opacity"), [(INVALID, INVALID) if pair is INVALID else pair for pair in pairs], 0)
     return TransferSpec(ColormapSpec(name, low_high, opacity), unit)
@@ -175,6 +183,17 @@ def _check_points(node: TreeNode, points: list[tuple[Any, Any]], value_key: obje
             place.reject("a third point at the same value", hint="two points make a step")
     if points and all(opacity == 0 for _, opacity in points):
         node.reject("nothing is visible: every opacity is 0", expected="an opacity greater than 0")
+
+
+def check_opacities(node: TreeNode) -> None:
+    """Check that a transfer function, as it is written, has opacities."""
+    section = node.value if isinstance(node.value, Mapping) else {}
+    points = section.get("points")
+    if "colormap" in section and "opacity" not in section:
+        _COLORMAP_FIELDS["opacity"].reject(node.child("opacity"), "missing")
+    for index, point in enumerate(points if isinstance(points, (list, tuple)) else ()):
+        if isinstance(point, Mapping) and "value" in point and "opacity" not in point:
+            _PART.reject(node.child("points").child(index).child("opacity"), "missing")
 
 
 TRANSFER_FUNCTION_SECTION = schema.section_field(_FIELDS, _build_transfer)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,8 +15,7 @@ from renderer.probes import ExactPixels, FrameProber
 from renderer.scene import CameraPath, KeyframePath, with_tolerance
 from renderer.study.metrics import Accuracy, FloatImage, measure_accuracy, sampled_accuracy
 from renderer.study.thumbnails import amplified_difference, thumbnail
-from renderer.transfer import make_transfer_function
-from renderer.truth import Convergence, converged_image
+from renderer.truth import Convergence, Progress, SceneRays, ignore
 from renderer.volume import Bools, UInt8
 
 T = TypeVar("T")
@@ -80,16 +79,17 @@ class SampledTruth:
         """Return None: some pixels show no difference."""
 
 
-def compute_truth(stage: Stage, frame: int, tolerance: float, **options: Any) -> Truth:
+def compute_truth(
+    stage: Stage, frame: int, tolerance: float, *, num_threads: int, on_progress: Progress = ignore
+) -> Truth:
     """Compute the truth of a frame to `tolerance` in every channel. Raises RenderError if it does not converge.
 
-    options: num_threads and on_progress, as in `converged_image`.
+    num_threads and on_progress: as in `converged_image`.
     """
     scene, view = stage.scene, view_of(stage, frame)
-    transfer = make_transfer_function(scene.transfer_function, stage.volume.finest_spacing)
-    image, convergence = converged_image(
-        stage.volume, transfer, view, tolerance=tolerance, shading=scene.shading, **options
-    )
+    (width, height), rays = view.size, SceneRays(stage.volume, scene, num_threads=num_threads)
+    pixels, convergence = rays.converge(view, np.arange(width * height), tolerance, on_progress)
+    image = pixels.reshape(height, width, 4)
     return Truth(frame, over_background(image, scene.output.background), image[..., 3] > 0, convergence)
 
 

@@ -15,6 +15,7 @@ from .piecewise import (
     PIECE_FLOATS as PIECE_FLOATS,
     PiecewiseTransfer as PiecewiseTransfer,
     TransferTable as TransferTable,
+    evaluate as evaluate,
     evaluate_segment as evaluate_segment,
     make_piecewise_transfer as make_piecewise_transfer,
     make_transfer_table as make_transfer_table,
@@ -23,6 +24,7 @@ from .piecewise import (
 )
 from .transfer_function import (
     LARGEST_EXPONENT as LARGEST_EXPONENT,
+    MAX_VOXEL_DEPTH as MAX_VOXEL_DEPTH,
     VISIBILITY_THRESHOLD as VISIBILITY_THRESHOLD,
     TransferFunction as TransferFunction,
     is_range_visible as is_range_visible,

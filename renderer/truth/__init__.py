@@ -4,6 +4,7 @@ In: `Volume`, transfer function and `View`. Out: float64 images of the continuou
 classification (Max 1995). `converged_image` halves the steps of `integrate` until nothing changes; verified by its
 order of convergence (Etiene et al. 2014).
 
+- `scene_rays.py`: the rays of a scene, in the colours of its mode; `extremum.py`: the largest scalar of a ray.
 - `integrator.py`: the image, and the steps halved until it converges; `kernel.py`: one ray, compiled; `cubic.py`: the
   field along a ray through a cell is a cubic polynomial.
 """

@@ -1,6 +1,9 @@
 from .integrator import (
     Convergence as Convergence,
+    Progress as Progress,
     RayIntegrator as RayIntegrator,
     converged_image as converged_image,
+    ignore as ignore,
     integrate as integrate,
 )
+from .scene_rays import SceneRays as SceneRays

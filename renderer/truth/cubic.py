@@ -72,7 +72,7 @@ def _insert(splits: Float64, count: int, t: float) -> int:
 
 
 @inline
-def _stationary_points(cubic: Cubic) -> tuple[float, float]:
+def stationary_points(cubic: Cubic) -> tuple[float, float]:
     """Return where the slope of the cubic changes its sign, ascending; -1 for each missing place."""
     a, b, c = 3.0 * cubic[3], 2.0 * cubic[2], cubic[1]
     largest = max(abs(a), abs(b), abs(c))
@@ -115,7 +115,7 @@ def _crossing(cubic: Cubic, knot: float, start: float, end: float) -> float:
 @inline
 def add_crossings(cubic: Cubic, knots: Float64, splits: Float64, count: int) -> int:
     """Add to splits[:count] every t in (0, 1) at which the cubic passes through one of the ascending knots."""
-    turn_0, turn_1 = _stationary_points(cubic)
+    turn_0, turn_1 = stationary_points(cubic)
     start = 0.0
     for candidate in (turn_0, turn_1, 1.0):
         if not start < candidate <= 1.0:

@@ -55,8 +55,8 @@ class Convergence:
     num_pixels: tuple[int, ...]
 
 
-def _ignore(_share: float) -> None:
-    pass
+def ignore(_share: float) -> None:
+    """Do nothing with the finished share of some work."""
 
 
 def integrate(
@@ -67,7 +67,7 @@ def integrate(
     step_voxels: float,
     shading: ShadingSpec | None = None,
     num_threads: int = 2,
-    on_progress: Progress = _ignore,
+    on_progress: Progress = ignore,
 ) -> Float64:
     """Return the image, float64 [height, width, 4], premultiplied RGBA, unclipped, row 0 at the top.
 
@@ -91,7 +91,7 @@ def converged_image(
     tolerance: float,
     shading: ShadingSpec | None = None,
     num_threads: int = 2,
-    on_progress: Progress = _ignore,
+    on_progress: Progress = ignore,
 ) -> tuple[Float64, Convergence]:
     """Return the image, converged as by `RayIntegrator.converge`, and its convergence.
 
@@ -122,19 +122,15 @@ class RayIntegrator:
         self._volume, self._values, self._num_threads = volume, values, num_threads
         # For each cube of cells, the first ray notes whether anything in it is visible.
         self._macrocells = np.zeros([n // MACROCELL_SIZE + 1 for n in values.shape], np.uint8)
-        self._index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
-        largest = max(_least_largest(volume), float(np.abs(transfer.values).max()))
-        exponent = math.frexp(largest)[1]
-        scale = math.ldexp(1.0, min(max(exponent, _LEAST_EXPONENT), _LARGEST_EXPONENT) - exponent)
-        self._intervals = _intervals(transfer, scale)
-        self._lambert, self._is_shaded = _lambert_shading(shading, self._index_from_world), shading is not None
+        self._intervals = _intervals(transfer, largest_magnitude_scale(volume, transfer))
+        self._lambert, self._is_shaded = _lambert_shading(shading, volume), shading is not None
 
     def integrate(
         self,
         view: View,
         pixels: Int64,
         steps: Sequence[float],
-        on_progress: Progress = _ignore,
+        on_progress: Progress = ignore,
         done: float = 0.0,
     ) -> Float64:
         """Return premultiplied RGBA of pixels with each of some steps in voxels, float64 [steps, n, 4].
@@ -143,36 +139,20 @@ class RayIntegrator:
         pixels are the rest. Other parameters as in the function `integrate`.
         """
         radiance, max_steps = np.empty((pixels.size, len(steps), 4)), np.array(steps)
-        shared_out = max(_MIN_RAYS_PER_TASK, pixels.size // (_TASKS_PER_THREAD * self._num_threads))
-        num_rays = min(_RAYS_PER_TASK, shared_out)
 
-        def integrate_part(first: int) -> None:
+        def integrate_part(part: slice) -> None:
             self._volume.require_unchanged()
-            part = slice(first, first + num_rays)
-            origins, directions, starts = rays_through_pixels(self._volume.centre, view, pixels[part])
-            origins = origins @ self._index_from_world.T + self._volume.centre_index
-            directions = directions @ self._index_from_world.T
+            rays = index_rays(self._volume, view, pixels[part])
             field = self._values, self._macrocells
             optics = self._intervals, self._lambert
-            integrate_rays(*field, origins, directions, starts, max_steps, *optics, radiance[part])
+            integrate_rays(*field, *rays, max_steps, *optics, radiance[part])
 
-        if pixels.size <= num_rays:
-            integrate_part(0)
-            on_progress(1.0)
-            return np.moveaxis(radiance, 1, 0)
-        with ThreadPoolExecutor(self._num_threads) as pool:
-            try:
-                parts = [pool.submit(integrate_part, first) for first in range(0, pixels.size, num_rays)]
-                for number, part in enumerate(parts, 1):
-                    part.result()
-                    on_progress(done + number / len(parts) * (1.0 - done))
-            finally:  # after an interrupt or an error, drop what has not started
-                pool.shutdown(wait=False, cancel_futures=True)
+        in_parts(integrate_part, pixels.size, self._num_threads, lambda share: on_progress(done + share * (1.0 - done)))
         self._volume.require_unchanged()
         return np.moveaxis(radiance, 1, 0)
 
     def converge(
-        self, view: View, pixels: Int64, tolerance: float, on_progress: Progress = _ignore
+        self, view: View, pixels: Int64, tolerance: float, on_progress: Progress = ignore
     ) -> tuple[Float64, Convergence]:
         """Integrate pixels at ever shorter steps, until halving the step changes no channel by `tolerance` or more.
 
@@ -217,6 +197,34 @@ class RayIntegrator:
         )
 
 
+def in_parts(work: Callable[[slice], None], num_rays: int, num_threads: int, on_progress: Progress) -> None:
+    """Work on parts of some rays, on several threads where there are many; what `on_progress` raises ends the work."""
+    shared_out = max(_MIN_RAYS_PER_TASK, num_rays // (_TASKS_PER_THREAD * num_threads))
+    size = min(_RAYS_PER_TASK, shared_out)
+    if num_rays <= size:
+        work(slice(0, num_rays))
+        on_progress(1.0)
+        return
+    with ThreadPoolExecutor(num_threads) as pool:
+        try:
+            parts = [pool.submit(work, slice(first, first + size)) for first in range(0, num_rays, size)]
+            for number, part in enumerate(parts, 1):
+                part.result()
+                on_progress(number / len(parts))
+        finally:  # after an interrupt or an error, drop what has not started
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def index_rays(volume: Volume, view: View, pixels: Int64) -> tuple[Float64, Float64, Float64]:
+    """Return the rays through the centres of pixels in index space; the directions are of unit length in the world.
+
+    Lengths along them are those of `rays_through_pixels`, whose parameters and results these are.
+    """
+    index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
+    origins, directions, starts = rays_through_pixels(volume.centre, view, pixels)
+    return origins @ index_from_world.T + volume.centre_index, directions @ index_from_world.T, starts
+
+
 def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tuple[Float64, Float64, Float64]:
     """Return the rays through the centres of pixels, which are numbered row by row from the top left corner.
 
@@ -238,6 +246,13 @@ def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tupl
     length = np.linalg.norm(direction, axis=1)  # world length per unit of depth
     origins = depth * direction - point
     return origins @ view.axes, direction / length[:, None] @ view.axes, (view.near - depth) * length
+
+
+def largest_magnitude_scale(volume: Volume, transfer: TransferFunction) -> float:
+    """Return a power of two that brings the largest scalar or control value to where sums and slopes are finite."""
+    largest = max(_least_largest(volume), float(np.abs(transfer.values).max()))
+    exponent = math.frexp(largest)[1]
+    return math.ldexp(1.0, min(max(exponent, _LEAST_EXPONENT), _LARGEST_EXPONENT) - exponent)
 
 
 def _least_largest(volume: Volume) -> float:
@@ -266,7 +281,8 @@ def _intervals(transfer: TransferFunction, scale: float) -> Intervals:
     return Intervals(knots, np.column_stack([base, slope, origin, num_opaque_below]), scale)
 
 
-def _lambert_shading(shading: ShadingSpec | None, index_from_world: Float64) -> LambertShading:
+def _lambert_shading(shading: ShadingSpec | None, volume: Volume) -> LambertShading:
+    index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
     spec = shading or ShadingSpec()
     x, y, z = np.array(spec.light, np.float64) / np.linalg.norm(spec.light)
     # A gradient transforms with the transposed inverse of the map of points.

@@ -216,6 +216,12 @@ def _load_corners(values: Any, cell: Cell, axis: int, scale: float) -> Corners:
 
 
 @inline
+def load_values(values: Any, cell: Cell, scale: float) -> Corners:
+    """Return the scaled voxels at the corners of a cell, clamped to the volume."""
+    return _load_corners(values, cell, _VALUE, scale)
+
+
+@inline
 def _linear_combination(weights: Vector, gradient: Gradient) -> Cubic:
     first, second, third = gradient
     a, b, c = weights
@@ -257,8 +263,8 @@ def _is_visible(low: float, high: float, intervals: Intervals) -> bool:
 
 
 @inline
-def _classify_macrocell(values: Any, i: int, j: int, k: int, intervals: Intervals) -> int:
-    """Return whether anything may be visible in macrocell (i, j, k) (x, y, z), from cell MACROCELL_SIZE * i - 1."""
+def macrocell_range(values: Any, i: int, j: int, k: int) -> Any:
+    """Return the range of the voxels around macrocell (i, j, k) (x, y, z), from cell MACROCELL_SIZE * i - 1."""
     num_z, num_y, num_x = values.shape
     low = high = values[
         min(k * MACROCELL_SIZE, num_z - 1), min(j * MACROCELL_SIZE, num_y - 1), min(i * MACROCELL_SIZE, num_x - 1)
@@ -267,6 +273,13 @@ def _classify_macrocell(values: Any, i: int, j: int, k: int, intervals: Interval
         for y in range(max(j * MACROCELL_SIZE - 1, 0), min((j + 1) * MACROCELL_SIZE, num_y)):
             for x in range(max(i * MACROCELL_SIZE - 1, 0), min((i + 1) * MACROCELL_SIZE, num_x)):
                 low, high = min(low, values[z, y, x]), max(high, values[z, y, x])
+    return low, high
+
+
+@inline
+def _classify_macrocell(values: Any, i: int, j: int, k: int, intervals: Intervals) -> int:
+    """Return whether anything may be visible in a macrocell."""
+    low, high = macrocell_range(values, i, j, k)
     return _VISIBLE if _is_visible(float(low) * intervals.scale, float(high) * intervals.scale, intervals) else _EMPTY
 
 
@@ -287,7 +300,7 @@ def _integrate_cell(
 
     splits: scratch space for 3 crossings of each knot and 3 more.
     """
-    corners = _load_corners(values, cell, _VALUE, intervals.scale)
+    corners = load_values(values, cell, intervals.scale)
     if not _is_visible(min(corners), max(corners), intervals):
         return
     cubic = cubic_in_cell(corners, entry, extent)
@@ -306,7 +319,7 @@ def _integrate_cell(
 
 
 @inline
-def _clip_to_volume(shape: Cell, origin: Vector, direction: Vector, start: float) -> tuple[float, float]:
+def clip_to_volume(shape: Cell, origin: Vector, direction: Vector, start: float) -> tuple[float, float]:
     """Clip the ray from `start` on to [-1/2, n - 1/2] on each axis; empty unless the first result is smaller."""
     end = math.inf
     for axis in range(3):
@@ -321,12 +334,13 @@ def _clip_to_volume(shape: Cell, origin: Vector, direction: Vector, start: float
 
 
 @inline
-def _first_cell(at: float, num_voxels: int) -> int:
+def first_cell(at: float, num_voxels: int) -> int:
+    """Return the cell along an axis in which a position lies."""
     return min(max(math.floor(at), -1), num_voxels - 1)
 
 
 @inline
-def _distance_to_plane(cell: int, origin: float, direction: float) -> float:
+def distance_to_plane(cell: int, origin: float, direction: float) -> float:
     """Return where the ray leaves a cell along one axis, from the cell's number, so that rounding does not add up."""
     if direction == 0.0:
         return math.inf
@@ -359,13 +373,13 @@ def _integrate_ray(
     for k in range(len(gathered)):
         for channel in range(4):
             gathered[k, channel] = 0.0
-    s, end = _clip_to_volume(values.shape, origin, direction, start)
+    s, end = clip_to_volume(values.shape, origin, direction, start)
     if not s < end:
         return
     (ox, oy, oz), (dx, dy, dz) = origin, direction
     num_z, num_y, num_x = values.shape
-    x, y, z = _first_cell(ox + s * dx, num_x), _first_cell(oy + s * dy, num_y), _first_cell(oz + s * dz, num_z)
-    to_x, to_y, to_z = _distance_to_plane(x, ox, dx), _distance_to_plane(y, oy, dy), _distance_to_plane(z, oz, dz)
+    x, y, z = first_cell(ox + s * dx, num_x), first_cell(oy + s * dy, num_y), first_cell(oz + s * dz, num_z)
+    to_x, to_y, to_z = distance_to_plane(x, ox, dx), distance_to_plane(y, oy, dy), distance_to_plane(z, oz, dz)
     is_opaque = False
     while s < end and not is_opaque:
         s_exit = min(max(min(to_x, to_y, to_z), s), end)
@@ -384,13 +398,13 @@ def _integrate_ray(
         s = s_exit
         if to_x <= to_y and to_x <= to_z:
             x += 1 if dx > 0.0 else -1
-            to_x = _distance_to_plane(x, ox, dx)
+            to_x = distance_to_plane(x, ox, dx)
         elif to_y <= to_z:
             y += 1 if dy > 0.0 else -1
-            to_y = _distance_to_plane(y, oy, dy)
+            to_y = distance_to_plane(y, oy, dy)
         else:
             z += 1 if dz > 0.0 else -1
-            to_z = _distance_to_plane(z, oz, dz)
+            to_z = distance_to_plane(z, oz, dz)
 
 
 @jit

@@ -31,6 +31,7 @@ ORDER = {
         "splats",
         "bricks",
         "view",
+        "modes",
         "draw",
         "film",
         "frame",

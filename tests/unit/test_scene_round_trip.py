@@ -25,6 +25,7 @@ from renderer.scene import (
     Keyframe,
     KeyframePath,
     MetricTarget,
+    ModeSpec,
     OutputSpec,
     ProceduralSource,
     PyramidSpec,
@@ -81,6 +82,20 @@ SCENES = {
         camera=CameraSpec(TurntablePath(9, 0.1, 12.5, AXIS)),
         error=ErrorSpec(goal=MetricTarget("psnr", 30.1), probes=64),
         output=OutputSpec(Path("b/c.gif"), record_paths=False),
+    ),
+    "attenuation": Scene(
+        volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9))),
+        transfer_function=TransferSpec(ColormapSpec("gray", (0.0, 1.0), ((0.0, 1.0),))),
+        camera=CameraSpec(TurntablePath(9)),
+        mode=ModeSpec("attenuation", 0.1, -1000.0),
+        output=OutputSpec(Path("a.mp4")),
+    ),
+    "depth": Scene(
+        volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9))),
+        transfer_function=TransferSpec(POINTS),
+        camera=CameraSpec(TurntablePath(9)),
+        mode=ModeSpec("maximum", color_by="depth"),
+        output=OutputSpec(Path("a.mp4")),
     ),
     "time budget": Scene(
         volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9))),

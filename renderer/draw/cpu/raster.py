@@ -10,15 +10,17 @@ lanes are idle. Here rays that miss a brick take no lane, and the others are sor
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
-from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch
+from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch, Extremes
 from renderer.draw import brick_cache
 from renderer.draw.brick_cache import Atlas, BrickCache, BrickView
 from renderer.draw.constants import RECTANGLE_ROUNDING_PX
+from renderer.draw.cpu.extremum import Search, draw_extremes
 from renderer.draw.cpu.march import TileBins, bin_bricks, draw_tiles
 from renderer.draw.cpu.sample import Field, Optics, make_table
 from renderer.draw.rasterizer import Rasterizer
@@ -34,6 +36,9 @@ CPU_RENDERER_NAME = "no OpenGL: drawn on the processor"
 # Pixels along the sides of a tile, without and with subsampling. Tiles of 16 draw each brick more often, and the rays
 # of tiles of 64 do not fit into the cache.
 TILE_SIDE, SUBSAMPLED_TILE_SIDE = 32, 16
+# By depth, a later number must exceed the largest one by this share of the colour range: rounding must not choose
+# between equal ones.
+_MIN_RISE = np.float32(2.0**-18)
 # Each task draws neighbouring tiles, which have bricks in common.
 _TASKS_PER_THREAD = 4
 
@@ -114,10 +119,16 @@ class CPURasterizer(Rasterizer):
             for atlas, numbers, slots in uploaded:
                 texel_offsets[numbers] = atlas.texel_offsets(slots)
             bins = _bin_bricks(brick_view.rectangles_px[group], stride, (is_drawn.shape[1], is_drawn.shape[0]))
-            bricks = brick_view.boxes[group], texel_offsets[group], brick_view.is_mean[group]
-            draw = partial(
-                draw_tiles, bins, stride, brick_view.rays, *bricks, self._field(brick_view.batch), is_drawn, image
-            )
+            bricks = brick_view.rays, brick_view.boxes[group], texel_offsets[group]
+            extremes = brick_view.batch.extremes
+            draw: Callable[[Int64], None]
+            if extremes is None:
+                field = self._field(brick_view.batch)
+                draw = partial(draw_tiles, bins, stride, *bricks, brick_view.is_mean[group], field, is_drawn, image)
+            else:
+                tops, scalars = extremes.tops[brick_view.order[group]], self.cache.atlases[0].texels
+                search = _search(extremes, brick_view.view, brick_view.batch)
+                draw = partial(draw_extremes, bins, stride, *bricks, tops, scalars, search, is_drawn, image)
             tiles = np.flatnonzero(bins.starts[1:] > bins.starts[:-1])
             num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.cache.threads.num) if self.cache.threads.num > 1 else 1
             self.cache.threads.map(draw, np.array_split(tiles, max(1, num_tasks)))
@@ -133,6 +144,19 @@ class CPURasterizer(Rasterizer):
         )
         scalars, means = self.cache.atlases
         return Field(scalars.texels, means.texels, make_table(batch.bricks.pieces), optics)
+
+
+def _search(extremes: Extremes, view: View, batch: BrickBatch) -> Search:
+    """Return what is sought in a view. Nearness falls from 1 to 0 through the ball around the volume, its diameter."""
+    nearer = -0.5 / batch.model_unit * (view.forward @ batch.cut.volume.world_from_index[:3, :3])
+    return Search(
+        np.float32(extremes.offset),
+        np.float32(extremes.slope),
+        np.float32(extremes.slack),
+        _MIN_RISE if extremes.by_depth else np.float32(0.0),
+        np.float32(np.inf if extremes.by_depth else 1.0),
+        nearer if extremes.by_depth else np.zeros(3),
+    )
 
 
 def _bin_bricks(rectangles_px: Float64, stride: int, shape: tuple[int, int]) -> TileBins:

@@ -88,16 +88,20 @@ class GLRasterizer(Rasterizer):
             self._bricks = GLBrickRenderer(self._context, self._program, self._make_target, num_threads)
         else:
             self._bricks = CPURasterizer(num_threads=num_threads)
+        self._loops = (
+            self._bricks if isinstance(self._bricks, CPURasterizer) else CPURasterizer(num_threads=num_threads)
+        )
 
     def release(self) -> None:
         """Free the context and all that it holds."""
         self._bricks.cache.release()
+        self._loops.release()
         self._context.release()
 
     def upload(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> bool:
         """Upload the bricks `batch[order]` to the device, and return whether any was missing; splats need no upload."""
         with self._drawing():
-            return self._bricks.cache.upload(batch, order, view)
+            return self._backend_of(batch).cache.upload(batch, order, view)
 
     def rasterize(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> Float32:
         """Composite `batch[order]`, splats back to front and bricks front to back.
@@ -107,7 +111,11 @@ class GLRasterizer(Rasterizer):
         with self._drawing():
             if isinstance(batch, SplatBatch):
                 return self._rasterize_splats(batch, order, view)
-            return self._bricks.rasterize(batch, order, view)
+            return self._backend_of(batch).rasterize(batch, order, view)
+
+    def _backend_of(self, batch: SplatBatch | BrickBatch) -> GLBrickRenderer | CPURasterizer:
+        """Return what draws bricks: the compiled loops where the device cannot."""
+        return self._loops if isinstance(batch, BrickBatch) and batch.needs_loops else self._bricks
 
     @contextmanager
     def _drawing(self) -> Iterator[None]:

@@ -1,0 +1,325 @@
+"""Find the most extreme scalar along rays through bricks, compiled: `num_lanes()` rays in step, from cell to cell.
+
+Between eight voxels the field along a ray is a cubic, whose extremes are known: nothing falls between samples. The
+scalar is turned so that its maximum is sought (`renderer.bricks.Extremes`). A pixel keeps the largest number that was
+found; what lies below it is passed over, brick by brick and cell by cell. Bricks come with the largest bound first, and
+a tile ends when no brick that is left can change it. By depth they come front to back, and the first maximum counts.
+
+The image has in its first channel the number, in its second how near it is, from 0 at the farthest point of the ball
+around the volume to 1, and 0 in the others.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.bricks import PADDED_BRICK_SIZE
+from renderer.compiled import (
+    any_of,
+    append,
+    broadcast,
+    fma,
+    gather,
+    inline,
+    jit,
+    lane_numbers,
+    load,
+    load_corners,
+    load_rows,
+    num_lanes,
+    store,
+    to_float32,
+    to_int32,
+    where,
+)
+from renderer.draw.cpu.march import (
+    _RAY_FLOATS,
+    _SPAN_FLOATS,
+    _TEXEL_OFFSET,
+    TileBins,
+    Window,
+    _clip_slab,
+    _first_and_step,
+    _ray_along,
+    _set_up_rays,
+    _sort,
+    _Spans,
+    _Tile,
+)
+from renderer.view import RaySetup
+from renderer.volume import Bools, Float32, Float64, Int64
+
+# A ray through a brick and half of its halo crosses at most 17 faces along each axis.
+_MAX_CELLS = 3 * (PADDED_BRICK_SIZE - 1) + 1
+_LAST_CELL = np.int32(PADDED_BRICK_SIZE - 2)
+_CLIPPED = 8
+# Rays that move less along an axis, in texels of a brick, do not cross it.
+_MIN_EXTENT = np.float32(1e-12)
+# Bricks of a tile between two looks at what its pixels have found.
+_BRICKS_BETWEEN_LOOKS = 4
+_NOT_DRAWN = np.float32(np.inf)
+
+_0, _1, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+_THIRD, _TWO, _THREE = np.float32(1 / 3), np.float32(2.0), np.float32(3.0)
+
+
+class Search(NamedTuple):
+    """What is sought in all bricks.
+
+    offset, slope: as in Extremes. slack: by how much a number must exceed the largest one to count, and min_rise to
+        take its place. ceiling: a ray ends at this number.
+    forward: float64 [3], how much nearer a step along each index axis is; 0 where depth does not count.
+    """
+
+    offset: np.float32
+    slope: np.float32
+    slack: np.float32
+    min_rise: np.float32
+    ceiling: np.float32
+    forward: Float64
+
+
+@jit
+def draw_extremes(
+    bins: TileBins,
+    stride: int,
+    rays: RaySetup,
+    boxes: Float64,
+    texel_offsets: Int64,
+    tops: Float64,
+    scalars: Float32,
+    search: Search,
+    is_drawn: Bools,
+    image: Float32,
+    tiles: Int64,
+) -> None:
+    """Draw bricks into some tiles of `image`, float32 [rows, columns, 4].
+
+    tops: float64 [n], upper bounds of what is in each brick, falling unless depth counts. Other parameters as in
+    `renderer.draw.cpu.march.draw_tiles`, and so is what keeps array indices valid.
+    """
+    num_rows, num_columns = is_drawn.shape
+    side, rectangles, starts, numbers = bins.side, bins.rectangles, bins.starts, bins.numbers
+    tiles_in_row, by_depth = -(-num_columns // side), np.any(search.forward != 0.0)
+    room = side * side + max(num_lanes(), _CLIPPED)
+    tile = _Tile(side, room, np.zeros(_RAY_FLOATS * room), np.empty(room, np.float32), np.empty(room, np.int64))
+    spans = _Spans(
+        np.zeros(_SPAN_FLOATS * room, np.float32), np.zeros(room, np.int32), np.zeros(room, np.int32),
+        np.empty(_MAX_CELLS + 2, np.int64),
+    )  # fmt: skip
+    found, pixels = np.empty(2 * num_lanes(), np.float32), image.reshape(-1)
+    for tile_number in tiles:
+        top, left = tile_number // tiles_in_row * side, tile_number % tiles_in_row * side
+        bottom, right = min(top + side, num_rows), min(left + side, num_columns)
+        window = (left, top, right, bottom)
+        _set_up_rays(rays, stride, window, is_drawn, image, tile)
+        _load_found(window, is_drawn, image, tile)
+        for k in range(starts[tile_number], starts[tile_number + 1]):
+            number = numbers[k]
+            limit = min(np.float32(tops[number]) - search.slack, search.ceiling)
+            is_look = not by_depth and (k - starts[tile_number]) % _BRICKS_BETWEEN_LOOKS == 0
+            if is_look and _least_found(window, tile) >= limit:
+                break
+            inside = (
+                max(left, rectangles[number, 0]) - left, max(top, rectangles[number, 1]) - top,
+                min(right, rectangles[number, 2]) - left, min(bottom, rectangles[number, 3]) - top,
+            )  # fmt: skip
+            num = _clip_rays(boxes[number], rays.start, inside, limit, tile, spans)
+            if num > 0:
+                _sort(spans, num)
+                corner = boxes[number, 6:9] - _TEXEL_OFFSET
+                nearness = 0.5 + np.sum(search.forward * corner) if by_depth else 0.0
+                _search(scalars[texel_offsets[number] :], search, nearness, spans, num, tile, found, pixels)
+
+
+@jit
+def _load_found(window: Window, is_drawn: Bools, image: Float32, tile: _Tile) -> None:
+    """Load the numbers that the pixels in a window have found."""
+    left, top, right, bottom = window
+    for row in range(top, bottom):
+        for column in range(left, right):
+            pixel = (row - top) * tile.side + column - left
+            tile.alphas[pixel] = image[row, column, 0] if is_drawn[row, column] else _NOT_DRAWN
+
+
+@jit
+def _least_found(window: Window, tile: _Tile) -> Any:
+    """Return the least number that the pixels in a window have found."""
+    left, top, right, bottom = window
+    least = _NOT_DRAWN
+    for row in range(bottom - top):
+        for pixel in range(row * tile.side, row * tile.side + right - left):
+            least = min(least, tile.alphas[pixel])
+    return least
+
+
+@jit
+def _clip_rays(box: Float64, start: float, window: Window, limit: np.float32, tile: _Tile, spans: _Spans) -> int:
+    """Write the spans of rays inside a brick that have found less than `limit`, and return their number.
+
+    A span has where it begins [3] and its extents [3], in texels of the brick, 0, and about how many cells it crosses.
+    """
+    left, top, right, bottom = window
+    low_x, low_y, low_z, high_x, high_y, high_z, corner_x, corner_y, corner_z, scale, _ = box
+    num = 0
+    for row in range(top, bottom):
+        for column in range(left, right, _CLIPPED):
+            pixel = row * tile.side + column
+            hit = lane_numbers(_CLIPPED) < np.int32(right - column)
+            hit &= load(tile.alphas, pixel, _CLIPPED) < limit
+            if not any_of(hit):
+                continue
+            ox, dx, ix = _ray_along(tile, pixel, 0)
+            oy, dy, iy = _ray_along(tile, pixel, 1)
+            oz, dz, iz = _ray_along(tile, pixel, 2)
+            enter, leave = _clip_slab(start, math.inf, ox, ix, low_x, high_x)
+            enter, leave = _clip_slab(enter, leave, oy, iy, low_y, high_y)
+            enter, leave = _clip_slab(enter, leave, oz, iz, low_z, high_z)
+            hit &= leave > enter
+            if not any_of(hit):
+                continue
+            way = enter, leave, 1.0
+            x, extent_x = _first_and_step(ox, dx, way, corner_x, scale)
+            y, extent_y = _first_and_step(oy, dy, way, corner_y, scale)
+            z, extent_z = _first_and_step(oz, dz, way, corner_z, scale)
+            num_cells = to_float32(to_int32(abs(extent_x) + abs(extent_y) + abs(extent_z)))
+            num_cells = where(hit, num_cells, _0)
+            append(spans.pixels, num, hit, lane_numbers(_CLIPPED) + np.int32(pixel))
+            zero = num_cells - num_cells
+            num = append(spans.rows, num, hit, (x, y, z, extent_x, extent_y, extent_z, zero, num_cells))
+    return num
+
+
+@jit
+def _search(
+    texels: Float32, search: Search, nearness: float, spans: _Spans, num: int, tile: _Tile,
+    found: Float32, pixels: Float32,
+) -> None:  # fmt: skip
+    """Search the cells of spans for larger numbers than those of their pixels.
+
+    nearness: at the texel 0 of the brick. found: float32 [2 * num_lanes()], overwritten. pixels: of the image.
+    """
+    forward = np.float32(search.forward[0]), np.float32(search.forward[1]), np.float32(search.forward[2])
+    for first in range(0, num, num_lanes()):
+        order = load(spans.order, first, num_lanes())
+        x, y, z, dx, dy, dz, _, _ = load_rows(spans.rows, order * np.int32(_SPAN_FLOATS), _SPAN_FLOATS)
+        best = gather(tile.alphas, gather(spans.pixels, order))
+        near = broadcast(_0, num_lanes())
+        i, j, k = to_int32(x), to_int32(y), to_int32(z)
+        active = lane_numbers(num_lanes()) < np.int32(num - first)
+        t, cells = broadcast(_0, num_lanes()), 0
+        while cells < _MAX_CELLS:
+            cells += 1
+            i, j, k = _inside(i), _inside(j), _inside(k)
+            tx, ty, tz = _leave_at(i, x, dx), _leave_at(j, y, dy), _leave_at(k, z, dz)
+            to_xy, to_end = min(tx, ty), min(tz, _1)
+            out = min(to_xy, to_end)
+            at = (k * np.int32(PADDED_BRICK_SIZE) + j) * np.int32(PADDED_BRICK_SIZE) + i
+            corners = _turned_corners(texels, at, search)
+            may_rise = active & (_largest_corner(corners) > best + search.slack)
+            if any_of(may_rise):
+                entry = fma(t, dx, x) - to_float32(i), fma(t, dy, y) - to_float32(j), fma(t, dz, z) - to_float32(k)
+                length = max(out - t, _0)
+                largest, share = _largest_in_cell(corners, entry, (length * dx, length * dy, length * dz))
+                is_larger = may_rise & (largest > best + search.min_rise)
+                best = where(is_larger, largest, best)
+                place = fma(share, length, t)
+                here = fma(fma(place, dz, z), forward[2], np.float32(nearness))
+                here = fma(fma(place, dx, x), forward[0], fma(fma(place, dy, y), forward[1], here))
+                near = where(is_larger, here, near)
+                active &= best < search.ceiling
+            active &= out < _1
+            if not any_of(active):
+                break
+            i = where(tx <= out, i + _step(dx), i)
+            j = where(ty <= out, j + _step(dy), j)
+            k = where(tz <= out, k + _step(dz), k)
+            t = out
+        store(found, 0, best)
+        store(found, num_lanes(), near)
+        for lane in range(min(num_lanes(), num - first)):
+            pixel = spans.pixels[spans.order[first + lane]]
+            if found[lane] > tile.alphas[pixel]:
+                number = min(found[lane], search.ceiling)
+                tile.alphas[pixel] = number
+                pixels[tile.places[pixel]], pixels[tile.places[pixel] + 1] = number, found[num_lanes() + lane]
+
+
+@inline
+def _inside(cell: Any) -> Any:
+    """Clamp cells to those of a brick."""
+    return min(max(cell, np.int32(0)), _LAST_CELL)
+
+
+@inline
+def _step(extent: Any) -> Any:
+    return to_int32(where(extent > _0, _1, -_1))
+
+
+@inline
+def _leave_at(cell: Any, first: Any, extent: Any) -> Any:
+    """Return where along spans their rays leave cells along an axis, as a share of the span; 2 where never."""
+    face = to_float32(cell) + where(extent > _0, _1, _0)
+    return where(abs(extent) < _MIN_EXTENT, _TWO, (face - first) / where(abs(extent) < _MIN_EXTENT, _1, extent))
+
+
+@inline
+def _turned_corners(texels: Float32, at: Any, search: Search) -> Any:
+    """Load the numbers at the eight corners of cells."""
+    a, b, c, d, e, f, g, h = load_corners(texels, at, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE**2)
+    offset, slope = search.offset, search.slope
+    return (
+        fma(a, slope, offset), fma(b, slope, offset), fma(c, slope, offset), fma(d, slope, offset),
+        fma(e, slope, offset), fma(f, slope, offset), fma(g, slope, offset), fma(h, slope, offset),
+    )  # fmt: skip
+
+
+@inline
+def _largest_corner(corners: Any) -> Any:
+    a, b, c, d, e, f, g, h = corners
+    ab, cd, ef, gh = max(a, b), max(c, d), max(e, f), max(g, h)
+    abcd, efgh = max(ab, cd), max(ef, gh)
+    return max(abcd, efgh)
+
+
+@inline
+def _largest_in_cell(corners: Any, entry: Any, extent: Any) -> Any:
+    """Return the largest number along `entry + extent q`, q in [0, 1], inside cells, and its q.
+
+    The trilinear field is a + q (b + q (c + q d)) there. Its extremes are at the ends or where its slope is 0.
+    """
+    c000, c100, c010, c110, c001, c101, c011, c111 = corners
+    u, v, w = entry
+    du, dv, dw = extent
+    x00, x10, x01, x11 = c100 - c000, c110 - c010, c101 - c001, c111 - c011
+    y00, y10, y01, y11 = fma(u, x00, c000), fma(u, x10, c010), fma(u, x01, c001), fma(u, x11, c011)
+    rise0, rise1 = y10 - y00, y11 - y01
+    twist0, twist1 = x10 - x00, x11 - x01
+    z0, z1 = fma(v, rise0, y00), fma(v, rise1, y01)
+    slope0 = fma(dv, rise0, du * fma(v, twist0, x00))
+    slope1 = fma(dv, rise1, du * fma(v, twist1, x01))
+    bend0, bend1 = du * dv * twist0, du * dv * twist1
+    a = fma(w, z1 - z0, z0)
+    b = fma(dw, z1 - z0, fma(w, slope1 - slope0, slope0))
+    c = fma(dw, slope1 - slope0, fma(w, bend1 - bend0, bend0))
+    d = dw * (bend1 - bend0)
+    best, place = a, a - a
+    end = a + (b + (c + d))
+    place, best = where(end > best, _1, place), max(end, best)
+    # b + 2 c q + 3 d q^2 = 0, without cancellation; any q in [0, 1] gives a number of the field.
+    triple = _THREE * d
+    root = np.sqrt(max(fma(c, c, -(triple * b)), _0))
+    sum_ = -(c + where(c < _0, -root, root))
+    for q in (_quotient(sum_, triple), _quotient(b, sum_)):
+        number = fma(q, fma(q, fma(q, d, c), b), a)
+        place, best = where(number > best, q, place), max(number, best)
+    return best, place
+
+
+@inline
+def _quotient(a: Any, b: Any) -> Any:
+    """Return a / b clamped to [0, 1], and 0 where b is 0."""
+    return min(max(a / where(b == _0, _1, b), _0), _1)

@@ -1,0 +1,80 @@
+"""Say what all projections have in common: one number of each ray, which is coloured."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+
+from renderer.compiled import jit
+from renderer.scene import ModeSpec
+from renderer.transfer import TransferFunction, TransferTable, evaluate
+from renderer.volume import Float32, Float64, Volume
+
+
+class Projection(ABC):
+    """A mode that colours one number of each ray; opacities do not count.
+
+    color_range: the first and the last scalar that have colours of their own; shares of it are coloured.
+    optics: what is drawn in its place: bricks classify by it, rays gather what it shows.
+    tolerance_factor: from a tolerance, a share of the colour range, to the one at which `optics` is drawn.
+    """
+
+    tolerance_factor: float = 1.0
+
+    def __init__(self, spec: ModeSpec, colors: TransferFunction, volume: Volume) -> None:
+        self.spec, self.volume = spec, volume
+        self.color_range = float(colors.values[0]), float(colors.values[-1])
+        shares = self.share_of(colors.values)
+        self._colors = TransferFunction(shares, colors.colors, np.zeros(len(shares)), 1.0)
+        self.optics = self._make_optics()
+
+    def share_of(self, scalars: Any) -> Any:
+        """Return where in the colour range scalars lie: 0 at its start and 1 at its end."""
+        first, last = self.color_range
+        return (scalars / 2 - first / 2) / (last / 2 - first / 2)  # halves do not overflow
+
+    @abstractmethod
+    def _make_optics(self) -> TransferFunction:
+        """Return what is drawn in place of the scene's transfer function."""
+
+    @abstractmethod
+    def shares(self, gathered: Any, chords: Any) -> Any:
+        """Return what to colour, shares of the colour range, float [...], of what rays gathered.
+
+        gathered: float [..., 4], the picture of `optics`. chords: float [...], world lengths of the rays inside the
+        volume's box.
+        """
+
+    def brightness(self, gathered: Any) -> Any:
+        """Return a factor on the colours, float [..., 1], or 1."""
+        return 1.0
+
+    def picture(self, gathered: Float32, chords: Float32) -> Float32:
+        """Return premultiplied RGBA, float32 [h, w, 4], of what rays gathered; opaque where they meet the volume."""
+        image, shares = np.empty_like(gathered), np.clip(self.shares(gathered, chords), 0.0, 1.0).astype(np.float32)
+        _color_shares(self._colors.curve(), shares.reshape(-1), chords.reshape(-1), image.reshape(-1, 4))
+        image[..., :3] *= self.brightness(gathered)
+        return image
+
+    def exact_colors(self, gathered: Float64, chords: Float64) -> Float64:
+        """Return the same as `picture` in double precision, float64 [n, 4]."""
+        colors, _ = self._colors.classify(self.shares(gathered, chords))
+        is_met = (chords > 0)[:, None]
+        return np.hstack([colors * is_met * self.brightness(gathered), is_met])
+
+
+def ramp(first: float, last: float, extinctions: tuple[float, float]) -> TransferFunction:
+    """Return a white transfer function whose extinction, per world unit, is linear between two scalars."""
+    return TransferFunction(np.array([first, last]), np.ones((2, 3)), np.array(extinctions), 1.0)
+
+
+@jit
+def _color_shares(curve: TransferTable, shares: Float32, chords: Float32, image: Float32) -> None:
+    """Write the colours of shares [n], opaque, to `image` [n, 4]; nothing where a chord is 0."""
+    for i in range(len(shares)):
+        image[i] = 0.0
+        if chords[i] > 0:
+            image[i, 0], image[i, 1], image[i, 2], _ = evaluate(curve, float(shares[i]))
+            image[i, 3] = 1.0

@@ -1,0 +1,23 @@
+"""Find the projection of a scene by the name of its mode."""
+
+from __future__ import annotations
+
+from renderer.modes.extremum import Extremum
+from renderer.modes.means import Attenuation, Mean
+from renderer.modes.projection import Projection
+from renderer.scene import ModeSpec
+from renderer.transfer import TransferFunction
+from renderer.volume import Volume
+
+_PROJECTIONS: dict[str, type[Projection]] = {
+    "maximum": Extremum,
+    "minimum": Extremum,
+    "mean": Mean,
+    "attenuation": Attenuation,
+}
+
+
+def make_projection(spec: ModeSpec, colors: TransferFunction, volume: Volume) -> Projection | None:
+    """Return the projection of a mode; None for emission and absorption."""
+    kind = _PROJECTIONS.get(spec.type)
+    return None if kind is None else kind(spec, colors, volume)

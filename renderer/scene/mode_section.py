@@ -1,0 +1,121 @@
+"""The scene's `mode`: what a ray shows of the field that it passes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, get_args
+
+from renderer.scene import schema
+from renderer.scene.message_text import join_words
+from renderer.scene.schema import INVALID, TreeNode
+from renderer.scene.transfer_section import check_opacities
+
+ModeName = Literal["emission_absorption", "maximum", "minimum", "mean", "attenuation"]
+MODE_NAMES: tuple[str, ...] = get_args(ModeName)
+_ALIASES = {
+    "mip": "maximum", "max": "maximum", "minip": "minimum", "min": "minimum", "average": "mean", "xray": "attenuation",
+    "composite": "emission_absorption",
+}  # fmt: skip
+_ATTENUATION_KEYS = ("scale", "zero")
+
+# What projections need of other sections, and why.
+_OTHER_SECTIONS = {
+    ("splat", "footprint", "integrated"): "leave splat out: bricks draw every mode",
+    ("error", "measure", "optical"): "the tolerance of a projection is a share of its colour range",
+    ("pyramid", "average", "extinction"): "a projection has no opacities to average",
+}
+
+
+@dataclass(frozen=True)
+class ModeSpec:
+    """A mode: emission and absorption, or a projection, which colours one number of each ray.
+
+    type: `maximum` and `minimum` of the interpolated scalar, its `mean` over the ray's way through the volume's box,
+        and `attenuation`, exp(-integral of mu), with mu = scale * max(s - zero, 0) per world unit.
+    color_by: `depth` colours a maximum by where it lies, from 0 nearest to 1 farthest, as bright as its value.
+    """
+
+    type: Annotated[ModeName, schema.choice_field(*MODE_NAMES, aliases=_ALIASES)] = "emission_absorption"
+    scale: Annotated[float | None, schema.number_field(above=0)] = None
+    zero: Annotated[float | None, schema.number_field()] = None
+    color_by: Literal["value", "depth"] = "value"
+
+    @property
+    def is_projection(self) -> bool:
+        """Return whether a ray shows one number, and opacities do not count."""
+        return self.type != "emission_absorption"
+
+    @property
+    def is_extremum(self) -> bool:
+        """Return whether a ray shows its largest or smallest scalar."""
+        return self.type in ("maximum", "minimum")
+
+
+def _check_mode(node: TreeNode, given: dict[str, Any]) -> None:
+    name = given.get("type", ModeSpec.type)
+    if name is INVALID:
+        return
+    if name == "attenuation":
+        for key in _ATTENUATION_KEYS:
+            if given.get(key) is None:
+                hint = (
+                    "of Hounsfield values, 0 is water" if key == "zero" else "of Hounsfield values in mm, about 0.00002"
+                )
+                node.key(key).reject("missing", got="", expected="a number", hint=hint)
+    else:
+        for key in schema.valid_keys(given, *_ATTENUATION_KEYS):
+            node.key(key).reject(f"contradicts type: {name}", hint="only type: attenuation has it")
+    if given.get("color_by") == "depth" and name != "maximum":
+        node.child("color_by", "depth").reject(f"contradicts type: {name}", hint="only type: maximum has it")
+
+
+_NAME, _SECTION = schema.choice_field(*MODE_NAMES, aliases=_ALIASES), schema.dataclass_field(ModeSpec, _check_mode)
+
+
+def _parse_mode(node: TreeNode) -> Any:
+    """Read a mode from its name, or from a mapping."""
+    if isinstance(node.value, Mapping):
+        return _SECTION.parse(node)
+    name = _NAME.parse(node)
+    if name is INVALID:
+        return INVALID
+    _check_mode(node, {"type": name})
+    return ModeSpec(name)
+
+
+MODE_SECTION = schema.FieldType(f"{join_words(MODE_NAMES)}, or a mapping with type", _parse_mode)
+
+
+def check_mode(node: TreeNode, given: Mapping[str, Any]) -> None:
+    """Check that the other sections have what the mode needs, and nothing that contradicts it.
+
+    node, given: the whole scene, and its sections as they were read.
+    """
+    mode = given.get("mode", ModeSpec())
+    if not isinstance(mode, ModeSpec) or INVALID in (mode.type, given.get("transfer_function")):
+        return
+    if not mode.is_projection:
+        check_opacities(node.child("transfer_function", _raw(node, "transfer_function")))
+        return
+    contradicts = f"contradicts mode: {mode.type}"
+    if given.get("shading") is not None:
+        node.key("shading").reject(contradicts, hint="a projection has no surface that light could meet")
+    for (section, key, wanted), hint in _OTHER_SECTIONS.items():
+        value = getattr(given.get(section), key, wanted)
+        if value not in (wanted, INVALID):
+            node.child(section).child(key, value).reject(contradicts, expected=wanted, hint=hint)
+    if mode.is_extremum and given.get("overlay", "none") == "octree":
+        hint = "coarse cells would lose its extremes, so there are none"
+        node.child("overlay", "octree").reject(contradicts, expected="none", hint=hint)
+    if _num_color_values(given.get("transfer_function")) < 2:
+        node.child("transfer_function").reject("no range of colours", expected="points at two values, or more")
+
+
+def _raw(node: TreeNode, key: str) -> object:
+    return node.value.get(key) if isinstance(node.value, Mapping) else None
+
+
+def _num_color_values(transfer: Any) -> int:
+    points = getattr(transfer, "mapping", None)
+    return len({point.value for point in points}) if isinstance(points, tuple) and INVALID not in points else 2

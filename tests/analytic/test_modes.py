@@ -1,0 +1,219 @@
+"""Projections: the exact rays against closed forms and dense sums, and pictures against the exact rays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from brickwork import AFFINES, placed
+
+from renderer.bricks.extremes import SLACK_SHARE
+from renderer.draw import CPURasterizer
+from renderer.frame import Stage, prepare_stage, render_frames, view_of
+from renderer.scene import Scene, parse_scene
+from renderer.truth import SceneRays
+from renderer.truth.integrator import rays_through_pixels
+from renderer.volume import Float64, Volume
+
+SIZE = (36, 28)
+MODES: dict[str, dict[str, Any]] = {
+    "maximum": {"type": "maximum"},
+    "minimum": {"type": "minimum"},
+    "mean": {"type": "mean"},
+    "attenuation": {"type": "attenuation", "scale": 0.05, "zero": 0.1},
+    "depth": {"type": "maximum", "color_by": "depth"},
+}
+EACH_MODE = pytest.mark.parametrize("mode", MODES)
+CAMERAS: dict[str, dict[str, Any]] = {
+    "perspective": {},
+    "orthographic": {"projection": "orthographic"},
+    "inside": {"distance": 3.0, "near": 0.5, "field_of_view": 70},
+}
+
+
+def scene_of(mode: str, *, tolerance: float = 0.0, camera: str = "perspective", **more: Any) -> Scene:
+    """The colour is the value itself, for values from 0 to 1."""
+    return parse_scene(
+        {
+            "volume": {"procedural": {"name": "constant", "shape": [2, 2, 2]}},
+            "transfer_function": {"points": [{"value": 0, "color": "black"}, {"value": 1, "color": "white"}]},
+            "mode": MODES[mode],
+            "camera": {"path": {"type": "turntable", "frames": 7, "start": 33, "elevation": 21}} | CAMERAS[camera],
+            "error": {"tolerance": tolerance},
+            "output": {"file": "{frame}.png", "size": list(SIZE), "background": "transparent"},
+        }
+        | more,
+        base=Path(),
+    )
+
+
+def stage_of(volume: Volume, scene: Scene) -> Stage:
+    return prepare_stage(scene, clock=perf_counter, num_threads=2, volume=volume)
+
+
+def noise(shape: tuple[int, int, int], dtype: npt.DTypeLike = np.float32) -> npt.NDArray[Any]:
+    """Voxels from 0 to 1, each by chance; for integers, from 0 to their largest."""
+    values = np.random.default_rng(5).random(shape)
+    kind = np.dtype(dtype)
+    return (values * np.iinfo(kind).max).astype(kind) if kind.kind in "iu" else values.astype(kind)
+
+
+def exact(stage: Stage, scene: Scene, frame: int = 2) -> Float64:
+    width, height = SIZE
+    rays = SceneRays(stage.volume, scene, num_threads=2)
+    return rays.integrate(view_of(stage, frame), np.arange(width * height), 0.5).reshape(height, width, 4)
+
+
+def drawn(stage: Stage, *, num_threads: int = 2, frame: int = 2) -> npt.NDArray[np.float32]:
+    with CPURasterizer(num_threads=num_threads) as rasterizer:
+        (picture,) = render_frames(stage, [frame], rasterizer, clock=perf_counter)
+    return picture.radiance
+
+
+def dense_samples(stage: Stage, frame: int = 2, num: int = 3000) -> tuple[Float64, Float64]:
+    """The trilinear field at midpoints along each ray by nothing but its definition, and the lengths of the rays."""
+    volume, view = stage.volume, view_of(stage, frame)
+    origins, directions, starts = rays_through_pixels(np.zeros(3), view, np.arange(SIZE[0] * SIZE[1]))
+    index_from_world = np.linalg.inv(volume.world_from_index)
+    at, speed = origins @ index_from_world[:3, :3].T + index_from_world[:3, 3], directions @ index_from_world[:3, :3].T
+    ends = np.array(volume.shape_xyz) - 0.5
+    one, two = (-0.5 - at) / speed, (ends - at) / speed
+    enter = np.maximum(np.minimum(one, two).max(axis=1), starts)
+    lengths = np.maximum(np.maximum(one, two).min(axis=1) - enter, 0.0)
+    places = enter[:, None] + lengths[:, None] * (np.arange(num) + 0.5) / num
+    points = np.clip(at[:, None] + places[..., None] * speed[:, None], 0, ends - 0.5)
+    low = np.minimum(points.astype(int), np.maximum(np.array(volume.shape_xyz) - 2, 0))
+    share, values = points - low, volume.values.astype(float)
+    result = np.zeros(points.shape[:2])
+    for corner in np.ndindex(2, 2, 2):
+        x, y, z = np.moveaxis(np.minimum(low + corner, np.array(volume.shape_xyz) - 1), -1, 0)
+        result += np.prod(np.where(corner, share, 1 - share), axis=-1) * values[z, y, x]
+    return result, lengths
+
+
+def number_of(mode: str, samples: Float64, lengths: Float64) -> Float64:
+    """What a mode shows of samples of rays with these lengths."""
+    if mode == "attenuation":
+        return np.exp(-0.05 * np.maximum(samples - 0.1, 0).mean(axis=1) * lengths)
+    reduce = {"maximum": np.max, "minimum": np.min, "mean": np.mean}[mode]
+    return np.asarray(reduce(samples, axis=1))
+
+
+@EACH_MODE
+@pytest.mark.parametrize("affine", AFFINES)
+def test_exact_rays_are_those_of_a_constant_volume(mode: str, affine: str) -> None:
+    """Closed forms: the constant, Beer and Lambert's law."""
+    scene = scene_of(mode)
+    stage = stage_of(placed(np.full((5, 6, 7), 0.7, np.float32), AFFINES[affine]), scene)
+    image, (_, lengths) = exact(stage, scene), dense_samples(stage, num=1)
+    is_met = (lengths > 0).reshape(SIZE[::-1])
+    assert is_met.any()
+    assert not is_met.all()
+    assert np.array_equal(image[..., 3] > 0, is_met)
+    assert np.all(image[~is_met] == 0)
+    wanted = np.exp(-0.05 * (np.float32(0.7) - 0.1) * lengths) if mode == "attenuation" else np.full(lengths.shape, 0.7)
+    if mode == "depth":  # the first point counts: nearness times brightness
+        assert np.all(image[is_met][:, 0] < 0.7)
+    else:
+        np.testing.assert_allclose(image[is_met][:, 0], wanted.reshape(SIZE[::-1])[is_met], atol=1e-7)
+
+
+@pytest.mark.parametrize("mode", ["maximum", "minimum", "mean", "attenuation"])
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_exact_rays_are_those_of_dense_samples(mode: str, camera: str) -> None:
+    scene = scene_of(mode, camera=camera)
+    stage = stage_of(placed(noise((6, 5, 7)), AFFINES["oblique"]), scene)
+    samples, lengths = dense_samples(stage)
+    image, is_met = exact(stage, scene), lengths > 0
+    found, wanted = image[..., 0].ravel()[is_met], number_of(mode, samples, lengths)[is_met]
+    assert is_met.any()
+    if mode == "maximum":
+        assert np.all(found >= wanted - 1e-12)
+    if mode == "minimum":
+        assert np.all(found <= wanted + 1e-12)
+    np.testing.assert_allclose(found, wanted, atol=2e-3)
+
+
+def test_depth_is_where_the_only_maximum_is() -> None:
+    values = np.zeros((9, 9, 9), np.float32)
+    values[6, 2, 5] = 1
+    scene = scene_of("depth")
+    stage = stage_of(placed(values), scene)
+    image, view = exact(stage, scene), view_of(stage, 2)
+    row, column = np.unravel_index(image[..., 0].argmax(), image.shape[:2])
+    place = np.array([5.0, 2.0, 6.0])
+    x, y, z = view.view_from_world(stage.volume.world_from_index[:3, :3] @ place + stage.volume.world_from_index[:3, 3])
+    assert abs(column + 0.5 - SIZE[0] / 2 - view.scale_px * x / -z) < 1
+    assert abs(row + 0.5 - SIZE[1] / 2 + view.scale_px * y / -z) < 1
+    centre = view.view_from_world(stage.volume.centre)[2]
+    share = 0.5 + (centre - z) / (2 * stage.volume.half_diagonal)
+    brightness = scene_of("maximum")
+    value = exact(stage_of(stage.volume, brightness), brightness)[row, column, 0]
+    assert image[row, column, 0] == pytest.approx(share * value, abs=0.02)
+
+
+@EACH_MODE
+@pytest.mark.parametrize("affine", ["straight", "oblique"])
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_pictures_are_the_exact_rays(mode: str, affine: str, camera: str) -> None:
+    """At tolerance 0; over several bricks, which the border cuts."""
+    scene = scene_of(mode, camera=camera)
+    stage = stage_of(placed(noise((35, 18, 40)), AFFINES[affine]), scene)
+    image, truth = drawn(stage), exact(stage, scene)
+    assert truth[..., 0].max() > 0.2
+    rmse = float(np.sqrt(((image - truth) ** 2).mean()))
+    assert rmse < (2e-3 if mode == "depth" else 2e-4), rmse
+    if mode in ("maximum", "minimum"):
+        assert np.abs(image - truth).max() < 2e-6
+
+
+@pytest.mark.parametrize("mode", ["maximum", "minimum"])
+def test_a_tolerance_bounds_the_error_of_extremes(mode: str) -> None:
+    stage = stage_of(placed(noise((40, 33, 37)), AFFINES["anisotropic"]), scene_of(mode, tolerance=0.14))
+    error = np.abs(drawn(stage) - exact(stage, stage.scene))
+    assert error.max() <= SLACK_SHARE * 0.14 + 1e-6
+    assert mode == "minimum" or error.max() > 1e-4  # which is made use of
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.int8, np.uint16, np.int32, np.float16, np.float64])
+@pytest.mark.parametrize("mode", ["maximum", "minimum"])
+def test_every_type_of_number(mode: str, dtype: npt.DTypeLike) -> None:
+    values = noise((18, 7, 20), dtype)
+    top = float(values.max())
+    points = [{"value": 0, "color": "black"}, {"value": top, "color": "white"}]
+    scene = scene_of(mode, transfer_function={"points": points})
+    stage = stage_of(placed(values), scene)
+    assert np.abs(drawn(stage) - exact(stage, scene)).max() < 2e-6
+
+
+@pytest.mark.parametrize("factor", [1e-300, 1e-30, 1e30, 1e300])
+@EACH_MODE
+def test_tiny_and_huge_numbers(mode: str, factor: float) -> None:
+    if mode == "attenuation":
+        pytest.skip("its scale is bounded by the scene")
+    points = [{"value": 0, "color": "black"}, {"value": factor, "color": "white"}]
+    scene = scene_of(mode, transfer_function={"points": points})
+    plain = scene_of(mode)
+    values = noise((9, 8, 7), np.float64)
+    image = exact(stage_of(placed(values * factor), scene), scene)
+    np.testing.assert_allclose(image, exact(stage_of(placed(values), plain), plain), atol=1e-9)
+    assert np.abs(drawn(stage_of(placed(values * factor), scene)) - image).max() < (0.05 if mode == "depth" else 3e-3)
+
+
+@EACH_MODE
+@pytest.mark.parametrize("tolerance", [0.0, 0.3])
+def test_pictures_do_not_depend_on_threads(mode: str, tolerance: float) -> None:
+    stage = stage_of(placed(noise((35, 18, 40))), scene_of(mode, tolerance=tolerance))
+    assert np.array_equal(drawn(stage, num_threads=1), drawn(stage, num_threads=3))
+
+
+def test_what_is_beyond_the_colours_is_at_their_end() -> None:
+    values = noise((20, 20, 20)) * 6 - 3
+    image = drawn(stage_of(placed(values), scene_of("maximum")))
+    assert set(np.unique(image[image[..., 3] > 0][:, 0])) <= {0.0, 1.0} or image.max() == 1.0
+    scene = scene_of("maximum")
+    assert np.abs(image - exact(stage_of(placed(values), scene), scene)).max() < 1e-5
