@@ -94,6 +94,8 @@ _SLAB = "volume={procedural: {name: constant, shape: [24, 24, 24]}}"
 _VOXEL = "volume={procedural: {name: single_voxel, shape: [9, 9, 9]}}"
 _LOBB = "volume={procedural: {name: marschner_lobb, shape: [40, 40, 40]}}"
 _GLASS = "transfer_function={unit: 1.0, points: [{value: 0, color: '#ff8040', opacity: 0.05}]}"
+_HEAT = "transfer_function={colormap: inferno, range: [0, 80]}"
+_FILM = "transfer_function={colormap: gray_r, range: [0.3, 1]}"
 _COARSE = "error.tolerance=0.8"
 _DEFAULT = "splat=null"  # the default footprint
 _INSIDE = ("camera.distance=6", "camera.field_of_view=70")
@@ -212,4 +214,9 @@ CASES = (
         "the comparison: its golden is of another scene, drawn half a degree further round",
         golden_changes=("camera.path.start=20.5",),
     ),
+    Case("maximum", "the largest scalar of a ray", (_DEFAULT, "mode=maximum")),
+    Case("maximum_by_depth", "where the largest scalar is", (_DEFAULT, "mode={type: maximum, color_by: depth}")),
+    Case("minimum", "the smallest scalar of a ray, from inside", (_DEFAULT, *_INSIDE, "mode=minimum")),
+    Case("mean", "the mean scalar over the box", (_DEFAULT, "mode=mean", _HEAT)),
+    Case("attenuation", "an X-ray picture", (_DEFAULT, "mode={type: attenuation, scale: 0.0005, zero: 20}", _FILM)),
 )
