@@ -189,7 +189,7 @@ def check_opacities(node: TreeNode) -> None:
     """Check that a transfer function, as it is written, has opacities."""
     section = node.value if isinstance(node.value, Mapping) else {}
     points = section.get("points")
-    if "colormap" in section and "opacity" not in section:
+    if "colormap" in section and not {"points", "opacity"} & section.keys():
         _COLORMAP_FIELDS["opacity"].reject(node.child("opacity"), "missing")
     for index, point in enumerate(points if isinstance(points, (list, tuple)) else ()):
         if isinstance(point, Mapping) and "value" in point and "opacity" not in point:
