@@ -198,7 +198,8 @@ def _drawing_lines(suggestion: Suggestion) -> Iterator[str]:
     if (shading := suggestion.shading) is not None:
         ambient, diffuse = format_value(shading.ambient), format_value(shading.diffuse)
         yield from ("", _SHADING_COMMENT)
-        yield f"shading: {{ambient: {ambient}, diffuse: {diffuse}, light: {_list(shading.light)}}}"
+        light = shading.light if isinstance(shading.light, str) else _list(shading.light)
+        yield f"shading: {{ambient: {ambient}, diffuse: {diffuse}, light: {light}}}"
     if suggestion.splat is not None:
         yield from ("", _VOXEL_COLORS_COMMENT, f"splat: {{footprint: {suggestion.splat.footprint}}}")
     elif suggestion.is_categorical:

@@ -28,4 +28,8 @@ from .sampling import (
     Extremes as Extremes,
     make_brick_batch as make_brick_batch,
 )
-from .texels import mean_texels as mean_texels, scalar_texels as scalar_texels
+from .texels import (
+    mean_texels as mean_texels,
+    scalar_texels as scalar_texels,
+    texel_gradients as texel_gradients,
+)

@@ -12,7 +12,7 @@ Without it, rings would show where n changes, and all of a brick would be off al
 sample of the field, interpolated linearly between the centres of cells:
 
     level 0     u, a scalar; then c and tau of u, each piecewise linear; with light, c times the factor of the
-                interpolated gradient
+                interpolated gradient, or what else ShadingSpec makes of it
     above       (tau c, tau)
 
 both with tau times the finest spacing. A segment has the alpha `1 - exp(-tau h)` and the colour `tau c / tau`. Segments
@@ -92,9 +92,14 @@ class BrickBatch:
         return len(self.cut)
 
     @property
+    def is_pointwise(self) -> bool:
+        """Return whether its shading is, as in ShadingSpec: all bricks are of voxels, and compiled loops draw them."""
+        return self.shading is not None and self.shading.is_pointwise
+
+    @property
     def needs_loops(self) -> bool:
         """Return whether only the compiled loops draw it, also beside a GPU."""
-        return self.extremes is not None
+        return self.extremes is not None or self.is_pointwise
 
     @property
     def spacings_per_model_unit(self) -> float:

@@ -27,7 +27,7 @@ from renderer.bricks.layout import BRICK_SIZE, HALO, PADDED_BRICK_SIZE, fill_pad
 from renderer.bricks.means import MeanCache
 from renderer.compiled import jit
 from renderer.transfer import RawVoxels, normalize_scalar, range_width, raw_voxels
-from renderer.volume import Float32, Float64, Int32
+from renderer.volume import Float32, Float64, Int32, Volume
 
 # The largest power of two, as its exponent, that small scalars are multiplied by.
 _LARGEST_EXPONENT = 1000
@@ -53,13 +53,28 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
     texels = np.empty((len(cells), *(PADDED_BRICK_SIZE,) * 3, 4 if lit else 1), np.float32)
     world_from_gradient = None
     if lit:
-        world_from_gradient = np.linalg.inv(volume.world_from_index[:3, :3]).T
+        world_from_gradient = _world_from_gradient(volume)
         world_from_gradient = np.ascontiguousarray(world_from_gradient / np.abs(world_from_gradient).max())
     scale = _unit_scale(*bricks.volume_range)
     volume.require_unchanged()
     _fill_scalars(raw_voxels(volume), scalars, cells, bricks.scalar_range, world_from_gradient, scale, texels)
     volume.require_unchanged()
     return texels if lit else texels[..., 0]
+
+
+def texel_gradients(bricks: Bricks, magnitudes: Float64) -> Float64:
+    """Return the lengths in texels of gradients of these magnitudes, in scalar units per world unit, float64 [n].
+
+    What is far longer than any gradient in the volume may be the largest float32.
+    """
+    with np.errstate(over="ignore"):
+        scaled = magnitudes * _unit_scale(*bricks.volume_range) / np.abs(_world_from_gradient(bricks.volume)).max()
+    return np.asarray(np.minimum(scaled, np.finfo(np.float32).max))
+
+
+def _world_from_gradient(volume: Volume) -> Float64:
+    """Return the matrix that takes gradients per voxel to gradients per world unit, float64 [3, 3]."""
+    return np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]).T)
 
 
 def mean_texels(bricks: Bricks, level: int, cells: Int32, cache: MeanCache | None = None) -> Float32:

@@ -11,6 +11,7 @@ from .lanes import (
     append as append,
     bits_to_float32 as bits_to_float32,
     broadcast as broadcast,
+    float32_to_bits as float32_to_bits,
     gather as gather,
     lane_numbers as lane_numbers,
     load as load,

@@ -236,6 +236,7 @@ to_int32 = _conversion(types.int32, lambda _: "fptosi")  # towards 0
 to_float32 = _conversion(types.float32, lambda before: "fptrunc" if before == types.float64 else "sitofp")
 to_float64 = _conversion(types.float64, lambda before: "fpext" if before == types.float32 else "sitofp")
 bits_to_float32 = _conversion(types.float32, lambda _: "bitcast")  # of int32 lanes
+float32_to_bits = _conversion(types.int32, lambda _: "bitcast")
 
 
 @intrinsic

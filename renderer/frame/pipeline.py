@@ -76,7 +76,8 @@ def prepare_stage(
     projection = make_projection(scene.mode, transfer, volume)
     if projection is not None:
         transfer = projection.optics
-    build: dict[str, Any] = {"spec": scene.pyramid, "error": scene.error, "shading": scene.shading}
+    baked = scene.shading and scene.shading.lambert  # other shading is left to samples between voxels
+    build: dict[str, Any] = {"spec": scene.pyramid, "error": scene.error, "shading": baked}
     bricks = None
     if scene.splat.footprint == "integrated":
         bricks = make_bricks(volume, transfer, num_threads=num_threads, **build)

@@ -27,7 +27,7 @@ from renderer.bricks import (
     make_brick_batch,
 )
 from renderer.draw import CellEdges, make_edges
-from renderer.frame.stage import Stage, finest_level_at
+from renderer.frame.stage import Stage, draws_voxels_only, finest_level_at
 from renderer.pyramid import Cut, CutSizes, cut_pyramid, cut_sizes, root_error
 from renderer.scene import MIN_TOLERANCE
 from renderer.splats import SplatBatch, make_splats
@@ -248,6 +248,8 @@ class BrickPrimitive(Primitive):
         return cut, batch, lambda view: [(1.0, visible_bricks(batch, view))]
 
     def _cut(self, tolerance: float) -> BrickCut:
+        if draws_voxels_only(self._stage):
+            return cut_bricks(self._bricks, 0.0)
         return cut_bricks(self._bricks, tolerance, finest_level=finest_level_at(self._stage, tolerance))
 
     def _batch(self, cut: BrickCut, tolerance: float) -> BrickBatch:

@@ -67,6 +67,13 @@ def view_of(stage: Stage, frame: int) -> View:
     return make_view(stage.scene.camera, frame, stage.target, stage.distance, stage.scene.output.size)
 
 
+def draws_voxels_only(stage: Stage) -> bool:
+    """Return whether voxels are drawn at every tolerance: their shading is not in the means of larger cells."""
+    return stage.scene.shading is not None and stage.scene.shading.is_pointwise
+
+
 def finest_level_at(stage: Stage, tolerance: float) -> int:
     """Return the finest level of the cells that are drawn at a tolerance."""
+    if draws_voxels_only(stage):
+        return 0
     return max(stage.scene.error.finest_level, stage.finest_level if tolerance > 0 else 0)

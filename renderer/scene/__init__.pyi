@@ -88,10 +88,10 @@ from .schema import (
     Vector as Vector,
     has_unexpanded_tilde as has_unexpanded_tilde,
 )
+from .shading_section import ShadingSpec as ShadingSpec
 from .spec import (
     PyramidSpec as PyramidSpec,
     Scene as Scene,
-    ShadingSpec as ShadingSpec,
     parse_scene as parse_scene,
     scene_to_dict as scene_to_dict,
     spec_to_dict as spec_to_dict,

@@ -100,7 +100,9 @@ def check_mode(node: TreeNode, given: Mapping[str, Any]) -> None:
         return
     contradicts = f"contradicts mode: {mode.type}"
     if given.get("shading") is not None:
-        node.key("shading").reject(contradicts, hint="a projection has no surface to light; leave it out, as --set shading=null does")
+        node.key("shading").reject(
+            contradicts, hint="a projection has no surface to light; leave it out, as --set shading=null does"
+        )
     for (section, key, wanted), hint in _OTHER_SECTIONS.items():
         value = getattr(given.get(section), key, wanted)
         if value not in (wanted, INVALID):

@@ -260,6 +260,17 @@ def sequence_field(
     return FieldType(expected, parse)
 
 
+def pair_field(first: FieldType[Any], second: FieldType[Any], expected: str) -> FieldType[Any]:
+    """Return the type of a list of two items of these types."""
+
+    def parse(node: TreeNode) -> Any:
+        if not isinstance(node.value, (list, tuple)) or len(node.value) != 2:
+            return node.reject("not a pair")
+        return first.read(node.child(0, node.value[0])), second.read(node.child(1, node.value[1]))
+
+    return FieldType(expected, parse)
+
+
 def mapping_field(item: FieldType[T], expected: str = "a mapping", key_name: str = "text") -> FieldType[dict[str, T]]:
     """Return the type of a mapping of any texts to items, of which wrong ones are INVALID. key_name: for messages."""
 

@@ -3,10 +3,10 @@
 The plain data come from a YAML or JSON reader: nested mappings, lists and scalars.
 
 Each large section of a scene has its own module (`volume_section`, `transfer_section`, `camera_section`,
-`error_section`, `splat_section`, `output_section`) with its dataclass: for each key the type that checks it, and its
-default. Nothing here imports numpy or OpenGL, so that `hsplat check` answers at once. Lengths are in world units (those
-of the volume's spacing), angles in degrees, colours in [0, 1] as given (display-referred), shapes, points and sizes in
-(x, y, z) and (width, height) order.
+`error_section`, `splat_section`, `shading_section`, `output_section`) with its dataclass: for each key the type that
+checks it, and its default. Nothing here imports numpy or OpenGL, so that `hsplat check` answers at once. Lengths are in
+world units (those of the volume's spacing), angles in degrees, colours in [0, 1] as given (display-referred), shapes,
+points and sizes in (x, y, z) and (width, height) order.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal
 
 from renderer.errors import Problem
 from renderer.scene import schema
-from renderer.scene.camera_section import CameraPath, CameraSpec, direction_field
+from renderer.scene.camera_section import CameraPath, CameraSpec
 from renderer.scene.error_section import (
     ERROR_SECTION,
     ErrorSpec,
@@ -28,6 +28,7 @@ from renderer.scene.error_section import (
 from renderer.scene.limits import proportion_problems, raise_problems
 from renderer.scene.mode_section import MODE_SECTION, ModeSpec, check_mode
 from renderer.scene.output_section import OUTPUT_SECTION, OutputSpec, check_frame_field
+from renderer.scene.shading_section import ShadingSpec, check_shading
 from renderer.scene.splat_section import SPLAT_SECTION, SplatSpec, unused_splat_keys
 from renderer.scene.transfer_section import TRANSFER_FUNCTION_SECTION, ColormapSpec, TransferSpec
 from renderer.scene.volume_section import VOLUME_SECTION, ArraySource, FileSource, VolumeSpec
@@ -41,17 +42,6 @@ def _parse_version(node: schema.TreeNode) -> Any:
 
 
 _VERSION = schema.FieldType(str(VERSION), _parse_version)
-_LIGHT = direction_field("[x, y, z], not all 0: from the object to the light")
-Fraction = Annotated[float, schema.number_field(minimum=0, maximum=1)]
-
-
-@dataclass(frozen=True)
-class ShadingSpec:
-    """A light: view-independent Lambert shading; `light` points from the object to the light, in world axes."""
-
-    ambient: Fraction = 0.3
-    diffuse: Fraction = 0.7
-    light: Annotated[schema.Vector, _LIGHT] = (1.0, -1.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -98,6 +88,7 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     check_scheduled_frames(node.child("error"), given)
     check_exact_picture(node.child("error"), given)
     check_mode(node, given)
+    check_shading(node.child("shading"), given)
     if not is_single_frame:
         check_frame_field(node.child("output"), given)
     scene = Scene(**given)

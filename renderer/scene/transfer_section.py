@@ -119,14 +119,7 @@ def _check_range(node: TreeNode, low_high: tuple[Any, ...]) -> Any:
     return node.reject("not ascending", hint="append _r to the name to reverse a colormap" if low > high else None)
 
 
-def _parse_opacity_point(node: TreeNode) -> Any:
-    if not isinstance(node.value, (list, tuple)) or len(node.value) != 2:
-        return node.reject("not a pair")
-    value, opacity = node.value
-    return _NUMBER.read(node.child(0, value)), _PART.read(node.child(1, opacity))
-
-
-_OPACITY_POINT = schema.FieldType("[value, opacity]: a number, and a number from 0 to 1", _parse_opacity_point)
+_OPACITY_POINT = schema.pair_field(_NUMBER, _PART, "[value, opacity]: a number, and a number from 0 to 1")
 _COLORMAP_FIELDS: schema.FieldTable = {
     "colormap": COLORMAP_FIELD,
     "range": schema.sequence_field(

@@ -66,6 +66,8 @@ class Preset:
 
 def flip_light(shading: ShadingSpec) -> ShadingSpec:
     """Return the light for surfaces with lower values inside, where gradients point the other way."""
+    if isinstance(shading.light, str):
+        return shading
     x, y, z = shading.light
     return replace(shading, light=(-x, -y, -z))
 

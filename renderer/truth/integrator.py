@@ -24,7 +24,9 @@ import numpy as np
 from renderer.errors import RenderError
 from renderer.scene import ShadingSpec
 from renderer.transfer import TransferFunction
-from renderer.truth.kernel import MACROCELL_SIZE, Intervals, LambertShading, integrate_rays
+from renderer.truth.cubic import Vector
+from renderer.truth.kernel import MACROCELL_SIZE, Intervals, integrate_rays
+from renderer.truth.light import Gloss, LambertShading
 from renderer.view import View
 from renderer.volume import Float64, Int64, Volume
 
@@ -109,7 +111,7 @@ class RayIntegrator:
 
     shading: colour times ambient + diffuse * max(0, n . light), n the negative normalised world gradient (central
         differences at voxel centres, one-sided at the border, interpolated trilinearly), and times ambient where the
-        gradient is zero.
+        gradient is zero; and what else `ShadingSpec` says.
     """
 
     def __init__(
@@ -122,8 +124,9 @@ class RayIntegrator:
         self._volume, self._values, self._num_threads = volume, values, num_threads
         # For each cube of cells, the first ray notes whether anything in it is visible.
         self._macrocells = np.zeros([n // MACROCELL_SIZE + 1 for n in values.shape], np.uint8)
-        self._intervals = _intervals(transfer, largest_magnitude_scale(volume, transfer))
-        self._lambert, self._is_shaded = _lambert_shading(shading, volume), shading is not None
+        scale = largest_magnitude_scale(volume, transfer)
+        self._intervals = _intervals(transfer, scale)
+        self._lambert, self._is_shaded = _lambert_shading(shading, volume, scale), shading is not None
 
     def integrate(
         self,
@@ -281,16 +284,42 @@ def _intervals(transfer: TransferFunction, scale: float) -> Intervals:
     return Intervals(knots, np.column_stack([base, slope, origin, num_opaque_below]), scale)
 
 
-def _lambert_shading(shading: ShadingSpec | None, volume: Volume) -> LambertShading:
+def _lambert_shading(shading: ShadingSpec | None, volume: Volume, scale: float) -> LambertShading:
+    """Return the light for scalars that are multiplied by `scale`."""
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
     spec = shading or ShadingSpec()
-    x, y, z = np.array(spec.light, np.float64) / np.linalg.norm(spec.light)
+    is_camera = spec.light == "camera"
+    light = np.array((0.0, 0.0, 1.0) if is_camera else spec.light, np.float64)  # the camera's is that of each ray
+    gloss = None
+    if spec.lambert is None:
+        factors = _gradient_factors(spec.gradient_opacity or (), scale)
+        rows, shine = _rows(np.asarray(np.linalg.inv(index_from_world))), (float(spec.specular), float(spec.shininess))
+        gloss = Gloss(is_camera, spec.two_sided, *shine, (0.0, 0.0, 0.0), rows, factors)
     # A gradient transforms with the transposed inverse of the map of points.
-    first, second, third = ((float(a), float(b), float(c)) for a, b, c in index_from_world.T)
     return LambertShading(
         shading is not None,
         float(spec.ambient),
         float(spec.diffuse),
-        (float(x), float(y), float(z)),
-        (first, second, third),
+        _vector(light / np.linalg.norm(light)),
+        _rows(index_from_world.T),
+        gloss,
     )
+
+
+def _gradient_factors(points: Sequence[tuple[float, float]], scale: float) -> Float64:
+    """Return Gloss.factors."""
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        magnitudes, factors = np.array(points, np.float64).reshape(-1, 2).T * [[scale], [1.0]]
+        slopes = np.append(np.diff(factors) / np.diff(magnitudes), 0.0)[: len(points)]
+    slopes[~np.isfinite(slopes)] = 0.0
+    return np.ascontiguousarray(np.column_stack([magnitudes, factors, slopes]))
+
+
+def _rows(matrix: Float64) -> tuple[Vector, Vector, Vector]:
+    first, second, third = (_vector(row) for row in matrix)
+    return first, second, third
+
+
+def _vector(numbers: Float64) -> Vector:
+    x, y, z = numbers.tolist()
+    return x, y, z

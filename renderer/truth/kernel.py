@@ -8,6 +8,9 @@ is then exact, and its radiance is a Gauss-Legendre quadrature of a smooth funct
 because crossings are computed and not sampled. Nearly all of the time is spent on cells and crossings, which do not
 depend on the step: another step costs little.
 
+Factors on extinction by the gradient are no polynomials. Depths are then the integrals of cubics through the nodes of
+the quadrature, and exact where all factors are 1.
+
 Most cells show nothing, which is found out once for each macrocell, when the first ray meets it. All functions are
 inlined, because references to each array passed to a function are counted atomically in shared memory: with a dozen
 arrays for each cell, two threads took twice as long.
@@ -22,10 +25,10 @@ import numpy as np
 
 from renderer.compiled import inline, jit
 from renderer.truth.cubic import Corners, Cubic, Vector, add_crossings, cubic_in_cell, restrict_cubic, value_at
+from renderer.truth.light import Gloss, Gradient, LambertShading, aim, illuminate, lit_color
 from renderer.volume import Float64, UInt8
 
 Cell = tuple[int, int, int]
-Gradient = tuple[Cubic, Cubic, Cubic]
 
 # A ray ends where its transmittance falls below 1e-12.
 _MAX_OPTICAL_DEPTH = -math.log(1e-12)
@@ -33,6 +36,13 @@ _MAX_OPTICAL_DEPTH = -math.log(1e-12)
 _MAX_DEPTH_OF_STEP = 1.0
 _NODES = np.array([0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263])
 _WEIGHTS = np.array([0.17392742256872692, 0.32607257743127307, 0.32607257743127307, 0.17392742256872692])
+# From values at the nodes to the integrals from 0 to each node of the cubic through them.
+_INTEGRALS = np.array([
+    [0.08696371128436346, -0.026604180084998794, 0.012627462689404725, -0.0035551496857956833],
+    [0.18811811749986806, 0.16303628871563652, -0.027880428602470895, 0.006735500594538156],
+    [0.16719192197418878, 0.35395300603374397, 0.16303628871563652, -0.014190694931141144],
+    [0.1774825722545226, 0.31344511474186837, 0.35267675751627187, 0.08696371128436346],
+])  # fmt: skip
 
 # The optical depth of a piece leads to at most this many steps, which keeps their number an integer.
 _MAX_STEPS_BY_DEPTH = 2.0**30
@@ -42,8 +52,6 @@ MACROCELL_SIZE = 4
 _UNKNOWN, _EMPTY, _VISIBLE = 0, 1, 2
 
 _ZERO = np.zeros(1)
-# A sum of squares that is no smaller is accurate, and one that is no larger than its inverse, too.
-_LEAST_SQUARE = 2.0**-900
 # The axis that asks for a voxel's value, and not for a difference.
 _VALUE = -1
 
@@ -63,42 +71,6 @@ class Intervals(NamedTuple):
     scale: float
 
 
-class LambertShading(NamedTuple):
-    """A light: Lambert shading by the world gradient.
-
-    enabled: if not, every factor is 1 and the rest is unused.
-    light: unit vector to the light. world_from_index_gradient: the rows of the matrix.
-    """
-
-    enabled: bool
-    ambient: float
-    diffuse: float
-    light: Vector
-    world_from_index_gradient: tuple[Vector, Vector, Vector]
-
-
-@inline
-def _light_factor(gradient: Gradient, t: float, shading: LambertShading) -> float:
-    x, y, z = value_at(gradient[0], t), value_at(gradient[1], t), value_at(gradient[2], t)
-    light, square = shading.light, x * x + y * y + z * z
-    if not _LEAST_SQUARE < square < 1.0 / _LEAST_SQUARE:  # squares must neither overflow nor vanish
-        largest = max(abs(x), abs(y), abs(z))
-        if largest == 0.0:
-            return shading.ambient
-        x, y, z = x / largest, y / largest, z / largest
-        square = x * x + y * y + z * z
-    cosine = -(x * light[0] + y * light[1] + z * light[2]) / math.sqrt(square)
-    return shading.ambient + shading.diffuse * max(0.0, cosine)
-
-
-@inline
-def _lit_color(row: Float64, value: float, gradient: Gradient, t: float, shading: LambertShading) -> Vector:
-    """Return the shaded colour of a value in the interval of `row`, at t along the segment."""
-    lit = _light_factor(gradient, t, shading) if shading.enabled else 1.0
-    offset = value - row[8]
-    return (row[0] + row[4] * offset) * lit, (row[1] + row[5] * offset) * lit, (row[2] + row[6] * offset) * lit
-
-
 @inline
 def _clamp_cubic(value: Cubic, low: float, high: float) -> Cubic:
     """Return a cubic on x in [0, 1] that should lie in [low, high], or a constant if it strays too far.
@@ -112,6 +84,101 @@ def _clamp_cubic(value: Cubic, low: float, high: float) -> Cubic:
     if min(v0, one, two, three) >= low - room and max(v0, one, two, three) <= high + room:
         return value
     return min(max(0.5 * (v0 + three), low), high), 0.0, 0.0, 0.0
+
+
+@inline
+def _pass_step(
+    row: Float64,
+    value: Cubic,
+    tau: Cubic,
+    gradient: Gradient,
+    place: tuple[float, float, int, float],
+    shading: LambertShading,
+    gloss: Gloss | None,
+) -> tuple[float, float, float, float]:
+    """Return the radiance (r, g, b) and the optical depth of one of the equal steps through a piece.
+
+    row, value: of the piece, as in `_integrate_piece`. tau: optical depth per unit of the piece's x, over the step.
+    place: the piece's start and extent in t, the number of the step, and its width in x.
+    """
+    if gloss is not None:
+        return _pass_glossy_step(row, value, tau, gradient, place, shading, gloss)
+    (d0, d1, d2, d3), (start, extent, step, width) = tau, place
+    # From the integrand in powers of x to its integral from 0 to x, divided by x.
+    d0, d1, d2, d3 = d0 * width, d1 * width / 2.0, d2 * width / 3.0, d3 * width / 4.0
+    depth = max(0.0, d0 + d1 + d2 + d3)
+    # The colour at the middle times the exact opacity, plus the quadrature of the difference from that colour: a
+    # constant colour is exact at every opacity.
+    x = (step + 0.5) * width
+    c0, c1, c2 = lit_color(row, value_at(value, x), gradient, start + x * extent, shading)
+    opacity = -math.expm1(-depth)
+    s0, s1, s2 = c0 * opacity, c1 * opacity, c2 * opacity
+    for node in range(_NODES.size):
+        at = _NODES[node]
+        density = d0 + at * (2.0 * d1 + at * (3.0 * d2 + at * 4.0 * d3))
+        weight = _WEIGHTS[node] * density * math.exp(-at * (d0 + at * (d1 + at * (d2 + at * d3))))
+        x = (step + at) * width
+        r, g, b = lit_color(row, value_at(value, x), gradient, start + x * extent, shading)
+        s0 += weight * (r - c0)
+        s1 += weight * (g - c1)
+        s2 += weight * (b - c2)
+    return s0, s1, s2, depth
+
+
+@inline
+def _pass_glossy_step(
+    row: Float64,
+    value: Cubic,
+    tau: Cubic,
+    gradient: Gradient,
+    place: tuple[float, float, int, float],
+    shading: LambertShading,
+    gloss: Gloss,
+) -> tuple[float, float, float, float]:
+    """Return what `_pass_step` does, with factors on extinction: depths come from their values at the nodes."""
+    samples = (
+        _glossy_sample(row, value, tau, gradient, place, _NODES[0], shading, gloss),
+        _glossy_sample(row, value, tau, gradient, place, _NODES[1], shading, gloss),
+        _glossy_sample(row, value, tau, gradient, place, _NODES[2], shading, gloss),
+        _glossy_sample(row, value, tau, gradient, place, _NODES[3], shading, gloss),
+    )
+    t0, t1, t2, t3 = samples[0][3], samples[1][3], samples[2][3], samples[3][3]
+    depth = _WEIGHTS[0] * t0 + _WEIGHTS[1] * t1 + _WEIGHTS[2] * t2 + _WEIGHTS[3] * t3
+    c0, c1, c2, _ = _glossy_sample(row, value, tau, gradient, place, 0.5, shading, gloss)
+    opacity = -math.expm1(-depth)
+    s0, s1, s2 = c0 * opacity, c1 * opacity, c2 * opacity
+    for node in range(_NODES.size):
+        r, g, b, density = samples[node]
+        of = _INTEGRALS[node]
+        weight = _WEIGHTS[node] * density * math.exp(-(of[0] * t0 + of[1] * t1 + of[2] * t2 + of[3] * t3))
+        s0 += weight * (r - c0)
+        s1 += weight * (g - c1)
+        s2 += weight * (b - c2)
+    return s0, s1, s2, depth
+
+
+@inline
+def _glossy_sample(
+    row: Float64,
+    value: Cubic,
+    tau: Cubic,
+    gradient: Gradient,
+    place: tuple[float, float, int, float],
+    at: float,
+    shading: LambertShading,
+    gloss: Gloss,
+) -> tuple[float, float, float, float]:
+    """Return colour (r, g, b) and optical depth per step, at the fraction `at` of a step."""
+    start, extent, step, width = place
+    x = (step + at) * width
+    lit, highlight, factor = illuminate(gradient, start + x * extent, shading, gloss)
+    offset = value_at(value, x) - row[8]
+    return (
+        (row[0] + row[4] * offset) * lit + highlight,
+        (row[1] + row[5] * offset) * lit + highlight,
+        (row[2] + row[6] * offset) * lit + highlight,
+        max(0.0, value_at(tau, at)) * width * factor,
+    )
 
 
 @inline
@@ -152,25 +219,9 @@ def _integrate_piece(
         for step in range(num_steps):
             if gathered[number, 3] > _MAX_OPTICAL_DEPTH:
                 break
-            d0, d1, d2, d3 = restrict_cubic((t0, t1, t2, t3), step * width, width)
-            # From the integrand in powers of x to its integral from 0 to x, divided by x.
-            d0, d1, d2, d3 = d0 * width, d1 * width / 2.0, d2 * width / 3.0, d3 * width / 4.0
-            depth = max(0.0, d0 + d1 + d2 + d3)
-            # The colour at the middle times the exact opacity, plus the quadrature of the difference from that colour:
-            # a constant colour is exact at every opacity.
-            x = (step + 0.5) * width
-            c0, c1, c2 = _lit_color(row, value_at(value, x), gradient, start + x * (end - start), shading)
-            opacity = -math.expm1(-depth)
-            s0, s1, s2 = c0 * opacity, c1 * opacity, c2 * opacity
-            for node in range(_NODES.size):
-                at = _NODES[node]
-                tau = d0 + at * (2.0 * d1 + at * (3.0 * d2 + at * 4.0 * d3))
-                weight = _WEIGHTS[node] * tau * math.exp(-at * (d0 + at * (d1 + at * (d2 + at * d3))))
-                x = (step + at) * width
-                r, g, b = _lit_color(row, value_at(value, x), gradient, start + x * (end - start), shading)
-                s0 += weight * (r - c0)
-                s1 += weight * (g - c1)
-                s2 += weight * (b - c2)
+            tau = restrict_cubic((t0, t1, t2, t3), step * width, width)
+            place = start, end - start, step, width
+            s0, s1, s2, depth = _pass_step(row, value, tau, gradient, place, shading, shading.gloss)
             transmittance = math.exp(-gathered[number, 3])
             gathered[number, 0] += transmittance * s0
             gathered[number, 1] += transmittance * s1
@@ -376,6 +427,7 @@ def _integrate_ray(
     s, end = clip_to_volume(values.shape, origin, direction, start)
     if not s < end:
         return
+    aimed = aim(shading, shading.gloss, direction)
     (ox, oy, oz), (dx, dy, dz) = origin, direction
     num_z, num_y, num_x = values.shape
     x, y, z = first_cell(ox + s * dx, num_x), first_cell(oy + s * dy, num_y), first_cell(oz + s * dz, num_z)
@@ -391,9 +443,7 @@ def _integrate_ray(
                 length = s_exit - s
                 entry = (ox + s * dx - x, oy + s * dy - y, oz + s * dz - z)
                 extent = (length * dx, length * dy, length * dz)
-                _integrate_cell(
-                    values, (x, y, z), entry, extent, length, intervals, shading, splits, max_steps, gathered
-                )
+                _integrate_cell(values, (x, y, z), entry, extent, length, intervals, aimed, splits, max_steps, gathered)
                 is_opaque = _is_opaque(gathered)
         s = s_exit
         if to_x <= to_y and to_x <= to_z:

@@ -9,7 +9,19 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, placed, random_cut, transfer_of, view_of
+from brickwork import (
+    AFFINES,
+    GLOSSY,
+    batch_of,
+    bricks_of,
+    hills,
+    level_cut,
+    ordered,
+    placed,
+    random_cut,
+    transfer_of,
+    view_of,
+)
 
 from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch, ScreenSampling
 from renderer.draw import GLRasterizer, brick_cache, subsampling
@@ -95,7 +107,7 @@ def test_more_bricks_than_slots_are_not_uploaded_ahead(
         assert not gl.upload(batches[0], ordered(batches[0].cut, view), view)
 
 
-@pytest.mark.parametrize("shading", [None, ShadingSpec()], ids=["plain", "lit"])
+@pytest.mark.parametrize("shading", [None, ShadingSpec(), GLOSSY], ids=["plain", "lit", "glossy"])
 def test_pictures_do_not_depend_on_the_number_of_threads(
     monkeypatch: pytest.MonkeyPatch, shading: ShadingSpec | None
 ) -> None:

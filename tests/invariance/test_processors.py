@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickwork import AFFINES, batch_of, bricks_of, cut_of_bricks, hills, ordered, placed, transfer_of, view_of
+from brickwork import AFFINES, GLOSSY, batch_of, bricks_of, cut_of_bricks, hills, ordered, placed, transfer_of, view_of
 from llvmlite import binding
 
 from renderer.bricks import ScreenSampling
@@ -37,11 +37,11 @@ EVERY_FOURTH_PIXEL = ScreenSampling((4, 1), 0.02, 0.01)
 
 
 def digest() -> str:
-    """Return a digest of pyramids, and of pictures with few and many segments, lit and not, of scalars and of means."""
+    """Return a digest of pyramids, and of pictures with few and many segments, lit or not, of scalars and of means."""
     total = hashlib.blake2b(digest_size=16)
     volume = placed(hills((12, 16, 150), 9.0), AFFINES["oblique"])
     with CPURasterizer(num_threads=1) as rasterizer:
-        for points, shading in ((FOG, SHADING), (LAYERS, SHADING), (LAYERS, None)):
+        for points, shading in ((FOG, SHADING), (LAYERS, SHADING), (LAYERS, None), (LAYERS, GLOSSY)):
             bricks = bricks_of(volume, transfer_of(*points), shading)
             for level in bricks.pyramid.levels:
                 for array in level:

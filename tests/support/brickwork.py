@@ -22,6 +22,8 @@ Float64 = npt.NDArray[np.float64]
 EXACTLY = ScreenSampling((1,), 0.0, 0.0)
 
 LIT = ShadingSpec(0.3, 0.7, (1.0, -0.5, 2.0))
+# As numbers of the light that depends on the view, and of factors on extinction for gradients of `hills`.
+GLOSSY = ShadingSpec(0.2, 0.6, "camera", 0.4, 20.0, True, ((0.01, 0.1), (0.2, 1.0), (0.4, 0.5)))
 EACH_SHADING = pytest.mark.parametrize("shading", [None, LIT], ids=["plain", "lit"])
 
 AFFINES = {
@@ -74,7 +76,8 @@ def bricks_of(
 ) -> Bricks:
     """All bricks, of means in single precision."""
     spec = PyramidSpec(precision=precision)  # type: ignore[arg-type]
-    return make_bricks(volume, transfer, spec=spec, error=error or ErrorSpec(), shading=shading, num_threads=1)
+    baked = shading and shading.lambert
+    return make_bricks(volume, transfer, spec=spec, error=error or ErrorSpec(), shading=baked, num_threads=1)
 
 
 def random_cut(bricks: Bricks, seed: int, finest_level: int = 0) -> BrickCut:

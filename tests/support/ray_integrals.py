@@ -72,13 +72,14 @@ def riemann(
     gradients = [np.gradient(values, axis=2 - axis) for axis in range(3)]
     index_from_world = np.linalg.inv(of.world_from_index)
     origins, directions, starts = rays_through_pixels(np.zeros(3), view, np.arange(view.size[0] * view.size[1]))
+    viewers = -directions
     origins, directions = (
         origins @ index_from_world[:3, :3].T + index_from_world[:3, 3],
         directions @ index_from_world[:3, :3].T,
     )
     image = np.zeros((len(starts), 4))
     shape = np.array(of.shape_xyz)
-    for i, (origin, direction, start) in enumerate(zip(origins, directions, starts, strict=True)):
+    for i, (origin, direction, start, viewer) in enumerate(zip(origins, directions, starts, viewers, strict=True)):
         near, far = np.sort([(-0.5 - origin) / direction, (shape - 0.5 - origin) / direction], axis=0)
         enter, leave = max(start, near.max()), far.min()
         if not enter < leave:
@@ -87,17 +88,28 @@ def riemann(
         index = np.clip(origin + (enter + (np.arange(num_steps) + 0.5) * ds)[:, None] * direction, 0, shape - 1)
         field = interpolate(values, index)
         color = np.stack([np.interp(field, tf.values, tf.colors[:, k]) for k in range(3)], axis=1)
+        depth = np.interp(field, tf.values, tf.extinctions) * ds
         if shading is not None:
             gradient = np.stack([interpolate(g, index) for g in gradients], axis=1) @ index_from_world[:3, :3]
-            cosine = (
-                -gradient @ (np.array(shading.light) / np.linalg.norm(shading.light)) / np.linalg.norm(gradient, axis=1)
-            )
-            color *= (shading.ambient + shading.diffuse * np.maximum(0.0, cosine))[:, None]
-        depth = np.interp(field, tf.values, tf.extinctions) * ds
+            color = shade(shading, color, gradient, viewer)
+            if shading.gradient_opacity:
+                depth *= np.interp(np.linalg.norm(gradient, axis=1), *np.transpose(shading.gradient_opacity))
         before = np.cumsum(depth) - depth
         image[i, :3] = (np.exp(-before) * -np.expm1(-depth)) @ color
         image[i, 3] = -np.expm1(-depth.sum())
     return image.reshape(view.size[1], view.size[0], 4)
+
+
+def shade(shading: ShadingSpec, color: Float64, gradient: Float64, viewer: Float64) -> Float64:
+    """Colours [n, 3] in the light, by its definition."""
+    light = viewer if isinstance(shading.light, str) else np.array(shading.light) / np.linalg.norm(shading.light)
+    halfway = (light + viewer) / np.linalg.norm(light + viewer)
+    normal = -gradient / np.linalg.norm(gradient, axis=1)[:, None]
+    of_light, of_halfway = normal @ light, normal @ halfway
+    if shading.two_sided:
+        of_light, of_halfway = np.abs(of_light), np.abs(of_halfway)
+    highlight = shading.specular * np.maximum(0.0, of_halfway) ** shading.shininess * (of_light > 0)
+    return color * (shading.ambient + shading.diffuse * np.maximum(0.0, of_light))[:, None] + highlight[:, None]
 
 
 def interpolate(values: Float64, index: Float64) -> Float64:

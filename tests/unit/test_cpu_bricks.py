@@ -12,6 +12,7 @@ from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, p
 from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.compiled import jit, load, num_lanes, store
 from renderer.draw import CPURasterizer, GLRasterizer, brick_cache, is_software
+from renderer.draw.cpu.light import power
 from renderer.draw.cpu.march import draw_tiles
 from renderer.draw.cpu.raster import CPUAtlas
 from renderer.draw.cpu.sample import opacity_of_depth
@@ -33,6 +34,23 @@ def test_opacities_keep_their_digits() -> None:
     assert np.abs(got[:-2] / expected - 1).max() < 3e-7
     assert got[-2:].tolist() == [0.0, 1.0]
     assert got.max() <= 1.0
+
+
+@jit
+def _powers(bases: Any, exponent: Any, powers: Any) -> None:
+    for at in range(0, len(bases), num_lanes()):
+        store(powers, at, power(load(bases, at, num_lanes()), exponent))
+
+
+@pytest.mark.parametrize("exponent", [1e-3, 0.5, 1.0, 32.0, 999.0])
+def test_powers_keep_their_digits(exponent: float) -> None:
+    bases = np.concatenate([np.logspace(-30, 0, 20_000), np.linspace(0.5, 1, 4094), [0, 1]]).astype(np.float32)
+    got, expected = np.empty_like(bases), bases.astype(np.float64) ** np.float32(exponent)
+    _powers(bases, np.float32(exponent), got)
+    is_seen = expected > 1e-4
+    assert np.abs(got[is_seen] / expected[is_seen] - 1).max() < 1e-5
+    assert np.abs(got - expected)[~is_seen].max(initial=0.0) < 1e-8
+    assert got[-2:].tolist() == [0.0, 1.0]
 
 
 def brick(keys: Any) -> Any:
@@ -104,8 +122,10 @@ def test_loops_are_compiled_once_for_any_number_of_threads() -> None:
     bricks = bricks_of(placed(hills((20, 30, 40), 9.0), AFFINES["straight"]), GLASS)
     view = view_of(bricks.volume, "perspective", (640, 480))
     batch = batch_of(level_cut(bricks, 0), bricks)
+    counts = []
     for num_threads in (1, 3):
         drawer = CPURasterizer(num_threads=num_threads)
         drawer.rasterize(batch, ordered(batch.cut, view), view)
         drawer.release()
-    assert len(cast(Any, draw_tiles).signatures) == 1
+        counts.append(len(cast(Any, draw_tiles).signatures))
+    assert counts[0] == counts[1]

@@ -81,6 +81,7 @@ SCENES = {
         transfer_function=TransferSpec(POINTS),
         camera=CameraSpec(TurntablePath(9, 0.1, 12.5, AXIS)),
         error=ErrorSpec(goal=MetricTarget("psnr", 30.1), probes=64),
+        shading=ShadingSpec(0.1, 0.2, "camera", 0.3, 1000.0, True, ((0.0, 1 / 3), (1e9, 1.0))),
         output=OutputSpec(Path("b/c.gif"), record_paths=False),
     ),
     "attenuation": Scene(

@@ -159,6 +159,42 @@ def test_names_that_are_no_output_file_are_refused(name: object) -> None:
     assert path == "output.file"
 
 
+LIGHT = {"specular": 0.3, "light": "camera", "two_sided": True, "gradient_opacity": [[0, 0], [5, 1]]}
+
+
+@pytest.mark.parametrize(
+    ("shading", "place", "what"),
+    [
+        ({"light": "eye"}, "shading.light", "unknown value"),
+        ({"light": [0, 0, 0]}, "shading.light", "no direction"),
+        ({"specular": 1.5}, "shading.specular", "out of range"),
+        ({"shininess": 0}, "shading.shininess", "out of range"),
+        ({"shininess": 1001}, "shading.shininess", "out of range"),
+        ({"two_sided": "yes"}, "shading.two_sided", "not true or false"),
+        ({"gradient_opacity": []}, "shading.gradient_opacity", "wrong number of items"),
+        ({"gradient_opacity": [[0, 1, 2]]}, "shading.gradient_opacity.0", "not a pair"),
+        ({"gradient_opacity": [[-1, 1]]}, "shading.gradient_opacity.0.0", "out of range"),
+        ({"gradient_opacity": [[0, 0], [5, 2]]}, "shading.gradient_opacity.1.1", "out of range"),
+        ({"gradient_opacity": [[0, 0], [5, 1], [5, 0]]}, "shading.gradient_opacity.2.0", "points out of order"),
+    ],
+)
+def test_mistakes_of_a_light_have_their_place(shading: dict[str, Any], place: str, what: str) -> None:
+    assert complaints(changed(shading=shading)) == [(place, what)]
+
+
+@pytest.mark.parametrize("key", LIGHT)
+def test_what_only_samples_between_voxels_show_is_refused_elsewhere(key: str) -> None:
+    shading = {key: LIGHT[key], "shininess": 5}
+    assert parse(changed(shading=shading, splat={"footprint": "integrated"}, overlay="octree"))
+    place, error = f"shading.{key}", {"finest_level": 1, "splats": 100}
+    assert complaints(changed(shading=shading, splat={"sigma": 0.5})) == [(place, "needs footprint: integrated")]
+    assert complaints(changed(shading=shading, error=error)) == [
+        (place, "contradicts error.finest_level"),
+        (place, "contradicts error.splats"),
+    ]
+    parse(changed(shading={"ambient": 0.5, "shininess": 5}, splat={"sigma": 0.5}))
+
+
 def test_a_folder_is_a_volume_and_no_raw_file() -> None:
     assert parse(changed(volume={"file": "."})).volume.source == FileSource(HERE.parent)
     raw = {"file": ".", "shape": [1, 1, 1], "dtype": "uint8"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
-from renderer.errors import Problem
+from renderer.errors import InputError, Problem
 from renderer.scene import MAX_PSNR_DB, ErrorSpec, MetricTarget, Scene, SplatSpec, raise_problems, schema
 
 T = TypeVar("T")
@@ -31,11 +31,15 @@ class Sweep:
 
 
 def parse_sweep(scene: Scene, *, tolerances: str | None, footprints: str, measures: str, corrections: str) -> Sweep:
-    """Parse lists with commas. Raises SceneError with the name of the option."""
+    """Parse lists with commas. Raises SceneError or InputError with the name of the option."""
     are_corrected = [word == "on" for word in _items("--corrections", corrections, schema.choice_field("on", "off"))]
     shapes = _items("--footprints", footprints, _footprint_field(scene.splat))
     pairs = [_MEASURES[word] for word in _items("--measures", measures, schema.choice_field(*_MEASURES))]
     splats = [_with_correction(shape, is_on) for is_on in are_corrected for shape in shapes]
+    if scene.shading and scene.shading.is_pointwise and any(splat.footprint != "integrated" for splat in splats):
+        raise InputError(
+            "splats cannot have the scene's shading", where="--footprints", got=footprints, expected="integrated"
+        )
     return Sweep(
         errors=tuple(replace(scene.error, measure=measure, of=of) for measure, of in pairs),  # type: ignore[arg-type]
         splats=tuple(dict.fromkeys(splats)),

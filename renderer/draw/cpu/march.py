@@ -21,6 +21,7 @@ from renderer.compiled import (
     any_of,
     append,
     fma,
+    gather,
     inline,
     jit,
     lane_numbers,
@@ -36,6 +37,7 @@ from renderer.compiled import (
     where,
 )
 from renderer.draw.constants import MAX_SAMPLE_CELL, MAX_SAMPLES, MIN_SAMPLE_CELL
+from renderer.draw.cpu.light import Light, aim, illuminate
 from renderer.draw.cpu.sample import (
     Field,
     Optics,
@@ -145,6 +147,7 @@ def draw_tiles(
     texel_offsets: Int64,
     is_mean: Bools,
     field: Field,
+    light: Light | None,
     is_drawn: Bools,
     image: Float32,
     tiles: Int64,
@@ -153,6 +156,7 @@ def draw_tiles(
 
     stride: the pixels of the grid are every `stride`-th pixel along both axes. boxes, is_mean: as in BrickView.
     texel_offsets: int64 [n], where the texels of each brick begin in its atlas.
+    light: None for none, or for what Optics has; numba compiles the two cases separately.
     is_drawn: [rows, columns], the pixels of the grid that are drawn. tiles: int64 [k], their numbers, row by row.
 
     Numba checks no array index. These keep them valid: rectangles are clipped to the grid, and windows to the tile;
@@ -192,10 +196,10 @@ def draw_tiles(
                 _sort(spans, num)
                 if is_mean[number]:
                     texels = field.means[texel_offsets[number] :]
-                    _march(texels, None, field.optics, spans, num, tile, colors, pixels)
+                    _march(texels, None, None, field.optics, spans, num, tile, colors, pixels)
                 else:
                     texels = field.scalars[texel_offsets[number] :]
-                    _march(texels, field.table, field.optics, spans, num, tile, colors, pixels)
+                    _march(texels, field.table, light, field.optics, spans, num, tile, colors, pixels)
 
 
 @jit
@@ -373,19 +377,22 @@ def _sort(spans: _Spans, num: int) -> None:
 
 @jit
 def _march(
-    texels: Float32, table: Table | None, optics: Optics, spans: _Spans, num: int, tile: _Tile, colors: Float32,
-    pixels: Float32,
+    texels: Float32, table: Table | None, light: Light | None, optics: Optics, spans: _Spans, num: int, tile: _Tile,
+    colors: Float32, pixels: Float32,
 ) -> None:  # fmt: skip
     """Composite the samples of spans under the pixels of a tile; rays end behind `termination_alpha`.
 
     texels: of the brick, and what follows. table: None if the texels are means, which need no classification; numba
-    compiles the two cases separately. colors: float32 [4 * num_lanes()], overwritten. pixels: of the image.
+    compiles the two cases separately. light: as in `draw_tiles`. colors: float32 [4 * num_lanes()], overwritten.
+    pixels: of the image.
     """
     for first in range(0, num, num_lanes()):
         order = load(spans.order, first, num_lanes())
         x, y, z, step_x, step_y, step_z, length, last = load_rows(
             spans.rows, order * np.int32(_SPAN_FLOATS), _SPAN_FLOATS
         )
+        if light is not None:
+            ways = aim(light, _directions(tile, gather(spans.pixels, order)))
         red = green = blue = alpha = _0
         alive = lane_numbers(num_lanes()) < np.int32(num - first)
         number = _0
@@ -405,6 +412,8 @@ def _march(
             visible = active & (tau > _0)
             if not any_of(visible):
                 continue
+            if light is not None:
+                tau, r, g, b = illuminate((tau, r, g, b), sample_gradient(texels, at, shares), ways, light)
             depth = where(visible, tau, _0) * optics.spacings_per_model_unit * length
             weight = (_1 - alpha) * opacity_of_depth(depth)
             alpha += weight
@@ -416,6 +425,14 @@ def _march(
             alive &= alpha <= optics.termination_alpha
         store_rows(colors, (red, green, blue, alpha))
         _composite_under(colors, spans, first, min(num_lanes(), num - first), tile, pixels)
+
+
+@inline
+def _directions(tile: _Tile, pixels: Any) -> Any:
+    """Return the directions (x, y, z) of the rays of pixels of a tile, in index space."""
+    at = pixels + np.int32(_DIRECTION * tile.room)
+    x, y = gather(tile.rays, at), gather(tile.rays, at + np.int32(tile.room))
+    return to_float32(x), to_float32(y), to_float32(gather(tile.rays, at + np.int32(2 * tile.room)))
 
 
 @inline

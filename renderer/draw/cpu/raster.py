@@ -21,6 +21,7 @@ from renderer.draw import brick_cache
 from renderer.draw.brick_cache import Atlas, BrickCache, BrickView
 from renderer.draw.constants import RECTANGLE_ROUNDING_PX
 from renderer.draw.cpu.extremum import Search, draw_extremes
+from renderer.draw.cpu.light import make_light
 from renderer.draw.cpu.march import TileBins, bin_bricks, draw_tiles
 from renderer.draw.cpu.sample import Field, Optics, make_table
 from renderer.draw.rasterizer import Rasterizer
@@ -120,26 +121,26 @@ class CPURasterizer(Rasterizer):
                 texel_offsets[numbers] = atlas.texel_offsets(slots)
             bins = _bin_bricks(brick_view.rectangles_px[group], stride, (is_drawn.shape[1], is_drawn.shape[0]))
             bricks = brick_view.rays, brick_view.boxes[group], texel_offsets[group]
-            extremes = brick_view.batch.extremes
+            batch, is_mean = brick_view.batch, brick_view.is_mean[group]
             draw: Callable[[Int64], None]
-            if extremes is None:
-                field = self._field(brick_view.batch)
-                draw = partial(draw_tiles, bins, stride, *bricks, brick_view.is_mean[group], field, is_drawn, image)
+            if batch.extremes is None:
+                field, light = self._field(batch), make_light(batch)
+                draw = partial(draw_tiles, bins, stride, *bricks, is_mean, field, light, is_drawn, image)
             else:
-                tops, scalars = extremes.tops[brick_view.order[group]], self.cache.atlases[0].texels
-                search = _search(extremes, brick_view.view, brick_view.batch)
+                tops, scalars = batch.extremes.tops[brick_view.order[group]], self.cache.atlases[0].texels
+                search = _search(batch.extremes, brick_view.view, batch)
                 draw = partial(draw_extremes, bins, stride, *bricks, tops, scalars, search, is_drawn, image)
             tiles = np.flatnonzero(bins.starts[1:] > bins.starts[:-1])
             num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.cache.threads.num) if self.cache.threads.num > 1 else 1
             self.cache.threads.map(draw, np.array_split(tiles, max(1, num_tasks)))
 
     def _field(self, batch: BrickBatch) -> Field:
-        shading = batch.shading or ShadingSpec()
+        shading = (batch.shading and batch.shading.lambert) or ShadingSpec()
         x, y, z = toward_light(shading).astype(np.float32)
         optics = Optics(
             np.float32(batch.screen_sampling.termination_alpha),
             np.float32(batch.spacings_per_model_unit),
-            batch.shading is not None,
+            batch.shading is not None and batch.shading.lambert is not None,
             (x, y, z, np.float32(shading.ambient), np.float32(shading.diffuse)),
         )
         scalars, means = self.cache.atlases

@@ -230,15 +230,21 @@ def opacity_of_depth(x: Any) -> Any:
     is_small = x < _HALF
     opacity = x * fma(-x, fma(-x, fma(-x, fma(x, -_D, _C), _B), _A), _1)
     if any_of(~is_small):
-        held = min(x, _MAX_DEPTH)
-        n = to_int32(fma(held, _LOG2_E, _HALF))
-        r = fma(to_float32(n), _LN_2, -held)
-        power = fma(r, np.float32(1 / 720), np.float32(1 / 120))
-        power = fma(r, power, np.float32(1 / 24))
-        power = fma(r, power, np.float32(1 / 6))
-        power = fma(r, power, _HALF)
-        power = fma(r, fma(r, power, _1), _1)
-        power_of_half = bits_to_float32((_EXPONENT_BIAS - n) << _EXPONENT_SHIFT)
+        power, power_of_half = exp_factors(x)
         large = where(x < _MAX_DEPTH, fma(-power, power_of_half, _1), _1)
         opacity = where(is_small, opacity, large)
     return opacity
+
+
+@inline
+def exp_factors(x: Any) -> Any:
+    """Return two factors of exp(-x) of x >= 0, the second a power of two; x counts as 40 at most."""
+    held = min(x, _MAX_DEPTH)
+    n = to_int32(fma(held, _LOG2_E, _HALF))
+    r = fma(to_float32(n), _LN_2, -held)
+    power = fma(r, np.float32(1 / 720), np.float32(1 / 120))
+    power = fma(r, power, np.float32(1 / 24))
+    power = fma(r, power, np.float32(1 / 6))
+    power = fma(r, power, _HALF)
+    power = fma(r, fma(r, power, _1), _1)
+    return power, bits_to_float32((_EXPONENT_BIAS - n) << _EXPONENT_SHIFT)

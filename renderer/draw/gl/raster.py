@@ -64,7 +64,8 @@ EGL_PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
 class GLRasterizer(Rasterizer):
     """A GL context with its programs, for any number of frames of any size.
 
-    Where the driver draws on the CPU, CPURasterizer draws bricks instead, because it is faster. num_threads: threads of
+    Where the driver draws on the CPU, CPURasterizer draws bricks instead, because it is faster; and everywhere those
+    whose shading it alone knows (`BrickBatch.is_pointwise`). num_threads: threads of
     its loops. brick_backend: draws bricks, for tests. Use as a context manager, or call `release`. Raises RenderError
     where no context can be made, or for a picture that is too large for the device, and ContextLostError where the
     context is lost while it draws; then the rasteriser cannot be used any more, and RecoveringRasterizer makes another.
@@ -83,14 +84,10 @@ class GLRasterizer(Rasterizer):
             self._shape_buffer = self._context.buffer(reserve=MAX_SHAPES * 48, dynamic=True)
         self._programs: dict[tuple[str, str], Any] = {}
         self._target: Any = None
-        self._bricks: GLBrickRenderer | CPURasterizer
+        self._loops = CPURasterizer(num_threads=num_threads)
+        self._bricks: GLBrickRenderer | CPURasterizer = self._loops
         if brick_backend == "device" or (brick_backend is None and not is_software(self.device)):
             self._bricks = GLBrickRenderer(self._context, self._program, self._make_target, num_threads)
-        else:
-            self._bricks = CPURasterizer(num_threads=num_threads)
-        self._loops = (
-            self._bricks if isinstance(self._bricks, CPURasterizer) else CPURasterizer(num_threads=num_threads)
-        )
 
     def release(self) -> None:
         """Free the context and all that it holds."""

@@ -1,0 +1,94 @@
+"""The scene's `shading`: a light, and how boundaries show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+from renderer.scene import schema
+from renderer.scene.camera_section import direction_field
+from renderer.scene.error_section import ErrorSpec, SplatBudget
+from renderer.scene.message_text import format_value
+from renderer.scene.schema import INVALID, TreeNode
+
+MAX_SHININESS = 1000.0
+
+_LIGHT_WORDS = "[x, y, z], not all 0: from the object to the light; or camera"
+_LIGHT = schema.word_or({"camera": "camera"}, direction_field(_LIGHT_WORDS), _LIGHT_WORDS)
+Fraction = Annotated[float, schema.number_field(minimum=0, maximum=1)]
+
+
+def _check_ascending(node: TreeNode, points: tuple[Any, ...]) -> Any:
+    for index, ((before, _), (gradient, _)) in enumerate(pairwise(points), start=1):
+        if INVALID not in (before, gradient) and gradient <= before:
+            place = node.child(index).child(0, gradient)
+            return place.reject("points out of order", expected=f"greater than {format_value(before)}")
+    return points
+
+
+_GRADIENT_OPACITY = schema.sequence_field(
+    schema.pair_field(
+        schema.number_field(minimum=0), schema.number_field(minimum=0, maximum=1),
+        "[gradient, factor]: a number of at least 0, and a number from 0 to 1",
+    ),
+    "a list of [gradient, factor], one or more, gradients ascending",
+    check=_check_ascending,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ShadingSpec:
+    """A light, and factors on extinction.
+
+    light: points from the object to the light, in world axes; "camera" is light from the viewer. The colour of a point
+        with the normal n, with l towards the light and h halfway between l and the direction to the viewer, is
+        `color (ambient + diffuse max(0, n . l)) + specular max(0, n . h)^shininess`, the last only where n . l > 0.
+    two_sided: takes both products without their signs. gradient_opacity: pairs of a gradient's magnitude, in scalar
+        units per world unit, and of the factor on extinction there; linear in between, constant outside.
+    """
+
+    ambient: Fraction = 0.3
+    diffuse: Fraction = 0.7
+    light: Annotated[schema.Vector | Literal["camera"], _LIGHT] = (1.0, -1.0, 1.0)
+    specular: Fraction = 0.0
+    shininess: Annotated[float, schema.number_field(above=0, maximum=MAX_SHININESS)] = 32.0
+    two_sided: bool = False
+    gradient_opacity: Annotated[tuple[tuple[float, float], ...] | None, _GRADIENT_OPACITY] = None
+
+    @property
+    def lambert(self) -> ShadingSpec | None:
+        """Return itself if it is Lambert shading by a fixed light alone, which cells of any size can hold, or None."""
+        return None if self.is_pointwise else self
+
+    @property
+    def is_pointwise(self) -> bool:
+        """Return whether it is more than that, so that only samples between voxels can be shaded."""
+        return bool(_pointwise_keys(self))
+
+
+def _pointwise_keys(shading: ShadingSpec) -> list[str]:
+    """Return the keys that ask for what is computed at every sample: it depends on the view, or changes extinction."""
+    asks = {
+        "light": shading.light == "camera",
+        "specular": shading.specular is not INVALID and shading.specular > 0,
+        "two_sided": shading.two_sided is True,
+        "gradient_opacity": isinstance(shading.gradient_opacity, tuple),
+    }
+    return [key for key, is_asked in asks.items() if is_asked]
+
+
+def check_shading(node: TreeNode, given: dict[str, Any]) -> None:
+    """Refuse what cannot be drawn with the scene's `shading`, which is at `node`. given: the scene's sections."""
+    shading, error = given.get("shading"), given.get("error")
+    for key in _pointwise_keys(shading) if isinstance(shading, ShadingSpec) else ():
+        place, written = node.key(key), f"{node.path}.{key}"
+        if (footprint := getattr(given.get("splat"), "footprint", "integrated")) in ("gaussian", "gouraud"):
+            hint = "splats have one colour for all views: write splat: {footprint: integrated}, or leave splat out"
+            place.reject("needs footprint: integrated", got=f"footprint: {footprint}", expected="", hint=hint)
+        if isinstance(error, ErrorSpec):
+            hint = f"all visible voxels are drawn with {written}"
+            if isinstance(error.finest_level, int) and error.finest_level > 0:
+                place.reject("contradicts error.finest_level", expected="", hint=hint)
+            if isinstance(error.goal, SplatBudget):
+                place.reject("contradicts error.splats", expected="", hint=f"{hint}; give tolerance, psnr or seconds")
