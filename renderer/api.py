@@ -443,7 +443,7 @@ def _with_suggestion(scene: Scene, colormap: str | None, *, is_new: bool) -> Sce
         volume=found.volume if found.is_float else scene.volume,
         transfer_function=found.suggestion.transfer,
         shading=found.suggestion.shading,
-        splat=found.suggestion.splat or scene.splat,
+        splat=(None if scene.cuts else found.suggestion.splat) or scene.splat,  # splats cannot be cut
     )
 
 

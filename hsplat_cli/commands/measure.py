@@ -34,14 +34,10 @@ _QUICK_HINT = (
 @click.option("--tolerances", metavar="LIST", help="Such as 1,0.1,0; by default some that suit the volume.")
 @click.option(
     "--footprints",
-    default="integrated,gaussian",
-    show_default=True,
     metavar="LIST",
-    help="Of gaussian, gouraud, gouraud:AxR and integrated.",
+    help="Of gaussian, gouraud, gouraud:AxR and integrated; by default integrated,gaussian where both can show it.",
 )
-@click.option(
-    "--measures", default="optical,rms", show_default=True, metavar="LIST", help="Of optical, rms and rms:scalar."
-)
+@click.option("--measures", metavar="LIST", help="Of optical, rms and rms:scalar; by default optical,rms if it can be.")
 @click.option("--corrections", default="on,off", show_default=True, metavar="LIST", help="Of opacity: on, off.")
 @click.option("--repeats", type=click.IntRange(1, 100), default=3, show_default=True, help="Timed passes, at most.")
 @click.option(

@@ -10,9 +10,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from renderer.bricks import make_bricks
 from renderer.draw import Rasterizer
-from renderer.errors import InputError
+from renderer.errors import InputError, Problem
 from renderer.frame.budget import ScheduleController, ToleranceController
 from renderer.frame.frame import Frame, draw_frame
 from renderer.frame.stage import Clock, Stage, Stopwatch
@@ -23,6 +25,7 @@ from renderer.scene import (
     Scene,
     Vector,
     camera_problems,
+    format_value,
     min_tolerance,
     raise_problems,
     volume_extent,
@@ -31,9 +34,13 @@ from renderer.scene import (
 )
 from renderer.transfer import make_transfer_function
 from renderer.view import (
+    View,
+    are_cut_away,
     finest_useful_level,
     fit_distance,
     make_order_blending,
+    make_view,
+    place_cuts,
     smallest_voxel_px,
     visible_centre,
     visible_points,
@@ -90,6 +97,7 @@ def prepare_stage(
     points = visible_points(pyramid)
     target, distance = _framing(scene, volume, points)
     raise_problems(camera_problems(replace(camera, target=target, distance=distance), size, extent))
+    raise_problems(_cut_problems(scene, volume, make_view(camera, 0, target, distance, size)))
     finest_level = finest_useful_level(volume, points, camera, target, distance, size)
     voxel_px = smallest_voxel_px(volume, camera, target, distance, size)
     order_blending = make_order_blending(volume.world_from_index, camera.path)
@@ -134,6 +142,18 @@ def render_frames(
         draw_list, predicted_seconds = controller.prepare_frame(number, watch)
         yield replace(draw_frame(stage, draw_list, rasterizer, watch), predicted_seconds=predicted_seconds)
         controller.finish_frame(draw_list, watch)
+
+
+def _cut_problems(scene: Scene, volume: Volume, view: View) -> Iterator[Problem]:
+    """Yield the cuts, fixed to the object, that leave nothing of it."""
+    half = np.array(volume.shape_xyz) / 2
+    reach = np.abs(volume.world_from_index[:3, :3]) @ half
+    low, high = (format_value(corner.tolist()) for corner in (volume.centre - reach, volume.centre + reach))
+    for number, cut in enumerate(scene.cuts):
+        cuts = place_cuts(volume, replace(view, cuts=(cut,)))
+        if cut.fixed == "object" and cuts is not None and are_cut_away(cuts, np.array([[-half, half]]))[0]:
+            expected = f"a cut that leaves some of it; it reaches from {low} to {high}"
+            yield Problem(f"cuts.{number}", "leaves nothing of the volume", expected=expected)
 
 
 def _framing(scene: Scene, volume: Volume, points: Float64) -> tuple[Vector, float]:

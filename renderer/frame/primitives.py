@@ -273,9 +273,10 @@ class ExtremumPrimitive(BrickPrimitive):
         tops = batch.extremes.tops
 
         def orders(view: View) -> Orders:
-            """Return the bricks with the largest bounds first; by depth, front to back."""
+            """Return the bricks with the largest bounds first; front to back where places or parts of rays count."""
             order = visible_bricks(batch, view)
-            return [(1.0, order if self._by_depth else order[np.argsort(-tops[order], kind="stable")])]
+            is_sorted = not (self._by_depth or view.cuts)
+            return [(1.0, order[np.argsort(-tops[order], kind="stable")] if is_sorted else order)]
 
         return batch.cut, batch, orders
 

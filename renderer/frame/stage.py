@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from renderer.bricks import Bricks
 from renderer.modes import Projection
@@ -64,7 +64,8 @@ class Stopwatch:
 
 def view_of(stage: Stage, frame: int) -> View:
     """Return the view of a frame of the film."""
-    return make_view(stage.scene.camera, frame, stage.target, stage.distance, stage.scene.output.size)
+    view = make_view(stage.scene.camera, frame, stage.target, stage.distance, stage.scene.output.size)
+    return replace(view, cuts=stage.scene.cuts)
 
 
 def draws_voxels_only(stage: Stage) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -29,7 +30,7 @@ from renderer.readers.sniff import find_format, find_volume
 from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec
 from renderer.volume import Array, MappedFile, Volume, backing_file, guard_mapping, iter_slabs, make_volume
 
-Ranges = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
+Ranges = Sequence[tuple[int, int]]
 
 
 def read_volume(spec: VolumeSpec) -> Volume:
@@ -60,10 +61,11 @@ def _read_volume(spec: VolumeSpec, name: str) -> Volume:
         replaced = spacing_of(image.world_from_index)
         image = replace(image, world_from_index=with_spacing(image.world_from_index, spacing))
     check_lengths(image.world_from_index)
-    if spec.crop is not None:
-        image = crop_image(image, spec.crop)
+    crop, lengths = spec.crop or (None, None, None), image.values.shape[::-1]
+    ranges = tuple(pair or (0, length) for pair, length in zip(crop, lengths, strict=True))
+    image = crop_image(image, ranges)
     note = image.note if spacing is None or image.note != NO_SPACING else None
-    first = tuple(begin for begin, _ in spec.crop) if spec.crop is not None else (0, 0, 0)
+    first = tuple(begin for begin, _ in ranges)
     mapped = backing_file(image.values) if stays_mapped(image.values.nbytes) else None
     if mapped is not None:
         guard_mapping(mapped, image.values)

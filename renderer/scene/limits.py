@@ -65,7 +65,8 @@ def proportion_problems(volume: VolumeSpec, camera: CameraSpec, size: tuple[int,
         if source.spacing is not None:
             yield from _ratio_problems(max(source.spacing) / min(source.spacing), "volume.spacing")
         return
-    first_end = volume.crop or tuple((0, num) for num in source.shape)
+    crop = volume.crop or (None, None, None)
+    first_end = tuple(pair or (0, num) for pair, num in zip(crop, source.shape, strict=True))
     shape = tuple(end - first for first, end in first_end)
     centre = tuple(0.5 * (first + end - 1) * side for (first, end), side in zip(first_end, source.spacing, strict=True))
     extent = _extent(shape, source.spacing, centre)

@@ -3,8 +3,8 @@
 The plain data come from a YAML or JSON reader: nested mappings, lists and scalars.
 
 Each large section of a scene has its own module (`volume_section`, `transfer_section`, `camera_section`,
-`error_section`, `splat_section`, `shading_section`, `output_section`) with its dataclass: for each key the type that
-checks it, and its default. Nothing here imports numpy or OpenGL, so that `hsplat check` answers at once. Lengths are in
+`error_section`, `splat_section`, `shading_section`, `mode_section`, `cuts_section`, `output_section`) with its
+dataclass: for each key the type that checks it, and its default. Nothing here imports numpy or OpenGL, so that `hsplat check` answers at once. Lengths are in
 world units (those of the volume's spacing), angles in degrees, colours in [0, 1] as given (display-referred), shapes,
 points and sizes in (x, y, z) and (width, height) order.
 """
@@ -18,6 +18,7 @@ from typing import Annotated, Any, Literal
 from renderer.errors import Problem
 from renderer.scene import schema
 from renderer.scene.camera_section import CameraPath, CameraSpec
+from renderer.scene.cuts_section import CUTS_SECTION, CutSpec, check_what_is_cut
 from renderer.scene.error_section import (
     ERROR_SECTION,
     ErrorSpec,
@@ -65,6 +66,7 @@ class Scene:
     pyramid: PyramidSpec = PyramidSpec()
     shading: ShadingSpec | None = None
     mode: Annotated[ModeSpec, MODE_SECTION] = field(default=ModeSpec())
+    cuts: Annotated[tuple[CutSpec, ...], CUTS_SECTION] = ()
     overlay: Literal["none", "octree"] = "none"
     version: Annotated[int, _VERSION] = VERSION
 
@@ -72,6 +74,16 @@ class Scene:
     def needs_opengl(self) -> bool:
         """Return whether it has splats or lines; bricks are drawn without OpenGL, too."""
         return self.splat.footprint != "integrated" or self.overlay != "none"
+
+    @property
+    def key_for_bricks(self) -> str | None:
+        """Return a key that only bricks can show, if it has one."""
+        asks = {
+            "mode": self.mode.is_projection,
+            "cuts": bool(self.cuts),
+            "shading": self.shading is not None and self.shading.is_pointwise,
+        }
+        return next((key for key, is_asked in asks.items() if is_asked), None)
 
 
 def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> Scene:
@@ -89,6 +101,7 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     check_exact_picture(node.child("error"), given)
     check_mode(node, given)
     check_shading(node.child("shading"), given)
+    check_what_is_cut(node, given)
     if not is_single_frame:
         check_frame_field(node.child("output"), given)
     scene = Scene(**given)
@@ -131,6 +144,9 @@ def spec_to_dict(value: Any) -> dict[str, Any]:
     plain = {name: _plain(item) for name, item in pairs if item is not None}  # None stands for a key that is not given
     if isinstance(value, VolumeSpec):
         source: dict[str, Any] = plain.pop("source")
+        if value.crop is not None and None in value.crop:
+            ranges = zip("xyz", plain["crop"], strict=True)
+            plain["crop"] = {axis: pair for axis, pair in ranges if pair is not None}
         return (source if isinstance(value.source, FileSource) else {value.source.key: source}) | plain
     if isinstance(value, TransferSpec):
         mapping = plain.pop("mapping")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -62,16 +63,24 @@ _SPACING = schema.sequence_field(
     count=3,
 )
 _SUBSET_INDEX = schema.integer_field(minimum=0, maximum=10**6)  # a time step or a component, counted from 0
-_CROP = schema.sequence_field(
-    schema.sequence_field(
-        schema.integer_field(minimum=0, maximum=MAX_AXIS),
-        "[first, end]: whole numbers with first less than end",
-        count=2,
-        check=_check_pair,
-    ),
-    "[[x first, x end], [y first, y end], [z first, z end]]: voxel numbers from 0, each end one past the last",
-    count=3,
+_RANGE = schema.sequence_field(
+    schema.integer_field(minimum=0, maximum=MAX_AXIS),
+    "[first, end]: whole numbers with first less than end",
+    count=2,
+    check=_check_pair,
 )
+_CROP_WORDS = "[[x first, x end], [y first, y end], [z first, z end]]: voxel numbers from 0, each end one past the last"
+_RANGES = schema.sequence_field(_RANGE, _CROP_WORDS, count=3)
+
+
+def _parse_crop(node: TreeNode) -> Any:
+    if not isinstance(node.value, Mapping):
+        return _RANGES.parser(node)
+    ranges = schema.read_fields(node, dict.fromkeys("xyz", _RANGE))
+    return tuple(ranges.get(axis) for axis in "xyz")
+
+
+_CROP = schema.FieldType(f"{_CROP_WORDS}; or a mapping with some of x, y and z", _parse_crop)
 _NONFINITE = schema.word_or(
     {"error": "error", "lowest": "lowest"}, schema.number_field(), "error, lowest or a finite number"
 )
@@ -114,6 +123,7 @@ def _missing_file_hint(path: Path) -> str | None:
     return did_you_mean(path.name, others)
 
 
+Range = tuple[int, int]  # of voxels, half-open
 # Numbers of voxels and their sides, along x, y, z.
 Shape = Annotated[tuple[int, int, int], _SHAPE]
 Spacing = Annotated[schema.Vector, _SPACING]
@@ -172,12 +182,12 @@ class ArraySource:
 @dataclass(frozen=True)
 class VolumeSpec:
     """A source of voxels and the part to use; `crop` holds half-open voxel ranges (first, one past the last)
-    for x, y, z."""
+    for x, y, z, and None for all voxels along an axis."""
 
     source: FileSource | RawSource | ProceduralSource | ArraySource
     time: Annotated[int | None, _SUBSET_INDEX] = None
     component: Annotated[int | None, _SUBSET_INDEX] = None
-    crop: Annotated[tuple[tuple[int, int], tuple[int, int], tuple[int, int]] | None, _CROP] = None
+    crop: Annotated[tuple[Range | None, Range | None, Range | None] | None, _CROP] = None
     nonfinite: Annotated[Literal["error", "lowest"] | float, _NONFINITE] = "error"
 
 
@@ -199,10 +209,11 @@ def _build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
             node.key(key).reject(f"{kind} neither time steps nor components", hint="remove the key")
     shape, crop = getattr(source, "shape", INVALID), given.get("crop", INVALID)
     pairs = () if INVALID in (crop, shape) else zip(crop, shape, strict=True)
-    for index, (pair, length) in enumerate(pairs):
-        if INVALID not in (pair, length) and INVALID not in pair and pair[1] > length:
+    is_by_name = isinstance(node.value, Mapping) and isinstance(node.value.get("crop"), Mapping)
+    for axis, (pair, length) in zip("xyz" if is_by_name else range(3), pairs, strict=False):
+        if None not in (pair, length) and INVALID not in (pair, length) and INVALID not in pair and pair[1] > length:
             expected = f"an end of at most {length}"
-            node.child("crop").child(index, pair).reject("outside the volume", expected=expected)
+            node.child("crop").child(axis, pair).reject("outside the volume", expected=expected)
     return VolumeSpec(source=source, **rest)  # type: ignore[arg-type]  # an INVALID source never leaves parse_scene
 
 

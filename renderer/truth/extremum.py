@@ -30,36 +30,38 @@ def search_rays(
     tops: Float64,
     origins: Float64,
     directions: Float64,
-    starts: Float64,
+    parts: Float64,
     sign: float,
     least_rise: float,
     found: Float64,
 ) -> None:
     """Write the largest `sign` times scalar of n rays, and the length along the ray at which it is, to `found` [n, 2].
 
-    Where a ray misses the volume both are NaN. Of numbers that differ by no more than `least_rise` the first counts.
+    It is minus infinity for a ray that misses the volume. Of numbers that differ by no more than `least_rise` the first
+    counts.
     tops: float64, NaN at first, the largest number of each macrocell; updated, for calls with the same values and sign.
     Other parameters as in `renderer.truth.kernel.integrate_rays`.
     """
-    for i in range(starts.size):
+    for i in range(len(parts)):
         origin = origins[i, 0], origins[i, 1], origins[i, 2]
         direction = directions[i, 0], directions[i, 1], directions[i, 2]
-        found[i, 0], found[i, 1] = math.nan, math.nan
-        s, end = clip_to_volume(values.shape, origin, direction, starts[i])
-        if s < end:
-            _search_ray(values, tops, (origin, direction), (s, end), sign, least_rise, found[i])
+        found[i, 0], found[i, 1] = -math.inf, 0.0
+        for k in range(parts.shape[1]):
+            s, end = clip_to_volume(values.shape, origin, direction, parts[i, k, 0], parts[i, k, 1])
+            if s < end:
+                _search_ray(values, tops, (origin, direction), (s, end), sign, least_rise, found[i])
 
 
 @inline
 def _search_ray(
     values: Any, tops: Float64, ray: Any, reach: tuple[float, float], sign: float, least_rise: float, found: Float64
 ) -> None:
-    """Search one ray, its origin and direction, between two lengths along it."""
+    """Search one ray, its origin and direction, between two lengths for more than was found."""
     ((ox, oy, oz), (dx, dy, dz)), (s, end) = ray, reach
     num_z, num_y, num_x = values.shape
     x, y, z = first_cell(ox + s * dx, num_x), first_cell(oy + s * dy, num_y), first_cell(oz + s * dz, num_z)
     to_x, to_y, to_z = distance_to_plane(x, ox, dx), distance_to_plane(y, oy, dy), distance_to_plane(z, oz, dz)
-    best, place = -math.inf, s
+    best, place = found[0], found[1]
     while s < end:
         s_exit = min(max(min(to_x, to_y, to_z), s), end)
         i, j, k = (x + 1) // MACROCELL_SIZE, (y + 1) // MACROCELL_SIZE, (z + 1) // MACROCELL_SIZE

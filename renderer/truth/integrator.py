@@ -25,6 +25,7 @@ from renderer.errors import RenderError
 from renderer.scene import ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.truth.cubic import Vector
+from renderer.truth.cutting import kept_parts
 from renderer.truth.kernel import MACROCELL_SIZE, Intervals, integrate_rays
 from renderer.truth.light import Gloss, LambertShading
 from renderer.view import View
@@ -219,13 +220,15 @@ def in_parts(work: Callable[[slice], None], num_rays: int, num_threads: int, on_
 
 
 def index_rays(volume: Volume, view: View, pixels: Int64) -> tuple[Float64, Float64, Float64]:
-    """Return the rays through the centres of pixels in index space; the directions are of unit length in the world.
+    """Return the rays through the centres of pixels in index space, and their parts that are not cut away.
 
-    Lengths along them are those of `rays_through_pixels`, whose parameters and results these are.
+    origins, directions: float64 [n, 3]; the directions are of unit length in the world. parts: float64 [n, k, 2], world
+    lengths from the origin at which parts start and end, one behind the other; some are empty.
     """
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
     origins, directions, starts = rays_through_pixels(volume.centre, view, pixels)
-    return origins @ index_from_world.T + volume.centre_index, directions @ index_from_world.T, starts
+    parts = kept_parts(view, volume.centre, origins, directions, starts)
+    return origins @ index_from_world.T + volume.centre_index, directions @ index_from_world.T, parts
 
 
 def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tuple[Float64, Float64, Float64]:

@@ -104,8 +104,8 @@ class ExtremeSearch:
 
 
 def chord_lengths(volume: Volume, view: View, pixels: Int64) -> Float64:
-    """Return the world length of rays inside the volume's box, float64 [n]; 0 where they miss it."""
-    origins, directions, starts = index_rays(volume, view, pixels)
+    """Return the world length of rays inside what is left of the volume's box, float64 [n]; 0 where they miss it."""
+    origins, directions, parts = index_rays(volume, view, pixels)
     low, high = np.full(3, -0.5), np.array(volume.shape_xyz) - 0.5
     with np.errstate(divide="ignore", invalid="ignore"):
         one, other = (low - origins) / directions, (high - origins) / directions
@@ -113,4 +113,8 @@ def chord_lengths(volume: Volume, view: View, pixels: Int64) -> Float64:
     is_inside = (origins >= low) & (origins < high)
     enter = np.where(is_parallel, np.where(is_inside, -math.inf, math.inf), np.minimum(one, other)).max(axis=1)
     leave = np.where(is_parallel, math.inf, np.maximum(one, other)).min(axis=1)
-    return np.asarray(np.maximum(leave - np.maximum(enter, starts), 0.0))
+    is_met = enter < leave
+    enter, leave = np.where(is_met, enter, 0.0), np.where(is_met, leave, 0.0)
+    ends = np.minimum(parts[..., 1], leave[:, None])
+    begins = np.minimum(np.maximum(parts[..., 0], enter[:, None]), ends)
+    return np.asarray((ends - begins).sum(axis=1))

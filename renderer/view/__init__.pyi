@@ -5,6 +5,7 @@ from .brick_projection import (
     visible_bricks as visible_bricks,
 )
 from .camera import View as View
+from .cutting import Cuts as Cuts, are_cut_away as are_cut_away, place_cuts as place_cuts
 from .framing import (
     finest_useful_level as finest_useful_level,
     fit_distance as fit_distance,

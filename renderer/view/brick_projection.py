@@ -15,6 +15,7 @@ import numpy as np
 from renderer.bricks import BRICK_LEVELS, BrickBatch
 from renderer.compiled import jit
 from renderer.view.camera import View
+from renderer.view.cutting import Cuts, are_cut_away, place_cuts
 from renderer.view.depth_order import box_order
 from renderer.view.splat_projection import ModelView, model_view
 from renderer.volume import Float64, UInt32, Volume
@@ -35,6 +36,7 @@ class RaySetup(NamedTuple):
     slope_per_px: a ray's length per unit of depth is `sqrt(1 + slope_per_px^2 (x^2 + y^2))`.
     start: where the near plane is, in model units along the direction.
     center_px: (x, y) of the image's centre.
+    cuts: of the view, if it has any. Loops are compiled separately for None, and then do nothing about them.
     """
 
     origins: Float64
@@ -42,6 +44,7 @@ class RaySetup(NamedTuple):
     slope_per_px: float
     start: float
     center_px: tuple[float, float]
+    cuts: Cuts | None
 
 
 def ray_setup(volume: Volume, length: float, view: View) -> RaySetup:
@@ -61,15 +64,21 @@ def ray_setup(volume: Volume, length: float, view: View) -> RaySetup:
         float(slope),
         float(view.near / length - depth),
         (view.size[0] / 2, view.size[1] / 2),
+        place_cuts(volume, view),
     )
 
 
 def visible_bricks(batch: BrickBatch, view: View) -> UInt32:
-    """Return the bricks that may touch the image, in their exact order front to back: uint32 [k]."""
+    """Return the bricks that may touch the image, in their exact order front to back: uint32 [k].
+
+    Those that are cut away as a whole are left out.
+    """
     cut = batch.cut
     rectangles = screen_rectangles(batch, np.arange(len(cut), dtype=np.uint32), view)
     order = box_order(cut.levels + np.uint8(BRICK_LEVELS), cut.cells, cut.volume, view)[::-1]
     is_visible = (rectangles[:, 0] < rectangles[:, 2]) & (rectangles[:, 1] < rectangles[:, 3])
+    if (cuts := place_cuts(cut.volume, view)) is not None:
+        is_visible &= ~are_cut_away(cuts, cut.visible_bounds - cut.volume.centre_index)
     return order[is_visible[order]].astype(np.uint32)
 
 

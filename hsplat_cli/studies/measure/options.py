@@ -30,16 +30,25 @@ class Sweep:
     tolerances: tuple[float, ...] | None
 
 
-def parse_sweep(scene: Scene, *, tolerances: str | None, footprints: str, measures: str, corrections: str) -> Sweep:
-    """Parse lists with commas. Raises SceneError or InputError with the name of the option."""
+def parse_sweep(
+    scene: Scene, *, tolerances: str | None, footprints: str | None, measures: str | None, corrections: str
+) -> Sweep:
+    """Parse lists with commas. Raises SceneError or InputError with the name of the option.
+
+    footprints, measures: None for those that can show the scene, of the defaults.
+    """
+    footprints = footprints or ("integrated" if scene.key_for_bricks else "integrated,gaussian")
+    measures = measures or ("optical" if scene.mode.is_projection else "optical,rms")
     are_corrected = [word == "on" for word in _items("--corrections", corrections, schema.choice_field("on", "off"))]
     shapes = _items("--footprints", footprints, _footprint_field(scene.splat))
     pairs = [_MEASURES[word] for word in _items("--measures", measures, schema.choice_field(*_MEASURES))]
     splats = [_with_correction(shape, is_on) for is_on in are_corrected for shape in shapes]
-    if scene.shading and scene.shading.is_pointwise and any(splat.footprint != "integrated" for splat in splats):
-        raise InputError(
-            "splats cannot have the scene's shading", where="--footprints", got=footprints, expected="integrated"
-        )
+    if scene.key_for_bricks and any(splat.footprint != "integrated" for splat in splats):
+        what = f"splats cannot show what {scene.key_for_bricks} asks for"
+        raise InputError(what, where="--footprints", got=footprints, expected="integrated")
+    if scene.mode.is_projection and measures != "optical":
+        what = "the tolerance of a projection is a share of its colour range"
+        raise InputError(what, where="--measures", got=measures, expected="optical")
     return Sweep(
         errors=tuple(replace(scene.error, measure=measure, of=of) for measure, of in pairs),  # type: ignore[arg-type]
         splats=tuple(dict.fromkeys(splats)),

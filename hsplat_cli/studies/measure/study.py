@@ -168,7 +168,8 @@ def _openers(request: StudyRequest, volume: Volume) -> Iterator[_Openers]:
     """Yield what opens stages and rasterizers; a quick study has one of each, as only the tolerance changes."""
     scene = request.scene
     opened = _Openers(
-        partial(open_at_any_tolerance, volume=volume), lambda of: open_rasterizer(needs_opengl=of.needs_opengl)
+        partial(open_at_any_tolerance, volume=volume),
+        lambda of: open_rasterizer(needs_opengl=of.needs_opengl),
     )
     if request.is_quick:
         with opened.stage(scene) as stage, opened.rasterizer(scene) as rasterizer:

@@ -78,6 +78,9 @@ def check_vtk(scene: Scene) -> None:
             where="shading",
             hint="measure without the peer, or without shading",
         )
+    if scene.cuts:
+        hint = "measure without the peer, or without cuts"
+        raise InputError("VTK cannot be compared on a scene with cuts: it draws all of it", where="cuts", hint=hint)
 
 
 def describe_vtk() -> dict[str, str]:

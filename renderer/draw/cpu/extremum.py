@@ -35,19 +35,19 @@ from renderer.compiled import (
     to_int32,
     where,
 )
-from renderer.draw.cpu.march import (
-    _RAY_FLOATS,
-    _SPAN_FLOATS,
-    _TEXEL_OFFSET,
-    TileBins,
+from renderer.draw.cpu.march import SPAN_FLOATS, TEXEL_OFFSET, Spans, TileBins, first_and_step, sort_spans
+from renderer.draw.cpu.rays import (
+    CLIPPED,
+    RAY_FLOATS,
+    Kept,
+    Tile,
     Window,
-    _clip_slab,
-    _first_and_step,
-    _ray_along,
-    _set_up_rays,
-    _sort,
-    _Spans,
-    _Tile,
+    clip_slab,
+    cut_rays,
+    make_kept,
+    ray_along,
+    set_up_rays,
+    take_part,
 )
 from renderer.view import RaySetup
 from renderer.volume import Bools, Float32, Float64, Int64
@@ -55,7 +55,6 @@ from renderer.volume import Bools, Float32, Float64, Int64
 # A ray through a brick and half of its halo crosses at most 17 faces along each axis.
 _MAX_CELLS = 3 * (PADDED_BRICK_SIZE - 1) + 1
 _LAST_CELL = np.int32(PADDED_BRICK_SIZE - 2)
-_CLIPPED = 8
 # Rays that move less along an axis, in texels of a brick, do not cross it.
 _MIN_EXTENT = np.float32(1e-12)
 # Bricks of a tile between two looks at what its pixels have found.
@@ -71,6 +70,7 @@ class Search(NamedTuple):
 
     offset, slope: as in Extremes. slack: by how much a number must exceed the largest one to count, and min_rise to
         take its place. ceiling: a ray ends at this number.
+    is_sorted: whether the bounds of bricks fall. Else they come front to back.
     forward: float64 [3], how much nearer a step along each index axis is; 0 where depth does not count.
     """
 
@@ -79,6 +79,7 @@ class Search(NamedTuple):
     slack: np.float32
     min_rise: np.float32
     ceiling: np.float32
+    is_sorted: bool
     forward: Float64
 
 
@@ -98,45 +99,49 @@ def draw_extremes(
 ) -> None:
     """Draw bricks into some tiles of `image`, float32 [rows, columns, 4].
 
-    tops: float64 [n], upper bounds of what is in each brick, falling unless depth counts. Other parameters as in
+    tops: float64 [n], upper bounds of what is in each brick. Other parameters as in
     `renderer.draw.cpu.march.draw_tiles`, and so is what keeps array indices valid.
     """
     num_rows, num_columns = is_drawn.shape
     side, rectangles, starts, numbers = bins.side, bins.rectangles, bins.starts, bins.numbers
     tiles_in_row, by_depth = -(-num_columns // side), np.any(search.forward != 0.0)
-    room = side * side + max(num_lanes(), _CLIPPED)
-    tile = _Tile(side, room, np.zeros(_RAY_FLOATS * room), np.empty(room, np.float32), np.empty(room, np.int64))
-    spans = _Spans(
-        np.zeros(_SPAN_FLOATS * room, np.float32), np.zeros(room, np.int32), np.zeros(room, np.int32),
+    room = side * side + max(num_lanes(), CLIPPED)
+    tile = Tile(side, room, np.zeros(RAY_FLOATS * room), np.empty(room, np.float32), np.empty(room, np.int64))
+    spans = Spans(
+        np.zeros(SPAN_FLOATS * room, np.float32), np.zeros(room, np.int32), np.zeros(room, np.int32),
         np.empty(_MAX_CELLS + 2, np.int64),
     )  # fmt: skip
+    kept = make_kept(rays.cuts, room)
     found, pixels = np.empty(2 * num_lanes(), np.float32), image.reshape(-1)
     for tile_number in tiles:
         top, left = tile_number // tiles_in_row * side, tile_number % tiles_in_row * side
         bottom, right = min(top + side, num_rows), min(left + side, num_columns)
         window = (left, top, right, bottom)
-        _set_up_rays(rays, stride, window, is_drawn, image, tile)
+        set_up_rays(rays, stride, window, is_drawn, image, tile)
+        cut_rays(rays.cuts, rays.start, (right - left, bottom - top), tile, kept)
         _load_found(window, is_drawn, image, tile)
         for k in range(starts[tile_number], starts[tile_number + 1]):
             number = numbers[k]
             limit = min(np.float32(tops[number]) - search.slack, search.ceiling)
-            is_look = not by_depth and (k - starts[tile_number]) % _BRICKS_BETWEEN_LOOKS == 0
+            is_look = search.is_sorted and (k - starts[tile_number]) % _BRICKS_BETWEEN_LOOKS == 0
             if is_look and _least_found(window, tile) >= limit:
                 break
             inside = (
                 max(left, rectangles[number, 0]) - left, max(top, rectangles[number, 1]) - top,
                 min(right, rectangles[number, 2]) - left, min(bottom, rectangles[number, 3]) - top,
             )  # fmt: skip
-            num = _clip_rays(boxes[number], rays.start, inside, limit, tile, spans)
-            if num > 0:
-                _sort(spans, num)
-                corner = boxes[number, 6:9] - _TEXEL_OFFSET
-                nearness = 0.5 + np.sum(search.forward * corner) if by_depth else 0.0
-                _search(scalars[texel_offsets[number] :], search, nearness, spans, num, tile, found, pixels)
+            corner = boxes[number, 6:9] - TEXEL_OFFSET
+            nearness = 0.5 + np.sum(search.forward * corner) if by_depth else 0.0
+            is_whole = False
+            while not is_whole:  # one part of every ray after the other, where a removed box divides rays
+                num, is_whole = _clip_rays(boxes[number], rays.start, kept, inside, limit, tile, spans)
+                if num > 0:
+                    sort_spans(spans, num)
+                    _search(scalars[texel_offsets[number] :], search, nearness, spans, num, tile, found, pixels)
 
 
 @jit
-def _load_found(window: Window, is_drawn: Bools, image: Float32, tile: _Tile) -> None:
+def _load_found(window: Window, is_drawn: Bools, image: Float32, tile: Tile) -> None:
     """Load the numbers that the pixels in a window have found."""
     left, top, right, bottom = window
     for row in range(top, bottom):
@@ -146,7 +151,7 @@ def _load_found(window: Window, is_drawn: Bools, image: Float32, tile: _Tile) ->
 
 
 @jit
-def _least_found(window: Window, tile: _Tile) -> Any:
+def _least_found(window: Window, tile: Tile) -> Any:
     """Return the least number that the pixels in a window have found."""
     left, top, right, bottom = window
     least = _NOT_DRAWN
@@ -157,45 +162,50 @@ def _least_found(window: Window, tile: _Tile) -> Any:
 
 
 @jit
-def _clip_rays(box: Float64, start: float, window: Window, limit: np.float32, tile: _Tile, spans: _Spans) -> int:
-    """Write the spans of rays inside a brick that have found less than `limit`, and return their number.
+def _clip_rays(
+    box: Float64, start: float, kept: Kept | None, window: Window, limit: np.float32, tile: Tile, spans: Spans
+) -> tuple[int, bool]:
+    """Write the spans of rays inside a brick that have found less than `limit`; return as `march` does.
 
     A span has where it begins [3] and its extents [3], in texels of the brick, 0, and about how many cells it crosses.
     """
     left, top, right, bottom = window
     low_x, low_y, low_z, high_x, high_y, high_z, corner_x, corner_y, corner_z, scale, _ = box
-    num = 0
+    num, is_whole = 0, True
     for row in range(top, bottom):
-        for column in range(left, right, _CLIPPED):
+        for column in range(left, right, CLIPPED):
             pixel = row * tile.side + column
-            hit = lane_numbers(_CLIPPED) < np.int32(right - column)
-            hit &= load(tile.alphas, pixel, _CLIPPED) < limit
+            hit = lane_numbers(CLIPPED) < np.int32(right - column)
+            hit &= load(tile.alphas, pixel, CLIPPED) < limit
             if not any_of(hit):
                 continue
-            ox, dx, ix = _ray_along(tile, pixel, 0)
-            oy, dy, iy = _ray_along(tile, pixel, 1)
-            oz, dz, iz = _ray_along(tile, pixel, 2)
-            enter, leave = _clip_slab(start, math.inf, ox, ix, low_x, high_x)
-            enter, leave = _clip_slab(enter, leave, oy, iy, low_y, high_y)
-            enter, leave = _clip_slab(enter, leave, oz, iz, low_z, high_z)
+            ox, dx, ix = ray_along(tile, pixel, 0)
+            oy, dy, iy = ray_along(tile, pixel, 1)
+            oz, dz, iz = ray_along(tile, pixel, 2)
+            enter, leave = clip_slab(start, math.inf, ox, ix, low_x, high_x)
+            enter, leave = clip_slab(enter, leave, oy, iy, low_y, high_y)
+            enter, leave = clip_slab(enter, leave, oz, iz, low_z, high_z)
+            if kept is not None:
+                enter, leave, has_more = take_part(kept, enter, leave, hit, tile.room, pixel)
+                is_whole &= not any_of(has_more)
             hit &= leave > enter
             if not any_of(hit):
                 continue
             way = enter, leave, 1.0
-            x, extent_x = _first_and_step(ox, dx, way, corner_x, scale)
-            y, extent_y = _first_and_step(oy, dy, way, corner_y, scale)
-            z, extent_z = _first_and_step(oz, dz, way, corner_z, scale)
+            x, extent_x = first_and_step(ox, dx, way, corner_x, scale)
+            y, extent_y = first_and_step(oy, dy, way, corner_y, scale)
+            z, extent_z = first_and_step(oz, dz, way, corner_z, scale)
             num_cells = to_float32(to_int32(abs(extent_x) + abs(extent_y) + abs(extent_z)))
             num_cells = where(hit, num_cells, _0)
-            append(spans.pixels, num, hit, lane_numbers(_CLIPPED) + np.int32(pixel))
+            append(spans.pixels, num, hit, lane_numbers(CLIPPED) + np.int32(pixel))
             zero = num_cells - num_cells
             num = append(spans.rows, num, hit, (x, y, z, extent_x, extent_y, extent_z, zero, num_cells))
-    return num
+    return num, is_whole
 
 
 @jit
 def _search(
-    texels: Float32, search: Search, nearness: float, spans: _Spans, num: int, tile: _Tile,
+    texels: Float32, search: Search, nearness: float, spans: Spans, num: int, tile: Tile,
     found: Float32, pixels: Float32,
 ) -> None:  # fmt: skip
     """Search the cells of spans for larger numbers than those of their pixels.
@@ -205,7 +215,7 @@ def _search(
     forward = np.float32(search.forward[0]), np.float32(search.forward[1]), np.float32(search.forward[2])
     for first in range(0, num, num_lanes()):
         order = load(spans.order, first, num_lanes())
-        x, y, z, dx, dy, dz, _, _ = load_rows(spans.rows, order * np.int32(_SPAN_FLOATS), _SPAN_FLOATS)
+        x, y, z, dx, dy, dz, _, _ = load_rows(spans.rows, order * np.int32(SPAN_FLOATS), SPAN_FLOATS)
         best = gather(tile.alphas, gather(spans.pixels, order))
         near = broadcast(_0, num_lanes())
         i, j, k = to_int32(x), to_int32(y), to_int32(z)

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.bricks import DITHER, HALO, JITTER_PER_PX, PADDED_BRICK_SIZE
+from renderer.bricks import HALO, PADDED_BRICK_SIZE
 from renderer.compiled import (
     any_of,
     append,
@@ -38,6 +38,23 @@ from renderer.compiled import (
 )
 from renderer.draw.constants import MAX_SAMPLE_CELL, MAX_SAMPLES, MIN_SAMPLE_CELL
 from renderer.draw.cpu.light import Light, aim, illuminate
+from renderer.draw.cpu.rays import (
+    CLIPPED,
+    DIRECTION,
+    LENGTH,
+    LENGTH_PER_DEPTH,
+    RAY_FLOATS,
+    ROUNDING_OFFSET,
+    Kept,
+    Tile,
+    Window,
+    clip_slab,
+    cut_rays,
+    make_kept,
+    ray_along,
+    set_up_rays,
+    take_part,
+)
 from renderer.draw.cpu.sample import (
     Field,
     Optics,
@@ -53,22 +70,14 @@ from renderer.draw.cpu.sample import (
 from renderer.view import RaySetup
 from renderer.volume import Bools, Float32, Float64, Int32, Int64
 
-Window = tuple[int, int, int, int]  # left, top, right and bottom, half-open
-
 # From cells of a brick to the index of the texel at or below.
-_TEXEL_OFFSET = HALO - 0.5
-_MIN_TEXEL, _MAX_TEXEL = MIN_SAMPLE_CELL + _TEXEL_OFFSET, MAX_SAMPLE_CELL + _TEXEL_OFFSET
+TEXEL_OFFSET = HALO - 0.5
+_MIN_TEXEL, _MAX_TEXEL = MIN_SAMPLE_CELL + TEXEL_OFFSET, MAX_SAMPLE_CELL + TEXEL_OFFSET
 _CACHE_LINE_BYTES = 64
-# The lanes of float64 in which rays are clipped.
-_CLIPPED = 8
-# A ray as `_set_up_rays` writes it: origin [3]; direction [3]; its inverse [3], 0 where the direction is 0; the length
-# of the direction, dithered; 1/2 plus the jitter; length per depth, in model units.
-_ORIGIN, _DIRECTION, _INVERSE, _LENGTH, _ROUNDING_OFFSET, _LENGTH_PER_DEPTH, _RAY_FLOATS = 0, 3, 6, 9, 10, 11, 12
 # A span, the part of a ray inside a brick, as `_clip_rays` writes it: the first sample [3], in texels of the brick; the
 # step to the next one [3]; the length of a segment, in model units; the number of the last sample.
-_SPAN_FLOATS = 8
+SPAN_FLOATS = 8
 _LAST = 7
-_NOT_DRAWN = np.float32(2.0)  # an alpha at which every ray has ended
 
 _0: np.float32 = np.float32(0.0)
 _1: np.float32 = np.float32(1.0)
@@ -87,23 +96,8 @@ class TileBins(NamedTuple):
     numbers: Int64
 
 
-class _Tile(NamedTuple):
-    """A tile: the rays of its pixels, row by row; rows are `side` pixels apart.
-
-    room: pixels of a tile, and those that are loaded behind the last one.
-    rays: float64 [_RAY_FLOATS * room], one number of all rays after the other. alphas: float32 [room], what is before
-    the next brick; _NOT_DRAWN where no ray is. places: int64 [room], of pixels in the image.
-    """
-
-    side: int
-    room: int
-    rays: Float64
-    alphas: Float32
-    places: Int64
-
-
-class _Spans(NamedTuple):
-    """A list of the parts of rays inside a brick. rows: float32 [room * _SPAN_FLOATS]. pixels: int32 [room].
+class Spans(NamedTuple):
+    """A list of the parts of rays inside a brick. rows: float32 [room * SPAN_FLOATS]. pixels: int32 [room].
 
     order: int32 [room], the numbers of spans, those with few samples first. starts: int64, for sorting.
     """
@@ -167,18 +161,20 @@ def draw_tiles(
     num_rows, num_columns = is_drawn.shape
     side, rectangles, starts, numbers = bins.side, bins.rectangles, bins.starts, bins.numbers
     tiles_in_row = -(-num_columns // side)
-    room = side * side + max(num_lanes(), _CLIPPED)
-    tile = _Tile(side, room, np.zeros(_RAY_FLOATS * room), np.empty(room, np.float32), np.empty(room, np.int64))
-    spans = _Spans(
-        np.zeros(_SPAN_FLOATS * room, np.float32), np.empty(room, np.int32), np.zeros(room, np.int32),
+    room = side * side + max(num_lanes(), CLIPPED)
+    tile = Tile(side, room, np.zeros(RAY_FLOATS * room), np.empty(room, np.float32), np.empty(room, np.int64))
+    spans = Spans(
+        np.zeros(SPAN_FLOATS * room, np.float32), np.empty(room, np.int32), np.zeros(room, np.int32),
         np.empty(MAX_SAMPLES + 1, np.int64),
     )  # fmt: skip
+    kept = make_kept(rays.cuts, room)
     colors, pixels = np.empty(4 * num_lanes(), np.float32), image.reshape(-1)
     scalar_address, mean_address = field.scalars.ctypes.data, field.means.ctypes.data
     for tile_number in tiles:
         top, left = tile_number // tiles_in_row * side, tile_number % tiles_in_row * side
         bottom, right = min(top + side, num_rows), min(left + side, num_columns)
-        _set_up_rays(rays, stride, (left, top, right, bottom), is_drawn, image, tile)
+        set_up_rays(rays, stride, (left, top, right, bottom), is_drawn, image, tile)
+        cut_rays(rays.cuts, rays.start, (right - left, bottom - top), tile, kept)
         for k in range(starts[tile_number], starts[tile_number + 1]):
             if stride > 1 and k + 1 < starts[tile_number + 1]:
                 following = numbers[k + 1]
@@ -191,15 +187,19 @@ def draw_tiles(
                 max(left, rectangles[number, 0]) - left, max(top, rectangles[number, 1]) - top,
                 min(right, rectangles[number, 2]) - left, min(bottom, rectangles[number, 3]) - top,
             )  # fmt: skip
-            num = _clip_rays(boxes[number], rays.start, window, field.optics.termination_alpha, tile, spans)
-            if num > 0:
-                _sort(spans, num)
-                if is_mean[number]:
-                    texels = field.means[texel_offsets[number] :]
-                    _march(texels, None, None, field.optics, spans, num, tile, colors, pixels)
-                else:
-                    texels = field.scalars[texel_offsets[number] :]
-                    _march(texels, field.table, light, field.optics, spans, num, tile, colors, pixels)
+            is_whole = False
+            while not is_whole:  # one part of every ray after the other, where a removed box divides rays
+                num, is_whole = _clip_rays(
+                    boxes[number], rays.start, kept, window, field.optics.termination_alpha, tile, spans
+                )
+                if num > 0:
+                    sort_spans(spans, num)
+                    if is_mean[number]:
+                        texels = field.means[texel_offsets[number] :]
+                        _march(texels, None, None, field.optics, spans, num, tile, colors, pixels)
+                    else:
+                        texels = field.scalars[texel_offsets[number] :]
+                        _march(texels, field.table, light, field.optics, spans, num, tile, colors, pixels)
 
 
 @jit
@@ -223,127 +223,76 @@ def _prefetch_brick(box: Float64, address: int, texel_bytes: int) -> None:
 def _texel_range(low: float, high: float, corner: float, scale: float) -> tuple[int, int]:
     """Return the first and last texel along an axis between two positions."""
     return (
-        int((low - corner) * scale + _TEXEL_OFFSET),
-        min(int((high - corner) * scale + _TEXEL_OFFSET + 1), PADDED_BRICK_SIZE - 1),
+        int((low - corner) * scale + TEXEL_OFFSET),
+        min(int((high - corner) * scale + TEXEL_OFFSET + 1), PADDED_BRICK_SIZE - 1),
     )
-
-
-@jit
-def _set_up_rays(rays: RaySetup, stride: int, window: Window, is_drawn: Bools, image: Float32, tile: _Tile) -> None:
-    """Set up the rays of the pixels in a window, and what is in the image there."""
-    left, top, right, bottom = window
-    origins, directions = rays.origins, rays.directions
-    for row in range(top, bottom):
-        y = row * stride + 0.5 - rays.center_px[1]
-        for first in range(left, right, _CLIPPED):
-            begin = (row - top) * tile.side + first - left
-            column = lane_numbers(_CLIPPED) + np.int32(first)
-            x = to_float64(column * np.int32(stride)) + 0.5 - rays.center_px[0]
-            square = 0.0
-            for axis in range(3):
-                speed = directions[axis, 0] + directions[axis, 1] * x + directions[axis, 2] * y
-                store(
-                    tile.rays,
-                    begin + (_ORIGIN + axis) * tile.room,
-                    origins[axis, 0] + origins[axis, 1] * x + origins[axis, 2] * y,
-                )
-                store(tile.rays, begin + (_DIRECTION + axis) * tile.room, speed)
-                store(tile.rays, begin + (_INVERSE + axis) * tile.room, where(speed == 0.0, 0.0, 1.0 / speed))
-                square += speed * speed
-            jitter = _jitter(column * np.int32(stride), np.int32(row * stride))
-            store(tile.rays, begin + _LENGTH * tile.room, np.sqrt(square) * (1.0 + DITHER * (jitter - 0.5)))
-            store(tile.rays, begin + _ROUNDING_OFFSET * tile.room, 0.5 + jitter)
-            square = rays.slope_per_px**2 * (x * x + y * y)
-            store(tile.rays, begin + _LENGTH_PER_DEPTH * tile.room, np.sqrt(1.0 + square))
-            for place in range(first, min(first + _CLIPPED, right)):
-                pixel = begin + place - first
-                tile.places[pixel] = 4 * (row * image.shape[1] + place)
-                tile.alphas[pixel] = image[row, place, 3] if is_drawn[row, place] else _NOT_DRAWN
-
-
-@inline
-def _jitter(column: Any, row: Any) -> Any:
-    """Return the jitter of pixels, from 0 to 1, as in `renderer.bricks.sampling`."""
-    whole = column * np.int32(JITTER_PER_PX[0]) + row * np.int32(JITTER_PER_PX[1])
-    return to_float64(whole >> np.int32(8) & np.int32(0xFFFFFF)) / 16777216.0
 
 
 @jit
 def _clip_rays(
-    box: Float64, start: float, window: Window, termination_alpha: np.float32, tile: _Tile, spans: _Spans
-) -> int:
-    """Write the spans of rays inside a brick, and return their number.
+    box: Float64,
+    start: float,
+    kept: Kept | None,
+    window: Window,
+    termination_alpha: np.float32,
+    tile: Tile,
+    spans: Spans,
+) -> tuple[int, bool]:
+    """Write the spans of rays inside a brick. Return their number, and whether they are all that there is to draw.
 
-    box: [11], as in BrickView. start: where rays start. window: in pixels of the tile.
+    box: [11], as in BrickView. start: where rays start. window: in pixels of the tile. kept: None without cuts; a span
+    ends where a removed box begins, and the next call finds what is behind that box.
     """
     left, top, right, bottom = window
     low_x, low_y, low_z, high_x, high_y, high_z, corner_x, corner_y, corner_z, scale, step = box
     samples_per_length, room = scale / step, tile.room
-    num = 0
+    num, is_whole = 0, True
     for row in range(top, bottom):
-        for column in range(left, right, _CLIPPED):
+        for column in range(left, right, CLIPPED):
             pixel = row * tile.side + column
-            hit = lane_numbers(_CLIPPED) < np.int32(right - column)
-            hit &= load(tile.alphas, pixel, _CLIPPED) <= termination_alpha
+            hit = lane_numbers(CLIPPED) < np.int32(right - column)
+            hit &= load(tile.alphas, pixel, CLIPPED) <= termination_alpha
             if not any_of(hit):
                 continue
-            ox, dx, ix = _ray_along(tile, pixel, 0)
-            oy, dy, iy = _ray_along(tile, pixel, 1)
-            oz, dz, iz = _ray_along(tile, pixel, 2)
-            enter, leave = _clip_slab(start, math.inf, ox, ix, low_x, high_x)
-            enter, leave = _clip_slab(enter, leave, oy, iy, low_y, high_y)
-            enter, leave = _clip_slab(enter, leave, oz, iz, low_z, high_z)
+            ox, dx, ix = ray_along(tile, pixel, 0)
+            oy, dy, iy = ray_along(tile, pixel, 1)
+            oz, dz, iz = ray_along(tile, pixel, 2)
+            enter, leave = clip_slab(start, math.inf, ox, ix, low_x, high_x)
+            enter, leave = clip_slab(enter, leave, oy, iy, low_y, high_y)
+            enter, leave = clip_slab(enter, leave, oz, iz, low_z, high_z)
+            if kept is not None:
+                enter, leave, has_more = take_part(kept, enter, leave, hit, room, pixel)
+                is_whole &= not any_of(has_more)
             hit &= leave > enter
             if not any_of(hit):
                 continue
             length = where(hit, leave - enter, 0.0)
-            ray_length = load(tile.rays, pixel + _LENGTH * room, _CLIPPED)
+            ray_length = load(tile.rays, pixel + LENGTH * room, CLIPPED)
             fractional = length * samples_per_length * ray_length
-            fractional += load(tile.rays, pixel + _ROUNDING_OFFSET * room, _CLIPPED)
+            fractional += load(tile.rays, pixel + ROUNDING_OFFSET * room, CLIPPED)
             num_samples = to_int32(min(max(fractional, 1.0), float(MAX_SAMPLES)))
             num_samples = where((num_samples & np.int32(3)) == np.int32(0), num_samples + np.int32(1), num_samples)
             segment = length * (1.0 / to_float64(num_samples))
             way = enter + 0.5 * segment, leave - 0.5 * segment, 1.0 / max(to_float64(num_samples) - 1.0, 1.0)
-            x, step_x = _first_and_step(ox, dx, way, corner_x, scale)
-            y, step_y = _first_and_step(oy, dy, way, corner_y, scale)
-            z, step_z = _first_and_step(oz, dz, way, corner_z, scale)
-            segment = to_float32(segment * load(tile.rays, pixel + _LENGTH_PER_DEPTH * room, _CLIPPED))
+            x, step_x = first_and_step(ox, dx, way, corner_x, scale)
+            y, step_y = first_and_step(oy, dy, way, corner_y, scale)
+            z, step_z = first_and_step(oz, dz, way, corner_z, scale)
+            segment = to_float32(segment * load(tile.rays, pixel + LENGTH_PER_DEPTH * room, CLIPPED))
             last = to_float32(num_samples - np.int32(1))
-            append(spans.pixels, num, hit, lane_numbers(_CLIPPED) + np.int32(pixel))
+            append(spans.pixels, num, hit, lane_numbers(CLIPPED) + np.int32(pixel))
             num = append(spans.rows, num, hit, (x, y, z, step_x, step_y, step_z, segment, last))
-    return num
+    return num, is_whole
 
 
 @inline
-def _ray_along(tile: _Tile, pixel: int, axis: int) -> Any:
-    """Return origin, direction and inverse direction of rays along an axis."""
-    return (
-        load(tile.rays, pixel + (_ORIGIN + axis) * tile.room, _CLIPPED),
-        load(tile.rays, pixel + (_DIRECTION + axis) * tile.room, _CLIPPED),
-        load(tile.rays, pixel + (_INVERSE + axis) * tile.room, _CLIPPED),
-    )
-
-
-@inline
-def _clip_slab(enter: Any, leave: Any, origin: Any, inverse: Any, low: float, high: float) -> Any:
-    """Clip rays to what lies between two planes across an axis; a ray in a plane belongs to what is above it."""
-    one, other = (low - origin) * inverse, (high - origin) * inverse
-    near, far = where(one < other, one, other), where(one < other, other, one)
-    near, far = where(near > enter, near, enter), where(far < leave, far, leave)
-    is_parallel = inverse == 0.0
-    is_inside = (origin >= low) & (origin < high)
-    return where(is_parallel, enter, near), where(is_parallel, where(is_inside, leave, -math.inf), far)
-
-
-@inline
-def _first_and_step(origin: Any, direction: Any, way: Any, corner: float, scale: float) -> Any:
+def first_and_step(origin: Any, direction: Any, way: Any, corner: float, scale: float) -> Any:
     """Return the first sample along an axis, in texels of the brick, and the step to the next one.
 
     way: where the first and the last sample are along the ray, and 1 / the number of intervals between samples.
     """
     begin, end, per_interval = way
-    first = _clamp_to_brick((origin + begin * direction - corner) * scale + _TEXEL_OFFSET)
-    last = _clamp_to_brick((origin + end * direction - corner) * scale + _TEXEL_OFFSET)
+    first = _clamp_to_brick((origin + begin * direction - corner) * scale + TEXEL_OFFSET)
+    last = _clamp_to_brick((origin + end * direction - corner) * scale + TEXEL_OFFSET)
     return to_float32(first), to_float32((last - first) * per_interval)
 
 
@@ -354,7 +303,7 @@ def _clamp_to_brick(position: Any) -> Any:
 
 
 @jit
-def _sort(spans: _Spans, num: int) -> None:
+def sort_spans(spans: Spans, num: int) -> None:
     """Sort spans by their numbers of samples, so that those that are marched in step end together."""
     rows, order, starts = spans.rows, spans.order, spans.starts
     if num <= num_lanes():
@@ -363,21 +312,21 @@ def _sort(spans: _Spans, num: int) -> None:
         return
     largest = 0
     for k in range(num):
-        largest = max(largest, int(rows[_SPAN_FLOATS * k + _LAST]))
+        largest = max(largest, int(rows[SPAN_FLOATS * k + _LAST]))
     starts[: largest + 2] = 0
     for k in range(num):
-        starts[int(rows[_SPAN_FLOATS * k + _LAST]) + 1] += 1
+        starts[int(rows[SPAN_FLOATS * k + _LAST]) + 1] += 1
     for count in range(1, largest + 1):
         starts[count] += starts[count - 1]
     for k in range(num):
-        last = int(rows[_SPAN_FLOATS * k + _LAST])
+        last = int(rows[SPAN_FLOATS * k + _LAST])
         order[starts[last]] = k
         starts[last] += 1
 
 
 @jit
 def _march(
-    texels: Float32, table: Table | None, light: Light | None, optics: Optics, spans: _Spans, num: int, tile: _Tile,
+    texels: Float32, table: Table | None, light: Light | None, optics: Optics, spans: Spans, num: int, tile: Tile,
     colors: Float32, pixels: Float32,
 ) -> None:  # fmt: skip
     """Composite the samples of spans under the pixels of a tile; rays end behind `termination_alpha`.
@@ -389,7 +338,7 @@ def _march(
     for first in range(0, num, num_lanes()):
         order = load(spans.order, first, num_lanes())
         x, y, z, step_x, step_y, step_z, length, last = load_rows(
-            spans.rows, order * np.int32(_SPAN_FLOATS), _SPAN_FLOATS
+            spans.rows, order * np.int32(SPAN_FLOATS), SPAN_FLOATS
         )
         if light is not None:
             ways = aim(light, _directions(tile, gather(spans.pixels, order)))
@@ -428,15 +377,15 @@ def _march(
 
 
 @inline
-def _directions(tile: _Tile, pixels: Any) -> Any:
+def _directions(tile: Tile, pixels: Any) -> Any:
     """Return the directions (x, y, z) of the rays of pixels of a tile, in index space."""
-    at = pixels + np.int32(_DIRECTION * tile.room)
+    at = pixels + np.int32(DIRECTION * tile.room)
     x, y = gather(tile.rays, at), gather(tile.rays, at + np.int32(tile.room))
     return to_float32(x), to_float32(y), to_float32(gather(tile.rays, at + np.int32(2 * tile.room)))
 
 
 @inline
-def _composite_under(colors: Float32, spans: _Spans, first: int, num: int, tile: _Tile, pixels: Float32) -> None:
+def _composite_under(colors: Float32, spans: Spans, first: int, num: int, tile: Tile, pixels: Float32) -> None:
     """Composite colours, premultiplied RGBA, under the pixels of the spans from `first` on."""
     for k in range(num):
         if colors[4 * k + 3] > _0:

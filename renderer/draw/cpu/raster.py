@@ -156,6 +156,7 @@ def _search(extremes: Extremes, view: View, batch: BrickBatch) -> Search:
         np.float32(extremes.slack),
         _MIN_RISE if extremes.by_depth else np.float32(0.0),
         np.float32(np.inf if extremes.by_depth else 1.0),
+        not (extremes.by_depth or view.cuts),
         nearer if extremes.by_depth else np.zeros(3),
     )
 

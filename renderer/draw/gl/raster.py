@@ -98,7 +98,7 @@ class GLRasterizer(Rasterizer):
     def upload(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> bool:
         """Upload the bricks `batch[order]` to the device, and return whether any was missing; splats need no upload."""
         with self._drawing():
-            return self._backend_of(batch).cache.upload(batch, order, view)
+            return self._backend_of(batch, view).cache.upload(batch, order, view)
 
     def rasterize(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> Float32:
         """Composite `batch[order]`, splats back to front and bricks front to back.
@@ -108,11 +108,11 @@ class GLRasterizer(Rasterizer):
         with self._drawing():
             if isinstance(batch, SplatBatch):
                 return self._rasterize_splats(batch, order, view)
-            return self._backend_of(batch).rasterize(batch, order, view)
+            return self._backend_of(batch, view).rasterize(batch, order, view)
 
-    def _backend_of(self, batch: SplatBatch | BrickBatch) -> GLBrickRenderer | CPURasterizer:
+    def _backend_of(self, batch: SplatBatch | BrickBatch, view: View) -> GLBrickRenderer | CPURasterizer:
         """Return what draws bricks: the compiled loops where the device cannot."""
-        return self._loops if isinstance(batch, BrickBatch) and batch.needs_loops else self._bricks
+        return self._loops if isinstance(batch, BrickBatch) and (batch.needs_loops or view.cuts) else self._bricks
 
     @contextmanager
     def _drawing(self) -> Iterator[None]:

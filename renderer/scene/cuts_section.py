@@ -1,0 +1,83 @@
+"""The scene's `cuts`: planes and boxes that cut parts of the volume away."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from renderer.scene import schema
+from renderer.scene.camera_section import direction_field
+from renderer.scene.message_text import format_value
+from renderer.scene.schema import TreeNode, Vector
+from renderer.scene.splat_section import SplatSpec
+
+MAX_CUTS = 6
+
+_POINT = schema.sequence_field(schema.COORDINATE_FIELD, "[x, y, z] in world units", count=3)
+
+
+def _check_box(node: TreeNode, corners: tuple[Any, ...]) -> Any:
+    for axis, (low, high) in enumerate(zip(*corners, strict=True)):
+        if isinstance(low, float) and isinstance(high, float) and low >= high:
+            place = node.child(1).child(axis, high)
+            place.reject("an empty box", expected=f"more than {format_value(low)}, which the lowest corner has there")
+    return corners
+
+
+_BOX = schema.sequence_field(
+    _POINT, "[[x, y, z], [x, y, z]]: the lowest and the highest corner, in world units", count=2, check=_check_box
+)
+
+
+@dataclass(frozen=True)
+class PlaneSpec:
+    """A plane; `normal` points to the side that is cut away."""
+
+    point: Annotated[Vector, _POINT]
+    normal: Annotated[Vector, direction_field("[x, y, z], not all 0: to the side that is cut away")]
+
+
+@dataclass(frozen=True)
+class CutSpec:
+    """A cut by a plane, or by a box of a lowest and a highest corner; exactly one of them is given.
+
+    fixed: whether it turns with the object, in world axes, or stays before the camera, in view axes (x to the right, y
+        up, z toward the viewer) whose origin is the camera's target. invert: cut away what it would keep.
+    """
+
+    plane: PlaneSpec | None = None
+    box: Annotated[tuple[Vector, Vector] | None, _BOX] = None
+    fixed: Literal["object", "camera"] = "object"
+    invert: bool = False
+
+
+def _check_cut(node: TreeNode, given: dict[str, Any]) -> None:
+    if not isinstance(node.value, Mapping):
+        return
+    if "plane" in given and "box" in given:
+        node.key("box").reject(f"contradicts {node.path}.plane", expected="one of plane and box")
+    elif "plane" not in given and "box" not in given:
+        node.reject("nothing to cut with", got="", expected="one of plane and box")
+
+
+def _check_number(node: TreeNode, cuts: tuple[Any, ...]) -> Any:
+    return cuts if len(cuts) <= MAX_CUTS else node.reject("too many cuts", got=str(len(cuts)))
+
+
+CUTS_SECTION = schema.sequence_field(
+    schema.dataclass_field(CutSpec, _check_cut),
+    f"a list of at most {MAX_CUTS} mappings with plane or box",
+    may_be_empty=True,
+    check=_check_number,
+)
+
+
+def check_what_is_cut(node: TreeNode, given: Mapping[str, Any]) -> None:
+    """Check that a scene with cuts, whose tree is at `node`, has nothing that cannot be cut."""
+    splat = given.get("splat")
+    if given.get("cuts") and isinstance(splat, SplatSpec) and splat.footprint in ("gaussian", "gouraud"):
+        got, expected = f"splat.footprint: {splat.footprint}", "splat.footprint: integrated"
+        node.key("cuts").reject("splats cannot be cut", got=got, expected=expected)
+    if given.get("cuts") and given.get("overlay") == "octree":
+        node.key("cuts").reject("lines cannot be cut", got="overlay: octree", expected="overlay: none")

@@ -1,0 +1,71 @@
+"""Place the cuts of a view in the index space of its rays, as slabs between parallel planes.
+
+A cut by a plane, or by an inverted box, leaves a convex set, and what all of them leave is convex, too: what several
+slabs have in common. A cut by a box removes what the slabs across its three axes have in common.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.view.camera import View
+from renderer.volume import Bools, Float64, Volume
+
+_NORMAL, _LOW, _HIGH = slice(0, 3), 3, 4
+
+
+class Cuts(NamedTuple):
+    """What cuts leave of a volume: points p that are in all slabs and in no removed box.
+
+    A slab is [5]: a normal n [3], and bounds of n . p, with p in index space relative to the volume's centre.
+    slabs: float64 [k, 5], unbounded on one side where it is that of a plane. boxes: float64 [m, 3, 5], of each removed
+    box the slabs across its axes.
+    """
+
+    slabs: Float64
+    boxes: Float64
+
+
+def place_cuts(volume: Volume, view: View) -> Cuts | None:
+    """Return the cuts of a view; None where it has none."""
+    slabs: list[Float64] = [np.empty((0, 5))]
+    boxes: list[Float64] = [np.empty((0, 3, 5))]
+    for cut in view.cuts:
+        axes, origin = (np.eye(3), np.zeros(3)) if cut.fixed == "object" else (view.axes, view.target)
+        centre = axes @ (volume.centre - origin)
+        index_from_own = axes @ volume.world_from_index[:3, :3]
+        if cut.plane is not None:
+            normal = np.array(cut.plane.normal) / np.linalg.norm(cut.plane.normal)
+            normal = -normal if cut.invert else normal
+            height = normal @ (np.array(cut.plane.point) - centre)
+            slabs.append(np.array([[*(normal @ index_from_own), -np.inf, height]]))
+        else:
+            corners = np.array(cut.box) - centre
+            box = np.column_stack([index_from_own, *corners])
+            if cut.invert:
+                slabs.append(box)
+            else:
+                boxes.append(box[None])
+    return Cuts(np.concatenate(slabs), np.concatenate(boxes)) if view.cuts else None
+
+
+def are_cut_away(cuts: Cuts, bounds: Float64) -> Bools:
+    """Return which boxes are surely cut away as a whole: bool [n].
+
+    bounds: float64 [n, 2, 3], lowest and highest corners in index space relative to the volume's centre.
+    """
+    low, high = _span(cuts.slabs, bounds)
+    is_outside = np.any((high <= cuts.slabs[:, _LOW]) | (low >= cuts.slabs[:, _HIGH]), axis=1)
+    low, high = _span(cuts.boxes, bounds)
+    is_inside = np.all((low >= cuts.boxes[..., _LOW]) & (high <= cuts.boxes[..., _HIGH]), axis=2)
+    return np.asarray(is_outside | np.any(is_inside, axis=1))
+
+
+def _span(slabs: Float64, bounds: Float64) -> tuple[Float64, Float64]:
+    """Return the least and the largest n . p of each box for slabs [..., 5]: float64 [n, ...]."""
+    normals = slabs[..., _NORMAL]
+    middle = np.tensordot(bounds.mean(axis=1), normals, (1, -1))
+    half = np.tensordot(np.diff(bounds, axis=1)[:, 0] / 2, np.abs(normals), (1, -1))
+    return middle - half, middle + half
