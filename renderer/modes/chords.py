@@ -12,20 +12,24 @@ from renderer.volume import Float32, Float64, Volume
 
 
 def chord_lengths(volume: Volume, view: View) -> Float32:
-    """Return the world length of each pixel's ray inside the box, beyond the near plane and less cuts, float32 [h, w]."""
+    """Return the world length of each pixel's ray inside the box, beyond the near plane, less cuts: float32 [h, w]."""
     width, height = view.size
     lengths = np.empty((height, width), np.float32)
-    unit = volume.half_diagonal
-    _measure_chords(ray_setup(volume, unit, view), np.array(volume.shape_xyz) / 2.0, unit, lengths)
+    rays, half_shape = ray_setup(volume, volume.half_diagonal, view), np.array(volume.shape_xyz) / 2.0
+    kept, removed = np.column_stack([np.eye(3), -half_shape, half_shape]), np.empty((0, 3, 5))
+    if rays.cuts is not None:
+        kept, removed = np.concatenate([kept, rays.cuts.slabs]), rays.cuts.boxes
+    _measure_chords(rays._replace(cuts=None), kept, removed, volume.half_diagonal, lengths)
     return lengths
 
 
 @jit
-def _measure_chords(rays: RaySetup, half_shape: Float64, unit: float, lengths: Float32) -> None:
-    """Write the lengths [h, w]. half_shape: float64 [3], of the box, in voxels. unit: world length of a model unit."""
-    origin, direction, cuts = np.empty(3), np.empty(3), rays.cuts
-    volume = np.column_stack((np.eye(3), -half_shape, half_shape))
-    removed = np.empty((0 if cuts is None else len(cuts.boxes), 2))
+def _measure_chords(rays: RaySetup, kept: Float64, removed: Float64, unit: float, lengths: Float32) -> None:
+    """Write the lengths [h, w] inside `kept` slabs [k, 5] less `removed` boxes [m, 3, 5], both as in Cuts.
+
+    unit: world length of a model unit.
+    """
+    origin, direction, ranges = np.empty(3), np.empty(3), np.empty((len(removed), 2))
     for row in range(lengths.shape[0]):
         y = row + 0.5 - rays.center_px[1]
         for column in range(lengths.shape[1]):
@@ -33,13 +37,11 @@ def _measure_chords(rays: RaySetup, half_shape: Float64, unit: float, lengths: F
             for axis in range(3):
                 origin[axis] = rays.origins[axis, 0] + rays.origins[axis, 1] * x + rays.origins[axis, 2] * y
                 direction[axis] = rays.directions[axis, 0] + rays.directions[axis, 1] * x + rays.directions[axis, 2] * y
-            start, end = _clip_to_slabs(volume, origin, direction, rays.start, math.inf)
-            if cuts is not None:
-                start, end = _clip_to_slabs(cuts.slabs, origin, direction, start, end)
-                for k in range(len(removed)):
-                    removed[k] = _clip_to_slabs(cuts.boxes[k], origin, direction, start, end)
+            start, end = _clip_to_slabs(kept, origin, direction, rays.start, math.inf)
+            for k in range(len(removed)):
+                ranges[k] = _clip_to_slabs(removed[k], origin, direction, start, end)
             per_depth = math.sqrt(1.0 + rays.slope_per_px * rays.slope_per_px * (x * x + y * y))
-            lengths[row, column] = _length_without(removed, start, end) * per_depth * unit
+            lengths[row, column] = _length_without(ranges, start, end) * per_depth * unit
 
 
 @jit

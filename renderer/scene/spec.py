@@ -4,9 +4,9 @@ The plain data come from a YAML or JSON reader: nested mappings, lists and scala
 
 Each large section of a scene has its own module (`volume_section`, `transfer_section`, `camera_section`,
 `error_section`, `splat_section`, `shading_section`, `mode_section`, `cuts_section`, `output_section`) with its
-dataclass: for each key the type that checks it, and its default. Nothing here imports numpy or OpenGL, so that `hsplat check` answers at once. Lengths are in
-world units (those of the volume's spacing), angles in degrees, colours in [0, 1] as given (display-referred), shapes,
-points and sizes in (x, y, z) and (width, height) order.
+dataclass: for each key the type that checks it, and its default. Nothing here imports numpy or OpenGL, so that
+`hsplat check` answers at once. Lengths are in world units (those of the volume's spacing), angles in degrees, colours
+in [0, 1] as given (display-referred), shapes, points and sizes in (x, y, z) and (width, height) order.
 """
 
 from __future__ import annotations

@@ -80,7 +80,7 @@ class SampledTruth:
 
 
 def compute_truth(
-    stage: Stage, frame: int, tolerance: float, *, num_threads: int, on_progress: Progress = ignore
+    stage: Stage, frame: int, tolerance: float, *, num_threads: int = 2, on_progress: Progress = ignore
 ) -> Truth:
     """Compute the truth of a frame to `tolerance` in every channel. Raises RenderError if it does not converge.
 

@@ -115,6 +115,5 @@ def chord_lengths(volume: Volume, view: View, pixels: Int64) -> Float64:
     leave = np.where(is_parallel, math.inf, np.maximum(one, other)).min(axis=1)
     is_met = enter < leave
     enter, leave = np.where(is_met, enter, 0.0), np.where(is_met, leave, 0.0)
-    ends = np.minimum(parts[..., 1], leave[:, None])
-    begins = np.minimum(np.maximum(parts[..., 0], enter[:, None]), ends)
-    return np.asarray((ends - begins).sum(axis=1))
+    clipped = np.clip(parts, enter[:, None, None], leave[:, None, None])
+    return np.asarray(np.maximum(clipped[..., 1] - clipped[..., 0], 0.0).sum(axis=1))

@@ -171,6 +171,26 @@ def test_pictures_are_the_exact_rays(mode: str, affine: str, camera: str) -> Non
         assert np.abs(image - truth).max() < 2e-6
 
 
+CUTS = (
+    [{"plane": {"point": [10, 8, 6], "normal": [1, -1, 0.4]}}],
+    [{"box": [[-100, -100, -100], [18, 9, 14]]}, {"box": [[20, 10, 15], [26, 14, 22]]}],
+    [{"plane": {"point": [0, 0, 1], "normal": [0.2, 0, 1]}, "fixed": "camera"}],
+)
+
+
+@EACH_MODE
+@pytest.mark.parametrize("cuts", CUTS, ids=["plane", "boxes", "camera"])
+def test_what_is_cut_away_does_not_count(mode: str, cuts: list[Any]) -> None:
+    values = noise((35, 18, 40))
+    scene, whole = scene_of(mode, cuts=cuts), scene_of(mode)
+    stage = stage_of(placed(values), scene)
+    image, truth = drawn(stage), exact(stage, scene)
+    assert np.abs(truth - exact(stage_of(placed(values), whole), whole)).max() > 0.05
+    rmse = float(np.sqrt(((image - truth) ** 2).mean()))
+    assert rmse < (2e-3 if mode == "depth" else 2e-4), rmse
+    assert np.array_equal(image, drawn(stage, num_threads=1))
+
+
 @pytest.mark.parametrize("mode", ["maximum", "minimum"])
 def test_a_tolerance_bounds_the_error_of_extremes(mode: str) -> None:
     stage = stage_of(placed(noise((40, 33, 37)), AFFINES["anisotropic"]), scene_of(mode, tolerance=0.14))
