@@ -46,6 +46,9 @@ class ShadingSpec:
         `color (ambient + diffuse max(0, n . l)) + specular max(0, n . h)^shininess`, the last only where n . l > 0.
     two_sided: takes both products without their signs. gradient_opacity: pairs of a gradient's magnitude, in scalar
         units per world unit, and of the factor on extinction there; linear in between, constant outside.
+    occlusion, shadow: how strongly what surrounds a point dims the ambient light, and what is before a fixed light the
+        diffuse light (`renderer.lighting`). occlusion_radius: how far occlusion sees, in world units; None is a tenth of
+        the volume's diagonal.
     """
 
     ambient: Fraction = 0.3
@@ -55,6 +58,9 @@ class ShadingSpec:
     shininess: Annotated[float, schema.number_field(above=0, maximum=MAX_SHININESS)] = 32.0
     two_sided: bool = False
     gradient_opacity: Annotated[tuple[tuple[float, float], ...] | None, _GRADIENT_OPACITY] = None
+    occlusion: Fraction = 0.0
+    shadow: Fraction = 0.0
+    occlusion_radius: Annotated[float | None, schema.LENGTH_FIELD] = None
 
     @property
     def lambert(self) -> ShadingSpec | None:
@@ -65,6 +71,18 @@ class ShadingSpec:
     def is_pointwise(self) -> bool:
         """Return whether it is more than that, so that only samples between voxels can be shaded."""
         return bool(_pointwise_keys(self))
+
+    @property
+    def has_light_field(self) -> bool:
+        """Return whether it needs to know how much light reaches each place."""
+        return self.occlusion > 0 or self.shadow > 0
+
+    @property
+    def keys_for_bricks(self) -> list[str]:
+        """Return the keys that ask for what only bricks can show."""
+        dimming = {"occlusion": self.occlusion, "shadow": self.shadow}
+        dims = [key for key, strength in dimming.items() if strength is not INVALID and strength > 0]
+        return [*_pointwise_keys(self), *dims]
 
 
 def _pointwise_keys(shading: ShadingSpec) -> list[str]:
@@ -81,14 +99,18 @@ def _pointwise_keys(shading: ShadingSpec) -> list[str]:
 def check_shading(node: TreeNode, given: dict[str, Any]) -> None:
     """Refuse what cannot be drawn with the scene's `shading`, which is at `node`. given: the scene's sections."""
     shading, error = given.get("shading"), given.get("error")
-    for key in _pointwise_keys(shading) if isinstance(shading, ShadingSpec) else ():
-        place, written = node.key(key), f"{node.path}.{key}"
-        if (footprint := getattr(given.get("splat"), "footprint", "integrated")) in ("gaussian", "gouraud"):
-            hint = "splats have one colour for all views: write splat: {footprint: integrated}, or leave splat out"
-            place.reject("needs footprint: integrated", got=f"footprint: {footprint}", expected="", hint=hint)
-        if isinstance(error, ErrorSpec):
-            hint = f"all visible voxels are drawn with {written}"
-            if isinstance(error.finest_level, int) and error.finest_level > 0:
-                place.reject("contradicts error.finest_level", expected="", hint=hint)
-            if isinstance(error.goal, SplatBudget):
-                place.reject("contradicts error.splats", expected="", hint=f"{hint}; give tolerance, psnr or seconds")
+    if not isinstance(shading, ShadingSpec):
+        return
+    if shading.light == "camera" and shading.shadow is not INVALID and shading.shadow > 0:
+        hint = "its shadows would lie behind what is seen; occlusion dims corners in any light"
+        node.child("shadow", shading.shadow).reject(f"contradicts {node.path}.light: camera", expected="0", hint=hint)
+    footprint = getattr(given.get("splat"), "footprint", "integrated")
+    for key in shading.keys_for_bricks if footprint in ("gaussian", "gouraud") else ():
+        hint = "splats have one colour for all views: write splat: {footprint: integrated}, or leave splat out"
+        node.key(key).reject("needs footprint: integrated", got=f"footprint: {footprint}", expected="", hint=hint)
+    for key in _pointwise_keys(shading) if isinstance(error, ErrorSpec) else ():
+        place, hint = node.key(key), f"all visible voxels are drawn with {node.path}.{key}"
+        if isinstance(error.finest_level, int) and error.finest_level > 0:
+            place.reject("contradicts error.finest_level", expected="", hint=hint)
+        if isinstance(error.goal, SplatBudget):
+            place.reject("contradicts error.splats", expected="", hint=f"{hint}; give tolerance, psnr or seconds")

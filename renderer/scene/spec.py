@@ -81,7 +81,7 @@ class Scene:
         asks = {
             "mode": self.mode.is_projection,
             "cuts": bool(self.cuts),
-            "shading": self.shading is not None and self.shading.is_pointwise,
+            "shading": self.shading is not None and bool(self.shading.keys_for_bricks),
         }
         return next((key for key, is_asked in asks.items() if is_asked), None)
 

@@ -28,6 +28,7 @@ ORDER = {
         "transfer",
         "suggest",
         "pyramid",
+        "lighting",
         "splats",
         "bricks",
         "view",

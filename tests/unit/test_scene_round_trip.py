@@ -76,6 +76,7 @@ SCENES = {
         transfer_function=TransferSpec(POINTS, 0.1),
         camera=CameraSpec(RockerPath(9, 33.3, 0.1, -10.5, AXIS), target=(1.0, 2.0, 1 / 3)),
         error=ErrorSpec(goal=SplatBudget(((0, 1000), (8, 10_000)))),
+        shading=ShadingSpec(occlusion=0.7, shadow=1 / 3, occlusion_radius=12.5),
         output=OutputSpec(Path("a.mp4"), frames_per_second=12.5, background=(0.1, 0.2, 0.3), quality=3.3),
     ),
     "procedural": Scene(

@@ -199,3 +199,13 @@ def test_a_folder_is_a_volume_and_no_raw_file() -> None:
     assert parse(changed(volume={"file": "."})).volume.source == FileSource(HERE.parent)
     raw = {"file": ".", "shape": [1, 1, 1], "dtype": "uint8"}
     assert complaints(changed(volume={"raw": raw})) == [("volume.raw.file", "a folder")]
+
+
+@pytest.mark.parametrize("key", ["occlusion", "shadow"])
+def test_splats_have_neither_occlusion_nor_shadows(key: str) -> None:
+    assert getattr(parse(changed(shading={key: 0.5})).shading, key) == 0.5
+    splats = {"footprint": "gouraud"}
+    assert complaints(changed(shading={key: 0.5}, splat=splats)) == [
+        (f"shading.{key}", f"footprint gouraud has no {key}")
+    ]
+    parse(changed(shading={key: 0}, splat=splats))

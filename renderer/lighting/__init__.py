@@ -1,0 +1,12 @@
+"""How much light reaches each place of the object, whatever the view: ambient occlusion, and the shadows of a light.
+
+In: `Volume`, `TransferFunction`, the direction of a light that is fixed to the object. Out: `LightField`, factors on
+the ambient and on the diffuse light, on a grid of cells.
+
+- `field.py`: its definition, and how it is computed from the cells' mean extinctions.
+- `rays.py`: compiled loops: extinctions averaged, transmissions of rays, and interpolation of the result.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,143 @@
+"""The light field: which share of the ambient and of the diffuse light reaches each place of the object.
+
+Occlusion is twice the mean over all directions of exp(-D), at most 1. D is the optical depth from START_CELLS cells
+away to the radius. An opaque plane hides one half of all directions, so that its surface has the factor 1, as an open
+place has; corners and what is buried are darker. The shadow is the mean of exp(-D) over the directions to a round light
+of the angular radius LIGHT_RADIUS, to the volume's border. All rays leave out the first START_CELLS cells: with them,
+surfaces would shade themselves.
+
+Rays are sampled in one grid of mean extinctions, where steps grow with the distance. Coarser grids for the far part
+were faster, but made everything darker: the mean of a thin wall and of the opening beside it lets less light through
+than the two by themselves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from renderer.compiled import ThreadPool
+from renderer.lighting.rays import average_voxels, transmit
+from renderer.scene import Vector
+from renderer.transfer import TransferFunction, make_classifier, raw_voxels
+from renderer.volume import Float32, Float64, Volume
+
+# Along the longest axis, at most.
+MAX_CELLS = 128
+# Of the volume's diagonal.
+OCCLUSION_RADIUS = 0.1
+# Degrees. With a smaller light, shadows have edges that are sharper than cells.
+LIGHT_RADIUS = 14.0
+# The first part of a ray, which is left out, in the smallest widths of cells.
+START_CELLS = 2
+
+# What docs/benchmarks/occlusion.md says suffices.
+_NUM_OCCLUSION_RAYS, _OCCLUSION_GROWTH = 24, 0.35
+_NUM_LIGHT_RAYS, _LIGHT_GROWTH = 14, 0.07
+_GOLDEN_ANGLE = np.pi * (1 + 5**0.5)
+
+
+@dataclass(frozen=True)
+class LightField:
+    """Factors from 0, dark, to 1, on a grid of cells; linear between centres, constant beyond the outermost ones.
+
+    occlusion, shadow: float32 [z + 2, y + 2, x + 2], factors on the ambient and on the diffuse light; the outermost
+        cells are there once more beyond the border. [3, 3, 3], all 1, where they were not asked for. They are 1 where
+        neither a cell nor a neighbour of it shows anything.
+    cell_size: the width of a cell, in voxels. Cells begin at the corner of the first voxel.
+    """
+
+    occlusion: Float32
+    shadow: Float32
+    cell_size: int
+
+
+def light_field(
+    volume: Volume,
+    transfer: TransferFunction,
+    *,
+    occlusion: bool = False,
+    light: Vector | None = None,
+    radius: float | None = None,
+    max_cells: int = MAX_CELLS,
+    num_threads: int = 1,
+) -> LightField:
+    """Return the light field of a volume, which does not depend on the number of threads.
+
+    occlusion: whether it is wanted. light: from the object to the light, in world axes; None for no shadows. radius:
+        how far occlusion sees, in world units; None is a tenth of the diagonal. max_cells: along the longest axis.
+    Raises InputError where the volume's file was changed.
+    """
+    level = max(0, (-(-max(volume.shape_xyz) // max_cells) - 1).bit_length())
+    width = volume.finest_spacing * 2**level
+    start = START_CELLS * width
+    radius = max(OCCLUSION_RADIUS * 2 * volume.half_diagonal if radius is None else radius, start + width)
+    across = float(volume.spacing @ volume.shape_xyz)  # at least as long as any way through it
+    occlusions, shadows = np.ones((2, 3, 3, 3), np.float32)
+    with ThreadPool(num_threads) as threads:
+        depths = _mean_depths(volume, transfer, level, threads)
+        if occlusion:
+            ends = _sample_ends(start, radius, width, _OCCLUSION_GROWTH)
+            mean = _transmission(volume, depths, level, _sphere(_NUM_OCCLUSION_RAYS), ends, threads)
+            occlusions = np.minimum(2 * mean, np.float32(1))
+        if light is not None:
+            ends = _sample_ends(start, start + across, width, _LIGHT_GROWTH)
+            shadows = _transmission(volume, depths, level, _cone(light, _NUM_LIGHT_RAYS), ends, threads)
+    return LightField(occlusions, shadows, 1 << level)
+
+
+def _mean_depths(volume: Volume, transfer: TransferFunction, level: int, threads: ThreadPool) -> Float32:
+    """Return the mean extinctions times the finest spacing of cells of 2^level voxels, as `transmit` takes them."""
+    classifier, raw = make_classifier(volume, transfer, None, opacity=False), raw_voxels(volume)
+    by_pattern = None if classifier.table is None else np.ascontiguousarray(classifier.table[:, 3])
+    out = np.empty([-(-num >> level) for num in raw.shape], np.float32)
+    volume.require_unchanged()
+    threads.map(lambda z: average_voxels(raw, by_pattern, classifier.curve, level, z, out[z]), range(len(out)))
+    volume.require_unchanged()
+    return np.pad(out, 1, mode="edge")
+
+
+def _transmission(
+    volume: Volume, depths: Float32, level: int, directions: Float64, ends: Float64, threads: ThreadPool
+) -> Float32:
+    """Return the mean transmission of rays from the centre of each cell, as in a LightField.
+
+    directions: [n, 3], unit vectors in world axes. ends: [m + 1], where samples of a ray end, world lengths.
+    """
+    cells_from_world = np.linalg.inv(volume.world_from_index[:3, :3]) / 2**level
+    middles = (ends[1:] + ends[:-1]) / 2
+    offsets = ((directions @ cells_from_world.T)[:, None] * middles[:, None]).astype(np.float32)
+    lengths = (np.diff(ends) / volume.finest_spacing).astype(np.float32)
+    border = (np.array(volume.shape_xyz) / 2**level + 0.5).astype(np.float32)
+    out = np.empty([num - 2 for num in depths.shape], np.float32)
+    threads.map(lambda z: transmit(depths, border, offsets, lengths, z, out[z]), range(len(out)))
+    return np.pad(out, 1, mode="edge")
+
+
+def _sample_ends(start: float, end: float, width: float, growth: float) -> Float64:
+    """Return where samples end: each is a cell long, or a share of its distance where that is longer."""
+    ends = [start]
+    while ends[-1] < end:
+        ends.append(min(end, ends[-1] + max(width, growth * ends[-1])))
+    return np.array(ends)
+
+
+def _sphere(num: int) -> Float64:
+    """Return directions that are spread evenly, on a spiral, float64 [num, 3]."""
+    turns = np.arange(num) + 0.5
+    z = 1 - 2 * turns / num
+    across = np.sqrt(1 - z * z)
+    return np.column_stack([across * np.cos(_GOLDEN_ANGLE * turns), across * np.sin(_GOLDEN_ANGLE * turns), z])
+
+
+def _cone(light: Vector, num: int) -> Float64:
+    """Return directions to points that are spread evenly, on a spiral, over a round light, float64 [num, 3]."""
+    toward = np.array(light, np.float64) / np.abs(light).max()
+    toward /= np.linalg.norm(toward)
+    side = np.cross(toward, np.eye(3)[np.abs(toward).argmin()])
+    side /= np.linalg.norm(side)
+    turns = np.arange(num)[:, None] + 0.5
+    across = np.cos(_GOLDEN_ANGLE * turns) * side + np.sin(_GOLDEN_ANGLE * turns) * np.cross(toward, side)
+    directions = toward + np.tan(np.radians(LIGHT_RADIUS)) * np.sqrt(turns / num) * across
+    return np.asarray(directions / np.linalg.norm(directions, axis=1, keepdims=True))

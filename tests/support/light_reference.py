@@ -1,0 +1,75 @@
+"""Ambient occlusion and soft shadows from their definitions: many rays in fine steps, in plain float64.
+
+Extinctions of voxels are interpolated linearly. What the definition leaves to the renderer is taken from it: which
+first part of a ray is left out, and how large the light is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from renderer.lighting.field import LIGHT_RADIUS, OCCLUSION_RADIUS, START_CELLS
+from renderer.transfer import TransferFunction
+from renderer.volume import Volume
+
+Float64 = npt.NDArray[np.float64]
+NUM_OCCLUSION_RAYS, NUM_LIGHT_RAYS = 256, 64
+STEP = 0.5  # of a ray, in the finest spacing
+
+
+def exact_occlusion(
+    volume: Volume, transfer: TransferFunction, points: Float64, cell_size: int, radius: float | None = None
+) -> Float64:
+    """Return the occlusion at points [n, 3] (x, y, z) in voxels."""
+    if radius is None:
+        radius = OCCLUSION_RADIUS * 2 * volume.half_diagonal
+    # By rings of equal area, each with its own random turn.
+    rng = np.random.default_rng(5)
+    heights = (np.arange(16) + 0.5) / 8 - 1
+    turns = (2 * np.pi * (np.arange(NUM_OCCLUSION_RAYS // 16) / 16 + rng.random((16, 1)))).ravel()
+    across = np.repeat(np.sqrt(1 - heights**2), NUM_OCCLUSION_RAYS // 16)
+    directions = np.stack([across * np.cos(turns), across * np.sin(turns), np.repeat(heights, 16)], axis=1)
+    return np.minimum(1, 2 * _transmission(volume, transfer, points, directions, (cell_size, radius)))
+
+
+def exact_shadow(
+    volume: Volume, transfer: TransferFunction, points: Float64, cell_size: int, light: tuple[float, float, float]
+) -> Float64:
+    """Return the shadow at points [n, 3] (x, y, z) in voxels, of a disc of directions."""
+    toward = np.array(light) / np.linalg.norm(light)
+    _, _, rows = np.linalg.svd(toward[None])  # the last two are at right angles to it
+    rng = np.random.default_rng(6)
+    radii = np.sqrt((np.arange(NUM_LIGHT_RAYS) + rng.random(NUM_LIGHT_RAYS)) / NUM_LIGHT_RAYS)
+    turns = 2 * np.pi * (np.arange(NUM_LIGHT_RAYS) * 0.618034 + rng.random())
+    disc = np.stack([radii * np.cos(turns), radii * np.sin(turns)], axis=1) @ rows[1:]
+    directions = toward + np.tan(np.radians(LIGHT_RADIUS)) * disc
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return _transmission(volume, transfer, points, directions, (cell_size, float("inf")))
+
+
+def _transmission(
+    volume: Volume, transfer: TransferFunction, points: Float64, directions: Float64, limits: tuple[int, float]
+) -> Float64:
+    """Return the mean over directions [m, 3] of exp(-depth). limits: the width of a cell in voxels, and the radius."""
+    finest = volume.finest_spacing
+    extinctions = transfer.classify(volume.values)[1]
+    start, end = START_CELLS * limits[0] * finest, min(limits[1], volume.spacing @ volume.shape_xyz)
+    middles = np.arange(start + STEP * finest / 2, end, STEP * finest)
+    to_index = directions @ np.linalg.inv(volume.world_from_index[:3, :3]).T
+    shape, depths = np.array(volume.shape_xyz), np.zeros((len(points), len(directions)))
+    for middle in middles:
+        places = points[:, None] + middle * to_index
+        inside = np.all((places >= -0.5) & (places <= shape - 0.5), axis=2)
+        if not inside.any():
+            break
+        found = ndimage.map_coordinates(extinctions, places[inside].T[::-1], order=1, mode="nearest")
+        depths[inside] += STEP * finest * found
+    return np.exp(-depths).mean(axis=1)
+
+
+def sampled(field: npt.NDArray[np.float32], cell_size: int, points: Float64) -> Float64:
+    """Return a field of a LightField, interpolated at points [n, 3] (x, y, z) in voxels."""
+    places = (points + 0.5) / cell_size + 0.5
+    return np.asarray(ndimage.map_coordinates(field.astype(np.float64), places.T[::-1], order=1, mode="nearest"))
