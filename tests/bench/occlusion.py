@@ -1,4 +1,4 @@
-"""How exact is the light field, and what does it cost? `python tests/bench/occlusion.py DATA` writes the page of it.
+"""How exact is the light field, and what does it cost? It writes a page.
 
 The reference sends many rays in fine steps from random visible places. The page is docs/benchmarks/occlusion.md.
 """
@@ -26,17 +26,18 @@ from renderer.volume import Volume
 PAGE = PAGES / "occlusion.md"
 VOLUMES = {"engine": "engine.nhdr", "bonsai": "bonsai.nhdr", "head": "medical/headsq_quarter.nrrd"}
 MAX_CELLS = (128, 64)
-NUM_POINTS, LEAST_DEPTH, REPEATS = 1500, 1e-3, 5
+NUM_POINTS, LEAST_DEPTH, REPEATS = 1000, 1e-3, 3
 
 HEAD = """# How exact is the light field?
 
 Footprint: integrated. Measure again when `renderer/lighting/` changes.
 
-`python tests/bench/occlusion.py DATA` writes this page. Transfer functions and lights are those of
-`renderer.suggest_scene`. At {points} random places, where the extinction times the finest spacing is above {depth}, the
-stored factors are compared with 256 rays for occlusion and 64 to the light, in steps of half a voxel through the
-extinctions of voxels, interpolated linearly. RMSE is the root of the mean squared difference of factors from 0 to 1.
-Seconds are medians of {repeats} runs with {threads} threads.
+`PYTHONPATH=tests/support python tests/bench/occlusion.py DATA` writes this page. Transfer functions, lights: those
+of `renderer.suggest_scene`. At {points} random places, where the extinction times the finest spacing is above {depth},
+the stored factors are compared with 256 rays for occlusion and 64 to the light, in steps of half a voxel through the
+extinctions of voxels, interpolated linearly.
+RMSE is the root of the mean squared difference of factors from 0 to 1.
+Seconds are those of all processors, of {threads} threads together: medians of {repeats} runs.
 
 {machine}
 
@@ -80,9 +81,9 @@ def rows(name: str, file: Path) -> Iterator[str]:
 
 
 def timed(work: Callable[[], object]) -> float:
-    begin = time.perf_counter()
+    begin = time.process_time()
     work()
-    return time.perf_counter() - begin
+    return time.process_time() - begin
 
 
 def visible_points(volume: Volume, transfer: TransferFunction) -> npt.NDArray[np.float64]:
