@@ -32,6 +32,8 @@ from renderer.pyramid import (
 )
 from renderer.transfer import (
     MAX_NORMALIZED_SCALAR,
+    NO_LIGHT_FIELD,
+    LightField,
     PiecewiseTransfer,
     TransferFunction,
     make_piecewise_transfer,
@@ -90,7 +92,7 @@ class Bricks:
     scalar_range: texels of level 0 are normalized to it. The part of the volume's range in which the transfer function
         changes, or all of it where it does not.
     volume_range: the volume's smallest and largest scalar.
-    pieces: the transfer function by normalized scalars.
+    pieces: the transfer function by normalized scalars. light_field: how much of the light reaches each place.
     """
 
     levels: tuple[BrickLevel, ...]
@@ -99,6 +101,7 @@ class Bricks:
     scalar_range: tuple[float, float]
     volume_range: tuple[float, float]
     pieces: PiecewiseTransfer
+    light_field: LightField = NO_LIGHT_FIELD
 
     @property
     def volume(self) -> Volume:
@@ -106,10 +109,17 @@ class Bricks:
         return self.pyramid.volume
 
 
-def make_bricks(volume: Volume, transfer: TransferFunction, *, num_threads: int = 2, **options: Any) -> Bricks:
+def make_bricks(
+    volume: Volume,
+    transfer: TransferFunction,
+    *,
+    light_field: LightField = NO_LIGHT_FIELD,
+    num_threads: int = 2,
+    **options: Any,
+) -> Bricks:
     """Build the bricks of all levels, and their pyramid; the result does not depend on `num_threads`.
 
-    options: spec, error and shading, as in `build_pyramid`.
+    light_field, and options: spec, error and shading, as in `build_pyramid`.
     The pyramid has no nodes of the levels up to STREAMED_LEVELS: their statistics are gathered as they are built, and
     their means are recomputed from voxels for drawing.
 
@@ -120,7 +130,8 @@ def make_bricks(volume: Volume, transfer: TransferFunction, *, num_threads: int 
     def add_nodes(level: int, *nodes: Any) -> None:
         statistics[level - 1].add(*nodes)
 
-    pyramid = build_pyramid(volume, transfer, num_threads=num_threads, on_nodes=add_nodes, **options)
+    options |= {"light_field": light_field, "num_threads": num_threads, "on_nodes": add_nodes}
+    pyramid = build_pyramid(volume, transfer, **options)
     volume_range = volume.value_range()
     num_levels = max(1, pyramid.num_levels - BRICK_LEVELS + 1)
     for number in range(STREAMED_LEVELS + 1, num_levels + 1):
@@ -137,7 +148,7 @@ def make_bricks(volume: Volume, transfer: TransferFunction, *, num_threads: int 
         levels.append(BrickLevel(of_nodes.visible_bounds(), errors, step_errors))
     scalar_range = _scalar_range(transfer, *volume_range)
     pieces = make_piecewise_transfer(transfer.curve(volume.finest_spacing), *scalar_range)
-    return Bricks(tuple(levels), pyramid, transfer, scalar_range, volume_range, pieces)
+    return Bricks(tuple(levels), pyramid, transfer, scalar_range, volume_range, pieces, light_field)
 
 
 def _scalar_range(transfer: TransferFunction, low: float, high: float) -> tuple[float, float]:

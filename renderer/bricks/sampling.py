@@ -99,7 +99,7 @@ class BrickBatch:
     @property
     def needs_loops(self) -> bool:
         """Return whether only the compiled loops draw it, also beside a GPU."""
-        return self.extremes is not None or self.is_pointwise
+        return self.extremes is not None or not (self.shading is None or self.shading.is_plain)
 
     @property
     def spacings_per_model_unit(self) -> float:

@@ -18,6 +18,7 @@ from renderer.errors import InputError, Problem
 from renderer.frame.budget import ScheduleController, ToleranceController
 from renderer.frame.frame import Frame, draw_frame
 from renderer.frame.stage import Clock, Stage, Stopwatch
+from renderer.lighting import light_field
 from renderer.modes import make_projection
 from renderer.pyramid import EVERY_CUT, FinestCut, build_pyramid
 from renderer.readers import read_volume
@@ -85,6 +86,9 @@ def prepare_stage(
         transfer = projection.optics
     baked = scene.shading and scene.shading.lambert  # other shading is left to samples between voxels
     build: dict[str, Any] = {"spec": scene.pyramid, "error": scene.error, "shading": baked}
+    if scene.shading is not None and scene.shading.has_light_field:
+        build["light_field"] = light_field(volume, transfer, scene.shading, num_threads=num_threads)
+        watch.lap("light")
     bricks = None
     if scene.splat.footprint == "integrated":
         bricks = make_bricks(volume, transfer, num_threads=num_threads, **build)

@@ -4,7 +4,7 @@ In: `Volume`, `TransferFunction`, the direction of a light that is fixed to the 
 the ambient and on the diffuse light, on a grid of cells.
 
 - `field.py`: its definition, and how it is computed from the cells' mean extinctions.
-- `rays.py`: compiled loops: extinctions averaged, transmissions of rays, and interpolation of the result.
+- `rays.py`: compiled loops: extinctions averaged, transmissions of rays.
 """
 
 import lazy_loader

@@ -1,2 +1,1 @@
-from .field import LightField as LightField, light_field as light_field
-from .rays import fill_light as fill_light
+from .field import light_field as light_field

@@ -13,14 +13,12 @@ than the two by themselves.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from renderer.compiled import ThreadPool
 from renderer.lighting.rays import average_voxels, transmit
-from renderer.scene import Vector
-from renderer.transfer import TransferFunction, make_classifier, raw_voxels
+from renderer.scene import ShadingSpec, Vector
+from renderer.transfer import NO_LIGHT_FIELD, LightField, TransferFunction, make_classifier, raw_voxels
 from renderer.volume import Float32, Float64, Volume
 
 # Along the longest axis, at most.
@@ -38,53 +36,35 @@ _NUM_LIGHT_RAYS, _LIGHT_GROWTH = 14, 0.07
 _GOLDEN_ANGLE = np.pi * (1 + 5**0.5)
 
 
-@dataclass(frozen=True)
-class LightField:
-    """Factors from 0, dark, to 1, on a grid of cells; linear between centres, constant beyond the outermost ones.
-
-    occlusion, shadow: float32 [z + 2, y + 2, x + 2], factors on the ambient and on the diffuse light; the outermost
-        cells are there once more beyond the border. [3, 3, 3], all 1, where they were not asked for. They are 1 where
-        neither a cell nor a neighbour of it shows anything.
-    cell_size: the width of a cell, in voxels. Cells begin at the corner of the first voxel.
-    """
-
-    occlusion: Float32
-    shadow: Float32
-    cell_size: int
-
-
 def light_field(
     volume: Volume,
     transfer: TransferFunction,
+    shading: ShadingSpec,
     *,
-    occlusion: bool = False,
-    light: Vector | None = None,
-    radius: float | None = None,
     max_cells: int = MAX_CELLS,
     num_threads: int = 1,
 ) -> LightField:
-    """Return the light field of a volume, which does not depend on the number of threads.
+    """Return the light field that a shading asks for, which does not depend on the number of threads.
 
-    occlusion: whether it is wanted. light: from the object to the light, in world axes; None for no shadows. radius:
-        how far occlusion sees, in world units; None is a tenth of the diagonal. max_cells: along the longest axis.
-    Raises InputError where the volume's file was changed.
+    max_cells: along the longest axis. Raises InputError where the volume's file was changed.
     """
     level = max(0, (-(-max(volume.shape_xyz) // max_cells) - 1).bit_length())
     width = volume.finest_spacing * 2**level
     start = START_CELLS * width
+    radius = shading.occlusion_radius
     radius = max(OCCLUSION_RADIUS * 2 * volume.half_diagonal if radius is None else radius, start + width)
     across = float(volume.spacing @ volume.shape_xyz)  # at least as long as any way through it
-    occlusions, shadows = np.ones((2, 3, 3, 3), np.float32)
+    occlusions, shadows, *_ = NO_LIGHT_FIELD
     with ThreadPool(num_threads) as threads:
         depths = _mean_depths(volume, transfer, level, threads)
-        if occlusion:
+        if shading.occlusion > 0:
             ends = _sample_ends(start, radius, width, _OCCLUSION_GROWTH)
             mean = _transmission(volume, depths, level, _sphere(_NUM_OCCLUSION_RAYS), ends, threads)
             occlusions = np.minimum(2 * mean, np.float32(1))
-        if light is not None:
+        if shading.shadow > 0 and shading.light != "camera":
             ends = _sample_ends(start, start + across, width, _LIGHT_GROWTH)
-            shadows = _transmission(volume, depths, level, _cone(light, _NUM_LIGHT_RAYS), ends, threads)
-    return LightField(occlusions, shadows, 1 << level)
+            shadows = _transmission(volume, depths, level, _cone(shading.light, _NUM_LIGHT_RAYS), ends, threads)
+    return LightField(occlusions, shadows, float(1 << level), float(shading.occlusion), float(shading.shadow))
 
 
 def _mean_depths(volume: Volume, transfer: TransferFunction, level: int, threads: ThreadPool) -> Float32:

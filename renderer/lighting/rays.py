@@ -6,13 +6,11 @@ the centre of cell i is at i + 1 along each axis, and the volume begins at 1/2.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from renderer.compiled import inline, jit
-from renderer.transfer import RawVoxels, TransferTable, classify_scalar, scalar_at
-from renderer.volume import Array, Float32, Float64, Int64
+from renderer.compiled import jit
+from renderer.transfer import RawVoxels, TransferTable, classify_scalar, interpolate_cells, scalar_at
+from renderer.volume import Array, Float32
 
 # Less than exp(-10) of the light, 5e-5, counts as none.
 _OPAQUE_DEPTH = np.float32(10)
@@ -46,19 +44,6 @@ def average_voxels(
             out[row, cell] = sums[cell] / (width * (y1 - y0) * (z1 - z0))
 
 
-@inline
-def _interpolate(grid: Float32, x: Any, y: Any, z: Any) -> Any:
-    """Return the value at a place in the volume, in the precision of its coordinates, float32."""
-    i, j, k, one = np.uint64(x), np.uint64(y), np.uint64(z), np.uint64(1)
-    a, b, c = x - np.float32(i), y - np.float32(j), z - np.float32(k)
-    near = grid[k, j, i] + a * (grid[k, j, i + one] - grid[k, j, i])
-    below = grid[k, j + one, i] + a * (grid[k, j + one, i + one] - grid[k, j + one, i])
-    far = grid[k + one, j, i] + a * (grid[k + one, j, i + one] - grid[k + one, j, i])
-    beyond = grid[k + one, j + one, i] + a * (grid[k + one, j + one, i + one] - grid[k + one, j + one, i])
-    near, far = near + b * (below - near), far + b * (beyond - far)
-    return near + c * (far - near)
-
-
 @jit
 def transmit(depths: Float32, end: Float32, offsets: Float32, lengths: Float32, slab: int, out: Float32) -> None:
     """Write the mean transmission of rays from the centres of a slab's cells [y, x]; 1 where nothing is visible near.
@@ -81,7 +66,7 @@ def transmit(depths: Float32, end: Float32, offsets: Float32, lengths: Float32, 
                     is_inside = begin <= u <= end[0] and begin <= v <= end[1] and begin <= w <= end[2]
                     if not is_inside or depth > _OPAQUE_DEPTH:
                         break
-                    depth += lengths[k] * _interpolate(depths, u, v, w)
+                    depth += lengths[k] * interpolate_cells(depths, u, v, w)
                 total += np.exp(-depth)
             out[row, cell] = total / np.float32(offsets.shape[0])
 
@@ -96,21 +81,3 @@ def _is_visible_near(depths: Float32, x: int, y: int, z: int) -> bool:
                 if depths[k, j, i] > 0:
                     return True
     return False
-
-
-@jit
-def fill_light(field: Float32, cell_size: int, first: Int64 | Float64, step: float, out: Array) -> None:
-    """Write a factor of a light field at places `first + step * (x, y, z)` in voxels to `out` [z, y, x].
-
-    field: [z + 2, y + 2, x + 2]. cell_size: of the field, in voxels. first: [3] (x, y, z). Places outside the volume
-    have the factor of the nearest cell.
-    """
-    end_z, end_y, end_x = field.shape[0] - 1.5, field.shape[1] - 1.5, field.shape[2] - 1.5
-    scale, shift = 1 / cell_size, 0.5 / cell_size + 0.5
-    for k in range(out.shape[0]):
-        z = np.float32(min(max((first[2] + step * k) * scale + shift, 0.5), end_z))
-        for j in range(out.shape[1]):
-            y = np.float32(min(max((first[1] + step * j) * scale + shift, 0.5), end_y))
-            for i in range(out.shape[2]):
-                x = np.float32(min(max((first[0] + step * i) * scale + shift, 0.5), end_x))
-                out[k, j, i] = _interpolate(field, x, y, z)

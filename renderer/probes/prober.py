@@ -76,7 +76,7 @@ class FrameProber:
     def __init__(
         self, stage: Stage, num_rays: int, *, seed: int = 0, num_threads: int = 2, tolerance: float | None = None
     ) -> None:
-        self._rays = SceneRays(stage.volume, stage.scene, num_threads=num_threads)
+        self._rays = SceneRays(stage, num_threads=num_threads)
         self._step = _STEP if stage.scene.shading is None else _SHADED_STEP
         self._tolerance = tolerance
         self._stage, self._num_rays, self._seed = stage, num_rays, seed

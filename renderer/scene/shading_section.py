@@ -47,8 +47,8 @@ class ShadingSpec:
     two_sided: takes both products without their signs. gradient_opacity: pairs of a gradient's magnitude, in scalar
         units per world unit, and of the factor on extinction there; linear in between, constant outside.
     occlusion, shadow: how strongly what surrounds a point dims the ambient light, and what is before a fixed light the
-        diffuse light (`renderer.lighting`). occlusion_radius: how far occlusion sees, in world units; None is a tenth of
-        the volume's diagonal.
+        diffuse light (`renderer.lighting`). occlusion_radius: how far occlusion sees, in world units; None is a tenth
+        of the volume's diagonal.
     """
 
     ambient: Fraction = 0.3
@@ -76,6 +76,11 @@ class ShadingSpec:
     def has_light_field(self) -> bool:
         """Return whether it needs to know how much light reaches each place."""
         return self.occlusion > 0 or self.shadow > 0
+
+    @property
+    def is_plain(self) -> bool:
+        """Return whether it is Lambert shading by a fixed light, all of which arrives."""
+        return not (self.is_pointwise or self.has_light_field)
 
     @property
     def keys_for_bricks(self) -> list[str]:
@@ -108,7 +113,9 @@ def check_shading(node: TreeNode, given: dict[str, Any]) -> None:
     for key in shading.keys_for_bricks if footprint in ("gaussian", "gouraud") else ():
         hint = "splats have one colour for all views: write splat: {footprint: integrated}, or leave splat out"
         node.key(key).reject("needs footprint: integrated", got=f"footprint: {footprint}", expected="", hint=hint)
-    for key in _pointwise_keys(shading) if isinstance(error, ErrorSpec) else ():
+    for key in _pointwise_keys(shading):
+        if not isinstance(error, ErrorSpec):
+            break
         place, hint = node.key(key), f"all visible voxels are drawn with {node.path}.{key}"
         if isinstance(error.finest_level, int) and error.finest_level > 0:
             place.reject("contradicts error.finest_level", expected="", hint=hint)

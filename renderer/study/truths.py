@@ -87,7 +87,7 @@ def compute_truth(
     num_threads and on_progress: as in `converged_image`.
     """
     scene, view = stage.scene, view_of(stage, frame)
-    (width, height), rays = view.size, SceneRays(stage.volume, scene, num_threads=num_threads)
+    (width, height), rays = view.size, SceneRays(stage, num_threads=num_threads)
     pixels, convergence = rays.converge(view, np.arange(width * height), tolerance, on_progress)
     image = pixels.reshape(height, width, 4)
     return Truth(frame, over_background(image, scene.output.background), image[..., 3] > 0, convergence)

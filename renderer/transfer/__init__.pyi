@@ -9,6 +9,11 @@ from .classify import (
     scalar_at as scalar_at,
     toward_light as toward_light,
 )
+from .light_field import (
+    NO_LIGHT_FIELD as NO_LIGHT_FIELD,
+    LightField as LightField,
+    interpolate_cells as interpolate_cells,
+)
 from .piecewise import (
     GUIDE_SIZE as GUIDE_SIZE,
     MAX_NORMALIZED_SCALAR as MAX_NORMALIZED_SCALAR,

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from renderer.compiled import fma, jit
 from renderer.scene import ShadingSpec
+from renderer.transfer.light_field import NO_LIGHT_FIELD, LightField, light_shares
 from renderer.transfer.piecewise import Channels, TransferTable, evaluate
 from renderer.transfer.transfer_function import VISIBILITY_THRESHOLD, TransferFunction, visibility_breakpoints
 from renderer.volume import Float32, Float64, Volume
@@ -29,10 +30,12 @@ class VoxelLighting(NamedTuple):
 
     light: the unit vector towards the light in world axes, ambient, diffuse; as `lambert_factor` takes it.
     world_from_gradient: float64 [3, 3], takes a gradient along the index axes to the world.
+    field: how much of the light reaches each voxel; NO_LIGHT_FIELD where all of it does.
     """
 
     light: tuple[float, float, float, float, float]
     world_from_gradient: Float64
+    field: LightField
 
 
 class Classifier(NamedTuple):
@@ -61,15 +64,20 @@ def raw_voxels(volume: Volume) -> RawVoxels:
 
 
 def make_classifier(
-    volume: Volume, transfer: TransferFunction, shading: ShadingSpec | None, *, opacity: bool
+    volume: Volume,
+    transfer: TransferFunction,
+    shading: ShadingSpec | None,
+    *,
+    opacity: bool,
+    field: LightField = NO_LIGHT_FIELD,
 ) -> Classifier:
-    """Prepare classification of this volume's voxels, in opacities or in optical depths."""
+    """Prepare classification of this volume's voxels, in opacities or in optical depths. field: of the shading."""
     finest_spacing, dtype = volume.finest_spacing, volume.values.dtype
     breakpoints, lighting = visibility_breakpoints(transfer, finest_spacing), None
     if shading:
         x, y, z = toward_light(shading).tolist()
         to_world = np.ascontiguousarray(np.linalg.inv(volume.world_from_index[:3, :3]).T)
-        lighting = VoxelLighting((x, y, z, float(shading.ambient), float(shading.diffuse)), to_world)
+        lighting = VoxelLighting((x, y, z, float(shading.ambient), float(shading.diffuse)), to_world, field)
     if dtype.itemsize > 2:
         return Classifier(None, None, transfer.curve(finest_spacing), opacity, lighting, breakpoints)
     patterns = np.arange(1 << 8 * dtype.itemsize, dtype=f"u{dtype.itemsize}").view(dtype)
@@ -145,16 +153,20 @@ def _lighting_factor(raw: RawVoxels, scalars: Float64 | None, lighting: VoxelLig
     if max(abs(gx), abs(gy), abs(gz)) < 1.0:
         gx, gy, gz = 2.0 * (x_high - x_low), 2.0 * (y_high - y_low), 2.0 * (z_high - z_low)
     gx, gy, gz = gx / max(x1 - x0, 1), gy / max(y1 - y0, 1), gz / max(z1 - z0, 1)
+    light = lighting.light
+    if lighting.field.occlusion.size + lighting.field.shadow.size > 0:
+        ambient, diffuse = light_shares(lighting.field, z, y, x)
+        light = (light[0], light[1], light[2], light[3] * ambient, light[4] * diffuse)
     largest = max(abs(gx), abs(gy), abs(gz))
     if largest == 0.0:
-        return lighting.light[3]
+        return light[3]
     gx, gy, gz = gx / largest, gy / largest, gz / largest
     m = lighting.world_from_gradient
     factor: float = lambert_factor(
         m[0, 0] * gx + m[0, 1] * gy + m[0, 2] * gz,
         m[1, 0] * gx + m[1, 1] * gy + m[1, 2] * gz,
         m[2, 0] * gx + m[2, 1] * gy + m[2, 2] * gz,
-        lighting.light,
+        light,
     )
     return factor
 

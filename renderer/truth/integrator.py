@@ -23,7 +23,7 @@ import numpy as np
 
 from renderer.errors import RenderError
 from renderer.scene import ShadingSpec
-from renderer.transfer import TransferFunction
+from renderer.transfer import NO_LIGHT_FIELD, LightField, TransferFunction
 from renderer.truth.cubic import Vector
 from renderer.truth.cutting import kept_parts
 from renderer.truth.kernel import MACROCELL_SIZE, Intervals, integrate_rays
@@ -116,7 +116,13 @@ class RayIntegrator:
     """
 
     def __init__(
-        self, volume: Volume, transfer: TransferFunction, shading: ShadingSpec | None = None, *, num_threads: int = 2
+        self,
+        volume: Volume,
+        transfer: TransferFunction,
+        shading: ShadingSpec | None = None,
+        *,
+        light_field: LightField = NO_LIGHT_FIELD,
+        num_threads: int = 2,
     ) -> None:
         values = volume.values
         if values.dtype == np.float16:  # numba lacks it; the copy is exact
@@ -127,7 +133,7 @@ class RayIntegrator:
         self._macrocells = np.zeros([n // MACROCELL_SIZE + 1 for n in values.shape], np.uint8)
         scale = largest_magnitude_scale(volume, transfer)
         self._intervals = _intervals(transfer, scale)
-        self._lambert, self._is_shaded = _lambert_shading(shading, volume, scale), shading is not None
+        self._lambert, self._is_shaded = _lambert_shading(shading, light_field, volume, scale), shading is not None
 
     def integrate(
         self,
@@ -287,17 +293,17 @@ def _intervals(transfer: TransferFunction, scale: float) -> Intervals:
     return Intervals(knots, np.column_stack([base, slope, origin, num_opaque_below]), scale)
 
 
-def _lambert_shading(shading: ShadingSpec | None, volume: Volume, scale: float) -> LambertShading:
+def _lambert_shading(shading: ShadingSpec | None, field: LightField, volume: Volume, scale: float) -> LambertShading:
     """Return the light for scalars that are multiplied by `scale`."""
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
     spec = shading or ShadingSpec()
     is_camera = spec.light == "camera"
     light = np.array((0.0, 0.0, 1.0) if is_camera else spec.light, np.float64)  # the camera's is that of each ray
-    gloss = None
-    if spec.lambert is None:
+    gloss, nowhere = None, (0.0, 0.0, 0.0)
+    if not spec.is_plain:
         factors = _gradient_factors(spec.gradient_opacity or (), scale)
         rows, shine = _rows(np.asarray(np.linalg.inv(index_from_world))), (float(spec.specular), float(spec.shininess))
-        gloss = Gloss(is_camera, spec.two_sided, *shine, (0.0, 0.0, 0.0), rows, factors)
+        gloss = Gloss(is_camera, spec.two_sided, *shine, nowhere, rows, factors, field, nowhere, nowhere)
     # A gradient transforms with the transposed inverse of the map of points.
     return LambertShading(
         shading is not None,

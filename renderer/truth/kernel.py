@@ -25,7 +25,7 @@ import numpy as np
 
 from renderer.compiled import inline, jit
 from renderer.truth.cubic import Corners, Cubic, Vector, add_crossings, cubic_in_cell, restrict_cubic, value_at
-from renderer.truth.light import Gloss, Gradient, LambertShading, aim, illuminate, lit_color
+from renderer.truth.light import Gloss, Gradient, LambertShading, aim, illuminate, lit_color, locate
 from renderer.volume import Float64, UInt8
 
 Cell = tuple[int, int, int]
@@ -356,6 +356,8 @@ def _integrate_cell(
         return
     cubic = cubic_in_cell(corners, entry, extent)
     count = add_crossings(cubic, intervals.knots, splits, 0)
+    begin = cell[0] + entry[0], cell[1] + entry[1], cell[2] + entry[2]
+    shading = locate(shading, shading.gloss, begin, extent)
     gradient = (cubic, cubic, cubic)  # unused without shading
     if shading.enabled:
         gradient = _world_gradient(values, cell, entry, extent, shading, intervals.scale)

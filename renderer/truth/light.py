@@ -9,8 +9,9 @@ import math
 from typing import NamedTuple
 
 from renderer.compiled import inline
+from renderer.transfer import LightField
 from renderer.truth.cubic import Cubic, Vector, value_at
-from renderer.volume import Float64
+from renderer.volume import Float32, Float64
 
 # The three components along a segment.
 Gradient = tuple[Cubic, Cubic, Cubic]
@@ -26,6 +27,7 @@ class Gloss(NamedTuple):
     halfway: of a ray (`aim`), the unit vector halfway between the directions to the light and to the viewer; zeros
         where they are opposite. world_from_index: the rows of the matrix.
     factors: float64 [n, 3], a magnitude, times `Intervals.scale`, the factor there and its slope up to the next one.
+    field: how much of the light arrives. begin, extent: of the segment of a ray in a cell, voxels (`locate`).
     """
 
     is_camera: bool
@@ -35,6 +37,9 @@ class Gloss(NamedTuple):
     halfway: Vector
     world_from_index: tuple[Vector, Vector, Vector]
     factors: Float64
+    field: LightField
+    begin: Vector
+    extent: Vector
 
 
 class LambertShading(NamedTuple):
@@ -79,8 +84,61 @@ def aim(shading: LambertShading, gloss: Gloss | None, direction: Vector) -> Lamb
             halfway,
             gloss.world_from_index,
             gloss.factors,
+            gloss.field,
+            gloss.begin,
+            gloss.extent,
         ),
     )
+
+
+@inline
+def locate(shading: LambertShading, gloss: Gloss | None, begin: Vector, extent: Vector) -> LambertShading:
+    """Return the shading of a segment of a ray, `begin + extent * t` in index space."""
+    if gloss is None:
+        return shading
+    return LambertShading(
+        shading.enabled,
+        shading.ambient,
+        shading.diffuse,
+        shading.light,
+        shading.world_from_index_gradient,
+        Gloss(
+            gloss.is_camera,
+            gloss.is_two_sided,
+            gloss.specular,
+            gloss.shininess,
+            gloss.halfway,
+            gloss.world_from_index,
+            gloss.factors,
+            gloss.field,
+            begin,
+            extent,
+        ),
+    )
+
+
+@inline
+def _arriving(grid: Float32, strength: float, gloss: Gloss, t: float) -> float:
+    """Return the share of the light that arrives at t along the segment, by one grid of the light field."""
+    if grid.size == 0:
+        return 1.0
+    num_z, num_y, num_x = grid.shape
+    (x, y, z), (dx, dy, dz) = gloss.begin, gloss.extent
+    u, v, w = _in_grid(x + t * dx, num_x, gloss), _in_grid(y + t * dy, num_y, gloss), _in_grid(z + t * dz, num_z, gloss)
+    i, j, k = int(u), int(v), int(w)
+    a, b, c = u - i, v - j, w - k
+    mean = 0.0
+    for corner in range(8):
+        p, q, r = corner & 1, corner >> 1 & 1, corner >> 2
+        weight = (a if p else 1.0 - a) * (b if q else 1.0 - b) * (c if r else 1.0 - c)
+        mean += weight * float(grid[k + r, j + q, i + p])
+    return 1.0 - strength * (1.0 - mean)
+
+
+@inline
+def _in_grid(place: float, num: int, gloss: Gloss) -> float:
+    """Return where a place in voxels is in the grid of the light field, which has `num` cells there."""
+    return min(max((place + 0.5) / gloss.field.cell_size + 0.5, 0.5), num - 1.5)
 
 
 @inline
@@ -125,10 +183,12 @@ def illuminate(gradient: Gradient, t: float, shading: LambertShading, gloss: Glo
     """Return the factor on colour, the white light that is added, and the factor on extinction, at t."""
     normal = -value_at(gradient[0], t), -value_at(gradient[1], t), -value_at(gradient[2], t)
     square, largest = _dot(normal, normal), 1.0
+    ambient = _arriving(gloss.field.occlusion, gloss.field.occlusion_strength, gloss, t)
+    diffuse = _arriving(gloss.field.shadow, gloss.field.shadow_strength, gloss, t)
     if not _LEAST_SQUARE < square < 1.0 / _LEAST_SQUARE:
         largest = max(abs(normal[0]), abs(normal[1]), abs(normal[2]))
         if largest == 0.0:
-            return shading.ambient, 0.0, _factor_at(0.0, gloss.factors)
+            return shading.ambient * ambient, 0.0, _factor_at(0.0, gloss.factors)
         normal = normal[0] / largest, normal[1] / largest, normal[2] / largest
         square = _dot(normal, normal)
     length = math.sqrt(square)
@@ -137,6 +197,6 @@ def illuminate(gradient: Gradient, t: float, shading: LambertShading, gloss: Glo
         to_light, to_halfway = abs(to_light), abs(to_halfway)
     highlight = 0.0
     if to_light > 0.0 and to_halfway > 0.0:
-        highlight = gloss.specular * to_halfway**gloss.shininess
-    lit = shading.ambient + shading.diffuse * max(0.0, to_light)
+        highlight = gloss.specular * to_halfway**gloss.shininess * diffuse
+    lit = shading.ambient * ambient + shading.diffuse * diffuse * max(0.0, to_light)
     return lit, highlight, _factor_at(length * largest, gloss.factors)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
-from renderer.modes import Projection, make_projection
-from renderer.scene import Scene
+from renderer.frame import Stage
+from renderer.modes import Projection
 from renderer.transfer import make_transfer_function
 from renderer.truth.extremum import empty_tops, search_rays
 from renderer.truth.integrator import (
@@ -27,17 +28,22 @@ _LEAST_RISE = 2.0**-18
 
 
 class SceneRays:
-    """The exact rays of a scene through a volume, in any view, as premultiplied RGBA."""
+    """The exact rays of a stage's scene, in any view, as premultiplied RGBA."""
 
-    def __init__(self, volume: Volume, scene: Scene, *, num_threads: int = 2) -> None:
-        transfer = make_transfer_function(scene.transfer_function, volume.finest_spacing)
-        self._volume, self._projection = volume, make_projection(scene.mode, transfer, volume)
+    def __init__(self, stage: Stage, *, num_threads: int = 2) -> None:
+        scene, volume = stage.scene, stage.volume
+        self._volume, self._projection = volume, stage.projection
         self._search: ExtremeSearch | None = None
         if self._projection is not None and scene.mode.is_extremum:
             self._search = ExtremeSearch(volume, self._projection, num_threads=num_threads)
         else:
-            optics = transfer if self._projection is None else self._projection.optics
-            self._integrator = RayIntegrator(volume, optics, scene.shading, num_threads=num_threads)
+            options: dict[str, Any] = {"num_threads": num_threads}
+            if stage.bricks is not None:
+                options["light_field"] = stage.bricks.light_field
+            optics = make_transfer_function(scene.transfer_function, volume.finest_spacing)
+            if self._projection is not None:
+                optics = self._projection.optics
+            self._integrator = RayIntegrator(volume, optics, scene.shading, **options)
 
     def integrate(self, view: View, pixels: Int64, step_voxels: float) -> Float64:
         """Return the colours of pixels, float64 [n, 4], at one step; parameters as in `RayIntegrator.integrate`."""

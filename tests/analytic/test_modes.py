@@ -62,9 +62,9 @@ def noise(shape: tuple[int, int, int], dtype: npt.DTypeLike = np.float32) -> npt
     return (values * np.iinfo(kind).max).astype(kind) if kind.kind in "iu" else values.astype(kind)
 
 
-def exact(stage: Stage, scene: Scene, frame: int = 2) -> Float64:
+def exact(stage: Stage, frame: int = 2) -> Float64:
     width, height = SIZE
-    rays = SceneRays(stage.volume, scene, num_threads=2)
+    rays = SceneRays(stage, num_threads=2)
     return rays.integrate(view_of(stage, frame), np.arange(width * height), 0.5).reshape(height, width, 4)
 
 
@@ -109,7 +109,7 @@ def test_exact_rays_are_those_of_a_constant_volume(mode: str, affine: str) -> No
     """Closed forms: the constant, Beer and Lambert's law."""
     scene = scene_of(mode)
     stage = stage_of(placed(np.full((5, 6, 7), 0.7, np.float32), AFFINES[affine]), scene)
-    image, (_, lengths) = exact(stage, scene), dense_samples(stage, num=1)
+    image, (_, lengths) = exact(stage), dense_samples(stage, num=1)
     is_met = (lengths > 0).reshape(SIZE[::-1])
     assert is_met.any()
     assert not is_met.all()
@@ -128,7 +128,7 @@ def test_exact_rays_are_those_of_dense_samples(mode: str, camera: str) -> None:
     scene = scene_of(mode, camera=camera)
     stage = stage_of(placed(noise((6, 5, 7)), AFFINES["oblique"]), scene)
     samples, lengths = dense_samples(stage)
-    image, is_met = exact(stage, scene), lengths > 0
+    image, is_met = exact(stage), lengths > 0
     found, wanted = image[..., 0].ravel()[is_met], number_of(mode, samples, lengths)[is_met]
     assert is_met.any()
     if mode == "maximum":
@@ -143,7 +143,7 @@ def test_depth_is_where_the_only_maximum_is() -> None:
     values[6, 2, 5] = 1
     scene = scene_of("depth")
     stage = stage_of(placed(values), scene)
-    image, view = exact(stage, scene), view_of(stage, 2)
+    image, view = exact(stage), view_of(stage, 2)
     row, column = np.unravel_index(image[..., 0].argmax(), image.shape[:2])
     place = np.array([5.0, 2.0, 6.0])
     x, y, z = view.view_from_world(stage.volume.world_from_index[:3, :3] @ place + stage.volume.world_from_index[:3, 3])
@@ -152,7 +152,7 @@ def test_depth_is_where_the_only_maximum_is() -> None:
     centre = view.view_from_world(stage.volume.centre)[2]
     share = 0.5 + (centre - z) / (2 * stage.volume.half_diagonal)
     brightness = scene_of("maximum")
-    value = exact(stage_of(stage.volume, brightness), brightness)[row, column, 0]
+    value = exact(stage_of(stage.volume, brightness))[row, column, 0]
     assert image[row, column, 0] == pytest.approx(share * value, abs=0.02)
 
 
@@ -163,7 +163,7 @@ def test_pictures_are_the_exact_rays(mode: str, affine: str, camera: str) -> Non
     """At tolerance 0; over several bricks, which the border cuts."""
     scene = scene_of(mode, camera=camera)
     stage = stage_of(placed(noise((35, 18, 40)), AFFINES[affine]), scene)
-    image, truth = drawn(stage), exact(stage, scene)
+    image, truth = drawn(stage), exact(stage)
     assert truth[..., 0].max() > 0.2
     rmse = float(np.sqrt(((image - truth) ** 2).mean()))
     assert rmse < (2e-3 if mode == "depth" else 2e-4), rmse
@@ -184,8 +184,8 @@ def test_what_is_cut_away_does_not_count(mode: str, cuts: list[Any]) -> None:
     values = noise((35, 18, 40))
     scene, whole = scene_of(mode, cuts=cuts), scene_of(mode)
     stage = stage_of(placed(values), scene)
-    image, truth = drawn(stage), exact(stage, scene)
-    assert np.abs(truth - exact(stage_of(placed(values), whole), whole)).max() > 0.05
+    image, truth = drawn(stage), exact(stage)
+    assert np.abs(truth - exact(stage_of(placed(values), whole))).max() > 0.05
     rmse = float(np.sqrt(((image - truth) ** 2).mean()))
     assert rmse < (2e-3 if mode == "depth" else 2e-4), rmse
     assert np.array_equal(image, drawn(stage, num_threads=1))
@@ -194,7 +194,7 @@ def test_what_is_cut_away_does_not_count(mode: str, cuts: list[Any]) -> None:
 @pytest.mark.parametrize("mode", ["maximum", "minimum"])
 def test_a_tolerance_bounds_the_error_of_extremes(mode: str) -> None:
     stage = stage_of(placed(noise((40, 33, 37)), AFFINES["anisotropic"]), scene_of(mode, tolerance=0.14))
-    error = np.abs(drawn(stage) - exact(stage, stage.scene))
+    error = np.abs(drawn(stage) - exact(stage))
     assert error.max() <= SLACK_SHARE * 0.14 + 1e-6
     assert mode == "minimum" or error.max() > 1e-4  # which is made use of
 
@@ -207,7 +207,7 @@ def test_every_type_of_number(mode: str, dtype: npt.DTypeLike) -> None:
     points = [{"value": 0, "color": "black"}, {"value": top, "color": "white"}]
     scene = scene_of(mode, transfer_function={"points": points})
     stage = stage_of(placed(values), scene)
-    assert np.abs(drawn(stage) - exact(stage, scene)).max() < 2e-6
+    assert np.abs(drawn(stage) - exact(stage)).max() < 2e-6
 
 
 @pytest.mark.parametrize("factor", [1e-300, 1e-30, 1e30, 1e300])
@@ -219,8 +219,8 @@ def test_tiny_and_huge_numbers(mode: str, factor: float) -> None:
     scene = scene_of(mode, transfer_function={"points": points})
     plain = scene_of(mode)
     values = noise((9, 8, 7), np.float64)
-    image = exact(stage_of(placed(values * factor), scene), scene)
-    np.testing.assert_allclose(image, exact(stage_of(placed(values), plain), plain), atol=1e-9)
+    image = exact(stage_of(placed(values * factor), scene))
+    np.testing.assert_allclose(image, exact(stage_of(placed(values), plain)), atol=1e-9)
     assert np.abs(drawn(stage_of(placed(values * factor), scene)) - image).max() < (0.05 if mode == "depth" else 3e-3)
 
 
@@ -236,4 +236,4 @@ def test_what_is_beyond_the_colours_is_at_their_end() -> None:
     image = drawn(stage_of(placed(values), scene_of("maximum")))
     assert set(np.unique(image[image[..., 3] > 0][:, 0])) <= {0.0, 1.0} or image.max() == 1.0
     scene = scene_of("maximum")
-    assert np.abs(image - exact(stage_of(placed(values), scene), scene)).max() < 1e-5
+    assert np.abs(image - exact(stage_of(placed(values), scene))).max() < 1e-5

@@ -137,7 +137,7 @@ def drawn(stage: Stage, rasterizer: CPURasterizer) -> list[Frame]:
 def truth(stage: Stage, frame: int) -> Float64:
     """Return the exact colours of a frame, float64 [h, w, 3]."""
     width, height = SIZE
-    rays = SceneRays(stage.volume, stage.scene, num_threads=THREADS)
+    rays = SceneRays(stage, num_threads=THREADS)
     return rays.integrate(view_of(stage, frame), np.arange(width * height), 0.5).reshape(height, width, 4)[..., :3]
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -61,7 +62,7 @@ def rows(name: str, file: Path) -> Iterator[str]:
     points = visible_points(volume, transfer)
     for max_cells in MAX_CELLS:
         make = partial(light_field, volume, transfer, max_cells=max_cells, num_threads=THREADS)
-        field = make(occlusion=True, light=shading.light)
+        field = make(replace(shading, occlusion=1.0, shadow=1.0))
         exact = (
             exact_occlusion(volume, transfer, points, field.cell_size),
             exact_shadow(volume, transfer, points, field.cell_size, shading.light),
@@ -69,9 +70,9 @@ def rows(name: str, file: Path) -> Iterator[str]:
         stored = [sampled(each, field.cell_size, points) for each in (field.occlusion, field.shadow)]
         errors = [float(np.sqrt(np.mean((a - b) ** 2))) for a, b in zip(stored, exact, strict=True)]
         works = [
-            partial(make, occlusion=True),
-            partial(make, light=shading.light),
-            partial(make, occlusion=True, light=shading.light),
+            partial(make, replace(shading, occlusion=1.0)),
+            partial(make, replace(shading, shadow=1.0)),
+            partial(make, replace(shading, occlusion=1.0, shadow=1.0)),
         ]
         seconds = medians_in_turns([partial(timed, work) for work in works], REPEATS)
         cells = " x ".join(str(num - 2) for num in field.occlusion.shape[::-1])

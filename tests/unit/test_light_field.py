@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,10 @@ import pytest
 from dense_bricks import OBLIQUE
 from light_reference import exact_occlusion, exact_shadow, sampled
 
-from renderer.lighting import LightField, fill_light, light_field
-from renderer.transfer import TransferFunction
+from renderer.lighting import light_field
+from renderer.scene import ShadingSpec, Vector
+from renderer.transfer import LightField, TransferFunction
+from renderer.transfer.light_field import light_shares
 from renderer.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
@@ -31,6 +34,19 @@ def volume_of(shape: tuple[int, int, int], affine: Float64 = AFFINES["plain"], d
     return make_volume(np.clip(150 - 900 * distance, 0, 255).astype(dtype), affine, "balls")
 
 
+def field_of(
+    volume: Volume,
+    transfer: TransferFunction,
+    *,
+    occlusion: bool = False,
+    light: Vector | None = None,
+    radius: float | None = None,
+    **options: int,
+) -> LightField:
+    shading = ShadingSpec(light=light or LIGHT, occlusion=float(occlusion), shadow=float(light is not None))
+    return light_field(volume, transfer, replace(shading, occlusion_radius=radius), **options)
+
+
 def visible_points(volume: Volume, num: int) -> Float64:
     """Return places (x, y, z) in voxels where something is visible, from the centres of voxels, float64 [num, 3]."""
     found = np.argwhere(TRANSFER.classify(volume.values)[1] > 0.01)[:, ::-1]
@@ -42,9 +58,7 @@ def visible_points(volume: Volume, num: int) -> Float64:
 def test_agrees_with_many_rays_in_fine_steps(affine: str, max_cells: int) -> None:
     """Cells that are a few percent of the volume blur what rays see, and few rays are off by some percent."""
     volume = volume_of((37, 40, 45), AFFINES[affine])
-    field = light_field(
-        volume, TRANSFER, occlusion=True, light=LIGHT, radius=RADIUS, max_cells=max_cells, num_threads=2
-    )
+    field = field_of(volume, TRANSFER, occlusion=True, light=LIGHT, radius=RADIUS, max_cells=max_cells, num_threads=2)
     assert field.cell_size == (1 if max_cells == 128 else 2)
     points = visible_points(volume, 60)
     pairs = {
@@ -62,7 +76,7 @@ def test_a_radius_limits_what_is_seen() -> None:
     points = visible_points(volume, 40)
     means = []
     for radius in (4.0, 40.0):
-        field = light_field(volume, TRANSFER, occlusion=True, radius=radius)
+        field = field_of(volume, TRANSFER, occlusion=True, radius=radius)
         exact = exact_occlusion(volume, TRANSFER, points, 1, radius)
         assert np.sqrt(np.mean((sampled(field.occlusion, 1, points) - exact) ** 2)) < 0.03
         means.append(exact.mean())
@@ -76,8 +90,8 @@ def test_a_plane_is_open_and_lit_and_what_it_hides_is_not() -> None:
     values[:24] = 255
     volume = make_volume(values, np.eye(4), "block")
     step = TransferFunction(np.array([100.0, 100.0]), np.ones((2, 3)), np.array([0.0, 5.0]), 1.0)
-    lit = light_field(volume, step, occlusion=True, light=(0.0, 0.0, 1.0))
-    dark = light_field(volume, step, light=(0.0, 0.0, -1.0))
+    lit = field_of(volume, step, occlusion=True, light=(0.0, 0.0, 1.0))
+    dark = field_of(volume, step, light=(0.0, 0.0, -1.0))
     face, inside = (24, 25, 25), (18, 25, 25)  # with the cell before the first one
     assert lit.occlusion[face] > 0.65 and lit.shadow[face] > 0.99
     assert lit.occlusion[inside] < 0.01 and lit.shadow[inside] < 0.01
@@ -88,7 +102,7 @@ def test_a_plane_is_open_and_lit_and_what_it_hides_is_not() -> None:
 def test_a_uniform_medium_dims_light_by_its_way_to_the_border() -> None:
     volume = make_volume(np.full((20, 30, 50), 7, np.uint8), np.diag([1.0, 2.0, 3.0, 1.0]), "fog")
     fog = TransferFunction(np.array([0.0]), np.ones((1, 3)), np.array([0.01]), 1.0)
-    field = light_field(volume, fog, light=(1.0, 0.0, 0.0))
+    field = field_of(volume, fog, light=(1.0, 0.0, 0.0))
     columns = np.arange(10, 46)
     ways = 49.5 - columns - 2  # two cells are left out; rays to the rim of the light go a few percent further
     np.testing.assert_allclose(field.shadow[10, 15, 1 + columns], np.exp(-0.01 * ways), rtol=0.012)
@@ -96,13 +110,13 @@ def test_a_uniform_medium_dims_light_by_its_way_to_the_border() -> None:
 
 def test_wide_and_narrow_voxels_and_threads_agree() -> None:
     fields = [
-        light_field(volume_of((23, 20, 41), dtype=dtype), TRANSFER, occlusion=True, light=LIGHT, num_threads=threads)
+        field_of(volume_of((23, 20, 41), dtype=dtype), TRANSFER, occlusion=True, light=LIGHT, num_threads=threads)
         for dtype, threads in ((np.uint8, 1), (np.uint8, 3), (np.uint16, 2), (np.int32, 1))
     ]
     for field in fields[1:3]:
         assert_same(field, fields[0])
-    whole = light_field(volume_of((23, 20, 41)), TRANSFER)
-    assert whole.occlusion.shape == whole.shadow.shape == (3, 3, 3)
+    whole = field_of(volume_of((23, 20, 41)), TRANSFER)
+    assert whole.occlusion.size == whole.shadow.size == 0
     np.testing.assert_allclose(fields[3].shadow, fields[0].shadow, atol=1e-5)
 
 
@@ -112,23 +126,22 @@ def assert_same(first: LightField, second: LightField) -> None:
 
 
 @pytest.mark.parametrize("cell_size", [1, 2, 8])
-def test_places_are_interpolated_between_centres(cell_size: int) -> None:
+def test_voxels_are_interpolated_between_centres_of_cells(cell_size: int) -> None:
     """A field that is linear in the place is found again, and is constant beyond the outermost centres."""
-    cells = np.indices((4, 5, 6)).astype(np.float32)
-    field = np.pad(cells[0] + 10 * cells[1] + 100 * cells[2], 1, mode="edge")
-    first, step, out = np.array([-3, 0, 5]), 0.75, np.full((18, 19, 20, 2), -1, np.float32)
-    fill_light(field, cell_size, first, step, out[..., 1])
-    z, y, x = (
-        np.clip((start + step * np.arange(num) + 0.5) / cell_size - 0.5, 0, end)
-        for start, num, end in zip(first[::-1], out.shape, (3, 4, 5), strict=False)
-    )
-    np.testing.assert_allclose(out[..., 1], z[:, None, None] + 10 * y[:, None] + 100 * x, atol=1e-4)
-    assert np.all(out[..., 0] == -1)
+    cells = np.indices((4, 5, 6)).astype(np.float32) / 1000
+    grid = np.pad(cells[0] + 10 * cells[1] + 100 * cells[2], 1, mode="edge")
+    field = LightField(grid, np.empty((0, 0, 0), np.float32), cell_size, 1.0, 0.5)
+    half = field._replace(occlusion_strength=0.5, shadow=grid)
+    for place in np.random.default_rng(1).integers(0, 4 * cell_size, (20, 3)).tolist():
+        nearest = [min(max((at + 0.5) / cell_size - 0.5, 0), end) for at, end in zip(place, (3, 4, 5), strict=True)]
+        wanted = (nearest[0] + 10 * nearest[1] + 100 * nearest[2]) / 1000
+        assert light_shares(field, *place) == pytest.approx((wanted, 1.0), abs=1e-6)
+        assert light_shares(half, *place) == pytest.approx((0.5 + wanted / 2,) * 2, abs=1e-6)
 
 
 def test_flat_volumes_and_single_voxels() -> None:
     for shape in ((1, 1, 1), (1, 40, 3)):
         volume = make_volume(np.full(shape, 255, np.uint8), np.eye(4), "")
-        field = light_field(volume, TRANSFER, occlusion=True, light=LIGHT)
+        field = field_of(volume, TRANSFER, occlusion=True, light=LIGHT)
         assert field.occlusion.shape == tuple(num + 2 for num in shape)
         assert np.all(field.occlusion > 0.5) and np.all(field.shadow == 1)

@@ -19,9 +19,10 @@ from renderer.compiled import (
     inline,
     num_lanes,
     to_float32,
+    to_int32,
     where,
 )
-from renderer.draw.cpu.sample import exp_factors
+from renderer.draw.cpu.sample import exp_factors, interpolate
 from renderer.transfer import toward_light
 from renderer.volume import Float32
 
@@ -30,6 +31,7 @@ _Number3 = tuple[np.float32, np.float32, np.float32]
 _0: np.float32 = np.float32(0.0)
 _1: np.float32 = np.float32(1.0)
 _2: np.float32 = np.float32(2.0)
+_HALF: np.float32 = np.float32(0.5)
 # Gradients this small, of which the largest are about 1, count as 0: the inverse of others is finite.
 _FLAT = np.float32(2.0**-120)
 _LN_2 = np.float32(math.log(2))
@@ -44,6 +46,8 @@ class Light(NamedTuple):
         shininess: as in ShadingSpec.
     world_from_index: the rows of a matrix of directions; a common factor does not matter.
     factors: float32 [3 n], a gradient's length in texels, the factor on extinction there, and its slope up to the next.
+    occlusion, shadow: the grids of a LightField, float32 [z * y * x]; [0] where all light arrives. grid_shape: x, y, z.
+    cells_per_texel: of bricks of voxels. first_cell: the grid's place, in cells, of the volume's centre.
     """
 
     is_camera: bool
@@ -55,13 +59,23 @@ class Light(NamedTuple):
     shininess: np.float32
     world_from_index: tuple[_Number3, _Number3, _Number3]
     factors: Float32
+    occlusion: Float32
+    shadow: Float32
+    grid_shape: tuple[int, int, int]
+    cells_per_texel: float
+    first_cell: tuple[float, float, float]
+    occlusion_strength: np.float32
+    shadow_strength: np.float32
 
 
 def make_light(batch: BrickBatch) -> Light | None:
     """Return the light of a batch; None where it has none, or one by Lambert's law alone."""
     shading = batch.shading
-    if shading is None or not shading.is_pointwise:
+    if shading is None or shading.is_plain:
         return None
+    field, centre = batch.bricks.light_field, batch.bricks.volume.centre_index
+    nums = field.occlusion.shape if field.occlusion.size else field.shadow.shape
+    u, v, w = ((centre + 0.5) / field.cell_size + 0.5).tolist()
     is_camera = shading.light == "camera"
     world_from_index = batch.bricks.volume.world_from_index[:3, :3]
     x, y, z = (_number3(row) for row in world_from_index / np.abs(world_from_index).max())
@@ -75,6 +89,13 @@ def make_light(batch: BrickBatch) -> Light | None:
         np.float32(shading.shininess),
         (x, y, z),
         _factors(batch),
+        field.occlusion.reshape(-1),
+        field.shadow.reshape(-1),
+        (nums[2], nums[1], nums[0]),
+        1.0 / field.cell_size,
+        (u, v, w),
+        np.float32(field.occlusion_strength),
+        np.float32(field.shadow_strength),
     )
 
 
@@ -119,8 +140,56 @@ def _dot(one: Any, other: Any) -> Any:
 
 
 @inline
-def illuminate(sample: Any, gradient: Any, ways: Any, light: Light) -> Any:
-    """Return (tau, r, g, b) of samples in the light. gradient: (x, y, z), as in texels. ways: as `aim` returns them."""
+def place_brick(light: Light, corner: Any) -> Any:
+    """Return where in the grid of the light field the texel 0 of a brick of voxels is, (x, y, z) in cells.
+
+    corner: its place in voxels, from the volume's centre.
+    """
+    u, v, w = light.first_cell
+    scale = light.cells_per_texel
+    return (
+        np.float32(u + scale * corner[0]),
+        np.float32(v + scale * corner[1]),
+        np.float32(w + scale * corner[2]),
+    )
+
+
+@inline
+def arriving_shares(light: Light, texel: Any, origin: Any) -> Any:
+    """Return the shares of the ambient and of the diffuse light that arrive at samples.
+
+    texel: where samples are in a brick, (x, y, z). origin: as `place_brick` returns it.
+    """
+    ambient, diffuse = texel[0] * _0 + _1, texel[0] * _0 + _1
+    if light.occlusion.size + light.shadow.size > 0:
+        scale, (num_x, num_y, num_z) = np.float32(light.cells_per_texel), light.grid_shape
+        u = _clamp_to_grid(fma(texel[0], scale, origin[0]), num_x)
+        v = _clamp_to_grid(fma(texel[1], scale, origin[1]), num_y)
+        w = _clamp_to_grid(fma(texel[2], scale, origin[2]), num_z)
+        i, j, k = to_int32(u), to_int32(v), to_int32(w)
+        at = (k * np.int32(num_y) + j) * np.int32(num_x) + i
+        shares = u - to_float32(i), v - to_float32(j), w - to_float32(k)
+        strides = num_x, num_x * num_y
+        if light.occlusion.size > 0:
+            factor = interpolate(light.occlusion, at, shares, strides)
+            ambient = fma(light.occlusion_strength, factor - _1, _1)
+        if light.shadow.size > 0:
+            factor = interpolate(light.shadow, at, shares, strides)
+            diffuse = fma(light.shadow_strength, factor - _1, _1)
+    return ambient, diffuse
+
+
+@inline
+def _clamp_to_grid(place: Any, num: int) -> Any:
+    return min(max(_HALF, place), np.float32(num) - np.float32(1.5))
+
+
+@inline
+def illuminate(sample: Any, gradient: Any, ways: Any, arriving: Any, light: Light) -> Any:
+    """Return (tau, r, g, b) of samples in the light.
+
+    gradient: (x, y, z), as in texels. ways: as `aim` returns them. arriving: as `arriving_shares` does.
+    """
     (tau, r, g, b), (x, y, z) = sample, gradient
     largest = max(abs(x), abs(y))
     largest = max(largest, abs(z))
@@ -132,10 +201,11 @@ def illuminate(sample: Any, gradient: Any, ways: Any, light: Light) -> Any:
     to_light, to_halfway = _dot((x, y, z), ways[0]) * scale, _dot((x, y, z), ways[1]) * scale
     if light.is_two_sided:
         to_light, to_halfway = abs(to_light), abs(to_halfway)
-    lit = fma(max(_0, to_light), light.diffuse, light.ambient)
+    lit = fma(max(_0, to_light), light.diffuse * arriving[1], light.ambient * arriving[0])
     r, g, b = r * lit, g * lit, b * lit
     if light.specular > _0:
-        shine = where(to_light > _0, power(max(_0, to_halfway), light.shininess) * light.specular, _0)
+        shine = power(max(_0, to_halfway), light.shininess) * light.specular * arriving[1]
+        shine = where(to_light > _0, shine, _0)
         r, g, b = r + shine, g + shine, b + shine
     if light.factors.size > 0:
         tau *= _factor_at(largest * length, light.factors)

@@ -37,7 +37,7 @@ from renderer.compiled import (
     where,
 )
 from renderer.draw.constants import MAX_SAMPLE_CELL, MAX_SAMPLES, MIN_SAMPLE_CELL
-from renderer.draw.cpu.light import Light, aim, illuminate
+from renderer.draw.cpu.light import Light, aim, arriving_shares, illuminate, place_brick
 from renderer.draw.cpu.rays import (
     CLIPPED,
     DIRECTION,
@@ -187,6 +187,7 @@ def draw_tiles(
                 max(left, rectangles[number, 0]) - left, max(top, rectangles[number, 1]) - top,
                 min(right, rectangles[number, 2]) - left, min(bottom, rectangles[number, 3]) - top,
             )  # fmt: skip
+            corner = _texel_0(boxes[number])
             is_whole = False
             while not is_whole:  # one part of every ray after the other, where a removed box divides rays
                 num, is_whole = _clip_rays(
@@ -196,10 +197,10 @@ def draw_tiles(
                     sort_spans(spans, num)
                     if is_mean[number]:
                         texels = field.means[texel_offsets[number] :]
-                        _march(texels, None, None, field.optics, spans, num, tile, colors, pixels)
+                        _march(texels, None, None, corner, field.optics, spans, num, tile, colors, pixels)
                     else:
                         texels = field.scalars[texel_offsets[number] :]
-                        _march(texels, field.table, light, field.optics, spans, num, tile, colors, pixels)
+                        _march(texels, field.table, light, corner, field.optics, spans, num, tile, colors, pixels)
 
 
 @jit
@@ -324,17 +325,25 @@ def sort_spans(spans: Spans, num: int) -> None:
         starts[last] += 1
 
 
+@inline
+def _texel_0(box: Float64) -> tuple[float, float, float]:
+    """Return where the texel 0 of a brick of voxels is, in voxels from the volume's centre."""
+    return box[6] - TEXEL_OFFSET, box[7] - TEXEL_OFFSET, box[8] - TEXEL_OFFSET
+
+
 @jit
 def _march(
-    texels: Float32, table: Table | None, light: Light | None, optics: Optics, spans: Spans, num: int, tile: Tile,
-    colors: Float32, pixels: Float32,
+    texels: Float32, table: Table | None, light: Light | None, corner: tuple[float, float, float], optics: Optics,
+    spans: Spans, num: int, tile: Tile, colors: Float32, pixels: Float32,
 ) -> None:  # fmt: skip
     """Composite the samples of spans under the pixels of a tile; rays end behind `termination_alpha`.
 
     texels: of the brick, and what follows. table: None if the texels are means, which need no classification; numba
-    compiles the two cases separately. light: as in `draw_tiles`. colors: float32 [4 * num_lanes()], overwritten.
-    pixels: of the image.
+    compiles the two cases separately. light: as in `draw_tiles`. corner: as `_texel_0` returns it.
+    colors: float32 [4 * num_lanes()], overwritten. pixels: of the image.
     """
+    if light is not None:
+        origin = place_brick(light, corner)
     for first in range(0, num, num_lanes()):
         order = load(spans.order, first, num_lanes())
         x, y, z, step_x, step_y, step_z, length, last = load_rows(
@@ -349,7 +358,8 @@ def _march(
             active = alive & (last >= number)
             if not any_of(active):
                 break
-            at, shares = cell_at(min(last, number), (x, y, z), (step_x, step_y, step_z))
+            here = min(last, number)
+            at, shares = cell_at(here, (x, y, z), (step_x, step_y, step_z))
             number += _1
             if table is None:
                 r, g, b, tau = sample_rgba(texels, at, shares)
@@ -362,7 +372,9 @@ def _march(
             if not any_of(visible):
                 continue
             if light is not None:
-                tau, r, g, b = illuminate((tau, r, g, b), sample_gradient(texels, at, shares), ways, light)
+                texel = fma(here, step_x, x), fma(here, step_y, y), fma(here, step_z, z)
+                arriving = arriving_shares(light, texel, origin)
+                tau, r, g, b = illuminate((tau, r, g, b), sample_gradient(texels, at, shares), ways, arriving, light)
             depth = where(visible, tau, _0) * optics.spacings_per_model_unit * length
             weight = (_1 - alpha) * opacity_of_depth(depth)
             alpha += weight

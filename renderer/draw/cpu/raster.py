@@ -135,12 +135,12 @@ class CPURasterizer(Rasterizer):
             self.cache.threads.map(draw, np.array_split(tiles, max(1, num_tasks)))
 
     def _field(self, batch: BrickBatch) -> Field:
-        shading = (batch.shading and batch.shading.lambert) or ShadingSpec()
+        shading = batch.shading if batch.shading and batch.shading.is_plain else ShadingSpec()
         x, y, z = toward_light(shading).astype(np.float32)
         optics = Optics(
             np.float32(batch.screen_sampling.termination_alpha),
             np.float32(batch.spacings_per_model_unit),
-            batch.shading is not None and batch.shading.lambert is not None,
+            batch.shading is not None and batch.shading.is_plain,
             (x, y, z, np.float32(shading.ambient), np.float32(shading.diffuse)),
         )
         scalars, means = self.cache.atlases

@@ -171,8 +171,14 @@ def _lerp(share: Any, one: Any, other: Any) -> Any:
 @inline
 def sample_scalar(texels: Float32, at: Any, shares: Any) -> Any:
     """Interpolate between eight texels, the lowest of which is at `at`."""
+    return interpolate(texels, at, shares, (_ROW_STRIDE, _PLANE_STRIDE))
+
+
+@inline
+def interpolate(numbers: Float32, at: Any, shares: Any, strides: tuple[int, int]) -> Any:
+    """Interpolate between eight numbers, the lowest of which is at `at`. strides: to the next along y and along z."""
     u, v, w = shares
-    a, b, c, d, e, f, g, h = load_corners(texels, at, _ROW_STRIDE, _PLANE_STRIDE)
+    a, b, c, d, e, f, g, h = load_corners(numbers, at, strides[0], strides[1])
     below = _lerp(v, _lerp(u, a, b), _lerp(u, c, d))
     above = _lerp(v, _lerp(u, e, f), _lerp(u, g, h))
     return _lerp(w, below, above)

@@ -1,0 +1,66 @@
+"""How much of the light reaches each place: factors on a grid of cells, and how they are interpolated.
+
+`renderer.lighting` computes them. A grid has the outermost cells once more beyond each border, so that the nearest ones
+hold there. Places in it are in cells: the centre of cell i is at i + 1 along each axis, and the volume begins at 1/2.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.compiled import inline, jit
+from renderer.volume import Float32
+
+
+class LightField(NamedTuple):
+    """Factors from 0, dark, to 1, on a grid of cells; linear between centres, constant beyond the outermost ones.
+
+    occlusion, shadow: float32 [z + 2, y + 2, x + 2], factors on the ambient and on the diffuse light; [0, 0, 0] where
+        they were not asked for. They are 1 where neither a cell nor a neighbour of it shows anything.
+    cell_size: the width of a cell, in voxels. Cells begin at the corner of the first voxel.
+    occlusion_strength, shadow_strength: from 0 to 1, how much of the factors applies.
+    """
+
+    occlusion: Float32
+    shadow: Float32
+    cell_size: float
+    occlusion_strength: float
+    shadow_strength: float
+
+
+NO_LIGHT_FIELD = LightField(np.empty((0, 0, 0), np.float32), np.empty((0, 0, 0), np.float32), 1.0, 0.0, 0.0)
+
+
+@inline
+def interpolate_cells(grid: Float32, x: Any, y: Any, z: Any) -> Any:
+    """Return the value of a grid at a place in the volume, in the precision of its coordinates."""
+    i, j, k, one = np.uint64(x), np.uint64(y), np.uint64(z), np.uint64(1)
+    a, b, c = x - np.float32(i), y - np.float32(j), z - np.float32(k)
+    near = grid[k, j, i] + a * (grid[k, j, i + one] - grid[k, j, i])
+    below = grid[k, j + one, i] + a * (grid[k, j + one, i + one] - grid[k, j + one, i])
+    far = grid[k + one, j, i] + a * (grid[k + one, j, i + one] - grid[k + one, j, i])
+    beyond = grid[k + one, j + one, i] + a * (grid[k + one, j + one, i + one] - grid[k + one, j + one, i])
+    near, far = near + b * (below - near), far + b * (beyond - far)
+    return near + c * (far - near)
+
+
+@jit
+def light_shares(field: LightField, z: int, y: int, x: int) -> tuple[float, float]:
+    """Return the shares of the ambient and of the diffuse light that reach a voxel."""
+    return (
+        _share_at(field.occlusion, field.occlusion_strength, field.cell_size, z, y, x),
+        _share_at(field.shadow, field.shadow_strength, field.cell_size, z, y, x),
+    )
+
+
+@jit
+def _share_at(grid: Float32, strength: float, cell_size: float, z: int, y: int, x: int) -> float:
+    if grid.size == 0:
+        return 1.0
+    scale, shift = 1.0 / cell_size, 0.5 / cell_size + 0.5
+    u = np.float32(min(max(x * scale + shift, 0.5), grid.shape[2] - 1.5))
+    v = np.float32(min(max(y * scale + shift, 0.5), grid.shape[1] - 1.5))
+    w = np.float32(min(max(z * scale + shift, 0.5), grid.shape[0] - 1.5))
+    return 1.0 - strength + strength * float(interpolate_cells(grid, u, v, w))

@@ -1,0 +1,115 @@
+"""Occlusion and shadows in pictures: against exact rays that interpolate the same field, and against plainer lights."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from renderer.draw import CPURasterizer
+from renderer.frame import Stage, open_stage, render_frames, view_of
+from renderer.scene import Scene, ShadingSpec, parse_scene, with_tolerance
+from renderer.transfer import LightField
+from renderer.truth import SceneRays
+from renderer.volume import Float64
+
+SLANTED = (1.0, -2.0, 1.5)
+KINDS = {
+    "occlusion": ShadingSpec(0.6, 0.4, SLANTED, occlusion=0.9),
+    "shadow": ShadingSpec(0.2, 0.8, SLANTED, shadow=0.9),
+    "both, specular": ShadingSpec(0.3, 0.6, SLANTED, 0.3, 9.0, occlusion=0.7, shadow=0.5, occlusion_radius=6.0),
+    "camera": ShadingSpec(0.5, 0.5, "camera", occlusion=1.0),
+    "gradients": ShadingSpec(1.0, 0.0, gradient_opacity=((5.0, 0.3), (60.0, 1.0)), occlusion=1.0),
+}
+EACH_KIND = pytest.mark.parametrize("shading", KINDS.values(), ids=KINDS)
+
+
+BLOCK = parse_scene(
+    {
+        "volume": {"procedural": {"name": "engine_block", "shape": [48, 48, 24], "seed": 3}},
+        "transfer_function": {
+            "points": [
+                {"value": 70, "color": "#6699e6", "opacity": 0},
+                {"value": 120, "color": "#80a6e6", "opacity": 0.5},
+                {"value": 255, "color": "#fff2d9", "opacity": 0.9},
+            ]
+        },
+        "camera": {"path": {"type": "turntable", "frames": 8, "elevation": 40}},
+        "output": {"file": "a.mp4", "size": [64, 48]},
+    },
+    base=Path(),
+)
+
+
+def scene_of(shading: ShadingSpec, tolerance: float) -> Scene:
+    return with_tolerance(replace(BLOCK, shading=shading), tolerance)
+
+
+def drawn(stage: Stage, num_threads: int = 2) -> Any:
+    with CPURasterizer(num_threads=num_threads) as rasterizer:
+        (frame,) = render_frames(stage, [3], rasterizer, clock=lambda: 0.0)
+    return frame.radiance
+
+
+def exact(stage: Stage) -> Float64:
+    width, height = stage.scene.output.size
+    rays = SceneRays(stage, num_threads=2).integrate(view_of(stage, 3), np.arange(width * height), 1 / 8)
+    return rays.reshape(height, width, 4)
+
+
+def rmse(one: Any, other: Any) -> float:
+    return float(np.sqrt(np.mean((one - other) ** 2)))
+
+
+def decibels(one: Any, other: Any) -> float:
+    return float(-20 * np.log10(rmse(one, other)))
+
+
+@EACH_KIND
+def test_pictures_are_those_of_exact_rays(shading: ShadingSpec) -> None:
+    with open_stage(scene_of(shading, 0.001), clock=lambda: 0.0, num_threads=2) as stage:
+        image = drawn(stage)
+        assert decibels(image, exact(stage)) > 58
+        assert np.array_equal(image, drawn(stage, num_threads=1))
+    plain = replace(shading, occlusion=0.0, shadow=0.0)
+    with open_stage(scene_of(plain, 0.001), clock=lambda: 0.0, num_threads=2) as stage:
+        bright = drawn(stage)
+    assert np.abs(bright[..., 3] - image[..., 3]).mean() < 1e-3  # only light is lost
+    assert image[..., :3].sum() < 0.97 * bright[..., :3].sum()
+
+
+@pytest.mark.parametrize("tolerance", [0.3, 1.0])
+def test_coarse_cells_have_it_in_their_means(tolerance: float) -> None:
+    shading = KINDS["both, specular"]
+    shading = replace(shading, specular=0.0)
+    with open_stage(scene_of(shading, tolerance), clock=lambda: 0.0, num_threads=2) as stage:
+        image, truth = drawn(stage), exact(stage)
+    with open_stage(
+        scene_of(replace(shading, occlusion=0.0, shadow=0.0), tolerance), clock=lambda: 0.0, num_threads=2
+    ) as stage:
+        plain = drawn(stage)
+    assert decibels(image, truth) > (28 if tolerance < 1 else 25)
+    assert decibels(image, truth) > decibels(plain, truth) + 2
+
+
+@EACH_KIND
+def test_a_field_that_is_constant_scales_the_light(shading: ShadingSpec) -> None:
+    """Half of the ambient and a quarter of the diffuse light arrive everywhere."""
+    with open_stage(scene_of(shading, 0.0), clock=lambda: 0.0, num_threads=2) as stage:
+        assert stage.bricks is not None
+        grid, nothing = np.ones((4, 5, 6), np.float32), np.empty((0, 0, 0), np.float32)
+        has = shading.occlusion > 0, shading.shadow > 0
+        field = LightField(grid / 2 if has[0] else nothing, grid / 4 if has[1] else nothing, 9.0, 1.0, 1.0)
+        changed = replace(stage, bricks=replace(stage.bricks, light_field=field))
+        pictures = drawn(changed), exact(changed)
+    ambient, diffuse = 0.5 if has[0] else 1.0, 0.25 if has[1] else 1.0
+    scaled = replace(
+        shading, ambient=ambient * shading.ambient, diffuse=diffuse * shading.diffuse,
+        specular=diffuse * shading.specular, occlusion=0.0, shadow=0.0,
+    )  # fmt: skip
+    with open_stage(scene_of(scaled, 0.0), clock=lambda: 0.0, num_threads=2) as stage:
+        assert rmse(pictures[0], drawn(stage)) < 1e-5
+        assert rmse(pictures[1], exact(stage)) < 1e-10
