@@ -1,13 +1,13 @@
-"""How exact and how fast is each mode? `python tests/bench/modes.py DATA` writes the page of it, and its picture.
+"""How exact and how fast is each mode, light and cut? `python tests/bench/modes.py DATA` writes the page of it.
 
-Each projection is drawn at several tolerances and compared with the exact rays of all pixels. The page is
+Each is drawn at several tolerances and compared with the exact rays of all pixels. The page is
 docs/benchmarks/modes.md, the picture docs/benchmarks/modes.png.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
@@ -23,7 +23,7 @@ from renderer.probes import psnr
 from renderer.readers import read_volume
 from renderer.scene import Scene, parse_scene, scene_to_dict, with_tolerance
 from renderer.truth import SceneRays
-from renderer.volume import Float64, UInt8
+from renderer.volume import Float64, UInt8, Volume
 
 PAGE, PICTURE = PAGES / "modes.md", PAGES / "modes.png"
 SIZE, FRAMES, ROUNDS = (512, 512), (5, 35), 5
@@ -34,24 +34,93 @@ VOLUMES = {
     "abdomen, CT": "medical/CT_pitch.nii.gz",
     "Marschner-Lobb": {"procedural": {"name": "marschner_lobb", "shape": [96, 96, 96]}},
 }
-MODES = ("emission_absorption", "maximum", "maximum by depth", "minimum", "mean", "attenuation")
+Change = Callable[[Volume], dict[str, Any]]
+
+
+def projection(mode: str | dict[str, Any], colormap: str = "gray") -> Change:
+    """Colour a projection from the smallest scalar to the largest."""
+
+    def change(volume: Volume) -> dict[str, Any]:
+        return {"mode": mode, "transfer_function": {"colormap": colormap, "range": list(volume.value_range())}}
+
+    return change
+
+
+def attenuation(volume: Volume) -> dict[str, Any]:
+    """Let a tenth of the largest scalar's attenuation be left after ten lengths of the finest spacing or so."""
+    low, high = volume.value_range()
+    scale = 0.1 / (high - low) / volume.finest_spacing
+    return {
+        "mode": {"type": "attenuation", "scale": scale, "zero": low},
+        "transfer_function": {"colormap": "gray_r", "range": [0, 1]},
+    }
+
+
+def lit(**shading: Any) -> Change:
+    """Light the suggested scene."""
+    return lambda _: {"shading": {"ambient": 0.5, "diffuse": 0.6, "light": [0.5, -0.8, 1]} | shading}
+
+
+def gradient_opacity(volume: Volume) -> dict[str, Any]:
+    """Show where the gradient is above a twentieth of the range in a finest spacing, and light it from the camera."""
+    low, high = volume.value_range()
+    per_spacing = (high - low) / volume.finest_spacing
+    points = [[0.01 * per_spacing, 0], [0.1 * per_spacing, 1]]
+    return lit(light="camera", specular=0.3, gradient_opacity=points)(volume)
+
+
+def cut(fixed: str) -> Change:
+    """Cut the lit object open in the middle."""
+
+    def change(volume: Volume) -> dict[str, Any]:
+        point = volume.centre.tolist() if fixed == "object" else [0, 0, 0]
+        normal = [1, -1, 0] if fixed == "object" else [0, 0, 1]
+        return lit()(volume) | {"cuts": [{"plane": {"point": point, "normal": normal}, "fixed": fixed}]}
+
+    return change
+
+
+def corner(volume: Volume) -> dict[str, Any]:
+    """Cut a corner of the lit object away."""
+    (x, y, z), reach = volume.centre.tolist(), 2 * volume.half_diagonal
+    box = [[x, y - reach, z], [x + reach, y, z + reach]]
+    return lit()(volume) | {"cuts": [{"box": box}]}
+
+
+LOOKS: dict[str, Change] = {
+    "emission and absorption": lambda _: {},
+    "maximum": projection("maximum"),
+    "maximum, by depth": projection({"type": "maximum", "color_by": "depth"}, "turbo"),
+    "minimum": projection("minimum"),
+    "mean": projection("mean"),
+    "attenuation": attenuation,
+    "fixed light": lit(),
+    "light from the camera": lit(light="camera"),
+    "camera, highlights": lit(light="camera", specular=0.3),
+    "camera, highlights, gradient opacity": gradient_opacity,
+    "occlusion": lit(occlusion=0.7),
+    "occlusion, shadow": lit(occlusion=0.7, shadow=0.7),
+    "plane": cut("object"),
+    "plane before the camera": cut("camera"),
+    "corner box": corner,
+}
 PICTURED_TOLERANCE = 0.1
 
-HEAD = """# How exact and how fast is each mode?
+HEAD = """# How exact and how fast is each mode, light and cut?
 
-Footprint: integrated. Measure again when a mode, the drawing of bricks or the choice of pixels changes.
+Footprint: integrated. Measure again when one of them, the drawing of bricks or the choice of pixels changes.
 
 `python tests/bench/modes.py DATA` writes this page and its picture. Frames {frames} of turntables, {width} x {height};
 colours from the smallest scalar to the largest. PSNR is of the colours before they are rounded, against the exact rays
 of all pixels; milliseconds by the clock of frames whose bricks are in memory, medians of {rounds} rounds, {threads}
-threads. Emission and absorption is the suggested scene without a light. *First* is the time to build what all frames
-share.
+threads. Emission and absorption is the suggested scene without a light, which others change. *First* is the time to
+build what all frames share.
 
 {machine}
 
-Each row of the picture is a mode, in the order of the tables, at tolerance {pictured:g}.
+Each row of the picture is a row of the tables, at tolerance {pictured:g}.
 
-![engine, bonsai, abdomen and Marschner-Lobb in each mode](modes.png)
+![engine, bonsai, abdomen and Marschner-Lobb in each of them](modes.png)
 """
 
 
@@ -72,45 +141,35 @@ def main() -> None:
             machine=machine_line(), pictured=PICTURED_TOLERANCE,
         )
     ]  # fmt: skip
-    rows: list[list[UInt8]] = [[] for _ in MODES]
-    for name, volume in VOLUMES.items():
-        lines += [f"## {name}", "", "| mode | first | " + " | ".join(f"{t:g}" for t in TOLERANCES) + " |"]
+    rows: dict[str, list[UInt8]] = {name: [] for name in LOOKS}
+    for name, source in VOLUMES.items():
+        lines += [f"## {name}", "", "| what | first | " + " | ".join(f"{t:g}" for t in TOLERANCES) + " |"]
         lines += ["|---|---|" + "---|" * len(TOLERANCES)]
-        for row, mode in zip(rows, MODES, strict=True):
-            found = list(measured(scene_of(data, volume, mode)))
+        base = tree_of(data, source)
+        volume = read_volume(parse_scene(base, base=Path("/")).volume)
+        for look, change in LOOKS.items():
+            found = list(measured(parse_scene(base | change(volume), base=Path("/"))))
             cells = " | ".join(f"{each.psnr:.1f} dB, {each.ms:.0f} ms" for each in found)
-            lines.append(f"| {mode.replace('_', ' and ')} | {found[0].first:.2f} s | {cells} |")
-            row.append(found[TOLERANCES.index(PICTURED_TOLERANCE)].image)
+            lines.append(f"| {look} | {found[0].first:.2f} s | {cells} |")
+            rows[look].append(found[TOLERANCES.index(PICTURED_TOLERANCE)].image)
             print(lines[-1], flush=True)
         lines.append("")
     PAGE.write_text("\n".join(lines), encoding="utf-8")
-    iio.imwrite(PICTURE, np.vstack([np.hstack([image[::2, ::2, :3] for image in row]) for row in rows]))
+    pictures = [np.hstack([image[::3, ::3, :3] for image in row]) for row in rows.values()]
+    iio.imwrite(PICTURE, np.vstack(pictures))
 
 
-def scene_of(data: Path, source: str | dict[str, Any], mode: str) -> Scene:
-    """Return the turntable of a volume in a mode."""
-    tree: dict[str, Any]
+def tree_of(data: Path, source: str | dict[str, Any]) -> dict[str, Any]:
+    """Return the turntable of a volume without a light, as plain data."""
     if isinstance(source, str):
         tree = scene_to_dict(renderer.suggest_scene(data / source, size=SIZE))
-    else:
-        points = [{"value": 110, "color": "black", "opacity": 0}, {"value": 200, "color": "white", "opacity": 0.4}]
-        tree = {
-            "volume": source, "transfer_function": {"points": points}, "output": {"file": "a.mp4", "size": list(SIZE)},
-            "camera": {"path": {"type": "turntable", "frames": 120, "elevation": 20}},
-        }  # fmt: skip
-    tree.pop("shading", None)
-    scene = parse_scene(tree, base=Path("/"))
-    if mode == "emission_absorption":
-        return scene
-    low, high = read_volume(scene.volume).value_range()
-    tree["transfer_function"] = {"colormap": "gray", "range": [low, high]}
-    tree["mode"] = {"type": mode.split(maxsplit=1)[0]}
-    if mode == "maximum by depth":
-        tree["mode"]["color_by"], tree["transfer_function"]["colormap"] = "depth", "turbo"
-    if mode == "attenuation":
-        tree["mode"] |= {"scale": 0.1 / (high - low), "zero": low}
-        tree["transfer_function"] = {"colormap": "gray_r", "range": [0, 1]}
-    return parse_scene(tree, base=Path("/"))
+        tree.pop("shading", None)
+        return tree
+    points = [{"value": 110, "color": "black", "opacity": 0}, {"value": 200, "color": "white", "opacity": 0.4}]
+    return {
+        "volume": source, "transfer_function": {"points": points}, "output": {"file": "a.mp4", "size": list(SIZE)},
+        "camera": {"path": {"type": "turntable", "frames": 120, "elevation": 20}},
+    }  # fmt: skip
 
 
 def measured(scene: Scene) -> Iterator[Figures]:

@@ -94,6 +94,14 @@ _SLAB = "volume={procedural: {name: constant, shape: [24, 24, 24]}}"
 _VOXEL = "volume={procedural: {name: single_voxel, shape: [9, 9, 9]}}"
 _LOBB = "volume={procedural: {name: marschner_lobb, shape: [40, 40, 40]}}"
 _GLASS = "transfer_function={unit: 1.0, points: [{value: 0, color: '#ff8040', opacity: 0.05}]}"
+_GLOSS = "shading={ambient: 0.3, diffuse: 0.6, light: camera, specular: 0.4, shininess: 20}"
+_BOUNDARIES = "shading={ambient: 0.6, diffuse: 0.4, two_sided: true, gradient_opacity: [[5, 0], [50, 1]]}"
+_DIMMED = "shading={ambient: 0.6, diffuse: 0.5, occlusion: 0.9, shadow: 0.7, occlusion_radius: 12}"
+_CUT = (
+    "cuts=[{plane: {point: [0, 0, 15], normal: [0, 0, 1]}}, "
+    "{box: [[-9, -9, -9], [24, 24, 99]], fixed: object}, "
+    "{plane: {point: [0, 0, 20], normal: [0, 0, 1]}, fixed: camera}]"
+)
 _HEAT = "transfer_function={colormap: inferno, range: [0, 80]}"
 _FILM = "transfer_function={colormap: gray_r, range: [0.3, 1]}"
 _COARSE = "error.tolerance=0.8"
@@ -214,6 +222,10 @@ CASES = (
         "the comparison: its golden is of another scene, drawn half a degree further round",
         golden_changes=("camera.path.start=20.5",),
     ),
+    Case("light_of_the_camera", "light and highlights that follow the viewer", (_DEFAULT, _GLOSS), frames="::6"),
+    Case("gradient_opacity", "boundaries alone", (_DEFAULT, _BOUNDARIES)),
+    Case("occlusion", "ambient light that is dimmed, and shadows", (_DEFAULT, _DIMMED)),
+    Case("cut_open", "what a plane and a box cut away", (_DEFAULT, _CUT)),
     Case("maximum", "the largest scalar of a ray", (_DEFAULT, "mode=maximum")),
     Case("maximum_by_depth", "where the largest scalar is", (_DEFAULT, "mode={type: maximum, color_by: depth}")),
     Case("minimum", "the smallest scalar of a ray, from inside", (_DEFAULT, *_INSIDE, "mode=minimum")),
