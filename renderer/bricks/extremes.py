@@ -17,6 +17,7 @@ from renderer.bricks.layout import PADDED_BRICK_SIZE, fill_padded
 from renderer.bricks.pixel_grid import screen_sampling_at
 from renderer.bricks.sampling import BrickBatch, Extremes
 from renderer.compiled import ThreadPool, jit
+from renderer.scene import ModeSpec
 from renderer.transfer import RawVoxels, raw_voxels
 from renderer.volume import Float64, Int32
 
@@ -26,11 +27,11 @@ SLACK_SHARE = 1 / 16
 _BRICKS_PER_TASK = 256
 
 
-def extreme_bricks(bricks: Bricks, *, is_maximum: bool, by_depth: bool, num_threads: int) -> BrickBatch:
+def extreme_bricks(bricks: Bricks, mode: ModeSpec, *, num_threads: int) -> BrickBatch:
     """Return the bricks of level 0 in which a scalar may count, for tolerance 0.
 
     What is more extreme than one end of the colour range is what `bricks.transfer` shows, a ramp from 0 over that
-    range. by_depth: whether the place of the extreme counts, too.
+    range.
     """
     cut, volume = cut_bricks(bricks, 0.0), bricks.volume
     first, last = bricks.transfer.values
@@ -38,11 +39,11 @@ def extreme_bricks(bricks: Bricks, *, is_maximum: bool, by_depth: bool, num_thre
     # Halves of large ranges do not overflow.
     width = last / 2 - first / 2
     slope, offset = (high / 2 - low / 2) / width, (low / 2 - first / 2) / width
-    if not is_maximum:
+    if mode.type == "minimum":
         slope, offset = -slope, 1.0 - offset
     ranges = _scalar_ranges(bricks, cut, num_threads)
     ends = (ranges / 2 - low / 2) / (high / 2 - low / 2)
-    extremes = Extremes(offset, slope, (offset + slope * ends).max(axis=1), 0.0, by_depth)
+    extremes = Extremes(offset, slope, (offset + slope * ends).max(axis=1), 0.0, mode.color_by == "depth")
     sampling = screen_sampling_at(0.0, 1.0)
     steps = np.ones(len(cut))
     return BrickBatch(cut, bricks, steps, None, sampling, volume.centre, volume.half_diagonal, extremes)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.bricks import make_bricks
+from renderer.bricks import extreme_bricks, make_bricks
 from renderer.draw import Rasterizer
 from renderer.errors import InputError, Problem
 from renderer.frame.budget import ScheduleController, ToleranceController
@@ -97,6 +97,9 @@ def prepare_stage(
         finest_cut = FinestCut(min_tolerance(scene.error), scene.error.finest_level)
         build["finest_cut"] = EVERY_CUT if any_tolerance else finest_cut
         pyramid = build_pyramid(volume, transfer, num_threads=num_threads, **build)
+    extremes = None
+    if bricks is not None and scene.mode.is_extremum:
+        extremes = extreme_bricks(bricks, scene.mode, num_threads=num_threads)
     watch.lap("pyramid")
     points = visible_points(pyramid)
     target, distance = _framing(scene, volume, points)
@@ -117,6 +120,7 @@ def prepare_stage(
         order_blending,
         bricks,
         projection,
+        extremes,
         watch.seconds,
     )
 

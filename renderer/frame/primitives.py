@@ -22,7 +22,6 @@ from renderer.bricks import (
     ScreenSampling,
     brick_cut_sizes,
     cut_bricks,
-    extreme_bricks,
     extremes_at,
     make_brick_batch,
 )
@@ -31,7 +30,6 @@ from renderer.frame.stage import Stage, draws_voxels_only, finest_level_at
 from renderer.pyramid import Cut, CutSizes, cut_pyramid, cut_sizes, root_error
 from renderer.scene import MIN_TOLERANCE
 from renderer.splats import SplatBatch, make_splats
-from renderer.system import num_cores
 from renderer.view import View, blended_orders, model_view, total_square_area_px, visible_bricks, visible_order
 from renderer.volume import UInt32
 
@@ -158,7 +156,7 @@ def make_primitive(stage: Stage) -> SplatPrimitive | BrickPrimitive:
     """Return the primitive of the scene's footprint."""
     if stage.bricks is None:
         return SplatPrimitive(stage)
-    kind = ExtremumPrimitive if stage.scene.mode.is_extremum else BrickPrimitive
+    kind = BrickPrimitive if stage.extreme_bricks is None else ExtremumPrimitive
     return kind(stage, stage.bricks)
 
 
@@ -262,10 +260,8 @@ class ExtremumPrimitive(BrickPrimitive):
 
     def __init__(self, stage: Stage, bricks: Bricks) -> None:
         super().__init__(stage, bricks)
-        mode = stage.scene.mode
-        is_maximum, self._by_depth = mode.type == "maximum", mode.color_by == "depth"
-        num_threads = num_cores()
-        self._all = extreme_bricks(bricks, is_maximum=is_maximum, by_depth=self._by_depth, num_threads=num_threads)
+        assert stage.extreme_bricks is not None
+        self._all, self._by_depth = stage.extreme_bricks, stage.scene.mode.color_by == "depth"
 
     def _prepare(self, tolerance: float, lap: Lap) -> tuple[BrickCut, BrickBatch, OrderFinder]:
         batch = self._batch(self._all.cut, tolerance)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from renderer.bricks import Bricks
+from renderer.bricks import BrickBatch, Bricks
 from renderer.modes import Projection
 from renderer.pyramid import Pyramid
 from renderer.scene import Scene, Vector
@@ -26,6 +26,7 @@ class Stage:
     order_blending: which neighbours change their order along the path.
     bricks: of the volume, if the footprint is drawn from bricks.
     projection: what the scene's mode colours; None for emission and absorption.
+    extreme_bricks: those in which rays look for extremes, if they do.
     seconds: the time that each stage of the preparation took.
     """
 
@@ -39,11 +40,12 @@ class Stage:
     order_blending: OrderBlending
     bricks: Bricks | None
     projection: Projection | None
+    extreme_bricks: BrickBatch | None
     seconds: dict[str, float]
 
     def close(self) -> None:
         """Let go of voxels, pyramid and bricks; nothing can be drawn from the stage any more."""
-        for name in ("volume", "pyramid", "bricks"):
+        for name in ("volume", "pyramid", "bricks", "extreme_bricks"):
             object.__setattr__(self, name, None)
 
 
