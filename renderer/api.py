@@ -201,7 +201,7 @@ def render_frame(
 
     Returns the picture: a uint8 array [height, width, 3], or [height, width, 4] with straight alpha where the
     background is transparent. It has the bytes that `hsplat render` writes.
-    Raises InputError, SceneError, and RenderError where a scene with splats or an overlay finds no OpenGL.
+    Raises InputError, SceneError, and RenderError where a scene with splats finds no OpenGL.
 
     Example
     -------

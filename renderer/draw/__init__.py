@@ -3,7 +3,7 @@
 In: `SplatBatch` or `BrickBatch`, the order of its elements, and a `View`. Out: float32 [height, width, 4],
 premultiplied RGBA without a background. There are two backends, OpenGL and compiled loops on the CPU:
 
-- `gl/raster.py` makes the OpenGL context, and draws splats and the lines of an overlay. `gl/shaders/project.glsl`
+- `gl/raster.py` makes the OpenGL context, and draws splats. `gl/shaders/project.glsl`
   projects a splat to an ellipse, and cuts it at the near plane (Zwicker et al. 2001). `gl/programs.py` loads shaders.
 - `gl/bricks.py` draws bricks with OpenGL. `gl/atlas.py` uploads texels to the GPU. `gl/shaders/brick_fragment.glsl`
   takes the samples of a ray in a brick, with jitter, until early ray termination (Max 1995).
@@ -14,8 +14,10 @@ premultiplied RGBA without a background. There are two backends, OpenGL and comp
 
 Both share `brick_cache.py` (bricks in a view; which of them are uploaded or evicted),
 `subsampling.py` (pixels between those that are drawn are interpolated) and `constants.py`. `compositing.py` adds up
-many layers of splats in float64, and `overlay.py` makes the lines of cells. `rasterizer.py` says what backends have in
-common, and `recovery.py` opens one and replaces it when its context is lost.
+many layers of splats in float64. `rasterizer.py` says what backends have in common, and `recovery.py` opens one and
+replaces it when its context is lost.
+
+Over pictures of all backends, `cpu/lines.py` draws the lines of overlays, which `overlay.py` makes.
 """
 
 import lazy_loader

@@ -25,18 +25,3 @@ MAX_ATLAS_SIDE = 2048
 PIECES_IN_ROW = 1024
 # Stands for infinity where float32 is needed.
 LARGE_FLOAT32 = 1e30
-
-# An end of a line that is nearer to the eye plane is not divided by its depth.
-MIN_LINE_DEPTH = 1e-5
-# Where cells have a side of s model units and of p pixels, up to 2 / s of them lie behind one another, and the lines of
-# one layer cover about 2 / p of the image: together they are a fog. Therefore a line's opacity is LINE_COVER * s * p,
-# at most LINE_OPACITY, which bounds the total for cells of any size. Cells under MIN_SIDE_PX have no lines.
-LINE_COVER, LINE_OPACITY, MIN_SIDE_PX = 0.75, 0.8, 3.0
-# Colours of lines by level, the finest first, the last for all levels beyond: from orange to blue in even steps of
-# lightness (CIE L* 62 to 41) and hue, as saturated as sRGB allows. The contrast to black and to white is at least 3
-# (WCAG 2.2, 1.4.11, for graphics), except 2.97 of level 0 to white.
-LEVEL_COLORS = tuple(
-    tuple(channel / 255 for channel in bytes.fromhex(color))
-    for color in ("ed730c", "f95b30", "fe414c", "fb2767", "f01483", "dc1e9f", "be33b8", "9446cd", "5354dc", "055ebf")
-)
-NUM_LEVEL_COLORS = len(LEVEL_COLORS)

@@ -1,4 +1,4 @@
-"""Make the lines of `overlay: octree`: the edges of the cells or bricks of a cut.
+"""Make the lines of overlays: the edges of the cells or bricks of a cut, or the outline of the volume with ticks.
 
 A cell has twelve edges, at its true extent, which the volume's border may cut. Cells of one level share most of their
 edges: each is drawn once, because shared lines would be heavier than others. Coarse levels come first, so that fine
@@ -7,23 +7,29 @@ cells are drawn over coarse ones.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from renderer.bricks import BRICK_LEVELS, BrickCut
 from renderer.compiled import jit
 from renderer.pyramid import Cut
-from renderer.volume import Float32, Float64, Int64
+from renderer.volume import Float32, Float64, Int64, Volume
+
+# Lengths of strokes and longer strokes, by the longest side of the box; every which one is longer.
+_TICK_LENGTH, _LONG_TICK_LENGTH, _LONG_TICK_EVERY = 0.02, 0.04, 5
+# The colour of the outline is that of cells of this level.
+_OUTLINE_LEVEL = 1
 
 
 @dataclass(frozen=True)
-class CellEdges:
-    """A list of the edges of the drawn cells: coarse levels first, within a level sorted by axis and position.
+class Lines:
+    """A list of lines to draw over a picture, each along an edge of a cell; large cells come first.
 
-    vertices: float32 [n, 7], as the device reads them: start [3] and end [3] in model units and world axes,
-        and the level of the cell.
-    voxel_side: the shortest side of a voxel, or of a brick of voxels, model units.
+    vertices: float32 [n, 7], start [3] and end [3] in model units and world axes, and the level of the cell.
+    voxel_side: the shortest side of a cell of level 0, model units; infinite where lines are not those of cells.
     origin: float64 [3], world position of the model's origin.
     model_unit: world length of a model unit.
     """
@@ -37,8 +43,10 @@ class CellEdges:
         return len(self.vertices)
 
 
-def make_edges(cut: Cut | BrickCut) -> CellEdges:
+def make_edges(cut: Cut | BrickCut) -> Lines:
     """Return the edges of a cut: of its cells, or of its bricks, in the colours of their cells' levels.
+
+    Within a level they are sorted by axis and position.
 
     Model units are those of `renderer.splats.splats`.
     """
@@ -56,7 +64,46 @@ def make_edges(cut: Cut | BrickCut) -> CellEdges:
     vertices = np.concatenate(parts)
     vertices.flags.writeable = False
     side = float(np.linalg.norm(edges, axis=0).min()) / length * 2**levels_above
-    return CellEdges(vertices, side, volume.centre, length)
+    return Lines(vertices, side, volume.centre, length)
+
+
+def make_outline(volume: Volume) -> Lines:
+    """Return the edges of the volume's box, and ticks along those three that meet in the corner of the first voxel.
+
+    Ticks have round world distances, and each is two strokes, on both faces that meet there.
+    """
+    box = volume.world_from_index[:3, :3] * volume.shape_xyz  # columns: its edges
+    sides = np.linalg.norm(box, axis=0)
+    corner, step = -box.sum(axis=1) / 2, tick_step(float(sides.max()))
+    starts, spans = [], []
+    for axis in range(3):
+        others = [other for other in range(3) if other != axis]
+        for ends in product((0, 1), repeat=2):
+            starts.append(corner + box[:, others] @ ends)
+            spans.append(box[:, axis])
+        for number in range(1, _num_ticks(sides[axis], step) + 1):
+            length = sides.max() * (_TICK_LENGTH if number % _LONG_TICK_EVERY else _LONG_TICK_LENGTH)
+            for other in others:
+                starts.append(corner + box[:, axis] * (number * step / sides[axis]))
+                spans.append(box[:, other] * min(length / sides[other], 1.0))
+    points = np.column_stack([starts, np.add(starts, spans)]) / volume.half_diagonal
+    vertices = np.insert(points, 6, _OUTLINE_LEVEL, axis=1).astype(np.float32)
+    vertices.flags.writeable = False
+    return Lines(vertices, np.inf, volume.centre, volume.half_diagonal)
+
+
+def tick_step(side: float) -> float:
+    """Return the longest distance, 1, 2 or 5 times a power of ten, that leaves four ticks or more inside a side.
+
+    Because the next longer one is at most 2.5 times as long, there are at most nine.
+    """
+    power = math.floor(math.log10(side / 4))
+    return max(step for n in (0.5, 1, 2, 5) if _num_ticks(side, step := n * 10.0**power) >= 4)
+
+
+def _num_ticks(side: float, step: float) -> int:
+    """Return the number of ticks inside a side, without those at its ends."""
+    return math.ceil(side / step - 1e-9) - 1
 
 
 def _edge_starts(cells: Int64, num_corners: Int64, axis: int) -> Int64:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Protocol, TypeVar
 
 from renderer.bricks import BrickBatch
-from renderer.draw.overlay import CellEdges
 from renderer.splats import SplatBatch
 from renderer.view import View
 from renderer.volume import Float32, UInt32
@@ -38,7 +37,3 @@ class Rasterizer(Protocol):
 
     def rasterize(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> Float32:
         """Composite `batch[order]`, splats back to front and bricks front to back."""
-
-    def rasterize_edges(self, edges: CellEdges, view: View) -> Float32:
-        """Draw lines along the edges, one over the other in their order. Only OpenGL draws them."""
-        raise AssertionError("a scene with an overlay needs OpenGL")

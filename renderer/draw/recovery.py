@@ -9,7 +9,6 @@ from typing import TypeVar
 from renderer.bricks import BrickBatch
 from renderer.draw.cpu.raster import CPURasterizer
 from renderer.draw.gl.raster import GLRasterizer
-from renderer.draw.overlay import CellEdges
 from renderer.draw.rasterizer import Rasterizer
 from renderer.errors import ContextLostError, RenderError
 from renderer.splats import SplatBatch
@@ -65,10 +64,6 @@ class RecoveringRasterizer(Rasterizer):
     def rasterize(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> Float32:
         """Draw splats or bricks, as `GLRasterizer.rasterize`."""
         return self._with_recovery(lambda gl: gl.rasterize(batch, order, view))
-
-    def rasterize_edges(self, edges: CellEdges, view: View) -> Float32:
-        """Draw the lines of an overlay, as `GLRasterizer.rasterize_edges`."""
-        return self._with_recovery(lambda gl: gl.rasterize_edges(edges, view))
 
     def _with_recovery(self, draw: Callable[[Rasterizer], Result]) -> Result:
         if self._last_loss is not None:

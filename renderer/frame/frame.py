@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from renderer.draw import Rasterizer
+from renderer.draw import Rasterizer, draw_lines
 from renderer.film import Pixels, quantize
 from renderer.frame.primitives import LOD, Orders
 from renderer.frame.stage import Stage, Stopwatch, view_of
@@ -72,10 +72,8 @@ def draw_frame(stage: Stage, draw_list: DrawList, rasterizer: Rasterizer, watch:
     if stage.projection is not None:
         image = stage.projection.picture(image, chord_lengths(stage.volume, draw_list.view))
     watch.lap("draw")
-    if lod.edges is not None:
-        lines = rasterizer.rasterize_edges(lod.edges, draw_list.view)
-        image *= 1 - lines[..., 3:]
-        image += lines
+    if lod.lines is not None:
+        draw_lines(lod.lines, draw_list.view, image)
         watch.lap("overlay")
     pixels = quantize(image, stage.scene.output.background)
     stage.volume.require_unchanged()  # while it was drawn, too

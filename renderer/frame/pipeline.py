@@ -45,6 +45,7 @@ from renderer.view import (
     smallest_voxel_px,
     visible_centre,
     visible_points,
+    volume_corners,
 )
 from renderer.volume import Float64, Volume
 
@@ -102,7 +103,7 @@ def prepare_stage(
         extremes = extreme_bricks(bricks, scene.mode, num_threads=num_threads)
     watch.lap("pyramid")
     points = visible_points(pyramid)
-    target, distance = _framing(scene, volume, points)
+    target, distance = _framing(scene, volume, volume_corners(volume) if scene.overlay == "bounds" else points)
     raise_problems(camera_problems(replace(camera, target=target, distance=distance), size, extent))
     raise_problems(_cut_problems(scene, volume, make_view(camera, 0, target, distance, size)))
     finest_level = finest_useful_level(volume, points, camera, target, distance, size)
@@ -165,7 +166,7 @@ def _cut_problems(scene: Scene, volume: Volume, view: View) -> Iterator[Problem]
 
 
 def _framing(scene: Scene, volume: Volume, points: Float64) -> tuple[Vector, float]:
-    """Return target and distance: the scene's, or such that the whole path has everything visible in frame."""
+    """Return target and distance: the scene's, or such that the whole path has these points in frame."""
     camera = scene.camera
     if camera.target == "visible":
         target = visible_centre(points)

@@ -25,7 +25,7 @@ from renderer.bricks import (
     extremes_at,
     make_brick_batch,
 )
-from renderer.draw import CellEdges, make_edges
+from renderer.draw import Lines, make_edges, make_outline
 from renderer.frame.stage import Stage, draws_voxels_only, finest_level_at
 from renderer.pyramid import Cut, CutSizes, cut_pyramid, cut_sizes, root_error
 from renderer.scene import MIN_TOLERANCE
@@ -62,14 +62,14 @@ _MAX_SAMPLED_BRICKS = 4096
 
 @dataclass(frozen=True)
 class LOD:
-    """A level of detail: the cells drawn at a tolerance, from any view. edges: the lines of an overlay.
+    """A level of detail: the cells drawn at a tolerance, from any view. lines: those of an overlay.
 
     orders: returns what is visible in a view, in the order in which it is drawn; each order has the same elements.
     """
 
     tolerance: float
     batch: SplatBatch | BrickBatch
-    edges: CellEdges | None
+    lines: Lines | None
     orders: OrderFinder
 
     @property
@@ -105,7 +105,7 @@ class Primitive(ABC):
     size_ratio: ClassVar[float]
 
     def __init__(self, stage: Stage) -> None:
-        self._stage, self._with_edges = stage, stage.scene.overlay == "octree"
+        self._stage, self._overlay = stage, stage.scene.overlay
         self._finest_levels = {
             "finest_level": finest_level_at(stage, tolerance=1.0),
             "finest_level_at_zero": finest_level_at(stage, tolerance=0.0),
@@ -118,11 +118,11 @@ class Primitive(ABC):
         factor = 1.0 if projection is None else projection.tolerance_factor
         cut, batch, orders = self._prepare(factor * tolerance, lap)
         lap("primitives")
-        edges = None
-        if self._with_edges:
-            edges = make_edges(cut)
+        lines = None
+        if self._overlay != "none":
+            lines = make_edges(cut) if self._overlay == "octree" else make_outline(cut.volume)
             lap("edges")
-        return LOD(tolerance, batch, edges, orders)
+        return LOD(tolerance, batch, lines, orders)
 
     @abstractmethod
     def _prepare(self, tolerance: float, lap: Lap) -> tuple[Cut | BrickCut, SplatBatch | BrickBatch, OrderFinder]:

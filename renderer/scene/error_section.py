@@ -197,10 +197,10 @@ ERROR_SECTION = schema.section_field(_SCHEDULES | schema.field_table(ErrorSpec),
 
 def check_exact_picture(node: TreeNode, given: Mapping[str, Any]) -> None:
     """Check that probes have something to compare with; `given` holds the sections of the whole scene."""
-    error = given.get("error")
-    if isinstance(error, ErrorSpec) and error.probes not in (None, 0, INVALID) and given.get("overlay") == "octree":
+    error, overlay = given.get("error"), given.get("overlay")
+    if isinstance(error, ErrorSpec) and error.probes not in (None, 0, INVALID) and overlay in ("octree", "bounds"):
         node.child("probes", error.probes).reject(
-            "there is no exact picture of a scene with overlay: octree",
+            f"there is no exact picture of a scene with overlay: {overlay}",
             expected="auto or 0, which measure nothing there, or overlay: none",
         )
 

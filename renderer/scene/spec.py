@@ -55,7 +55,7 @@ class PyramidSpec:
 
 @dataclass(frozen=True)
 class Scene:
-    """A complete job. With `overlay`, the edges of the drawn cells are drawn over the picture."""
+    """A complete job. With `overlay`, lines along the drawn cells or around the volume are drawn over the picture."""
 
     volume: Annotated[VolumeSpec, VOLUME_SECTION]
     transfer_function: Annotated[TransferSpec, TRANSFER_FUNCTION_SECTION]
@@ -67,13 +67,13 @@ class Scene:
     shading: ShadingSpec | None = None
     mode: Annotated[ModeSpec, MODE_SECTION] = field(default=ModeSpec())
     cuts: Annotated[tuple[CutSpec, ...], CUTS_SECTION] = ()
-    overlay: Literal["none", "octree"] = "none"
+    overlay: Literal["none", "octree", "bounds"] = "none"
     version: Annotated[int, _VERSION] = VERSION
 
     @property
     def needs_opengl(self) -> bool:
-        """Return whether it has splats or lines; bricks are drawn without OpenGL, too."""
-        return self.splat.footprint != "integrated" or self.overlay != "none"
+        """Return whether it has splats; bricks are drawn without OpenGL, too."""
+        return self.splat.footprint != "integrated"
 
     @property
     def key_for_bricks(self) -> str | None:

@@ -12,6 +12,7 @@ from .framing import (
     smallest_voxel_px as smallest_voxel_px,
     visible_centre as visible_centre,
     visible_points as visible_points,
+    volume_corners as volume_corners,
 )
 from .order_blending import OrderBlending as OrderBlending, make_order_blending as make_order_blending
 from .paths import make_view as make_view

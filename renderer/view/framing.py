@@ -104,8 +104,7 @@ def visible_points(pyramid: Pyramid) -> Float64:
     shape = np.array(volume.shape_xyz)
     rows = pyramid.occupied.any(axis=2)
     if not rows.any():
-        corners = np.stack(np.meshgrid(*([-0.5, n - 0.5] for n in shape), indexing="ij"), axis=-1).reshape(-1, 3)
-        return _to_world(volume, corners)
+        return volume_corners(volume)
     # Only the first and the last corner on a line along x can be extreme; up to four rows of cells share a corner.
     num = pyramid.occupied.shape[2]
     row_first = np.where(rows, pyramid.occupied.argmax(axis=2), num)
@@ -114,6 +113,12 @@ def visible_points(pyramid: Pyramid) -> Float64:
     z, y = np.nonzero(last)
     corners = np.concatenate([np.column_stack([x[z, y], y, z]) for x in (first, last)])
     return _to_world(volume, np.minimum(corners.astype(np.int64) << level, shape) - 0.5)
+
+
+def volume_corners(volume: Volume) -> Float64:
+    """Return the world positions of the corners of the volume's box: float64 [8, 3]."""
+    corners = np.stack(np.meshgrid(*([-0.5, n - 0.5] for n in volume.shape_xyz), indexing="ij"), axis=-1)
+    return _to_world(volume, corners.reshape(-1, 3))
 
 
 def _extreme_around_corners(extreme: np.ufunc, of_rows: Int64, outside: int) -> Int64:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from oracle import FLOAT32, Cells, Field, Leaf, centers, classify, drawn, require_cut
 from splat_reference import rasterize_reference
 
-from renderer.draw import GLRasterizer, make_edges
+from renderer.draw import GLRasterizer, draw_lines, make_edges
 from renderer.film import quantize
 from renderer.frame import Frame, Stage, finest_level_at, make_primitive, render_frames
 from renderer.pyramid import Cut, cut_pyramid
@@ -190,7 +190,8 @@ def without_overlay(stage: Stage, frame: Frame, view: View, rasterizer: GLRaster
     bare = replace(stage, scene=replace(stage.scene, overlay="none"))
     (below,) = render_frames(bare, [frame.number], rasterizer, clock=lambda: 0.0)
     cut = cut_pyramid(stage.pyramid, frame.tolerance, finest_level=finest_level_at(stage, frame.tolerance))
-    lines = rasterizer.rasterize_edges(make_edges(cut), view).astype(np.float64)
+    lines = np.zeros_like(below.radiance)
+    draw_lines(make_edges(cut), view, lines)
     if not (lines.min() >= 0 and lines.max() <= 1 and (lines[..., :3] <= lines[..., 3:] + 1e-6).all()):
         raise WrongError(f"lines from {lines.min()} to {lines.max()}")
     expected = lines + (1 - lines[..., 3:]) * below.radiance

@@ -216,6 +216,7 @@ CASES = (
     Case("default_orthographic", "parallel rays", (_DEFAULT, "camera.projection=orthographic")),
     Case("default_near_plane", "bricks cut open", (_DEFAULT, "camera.distance=70", "camera.near=66")),
     Case("default_overlay", "the edges of bricks over them", (_DEFAULT, "overlay=octree", _CLEAR)),
+    Case("bounds", "the outline of the volume, with ticks", (_DEFAULT, "overlay=bounds", _CLEAR)),
     Case("default_oblique", "bricks of voxels that are no cubes", (_DEFAULT,), volume=oblique_scan),
     Case(
         "must_fail",

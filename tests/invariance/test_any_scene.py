@@ -133,7 +133,7 @@ def scenes(draw: st.DrawFn) -> dict[str, Any]:
                 ),
                 st.just({"footprint": "integrated"}),
             ),
-            overlay=st.sampled_from(["none", "octree"]),
+            overlay=st.sampled_from(["none", "octree", "bounds"]),
         )
     )
 

@@ -190,13 +190,12 @@ def test_another_job_is_writing_the_film() -> None:
 
 
 def test_without_opengl(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Bricks are drawn; splats and overlays say what is missing."""
+    """Bricks are drawn; splats say what is missing."""
     refuse = mock.Mock(side_effect=renderer.RenderError("no OpenGL"))
     monkeypatch.setattr(recovery, "GLRasterizer", refuse)
     assert renderer.render_frame("scene.yaml").max() > 100
-    for change in ("splat.footprint=gaussian", "overlay=octree"):
-        with pytest.raises(renderer.RenderError, match="no OpenGL"):
-            renderer.render_frame(renderer.load_scene("scene.yaml", overrides=[change]))
+    with pytest.raises(renderer.RenderError, match="no OpenGL"):
+        renderer.render_frame(renderer.load_scene("scene.yaml", overrides=["splat.footprint=gaussian"]))
 
 
 def test_the_truth_is_what_pictures_come_near_to() -> None:

@@ -42,6 +42,7 @@ def test_other_commands_without_opengl() -> None:
         ["compare", "scene.yaml", "goldens"],
         ["measure", "scene.yaml", "--want", "psnr=20", "--frames", "0"],
         ["render", "scene.yaml", "--progressive"],
+        ["render", "scene.yaml", "--set", "overlay=octree"],
     ):
         result = hsplat(*arguments, **NO_OPENGL)
         assert result.returncode == 0, result.stderr
@@ -50,7 +51,7 @@ def test_other_commands_without_opengl() -> None:
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["render", "scene.yaml", "--set", "overlay=octree"],
+        ["render", "scene.yaml", "--set", "splat={footprint: gaussian}"],
         ["measure", "scene.yaml", "--footprints", "integrated,gaussian", "--output", "study"],
         ["paper", str(SCENES), "--figure", "6", "--output", "paper"],
     ],

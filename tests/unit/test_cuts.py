@@ -70,7 +70,8 @@ def test_all_mistakes_are_told_at_once() -> None:
 )
 def test_what_cannot_be_cut(section: dict[str, Any], what: str) -> None:
     assert complaints(cuts=[BOX], **section) == [("cuts", what)]
-    assert parse(cuts=[], **section).needs_opengl
+    parse(cuts=[], **section)
+    assert parse(cuts=[BOX], overlay="bounds").cuts
 
 
 def test_a_crop_may_leave_axes_out() -> None:

@@ -105,6 +105,17 @@ def test_long_paths_are_framed_exactly(shape: int) -> None:
         assert fit_distance(camera, points, (0.0, 0.0, 0.0), (9, 9)) == pytest.approx(expected, rel=1e-14)
 
 
+def test_with_its_outline_the_whole_volume_is_in_frame() -> None:
+    values = np.zeros((16, 20, 24), np.uint8)
+    values[3:6, 4:9, 5:7] = 255
+    camera = replace(PLAIN.camera, target="visible")
+    stage = stage_of(replace(PLAIN, camera=camera, overlay="bounds"), make_volume(values, np.eye(4), "some"))
+    assert stage.target == (11.5, 9.5, 7.5)
+    corners = np.array(list(itertools.product([-0.5, 23.5], [-0.5, 19.5], [-0.5, 15.5])))
+    arguments = corners, stage.target, PLAIN.output.size
+    assert stage.distance == pytest.approx(fit_distance(camera, *arguments), rel=1e-12)
+
+
 def test_visible_centre_is_the_middle_of_the_bounding_box() -> None:
     points = np.array([[0.0, 0.0, 0.0], [1.0, 8.0, -2.0], [4.0, 1.0, 1.0]])
     assert visible_centre(points) == (2.0, 4.0, -0.5)

@@ -97,9 +97,9 @@ def test_no_brick_is_finer_than_the_finest_level(tolerance: float) -> None:
     """The lines of the overlay have the colours of their cells."""
     scene = replace(PLAIN, error=ErrorSpec(((0, tolerance),), finest_level=1), overlay="octree")
     lod = make_primitive(stage_of(scene, lumps())).make_lod(tolerance, lambda name: None)
-    assert lod.edges is not None
+    assert lod.lines is not None
     assert lod.batch.cut.levels.min() == 1
-    assert set(lod.edges.vertices[:, 6].tolist()) == set(lod.batch.cut.levels.tolist())
+    assert set(lod.lines.vertices[:, 6].tolist()) == set(lod.batch.cut.levels.tolist())
 
 
 # Sizes in a film on a budget of time

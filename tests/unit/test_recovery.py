@@ -19,7 +19,7 @@ from small_scene import small_scene
 from splatting import in_order, look, place_splats
 
 from hsplat_cli import main
-from renderer.draw import CellEdges, GLRasterizer, RecoveringRasterizer
+from renderer.draw import GLRasterizer, RecoveringRasterizer
 from renderer.errors import ContextLostError, RenderError
 from renderer.frame import ScheduleController, Stage
 from renderer.job import draw_frames, executor
@@ -169,10 +169,6 @@ def draw_splats(gl: GLRasterizer) -> None:
     gl.rasterize(splats, in_order(splats), look())
 
 
-def draw_edges(gl: GLRasterizer) -> None:
-    gl.rasterize_edges(CellEdges(np.zeros((1, 7), np.float32), 0.1, np.zeros(3), 1.0), look())
-
-
 def draw_bricks(gl: GLRasterizer) -> None:
     pngs(stage_of(PLAIN), gl)
 
@@ -182,7 +178,7 @@ def draw_bricks(gl: GLRasterizer) -> None:
     [
         (draw_splats, "buffer"),
         (draw_splats, "program"),
-        (draw_edges, "vertex_array"),
+        (draw_splats, "vertex_array"),
         (draw_bricks, "texture3d"),
     ],
 )
@@ -229,7 +225,7 @@ def refuse_pictures(step: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(moderngl.Context, step, refuse_some)
 
 
-@pytest.mark.parametrize("picture", [draw_splats, draw_edges, draw_bricks])
+@pytest.mark.parametrize("picture", [draw_splats, draw_bricks])
 @pytest.mark.parametrize("limit", ["GL_MAX_TEXTURE_SIZE", "GL_MAX_RENDERBUFFER_SIZE", "GL_MAX_VIEWPORT_DIMS"])
 def test_a_picture_beyond_the_limits_of_a_device(
     picture: Callable[[GLRasterizer], object], limit: str, rasterizer: GLRasterizer, monkeypatch: pytest.MonkeyPatch
@@ -248,7 +244,6 @@ def test_a_picture_beyond_the_limits_of_a_device(
     ("picture", "step"),
     [
         (draw_splats, "renderbuffer"),
-        (draw_edges, "renderbuffer"),
         (draw_bricks, "texture"),
         (draw_bricks, "depth_renderbuffer"),
     ],

@@ -19,9 +19,8 @@ _CONSTANTS: dict[str, Any] = vars(constants) | {
     "DITHER": DITHER,
 }
 
-# The vertices of splats (SplatBatch.vertices), of edges (CellEdges.vertices) and of bricks (BrickView, and slots).
+# The vertices of splats (SplatBatch.vertices) and of bricks (BrickView, and slots).
 SPLAT_VERTEX = np.dtype([("center", "f4", 3), ("areas", "f4", 4), ("shape", "f4")])
-EDGE_VERTEX = np.dtype([("start", "f4", 3), ("end", "f4", 3), ("level", "f4")])
 BRICK_VERTEX = np.dtype(
     [("rectangle_px", "f4", 4), ("box_low", "f4", 3), ("box_high", "f4", 3), ("first_corner", "f4", 3),
      ("cells_per_voxel", "f4"), ("step_cells", "f4"), ("first_texel", "f4", 3)]

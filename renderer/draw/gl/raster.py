@@ -1,4 +1,4 @@
-"""Rasterise splats and edges with OpenGL; `renderer.draw.gl.bricks` draws bricks in the context that is made here.
+"""Rasterise splats with OpenGL; `renderer.draw.gl.bricks` draws bricks in the context that is made here.
 
 The context is headless EGL (any GPU's driver, or Mesa's llvmpipe), the target float32 RGBA. Splats are sorted back to
 front and uploaded in batches of bounded size, so that neither their number nor the driver's limits on buffers matter:
@@ -6,8 +6,7 @@ front and uploaded in batches of bounded size, so that neither their number nor 
     batch of splats -> vertex buffer -> points, quads (larger than the driver's points) or triangle fans
                     -> fragment alpha -> blended "over", premultiplied, in float32 -> read back once a frame
 
-The edges of an overlay are uploaded in batches, too, one quad each, and drawn to an image of their own. Rows are drawn
-upside down, so that the image that is read back has row 0 at the top.
+Rows are drawn upside down, so that the image that is read back has row 0 at the top.
 """
 
 from __future__ import annotations
@@ -25,11 +24,10 @@ import numpy as np
 
 from renderer.bricks import BrickBatch
 from renderer.draw.compositing import MIN_CHUNK_SPLATS, splats_per_chunk
-from renderer.draw.constants import LEVEL_COLORS, MAX_SHAPES, MIN_LINE_DEPTH, MIN_SIDE_PX
+from renderer.draw.constants import MAX_SHAPES
 from renderer.draw.cpu.raster import CPU_RENDERER_NAME, CPURasterizer
 from renderer.draw.gl.bricks import GLBrickRenderer
-from renderer.draw.gl.programs import EDGE_VERTEX, MESH_VERTEX, SPLAT_VERTEX, load_shader, vertex_content
-from renderer.draw.overlay import CellEdges
+from renderer.draw.gl.programs import MESH_VERTEX, SPLAT_VERTEX, load_shader, vertex_content
 from renderer.draw.rasterizer import Rasterizer
 from renderer.errors import ContextLostError, RenderError
 from renderer.splats import GaussianFootprint, GouraudFootprint, SplatBatch
@@ -49,7 +47,7 @@ BrickBackend = Literal["device", "processor"]
 Target = TypeVar("Target")
 DrawSplats = Callable[[UInt32], None]  # draws these splats of a batch, back to front
 
-# Splats on the device at a time: 8 MiB of vertices. Edges use the same buffer.
+# Splats on the device at a time: 8 MiB of vertices.
 BATCH_SIZE, VERTEX_BYTES = 1 << 18, SPLAT_VERTEX.itemsize
 
 # EGL devices that are tried; a machine has one for each GPU and one for the software renderer.
@@ -175,26 +173,6 @@ class GLRasterizer(Rasterizer):
                 draw(order[first : first + BATCH_SIZE])
         return image
 
-    def rasterize_edges(self, edges: CellEdges, view: View) -> Float32:
-        """Draw lines along the edges, one over the other in their order: float32 [height, width, 4], as `rasterize`."""
-        camera = model_view(edges, view)
-        vertices = edges.vertices[: _num_large_enough(edges, camera)]
-        num_at_once = BATCH_SIZE * VERTEX_BYTES // EDGE_VERTEX.itemsize
-        with self._drawing():
-            program = self._program("line_vertex.glsl", "line_fragment.glsl")
-            _set_camera(program, camera)
-            program["near_depth"] = camera.near
-            program["voxel_side"] = edges.voxel_side
-            program["level_colors"].write(np.array(LEVEL_COLORS, np.float32))
-            with self._render_region(view.size, Region(0, 0, *view.size)) as image:
-                lines = self._context.vertex_array(program, [vertex_content(self._splat_buffer, EDGE_VERTEX, "/i")])
-                for first in range(0, len(vertices), num_at_once):
-                    batch = vertices[first : first + num_at_once]
-                    self._splat_buffer.orphan()
-                    self._splat_buffer.write(batch)
-                    lines.render(moderngl.TRIANGLES, vertices=6, instances=len(batch))
-        return image
-
     @contextmanager
     def _render_region(self, size: tuple[int, int], region: Region) -> Iterator[Float32]:
         """Clear a region of an image of (width, height), and read it back at the end of the `with` block."""
@@ -308,8 +286,7 @@ def _create_context() -> Any:
         "no OpenGL 3.3 context could be made",
         got=str(failures[0]),
         expected="an EGL library and a driver: a GPU's, or Mesa's software renderer",
-        hint=f"on Debian or Ubuntu: apt-get install {EGL_PACKAGES}; "
-        "the footprint integrated, without an overlay, needs none",
+        hint=f"on Debian or Ubuntu: apt-get install {EGL_PACKAGES}; the footprint integrated needs none",
     ) from failures[0]
 
 
@@ -319,16 +296,8 @@ def _first_process() -> int:
     return os.getpid()
 
 
-def _num_large_enough(edges: CellEdges, camera: ModelView) -> int:
-    """Return how many of the first edges may belong to cells of MIN_SIDE_PX or more; the model's radius is 1."""
-    eye_distance = float(np.linalg.norm(camera.view_from_model[:, 3]))
-    nearest = max(eye_distance - 1, camera.near, MIN_LINE_DEPTH) if camera.perspective else 1.0
-    sides_px = edges.voxel_side * np.exp2(edges.vertices[:, 6]) * (camera.scale_px / nearest)
-    return int(np.count_nonzero(sides_px >= MIN_SIDE_PX))
-
-
 def _set_camera(program: Any, camera: ModelView) -> None:
-    """Set the uniforms that the programs of splats and lines share."""
+    """Set the uniforms of the programs of splats."""
     to_depth = np.diag([1.0, 1.0, -1.0]) @ camera.view_from_model
     program["view_rotation"] = tuple(to_depth[:, :3].T.ravel())  # GL matrices are column by column
     program["view_translation"] = tuple(to_depth[:, 3])

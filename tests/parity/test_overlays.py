@@ -1,22 +1,30 @@
-"""The overlay: which edges there are, and that they are drawn as an independent float64 drawing has them."""
+"""Overlays: which lines there are, and that they are drawn as an independent float64 drawing has them."""
 
 from __future__ import annotations
 
 import itertools
+import math
 from collections import Counter
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from film_stages import PLAIN, stage_of
 from splatting import cut_of, look, volume_of
 
 from renderer.bricks import BRICK_LEVELS, BrickCut
-from renderer.draw import CellEdges, GLRasterizer, make_edges
-from renderer.draw.constants import LEVEL_COLORS, LINE_COVER, LINE_OPACITY, MIN_SIDE_PX
+from renderer.draw import GLRasterizer, Lines, draw_lines, make_edges, make_outline
+from renderer.draw.cpu.lines import LEVEL_COLORS, LINE_COVER, LINE_OPACITY, MIN_SIDE_PX
+from renderer.draw.overlay import tick_step
+from renderer.frame import render_frames, view_of
 from renderer.pyramid import Cut
+from renderer.scene import CutSpec, ModeSpec, PlaneSpec, SplatSpec
 from renderer.view import View
+from renderer.volume import make_volume
 
-# Positions are float32: a vertex is 1e-5 px off on these images and alpha as much, once for each line at a pixel.
-PRECISION = 2e-4
+# Each line at a pixel is rounded to float32.
+PRECISION = 1e-5
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +58,7 @@ def edges_of_boxes(cut: Cut) -> set[tuple[int, tuple[float, ...], tuple[float, .
     return found
 
 
-def in_world(edges: CellEdges) -> list[tuple[int, tuple[float, ...], tuple[float, ...]]]:
+def in_world(edges: Lines) -> list[tuple[int, tuple[float, ...], tuple[float, ...]]]:
     return [
         (int(v[6]), *(tuple(np.round(edges.origin + edges.model_unit * v[k : k + 3].astype(float), 5)) for k in (0, 3)))
         for v in edges.vertices
@@ -77,14 +85,21 @@ def test_edges_of_bricks_are_those_of_their_nodes_in_the_colours_of_their_cells(
     np.testing.assert_allclose(*sides)
 
 
-def test_an_empty_cut_has_no_edges(rasterizer: GLRasterizer) -> None:
+def drawn(lines: Lines, view: View) -> np.ndarray:
+    """The lines over nothing: float32 [h, w, 4]."""
+    image = np.zeros((view.size[1], view.size[0], 4), np.float32)
+    draw_lines(lines, view, image)
+    return image
+
+
+def test_an_empty_cut_has_no_edges() -> None:
     nothing = cut_of(volume_of(np.zeros((2, 2, 2), np.uint8)), 0.5)
     edges = make_edges(nothing)
     assert len(edges) == 0
-    assert not rasterizer.rasterize_edges(edges, look()).any()
+    assert not drawn(edges, look()).any()
 
 
-def draw_reference(edges: CellEdges, view: View) -> np.ndarray:
+def draw_reference(edges: Lines, view: View) -> np.ndarray:
     """float64 [h, w, 4]: one line after the other over all pixels, clipped to the eye's side, in world units."""
     width, height = view.size
     x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
@@ -132,22 +147,74 @@ VIEWS = {
 
 
 @pytest.mark.parametrize("name", VIEWS)
-def test_lines_are_where_they_should_be(rasterizer: GLRasterizer, cut: Cut, name: str) -> None:
+def test_lines_are_where_they_should_be(cut: Cut, name: str) -> None:
     edges = make_edges(cut)
-    image = rasterizer.rasterize_edges(edges, VIEWS[name])
+    image = drawn(edges, VIEWS[name])
     assert np.abs(image - draw_reference(edges, VIEWS[name])).max() < PRECISION
     assert image[..., 3].max() > 0.1
 
 
-@pytest.mark.parametrize("batch_bytes", [32, 7 * 28])
-def test_batches_leave_no_trace(
-    rasterizer: GLRasterizer, cut: Cut, monkeypatch: pytest.MonkeyPatch, batch_bytes: int
-) -> None:
-    edges, view = make_edges(cut), look(distance=14)
-    whole = rasterizer.rasterize_edges(edges, view)
-    monkeypatch.setattr("renderer.draw.gl.raster.BATCH_SIZE", 1)
-    monkeypatch.setattr("renderer.draw.gl.raster.VERTEX_BYTES", batch_bytes)
-    assert rasterizer.rasterize_edges(edges, view).tobytes() == whole.tobytes()
+@pytest.mark.parametrize("side", [*np.geomspace(1e-7, 3e7, 80), 0.4, 4.0, 5.0, 10.0, 20.0, 1e5])
+def test_ticks_are_few_and_round(side: float) -> None:
+    step = tick_step(side)
+    mantissa = step / 10 ** math.floor(math.log10(step) + 1e-9)
+    assert any(math.isclose(mantissa, round_number) for round_number in (1, 2, 5))
+    assert 4 <= sum(number * step < side * (1 - 1e-6) for number in range(1, 20)) < 10
+
+
+def test_the_outline_is_that_of_the_box_with_ticks_at_round_distances() -> None:
+    """A box of 35 x 9 x 4 in a skewed world: ticks at 5, 10, ... along its first axis and at 5 along the second."""
+    world_from_index = np.eye(4)
+    world_from_index[:3, :3] = np.array([[3.0, 4.0, 0.0], [-4.0, 3.0, 0.0], [3.0, 0.0, 4.0]]).T / 5
+    world_from_index[:3, 3] = 7, -2, 30
+    volume = make_volume(np.zeros((4, 9, 35), np.uint8), world_from_index, "skewed")
+    outline = make_outline(volume)
+    ends = outline.vertices[:, :6].reshape(-1, 2, 3) * outline.model_unit + outline.origin
+    a, b = np.moveaxis((ends - world_from_index[:3, 3]) @ np.linalg.inv(world_from_index[:3, :3]).T + 0.5, 1, 0)
+    lengths = np.abs(b - a).max(axis=1)
+    assert (np.sum(np.abs(b - a) > 1e-4, axis=1) == 1).all()
+    edges, strokes = lengths > 2, lengths < 2
+    corners = np.stack(np.meshgrid([0, 35], [0, 9], [0, 4], indexing="ij"), axis=-1).reshape(-1, 3)
+    expected = {(*p, *q) for p in corners for q in corners if np.sum(p != q) == 1 and (p <= q).all()}
+    assert Counter(map(tuple, np.round(np.column_stack([a, b])[edges], 3))) == Counter(expected)
+    marks = [(5 * k, 0, 0) for k in range(1, 7)] + [(0, 5, 0)]
+    assert Counter(map(tuple, np.round(a[strokes], 3))) == Counter(2 * marks)
+    is_long = a[strokes][:, 0].round() == 25
+    np.testing.assert_allclose(lengths[strokes], np.where(is_long, 0.04, 0.02) * 35, rtol=1e-4)
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+def test_the_outline_has_one_opacity(projection: str) -> None:
+    view = look(projection, distance=60, size=(300, 200))
+    outline = make_outline(volume_of(np.zeros((3, 4, 5), np.uint8)))
+    image = drawn(outline, view)
+    assert np.abs(image - draw_reference(outline, view)).max() < PRECISION
+    assert image[..., 3].max() > 0.7 * LINE_OPACITY
+    np.testing.assert_allclose(image[..., :3], image[..., 3:] * np.array(LEVEL_COLORS[1]), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"mode": ModeSpec("maximum")},
+        {"mode": ModeSpec("minimum")},
+        {"mode": ModeSpec("maximum", color_by="depth")},
+        {"mode": ModeSpec("mean")},
+        {"cuts": (CutSpec(PlaneSpec((15.0, 13.0, 9.0), (0.0, 0.0, 1.0))),)},
+        {"splat": SplatSpec("gaussian")},
+    ],
+)
+def test_the_outline_is_drawn_over_any_picture(rasterizer: GLRasterizer, changes: dict[str, Any]) -> None:
+    scene = replace(PLAIN, camera=replace(PLAIN.camera, distance=90.0), **changes)
+    (below,), (above,) = (
+        render_frames(stage_of(each), [1], rasterizer, clock=itertools.count().__next__)
+        for each in (scene, replace(scene, overlay="bounds"))
+    )
+    stage = stage_of(scene)
+    expected = below.radiance.copy()
+    draw_lines(make_outline(stage.volume), view_of(stage, 1), expected)
+    np.testing.assert_array_equal(above.radiance, expected)
+    assert 100 < (above.image != below.image).any(axis=2).sum() < 1000
 
 
 def test_colors_are_ordered_and_legible_on_black_and_on_white() -> None:
