@@ -205,7 +205,5 @@ def test_a_folder_is_a_volume_and_no_raw_file() -> None:
 def test_splats_have_neither_occlusion_nor_shadows(key: str) -> None:
     assert getattr(parse(changed(shading={key: 0.5})).shading, key) == 0.5
     splats = {"footprint": "gouraud"}
-    assert complaints(changed(shading={key: 0.5}, splat=splats)) == [
-        (f"shading.{key}", f"footprint gouraud has no {key}")
-    ]
+    assert complaints(changed(shading={key: 0.5}, splat=splats)) == [(f"shading.{key}", "needs footprint: integrated")]
     parse(changed(shading={key: 0}, splat=splats))
