@@ -70,4 +70,4 @@ def test_vtk_that_is_missing_is_reported(monkeypatch: pytest.MonkeyPatch, capsys
 )
 def test_a_study_notes_what_it_does_not_measure(schedule: str, notes: list[str]) -> None:
     scene = load_scene(Path("scene.yaml"), overrides=["error.tolerance=null", f"error.{schedule}"])
-    assert scene_notes(scene, has_transparent_border=False) == notes
+    assert scene_notes(scene) == notes

@@ -19,7 +19,7 @@ from hsplat_cli.studies.measure import study
 from hsplat_cli.studies.peers import vtk_peer
 from hsplat_cli.studies.peers.vtk_peer import describe_vtk, vtk_settings
 from renderer.errors import RenderError
-from renderer.scene import Scene
+from renderer.scene import ModeSpec, Scene
 from renderer.study import Measurement
 
 SCENE = small_scene(shape="32, 32, 16", frames=8, size="48, 32", error="tolerance: 0.1")
@@ -91,8 +91,8 @@ def test_single_voxels_are_drawn_once_for_all_measures_and_corrections(monkeypat
 
 
 def test_a_peer_is_measured_and_described(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    settings = vtk_settings()[3:4]
-    monkeypatch.setattr(vtk_peer, "vtk_settings", lambda: settings)
+    settings = vtk_settings(ModeSpec())[3:4]
+    monkeypatch.setattr(vtk_peer, "vtk_settings", lambda mode: settings)
     only = ("--tolerances", "0.5", "--footprints", "integrated", "--measures", "optical")
     measure(*QUICK, *only, "--peer", "vtk")
     data = json.loads((Path("scene.measured") / "measure.json").read_text("utf-8"))

@@ -12,14 +12,23 @@ import numpy as np
 import pytest
 
 from hsplat_cli.studies.peers import vtk_peer
-from hsplat_cli.studies.peers.vtk_peer import describe_vtk, measure_vtk, vtk_settings, with_transparent_border
+from hsplat_cli.studies.peers.vtk_peer import (
+    Look,
+    check_vtk,
+    comparable,
+    describe_vtk,
+    look_of,
+    measure_vtk,
+    vtk_settings,
+    with_transparent_border,
+)
 from renderer.errors import InputError, RenderError
 from renderer.film import over_background
 from renderer.readers.procedural import procedural_values
-from renderer.scene import CameraSpec, ProceduralSource, TurntablePath
+from renderer.scene import CameraSpec, ModeSpec, ProceduralSource, Scene, TurntablePath, parse_scene
 from renderer.study import Measurement, Setting, Truth
 from renderer.transfer import TransferFunction
-from renderer.truth import Convergence, integrate
+from renderer.truth import Convergence, SceneRays, integrate
 from renderer.view import View, make_view
 from renderer.volume import Float64, Volume, make_volume
 
@@ -64,13 +73,13 @@ def truth(volume: Volume, of: TransferFunction, view: View, frame: int = 0) -> T
 
 
 def finest() -> list[Setting]:
-    return [next(setting for setting in vtk_settings() if setting.series == series) for series in NEAR]
+    return [next(setting for setting in vtk_settings(ModeSpec()) if setting.series == series) for series in NEAR]
 
 
 def measured(volume: Volume, of: TransferFunction, *views: View) -> list[Measurement]:
     bordered = with_transparent_border(volume, of)
     truths = [truth(bordered, of, view, frame) for frame, view in enumerate(views)]
-    return list(measure_vtk(bordered, of, views, truths, BACKGROUND, settings=finest(), repeats=1))
+    return list(measure_vtk(bordered, Look(of, BACKGROUND), views, truths, settings=finest(), repeats=1))
 
 
 def require_near(measurements: list[Measurement]) -> None:
@@ -115,10 +124,10 @@ def test_coarse_settings_are_worse() -> None:
     right = truth(volume, transfer(), view, 7)
     settings = [
         setting
-        for setting in vtk_settings()
+        for setting in vtk_settings(ModeSpec())
         if (setting.options["sample_distance"], setting.options["image_reduction"]) in ((0.5, 1), (4, 1), (0.5, 2))
     ]
-    found = measure_vtk(volume, transfer(), [view], [right], BACKGROUND, settings=settings, repeats=3)
+    found = measure_vtk(volume, Look(transfer(), BACKGROUND), [view], [right], settings=settings, repeats=3)
     measurements = {}
     for setting, measurement in zip(settings, found, strict=True):
         assert measurement.setting is setting
@@ -198,7 +207,7 @@ def test_the_border_is_transparent(
 
 def test_a_thin_volume_has_no_border() -> None:
     with pytest.raises(InputError) as caught:
-        with_transparent_border(make_volume(np.zeros((2, 5, 4), np.uint8), np.eye(4), "scan"), transfer())
+        comparable(scene_of(), make_volume(np.zeros((2, 5, 4), np.uint8), np.eye(4), "scan"))
     assert str(caught.value) == (
         "scan: the volume is too thin to be compared with VTK, which draws nothing beyond the outer voxel centres\n"
         "  got: 4 x 5 x 2\n"
@@ -217,6 +226,73 @@ def test_only_the_border_changes() -> None:
     assert set(bordered.values[border].tolist()) == {int(volume.values.min())}
     assert np.array_equal(bordered.world_from_index, volume.world_from_index)
     assert bordered.fingerprint != volume.fingerprint
+
+
+def scene_of(**sections: object) -> Scene:
+    tree = {
+        "volume": {"procedural": {"name": "engine_block", "shape": list(SHAPE)}},
+        "transfer_function": {"colormap": "gray", "range": [20, 230], "opacity": [[20, 0], [230, 0.3]]},
+        "camera": {"path": {"type": "turntable", "frames": 1}},
+        "output": {"file": "a.mp4", "size": [72, 54], "background": "white"},
+    }
+    return parse_scene(tree | sections, base=Path("/"))
+
+
+def best_psnr(scene: Scene, volume: Volume) -> dict[str, float]:
+    """Return the PSNR of the finest setting of each mapper that has the scene's mode."""
+    scene, volume, _ = comparable(scene, volume)
+    view = replace(look(volume), cuts=scene.cuts)
+    width, height = view.size
+    rays = SceneRays(volume, scene).integrate(view, np.arange(width * height), 0.25).reshape(height, width, 4)
+    right = Truth(0, over_background(rays, scene.output.background), rays[..., 3] > 0, CONVERGENCE)
+    chosen = [each for each in vtk_settings(scene.mode) if each.series in NEAR and each.label == "step 0.5"]
+    found = measure_vtk(volume, look_of(scene, volume), [view], [right], settings=chosen, repeats=0)
+    return {each.setting.series: each.overall.everywhere["psnr"] for each in found}
+
+
+# Colours that no window makes of gray.
+COLORED = [{"value": 20, "color": "navy"}, {"value": 120, "color": "red"}, {"value": 230, "color": "white"}]
+
+
+@pytest.mark.parametrize(
+    ("sections", "gpu", "fixed_point"),
+    [
+        ({"mode": "maximum", "transfer_function": {"points": COLORED}}, 51, 33),
+        ({"mode": "minimum", "transfer_function": {"points": COLORED}}, 46, 30),
+        ({"mode": "mean"}, 57, None),
+        ({"mode": "mean", "transfer_function": {"colormap": "gray_r", "range": [20, 230]}}, 57, None),
+        ({"shading": {"light": "camera", "specular": 0.3, "shininess": 8}}, 55, 33),
+        ({"shading": {"light": "camera", "specular": 0.3, "shininess": 8, "two_sided": True}}, 53, 32),
+    ],
+)
+def test_modes_and_light_are_near_the_truth(sections: dict[str, object], gpu: float, fixed_point: float | None) -> None:
+    """Limits are 1 to 3 dB below what was seen."""
+    affine = oblique((0.7, 1.0, 1.3))
+    volume = engine(affine=affine)
+    if sections.get("mode") == "minimum":  # whose rays would all meet air
+        volume = make_volume(255 - volume.values, affine, "negative")
+    found = best_psnr(scene_of(**sections), volume)
+    assert found.keys() == ({"vtk gpu"} if fixed_point is None else set(NEAR))
+    assert found["vtk gpu"] > gpu
+    assert fixed_point is None or found["vtk fixed point"] > fixed_point
+
+
+def test_what_vtk_lacks_is_refused() -> None:
+    plane = {"plane": {"point": [0, 0, 0], "normal": [1, 0, 0]}}
+    cases: dict[str, dict[str, object]] = {
+        "shading.light": {"shading": {"light": [1, 0, 0]}},
+        "shading.gradient_opacity": {"shading": {"light": "camera", "gradient_opacity": [[0, 0], [9, 1]]}},
+        "cuts": {"cuts": [plane]},
+        "mode": {"mode": {"type": "attenuation", "scale": 0.01, "zero": 0}},
+        "mode.color_by": {"mode": {"type": "maximum", "color_by": "depth"}},
+        "transfer_function": {"mode": "mean", "transfer_function": {"points": COLORED}},
+    }
+    for key, sections in cases.items():
+        with pytest.raises(InputError) as caught:
+            check_vtk(scene_of(**sections))
+        assert str(caught.value).startswith(f"{key}: VTK cannot be compared: ")
+    check_vtk(scene_of(mode="mean"))
+    check_vtk(scene_of(shading={"light": "camera"}))
 
 
 # Replaces the worker: writes its process number, describes itself, takes the scene, and acts on the first frame.
@@ -247,7 +323,7 @@ def with_stand_in(action: str, folder: Path, monkeypatch: pytest.MonkeyPatch) ->
     volume = with_transparent_border(engine(), transfer())
     view = look(volume)
     right = Truth(0, np.zeros((54, 72, 3)), np.ones((54, 72), bool), CONVERGENCE)
-    return measure_vtk(volume, transfer(), [view], [right], None, settings=finest(), repeats=1)
+    return measure_vtk(volume, Look(transfer(), None), [view], [right], settings=finest(), repeats=1)
 
 
 def require_ended(folder: Path) -> None:
@@ -316,7 +392,7 @@ def test_errors_of_vtk_end_the_measurement() -> None:
     settings = [replace(finest()[0], options={"mapper": "gpu", "sample_distance": 0.5, "image_reduction": 1e9})]
     right = truth(volume, transfer(), view)
     with pytest.raises(RenderError) as caught:
-        list(measure_vtk(volume, transfer(), [view], [right], None, settings=settings, repeats=1))
+        list(measure_vtk(volume, Look(transfer(), None), [view], [right], settings=settings, repeats=1))
     _, status, *said, hint = str(caught.value).splitlines()
     assert status == "  got: exit status 1"
     assert said and all("ERR" in line and "\x1b" not in line for line in said)

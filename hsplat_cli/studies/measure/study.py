@@ -40,7 +40,6 @@ from renderer.study import (
     spread_evenly,
 )
 from renderer.system import num_cores
-from renderer.transfer import make_transfer_function
 from renderer.volume import Volume
 
 # Number of frames measured by default.
@@ -92,10 +91,10 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
         machine = describe_machine(rasterizer.device)
     if request.peer:
         machine["peer"] = {"name": request.peer, **vtk_peer.describe_vtk()}
-    volume = read_volume(scene.volume)
-    transfer = make_transfer_function(scene.transfer_function, volume.finest_spacing)
+    volume, notes = read_volume(scene.volume), list[str]()
     if request.peer:
-        volume = vtk_peer.with_transparent_border(volume, transfer)
+        scene, volume, notes = vtk_peer.comparable(scene, volume)
+        request = replace(request, scene=scene)
     path = scene.camera.path
     frames = request.frames or spread_evenly(range(path.frames), _NUM_FRAMES, is_loop=is_loop(path))
     sweep = request.sweep
@@ -114,9 +113,9 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
         drawn = _measure_hsplat(request, plan, opened, truths)
         work = [each.predicted_seconds(len(frames), request.repeats) for settings in plan for each in settings]
         if request.peer:
-            background, repeats, peers = scene.output.background, request.repeats, vtk_peer.vtk_settings()
+            repeats, peers = request.repeats, vtk_peer.vtk_settings(scene.mode)
             work += [len(frames) * (1 + repeats) * _PEER_FRAME_S] * len(peers)
-            arguments = volume, transfer, views, truths, background
+            arguments = volume, vtk_peer.look_of(scene, volume), views, truths
             drawn = chain(drawn, vtk_peer.measure_vtk(*arguments, settings=peers, repeats=repeats))
         try:
             for measurement in _with_progress(drawn, work, reporter):
@@ -124,8 +123,7 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
         except (KeyboardInterrupt, HsplatError) as error:
             end = error
     if measurements:
-        notes = [_QUICK_NOTE] if request.is_quick else []
-        notes += scene_notes(scene, has_transparent_border=request.peer is not None)
+        notes = [*([_QUICK_NOTE] if request.is_quick else []), *scene_notes(scene), *notes]
         if end:
             why = f"ended by an error ({end.what})" if isinstance(end, HsplatError) else "interrupted"
             notes.insert(0, f"{why}: {counted(len(measurements), 'setting')} had been measured")
@@ -228,11 +226,8 @@ def _report(study: Study, folder: Path, reporter: Reporter) -> None:
     reporter.result("written: " + ", ".join(map(str, paths)))
 
 
-def scene_notes(scene: Scene, *, has_transparent_border: bool) -> list[str]:
-    """Return notes on differences between the scene and what is measured.
-
-    has_transparent_border: whether the volume has one, for VTK.
-    """
+def scene_notes(scene: Scene) -> list[str]:
+    """Return notes on differences between the scene and what is measured."""
     notes = []
     if scene.error.goal is not None:
         (schedule,) = schedule_to_dict(scene.error)
@@ -243,13 +238,4 @@ def scene_notes(scene: Scene, *, has_transparent_border: bool) -> list[str]:
         notes.append("the scene changes its tolerance over the film; here each tolerance is measured by itself")
     if scene.output.background is None:
         notes.append("the scene's background is transparent; pictures are compared over black")
-    if has_transparent_border:
-        notes.append(
-            "the outermost layer of voxels was made transparent, because VTK's volumes end half a voxel earlier; "
-            "the truth, hsplat and VTK all draw this volume"
-        )
-        notes.append(
-            "VTK's frames have 8 bits, and hsplat's are compared before they are rounded to that; the rounding alone "
-            "limits a picture to about 59 dB where the volume is visible"
-        )
     return notes

@@ -1,7 +1,9 @@
-"""Measure VTK's volume mappers on hsplat's scene: the same voxels, transfer function, cameras and truth.
+"""Measure VTK's volume mappers on hsplat's scene: the same voxels, transfer function, mode, light, cameras and truth.
 
 VTK draws in a separate process (`vtk_worker.py`), which isolates its GL context and its faults. Lengths are in units of
 the finest spacing, with the origin at the volume's centre, because VTK computes in float32.
+
+VTK's volume ends at the outer voxel centres, hsplat's half a voxel further out. `comparable` hides the difference.
 
 VTK's results include the errors of its look-up tables for the transfer function, of 15 bits of opacity in the
 fixed-point mapper, and of 8-bit frames, which alone limit the PSNR to 59 dB on the pixels that a volume covers.
@@ -15,7 +17,7 @@ import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from typing import IO, Any
@@ -23,10 +25,10 @@ from typing import IO, Any
 import numpy as np
 
 from renderer.errors import InputError, RenderError, require_package
-from renderer.scene import Color, Scene
+from renderer.scene import Color, CutSpec, ModeSpec, PlaneSpec, Scene, ShadingSpec
 from renderer.study import FirstPass, FloatImage, Measurement, Setting, Truths
 from renderer.system import ChildProcesses, join_lines
-from renderer.transfer import TransferFunction
+from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.view import View
 from renderer.volume import Array, Float64, Volume, make_volume
 
@@ -43,6 +45,24 @@ _DEPTH_BETWEEN_POINTS = 0.02
 # Width of the ramp that replaces a step, as a share of the transfer function's range: below the table's resolution.
 _STEP_WIDTH = 1e-6
 
+# VTK's name for each mode that it has.
+_BLENDS = {
+    "emission_absorption": "COMPOSITE_BLEND",
+    "maximum": "MAXIMUM_INTENSITY_BLEND",
+    "minimum": "MINIMUM_INTENSITY_BLEND",
+    "mean": "AVERAGE_INTENSITY_BLEND",
+}
+# Colours this near to those of a line from black to white are gray: half a step of 8 bits.
+_SAME_GRAY = 0.5 / 255
+
+_NOTE = (
+    "VTK's frames have 8 bits, and hsplat's are compared before they are rounded to that; the rounding alone limits a "
+    "picture to about 59 dB where the volume is visible"
+)
+_LIGHT_NOTE = (
+    "VTK's highlights are Phong's; their power is a quarter of the shininess, by which narrow ones are the same"
+)
+
 _WORKER = "hsplat_cli.studies.peers.vtk_worker"
 
 # Smallest depth of the near plane, as a share of the far plane's: float32 depths stay distinct.
@@ -55,8 +75,8 @@ _NUM_LAST_LINES = 8
 _TERMINAL_COLOR = re.compile(r"\x1b\[[0-9;]*m")
 
 
-def vtk_settings() -> tuple[Setting, ...]:
-    """Return the settings of both mappers from fine to coarse: steps along the ray, and fewer pixels."""
+def vtk_settings(mode: ModeSpec) -> tuple[Setting, ...]:
+    """Return the settings of all mappers with a mode from fine to coarse: steps along the ray, and fewer pixels."""
     return tuple(
         Setting(
             f"vtk {mapper}" + (f", 1/{reduction**2} px" if reduction > 1 else ""),
@@ -64,6 +84,7 @@ def vtk_settings() -> tuple[Setting, ...]:
             {"tool": "vtk", "mapper": mapper, "sample_distance": distance, "image_reduction": reduction},
         )
         for mapper, reductions in _IMAGE_REDUCTIONS.items()
+        if mapper == "gpu" or mode.type != "mean"
         for reduction in reductions
         for distance in _SAMPLE_DISTANCES
     )
@@ -72,15 +93,36 @@ def vtk_settings() -> tuple[Setting, ...]:
 def check_vtk(scene: Scene) -> None:
     """Raise InputError if VTK is not installed, or cannot draw the scene."""
     require_package("vtk", extra="vtk")
-    if scene.shading is not None:
-        raise InputError(
-            "VTK cannot be compared on a scene with shading: its lighting model differs",
-            where="shading",
-            hint="measure without the peer, or without shading",
-        )
+    for where, what in _what_vtk_lacks(scene):
+        hint = "measure without the peer, or without it"
+        raise InputError(f"VTK cannot be compared: {what}", where=where, hint=hint)
+
+
+def _what_vtk_lacks(scene: Scene) -> Iterator[tuple[str, str]]:
+    """Yield the keys of what VTK cannot draw, and why."""
+    shading, mode = scene.shading, scene.mode
+    if shading is not None and shading.light != "camera":
+        yield "shading.light", "it has a light at the camera alone"
+    if shading is not None and shading.gradient_opacity:
+        yield "shading.gradient_opacity", "it multiplies opacities by factors, hsplat extinctions"
     if scene.cuts:
-        hint = "measure without the peer, or without cuts"
-        raise InputError("VTK cannot be compared on a scene with cuts: it draws all of it", where="cuts", hint=hint)
+        yield "cuts", "it would draw all of the volume"
+    if mode.type not in _BLENDS:
+        yield "mode", f"it has no mode {mode.type}"
+    if mode.color_by == "depth":
+        yield "mode.color_by", "it does not tell where a maximum is"
+    if mode.type == "mean" and _gray_window(make_transfer_function(scene.transfer_function, 1.0)) is None:
+        yield "transfer_function", "its mean is gray, and needs colormap: gray or gray_r"
+
+
+def _gray_window(transfer: TransferFunction) -> tuple[float, float] | None:
+    """Return the scalars that are black and white, if colours are linear in between, else None."""
+    first, last = transfer.values[0], transfer.values[-1]
+    shares = (transfer.values / 2 - first / 2) / (last / 2 - first / 2)
+    for black, white, grays in ((first, last, shares), (last, first, 1 - shares)):
+        if np.allclose(transfer.colors, grays[:, None], atol=_SAME_GRAY):
+            return float(black), float(white)
+    return None
 
 
 def describe_vtk() -> dict[str, str]:
@@ -89,12 +131,12 @@ def describe_vtk() -> dict[str, str]:
         return worker.description()
 
 
-def with_transparent_border(volume: Volume, transfer: TransferFunction) -> Volume:
-    """Return the volume with its outermost layer of voxels set to a transparent value.
+def comparable(scene: Scene, volume: Volume) -> tuple[Scene, Volume, list[str]]:
+    """Return a scene and a volume that both programs draw alike at the border, and notes on what differs.
 
-    VTK's volume ends at the outer voxel centres, hsplat's half a voxel further out; such a border hides the difference.
-    The value is the volume's minimum if that is transparent, else its maximum, else any transparent value.
-    Raises InputError if the type has none, nothing would be left, or the volume's file was changed.
+    A border would change the length that a mean is taken over, and surround a minimum with an edge that is not there,
+    so of these hsplat's volume is cut where VTK's ends.
+    Raises InputError if the volume is too thin, or by `with_transparent_border`.
     """
     if min(volume.shape_xyz) < 3:
         raise InputError(
@@ -103,6 +145,38 @@ def with_transparent_border(volume: Volume, transfer: TransferFunction) -> Volum
             got=" x ".join(map(str, volume.shape_xyz)),
             expected="at least 3 voxels along each axis",
         )
+    transfer = look_of(scene, volume).transfer
+    if scene.mode.type == "maximum":
+        value, _ = volume.value_range()
+        red, green, blue = transfer.classify(np.array([value]))[0][0].tolist()
+        scene = replace(scene, output=replace(scene.output, background=(red, green, blue)))
+        volume = _with_border(volume, value)
+        note = f"the outermost layer of voxels was set to {value:g}, and the background to its colour, because"
+    elif scene.mode.is_projection:
+        scene = replace(scene, cuts=_cuts_at_voxel_centres(volume))
+        note = "the volume was cut at the centres of the outer voxels, because"
+    else:
+        volume = with_transparent_border(volume, transfer)
+        note = "the outermost layer of voxels was made transparent, because"
+    notes = [f"{note} VTK's volumes end half a voxel earlier; the truth, hsplat and VTK all draw this volume", _NOTE]
+    return scene, volume, notes + ([_LIGHT_NOTE] if scene.shading else [])
+
+
+def _cuts_at_voxel_centres(volume: Volume) -> tuple[CutSpec, ...]:
+    """Return cuts by the six planes through the centres of the outer voxels."""
+    first = volume.world_from_index[:3, 3]
+    last = volume.world_from_index[:3] @ [*(np.array(volume.shape_xyz) - 1.0), 1.0]
+    outward = np.linalg.inv(volume.world_from_index[:3, :3] / volume.finest_spacing)
+    planes = [(point, sign * row) for point, sign in ((first, -1.0), (last, 1.0)) for row in outward]
+    return tuple(CutSpec(plane=PlaneSpec(tuple(point.tolist()), tuple(row.tolist()))) for point, row in planes)
+
+
+def with_transparent_border(volume: Volume, transfer: TransferFunction) -> Volume:
+    """Return the volume with its outermost layer of voxels set to a transparent value.
+
+    The value is the volume's minimum if that is transparent, else its maximum, else any transparent value.
+    Raises InputError if the type has none, or the volume's file was changed.
+    """
     value = _transparent_value(volume.values, transfer)
     if value is None:
         raise InputError(
@@ -111,11 +185,16 @@ def with_transparent_border(volume: Volume, transfer: TransferFunction) -> Volum
             expected=f"an opacity of 0 at some value of type {volume.values.dtype}",
             hint="measure without the peer",
         )
+    return _with_border(volume, value)
+
+
+def _with_border(volume: Volume, value: Any) -> Volume:
+    """Return the volume with its outermost layer of voxels set to a value."""
     values = np.full_like(volume.values, value)
     inner = (slice(1, -1),) * 3
     values[inner] = volume.values[inner]
     volume.require_unchanged()
-    return make_volume(values, volume.world_from_index, f"{volume.name} with a transparent border")
+    return make_volume(values, volume.world_from_index, f"{volume.name} with a border of {value:g}")
 
 
 def _transparent_value(values: Array, transfer: TransferFunction) -> Any:
@@ -129,27 +208,44 @@ def _transparent_value(values: Array, transfer: TransferFunction) -> Any:
     return hidden[0] if hidden.size else None
 
 
+@dataclass(frozen=True)
+class Look:
+    """What VTK draws a volume with. background: None is black. mode, shading: that `check_vtk` accepts."""
+
+    transfer: TransferFunction
+    background: Color | None
+    mode: ModeSpec = field(default_factory=ModeSpec)
+    shading: ShadingSpec | None = None
+
+
+def look_of(scene: Scene, volume: Volume) -> Look:
+    """Return what VTK draws the volume of a scene with."""
+    transfer = make_transfer_function(scene.transfer_function, volume.finest_spacing)
+    return Look(transfer, scene.output.background, scene.mode, scene.shading)
+
+
 def measure_vtk(
     volume: Volume,
-    transfer: TransferFunction,
+    look: Look,
     views: Sequence[View],
     truths: Truths,
-    background: Color | None,
     *,
     settings: Sequence[Setting],
     repeats: int,
 ) -> Iterator[Measurement]:
     """Measure each setting, and yield it at once.
 
-    volume: with a transparent border, as in the truths. background: None is black. views, truths: one for each frame.
+    volume: as in the truths, by `comparable`. views, truths: one for each frame.
     settings: of `vtk_settings()`. repeats: timed passes over the frames, drawing and reading back, after a first pass
     that warms up and gives the pictures, as for hsplat.
 
     Raises RenderError if VTK fails, dies or hangs. Closing the iterator ends its process.
     """
     voxels, lowest, half_span = _convert_voxels(volume.values)
-    points = _points(transfer, volume.finest_spacing)
+    points = _points(look.transfer, volume.finest_spacing)
     points[:, 0] = (points[:, 0] / 2 - lowest / 2) / half_span
+    if look.mode.is_projection:
+        points[:, 4] = 1.0
     finest, world_from_image = volume.finest_spacing, np.eye(4)  # of the image's axes, to the world of the job
     world_from_image[:3, :3] = volume.world_from_index[:3, :3] / volume.spacing
     world_from_image[:3, 3] = (volume.world_from_index[:3, 3] - volume.centre) / finest
@@ -159,7 +255,10 @@ def measure_vtk(
         "shape": voxels.shape,
         "dtype": voxels.dtype,
         "points": points.tolist(),
-        "background": background or (0.0, 0.0, 0.0),
+        "background": look.background or (0.0, 0.0, 0.0),
+        "blend": _BLENDS[look.mode.type],
+        "window": _final_window(volume, look),
+        "light": _light(look.shading),
         "cameras": [_camera(volume, view) for view in views],
     }
     with _start_worker() as worker:
@@ -174,6 +273,30 @@ def measure_vtk(
             times = [{"draw": seconds} for seconds in zip(*passes, strict=True)]
             absent: dict[str, Any] = {"num_cells": None, "pyramid_seconds": None, "seconds": {}, "peak_bytes": None}
             yield judged.measurement([None] * len(truths), times, setting=setting, **absent)
+
+
+def _final_window(volume: Volume, look: Look) -> tuple[float, float] | None:
+    """Return width and middle of VTK's window onto means, as shares of the range of the voxels; None without means."""
+    if look.mode.type != "mean":
+        return None
+    lowest, highest = volume.value_range()
+    ends = _gray_window(look.transfer)
+    assert ends is not None, "checked with the scene"
+    black, white = ((end / 2 - lowest / 2) / (highest / 2 - lowest / 2 or 0.5) for end in ends)
+    return white - black, white / 2 + black / 2
+
+
+def _light(shading: ShadingSpec | None) -> dict[str, Any] | None:
+    """Return VTK's material. At an angle t its highlight is cos(2 t)^power, near t = 0 as cos(t)^(4 power)."""
+    if shading is None:
+        return None
+    return {
+        "ambient": shading.ambient,
+        "diffuse": shading.diffuse,
+        "specular": shading.specular,
+        "power": shading.shininess / 4,
+        "is_two_sided": shading.two_sided,
+    }
 
 
 def _convert_voxels(values: Array) -> tuple[Array, float, float]:

@@ -26,12 +26,13 @@ from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPiecewiseFunction
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from vtkmodules.vtkRenderingCore import (
     vtkColorTransferFunction,
+    vtkLight,
     vtkRenderer,
     vtkRenderWindow,
     vtkVolume,
     vtkVolumeProperty,
 )
-from vtkmodules.vtkRenderingVolume import vtkFixedPointVolumeRayCastMapper
+from vtkmodules.vtkRenderingVolume import vtkFixedPointVolumeRayCastMapper, vtkVolumeMapper
 from vtkmodules.vtkRenderingVolumeOpenGL2 import vtkOpenGLGPUVolumeRayCastMapper
 
 Json = dict[str, Any]
@@ -52,7 +53,7 @@ def main(connection: Connection[Any, Any]) -> None:
             if window is not None:
                 window.Finalize()  # frees its memory on the device
             current = setting
-            window, renderer = _make_window(job, volume_property, _make_mapper(setting, image))
+            window, renderer = _make_window(job, volume_property, _make_mapper(setting, image, job))
         _set_camera(window, renderer, job["cameras"][camera])
         connection.send(_draw(window, renderer))
 
@@ -76,7 +77,7 @@ def _make_image(voxels: npt.NDArray[Any], spacing: list[float]) -> Any:
 
 
 def _make_property(job: Json) -> Any:
-    """Return the transfer function, with opacities per unit of length."""
+    """Return the transfer function, with opacities per unit of length, and the material."""
     color, opacity = vtkColorTransferFunction(), vtkPiecewiseFunction()
     for value, red, green, blue, alpha in job["points"]:
         color.AddRGBPoint(value, red, green, blue)
@@ -86,11 +87,16 @@ def _make_property(job: Json) -> Any:
     volume_property.SetScalarOpacity(opacity)
     volume_property.SetScalarOpacityUnitDistance(1.0)
     volume_property.SetInterpolationTypeToLinear()
-    volume_property.ShadeOff()
+    if light := job["light"]:
+        volume_property.ShadeOn()
+        volume_property.SetAmbient(light["ambient"])
+        volume_property.SetDiffuse(light["diffuse"])
+        volume_property.SetSpecular(light["specular"])
+        volume_property.SetSpecularPower(light["power"])
     return volume_property
 
 
-def _make_mapper(setting: Json, image: Any) -> Any:
+def _make_mapper(setting: Json, image: Any, job: Json) -> Any:
     """Return a mapper that does not adapt to the time of a frame, and adds no jitter."""
     kinds = {"gpu": vtkOpenGLGPUVolumeRayCastMapper, "fixed point": vtkFixedPointVolumeRayCastMapper}
     mapper: Any = kinds[setting["mapper"]]()
@@ -100,6 +106,11 @@ def _make_mapper(setting: Json, image: Any) -> Any:
     mapper.LockSampleDistanceToInputSpacingOff()
     mapper.SetSampleDistance(setting["sample_distance"])
     mapper.SetImageSampleDistance(setting["image_reduction"])
+    mapper.SetBlendMode(getattr(vtkVolumeMapper, job["blend"]))
+    if job["window"]:
+        width, level = job["window"]
+        mapper.SetFinalColorWindow(width)
+        mapper.SetFinalColorLevel(level)
     mapper.SetInputData(image)
     return mapper
 
@@ -114,6 +125,12 @@ def _make_window(job: Json, volume_property: Any, mapper: Any) -> tuple[Any, Any
     renderer = vtkRenderer()
     renderer.AddVolume(volume)
     renderer.SetBackground(job["background"])
+    if job["light"]:
+        renderer.SetTwoSidedLighting(job["light"]["is_two_sided"])
+        headlight = vtkLight()
+        headlight.SetLightTypeToHeadlight()
+        headlight.SetAmbientColor(1, 1, 1)  # by default the fixed-point mapper leaves the ambient part out
+        renderer.AddLight(headlight)
     window = vtkRenderWindow()
     window.SetOffScreenRendering(1)
     window.SetMultiSamples(0)
