@@ -60,7 +60,8 @@ _NOTE = (
     "picture to about 59 dB where the volume is visible"
 )
 _LIGHT_NOTE = (
-    "VTK's highlights are Phong's; their power is a quarter of the shininess, by which narrow ones are the same"
+    "highlights of VTK's GPU mapper are Phong's, of a quarter of the shininess, by which narrow ones are the same; its "
+    "fixed-point mapper interpolates the light between voxels"
 )
 
 _WORKER = "hsplat_cli.studies.peers.vtk_worker"
@@ -258,7 +259,7 @@ def measure_vtk(
         "background": look.background or (0.0, 0.0, 0.0),
         "blend": _BLENDS[look.mode.type],
         "window": _final_window(volume, look),
-        "light": _light(look.shading),
+        "light": look.shading and vars(look.shading),
         "cameras": [_camera(volume, view) for view in views],
     }
     with _start_worker() as worker:
@@ -284,19 +285,6 @@ def _final_window(volume: Volume, look: Look) -> tuple[float, float] | None:
     assert ends is not None, "checked with the scene"
     black, white = ((end / 2 - lowest / 2) / (highest / 2 - lowest / 2 or 0.5) for end in ends)
     return white - black, white / 2 + black / 2
-
-
-def _light(shading: ShadingSpec | None) -> dict[str, Any] | None:
-    """Return VTK's material. At an angle t its highlight is cos(2 t)^power, near t = 0 as cos(t)^(4 power)."""
-    if shading is None:
-        return None
-    return {
-        "ambient": shading.ambient,
-        "diffuse": shading.diffuse,
-        "specular": shading.specular,
-        "power": shading.shininess / 4,
-        "is_two_sided": shading.two_sided,
-    }
 
 
 def _convert_voxels(values: Array) -> tuple[Array, float, float]:
