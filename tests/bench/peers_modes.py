@@ -1,37 +1,36 @@
 """Measure modes and light against VTK: `python tests/bench/peers_modes.py DATA` writes docs/benchmarks/peers_modes.md.
 
-Each scene is measured by `hsplat measure --peer vtk` several times, in turns with the others. Times are medians of
-these rounds. `--studies FOLDER` keeps the reports, and uses those that are there already.
+Every setting of both programs is drawn once for its accuracy. Of each program the fastest settings that reach the
+wanted accuracies are then timed in turns.
 """
 
 from __future__ import annotations
 
-import json
 import statistics
-import tempfile
+import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
-import yaml
-from measuring import PAGES, Point, fastest, machine_line, parser_of
+from measuring import PAGES, THREADS, Point, fastest, machine_line, parser_of
 from modes import scene_of
-from peers import points, shown
+from peers import shown
 
 import renderer
-from hsplat_cli.main import run
-from renderer.scene import scene_to_dict
+from hsplat_cli.studies.peers.vtk_peer import comparable, describe_vtk, look_of, measure_vtk, vtk_settings
+from renderer.draw import CPURasterizer
+from renderer.frame import Stage, open_stage, view_of
+from renderer.readers import read_volume
+from renderer.scene import Scene, parse_scene, scene_to_dict, with_tolerance
+from renderer.study import Measurement, Setting, Truth, compute_truth, measure_setting
 
 PAGE = PAGES / "peers_modes.md"
 SIZE, FRAME, ROUNDS, GOALS = (512, 512), 5, 3, (40.0, 45.0, 50.0)
+TOLERANCES = (1.0, 0.5, 0.3, 0.2, 0.15, 0.12, 0.1, 0.07, 0.05, 0.03, 0.01, 0.0)
 VOLUMES = {"engine": "engine.nhdr", "bonsai": "bonsai.nhdr", "abdomen": "medical/CT_pitch.nii.gz"}
 LIGHT = {"light": "camera", "ambient": 0.3, "diffuse": 0.7, "specular": 0.2, "shininess": 32}
 MODES = ("maximum", "minimum", "mean", "light")
-TOLERANCES = "1,0.5,0.3,0.2,0.15,0.12,0.1,0.07,0.05,0.03,0.02,0.01,0.003,0"
-OPTIONS = (
-    "--tolerances", TOLERANCES, "--footprints", "integrated", "--measures", "optical", "--corrections", "on",
-    "--frames", f"{FRAME}:{FRAME + 1}", "--truth-tolerance", "1e-4", "--peer", "vtk", "--repeats", "3", "--quiet",
-)  # fmt: skip
 
 HEAD = """# Modes and light against VTK
 
@@ -41,89 +40,103 @@ version of VTK.
 `python tests/bench/peers_modes.py DATA` writes this page: milliseconds of frame {frame} of a turntable, {width} x
 {height}, for the fastest setting that reaches an accuracy against the exact rays, of hsplat and of any of VTK's
 mappers. Projections have grays from the smallest scalar to the largest; light is that of the camera ({light}) on the
-suggested scene. Times are medians of {rounds} rounds, in each of which every setting draws 3 frames, hsplat's first and
-then VTK's. *Noise* is the longest time of a setting over its shortest, the median of all settings of each program.
+suggested scene. Times are medians of {rounds} rounds, in which the programs take turns. *Noise* is the longest of a
+setting's rounds over its shortest, for hsplat and VTK.
 
 Both draw the same: of a maximum, a border of the lowest value over the colour of that; of a minimum and a mean, what
 lies between the centres of the outer voxels, where hsplat cuts the volume, which costs it time; in light, a transparent
-border. VTK's mean is drawn by its GPU mapper alone. *Best* is what its finest setting reaches. What is left are frames
-of 8 bits (about 59 dB), steps of half a voxel, tables, and in light Phong's highlights in place of Blinn's. The
-fixed-point mapper, besides, blends the edges of the box, and shades voxels and interpolates their light.
+border. VTK's mean is drawn by its GPU mapper alone. *Best* is what its finest settings reach, the GPU mapper's and the
+fixed-point mapper's. What is left are frames of 8 bits (about 59 dB), steps of half a voxel and tables; the GPU mapper
+has Phong's highlights in place of Blinn's; the fixed-point mapper blends the edges of the box, and interpolates the
+light between voxels.
 
-{machine}
+{machine} VTK {vtk}.
+
+| volume | mode | accuracy | hsplat | tolerance | VTK | VTK's setting | hsplat / VTK | noise | best |
+|---|---|---|---|---|---|---|---|---|---|
 """
 
 
+class Compared(NamedTuple):
+    """What both programs draw. truth: of the frame."""
+
+    stage: Stage
+    truth: Truth
+
+    def own(self, tolerance: float, repeats: int) -> Measurement:
+        """Measure hsplat at a tolerance."""
+        stage = replace(self.stage, scene=with_tolerance(self.stage.scene, tolerance))
+        with CPURasterizer(num_threads=THREADS) as rasterizer:
+            return measure_setting(stage, [self.truth], rasterizer, clock=time.perf_counter, repeats=repeats)
+
+    def peer(self, settings: Sequence[Setting], repeats: int) -> Iterator[Measurement]:
+        """Measure settings of VTK."""
+        stage = self.stage
+        look, view = look_of(stage.scene, stage.volume), view_of(stage, FRAME)
+        return measure_vtk(stage.volume, look, [view], [self.truth], settings=settings, repeats=repeats)
+
+
 def main() -> None:
-    parser = parser_of(__doc__)
-    parser.add_argument("--studies", type=Path)
-    arguments = parser.parse_args()
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = arguments.studies or Path(temporary)
-        names = [(volume, mode) for volume in VOLUMES for mode in MODES]
-        rounds = [
-            [study_of(arguments.data, *name, folder / "-".join([*name, str(k)])) for name in names]
-            for k in range(ROUNDS)
-        ]
-        lines = HEAD.format(
-            frame=FRAME, width=SIZE[0], height=SIZE[1], rounds=ROUNDS, machine=machine_line(),
-            light=", ".join(f"{key} {value}" for key, value in LIGHT.items() if key != "light"),
-        )  # fmt: skip
-        studies = dict(zip(names, zip(*rounds, strict=True), strict=True))
-        for volume in VOLUMES:
-            lines += f"\n## {volume}\n\n| mode | accuracy | hsplat | tolerance | VTK | VTK's setting | hsplat / VTK "
-            lines += "| noise | best: gpu, fixed point |\n|---|---|---|---|---|---|---|---|---|\n"
-            lines += "".join(row + "\n" for mode in MODES for row in rows(mode, studies[volume, mode]))
-        PAGE.write_text(lines, encoding="utf-8")
+    data = parser_of(__doc__).parse_args().data
+    text = HEAD.format(
+        frame=FRAME, width=SIZE[0], height=SIZE[1], rounds=ROUNDS, machine=machine_line(),
+        vtk=describe_vtk()["version"],
+        light=", ".join(f"{key} {value}" for key, value in LIGHT.items() if key != "light"),
+    )  # fmt: skip
+    for name, file in VOLUMES.items():
+        for mode in MODES:
+            for row in rows(lit_scene(data / file) if mode == "light" else scene_of(data, file, mode)):
+                text += f"| {name} | {mode} {row}\n"
+                print(f"{name} {mode} {row}", flush=True)
+                PAGE.write_text(text, encoding="utf-8")
 
 
-def study_of(data: Path, volume: str, mode: str, folder: Path) -> dict[str, Any]:
-    """Return the JSON of a study, measured now unless it is there."""
-    path = folder / "measure.json"
-    if not path.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        scene = folder / "scene.yaml"
-        scene.write_text(yaml.safe_dump(tree_of(data, VOLUMES[volume], mode)), encoding="utf-8")
-        assert run(["measure", str(scene), "--output", str(folder), *OPTIONS]) == 0
-        print(folder.name, flush=True)
-    study: dict[str, Any] = json.loads(path.read_text("utf-8"))
-    return study
+def lit_scene(volume: Path) -> Scene:
+    """Return the suggested turntable in the light of the camera."""
+    tree = scene_to_dict(renderer.suggest_scene(volume.resolve(), size=SIZE))
+    return parse_scene(tree | {"shading": LIGHT}, base=Path("/"))
 
 
-def tree_of(data: Path, volume: str, mode: str) -> dict[str, Any]:
-    """Return the turntable of a volume in a mode, or as suggested in the light of the camera."""
-    if mode != "light":
-        return scene_to_dict(scene_of(data, volume, mode))
-    tree = scene_to_dict(renderer.suggest_scene((data / volume).resolve(), size=SIZE))
-    return tree | {"shading": LIGHT}
-
-
-def rows(mode: str, rounds: Sequence[dict[str, Any]]) -> Iterator[str]:
-    """Return the rows of a mode."""
-    (own, own_noise), (peer, peer_noise) = (
-        medians([points(each, tool) for each in rounds]) for tool in ("hsplat", "vtk")
-    )
-    best = ", ".join(
-        f"{max(found):.1f} dB"
-        if (found := [point.psnr for point in peer if point.setting.startswith(mapper)])
-        else "none"
-        for mapper in ("gpu", "fixed point")
-    )
-    for psnr in GOALS:
-        mine, theirs = fastest(own, psnr), fastest(peer, psnr)
-        ratio = f"{mine.ms / theirs.ms:.2f}" if mine and theirs else ""
+def rows(scene: Scene) -> Iterator[str]:
+    """Measure a scene, and return a row for each accuracy."""
+    scene, volume, _ = comparable(scene, read_volume(scene.volume))
+    options = {"clock": time.perf_counter, "num_threads": THREADS, "volume": volume, "any_tolerance": True}
+    with open_stage(scene, **options) as stage:
+        both = Compared(stage, compute_truth(stage, FRAME, 1e-4, num_threads=THREADS))
+        peers = {f"{each.series}, {each.label}".removeprefix("vtk "): each for each in vtk_settings(scene.mode)}
+        own = [point(f"{tolerance:g}", both.own(tolerance, 2)) for tolerance in TOLERANCES]
+        peer = [point(*each) for each in zip(peers, both.peer(list(peers.values()), 1), strict=True)]
+        finest = [found.psnr for found in peer if found.setting in ("gpu, step 0.5", "fixed point, step 0.5")]
+        pairs = [(fastest(own, psnr), fastest(peer, psnr)) for psnr in GOALS]
+        mine, theirs = ({found.setting for found in column if found} for column in zip(*pairs, strict=True))
+        turns = [turn(both, mine, {name: peers[name] for name in theirs}) for _ in range(ROUNDS)]
+    for psnr, pair in zip(GOALS, pairs, strict=True):
+        (one, own_noise), (other, peer_noise) = (timed(setting, turns) for setting in pair)
+        ratio = f"{one.ms / other.ms:.2f}" if one and other else ""
         yield (
-            f"| {mode} | {psnr:.0f} dB | {shown(mine)} | {mine.setting.removeprefix('tolerance ') if mine else ''} "
-            f"| {shown(theirs)} | {theirs.setting if theirs else ''} | {ratio} "
-            f"| {own_noise:.2f}, {peer_noise:.2f} | {best} |"
+            f"| {psnr:.0f} dB | {shown(one)} | {one.setting if one else ''} | {shown(other)} "
+            f"| {other.setting if other else ''} | {ratio} | {own_noise}, {peer_noise} "
+            f"| {', '.join(f'{best:.1f} dB' for best in finest)} |"
         )
 
 
-def medians(rounds: Sequence[Sequence[Point]]) -> tuple[list[Point], float]:
-    """Return the settings with their median times, and the median of the largest time of each over its smallest."""
-    settings = [[point.ms for point in same] for same in zip(*rounds, strict=True)]
-    found = [point._replace(ms=statistics.median(ms)) for point, ms in zip(rounds[0], settings, strict=True)]
-    return found, statistics.median(max(ms) / min(ms) for ms in settings)
+def point(name: str, found: Measurement) -> Point:
+    return Point(name, found.overall.everywhere["psnr"], found.frame_seconds * 1e3)
+
+
+def turn(both: Compared, mine: set[str], theirs: dict[str, Setting]) -> dict[str, float]:
+    """Return the milliseconds of settings of both programs, one program after the other."""
+    times = {name: both.own(float(name), 5).frame_seconds * 1e3 for name in mine}
+    found = both.peer(list(theirs.values()), 2)
+    return times | {name: each.frame_seconds * 1e3 for name, each in zip(theirs, found, strict=True)}
+
+
+def timed(setting: Point | None, turns: Sequence[dict[str, float]]) -> tuple[Point | None, str]:
+    """Return a setting with its median time, and how far its rounds are apart."""
+    if setting is None:
+        return None, "-"
+    times = [each[setting.setting] for each in turns]
+    return setting._replace(ms=statistics.median(times)), f"{max(times) / min(times):.2f}"
 
 
 if __name__ == "__main__":
