@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 from measuring import PAGES, THREADS, Point, fastest, machine_line, parser_of
 from modes import scene_of
 from peers import shown
@@ -24,6 +25,7 @@ from renderer.frame import Stage, open_stage, view_of
 from renderer.readers import read_volume
 from renderer.scene import Scene, parse_scene, scene_to_dict, with_tolerance
 from renderer.study import Measurement, Setting, Truth, compute_truth, measure_setting
+from renderer.volume import Volume, make_volume
 
 PAGE = PAGES / "peers_modes.md"
 SIZE, FRAME, ROUNDS, GOALS = (512, 512), 5, 3, (40.0, 45.0, 50.0)
@@ -39,9 +41,10 @@ version of VTK.
 
 `python tests/bench/peers_modes.py DATA` writes this page: milliseconds of frame {frame} of a turntable, {width} x
 {height}, for the fastest setting that reaches an accuracy against the exact rays, of hsplat and of any of VTK's
-mappers. Projections have grays from the smallest scalar to the largest; light is that of the camera ({light}) on the
-suggested scene. Times are medians of {rounds} rounds, in which the programs take turns. *Noise* is the longest of a
-setting's rounds over its shortest, for hsplat and VTK.
+mappers. Projections have grays from the smallest scalar to the largest. All rays of a scan meet air, so the minimum is
+that of negatives, over white. Light is that of the camera ({light}) on the suggested scene. Times are medians of
+{rounds} rounds, in which the programs take turns. *Noise* is the longest of a setting's rounds over its shortest, for
+hsplat and VTK.
 
 Both draw the same: of a maximum, a border of the lowest value over the colour of that; of a minimum and a mean, what
 lies between the centres of the outer voxels, where hsplat cuts the volume, which costs it time; in light, a transparent
@@ -99,7 +102,10 @@ def lit_scene(volume: Path) -> Scene:
 
 def rows(scene: Scene) -> Iterator[str]:
     """Measure a scene, and return a row for each accuracy."""
-    scene, volume, _ = comparable(scene, read_volume(scene.volume))
+    volume = read_volume(scene.volume)
+    if scene.mode.type == "minimum":
+        scene, volume = replace(scene, output=replace(scene.output, background=(1.0, 1.0, 1.0))), negative(volume)
+    scene, volume, _ = comparable(scene, volume)
     options = {"clock": time.perf_counter, "num_threads": THREADS, "volume": volume, "any_tolerance": True}
     with open_stage(scene, **options) as stage:
         both = Compared(stage, compute_truth(stage, FRAME, 1e-4, num_threads=THREADS))
@@ -118,6 +124,13 @@ def rows(scene: Scene) -> Iterator[str]:
             f"| {other.setting if other else ''} | {ratio} | {own_noise}, {peer_noise} "
             f"| {', '.join(f'{best:.1f} dB' for best in finest)} |"
         )
+
+
+def negative(volume: Volume) -> Volume:
+    """Return a volume with its lowest value where its highest was, and so on."""
+    low, high = volume.value_range()
+    values = (low + high - volume.values.astype(np.float64)).astype(volume.values.dtype)
+    return make_volume(values, volume.world_from_index, f"negative of {volume.name}")
 
 
 def point(name: str, found: Measurement) -> Point:
