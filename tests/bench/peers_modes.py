@@ -53,10 +53,6 @@ fixed-point mapper's. What is left are frames of 8 bits (about 59 dB), steps of 
 has Phong's highlights in place of Blinn's; the fixed-point mapper blends the edges of the box, and interpolates the
 light between voxels.
 
-hsplat is faster everywhere but in four rows: a mean of the engine at 45 and 50 dB, one of bonsai at 40 dB, and the
-maximum of the abdomen at 40 dB. There VTK draws a quarter of the pixels, in steps of two or four voxels, which is
-enough for pictures as smooth as means are.
-
 {machine} VTK {vtk}.
 
 | volume | mode | accuracy | hsplat | tolerance | VTK | VTK's setting | hsplat / VTK | noise | best |

@@ -24,6 +24,7 @@ from hsplat_cli.studies.peers.vtk_peer import (
 )
 from renderer.errors import InputError, RenderError
 from renderer.film import over_background
+from renderer.frame import open_stage
 from renderer.readers.procedural import procedural_values
 from renderer.scene import CameraSpec, ModeSpec, ProceduralSource, Scene, TurntablePath, parse_scene
 from renderer.study import Measurement, Setting, Truth
@@ -243,7 +244,8 @@ def best_psnr(scene: Scene, volume: Volume) -> dict[str, float]:
     scene, volume, _ = comparable(scene, volume)
     view = replace(look(volume), cuts=scene.cuts)
     width, height = view.size
-    rays = SceneRays(volume, scene).integrate(view, np.arange(width * height), 0.25).reshape(height, width, 4)
+    with open_stage(scene, clock=lambda: 0.0, num_threads=2, volume=volume) as stage:
+        rays = SceneRays(stage).integrate(view, np.arange(width * height), 0.25).reshape(height, width, 4)
     right = Truth(0, over_background(rays, scene.output.background), rays[..., 3] > 0, CONVERGENCE)
     chosen = [each for each in vtk_settings(scene.mode) if each.series in NEAR and each.label == "step 0.5"]
     found = measure_vtk(volume, look_of(scene, volume), [view], [right], settings=chosen, repeats=0)
