@@ -26,8 +26,8 @@ from renderer.truth import SceneRays
 from renderer.volume import Float64, UInt8, Volume
 
 PAGE, PICTURE = PAGES / "modes.md", PAGES / "modes.png"
-SIZE, FRAMES, ROUNDS = (512, 512), (5, 35), 5
-TOLERANCES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.0)
+SIZE, FRAMES, ROUNDS = (512, 512), (5, 35), 3
+TOLERANCES = (1.0, 0.3, 0.1, 0.03, 0.01)
 VOLUMES = {
     "engine, CT": "engine.nhdr",
     "bonsai, CT": "bonsai.nhdr",
