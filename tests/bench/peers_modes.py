@@ -30,7 +30,7 @@ from renderer.volume import Volume, make_volume
 PAGE = PAGES / "peers_modes.md"
 SIZE, FRAME, ROUNDS, GOALS = (512, 512), 5, 3, (40.0, 45.0, 50.0)
 TOLERANCES = (1.0, 0.5, 0.3, 0.2, 0.15, 0.12, 0.1, 0.07, 0.05, 0.03, 0.01, 0.0)
-VOLUMES = {"engine": "engine.nhdr", "bonsai": "bonsai.nhdr", "abdomen": "medical/CT_pitch.nii.gz"}
+VOLUMES = {"engine": "engine.nhdr", "bonsai": "bonsai.nhdr", "head": "medical/CT_pitch.nii.gz"}
 LIGHT = {"light": "camera", "ambient": 0.3, "diffuse": 0.7, "specular": 0.2, "shininess": 32}
 MODES = ("maximum", "minimum", "mean", "light")
 
