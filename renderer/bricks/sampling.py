@@ -54,7 +54,7 @@ JITTER_PER_PX = 3242174889, 2447445414
 
 @dataclass(frozen=True)
 class Extremes:
-    """How rays find the most extreme scalar of bricks of level 0.
+    """A search for the most extreme scalar of each ray, in bricks of level 0.
 
     offset, slope: of `offset + slope * u`, which is 0 where a scalar is as good as none, and 1 at the other end of the
         colours; u is the texel. Its maximum is sought.
@@ -92,14 +92,9 @@ class BrickBatch:
         return len(self.cut)
 
     @property
-    def is_pointwise(self) -> bool:
-        """Return whether its shading is, as in ShadingSpec: all bricks are of voxels, and compiled loops draw them."""
-        return self.shading is not None and self.shading.is_pointwise
-
-    @property
     def needs_loops(self) -> bool:
         """Return whether only the compiled loops draw it, also beside a GPU."""
-        return self.extremes is not None or not (self.shading is None or self.shading.is_plain)
+        return self.extremes is not None or (self.shading is not None and not self.shading.is_plain)
 
     @property
     def spacings_per_model_unit(self) -> float:

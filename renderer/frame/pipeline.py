@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.bricks import extreme_bricks, make_bricks
+from renderer.bricks import Bricks, extreme_bricks, make_bricks
 from renderer.draw import Rasterizer
 from renderer.errors import InputError, Problem
 from renderer.frame.budget import ScheduleController, ToleranceController
@@ -20,7 +20,7 @@ from renderer.frame.frame import Frame, draw_frame
 from renderer.frame.stage import Clock, Stage, Stopwatch
 from renderer.lighting import light_field
 from renderer.modes import make_projection
-from renderer.pyramid import EVERY_CUT, FinestCut, build_pyramid
+from renderer.pyramid import FinestCut, Pyramid, build_pyramid
 from renderer.readers import read_volume
 from renderer.scene import (
     Scene,
@@ -33,7 +33,7 @@ from renderer.scene import (
     volume_problems,
     with_draw_order,
 )
-from renderer.transfer import make_transfer_function
+from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.view import (
     View,
     are_cut_away,
@@ -85,19 +85,13 @@ def prepare_stage(
     projection = make_projection(scene.mode, transfer, volume)
     if projection is not None:
         transfer = projection.optics
-    baked = scene.shading and scene.shading.lambert  # other shading is left to samples between voxels
-    build: dict[str, Any] = {"spec": scene.pyramid, "error": scene.error, "shading": baked}
+    build: dict[str, Any] = {"num_threads": num_threads}
     if scene.shading is not None and scene.shading.has_light_field:
         build["light_field"] = light_field(volume, transfer, scene.shading, num_threads=num_threads)
         watch.lap("light")
-    bricks = None
-    if scene.splat.footprint == "integrated":
-        bricks = make_bricks(volume, transfer, num_threads=num_threads, **build)
-        pyramid = bricks.pyramid
-    else:
-        finest_cut = FinestCut(min_tolerance(scene.error), scene.error.finest_level)
-        build["finest_cut"] = EVERY_CUT if any_tolerance else finest_cut
-        pyramid = build_pyramid(volume, transfer, num_threads=num_threads, **build)
+    if scene.splat.footprint != "integrated" and not any_tolerance:
+        build["finest_cut"] = FinestCut(min_tolerance(scene.error), scene.error.finest_level)
+    pyramid, bricks = _build_levels(scene, volume, transfer, **build)
     extremes = None
     if bricks is not None and scene.mode.is_extremum:
         extremes = extreme_bricks(bricks, scene.mode, num_threads=num_threads)
@@ -124,6 +118,18 @@ def prepare_stage(
         extremes,
         watch.seconds,
     )
+
+
+def _build_levels(
+    scene: Scene, volume: Volume, transfer: TransferFunction, **options: Any
+) -> tuple[Pyramid, Bricks | None]:
+    """Build the pyramid, and the bricks if the footprint is drawn from them. options: of `build_pyramid`."""
+    baked = scene.shading and scene.shading.lambert  # other shading is left to samples between voxels
+    options |= {"spec": scene.pyramid, "error": scene.error, "shading": baked}
+    if scene.splat.footprint != "integrated":
+        return build_pyramid(volume, transfer, **options), None
+    bricks = make_bricks(volume, transfer, **options)
+    return bricks.pyramid, bricks
 
 
 @contextlib.contextmanager

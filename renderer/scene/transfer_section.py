@@ -179,7 +179,7 @@ def _check_points(node: TreeNode, points: list[tuple[Any, Any]], value_key: obje
 
 
 def check_opacities(node: TreeNode) -> None:
-    """Check that a transfer function, as it is written, has opacities."""
+    """Check that the text of a transfer function gives opacities."""
     section = node.value if isinstance(node.value, Mapping) else {}
     points = section.get("points")
     if "colormap" in section and not {"points", "opacity"} & section.keys():

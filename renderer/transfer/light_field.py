@@ -15,7 +15,7 @@ from renderer.volume import Float32
 
 
 class LightField(NamedTuple):
-    """Factors from 0, dark, to 1, on a grid of cells; linear between centres, constant beyond the outermost ones.
+    """A field of factors on light, from 0, dark, to 1, at the centres of cells, between which it is linear.
 
     occlusion, shadow: float32 [z + 2, y + 2, x + 2], factors on the ambient and on the diffuse light; [0, 0, 0] where
         they were not asked for. They are 1 where neither a cell nor a neighbour of it shows anything.

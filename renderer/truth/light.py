@@ -21,7 +21,7 @@ _LEAST_SQUARE = 2.0**-900
 
 
 class Gloss(NamedTuple):
-    """What a light has beyond Lambert's: highlights, and factors on extinction by the gradient's magnitude.
+    """A set of what a light has beyond Lambert's: highlights, factors on extinction by gradients, a light field.
 
     is_camera: the light comes from the viewer. is_two_sided, specular, shininess: as in ShadingSpec.
     halfway: of a ray (`aim`), the unit vector halfway between the directions to the light and to the viewer; zeros

@@ -17,7 +17,7 @@ _NORMAL, _LOW, _HIGH = slice(0, 3), 3, 4
 
 
 class Cuts(NamedTuple):
-    """What cuts leave of a volume: points p that are in all slabs and in no removed box.
+    """A set of cuts. They leave the points p of a volume that are in all slabs and in no removed box.
 
     A slab is [5]: a normal n [3], and bounds of n . p, with p in index space relative to the volume's centre.
     slabs: float64 [k, 5], unbounded on one side where it is that of a plane. boxes: float64 [m, 3, 5], of each removed

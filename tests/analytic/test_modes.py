@@ -234,6 +234,7 @@ def test_pictures_do_not_depend_on_threads(mode: str, tolerance: float) -> None:
 def test_what_is_beyond_the_colours_is_at_their_end() -> None:
     values = noise((20, 20, 20)) * 6 - 3
     image = drawn(stage_of(placed(values), scene_of("maximum")))
-    assert set(np.unique(image[image[..., 3] > 0][:, 0])) <= {0.0, 1.0} or image.max() == 1.0
+    assert image.max() == 1.0
+    assert np.mean(image[image[..., 3] > 0][:, 0] == 1.0) > 0.5
     scene = scene_of("maximum")
     assert np.abs(image - exact(stage_of(placed(values), scene))).max() < 1e-5

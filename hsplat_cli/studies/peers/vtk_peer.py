@@ -213,7 +213,7 @@ def _transparent_value(values: Array, transfer: TransferFunction) -> Any:
 
 @dataclass(frozen=True)
 class Look:
-    """What VTK draws a volume with. background: None is black. mode, shading: that `check_vtk` accepts."""
+    """A look that VTK draws a volume with. background: None is black. mode, shading: that `check_vtk` accepts."""
 
     transfer: TransferFunction
     background: Color | None

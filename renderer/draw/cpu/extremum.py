@@ -61,12 +61,11 @@ _MIN_EXTENT = np.float32(1e-12)
 _BRICKS_BETWEEN_LOOKS = 4
 _NOT_DRAWN = np.float32(np.inf)
 
-_0, _1, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
-_THIRD, _TWO, _THREE = np.float32(1 / 3), np.float32(2.0), np.float32(3.0)
+_0, _1, _TWO, _THREE = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.float32(3.0)
 
 
 class Search(NamedTuple):
-    """What is sought in all bricks.
+    """A search, the same in all bricks.
 
     offset, slope: as in Extremes. slack: by how much a number must exceed the largest one to count, and min_rise to
         take its place. ceiling: a ray ends at this number.

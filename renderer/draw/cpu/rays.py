@@ -38,7 +38,7 @@ class Tile(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """Where the rays of a tile are not cut away: from a start to an end, less one range for each removed box.
+    """A list of what cuts leave of the rays of a tile: from a start to an end, less a range for each removed box.
 
     bounds: float64 [2 * room], all starts, then all ends; a start moves on as what is behind it is drawn.
     removed: float64 [2 * boxes * room], for each box where all rays enter and leave it; infinity and -infinity where

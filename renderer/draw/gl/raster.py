@@ -63,7 +63,7 @@ class GLRasterizer(Rasterizer):
     """A GL context with its programs, for any number of frames of any size.
 
     Where the driver draws on the CPU, CPURasterizer draws bricks instead, because it is faster; and everywhere those
-    whose shading it alone knows (`BrickBatch.is_pointwise`). num_threads: threads of
+    whose shading it alone knows (`BrickBatch.needs_loops`). num_threads: threads of
     its loops. brick_backend: draws bricks, for tests. Use as a context manager, or call `release`. Raises RenderError
     where no context can be made, or for a picture that is too large for the device, and ContextLostError where the
     context is lost while it draws; then the rasteriser cannot be used any more, and RecoveringRasterizer makes another.
