@@ -325,6 +325,8 @@ def _scene(
         assert isinstance(scene.volume.source, ProceduralSource)
         placed = replace(array, spacing=scene.volume.source.spacing)
         scene = replace(scene, volume=replace(scene.volume, source=placed))
+    if isinstance(source, Scene) and "transfer_function" not in given:  # plain data do not say where it is from
+        scene = replace(scene, transfer_function=source.transfer_function)
     suggests = colormap is not None or (is_new and "transfer_function" not in given)
     return _with_suggestion(scene, colormap, is_new=is_new) if suggests else scene
 

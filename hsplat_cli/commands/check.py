@@ -74,6 +74,7 @@ def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
         ("camera", f"{path.type}, {frames}"),
         ("error", _schedule(scene)),
         ("output", f"{output.file}, {width} x {height}{'' if has_frame_files(output) else film}"),
+        *(("note", note) for note in scene.import_notes),
         *([("note", advice)] if (advice := _advice(scene)) is not None else []),
     ]
 

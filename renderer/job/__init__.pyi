@@ -35,6 +35,7 @@ from .inputs import (
     folder_files as folder_files,
     header_data_files as header_data_files,
     require_no_input as require_no_input,
+    scene_files as scene_files,
     volume_files as volume_files,
 )
 from .plan import FilmPlan as FilmPlan, make_plan as make_plan

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from renderer.film import sidecar_path
-from renderer.job.inputs import film_files, require_no_input, volume_files
+from renderer.job.inputs import film_files, require_no_input, scene_files
 from renderer.scene import ErrorSpec, Scene, is_same_file
 
 if TYPE_CHECKING:  # records take a while to load, and the job of a scene needs none before it draws
@@ -63,15 +63,15 @@ class FilmJob:
         return sidecar_path(self.scene, self.frames)
 
     def input_files(self) -> Iterator[Path]:
-        """Yield the files that the job reads: its own, and those of the volume."""
+        """Yield the files that the job reads: its own, and those that the scene names."""
         if self.path is not None:
             yield self.path
-        yield from volume_files(self.scene.volume)
+        yield from scene_files(self.scene)
 
     def require_no_input(self) -> None:
         """Raise InputError where an output is an input; the sidecar that a film is made again from may be rewritten."""
         outputs = film_files(self.scene.output, self.frames, self.sidecar)
         if self.original is not None and is_same_file(self.original.path, self.sidecar):
-            require_no_input([self.sidecar], volume_files(self.scene.volume))
+            require_no_input([self.sidecar], scene_files(self.scene))
             outputs = (file for file in outputs if file != self.sidecar)
         require_no_input(outputs, self.input_files())

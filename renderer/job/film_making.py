@@ -75,6 +75,8 @@ def make_film(
             read_seconds = time.perf_counter() - before_reading
             if volume.note is not None:
                 events.note(f"{volume.name}: {volume.note}")
+            for note in job.scene.import_notes:
+                events.note(note)
             job, fingerprint = _with_fingerprint(job, volume, executor.device)
             existing = find_existing_film(output.sidecar, events) if resumes else None
             if existing is not None and existing.is_up_to_date(fingerprint, output.spec, job.frames):

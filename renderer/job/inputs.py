@@ -10,7 +10,7 @@ from pathlib import Path
 
 from renderer.errors import InputError
 from renderer.film import picture_files, unfinished_folder
-from renderer.scene import ArraySource, FileSource, OutputSpec, ProceduralSource, VolumeSpec
+from renderer.scene import ArraySource, FileSource, OutputSpec, ProceduralSource, Scene, VolumeSpec
 
 
 def require_no_input(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
@@ -44,6 +44,14 @@ def folder_files(folder: Path) -> Iterator[Path]:
     """Yield what is in a folder; nothing where there is none, or it cannot be read."""
     with contextlib.suppress(OSError):
         yield from folder.iterdir()
+
+
+def scene_files(scene: Scene) -> Iterator[Path]:
+    """Yield the files that a scene names: that of an imported transfer function, and those of its volume."""
+    imported = scene.transfer_function.imported
+    if imported is not None and imported.file is not None:
+        yield imported.file
+    yield from volume_files(scene.volume)
 
 
 def volume_files(volume: VolumeSpec) -> Iterator[Path]:

@@ -102,6 +102,7 @@ from .transfer_section import (
     COLORMAP_FIELD as COLORMAP_FIELD,
     ColormapSpec as ColormapSpec,
     ControlPoint as ControlPoint,
+    ImportedLook as ImportedLook,
     TransferSpec as TransferSpec,
 )
 from .volume_section import (

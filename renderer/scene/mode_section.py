@@ -96,7 +96,9 @@ def check_mode(node: TreeNode, given: Mapping[str, Any]) -> None:
     if not isinstance(mode, ModeSpec) or INVALID in (mode.type, given.get("transfer_function")):
         return
     if not mode.is_projection:
-        check_opacities(node.child("transfer_function", _raw(node, "transfer_function")))
+        check_opacities(
+            node.child("transfer_function", _raw(node, "transfer_function")), given.get("transfer_function")
+        )
         return
     contradicts = f"contradicts mode: {mode.type}"
     if given.get("shading") is not None:

@@ -27,6 +27,7 @@ from renderer.scene.error_section import (
     schedule_to_dict,
 )
 from renderer.scene.limits import proportion_problems, raise_problems
+from renderer.scene.message_text import format_value
 from renderer.scene.mode_section import MODE_SECTION, ModeSpec, check_mode
 from renderer.scene.output_section import OUTPUT_SECTION, OutputSpec, check_frame_field
 from renderer.scene.shading_section import ShadingSpec, check_shading
@@ -74,6 +75,19 @@ class Scene:
     def needs_opengl(self) -> bool:
         """Return whether it has splats; bricks are drawn without OpenGL, too."""
         return self.splat.footprint != "integrated"
+
+    @property
+    def import_notes(self) -> list[str]:
+        """Return sentences on what an imported transfer function has that is not drawn."""
+        imported = self.transfer_function.imported
+        if imported is None:
+            return []
+        name = "the preset" if imported.file is None else imported.file.name
+        notes = [f"{name}: not imported: {clause}" for clause in imported.left_out]
+        if imported.shading and self.shading is None:
+            flow = ", ".join(f"{key}: {format_value(value)}" for key, value in imported.shading.items())
+            notes.append(f"{name}: to be lit as there, the scene needs shading: {{{flow}}}")
+        return notes
 
     @property
     def key_for_bricks(self) -> str | None:
@@ -150,6 +164,7 @@ def spec_to_dict(value: Any) -> dict[str, Any]:
         return (source if isinstance(value.source, FileSource) else {value.source.key: source}) | plain
     if isinstance(value, TransferSpec):
         mapping = plain.pop("mapping")
+        plain.pop("imported", None)
         has_colormap = isinstance(value.mapping, ColormapSpec)
         return ({"colormap": mapping.pop("name")} | mapping if has_colormap else {"points": mapping}) | plain
     if isinstance(value, ErrorSpec):

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
+from renderer.errors import InputError
 from renderer.scene import schema
 from renderer.scene.colormaps import is_colormap, nearest_colormap
+from renderer.scene.input_file import read_bounded, require_file
 from renderer.scene.message_text import did_you_mean, format_value
 from renderer.scene.schema import INVALID, Color, TreeNode
+
+if TYPE_CHECKING:
+    from renderer.looks import Look
 
 COLOR_NAMES = {
     "black": "#000000",
@@ -102,14 +109,30 @@ class ColormapSpec:
 
 
 @dataclass(frozen=True)
+class ImportedLook:
+    """Where control points were imported from.
+
+    file: None for a preset. has_opacities: whether the file or the scene gives them. shading: what it says of light, as
+    a scene's `shading`. left_out: clauses on what was not imported.
+    """
+
+    file: Path | None
+    has_opacities: bool
+    shading: Mapping[str, Any]
+    left_out: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class TransferSpec:
     """A map from scalar to colour and extinction: control points, values not descending, or a colormap.
 
-    `unit` is the world length that opacities refer to; None means the volume's finest spacing.
+    `unit` is the world length that opacities refer to; None means the volume's finest spacing. What was imported is in
+    the control points, so that `imported` changes nothing and is not recorded.
     """
 
     mapping: tuple[ControlPoint, ...] | ColormapSpec
     unit: Annotated[float | None, schema.LENGTH_FIELD] = None
+    imported: ImportedLook | None = field(default=None, compare=False)
 
 
 def _check_range(node: TreeNode, low_high: tuple[Any, ...]) -> Any:
@@ -127,17 +150,35 @@ _COLORMAP_FIELDS: schema.FieldTable = {
     ),
     "opacity": schema.sequence_field(_OPACITY_POINT, "a list of [value, opacity], one or more"),
 }
+_IMPORT = schema.text_field(
+    "the file of a transfer function, or the name of a preset such as ct-bone",
+    "not a name of a file",
+    schema.is_file_name,
+)
+_IMPORT_FIELDS: schema.FieldTable = {
+    "import": _IMPORT,
+    "name": schema.TEXT_FIELD,
+    "shift": schema.number_field(),
+    "scale": schema.number_field(above=0),
+}
 _FIELDS: schema.FieldTable = {
-    **schema.field_table(TransferSpec),
+    "unit": schema.LENGTH_FIELD,
     "points": schema.sequence_field(
         schema.dataclass_field(ControlPoint), "a list of {value: ..., color: ..., opacity: ...}, one or more"
     ),
     **_COLORMAP_FIELDS,
+    **_IMPORT_FIELDS,
 }
 
 
 def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     unit = given.get("unit")
+    if "import" in given:
+        for key in schema.valid_keys(given, "points", "colormap"):
+            node.key(key).reject(f"contradicts {node.path}.import", expected="one of them")
+        return _import(node, given)
+    for key in schema.valid_keys(given, *_IMPORT_FIELDS):
+        node.key(key).reject(f"needs {node.path}.import")
     if "points" in given:
         for key in schema.valid_keys(given, *_COLORMAP_FIELDS):
             expected = "either points, or colormap with range and opacity"
@@ -147,7 +188,7 @@ def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
         _check_points(node.child("points"), pairs, "value")
         return TransferSpec(points, unit)
     if not any(key in given for key in _COLORMAP_FIELDS):
-        node.reject("no colors and opacities", got="", expected="points, or colormap with range and opacity")
+        node.reject("no colors and opacities", got="", expected="points, colormap with range and opacity, or import")
     else:
         for key in [key for key in _COLORMAP_FIELDS if key not in given and key != "opacity"]:
             hint = "`hsplat info` shows the values of a volume" if key == "range" else None
@@ -158,6 +199,50 @@ def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     pairs = list(opacity) if isinstance(opacity, tuple) else []
     _check_points(node.child("opacity"), [(INVALID, INVALID) if pair is INVALID else pair for pair in pairs], 0)
     return TransferSpec(ColormapSpec(name, low_high, opacity), unit)
+
+
+def _import(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
+    """Return the points of a file or a preset where the scene wants them; its own opacities and unit go first."""
+    from renderer.looks import place_look
+
+    span, opacities = given.get("range"), given.get("opacity")
+    found = None if given["import"] is INVALID else _read_look(node, given["import"], given.get("name"))
+    if opacities is not None:
+        pairs = list(opacities) if isinstance(opacities, tuple) else []
+        _check_points(node.child("opacity"), pairs, 0)
+    if found is None or INVALID in given.values() or (isinstance(opacities, tuple) and INVALID in opacities):
+        return TransferSpec((INVALID,))
+    file, look = found
+    if look.is_share and span is None:
+        hint = "its values are shares of a range; `hsplat info` shows the values of a volume"
+        _FIELDS["range"].reject(node.child("range"), "missing", hint=hint)
+        return TransferSpec((INVALID,))
+    points = place_look(
+        look, span=span, scale=given.get("scale", 1.0), shift=given.get("shift", 0.0), opacities=opacities
+    )
+    if not all(math.isfinite(value) for value, _, _ in points):
+        node.child("import", given["import"]).reject("its values become too large for a number")
+    _check_points(node.child("import", given["import"]), [(value, opacity) for value, _, opacity in points], 0)
+    imported = ImportedLook(file, look.has_opacities or opacities is not None, look.shading, look.left_out)
+    return TransferSpec(tuple(ControlPoint(*point) for point in points), given.get("unit", look.unit), imported)
+
+
+def _read_look(node: TreeNode, source: str, name: str | None) -> tuple[Path | None, Look] | None:
+    """Return the file, None for a preset, and the look in it; None after a problem."""
+    from renderer.looks import MAX_LOOK_BYTES, LookNameError, read_look, read_preset
+
+    path = node.base / source
+    try:
+        if not path.suffix:
+            return None, read_preset(source)
+        require_file(path, "a transfer function")
+        return path, read_look(path, read_bounded(path, MAX_LOOK_BYTES, "a transfer function"), name)
+    except InputError as error:
+        is_name = isinstance(error, LookNameError) and path.suffix
+        place = node.child("name", name) if is_name else node.child("import", source)
+        what = f"{error.where}: {error.what}" if error.where else error.what
+        place.reject(what, got=error.got or "", expected=error.expected or "", hint=error.hint)
+        return None
 
 
 def _check_points(node: TreeNode, points: list[tuple[Any, Any]], value_key: object) -> None:
@@ -178,10 +263,13 @@ def _check_points(node: TreeNode, points: list[tuple[Any, Any]], value_key: obje
         node.reject("nothing is visible: every opacity is 0", expected="an opacity greater than 0")
 
 
-def check_opacities(node: TreeNode) -> None:
-    """Check that the text of a transfer function gives opacities."""
+def check_opacities(node: TreeNode, transfer: object) -> None:
+    """Check that the text of a transfer function gives opacities, or what it imports has them."""
     section = node.value if isinstance(node.value, Mapping) else {}
-    points = section.get("points")
+    points, imported = section.get("points"), getattr(transfer, "imported", None)
+    if imported is not None and not imported.has_opacities:
+        hint = "the file has colours alone"
+        _COLORMAP_FIELDS["opacity"].reject(node.child("opacity"), "missing", hint=hint)
     if "colormap" in section and not {"points", "opacity"} & section.keys():
         _COLORMAP_FIELDS["opacity"].reject(node.child("opacity"), "missing")
     for index, point in enumerate(points if isinstance(points, (list, tuple)) else ()):

@@ -23,6 +23,7 @@ ORDER = {
         "system",
         "compiled",
         "volume",
+        "looks",
         "scene",
         "readers",
         "transfer",
