@@ -9,7 +9,8 @@ Importing it imports no numpy. Files are untrusted: every importer checks what i
   made piecewise linear in extinction, steps between labels; `color_spaces.py`: colours between two points.
 - `look_file.py` reads text, numbers, JSON and XML of a file, and makes its errors.
 - An importer for each program: `paraview.py`, `slicer.py`, `voreen.py`, `inviwo.py`, `mricrogl.py`, `niivue.py`,
-  `imagej.py`, `fsleyes.py`; and `label_tables.py` for tables of labels.
+  `imagej.py`, `fsleyes.py`; and `label_tables.py` for tables of labels. `tables.py` has what several
+  of them share.
 """
 
 import lazy_loader

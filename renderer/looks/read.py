@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from renderer.errors import InputError, closest_match
-from renderer.looks import slicer
+from renderer.looks import fsleyes, imagej, inviwo, label_tables, mricrogl, niivue, paraview, slicer, voreen
 from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
 
@@ -18,8 +18,20 @@ Importer = Callable[[LookFile], Mapping[str, Callable[[], Look]]]
 # The importer for the end of a file's name, and for a pattern that its content has. The first that fits reads the file.
 _IMPORTERS: tuple[tuple[str, bytes, Importer], ...] = (
     (".json", rb'"volumeProperties"', slicer.read_json),
+    (".json", rb'"R"', niivue.read),
+    (".json", b"", paraview.read),
     (".xml", b"", slicer.read_xml),
     (".vp", b"", slicer.read_text),
+    (".tfi", b"", voreen.read),
+    (".itf", b"", inviwo.read),
+    (".clut", b"", mricrogl.read),
+    (".cmap", b"", fsleyes.read),
+    (".lut", rb"\A\d+[ \t]+[.\d]+[ \t]+[.\d]+[ \t]+[.\d]+[ \t]+\S", label_tables.read_fsleyes),
+    (".lut", b"", imagej.read),
+    (".ctbl", b"", label_tables.read_slicer),
+    (".txt", rb'(?m)^[ \t]*\d+[ \t][^"\n]*"', label_tables.read_itk_snap),
+    (".label", b"", label_tables.read_itk_snap),
+    (".txt", b"", label_tables.read_freesurfer),
 )
 _MAX_LISTED = 12
 

@@ -1,0 +1,38 @@
+"""Transfer functions of Inviwo, .itf: XML with points, at shares of the data's range or at values.
+
+Opacities are for 1/150 of the volume's width, and linear between points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+from xml.etree.ElementTree import Element
+
+from renderer.looks.look import Look
+from renderer.looks.look_file import LookFile
+
+_UNIT_NOTE = "the unit of opacities, 1/150 of the volume's width: without a unit in the scene they are for a voxel"
+_RELATIVE = ("0", "relative")
+
+
+def read(file: LookFile) -> Mapping[str, Any]:
+    """Return the transfer function in a file."""
+    return {"": partial(_look, file, file.xml())}
+
+
+def _look(file: LookFile, root: Element) -> Look:
+    kind = root.find("type")
+    is_share = kind is None or kind.get("content", "0").lower() in _RELATIVE
+    curve: list[tuple[float, tuple[float, ...]]] = []
+    for number, point in enumerate(file.child(root, "Points", "points", "dataPoints"), start=1):
+        at, place, color = f"point {number}", file.child(point, "pos"), file.child(point, "rgba")
+        value = file.number(place.get("content", place.get("x")), at)
+        curve.append((value, tuple(file.number(file.attribute(color, part), at, 0.0, 1.0) for part in "xyzw")))
+    if not curve:
+        raise file.error("no points", "<Points>")
+    ends = [element.get("content") for tag in ("maskMin", "maskMax") if (element := root.find(tag)) is not None]
+    is_masked = is_share and [file.number(end, "the mask") for end in ends] not in ([], [0.0, 1.0])
+    left_out = (_UNIT_NOTE, *["its mask"] * is_masked)
+    return Look(sorted(curve, key=lambda point: point[0]), is_share=is_share, left_out=left_out)
