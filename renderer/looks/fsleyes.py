@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import partial
-from typing import Any
-
 from renderer.looks.curves import even_curve
 from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
 
 
-def read(file: LookFile) -> Mapping[str, Any]:
+def read(file: LookFile) -> Look:
     """Return the colormap in a file."""
-    return {"": partial(_look, file)}
-
-
-def _look(file: LookFile) -> Look:
     rows = [(line, text.split()) for line, text in file.lines()]
     for line, row in rows or [(1, [])]:
         if len(row) != 3:

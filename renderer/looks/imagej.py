@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 from renderer.looks.curves import even_curve
@@ -13,12 +11,8 @@ from renderer.looks.look_file import LookFile
 _NUM_BYTES, _HEADER, _HEADER_BYTES = 768, b"ICOL", 32
 
 
-def read(file: LookFile) -> Mapping[str, Any]:
+def read(file: LookFile) -> Look:
     """Return the table in a file."""
-    return {"": partial(_look, file)}
-
-
-def _look(file: LookFile) -> Look:
     content = file.content[_HEADER_BYTES:] if file.content.startswith(_HEADER) else file.content
     if len(content) == _NUM_BYTES:
         rows: list[tuple[object, Any]] = [("the bytes", content[k::256]) for k in range(256)]

@@ -5,11 +5,6 @@ Opacities are for 1/150 of the volume's width, and linear between points.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import partial
-from typing import Any
-from xml.etree.ElementTree import Element
-
 from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
 
@@ -17,12 +12,9 @@ _UNIT_NOTE = "the unit of opacities, 1/150 of the volume's width: without a unit
 _RELATIVE = ("0", "relative")
 
 
-def read(file: LookFile) -> Mapping[str, Any]:
+def read(file: LookFile) -> Look:
     """Return the transfer function in a file."""
-    return {"": partial(_look, file, file.xml())}
-
-
-def _look(file: LookFile, root: Element) -> Look:
+    root = file.xml()
     kind = root.find("type")
     is_share = kind is None or kind.get("content", "0").lower() in _RELATIVE
     curve: list[tuple[float, tuple[float, ...]]] = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -36,6 +36,10 @@ class Look:
     def has_opacities(self) -> bool:
         """Return whether its colours have opacities."""
         return len(self.curve[0][1]) == 4
+
+
+# The looks of a file with several, by name, each made when it is chosen.
+Looks = Mapping[str, Callable[[], Look]]
 
 
 def place_look(

@@ -6,21 +6,14 @@ Opacities are for a voxel along the ray.
 from __future__ import annotations
 
 import configparser
-from collections.abc import Mapping
-from functools import partial
-from typing import Any
 
 from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
 from renderer.looks.tables import table_look
 
 
-def read(file: LookFile) -> Mapping[str, Any]:
+def read(file: LookFile) -> Look:
     """Return the table in a file."""
-    return {"": partial(_look, file)}
-
-
-def _look(file: LookFile) -> Look:
     parser = configparser.RawConfigParser()
     try:
         parser.read_string(file.text())

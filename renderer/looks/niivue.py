@@ -5,8 +5,6 @@ Opacities are for a voxel along the ray.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 from renderer.looks.look import Look
@@ -14,12 +12,9 @@ from renderer.looks.look_file import LookFile
 from renderer.looks.tables import labels_look, table_look
 
 
-def read(file: LookFile) -> Mapping[str, Any]:
+def read(file: LookFile) -> Look:
     """Return the colormap in a file."""
-    return {"": partial(_look, file, file.json())}
-
-
-def _look(file: LookFile, tree: Any) -> Look:
+    tree = file.json()
     columns: list[list[Any]] = [file.member(tree, key, list, "the colormap") for key in "RGB"]
     num = len(columns[0])
     has_labels = "labels" in tree

@@ -6,19 +6,18 @@ presets have opacities; they are for ParaView's unit distance, about a voxel, an
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
 from renderer.looks.color_spaces import in_color_space
 from renderer.looks.curves import Curve, label_curve, merge_curves
-from renderer.looks.look import Look
+from renderer.looks.look import Look, Looks
 from renderer.looks.look_file import LookFile
 
 _KNOWN_SPACES = ("rgb", "lab", "cielab", "hsv", "diverging", "step")
 
 
-def read(file: LookFile) -> Mapping[str, Any]:
+def read(file: LookFile) -> Looks:
     """Return the presets in a file."""
     tree = file.json()
     presets = [preset for preset in (tree if isinstance(tree, list) else [tree]) if isinstance(preset, dict)]

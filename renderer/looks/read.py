@@ -10,10 +10,10 @@ from typing import Any
 
 from renderer.errors import InputError, closest_match
 from renderer.looks import fsleyes, imagej, inviwo, label_tables, mricrogl, niivue, paraview, slicer, voreen
-from renderer.looks.look import Look
+from renderer.looks.look import Look, Looks
 from renderer.looks.look_file import LookFile
 
-Importer = Callable[[LookFile], Mapping[str, Callable[[], Look]]]
+Importer = Callable[[LookFile], Look | Looks]
 
 # The importer for the end of a file's name, and for a pattern that its content has. The first that fits reads the file.
 _IMPORTERS: tuple[tuple[str, bytes, Importer], ...] = (
@@ -49,7 +49,8 @@ def read_look(path: Path, content: bytes, name: str | None) -> Look:
     raise file.error("not a kind of transfer function that is known", expected=f"a file {', '.join(suffixes)}")
 
 
-def _choose(looks: Mapping[str, Callable[[], Look]], name: str | None, where: str) -> Look:
+def _choose(found: Look | Looks, name: str | None, where: str) -> Look:
+    looks = {"": lambda: found} if isinstance(found, Look) else found
     names = [each for each in looks if each]
     if name is None and len(looks) == 1:
         return next(iter(looks.values()))()

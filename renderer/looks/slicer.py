@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 from renderer.looks.curves import Curve, merge_curves
-from renderer.looks.look import Look
+from renderer.looks.look import Look, Looks
 from renderer.looks.look_file import LookFile
 
 _UNIT = 1.0
@@ -20,7 +20,7 @@ _LINES = ("interpolation", "shade", "diffuse", "ambient", "specular", "specularP
           "scalarOpacity", "gradientOpacity", "colorTransfer")  # fmt: skip
 
 
-def read_xml(file: LookFile) -> Mapping[str, Any]:
+def read_xml(file: LookFile) -> Looks:
     """Return the presets in a file of elements `<VolumeProperty name="CT-Bone" scalarOpacity="..." .../>`."""
     found = [element for element in file.xml().iter() if element.tag.startswith("VolumeProperty")]
     if not found:
@@ -28,12 +28,12 @@ def read_xml(file: LookFile) -> Mapping[str, Any]:
     return {element.get("name", ""): partial(_from_texts, file, element.attrib) for element in found}
 
 
-def read_text(file: LookFile) -> Mapping[str, Any]:
+def read_text(file: LookFile) -> Look:
     """Return the volume property in nine lines."""
     lines = [line for _, line in file.lines()]
     if len(lines) < len(_LINES):
         raise file.error("too few lines", got=f"{len(lines)} lines", expected=f"{len(_LINES)}: {', '.join(_LINES)}")
-    return {"": partial(_from_texts, file, dict(zip(_LINES, lines, strict=False)))}
+    return _from_texts(file, dict(zip(_LINES, lines, strict=False)))
 
 
 def _from_texts(file: LookFile, texts: Mapping[str, str]) -> Look:
@@ -53,7 +53,7 @@ def _from_texts(file: LookFile, texts: Mapping[str, str]) -> Look:
     return _look(file, curve("colorTransfer", 4), curve("scalarOpacity", 2), gradient, light if is_lit else {})
 
 
-def read_json(file: LookFile) -> Mapping[str, Any]:
+def read_json(file: LookFile) -> Looks:
     """Return the volume properties of a .vp.json file, of which the first component counts."""
     properties = file.member(file.json(), "volumeProperties", list, "the file")
     names = {k: f"{k}" if len(properties) > 1 else "" for k in range(len(properties))}

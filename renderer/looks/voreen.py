@@ -5,9 +5,6 @@ Opacities are for 1/200 of the volume's width, and linear between keys.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import partial
-from typing import Any
 from xml.etree.ElementTree import Element
 
 from renderer.looks.look import Look
@@ -17,12 +14,9 @@ _UNIT_NOTE = "the unit of opacities, 1/200 of the volume's width: without a unit
 _USES_ALPHA = "1"
 
 
-def read(file: LookFile) -> Mapping[str, Any]:
+def read(file: LookFile) -> Look:
     """Return the transfer function in a file."""
-    return {"": partial(_look, file, file.child(file.xml(), "TransFuncIntensity"))}
-
-
-def _look(file: LookFile, root: Element) -> Look:
+    root = file.child(file.xml(), "TransFuncIntensity")
     domain, left_out = root.find("domain"), [_UNIT_NOTE]
     span = (0.0, 1.0) if domain is None else _pair(file, domain)
     curve: list[tuple[float, tuple[float, ...]]] = []
