@@ -1,3 +1,8 @@
-from .look import Look as Look, LookPoint as LookPoint, place_look as place_look
+from .look import (
+    MAX_LOOK_POINTS as MAX_LOOK_POINTS,
+    Look as Look,
+    LookPoint as LookPoint,
+    place_look as place_look,
+)
 from .look_file import MAX_LOOK_BYTES as MAX_LOOK_BYTES
 from .read import LookNameError as LookNameError, read_look as read_look, read_preset as read_preset

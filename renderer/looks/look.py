@@ -9,6 +9,7 @@ from typing import Any
 
 from renderer.looks.curves import OPAQUE_DEPTH, Color, Curve, linear_in_extinction, merge_curves, without_hidden
 
+MAX_LOOK_POINTS = 2**16
 # A value, a colour, and an opacity in place of None.
 LookPoint = tuple[float, Color, float]
 

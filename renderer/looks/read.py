@@ -10,7 +10,7 @@ from typing import Any
 
 from renderer.errors import InputError, closest_match
 from renderer.looks import fsleyes, imagej, inviwo, label_tables, mricrogl, niivue, paraview, slicer, voreen
-from renderer.looks.look import Look, Looks
+from renderer.looks.look import MAX_LOOK_POINTS, Look, Looks
 from renderer.looks.look_file import LookFile
 
 Importer = Callable[[LookFile], Look | Looks]
@@ -45,7 +45,10 @@ def read_look(path: Path, content: bytes, name: str | None) -> Look:
     suffixes = dict.fromkeys(suffix for suffix, _, _ in _IMPORTERS)
     for suffix, pattern, read in _IMPORTERS:
         if path.name.lower().endswith(suffix) and re.search(pattern, content):
-            return _choose(read(file), name, str(path))
+            look = _choose(read(file), name, str(path))
+            if len(look.curve) > MAX_LOOK_POINTS:
+                raise file.error("too many points", got=len(look.curve), expected=f"at most {MAX_LOOK_POINTS}")
+            return look
     raise file.error("not a kind of transfer function that is known", expected=f"a file {', '.join(suffixes)}")
 
 
@@ -62,8 +65,8 @@ def _choose(found: Look | Looks, name: str | None, where: str) -> Look:
         "has several transfer functions" if name is None else "no transfer function of this name",
         where=where,
         got=name,
-        expected=f"name: one of {listed}" if names else "no name, for there is one only",
-        hint=f"did you mean {close}?" if close else None,
+        expected=f"one of {listed}" if names else "no name, for there is one only",
+        hint=f"did you mean {close}?" if close else "`name` picks one" if name is None else None,
     )
 
 

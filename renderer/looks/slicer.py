@@ -105,7 +105,7 @@ def _look(
     if light:
         given = {key: file.number(value, key, 0.0, 1e6) for key, value in light.items() if value is not None}
         names = ("ambient", "diffuse", "specular")
-        shading = {"light": "camera", **{key: min(given[key], 1.0) for key in names if key in given}}
+        shading = {"light": "camera", "two_sided": True, **{key: min(given[key], 1.0) for key in names if key in given}}
         power = _BLINN_PER_PHONG * given.get("specularPower", 1.0)
         shading |= {"shininess": min(max(power, 1.0), _MAX_SHININESS)}
     if any(factor < 1 for _, (factor,) in gradient):

@@ -82,11 +82,10 @@ class Scene:
         imported = self.transfer_function.imported
         if imported is None:
             return []
-        name = "the preset" if imported.file is None else imported.file.name
-        notes = [f"{name}: not imported: {clause}" for clause in imported.left_out]
+        notes = [f"{imported.name}: not imported: {clause}" for clause in imported.left_out]
         if imported.shading and self.shading is None:
             flow = ", ".join(f"{key}: {format_value(value)}" for key, value in imported.shading.items())
-            notes.append(f"{name}: to be lit as there, the scene needs shading: {{{flow}}}")
+            notes.append(f"{imported.name}: to be lit as there, add shading: {{{flow}}}")
         return notes
 
     @property

@@ -112,10 +112,11 @@ class ColormapSpec:
 class ImportedLook:
     """Where control points were imported from.
 
-    file: None for a preset. has_opacities: whether the file or the scene gives them. shading: what it says of light, as
-    a scene's `shading`. left_out: clauses on what was not imported.
+    name: of a preset, or of the file without its folder. file: None for a preset. has_opacities: whether the file or
+    the scene gives them. shading: what it says of light, as a scene's `shading`. left_out: clauses on what is missing.
     """
 
+    name: str
     file: Path | None
     has_opacities: bool
     shading: Mapping[str, Any]
@@ -203,7 +204,7 @@ def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
 
 def _import(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     """Return the points of a file or a preset where the scene wants them; its own opacities and unit go first."""
-    from renderer.looks import place_look
+    from renderer.looks import MAX_LOOK_POINTS, place_look
 
     span, opacities = given.get("range"), given.get("opacity")
     found = None if given["import"] is INVALID else _read_look(node, given["import"], given.get("name"))
@@ -220,10 +221,15 @@ def _import(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     points = place_look(
         look, span=span, scale=given.get("scale", 1.0), shift=given.get("shift", 0.0), opacities=opacities
     )
+    place = node.child("import", given["import"])
     if not all(math.isfinite(value) for value, _, _ in points):
-        node.child("import", given["import"]).reject("its values become too large for a number")
-    _check_points(node.child("import", given["import"]), [(value, opacity) for value, _, opacity in points], 0)
-    imported = ImportedLook(file, look.has_opacities or opacities is not None, look.shading, look.left_out)
+        place.reject("its values become too large for a number")
+    if len(points) > MAX_LOOK_POINTS:
+        place.reject("too many points", got=str(len(points)), expected=f"at most {MAX_LOOK_POINTS}")
+    _check_points(place, [(value, opacity) for value, _, opacity in points], 0)
+    imported = ImportedLook(
+        Path(given["import"]).name, file, look.has_opacities or opacities is not None, look.shading, look.left_out
+    )
     return TransferSpec(tuple(ControlPoint(*point) for point in points), given.get("unit", look.unit), imported)
 
 

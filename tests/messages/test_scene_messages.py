@@ -19,6 +19,9 @@ FILES = {
     "header.mhd": b"NDims = 3\r\nDimSize = 8 7 6\r\nElementType = MET_UCHAR\r\nElementDataFile = v.raw\r\n",
     "control_character.yaml": b"version: 1\nvolume: {file: a\x07b}\n",
     "no_such_character.yaml": b'version: "\\UFFFFFFFF"\n',
+    "presets.xml": b'<MRML><VolumeProperty name="bone" scalarOpacity="4 0 0 9 1" colorTransfer="4 5 1 1 1"/>\n'
+    b'<VolumeProperty name="broken" scalarOpacity="4 0 0 9 1.5" colorTransfer="4 5 1 1 1"/></MRML>',
+    "colors.cmap": b"0 0 1\n1 1 0\n",
     "too_large.yaml": b"#" * (2**20 + 1),
     "too_deep.yaml": b"[" * 5000,
     "anchor_in_itself.yaml": b"a: &a [*a]\n",

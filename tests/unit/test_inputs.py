@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from pathlib import Path
+from typing import Any
 from unittest import mock
 
 import pytest
 
 from renderer.errors import InputError
-from renderer.job import require_no_input, volume_files
-from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec
+from renderer.job import FilmJob, require_no_input, scene_files, volume_files
+from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec, accuracy_of, parse_scene
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -98,3 +100,23 @@ def test_slices_of_folders(monkeypatch: pytest.MonkeyPatch) -> None:
         assert "notes.txt" in names_of("slices")
     Path("slices/a.TIF").touch()
     assert names_of("slices") == ["a.TIF", "slices"]
+
+
+def test_a_transfer_function_that_is_imported_is_an_input() -> None:
+    Path("look.cmap").write_text("0 0 0\n1 1 1\n")
+    Path("film.mp4.json").write_text(json.dumps([{"Name": "a", "RGBPoints": [0, 0, 0, 0, 9, 1, 1, 1]}]))
+    colors: dict[str, object] = {"import": "look.cmap", "range": [0, 9], "opacity": [[0, 0], [9, 1]]}
+    tree: dict[str, Any] = {
+        "volume": {"procedural": {"name": "constant", "shape": [4, 4, 4]}},
+        "transfer_function": colors,
+        "camera": {"path": {"type": "turntable", "frames": 2}},
+        "output": {"file": "film.mp4"},
+    }
+    scene = parse_scene(tree, base=Path())
+    assert [*scene_files(scene)] == [Path("look.cmap")]
+    FilmJob(scene, [0, 1], accuracy_of(scene.error)).require_no_input()
+    scene = parse_scene(tree | {"transfer_function": colors | {"import": "film.mp4.json"}}, base=Path())
+    with pytest.raises(InputError, match="would overwrite an input"):
+        FilmJob(scene, [0, 1], accuracy_of(scene.error)).require_no_input()
+    preset = parse_scene(tree | {"transfer_function": {"import": "ct-bone"}}, base=Path())
+    assert [*scene_files(preset)] == []

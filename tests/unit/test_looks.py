@@ -1,0 +1,379 @@
+"""Transfer functions of other programs: each format is read, and files that are wrong are refused with their place."""
+
+from __future__ import annotations
+
+import json
+import math
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from renderer.errors import InputError, SceneError
+from renderer.looks import place_look, read_look, read_preset
+from renderer.looks.curves import MAX_OPACITY_ERROR, merge_curves
+from renderer.looks.look import Look
+from renderer.scene import ColormapSpec, Scene, ShadingSpec, TransferSpec, parse_scene, scene_to_dict
+from renderer.transfer import make_transfer_function
+
+pytestmark = pytest.mark.usefixtures("folder")
+
+SLICER = (
+    '<MRML><VolumeProperty name="A" shade="1" ambient="0.1" diffuse="0.9" specular="0.2" specularPower="10" '
+    'scalarOpacity="6 0 0 50 0.2 100 0.9" gradientOpacity="4 0 1 255 1" colorTransfer="8 0 0 0 0 100 1 0.5 0"/>'
+    '<VolumeProperty name="B" shade="0" scalarOpacity="4 0 0 9 1" gradientOpacity="4 0 0 9 1" '
+    'colorTransfer="4 5 1 1 1"/></MRML>'
+)
+COMPONENT: dict[str, Any] = {
+    "shade": True,
+    "lighting": {"ambient": 0.25, "diffuse": 1, "specular": 0, "specularPower": 1},
+    "scalarOpacityUnitDistance": 2.5,
+    "rgbTransferFunction": {"points": [{"x": 0, "color": [0, 0, 0]}, {"x": 9, "color": [1, 1, 1], "midpoint": 0.25}]},
+    "scalarOpacity": {"points": [{"x": 0, "y": 0}, {"x": 9, "y": 1, "midpoint": 0.5, "sharpness": 0}]},
+    "gradientOpacity": {"points": [{"x": 0, "y": 0}, {"x": 9, "y": 1}]},
+}
+VP_JSON = json.dumps({"volumeProperties": [{"components": [COMPONENT]}]})
+TFI = (
+    '<?xml version="1.0"?><VoreenData><TransFuncIntensity><domain x="100" y="200"/><threshold x="0" y="0.5"/>'
+    '<gammaValue value="1"/><alphaMode value="1"/><Keys>'
+    '<key><intensity value="0.5"/><split value="true"/><colorL r="255" g="0" b="0" a="51"/>'
+    '<colorR r="0" g="255" b="0" a="102"/></key>'
+    '<key><intensity value="1"/><split value="false"/><colorL r="0" g="0" b="255" a="0"/></key>'
+    "</Keys></TransFuncIntensity></VoreenData>"
+)
+ITF = (
+    '<InviwoWorkspace version="2"><maskMin content="0"/><maskMax content="1"/><type content="0"/><Points>'
+    '<Point><pos content="0.75"/><rgba x="1" y="0" z="0" w="0.4"/></Point>'
+    '<Point><pos content="0.25"/><rgba x="0" y="0" z="1" w="0"/></Point></Points></InviwoWorkspace>'
+)
+CLUT = "[FLT]\nmin=10\nmax=61\n[INT]\nnumnodes=2\n[BYT]\nnodeintensity0=0\nnodeintensity1=255\n[RGBA255]\n"
+CLUT += "nodergba0=0|0|0|0\nnodergba1=255|51|0|102\n"
+NIIVUE = json.dumps({"min": 10, "max": 61, "R": [0, 255], "G": [0, 51], "B": [0, 0], "A": [0, 102], "I": [0, 255]})
+ITK_SNAP = (
+    '# ITK-SnAP Label Description File\n0 0 0 0 0 0 0 "Clear Label"\n2 255 0 0 0.5 1 1 "a"\n4 0 255 0 1 0 1 "b"\n'
+)
+FREESURFER = "#No. Label Name: R G B A\n0 Unknown 0 0 0 0\n2 Left-Cortex 255 0 0 0\n4 Right-Cortex 0 255 0 255\n"
+PARAVIEW = """[{"ColorSpace": "RGB", "Name": "mine", "RGBPoints": [-1, 0, 0, 0, 1, 1, 1, 1],
+  "Points": [-1, 0, 0.5, 0, 1, 0.4, 0.5, 0],},
+ {"Name": "rainbow", "ColorSpace": "HSV", "RGBPoints": [5, 0, 0, 1, 9, 1, 0, 0]},
+ {"Name": "steps", "ColorSpace": "Step", "RGBPoints": [0, 0, 0, 1, 1, 1, 0, 0]},
+ {"Name": "odd", "ColorSpace": "Oklab", "RGBPoints": [0, 0, 0, 1, 1, 1, 0, 0]},
+ {"Name": "indexed", "IndexedColors": [1, 0, 0, 0, 1, 0]},]"""  # fmt: skip
+
+
+def read(name: str, content: str | bytes, look: str | None = None) -> Look:
+    return read_look(Path(name), content.encode() if isinstance(content, str) else content, look)
+
+
+def curve(look: Look) -> list[tuple[float, ...]]:
+    return [(value, *(round(part, 6) for part in parts)) for value, parts in look.curve]
+
+
+def scene(section: dict[str, Any]) -> Scene:
+    tree = {
+        "volume": {"procedural": {"name": "constant", "shape": [4, 4, 4]}},
+        "transfer_function": section,
+        "camera": {"path": {"type": "turntable", "frames": 1}},
+        "output": {"file": "still.png"},
+    }
+    return parse_scene(tree, base=Path(), is_single_frame=True)
+
+
+def refusal(section: dict[str, Any]) -> str:
+    with pytest.raises(SceneError) as error:
+        scene(section)
+    return str(error.value)
+
+
+# Formats
+
+
+def test_a_preset_of_slicer_has_unit_and_light() -> None:
+    look = read("a.xml", SLICER, "A")
+    assert curve(look) == [(0, 0, 0, 0, 0), (50, 0.5, 0.25, 0, 0.2), (100, 1, 0.5, 0, 0.9)]
+    assert look.unit == 1.0 and not look.left_out
+    light = {"light": "camera", "two_sided": True, "ambient": 0.1, "diffuse": 0.9, "specular": 0.2, "shininess": 40.0}
+    assert look.shading == light
+    other = read("a.xml", SLICER, "B")
+    assert not other.shading and "gradient" in other.left_out[0]
+
+
+def test_the_older_and_the_newer_volume_property() -> None:
+    text = "1\n1\n0.42\n0.44\n0.46\n38.5\n4 0 0 9 1\n4 0 1 9 1\n8 0 0 0 0 9 1 1 1\n"
+    look = read("a.vp", text)
+    assert curve(look) == [(0, 0, 0, 0, 0), (9, 1, 1, 1, 1)]
+    assert (look.shading["diffuse"], look.shading["ambient"]) == (0.42, 0.44)
+    newer = read("a.vp.json", VP_JSON)
+    assert curve(newer) == curve(look) and newer.unit == 2.5
+    assert newer.left_out[0] == "midpoints and sharpness of rgbTransferFunction" and "gradient" in newer.left_out[1]
+
+
+def test_voreen_has_a_domain_and_split_keys() -> None:
+    look = read("a.tfi", TFI)
+    assert curve(look) == [(150, 1, 0, 0, 0.2), (150, 0, 1, 0, 0.4), (200, 0, 0, 1, 0)]
+    assert (look.span, look.is_share) == ((100, 200), False)
+    assert "1/200" in look.left_out[0] and look.left_out[1:] == ("its threshold",)
+
+
+def test_inviwo_has_shares_or_values() -> None:
+    look = read("a.itf", ITF)
+    assert curve(look) == [(0.25, 0, 0, 1, 0), (0.75, 1, 0, 0, 0.4)] and look.is_share and len(look.left_out) == 1
+    assert not read("a.itf", ITF.replace('type content="0"', 'type content="1"')).is_share
+    assert "its mask" in read("a.itf", ITF.replace('maskMin content="0"', 'maskMin content="0.3"')).left_out
+
+
+def test_mricrogl_and_niivue_have_a_table_over_a_range() -> None:
+    expected = [(10, 0, 0, 0, 0), (61, 1, 0.2, 0, 0.4)]
+    assert curve(read("a.clut", CLUT)) == expected == curve(read("a.json", NIIVUE))
+    assert read("a.clut", CLUT.replace("10", "0").replace("61", "0")).is_share
+    labels = json.dumps({"R": [0, 255, 0], "G": [0, 0, 255], "B": [0, 0, 0], "labels": ["air", "a", "b"]})
+    assert curve(read("a.json", labels))[-1] == (2, 0, 1, 0, 1)
+
+
+def test_tables_of_colours() -> None:
+    ramp = bytes(range(256))
+    lut = ramp + bytes(256) + ramp[::-1]
+    for content in (lut, b"ICOL" + bytes(28) + lut):
+        look = read("a.lut", content)
+        assert look.is_share and not look.has_opacities and curve(look)[-1] == (1, 1, 0, 0) and len(look.curve) == 256
+    assert curve(read("a.lut", "Index Red Green Blue\n0 0 0 255\n1 255 0 0\n")) == [(0, 0, 0, 1), (1, 1, 0, 0)]
+    assert curve(read("a.lut", "0,0,255\n255,0,0\n")) == [(0, 0, 0, 1), (1, 1, 0, 0)]
+    assert curve(read("a.cmap", "0 0 1\n1 0 0\n")) == [(0, 0, 0, 1), (1, 1, 0, 0)]
+
+
+def test_tables_of_labels_have_steps_half_way() -> None:
+    black, red, green = (0, 0, 0, 0), (1, 0, 0), (0, 1, 0)
+    steps = [(0, *black), (1, *black), (1, *red, 0.5), (3, *red, 0.5), (3, *green, 0), (4, *green, 0)]
+    assert curve(read("a.txt", ITK_SNAP)) == steps == curve(read("a.label", ITK_SNAP))
+    opaque = [(*point[:-1], 1 if point[1:4] == red else 0) for point in steps]
+    assert curve(read("a.txt", FREESURFER)) == opaque, "its last column is transparency"
+    clear = FREESURFER.replace("255 0 0 0", "255 0 0 255").replace("0 255 0 255", "0 255 0 0")
+    assert curve(read("a.ctbl", clear)) == opaque, "its last column is opacity"
+    assert curve(read("a.lut", "1 1.0 0. 0. Left a\n"))[-1] == (1, 1, 0, 0, 1)
+
+
+def test_colormaps_of_paraview() -> None:
+    look = read("a.json", PARAVIEW, "mine")
+    assert curve(look) == [(0, 0, 0, 0, 0), (1, 1, 1, 1, 0.4)] and look.is_share
+    rainbow = read("a.json", PARAVIEW, "rainbow")
+    assert (rainbow.span, rainbow.has_opacities) == ((5, 9), False)
+    values = [value for value, _ in rainbow.curve]
+    middle = [np.interp(7, values, [parts[k] for _, parts in rainbow.curve]) for k in range(3)]
+    assert middle == pytest.approx([0, 1, 0], abs=0.01), "green is between blue and red"
+    assert curve(read("a.json", PARAVIEW, "steps")) == [(0, 1, 0, 0), (1, 1, 0, 0)]
+    assert read("a.json", PARAVIEW, "odd").left_out == ("interpolation in the colour space Oklab",)
+    assert curve(read("a.json", PARAVIEW, "indexed")) == [(0, 1, 0, 0), (0.5, 1, 0, 0), (0.5, 0, 1, 0), (1, 0, 1, 0)]
+
+
+@pytest.mark.parametrize("space", ["Lab", "HSV", "Diverging", "Step"])
+def test_colours_between_points_are_those_of_vtk(space: str) -> None:
+    rendering = pytest.importorskip("vtkmodules.vtkRenderingCore")
+    numbers = [0, 0.23, 0.3, 0.75, 0.4, 0.87, 0.86, 0.87, 0.7, 0.9, 0.5, 0.1, 1, 0.7, 0.02, 0.15]
+    look = read("a.json", json.dumps([{"Name": "a", "ColorSpace": space, "RGBPoints": numbers}]))
+    transfer = rendering.vtkColorTransferFunction()
+    getattr(transfer, f"SetColorSpaceTo{space}")()
+    transfer.HSVWrapOff()
+    for k in range(0, len(numbers), 4):
+        transfer.AddRGBPoint(*numbers[k : k + 4])
+    at = np.linspace(0.001, 0.999, 999) + 1e-6
+    expected = np.array([transfer.GetColor(value) for value in at])
+    points = place_look(look, span=(0, 1), scale=1, shift=0, opacities=None)
+    found = [np.interp(at, [p[0] for p in points], [p[1][k] for p in points]) for k in range(3)]
+    straight = np.column_stack([np.interp(at, numbers[::4], numbers[k::4]) for k in (1, 2, 3)])
+    assert np.abs(straight - expected).max() > 0.05
+    assert np.abs(np.column_stack(found) - expected).max() < 0.02
+
+
+# Physics and places
+
+
+@pytest.mark.parametrize("ends", [(0, 1), (1, 0), (0, 0.5), (0.2, 0.999), (0.7, 0.70001)])
+@pytest.mark.parametrize("unit", [0.3, 1.0, 7.0])
+def test_opacities_are_as_linear_as_in_the_other_program(ends: tuple[float, float], unit: float) -> None:
+    look = Look([(-5.0, (0, 0, 0, ends[0])), (5.0, (1, 1, 1, ends[1]))])
+    points = place_look(look, span=None, scale=1, shift=0, opacities=None)
+    assert len(points) < 40
+    section = {"points": [{"value": v, "color": list(c), "opacity": a} for v, c, a in points], "unit": unit}
+    transfer = make_transfer_function(scene(section).transfer_function, finest_spacing=1.0)
+    at = np.linspace(-5, 5, 5001)
+    colors, extinctions = transfer.classify(at)
+    opaque = -math.expm1(-40 * unit)  # what the cap of extinctions makes of opacity 1
+    expected = np.minimum(np.interp(at, [-5, 5], ends), opaque)
+    assert np.abs(-np.expm1(-extinctions * unit) - expected).max() <= MAX_OPACITY_ERROR * 1.01
+    assert colors[:, 0] == pytest.approx(np.linspace(0, 1, 5001), abs=1e-9)
+
+
+def test_curves_with_steps_are_merged() -> None:
+    first = [(0.0, (0.0,)), (2.0, (2.0,)), (2.0, (5.0,))]
+    second = [(1.0, (10.0,)), (3.0, (30.0,))]
+    assert merge_curves(first, second) == [(0, (0, 10)), (1, (1, 10)), (2, (2, 20)), (2, (5, 20)), (3, (5, 30))]
+
+
+def test_values_are_put_where_the_scene_says() -> None:
+    Path("a.clut").write_text(CLUT)
+    Path("share.itf").write_text(ITF)
+
+    def ends(**keys: Any) -> tuple[float, float]:
+        mapping = scene({"import": "a.clut", **keys}).transfer_function.mapping
+        assert isinstance(mapping, tuple)
+        return mapping[0].value, mapping[-1].value
+
+    assert ends() == (10, 61)
+    assert ends(shift=5, scale=2) == (25, 127)
+    assert ends(range=[0, 1]) == (0, 1)
+    assert ends(**{"import": "share.itf"}, range=[100, 300]) == (150, 250)
+    assert "range: missing" in refusal({"import": "share.itf"}) and "shares" in refusal({"import": "share.itf"})
+    assert "too large" in refusal({"import": "a.clut", "scale": 1e308})
+
+
+def test_a_scene_says_opacities_and_unit_in_place_of_the_file() -> None:
+    Path("a.xml").write_text(SLICER)
+    Path("a.cmap").write_text("0 0 1\n1 0 0\n")
+    spec = scene({"import": "a.xml", "name": "A"}).transfer_function
+    assert spec.unit == 1.0
+    assert scene({"import": "a.xml", "name": "A", "unit": 3}).transfer_function.unit == 3
+    text = refusal({"import": "a.cmap", "range": [0, 8]})
+    assert "transfer_function.opacity: missing" in text and "colours alone" in text
+    section = {"import": "a.cmap", "range": [0, 8], "opacity": [[2, 0], [4, 1], [4, 0.5]]}
+    mapping = scene(section).transfer_function.mapping
+    assert isinstance(mapping, tuple)
+    assert [(point.value, round(point.opacity, 9)) for point in mapping] == [(0, 0), (2, 0), (4, 1), (4, 0.5), (8, 0.5)]
+    assert mapping[1].color == (0.25, 0, 0.75)
+
+
+def test_what_is_imported_is_recorded_as_points() -> None:
+    Path("a.xml").write_text(SLICER)
+    imported = scene({"import": "a.xml", "name": "A", "shift": -7})
+    plain = scene_to_dict(imported)
+    assert set(plain["transfer_function"]) == {"points", "unit"}
+    Path("a.xml").unlink()
+    assert parse_scene(plain, base=Path(), is_single_frame=True) == imported
+
+
+def test_notes_say_what_was_left_out_and_how_to_light_it() -> None:
+    Path("a.xml").write_text(SLICER)
+    (note,) = scene({"import": "a.xml", "name": "B"}).import_notes
+    assert note.startswith("a.xml: not imported: opacities by the gradient")
+    (note,) = scene({"import": "a.xml", "name": "A"}).import_notes
+    section = yaml.safe_load(note.partition("add ")[2])["shading"]
+    assert ShadingSpec(**section) == ShadingSpec(0.1, 0.9, "camera", 0.2, 40.0, True)
+
+
+def test_presets_can_be_drawn() -> None:
+    names = yaml.safe_load((Path(read_look.__code__.co_filename).with_name("presets.yaml")).read_text())
+    assert len(names) >= 12
+    for name in names:
+        section = {"import": name} | ({"range": [0, 255]} if read_preset(name).is_share else {})
+        made = scene(section)
+        assert isinstance(made.transfer_function, TransferSpec)
+        assert not isinstance(made.transfer_function.mapping, ColormapSpec)
+        assert all(before.value <= after.value for before, after in pairwise(made.transfer_function.mapping))
+        for note in made.import_notes:
+            ShadingSpec(**yaml.safe_load(note.partition("add ")[2])["shading"])
+    assert "did you mean ct-bone?" in refusal({"import": "ct-bonr"})
+
+
+# Refusals
+
+BOMB = '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]><MRML>&b;</MRML>'
+HOSTILE = {
+    "an entity bomb": ("a.xml", BOMB, "has a document type"),
+    "an entity bomb of Voreen": ("a.tfi", BOMB, "has a document type"),
+    "cut off XML": ("a.xml", SLICER[:-30], "a.xml:1: not valid XML"),
+    "no volume property": ("a.xml", "<MRML/>", "no volume properties"),
+    "a wrong count": ("a.xml", SLICER.replace('"6 0', '"8 0').replace("B", "A2", 1), "not as many numbers"),
+    "a NaN": ("a.xml", SLICER.replace("0.2 100", "nan 100"), "A scalarOpacity: not such a number\n  got: 'nan'"),
+    "too opaque": ("a.xml", SLICER.replace("0.2 100", "1.2 100"), "expected: a finite number from 0 to 1"),
+    "no numbers": ("a.xml", SLICER.replace("8 0 0 0 0 100 1 0.5 0", ""), "A colorTransfer: not such a list"),
+    "not UTF-8": ("a.tfi", b"<a>\n\xff</a>", "a.tfi:2: not a text file in UTF-8"),
+    "UTF-16": ("a.xml", SLICER.encode("utf-16"), "not a text file in UTF-8"),
+    "few lines": ("a.vp", "1\n1\n", "too few lines"),
+    "cut off JSON": ("a.json", NIIVUE[:-20] + "\n", "a.json:"),
+    "deep JSON": ("a.json", '{"R": ' + "[" * 100_000, "not valid JSON: too many levels"),
+    "deep XML": ("a.tfi", "<a>" * 100_000 + "</a>" * 100_000, "no <TransFuncIntensity>"),
+    "long digits": ("a.json", '{"R": [' + "9" * 5000 + "]}", ""),
+    "lists of different lengths": ("a.json", NIIVUE.replace("[0, 102]", "[0]"), "not lists of one length"),
+    "no lists": ("a.json", '{"R": 3}', "no R"),
+    "JSON infinity": ("a.json", NIIVUE.replace("102", "Infinity"), "not such a number"),
+    "a number as text": ("a.json", NIIVUE.replace("102", '"x"'), "not such a number"),
+    "true for a number": ("a.json", NIIVUE.replace("102", "true"), "not such a number"),
+    "no colormaps": ("a.json", "[1, 2]", "no colormaps"),
+    "a list of three": ("a.json", '[{"Name": "a", "RGBPoints": [0, 1, 1]}]', "a: RGBPoints: not such a list"),
+    "a mapping for a list": ("a.json", '[{"Name": "a", "RGBPoints": {}}]', "a: RGBPoints: not such a list"),
+    "no components": ("a.vp.json", '{"volumeProperties": [{"components": []}]}', "no rgbTransferFunction"),
+    "no points": ("a.vp.json", VP_JSON.replace('"x": 0, ', ""), "not such a number"),
+    "a point that is none": ("a.vp.json", VP_JSON.replace('{"x": 0, "y": 0}', "7"), "not such a number"),
+    "keys without colour": ("a.tfi", TFI.replace("colorL", "color"), "<key>: no <colorL>"),
+    "no keys": ("a.tfi", "<V><TransFuncIntensity><Keys/></TransFuncIntensity></V>", "<Keys>: no keys"),
+    "a colour of bytes in Inviwo": ("a.itf", ITF.replace('x="1"', 'x="255"'), "point 1: not such a number"),
+    "no text of sections": ("a.clut", "min=3\n", "a.clut"),
+    "a missing node": ("a.clut", CLUT.replace("nodergba1", "node"), "[RGBA255]: no nodergba1"),
+    "many nodes": ("a.clut", CLUT.replace("numnodes=2", "numnodes=1e9"), "numnodes: not such a number"),
+    "a colour of three": ("a.clut", CLUT.replace("|102", ""), "nodergba1: not a colour"),
+    "bytes of another size": ("a.lut", bytes(767), "not a look-up table"),
+    "no bytes": ("a.lut", b"", "not a look-up table"),
+    "an empty colormap": ("a.cmap", "", "a.cmap:1: not a colour"),
+    "rows of four": ("a.cmap", "0 0 0\n0 0 0 1\n", "a.cmap:2: not a colour"),
+    "a label without colour": ("a.txt", FREESURFER + "9 name\n", "a.txt:5: not a row of a table of labels"),
+    "no labels": ("a.ctbl", "# nothing\n", "no labels"),
+    "many rows": ("a.cmap", "0 0 0\n" * 70_000, "too many points"),
+    "an unknown suffix": ("a.png", b"\x89PNG", "not a kind of transfer function"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", HOSTILE)
+def test_wrong_files_are_refused_with_their_place(case: str) -> None:
+    name, content, expected = HOSTILE[case]
+    with pytest.raises(InputError) as error:
+        read(name, content, "A" if "VolumeProperty" in str(content) and ".xml" in name else None)
+    assert expected in str(error.value) and str(error.value).startswith(name)
+    Path(name).write_bytes(content.encode() if isinstance(content, str) else content)
+    assert f"transfer_function.import: {name}" in refusal({"import": name}) or "name" in refusal({"import": name})
+
+
+def test_a_file_that_is_cut_off_anywhere_is_read_or_refused() -> None:
+    files = {"a.xml": SLICER, "a.vp.json": VP_JSON, "a.tfi": TFI, "a.itf": ITF, "a.clut": CLUT, "a.json": PARAVIEW}
+    num_refused = 0
+    for name, content in files.items():
+        for length in range(0, len(content), 7):
+            try:
+                read(name, content[:length])
+            except InputError:
+                num_refused += 1
+    assert num_refused > 200
+
+
+def test_names_are_needed_and_close_ones_are_told() -> None:
+    Path("a.xml").write_text(SLICER)
+    assert "transfer_function.name: a.xml: has several transfer functions" in refusal({"import": "a.xml"})
+    Path("a.json").write_text(PARAVIEW)
+    assert "did you mean rainbow?" in refusal({"import": "a.json", "name": "Rainbow"})
+    Path("a.clut").write_text(CLUT)
+    assert "no name, for there is one only" in refusal({"import": "a.clut", "name": "x"})
+
+
+def test_keys_that_contradict() -> None:
+    Path("a.clut").write_text(CLUT)
+    point = {"value": 0, "color": "white", "opacity": 1}
+    assert "contradicts transfer_function.import" in refusal({"import": "a.clut", "points": [point]})
+    assert "needs transfer_function.import" in refusal({"points": [point], "scale": 2})
+    assert "out of range" in refusal({"import": "a.clut", "scale": 0})
+
+
+def test_points_that_would_be_too_many_are_refused() -> None:
+    steep = {"R": [0] * 9000, "G": [0] * 9000, "B": [0] * 9000, "A": [0, 255] * 4500}
+    Path("a.json").write_text(json.dumps(steep))
+    assert "too many points" in refusal({"import": "a.json", "range": [0, 1]})
+    Path("clear.json").write_text(NIIVUE.replace("102", "0"))
+    assert "transfer_function.import: nothing is visible" in refusal({"import": "clear.json"})
+
+
+def test_files_that_are_no_files_or_too_large() -> None:
+    Path("a.clut").mkdir()
+    assert "not a file" in refusal({"import": "a.clut"})
+    assert "no such file" in refusal({"import": "b.clut"})
+    Path("c.json").write_bytes(b" " * (2**22 + 1))
+    assert "too large for a transfer function" in refusal({"import": "c.json"})
