@@ -206,12 +206,12 @@ def _import(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     """Return the points of a file or a preset where the scene wants them; its own opacities and unit go first."""
     from renderer.looks import MAX_LOOK_POINTS, place_look
 
-    span, opacities = given.get("range"), given.get("opacity")
-    found = None if given["import"] is INVALID else _read_look(node, given["import"], given.get("name"))
-    if opacities is not None:
-        pairs = list(opacities) if isinstance(opacities, tuple) else []
-        _check_points(node.child("opacity"), pairs, 0)
-    if found is None or INVALID in given.values() or (isinstance(opacities, tuple) and INVALID in opacities):
+    span, opacities, num_problems = given.get("range"), given.get("opacity"), len(node.problems)
+    if not all(map(_is_valid, given.values())):
+        return TransferSpec((INVALID,))
+    _check_points(node.child("opacity"), list(opacities or ()), 0)
+    found = _read_look(node, given["import"], given.get("name"))
+    if found is None or len(node.problems) > num_problems:
         return TransferSpec((INVALID,))
     file, look = found
     if look.is_share and span is None:
@@ -231,6 +231,10 @@ def _import(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
         Path(given["import"]).name, file, look.has_opacities or opacities is not None, look.shading, look.left_out
     )
     return TransferSpec(tuple(ControlPoint(*point) for point in points), given.get("unit", look.unit), imported)
+
+
+def _is_valid(value: Any) -> bool:
+    return value is not INVALID and (not isinstance(value, tuple) or all(map(_is_valid, value)))
 
 
 def _read_look(node: TreeNode, source: str, name: str | None) -> tuple[Path | None, Look] | None:

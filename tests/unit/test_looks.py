@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import math
+import random
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -11,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from spoiling import spoil
 
 from renderer.errors import InputError, SceneError
 from renderer.looks import place_look, read_look, read_preset
@@ -62,6 +65,12 @@ PARAVIEW = """[{"ColorSpace": "RGB", "Name": "mine", "RGBPoints": [-1, 0, 0, 0, 
  {"Name": "steps", "ColorSpace": "Step", "RGBPoints": [0, 0, 0, 1, 1, 1, 0, 0]},
  {"Name": "odd", "ColorSpace": "Oklab", "RGBPoints": [0, 0, 0, 1, 1, 1, 0, 0]},
  {"Name": "indexed", "IndexedColors": [1, 0, 0, 0, 1, 0]},]"""  # fmt: skip
+
+
+JUNK: list[Any] = [
+    None, True, -1, 0, 3, 1e300, math.nan, 10**400, "", "\0", "~", "a.clut", "B", "ct-bone", [], [0], [0, 1],
+    [1, 0], [[4, 1], [0, 0]], [[None, 1]], {}, {"a": 1}, b"x",
+]  # fmt: skip
 
 
 def read(name: str, content: str | bytes, look: str | None = None) -> Look:
@@ -361,6 +370,25 @@ def test_keys_that_contradict() -> None:
     assert "contradicts transfer_function.import" in refusal({"import": "a.clut", "points": [point]})
     assert "needs transfer_function.import" in refusal({"points": [point], "scale": 2})
     assert "out of range" in refusal({"import": "a.clut", "scale": 0})
+
+
+def test_spoilt_sections_are_refused_or_make_a_scene() -> None:
+    Path("a.xml").write_text(SLICER)
+    section = {"import": "a.xml", "name": "A", "range": [0, 9], "opacity": [[0, 0], [4, 0.5], [4, 1], [9, 1]],
+               "shift": 1, "scale": 2, "unit": 3}  # fmt: skip
+    choose, num_read, texts = random.Random(1), 0, list[str]()
+    for _ in range(400):
+        tree = copy.deepcopy(section)
+        for _ in range(choose.randint(1, 3)):
+            spoil(tree, choose, JUNK, ["x", "points", 0])
+        try:
+            made = scene(tree)
+        except SceneError as error:
+            texts.append(str(error))
+        else:
+            num_read += 1
+            assert parse_scene(scene_to_dict(made), base=Path(), is_single_frame=True) == made
+    assert 0 < num_read < 300 and not any("object at" in text for text in texts)
 
 
 def test_points_that_would_be_too_many_are_refused() -> None:
