@@ -30,6 +30,7 @@ def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int
         slowest axis to the fastest. Raises InputError for files that are missing, too few or too many, and for names of
         another form.
     """
+    name = unquoted(header, name)
     numbered, is_list = _NUMBERED.fullmatch(name), _LIST.fullmatch(name)
     if numbered is None and is_list is None and ("%" not in name or (header.parent / name).is_file()):
         return [_data_file(header, name)], 0
@@ -65,10 +66,14 @@ def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int
     return [_data_file(header, each) for each in names], num_split
 
 
+def unquoted(header: Path, name: str) -> str:
+    """Return what a header names without the quotes around it, unless a file is called so, quotes included."""
+    quoted = re.fullmatch(r"""(["'])((?:(?!\1).)+)\1""", name)
+    return quoted[2] if quoted and not (header.parent / name).is_file() else name
+
+
 def _data_file(header: Path, name: str) -> Path:
-    file = header.parent / name
-    if not file.is_file() and re.fullmatch('".+"', name):
-        file = header.parent / name[1:-1]
+    file = header.parent / unquoted(header, name)
     if not file.is_file():
         raise InputError(
             "the data file that this header names is not there",

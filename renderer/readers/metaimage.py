@@ -16,7 +16,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.common import NO_SPACING, Image, affine
-from renderer.readers.data_files import find_data_files
+from renderer.readers.data_files import find_data_files, unquoted
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field, add_field, header_lines
 from renderer.volume import Float64
@@ -82,7 +82,7 @@ def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
             )
     is_big = any(_is_true(fields, name, default=False) for name in _BYTE_ORDERS)
     dtype = np.dtype(_TYPES[kind]).newbyteorder(">" if is_big else "<")
-    data_file = fields["ElementDataFile"].text
+    data_file = unquoted(path, fields["ElementDataFile"].text)
     files, num_split, begin = [path], 0, header_end
     if data_file.upper() != "LOCAL":
         files, num_split = find_data_files(path, data_file, listed, space)

@@ -78,10 +78,20 @@ def test_messages(case: Case, folder: Path, capfd: pytest.CaptureFixture[str]) -
     case.check(capfd)
 
 
-@pytest.mark.parametrize("data_file", ['"a b.raw"', "a b.raw"])
+@pytest.mark.parametrize("data_file", ['"a b.raw"', "'a b.raw'", "a b.raw"])
 def test_the_name_of_a_data_file_may_be_quoted(data_file: str, folder: Path) -> None:
     Path("a b.raw").write_bytes(RAW)
     Path("a.mhd").write_text(f"{HEAD}ElementDataFile = {data_file}\n")
     np.testing.assert_array_equal(read(Path("a.mhd")).values, VALUES)
-    Path('"a b.raw"').write_bytes(RAW[::-1])  # a file may be called so
-    assert np.array_equal(read(Path("a.mhd")).values, VALUES) == ('"' not in data_file)
+    Path(data_file).write_bytes(RAW[::-1])  # a file may be called so
+    assert not np.array_equal(read(Path("a.mhd")).values, VALUES)
+
+
+@pytest.mark.parametrize("data_file", ['"s %d.raw 0 3 1"', "\"s %d.raw\" 0 3 1", '"LIST"', '"LOCAL"'])
+def test_patterns_and_words_may_be_quoted(data_file: str, folder: Path) -> None:
+    for number, plane in enumerate(VALUES):
+        Path(f"s {number}.raw").write_bytes(plane.tobytes())
+    listed = "".join(f"'s {number}.raw'\n" for number in range(len(VALUES))) if "LIST" in data_file else ""
+    header = f"{HEAD}ElementDataFile = {data_file}\n{listed}"
+    Path("a.mhd").write_bytes(header.encode() + (RAW if "LOCAL" in data_file else b""))
+    np.testing.assert_array_equal(read(Path("a.mhd")).values, VALUES)
