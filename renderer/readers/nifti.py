@@ -1,11 +1,11 @@
-"""Read NIfTI-1 and NIfTI-2, single files (.nii, .nii.gz) and pairs (.hdr with .img).
+"""Read NIfTI-1 and NIfTI-2, single files (.nii, .nii.gz) and pairs (.hdr with .img), and pairs of Analyze 7.5.
 
 nibabel interprets the header, of which it is given no more than the fixed length: extensions are never read.
 `stored.py` reads the voxels.
 
 The affine is the sform if it is set and invertible, else the qform, else the voxel sizes alone, with the first voxel at
 the origin. RAS becomes LPS by negating x and y. Axes after z are time (the fourth) and component (the fifth), as in the
-standard.
+standard. A pair without NIfTI's mark is Analyze 7.5, with the scale and the origin that SPM keeps there, if any.
 """
 
 from __future__ import annotations
@@ -39,10 +39,17 @@ from renderer.volume import Array, Float64
 _NIFTI_1_BYTES, _NIFTI_2_BYTES = 348, 540
 _PAIR = re.compile(r"(.*\.)(hdr|img)(\.gz)?", re.IGNORECASE | re.DOTALL)
 
+# Where the mark of NIfTI-1 begins, and its first letters; Analyze has a number there, usually 0.
+_MARK, _MARKS = slice(344, 346), (b"n+", b"ni")
+_ANALYZE = (
+    "Analyze 7.5 does not say which side is left: x runs from right to left, y to the front and z up, as its "
+    "standard says"
+)
+
 # Keeps nibabel's remarks on a header, and on its repairs, off the terminal.
 _SILENT = logging.Logger(__name__, logging.CRITICAL + 1)
 
-# A nibabel.Nifti1Header, of which NIfTI-2 has a subclass.
+# A nibabel.Nifti1Header, of which NIfTI-2 has a subclass, or a Spm99AnalyzeHeader.
 _Header = Any
 
 
@@ -85,8 +92,9 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
         raise unreadable_error(error) from error
     slope, intercept = header.get_slope_inter()
     if slope is not None and (slope, intercept) != (1.0, 0.0):
-        values = _scaled(values, slope, intercept)
-    return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)))
+        values = _scaled(values, slope, intercept or 0.0)
+    note = _ANALYZE if _is_analyze(header) else None
+    return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), note)
 
 
 def find_pair(path: Path) -> tuple[Path, Path | None]:
@@ -116,7 +124,9 @@ def _header(start: bytes, path: Path, *, is_single: bool) -> _Header:
     for order in "<>" if len(start) >= _NIFTI_1_BYTES else "":
         num_bytes = struct.unpack_from(order + "i", start)[0]
         if num_bytes in classes and len(start) >= num_bytes:
-            header = classes[num_bytes][is_single](start[:num_bytes], order, check=False)
+            is_analyze = num_bytes == _NIFTI_1_BYTES and not is_single and start[_MARK] not in _MARKS
+            kind = nib.Spm99AnalyzeHeader if is_analyze else classes[num_bytes][is_single]
+            header = kind(start[:num_bytes], order, check=False)
             _check_offset_and_slope(header, least=num_bytes + 4 if is_single else 0)
             try:
                 header.check_fix(_SILENT)
@@ -161,7 +171,13 @@ def _scaled(values: Array, slope: float, intercept: float) -> Array:
     return scaled
 
 
+def _is_analyze(header: _Header) -> bool:
+    return "sform_code" not in header
+
+
 def _ras_from_index(header: _Header) -> Float64:
+    if _is_analyze(header):  # around SPM's origin, or the middle of the volume
+        return np.array(header.get_origin_affine(), np.float64)
     for code, affine in (("sform_code", header.get_sform), ("qform_code", header.get_qform)):
         if header[code] > 0 and has_volume(affine()):
             return np.array(affine(), np.float64)

@@ -16,8 +16,8 @@ from renderer.scene import join_some, short_text
 Format = Literal["nrrd", "metaimage", "nifti", "tiff", "npy", "npz", "vtk", "cube", "dicom"]
 
 KNOWN_FORMATS = (
-    "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), TIFF (.tif), NumPy (.npy, .npz), "
-    "VTK (.vti, .vtk), Gaussian cube (.cube) or DICOM"
+    "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), Analyze (.hdr), TIFF (.tif), "
+    "NumPy (.npy, .npz), VTK (.vti, .vtk), Gaussian cube (.cube) or DICOM"
 )
 
 _SIGNATURES: dict[bytes, Format] = {
@@ -153,9 +153,17 @@ def _search(folder: Path) -> Iterator[Path]:
             yield Path(place)
             continue
         for name in sorted(files):
-            is_named_so = name.lower().endswith(_VOLUME_SUFFIXES) and not name.startswith(".")
-            if is_named_so and os.path.isfile(os.path.join(place, name)):  # a pipe would be waited for
+            if not name.startswith(".") and _is_volume(Path(place, name)):
                 yield Path(place, name)
+
+
+def _is_volume(file: Path) -> bool:
+    """Return whether a file has a volume's name, and, if others use the name, too, begins as one."""
+    name = file.name.lower()
+    if not file.is_file():  # a pipe would be waited for
+        return False
+    is_header = name.endswith((".hdr", ".hdr.gz")) and read_start(file, 4)[0] in _NIFTI_STARTS
+    return is_header or name.endswith(_VOLUME_SUFFIXES)
 
 
 def _start(path: Path) -> bytes:

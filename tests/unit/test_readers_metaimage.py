@@ -87,7 +87,7 @@ def test_the_name_of_a_data_file_may_be_quoted(data_file: str, folder: Path) -> 
     assert not np.array_equal(read(Path("a.mhd")).values, VALUES)
 
 
-@pytest.mark.parametrize("data_file", ['"s %d.raw 0 3 1"', "\"s %d.raw\" 0 3 1", '"LIST"', '"LOCAL"'])
+@pytest.mark.parametrize("data_file", ['"s %d.raw 0 3 1"', '"s %d.raw" 0 3 1', '"LIST"', '"LOCAL"'])
 def test_patterns_and_words_may_be_quoted(data_file: str, folder: Path) -> None:
     for number, plane in enumerate(VALUES):
         Path(f"s {number}.raw").write_bytes(plane.tobytes())

@@ -165,3 +165,63 @@ def test_gzip_members_may_end_anywhere(tmp_path, end):
     data = (tmp_path / "whole.nii").read_bytes()
     (tmp_path / "a.nii.gz").write_bytes(gzip.compress(data[:end]) + gzip.compress(data[end:]))
     np.testing.assert_array_equal(read(tmp_path / "a.nii.gz").values, values)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("dtype", ["uint8", "int16", "int32", "float32", "float64"])
+@pytest.mark.parametrize("name", ["a.hdr", "a.img", "a.hdr.gz"])
+def test_analyze(tmp_path, order, dtype, name):
+    """Types, byte orders, and x to the left around the middle; a pair has two names."""
+    values = ramp(dtype)
+    image = nib.AnalyzeImage(values, None, nib.AnalyzeHeader(endianness=order), dtype=dtype)
+    image.header.set_zooms((2.0, 3.0, 4.0))
+    image.to_filename(tmp_path / name)
+    volume = read(tmp_path / name)
+    np.testing.assert_array_equal(volume.values, values.T)
+    assert volume.values.dtype == dtype
+    np.testing.assert_array_equal(volume.world_from_index, LPS @ nib.load(tmp_path / name).affine)
+    np.testing.assert_array_equal(volume.world_from_index[:3, 0], [2.0, 0.0, 0.0])  # x of LPS is to the left
+    assert "x runs from right to left" in volume.note
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_analyze_by_spm_has_a_scale_and_an_origin(tmp_path, order):
+    header = nib.Spm99AnalyzeHeader(endianness=order)
+    image = nib.Spm99AnalyzeImage(ramp("int16"), None, header, dtype="int16")
+    image.header.set_zooms((2.0, 3.0, 4.0))
+    image.to_filename(tmp_path / "a.img")
+    (tmp_path / "a.mat").unlink(missing_ok=True)
+    data = bytearray((tmp_path / "a.hdr").read_bytes())
+    struct.pack_into(order + "f", data, 112, 0.5)  # funused1
+    struct.pack_into(order + "5h", data, 253, 3, 2, 5, 0, 0)  # of voxels, from 1
+    volume = read(written(tmp_path / "a.hdr", data))
+    np.testing.assert_array_equal(volume.values, ramp("int16").T * np.float32(0.5))
+    np.testing.assert_array_equal(volume.world_from_index @ [2, 1, 4, 1], [0, 0, 0, 1])
+
+
+def test_analyze_has_times(tmp_path):
+    values = ramp("int16", (5, 4, 3, 2))
+    nib.AnalyzeImage(values, None, dtype="int16").to_filename(tmp_path / "a.img")
+    for time in range(2):
+        np.testing.assert_array_equal(read(tmp_path / "a.img", time=time).values, values[..., time].T)
+
+
+def test_a_folder_with_a_pair_is_a_volume(tmp_path):
+    nib.AnalyzeImage(ramp("uint8"), None, dtype="uint8").to_filename(tmp_path / "a.img")
+    (tmp_path / "b.hdr").write_bytes(b"ENVI\ndescription = another format\n")
+    np.testing.assert_array_equal(read(tmp_path).values, ramp("uint8").T)
+
+
+def test_a_damaged_mark_is_not_analyze(tmp_path):
+    nib.Nifti1Pair(ramp("uint8"), AFFINE).to_filename(tmp_path / "a.img")
+    data = bytearray((tmp_path / "a.hdr").read_bytes())
+    data[346:347] = b"x"
+    refused(written(tmp_path / "a.hdr", data), match="this is not a NIfTI file, or it is damaged")
+
+
+@pytest.mark.parametrize("code", [0, 1, 32, 99])
+def test_other_types_of_analyze_are_refused(tmp_path, code):
+    nib.AnalyzeImage(ramp("uint8"), None, dtype="uint8").to_filename(tmp_path / "a.img")
+    data = bytearray((tmp_path / "a.hdr").read_bytes())
+    struct.pack_into("<h", data, 70, code)
+    refused(written(tmp_path / "a.hdr", data))
