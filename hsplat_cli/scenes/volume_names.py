@@ -11,7 +11,7 @@ from renderer.errors import InputError
 from renderer.job import expand_pattern, header_data_files
 
 # Endings of volumes; only the last one of a name such as scan.v2.nii.gz is removed.
-_ENDINGS = re.compile(r"\.(nii|img|hdr|nrrd|nhdr|mha|mhd|raw|tiff?|npy|dcm|vtk|mrc)(\.gz|\.bz2)?$", re.IGNORECASE)
+_ENDINGS = re.compile(r"\.(nii|img|hdr|nrrd|nhdr|m(h[ad]|g[hz]|rc)|raw|tiff?|npy|dcm|vtk)(\.gz|\.bz2)?$", re.IGNORECASE)
 
 
 def base_name(volume: Path) -> str:

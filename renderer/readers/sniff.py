@@ -13,11 +13,11 @@ from typing import Literal
 from renderer.errors import InputError
 from renderer.scene import join_some, short_text
 
-Format = Literal["nrrd", "metaimage", "nifti", "tiff", "npy", "npz", "vtk", "cube", "dicom"]
+Format = Literal["nrrd", "metaimage", "nifti", "mgh", "tiff", "npy", "npz", "vtk", "cube", "dicom"]
 
 KNOWN_FORMATS = (
-    "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), Analyze (.hdr), TIFF (.tif), "
-    "NumPy (.npy, .npz), VTK (.vti, .vtk), Gaussian cube (.cube) or DICOM"
+    "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), Analyze (.hdr), "
+    "FreeSurfer (.mgh, .mgz), TIFF (.tif), NumPy (.npy, .npz), VTK (.vti, .vtk), Gaussian cube (.cube) or DICOM"
 )
 
 _SIGNATURES: dict[bytes, Format] = {
@@ -31,11 +31,13 @@ _SIGNATURES: dict[bytes, Format] = {
 _SUFFIXES: dict[str, Format] = {
     **dict.fromkeys((".mha", ".mhd"), "metaimage"),
     **dict.fromkeys((".nii", ".hdr", ".img"), "nifti"),
+    **dict.fromkeys((".mgh", ".mgz"), "mgh"),
     **dict.fromkeys((".cube", ".cub"), "cube"),
     **dict.fromkeys((".tif", ".tiff"), "tiff"),
 }
 _VOLUME_SUFFIXES = (
     *(".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".nii.gz"),
+    *(".mgh", ".mgz", ".mgh.gz"),
     *(".npy", ".npz", ".vti", ".vtk", ".cube", ".cub"),
 )
 TIFF_SUFFIXES = (".tif", ".tiff")
@@ -69,6 +71,8 @@ def find_format(path: Path) -> Format:
     suffix = path.suffix.lower()
     if suffix in _SUFFIXES:
         return _SUFFIXES[suffix]
+    if path.name.lower().endswith(".mgh.gz"):
+        return "mgh"
     if path.name.lower().endswith((".nii.gz", ".hdr.gz", ".img.gz")) or read_start(path, 4)[0] in _NIFTI_STARTS:
         return "nifti"
     raise UnknownFormatError(

@@ -29,7 +29,7 @@ from renderer.readers import nrrd, vtk_image
 ROOT = Path(__file__).parents[2]
 SEED = 5
 FILES = 400
-FORMATS = {"nrrd", "metaimage", "nifti", "npy", "npz", "raw", "cube", "tiff", "dicom", "vtk"}
+FORMATS = {"nrrd", "metaimage", "nifti", "mgh", "npy", "npz", "raw", "cube", "tiff", "dicom", "vtk"}
 
 # Small files by which readers once worked, waited or took memory without end, or failed.
 MENDED = (

@@ -43,7 +43,7 @@ def _values(dtype: str = "uint16", shape: tuple[int, ...] = (4, 12, 10)) -> Arra
 @cache
 def make_bases(data: Path | None) -> tuple[Base, ...]:
     """Return all undamaged volumes, in a fixed order. data: the folder of real ones, if there is one."""
-    groups = (_nrrd, _metaimage, _nifti, _arrays, _cube, _tiff, _dicom, _vtk)
+    groups = (_nrrd, _metaimage, _nifti, _mgh, _arrays, _cube, _tiff, _dicom, _vtk)
     return tuple(base for group in groups for base in group()) + (() if data is None else tuple(_real(data)))
 
 
@@ -137,6 +137,18 @@ def _nifti() -> Iterator[Base]:
     image.header.set_slope_inter(0.5, 3)
     files = written(lambda folder: image.to_filename(folder / "a.nii"))
     yield Base("nifti time", files, "a.nii", {"time": 1}, headers={"a.nii": ((0, 352),)})
+    pair = written(lambda folder: nibabel.AnalyzeImage(values.T, None, dtype="int16").to_filename(folder / "a.img"))
+    yield detached("nifti analyze", pair, "a.hdr", guarded=False, values=values)
+
+
+def _mgh() -> Iterator[Base]:
+    values = _values("int16")
+    data = written(lambda folder: nibabel.MGHImage(values.T, np.diag([-0.5, -0.5, 2, 1])).to_filename(folder / "a.mgh"))
+    headers = {"a.mgh": ((0, 90),)}
+    yield Base("mgh plain", data, "a.mgh", values=values, headers=headers)
+    packed = _packed_by_gzip(data["a.mgh"])
+    guarded = {"a.mgz": ((0, len(packed)),)}
+    yield Base("mgh gzip", {"a.mgz": packed}, "a.mgz", values=values, guarded=guarded)
 
 
 def _packed_by_gzip(data: bytes) -> bytes:

@@ -1,0 +1,53 @@
+"""Read FreeSurfer's MGH (.mgh, .mgz): a big-endian header of fixed length, and voxels behind it, x fastest.
+
+Format: https://surfer.nmr.mgh.harvard.edu/fswiki/FsTutorial/MghFormat. RAS becomes LPS. The header gives the position
+of the middle of the volume, voxel `size / 2`. Frames are time steps. What follows the voxels is never read.
+"""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from renderer.errors import InputError
+from renderer.readers.common import Image, affine, in_lps
+from renderer.readers.sniff import read_start
+from renderer.readers.stored import Layout, StoredVoxels, read_stored
+from renderer.volume import Float64
+
+# Version, sizes along x, y, z and time, type, degrees of freedom, flag; spacing, directions, and middle, in RAS.
+_HEADER = struct.Struct(">7ih15f")
+_NUM_HEADER_BYTES = 284
+_TYPES = {0: ">u1", 1: ">i4", 3: ">f4", 4: ">i2", 10: ">u2"}
+
+# The place of a volume whose flag is 0, as the format has it: coronal slices, 1 mm.
+_CORONAL = (*(1.0, 1.0, 1.0), *(-1.0, 0.0, 0.0), *(0.0, 0.0, -1.0), *(0.0, 1.0, 0.0), *(0.0, 0.0, 0.0))
+_NO_PLACE = "the file does not give its place; coronal slices of 1 x 1 x 1 mm are assumed, as FreeSurfer does"
+
+
+def read_mgh(path: Path, time: int | None, component: int | None) -> Image:
+    """Read one frame of an MGH file.
+
+    Raises InputError for damaged, truncated and foreign files, and if `time` or `component` do not fit.
+    """
+    start, is_compressed = read_start(path, _HEADER.size)
+    version, *sizes, kind, _, flag = _HEADER.unpack(start)[:8] if len(start) == _HEADER.size else [0] * 8
+    if version != 1:
+        raise InputError("this is not an MGH file, or it is damaged", expected="a header of MGH, version 1")
+    if kind not in _TYPES:
+        types = ", ".join(f"{code} ({np.dtype(dtype).name})" for code, dtype in _TYPES.items())
+        raise InputError("voxels of this type of MGH cannot be rendered", got=f"type {kind}", expected=types)
+    part = StoredVoxels(path, 0, "deflate" if is_compressed else "raw", _NUM_HEADER_BYTES, has_rest=True)
+    values = read_stored(Layout(np.dtype(_TYPES[kind]), tuple(sizes[::-1]), (part,)), "tsss", time, component)
+    ras_from_index = _ras_from_index(sizes[:3], _HEADER.unpack(start)[8:] if flag > 0 else _CORONAL)
+    return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), None if flag > 0 else _NO_PLACE)
+
+
+def _ras_from_index(sizes: list[int], place: tuple[float, ...]) -> Float64:
+    """Return the affine, float64 [4, 4]. place: spacing, the directions of the index axes, and the middle."""
+    world_from_index = affine(place[:3], np.zeros(3), np.reshape(place[3:12], (3, 3)).T)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused later
+        world_from_index[:3, 3] = place[12:] - world_from_index[:3, :3] @ (np.array(sizes) / 2)
+    return world_from_index
