@@ -61,7 +61,7 @@ def volume_options(nonfinite: Literal["error"] | None) -> Callable[[Any], Any]:
     With the default None, --nonfinite is None where it is not given: a fill value that is not visible is looked for.
     """
     return option_group(
-        click.option("--time", type=int, help="Which time step, from 0, of a volume that has several."),
+        click.option("--time", type=int, help="Which of several time steps, from 0.  [default: the first]"),
         click.option("--component", type=int, help="Which component, from 0, of a volume that has several."),
         click.option(
             "--nonfinite",
@@ -175,7 +175,7 @@ def read_with_options(volume: VolumeSpec, reporter: Reporter) -> Volume:
             error.hint = _HEADERLESS_HINT
         raise
     if read.note is not None:
-        reporter.status(f"{read.name}: {read.note}")
+        reporter.status(f"{read.name}: {_as_options(read.note)}")
     return read
 
 

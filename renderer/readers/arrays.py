@@ -26,6 +26,7 @@ from renderer.readers.common import (
     fitting_shapes,
     require_exists,
     select_index,
+    time_note,
     unreadable_error,
 )
 from renderer.scene import RawSource, format_value, join_some, short_text
@@ -122,7 +123,8 @@ def _chosen(values: Array, time: int | None, component: int | None) -> Image:
             expected="[z, y, x], or [time, z, y, x] with `time`, or [z, y, x, component] with `component`",
         )
     axes = {3: "sss", 4: "sssc" if time is None else "tsss", 5: "tsssc"}[values.ndim]
-    return Image(values[chosen_part(axes, values.shape, time, component)], np.eye(4))
+    chosen = values[chosen_part(axes, values.shape, time, component)]
+    return Image(chosen, np.eye(4), (time_note(axes, values.shape, time),))
 
 
 def _npy_header(file: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[Any], Literal["C", "F"]]:

@@ -44,12 +44,12 @@ class Image:
     values: [z, y, x] of one time step and one component, an integer or float dtype in any byte order and memory layout,
         possibly mapped from a file.
     world_from_index: float64 [4, 4], (x, y, z) voxel index to world.
-    note: a remark on how they were read.
+    notes: remarks on how they were read; None stands for none.
     """
 
     values: Array
     world_from_index: Float64
-    note: str | None = None
+    notes: tuple[str | None, ...] = ()
 
 
 def describe_count(n: int) -> str:
@@ -215,17 +215,17 @@ def check_memory(num_bytes: int) -> None:
 
 
 def select_index(key: str, wanted: int | None, count: int, names: Sequence[str] = ()) -> int:
-    """Return which of `count` time steps or components to read; `key` is the scene's key for it.
+    """Return which of `count` time steps or components to read: the first time step if none is wanted.
 
-    names: of the components, for messages, if they have any.
-    Raises InputError if one of several has to be chosen, or the chosen one does not exist.
+    key: the scene's key for it. names: of the components, for messages, if they have any.
+    Raises InputError if one of several components has to be chosen, or the chosen one does not exist.
     """
     plural = {"time": "time steps", "component": "components"}[key]
-    if wanted is None and count > 1:
+    if wanted is None and count > 1 and key == "component":
         raise InputError(
-            f"the volume has {count} {plural}, and one is rendered",
+            f"the volume has {count} components, and one is rendered",
             got=join_some([f"{k} is {name}" for k, name in enumerate(names)]) if names else None,
-            expected=f"`{key}: k` with k from 0 to {count - 1}",
+            expected=f"`component: k` with k from 0 to {count - 1}",
         )
     if wanted is not None and not 0 <= wanted < count:
         raise InputError(
@@ -246,6 +246,12 @@ def chosen_part(axes: str, shape: tuple[int, ...], time: int | None, component: 
     step = select_index("time", time, lengths.get("t", 1))
     chosen = {"t": step, "c": select_index("component", component, lengths.get("c", 1)), "-": 0}
     return tuple(chosen.get(letter, slice(None)) for letter in axes)
+
+
+def time_note(axes: str, shape: tuple[int, ...], time: int | None) -> str | None:
+    """Return a note if none of several time steps was asked for; axes and shape as in `chosen_part`."""
+    count = dict(zip(axes, shape, strict=True)).get("t", 1)
+    return None if time is not None or count == 1 else f"{count} times; the first is drawn; `time: k` chooses another"
 
 
 def fitting_shapes(shape_xyz: tuple[int, ...], itemsize: int, num_bytes: int) -> list[tuple[int, ...]]:

@@ -66,7 +66,7 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
             target[...] = frame.rescaled(pixels[frame.number, :, :, channel])
     axes = np.column_stack([first.across, first.down, step])
     note = None if path.is_dir() or len(frames) > 1 else _one_of_a_series(path)
-    return Image(values, affine(np.ones(3), first.position, axes), note)
+    return Image(values, affine(np.ones(3), first.position, axes), (note,))
 
 
 def _series_files(folder: Path) -> list[Path]:

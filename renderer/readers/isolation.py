@@ -108,7 +108,7 @@ def _image(answer: dict[str, Any], voxels: IO[bytes]) -> Image:
     num_bytes = check_size(shape, dtype)
     values = np.frombuffer(mmap.mmap(voxels.fileno(), num_bytes), dtype).reshape(shape)
     world_from_index = np.array(answer["world_from_index"], np.float64).reshape(4, 4)
-    return Image(values, world_from_index, answer["note"])
+    return Image(values, world_from_index, tuple(answer["notes"]))
 
 
 class Host:
@@ -201,7 +201,7 @@ def _main() -> None:
             child.send({name: getattr(error, name) for name in _ERROR_FIELDS})
             return
         assert image.values is child.values, "readers return what they have allocated"
-        answer = {"shape": image.values.shape, "dtype": image.values.dtype.str, "note": image.note}
+        answer = {"shape": image.values.shape, "dtype": image.values.dtype.str, "notes": image.notes}
         child.send(answer | {"world_from_index": image.world_from_index.tolist()})
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, affine, in_lps
+from renderer.readers.common import Image, affine, in_lps, time_note
 from renderer.readers.sniff import read_start
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.volume import Float64
@@ -40,9 +40,11 @@ def read_mgh(path: Path, time: int | None, component: int | None) -> Image:
         types = ", ".join(f"{code} ({np.dtype(dtype).name})" for code, dtype in _TYPES.items())
         raise InputError("voxels of this type of MGH cannot be rendered", got=f"type {kind}", expected=types)
     part = StoredVoxels(path, 0, "deflate" if is_compressed else "raw", _NUM_HEADER_BYTES, has_rest=True)
-    values = read_stored(Layout(np.dtype(_TYPES[kind]), tuple(sizes[::-1]), (part,)), "tsss", time, component)
+    shape = tuple(sizes[::-1])
+    values = read_stored(Layout(np.dtype(_TYPES[kind]), shape, (part,)), "tsss", time, component)
     ras_from_index = _ras_from_index(sizes[:3], _HEADER.unpack(start)[8:] if flag > 0 else _CORONAL)
-    return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), None if flag > 0 else _NO_PLACE)
+    notes = (None if flag > 0 else _NO_PLACE, time_note("tsss", shape, time))
+    return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), notes)
 
 
 def _ras_from_index(sizes: list[int], place: tuple[float, ...]) -> Float64:

@@ -29,6 +29,7 @@ from renderer.readers.common import (
     in_lps,
     require_exists,
     select_index,
+    time_note,
     unreadable_error,
 )
 from renderer.readers.sniff import read_start
@@ -93,8 +94,8 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     slope, intercept = header.get_slope_inter()
     if slope is not None and (slope, intercept) != (1.0, 0.0):
         values = _scaled(values, slope, intercept or 0.0)
-    note = _ANALYZE if _is_analyze(header) else None
-    return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), note)
+    notes = (_ANALYZE if _is_analyze(header) else None, time_note(axes, shape[4::-1], time))
+    return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), notes)
 
 
 def find_pair(path: Path) -> tuple[Path, Path | None]:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING, Image, affine, describe_count, in_lps
+from renderer.readers.common import NO_SPACING, Image, affine, describe_count, in_lps, time_note
 from renderer.readers.data_files import find_data_files
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import MAX_HEADER_BYTES, Field, add_field, header_lines
@@ -73,7 +73,8 @@ def read_nrrd(path: Path, time: int | None, component: int | None) -> Image:
     axes = _axes(fields, layout.shape[::-1], directions)
     world_from_index, has_spacing = _world_from_index(fields, axes, directions)
     values = read_stored(layout, axes[::-1], time, component)
-    return Image(values, world_from_index, None if has_spacing else NO_SPACING)
+    notes = (None if has_spacing else NO_SPACING, time_note(axes[::-1], layout.shape, time))
+    return Image(values, world_from_index, notes)
 
 
 def read_header(path: Path) -> tuple[dict[str, Field], Layout]:

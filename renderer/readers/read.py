@@ -64,7 +64,7 @@ def _read_volume(spec: VolumeSpec, name: str) -> Volume:
     crop, lengths = spec.crop or (None, None, None), image.values.shape[::-1]
     ranges = tuple(pair or (0, length) for pair, length in zip(crop, lengths, strict=True))
     image = crop_image(image, ranges)
-    note = image.note if spacing is None or image.note != NO_SPACING else None
+    notes = [each for each in image.notes if each and (spacing is None or each != NO_SPACING)]
     first = tuple(begin for begin, _ in ranges)
     mapped = backing_file(image.values) if stays_mapped(image.values.nbytes) else None
     if mapped is not None:
@@ -77,7 +77,8 @@ def _read_volume(spec: VolumeSpec, name: str) -> Volume:
     file = file if values is image.values else None
     check_integer_resolution(values, file)
     made = make_volume(values, image.world_from_index, name, file)
-    return replace(made, num_nonfinite=num_replaced, nonfinite_fill_value=fill_value, file_spacing=replaced, note=note)
+    made = replace(made, num_nonfinite=num_replaced, nonfinite_fill_value=fill_value)
+    return replace(made, file_spacing=replaced, note="; ".join(notes) or None)
 
 
 def _name(source: FileSource | RawSource | ProceduralSource | ArraySource) -> str:
@@ -123,7 +124,7 @@ def _load_file(path: Path, time: int | None, component: int | None, has_spacing_
     else:
         with errors_about(found):
             image = import_reader(reader)(found, time, component)
-    return replace(image, note="; ".join(each for each in (note, image.note) if each) or None)
+    return replace(image, notes=(note, *image.notes))
 
 
 def header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
@@ -161,7 +162,7 @@ def crop_image(image: Image, ranges: Ranges) -> Image:
     (x0, x1), (y0, y1), (z0, z1) = ranges
     world_from_index = image.world_from_index.copy()
     world_from_index[:3, 3] += image.world_from_index[:3, :3] @ np.array([x0, y0, z0], np.float64)
-    return Image(image.values[z0:z1, y0:y1, x0:x1], world_from_index, image.note)
+    return Image(image.values[z0:z1, y0:y1, x0:x1], world_from_index, image.notes)
 
 
 def _native_contiguous(values: Array) -> Array:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import Image, chosen_part, errors_about, require_exists, select_index
+from renderer.readers.common import Image, chosen_part, errors_about, require_exists, select_index, time_note
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.slice_names import sort_slices
 from renderer.readers.sniff import TIFF_SUFFIXES
@@ -81,7 +81,7 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
         world_from_index = _world_from_index(first, has_spacing_override)
     num_left_out = len(pages) - len(slices)
     note = f"{num_left_out} smaller previews among the pages are left out" if num_left_out else None
-    return Image(values, world_from_index, note)
+    return Image(values, world_from_index, (note, time_note(axes.lower(), tuple(counts), time)))
 
 
 def _read_folder(folder: Path, component: int | None, *, has_spacing_override: bool, host: Host) -> Image:

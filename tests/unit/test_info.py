@@ -12,6 +12,7 @@ from click.testing import CliRunner
 from hsplat_cli.commands.info import describe_direction, info
 from renderer.errors import InputError
 from renderer.readers import common
+from tests.support.volume_files import write_image
 
 RAMP = np.arange(60).reshape(3, 4, 5)
 
@@ -167,6 +168,15 @@ def test_time_component_and_nonfinite(tmp_path):
     with pytest.raises(InputError, match="1 of 60 voxels are NaN or infinite"):
         run(file, "--time", "0")
     assert facts_of(file, "--time", "0", "--nonfinite", "lowest")["minimum"] == 1.0
+
+
+def test_the_first_of_several_times_is_drawn_and_said(tmp_path):
+    write_image(tmp_path / "a.nrrd", np.stack([RAMP, RAMP + 100.0]))
+    result = CliRunner().invoke(info, [str(tmp_path / "a.nrrd"), "--json"])
+    assert result.exit_code == 0
+    assert "a.nrrd: 2 times; the first is drawn; `--time k` chooses another" in result.stderr
+    assert json.loads(result.stdout)["minimum"] == RAMP.min()
+    assert "times" not in CliRunner().invoke(info, [str(tmp_path / "a.nrrd"), "--time", "1"]).stderr
 
 
 TURN = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])

@@ -24,7 +24,7 @@ from renderer.readers.isolation import Host, read_isolated
 def ramp(path: Path, *, host: Host) -> Image:
     values = host.allocate((3, 4, 5), np.int16)
     values[...] = np.arange(60).reshape(3, 4, 5)
-    return Image(values, np.diag([1.0, 2.0, 3.0, 1.0]), f"read {path.name}")
+    return Image(values, np.diag([1.0, 2.0, 3.0, 1.0]), (f"read {path.name}",))
 
 
 def refuse(path: Path, *, host: Host) -> Image:
@@ -99,7 +99,7 @@ def test_voxels_come_back_in_shared_memory() -> None:
     np.testing.assert_array_equal(image.values, np.arange(60).reshape(3, 4, 5))
     assert image.values.dtype == np.int16 and image.values.flags.c_contiguous
     np.testing.assert_array_equal(image.world_from_index, np.diag([1.0, 2.0, 3.0, 1.0]))
-    assert image.note == "read scan.x"
+    assert image.notes == ("read scan.x",)
 
 
 def test_errors_of_the_input_come_back_as_they_are() -> None:

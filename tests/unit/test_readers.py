@@ -58,6 +58,30 @@ def test_every_format_keeps_every_dtype(tmp_path, suffix, dtype):
         np.testing.assert_array_equal(np.abs(volume.world_from_index), np.eye(4))
 
 
+@pytest.mark.parametrize("suffix", [".nrrd", ".mha", ".nii"])
+def test_the_first_of_several_times_is_the_default(tmp_path, suffix):
+    """Only where there are several; a spacing in place of an unknown one removes the note about that one."""
+    values = ramp("int16", (2, 3, 4, 5))
+    write_image(tmp_path / f"a{suffix}", values)
+    first, second = read(tmp_path / f"a{suffix}"), read(tmp_path / f"a{suffix}", time=1)
+    np.testing.assert_array_equal(first.values, values[0])
+    np.testing.assert_array_equal(second.values, values[1])
+    assert first.note == "2 times; the first is drawn; `time: k` chooses another"
+    assert second.note is None
+    write_image(tmp_path / f"b{suffix}", values[0])
+    assert read(tmp_path / f"b{suffix}", time=0).note is None
+    error = refused(tmp_path / f"b{suffix}", time=1, match="there is no such time step")
+    assert error.expected == "0 or no `time` at all: the volume has one"
+
+
+def test_a_given_spacing_leaves_the_note_about_times(tmp_path):
+    header = b"NRRD0004\ntype: uint8\ndimension: 4\nsizes: 2 3 4 5\nencoding: raw\n\n"
+    (tmp_path / "a.nrrd").write_bytes(header + bytes(range(120)))
+    about_times = "5 times; the first is drawn; `time: k` chooses another"
+    assert read(tmp_path / "a.nrrd").note == f"{common.NO_SPACING}; {about_times}"
+    assert read(tmp_path / "a.nrrd", (1.0, 1.0, 2.0)).note == about_times
+
+
 @pytest.mark.parametrize("dtype", INTEGERS + FLOATS)
 @pytest.mark.parametrize("byte_order", ["little", "big"])
 def test_raw_keeps_every_dtype(tmp_path, dtype, byte_order):
