@@ -73,7 +73,8 @@ def suggest_scene(
 
     found = suggest_for(
         volume,
-        lambda spec: read_with_options(spec, reporter),
+        # Notes on how the volume was read are printed once.
+        lambda spec: read_with_options(spec, reporter if spec is volume else replace(reporter, is_quiet=True)),
         colormap=film.colormap,
         hides_nonfinite=film.hides_nonfinite,
     )

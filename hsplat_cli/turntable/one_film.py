@@ -147,6 +147,9 @@ class _TurntableEvents(FilmEvents):
         write_scene(self._request, self._content, self._reporter)
         self._reporter.announce_compilation()
 
+    def volume_noted(self, text: str) -> None:
+        """Print nothing: this was printed when the scene was suggested."""
+
     def prepared(self) -> None:
         """Record the film; one that is up to date is not started."""
         update_manifest(self._request.scene.parent, [self._request.record(manifest.STARTED)], self._reporter)

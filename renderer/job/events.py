@@ -40,6 +40,10 @@ class JobEvents:
     def truth_progressed(self, frame: int, share: float) -> None:
         """Take note that this share of a frame's exact picture is computed, which may also fall."""
 
+    def volume_noted(self, text: str) -> None:
+        """Take a remark on how the volume was read, as any other note."""
+        self.note(text)
+
     def note(self, text: str) -> None:
         """Take a sentence about what happens."""
 

@@ -74,7 +74,7 @@ def make_film(
             volume = read_volume(job.scene.volume)
             read_seconds = time.perf_counter() - before_reading
             if volume.note is not None:
-                events.note(f"{volume.name}: {volume.note}")
+                events.volume_noted(f"{volume.name}: {volume.note}")
             for note in job.scene.import_notes:
                 events.note(note)
             job, fingerprint = _with_fingerprint(job, volume, executor.device)

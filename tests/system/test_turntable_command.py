@@ -106,6 +106,16 @@ def test_options_reach_the_scenes() -> None:
         assert imageio.imread(f"out/{name}.gif", index=None).shape[0] == 3
 
 
+def test_a_note_on_the_volume_is_printed_once(capfd: pytest.CaptureFixture[str]) -> None:
+    """Also where NaN make it be read twice, and the scene's path to it is another one."""
+    header = b"NRRD0004\ntype: float\ndimension: 3\nsizes: 32 32 32\nendian: little\nencoding: raw\n\n"
+    values = KINDS["signed"][0][8:40, 8:40, 8:40].astype("<f4")
+    values[0, 0, 0] = np.nan
+    Path("in/a.nrrd").write_bytes(header + values.tobytes())
+    assert turntable("in/a.nrrd", "-o", "out", *SMALL[:-1]) == 0
+    assert capfd.readouterr().err.count("1 x 1 x 1 is assumed") == 1
+
+
 def test_frames_as_pictures() -> None:
     assert turntable("in/labels.npy", "-o", "out", *SMALL, "--format", "png", "--background", "transparent") == 0
     frames = ["labels/0000.png", "labels/0001.png", "labels/0002.png", "labels/frames.json"]
