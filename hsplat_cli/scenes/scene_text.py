@@ -47,6 +47,9 @@ _LABELS_COMMENT = """\
 # memory for all that are drawn, and this volume is so large that it stays in its file."""
 
 
+# The kind of a volume whose film shows nothing but its box.
+_CONSTANT = "constant volume"
+
 # The option that each value of a scene came from.
 _OPTIONS = {
     "volume.spacing": "--spacing",
@@ -82,7 +85,10 @@ def suggest_scene(
     _check(text, scene)
     chosen = found.suggestion
     notes = chosen.outlier_notes if found.nonfinite is None else (*chosen.outlier_notes, found.nonfinite)
-    for line in (f"{chosen.kind}; {chosen.reason}", *notes):
+    is_constant = chosen.kind == _CONSTANT
+    first = f"{'warning: ' * is_constant}{chosen.kind}; {chosen.reason}"
+    (reporter.warning if is_constant else reporter.status)(f"{volume_file(volume)}: {first}")
+    for line in notes:
         reporter.status(f"{volume_file(volume)}: {line}")
     return text, found
 

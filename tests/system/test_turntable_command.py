@@ -116,6 +116,15 @@ def test_a_note_on_the_volume_is_printed_once(capfd: pytest.CaptureFixture[str])
     assert capfd.readouterr().err.count("1 x 1 x 1 is assumed") == 1
 
 
+@pytest.mark.parametrize("command", ["turntable", "init"])
+def test_a_constant_volume_is_a_warning(command: str, capfd: pytest.CaptureFixture[str]) -> None:
+    np.save("in/same.npy", np.full((8, 9, 10), 7, np.uint8))
+    arguments = ["-o", "out", *SMALL] if command == "turntable" else ["--output", "same.yaml"]
+    assert main.run([command, "in/same.npy", *arguments]) == 0
+    warning = "in/same.npy: warning: constant volume; every voxel is 7, so that there is nothing to tell apart\n"
+    assert warning in capfd.readouterr().err
+
+
 def test_frames_as_pictures() -> None:
     assert turntable("in/labels.npy", "-o", "out", *SMALL, "--format", "png", "--background", "transparent") == 0
     frames = ["labels/0000.png", "labels/0001.png", "labels/0002.png", "labels/frames.json"]
