@@ -1,4 +1,4 @@
-"""Named colormaps, from the catalogue of the package `cmap`.
+"""Named colormaps, from the catalogue of the package `cmap`, and ParaView's names for some of them.
 
 Importing `cmap` imports numpy, so names are checked without it: each of its data folders has a `record.json`.
 """
@@ -13,17 +13,33 @@ from pathlib import Path
 
 from renderer.errors import closest_match
 
+# Colormaps of ParaView whose colours, all along, are those of one that cmap has under another name: 256 of them differ
+# by less than 0.012 on average. Names that cmap has, too, mean its own.
+_PARAVIEW = {
+    "cool_to_warm": "coolwarm",
+    "warm_to_cool": "coolwarm_r",
+    "grayscale": "gray",
+    "x_ray": "gray_r",
+    "2hot": "matlab:hot",
+    "red_temperature": "yorick:heat",
+    **{f"{name}_(matplotlib)": f"bids:{name}" for name in ("viridis", "inferno", "plasma", "magma")},
+    **{f"{name}_matlab": f"matlab:{name}" for name in ("copper", "pink", "bone")},
+    **{"gray_and_red": "rdgy_r", "gyrd": "rdgy_r", "spectral_lowblue": "spectral_r"},
+    **{"gnrp": "prgn_r", "gypi": "piyg_r", "gnylrd": "rdylgn_r", "gbbr": "brbg_r", "orpu": "puor_r"},
+    **{"gnbupu": "pubugn_r", "bugnyl": "ylgnbu_r", "rdor": "orrd_r", "broryl": "ylorbr_r", "rdoryl": "ylorrd_r"},
+}
+
 
 def is_colormap(name: str) -> bool:
     """Return whether `colormap_points` knows this name, in any case and with blanks, dashes or underscores."""
-    return any(_normal(known) == _base(name) for known in _names())
+    return any(_normal(known) == _base(_in_catalogue(name)) for known in _names())
 
 
 def nearest_colormap(name: str) -> str | None:
     """Return the colormap with the most similar name, or None; `_r` is kept."""
     base = _base(name)
     short = ":" not in base
-    found = closest_match(base, (known for known in sorted(set(_names())) if (":" not in known) == short))
+    found = closest_match(base, (each for each in sorted({*_names(), *_PARAVIEW}) if (":" not in each) == short))
     return f"{found}_r" if found and base != _normal(name) else found
 
 
@@ -34,11 +50,19 @@ def colormap_points(name: str, count: int) -> list[tuple[float, float, float]]:
     """
     import cmap
 
+    name = _in_catalogue(name)
     base = _base(name)
     # A full name avoids cmap's warning about short names that several collections share.
     full = cmap.Colormap.catalog().resolve(base)
     colors = cmap.Colormap(full if base == _normal(name) else f"{full}_r").lut(count)
     return [(float(r), float(g), float(b)) for r, g, b, _ in colors]
+
+
+def _in_catalogue(name: str) -> str:
+    """Return what the catalogue calls a colormap of ParaView; any other name as it is."""
+    meant = _PARAVIEW.get(_base(name), name)
+    is_reversed = _base(name) != _normal(name)
+    return meant if meant == name or not is_reversed else _base(meant) + "_r" * (_base(meant) == meant)
 
 
 def _normal(name: str) -> str:

@@ -6,7 +6,7 @@ import cmap
 import pytest
 
 from renderer.scene import colormap_points
-from renderer.scene.colormaps import is_colormap, nearest_colormap
+from renderer.scene.colormaps import _PARAVIEW, is_colormap, nearest_colormap
 
 
 def test_the_names_of_the_package_are_known() -> None:
@@ -45,3 +45,32 @@ def test_points_run_from_end_to_end() -> None:
 
 def test_points_between_the_stops_are_interpolated() -> None:
     assert colormap_points("gray", 5) == [pytest.approx((i / 4,) * 3, abs=1e-6) for i in range(5)]
+
+
+@pytest.mark.parametrize("name", sorted(_PARAVIEW))
+def test_names_of_paraview_are_known(name: str) -> None:
+    """Also reversed; none hides a name of the package."""
+    assert not any(name == known.lower() for known in cmap.Colormap.catalog())
+    assert is_colormap(name.replace("_", " ").title())
+    assert colormap_points(f"{name}_r", 9) == [pytest.approx(point) for point in colormap_points(name, 9)[::-1]]
+
+
+@pytest.mark.parametrize(
+    ("name", "first", "middle", "last"),
+    [
+        ("Cool to Warm", (0.231, 0.298, 0.753), (0.865, 0.865, 0.865), (0.706, 0.016, 0.149)),
+        ("Warm to Cool", (0.706, 0.016, 0.149), (0.865, 0.865, 0.865), (0.231, 0.298, 0.753)),
+        ("X Ray", (1, 1, 1), (0.5, 0.5, 0.5), (0, 0, 0)),
+        ("Grayscale", (0, 0, 0), (0.5, 0.5, 0.5), (1, 1, 1)),
+        ("GnYlRd", (0, 0.408, 0.216), (1.0, 1.0, 0.749), (0.647, 0, 0.149)),
+    ],
+)
+def test_colours_are_those_of_paraview(name: str, first: object, middle: object, last: object) -> None:
+    points = colormap_points(name, 257)
+    assert points[0] == pytest.approx(first, abs=0.01)
+    assert points[128] == pytest.approx(middle, abs=0.02)
+    assert points[-1] == pytest.approx(last, abs=0.01)
+
+
+def test_a_misspelt_name_of_paraview_has_a_nearest_one() -> None:
+    assert nearest_colormap("Cool to Warn") == "cool_to_warm"
