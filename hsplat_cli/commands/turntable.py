@@ -48,9 +48,9 @@ def turntable(
 ) -> None:
     """Render turntables of volumes without a scene file.
 
-    Each VOLUME is a file, a folder of slices, or a pattern such as 'scans/*.nrrd'. FOLDER gets NAME.yaml, a scene with
-    a transfer function that suits the values, to be edited; NAME.mp4; and turntable.json, which lists the result of
-    each. A volume that fails does not stop the others; the exit code is then 1.
+    Each VOLUME is a file, a folder of slices or of volumes, or a pattern such as 'scans/*.nrrd'. FOLDER gets NAME.yaml,
+    a scene with a transfer function that suits the values, to be edited; NAME.mp4; and turntable.json, which lists the
+    result of each. A volume that fails does not stop the others; the exit code is then 1.
     """
     executor = ExecutorSpec(workers, scheduler)
     require_executor(executor)

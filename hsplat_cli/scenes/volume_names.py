@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -9,6 +10,8 @@ from pathlib import Path
 
 from renderer.errors import InputError
 from renderer.job import expand_pattern, header_data_files
+from renderer.readers import volumes_in
+from renderer.scene import join_some
 
 # Endings of volumes; only the last one of a name such as scan.v2.nii.gz is removed.
 _ENDINGS = re.compile(r"\.(nii|img|hdr|nrrd|nhdr|m(h[ad]|g[hz]|rc)|raw|tiff?|npy|dcm|vtk)(\.gz|\.bz2)?$", re.IGNORECASE)
@@ -34,23 +37,39 @@ def _safe(name: str) -> str:
 def expand_volumes(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
     """Return the volumes, each once, in the order given, and notes about those left out.
 
-    Expands patterns that the shell did not, sorted. Leaves out data files whose headers are among the volumes. A
-    pattern that matches nothing stays, as a missing volume, which is an error when it is read.
+    Expands patterns that the shell did not, sorted, and folders of several volumes, of which only those directly in
+    them are taken. Leaves out data files whose headers are among the volumes. A pattern that matches nothing stays, as
+    a missing volume, which is an error when it is read.
 
     Raises InputError for single slices of a DICOM series.
     """
     found: dict[Path, Path] = {}
+    others: dict[Path, list[Path]] = {}  # what else is in the folders
     for text in arguments:
         try:
             paths = expand_pattern(text)
         except InputError:
             paths = [Path(text)]
         for path in paths:
-            found.setdefault(path.resolve(), path)
+            inside = _volumes_in(path)
+            found |= {each.resolve(): each for each in inside or [path] if each.resolve() not in found}
+            others |= {path: sorted({*path.iterdir()} - {*inside})} if inside else {}
     _refuse_slices(list(found.values()))
     data = {file: head for key, head in found.items() for file in header_data_files(head) if file != key}
     notes = [f"{path} is the data of {data[key]}" for key, path in found.items() if key in data]
+    for folder, entries in others.items():
+        names = [each.name for each in entries if each.resolve() not in data and not each.name.startswith(".")]
+        if names:
+            notes.append(f"{folder}: its volumes are drawn; left out: {join_some(names)}")
     return [path for key, path in found.items() if key not in data], notes
+
+
+def _volumes_in(path: Path) -> list[Path]:
+    """Return the volumes in a folder of several; none for all else, and where the reader of the folder will fail."""
+    if path.is_dir():
+        with contextlib.suppress(InputError, OSError):
+            return volumes_in(path)
+    return []
 
 
 def _refuse_slices(volumes: Sequence[Path]) -> None:

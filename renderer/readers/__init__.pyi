@@ -4,4 +4,5 @@ from .sniff import (
     UnknownFormatError as UnknownFormatError,
     find_volume as find_volume,
     is_dicom as is_dicom,
+    volumes_in as volumes_in,
 )

@@ -100,20 +100,32 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
         return path, find_format(path), None
     own = _format_of_slices(path)
     if own is not None:
-        return path, own, None
+        others = sorted(short_text(each.name) for each in path.iterdir() if _is_volume(each))
+        note = f"its {own.upper()} slices are one volume, which is read; left out: {join_some(others)}"
+        return path, own, note if others else None
     found = list(_search(path))
     if len(found) != 1:
+        each_hint = f"; `hsplat turntable {path}` draws each of them" * any(each.parent == path for each in found)
         names = [short_text(str(each.relative_to(path))) for each in found]
         raise InputError(
             f"this folder holds {len(found)} volumes, and one is rendered" if found else "this folder holds no volume",
             where=str(path),
             got=join_some(names) if found else "an empty folder" if not any(path.iterdir()) else None,
             expected=None if found else f"the slices of a DICOM or TIFF series, or a file of {KNOWN_FORMATS}",
-            hint=f"name one of them: {path / found[0].relative_to(path)}" if found else None,
+            hint=f"name one of them: {path / found[0].relative_to(path)}{each_hint}" if found else None,
         )
     volume = found[0]
     slices = _format_of_slices(volume) if volume.is_dir() else None
     return volume, slices or find_format(volume), f"the only volume in this folder, {volume.relative_to(path)}, is read"
+
+
+def volumes_in(folder: Path) -> list[Path]:
+    """Return the volumes directly in a folder, folders of slices among them; none where it is or has only one volume.
+
+    Raises InputError for slices of several formats, and for too many files.
+    """
+    found = list(_search(folder)) if _format_of_slices(folder) is None else []
+    return [each for each in found if each.parent == folder] if len(found) > 1 else []
 
 
 def _format_of_slices(folder: Path) -> Format | None:
@@ -157,17 +169,17 @@ def _search(folder: Path) -> Iterator[Path]:
             yield Path(place)
             continue
         for name in sorted(files):
-            if not name.startswith(".") and _is_volume(Path(place, name)):
+            if _is_volume(Path(place, name)):
                 yield Path(place, name)
 
 
 def _is_volume(file: Path) -> bool:
     """Return whether a file has a volume's name, and, if others use the name, too, begins as one."""
-    name = file.name.lower()
-    if not file.is_file():  # a pipe would be waited for
+    name, is_shared = file.name.lower(), file.name.lower().endswith((".hdr", ".hdr.gz"))
+    if name.startswith(".") or not (is_shared or name.endswith(_VOLUME_SUFFIXES)):
         return False
-    is_header = name.endswith((".hdr", ".hdr.gz")) and read_start(file, 4)[0] in _NIFTI_STARTS
-    return is_header or name.endswith(_VOLUME_SUFFIXES)
+    is_file = file.is_file()  # a pipe would be waited for
+    return is_file and (not is_shared or read_start(file, 4)[0] in _NIFTI_STARTS)
 
 
 def _start(path: Path) -> bytes:

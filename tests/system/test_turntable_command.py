@@ -260,6 +260,13 @@ def test_a_wait_for_turntable_json_is_reported_and_can_be_interrupted() -> None:
     assert files("out") == []
 
 
+def test_a_folder_of_volumes(capfd: pytest.CaptureFixture[str]) -> None:
+    Path("in/notes.txt").touch()
+    assert turntable("in", "-o", "out", *SMALL[:-1]) == 0
+    assert "note: in: its volumes are drawn; left out: notes.txt\n" in capfd.readouterr().err
+    assert [record["volume"] for record in report()] == ["in/labels.npy", "in/signed.npy", "in/uint8.npy"]
+
+
 def test_odd_names() -> None:
     names = ["-dash and two\nlines.npy", os.fsdecode(b"a b'c\"d: {frame}\xff.npy")]
     for name in names:

@@ -182,6 +182,16 @@ def test_voxels_without_an_empty_line_before_them_are_refused(tmp_path):
 # Folders and content
 
 
+def test_slices_beside_volumes_are_read_and_the_others_named(tmp_path):
+    write_series(tmp_path, [k * NORMAL for k in range(3)])
+    assert read(tmp_path).note is None
+    write_image(tmp_path / "b.nrrd", VALUES)
+    write_image(tmp_path / "a.mha", VALUES)
+    volume = read(tmp_path)
+    assert len(volume.values) == 3
+    assert volume.note == "its DICOM slices are one volume, which is read; left out: a.mha, b.nrrd"
+
+
 def test_the_only_volume_in_a_folder(tmp_path):
     (tmp_path / "study" / "scan").mkdir(parents=True)
     (tmp_path / "study" / "notes.txt").write_text("no volume")
@@ -196,7 +206,7 @@ def test_the_only_volume_in_a_folder(tmp_path):
     assert str(error) == (
         f"{tmp_path}: this folder holds 2 volumes, and one is rendered\n"
         "  got: series, study/scan/a.nrrd\n"
-        f"  hint: name one of them: {tmp_path / 'series'}"
+        f"  hint: name one of them: {tmp_path / 'series'}; `hsplat turntable {tmp_path}` draws each of them"
     )
     shutil.rmtree(tmp_path / "study")
     write_slice(tmp_path / "DICOMDIR", np.zeros((4, 5)), 0 * NORMAL)  # an index of a medium is DICOM, too

@@ -104,6 +104,24 @@ def test_data_files_are_left_out_beside_their_headers() -> None:
     assert expand_volumes(["engine.raw"]) == ([Path("engine.raw")], [])
 
 
+def test_a_folder_of_volumes_stands_for_all_directly_in_it() -> None:
+    touch("in/b.npy", "in/a.nii.gz", "in/notes.txt", "in/.hidden", "in/deep/c.npy", "in/stack/1.tif")
+    np.zeros((2, 2, 2), np.uint8).tofile("in/c.raw")
+    header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\ndata file: c.raw\n"
+    Path("in/c.nhdr").write_text(header, encoding="ascii")
+    volumes, notes = expand_volumes(["in/b.npy", "in"])
+    assert volumes == [Path("in", name) for name in ("b.npy", "a.nii.gz", "c.nhdr", "stack")]
+    assert notes == ["in: its volumes are drawn; left out: deep, notes.txt"]
+
+
+def test_other_folders_are_volumes_themselves() -> None:
+    """With one volume, which is found by its reader, with slices, or with nothing."""
+    touch("one/sub/a.npy", "slices/1.tif", "slices/a.npy", "slices/b.npy", "deep/a/1.npy", "deep/a/2.npy")
+    Path("empty").mkdir()
+    folders = ["one", "slices", "deep", "empty"]
+    assert expand_volumes(folders) == ([Path(folder) for folder in folders], [])
+
+
 def test_a_header_whose_data_are_gone_is_left_to_its_reader() -> None:
     Path("engine.nhdr").write_text("NRRD0004\nencoding: raw\ndata file: gone.raw\n", encoding="ascii")
     assert expand_volumes(["*"]) == ([Path("engine.nhdr")], [])
