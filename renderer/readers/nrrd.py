@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING, Image, affine, describe_count, in_lps, time_note
+from renderer.readers.common import NO_SPACING, Image, affine, describe_count, describe_shape, in_lps, time_note
 from renderer.readers.data_files import find_data_files
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import MAX_HEADER_BYTES, Field, add_field, header_lines
@@ -72,6 +72,14 @@ def read_nrrd(path: Path, time: int | None, component: int | None) -> Image:
     directions = _vectors(fields["spacedirections"], len(layout.shape)) if "spacedirections" in fields else []
     axes = _axes(fields, layout.shape[::-1], directions)
     world_from_index, has_spacing = _world_from_index(fields, axes, directions)
+    kinds = fields["kinds"].text.lower().split() if "kinds" in fields else []
+    if axes == "ssst" and layout.shape[0] > 1 and time is None and not directions and {*kinds} <= {*_UNKNOWN_KINDS}:
+        raise InputError(
+            "this NRRD file does not say which of its four axes is time, or holds components",
+            got=describe_shape(layout.shape[::-1]),
+            expected=f"`time: k` with k from 0 to {layout.shape[0] - 1} if the last one is time",
+            hint="if the first one holds components, add a line `kinds: list domain domain domain`",
+        )
     values = read_stored(layout, axes[::-1], time, component)
     notes = (None if has_spacing else NO_SPACING, time_note(axes[::-1], layout.shape, time))
     return Image(values, world_from_index, notes)

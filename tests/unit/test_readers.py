@@ -74,9 +74,15 @@ def test_the_first_of_several_times_is_the_default(tmp_path, suffix):
     assert error.expected == "0 or no `time` at all: the volume has one"
 
 
-def test_a_given_spacing_leaves_the_note_about_times(tmp_path):
-    header = b"NRRD0004\ntype: uint8\ndimension: 4\nsizes: 2 3 4 5\nencoding: raw\n\n"
-    (tmp_path / "a.nrrd").write_bytes(header + bytes(range(120)))
+def test_unknown_axes_are_no_times_and_a_given_spacing_leaves_the_note_about_them(tmp_path):
+    header = b"NRRD0004\ntype: uint8\ndimension: 4\nsizes: 2 3 4 5\nencoding: raw\n"
+    (tmp_path / "a.nrrd").write_bytes(header + b"\n" + bytes(range(120)))
+    error = refused(tmp_path / "a.nrrd", match="does not say which of its four axes is time")
+    assert error.expected == "`time: k` with k from 0 to 4 if the last one is time"
+    assert read(tmp_path / "a.nrrd", time=4).shape_xyz == (2, 3, 4)
+    (tmp_path / "a.nrrd").write_bytes(header + b"kinds: list domain domain domain\n\n" + bytes(range(120)))
+    assert read(tmp_path / "a.nrrd", component=1).shape_xyz == (3, 4, 5)
+    (tmp_path / "a.nrrd").write_bytes(header + b"kinds: domain domain domain time\n\n" + bytes(range(120)))
     about_times = "5 times; the first is drawn; `time: k` chooses another"
     assert read(tmp_path / "a.nrrd").note == f"{common.NO_SPACING}; {about_times}"
     assert read(tmp_path / "a.nrrd", (1.0, 1.0, 2.0)).note == about_times
