@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol, TypeVar
 
 from renderer.bricks import BrickBatch
+from renderer.compiled import ThreadPool
 from renderer.splats import SplatBatch
 from renderer.view import View
 from renderer.volume import Float32, UInt32
@@ -25,6 +26,10 @@ class Rasterizer(Protocol):
 
     def __exit__(self, *_: object) -> None:
         self.release()
+
+    @property
+    def threads(self) -> ThreadPool:
+        """Return its threads, which also work on what it has drawn."""
 
     def release(self) -> None:
         """Free all that it holds."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from renderer.bricks import BrickBatch
+from renderer.compiled import ThreadPool
 from renderer.draw.cpu.raster import CPURasterizer
 from renderer.draw.gl.raster import GLRasterizer
 from renderer.draw.rasterizer import Rasterizer
@@ -46,6 +47,10 @@ class RecoveringRasterizer(Rasterizer):
         self._make, self._current, self._num_lost = make, make(), 0
         self._last_loss: ContextLostError | None = None  # after which there is no context
         self.device = self._current.device
+
+    @property
+    def threads(self) -> ThreadPool:
+        return self._current.threads
 
     def release(self) -> None:
         """Free the current context."""

@@ -70,7 +70,8 @@ def draw_frame(stage: Stage, draw_list: DrawList, rasterizer: Rasterizer, watch:
         watch.lap(UPLOAD_STAGE)
     image = _blend_orders(draw_list, rasterizer)
     if stage.projection is not None:
-        image = stage.projection.picture(image, chord_lengths(stage.volume, draw_list.view))
+        chords = chord_lengths(stage.volume, draw_list.view, rasterizer.threads)
+        image = stage.projection.picture(image, chords, rasterizer.threads)
     watch.lap("draw")
     if lod.lines is not None:
         draw_lines(lod.lines, draw_list.view, image)

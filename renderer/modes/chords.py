@@ -6,12 +6,14 @@ import math
 
 import numpy as np
 
-from renderer.compiled import jit
+from renderer.compiled import ThreadPool, jit
 from renderer.view import RaySetup, View, ray_setup
 from renderer.volume import Float32, Float64, Volume
 
+_MIN_PIXELS_PER_THREAD = 1 << 15
 
-def chord_lengths(volume: Volume, view: View) -> Float32:
+
+def chord_lengths(volume: Volume, view: View, threads: ThreadPool) -> Float32:
     """Return the world length of each pixel's ray inside the box, beyond the near plane, less cuts: float32 [h, w]."""
     width, height = view.size
     lengths = np.empty((height, width), np.float32)
@@ -19,19 +21,32 @@ def chord_lengths(volume: Volume, view: View) -> Float32:
     kept, removed = np.column_stack([np.eye(3), -half_shape, half_shape]), np.empty((0, 3, 5))
     if rays.cuts is not None:
         kept, removed = np.concatenate([kept, rays.cuts.slabs]), rays.cuts.boxes
-    _measure_chords(rays._replace(cuts=None), kept, removed, volume.half_diagonal, lengths)
+    rays = rays._replace(cuts=None)
+
+    def work(first: int, end: int) -> None:
+        _measure_chords(rays, kept, removed, volume.half_diagonal, first, lengths[first:end])
+
+    threads.for_ranges(work, *rows_per_thread(lengths))
     return lengths
 
 
+def rows_per_thread(pixels: Float32) -> tuple[int, int]:
+    """Return the number of rows of pixels [h, w], and how many of them are worth a thread."""
+    height, width = pixels.shape
+    return height, -(-_MIN_PIXELS_PER_THREAD // width)
+
+
 @jit
-def _measure_chords(rays: RaySetup, kept: Float64, removed: Float64, unit: float, lengths: Float32) -> None:
+def _measure_chords(
+    rays: RaySetup, kept: Float64, removed: Float64, unit: float, first_row: int, lengths: Float32
+) -> None:
     """Write the lengths [h, w] inside `kept` slabs [k, 5] less `removed` boxes [m, 3, 5], both as in Cuts.
 
-    unit: world length of a model unit.
+    unit: world length of a model unit. first_row: the row of the image at which `lengths` begin.
     """
     origin, direction, ranges = np.empty(3), np.empty(3), np.empty((len(removed), 2))
     for row in range(lengths.shape[0]):
-        y = row + 0.5 - rays.center_px[1]
+        y = first_row + row + 0.5 - rays.center_px[1]
         for column in range(lengths.shape[1]):
             x = column + 0.5 - rays.center_px[0]
             for axis in range(3):

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from renderer.compiled import jit
+from renderer.compiled import ThreadPool, jit
+from renderer.modes.chords import rows_per_thread
 from renderer.scene import ModeSpec
 from renderer.transfer import TransferFunction, TransferTable, evaluate
 from renderer.volume import Float32, Float64, Volume
@@ -51,11 +52,17 @@ class Projection(ABC):
         """Return a factor on the colours, float [..., 1], or 1."""
         return 1.0
 
-    def picture(self, gathered: Float32, chords: Float32) -> Float32:
+    def picture(self, gathered: Float32, chords: Float32, threads: ThreadPool) -> Float32:
         """Return premultiplied RGBA, float32 [h, w, 4], of what rays gathered; opaque where they meet the volume."""
-        image, shares = np.empty_like(gathered), np.clip(self.shares(gathered, chords), 0.0, 1.0).astype(np.float32)
-        _color_shares(self._colors.curve(), shares.reshape(-1), chords.reshape(-1), image.reshape(-1, 4))
-        image[..., :3] *= self.brightness(gathered)
+        image, curve = np.empty_like(gathered), self._colors.curve()
+
+        def work(first: int, end: int) -> None:
+            rays, lengths = gathered[first:end], chords[first:end]
+            shares = np.clip(self.shares(rays, lengths), 0.0, 1.0).astype(np.float32)
+            brightness = np.broadcast_to(np.float32(self.brightness(rays)), (*shares.shape, 1))
+            _color_shares(curve, shares, lengths, brightness, image[first:end])
+
+        threads.for_ranges(work, *rows_per_thread(chords))
         return image
 
     def exact_colors(self, gathered: Float64, chords: Float64) -> Float64:
@@ -71,10 +78,14 @@ def ramp(first: float, last: float, extinctions: tuple[float, float]) -> Transfe
 
 
 @jit
-def _color_shares(curve: TransferTable, shares: Float32, chords: Float32, image: Float32) -> None:
-    """Write the colours of shares [n], opaque, to `image` [n, 4]; nothing where a chord is 0."""
-    for i in range(len(shares)):
-        image[i] = 0.0
-        if chords[i] > 0:
-            image[i, 0], image[i, 1], image[i, 2], _ = evaluate(curve, float(shares[i]))
-            image[i, 3] = 1.0
+def _color_shares(curve: TransferTable, shares: Float32, chords: Float32, brightness: Float32, image: Float32) -> None:
+    """Write the colours of shares [h, w], opaque, times `brightness` [h, w, 1], to `image`; 0 where a chord is 0."""
+    for row, column in np.ndindex(shares.shape):
+        image[row, column] = 0.0
+        if chords[row, column] > 0:
+            r, g, b, _ = evaluate(curve, float(shares[row, column]))
+            factor = brightness[row, column, 0]
+            image[row, column, 0] = np.float32(r) * factor
+            image[row, column, 1] = np.float32(g) * factor
+            image[row, column, 2] = np.float32(b) * factor
+            image[row, column, 3] = 1.0

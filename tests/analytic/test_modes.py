@@ -14,6 +14,7 @@ from brickwork import AFFINES, placed
 from renderer.bricks.extremes import SLACK_SHARE
 from renderer.draw import CPURasterizer
 from renderer.frame import Stage, prepare_stage, render_frames, view_of
+from renderer.modes import chords
 from renderer.scene import Scene, parse_scene
 from renderer.truth import SceneRays
 from renderer.truth.integrator import rays_through_pixels
@@ -226,7 +227,8 @@ def test_tiny_and_huge_numbers(mode: str, factor: float) -> None:
 
 @EACH_MODE
 @pytest.mark.parametrize("tolerance", [0.0, 0.3])
-def test_pictures_do_not_depend_on_threads(mode: str, tolerance: float) -> None:
+def test_pictures_do_not_depend_on_threads(monkeypatch: pytest.MonkeyPatch, mode: str, tolerance: float) -> None:
+    monkeypatch.setattr(chords, "_MIN_PIXELS_PER_THREAD", 1)
     stage = stage_of(placed(noise((35, 18, 40))), scene_of(mode, tolerance=tolerance))
     assert np.array_equal(drawn(stage, num_threads=1), drawn(stage, num_threads=3))
 

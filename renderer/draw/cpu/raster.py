@@ -17,6 +17,7 @@ from itertools import pairwise
 import numpy as np
 
 from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch, Extremes
+from renderer.compiled import ThreadPool
 from renderer.draw import brick_cache
 from renderer.draw.brick_cache import Atlas, BrickCache, BrickView
 from renderer.draw.constants import RECTANGLE_ROUNDING_PX
@@ -88,6 +89,10 @@ class CPURasterizer(Rasterizer):
     def __init__(self, *, num_threads: int = 2) -> None:
         self.cache = BrickCache(partial(CPUAtlas, is_planar=True), CPUAtlas, num_threads)
 
+    @property
+    def threads(self) -> ThreadPool:
+        return self.cache.threads
+
     def release(self) -> None:
         """Free the bricks, and end the threads."""
         self.cache.release()
@@ -106,11 +111,11 @@ class CPURasterizer(Rasterizer):
         self._draw_bricks(brick_view, sampling.strides[0], is_drawn, image)
         for coarse, stride in pairwise(sampling.strides):
             image, is_drawn = refine_grid(
-                image, coarse // stride, sampling.difference_threshold, grid_size(view.size, stride), self.cache.threads
+                image, coarse // stride, sampling.difference_threshold, grid_size(view.size, stride), self.threads
             )
             self._draw_bricks(brick_view, stride, is_drawn, image)
         stride = sampling.strides[-1]
-        return image if stride == 1 else upsample(image, stride, view.size, self.cache.threads)
+        return image if stride == 1 else upsample(image, stride, view.size, self.threads)
 
     def _draw_bricks(self, brick_view: BrickView, stride: int, is_drawn: Bools, image: Float32) -> None:
         """Composite groups of bricks that have slots at once under the image, front to back."""
@@ -131,8 +136,8 @@ class CPURasterizer(Rasterizer):
                 search = _search(batch.extremes, brick_view.view, batch)
                 draw = partial(draw_extremes, bins, stride, *bricks, tops, scalars, search, is_drawn, image)
             tiles = np.flatnonzero(bins.starts[1:] > bins.starts[:-1])
-            num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.cache.threads.num) if self.cache.threads.num > 1 else 1
-            self.cache.threads.map(draw, np.array_split(tiles, max(1, num_tasks)))
+            num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.threads.num) if self.threads.num > 1 else 1
+            self.threads.map(draw, np.array_split(tiles, max(1, num_tasks)))
 
     def _field(self, batch: BrickBatch) -> Field:
         shading = batch.shading if batch.shading and batch.shading.is_plain else ShadingSpec()

@@ -23,6 +23,7 @@ import moderngl
 import numpy as np
 
 from renderer.bricks import BrickBatch
+from renderer.compiled import ThreadPool
 from renderer.draw.compositing import MIN_CHUNK_SPLATS, splats_per_chunk
 from renderer.draw.constants import MAX_SHAPES
 from renderer.draw.cpu.raster import CPU_RENDERER_NAME, CPURasterizer
@@ -86,6 +87,10 @@ class GLRasterizer(Rasterizer):
         self._bricks: GLBrickRenderer | CPURasterizer = self._loops
         if brick_backend == "device" or (brick_backend is None and not is_software(self.device)):
             self._bricks = GLBrickRenderer(self._context, self._program, self._make_target, num_threads)
+
+    @property
+    def threads(self) -> ThreadPool:
+        return self._loops.threads
 
     def release(self) -> None:
         """Free the context and all that it holds."""
