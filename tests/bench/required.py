@@ -9,7 +9,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -18,6 +18,7 @@ import numpy as np
 from measuring import PAGES, ROOT, THREADS, medians_in_turns, parser_of
 
 from hsplat_cli.terminal import describe_machine
+from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.draw import CPURasterizer
 from renderer.frame import Stage, prepare_stage, render_frames
 from renderer.readers import read_volume
@@ -25,6 +26,7 @@ from renderer.scene import ControlPoint, Scene, TransferSpec, load_scene
 from renderer.volume import Volume, make_volume
 
 PAGE = PAGES / "required.md"
+ENGINE = ROOT / "configs" / "engine.yaml"
 REPEATS = 7
 
 HEAD = """# What a scene does not ask for
@@ -38,14 +40,64 @@ of {repeats} runs that take turns.
 
 Commit {commit}; {processor}, {cores} cores.
 
+## Visible voxels, lighting, fine levels, commands
+
 | the scene | it costs | and with | it costs | factor |
 | --- | --- | --- | --- | --- |
+"""
+
+KEYS_HEAD = """
+## Ways of seeing, light and cuts
+
+Engine at `tolerance: 0.1`. Each cell has what it costs without the key, then with it. *In memory*: the pyramid, the
+light field, and the texels of bricks after {frames} frames. *Loops*: the functions that a process calls for one frame
+and that are compiled at their first call, or loaded from the cache, for each type of their arguments; below the table
+are those that only the scene with the key calls.
+
+| the scene | and with | building, ms | a frame, ms | in memory, MB | loops |
+| --- | --- | --- | --- | --- | --- |
+"""
+
+# The camera must not move where an overlay is framed, too.
+COMMON = ("error.tolerance=0.1", "camera.distance=700")
+LIT, NOT_LIT = "shading={}", "shading=null"
+# By key, what changes a scene without it, and what changes one with it.
+KEYS = {
+    "`mode: maximum`": (NOT_LIT, "mode=maximum"),
+    "`mode: mean`": (NOT_LIT, "mode=mean"),
+    "`cuts`, a corner box": (NOT_LIT, "cuts=[{box: [[0, 0, 0], [128, 128, 128]]}]"),
+    "`overlay: bounds`": (NOT_LIT, "overlay=bounds"),
+    "`shading.light: camera`": (LIT, "shading={light: camera}"),
+    "`shading.specular`": (LIT, "shading={specular: 0.4}"),
+    "`shading.gradient_opacity`": (LIT, "shading={gradient_opacity: [[0, 0.2], [40, 1]]}"),
+    "`shading.occlusion`": (LIT, "shading={occlusion: 0.5}"),
+    "`shading.shadow`": (LIT, "shading={shadow: 0.5}"),
+}
+
+# Prints the name and the types of the loops that one frame of a scene calls.
+LIST_LOOPS = """
+import pathlib, sys, time
+from renderer.compiled.kernel_cache import KernelCache
+from renderer.draw import CPURasterizer
+from renderer.frame import prepare_stage, render_frames
+from renderer.scene import load_scene
+
+load = KernelCache.load_overload
+def load_and_tell(cache, signature, target):
+    print(cache._function.__module__ + "." + cache._function.__qualname__, signature)
+    return load(cache, signature, target)
+KernelCache.load_overload = load_and_tell
+scan, engine, *changes = sys.argv[1:]
+scene = load_scene(pathlib.Path(engine), volume=pathlib.Path(scan), overrides=changes)
+stage = prepare_stage(scene, clock=time.perf_counter, num_threads=1)
+next(render_frames(stage, [0], CPURasterizer(), clock=time.perf_counter))
 """
 
 
 def main() -> None:
     arguments = parser_of(__doc__).parse_args()
     rows = [*little_visible(), *sections(arguments.data), *start()]
+    rows += [KEYS_HEAD.format(frames=REPEATS + 2).rstrip("\n"), *keys(arguments.data)]
     print(*rows, sep="\n")
     head = HEAD.format(repeats=REPEATS, **describe_machine("compiled loops"))
     PAGE.write_text(head + "\n".join(rows) + "\n", encoding="utf-8")
@@ -79,10 +131,9 @@ def little_visible() -> Iterator[str]:
 
 def sections(data: Path) -> Iterator[str]:
     """Lighting and fine levels cost only the scenes that ask for them."""
-    path = ROOT / "configs" / "engine.yaml"
 
     def load(*changes: str) -> Scene:
-        return load_scene(path, overrides=["error.tolerance=0.1", *changes], volume=data / "engine.nhdr")
+        return load_scene(ENGINE, overrides=["error.tolerance=0.1", *changes], volume=data / "engine.nhdr")
 
     plain = load()
     volume = read_volume(plain.volume)
@@ -91,11 +142,49 @@ def sections(data: Path) -> Iterator[str]:
         ("error.tolerance=0", "`tolerance: 0`"),
     ):
         other = load(change)
-        draw = timed(drawer(builder(plain, volume)()), drawer(builder(other, volume)()))
+        draw = timed(*(drawer(builder(scene, volume)(), CPURasterizer()) for scene in (plain, other)))
         yield row("engine at `tolerance: 0.1`: a frame", draw, demand, "ms")
         if other.shading:
             build = timed(builder(plain, volume), builder(other, volume))
             yield row("engine: building", build, demand, "ms")
+
+
+def keys(data: Path) -> Iterator[str]:
+    """What a key computes, compiles and holds is paid by scenes that have it. After the rows come its own loops."""
+    scan, of_keys = data / "engine.nhdr", []
+    for key, changes in KEYS.items():
+        both = [(*COMMON, *changes[:num]) for num in (1, 2)]
+        scenes = [load_scene(ENGINE, overrides=some, volume=scan) for some in both]
+        volume = read_volume(scenes[0].volume)
+        build = timed(*(builder(scene, volume) for scene in scenes))
+        films = [(builder(scene, volume)(), CPURasterizer()) for scene in scenes]
+        draw = timed(*(drawer(*film) for film in films))
+        held = [megabytes_held(*film) for film in films]
+        few, many = (loops_of(scan, some) for some in both)
+        own = ", ".join(f"`{name}`" for name in sorted({loop.split()[0] for loop in many - few}))
+        of_keys.append(f"- {key}: {own or 'none'}.")
+        costs = [f"{without:.3g} → {with_key:.3g}" for without, with_key in (build, draw, held)]
+        scene = "lit" if changes[0] == LIT else "not lit"
+        yield f"| {scene} | {key} | {' | '.join(costs)} | {len(few)} → {len(many)} |"
+    yield ""
+    yield from of_keys
+
+
+def loops_of(volume: Path, changes: Sequence[str]) -> set[str]:
+    """Return names and types of the loops that a frame of the engine calls, all of which are in the cache."""
+    command = [sys.executable, "-c", LIST_LOOPS, str(volume), str(ENGINE), *changes]
+    told = subprocess.run(command, check=True, cwd=ROOT, capture_output=True, text=True).stdout
+    return {line.removeprefix("renderer.") for line in told.splitlines()}
+
+
+def megabytes_held(stage: Stage, rasterizer: CPURasterizer) -> float:
+    """Return what is in memory for later frames: the pyramid, the light field, and the texels of bricks."""
+    assert stage.bricks is not None
+    field = stage.bricks.light_field
+    num_bytes = stage.pyramid.num_bytes + field.occlusion.nbytes + field.shadow.nbytes
+    for atlas in rasterizer.cache.atlases:
+        num_bytes += 4 * atlas.num_channels * PADDED_BRICK_SIZE**3 * int((atlas._slot_from_key >= 0).sum())
+    return num_bytes / 1e6
 
 
 def start() -> Iterator[str]:
@@ -114,9 +203,9 @@ def builder(scene: Scene, volume: Volume) -> Callable[[], Stage]:
     return lambda: prepare_stage(scene, clock=time.perf_counter, num_threads=THREADS, volume=volume)
 
 
-def drawer(stage: Stage) -> Callable[[], object]:
+def drawer(stage: Stage, rasterizer: CPURasterizer) -> Callable[[], object]:
     """Return what draws the next frame of a film; its first one is drawn."""
-    frames = render_frames(stage, range(3 * REPEATS), CPURasterizer(), clock=time.perf_counter)
+    frames = render_frames(stage, range(3 * REPEATS), rasterizer, clock=time.perf_counter)
     next(frames)
     return lambda: next(frames)
 
