@@ -76,7 +76,7 @@ def test_bricks_stay_where_they_are_when_there_are_more() -> None:
     assert atlas.texels is texels
     assert atlas.num_missing(np.arange(10)) == 0
     assert content(atlas, np.arange(10)) == list(range(10))
-    assert len(atlas.texels) == 1000 * PADDED_BRICK_SIZE**3  # no more than there are bricks
+    assert len(atlas.texels) - 1000 * PADDED_BRICK_SIZE**3 in range(8)  # no more than there are bricks
     atlas.release()
     assert atlas.num_missing(np.arange(10)) == 10
     assert len(atlas.texels) == 0

@@ -43,17 +43,18 @@ TILE_SIDE, SUBSAMPLED_TILE_SIDE = 32, 16
 _MIN_RISE = np.float32(2.0**-18)
 # Each task draws neighbouring tiles, which have bricks in common.
 _TASKS_PER_THREAD = 4
+# Floats behind the last texel that loads of whole rows touch.
+_READ_BEHIND = 2
 
 
 class CPUAtlas(Atlas):
     """An atlas in memory, brick after brick. texels: float32 [slots * PADDED_BRICK_SIZE^3 * num_channels].
 
-    is_planar: a brick stores one channel after the other, and not one texel after the other. Scalars are read more
-    often than their gradients.
+    has_gradients: a brick of 4 channels has all its scalars first, which are read more often than their gradients.
     """
 
-    def __init__(self, num_channels: int, num_keys: int, *, is_planar: bool = False) -> None:
-        self._is_planar, self._brick_floats = is_planar, PADDED_BRICK_SIZE**3 * num_channels
+    def __init__(self, num_channels: int, num_keys: int, *, has_gradients: bool = False) -> None:
+        self._has_gradients, self._brick_floats = has_gradients, PADDED_BRICK_SIZE**3 * num_channels
         fitting = max(1, brick_cache.MAX_ATLAS_BYTES // (4 * self._brick_floats))
         super().__init__(num_channels, num_keys, min(num_keys, fitting))
         self.texels = np.empty(0, np.float32)
@@ -69,13 +70,17 @@ class CPUAtlas(Atlas):
 
     def _grow(self, num: int) -> None:
         """Make all slots at once: unused ones take no memory, and growing later would need a copy of all texels."""
-        self.texels = np.empty(self.max_slots * self._brick_floats, np.float32)
+        self.texels = np.empty(self.max_slots * self._brick_floats + _READ_BEHIND, np.float32)
         self._resize(self.max_slots)
 
     def _write(self, slots: Int64, texels: Float32) -> None:
-        if self._is_planar and self.num_channels > 1:
-            texels = np.moveaxis(texels, -1, 1)
-        self.texels.reshape(-1, self._brick_floats)[slots] = texels.reshape(len(slots), -1)
+        bricks = self.texels[:-_READ_BEHIND].reshape(-1, self._brick_floats)
+        if self._has_gradients and self.num_channels > 1:
+            texels = texels.reshape(len(slots), -1, self.num_channels)
+            bricks[slots, : texels.shape[1]] = texels[..., 0]
+            bricks[slots, texels.shape[1] :] = texels[..., 1:].reshape(len(slots), -1)
+        else:
+            bricks[slots] = texels.reshape(len(slots), -1)
 
 
 class CPURasterizer(Rasterizer):
@@ -87,7 +92,7 @@ class CPURasterizer(Rasterizer):
     device = CPU_RENDERER_NAME
 
     def __init__(self, *, num_threads: int = 2) -> None:
-        self.cache = BrickCache(partial(CPUAtlas, is_planar=True), CPUAtlas, num_threads)
+        self.cache = BrickCache(partial(CPUAtlas, has_gradients=True), CPUAtlas, num_threads)
 
     @property
     def threads(self) -> ThreadPool:

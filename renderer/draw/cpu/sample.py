@@ -77,7 +77,7 @@ class Table(NamedTuple):
 class Field(NamedTuple):
     """A field to sample: the texels of all bricks, and the table that classifies them.
 
-    scalars: float32, of each brick [PADDED_BRICK_SIZE^3]; with shading [4, PADDED_BRICK_SIZE^3], with the gradient.
+    scalars: float32, of each brick [PADDED_BRICK_SIZE^3]; with shading, the gradients [PADDED_BRICK_SIZE^3, 3] follow.
     means: float32, of each brick [PADDED_BRICK_SIZE^3, 4].
     """
 
@@ -186,29 +186,36 @@ def interpolate(numbers: Float32, at: Any, shares: Any, strides: tuple[int, int]
 
 @inline
 def sample_gradient(texels: Float32, at: Any, shares: Any) -> Any:
-    """Interpolate the gradient (x, y, z), which is behind the scalars of a brick, in one channel after the other."""
-    at += np.int32(TEXELS_PER_BRICK)
-    x = sample_scalar(texels, at, shares)
-    y = sample_scalar(texels, at + np.int32(TEXELS_PER_BRICK), shares)
-    return x, y, sample_scalar(texels, at + np.int32(2 * TEXELS_PER_BRICK), shares)
+    """Interpolate the gradient (x, y, z), which is behind the scalars of a brick, in one texel after the other."""
+    x, y, z, _ = _mix_corners(texels, at * np.int32(3) + np.int32(TEXELS_PER_BRICK), shares, 3)
+    return x, y, z
 
 
 @inline
 def sample_rgba(texels: Float32, at: Any, shares: Any) -> Any:
     """Interpolate four channels between eight texels, of which the lowest is at `at`."""
+    return _mix_corners(texels, at * np.int32(4), shares, 4)
+
+
+@inline
+def _mix_corners(texels: Float32, place: Any, shares: Any, num: int) -> Any:
+    """Interpolate `num` channels, 3 or 4, between eight texels, of which the lowest begins at `place`.
+
+    Returns four numbers; the last of three channels is arbitrary. Two floats behind the last texel may be read.
+    """
     u, v, w = shares
-    place = at * np.int32(4)
-    below = _mix(v, _mix_pair(u, texels, place), _mix_pair(u, texels, place + np.int32(4 * _ROW_STRIDE)))
-    place += np.int32(4 * _PLANE_STRIDE)
-    above = _mix(v, _mix_pair(u, texels, place), _mix_pair(u, texels, place + np.int32(4 * _ROW_STRIDE)))
+    row, plane = np.int32(num * _ROW_STRIDE), np.int32(num * _PLANE_STRIDE)
+    below = _mix(v, _mix_pair(u, texels, place, num), _mix_pair(u, texels, place + row, num))
+    place += plane
+    above = _mix(v, _mix_pair(u, texels, place, num), _mix_pair(u, texels, place + row, num))
     return _mix(w, below, above)
 
 
 @inline
-def _mix_pair(share: Any, texels: Float32, place: Any) -> Any:
-    """Interpolate between a texel of four channels and the next one."""
-    r, g, b, tau, next_r, next_g, next_b, next_tau = load_rows(texels, place, 8)
-    return _mix(share, (r, g, b, tau), (next_r, next_g, next_b, next_tau))
+def _mix_pair(share: Any, texels: Float32, place: Any, num: int) -> Any:
+    """Interpolate between a texel of `num` channels and the next one."""
+    pair = load_rows(texels, place, 8)
+    return _mix(share, pair[:4], pair[3:7] if num == 3 else pair[4:])
 
 
 @inline
