@@ -18,7 +18,7 @@ import numpy as np
 from renderer.compiled import ThreadPool
 from renderer.lighting.rays import average_voxels, transmit
 from renderer.scene import ShadingSpec, Vector
-from renderer.transfer import NO_LIGHT_FIELD, LightField, TransferFunction, make_classifier, raw_voxels
+from renderer.transfer import LightField, TransferFunction, make_classifier, make_light_field, raw_voxels
 from renderer.volume import Float32, Float64, Volume
 
 # Along the longest axis, at most.
@@ -54,7 +54,7 @@ def light_field(
     radius = shading.occlusion_radius
     radius = max(OCCLUSION_RADIUS * 2 * volume.half_diagonal if radius is None else radius, start + width)
     across = float(volume.spacing @ volume.shape_xyz)  # at least as long as any way through it
-    occlusions, shadows, *_ = NO_LIGHT_FIELD
+    occlusions = shadows = None
     with ThreadPool(num_threads) as threads:
         depths = _mean_depths(volume, transfer, level, threads)
         if shading.occlusion > 0:
@@ -64,7 +64,7 @@ def light_field(
         if shading.shadow > 0 and shading.light != "camera":
             ends = _sample_ends(start, start + across, width, _LIGHT_GROWTH)
             shadows = _transmission(volume, depths, level, _cone(shading.light, _NUM_LIGHT_RAYS), ends, threads)
-    return LightField(occlusions, shadows, float(1 << level), float(shading.occlusion), float(shading.shadow))
+    return make_light_field(occlusions, shadows, float(1 << level), (float(shading.occlusion), float(shading.shadow)))
 
 
 def _mean_depths(volume: Volume, transfer: TransferFunction, level: int, threads: ThreadPool) -> Float32:

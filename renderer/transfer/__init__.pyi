@@ -13,6 +13,7 @@ from .light_field import (
     NO_LIGHT_FIELD as NO_LIGHT_FIELD,
     LightField as LightField,
     interpolate_cells as interpolate_cells,
+    make_light_field as make_light_field,
 )
 from .piecewise import (
     GUIDE_SIZE as GUIDE_SIZE,

@@ -11,26 +11,49 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.compiled import inline, jit
-from renderer.volume import Float32
+from renderer.volume import Float32, Int32
 
 
 class LightField(NamedTuple):
     """A field of factors on light, from 0, dark, to 1, at the centres of cells, between which it is linear.
 
-    occlusion, shadow: float32 [z + 2, y + 2, x + 2], factors on the ambient and on the diffuse light; [0, 0, 0] where
-        they were not asked for. They are 1 where neither a cell nor a neighbour of it shows anything.
+    occlusion, shadow: float32 [z + 2, y + 2, x + 2], factors on the ambient and on the diffuse light, in steps of
+        1 / 255; [0, 0, 0] where they were not asked for. They are 1 where neither a cell nor a neighbour of it shows
+        anything.
+    corners: int32, for each cell the factors that are there, each in two numbers: 255 times the factors at the cell and
+        at its neighbours, eight bytes, x before y before z. Two numbers follow.
     cell_size: the width of a cell, in voxels. Cells begin at the corner of the first voxel.
     occlusion_strength, shadow_strength: from 0 to 1, how much of the factors applies.
     """
 
     occlusion: Float32
     shadow: Float32
+    corners: Int32
     cell_size: float
     occlusion_strength: float
     shadow_strength: float
 
 
-NO_LIGHT_FIELD = LightField(np.empty((0, 0, 0), np.float32), np.empty((0, 0, 0), np.float32), 1.0, 0.0, 0.0)
+_NO_FACTORS = np.empty((0, 0, 0), np.float32)
+NO_LIGHT_FIELD = LightField(_NO_FACTORS, _NO_FACTORS, np.empty(0, np.int32), 1.0, 0.0, 0.0)
+
+
+def make_light_field(
+    occlusion: Float32 | None, shadow: Float32 | None, cell_size: float, strengths: tuple[float, float]
+) -> LightField:
+    """Return the field of factors, float32 [z + 2, y + 2, x + 2], or None; they are rounded."""
+    grids, packed = [_NO_FACTORS, _NO_FACTORS], []
+    for number, factors in enumerate((occlusion, shadow)):
+        if factors is not None:
+            steps = np.rint(factors * np.float32(255)).astype(np.uint8)
+            grids[number] = steps / np.float32(255)
+            beyond, (z, y, x) = np.pad(steps, (0, 1), mode="edge"), steps.shape
+            packed += [beyond[k : k + z, j : j + y, i : i + x] for k, j, i in np.ndindex(2, 2, 2)]
+    if not packed:
+        return NO_LIGHT_FIELD
+    corners = np.append(np.stack(packed, axis=-1).reshape(-1), np.zeros(8, np.uint8)).view(np.int32)
+    strengths = strengths[0] * (occlusion is not None), strengths[1] * (shadow is not None)
+    return LightField(grids[0], grids[1], corners, cell_size, *strengths)
 
 
 @inline

@@ -181,7 +181,7 @@ def megabytes_held(stage: Stage, rasterizer: CPURasterizer) -> float:
     """Return what is in memory for later frames: the pyramid, the light field, and the texels of bricks."""
     assert stage.bricks is not None
     field = stage.bricks.light_field
-    num_bytes = stage.pyramid.num_bytes + field.occlusion.nbytes + field.shadow.nbytes
+    num_bytes = stage.pyramid.num_bytes + field.occlusion.nbytes + field.shadow.nbytes + field.corners.nbytes
     for atlas in rasterizer.cache.atlases:
         num_bytes += 4 * atlas.num_channels * PADDED_BRICK_SIZE**3 * int((atlas._slot_from_key >= 0).sum())
     return num_bytes / 1e6

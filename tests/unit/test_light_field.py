@@ -14,7 +14,7 @@ from light_reference import exact_occlusion, exact_shadow, sampled
 from renderer.lighting import light_field
 from renderer.scene import ShadingSpec, Vector
 from renderer.transfer import LightField, TransferFunction
-from renderer.transfer.light_field import light_shares
+from renderer.transfer.light_field import light_shares, make_light_field
 from renderer.volume import Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
@@ -117,7 +117,19 @@ def test_wide_and_narrow_voxels_and_threads_agree() -> None:
         assert_same(field, fields[0])
     whole = field_of(volume_of((23, 20, 41)), TRANSFER)
     assert whole.occlusion.size == whole.shadow.size == 0
-    np.testing.assert_allclose(fields[3].shadow, fields[0].shadow, atol=1e-5)
+    np.testing.assert_allclose(fields[3].shadow, fields[0].shadow, atol=1.01 / 255)
+
+
+def test_corners_are_the_factors_at_a_cell_and_its_neighbours() -> None:
+    steps = np.random.default_rng(3).integers(0, 256, (2, 4, 5, 6)).astype(np.uint8)
+    occlusion, shadow = steps / np.float32(255)
+    for factors in ((occlusion, None), (None, shadow), (occlusion, shadow)):
+        field = make_light_field(*factors, 1.0, (1.0, 1.0))
+        given = [grid for grid, is_there in zip(steps, factors, strict=True) if is_there is not None]
+        corners = field.corners[:-2].view(np.uint8).reshape(4, 5, 6, len(given), 2, 2, 2)
+        for number, grid in enumerate(given):
+            np.testing.assert_array_equal(corners[2, 1, 3, number], grid[2:4, 1:3, 3:5])
+        assert (field.occlusion_strength, field.shadow_strength) == tuple(float(grid is not None) for grid in factors)
 
 
 def assert_same(first: LightField, second: LightField) -> None:
@@ -130,7 +142,7 @@ def test_voxels_are_interpolated_between_centres_of_cells(cell_size: int) -> Non
     """A field that is linear in the place is found again, and is constant beyond the outermost centres."""
     cells = np.indices((4, 5, 6)).astype(np.float32) / 1000
     grid = np.pad(cells[0] + 10 * cells[1] + 100 * cells[2], 1, mode="edge")
-    field = LightField(grid, np.empty((0, 0, 0), np.float32), cell_size, 1.0, 0.5)
+    field = LightField(grid, np.empty((0, 0, 0), np.float32), np.empty(0, np.int32), cell_size, 1.0, 0.5)
     half = field._replace(occlusion_strength=0.5, shadow=grid)
     for place in np.random.default_rng(1).integers(0, 4 * cell_size, (20, 3)).tolist():
         nearest = [min(max((at + 0.5) / cell_size - 0.5, 0), end) for at, end in zip(place, (3, 4, 5), strict=True)]

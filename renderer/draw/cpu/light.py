@@ -17,14 +17,15 @@ from renderer.compiled import (
     float32_to_bits,
     fma,
     inline,
+    load_rows,
     num_lanes,
     to_float32,
     to_int32,
     where,
 )
-from renderer.draw.cpu.sample import exp_factors, interpolate
+from renderer.draw.cpu.sample import exp_factors, lerp
 from renderer.transfer import toward_light
-from renderer.volume import Float32
+from renderer.volume import Float32, Int32
 
 _Number3 = tuple[np.float32, np.float32, np.float32]
 
@@ -46,7 +47,7 @@ class Light(NamedTuple):
         shininess: as in ShadingSpec.
     world_from_index: the rows of a matrix of directions; a common factor does not matter.
     factors: float32 [3 n], a gradient's length in texels, the factor on extinction there, and its slope up to the next.
-    occlusion, shadow: the grids of a LightField, float32 [z * y * x]; [0] where all light arrives. grid_shape: x, y, z.
+    corners: as in LightField; [0] where all light arrives. grid_shape: x, y, z.
     cells_per_texel: of bricks of voxels. first_cell: the grid's place, in cells, of the volume's centre.
     """
 
@@ -59,8 +60,7 @@ class Light(NamedTuple):
     shininess: np.float32
     world_from_index: tuple[_Number3, _Number3, _Number3]
     factors: Float32
-    occlusion: Float32
-    shadow: Float32
+    corners: Int32
     grid_shape: tuple[int, int, int]
     cells_per_texel: float
     first_cell: tuple[float, float, float]
@@ -89,8 +89,7 @@ def make_light(batch: BrickBatch) -> Light | None:
         np.float32(shading.shininess),
         (x, y, z),
         _factors(batch),
-        field.occlusion.reshape(-1),
-        field.shadow.reshape(-1),
+        field.corners,
         (nums[2], nums[1], nums[0]),
         1.0 / field.cell_size,
         (u, v, w),
@@ -161,7 +160,7 @@ def arriving_shares(light: Light, texel: Any, origin: Any) -> Any:
     texel: where samples are in a brick, (x, y, z). origin: as `place_brick` returns it.
     """
     ambient, diffuse = texel[0] * _0 + _1, texel[0] * _0 + _1
-    if light.occlusion.size + light.shadow.size > 0:
+    if light.corners.size > 0:
         scale, (num_x, num_y, num_z) = np.float32(light.cells_per_texel), light.grid_shape
         u = _clamp_to_grid(fma(texel[0], scale, origin[0]), num_x)
         v = _clamp_to_grid(fma(texel[1], scale, origin[1]), num_y)
@@ -169,14 +168,28 @@ def arriving_shares(light: Light, texel: Any, origin: Any) -> Any:
         i, j, k = to_int32(u), to_int32(v), to_int32(w)
         at = (k * np.int32(num_y) + j) * np.int32(num_x) + i
         shares = u - to_float32(i), v - to_float32(j), w - to_float32(k)
-        strides = num_x, num_x * num_y
-        if light.occlusion.size > 0:
-            factor = interpolate(light.occlusion, at, shares, strides)
-            ambient = fma(light.occlusion_strength, factor - _1, _1)
-        if light.shadow.size > 0:
-            factor = interpolate(light.shadow, at, shares, strides)
-            diffuse = fma(light.shadow_strength, factor - _1, _1)
+        num_numbers = 2 * ((light.occlusion_strength > _0) + (light.shadow_strength > _0))
+        near, far, next_near, next_far = load_rows(light.corners, at * np.int32(num_numbers), 4)
+        if light.occlusion_strength > _0:
+            ambient = fma(light.occlusion_strength, _interpolate_bytes(near, far, shares) - _1, _1)
+            near, far = next_near, next_far
+        if light.shadow_strength > _0:
+            diffuse = fma(light.shadow_strength, _interpolate_bytes(near, far, shares) - _1, _1)
     return ambient, diffuse
+
+
+@inline
+def _interpolate_bytes(near: Any, far: Any, shares: Any) -> Any:
+    """Interpolate between eight bytes, of which two int32 have four each, in steps of 1 / 255."""
+    u, v, w = shares
+    near = lerp(v, lerp(u, _byte(near, 0), _byte(near, 8)), lerp(u, _byte(near, 16), _byte(near, 24)))
+    far = lerp(v, lerp(u, _byte(far, 0), _byte(far, 8)), lerp(u, _byte(far, 16), _byte(far, 24)))
+    return lerp(w, near, far) * np.float32(1 / 255)
+
+
+@inline
+def _byte(four: Any, shift: int) -> Any:
+    return to_float32((four >> np.int32(shift)) & np.int32(255))
 
 
 @inline

@@ -164,7 +164,8 @@ def cell_at(number: Any, first: Any, step: Any) -> Any:
 
 
 @inline
-def _lerp(share: Any, one: Any, other: Any) -> Any:
+def lerp(share: Any, one: Any, other: Any) -> Any:
+    """Interpolate between two numbers."""
     return fma(share, other - one, one)
 
 
@@ -179,9 +180,9 @@ def interpolate(numbers: Float32, at: Any, shares: Any, strides: tuple[int, int]
     """Interpolate between eight numbers, the lowest of which is at `at`. strides: to the next along y and along z."""
     u, v, w = shares
     a, b, c, d, e, f, g, h = load_corners(numbers, at, strides[0], strides[1])
-    below = _lerp(v, _lerp(u, a, b), _lerp(u, c, d))
-    above = _lerp(v, _lerp(u, e, f), _lerp(u, g, h))
-    return _lerp(w, below, above)
+    below = lerp(v, lerp(u, a, b), lerp(u, c, d))
+    above = lerp(v, lerp(u, e, f), lerp(u, g, h))
+    return lerp(w, below, above)
 
 
 @inline
@@ -221,10 +222,10 @@ def _mix_pair(share: Any, texels: Float32, place: Any, num: int) -> Any:
 @inline
 def _mix(share: Any, one: Any, other: Any) -> Any:
     return (
-        _lerp(share, one[0], other[0]),
-        _lerp(share, one[1], other[1]),
-        _lerp(share, one[2], other[2]),
-        _lerp(share, one[3], other[3]),
+        lerp(share, one[0], other[0]),
+        lerp(share, one[1], other[1]),
+        lerp(share, one[2], other[2]),
+        lerp(share, one[3], other[3]),
     )
 
 
