@@ -62,7 +62,7 @@ def volume_options(nonfinite: Literal["error"] | None) -> Callable[[Any], Any]:
     """
     return option_group(
         click.option("--time", type=int, help="Which of several time steps, from 0.  [default: the first]"),
-        click.option("--component", type=int, help="Which component, from 0, of a volume that has several."),
+        click.option("--component", type=int, help="Which of several components, from 0.  [default: the first]"),
         click.option(
             "--nonfinite",
             metavar="error|lowest|NUMBER",

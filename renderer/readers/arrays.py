@@ -21,12 +21,12 @@ from renderer.readers.common import (
     check_dtype,
     check_memory,
     check_size,
+    choice_notes,
     chosen_part,
     describe_shape,
     fitting_shapes,
     require_exists,
     select_index,
-    time_note,
     unreadable_error,
 )
 from renderer.scene import RawSource, format_value, join_some, short_text
@@ -124,7 +124,7 @@ def _chosen(values: Array, time: int | None, component: int | None) -> Image:
         )
     axes = {3: "sss", 4: "sssc" if time is None else "tsss", 5: "tsssc"}[values.ndim]
     chosen = values[chosen_part(axes, values.shape, time, component)]
-    return Image(chosen, np.eye(4), (time_note(axes, values.shape, time),))
+    return Image(chosen, np.eye(4), choice_notes(axes, values.shape, time, component))
 
 
 def _npy_header(file: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[Any], Literal["C", "F"]]:

@@ -214,22 +214,14 @@ def check_memory(num_bytes: int) -> None:
         )
 
 
-def select_index(key: str, wanted: int | None, count: int, names: Sequence[str] = ()) -> int:
-    """Return which of `count` time steps or components to read: the first time step if none is wanted.
+def select_index(key: str, wanted: int | None, count: int) -> int:
+    """Return which of `count` time steps or components to read: the first if none is wanted.
 
-    key: the scene's key for it. names: of the components, for messages, if they have any.
-    Raises InputError if one of several components has to be chosen, or the chosen one does not exist.
+    key: the scene's key for it. Raises InputError if the one that is wanted does not exist.
     """
-    plural = {"time": "time steps", "component": "components"}[key]
-    if wanted is None and count > 1 and key == "component":
-        raise InputError(
-            f"the volume has {count} components, and one is rendered",
-            got=join_some([f"{k} is {name}" for k, name in enumerate(names)]) if names else None,
-            expected=f"`component: k` with k from 0 to {count - 1}",
-        )
     if wanted is not None and not 0 <= wanted < count:
         raise InputError(
-            f"there is no such {plural[:-1]}",
+            f"there is no such {'time step' if key == 'time' else key}",
             got=f"{key}: {wanted}",
             expected=f"0 to {count - 1}" if count > 1 else f"0 or no `{key}` at all: the volume has one",
         )
@@ -248,10 +240,20 @@ def chosen_part(axes: str, shape: tuple[int, ...], time: int | None, component: 
     return tuple(chosen.get(letter, slice(None)) for letter in axes)
 
 
-def time_note(axes: str, shape: tuple[int, ...], time: int | None) -> str | None:
-    """Return a note if none of several time steps was asked for; axes and shape as in `chosen_part`."""
-    count = dict(zip(axes, shape, strict=True)).get("t", 1)
-    return None if time is not None or count == 1 else f"{count} times; the first is drawn; `time: k` chooses another"
+def choice_notes(
+    axes: str, shape: tuple[int, ...], time: int | None, component: int | None, names: Sequence[str] = ()
+) -> tuple[str, ...]:
+    """Return a note each if none of several time steps, and of several components, was asked for.
+
+    axes, shape: as in `chosen_part`. names: of the components, if they all have one.
+    """
+    lengths = dict(zip(axes, shape, strict=True))
+    named = f" ({join_some(names)})" if len(names) == lengths.get("c") else ""
+    return tuple(
+        f"{lengths[letter]} {key}s{about}; the first is drawn; `{key}: k` chooses another"
+        for letter, key, wanted, about in (("t", "time", time, ""), ("c", "component", component, named))
+        if wanted is None and lengths.get(letter, 1) > 1
+    )
 
 
 def fitting_shapes(shape_xyz: tuple[int, ...], itemsize: int, num_bytes: int) -> list[tuple[int, ...]]:

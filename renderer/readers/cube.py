@@ -15,7 +15,7 @@ from typing import IO
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, affine
+from renderer.readers.common import Image, affine, choice_notes
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field
 
@@ -51,7 +51,8 @@ def read_cube(path: Path, time: int | None, component: int | None) -> Image:
         raise first.error("a whole number of atoms, and below it three of voxels")
     layout = Layout(np.dtype(np.float32), (*shape, num_values), (StoredVoxels(path, offset, "text"),))
     values = read_stored(layout, "sssc", time, component)
-    return Image(values.transpose(2, 1, 0), affine(np.ones(3), origin, np.transpose([step[1:] for step in steps])))
+    world_from_index = affine(np.ones(3), origin, np.transpose([step[1:] for step in steps]))
+    return Image(values.transpose(2, 1, 0), world_from_index, choice_notes("sssc", layout.shape, time, component))
 
 
 def _lines(file: IO[bytes], path: Path) -> Iterator[Field]:

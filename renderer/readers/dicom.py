@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, affine, select_index
+from renderer.readers.common import Image, affine, choice_notes, select_index
 from renderer.readers.dicom_frames import Frame, frames_of, open_dicom, pixels_of, text_of, unreadable_slice
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.sniff import is_dicom
@@ -31,7 +31,7 @@ _UNEVEN = 0.05
 # Beside a file that is read alone, other slices of its series are searched among this many files.
 _MAX_NEIGHBOURS = 1000
 
-_SERIES, _DESCRIPTION = 0x0020000E, 0x0008103E
+_SERIES, _DESCRIPTION, _COLOURS = 0x0020000E, 0x0008103E, 0x00280004
 
 
 def read_dicom(path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, host: Host) -> Image:
@@ -66,7 +66,9 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
             target[...] = frame.rescaled(pixels[frame.number, :, :, channel])
     axes = np.column_stack([first.across, first.down, step])
     note = None if path.is_dir() or len(frames) > 1 else _one_of_a_series(path)
-    return Image(values, affine(np.ones(3), first.position, axes), (note,))
+    colours = "RGB" * (text_of(open_dicom(first.file), _COLOURS) == "RGB")
+    notes = (note, *choice_notes("c", (first.num_samples,), time, component, colours))
+    return Image(values, affine(np.ones(3), first.position, axes), notes)
 
 
 def _series_files(folder: Path) -> list[Path]:

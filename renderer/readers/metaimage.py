@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING, Image, affine, time_note
+from renderer.readers.common import NO_SPACING, Image, affine, choice_notes
 from renderer.readers.data_files import find_data_files, unquoted
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field, add_field, header_lines
@@ -51,7 +51,7 @@ def read_metaimage(path: Path, time: int | None, component: int | None) -> Image
     num_axes = _num_axes(fields)
     axes = "tsss"[-num_axes:] + "c" * (len(layout.shape) - num_axes)
     note = None if any(name in fields for name in _SPACINGS) else NO_SPACING
-    notes = (note, time_note(axes, layout.shape, time))
+    notes = (note, *choice_notes(axes, layout.shape, time, component))
     return Image(read_stored(layout, axes, time, component), _world_from_index(fields, num_axes), notes)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, affine, in_lps, time_note
+from renderer.readers.common import Image, affine, choice_notes, in_lps
 from renderer.readers.sniff import read_start
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.volume import Float64
@@ -43,7 +43,7 @@ def read_mgh(path: Path, time: int | None, component: int | None) -> Image:
     shape = tuple(sizes[::-1])
     values = read_stored(Layout(np.dtype(_TYPES[kind]), shape, (part,)), "tsss", time, component)
     ras_from_index = _ras_from_index(sizes[:3], _HEADER.unpack(start)[8:] if flag > 0 else _CORONAL)
-    notes = (None if flag > 0 else _NO_PLACE, time_note("tsss", shape, time))
+    notes = (None if flag > 0 else _NO_PLACE, *choice_notes("tsss", shape, time, component))
     return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), notes)
 
 

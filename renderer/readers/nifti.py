@@ -23,13 +23,13 @@ from renderer.errors import InputError
 from renderer.readers.common import (
     Image,
     check_dtype,
+    choice_notes,
     describe_shape,
     errors_about,
     has_volume,
     in_lps,
     require_exists,
     select_index,
-    time_note,
     unreadable_error,
 )
 from renderer.readers.sniff import read_start
@@ -46,6 +46,10 @@ _ANALYZE = (
     "Analyze 7.5 does not say which side is left: x runs from right to left, y to the front and z up, as its "
     "standard says"
 )
+
+# The intent of labels; with colours of four bytes, it is a probabilistic atlas as niivue has it.
+_LABEL = 1002
+_ATLAS = ("label", "second label", "probability", "second probability")
 
 # Keeps nibabel's remarks on a header, and on its repairs, off the terminal.
 _SILENT = logging.Logger(__name__, logging.CRITICAL + 1)
@@ -78,15 +82,15 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
             got=describe_shape(shape),
             expected="x, y, z, then time and component",
         )
-    field = None
-    if fields is not None:
-        field, component = fields[select_index("component", component, len(fields))], None
     offset = int(header["vox_offset"])
     encoding: Encoding = "deflate" if is_compressed else "raw"
     part = StoredVoxels(data_file or header_file, 0, encoding, offset, has_rest=True)
-    axes = "ctsss" if field is None else "-tsss"
-    values = read_stored(Layout(dtype, shape[4::-1], (part,)), axes, time, component)
-    values = values if field is None else values[field]
+    layout, names = Layout(dtype, shape[4::-1], (part,)), fields or ()
+    if fields is None:
+        values = read_stored(layout, "ctsss", time, component)
+    else:
+        values = read_stored(layout, "-tsss", time, None)[fields[select_index("component", component, len(fields))]]
+        names = _ATLAS if len(fields) == 4 and header["intent_code"] == _LABEL else fields
     try:
         ras_from_index = _ras_from_index(header)
     except ValueError as error:  # the quaternion is not a rotation
@@ -94,7 +98,8 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     slope, intercept = header.get_slope_inter()
     if slope is not None and (slope, intercept) != (1.0, 0.0):
         values = _scaled(values, slope, intercept or 0.0)
-    notes = (_ANALYZE if _is_analyze(header) else None, time_note(axes, shape[4::-1], time))
+    counts = (shape[4] if fields is None else len(fields), shape[3])
+    notes = (_ANALYZE if _is_analyze(header) else None, *choice_notes("ct", counts, time, component, names))
     return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), notes)
 
 

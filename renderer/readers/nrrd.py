@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING, Image, affine, describe_count, describe_shape, in_lps, time_note
+from renderer.readers.common import NO_SPACING, Image, affine, choice_notes, describe_count, describe_shape, in_lps
 from renderer.readers.data_files import find_data_files
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import MAX_HEADER_BYTES, Field, add_field, header_lines
@@ -81,7 +81,9 @@ def read_nrrd(path: Path, time: int | None, component: int | None) -> Image:
             hint="if the first one holds components, add a line `kinds: list domain domain domain`",
         )
     values = read_stored(layout, axes[::-1], time, component)
-    notes = (None if has_spacing else NO_SPACING, time_note(axes[::-1], layout.shape, time))
+    colours = "".join(re.findall(r"([a-z]+)-color", " ".join(kinds))).upper()  # RGB of rgb-color
+    chosen = choice_notes(axes[::-1], layout.shape, time, component, colours)
+    notes = (None if has_spacing else NO_SPACING, *chosen)
     return Image(values, world_from_index, notes)
 
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import Image, chosen_part, errors_about, require_exists, select_index, time_note
+from renderer.readers.common import Image, choice_notes, chosen_part, errors_about, require_exists, select_index
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.slice_names import sort_slices
 from renderer.readers.sniff import TIFF_SUFFIXES
@@ -36,6 +36,7 @@ from renderer.volume import Array, Float64
 
 # Fields by number.
 _X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT = 282, 283, 296
+_RGB = 2  # the photometric interpretation
 _FIRST_PRIVATE, _DEPTHS, _METAMORPH_PLANES = 32768, (32997, 32998), 33629
 
 # A tifffile.TiffPage.
@@ -67,9 +68,9 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
         description = first.description
         num_planes = len(slices) if len(slices) > 1 else _num_contiguous(first, description, path)
         axes, counts = hyperstack(description, num_planes, first.samplesperpixel)
-        has_channels = counts[axes.index("C")] > 1
-        part = chosen_part(axes.lower(), tuple(counts), time, component if has_channels else None)
-        sample = select_index("component", None if has_channels else component, first.samplesperpixel)
+        num_components = counts[axes.index("C")] * first.samplesperpixel
+        channel, sample = divmod(select_index("component", component, num_components), first.samplesperpixel)
+        part = chosen_part(axes.lower(), tuple(counts), time, channel)
         order = ome_page_order(description, axes, counts) if is_ome(description) else range(num_planes)
         numbers = np.reshape(order, counts)[part]
         values = allocate_voxels(host, (len(numbers), first.imagelength, first.imagewidth), _dtype(first))
@@ -79,9 +80,10 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
             else:
                 target[...] = _plane(slices[number], sample, path)
         world_from_index = _world_from_index(first, has_spacing_override)
+        chosen = choice_notes("tc", (counts[axes.index("T")], num_components), time, component, _colours(first))
     num_left_out = len(pages) - len(slices)
     note = f"{num_left_out} smaller previews among the pages are left out" if num_left_out else None
-    return Image(values, world_from_index, (note, time_note(axes.lower(), tuple(counts), time)))
+    return Image(values, world_from_index, (note, *chosen))
 
 
 def _read_folder(folder: Path, component: int | None, *, has_spacing_override: bool, host: Host) -> Image:
@@ -93,6 +95,7 @@ def _read_folder(folder: Path, component: int | None, *, has_spacing_override: b
     entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
     files = sort_slices([entry for entry in entries if entry.suffix.lower() in TIFF_SUFFIXES])
     values, expected, world_from_index = None, "", np.eye(4)
+    notes: tuple[str, ...] = ()
     for index, file in enumerate(files):
         host.begin_file(file)
         with _open_pages(require_exists(file)) as pages:
@@ -115,9 +118,10 @@ def _read_folder(folder: Path, component: int | None, *, has_spacing_override: b
                 with errors_about(folder):
                     values = allocate_voxels(host, (len(files), *plane.shape), _dtype(page))
                 world_from_index = _world_from_index(page, has_spacing_override)
+                notes = choice_notes("c", (page.samplesperpixel,), None, component, _colours(page))
             values[index] = plane
     assert values is not None, "called without files"
-    return Image(values, world_from_index)
+    return Image(values, world_from_index, notes)
 
 
 @contextmanager
@@ -225,6 +229,11 @@ def _num_plain_bytes(page: _Page) -> int:
 def _dtype(page: _Page) -> np.dtype[Any]:
     """Return the dtype of the voxels; single bits become bytes of 0 and 1."""
     return np.dtype(np.uint8) if page.dtype.kind == "b" else np.dtype(page.dtype)
+
+
+def _colours(page: _Page) -> str:
+    """Return the letters of the samples of a page, if it has colours."""
+    return "RGBA"[: page.samplesperpixel] if page.photometric == _RGB else ""
 
 
 def _describe(page: _Page) -> str:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import Image, affine, check_dtype, select_index
+from renderer.readers.common import Image, affine, check_dtype, choice_notes, select_index
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.scene import short_text
 
@@ -40,7 +40,7 @@ def read_vtk(path: Path, time: int | None, component: int | None, *, has_spacing
     if not components or 0 in image.GetDimensions():
         raise _damaged("no values")
     names = [_name(*each) for each in components]
-    array, channel = components[select_index("component", component, len(components), names)]
+    array, channel = components[select_index("component", component, len(components))]
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     stored = vtk_to_numpy(array)
@@ -49,7 +49,8 @@ def read_vtk(path: Path, time: int | None, component: int | None, *, has_spacing
     if array.GetNumberOfTuples() != int(np.prod(shape, dtype=object)):
         raise _damaged(f"{array.GetNumberOfTuples()} values of {short_text(array.GetName())}")
     values[...] = (stored if stored.ndim == 1 else stored[:, channel]).reshape(values.shape)
-    return Image(values, _world_from_index(image, is_cells=is_cells))
+    notes = choice_notes("c", (len(names),), time, component, names)
+    return Image(values, _world_from_index(image, is_cells=is_cells), notes)
 
 
 def _name(array: Any, component: int) -> str:

@@ -148,6 +148,26 @@ def test_time_steps_and_components(tmp_path, name):
         np.testing.assert_array_equal(volume.values, steps[k])
 
 
+@pytest.mark.parametrize("suffix", [".nrrd", ".mha"])
+def test_the_first_of_several_components_is_the_default(tmp_path, suffix):
+    values = ramp("uint8", (3, 4, 5, 3))
+    write_image(tmp_path / f"a{suffix}", values, has_components=True)
+    volume = read(tmp_path / f"a{suffix}")
+    np.testing.assert_array_equal(volume.values, values[..., 0])
+    assert volume.note == "3 components; the first is drawn; `component: k` chooses another"
+    assert read(tmp_path / f"a{suffix}", component=0).note is None
+
+
+def test_kinds_of_nrrd_name_colours(tmp_path):
+    header = "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 3 2 2 2\nspacings: nan 1 1 1\nencoding: raw\nkinds: {} "
+    for kind, named in (("HSV-color", " (H, S, V)"), ("3-color", ""), ("RGBA-color", ""), ("vector", "")):
+        text = header.format(kind) + "domain domain domain\n\n"
+        (tmp_path / "a.nrrd").write_bytes(text.encode() + bytes(range(24)))
+        volume = read(tmp_path / "a.nrrd")
+        np.testing.assert_array_equal(volume.values.ravel(), np.arange(0, 24, 3))
+        assert volume.note == f"3 components{named}; the first is drawn; `component: k` chooses another"
+
+
 def test_npy_axes(tmp_path):
     values = ramp("int32", (2, 3, 4, 5, 6))
     np.save(tmp_path / "5.npy", values)

@@ -36,6 +36,17 @@ def test_rescale_slope_may_differ_from_slice_to_slice(tmp_path):
     assert read(tmp_path).values[:, 0, 0].tolist() == [10.0, 0.5 * 1010 - 1000, 10.0]
 
 
+def test_colours_are_components(tmp_path):
+    colours = np.arange(90, dtype=np.uint8).reshape(6, 5, 3)
+    dataset = image_fields(colours[..., 0], SamplesPerPixel=3, PhotometricInterpretation="RGB", PlanarConfiguration=0)
+    dataset.PixelData = colours.tobytes()
+    save(tmp_path / "a.dcm", dataset)
+    first = read(tmp_path / "a.dcm")
+    np.testing.assert_array_equal(first.values[0], colours[..., 0])
+    assert first.note == "3 components (R, G, B); the first is drawn; `component: k` chooses another"
+    np.testing.assert_array_equal(read(tmp_path / "a.dcm", component=2).values[0], colours[..., 2])
+
+
 def test_single_slice(tmp_path):
     write_series(tmp_path, [np.array([1.0, 2.0, 3.0])])
     volume = read(tmp_path)

@@ -115,7 +115,25 @@ def test_colours_are_components(tmp_path):
     values = np.zeros((3, 4, 5), [("R", "u1"), ("G", "u1"), ("B", "u1")])
     values["G"] = ramp("uint8")
     nib.Nifti1Image(values, AFFINE).to_filename(tmp_path / "a.nii")
-    np.testing.assert_array_equal(read(tmp_path / "a.nii", component=1).values, ramp("uint8").T)
+    second = read(tmp_path / "a.nii", component=1)
+    np.testing.assert_array_equal(second.values, ramp("uint8").T)
+    assert second.note is None
+    first = read(tmp_path / "a.nii")
+    assert not first.values.any()
+    assert first.note == "3 components (R, G, B); the first is drawn; `component: k` chooses another"
+    error = refused(tmp_path / "a.nii", component=3, match="there is no such component")
+    assert error.expected == "0 to 2"
+
+
+def test_the_first_component_of_a_probabilistic_atlas_is_its_label(tmp_path):
+    values = np.zeros((3, 4, 5), [(name, "u1") for name in "RGBA"])
+    values["R"] = ramp("uint8")
+    image = nib.Nifti1Image(values, AFFINE)
+    image.header.set_intent("label")
+    image.to_filename(tmp_path / "a.nii")
+    volume = read(tmp_path / "a.nii")
+    np.testing.assert_array_equal(volume.values, ramp("uint8").T)
+    assert volume.note is not None and volume.note.startswith("4 components (label, second label, probability, ")
 
 
 def test_plane_and_line_become_volumes(tmp_path):

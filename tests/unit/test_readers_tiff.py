@@ -29,13 +29,15 @@ def test_big_tiff(tmp_path, order):
     np.testing.assert_array_equal(read(tmp_path / "a.tif").values, ramp("int16"))
 
 
-def test_folder_of_colours_needs_a_component(tmp_path):
+def test_folder_of_colours(tmp_path):
     for k in range(3):
         colours = np.zeros((4, 5, 3), np.uint8)
         colours[..., 1] = 10 + k
         write_image(tmp_path / f"{k}.tif", colours, has_components=True)
     assert read(tmp_path, component=1).values[:, 0, 0].tolist() == [10, 11, 12]
-    refused(tmp_path, match="the volume has 3 components")
+    first = read(tmp_path)
+    assert not first.values.any()
+    assert first.note == "3 components (R, G, B); the first is drawn; `component: k` chooses another"
 
 
 @pytest.mark.parametrize(
@@ -182,7 +184,11 @@ def test_hyperstacks(tmp_path, order, description):
     first = read(tmp_path / "a.tif", component=0)
     np.testing.assert_array_equal(first.values, stack[0, :, 0])
     assert first.note == "3 times; the first is drawn; `time: k` chooses another"
-    refused(tmp_path / "a.tif", time=0, match="the volume has 2 components")
+    second = read(tmp_path / "a.tif", time=1)
+    np.testing.assert_array_equal(second.values, stack[1, :, 0])
+    assert second.note == "2 components; the first is drawn; `component: k` chooses another"
+    both = "3 times; the first is drawn; `time: k` chooses another"
+    assert read(tmp_path / "a.tif").note == f"{both}; {second.note}"
 
 
 # Tiles

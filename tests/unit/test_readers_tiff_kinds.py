@@ -137,6 +137,14 @@ def test_colours_of_ome_are_components(tmp_path):
     np.testing.assert_array_equal(read(tmp_path / "a.ome.tif", component=1).values, VALUES + 1)
 
 
+def test_colours_of_several_channels_of_ome_are_all_components(tmp_path):
+    colours = ramp("uint16", (2, 4, 5, 6, 3))  # channel, z, y, x, sample
+    tifffile.imwrite(tmp_path / "a.ome.tif", colours, photometric="rgb", metadata={"axes": "CZYXS"})
+    for k in range(6):
+        np.testing.assert_array_equal(read(tmp_path / "a.ome.tif", component=k).values, colours[k // 3, ..., k % 3])
+    assert read(tmp_path / "a.ome.tif").note == "6 components; the first is drawn; `component: k` chooses another"
+
+
 STACK = ramp("uint16", (2, 3, 4, 5, 6))  # time, channel, z, y, x
 
 
