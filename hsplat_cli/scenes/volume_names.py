@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -52,16 +53,22 @@ def expand_volumes(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
             paths = [Path(text)]
         for path in paths:
             inside = _volumes_in(path)
-            found |= {each.resolve(): each for each in inside or [path] if each.resolve() not in found}
+            for each in inside or [path]:
+                found.setdefault(_real(each), each)
             others |= {path: sorted({*path.iterdir()} - {*inside})} if inside else {}
     _refuse_slices(list(found.values()))
     data = {file: head for key, head in found.items() for file in header_data_files(head) if file != key}
     notes = [f"{path} is the data of {data[key]}" for key, path in found.items() if key in data]
     for folder, entries in others.items():
-        names = [each.name for each in entries if each.resolve() not in data and not each.name.startswith(".")]
+        names = [each.name for each in entries if _real(each) not in data and not each.name.startswith(".")]
         if names:
             notes.append(f"{folder}: its volumes are drawn; left out: {join_some(names)}")
     return [path for key, path in found.items() if key not in data], notes
+
+
+def _real(path: Path) -> Path:
+    """Return a path without links; of a link that leads to itself, which `resolve` refuses, as far as it goes."""
+    return Path(os.path.realpath(path))
 
 
 def _volumes_in(path: Path) -> list[Path]:

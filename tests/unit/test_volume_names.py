@@ -114,6 +114,18 @@ def test_a_folder_of_volumes_stands_for_all_directly_in_it() -> None:
     assert notes == ["in: its volumes are drawn; left out: deep, notes.txt"]
 
 
+def test_links_in_a_folder_are_followed_once(tmp_path: Path) -> None:
+    for name in ("a.npy", "b.npy"):
+        np.save(tmp_path / name, np.zeros((2, 2, 2)))
+    for name, target in {"c.npy": "a.npy", "self.npy": "self.npy", "folder.npy": ".", "gone.npy": "none.npy"}.items():
+        (tmp_path / name).symlink_to(target)
+    volumes, notes = expand_volumes([str(tmp_path)])
+    assert volumes == [tmp_path / "a.npy", tmp_path / "b.npy"]
+    assert notes == [f"{tmp_path}: its volumes are drawn; left out: folder.npy, gone.npy, self.npy"]
+    itself = str(tmp_path / "self.npy")
+    assert expand_volumes([itself]) == ([Path(itself)], [])
+
+
 def test_other_folders_are_volumes_themselves() -> None:
     """With one volume, which is found by its reader, with slices, or with nothing."""
     touch("one/sub/a.npy", "slices/1.tif", "slices/a.npy", "slices/b.npy", "deep/a/1.npy", "deep/a/2.npy")
