@@ -134,6 +134,8 @@ def _header(start: bytes, path: Path, *, is_single: bool) -> _Header:
             kind = nib.Spm99AnalyzeHeader if is_analyze else classes[num_bytes][is_single]
             header = kind(start[:num_bytes], order, check=False)
             _check_offset_and_slope(header, least=num_bytes + 4 if is_single else 0)
+            if not 1 <= header["dim"][0] <= 7:
+                break
             try:
                 header.check_fix(_SILENT)
                 header.get_data_shape(), header.get_slope_inter()

@@ -237,6 +237,15 @@ def test_a_damaged_mark_is_not_analyze(tmp_path):
     refused(written(tmp_path / "a.hdr", data), match="this is not a NIfTI file, or it is damaged")
 
 
+@pytest.mark.parametrize("kind", [nib.AnalyzeImage, nib.Nifti1Pair])
+@pytest.mark.parametrize("num_axes", [-3, 0, 8, 32767])
+def test_an_impossible_number_of_axes_is_refused(tmp_path, kind, num_axes):
+    kind(ramp("uint8"), None, dtype="uint8").to_filename(tmp_path / "a.img")
+    data = bytearray((tmp_path / "a.hdr").read_bytes())
+    struct.pack_into("<h", data, 40, num_axes)
+    refused(written(tmp_path / "a.hdr", data), match="this is not a NIfTI file, or it is damaged")
+
+
 @pytest.mark.parametrize("code", [0, 1, 32, 99])
 def test_other_types_of_analyze_are_refused(tmp_path, code):
     nib.AnalyzeImage(ramp("uint8"), None, dtype="uint8").to_filename(tmp_path / "a.img")
