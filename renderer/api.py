@@ -446,6 +446,7 @@ def _with_suggestion(scene: Scene, colormap: str | None, *, is_new: bool) -> Sce
         transfer_function=found.suggestion.transfer,
         shading=found.suggestion.shading,
         splat=(None if scene.cuts else found.suggestion.splat) or scene.splat,  # splats cannot be cut
+        cuts=scene.cuts or found.suggestion.cuts,
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from renderer.volume import Float64, Volume
 
 _COLUMNS, _ROWS = 64, 8
+# What has a smaller part of the picture than of this, though more of the voxels, is hidden.
+_HIDDEN = 0.01
 _BLOCKS, _ASCII = " ▁▂▃▄▅▆▇█", " .:|#"
 
 
@@ -81,6 +84,7 @@ def _facts(
             {"value": outlier.value, "voxels": outlier.num, "is_fill": outlier.is_nodata}
             for outlier in statistics.outliers[: len(suggestion.outlier_notes)]
         ],
+        "visible": [asdict(shown) for shown in suggestion.visible],
         "kind": suggestion.kind,
         "reason": suggestion.reason,
         **parse_yaml("\n".join(transfer_lines(suggestion.transfer))).data,
@@ -164,6 +168,11 @@ def _suggestion_lines(suggestion: Suggestion) -> Iterator[str]:
     yield ""
     yield f"  looks like   {suggestion.kind}: {suggestion.reason}"
     yield from (f"               {note}" for note in suggestion.outlier_notes)
+    for k, shown in enumerate(suggestion.visible):
+        voxels, share = (f"{100 * part:.2g} % of the" for part in (shown.voxels, shown.share))
+        values = " and ".join(f"{_number(low)} to {_number(high)}" for low, high in shown.ranges)
+        hidden = ", hidden" * (shown.share < _HIDDEN < shown.voxels)
+        yield f"{'' if k else '  shows':<14} {shown.name}, {values}: {voxels} voxels, {share} picture{hidden}"
     yield ""
     yield from transfer_lines(suggestion.transfer, suggestion.notes)
 

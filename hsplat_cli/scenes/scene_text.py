@@ -37,6 +37,7 @@ _COMMENT_COLUMN = 30
 _SHADING_COMMENT = (
     "# Darker where a surface faces away from the light, which turns with the object. Delete it for even light."
 )
+_CUTS_COMMENT = "# Planes that cut away what is not the object, such as a table; delete them to see everything."
 _VOXEL_COLORS_COMMENT = """\
 # Each voxel has its colour before anything is interpolated; without this line, the skin of a label has
 # those of all numbers between its own and its neighbour's. Where labels to look through have blurred
@@ -206,7 +207,14 @@ def _drawing_lines(suggestion: Suggestion) -> Iterator[str]:
         ambient, diffuse = format_value(shading.ambient), format_value(shading.diffuse)
         yield from ("", _SHADING_COMMENT)
         light = shading.light if isinstance(shading.light, str) else _list(shading.light)
-        yield f"shading: {{ambient: {ambient}, diffuse: {diffuse}, light: {light}}}"
+        more = [f", occlusion: {format_value(shading.occlusion)}"] * (shading.occlusion > 0)
+        more += [", two_sided: true"] * shading.two_sided
+        yield f"shading: {{ambient: {ambient}, diffuse: {diffuse}, light: {light}{''.join(more)}}}"
+    if suggestion.cuts:
+        yield from ("", _CUTS_COMMENT, "cuts:")
+        for cut in suggestion.cuts:
+            assert cut.plane is not None
+            yield f"  - plane: {{point: {_list(cut.plane.point)}, normal: {_list(cut.plane.normal)}}}"
     if suggestion.splat is not None:
         yield from ("", _VOXEL_COLORS_COMMENT, f"splat: {{footprint: {suggestion.splat.footprint}}}")
     elif suggestion.is_categorical:

@@ -35,12 +35,10 @@ from renderer.scene import (
 )
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.view import (
-    View,
     are_cut_away,
     finest_useful_level,
     fit_distance,
     make_order_blending,
-    make_view,
     place_cuts,
     smallest_voxel_px,
     visible_centre,
@@ -96,10 +94,12 @@ def prepare_stage(
     if bricks is not None and scene.mode.is_extremum:
         extremes = extreme_bricks(bricks, scene.mode, num_threads=num_threads)
     watch.lap("pyramid")
-    points = visible_points(pyramid)
+    frames_what_is_left = camera.target == "visible"
+    framed_cuts = [cut for cut in scene.cuts if frames_what_is_left and cut.fixed == "object"]
+    points = visible_points(pyramid, place_cuts(volume, framed_cuts))
     target, distance = _framing(scene, volume, volume_corners(volume) if scene.overlay == "bounds" else points)
     raise_problems(camera_problems(replace(camera, target=target, distance=distance), size, extent))
-    raise_problems(_cut_problems(scene, volume, make_view(camera, 0, target, distance, size)))
+    raise_problems(_cut_problems(scene, volume))
     finest_level = finest_useful_level(volume, points, camera, target, distance, size)
     voxel_px = smallest_voxel_px(volume, camera, target, distance, size)
     order_blending = make_order_blending(volume.world_from_index, camera.path)
@@ -159,14 +159,14 @@ def render_frames(
         controller.finish_frame(draw_list, watch)
 
 
-def _cut_problems(scene: Scene, volume: Volume, view: View) -> Iterator[Problem]:
+def _cut_problems(scene: Scene, volume: Volume) -> Iterator[Problem]:
     """Yield the cuts, fixed to the object, that leave nothing of it."""
     half = np.array(volume.shape_xyz) / 2
     reach = np.abs(volume.world_from_index[:3, :3]) @ half
     low, high = (format_value(corner.tolist()) for corner in (volume.centre - reach, volume.centre + reach))
     for number, cut in enumerate(scene.cuts):
-        cuts = place_cuts(volume, replace(view, cuts=(cut,)))
-        if cut.fixed == "object" and cuts is not None and are_cut_away(cuts, np.array([[-half, half]]))[0]:
+        cuts = place_cuts(volume, [cut]) if cut.fixed == "object" else None
+        if cuts is not None and are_cut_away(cuts, np.array([[-half, half]]))[0]:
             expected = f"a cut that leaves some of it; it reaches from {low} to {high}"
             yield Problem(f"cuts.{number}", "leaves nothing of the volume", expected=expected)
 

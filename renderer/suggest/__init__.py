@@ -1,14 +1,16 @@
 """Suggest a transfer function that shows what is in a volume.
 
 In: a volume and its statistics. Out: `Suggestion`: the kind of data, and control points and opacities that show it.
-Thresholds by Otsu 1979.
+Thresholds by Otsu 1979; densities by visibility, Correa and Ma 2011.
 
 - `volume_suggestion.py` (a volume still to be read) and `suggestion.py` (its statistics) choose, and give reasons.
 - `histogram.py`: range, histogram, Otsu's threshold, materials; `nodata.py`: nodata values and outliers, which are set
   aside; `percentiles.py`: exact ranks.
-- `features.py`: background, noise, edges, level sets; `labels.py`: masks and segmentations.
+- `features.py`: background, noise, edges, level sets; `classes.py`: materials; `labels.py`: masks and segmentations, in
+  the colours of `palette.py`; `separation.py`: the object, and planes that cut away what lies around it.
+- `presets.py`: layers and colours for each kind of data; `visibility.py`: how dense they are, so that each has its part
+  of the picture; `opacity.py`: depths as opacities.
 - `turntable.py`: the defaults of the film around it.
-- `presets.py`: layers and colours for each kind of data; `opacity.py`: how dense they are.
 """
 
 import lazy_loader

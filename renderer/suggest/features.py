@@ -50,6 +50,7 @@ class VoxelSample:
     minimum, maximum: the range, data units.
     spacing: world distance between samples along z, y, x.
     diagonal: of the whole volume, world units.
+    directions: float64 [3, 3], whose columns are the directions of the axes x, y, z in the world.
     """
 
     normalized: Float64
@@ -60,6 +61,7 @@ class VoxelSample:
     maximum: float
     spacing: tuple[float, float, float]
     diagonal: float
+    directions: Float64
 
     def denormalize(self, share: float) -> float:
         """Return the data value of a normalised value, which may be below 0 or above 1."""
@@ -152,6 +154,7 @@ def sample_volume(volume: Volume, statistics: Statistics, outlier_fill: float = 
         maximum=high,
         spacing=(side_z * sz, side_y * sy, side_x * sx),
         diagonal=float(np.linalg.norm(volume.spacing * volume.shape_xyz)),
+        directions=volume.world_from_index[:3, :3] / volume.spacing,
     )
     volume.require_unchanged()
     return sample

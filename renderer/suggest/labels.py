@@ -11,14 +11,10 @@ from renderer.scene import Color, ColormapSpec, ControlPoint
 from renderer.suggest import features
 from renderer.suggest.features import VoxelSample
 from renderer.suggest.histogram import Statistics
-from renderer.suggest.opacity import (
-    Layer,
-    calibrate_layer_depth,
-    format_number,
-    opacity_from_depth,
-    opacity_unit_length,
-)
-from renderer.suggest.presets import CRISP_SURFACE_DEPTH, OPAQUE_COVERAGE, TRANSLUCENT_COVERAGE
+from renderer.suggest.opacity import format_number, opacity_from_depth, opacity_unit_length
+from renderer.suggest.palette import distinct_colors
+from renderer.suggest.presets import OPAQUE_COVERAGE
+from renderer.suggest.visibility import CRISP_SURFACE_DEPTH, Layer, cast_rays, solve_depths
 from renderer.volume import Bools, Volume, iter_slabs
 
 _MAX_LABELS = 4096
@@ -43,11 +39,13 @@ _PALETTE: tuple[Color, ...] = (
     (0.79, 0.60, 0.42),
 )
 _BLACK: Color = (0.0, 0.0, 0.0)
-# For more labels: 256 colours that are as different as possible.
-_MANY_LABELS_COLORMAP = "glasbey"
+# Up to this many labels have colours that are as different as possible; more share those of a colormap.
+_MAX_DISTINCT_COLORS, _MANY_LABELS_COLORMAP = 255, "glasbey"
 
 # A label encloses smaller ones if it covers this part of their projections, along all three axes.
 _ENCLOSING_COVERAGE = 0.85
+# Its part of the picture, compared with that of another label.
+_ENCLOSING_SHARE = 0.4
 
 
 def label_values(volume: Volume, statistics: Statistics, sample: VoxelSample) -> list[float] | None:
@@ -111,8 +109,9 @@ def label_mapping(
     """
     unit = opacity_unit_length(sample.diagonal)
 
-    def opacity(layer: Layer) -> float:
-        return opacity_from_depth(calibrate_layer_depth(sample, layer), unit, sample.diagonal)
+    def opacities(layers: Sequence[Layer]) -> list[float]:
+        depths = solve_depths(cast_rays(sample), layers, OPAQUE_COVERAGE)
+        return [opacity_from_depth(depth, unit, sample.diagonal) for depth in depths.tolist()]
 
     ends = [values[0], *(low / 2 + high / 2 for low, high in pairwise(values)), values[-1]]
     between = dict(zip(values, pairwise(ends), strict=True))
@@ -122,18 +121,19 @@ def label_mapping(
         for value, (low, high) in between.items()
     }
     shown = [value for value in values if value != outside]
-    if colormap is not None or len(shown) > len(_PALETTE):
+    if len(shown) <= len(_PALETTE):
+        found = opacities(_layers(sample, [regions[value] for value in shown]))
+    else:
         knots = tuple((at, float(value != outside)) for value in values for at in regions[value])
-        common = opacity(Layer("", knots, OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH))
+        found = opacities([Layer("", knots, min_depth=CRISP_SURFACE_DEPTH)]) * len(shown)
+    if colormap is not None or len(shown) > _MAX_DISTINCT_COLORS:
         steps: list[tuple[float, float]] = []
         for is_shown, labels in groupby(values, lambda value: value != outside):
             first, *_, last = (at for value in labels for at in between[value])
-            steps += [(at, common if is_shown else 0.0) for at in (first, last)]
-        is_table = colormap is None and values[0] >= 0 and values[-1] <= 255  # every label has its own entry
-        span = (0.0, 255.0) if is_table else (values[0], values[-1])
-        return ColormapSpec(colormap or _MANY_LABELS_COLORMAP, span, tuple(steps)), (), unit
-    opacities = map(opacity, _layers(sample, [regions[value] for value in shown]))
-    styles = dict(zip(shown, zip(_PALETTE, opacities, strict=False), strict=True)) | {outside: (_BLACK, 0.0)}
+            steps += [(at, found[0] if is_shown else 0.0) for at in (first, last)]
+        return ColormapSpec(colormap or _MANY_LABELS_COLORMAP, (values[0], values[-1]), tuple(steps)), (), unit
+    colors = distinct_colors(_PALETTE, len(shown))
+    styles = dict(zip(shown, zip(colors, found, strict=True), strict=True)) | {outside: (_BLACK, 0.0)}
     points = tuple(ControlPoint(at, *styles[value]) for value in values for at in between[value])
     names = [f"label {format_number(value)}" if value != outside else "the background" for value in values]
     return points, tuple(word for name in names for word in (name, "")), unit
@@ -148,8 +148,8 @@ def _layers(sample: VoxelSample, regions: Sequence[tuple[float, float]]) -> list
     for (low, high), own, area in zip(regions, shadows, areas, strict=True):
         smaller = [other for other, other_area in zip(shadows, areas, strict=True) if 0 < other_area < area]
         is_around = bool(smaller) and all(_covers(own[axis], [other[axis] for other in smaller]) for axis in range(3))
-        coverage, min_depth = (TRANSLUCENT_COVERAGE, 0.0) if is_around else (OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
-        layers.append(Layer("", ((low, 0.0), (low, 1.0), (high, 1.0), (high, 0.0)), coverage, min_depth))
+        share, min_depth = (_ENCLOSING_SHARE, 0.0) if is_around else (1.0, CRISP_SURFACE_DEPTH)
+        layers.append(Layer("", ((low, 0.0), (low, 1.0), (high, 1.0), (high, 0.0)), share, min_depth))
     return layers
 
 

@@ -1,58 +1,48 @@
 """Presets: the layers of values and the colours that suit a kind of data, one function for each kind.
 
-Values are normalised to the volume's range, as in `renderer.suggest.features`. `renderer.suggest.opacity` finds how
+Values are normalised to the volume's range, as in `renderer.suggest.features`. `renderer.suggest.visibility` finds how
 dense the layers are.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
 
 from renderer.scene import Color, ShadingSpec, colormap_points
-from renderer.suggest.features import Background, VoxelSample, coherence, otsu_threshold
-from renderer.suggest.opacity import Layer, covered_ray_fraction
+from renderer.suggest.classes import foreground_threshold, material_edges, top_value
+from renderer.suggest.features import Background, VoxelSample
+from renderer.suggest.visibility import CRISP_SURFACE_DEPTH, Layer
 from renderer.volume import Float64
 
 T = TypeVar("T")
 
-# Mean opacities of the rays through a layer: a faint one, a translucent one, an opaque one, and a field that is dense
-# in some places and thin in others.
-FAINT_COVERAGE, TRANSLUCENT_COVERAGE, OPAQUE_COVERAGE, _FIELD_COVERAGE = 0.25, 0.5, 0.85, 0.65
-# A surface looks crisp from this optical depth for 1% of the diagonal.
-CRISP_SURFACE_DEPTH = 0.8
+# Mean opacities of the rays that meet anything: of scans, of shells in a field, and of a single opaque surface.
+_COVERAGE, _SHELL_COVERAGE, _GLOW_COVERAGE, OPAQUE_COVERAGE = 0.94, 0.8, 0.65, 0.97
 
-# Colours of a scan's layers, from the thinnest to the densest material.
-_VEIL_COLOR, _GLASS_COLOR, _CORE_COLOR = (0.30, 0.48, 0.75), (0.95, 0.62, 0.38), (1.0, 0.93, 0.80)
-_HULL_COLOR, _FLESH_COLOR = (0.46, 0.58, 0.92), (0.80, 0.62, 0.54)
-
-# The lowest part of this colormap is too dark to be seen on black, so smooth fields begin above it.
-_FIELD_COLORMAP, _DARKEST = "inferno", 0.3
-_NUM_STEPS = 8
-
-_NEGATIVE, _POSITIVE = ((0.16, 0.40, 0.92), (0.62, 0.87, 1.0)), ((0.90, 0.25, 0.16), (1.0, 0.85, 0.55))
-
-
-# Half of the light is ambient, so that surfaces that face away from the lamp stay visible. The lamp is above and in
-# front, on the side that a turntable shows first. Fields with two signs get less directed light.
-SHADING = ShadingSpec(ambient=0.5, diffuse=0.6, light=(0.5, -0.8, 1.0))
-_FAINT_SHADING = replace(SHADING, ambient=0.75, diffuse=0.35)
+# Ambient light, which occlusion dims, shows surfaces that face away from the lamp, too. The lamp is above and in front,
+# on the side that a turntable shows first.
+SHADING = ShadingSpec(ambient=0.7, diffuse=0.55, light=(0.5, -0.8, 1.0), occlusion=0.8)
 
 
 @dataclass(frozen=True)
 class Preset:
     """A set of layers and colours for a kind of data.
 
-    layers: their sum is the extinction. colors: (normalised value, colour), ascending; linear between. shading: None
-        where the data have no surfaces.
+    layers: their sum is the extinction. colors: (normalised value, colour), ascending; linear between. coverage: the
+        mean opacity of the rays that meet anything.
     """
 
     layers: tuple[Layer, ...]
     colors: tuple[tuple[float, Color], ...]
+    coverage: float = _COVERAGE
     shading: ShadingSpec | None = SHADING
+    is_scan: bool = False
 
     def with_inverted_range(self) -> Preset:
         """Return the preset for values with the range inverted."""
@@ -61,7 +51,8 @@ class Preset:
             for layer in self.layers
         )
         colors = tuple((1 - at, color) for at, color in reversed(self.colors))
-        return Preset(layers, colors, None if self.shading is None else flip_light(self.shading))
+        shading = None if self.shading is None else flip_light(self.shading)
+        return replace(self, layers=layers, colors=colors, shading=shading)
 
 
 def flip_light(shading: ShadingSpec) -> ShadingSpec:
@@ -96,106 +87,128 @@ def ct_preset(sample: VoxelSample, zero: float) -> Preset:
     def normalized(points: Iterable[tuple[float, T]]) -> tuple[tuple[float, T], ...]:
         return tuple((sample.normalize(hounsfield + zero), each) for hounsfield, each in points)
 
-    tissue = Layer("soft tissue", normalized(_TISSUE), TRANSLUCENT_COVERAGE if has_bone else OPAQUE_COVERAGE)
-    bone = Layer("bone", normalized(_BONE), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
-    return Preset((tissue, bone) if has_bone else (tissue,), normalized(_CT_COLORS))
+    tissue = Layer("soft tissue", normalized(_TISSUE), share=0.3)
+    bone = Layer("bone", normalized(_BONE), share=0.7)
+    return Preset((tissue, bone) if has_bone else (tissue,), normalized(_CT_COLORS), is_scan=True)
 
 
 # Scans: materials that stand out from a background.
 
-# Values above this percentile are outliers.
-_TOP_PERCENTILE = 99.99
-# A veil of thin material has at least this coherence, this many voxels for each one inside it (edges have fewer), and
-# this separation from what is below.
-_VEIL_COHERENCE, _VEIL_SHARE, _VEIL_SEPARATION = 0.8, 0.3, 0.72
-
-
-# A denser material that covers this part of the thinner one, with less than this part of its voxels, is a shell around
-# it, such as the fat around a head in an MRI. It gets this coverage, to be seen through.
-_SHELL_COVERAGE, _MAX_SHELL_VOXEL_RATIO, _SHELL_LAYER_COVERAGE = 0.75, 0.8, 0.65
+_BLUE, _SAND, _IVORY, _STONE = (0.36, 0.50, 0.86), (0.91, 0.68, 0.42), (0.98, 0.95, 0.88), (0.86, 0.83, 0.76)
+# By the number of materials, from the thinnest to the densest: names, colours, and shares of the picture.
+_MATERIALS: dict[int, tuple[tuple[str, Color, float], ...]] = {
+    1: (("the object", _STONE, 1.0),),
+    2: (("the thinner material", _BLUE, 0.4), ("the denser material", _IVORY, 0.6)),
+    3: (
+        ("the thinnest material", _BLUE, 0.25),
+        ("the middle material", _SAND, 0.35),
+        ("the densest material", _IVORY, 0.4),
+    ),
+}
+# A material begins to show at the end of the one below it and is in full from this part of its range on.
+_RAMP = 0.35
 
 
 def materials_preset(sample: VoxelSample, background: Background) -> Preset:
-    """Return the preset of one or two materials above a background, and of a veil of thinner material around them,
-    if any."""
-    shares = sample.normalized
-    top = float(np.percentile(shares, _TOP_PERCENTILE))
-    first = max(otsu_threshold(shares, float(shares.min()), top) or 0.0, background.high)
-    top = max(top, first + 1e-6)
-    second = otsu_threshold(shares, first, top)
-    if second is None:
-        middle = max(_median(shares, first, 1.0), first + 1e-6)
-        return Preset((_opaque_layer("the object", first, middle),), ((first, _CORE_COLOR),))
-    body, core = _median(shares, first, second), _median(shares, second, 1.0)
-    thin_knots = ((first, 0.0), (body, 1.0), (second, 1.0), (core, 0.0))
-    thin = Layer("the thinner material", thin_knots, TRANSLUCENT_COVERAGE)
-    dense = _opaque_layer("the denser material", second, core)
-    veil = _veil_threshold(sample, background, first)
-    hull = _HULL_COLOR if veil is None else _GLASS_COLOR
-    if _is_shell(sample, first, second, (thin, dense)):
-        dense, hull = replace(dense, coverage=_SHELL_LAYER_COVERAGE, min_depth=0.0), _FLESH_COLOR
-    colors = ((second, hull), (core, _CORE_COLOR))
-    if veil is None:
-        return Preset((thin, dense), ((first, hull), *colors))
-    veil_knots = ((veil, 0.0), (_median(shares, veil, first), 1.0), (first, 1.0), (body, 0.0))
-    layers = (Layer("a veil", veil_knots, FAINT_COVERAGE), thin, dense)
-    return Preset(layers, ((veil, _VEIL_COLOR), (first, _VEIL_COLOR), (body, hull), *colors))
+    """Return the preset of one to three materials above a background."""
+    ends = material_edges(sample, foreground_threshold(sample, background))
+    ranges = list(pairwise(ends))
+    full = [low + _RAMP * (high - low) for low, high in ranges]
+    layers, colors = [], []
+    for k, (name, color, share) in enumerate(_MATERIALS[len(ranges)]):
+        low, high = ranges[k]
+        above = [(high, 1.0), (full[k + 1], 0.0)] if k + 1 < len(ranges) else []
+        layers.append(Layer(name, ((low, 0.0), (full[k], 1.0), *above), share))
+        colors += [(full[k], color), (high, color)]
+    coverage = OPAQUE_COVERAGE if len(ranges) == 1 else _COVERAGE
+    return Preset(tuple(layers), tuple(colors), coverage, is_scan=True)
 
 
-def _opaque_layer(name: str, first: float, full: float) -> Layer:
-    return Layer(name, ((first, 0.0), (full, 1.0)), OPAQUE_COVERAGE, CRISP_SURFACE_DEPTH)
+# Fields: no materials, but values that rise from the background to a peak. Thin shells show them at some levels.
+
+_FIELD_COLORMAP, _DARKEST = "viridis", 0.4
+_NUM_SHELLS = 4
+# The lowest shell lies at this part of the way to the second. Shells are as wide as this part of their distance, but
+# not so narrow that steps of 8 bits show.
+_FIRST_SHELL, _SHELL_WIDTH, _MIN_SHELL_WIDTH = 0.6, 0.36, 0.012
+# Shells are thin, and so dense.
+_MAX_SHELL_DEPTH = 40.0
+# Surfaces that a ray crosses more often than this hide all others.
+_MAX_CROSSINGS = 3.0
+# A level inside another is crossed at most this part as often.
+_MAX_NESTED_RATIO = 0.85
+# Up to twice this tail ratio, levels are at even steps.
+_SHORT_TAIL = 4.0
 
 
-def _is_shell(sample: VoxelSample, first: float, second: float, layers: Sequence[Layer]) -> bool:
-    """Return whether the denser material is a shell around the thinner one."""
-    inner = int(np.count_nonzero((sample.normalized >= first) & (sample.normalized < second)))
-    outer = int(np.count_nonzero(sample.normalized >= second))
-    thin, dense = (covered_ray_fraction(sample, layer) for layer in layers)
-    return outer < _MAX_SHELL_VOXEL_RATIO * inner and dense > _SHELL_COVERAGE * thin
+def has_nested_levels(sample: VoxelSample, first: float) -> bool:
+    """Return whether the levels above `first` lie inside one another, as in a smooth field: the higher, the smaller.
+
+    The levels of a material are all at its surface.
+    """
+    top = top_value(sample)
+    found = [_crossings(sample, first + (top - first) * part) for part in (0.15, 0.4, 0.65, 0.9)]
+    return found[0] < _MAX_CROSSINGS and all(high < _MAX_NESTED_RATIO * low for low, high in pairwise(found))
 
 
-def _veil_threshold(sample: VoxelSample, background: Background, first: float) -> float | None:
-    """Return the threshold of a veil around what is above `first`, or None."""
-    shares = sample.normalized
-    found = otsu_threshold(shares, float(shares.min()), first, _VEIL_SEPARATION)
-    if found is None or found <= background.high:
-        return None
-    inside, around = int(np.count_nonzero(shares >= first)), int(np.count_nonzero((shares >= found) & (shares < first)))
-    return found if around >= _VEIL_SHARE * inside and coherence(sample, found) >= _VEIL_COHERENCE else None
+def _crossings(sample: VoxelSample, level: float) -> float:
+    """Return how often a ray through the volume crosses a level, in the mean."""
+    changes = (sample.neighbours > level) != (sample.normalized > level)
+    num_y, num_x = (n * stride for n, stride in zip(sample.normalized.shape[1:], sample.strides[1:], strict=True))
+    return float(changes[:2].mean() * num_x + changes[2:].mean() * num_y) / 2
 
 
-def _median(shares: Float64, low: float, high: float) -> float:
-    """Return the median of the values from `low` to `high`, kept away from both ends."""
-    inside = shares[(shares >= low) & (shares <= high)]
-    middle = float(np.median(inside)) if inside.size else (low + high) / 2
-    return min(max(middle, low + 0.05 * (high - low)), high - 0.05 * (high - low))
-
-
-# Fields: no materials, but values that rise from the background to a peak.
-
-# Ramps with a larger tail ratio have knots at equal ratios.
-_LONG_TAIL = 12.0
-
-
-def ramp_preset(sample: VoxelSample, first: float, *, origin: float) -> Preset:
-    """Return the preset of a field that gets denser and brighter from `first` on; ratios are counted from `origin`."""
-    shares = sample.normalized
-    visible = shares[shares > first]
-    top = float(np.percentile(visible, 99.8)) if visible.size else 1.0
-    top = max(top, first + 1e-6)
-    steps = np.linspace(0.0, 1.0, _NUM_STEPS)
-    weights = steps**2
-    if tail_ratio(sample, first, origin=origin) > _LONG_TAIL:
-        begin = max(first - origin, (top - origin) * 1e-6)
-        knots = origin + begin * ((top - origin) / begin) ** steps
-        name, weights = "even steps in ratio", steps**3
-    else:
-        knots = first + (top - first) * steps
-        name = ""
-    layer = Layer(name, tuple(zip(knots.tolist(), weights.tolist(), strict=True)), _FIELD_COVERAGE)
+def field_preset(sample: VoxelSample, first: float, *, origin: float) -> Preset:
+    """Return the preset of a field that rises from `first` on; ratios are counted from `origin`."""
+    visible = sample.normalized[sample.normalized > first]
+    top = max(float(np.percentile(visible, 99.8)) if visible.size else 1.0, first + 1e-6)
+    steps = (np.arange(_NUM_SHELLS) + _FIRST_SHELL) / _NUM_SHELLS
+    # Even steps of a power: of the values themselves, or nearly of their logarithms where the tail is long.
+    power = 1 / max(1.0, math.log2(tail_ratio(sample, first, origin=origin) / _SHORT_TAIL))
+    low, high = max(first - origin, (top - origin) * 1e-6) ** power, (top - origin) ** power
+    levels = origin + (low + (high - low) * steps) ** (1 / power)
     palette = colormap_points(_FIELD_COLORMAP, 256)
-    picked = (_DARKEST + (1 - _DARKEST) * steps) * 255
-    return Preset((layer,), tuple(zip(knots.tolist(), [palette[int(at)] for at in picked], strict=True)))
+    colors = [palette[int(255 * at)] for at in np.linspace(_DARKEST, 1.0, _NUM_SHELLS)]
+    return _shells_preset(sample, [(level,) for level in zip(levels.tolist(), colors, strict=True)])
+
+
+# From the middle outwards.
+_NEGATIVE = ((0.62, 0.84, 1.0), (0.34, 0.62, 0.98), (0.16, 0.42, 0.92))
+_POSITIVE = ((1.0, 0.80, 0.62), (0.98, 0.52, 0.34), (0.90, 0.25, 0.16))
+
+
+def diverging_preset(sample: VoxelSample, middle: float, dead_zone: float) -> Preset:
+    """Return the preset of values on both sides of `middle`, blue below and red above, transparent within
+    `dead_zone` of it."""
+    distance = np.abs(sample.normalized - middle)
+    visible = distance[distance > dead_zone]
+    top = max(float(np.percentile(visible, 99.5)) if visible.size else 1.0, dead_zone * 1.01 + 1e-6)
+    away = dead_zone + (top - dead_zone) * (np.arange(len(_POSITIVE)) + _FIRST_SHELL) / len(_POSITIVE)
+    pairs = zip(away.tolist(), _NEGATIVE, _POSITIVE, strict=True)
+    return _shells_preset(sample, [((middle - at, blue), (middle + at, red)) for at, blue, red in pairs])
+
+
+def _shells_preset(sample: VoxelSample, shells: Sequence[tuple[tuple[float, Color], ...]]) -> Preset:
+    """Return the preset of thin shells, each at one or two (normalised value, colour), which are equally dense."""
+    found = [shell for shell in shells if 0 < max(_crossings(sample, at) for at, _ in shell) < _MAX_CROSSINGS]
+    if len(found) < 2:
+        return glow_preset(shells)
+    gap = min(abs(other[0][0] - one[0][0]) for one, other in pairwise(shells))
+    width = max(_SHELL_WIDTH * gap, min(_MIN_SHELL_WIDTH, 0.9 * gap)) / 2
+    layers, colors = [], []
+    for shell in found:
+        knots = [(at + step * width, 1.0 - abs(step)) for at, _ in sorted(shell) for step in (-1, 0, 1)]
+        layers.append(Layer("a shell" if len(shell) == 1 else "two shells", tuple(knots), max_depth=_MAX_SHELL_DEPTH))
+        colors += [(at + step * width, color) for at, color in shell for step in (-1, 1)]
+    return Preset(tuple(layers), tuple(sorted(colors)), _SHELL_COVERAGE, replace(SHADING, two_sided=True))
+
+
+def glow_preset(shells: Sequence[tuple[tuple[float, Color], ...]]) -> Preset:
+    """Return the preset of a field that gets denser from the first to the last shell, each as in `_shells_preset`."""
+    weights = np.linspace(0.0, 1.0, len(shells)) ** 2
+    knots = sorted((at, weight) for shell, weight in zip(shells, weights.tolist(), strict=True) for at, _ in shell)
+    colors = sorted(level for shell in shells for level in shell)
+    return Preset((Layer("the strong values", tuple(knots)),), tuple(colors), _GLOW_COVERAGE, None)
 
 
 def tail_ratio(sample: VoxelSample, first: float, *, origin: float) -> float:
@@ -206,33 +219,23 @@ def tail_ratio(sample: VoxelSample, first: float, *, origin: float) -> float:
     return float(np.percentile(visible, 99.8)) / float(np.median(visible))
 
 
-# Values nearer to the middle than this part of the largest distance are transparent.
-_MIN_DEAD_ZONE = 0.15
-
-
-def diverging_preset(sample: VoxelSample, middle: float, dead_zone: float) -> Preset:
-    """Return the preset of values on both sides of `middle`, blue below and red above, transparent within
-    `dead_zone` of it."""
-    distance = np.abs(sample.normalized - middle)
-    visible = distance[distance > dead_zone]
-    top = max(float(np.percentile(visible, 99.5)) if visible.size else 1.0, dead_zone * 1.01 + 1e-6)
-    dead_zone = max(dead_zone, _MIN_DEAD_ZONE * top)
-    away, weights = np.linspace(dead_zone, top, 5), np.linspace(0.0, 1.0, 5) ** 2
-    at = np.concatenate([middle - away[::-1], middle + away]).tolist()
-    knots = tuple(zip(at, np.concatenate([weights[::-1], weights]).tolist(), strict=True))
-    layer = Layer("strong values on either side", knots, _FIELD_COVERAGE)
-    colors = [(middle - top, _NEGATIVE[1]), (middle - dead_zone, _NEGATIVE[0])]
-    colors += [(middle + dead_zone, _POSITIVE[0]), (middle + top, _POSITIVE[1])]
-    return Preset((layer,), tuple(colors), _FAINT_SHADING)
-
-
 def level_set_preset(border: float) -> Preset:
     """Return the preset of an opaque inside: all values above `border`."""
-    return Preset((_opaque_layer("inside", border, min(border + 0.02, 1.0)),), ((border, _CORE_COLOR),))
+    return _opaque_preset("inside", border, min(border + 0.02, 1.0))
 
 
 def two_phase_preset(sample: VoxelSample, threshold: float) -> Preset:
     """Return the preset of the upper of two phases that fill the volume."""
-    upper = _median(sample.normalized, threshold, 1.0)
-    layer = _opaque_layer("the upper phase", threshold, upper)
-    return Preset((layer,), ((threshold, _GLASS_COLOR), (upper, _CORE_COLOR)))
+    return _opaque_preset("the upper phase", threshold, _median(sample.normalized, threshold, 1.0))
+
+
+def _opaque_preset(name: str, first: float, full: float) -> Preset:
+    layer = Layer(name, ((first, 0.0), (full, 1.0)), min_depth=CRISP_SURFACE_DEPTH)
+    return Preset((layer,), ((first, _STONE),), OPAQUE_COVERAGE)
+
+
+def _median(shares: Float64, low: float, high: float) -> float:
+    """Return the median of the values from `low` to `high`, kept away from both ends."""
+    inside = shares[(shares >= low) & (shares <= high)]
+    middle = float(np.median(inside)) if inside.size else (low + high) / 2
+    return min(max(middle, low + 0.05 * (high - low)), high - 0.05 * (high - low))

@@ -14,14 +14,30 @@ from operator import itemgetter
 
 import numpy as np
 
-from renderer.scene import ColormapSpec, ControlPoint, ShadingSpec, SplatSpec, TransferSpec
+from renderer.scene import ColormapSpec, ControlPoint, CutSpec, PlaneSpec, ShadingSpec, SplatSpec, TransferSpec
 from renderer.suggest import features, presets
 from renderer.suggest.features import Background, VoxelSample
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.labels import background_label, label_mapping, label_reason, label_values
-from renderer.suggest.opacity import calibrate_layer_depth, format_number, opacity_from_depth, opacity_unit_length
+from renderer.suggest.opacity import format_number, opacity_from_depth, opacity_unit_length
 from renderer.suggest.presets import Preset
+from renderer.suggest.separation import Plane, separating_planes
+from renderer.suggest.visibility import Visibility, cast_rays, measure_visibility, solve_depths
 from renderer.volume import Float64, Volume
+
+
+@dataclass(frozen=True)
+class VisibleRange:
+    """Values that are shown.
+
+    name: what they are, in words. ranges: from low to high, in data units. voxels: their part of the voxels. share: of
+        what the picture shows.
+    """
+
+    name: str
+    ranges: tuple[tuple[float, float], ...]
+    voxels: float
+    share: float
 
 
 @dataclass(frozen=True)
@@ -34,6 +50,8 @@ class Suggestion:
     is_categorical: the values are labels, and no value between two labels means anything. splat: how to draw; None
         for the default.
     outlier_notes: a clause for each outlier or nodata value that is not shown.
+    cuts: planes that cut away what is not the object.
+    visible: what the picture shows, over a turntable.
     """
 
     kind: str
@@ -44,6 +62,8 @@ class Suggestion:
     is_categorical: bool = False
     splat: SplatSpec | None = None
     outlier_notes: tuple[str, ...] = ()
+    cuts: tuple[CutSpec, ...] = ()
+    visible: tuple[VisibleRange, ...] = ()
 
 
 def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None) -> Suggestion:
@@ -79,7 +99,7 @@ def _suggest_from(volume: Volume, statistics: Statistics, sample: VoxelSample, c
         kind, preset = "CT in Hounsfield units", presets.ct_preset(sample, zero)
     else:
         kind, reason, preset = _recognise(volume, statistics, sample, features.find_background(sample))
-    return _with_colormap(_preset_suggestion(kind, reason, sample, preset), colormap)
+    return _with_colormap(_preset_suggestion(kind, reason, sample, preset, volume.centre), colormap)
 
 
 def _label_suggestion(volume: Volume, sample: VoxelSample, values: Sequence[float], colormap: str | None) -> Suggestion:
@@ -92,6 +112,7 @@ def _label_suggestion(volume: Volume, sample: VoxelSample, values: Sequence[floa
     # A volume that stays in its file may be larger than memory, and splats would need it there.
     has_splats = volume.source is None or volume.values.nbytes <= _MAX_BYTES_FOR_SPLATS
     splat = SplatSpec(footprint="gaussian") if has_splats else None
+    shading = replace(shading, occlusion=0.0)  # splats have none
     return Suggestion("labels", reason, TransferSpec(mapping, unit), notes, shading, is_categorical=True, splat=splat)
 
 
@@ -102,8 +123,8 @@ _MAX_OUTLYING_LABEL = 2**16
 # The largest volume in a file that is drawn with splats, which need several times its memory.
 _MAX_BYTES_FOR_SPLATS = 1 << 30
 
-# Fields have a smaller ratio of second to first differences. Floats are more often computed than measured.
-_SMOOTH, _SMOOTH_FLOAT = 0.45, 0.8
+# Fields have a smaller ratio of second to first differences.
+_SMOOTH = 0.58
 # Floats with such a tail spread over orders of magnitude.
 _HEAVY_TAIL = 25.0
 # Two phases have at least this part of the variance between them: a normal distribution has 0.64, a uniform one 0.75.
@@ -132,17 +153,17 @@ def _recognise(
 
 def _object_preset(volume: Volume, sample: VoxelSample, background: Background) -> tuple[str, str, Preset]:
     """Return the kind, the reason and the preset of an object brighter than its background."""
-    rough = features.second_difference_ratio(sample, background.high)
+    is_smooth = features.second_difference_ratio(sample, background.high) < _SMOOTH
     near = f"the background is near {sample.round_value(sample.denormalize(background.middle)):.12g}"
     is_float = volume.values.dtype.kind == "f"
     if is_float and presets.tail_ratio(sample, background.high, origin=background.middle) > _HEAVY_TAIL:
         kind, reason = "field with a long tail", "the largest values are many times those in the middle"
-    elif rough < (_SMOOTH_FLOAT if is_float else _SMOOTH):
-        kind, reason = "smooth data", "values change smoothly"
+    elif is_smooth and presets.has_nested_levels(sample, background.high):
+        kind, reason = "smooth field", "the levels of the values lie inside one another"
     else:
         preset = presets.materials_preset(sample, background)
         return "scan without an absolute scale", f"{near} and what stands out from it has edges", preset
-    return kind, f"{near} and {reason}", presets.ramp_preset(sample, background.high, origin=background.middle)
+    return kind, f"{near} and {reason}", presets.field_preset(sample, background.high, origin=background.middle)
 
 
 def _filled_volume_preset(statistics: Statistics, sample: VoxelSample) -> tuple[str, str, Preset]:
@@ -165,7 +186,7 @@ def _filled_volume_preset(statistics: Statistics, sample: VoxelSample) -> tuple[
         preset = presets.two_phase_preset(sample, threshold)
         return "two phases", "there is no background, and values gather in two groups", preset
     first = float(np.percentile(shares, _FILLED_PERCENTILE))
-    preset = presets.ramp_preset(sample, first, origin=float(sample.normalized.min()))
+    preset = presets.field_preset(sample, first, origin=float(sample.normalized.min()))
     return "filled volume", "there is no background; the upper 40% of the values are shown", preset
 
 
@@ -307,16 +328,15 @@ def _constant_suggestion(volume: Volume, value: float) -> Suggestion:
     return Suggestion("constant volume", reason, TransferSpec((point,), unit), ("",), None)
 
 
-def _preset_suggestion(kind: str, reason: str, sample: VoxelSample, preset: Preset) -> Suggestion:
+def _preset_suggestion(kind: str, reason: str, sample: VoxelSample, preset: Preset, centre: Float64) -> Suggestion:
+    """Return the suggestion of a preset. centre: of the volume, in the world."""
     unit = opacity_unit_length(sample.diagonal)
     knots = sorted({at for layer in preset.layers for at, _ in layer.knots})
-    depths = np.zeros(len(knots))
-    for layer in preset.layers:
-        depths += calibrate_layer_depth(sample, layer) * layer.weights(np.array(knots))
-    if not depths.max() > 0:  # no sampled voxel is in a layer: show everything
-        low, high = sorted((sample.minimum, sample.maximum))
-        ramp = (ControlPoint(low, (0.0, 0.0, 0.0), 0.0), ControlPoint(high, (1.0, 0.93, 0.80), 0.3))
-        return Suggestion(kind, reason, TransferSpec(ramp, unit), ("", ""), None)
+    planes = _planes_around_object(sample, preset) if preset.is_scan else []
+    rays = cast_rays(sample, planes)
+    solved = solve_depths(rays, preset.layers, preset.coverage)
+    visible = _visible_ranges(sample, preset, measure_visibility(rays, preset.layers, solved))
+    depths = solved @ np.stack([layer.weights(np.array(knots)) for layer in preset.layers])
     where, colors = [at for at, _ in preset.colors], np.array([color for _, color in preset.colors])
     points: dict[float, tuple[ControlPoint, str]] = {}
     gaps = np.diff(knots, prepend=-math.inf, append=math.inf)
@@ -324,10 +344,50 @@ def _preset_suggestion(kind: str, reason: str, sample: VoxelSample, preset: Pres
         value = sample.round_value(sample.denormalize(at), gap)
         r, g, b = (float(np.interp(at, where, colors[:, k])) for k in range(3))
         point = ControlPoint(value, (r, g, b), opacity_from_depth(depth, unit, sample.diagonal))
-        peaking = [layer.name for layer in preset.layers if max(layer.knots, key=itemgetter(1))[0] == at]
-        points[value] = point, ", ".join(filter(None, peaking))
+        peaking = [
+            f"{shown.name}: {100 * shown.share:.2g} % of the picture"
+            for layer, shown in zip(preset.layers, visible, strict=True)
+            if max(layer.knots, key=itemgetter(1))[0] == at
+        ]
+        if value not in points or point.opacity > points[value][0].opacity:
+            points[value] = point, ", ".join(peaking)
     mapping, notes = zip(*(points[value] for value in sorted(points)), strict=True)
-    return Suggestion(kind, reason, TransferSpec(mapping, unit), notes, preset.shading)
+    cuts = tuple(_cut(plane, centre, sample.diagonal) for plane in planes)
+    transfer = TransferSpec(mapping, unit)
+    return Suggestion(kind, reason, transfer, notes, preset.shading, cuts=cuts, visible=visible)
+
+
+def _visible_ranges(sample: VoxelSample, preset: Preset, visibility: Visibility) -> tuple[VisibleRange, ...]:
+    """Return the values of each layer of a preset, and what is seen of them."""
+
+    def in_data(low: float, high: float) -> tuple[float, float]:
+        ends = (min(max(end, 0.0), 1.0) for end in (low, high))
+        one, other = sorted(sample.round_value(sample.denormalize(end)) for end in ends)
+        return one, other
+
+    found = []
+    for layer, share in zip(preset.layers, visibility.shares.tolist(), strict=True):
+        voxels = float(np.mean(layer.weights(sample.normalized) >= _MIN_PART_WEIGHT))
+        found.append(VisibleRange(layer.name, tuple(in_data(*ends) for ends in layer.ranges()), voxels, share))
+    return tuple(found)
+
+
+# What is thinner than half of the lowest layer is not a part of anything.
+_MIN_PART_WEIGHT = 0.5
+
+
+def _planes_around_object(sample: VoxelSample, preset: Preset) -> list[Plane]:
+    """Return planes that cut away what is not the object."""
+    weights = np.max([layer.weights(sample.normalized) for layer in preset.layers], axis=0)
+    return separating_planes(sample, weights >= _MIN_PART_WEIGHT)
+
+
+def _cut(plane: Plane, centre: Float64, diagonal: float) -> CutSpec:
+    """Return a plane in the world, rounded to about a thousandth of the diagonal."""
+    decimals = 3 - math.floor(math.log10(diagonal))
+    x, y, z = (round(at, decimals) + 0.0 for at in (plane.point + centre).tolist())
+    nx, ny, nz = (round(at, 3) + 0.0 for at in plane.normal.tolist())
+    return CutSpec(plane=PlaneSpec((x, y, z), (nx, ny, nz)))
 
 
 def _with_colormap(suggestion: Suggestion, colormap: str | None) -> Suggestion:

@@ -64,7 +64,7 @@ def ray_setup(volume: Volume, length: float, view: View) -> RaySetup:
         float(slope),
         float(view.near / length - depth),
         (view.size[0] / 2, view.size[1] / 2),
-        place_cuts(volume, view),
+        place_cuts(volume, view.cuts, view),
     )
 
 
@@ -77,7 +77,7 @@ def visible_bricks(batch: BrickBatch, view: View) -> UInt32:
     rectangles = screen_rectangles(batch, np.arange(len(cut), dtype=np.uint32), view)
     order = box_order(cut.levels + np.uint8(BRICK_LEVELS), cut.cells, cut.volume, view)[::-1]
     is_visible = (rectangles[:, 0] < rectangles[:, 2]) & (rectangles[:, 1] < rectangles[:, 3])
-    if (cuts := place_cuts(cut.volume, view)) is not None:
+    if (cuts := place_cuts(cut.volume, view.cuts, view)) is not None:
         is_visible &= ~are_cut_away(cuts, cut.visible_bounds - cut.volume.centre_index)
     return order[is_visible[order]].astype(np.uint32)
 

@@ -6,10 +6,12 @@ slabs have in common. A cut by a box removes what the slabs across its three axe
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from renderer.scene import CutSpec
 from renderer.view.camera import View
 from renderer.volume import Bools, Float64, Volume
 
@@ -28,12 +30,15 @@ class Cuts(NamedTuple):
     boxes: Float64
 
 
-def place_cuts(volume: Volume, view: View) -> Cuts | None:
-    """Return the cuts of a view; None where it has none."""
+def place_cuts(volume: Volume, cuts: Sequence[CutSpec], view: View | None = None) -> Cuts | None:
+    """Return the cuts; None where there are none. view: for those that are fixed to the camera."""
     slabs: list[Float64] = [np.empty((0, 5))]
     boxes: list[Float64] = [np.empty((0, 3, 5))]
-    for cut in view.cuts:
-        axes, origin = (np.eye(3), np.zeros(3)) if cut.fixed == "object" else (view.axes, view.target)
+    for cut in cuts:
+        axes, origin = np.eye(3), np.zeros(3)
+        if cut.fixed == "camera":
+            assert view is not None
+            axes, origin = view.axes, np.asarray(view.target)
         centre = axes @ (volume.centre - origin)
         index_from_own = axes @ volume.world_from_index[:3, :3]
         if cut.plane is not None:
@@ -48,7 +53,7 @@ def place_cuts(volume: Volume, view: View) -> Cuts | None:
                 slabs.append(box)
             else:
                 boxes.append(box[None])
-    return Cuts(np.concatenate(slabs), np.concatenate(boxes)) if view.cuts else None
+    return Cuts(np.concatenate(slabs), np.concatenate(boxes)) if cuts else None
 
 
 def are_cut_away(cuts: Cuts, bounds: Float64) -> Bools:

@@ -16,8 +16,9 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.pyramid import Pyramid
 from renderer.scene import CameraSpec, Vector
+from renderer.view.cutting import Cuts, are_cut_away
 from renderer.view.paths import focal_length_px, iter_camera_poses
-from renderer.volume import Float64, Int64, Volume
+from renderer.volume import Bools, Float64, Int64, Volume
 
 # The margin along every side, relative to half the frame's smaller side: a footprint extends beyond its cell's centre.
 MARGIN = 0.03
@@ -94,25 +95,38 @@ def _largest_product(points: Float64, normals: Float64, least: float) -> float:
     return least
 
 
-def visible_points(pyramid: Pyramid) -> Float64:
+def visible_points(pyramid: Pyramid, cuts: Cuts | None = None) -> Float64:
     """Return world positions of corners of visible cells that have the extremes of all in every direction.
 
     float64 [n, 3]; the corners of the whole volume where nothing is visible. The cells are 1/128 of the volume or
-    smaller, down to two voxels (`Pyramid.occupied`).
+    smaller, down to two voxels (`Pyramid.occupied`). cuts: cells that they remove do not count.
     """
     volume, level = pyramid.volume, pyramid.occupied_level
     shape = np.array(volume.shape_xyz)
-    rows = pyramid.occupied.any(axis=2)
+    occupied = pyramid.occupied if cuts is None else _without_cut_cells(pyramid, cuts)
+    rows = occupied.any(axis=2)
     if not rows.any():
         return volume_corners(volume)
     # Only the first and the last corner on a line along x can be extreme; up to four rows of cells share a corner.
-    num = pyramid.occupied.shape[2]
-    row_first = np.where(rows, pyramid.occupied.argmax(axis=2), num)
-    row_last = np.where(rows, num - pyramid.occupied[..., ::-1].argmax(axis=2), 0)
+    num = occupied.shape[2]
+    row_first = np.where(rows, occupied.argmax(axis=2), num)
+    row_last = np.where(rows, num - occupied[..., ::-1].argmax(axis=2), 0)
     first, last = _extreme_around_corners(np.minimum, row_first, num), _extreme_around_corners(np.maximum, row_last, 0)
     z, y = np.nonzero(last)
     corners = np.concatenate([np.column_stack([x[z, y], y, z]) for x in (first, last)])
     return _to_world(volume, np.minimum(corners.astype(np.int64) << level, shape) - 0.5)
+
+
+def _without_cut_cells(pyramid: Pyramid, cuts: Cuts) -> Bools:
+    """Return which occupied cells are left, at least in part."""
+    volume, left = pyramid.volume, np.zeros_like(pyramid.occupied)
+    for z in range(len(left)):  # a plane at a time, to bound memory
+        y, x = np.nonzero(pyramid.occupied[z])
+        first = np.column_stack([x, y, np.full_like(x, z)]) << pyramid.occupied_level
+        last = np.minimum(first + (1 << pyramid.occupied_level), volume.shape_xyz)
+        bounds = np.stack([first, last], axis=1) - 0.5 - volume.centre_index
+        left[z, y, x] = ~are_cut_away(cuts, bounds)
+    return left
 
 
 def volume_corners(volume: Volume) -> Float64:

@@ -20,7 +20,7 @@ SLAB = Z < -0.4
 TUBE = X**2 + Y**2 > 1
 FLOAT_MAX = float(np.finfo(np.float32).max)
 FILLS = (1e20, 9.96921e36, FLOAT_MAX, -FLOAT_MAX, -1e5, 1e20)
-# Not the head in magnetic resonance, of which the slab is an edge less: NaN there make it smooth data, too.
+# Not the head in magnetic resonance, of which the slab is an edge less: NaN there make it smooth field, too.
 NAMES = ("head as float32", "microscopy", "signed", "filled, signed", "density", "distance")
 
 

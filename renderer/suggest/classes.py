@@ -1,0 +1,82 @@
+"""Divide the values above the background into classes: materials that stand apart in the histogram and in space."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from renderer.suggest.features import Background, VoxelSample
+from renderer.volume import Float64
+
+_NUM_BINS = 256
+# Values above this percentile are outliers.
+_TOP_PERCENTILE = 99.99
+# Bins that are looked ahead for a valley, and how much lower a bin of it is than the one before.
+_LOOK_AHEAD, _DESCENT = 8, 0.97
+# The background ends in the lower part of the range.
+_MAX_VALLEY = 0.5
+_MAX_CLASSES = 3
+# The edges of a material have values between its own and its surroundings'. In a class of edges fewer voxels than this
+# part differ from all of their neighbours by less than this part of the class: 0.01 to 0.45 in the edges of scans, 0.5
+# to 0.95 in their materials.
+_MIN_FLAT, _MAX_STEP = 0.5, 0.5
+
+
+def top_value(sample: VoxelSample) -> float:
+    """Return the largest normalised value that is no outlier."""
+    return float(np.percentile(sample.normalized, _TOP_PERCENTILE))
+
+
+def foreground_threshold(sample: VoxelSample, background: Background) -> float:
+    """Return the normalised value at which the object begins: the histogram's first valley above the background."""
+    first, top = background.middle, top_value(sample)
+    if not first < background.high < top:
+        return background.high
+    counts, edges = np.histogram(sample.normalized, _NUM_BINS, (first, top))
+    smooth = np.convolve(counts, np.full(5, 0.2), mode="same")
+    at = max(1, int(np.searchsorted(edges, background.high)))
+    while at < _MAX_VALLEY * _NUM_BINS and smooth[at + 1 : at + 1 + _LOOK_AHEAD].min() < _DESCENT * smooth[at]:
+        at += 1
+    return float(edges[at])
+
+
+def material_edges(sample: VoxelSample, first: float) -> tuple[float, ...]:
+    """Return the ends of one to three classes of the normalised values from `first` on, ascending.
+
+    A class of edges joins the one above it.
+    """
+    top = max(top_value(sample), first + 1e-6)
+    counts, edges = np.histogram(sample.normalized, _NUM_BINS, (first, top))
+    # Roots let small materials count.
+    ends = [first, *(float(edges[cut]) for cut in otsu_cuts(np.sqrt(counts), _MAX_CLASSES)), top]
+    kept = [high for low, high in pairwise(ends[:-1]) if low < high and not _is_made_of_edges(sample, low, high)]
+    return (first, *kept, top)
+
+
+def _is_made_of_edges(sample: VoxelSample, low: float, high: float) -> bool:
+    chosen = (sample.normalized >= low) & (sample.normalized < high)
+    steps = np.abs(sample.neighbours[:, chosen] - sample.normalized[chosen])
+    return bool(np.mean(steps.max(axis=0) < _MAX_STEP * (high - low)) < _MIN_FLAT) if steps.size else True
+
+
+def otsu_cuts(counts: Float64, num_classes: int) -> tuple[int, ...]:
+    """Return the first bins of all classes but the lowest, with the largest variance between the classes.
+
+    P.-S. Liao et al., "A Fast Algorithm for Multilevel Thresholding", J. Inf. Sci. Eng. 17, 2001. counts: [n].
+    """
+    weights = np.append(0.0, np.cumsum(counts))
+    moments = np.append(0.0, np.cumsum(counts * np.arange(len(counts))))
+    weight, moment = (sums[None, :] - sums[:, None] for sums in (weights, moments))
+    # The part of the variance between classes that comes from bins i to j.
+    part = np.divide(moment**2, weight, out=np.zeros_like(weight), where=weight > 0)
+    part[np.tril_indices(len(part))] = -np.inf
+    best, origins = part[0], []
+    for _ in range(num_classes - 1):
+        joined = best[:, None] + part
+        origins.append(joined.argmax(axis=0))
+        best = joined.max(axis=0)
+    cuts = [len(counts)]
+    for origin in reversed(origins):
+        cuts.append(int(origin[cuts[-1]]))
+    return tuple(reversed(cuts[1:]))

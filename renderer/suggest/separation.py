@@ -1,0 +1,141 @@
+"""Tell the object from what lies around it, and cut the rest away: tables, holders, frames and specks.
+
+What is visible falls into connected parts. The object is the largest part that is not a sheet, with the parts beside it
+that are not much smaller. Planes that touch the object cut away what is beyond them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise, product
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.suggest.features import VoxelSample
+from renderer.volume import Bools, Float64, Int64
+
+# Cells along each axis.
+_MAX_CELLS = 64
+# Parts with less of the volume of the main one are specks, unless gaps of less than twice these cells lead to it.
+_MIN_VOLUME, _GAP = 0.002, 2
+# The thickness of a sheet is less than this part of its diagonal: plates have 0.03 to 0.06, a ball 0.2. A sheet that
+# reaches the border is a table, a holder or a frame.
+_MAX_SHEET_THICKNESS = 0.09
+_MAX_PLANES = 6
+# Planes must cut away this part of what is visible, or make it this much smaller.
+_MIN_CUT, _MIN_SHRINKAGE = 0.01, 0.1
+# The distance of a plane from the object, in cells.
+_MARGIN = 1.0
+_DIRECTIONS = np.array([each for each in product((-1, 0, 1), repeat=3) if any(each)], np.float64)
+
+
+class Plane(NamedTuple):
+    """A plane: a point on it, from the centre of the volume, and its normal away from the object; in the world."""
+
+    point: Float64
+    normal: Float64
+
+
+def separating_planes(sample: VoxelSample, is_visible: Bools) -> list[Plane]:
+    """Return up to six planes that cut away what is not the object.
+
+    is_visible: bool [z, y, x], of the sample's voxels.
+    """
+    cells, sides = _pool(is_visible, sample.spacing)
+    if not cells.any():
+        return []
+    labels = _label_parts(cells)
+    of_object = np.isin(labels[cells], _parts_of_object(cells, labels, sides))
+    places = np.argwhere(cells)[:, ::-1] + 0.5 - np.array(cells.shape[::-1]) / 2
+    return _touching_planes(places * sides[::-1] @ sample.directions.T, of_object, float(sides.max()))
+
+
+def are_beyond(sample: VoxelSample, planes: Sequence[Plane]) -> Bools:
+    """Return which of the sample's voxels planes cut away, bool [z, y, x]."""
+    found = np.zeros(sample.normalized.shape, bool)
+    for plane in planes:
+        normal = plane.normal @ sample.directions
+        z, y, x = (
+            (np.arange(found.shape[k]) + 0.5 - found.shape[k] / 2) * sample.spacing[k] * normal[2 - k] for k in range(3)
+        )
+        found |= z[:, None, None] + y[:, None] + x > plane.point @ plane.normal
+    return found
+
+
+def _pool(is_visible: Bools, spacing: tuple[float, float, float]) -> tuple[Bools, Float64]:
+    """Return which cells of blocks of voxels have a visible one, and the lengths of a cell along z, y, x."""
+    factors = [-(-n // _MAX_CELLS) for n in is_visible.shape]
+    padded = np.pad(is_visible, [(0, -n % factor) for n, factor in zip(is_visible.shape, factors, strict=True)])
+    nz, ny, nx = (n // factor for n, factor in zip(padded.shape, factors, strict=True))
+    blocks = padded.reshape(nz, factors[0], ny, factors[1], nx, factors[2])
+    return np.asarray(blocks.any(axis=(1, 3, 5))), np.array(spacing) * factors
+
+
+def _label_parts(cells: Bools) -> Int64:
+    """Return a number for each connected part: the lowest flat index of its cells; -1 elsewhere."""
+    outside = cells.size
+    labels = np.where(cells, np.arange(cells.size).reshape(cells.shape), outside)
+    before = np.full_like(labels, -1)
+    while not np.array_equal(before, labels):
+        before = labels.copy()
+        for axis in range(3):
+            for plane in (np.moveaxis(labels, axis, 0), np.moveaxis(labels, axis, 0)[::-1]):
+                for last, this in pairwise(plane):  # in place: a number runs through the whole volume
+                    np.minimum(this, last, out=this, where=this < outside)
+    return np.where(cells, labels, -1)
+
+
+def _parts_of_object(cells: Bools, labels: Int64, sides: Float64) -> Int64:
+    """Return the numbers of the parts that belong to the object."""
+    numbers, of_cell, counts = np.unique(labels[cells], return_inverse=True, return_counts=True)
+    volumes = counts * sides.prod()
+    padded = np.pad(cells, 1)
+    surfaces = np.zeros(len(numbers))
+    for axis in range(3):
+        for step in (-1, 1):
+            is_open = ~np.roll(padded, step, axis)[1:-1, 1:-1, 1:-1][cells]
+            surfaces += np.bincount(of_cell, is_open, len(numbers)) * sides.prod() / sides[axis]
+    places = np.argwhere(cells)
+    low, high = np.full((len(numbers), 3), cells.size), np.zeros((len(numbers), 3), np.int64)
+    np.minimum.at(low, of_cell, places)
+    np.maximum.at(high, of_cell, places + 1)
+    thickness = 2 * volumes / surfaces / np.linalg.norm((high - low) * sides, axis=1)
+    reaches_border = ((low == 0) | (high == cells.shape)).any(axis=1)
+    is_sheet = (thickness < _MAX_SHEET_THICKNESS) & reaches_border
+    main = int((volumes * thickness).argmax())
+    # What is thin may be broken: legs of an insect, vessels.
+    others = cells.copy()
+    others[cells] = ~is_sheet[of_cell] | (of_cell == main)
+    grown = _label_parts(_grow(others))[cells]
+    is_near = np.bincount(of_cell, grown == grown[of_cell == main][0], len(numbers)) > 0
+    is_kept = (is_near | (volumes >= _MIN_VOLUME * volumes[main])) & ~is_sheet
+    is_kept[main] = True
+    return np.asarray(numbers[is_kept])
+
+
+def _grow(cells: Bools) -> Bools:
+    """Return the cells and all within a distance of _GAP along the axes."""
+    grown = cells
+    for axis in range(3):
+        padded = np.pad(grown, [(_GAP, _GAP) if k == axis else (0, 0) for k in range(3)])
+        grown = np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * _GAP + 1, axis).any(axis=-1))
+    return grown
+
+
+def _touching_planes(points: Float64, of_object: Bools, side: float) -> list[Plane]:
+    """Return planes that touch the object, those first that cut most away; none if they are not worth it."""
+    heights = points @ (_DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)).T
+    limits = heights[of_object].max(axis=0) + _MARGIN * side
+    is_beyond, is_left, chosen = heights > limits, np.ones(len(points), bool), list[int]()
+    while len(chosen) < _MAX_PLANES:
+        counts = is_beyond[is_left].sum(axis=0)
+        if not counts.max():
+            break
+        chosen.append(int(counts.argmax()))
+        is_left &= ~is_beyond[:, chosen[-1]]
+    before, after = (float(np.linalg.norm(np.ptp(part, axis=0))) for part in (points, points[is_left]))
+    if np.mean(~is_left) < _MIN_CUT and after > (1 - _MIN_SHRINKAGE) * before:
+        return []
+    normals = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
+    return [Plane(limits[k] * normals[k], _DIRECTIONS[k]) for k in chosen]

@@ -1,0 +1,80 @@
+"""Planes cut away what lies around the object, and nothing of the object."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from kinds_of_data import Array, axes, ball, volume_of
+
+from renderer.suggest import compute_statistics
+from renderer.suggest.features import VoxelSample, sample_volume
+from renderer.suggest.separation import are_beyond, separating_planes
+from renderer.volume import Bools
+
+N = 64
+
+
+def sample_of(shown: Bools) -> VoxelSample:
+    volume = volume_of(shown.astype(np.uint8))
+    return sample_volume(volume, compute_statistics(volume.values))
+
+
+def cut_away(shown: Bools) -> Array:
+    """Return what the planes cut away."""
+    sample = sample_of(shown)
+    return are_beyond(sample, separating_planes(sample, shown))
+
+
+def head() -> Bools:
+    return ball((0, -0.1, 0), 0.5, N)
+
+
+def table() -> Bools:
+    _, y, x = axes(N)
+    return (np.abs(y - 0.7) < 0.05) & (np.abs(x) < 0.8)
+
+
+def curved_holder() -> Bools:
+    _, y, x = axes(N)
+    radius = np.hypot(x, y + 0.1)
+    return (radius > 0.75) & (radius < 0.82) & (y > 0.2)
+
+
+def leg() -> Bools:
+    z, y, _ = axes(N)
+    return (np.abs(z) < 0.04) & (np.abs(y) < 0.04)
+
+
+@pytest.mark.parametrize("beside", [table, curved_holder], ids=["table", "holder"])
+def test_a_sheet_that_reaches_the_border_is_cut_away(beside) -> None:
+    gone = cut_away(head() | beside())
+    assert gone[beside()].mean() > 0.8
+    assert not gone[head()].any()
+
+
+def test_specks_far_away_are_cut_away() -> None:
+    shown = head()
+    specks = np.zeros_like(shown)
+    specks[[2, 60, 3, 61], [3, 58, 60, 2], [60, 61, 2, 5]] = True
+    gone = cut_away(shown | specks)
+    assert gone[specks].all() and not gone[shown].any()
+
+
+@pytest.mark.parametrize(
+    "shown",
+    [
+        head(),
+        head() | ball((0.7, 0.7, 0.7), 0.2, N),  # a second object
+        head() | leg(),
+        head() | (leg() & (axes(N)[2] * 20 % 2 > 1)),  # a leg in pieces
+        table(),  # nothing but a sheet
+        np.indices((N, N, N))[0] > 0,
+    ],
+    ids=["alone", "two", "leg", "broken leg", "sheet", "filled"],
+)
+def test_nothing_of_objects_is_cut_away(shown: Bools) -> None:
+    assert not cut_away(shown).any()
+
+
+def test_nothing_visible_has_no_planes() -> None:
+    assert separating_planes(sample_of(head()), np.zeros((N, N, N), bool)) == []
