@@ -436,10 +436,10 @@ def _parameter(path: str) -> str:
 
 def _with_suggestion(scene: Scene, colormap: str | None, *, is_new: bool) -> Scene:
     """Return the scene with a suggested transfer function. is_new: what hides NaN and infinities is suggested, too."""
-    from renderer.suggest import suggest_for
+    from renderer.suggest import Wish, suggest_for
 
     volume = replace(scene.volume, nonfinite="lowest") if is_new else scene.volume
-    found = suggest_for(volume, read_volume, colormap=colormap, hides_nonfinite=is_new)
+    found = suggest_for(volume, read_volume, wish=Wish(colormap), hides_nonfinite=is_new)
     return replace(
         scene,
         volume=found.volume if found.is_float else scene.volume,

@@ -165,11 +165,13 @@ def _fact_lines(facts: dict[str, Any], marks: str) -> list[str]:
 
 
 def _suggestion_lines(suggestion: Suggestion) -> Iterator[str]:
+    from renderer.suggest import format_percent
+
     yield ""
     yield f"  looks like   {suggestion.kind}: {suggestion.reason}"
     yield from (f"               {note}" for note in suggestion.outlier_notes)
     for k, shown in enumerate(suggestion.visible):
-        voxels, share = (f"{100 * part:.2g} % of the" for part in (shown.voxels, shown.share))
+        voxels, share = (f"{format_percent(part)} of the" for part in (shown.voxels, shown.share))
         values = " and ".join(f"{_number(low)} to {_number(high)}" for low, high in shown.ranges)
         hidden = ", hidden" * (shown.share < _HIDDEN < shown.voxels)
         yield f"{'' if k else '  shows':<14} {shown.name}, {values}: {voxels} voxels, {share} picture{hidden}"

@@ -20,11 +20,13 @@ from renderer.scene import (
     ColormapSpec,
     FileSource,
     RawSource,
+    ShadingSpec,
     TransferSpec,
     VolumeSpec,
     format_value,
     parse_scene_content,
     parse_yaml,
+    spec_to_dict,
 )
 from renderer.system import printable
 
@@ -51,6 +53,9 @@ _LABELS_COMMENT = """\
 # The kind of a volume whose film shows nothing but its box.
 _CONSTANT = "constant volume"
 
+# Keys of a light that are written even if they are the defaults.
+_ALWAYS_SHOWN = ("ambient", "diffuse", "light")
+
 # The option that each value of a scene came from.
 _OPTIONS = {
     "volume.spacing": "--spacing",
@@ -73,13 +78,13 @@ def suggest_scene(
     Raises InputError for a volume that cannot be read or drawn, and SceneError for an option, such as the background,
     that cannot be in a scene.
     """
-    from renderer.suggest import suggest_for
+    from renderer.suggest import Wish, suggest_for
 
     found = suggest_for(
         volume,
         # Notes on how the volume was read are printed once.
         lambda spec: read_with_options(spec, reporter if spec is volume else replace(reporter, is_quiet=True)),
-        colormap=film.colormap,
+        wish=Wish(film.colormap, film.preset),
         hides_nonfinite=film.hides_nonfinite,
     )
     text = scene_text(found, film, folder=scene.parent, output=output)
@@ -204,12 +209,7 @@ def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterato
 def _drawing_lines(suggestion: Suggestion) -> Iterator[str]:
     """Yield the sections `shading` and `splat`, or why there is none."""
     if (shading := suggestion.shading) is not None:
-        ambient, diffuse = format_value(shading.ambient), format_value(shading.diffuse)
-        yield from ("", _SHADING_COMMENT)
-        light = shading.light if isinstance(shading.light, str) else _list(shading.light)
-        more = [f", occlusion: {format_value(shading.occlusion)}"] * (shading.occlusion > 0)
-        more += [", two_sided: true"] * shading.two_sided
-        yield f"shading: {{ambient: {ambient}, diffuse: {diffuse}, light: {light}{''.join(more)}}}"
+        yield from ("", _SHADING_COMMENT, f"shading: {{{_shading_text(shading)}}}")
     if suggestion.cuts:
         yield from ("", _CUTS_COMMENT, "cuts:")
         for cut in suggestion.cuts:
@@ -219,6 +219,13 @@ def _drawing_lines(suggestion: Suggestion) -> Iterator[str]:
         yield from ("", _VOXEL_COLORS_COMMENT, f"splat: {{footprint: {suggestion.splat.footprint}}}")
     elif suggestion.is_categorical:
         yield from ("", _LABELS_COMMENT)
+
+
+def _shading_text(shading: ShadingSpec) -> str:
+    """Return the light, and what else is not the default."""
+    defaults, given = spec_to_dict(ShadingSpec()), spec_to_dict(shading)
+    shown = {key: value for key, value in given.items() if key in _ALWAYS_SHOWN or value != defaults.get(key)}
+    return ", ".join(f"{key}: {format_value(value)}" for key, value in shown.items())
 
 
 def _with_comment(line: str, comment: str) -> str:

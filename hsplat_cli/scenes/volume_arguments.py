@@ -15,7 +15,7 @@ from hsplat_cli.terminal import Reporter, option_group
 from renderer.errors import InputError, Problem, SceneError
 from renderer.readers import UnknownFormatError
 from renderer.scene import COLORMAP_FIELD, MAX_FRAMES, FileSource, OutputSpec, RawSource, VolumeSpec, schema
-from renderer.suggest import FilmOptions
+from renderer.suggest import PRESET_WORDS, FilmOptions
 
 if TYPE_CHECKING:
     from renderer.volume import Volume
@@ -124,6 +124,11 @@ film_options = option_group(
     _option("--background", default=_DEFAULT.background, help="A colour, or transparent (PNG only)."),
     _option(
         "--colormap", metavar="NAME", callback=_check_colormap, help="Take the colours from it: viridis, gray, ..."
+    ),
+    click.option(
+        "--preset",
+        metavar="WORD|NAME|FILE[#NAME]",
+        help=f"Show {', '.join(PRESET_WORDS)}; or take a preset such as ct-bone, or another program's file.",
     ),
     click.option("--no-paths", is_flag=True, help="Record names and no folders beside the film."),
     _option(

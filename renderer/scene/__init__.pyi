@@ -100,6 +100,7 @@ from .spec import (
 from .splat_section import SplatSpec as SplatSpec
 from .transfer_section import (
     COLORMAP_FIELD as COLORMAP_FIELD,
+    TRANSFER_FUNCTION_SECTION as TRANSFER_FUNCTION_SECTION,
     ColormapSpec as ColormapSpec,
     ControlPoint as ControlPoint,
     ImportedLook as ImportedLook,

@@ -10,6 +10,7 @@ Thresholds by Otsu 1979; densities by visibility, Correa and Ma 2011.
   the colours of `palette.py`; `separation.py`: the object, and planes that cut away what lies around it.
 - `presets.py`: layers and colours for each kind of data; `visibility.py`: how dense they are, so that each has its part
   of the picture; `opacity.py`: depths as opacities.
+- `wishes.py`: a suggestion steered by a word, a preset or a file.
 - `turntable.py`: the defaults of the film around it.
 """
 

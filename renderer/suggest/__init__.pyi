@@ -5,6 +5,8 @@ from .histogram import (
     rebin as rebin,
     suggest_ranges as suggest_ranges,
 )
+from .opacity import format_percent as format_percent
 from .suggestion import Suggestion as Suggestion, suggest as suggest
-from .turntable import FilmOptions as FilmOptions
+from .turntable import PRESET_WORDS as PRESET_WORDS, FilmOptions as FilmOptions
 from .volume_suggestion import VolumeSuggestion as VolumeSuggestion, suggest_for as suggest_for
+from .wishes import WISHES as WISHES, Wish as Wish

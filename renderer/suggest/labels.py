@@ -53,7 +53,7 @@ def label_values(volume: Volume, statistics: Statistics, sample: VoxelSample) ->
     is_piecewise = _is_piecewise_constant(sample)
     if len(np.unique(sample.normalized)) > _MAX_CERTAIN_LABELS and not is_piecewise:
         return None
-    found = _distinct_values(volume, statistics)
+    found = distinct_values(volume, statistics)
     if found is None or (len(found) > 2 and not all(value == int(value) for value in found)):
         return None
     if len(found) > _MAX_CERTAIN_LABELS:
@@ -75,7 +75,7 @@ def _is_piecewise_constant(sample: VoxelSample) -> bool:
     return features.equal_neighbour_fraction(sample, _border_mode(sample)) >= _MIN_EQUAL_NEIGHBOURS
 
 
-def _distinct_values(volume: Volume, statistics: Statistics) -> list[float] | None:
+def distinct_values(volume: Volume, statistics: Statistics) -> list[float] | None:
     """Return every value in the range of the statistics, ascending; None if there are too many."""
     if statistics.bin_width == 1.0 and volume.values.dtype.kind in "iu":
         counted: list[float] = statistics.bins[statistics.counts > 0].tolist()

@@ -23,3 +23,8 @@ def opacity_from_depth(depth: float, unit: float, diagonal: float) -> float:
 def format_number(value: float) -> str:
     """Return a number as text, whole numbers without a point."""
     return str(int(value)) if value == int(value) and abs(value) < 2**53 else f"{value:g}"
+
+
+def format_percent(part: float) -> str:
+    """Return a part as a percentage with two digits."""
+    return f"{100 * part:.0f} %" if part >= 0.0995 else f"{100 * part:.2g} %"

@@ -23,7 +23,7 @@ from renderer.volume import Float64
 T = TypeVar("T")
 
 # Mean opacities of the rays that meet anything: of scans, of shells in a field, and of a single opaque surface.
-_COVERAGE, _SHELL_COVERAGE, _GLOW_COVERAGE, OPAQUE_COVERAGE = 0.94, 0.8, 0.65, 0.97
+_COVERAGE, _SHELL_COVERAGE, GLOW_COVERAGE, OPAQUE_COVERAGE = 0.94, 0.8, 0.65, 0.97
 
 # Ambient light, which occlusion dims, shows surfaces that face away from the lamp, too. The lamp is above and in front,
 # on the side that a turntable shows first.
@@ -94,10 +94,10 @@ def ct_preset(sample: VoxelSample, zero: float) -> Preset:
 
 # Scans: materials that stand out from a background.
 
-_BLUE, _SAND, _IVORY, _STONE = (0.36, 0.50, 0.86), (0.91, 0.68, 0.42), (0.98, 0.95, 0.88), (0.86, 0.83, 0.76)
+_BLUE, _SAND, _IVORY, STONE = (0.36, 0.50, 0.86), (0.91, 0.68, 0.42), (0.98, 0.95, 0.88), (0.86, 0.83, 0.76)
 # By the number of materials, from the thinnest to the densest: names, colours, and shares of the picture.
 _MATERIALS: dict[int, tuple[tuple[str, Color, float], ...]] = {
-    1: (("the object", _STONE, 1.0),),
+    1: (("the object", STONE, 1.0),),
     2: (("the thinner material", _BLUE, 0.4), ("the denser material", _IVORY, 0.6)),
     3: (
         ("the thinnest material", _BLUE, 0.25),
@@ -106,14 +106,14 @@ _MATERIALS: dict[int, tuple[tuple[str, Color, float], ...]] = {
     ),
 }
 # A material begins to show at the end of the one below it and is in full from this part of its range on.
-_RAMP = 0.35
+RAMP = 0.35
 
 
 def materials_preset(sample: VoxelSample, background: Background) -> Preset:
     """Return the preset of one to three materials above a background."""
     ends = material_edges(sample, foreground_threshold(sample, background))
     ranges = list(pairwise(ends))
-    full = [low + _RAMP * (high - low) for low, high in ranges]
+    full = [low + RAMP * (high - low) for low, high in ranges]
     layers, colors = [], []
     for k, (name, color, share) in enumerate(_MATERIALS[len(ranges)]):
         low, high = ranges[k]
@@ -208,7 +208,7 @@ def glow_preset(shells: Sequence[tuple[tuple[float, Color], ...]]) -> Preset:
     weights = np.linspace(0.0, 1.0, len(shells)) ** 2
     knots = sorted((at, weight) for shell, weight in zip(shells, weights.tolist(), strict=True) for at, _ in shell)
     colors = sorted(level for shell in shells for level in shell)
-    return Preset((Layer("the strong values", tuple(knots)),), tuple(colors), _GLOW_COVERAGE, None)
+    return Preset((Layer("the strong values", tuple(knots)),), tuple(colors), GLOW_COVERAGE, None)
 
 
 def tail_ratio(sample: VoxelSample, first: float, *, origin: float) -> float:
@@ -221,17 +221,18 @@ def tail_ratio(sample: VoxelSample, first: float, *, origin: float) -> float:
 
 def level_set_preset(border: float) -> Preset:
     """Return the preset of an opaque inside: all values above `border`."""
-    return _opaque_preset("inside", border, min(border + 0.02, 1.0))
+    return opaque_preset("inside", border, min(border + 0.02, 1.0))
 
 
 def two_phase_preset(sample: VoxelSample, threshold: float) -> Preset:
     """Return the preset of the upper of two phases that fill the volume."""
-    return _opaque_preset("the upper phase", threshold, _median(sample.normalized, threshold, 1.0))
+    return opaque_preset("the upper phase", threshold, _median(sample.normalized, threshold, 1.0))
 
 
-def _opaque_preset(name: str, first: float, full: float) -> Preset:
-    layer = Layer(name, ((first, 0.0), (full, 1.0)), min_depth=CRISP_SURFACE_DEPTH)
-    return Preset((layer,), ((first, _STONE),), OPAQUE_COVERAGE)
+def opaque_preset(name: str, first: float, full: float, color: Color = STONE) -> Preset:
+    """Return the preset of one material, opaque: it begins at a normalised value and is in full from another one on."""
+    layer = Layer(name, ((first, 0.0), (max(full, first + 1e-6), 1.0)), min_depth=CRISP_SURFACE_DEPTH)
+    return Preset((layer,), ((first, color),), OPAQUE_COVERAGE)
 
 
 def _median(shares: Float64, low: float, high: float) -> float:

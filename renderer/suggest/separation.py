@@ -25,6 +25,8 @@ _MAX_SHEET_THICKNESS = 0.09
 _MAX_PLANES = 6
 # Planes must cut away this part of what is visible, or make it this much smaller.
 _MIN_CUT, _MIN_SHRINKAGE = 0.01, 0.1
+# What is left has at least this part: a larger sheet is a part of the object, such as the plate on an engine.
+_MIN_LEFT = 0.5
 # The distance of a plane from the object, in cells.
 _MARGIN = 1.0
 _DIRECTIONS = np.array([each for each in product((-1, 0, 1), repeat=3) if any(each)], np.float64)
@@ -135,7 +137,8 @@ def _touching_planes(points: Float64, of_object: Bools, side: float) -> list[Pla
         chosen.append(int(counts.argmax()))
         is_left &= ~is_beyond[:, chosen[-1]]
     before, after = (float(np.linalg.norm(np.ptp(part, axis=0))) for part in (points, points[is_left]))
-    if np.mean(~is_left) < _MIN_CUT and after > (1 - _MIN_SHRINKAGE) * before:
+    is_worth_it = np.mean(~is_left) >= _MIN_CUT or after <= (1 - _MIN_SHRINKAGE) * before
+    if not is_worth_it or np.mean(is_left) < _MIN_LEFT:
         return []
     normals = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
     return [Plane(limits[k] * normals[k], _DIRECTIONS[k]) for k in chosen]

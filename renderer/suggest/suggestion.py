@@ -14,16 +14,20 @@ from operator import itemgetter
 
 import numpy as np
 
+from renderer.errors import InputError
 from renderer.scene import ColormapSpec, ControlPoint, CutSpec, PlaneSpec, ShadingSpec, SplatSpec, TransferSpec
 from renderer.suggest import features, presets
 from renderer.suggest.features import Background, VoxelSample
 from renderer.suggest.histogram import Statistics
-from renderer.suggest.labels import background_label, label_mapping, label_reason, label_values
-from renderer.suggest.opacity import format_number, opacity_from_depth, opacity_unit_length
+from renderer.suggest.labels import background_label, distinct_values, label_mapping, label_reason, label_values
+from renderer.suggest.opacity import format_number, format_percent, opacity_from_depth, opacity_unit_length
 from renderer.suggest.presets import Preset
 from renderer.suggest.separation import Plane, separating_planes
 from renderer.suggest.visibility import Visibility, cast_rays, measure_visibility, solve_depths
+from renderer.suggest.wishes import LABELS_WISH, WISHES, Scan, Wish, imported_transfer
 from renderer.volume import Float64, Volume
+
+NO_WISH = Wish()
 
 
 @dataclass(frozen=True)
@@ -66,40 +70,83 @@ class Suggestion:
     visible: tuple[VisibleRange, ...] = ()
 
 
-def suggest(volume: Volume, statistics: Statistics, colormap: str | None = None) -> Suggestion:
+def suggest(volume: Volume, statistics: Statistics, wish: Wish = NO_WISH) -> Suggestion:
     """Return a transfer function for a volume.
 
-    statistics: of the volume (`renderer.suggest.histogram.compute_statistics`).
-    colormap: the name of a colormap that replaces the colours of the preset.
+    statistics: of the volume (`renderer.suggest.histogram.compute_statistics`). Raises InputError for a preset that
+    cannot be read, or does not suit the volume.
     """
     if statistics.minimum == statistics.maximum:
-        return _with_colormap(_constant_suggestion(volume, float(statistics.minimum)), colormap)
+        return _with_colormap(_constant_suggestion(volume, float(statistics.minimum)), wish.colormap)
     if all(0 <= outlier.value < _MAX_OUTLYING_LABEL for outlier in statistics.outliers):
         sample = features.sample_volume(volume, statistics)
         if statistics.without_outliers is None or label_values(volume, statistics, sample) is not None:
-            return _suggest_from(volume, statistics, sample, colormap)
+            return _suggest_from(volume, statistics, sample, wish)
     others = statistics.without_outliers
     assert others is not None, statistics.outliers
     sample = features.sample_volume(volume, others)
     nonfinite_fill = suggest_nonfinite_fill(volume, others)
     if nonfinite_fill is not None:
         sample = features.sample_volume(volume, others, sample.normalize(nonfinite_fill))
-    return hide_outliers(_suggest_from(volume, others, sample, colormap), statistics, sample)
+    return hide_outliers(_suggest_from(volume, others, sample, wish), statistics, sample)
 
 
-def _suggest_from(volume: Volume, statistics: Statistics, sample: VoxelSample, colormap: str | None) -> Suggestion:
+def _suggest_from(volume: Volume, statistics: Statistics, sample: VoxelSample, wish: Wish) -> Suggestion:
     """Return a suggestion from the statistics of the values to show and a sample of their range."""
-    values = label_values(volume, statistics, sample)
+    values = _wished_labels(volume, statistics, sample, wish)
     if values is not None:
-        return _label_suggestion(volume, sample, values, colormap)
+        return _label_suggestion(volume, sample, values, wish.colormap)
     zero = hounsfield_zero(statistics)
+    if wish.preset is not None:
+        return _wished_suggestion(sample, zero, wish, volume.centre)
     if zero is not None:
-        offset = "" if zero == 0 else f", stored with {zero:g} added"
-        reason = f"air lies near {zero - 1000:g} and soft tissue near {zero:g}{offset}"
+        reason = f"air lies near {zero - 1000:g} and soft tissue near {zero:g}{_offset_text(zero)}"
         kind, preset = "CT in Hounsfield units", presets.ct_preset(sample, zero)
     else:
         kind, reason, preset = _recognise(volume, statistics, sample, features.find_background(sample))
-    return _with_colormap(_preset_suggestion(kind, reason, sample, preset, volume.centre), colormap)
+    return _with_colormap(_preset_suggestion(kind, reason, sample, preset, volume.centre), wish.colormap)
+
+
+def _offset_text(zero: float | None) -> str:
+    return f", stored with {zero:g} added" if zero else ""
+
+
+def _wished_labels(volume: Volume, statistics: Statistics, sample: VoxelSample, wish: Wish) -> Sequence[float] | None:
+    """Return the values of labels, if the volume has such and nothing else is wished, or if they are wished."""
+    if wish.preset is None:
+        return label_values(volume, statistics, sample)
+    if wish.preset != LABELS_WISH:
+        return None
+    found = distinct_values(volume, statistics)
+    if found is None:
+        raise InputError("too many values for labels", where=volume.name, got="--preset labels")
+    return found
+
+
+def _wished_suggestion(sample: VoxelSample, zero: float | None, wish: Wish, centre: Float64) -> Suggestion:
+    """Return the suggestion of a word, of a preset, or of a file."""
+    background, is_dark = features.find_background(sample), False
+    if zero is None and background.is_there and background.below > background.above:
+        turned = sample.with_inverted_range()
+        background, is_dark = features.find_background(turned), True
+    scan = Scan(turned if is_dark else sample, background, zero)
+    assert wish.preset is not None
+    kind, word = f"shown as --preset {wish.preset}", WISHES.get(wish.preset)
+    if word is not None:
+        preset = word(scan).with_inverted_range() if is_dark else word(scan)
+        reason = "by Hounsfield units" + _offset_text(zero) if zero is not None else "by the materials of the values"
+        return _with_colormap(_preset_suggestion(kind, reason, sample, preset, centre), wish.colormap)
+    transfer = imported_transfer(wish.preset, Scan(sample, background, zero))
+    assert transfer.imported is not None and not isinstance(transfer.mapping, ColormapSpec)
+    light = transfer.imported.shading
+    shading = replace(presets.SHADING, **light, occlusion=0.0) if light else presets.SHADING
+    points = tuple(
+        replace(point, value=float(f"{point.value:.9g}"), opacity=round(point.opacity, 6)) for point in transfer.mapping
+    )
+    left_out = tuple(f"not imported: {clause}" for clause in transfer.imported.left_out)
+    reason = f"values and opacities are those of {transfer.imported.name}{_offset_text(zero)}"
+    transfer = replace(transfer, mapping=points)
+    return Suggestion(kind, reason, transfer, ("",) * len(points), shading, outlier_notes=left_out)
 
 
 def _label_suggestion(volume: Volume, sample: VoxelSample, values: Sequence[float], colormap: str | None) -> Suggestion:
@@ -345,7 +392,7 @@ def _preset_suggestion(kind: str, reason: str, sample: VoxelSample, preset: Pres
         r, g, b = (float(np.interp(at, where, colors[:, k])) for k in range(3))
         point = ControlPoint(value, (r, g, b), opacity_from_depth(depth, unit, sample.diagonal))
         peaking = [
-            f"{shown.name}: {100 * shown.share:.2g} % of the picture"
+            f"{shown.name}: {format_percent(shown.share)} of the picture"
             for layer, shown in zip(preset.layers, visible, strict=True)
             if max(layer.knots, key=itemgetter(1))[0] == at
         ]

@@ -8,12 +8,15 @@ from typing import Any
 
 from renderer.scene import OutputSpec
 
+# What a suggestion can be steered by; `wishes.py` has what each does. Here, so that options are declared without numpy.
+PRESET_WORDS = ("bone", "vessels", "skin", "brain", "xray", "surface", "glow", "labels")
+
 
 @dataclass(frozen=True)
 class FilmOptions:
     """A choice of the options of a turntable besides its volume.
 
-    background: a colour or `transparent`. colormap: from which the suggestion takes its colours, if any.
+    background: a colour or `transparent`. colormap, preset: as in `Wish`.
     hides_nonfinite: as for `suggest_for`.
     """
 
@@ -26,6 +29,7 @@ class FilmOptions:
     background: str = "#000000"
     no_paths: bool = False
     colormap: str | None = None
+    preset: str | None = None
     hides_nonfinite: bool = False
 
     @classmethod

@@ -9,7 +9,8 @@ import numpy as np
 
 from renderer.scene import ColormapSpec, VolumeSpec, raise_problems, volume_extent, volume_problems
 from renderer.suggest.histogram import compute_statistics
-from renderer.suggest.suggestion import Suggestion, suggest, suggest_nonfinite_fill
+from renderer.suggest.suggestion import NO_WISH, Suggestion, suggest, suggest_nonfinite_fill
+from renderer.suggest.wishes import Wish
 from renderer.transfer import make_transfer_function
 from renderer.volume import Volume
 
@@ -32,7 +33,7 @@ def suggest_for(
     volume: VolumeSpec,
     read: Callable[[VolumeSpec], Volume],
     *,
-    colormap: str | None = None,
+    wish: Wish = NO_WISH,
     hides_nonfinite: bool = True,
 ) -> VolumeSuggestion:
     """Read a volume and suggest how to show it.
@@ -40,11 +41,11 @@ def suggest_for(
     read: reads the voxels, perhaps twice.
     hides_nonfinite: if `volume` asks for the `lowest` value for NaN and infinities, and another value is less visible,
         take that one.
-    Raises InputError for a volume that cannot be read or drawn.
+    Raises InputError for a volume that cannot be read or drawn, and as `suggest`.
     """
-    result, fill, is_seen = _attempt(volume, read, colormap)
+    result, fill, is_seen = _attempt(volume, read, wish)
     if hides_nonfinite and fill is not None:
-        other, _, is_other_seen = _attempt(replace(volume, nonfinite=fill), read, colormap)
+        other, _, is_other_seen = _attempt(replace(volume, nonfinite=fill), read, wish)
         # The fill value changes the volume, so it may show after all.
         if is_seen or not is_other_seen:
             return other
@@ -52,13 +53,13 @@ def suggest_for(
 
 
 def _attempt(
-    spec: VolumeSpec, read: Callable[[VolumeSpec], Volume], colormap: str | None
+    spec: VolumeSpec, read: Callable[[VolumeSpec], Volume], wish: Wish
 ) -> tuple[VolumeSuggestion, float | None, bool]:
     """Return a suggestion for one fill value, the value to try next, if any, and whether the present one is visible."""
     volume = read(spec)
     raise_problems(volume_problems(volume_extent(volume), volume.name))
     statistics = compute_statistics(volume.values, volume.source)
-    suggestion = _with_8_bit_colors(suggest(volume, statistics, colormap))
+    suggestion = _with_8_bit_colors(suggest(volume, statistics, wish))
     is_float = volume.values.dtype.kind == "f"
     if not volume.num_nonfinite:
         return VolumeSuggestion(spec, suggestion, is_float), None, False

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene import TransferSpec
-from renderer.suggest import Suggestion, compute_statistics, suggest
+from renderer.suggest import Suggestion, Wish, compute_statistics, suggest
 from renderer.transfer import make_transfer_function
 from renderer.volume import Volume, make_volume
 
@@ -25,7 +25,7 @@ def volume_of(values: Array, spacing: float = 1.0) -> Volume:
 def suggested(values: Array, spacing: float = 1.0, colormap: str | None = None) -> Suggestion:
     """Return what is suggested for a volume."""
     volume = volume_of(values, spacing)
-    return suggest(volume, compute_statistics(volume.values), colormap)
+    return suggest(volume, compute_statistics(volume.values), Wish(colormap))
 
 
 def extinction(transfer: TransferSpec, *values: float, spacing: float = 1.0) -> list[float]:

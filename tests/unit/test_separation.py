@@ -67,10 +67,11 @@ def test_specks_far_away_are_cut_away() -> None:
         head() | ball((0.7, 0.7, 0.7), 0.2, N),  # a second object
         head() | leg(),
         head() | (leg() & (axes(N)[2] * 20 % 2 > 1)),  # a leg in pieces
+        ball((0, 0, 0), 0.15, N) | table(),  # a sheet that is larger than the rest
         table(),  # nothing but a sheet
         np.indices((N, N, N))[0] > 0,
     ],
-    ids=["alone", "two", "leg", "broken leg", "sheet", "filled"],
+    ids=["alone", "two", "leg", "broken leg", "plate", "sheet", "filled"],
 )
 def test_nothing_of_objects_is_cut_away(shown: Bools) -> None:
     assert not cut_away(shown).any()

@@ -1,0 +1,108 @@
+"""Words, presets and files of other programs steer a suggestion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from kinds_of_data import KINDS, dark_object, extinction, head_as_unsigned, two_materials, volume_of
+
+from renderer.errors import InputError
+from renderer.suggest import PRESET_WORDS, WISHES, Suggestion, Wish, compute_statistics, suggest
+
+CLUT = """[FLT]
+min=0
+max=200
+[INT]
+numnodes=2
+[BYT]
+nodeintensity0=0
+nodeintensity1=255
+[RGBA255]
+nodergba0=0|0|0|0
+nodergba1=255|128|0|102
+"""
+
+
+def wished(values: np.ndarray, preset: str, **options: str) -> Suggestion:
+    volume = volume_of(values)
+    return suggest(volume, compute_statistics(volume.values), Wish(preset=preset, **options))
+
+
+def test_help_names_all_words() -> None:
+    assert (*WISHES, "labels") == PRESET_WORDS
+
+
+@pytest.mark.parametrize("word", WISHES)
+@pytest.mark.parametrize("name", ["head as uint16", "magnetic resonance", "uint8", "dark object", "signed", "phases"])
+def test_every_word_shows_something_of_every_volume(word: str, name: str) -> None:
+    values, _ = KINDS[name]
+    depths = extinction(wished(values, word).transfer, *np.unique(values).tolist())
+    assert max(depths) > 0
+
+
+@pytest.mark.parametrize(("word", "shown", "hidden"), [("bone", 1100, 40), ("skin", 40, -900), ("surface", 40, -900)])
+def test_words_are_ranges_of_hounsfield_units(word: str, shown: float, hidden: float) -> None:
+    """The head is stored with 1024 added."""
+    found = wished(head_as_unsigned(), word)
+    inside, outside = extinction(found.transfer, shown + 1024, hidden + 1024)
+    assert inside > 0 == outside
+    assert "1024 added" in found.reason
+
+
+def test_a_word_shows_the_same_of_a_dark_object() -> None:
+    bright, dark = (
+        extinction(wished(two_materials("uint8"), "bone").transfer, 220, 95, 12),
+        extinction(wished(dark_object(), "bone").transfer, 35, 160, 243),
+    )
+    np.testing.assert_allclose(bright, dark, rtol=0.05)
+    assert bright[0] > 0 == bright[1] == bright[2]
+
+
+def test_labels_can_be_wished_for() -> None:
+    """Of values that would be taken for a scan."""
+    found = wished(two_materials("uint8"), "labels")
+    assert found.is_categorical
+    with pytest.raises(InputError, match="too many values for labels"):
+        wished(KINDS["signed"][0], "labels")
+
+
+def test_a_preset_for_hounsfield_units_is_shifted() -> None:
+    found = wished(head_as_unsigned(), "ct-bone")
+    clear, bone = extinction(found.transfer, 1024 + 40, 1024 + 1100)
+    assert clear == 0 < bone
+    assert "1024 added" in found.reason and found.shading is not None and found.shading.light == "camera"
+
+
+def test_a_preset_of_shares_is_stretched_over_the_object() -> None:
+    low, high = extinction(wished(two_materials("uint8"), "mr-angio").transfer, 60, 225)
+    assert low == 0 < high
+
+
+def test_a_file_of_another_program(tmp_path: Path) -> None:
+    file = tmp_path / "warm.clut"
+    file.write_text(CLUT)
+    found = wished(two_materials("uint8"), str(file), colormap="viridis")
+    (depth,) = extinction(found.transfer, 200)
+    assert -np.expm1(-depth) == pytest.approx(0.4, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("preset", "message"),
+    [
+        ("ct-bones", "no transfer function of this name"),
+        ("missing.xml", "no such file"),
+        ("presets.xml", "has several transfer functions"),
+        ("presets.xml#B", "no transfer function of this name"),
+    ],
+)
+def test_what_cannot_be_read_is_told_with_the_option(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, preset: str, message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    one = '<VolumeProperty name="{}" scalarOpacity="4 0 0 9 1" colorTransfer="8 0 0 0 0 9 1 1 1"/>'
+    Path("presets.xml").write_text(f"<a>{one.format('Air')}{one.format('Bone')}</a>")
+    with pytest.raises(InputError, match=message) as caught:
+        wished(two_materials("uint8"), preset)
+    assert f"--preset {preset}" in str(caught.value)
