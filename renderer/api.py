@@ -24,6 +24,7 @@ from renderer.frame import LODCostEstimator, Stage, open_stage
 from renderer.job import (
     FilmAccuracy,
     FilmJob,
+    FilmVisibility,
     JobEvents,
     NotebookBar,
     OnProgress,
@@ -97,6 +98,8 @@ class Film:
     notes: what you should know about it, such as that nothing is in view; mostly empty.
     accuracy: how exact its frames are, by exact rays: `psnr` in decibels, its 95 % `interval`, the `worst` frame, and
         as `file.psnr` what the file keeps of them; None where nothing was measured.
+    visibility: which scalars its frames show, by the same rays: `coverage`, the mean opacity, and `ranges` of scalars
+        with `low`, `high` and their `share` of what is visible; None where nothing was measured.
     """
 
     path: Path
@@ -104,6 +107,7 @@ class Film:
     sidecar: Path
     notes: tuple[str, ...] = ()
     accuracy: FilmAccuracy | None = None
+    visibility: FilmVisibility | None = None
 
     def _repr_html_(self) -> str:
         """Return the film, or its first picture, with a caption."""
@@ -264,7 +268,8 @@ def render(
         raise film.shortfall
     notes = [film.volume_note] if film.volume_note else []
     record = film.record
-    return Film(film.file, record.numbers, film.sidecar, (*notes, *record.notes), record.accuracy)
+    told = record.accuracy, record.visibility
+    return Film(film.file, record.numbers, film.sidecar, (*notes, *record.notes), *told)
 
 
 def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:

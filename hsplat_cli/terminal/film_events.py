@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from hsplat_cli.terminal.progress_bar import Progress
 from hsplat_cli.terminal.reporter import Reporter
-from renderer.job import FrameRecord, JobEvents
+from renderer.job import FrameRecord, JobEvents, visibility_text
 from renderer.scene import counted
 
 if TYPE_CHECKING:
@@ -72,6 +72,8 @@ def report_film(film: FinishedFilm, reporter: Reporter) -> None:
     """Print what was made and what it cost, in a few lines; nothing for a film that was up to date."""
     if film.summary:
         reporter.line(f"{film.file}: {film.summary}")
+        if film.record.visibility is not None and (text := visibility_text(film.record.visibility)):
+            reporter.line(text)
         for note in film.record.notes:
             reporter.note(note)
         reporter.line(f"how it was made: {film.sidecar}")

@@ -28,6 +28,7 @@ from .film_making import (
     make_film as make_film,
     one_pass as one_pass,
 )
+from .film_visibility import visibility_text as visibility_text
 from .fingerprint import describe_differences as describe_differences
 from .inputs import (
     expand_pattern as expand_pattern,
@@ -44,6 +45,7 @@ from .record import (
     FilmAccuracy as FilmAccuracy,
     FilmFingerprint as FilmFingerprint,
     FilmRecord as FilmRecord,
+    FilmVisibility as FilmVisibility,
     FrameRecord as FrameRecord,
     late_frame_problems as late_frame_problems,
     parse_film_record as parse_film_record,

@@ -39,9 +39,10 @@ class DrawnFrame:
         if self.prober is None:
             return self
         start, record = time.perf_counter(), self.record
-        accuracy = frame_accuracy(self.prober.probe(record.frame, self.picture.pixels))
-        seconds = {**record.seconds, "probe": time.perf_counter() - start}
-        return DrawnFrame(replace(record, accuracy=accuracy, seconds=seconds), self.picture)
+        probe = self.prober.probe(record.frame, self.picture.pixels)
+        accuracy, seconds = frame_accuracy(probe), {**record.seconds, "probe": time.perf_counter() - start}
+        record = replace(record, accuracy=accuracy, visible=probe.visible, seconds=seconds)
+        return DrawnFrame(record, self.picture)
 
 
 class Executor(Protocol):

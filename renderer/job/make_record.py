@@ -13,6 +13,7 @@ from renderer.errors import RenderError
 from renderer.frame import Frame, finest_level_at
 from renderer.job.film_accuracy import film_accuracy
 from renderer.job.film_job import OriginalFilm
+from renderer.job.film_visibility import film_visibility
 from renderer.job.plan import FilmPlan
 from renderer.job.record import (
     CameraRecord,
@@ -24,6 +25,7 @@ from renderer.job.record import (
     VolumeRecord,
     min_max,
 )
+from renderer.probes import scalar_ranges
 from renderer.scene import ErrorSpec, format_value, scene_to_dict, schedule_to_dict, short_text, with_tolerances
 from renderer.system import package_versions, sources_digest
 
@@ -80,6 +82,7 @@ def film_record(
         ),
         seconds={},
         accuracy=film_accuracy(frames),
+        visibility=film_visibility(frames, [(each.low, each.high) for each in scalar_ranges(stage)]),
         frames=tuple(frames),
     )
 

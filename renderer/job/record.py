@@ -80,6 +80,7 @@ _FRAME_NUMBER = _number(f"a whole number from 0 to {MAX_FRAMES - 1}", (int,), 0,
 _AMOUNTS, _TEXTS = schema.mapping_field(_AMOUNT), schema.mapping_field(schema.TEXT_FIELD)
 _RANGE = schema.sequence_field(_AMOUNT, "[smallest, largest]", count=2)
 _INTERVAL = schema.sequence_field(_COORDINATE, "[low, high]", count=2)
+_SHARES = schema.sequence_field(_AMOUNT, "a list of numbers", may_be_empty=True)
 _VECTOR = schema.sequence_field(_COORDINATE, "[x, y, z]", count=3)
 _SHAPE = schema.sequence_field(_COUNT, "[x, y, z]", count=3)
 _MATRIX = schema.sequence_field(schema.sequence_field(_COORDINATE, "four numbers", count=4), "a 4 x 4 matrix", count=4)
@@ -120,6 +121,9 @@ class FrameRecord:
     device: Annotated[str | None, "What drew it, where that was on a cluster."] = None
     blank: Annotated[bool, "True where nothing of the volume shows."] = False
     accuracy: Annotated[FrameAccuracy | None, "How exact its picture is, where rays have measured it."] = None
+    visible: Annotated[
+        tuple[float, ...], _SHARES, "What each of the film's ranges of scalars adds to its mean opacity."
+    ] = ()
 
     @property
     def total_seconds(self) -> float:
@@ -246,6 +250,23 @@ class FilmAccuracy:
 
 
 @dataclass(frozen=True)
+class VisibleRange:
+    """A record of what the scalars of a range show of all that is visible."""
+
+    share: Annotated[float, _AMOUNT, "The sum of transmittance times opacity; the shares of all ranges add up to 1."]
+    low: Annotated[float | None, _COORDINATE, "Its smallest scalar; left out where there is none."] = None
+    high: Annotated[float | None, _COORDINATE, "The scalar at which it ends; left out where there is none."] = None
+
+
+@dataclass(frozen=True)
+class FilmVisibility:
+    """A record of which scalars the pictures of a film show: its visibility histogram, by the rays of its accuracy."""
+
+    coverage: Annotated[float, _AMOUNT, "The mean opacity of the pictures."]
+    ranges: Annotated[tuple[VisibleRange, ...], "Between control points of the transfer function, at most 12."]
+
+
+@dataclass(frozen=True)
 class DifferenceRecord:
     """A record of how much a pass changed."""
 
@@ -301,6 +322,7 @@ class FilmRecord:
     seconds: Annotated[Amounts, _AMOUNTS, "The time of each step of the whole film."]
     frames: Annotated[tuple[FrameRecord, ...], _FRAMES, "The frames, ascending."]
     accuracy: Annotated[FilmAccuracy | None, "How exact the frames are, where rays have measured all of them."] = None
+    visibility: Annotated[FilmVisibility | None, "Which scalars the pictures show, where rays have told."] = None
     passes: Annotated[tuple[PassRecord, ...], "Passes of a progressive film."] = ()
     parts: Annotated[tuple[PartRecord, ...], "Parts of an assembled film."] = ()
     fingerprint: Annotated[FilmFingerprint | None, "Left out where one pass would not have made this film."] = None

@@ -11,3 +11,4 @@ from .prober import (
     Probe as Probe,
     num_probe_rays as num_probe_rays,
 )
+from .visibility import scalar_ranges as scalar_ranges

@@ -10,6 +10,7 @@ from renderer.film import Pixels, over_background
 from renderer.frame import Stage, view_of
 from renderer.probes.estimate import ErrorSamples, error_samples
 from renderer.probes.pixels import ChosenPixels, choose_pixels
+from renderer.probes.visibility import scalar_ranges, sum_ranges
 from renderer.scene import Color, Scene
 from renderer.truth import SceneRays
 from renderer.volume import Float32, Float64
@@ -24,19 +25,27 @@ _PIXELS_PER_RAY, _MIN_RAYS, _MIN_RAYS_OF_PATH = 8192, 32, 1024
 
 @dataclass(frozen=True)
 class Probe:
-    """A probe of a frame by exact rays. largest_error: the largest error seen of a channel, in [0, 1]."""
+    """A probe of a frame by exact rays. largest_error: the largest error seen of a channel, in [0, 1].
+
+    visible: what each of the `scalar_ranges` adds to the mean opacity of the picture; empty of projections.
+    """
 
     samples: ErrorSamples
     largest_error: float
+    visible: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
 class ExactPixels:
-    """The exact colours of some pixels of a frame, over its background: float64 [n, 3] in [0, 1]."""
+    """The exact colours of some pixels of a frame, over its background: float64 [n, 3] in [0, 1].
+
+    visible: as in Probe; empty of rays that converge.
+    """
 
     chosen: ChosenPixels
     colors: Float64
     background: Color | None
+    visible: tuple[float, ...] = ()
 
     def compare_image(self, image: Pixels) -> Probe:
         """Measure the error of a picture, uint8 [h, w, 3], or 4 with straight alpha, which is compared over black."""
@@ -53,7 +62,8 @@ class ExactPixels:
 
     def _compare(self, colors: Float64) -> Probe:
         errors = (colors - self.colors) ** 2
-        return Probe(error_samples(self.chosen.factors * errors.mean(axis=1)), float(np.sqrt(errors.max())))
+        samples = error_samples(self.chosen.factors * errors.mean(axis=1))
+        return Probe(samples, float(np.sqrt(errors.max())), self.visible)
 
 
 def num_probe_rays(scene: Scene) -> int:
@@ -78,6 +88,7 @@ class FrameProber:
     ) -> None:
         self._rays = SceneRays(stage, num_threads=num_threads)
         self._step = _STEP if stage.scene.shading is None else _SHADED_STEP
+        self._ranges = scalar_ranges(stage)
         self._tolerance = tolerance
         self._stage, self._num_rays, self._seed = stage, num_rays, seed
 
@@ -86,11 +97,13 @@ class FrameProber:
         background = self._stage.scene.output.background
         chosen = choose_pixels(image, self._num_rays, (self._seed, number))
         view = view_of(self._stage, number)
+        visible: tuple[float, ...] = ()
         if self._tolerance is None:
-            exact = self._rays.integrate(view, chosen.numbers, self._step)
+            exact, by_interval = self._rays.integrate_by_interval(view, chosen.numbers, self._step)
+            visible = sum_ranges((chosen.factors[:, None] * by_interval).mean(axis=0), self._ranges)
         else:
             exact, _ = self._rays.converge(view, chosen.numbers, self._tolerance)
-        return ExactPixels(chosen, over_background(exact[:, None], background)[:, 0], background)
+        return ExactPixels(chosen, over_background(exact[:, None], background)[:, 0], background, visible)
 
     def probe(self, number: int, image: Pixels) -> Probe:
         """Measure the error of a frame's picture; parameters as in `exact_pixels`."""

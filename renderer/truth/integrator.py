@@ -142,13 +142,18 @@ class RayIntegrator:
         steps: Sequence[float],
         on_progress: Progress = ignore,
         done: float = 0.0,
+        *,
+        by_interval: bool = False,
     ) -> Float64:
         """Return premultiplied RGBA of pixels with each of some steps in voxels, float64 [steps, n, 4].
 
+        by_interval: [steps, n, 4 + m]; the others are what each interval of the transfer function adds to the opacity,
+            its transmittance times opacity: below the first of the m - 1 control points, between two, above the last.
         pixels: numbered row by row from the top left corner. done: the finished share of the whole work, of which these
         pixels are the rest. Other parameters as in the function `integrate`.
         """
-        radiance, max_steps = np.empty((pixels.size, len(steps), 4)), np.array(steps)
+        num_channels = 4 + by_interval * len(self._intervals.rows)
+        radiance, max_steps = np.empty((pixels.size, len(steps), num_channels)), np.array(steps)
 
         def integrate_part(part: slice) -> None:
             self._volume.require_unchanged()

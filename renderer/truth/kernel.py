@@ -95,8 +95,8 @@ def _pass_step(
     place: tuple[float, float, int, float],
     shading: LambertShading,
     gloss: Gloss | None,
-) -> tuple[float, float, float, float]:
-    """Return the radiance (r, g, b) and the optical depth of one of the equal steps through a piece.
+) -> tuple[float, float, float, float, float]:
+    """Return the radiance (r, g, b), the optical depth and the opacity of one of the equal steps through a piece.
 
     row, value: of the piece, as in `_integrate_piece`. tau: optical depth per unit of the piece's x, over the step.
     place: the piece's start and extent in t, the number of the step, and its width in x.
@@ -122,7 +122,7 @@ def _pass_step(
         s0 += weight * (r - c0)
         s1 += weight * (g - c1)
         s2 += weight * (b - c2)
-    return s0, s1, s2, depth
+    return s0, s1, s2, depth, opacity
 
 
 @inline
@@ -134,7 +134,7 @@ def _pass_glossy_step(
     place: tuple[float, float, int, float],
     shading: LambertShading,
     gloss: Gloss,
-) -> tuple[float, float, float, float]:
+) -> tuple[float, float, float, float, float]:
     """Return what `_pass_step` does, with factors on extinction: depths come from their values at the nodes."""
     samples = (
         _glossy_sample(row, value, tau, gradient, place, _NODES[0], shading, gloss),
@@ -154,7 +154,7 @@ def _pass_glossy_step(
         s0 += weight * (r - c0)
         s1 += weight * (g - c1)
         s2 += weight * (b - c2)
-    return s0, s1, s2, depth
+    return s0, s1, s2, depth, opacity
 
 
 @inline
@@ -221,12 +221,13 @@ def _integrate_piece(
                 break
             tau = restrict_cubic((t0, t1, t2, t3), step * width, width)
             place = start, end - start, step, width
-            s0, s1, s2, depth = _pass_step(row, value, tau, gradient, place, shading, shading.gloss)
+            s0, s1, s2, depth, opacity = _pass_step(row, value, tau, gradient, place, shading, shading.gloss)
             transmittance = math.exp(-gathered[number, 3])
             gathered[number, 0] += transmittance * s0
             gathered[number, 1] += transmittance * s1
             gathered[number, 2] += transmittance * s2
             gathered[number, 3] += depth
+            gathered[number, 4 + k] += transmittance * opacity
 
 
 @inline
@@ -467,8 +468,9 @@ def integrate_rays(
     shading: LambertShading,
     radiance: Float64,
 ) -> None:
-    """Write premultiplied RGBA of n rays to `radiance` float64 [n, steps, 4].
+    """Write premultiplied RGBA of n rays to `radiance` float64 [n, steps, 4], or more.
 
+    With 4 + intervals channels, the others are what each interval of the transfer function adds to the opacity.
     values: [z, y, x]. macrocells: uint8, n // MACROCELL_SIZE + 1 along each axis, 0 at first; updated, for calls with
         the same values and intervals.
     origins, directions: float64 [n, 3] in index space, directions per world unit of length.
@@ -477,7 +479,8 @@ def integrate_rays(
     """
     # A cubic passes a knot at most three times, and so does the cosine of the light.
     splits = np.empty(3 * intervals.knots.size + 3)
-    gathered = np.empty((max_steps.size, 4))  # red, green, blue and optical depth
+    # Red, green, blue, optical depth, and what each interval shows.
+    gathered = np.empty((max_steps.size, 4 + len(intervals.rows)))
     num_parts = parts.shape[1]
     for number in range(len(parts) * num_parts):  # one loop inside another would take 5 % longer
         i, k = number // num_parts, number % num_parts
@@ -489,6 +492,6 @@ def integrate_rays(
             part = parts[i, k, 0], parts[i, k, 1]
             _integrate_ray(values, macrocells, origin, direction, part, intervals, shading, splits, max_steps, gathered)
         for step in range(max_steps.size):
-            for channel in range(3):
+            for channel in range(radiance.shape[2]):
                 radiance[i, step, channel] = gathered[step, channel]
             radiance[i, step, 3] = -math.expm1(-gathered[step, 3])

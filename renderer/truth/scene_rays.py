@@ -51,6 +51,16 @@ class SceneRays:
             return self._search.colors(view, pixels)
         return self._colored(view, pixels, self._integrator.integrate(view, pixels, [step_voxels])[0])
 
+    def integrate_by_interval(self, view: View, pixels: Int64, step_voxels: float) -> tuple[Float64, Float64]:
+        """Return what `integrate` does, and the `visible` part of each interval of the transfer function.
+
+        visible: float64 [n, intervals], as of `RayIntegrator.integrate`; [n, 0] of projections, which have no opacity.
+        """
+        if self._projection is not None:
+            return self.integrate(view, pixels, step_voxels), np.empty((pixels.size, 0))
+        found = self._integrator.integrate(view, pixels, [step_voxels], by_interval=True)[0]
+        return found[:, :4], found[:, 4:]
+
     def converge(
         self, view: View, pixels: Int64, tolerance: float, on_progress: Progress = ignore
     ) -> tuple[Float64, Convergence]:

@@ -11,6 +11,7 @@ from renderer.film import data_digest, film_notes, has_frame_files
 from renderer.job.assemble.agreement import PickedFrame, error_without_schedule
 from renderer.job.assemble.parts import Part
 from renderer.job.film_accuracy import film_accuracy
+from renderer.job.film_visibility import film_visibility
 from renderer.job.fingerprint import fingerprint_of
 from renderer.job.make_record import visibility_notes
 from renderer.job.record import FilmFingerprint, FilmRecord, PartRecord, ScheduleRecord, min_max
@@ -31,6 +32,7 @@ def merged_record(picked: Sequence[PickedFrame], output: OutputSpec, seconds: fl
         summed |= {step: summed.get(step, 0.0) + took for step, took in part.record.seconds.items()}
     tools = _joined_tools(parts)
     device = tools.pop("device")
+    shown = next((part.record.visibility.ranges for part in parts if part.record.visibility), ())
     missed = dict.fromkeys(part.record.schedule.shortfall for part in parts if not part.record.schedule.met)
     return FilmRecord(
         scene=_scene(picked, output),
@@ -51,6 +53,7 @@ def merged_record(picked: Sequence[PickedFrame], output: OutputSpec, seconds: fl
         seconds=summed | {"assembling": seconds},
         frames=tuple(frames),
         accuracy=film_accuracy(frames),
+        visibility=film_visibility(frames, [(each.low, each.high) for each in shown]),
         parts=tuple(_part_record(part, picked) for part in parts),
     )
 
