@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import groupby
 from math import isfinite
 
@@ -11,48 +12,49 @@ import numpy as np
 from renderer.job.record import FilmVisibility, FrameRecord, VisibleRange
 
 _DIGITS = 6
-# A range with a smaller share is named.
-_LEAST_SHARE = 0.01
+# A range is hidden if it has a smaller share, though its opacity is at least this part of the largest one: the foot of
+# a ramp is meant to be faint.
+_HIDDEN_SHARE, _LEAST_OPACITY = 0.01, 0.25
 
 
-def film_visibility(
-    frames: Sequence[FrameRecord], bounds: Sequence[tuple[float | None, float | None]]
-) -> FilmVisibility | None:
-    """Return what ranges of scalars between these bounds show in a film; None unless each frame has told.
+def range_record(low: float, high: float, opacity: float) -> VisibleRange:
+    """Return the record of a range of scalars whose share is not known yet; its ends may be infinite."""
+    ends = (end if isfinite(end) else None for end in (low, high))
+    return VisibleRange(0.0, round(opacity, _DIGITS), *ends)
 
-    A bound that is None or infinite is none.
-    """
-    if not bounds or any(len(frame.visible) != len(bounds) for frame in frames):
+
+def film_visibility(frames: Sequence[FrameRecord], ranges: Sequence[VisibleRange]) -> FilmVisibility | None:
+    """Return what these ranges show in a film; None unless each frame has told, and where nothing is visible."""
+    if not ranges or any(len(frame.visible) != len(ranges) for frame in frames):
         return None
     visible = np.mean([frame.visible for frame in frames], axis=0)
     coverage = float(visible.sum())
     if coverage == 0.0:
         return None
-    ranges = [
-        VisibleRange(round(float(each) / coverage, _DIGITS), _finite(low), _finite(high))
-        for each, (low, high) in zip(visible, bounds, strict=True)
-    ]
-    return FilmVisibility(round(min(coverage, 1.0), _DIGITS), tuple(ranges))
-
-
-def _finite(bound: float | None) -> float | None:
-    return bound if bound is not None and isfinite(bound) else None
+    shares = [round(float(each) / coverage, _DIGITS) for each in visible]
+    found = tuple(replace(each, share=share) for each, share in zip(ranges, shares, strict=True))
+    return FilmVisibility(round(min(coverage, 1.0), _DIGITS), found)
 
 
 def visibility_text(visibility: FilmVisibility) -> str:
-    """Return `values 180 to 255 are 0.1 % of what is seen`, of all ranges that are hardly seen; empty without any.
+    """Return `hardly seen: values from 180 to 255, 0.1 % of what is visible`; empty where no range is hidden.
 
     Neighbours are one range.
     """
-    ranges, parts = visibility.ranges, []
-    for is_hidden, group in groupby(ranges, lambda each: each.share < _LEAST_SHARE):
-        found = list(group)
-        if is_hidden:
-            parts.append(f"{_range_text(found[0].low, found[-1].high)} {100 * sum(each.share for each in found):.1f} %")
-    return f"hardly seen: {', '.join(parts)} of what is visible" if parts else ""
+    largest = max(each.opacity for each in visibility.ranges)
+
+    def is_hidden(each: VisibleRange) -> bool:
+        return each.share < _HIDDEN_SHARE and each.opacity >= _LEAST_OPACITY * largest
+
+    groups = [list(group) for hidden, group in groupby(visibility.ranges, is_hidden) if hidden]
+    parts = [f"{_ends_text(group[0].low, group[-1].high)}, {_percent(group)}" for group in groups]
+    return f"hardly seen: {'; '.join(parts)} of what is visible" if parts else ""
 
 
-def _range_text(low: float | None, high: float | None) -> str:
-    if low is None:
-        return "all values" if high is None else f"values below {high:g}"
-    return f"values from {low:g}" if high is None else f"values {low:g} to {high:g}"
+def _percent(ranges: Sequence[VisibleRange]) -> str:
+    return f"{100 * sum(each.share for each in ranges):.2g} %"
+
+
+def _ends_text(low: float | None, high: float | None) -> str:
+    ends = [f"{word} {end:g}" for word, end in (("from", low), ("to", high)) if end is not None]
+    return " ".join(["values", *ends])

@@ -13,7 +13,7 @@ from renderer.errors import RenderError
 from renderer.frame import Frame, finest_level_at
 from renderer.job.film_accuracy import film_accuracy
 from renderer.job.film_job import OriginalFilm
-from renderer.job.film_visibility import film_visibility
+from renderer.job.film_visibility import film_visibility, range_record
 from renderer.job.plan import FilmPlan
 from renderer.job.record import (
     CameraRecord,
@@ -82,7 +82,7 @@ def film_record(
         ),
         seconds={},
         accuracy=film_accuracy(frames),
-        visibility=film_visibility(frames, [(each.low, each.high) for each in scalar_ranges(stage)]),
+        visibility=film_visibility(frames, [range_record(*each[:3]) for each in scalar_ranges(stage)]),
         frames=tuple(frames),
     )
 

@@ -254,6 +254,7 @@ class VisibleRange:
     """A record of what the scalars of a range show of all that is visible."""
 
     share: Annotated[float, _AMOUNT, "The sum of transmittance times opacity; the shares of all ranges add up to 1."]
+    opacity: Annotated[float, _AMOUNT, "Its largest opacity, per unit of the transfer function."]
     low: Annotated[float | None, _COORDINATE, "Its smallest scalar; left out where there is none."] = None
     high: Annotated[float | None, _COORDINATE, "The scalar at which it ends; left out where there is none."] = None
 

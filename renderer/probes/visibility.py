@@ -22,11 +22,14 @@ _DIGITS = 6
 
 
 class ScalarRange(NamedTuple):
-    """A range of scalars: low <= scalar < high, which may be infinite, and intervals first to end of the transfer
-    function, `end` not among them."""
+    """A range of scalars, low <= scalar < high, which may be infinite.
+
+    opacity: the largest one, per unit of the transfer function. first, end: its intervals, `end` not among them.
+    """
 
     low: float
     high: float
+    opacity: float
     first: int
     end: int
 
@@ -35,20 +38,25 @@ def scalar_ranges(stage: Stage) -> list[ScalarRange]:
     """Return the ranges of a stage's scene, ascending; none where its mode has no opacities."""
     if stage.projection is not None:
         return []
-    return visible_ranges(make_transfer_function(stage.scene.transfer_function, stage.volume.finest_spacing))
+    transfer = make_transfer_function(stage.scene.transfer_function, stage.volume.finest_spacing)
+    return visible_ranges(transfer, *stage.volume.value_range())
 
 
-def visible_ranges(transfer: TransferFunction) -> list[ScalarRange]:
-    """Return the ranges between control points in which something is visible, ascending.
+def visible_ranges(transfer: TransferFunction, lowest: float, highest: float) -> list[ScalarRange]:
+    """Return the ranges between control points in which scalars of a volume may be visible, ascending.
 
     Where there are many, those are joined whose middles lie in the same of equal parts of the visible values.
+    lowest, highest: of the volume.
     """
     ends = np.concatenate([[-np.inf], transfer.values, [np.inf]])
-    is_opaque = np.pad(transfer.extinctions > 0, 1, mode="edge")
-    visible = np.flatnonzero((is_opaque[:-1] | is_opaque[1:]) & (ends[:-1] < ends[1:]))
+    extinctions = np.pad(transfer.extinctions, 1, mode="edge")  # at the ends of intervals
+    is_opaque = np.maximum(extinctions[:-1], extinctions[1:]) > 0
+    is_met = (ends[:-1] <= highest) & (lowest < ends[1:]) & (ends[:-1] < ends[1:])
+    visible = np.flatnonzero(is_opaque & is_met)
     parts = np.arange(visible.size)
     if visible.size > _MOST_RANGES:
-        finite = np.clip(ends, transfer.values[0], transfer.values[-1]) / 4  # sums and differences do not overflow
+        finite = np.clip(np.clip(ends, lowest, highest), transfer.values[0], transfer.values[-1])
+        finite /= 4  # sums and differences do not overflow
         low, high = finite[visible[0]], finite[visible[-1] + 1]
         middles = (finite[visible] + finite[visible + 1]) / 2
         parts = np.minimum((middles - low) / (high - low) * _MOST_RANGES, _MOST_RANGES - 1).astype(np.int64)
@@ -56,7 +64,12 @@ def visible_ranges(transfer: TransferFunction) -> list[ScalarRange]:
     is_inner = (visible[:-1] > 0) & (visible[1:] < transfer.values.size)
     is_new = (np.diff(parts) > 0) & (is_inner | (np.diff(visible) > 1))
     groups = np.split(visible, np.flatnonzero(is_new) + 1) if visible.size else []
-    return [ScalarRange(float(ends[at[0]]), float(ends[at[-1] + 1]), int(at[0]), int(at[-1]) + 1) for at in groups]
+    opacities = -np.expm1(-extinctions * transfer.unit)
+    spans = [(int(group[0]), int(group[-1]) + 1) for group in groups]
+    return [
+        ScalarRange(float(ends[first]), float(ends[end]), float(opacities[first : end + 1].max()), first, end)
+        for first, end in spans
+    ]
 
 
 def sum_ranges(by_interval: Float64, ranges: Sequence[ScalarRange]) -> tuple[float, ...]:

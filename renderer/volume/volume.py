@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -43,7 +44,11 @@ class Volume:
             self.source.require_unchanged()
 
     def value_range(self) -> tuple[float, float]:
-        """Return the smallest and the largest value, from one pass over all values."""
+        """Return the smallest and the largest value, from one pass over all values at the first call."""
+        return self._value_range
+
+    @cached_property
+    def _value_range(self) -> tuple[float, float]:
         ends = [(float(slab.min()), float(slab.max())) for slab in iter_slabs(self.values, self.source)]
         return min(low for low, _ in ends), max(high for _, high in ends)
 

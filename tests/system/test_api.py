@@ -169,6 +169,23 @@ def test_progress_is_told_and_what_it_raises_ends_the_job() -> None:
     assert renderer.render("scene.yaml", on_progress=stop) == film, "it is up to date: nothing is drawn"
 
 
+def test_a_film_that_was_stopped_shows_the_same_scalars() -> None:
+    """The records of frames have what their rays saw."""
+
+    def stop(num_finished: int, num_frames: int) -> None:
+        if num_finished == 2:
+            raise ValueError(f"{num_finished} of {num_frames}")
+
+    with pytest.raises(ValueError, match="2 of 3"):
+        renderer.render("scene.yaml", output="stopped.mp4", on_progress=stop)
+    told: list[tuple[int, int]] = []
+    resumed = renderer.render("scene.yaml", output="stopped.mp4", on_progress=lambda *numbers: told.append(numbers))
+    assert len(told) < 3
+    whole = renderer.render("scene.yaml")
+    assert whole.visibility is not None and len(whole.visibility.ranges) > 1
+    assert resumed.visibility == whole.visibility
+
+
 def test_an_accuracy_that_cannot_be_had() -> None:
     write_scene(error="psnr: 150")
     with pytest.raises(renderer.RenderError, match="beyond full resolution"):

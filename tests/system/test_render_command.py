@@ -64,13 +64,28 @@ def test_a_film_says_how_exact_it_is(capsys: pytest.CaptureFixture[str]) -> None
     assert accuracy["worst"] == {"frame": worst} | {key: frames[worst][key] for key in ("psnr", "interval")}
     render("--force", "--workers", "2")
     assert (Path("film.mp4").read_bytes(), sidecar()["accuracy"]) == (film, accuracy)
+    assert sidecar()["visibility"] == made["visibility"]
     capsys.readouterr()
     render("--force", "--set", "error.probes=0")
     assert Path("film.mp4").read_bytes() == film
-    assert "accuracy" not in sidecar()
+    assert not {"accuracy", "visibility"} & sidecar().keys()
     assert "exact picture" not in capsys.readouterr().out
     render()  # the film is up to date, whether its accuracy is known or not
     assert "accuracy" not in sidecar()
+
+
+def test_a_film_says_which_scalars_it_shows(capsys: pytest.CaptureFixture[str]) -> None:
+    """What is hidden is told, after the line about the film; without that, nothing is."""
+    render()
+    found, frames = sidecar()["visibility"], sidecar()["frames"]
+    assert sum(each["share"] for each in found["ranges"]) == pytest.approx(1.0, abs=1e-5)
+    shown = np.mean([frame["visible"] for frame in frames], axis=0)
+    np.testing.assert_allclose([each["share"] * found["coverage"] for each in found["ranges"]], shown, atol=1e-5)
+    assert "hardly seen" not in capsys.readouterr().out
+    points = "[{value: 50, color: black, opacity: 0}, {value: 90, color: white, opacity: 0.999999}"
+    hidden = ", {value: 200, color: white, opacity: 0.99}, {value: 255, color: white, opacity: 0.99}]"
+    render("--set", f"transfer_function.points={points}{hidden}")
+    assert "hardly seen: values from 200 to 255, " in capsys.readouterr().out
 
 
 def test_parts_are_as_exact_as_the_film() -> None:
@@ -80,6 +95,7 @@ def test_parts_are_as_exact_as_the_film() -> None:
     joined = sidecar("joined.mp4.json")["accuracy"]
     kept = joined.pop("file")
     assert joined == sidecar("all/frames.json")["accuracy"]
+    assert sidecar("joined.mp4.json")["visibility"] == sidecar("all/frames.json")["visibility"]
     assert 25 < kept["psnr"] < kept["psnr_of_encoding"] < joined["psnr"]
     assert kept["frames"] == 6
 
@@ -101,7 +117,7 @@ def test_the_sidecar_says_how_it_was_made() -> None:
     made = sidecar("film.mp4.json")
     assert list(made) == [
         "format", "scene", "volume", "camera", "pyramid", "device", "versions", "schedule", "notes", "seconds",
-        "accuracy", "fingerprint", "digest", "frames",
+        "accuracy", "visibility", "fingerprint", "digest", "frames",
     ]  # fmt: skip
     assert made["scene"]["splat"] == {"footprint": "integrated"}
     assert made["volume"]["shape"] == [24, 24, 12]

@@ -110,7 +110,14 @@ def test_all_fields_of_a_record() -> None:
         "parts": [
             {"sidecar": "a.json", "frames": [1, 4], "num_frames": 2, "seconds": {"total": 1}, "measured": measured}
         ],
-        "frames": [SIDECAR["frames"][0] | {"predicted_seconds": 1.5, "device": "x", "blank": True, "digest": "0" * 32}],
+        "frames": [
+            SIDECAR["frames"][0]
+            | {"predicted_seconds": 1.5, "device": "x", "blank": True, "digest": "0" * 32, "visible": [0.1, 0.0]}
+        ],
+        "visibility": {
+            "coverage": 0.25,
+            "ranges": [{"share": 0.75, "opacity": 0.5, "high": -5.0}, {"share": 0.25, "opacity": 0.5, "low": -5.0}],
+        },
     }
     assert record_to_json(parsed(data)) == data
 

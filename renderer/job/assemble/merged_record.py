@@ -53,7 +53,7 @@ def merged_record(picked: Sequence[PickedFrame], output: OutputSpec, seconds: fl
         seconds=summed | {"assembling": seconds},
         frames=tuple(frames),
         accuracy=film_accuracy(frames),
-        visibility=film_visibility(frames, [(each.low, each.high) for each in shown]),
+        visibility=film_visibility(frames, shown),
         parts=tuple(_part_record(part, picked) for part in parts),
     )
 

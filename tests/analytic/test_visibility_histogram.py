@@ -1,0 +1,202 @@
+"""Which scalars a picture shows: closed forms, and the same by colours that point out one range."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import pytest
+from brickwork import transfer_of
+from ray_integrals import look, volume
+
+from renderer.draw import open_rasterizer
+from renderer.frame import prepare_stage, render_frames, view_of
+from renderer.job import FilmVisibility, FrameRecord, visibility_text
+from renderer.job.film_visibility import film_visibility, range_record
+from renderer.job.record import VisibleRange
+from renderer.probes import FrameProber
+from renderer.probes.visibility import visible_ranges
+from renderer.scene import ShadingSpec, TurntablePath, parse_scene
+from renderer.transfer import TransferFunction
+from renderer.truth import RayIntegrator, SceneRays
+from renderer.view import View
+from renderer.volume import Float64, Volume
+
+GREY = (0.5, 0.5, 0.5)
+STEPS = transfer_of(
+    *((0.0, GREY, 0.0), (0.2, GREY, 0.0), (0.2, GREY, 0.3), (0.5, GREY, 0.3)),
+    *((0.5, GREY, 1.5), (0.8, GREY, 0.4), (0.8, GREY, 0.0), (0.9, GREY, 0.0), (0.9, GREY, 4.0)),
+)
+SHADING = ShadingSpec(0.3, 0.6, (-1.0, 0.5, 2.0))
+GLOSSY = ShadingSpec(0.3, 0.6, (-1.0, 0.5, 2.0), specular=0.4, gradient_opacity=((0.0, 0.2), (0.6, 1.0)))
+
+
+def noise(shape: tuple[int, int, int] = (6, 7, 8)) -> Volume:
+    return volume(np.random.default_rng(3).random(shape))
+
+
+def rays(
+    of: Volume, transfer: TransferFunction, view: View, shading: ShadingSpec | None = None, **options: Any
+) -> tuple[Float64, Float64]:
+    """RGBA [n, 4] and what each interval shows [n, intervals]."""
+    pixels = np.arange(view.size[0] * view.size[1])
+    found = RayIntegrator(of, transfer, shading, **options).integrate(view, pixels, [0.5], by_interval=True)[0]
+    return found[:, :4], found[:, 4:]
+
+
+def noise_view() -> View:
+    return look(tuple(noise().centre), 20.0)
+
+
+@pytest.mark.parametrize("is_reversed", [False, True])
+def test_two_slabs(is_reversed: bool) -> None:
+    """The first shows 1 - exp(-t1) of all rays, the second exp(-t1) (1 - exp(-t2))."""
+    slabs = np.repeat([0.0, 1.0], 2)[:: -1 if is_reversed else 1].reshape(-1, 1, 1)
+    extinctions = np.array([0.4, 1.1])
+    one, two = extinctions
+    transfer = transfer_of((0, GREY, one), (0.5, GREY, one), (0.5, GREY, two), (1, GREY, two))
+    above = look((0.0, 0.0, 1.5), 9.0, (1, 1), projection="orthographic", path=TurntablePath(1, 0.0, 90.0))
+    _, (visible,) = rays(volume(slabs), transfer, above)
+    first, second = (0, 1) if is_reversed else (1, 0)  # voxels of larger z are nearer
+    opacities = -np.expm1(-2 * extinctions)
+    expected = np.zeros(2)
+    expected[first] = opacities[first]
+    expected[second] = (1 - opacities[first]) * opacities[second]
+    np.testing.assert_allclose([visible[:3].sum(), visible[3:].sum()], expected, atol=1e-13)
+
+
+@pytest.mark.parametrize("shading", [None, SHADING, GLOSSY], ids=["plain", "lit", "glossy"])
+def test_ranges_add_up_to_the_opacity(shading: ShadingSpec | None) -> None:
+    """Of any colours, and with no change to what rays gather."""
+    view, integrator = noise_view(), RayIntegrator(noise(), STEPS, shading)
+    radiance, visible = rays(noise(), STEPS, view, shading)
+    np.testing.assert_allclose(visible.sum(axis=1), radiance[:, 3], atol=1e-13)
+    assert np.array_equal(radiance, integrator.integrate(view, np.arange(len(radiance)), [0.5])[0])
+    red = replace(STEPS, colors=STEPS.colors * [1, 0, 0])
+    assert np.array_equal(visible, rays(noise(), red, view, shading)[1])
+    assert np.array_equal(visible, rays(noise(), STEPS, view, shading, num_threads=5)[1])
+    assert visible[:, [1, 6, 7]].max() == 0.0
+    assert visible.mean(axis=0)[[3, 5, 9]].min() > 1e-3
+
+
+@pytest.mark.parametrize("interval", [3, 5, 9])
+def test_a_range_shows_what_its_colour_shows(interval: int) -> None:
+    """White in one range and black in all others: the radiance is what the range shows."""
+    view, colors = noise_view(), np.zeros((STEPS.values.size, 3))
+    colors[interval - 1 : interval + 1] = 1.0  # the control points at its ends, each one of a step
+    radiance, visible = rays(noise(), replace(STEPS, colors=colors), view)
+    assert visible[:, interval].max() > 0.1
+    np.testing.assert_allclose(radiance[:, :3], visible[:, [interval] * 3], atol=1e-9)
+
+
+# Ranges that are told
+
+
+def bounds(transfer: TransferFunction, lowest: float = 0.0, highest: float = 1.0) -> list[tuple[float, float]]:
+    return [each[:2] for each in visible_ranges(transfer, lowest, highest)]
+
+
+def test_ranges_lie_between_control_points() -> None:
+    assert bounds(STEPS) == [(0.2, 0.5), (0.5, 0.8), (0.9, np.inf)]
+    assert bounds(STEPS, 0.3, 0.6) == [(0.2, 0.5), (0.5, 0.8)]
+    assert bounds(STEPS, 0.0, 0.1) == []
+    found = [each.opacity for each in visible_ranges(STEPS, 0.0, 1.0)]
+    np.testing.assert_allclose(found, -np.expm1([-0.3, -1.5, -4.0]))
+
+
+def test_what_lies_beyond_the_control_points_has_no_end() -> None:
+    ramp = transfer_of((0.2, GREY, 1.0), (0.4, GREY, 0.5), (0.7, GREY, 2.0))
+    assert bounds(ramp) == [(-np.inf, 0.4), (0.4, np.inf)]
+    assert bounds(transfer_of((0.2, GREY, 1.0))) == [(-np.inf, np.inf)]
+    assert bounds(transfer_of((0.2, GREY, 0.0), (0.6, GREY, 0.0))) == []
+
+
+@pytest.mark.parametrize("factor", [1.0, 1e-300, 1e308])
+def test_many_control_points_make_twelve_ranges(factor: float) -> None:
+    values = np.linspace(-1, 1, 256)
+    ramp = TransferFunction(factor * values, np.ones((256, 3)), np.maximum(values, 0.0), 1.0)
+    found = visible_ranges(ramp, -factor, factor)
+    assert len(found) == 12
+    assert found[-1].high == np.inf
+    assert all(one.high == two.low for one, two in pairwise(found))
+    widths = [each.high / factor - each.low / factor for each in found[:-1]]
+    np.testing.assert_allclose(widths, 1 / 12, atol=1 / 128)
+    assert len(visible_ranges(ramp, -factor, 0.1 * factor)) == 12  # of the values that there are
+
+
+# Frames and films
+
+TREE: dict[str, Any] = {
+    "volume": {"procedural": {"name": "engine_block", "shape": [24, 24, 12]}},
+    "transfer_function": {
+        "points": [
+            {"value": 50, "color": "#6680e6", "opacity": 0.0},
+            {"value": 120, "color": "#e6b080", "opacity": 0.1},
+            {"value": 255, "color": "white", "opacity": 0.7},
+        ]
+    },
+    "camera": {"path": {"type": "turntable", "frames": 8, "elevation": 20}},
+    "output": {"file": "{frame}.png", "size": [40, 30]},
+}
+
+
+def test_a_frame_shows_what_all_its_rays_show(tmp_path: Any) -> None:
+    stage = prepare_stage(parse_scene(TREE, base=tmp_path), clock=perf_counter, num_threads=2)
+    with open_rasterizer(needs_opengl=False) as rasterizer:
+        (frame,) = render_frames(stage, [3], rasterizer, clock=perf_counter)
+    _, everywhere = SceneRays(stage).integrate_by_interval(view_of(stage, 3), np.arange(1200), 1.0)
+    low, high = everywhere.mean(axis=0)[1:3].tolist()
+    found = FrameProber(stage, 20_000).probe(3, frame.image).visible
+    assert found == pytest.approx((low, high), rel=0.05)
+    assert min(low, high) > 0.01
+
+
+def test_projections_have_no_visibility(tmp_path: Any) -> None:
+    for mode in ("maximum", "mean"):
+        tree = {**TREE, "mode": mode, "transfer_function": {"colormap": "gray", "range": [0, 255]}}
+        stage = prepare_stage(parse_scene(tree, base=tmp_path), clock=perf_counter, num_threads=2)
+        assert FrameProber(stage, 32).probe(3, np.zeros((30, 40, 3), np.uint8)).visible == ()
+
+
+RANGES = [range_record(-np.inf, 50.0, 0.5), range_record(50.0, 180.0, 0.1), range_record(180.0, np.inf, 0.5)]
+
+
+def frames_of(*visible: tuple[float, ...]) -> list[FrameRecord]:
+    return [FrameRecord(number, 0.1, 1, 1, {}, visible=each) for number, each in enumerate(visible)]
+
+
+def test_frames_of_a_film_count_alike() -> None:
+    found = film_visibility(frames_of((0.1, 0.2, 0.0), (0.3, 0.2, 0.0)), RANGES)
+    assert found == FilmVisibility(
+        0.4,
+        (VisibleRange(0.5, 0.5, None, 50.0), VisibleRange(0.5, 0.1, 50.0, 180.0), VisibleRange(0.0, 0.5, 180.0, None)),
+    )
+    assert film_visibility(frames_of((0.1, 0.2, 0.0), ()), RANGES) is None
+    assert film_visibility(frames_of((0.0, 0.0, 0.0)), RANGES) is None
+    assert film_visibility(frames_of(()), []) is None
+    noisy = film_visibility(frames_of((0.9, 0.2, 0.1)), RANGES)
+    assert noisy is not None and noisy.coverage == 1.0
+
+
+@pytest.mark.parametrize(
+    ("visible", "text"),
+    [
+        ((0.3, 0.3, 0.3), ""),
+        ((0.3, 0.0, 0.3), ""),  # meant to be faint
+        ((0.3, 0.3, 0.00123), "hardly seen: values from 180, 0.2 % of what is visible"),
+        ((0.0, 0.3, 0.0), "hardly seen: values to 50, 0 %; values from 180, 0 % of what is visible"),
+    ],
+)
+def test_what_is_hidden_is_told(visible: tuple[float, ...], text: str) -> None:
+    found = film_visibility(frames_of(visible), RANGES)
+    assert found is not None
+    assert visibility_text(found) == text
+
+
+def test_hidden_neighbours_are_one_range() -> None:
+    shares = [(0.998, 0, 1), (0.001, 1, 2), (0.001, 2, 3)]
+    found = FilmVisibility(0.5, tuple(VisibleRange(share, 0.5, low, high) for share, low, high in shares))
+    assert visibility_text(found) == "hardly seen: values from 1 to 3, 0.2 % of what is visible"
