@@ -100,7 +100,7 @@ class FrameProber:
         visible: tuple[float, ...] = ()
         if self._tolerance is None:
             exact, by_interval = self._rays.integrate_by_interval(view, chosen.numbers, self._step)
-            visible = sum_ranges((chosen.factors[:, None] * by_interval).mean(axis=0), self._ranges)
+            visible = sum_ranges(np.einsum("i,ij->j", chosen.factors, by_interval) / self._num_rays, self._ranges)
         else:
             exact, _ = self._rays.converge(view, chosen.numbers, self._tolerance)
         return ExactPixels(chosen, over_background(exact[:, None], background)[:, 0], background, visible)

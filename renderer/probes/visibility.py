@@ -24,14 +24,13 @@ _DIGITS = 6
 class ScalarRange(NamedTuple):
     """A range of scalars, low <= scalar < high, which may be infinite.
 
-    opacity: the largest one, per unit of the transfer function. first, end: its intervals, `end` not among them.
+    opacity: the largest one, per unit of the transfer function. first: its first interval.
     """
 
     low: float
     high: float
     opacity: float
     first: int
-    end: int
 
 
 def scalar_ranges(stage: Stage) -> list[ScalarRange]:
@@ -67,11 +66,12 @@ def visible_ranges(transfer: TransferFunction, lowest: float, highest: float) ->
     opacities = -np.expm1(-extinctions * transfer.unit)
     spans = [(int(group[0]), int(group[-1]) + 1) for group in groups]
     return [
-        ScalarRange(float(ends[first]), float(ends[end]), float(opacities[first : end + 1].max()), first, end)
+        ScalarRange(float(ends[first]), float(ends[end]), float(opacities[first : end + 1].max()), first)
         for first, end in spans
     ]
 
 
 def sum_ranges(by_interval: Float64, ranges: Sequence[ScalarRange]) -> tuple[float, ...]:
-    """Return the sums over ranges of what intervals show, float64 [intervals]."""
-    return tuple(round(float(by_interval[each.first : each.end].sum()), _DIGITS) for each in ranges)
+    """Return the sums over ranges of what intervals show, float64 [intervals]; those in no range show nothing."""
+    firsts = np.array([each.first for each in ranges], np.int64)
+    return tuple(np.add.reduceat(by_interval, firsts).round(_DIGITS).tolist())
