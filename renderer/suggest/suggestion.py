@@ -31,7 +31,7 @@ NO_WISH = Wish()
 
 
 @dataclass(frozen=True)
-class VisibleRange:
+class ShownLayer:
     """Values that are shown.
 
     name: what they are, in words. ranges: from low to high, in data units. voxels: their part of the voxels. share: of
@@ -67,7 +67,7 @@ class Suggestion:
     splat: SplatSpec | None = None
     outlier_notes: tuple[str, ...] = ()
     cuts: tuple[CutSpec, ...] = ()
-    visible: tuple[VisibleRange, ...] = ()
+    visible: tuple[ShownLayer, ...] = ()
 
 
 def suggest(volume: Volume, statistics: Statistics, wish: Wish = NO_WISH) -> Suggestion:
@@ -382,7 +382,7 @@ def _preset_suggestion(kind: str, reason: str, sample: VoxelSample, preset: Pres
     planes = _planes_around_object(sample, preset) if preset.is_scan else []
     rays = cast_rays(sample, planes)
     solved = solve_depths(rays, preset.layers, preset.coverage)
-    visible = _visible_ranges(sample, preset, measure_visibility(rays, preset.layers, solved))
+    visible = _shown_layers(sample, preset, measure_visibility(rays, preset.layers, solved))
     depths = solved @ np.stack([layer.weights(np.array(knots)) for layer in preset.layers])
     where, colors = [at for at, _ in preset.colors], np.array([color for _, color in preset.colors])
     points: dict[float, tuple[ControlPoint, str]] = {}
@@ -404,7 +404,7 @@ def _preset_suggestion(kind: str, reason: str, sample: VoxelSample, preset: Pres
     return Suggestion(kind, reason, transfer, notes, preset.shading, cuts=cuts, visible=visible)
 
 
-def _visible_ranges(sample: VoxelSample, preset: Preset, visibility: Visibility) -> tuple[VisibleRange, ...]:
+def _shown_layers(sample: VoxelSample, preset: Preset, visibility: Visibility) -> tuple[ShownLayer, ...]:
     """Return the values of each layer of a preset, and what is seen of them."""
 
     def in_data(low: float, high: float) -> tuple[float, float]:
@@ -415,7 +415,7 @@ def _visible_ranges(sample: VoxelSample, preset: Preset, visibility: Visibility)
     found = []
     for layer, share in zip(preset.layers, visibility.shares.tolist(), strict=True):
         voxels = float(np.mean(layer.weights(sample.normalized) >= _MIN_PART_WEIGHT))
-        found.append(VisibleRange(layer.name, tuple(in_data(*ends) for ends in layer.ranges()), voxels, share))
+        found.append(ShownLayer(layer.name, tuple(in_data(*ends) for ends in layer.ranges()), voxels, share))
     return tuple(found)
 
 
