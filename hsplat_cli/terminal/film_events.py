@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from hsplat_cli.terminal.progress_bar import Progress
 from hsplat_cli.terminal.reporter import Reporter
-from renderer.job import FrameRecord, JobEvents, visibility_text
+from renderer.job import FrameRecord, JobEvents
 from renderer.scene import counted
 
 if TYPE_CHECKING:
@@ -70,6 +70,8 @@ class FilmEvents(JobEvents, contextlib.AbstractContextManager["FilmEvents"]):
 
 def report_film(film: FinishedFilm, reporter: Reporter) -> None:
     """Print what was made and what it cost, in a few lines; nothing for a film that was up to date."""
+    from renderer.job import visibility_text  # which imports numpy
+
     if film.summary:
         reporter.line(f"{film.file}: {film.summary}")
         if film.record.visibility is not None and (text := visibility_text(film.record.visibility)):

@@ -110,7 +110,7 @@ def label_mapping(
     unit = opacity_unit_length(sample.diagonal)
 
     def opacities(layers: Sequence[Layer]) -> list[float]:
-        depths = solve_depths(cast_rays(sample), layers, OPAQUE_COVERAGE)
+        depths = solve_depths(cast_rays(sample, is_interpolated=False), layers, OPAQUE_COVERAGE)
         return [opacity_from_depth(depth, unit, sample.diagonal) for depth in depths.tolist()]
 
     ends = [values[0], *(low / 2 + high / 2 for low, high in pairwise(values)), values[-1]]

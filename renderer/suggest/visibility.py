@@ -25,6 +25,9 @@ from renderer.volume import Float32, Float64
 _NUM_VIEWS, _RAYS_PER_SIDE, _MAX_SAMPLES = 8, 22, 256
 _ELEVATION = math.radians(20)
 
+# Values that differ by less are the same.
+_EVEN = 1e-9
+
 # Rays with a smaller opacity miss what is shown.
 _MIN_RAY_OPACITY = 0.01
 # Steps of the search for densities. More change opacities by less than 2 %.
@@ -49,10 +52,28 @@ class Layer:
     min_depth: float = 0.0
     max_depth: float = 6.0
 
-    def weights(self, values: Float32 | Float64) -> Float64:
+    def weights(self, values: Float64) -> Float64:
         """Return the weights of normalised values, of any shape."""
         at, weights = np.array(self.knots, np.float64).T
         return np.asarray(np.interp(values, at, weights), np.float64)
+
+    def mean_weights(self, one: Float64, other: Float64) -> Float64:
+        """Return the mean weights over values between two, normalised, of any shape: thin layers are not missed."""
+        at, weights = np.array(self.knots, np.float64).T
+        # Beyond the outermost knots, weights are constant.
+        at, weights = np.array([at[0] - 2, *at, at[-1] + 2]), np.array([weights[0], *weights, weights[-1]])
+        slopes = np.divide(np.diff(weights), np.diff(at), out=np.zeros(len(at) - 1), where=np.diff(at) > 0)
+        integrals = np.append(0.0, np.cumsum((weights[1:] + weights[:-1]) / 2 * np.diff(at)))
+
+        def integral(values: Float64) -> Float64:
+            k = np.clip(np.searchsorted(at, values, side="right") - 1, 0, len(slopes) - 1)
+            beyond = values - at[k]
+            return np.asarray(integrals[k] + beyond * (weights[k] + slopes[k] * beyond / 2))
+
+        change = other - one
+        is_even = np.abs(change) < _EVEN
+        means = np.divide(integral(other) - integral(one), change, out=np.zeros_like(change), where=~is_even)
+        return np.where(is_even, self.weights((one + other) / 2), means)
 
     def ranges(self) -> list[tuple[float, float]]:
         """Return the ranges of normalised values that have weight; infinite where a range does not end."""
@@ -69,11 +90,12 @@ class TurntableRays(NamedTuple):
     """Samples of a volume along rays, front to back.
 
     values: float32 [rays, samples], normalised; NaN outside of the volume. step: the distance of two samples, as a
-        share of the diagonal.
+        share of the diagonal. is_interpolated: whether the values between two samples are passed, too.
     """
 
     values: Float32
     step: float
+    is_interpolated: bool = True
 
 
 class Visibility(NamedTuple):
@@ -84,10 +106,10 @@ class Visibility(NamedTuple):
     coverage: float
 
 
-def cast_rays(sample: VoxelSample, planes: Sequence[Plane] = ()) -> TurntableRays:
+def cast_rays(sample: VoxelSample, planes: Sequence[Plane] = (), *, is_interpolated: bool = True) -> TurntableRays:
     """Sample a volume along the rays of a turntable around z, at random places of a regular pattern.
 
-    planes: cut parts of it away.
+    planes: cut parts of it away. is_interpolated: not of labels, between which values mean nothing.
     """
     random = np.random.default_rng(0)
     values = sample.normalized.astype(np.float32)
@@ -109,7 +131,7 @@ def cast_rays(sample: VoxelSample, planes: Sequence[Plane] = ()) -> TurntableRay
         is_inside = ((at >= 0) & (at < shape)).all(axis=2)
         x, y, z = np.moveaxis(np.clip(at, 0, shape - 1), 2, 0)
         found.append(np.where(is_inside, values[z, y, x], np.nan)[is_inside.any(axis=1)])
-    return TurntableRays(np.concatenate(found), step)
+    return TurntableRays(np.concatenate(found), step, is_interpolated)
 
 
 def _view_axes(azimuth: float) -> tuple[Float64, Float64, Float64]:
@@ -154,14 +176,17 @@ def solve_depths(rays: TurntableRays, layers: Sequence[Layer], coverage: float) 
 
 
 def _weights(rays: TurntableRays, layers: Sequence[Layer]) -> Float32:
-    """Return the weight of each sample in each layer, times its length in 1 % of the diagonal: [layers, rays, samples].
+    """Return the weights of the steps between samples, times their lengths in 1 % of the diagonal.
 
-    Samples without any weight are left out: those of a ray that remain move together.
+    [layers, rays, steps]. Steps without any weight are left out: those of a ray that remain move together.
     """
-    is_inside = ~np.isnan(rays.values)
-    weights = np.zeros((len(layers), *rays.values.shape), np.float32)
+    before, after = rays.values[:, :-1], rays.values[:, 1:]
+    is_inside = ~(np.isnan(before) | np.isnan(after))
+    one, other = before[is_inside].astype(np.float64), after[is_inside].astype(np.float64)
+    other = other if rays.is_interpolated else one
+    weights = np.zeros((len(layers), *before.shape), np.float32)
     for layer, own in zip(layers, weights, strict=True):
-        own[is_inside] = 100 * rays.step * layer.weights(rays.values[is_inside])
+        own[is_inside] = 100 * rays.step * layer.mean_weights(one, other)
     is_seen = weights.any(axis=0)
     order = np.argsort(~is_seen, axis=1, kind="stable")[:, : max(1, int(is_seen.sum(axis=1).max()))]
     return np.take_along_axis(weights, order[None], axis=2)

@@ -38,12 +38,13 @@ def nested_balls() -> Array:
 
 def test_visibility_of_two_slabs_is_that_of_lamberts_law() -> None:
     """A ray through 30 samples of one material and then 20 of another."""
-    values = np.repeat([[np.nan, 0.25, 0.75, 0.0]], 3, axis=0).astype(np.float32).repeat([4, 30, 20, 6], axis=1)
+    values = np.repeat([[np.nan, 0.25, 0.75]], 3, axis=0).astype(np.float32).repeat([4, 30, 20], axis=1)
     rays = TurntableRays(values, 0.002)
     found = measure_visibility(rays, [band(0.2, 0.3), band(0.7, 0.8)], np.array([0.1, 0.4]))
-    first, second = 30 * 0.2 * 0.1, 20 * 0.2 * 0.4
+    # Of the step from one to the other, a tenth lies in either layer.
+    first, second = 29.1 * 0.2 * 0.1, 19.1 * 0.2 * 0.4
     shown = np.array([1 - math.exp(-first), math.exp(-first) * (1 - math.exp(-second))])
-    np.testing.assert_allclose(found.shares, shown / shown.sum(), rtol=1e-5)
+    np.testing.assert_allclose(found.shares, shown / shown.sum(), rtol=1e-3)
     assert found.coverage == pytest.approx(1 - math.exp(-first - second), rel=1e-5)
 
 
@@ -101,6 +102,17 @@ def test_what_planes_cut_away_is_not_seen() -> None:
     plane = Plane(np.zeros(3), np.array([1.0, 0.0, 0.0]))
     whole, half = cast_rays(sample), cast_rays(replace(sample), [plane])
     assert np.nansum(half.values) == pytest.approx(np.nansum(whole.values) / 2, rel=0.05)
+
+
+def test_mean_weights_are_integrals() -> None:
+    """Against sums over many values between the two."""
+    layer = Layer("", ((0.2, 0.0), (0.3, 1.0), (0.3, 0.4), (0.6, 0.8)))
+    one, other = np.random.Generator(np.random.PCG64(3)).uniform(-0.1, 1.1, (2, 50))
+    shares = (np.arange(20_000) + 0.5)[:, None] / 20_000
+    np.testing.assert_allclose(
+        layer.mean_weights(one, other), layer.weights(one + shares * (other - one)).mean(axis=0), atol=1e-4
+    )
+    np.testing.assert_array_equal(layer.mean_weights(one, one), layer.weights(one))
 
 
 def test_ranges_of_a_layer() -> None:
