@@ -26,7 +26,7 @@ _MAX_PLANES = 6
 # Planes must cut away this part of what is visible, or make it this much smaller.
 _MIN_CUT, _MIN_SHRINKAGE = 0.01, 0.1
 # What is left has at least this part: a larger sheet is a part of the object, such as the plate on an engine.
-_MIN_LEFT = 0.5
+_MIN_LEFT = 0.35
 # The distance of a plane from the object, in cells.
 _MARGIN = 1.0
 _DIRECTIONS = np.array([each for each in product((-1, 0, 1), repeat=3) if any(each)], np.float64)

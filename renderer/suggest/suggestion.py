@@ -381,7 +381,7 @@ def _preset_suggestion(kind: str, reason: str, sample: VoxelSample, preset: Pres
     knots = sorted({at for layer in preset.layers for at, _ in layer.knots})
     planes = _planes_around_object(sample, preset) if preset.is_scan else []
     rays = cast_rays(sample, planes)
-    solved = solve_depths(rays, preset.layers, preset.coverage)
+    solved = solve_depths(rays, preset.layers, preset.coverage, by_area=not preset.is_scan)
     visible = _shown_layers(sample, preset, measure_visibility(rays, preset.layers, solved))
     depths = solved @ np.stack([layer.weights(np.array(knots)) for layer in preset.layers])
     where, colors = [at for at, _ in preset.colors], np.array([color for _, color in preset.colors])

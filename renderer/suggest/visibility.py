@@ -156,16 +156,19 @@ def measure_visibility(rays: TurntableRays, layers: Sequence[Layer], depths: Flo
     return _measure(_weights(rays, layers), depths)
 
 
-def solve_depths(rays: TurntableRays, layers: Sequence[Layer], coverage: float) -> Float64:
+def solve_depths(rays: TurntableRays, layers: Sequence[Layer], coverage: float, *, by_area: bool = False) -> Float64:
     """Return the optical depth of 1 % of the diagonal of each layer at weight 1.
 
-    coverage: the mean opacity of the rays that meet any of them. Layers that no ray meets become crisp.
+    coverage: the mean opacity of the rays that meet any of them. by_area: multiply shares by the part of the rays that
+    meet a layer, so that a small one inside of others is not asked for more than it can have, and hides nothing. Layers
+    that no ray meets become crisp.
     """
     weights = _weights(rays, layers)
-    is_met = weights.any(axis=(1, 2))
+    areas = weights.any(axis=2).mean(axis=1)
+    is_met = areas > 0
     low, high = np.array([(max(layer.min_depth, _MIN_DEPTH), layer.max_depth) for layer in layers]).T
     depths = np.clip(np.where(is_met, _FIRST_DEPTH, CRISP_SURFACE_DEPTH), low, high)
-    targets = np.array([layer.share for layer in layers]) * is_met
+    targets = np.array([layer.share for layer in layers]) * (areas if by_area else is_met)
     targets /= max(targets.sum(), 1e-12)
     for _ in range(_NUM_STEPS if is_met.any() else 0):
         found = _measure(weights, depths)

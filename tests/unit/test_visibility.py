@@ -57,6 +57,14 @@ def test_each_layer_gets_its_share(share: float) -> None:
     assert found.coverage == pytest.approx(0.6, abs=0.02)
 
 
+def test_a_small_layer_inside_of_others_gets_a_share_by_its_area() -> None:
+    """The inner ball has 31 % of the area of the outer one."""
+    layers = [band(0.4, 0.6), band(0.9, 1.1)]
+    rays = cast_rays(sample_of(nested_balls()))
+    outer, inner = measure_visibility(rays, layers, solve_depths(rays, layers, 0.6, by_area=True)).shares
+    assert inner / outer == pytest.approx((0.5 / 0.9) ** 2, rel=0.1)
+
+
 def test_densities_stay_within_their_bounds() -> None:
     layers = [band(0.4, 0.6, min_depth=0.5, max_depth=0.6), band(0.9, 1.1, min_depth=0.7, max_depth=0.9)]
     outer, inner = solve_depths(cast_rays(sample_of(nested_balls())), layers, 0.1)
