@@ -18,7 +18,7 @@ from renderer.scene import counted, parse_yaml
 from renderer.system import join_lines
 
 if TYPE_CHECKING:
-    from renderer.suggest import Statistics, Suggestion, ValueRange
+    from renderer.suggest import Statistics, Suggestion
     from renderer.volume import Float64, Volume
 
 _COLUMNS, _ROWS = 64, 8
@@ -34,23 +34,21 @@ _BLOCKS, _ASCII = " ▁▂▃▄▅▆▇█", " .:|#"
 def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     """Describe a volume: shape, place, values and histogram.
 
-    VOLUME is a file, or a folder of slices. The last part of the output suggests ranges of values, and a transfer
-    function to paste into a scene file.
+    VOLUME is a file, or a folder of slices. The last part of the output suggests a transfer function to paste into
+    a scene file, and says what it shows.
     """
-    from renderer.suggest import compute_statistics, suggest, suggest_ranges
+    from renderer.suggest import compute_statistics, suggest
 
     reporter = Reporter()
     read = read_with_options(volume_spec(volume, reading), reporter)
     statistics = compute_statistics(read.values, read.source)
     suggestion = suggest(read, statistics)
-    facts = _facts(read, statistics, suggest_ranges(statistics), suggestion)
+    facts = _facts(read, statistics, suggestion)
     text_lines = [*_fact_lines(facts, _histogram_marks()), *_suggestion_lines(suggestion)]
     reporter.result(join_lines(json.dumps(facts, indent=2).splitlines() if as_json else text_lines))
 
 
-def _facts(
-    volume: Volume, statistics: Statistics, ranges: tuple[ValueRange, ...], suggestion: Suggestion
-) -> dict[str, Any]:
+def _facts(volume: Volume, statistics: Statistics, suggestion: Suggestion) -> dict[str, Any]:
     """Return everything that is printed, as plain data."""
     from renderer.suggest import rebin
 
@@ -76,10 +74,6 @@ def _facts(
         "percentiles": {f"{percent:g}": value for percent, value in statistics.percentiles.items()},
         "fingerprint": volume.fingerprint,
         "histogram": {"counts": counts.tolist(), "edges": edges.tolist()},
-        "ranges": [
-            {"name": part.name, "low": part.low, "high": part.high, "typical": part.median, "share": part.fraction}
-            for part in ranges
-        ],
         "far_values": [
             {"value": outlier.value, "voxels": outlier.num, "is_fill": outlier.is_nodata}
             for outlier in statistics.outliers[: len(suggestion.outlier_notes)]
@@ -153,14 +147,7 @@ def _fact_lines(facts: dict[str, Any], marks: str) -> list[str]:
         "",
         "  voxels by value, logarithmic",
         *_histogram(facts, marks),
-        "",
-        "  suggested ranges",
     ]
-    for part in facts["ranges"]:
-        lines.append(
-            f"    {part['name']:<11} {_number(part['low']):>12} to {_number(part['high']):<12} "
-            f"{100 * part['share']:6.2f}% of the voxels, median {_number(part['typical'])}"
-        )
     return lines
 
 

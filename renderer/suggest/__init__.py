@@ -4,7 +4,7 @@ In: a volume and its statistics. Out: `Suggestion`: the kind of data, and contro
 Thresholds by Otsu 1979; densities by visibility, Correa and Ma 2011.
 
 - `volume_suggestion.py` (a volume still to be read) and `suggestion.py` (its statistics) choose, and give reasons.
-- `histogram.py`: range, histogram, Otsu's threshold, materials; `nodata.py`: nodata values and outliers, which are set
+- `histogram.py`: range, histogram, Otsu's threshold; `nodata.py`: nodata values and outliers, which are set
   aside; `percentiles.py`: exact ranks.
 - `features.py`: background, noise, edges, level sets; `classes.py`: materials; `labels.py`: masks and segmentations, in
   the colours of `palette.py`; `separation.py`: the object, and planes that cut away what lies around it.

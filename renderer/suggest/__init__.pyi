@@ -1,9 +1,7 @@
 from .histogram import (
     Statistics as Statistics,
-    ValueRange as ValueRange,
     compute_statistics as compute_statistics,
     rebin as rebin,
-    suggest_ranges as suggest_ranges,
 )
 from .opacity import format_percent as format_percent
 from .suggestion import Suggestion as Suggestion, suggest as suggest

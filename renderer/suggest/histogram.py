@@ -1,5 +1,4 @@
-"""Compute the statistics of a volume: range, percentiles, histogram, outliers, and value ranges that look like
-materials."""
+"""Compute the statistics of a volume: range, percentiles, histogram and outliers; divide a histogram in two."""
 
 from __future__ import annotations
 
@@ -21,9 +20,6 @@ MAX_BINS = 2**16
 
 PERCENTILES = (1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0)
 
-# Materials are searched at the resolution of 8-bit data: finer bins hold too few voxels to show valleys.
-_NUM_COARSE = 256
-
 # With fewer other values than this, the data are steps or labels, and no value is an outlier.
 _MIN_OTHER_VALUES = 16
 
@@ -31,9 +27,6 @@ _MIN_OTHER_VALUES = 16
 _CHUNK = 2**20
 
 HALF_OF_LARGEST = float(np.finfo(np.float64).max) / 2
-
-# The two outer classes stand out from a middle class this dominant: a signed field around zero.
-_DOMINANT_FRACTION = 0.9
 
 
 @dataclass(frozen=True)
@@ -59,17 +52,6 @@ class Statistics:
     percentiles: Mapping[float, int | float]
     outliers: tuple[OutlierValue, ...] = ()
     without_outliers: Statistics | None = None
-
-
-@dataclass(frozen=True)
-class ValueRange:
-    """A range of values from `low` to `high`, both included, their median, and their fraction of all voxels."""
-
-    name: str
-    low: float
-    high: float
-    median: float
-    fraction: float
 
 
 def compute_statistics(values: Array, source: MappedFile | None = None) -> Statistics:
@@ -141,55 +123,18 @@ def _values_between(chunks: Chunks, low: float, high: float) -> Iterator[Array]:
             yield inside
 
 
-def _per_part(statistics: Statistics, num_bins: int) -> int:
-    return -(-len(statistics.counts) // num_bins)
-
-
 def rebin(statistics: Statistics, num_bins: int) -> tuple[Int64, Float64]:
     """Return (counts, edges): int64 [m] and float64 [m + 1], m <= num_bins equal parts of the range.
 
     Every part holds the same number of the original bins, except the last, which may hold fewer.
     """
-    per_part = _per_part(statistics, num_bins)
+    per_part = -(-len(statistics.counts) // num_bins)
     counts = np.add.reduceat(statistics.counts, np.arange(0, len(statistics.counts), per_part))
     # Halves, since the range of float64 may exceed the largest number.
     half_first, half_width = statistics.bins[0] / 2 - statistics.bin_width / 4, statistics.bin_width / 2
     half_edges = half_first + np.arange(len(counts) + 1) * per_part * half_width
     edges = 2 * np.clip(half_edges, -HALF_OF_LARGEST, HALF_OF_LARGEST)
     return counts, edges
-
-
-def suggest_ranges(statistics: Statistics) -> tuple[ValueRange, ...]:
-    """Return one to three ranges, ascending, without values between them: `background`, `material 1`, `material 2`.
-
-    Otsu's threshold (`otsu_bin`) divides all values, and then those above it: a small dense part hardly
-    moves the thresholds of a joint optimum.
-    """
-    counts, _ = rebin(statistics, _NUM_COARSE)
-    cuts: list[int] = []
-    begin = 0
-    for _ in range(2):
-        found = otsu_bin(counts[begin:])
-        if found is None:
-            break
-        begin += found[0]
-        cuts.append(begin)
-    bounds = [0, *cuts, len(counts)]
-    total = float(counts.sum())
-    shares = [float(counts[a:b].sum()) / total for a, b in pairwise(bounds)]
-    names = ["background", "material 1", "material 2"]
-    if len(shares) == 1 or (len(shares) == 3 and shares[1] > _DOMINANT_FRACTION):
-        names = ["material 1", "background", "material 2"]
-    ranges, per_part = [], _per_part(statistics, _NUM_COARSE)
-    for name, (a, b), share in zip(names, pairwise(bounds), shares, strict=False):
-        inside = slice(a * per_part, b * per_part)
-        occupied = statistics.bins[inside][statistics.counts[inside] > 0]
-        low = float(statistics.minimum if a == 0 else occupied[0])
-        high = float(statistics.maximum if b == len(counts) else occupied[-1])
-        cumulative = np.cumsum(statistics.counts[inside])
-        median = float(statistics.bins[inside][np.searchsorted(cumulative, cumulative[-1] / 2)])
-        ranges.append(ValueRange(name, low, high, min(max(median, low), high), share))
-    return tuple(ranges)
 
 
 def otsu_bin(counts: Counts) -> tuple[int, float] | None:

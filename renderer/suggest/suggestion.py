@@ -35,13 +35,14 @@ class ShownLayer:
     """Values that are shown.
 
     name: what they are, in words. ranges: from low to high, in data units. voxels: their part of the voxels. share: of
-        what the picture shows.
+        what the picture shows. target: what was asked for.
     """
 
     name: str
     ranges: tuple[tuple[float, float], ...]
     voxels: float
     share: float
+    target: float
 
 
 @dataclass(frozen=True)
@@ -412,10 +413,11 @@ def _shown_layers(sample: VoxelSample, preset: Preset, visibility: Visibility) -
         one, other = sorted(sample.round_value(sample.denormalize(end)) for end in ends)
         return one, other
 
-    found = []
+    found, total = [], sum(layer.share for layer in preset.layers)
     for layer, share in zip(preset.layers, visibility.shares.tolist(), strict=True):
         voxels = float(np.mean(layer.weights(sample.normalized) >= _MIN_PART_WEIGHT))
-        found.append(ShownLayer(layer.name, tuple(in_data(*ends) for ends in layer.ranges()), voxels, share))
+        ranges = tuple(in_data(*ends) for ends in layer.ranges())
+        found.append(ShownLayer(layer.name, ranges, voxels, share, layer.share / total))
     return tuple(found)
 
 

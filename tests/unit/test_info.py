@@ -68,11 +68,6 @@ EXPECTED = """{path}
      1 █                        █                        █
        0                       100                     200
 
-  suggested ranges
-    background             0 to 0             90.62% of the voxels, median 0
-    material 1           100 to 100            6.25% of the voxels, median 100
-    material 2           200 to 200            3.12% of the voxels, median 200
-
   looks like   labels: there are 3 values, and 0 is the background
 
 transfer_function:

@@ -1,14 +1,12 @@
-"""Histograms, percentiles and suggested ranges, against numpy on whole arrays and on made-up mixtures."""
+"""Histograms and percentiles, against numpy on whole arrays."""
 
 from __future__ import annotations
-
-from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from renderer.suggest import compute_statistics, rebin, suggest_ranges
+from renderer.suggest import compute_statistics, rebin
 
 DTYPES = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float16", "float32", "float64")
 
@@ -43,8 +41,6 @@ def test_against_numpy(dtype):
 def test_constant(dtype, value):
     statistics = compute_statistics(np.full((3, 4, 5), value, dtype))
     assert statistics.minimum == statistics.maximum == statistics.mean == statistics.percentiles[50] == value
-    (only,) = suggest_ranges(statistics)
-    assert (only.name, only.low, only.high, only.median, only.fraction) == ("material 1", value, value, value, 1.0)
 
 
 @pytest.mark.parametrize("offset", [-(2**63), 2**63 - 1000])
@@ -83,41 +79,3 @@ def test_rebin_keeps_every_voxel_in_its_place(numbers, num_bins):
     assert len(counts) <= num_bins
     assert len(edges) == len(counts) + 1
     np.testing.assert_array_equal(counts, np.histogram(values, edges)[0])
-
-
-@pytest.mark.parametrize(
-    ("dtype", "scale", "offset"), [("uint8", 1, 0), ("int16", 8, -1000), ("uint16", 200, 0), ("float32", 0.01, -1)]
-)
-def test_three_materials_are_found(dtype, scale, offset):
-    """In 8-bit, Hounsfield-like, 16-bit and float data the thresholds are those of the 8-bit data, scaled."""
-    values = mixture((10, 3, 80_000), (95, 6, 15_000), (220, 5, 1_500)).clip(0, 255)
-    ranges = suggest_ranges(compute_statistics((scale * values + offset).astype(dtype)))
-    assert [part.name for part in ranges] == ["background", "material 1", "material 2"]
-    low, high, medians = (
-        [(getattr(part, end) - offset) / scale for part in ranges] for end in ("low", "high", "median")
-    )
-    assert high[0] < 30 and 65 < low[1] < high[1] < 125 and low[2] > 190
-    # Truncation to integers lowers the medians by half a unit.
-    assert medians == [pytest.approx(value, abs=2) for value in (9.5, 95, 220)]
-    assert ranges[1].fraction == pytest.approx(15_000 / 96_500, rel=1e-3)
-
-
-def test_signed_field_keeps_both_sides():
-    values = mixture((0, 0.005, 96_000), (-0.15, 0.01, 1_000), (0.15, 0.01, 1_000)).astype(np.float32)
-    negative, background, positive = suggest_ranges(compute_statistics(values))
-    assert (negative.name, background.name, positive.name) == ("material 1", "background", "material 2")
-    assert negative.high < -0.02
-    assert positive.low > 0.02
-
-
-@given(st.lists(st.integers(0, 1000), min_size=1, max_size=300))
-def test_ranges_cover_all_values_in_order(numbers):
-    statistics = compute_statistics(np.array(numbers, np.int32))
-    ranges = suggest_ranges(statistics)
-    assert 1 <= len(ranges) <= 3
-    assert ranges[0].low == statistics.minimum
-    assert ranges[-1].high == statistics.maximum
-    assert sum(part.fraction for part in ranges) == pytest.approx(1.0)
-    assert all(part.low <= part.median <= part.high for part in ranges)
-    assert all(one.high < other.low for one, other in pairwise(ranges))
-    assert all(any(part.low <= number <= part.high for part in ranges) for number in numbers)
