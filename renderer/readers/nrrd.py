@@ -208,6 +208,8 @@ def _axes(fields: dict[str, Field], sizes: tuple[int, ...], directions: list[Flo
         if kind in ("time", "domain", "space", *_UNKNOWN_KINDS):
             has_no_place = bool(directions) and directions[k] is None
             (times if kind == "time" or (has_no_place and k > 0) else lists if has_no_place else space).append(k)
+        elif directions and directions[k] is not None:
+            raise fields["kinds"].error(f"domain or space for axis {k + 1}, which has a direction in space")
         else:
             lists.append(k)
     if len(space) == 2 and times:  # a film is seen as a volume

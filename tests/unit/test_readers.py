@@ -158,6 +158,14 @@ def test_the_first_of_several_components_is_the_default(tmp_path, suffix):
     assert read(tmp_path / f"a{suffix}", component=0).note is None
 
 
+def test_axes_of_nrrd_with_a_direction_are_in_space(tmp_path):
+    header = "NRRD0005\ntype: uint8\ndimension: 3\nspace: left-posterior-superior\nsizes: 2 2 2\nencoding: raw\n"
+    header += "space directions: (1,0,0) (0,1,0) (0,0,1)\nkinds: domain domain domaif\n\n"
+    (tmp_path / "a.nrrd").write_bytes(header.encode() + bytes(8))
+    with pytest.raises(InputError, match="has a direction in space"):
+        read(tmp_path / "a.nrrd")
+
+
 def test_kinds_of_nrrd_name_colours(tmp_path):
     header = "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 3 2 2 2\nspacings: nan 1 1 1\nencoding: raw\nkinds: {} "
     for kind, named in (("HSV-color", " (H, S, V)"), ("3-color", ""), ("RGBA-color", ""), ("vector", "")):
