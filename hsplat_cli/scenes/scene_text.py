@@ -213,8 +213,10 @@ def _drawing_lines(suggestion: Suggestion) -> Iterator[str]:
     if suggestion.cuts:
         yield from ("", _CUTS_COMMENT, "cuts:")
         for cut in suggestion.cuts:
-            assert cut.plane is not None
-            yield f"  - plane: {{point: {_list(cut.plane.point)}, normal: {_list(cut.plane.normal)}}}"
+            if cut.plane is not None:
+                yield f"  - plane: {{point: {_list(cut.plane.point)}, normal: {_list(cut.plane.normal)}}}"
+            elif cut.box is not None:
+                yield f"  - box: [{_list(cut.box[0])}, {_list(cut.box[1])}]  # a corner, to look inside"
     if suggestion.splat is not None:
         yield from ("", _VOXEL_COLORS_COMMENT, f"splat: {{footprint: {suggestion.splat.footprint}}}")
     elif suggestion.is_categorical:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,7 @@ from renderer.scene import (
 )
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.view import (
+    Cuts,
     are_cut_away,
     finest_useful_level,
     fit_distance,
@@ -85,7 +87,11 @@ def prepare_stage(
         transfer = projection.optics
     build: dict[str, Any] = {"num_threads": num_threads}
     if scene.shading is not None and scene.shading.has_light_field:
-        build["light_field"] = light_field(volume, transfer, scene.shading, num_threads=num_threads)
+        cuts = _object_cuts(scene, volume)
+        are_removed = None if cuts is None else partial(are_cut_away, cuts)
+        build["light_field"] = light_field(
+            volume, transfer, scene.shading, are_removed=are_removed, num_threads=num_threads
+        )
         watch.lap("light")
     if scene.splat.footprint != "integrated" and not any_tolerance:
         build["finest_cut"] = FinestCut(min_tolerance(scene.error), scene.error.finest_level)
@@ -94,9 +100,7 @@ def prepare_stage(
     if bricks is not None and scene.mode.is_extremum:
         extremes = extreme_bricks(bricks, scene.mode, num_threads=num_threads)
     watch.lap("pyramid")
-    frames_what_is_left = camera.target == "visible"
-    framed_cuts = [cut for cut in scene.cuts if frames_what_is_left and cut.fixed == "object"]
-    points = visible_points(pyramid, place_cuts(volume, framed_cuts))
+    points = visible_points(pyramid, _object_cuts(scene, volume) if camera.target == "visible" else None)
     target, distance = _framing(scene, volume, volume_corners(volume) if scene.overlay == "bounds" else points)
     raise_problems(camera_problems(replace(camera, target=target, distance=distance), size, extent))
     raise_problems(_cut_problems(scene, volume))
@@ -157,6 +161,11 @@ def render_frames(
         draw_list, predicted_seconds = controller.prepare_frame(number, watch)
         yield replace(draw_frame(stage, draw_list, rasterizer, watch), predicted_seconds=predicted_seconds)
         controller.finish_frame(draw_list, watch)
+
+
+def _object_cuts(scene: Scene, volume: Volume) -> Cuts | None:
+    """Return the cuts that turn with the object."""
+    return place_cuts(volume, [cut for cut in scene.cuts if cut.fixed == "object"])
 
 
 def _cut_problems(scene: Scene, volume: Volume) -> Iterator[Problem]:

@@ -13,13 +13,15 @@ than the two by themselves.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from renderer.compiled import ThreadPool
 from renderer.lighting.rays import average_voxels, transmit
 from renderer.scene import ShadingSpec, Vector
 from renderer.transfer import LightField, TransferFunction, make_classifier, make_light_field, raw_voxels
-from renderer.volume import Float32, Float64, Volume
+from renderer.volume import Bools, Float32, Float64, Volume
 
 # Along the longest axis, at most.
 MAX_CELLS = 128
@@ -41,12 +43,15 @@ def light_field(
     transfer: TransferFunction,
     shading: ShadingSpec,
     *,
+    are_removed: Callable[[Float64], Bools] | None = None,
     max_cells: int = MAX_CELLS,
     num_threads: int = 1,
 ) -> LightField:
     """Return the light field that a shading asks for, which does not depend on the number of threads.
 
-    max_cells: along the longest axis. Raises InputError where the volume's file was changed.
+    are_removed: which boxes, float64 [n, 2, 3] of lowest and highest corners in index space relative to the volume's
+        centre, let all light through, though the volume does not. max_cells: along the longest axis. Raises InputError
+        where the volume's file was changed.
     """
     level = max(0, (-(-max(volume.shape_xyz) // max_cells) - 1).bit_length())
     width = volume.finest_spacing * 2**level
@@ -57,6 +62,8 @@ def light_field(
     occlusions = shadows = None
     with ThreadPool(num_threads) as threads:
         depths = _mean_depths(volume, transfer, level, threads)
+        if are_removed is not None:
+            _remove(depths, volume, level, are_removed)
         if shading.occlusion > 0:
             ends = _sample_ends(start, radius, width, _OCCLUSION_GROWTH)
             mean = _transmission(volume, depths, level, _sphere(_NUM_OCCLUSION_RAYS), ends, threads)
@@ -76,6 +83,14 @@ def _mean_depths(volume: Volume, transfer: TransferFunction, level: int, threads
     threads.map(lambda z: average_voxels(raw, by_pattern, classifier.curve, level, z, out[z]), range(len(out)))
     volume.require_unchanged()
     return np.pad(out, 1, mode="edge")
+
+
+def _remove(depths: Float32, volume: Volume, level: int, are_removed: Callable[[Float64], Bools]) -> None:
+    """Let light through the cells whose middles are removed. depths: with a border; updated."""
+    z, y, x = ((np.arange(-1, num - 1) + 0.5) * 2**level - 0.5 for num in depths.shape)
+    for plane, at in zip(depths, z, strict=True):
+        middles = np.stack(np.meshgrid(x, y, [at], indexing="xy"), axis=-1).reshape(-1, 3) - volume.centre_index
+        plane[are_removed(np.stack([middles, middles], axis=1)).reshape(plane.shape)] = 0.0
 
 
 def _transmission(

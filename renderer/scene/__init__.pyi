@@ -14,7 +14,7 @@ from .camera_section import (
 from .colormaps import (
     colormap_points as colormap_points,
 )
-from .cuts_section import CutSpec as CutSpec, PlaneSpec as PlaneSpec
+from .cuts_section import MAX_CUTS as MAX_CUTS, CutSpec as CutSpec, PlaneSpec as PlaneSpec
 from .error_section import (
     ERROR_SECTION as ERROR_SECTION,
     MAX_LEVEL as MAX_LEVEL,

@@ -17,6 +17,7 @@ import numpy as np
 from renderer.scene import Color, ShadingSpec, colormap_points
 from renderer.suggest.classes import foreground_threshold, material_edges, top_value
 from renderer.suggest.features import Background, VoxelSample
+from renderer.suggest.separation import are_deep
 from renderer.suggest.visibility import CRISP_SURFACE_DEPTH, Layer
 from renderer.volume import Float64
 
@@ -43,6 +44,7 @@ class Preset:
     coverage: float = _COVERAGE
     shading: ShadingSpec | None = SHADING
     is_scan: bool = False
+    is_closed: bool = False
 
     def with_inverted_range(self) -> Preset:
         """Return the preset for values with the range inverted."""
@@ -112,6 +114,8 @@ RAMP = 0.35
 def materials_preset(sample: VoxelSample, background: Background) -> Preset:
     """Return the preset of one to three materials above a background."""
     ends = material_edges(sample, foreground_threshold(sample, background))
+    if len(ends) == 4 and _is_closed(sample, ends):
+        return _closed_preset(ends)
     ranges = list(pairwise(ends))
     full = [low + RAMP * (high - low) for low, high in ranges]
     layers, colors = [], []
@@ -122,6 +126,32 @@ def materials_preset(sample: VoxelSample, background: Background) -> Preset:
         colors += [(full[k], color), (high, color)]
     coverage = OPAQUE_COVERAGE if len(ranges) == 1 else _COVERAGE
     return Preset(tuple(layers), tuple(colors), coverage, is_scan=True)
+
+
+# A closed object: solid, with its densest material outside, such as fat around a head in magnetic resonance. What it
+# hides has the same values as the rest, so that no opacity shows it.
+
+# This part of what is visible, and of the middle material, is deep inside, and so many times less of the densest one.
+_MIN_SOLID, _MIN_INNER, _MIN_INNER_RATIO = 0.4, 0.6, 2.0
+_CUT_COLORS = ((0.40, 0.26, 0.23), (0.86, 0.64, 0.54), (1.0, 0.92, 0.82), (1.0, 0.98, 0.94))
+# Cut faces have no surfaces: most of their light is ambient.
+_CUT_SHADING = replace(SHADING, ambient=0.9, diffuse=0.3, occlusion=0.6)
+
+
+def _is_closed(sample: VoxelSample, ends: Sequence[float]) -> bool:
+    first, second, third, _ = ends
+    values = sample.normalized
+    deep = are_deep(sample, values > first)
+    middle = float(deep[(values >= second) & (values < third)].mean())
+    densest = float(deep[values >= third].mean())
+    is_solid = float(deep[values > first].mean()) >= _MIN_SOLID
+    return is_solid and middle >= max(_MIN_INNER, _MIN_INNER_RATIO * densest)
+
+
+def _closed_preset(ends: Sequence[float]) -> Preset:
+    layer = Layer("the object", ((ends[0], 0.0), (ends[1], 1.0)), min_depth=3.0)
+    colors = tuple(zip(ends, _CUT_COLORS, strict=True))
+    return Preset((layer,), colors, OPAQUE_COVERAGE, _CUT_SHADING, is_scan=True, is_closed=True)
 
 
 # Fields: no materials, but values that rise from the background to a peak. Thin shells show them at some levels.

@@ -29,6 +29,8 @@ _MIN_CUT, _MIN_SHRINKAGE = 0.01, 0.1
 _MIN_LEFT = 0.35
 # The distance of a plane from the object, in cells.
 _MARGIN = 1.0
+# Cells below a surface, and percentiles of places that are outermost.
+_DEPTH, _OUTERMOST = 3, (2, 98)
 _DIRECTIONS = np.array([each for each in product((-1, 0, 1), repeat=3) if any(each)], np.float64)
 
 
@@ -53,6 +55,28 @@ def separating_planes(sample: VoxelSample, is_visible: Bools) -> list[Plane]:
     return _touching_planes(places * sides[::-1] @ sample.directions.T, of_object, float(sides.max()))
 
 
+def are_deep(sample: VoxelSample, is_visible: Bools) -> Bools:
+    """Return which of the sample's voxels lie deep inside of what is visible, bool [z, y, x]."""
+    cells, _ = _pool(is_visible, sample.spacing)
+    for _ in range(_DEPTH):
+        cells = ~_grow(~cells, 1)
+    for axis, (num, factor) in enumerate(zip(is_visible.shape, _factors(is_visible), strict=True)):
+        cells = cells.repeat(factor, axis).take(range(num), axis)
+    return cells
+
+
+def corner_box(sample: VoxelSample, is_visible: Bools) -> tuple[Float64, Float64]:
+    """Return the lowest and the highest corner of a box around an eighth of what is visible: right, front and top.
+
+    In the world, from the centre of the volume.
+    """
+    spacing, shape = np.array(sample.spacing[::-1]), np.array(is_visible.shape[::-1])
+    ends = np.percentile(np.argwhere(is_visible)[:, ::-1], _OUTERMOST, axis=0)
+    x, y, z = sample.directions @ ((ends.mean(axis=0) + 0.5 - shape / 2) * spacing)
+    far = 1.01 * np.abs(sample.directions) @ (shape * spacing / 2)
+    return np.array([x, -far[1], z]), np.array([far[0], y, far[2]])
+
+
 def are_beyond(sample: VoxelSample, planes: Sequence[Plane]) -> Bools:
     """Return which of the sample's voxels planes cut away, bool [z, y, x]."""
     found = np.zeros(sample.normalized.shape, bool)
@@ -67,11 +91,15 @@ def are_beyond(sample: VoxelSample, planes: Sequence[Plane]) -> Bools:
 
 def _pool(is_visible: Bools, spacing: tuple[float, float, float]) -> tuple[Bools, Float64]:
     """Return which cells of blocks of voxels have a visible one, and the lengths of a cell along z, y, x."""
-    factors = [-(-n // _MAX_CELLS) for n in is_visible.shape]
+    factors = _factors(is_visible)
     padded = np.pad(is_visible, [(0, -n % factor) for n, factor in zip(is_visible.shape, factors, strict=True)])
     nz, ny, nx = (n // factor for n, factor in zip(padded.shape, factors, strict=True))
     blocks = padded.reshape(nz, factors[0], ny, factors[1], nx, factors[2])
     return np.asarray(blocks.any(axis=(1, 3, 5))), np.array(spacing) * factors
+
+
+def _factors(voxels: Bools) -> list[int]:
+    return [-(-n // _MAX_CELLS) for n in voxels.shape]
 
 
 def _label_parts(cells: Bools) -> Int64:
@@ -109,19 +137,19 @@ def _parts_of_object(cells: Bools, labels: Int64, sides: Float64) -> Int64:
     # What is thin may be broken: legs of an insect, vessels.
     others = cells.copy()
     others[cells] = ~is_sheet[of_cell] | (of_cell == main)
-    grown = _label_parts(_grow(others))[cells]
+    grown = _label_parts(_grow(others, _GAP))[cells]
     is_near = np.bincount(of_cell, grown == grown[of_cell == main][0], len(numbers)) > 0
     is_kept = (is_near | (volumes >= _MIN_VOLUME * volumes[main])) & ~is_sheet
     is_kept[main] = True
     return np.asarray(numbers[is_kept])
 
 
-def _grow(cells: Bools) -> Bools:
-    """Return the cells and all within a distance of _GAP along the axes."""
+def _grow(cells: Bools, distance: int) -> Bools:
+    """Return the cells and all within a distance along the axes."""
     grown = cells
     for axis in range(3):
-        padded = np.pad(grown, [(_GAP, _GAP) if k == axis else (0, 0) for k in range(3)])
-        grown = np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * _GAP + 1, axis).any(axis=-1))
+        padded = np.pad(grown, [(distance, distance) if k == axis else (0, 0) for k in range(3)])
+        grown = np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * distance + 1, axis).any(axis=-1))
     return grown
 
 

@@ -15,17 +15,27 @@ from operator import itemgetter
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.scene import ColormapSpec, ControlPoint, CutSpec, PlaneSpec, ShadingSpec, SplatSpec, TransferSpec
+from renderer.scene import (
+    MAX_CUTS,
+    ColormapSpec,
+    ControlPoint,
+    CutSpec,
+    PlaneSpec,
+    ShadingSpec,
+    SplatSpec,
+    TransferSpec,
+    Vector,
+)
 from renderer.suggest import features, presets
 from renderer.suggest.features import Background, VoxelSample
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.labels import background_label, distinct_values, label_mapping, label_reason, label_values
 from renderer.suggest.opacity import format_number, format_percent, opacity_from_depth, opacity_unit_length
 from renderer.suggest.presets import Preset
-from renderer.suggest.separation import Plane, separating_planes
+from renderer.suggest.separation import Plane, corner_box, separating_planes
 from renderer.suggest.visibility import Visibility, cast_rays, measure_visibility, solve_depths
 from renderer.suggest.wishes import LABELS_WISH, WISHES, Scan, Wish, imported_transfer
-from renderer.volume import Float64, Volume
+from renderer.volume import Bools, Float64, Volume
 
 NO_WISH = Wish()
 
@@ -55,7 +65,7 @@ class Suggestion:
     is_categorical: the values are labels, and no value between two labels means anything. splat: how to draw; None
         for the default.
     outlier_notes: a clause for each outlier or nodata value that is not shown.
-    cuts: planes that cut away what is not the object.
+    cuts: planes that cut away what is not the object, and a box to look into it.
     visible: what the picture shows, over a turntable.
     """
 
@@ -380,7 +390,7 @@ def _preset_suggestion(kind: str, reason: str, sample: VoxelSample, preset: Pres
     """Return the suggestion of a preset. centre: of the volume, in the world."""
     unit = opacity_unit_length(sample.diagonal)
     knots = sorted({at for layer in preset.layers for at, _ in layer.knots})
-    planes = _planes_around_object(sample, preset) if preset.is_scan else []
+    planes = separating_planes(sample, _are_parts(sample, preset)) if preset.is_scan else []
     rays = cast_rays(sample, planes)
     solved = solve_depths(rays, preset.layers, preset.coverage, by_area=not preset.is_scan)
     visible = _shown_layers(sample, preset, measure_visibility(rays, preset.layers, solved))
@@ -401,6 +411,9 @@ def _preset_suggestion(kind: str, reason: str, sample: VoxelSample, preset: Pres
             points[value] = point, ", ".join(peaking)
     mapping, notes = zip(*(points[value] for value in sorted(points)), strict=True)
     cuts = tuple(_cut(plane, centre, sample.diagonal) for plane in planes)
+    if preset.is_closed:
+        reason += "; its outside hides what is inside, so that a corner is cut out"
+        cuts = (*cuts[: MAX_CUTS - 1], _corner_cut(sample, preset, centre))
     transfer = TransferSpec(mapping, unit)
     return Suggestion(kind, reason, transfer, notes, preset.shading, cuts=cuts, visible=visible)
 
@@ -425,18 +438,27 @@ def _shown_layers(sample: VoxelSample, preset: Preset, visibility: Visibility) -
 _MIN_PART_WEIGHT = 0.5
 
 
-def _planes_around_object(sample: VoxelSample, preset: Preset) -> list[Plane]:
-    """Return planes that cut away what is not the object."""
+def _are_parts(sample: VoxelSample, preset: Preset) -> Bools:
+    """Return which of the sample's voxels are parts of something, and not its edges."""
     weights = np.max([layer.weights(sample.normalized) for layer in preset.layers], axis=0)
-    return separating_planes(sample, weights >= _MIN_PART_WEIGHT)
+    return np.asarray(weights >= _MIN_PART_WEIGHT)
 
 
 def _cut(plane: Plane, centre: Float64, diagonal: float) -> CutSpec:
-    """Return a plane in the world, rounded to about a thousandth of the diagonal."""
-    decimals = 3 - math.floor(math.log10(diagonal))
-    x, y, z = (round(at, decimals) + 0.0 for at in (plane.point + centre).tolist())
-    nx, ny, nz = (round(at, 3) + 0.0 for at in plane.normal.tolist())
-    return CutSpec(plane=PlaneSpec((x, y, z), (nx, ny, nz)))
+    normal = _rounded(plane.normal, 1.0)
+    return CutSpec(plane=PlaneSpec(_rounded(plane.point + centre, diagonal), normal))
+
+
+def _corner_cut(sample: VoxelSample, preset: Preset, centre: Float64) -> CutSpec:
+    low, high = corner_box(sample, _are_parts(sample, preset))
+    return CutSpec(box=(_rounded(low + centre, sample.diagonal), _rounded(high + centre, sample.diagonal)))
+
+
+def _rounded(vector: Float64, extent: float) -> Vector:
+    """Return a vector in the world, rounded to about a thousandth of an extent."""
+    decimals = 3 - math.floor(math.log10(extent))
+    x, y, z = (round(at, decimals) + 0.0 for at in vector.tolist())
+    return x, y, z
 
 
 def _with_colormap(suggestion: Suggestion, colormap: str | None) -> Suggestion:

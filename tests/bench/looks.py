@@ -25,7 +25,20 @@ from renderer.readers import read_volume
 PAGE = PAGES / "looks.md"
 SIZE, FRAMES, BEFORE_FRAMES, ROWS_PER_PICTURE = (200, 200), (10, 45, 85), (10, 45), 8
 # What was seen, by volume; the others are what they should be.
-SEEN: dict[str, str] = {}
+SEEN = {
+    "engine": "the far side is veiled",
+    "bonsai": "the holder touches the pot, and noise connects it to the tree; a part is left",
+    "hydrogen atom": "the innermost of four levels is hardly seen",
+    "Marschner-Lobb": "two of four levels hide each other and are left out",
+    "walnut": "the holder touches the nut and is left",
+    "LIDC2, CT": "streaks beside the body; veins and lungs in one colour",
+    "CT_pitch": "the head rest is as thick as the jaw, and is left",
+    "headsq_quarter, CT": "upside down, as its header has it",
+    "t1_dicom_part": "a part of a head, open on two sides: little to recognise",
+    "example4d": "a slab of a head, open above",
+    "functional": "21 voxels and fewer along each axis",
+    "neurovault_10426": "small clusters float without a brain around them",
+}
 VOLUMES = {
     "engine": "engine.nhdr",
     "bonsai": "bonsai.nhdr",

@@ -15,7 +15,7 @@ from renderer.lighting import light_field
 from renderer.scene import ShadingSpec, Vector
 from renderer.transfer import LightField, TransferFunction
 from renderer.transfer.light_field import light_shares, make_light_field
-from renderer.volume import Volume, make_volume
+from renderer.volume import Bools, Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
 LIGHT, RADIUS = (0.4, -0.3, 0.9), 15.0
@@ -69,6 +69,23 @@ def test_agrees_with_many_rays_in_fine_steps(affine: str, max_cells: int) -> Non
         assert exact.std() > 0.1, name
         errors = sampled(stored, field.cell_size, points) - exact
         assert np.sqrt(np.mean(errors**2)) < (0.03 if field.cell_size == 1 else 0.09), name
+
+
+def test_a_cut_face_is_as_bright_as_a_surface() -> None:
+    """Of an opaque block, whose upper half lets light through: its middle has no light else."""
+    volume = make_volume(np.full((32, 32, 32), 255, np.uint8), np.eye(4), "block")
+
+    def are_above(bounds: Float64) -> Bools:
+        return np.asarray(bounds[:, 0, 2] > 0)
+
+    closed, opened = (
+        light_field(volume, TRANSFER, ShadingSpec(occlusion=1.0, occlusion_radius=30.0), are_removed=each)
+        for each in (None, are_above)
+    )
+    assert closed.occlusion is not None and opened.occlusion is not None
+    assert closed.occlusion[16, 16, 16] < 0.05
+    assert opened.occlusion[16, 16, 16] > 0.8
+    assert opened.occlusion[6, 16, 16] < 0.05
 
 
 def test_a_radius_limits_what_is_seen() -> None:

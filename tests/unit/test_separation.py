@@ -8,7 +8,7 @@ from kinds_of_data import Array, axes, ball, volume_of
 
 from renderer.suggest import compute_statistics
 from renderer.suggest.features import VoxelSample, sample_volume
-from renderer.suggest.separation import are_beyond, separating_planes
+from renderer.suggest.separation import are_beyond, are_deep, corner_box, separating_planes
 from renderer.volume import Bools
 
 N = 64
@@ -79,3 +79,18 @@ def test_nothing_of_objects_is_cut_away(shown: Bools) -> None:
 
 def test_nothing_visible_has_no_planes() -> None:
     assert separating_planes(sample_of(head()), np.zeros((N, N, N), bool)) == []
+
+
+def test_deep_voxels_lie_below_the_surface() -> None:
+    deep = are_deep(sample_of(head()), head())
+    assert deep[ball((0, -0.1, 0), 0.3, N)].all() and not deep[~ball((0, -0.1, 0), 0.48, N)].any()
+
+
+def test_a_corner_is_an_eighth_of_the_object() -> None:
+    low, high = corner_box(sample_of(head()), head())
+    z, y, x = axes(N)
+    inside = np.ones_like(head())
+    for axis, at in enumerate((x, y, z)):
+        inside &= (at * (N - 1) / 2 >= low[axis]) & (at * (N - 1) / 2 <= high[axis])
+    assert (inside & head()).sum() == pytest.approx(head().sum() / 8, rel=0.1)
+    assert not inside[y > 0].any() and not inside[x < -0.1].any() and not inside[z < -0.1].any()

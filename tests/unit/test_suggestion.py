@@ -12,9 +12,12 @@ import pytest
 from kinds_of_data import (
     KINDS,
     axes,
+    ball,
+    blurred,
     extinction,
     head_in_hounsfield_units,
     labels,
+    noise,
     signed,
     suggested,
     two_materials,
@@ -262,3 +265,21 @@ def test_odd_volumes_get_something_that_is_visible(values: Array) -> None:
     suggestion = suggested(values)
     assert max(extinction(suggestion.transfer, *np.unique(values).tolist())) > 0
     assert suggestion.transfer.unit is not None and suggestion.transfer.unit > 0
+
+
+def closed_head() -> Array:
+    """uint8: dark skull and bright fat around a brain."""
+    n = 96
+    values = np.zeros((n, n, n))
+    for radius, value in ((0.92, 210), (0.80, 60), (0.68, 130)):
+        values[ball((0, 0, 0), radius, n)] = value
+    return (blurred(values) + 2 * noise(8, n)).clip(0, 255).astype(np.uint8)
+
+
+def test_a_corner_is_cut_out_of_an_object_that_hides_its_inside() -> None:
+    found = suggested(closed_head())
+    assert found.cuts[-1].box is not None and "a corner is cut out" in found.reason
+    brain, skull = extinction(found.transfer, 130, 60)
+    assert brain > 0 and skull > 0  # cut faces are closed
+    inverted = suggested(np.where(closed_head() > 170, 60, closed_head()).astype(np.uint8))
+    assert not inverted.cuts
