@@ -36,7 +36,8 @@ class Preset:
     """A set of layers and colours for a kind of data.
 
     layers: their sum is the extinction. colors: (normalised value, colour), ascending; linear between. coverage: the
-        mean opacity of the rays that meet anything.
+        mean opacity of the rays that meet anything. is_scan: of an object, perhaps with a table or the like around it.
+        is_closed: the object's outside hides its inside, so that a corner is cut out.
     """
 
     layers: tuple[Layer, ...]
@@ -142,10 +143,11 @@ def _is_closed(sample: VoxelSample, ends: Sequence[float]) -> bool:
     first, second, third, _ = ends
     values = sample.normalized
     deep = are_deep(sample, values > first)
-    middle = float(deep[(values >= second) & (values < third)].mean())
-    densest = float(deep[values >= third].mean())
-    is_solid = float(deep[values > first].mean()) >= _MIN_SOLID
-    return is_solid and middle >= max(_MIN_INNER, _MIN_INNER_RATIO * densest)
+    parts = values > first, (values >= second) & (values < third), values >= third
+    if not all(part.any() for part in parts):
+        return False
+    solid, middle, densest = (float(deep[part].mean()) for part in parts)
+    return solid >= _MIN_SOLID and middle >= max(_MIN_INNER, _MIN_INNER_RATIO * densest)
 
 
 def _closed_preset(ends: Sequence[float]) -> Preset:
