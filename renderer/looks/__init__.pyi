@@ -1,3 +1,4 @@
+from .color_spaces import lab_from_rgb as lab_from_rgb
 from .look import (
     MAX_LOOK_POINTS as MAX_LOOK_POINTS,
     Look as Look,

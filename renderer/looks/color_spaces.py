@@ -59,7 +59,7 @@ def _mix(first: Vector, second: Vector, share: float) -> Vector:
 
 
 def _between_lab(first: Color, second: Color, share: float) -> Color:
-    return _rgb_from_lab(_mix(_lab_from_rgb(first), _lab_from_rgb(second), share))
+    return _rgb_from_lab(_mix(lab_from_rgb(first), lab_from_rgb(second), share))
 
 
 def _between_hsv(first: Color, second: Color, share: float) -> Color:
@@ -67,7 +67,7 @@ def _between_hsv(first: Color, second: Color, share: float) -> Color:
 
 
 def _between_msh(first: Color, second: Color, share: float) -> Color:
-    one, other = (_msh_from_lab(_lab_from_rgb(color)) for color in (first, second))
+    one, other = (_msh_from_lab(lab_from_rgb(color)) for color in (first, second))
     apart = abs(one[2] - other[2])
     is_one, is_other = one[1] > _GRAY_SATURATION, other[1] > _GRAY_SATURATION
     if is_one and is_other and min(apart, 2 * math.pi - apart) > _SIMILAR_HUES:
@@ -97,7 +97,8 @@ def _msh_from_lab(lab: Vector) -> Vector:
     return magnitude, math.acos(min(lab[0] / magnitude, 1.0)) if magnitude > 0 else 0.0, math.atan2(lab[2], lab[1])
 
 
-def _lab_from_rgb(color: Color) -> Vector:
+def lab_from_rgb(color: Color) -> Vector:
+    """Return the lightness, a and b of CIELAB of an sRGB colour in [0, 1]."""
     linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in color]
     x, y, z = (sum(a * b for a, b in zip(row, linear, strict=True)) / white
                for row, white in zip(_XYZ_FROM_RGB, _WHITE, strict=True))  # fmt: skip

@@ -4,7 +4,7 @@ In: a stage, and frames that are drawn. Out: an estimate of the mean squared err
 with an interval. Nothing that is drawn depends on it.
 
 - `pixels.py`: which pixels get a ray; `prober.py`: their errors; `estimate.py`: the estimate and its interval.
-- `visibility.py`: the ranges of scalars whose share of the picture is told.
+- `visibility.py`: the ranges of scalars whose share of the picture is recorded.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Choose the ranges of scalars whose share of the picture is told: a visibility histogram.
+"""Choose the ranges of scalars whose share of the picture is recorded: a visibility histogram.
 
 A range shows, of each ray, the sum of transmittance times opacity over the pieces whose scalars lie in it (C. D. Correa
 and K.-L. Ma, "Visibility Histograms and Visibility-Driven Transfer Functions", IEEE TVCG 2011).

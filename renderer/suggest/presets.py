@@ -24,7 +24,7 @@ from renderer.volume import Float64
 T = TypeVar("T")
 
 # Mean opacities of the rays that meet anything: of scans, of shells in a field, and of a single opaque surface.
-_COVERAGE, _SHELL_COVERAGE, GLOW_COVERAGE, OPAQUE_COVERAGE = 0.94, 0.8, 0.65, 0.97
+_COVERAGE, _SHELL_COVERAGE, _GLOW_COVERAGE, OPAQUE_COVERAGE = 0.94, 0.8, 0.65, 0.97
 
 # Ambient light, which occlusion dims, shows surfaces that face away from the lamp, too. The lamp is above and in front,
 # on the side that a turntable shows first.
@@ -132,7 +132,8 @@ def materials_preset(sample: VoxelSample, background: Background) -> Preset:
 # A closed object: solid, with its densest material outside, such as fat around a head in magnetic resonance. What it
 # hides has the same values as the rest, so that no opacity shows it.
 
-# This part of what is visible, and of the middle material, is deep inside, and so many times less of the densest one.
+# At least these parts of what is visible, and of the middle material, lie deep inside; of the densest material, at most
+# one half of the latter.
 _MIN_SOLID, _MIN_INNER, _MIN_INNER_RATIO = 0.4, 0.6, 2.0
 _CUT_COLORS = ((0.40, 0.26, 0.23), (0.86, 0.64, 0.54), (1.0, 0.92, 0.82), (1.0, 0.98, 0.94))
 # Cut faces have no surfaces: most of their light is ambient.
@@ -240,7 +241,7 @@ def glow_preset(shells: Sequence[tuple[tuple[float, Color], ...]]) -> Preset:
     weights = np.linspace(0.0, 1.0, len(shells)) ** 2
     knots = sorted((at, weight) for shell, weight in zip(shells, weights.tolist(), strict=True) for at, _ in shell)
     colors = sorted(level for shell in shells for level in shell)
-    return Preset((Layer("the strong values", tuple(knots)),), tuple(colors), GLOW_COVERAGE, None)
+    return Preset((Layer("the strong values", tuple(knots)),), tuple(colors), _GLOW_COVERAGE, None)
 
 
 def tail_ratio(sample: VoxelSample, first: float, *, origin: float) -> float:

@@ -32,6 +32,7 @@ _MARGIN = 1.0
 # Cells below a surface, and percentiles of places that are outermost.
 _DEPTH, _OUTERMOST = 3, (2, 98)
 _DIRECTIONS = np.array([each for each in product((-1, 0, 1), repeat=3) if any(each)], np.float64)
+_NORMALS = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
 
 
 class Plane(NamedTuple):
@@ -155,7 +156,7 @@ def _grow(cells: Bools, distance: int) -> Bools:
 
 def _touching_planes(points: Float64, of_object: Bools, side: float) -> list[Plane]:
     """Return planes that touch the object, those first that cut most away; none if they are not worth it."""
-    heights = points @ (_DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)).T
+    heights = points @ _NORMALS.T
     limits = heights[of_object].max(axis=0) + _MARGIN * side
     is_beyond, is_left, chosen = heights > limits, np.ones(len(points), bool), list[int]()
     while len(chosen) < _MAX_PLANES:
@@ -168,5 +169,4 @@ def _touching_planes(points: Float64, of_object: Bools, side: float) -> list[Pla
     is_worth_it = np.mean(~is_left) >= _MIN_CUT or after <= (1 - _MIN_SHRINKAGE) * before
     if not is_worth_it or np.mean(is_left) < _MIN_LEFT:
         return []
-    normals = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
-    return [Plane(limits[k] * normals[k], _DIRECTIONS[k]) for k in chosen]
+    return [Plane(limits[k] * _NORMALS[k], _DIRECTIONS[k]) for k in chosen]

@@ -145,10 +145,10 @@ def _view_axes(azimuth: float) -> tuple[Float64, Float64, Float64]:
     )
 
 
-def _jittered_grid(random: np.random.Generator) -> tuple[Float64, Float64]:
-    """Return one place in each cell of a grid over [-1, 1]^2."""
-    x, y = np.indices((_RAYS_PER_SIDE, _RAYS_PER_SIDE)).reshape(2, -1)
-    return tuple((2 * each + 2 * random.random(each.size)) / _RAYS_PER_SIDE - 1 for each in (x, y))  # type: ignore[return-value]
+def _jittered_grid(random: np.random.Generator) -> Float64:
+    """Return one place in each cell of a grid over [-1, 1]^2, float64 [2, n]."""
+    corners = np.indices((_RAYS_PER_SIDE, _RAYS_PER_SIDE)).reshape(2, -1)
+    return (2 * corners + 2 * random.random(corners.shape)) / _RAYS_PER_SIDE - 1
 
 
 def measure_visibility(rays: TurntableRays, layers: Sequence[Layer], depths: Float64) -> Visibility:

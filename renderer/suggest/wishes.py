@@ -15,7 +15,7 @@ from renderer.errors import Problem, SceneError
 from renderer.scene import TRANSFER_FUNCTION_SECTION, Color, TransferSpec, colormap_points, schema
 from renderer.suggest.classes import foreground_threshold, material_edges, top_value
 from renderer.suggest.features import Background, VoxelSample, otsu_threshold
-from renderer.suggest.presets import GLOW_COVERAGE, OPAQUE_COVERAGE, RAMP, SHADING, STONE, Preset, opaque_preset
+from renderer.suggest.presets import OPAQUE_COVERAGE, RAMP, SHADING, STONE, Preset, glow_preset, opaque_preset
 from renderer.suggest.visibility import Layer
 
 
@@ -95,10 +95,8 @@ def _xray(scan: Scan) -> Preset:
 
 def _glow(scan: Scan) -> Preset:
     first, *_, top = scan.ends()
-    at = np.linspace(first, top, 8).tolist()
     palette: Sequence[Color] = colormap_points("inferno", 12)[-8:]
-    knots = tuple(zip(at, (np.linspace(0.0, 1.0, 8) ** 2).tolist(), strict=True))
-    return Preset((Layer("the values", knots),), tuple(zip(at, palette, strict=True)), GLOW_COVERAGE, None)
+    return glow_preset([(level,) for level in zip(np.linspace(first, top, 8).tolist(), palette, strict=True)])
 
 
 WISHES: dict[str, Callable[[Scan], Preset]] = {
