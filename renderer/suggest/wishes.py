@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from renderer.errors import Problem, SceneError
+from renderer.errors import Problem, SceneError, closest_match
 from renderer.scene import TRANSFER_FUNCTION_SECTION, Color, TransferSpec, colormap_points, schema
 from renderer.suggest.classes import foreground_threshold, material_edges, top_value
 from renderer.suggest.features import Background, VoxelSample, otsu_threshold
@@ -138,5 +139,11 @@ def _parsed(given: dict[str, Any]) -> tuple[TransferSpec, list[Problem]]:
 
 
 def _at_option(problem: Problem, wish: str) -> Problem:
-    hint = f"--preset {wish}#NAME picks one" if problem.path == "name" and "#" not in wish else problem.hint
-    return replace(problem, path="", location=f"--preset {wish}", hint=hint)
+    expected, hint = problem.expected, problem.hint
+    if problem.path == "name" and "#" not in wish:
+        hint = f"--preset {wish}#NAME picks one"
+    elif not Path(wish.partition("#")[0]).suffix:
+        close = closest_match(wish, (*WISHES, LABELS_WISH)) if hint is None else None
+        expected = f"{', '.join(WISHES)} or {LABELS_WISH}; a file; or a preset, {expected}"
+        hint = f"did you mean {close}?" if close else hint
+    return replace(problem, path="", location=f"--preset {wish}", expected=expected, hint=hint)

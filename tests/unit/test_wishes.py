@@ -92,6 +92,7 @@ def test_a_file_of_another_program(tmp_path: Path) -> None:
     ("preset", "message"),
     [
         ("ct-bones", "no transfer function of this name"),
+        ("bnoe", "did you mean bone"),
         ("missing.xml", "no such file"),
         ("presets.xml", "has several transfer functions"),
         ("presets.xml#B", "no transfer function of this name"),
