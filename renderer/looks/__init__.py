@@ -6,11 +6,11 @@ Importing it imports no numpy. Files are untrusted: every importer checks what i
 
 - `read.py` chooses the importer by a table of suffixes and signs, and reads presets, which are in `presets.yaml`.
 - `look.py`: `Look`, and its points where the scene wants them; `curves.py`: piecewise linear curves merged, opacities
-  made piecewise linear in extinction, steps between labels; `color_spaces.py`: colours between two points.
-- `look_file.py` reads text, numbers, JSON and XML of a file, and makes its errors.
+  made piecewise linear in extinction; `color_spaces.py`: colours between two points.
+- `look_file.py` reads text, numbers, curves, JSON and XML of a file, and makes its errors.
 - An importer for each program: `paraview.py`, `slicer.py`, `voreen.py`, `inviwo.py`, `mricrogl.py`, `niivue.py`,
   `imagej.py`, `fsleyes.py`; and `label_tables.py` for tables of labels. `tables.py` has what several
-  of them share.
+  of them share: colours at even distances, at intensities, and of labels.
 """
 
 import lazy_loader

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import colorsys
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import pairwise
+from operator import itemgetter
 
-from renderer.looks.curves import Color
+from renderer.looks.curves import Curve, CurvePoint, Numbers, mix
 
-Vector = tuple[float, float, float]
-
-# The most pieces between two points, at which all colours are known.
-_NUM_PIECES = 64
+# The smallest and the largest share of the way between two points that is taken as linear.
+_SMALLEST_SHARE, _LARGEST_SHARE = 1 / 64, 1 / 4
 # Colours this near are the same: half a step of 8 bits.
 _SAME_COLOR = 0.5 / 255
 
@@ -26,64 +26,55 @@ _DARK, _SLOPE = 0.008856, 7.787
 _GRAY_SATURATION, _SIMILAR_HUES, _WHITE_MAGNITUDE = 0.05, math.pi / 3, 88.0
 
 
-def in_color_space(curve: Sequence[tuple[float, Color]], space: str) -> list[tuple[float, Color]]:
-    """Return a curve of colours with points between, where they are not linear in RGB."""
-    if space == "step":
-        return [(at, second) for (low, _), (high, second) in pairwise(curve) for at in (low, high)]
+def in_color_space(curve: Curve, space: str) -> Iterator[CurvePoint]:
+    """Yield the points of a curve of colours, and more between them where they are not linear in RGB."""
     between = _BETWEEN.get(space)
-    if between is None:
-        return [*curve]
-    found = [curve[0]]
+    yield curve[0]
     for (low, first), (high, second) in pairwise(curve):
-        colors = [first, *(between(first, second, k / _NUM_PIECES) for k in range(1, _NUM_PIECES)), second]
-        shares = [0.0, *_needed(colors, 0, _NUM_PIECES)] if low < high else [0.0, 1.0]
-        found += [(low + share * (high - low), colors[round(share * _NUM_PIECES)]) for share in shares[1:-1]]
-        found.append((high, second))
-    return found
+        if space == "step":
+            yield low, second
+        elif between is not None and low < high:
+            for share, color in _needed(partial(between, first, second), (0.0, first), (1.0, second)):
+                yield low + share * (high - low), color
+        yield high, second
 
 
-def _needed(colors: Sequence[Color], begin: int, end: int) -> Iterator[float]:
-    """Yield the shares after `begin` up to `end` at which points are needed for the colours to be near these."""
-    middle = (begin + end) // 2
-    straight = _mix(colors[begin], colors[end], 0.5)
-    if end - begin > 1 and (end - begin > _NUM_PIECES // 4 or math.dist(colors[middle], straight) > _SAME_COLOR):
-        yield from _needed(colors, begin, middle)
-        yield from _needed(colors, middle, end)
-    else:
-        yield end / _NUM_PIECES
+def _needed(color_at: Callable[[float], Numbers], first: CurvePoint, second: CurvePoint) -> Iterator[CurvePoint]:
+    """Yield the shares between two others, and their colours, at which points are needed to be near the colours."""
+    size = second[0] - first[0]
+    if size <= _SMALLEST_SHARE:
+        return
+    middle = first[0] + size / 2, color_at(first[0] + size / 2)
+    if size > _LARGEST_SHARE or math.dist(middle[1], mix(first[1], second[1], 0.5)) > _SAME_COLOR:
+        yield from _needed(color_at, first, middle)
+        yield middle
+        yield from _needed(color_at, middle, second)
 
 
-def _mix(first: Vector, second: Vector, share: float) -> Vector:
-    a, b, c = (low + share * (high - low) for low, high in zip(first, second, strict=True))
-    return a, b, c
+def _between_lab(first: Numbers, second: Numbers, share: float) -> Numbers:
+    return _rgb_from_lab(mix(lab_from_rgb(first), lab_from_rgb(second), share))
 
 
-def _between_lab(first: Color, second: Color, share: float) -> Color:
-    return _rgb_from_lab(_mix(lab_from_rgb(first), lab_from_rgb(second), share))
+def _between_hsv(first: Numbers, second: Numbers, share: float) -> Numbers:
+    return colorsys.hsv_to_rgb(*mix(colorsys.rgb_to_hsv(*first), colorsys.rgb_to_hsv(*second), share))
 
 
-def _between_hsv(first: Color, second: Color, share: float) -> Color:
-    return colorsys.hsv_to_rgb(*_mix(colorsys.rgb_to_hsv(*first), colorsys.rgb_to_hsv(*second), share))
-
-
-def _between_msh(first: Color, second: Color, share: float) -> Color:
+def _between_msh(first: Numbers, second: Numbers, share: float) -> Numbers:
     one, other = (_msh_from_lab(lab_from_rgb(color)) for color in (first, second))
     apart = abs(one[2] - other[2])
-    is_one, is_other = one[1] > _GRAY_SATURATION, other[1] > _GRAY_SATURATION
-    if is_one and is_other and min(apart, 2 * math.pi - apart) > _SIMILAR_HUES:
+    if min(one[1], other[1]) > _GRAY_SATURATION and min(apart, 2 * math.pi - apart) > _SIMILAR_HUES:
         white = (max(one[0], other[0], _WHITE_MAGNITUDE), 0.0, 0.0)
         one, other, share = (one, white, 2 * share) if share < 0.5 else (white, other, 2 * share - 1)
-        is_one, is_other = one[1] > 0, other[1] > 0
-    if is_one != is_other:
-        gray, full = (other, one) if is_one else (one, other)
-        gray = (gray[0], gray[1], _hue_towards_gray(full, gray[0]))
-        one, other = (full, gray) if is_one else (gray, full)
-    magnitude, saturation, hue = _mix(one, other, share)
+    gray, full = sorted((one, other), key=itemgetter(1))
+    if gray[1] <= _GRAY_SATURATION < full[1]:
+        hue = _hue_towards_gray(full, gray[0])
+        one, other = ((m, s, h if s > _GRAY_SATURATION else hue) for m, s, h in (one, other))
+    magnitude, saturation, hue = mix(one, other, share)
     radius = magnitude * math.sin(saturation)
     return _rgb_from_lab((magnitude * math.cos(saturation), radius * math.cos(hue), radius * math.sin(hue)))
 
 
-def _hue_towards_gray(full: Vector, gray_magnitude: float) -> float:
+def _hue_towards_gray(full: Numbers, gray_magnitude: float) -> float:
     """Return the hue at which a saturated colour fades to gray, for steps that look even."""
     magnitude, saturation, hue = full
     if magnitude >= gray_magnitude:
@@ -92,12 +83,12 @@ def _hue_towards_gray(full: Vector, gray_magnitude: float) -> float:
     return hue + spin if hue > -0.3 * math.pi else hue - spin
 
 
-def _msh_from_lab(lab: Vector) -> Vector:
+def _msh_from_lab(lab: Numbers) -> Numbers:
     magnitude = math.hypot(*lab)
     return magnitude, math.acos(min(lab[0] / magnitude, 1.0)) if magnitude > 0 else 0.0, math.atan2(lab[2], lab[1])
 
 
-def lab_from_rgb(color: Color) -> Vector:
+def lab_from_rgb(color: Numbers) -> Numbers:
     """Return the lightness, a and b of CIELAB of an sRGB colour in [0, 1]."""
     linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in color]
     x, y, z = (sum(a * b for a, b in zip(row, linear, strict=True)) / white
@@ -106,7 +97,7 @@ def lab_from_rgb(color: Color) -> Vector:
     return 116 * v - 16, 500 * (u - v), 200 * (v - w)
 
 
-def _rgb_from_lab(lab: Vector) -> Color:
+def _rgb_from_lab(lab: Numbers) -> Numbers:
     v = (lab[0] + 16) / 116
     roots = (v + lab[1] / 500, v, v - lab[2] / 200)
     xyz = [(root**3 if root**3 > _DARK else (root - 16 / 116) / _SLOPE) * white
@@ -117,9 +108,10 @@ def _rgb_from_lab(lab: Vector) -> Color:
     return max(r / brightest, 0.0), max(g / brightest, 0.0), max(b / brightest, 0.0)
 
 
-_BETWEEN: dict[str, Callable[[Color, Color, float], Color]] = {
+_BETWEEN: dict[str, Callable[[Numbers, Numbers, float], Numbers]] = {
     "lab": _between_lab,
     "cielab": _between_lab,
     "hsv": _between_hsv,
     "diverging": _between_msh,
 }
+COLOR_SPACES = {"rgb", "step", *_BETWEEN}

@@ -1,24 +1,26 @@
-"""Look-up tables of ImageJ, .lut: 256 colours as bytes, all red first, with a header or without; or rows of text."""
+"""Look-up tables of ImageJ, .lut: colours as bytes, all red first, 256 or as many as a header says; or rows of text."""
 
 from __future__ import annotations
 
-from typing import Any
-
-from renderer.looks.curves import even_curve
 from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
+from renderer.looks.tables import even_look
 
-_NUM_BYTES, _HEADER, _HEADER_BYTES = 768, b"ICOL", 32
+_HEADER, _HEADER_BYTES, _NUM_COLORS = b"ICOL", 32, 256
+# 256 colours alone, and what some programs append to them.
+_RAW_SIZES = (768, 970)
 
 
 def read(file: LookFile) -> Look:
     """Return the table in a file."""
-    content = file.content[_HEADER_BYTES:] if file.content.startswith(_HEADER) else file.content
-    if len(content) == _NUM_BYTES:
-        rows: list[tuple[object, Any]] = [("the bytes", content[k::256]) for k in range(256)]
-    else:
-        rows = [(line, text.replace(",", " ").split()) for line, text in file.lines()]
-        rows = rows[1:] if rows and rows[0][1][-1].isalpha() else rows  # a line of headings
-    if not rows or any(len(row) not in (3, 4) for _, row in rows):
-        raise file.error("not a look-up table", expected=f"{_NUM_BYTES} bytes, or rows of red, green and blue")
-    return Look(even_curve([file.color(row[-3:], at, 255.0) for at, row in rows]), is_share=True)
+    content, has_header = file.content, file.content.startswith(_HEADER)
+    if has_header or len(content) in _RAW_SIZES:
+        num = int.from_bytes(content[6:8], "big") * has_header or _NUM_COLORS
+        planes = content[_HEADER_BYTES if has_header else 0 :]
+        # ImageJ stretches fewer colours so that they begin at even distances.
+        last = num * (_NUM_COLORS - 1) / _NUM_COLORS
+        return even_look(file, [("the bytes", *planes[k : 3 * num : num]) for k in range(num)], 255.0, last)
+    rows = [(line, text.replace(",", " ").split()) for line, text in file.lines()]
+    rows = rows[1:] if rows and rows[0][1][-1].isalpha() else rows  # a line of headings
+    has_index = bool(rows) and len(rows[0][1]) == 4
+    return even_look(file, [(line, *row[has_index:]) for line, row in rows], 255.0)

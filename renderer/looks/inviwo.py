@@ -14,17 +14,12 @@ _RELATIVE = ("0", "relative")
 
 def read(file: LookFile) -> Look:
     """Return the transfer function in a file."""
-    root = file.xml()
+    root, rows = file.xml(), list[tuple[object, ...]]()
     kind = root.find("type")
     is_share = kind is None or kind.get("content", "0").lower() in _RELATIVE
-    curve: list[tuple[float, tuple[float, ...]]] = []
     for number, point in enumerate(file.child(root, "Points", "points", "dataPoints"), start=1):
-        at, place, color = f"point {number}", file.child(point, "pos"), file.child(point, "rgba")
-        value = file.number(place.get("content", place.get("x")), at)
-        curve.append((value, tuple(file.number(file.attribute(color, part), at, 0.0, 1.0) for part in "xyzw")))
-    if not curve:
-        raise file.error("no points", "<Points>")
+        place, color = file.child(point, "pos"), file.child(point, "rgba")
+        rows.append((f"point {number}", place.get("content", place.get("x")), *map(color.get, "xyzw")))
     ends = [element.get("content") for tag in ("maskMin", "maskMax") if (element := root.find(tag)) is not None]
     is_masked = is_share and [file.number(end, "the mask") for end in ends] not in ([], [0.0, 1.0])
-    left_out = (_UNIT_NOTE, *["its mask"] * is_masked)
-    return Look(sorted(curve, key=lambda point: point[0]), is_share=is_share, left_out=left_out)
+    return Look(file.curve(rows, 4), is_share=is_share, left_out=(_UNIT_NOTE, *["its mask"] * is_masked))

@@ -6,7 +6,7 @@ A label is opaque unless its alpha says something else, and label 0 is transpare
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator
 
 from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
@@ -14,41 +14,37 @@ from renderer.looks.tables import labels_look
 
 _NUMBER = r"[-+.\deE]+"
 _ITK_SNAP = re.compile(rf'(\d+)\s+({_NUMBER})\s+({_NUMBER})\s+({_NUMBER})\s+({_NUMBER})\s+([01])\s+[01]\s+".*"')
-_FREESURFER = re.compile(r"(\d+)\s+(\S+)\s+(\d+)\s+(\d+)\s+(\d+)\s+(\d+)(?:\s.*)?")
+_FREESURFER = re.compile(r"(\d+)\s+\S+\s+(\d+)\s+(\d+)\s+(\d+)\s+(\d+)(?:\s.*)?")
 _FSLEYES = re.compile(rf"(\d+)\s+({_NUMBER})\s+({_NUMBER})\s+({_NUMBER})(?:\s.*)?")
 
 
 def read_freesurfer(file: LookFile) -> Look:
     """Return the table with rows of label, name, red, green, blue and transparency, from 0 to 255."""
-    rows = ((label, rgb, 255.0, 255 - int(clear[:4]), 255.0, line)
-            for line, (label, _, *rgb, clear) in _rows(file, _FREESURFER))  # fmt: skip
-    return labels_look(file, rows)
+    rows = ((line, *row, 255 - file.number(clear, line, 0, 255)) for line, *row, clear in _rows(file, _FREESURFER))
+    return labels_look(file, rows, 255.0)
 
 
 def read_slicer(file: LookFile) -> Look:
     """Return the table with rows of label, name, red, green, blue and alpha, from 0 to 255."""
-    rows = ((label, rgb, 255.0, alpha, 255.0, line) for line, (label, _, *rgb, alpha) in _rows(file, _FREESURFER))
-    return labels_look(file, rows)
+    return labels_look(file, _rows(file, _FREESURFER), 255.0)
 
 
 def read_itk_snap(file: LookFile) -> Look:
     """Return the table with rows of label, red, green, blue from 0 to 255, alpha from 0 to 1, two flags and a name."""
-    rows = ((label, rgb, 255.0, alpha if shown == "1" else 0, 1.0, line)
-            for line, (label, *rgb, alpha, shown) in _rows(file, _ITK_SNAP))  # fmt: skip
-    return labels_look(file, rows)
+    rows = ((line, *row, 255 * (shown == "1") * file.number(alpha, line, 0, 1))
+            for line, *row, alpha, shown in _rows(file, _ITK_SNAP))  # fmt: skip
+    return labels_look(file, rows, 255.0)
 
 
 def read_fsleyes(file: LookFile) -> Look:
     """Return the table with rows of label, red, green and blue from 0 to 1, and name."""
-    rows = ((label, rgb, 1.0, 1, 1.0, line) for line, (label, *rgb) in _rows(file, _FSLEYES))
-    return labels_look(file, rows)
+    return labels_look(file, ((*row, 1) for row in _rows(file, _FSLEYES)), 1.0)
 
 
-def _rows(file: LookFile, pattern: re.Pattern[str]) -> Iterable[tuple[int, Sequence[str]]]:
+def _rows(file: LookFile, pattern: re.Pattern[str]) -> Iterator[tuple[object, ...]]:
+    """Yield the number of each line and what a pattern finds in it."""
     for line, text in file.lines():
         found = pattern.fullmatch(text)
         if found is None:
-            raise file.error(
-                "not a row of a table of labels", line, got=text, expected="a label, its colour and its name"
-            )
-        yield line, found.groups()
+            raise file.error("not a row of a table of labels", line, got=text, expected="a label and its colour")
+        yield line, *found.groups()

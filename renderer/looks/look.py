@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Any
 
 from renderer.looks.curves import OPAQUE_DEPTH, Color, Curve, linear_in_extinction, merge_curves, without_hidden
@@ -64,16 +65,17 @@ def place_look(
     def placed(value: float) -> float:
         return scale * (value if span is None else low + stretch * (value - first)) + shift
 
-    curve = [(placed(value), parts) for value, parts in look.curve]
+    curve = without_hidden([(placed(value), parts) for value, parts in look.curve])
     if not all(math.isfinite(value) for value, _ in curve):
         return [(math.inf, (0.0, 0.0, 0.0), 0.0)]
     if opacities or not look.has_opacities:
         depths = [(value, (_depth(opacity),)) for value, opacity in opacities or [(curve[0][0], 1.0)]]
-        merged = merge_curves([(value, parts[:3]) for value, parts in without_hidden(curve)], depths)
+        merged = merge_curves([(value, parts[:3]) for value, parts in curve], depths)
         curve = [(value, (*parts[:3], -math.expm1(-parts[3]))) for value, parts in merged]
     else:
-        curve = list(linear_in_extinction(curve))
-    return [(value, (r, g, b), opacity) for value, (r, g, b, opacity) in without_hidden(curve)]
+        # One more than is allowed is refused; without an end they may be millions.
+        curve = list(islice(linear_in_extinction(curve), MAX_LOOK_POINTS + 1))
+    return [(value, (r, g, b), opacity) for value, (r, g, b, opacity) in curve]
 
 
 def _depth(opacity: float) -> float:

@@ -7,14 +7,15 @@ presets have opacities; they are for ParaView's unit distance, about a voxel, an
 from __future__ import annotations
 
 from functools import partial
+from itertools import islice
 from typing import Any
 
-from renderer.looks.color_spaces import in_color_space
-from renderer.looks.curves import Curve, label_curve, merge_curves
-from renderer.looks.look import Look, Looks
+from renderer.looks.color_spaces import COLOR_SPACES, in_color_space
+from renderer.looks.curves import merge_curves
+from renderer.looks.look import MAX_LOOK_POINTS, Look, Looks
 from renderer.looks.look_file import LookFile
 
-_KNOWN_SPACES = ("rgb", "lab", "cielab", "hsv", "diverging", "step")
+_INDEX_NOTE = "which value each colour is for: label 0 has the first, label 1 the second"
 
 
 def read(file: LookFile) -> Looks:
@@ -28,26 +29,25 @@ def read(file: LookFile) -> Looks:
 
 
 def _look(file: LookFile, preset: dict[str, Any]) -> Look:
-    at = str(preset.get("Name", "the preset"))
+    at, notes = str(preset.get("Name", "the preset")), list[str]()
     if "RGBPoints" not in preset:
-        numbers = file.numbers(preset.get("IndexedColors"), f"{at}: IndexedColors", 3)
-        colors = [file.color(numbers[k : k + 3], at) for k in range(0, len(numbers), 3)]
-        note = "which value each colour is for: label 0 has the first, label 1 the second"
-        return Look(label_curve({float(k): color for k, color in enumerate(colors)}), left_out=(note,))
-    numbers = file.numbers(preset["RGBPoints"], f"{at}: RGBPoints", 4)
-    points = sorted((numbers[k], file.color(numbers[k + 1 : k + 4], at)) for k in range(0, len(numbers), 4))
-    space, notes = str(preset.get("ColorSpace", "RGB")), list[str]()
-    if space.lower() not in _KNOWN_SPACES:
+        colors = file.groups(preset.get("IndexedColors"), f"{at}: IndexedColors", 3)
+        ends = ((max(k - 0.5, 0), min(k + 0.5, len(colors) - 1)) for k in range(len(colors)))
+        rows = ((at, value, *color) for pair, color in zip(ends, colors, strict=True) for value in pair)
+        return Look(file.curve(rows, 3), left_out=(_INDEX_NOTE,))
+    points = file.curve(((at, *row) for row in file.groups(preset["RGBPoints"], f"{at}: RGBPoints", 4)), 3)
+    space = str(preset.get("ColorSpace", "RGB"))
+    if space.lower() not in COLOR_SPACES:
         notes.append(f"interpolation in the colour space {space[:20]}")
-    curve: Curve = in_color_space(points, space.lower())
+    # One more than is allowed is refused; without an end they may take minutes.
+    curve = list(islice(in_color_space(points, space.lower()), MAX_LOOK_POINTS + 1))
     if preset.get("Points"):
-        numbers = file.numbers(preset["Points"], f"{at}: Points", 4)
-        opacities = [(numbers[k], (file.number(numbers[k + 1], at, 0, 1),)) for k in range(0, len(numbers), 4)]
-        curve = merge_curves(curve, sorted(opacities))
-        if any(numbers[k + 2] != 0.5 or numbers[k + 3] != 0 for k in range(0, len(numbers), 4)):
+        opacities = file.groups(preset["Points"], f"{at}: Points", 4)
+        curve = merge_curves(curve, file.curve(((at, *row[:2]) for row in opacities), 1))
+        if any(row[2:] != [0.5, 0] for row in opacities):
             notes.append("midpoints and sharpness of opacities")
-    left_out = tuple(notes)
     first, last = points[0][0], points[-1][0]
-    if last != 1 or first not in (0, -1):
-        return Look(curve, span=(first, last), left_out=left_out)
-    return Look([((v - first) / (last - first), parts) for v, parts in curve], is_share=True, left_out=left_out)
+    is_share = last == 1 and first in (0, -1)
+    if is_share:
+        curve = [((value - first) / (last - first), parts) for value, parts in curve]
+    return Look(curve, is_share, None if is_share else (first, last), left_out=tuple(notes))

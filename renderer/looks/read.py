@@ -15,23 +15,34 @@ from renderer.looks.look_file import LookFile
 
 Importer = Callable[[LookFile], Look | Looks]
 
-# The importer for the end of a file's name, and for a pattern that its content has. The first that fits reads the file.
-_IMPORTERS: tuple[tuple[str, bytes, Importer], ...] = (
-    (".json", rb'"volumeProperties"', slicer.read_json),
-    (".json", rb'"R"', niivue.read),
-    (".json", b"", paraview.read),
-    (".xml", b"", slicer.read_xml),
-    (".vp", b"", slicer.read_text),
-    (".tfi", b"", voreen.read),
-    (".itf", b"", inviwo.read),
-    (".clut", b"", mricrogl.read),
-    (".cmap", b"", fsleyes.read),
-    (".lut", rb"\A\d+[ \t]+[.\d]+[ \t]+[.\d]+[ \t]+[.\d]+[ \t]+\S", label_tables.read_fsleyes),
-    (".lut", b"", imagej.read),
-    (".ctbl", b"", label_tables.read_slicer),
-    (".txt", rb'(?m)^[ \t]*\d+[ \t][^"\n]*"', label_tables.read_itk_snap),
-    (".label", b"", label_tables.read_itk_snap),
-    (".txt", b"", label_tables.read_freesurfer),
+_FSLEYES_LABEL = rb"(?m)^[ \t]*\d+([ \t]+[.\d]+){3}[ \t]+\S"
+_SLICER_LABELS = "labels of 3D Slicer: rows of label, name, red, green, blue and alpha"
+_ITK_LABELS = "labels of ITK-SNAP: rows of label, red, green, blue, alpha, two flags and a name in quotes"
+
+# The end of a file's name, a pattern that its content has, what such a file is, for its errors, and its importer. The
+# first that fits reads the file.
+_IMPORTERS: tuple[tuple[str, bytes, str, Importer], ...] = (
+    (".json", rb'"volumeProperties"', "a volume property of 3D Slicer", slicer.read_json),
+    (".json", rb'"R"', "a colormap of niivue: an object with lists R, G, B, A and I", niivue.read),
+    (".json", b"", "colormaps of ParaView: a list of objects with Name and RGBPoints", paraview.read),
+    (".xml", b"", "presets of 3D Slicer: elements VolumeProperty", slicer.read_xml),
+    (".vp", b"", "a volume property of 3D Slicer: nine lines", slicer.read_text),
+    (".tfi", b"", "a transfer function of Voreen: TransFuncIntensity with Keys", voreen.read),
+    (".itf", b"", "a transfer function of Inviwo: Points with pos and rgba", inviwo.read),
+    (".clut", b"", "a colour table of MRIcroGL: numnodes, min, max, nodes", mricrogl.read),
+    (".cmap", b"", "a colormap of FSLeyes: rows of red, green and blue", fsleyes.read),
+    (".lut", _FSLEYES_LABEL, "labels of FSLeyes: rows of label, red, green, blue and name", label_tables.read_fsleyes),
+    (".lut", b"", "a look-up table of ImageJ: 768 bytes, or rows of red, green and blue", imagej.read),
+    (".ctbl", b"", _SLICER_LABELS, label_tables.read_slicer),
+    (".txt", rb"\A# Color table file", _SLICER_LABELS, label_tables.read_slicer),
+    (".txt", rb'(?m)^[ \t]*\d+[ \t][^"\n]*"', _ITK_LABELS, label_tables.read_itk_snap),
+    (".label", b"", _ITK_LABELS, label_tables.read_itk_snap),
+    (
+        ".txt",
+        b"",
+        "labels of FreeSurfer: rows of label, name, red, green, blue and transparency",
+        label_tables.read_freesurfer,
+    ),
 )
 _MAX_LISTED = 12
 
@@ -41,15 +52,15 @@ def read_look(path: Path, content: bytes, name: str | None) -> Look:
 
     Raises InputError with the place in the file, LookNameError for a name that is unknown or missing.
     """
-    file = LookFile(path, content)
-    suffixes = dict.fromkeys(suffix for suffix, _, _ in _IMPORTERS)
-    for suffix, pattern, read in _IMPORTERS:
+    for suffix, pattern, kind, read in _IMPORTERS:
         if path.name.lower().endswith(suffix) and re.search(pattern, content):
+            file = LookFile(path, content, kind)
             look = _choose(read(file), name, str(path))
             if len(look.curve) > MAX_LOOK_POINTS:
                 raise file.error("too many points", got=len(look.curve), expected=f"at most {MAX_LOOK_POINTS}")
             return look
-    raise file.error("not a kind of transfer function that is known", expected=f"a file {', '.join(suffixes)}")
+    suffixes = ", ".join(dict.fromkeys(suffix for suffix, *_ in _IMPORTERS))
+    raise InputError("not a kind of transfer function that is known", where=str(path), expected=f"a file {suffixes}")
 
 
 def _choose(found: Look | Looks, name: str | None, where: str) -> Look:
@@ -60,7 +71,7 @@ def _choose(found: Look | Looks, name: str | None, where: str) -> Look:
     if name in names:
         return looks[name]()
     listed = ", ".join(names[:_MAX_LISTED]) + f" and {len(names) - _MAX_LISTED} more" * (len(names) > _MAX_LISTED)
-    close = closest_match(name, names) if name else None
+    close = closest_match(name or "", names)
     raise LookNameError(
         "has several transfer functions" if name is None else "no transfer function of this name",
         where=where,

@@ -5,19 +5,25 @@ VTK draws them: opacities are for a world unit, `ScalarOpacityUnitDistance`, and
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from renderer.looks.curves import Curve, merge_curves
+from renderer.looks.curves import merge_curves
 from renderer.looks.look import Look, Looks
 from renderer.looks.look_file import LookFile
 
+# A place, a value, and a colour or an opacity.
+_Rows = list[tuple[Any, ...]]
+
 _UNIT = 1.0
+# What VTK takes where a file says nothing.
+_LIGHT = {"ambient": 0.1, "diffuse": 0.7, "specular": 0.2, "specularPower": 10.0}
 # Highlights of VTK are Phong's, hsplat's Blinn's, of which narrow ones are as wide with four times the shininess.
 _BLINN_PER_PHONG, _MAX_SHININESS = 4.0, 1000.0
 _LINES = ("interpolation", "shade", "diffuse", "ambient", "specular", "specularPower",
           "scalarOpacity", "gradientOpacity", "colorTransfer")  # fmt: skip
+_GRADIENT_NOTE = "opacities by the gradient (shading.gradient_opacity has factors on extinctions)"
 
 
 def read_xml(file: LookFile) -> Looks:
@@ -29,8 +35,8 @@ def read_xml(file: LookFile) -> Looks:
 
 
 def read_text(file: LookFile) -> Look:
-    """Return the volume property in nine lines."""
-    lines = [line for _, line in file.lines()]
+    """Return the volume property in nine lines, of which some may be empty."""
+    lines = file.text().splitlines()
     if len(lines) < len(_LINES):
         raise file.error("too few lines", got=f"{len(lines)} lines", expected=f"{len(_LINES)}: {', '.join(_LINES)}")
     return _from_texts(file, dict(zip(_LINES, lines, strict=False)))
@@ -39,75 +45,57 @@ def read_text(file: LookFile) -> Look:
 def _from_texts(file: LookFile, texts: Mapping[str, str]) -> Look:
     """Return the look of attributes: functions are the number of all numbers, and then the numbers."""
 
-    def curve(key: str, group: int) -> Curve:
+    def rows(key: str, size: int) -> _Rows:
         at = f"{texts.get('name', '')} {key}".strip()
-        count, *numbers = file.numbers(texts.get(key, "").split(), at)
-        if count != len(numbers) or not numbers or len(numbers) % group:
-            raise file.error("not as many numbers as it says", at, got=f"{count:g} and {len(numbers)} numbers",
-                             expected=f"their number, a multiple of {group}, and the numbers")  # fmt: skip
-        return _curve(file, numbers, group, at)
+        count, *numbers = texts.get(key, "").split() or ["0"]
+        if file.number(count, at) != len(numbers):
+            raise file.error("not as many numbers as it says", at, got=f"{count} and {len(numbers)} numbers",
+                             expected="their number, and the numbers")  # fmt: skip
+        return [(at, *row) for row in file.groups(numbers, at, size)] if numbers else []
 
-    light = {key: texts.get(key) for key in ("ambient", "diffuse", "specular", "specularPower")}
-    gradient = curve("gradientOpacity", 2) if texts.get("gradientOpacity") else ()
-    is_lit = file.number(texts.get("shade", "0"), "shade") != 0
-    return _look(file, curve("colorTransfer", 4), curve("scalarOpacity", 2), gradient, light if is_lit else {})
+    light = {key: text for key, text in texts.items() if text}
+    is_lit = file.number(texts.get("shade") or 0, "shade") != 0
+    functions = rows("colorTransfer", 4), rows("scalarOpacity", 2), rows("gradientOpacity", 2)
+    return _look(file, functions, light if is_lit else None)
 
 
-def read_json(file: LookFile) -> Looks:
-    """Return the volume properties of a .vp.json file, of which the first component counts."""
+def read_json(file: LookFile) -> Look:
+    """Return the first volume property of a .vp.json file, of which the first component counts, as in 3D Slicer."""
     properties = file.member(file.json(), "volumeProperties", list, "the file")
-    names = {k: f"{k}" if len(properties) > 1 else "" for k in range(len(properties))}
-    return {names[k]: partial(_from_json, file, each) for k, each in enumerate(properties)}
+    components = file.member((properties or [None])[0], "components", list, "volumeProperties")
+    component, notes = (components or [None])[0], list[str]()
 
+    def rows(key: str, name: str) -> _Rows:
+        points = file.member(file.member(component, key, dict, "components"), "points", list, key)
+        trees = [point if isinstance(point, dict) else {} for point in points]
+        if any(tree.get("midpoint", 0.5) != 0.5 or tree.get("sharpness", 0) != 0 for tree in trees):
+            notes.append(f"midpoints and sharpness of {key}")
+        parts = [tree.get(name) for tree in trees]
+        return [(key, tree.get("x"), *(part if isinstance(part, list) else [part]))
+                for tree, part in zip(trees, parts, strict=True)]  # fmt: skip
 
-def _from_json(file: LookFile, tree: Any) -> Look:
-    component = (file.member(tree, "components", list, "volumeProperties") or [None])[0]
-    colors, color_notes = _json_curve(file, component, "rgbTransferFunction", "color")
-    opacities, opacity_notes = _json_curve(file, component, "scalarOpacity", "y")
+    colors, opacities = rows("rgbTransferFunction", "color"), rows("scalarOpacity", "y")
     has_gradient = "gradientOpacity" in component and component.get("disableGradientOpacity") is not True
-    gradient = _json_curve(file, component, "gradientOpacity", "y")[0] if has_gradient else ()
-    light = file.member(component, "lighting", dict, "components") if component.get("shade") is True else {}
+    gradient = rows("gradientOpacity", "y") if has_gradient else []
+    light = file.member({"lighting": {}, **component}, "lighting", dict, "components")
     unit = file.number(component.get("scalarOpacityUnitDistance", _UNIT), "scalarOpacityUnitDistance", 1e-30, 1e30)
-    return _look(file, colors, opacities, gradient, light, unit, [*color_notes, *opacity_notes])
-
-
-def _json_curve(file: LookFile, component: Any, key: str, name: str) -> tuple[Curve, list[str]]:
-    """Return a function of a component, and a note where it is not linear between points."""
-    numbers, is_bent = list[object](), False
-    for point in file.member(file.member(component, key, dict, "components"), "points", list, key):
-        at = point if isinstance(point, dict) else {}
-        parts = at.get(name)
-        numbers += [at.get("x"), *(parts if isinstance(parts, list) and len(parts) == 3 else [parts])]
-        is_bent |= at.get("midpoint", 0.5) != 0.5 or at.get("sharpness", 0) != 0
-    group = 4 if name == "color" else 2
-    return _curve(file, file.numbers(numbers, key, group), group, key), [f"midpoints and sharpness of {key}"] * is_bent
-
-
-def _curve(file: LookFile, numbers: list[float], group: int, at: str) -> Curve:
-    """Return a curve from numbers: a value, and a colour or an opacity, and again. VTK takes them by value."""
-    points = []
-    for k in range(0, len(numbers) - group + 1, group):
-        value, *parts = numbers[k : k + group]
-        points.append((value, tuple(file.number(part, at, 0.0, 1.0) for part in parts)))
-    return sorted(points, key=lambda point: point[0])
+    notes += ["other components"] * (len(components) > 1)
+    functions = colors, opacities, gradient
+    return _look(file, functions, light if component.get("shade") is True else None, unit, notes)
 
 
 def _look(
-    file: LookFile,
-    colors: Curve,
-    opacities: Curve,
-    gradient: Curve,
-    light: Mapping[str, Any],
-    unit: float = _UNIT,
-    left_out: Any = (),
+    file: LookFile, functions: Sequence[_Rows], light: Any, unit: float = _UNIT, left_out: Sequence[str] = ()
 ) -> Look:
+    """Return the look of colours, opacities, and opacities by the gradient. light: None without one."""
+    colors, opacities, gradient = functions
     shading: dict[str, Any] = {}
-    if light:
-        given = {key: file.number(value, key, 0.0, 1e6) for key, value in light.items() if value is not None}
-        names = ("ambient", "diffuse", "specular")
-        shading = {"light": "camera", "two_sided": True, **{key: min(given[key], 1.0) for key in names if key in given}}
-        power = _BLINN_PER_PHONG * given.get("specularPower", 1.0)
-        shading |= {"shininess": min(max(power, 1.0), _MAX_SHININESS)}
-    if any(factor < 1 for _, (factor,) in gradient):
-        left_out = [*left_out, "opacities by the gradient (shading.gradient_opacity has factors on extinctions)"]
-    return Look(merge_curves(colors, opacities), unit=unit, shading=shading, left_out=tuple(left_out))
+    if light is not None:
+        given = {key: file.number(value, key, 0.0, 1e6) for key, value in {**_LIGHT, **light}.items() if key in _LIGHT}
+        power = _BLINN_PER_PHONG * given.pop("specularPower")
+        shading = {"light": "camera", "two_sided": True, **{key: min(part, 1.0) for key, part in given.items()},
+                   "shininess": min(max(power, 1.0), _MAX_SHININESS)}  # fmt: skip
+    if gradient and min(part for _, (part,) in file.curve(gradient, 1)) < 1:
+        left_out = [*left_out, _GRADIENT_NOTE]
+    curve = merge_curves(file.curve(colors, 3), file.curve(opacities, 1))
+    return Look(curve, unit=unit, shading=shading, left_out=tuple(left_out))

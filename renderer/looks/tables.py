@@ -1,42 +1,51 @@
-"""Looks of tables: colours at intensities of a range, and colours of labels."""
+"""Looks of tables: colours at even distances, at intensities of a range, and of labels."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from renderer.looks.curves import label_curve
+from renderer.looks.curves import CurvePoint
 from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
 
-# Label, colour, white, alpha, opaque alpha, place.
-LabelRow = tuple[object, Sequence[object], float, object, float, object]
-
-_LARGEST_LABEL = 2.0**53
+_CLEAR = (0.0, 0.0, 0.0, 0.0)
 
 
-def table_look(file: LookFile, rows: Sequence[Sequence[Any]], lowest: object, highest: object) -> Look:
-    """Return the look of rows of intensity, red, green, blue and alpha, from 0 to 255.
+def even_look(file: LookFile, rows: Sequence[Sequence[Any]], white: float, last: float = 0.0) -> Look:
+    """Return the look of rows of a place, red, green and blue, evenly over a range.
+
+    last: the number of the row, from 0, that is at the end of the range, if that is not the last one.
+    """
+    end = last or max(len(rows) - 1, 1)
+    return Look(file.curve(((at, k / end, *rgb) for k, (at, *rgb) in enumerate(rows)), 3, white), is_share=True)
+
+
+def table_look(file: LookFile, rows: Iterable[Sequence[Any]], lowest: object, highest: object) -> Look:
+    """Return the look of rows of a place, an intensity, red, green, blue and alpha, from 0 to 255.
 
     lowest, highest: the values of intensities 0 and 255; both are 0 where the table has no range.
     """
     low, high = file.number(lowest, "min"), file.number(highest, "max")
-    has_range = high > low
-    curve = []
-    for k, (intensity, *parts) in enumerate(rows):
-        share = file.number(intensity, f"intensity {k}", 0, 255) / 255
-        value = low + share * (high - low) if has_range else share
-        curve.append((value, tuple(file.number(part, f"colour {k}", 0, 255) / 255 for part in parts)))
-    curve.sort(key=lambda point: point[0])
-    return Look(curve, is_share=not has_range, span=(low, high))
+    is_share = high <= low
+    low, high = (0.0, 1.0) if is_share else (low, high)
+    placed = (
+        (at, low + file.number(intensity, at, 0, 255) / 255 * (high - low), *rgba) for at, intensity, *rgba in rows
+    )
+    return Look(file.curve(placed, 4, 255.0), is_share=is_share, span=(low, high))
 
 
-def labels_look(file: LookFile, rows: Iterable[LabelRow]) -> Look:
-    """Return the look of labels: steps half-way between them."""
-    labels: dict[float, tuple[float, ...]] = {}
-    for label, rgb, white, alpha, opaque, at in rows:
-        opacity = file.number(alpha, at, 0.0, opaque) / opaque
-        labels[file.number(label, at, 0.0, _LARGEST_LABEL)] = (*file.color(rgb, at, white), opacity)
-    if not labels:
-        raise file.error("no labels")
-    return Look(label_curve({**labels, 0.0: (0.0, 0.0, 0.0, 0.0)}))
+def labels_look(file: LookFile, rows: Iterable[Sequence[Any]], white: float) -> Look:
+    """Return the look of rows of a place, a label, red, green, blue and alpha, from 0 to `white`.
+
+    Each label has its colour half-way to the next ones. Label 0 and those that the table lacks are transparent.
+    """
+    labels = {**dict(file.curve(rows, 4, white)), 0.0: _CLEAR}
+    curve, end = list[CurvePoint](), min(labels) - 0.5
+    for label in sorted(labels):
+        low, high = label - 0.5, label + 0.5
+        if end < low:
+            curve += [(end, _CLEAR), (low, _CLEAR)]
+        curve += [(max(low, end), labels[label]), (high, labels[label])]
+        end = high
+    return Look([*curve, (end, _CLEAR)], span=(min(labels), max(labels)))

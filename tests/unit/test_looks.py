@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from look_scene import look_scene as scene
 from spoiling import spoil
 
 from renderer.errors import InputError, SceneError
 from renderer.looks import place_look, read_look, read_preset
 from renderer.looks.curves import MAX_OPACITY_ERROR, merge_curves
 from renderer.looks.look import Look
-from renderer.scene import ColormapSpec, Scene, ShadingSpec, TransferSpec, parse_scene, scene_to_dict
+from renderer.scene import ColormapSpec, ShadingSpec, TransferSpec, parse_scene, scene_to_dict
 from renderer.transfer import make_transfer_function
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -59,13 +60,14 @@ ITK_SNAP = (
     '# ITK-SnAP Label Description File\n0 0 0 0 0 0 0 "Clear Label"\n2 255 0 0 0.5 1 1 "a"\n4 0 255 0 1 0 1 "b"\n'
 )
 FREESURFER = "#No. Label Name: R G B A\n0 Unknown 0 0 0 0\n2 Left-Cortex 255 0 0 0\n4 Right-Cortex 0 255 0 255\n"
-PARAVIEW = """[{"ColorSpace": "RGB", "Name": "mine", "RGBPoints": [-1, 0, 0, 0, 1, 1, 1, 1],
-  "Points": [-1, 0, 0.5, 0, 1, 0.4, 0.5, 0],},
- {"Name": "rainbow", "ColorSpace": "HSV", "RGBPoints": [5, 0, 0, 1, 9, 1, 0, 0]},
- {"Name": "steps", "ColorSpace": "Step", "RGBPoints": [0, 0, 0, 1, 1, 1, 0, 0]},
- {"Name": "odd", "ColorSpace": "Oklab", "RGBPoints": [0, 0, 0, 1, 1, 1, 0, 0]},
- {"Name": "indexed", "IndexedColors": [1, 0, 0, 0, 1, 0]},]"""  # fmt: skip
+PARAVIEW = """[{"ColorSpace": "RGB", "Name": "A", "RGBPoints": [-1, 0, 0, 0, 1, 1, 1, 1],
+  "Points": [-1, 0, 0.5, 0, 1, 0.4, 0.5, 0],}, {"Name": "rainbow", "RGBPoints": [5, 0, 0, 1, 9, 1, 0, 0]},]"""
 
+
+GRADIENT = "opacities by the gradient (shading.gradient_opacity has factors on extinctions)"
+BENT = "midpoints and sharpness of rgbTransferFunction"
+VOREEN = "the unit of opacities, 1/200 of the volume's width: without a unit in the scene they are for a voxel"
+INVIWO = "the unit of opacities, 1/150 of the volume's width: without a unit in the scene they are for a voxel"
 
 JUNK: list[Any] = [
     None, True, -1, 0, 3, 1e300, math.nan, 10**400, "", "\0", "~", "a.clut", "B", "ct-bone", [], [0], [0, 1],
@@ -77,20 +79,6 @@ def read(name: str, content: str | bytes, look: str | None = None) -> Look:
     return read_look(Path(name), content.encode() if isinstance(content, str) else content, look)
 
 
-def curve(look: Look) -> list[tuple[float, ...]]:
-    return [(value, *(round(part, 6) for part in parts)) for value, parts in look.curve]
-
-
-def scene(section: dict[str, Any]) -> Scene:
-    tree = {
-        "volume": {"procedural": {"name": "constant", "shape": [4, 4, 4]}},
-        "transfer_function": section,
-        "camera": {"path": {"type": "turntable", "frames": 1}},
-        "output": {"file": "still.png"},
-    }
-    return parse_scene(tree, base=Path(), is_single_frame=True)
-
-
 def refusal(section: dict[str, Any]) -> str:
     with pytest.raises(SceneError) as error:
         scene(section)
@@ -99,82 +87,90 @@ def refusal(section: dict[str, Any]) -> str:
 
 # Formats
 
-
-def test_a_preset_of_slicer_has_unit_and_light() -> None:
-    look = read("a.xml", SLICER, "A")
-    assert curve(look) == [(0, 0, 0, 0, 0), (50, 0.5, 0.25, 0, 0.2), (100, 1, 0.5, 0, 0.9)]
-    assert look.unit == 1.0 and not look.left_out
-    light = {"light": "camera", "two_sided": True, "ambient": 0.1, "diffuse": 0.9, "specular": 0.2, "shininess": 40.0}
-    assert look.shading == light
-    other = read("a.xml", SLICER, "B")
-    assert not other.shading and "gradient" in other.left_out[0]
-
-
-def test_the_older_and_the_newer_volume_property() -> None:
-    text = "1\n1\n0.42\n0.44\n0.46\n38.5\n4 0 0 9 1\n4 0 1 9 1\n8 0 0 0 0 9 1 1 1\n"
-    look = read("a.vp", text)
-    assert curve(look) == [(0, 0, 0, 0, 0), (9, 1, 1, 1, 1)]
-    assert (look.shading["diffuse"], look.shading["ambient"]) == (0.42, 0.44)
-    newer = read("a.vp.json", VP_JSON)
-    assert curve(newer) == curve(look) and newer.unit == 2.5
-    assert newer.left_out[0] == "midpoints and sharpness of rgbTransferFunction" and "gradient" in newer.left_out[1]
+RAMP = bytes(range(256))
+BLACK, RED, GREEN, BLUE, WHITE = (0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)
+CLEAR = (*BLACK, 0)
+RISE = [(0, *CLEAR), (50, 0.5, 0.25, 0, 0.2), (100, 1, 0.5, 0, 0.9)]
+SLOPE = [(0, *WHITE, 0), (5, *WHITE, 5 / 9), (9, *WHITE, 1)]
+PAIR = [(0.25, *BLUE, 0), (0.75, *RED, 0.4)]
+BLUES = [(k / 255, 0, 0, k / 255) for k in range(256)]
+SHARES, TABLE = ([(low, *CLEAR), (high, 1, 0.2, 0, 0.4)] for low, high in ((0, 1), (10, 61)))
+SWAPPED = SLICER.replace('"A"', '"C"').replace('"B"', '"A"')
+KEYS = [(150, *RED, 0.2), (150, *GREEN, 0.4), (200, *BLUE, 0)]
+BLUE_RED = [(0, *BLUE), (1, *RED)]
+FADE = [(0, *CLEAR), (9, *WHITE, 1)]
+LIGHT = {"light": "camera", "two_sided": True, "ambient": 0.1, "diffuse": 0.9, "specular": 0.2, "shininess": 40.0}
+VP = "1\n1\n0.42\n0.44\n0.46\n38.5\n4 0 0 9 1\n4 0 1 9 1\n8 0 0 0 0 9 1 1 1\n"
+VP_LIGHT = LIGHT | {"ambient": 0.44, "diffuse": 0.42, "specular": 0.46, "shininess": 154.0}
 
 
-def test_voreen_has_a_domain_and_split_keys() -> None:
-    look = read("a.tfi", TFI)
-    assert curve(look) == [(150, 1, 0, 0, 0.2), (150, 0, 1, 0, 0.4), (200, 0, 0, 1, 0)]
-    assert (look.span, look.is_share) == ((100, 200), False)
-    assert "1/200" in look.left_out[0] and look.left_out[1:] == ("its threshold",)
+def labels(*opacities: float) -> list[tuple[float, ...]]:
+    """Return the curve of labels 0, 2 and 4, of which the last two are red and green."""
+    points = [(-0.5, *CLEAR), (0.5, *CLEAR)]
+    for value, color, opacity in zip((2, 4), (RED, GREEN), opacities, strict=True):
+        points += [(value - 0.5 - 1, *CLEAR), (value - 0.5, *CLEAR)]
+        points += [(value - 0.5, *color, opacity), (value + 0.5, *color, opacity)]
+    return [*points, (4.5, *CLEAR)]
 
 
-def test_inviwo_has_shares_or_values() -> None:
-    look = read("a.itf", ITF)
-    assert curve(look) == [(0.25, 0, 0, 1, 0), (0.75, 1, 0, 0, 0.4)] and look.is_share and len(look.left_out) == 1
-    assert not read("a.itf", ITF.replace('type content="0"', 'type content="1"')).is_share
-    assert "its mask" in read("a.itf", ITF.replace('maskMin content="0"', 'maskMin content="0.3"')).left_out
+# File, content, curve, and attributes of the look; the name in the file is A where it has several.
+FORMATS: dict[str, tuple[str, str | bytes, list[tuple[float, ...]], dict[str, Any]]] = {
+    "Slicer": ("a.xml", SLICER, RISE, {"unit": 1.0, "left_out": (), "shading": LIGHT}),
+    "Slicer, by the gradient": ("a.xml", SWAPPED, SLOPE, {"left_out": (GRADIENT,), "shading": {}}),
+    "Slicer, no gradient": ("a.xml", SWAPPED.replace('gradientOpacity="4 0 0 9 1"', 'gradientOpacity="0"'), SLOPE,
+                            {"left_out": ()}),
+    "Slicer, VTK's light": ("a.xml", SLICER.replace('ambient="0.1"', "").replace('specularPower="10"', ""), RISE,
+                            {"shading": LIGHT}),
+    "Slicer .vp": ("a.vp", VP, FADE, {"shading": VP_LIGHT, "left_out": ()}),
+    "Slicer .vp, an empty line": ("a.vp", VP.replace("4 0 1 9 1", ""), FADE, {"shading": VP_LIGHT}),
+    "Slicer .vp.json": ("a.vp.json", VP_JSON, FADE, {"unit": 2.5, "left_out": (BENT, GRADIENT)}),
+    "Voreen": ("a.tfi", TFI, KEYS, {"span": (100, 200), "is_share": False, "left_out": (VOREEN, "its threshold")}),
+    "Inviwo": ("a.itf", ITF, PAIR, {"is_share": True, "left_out": (INVIWO,)}),
+    "Inviwo, values": ("a.itf", ITF.replace('type content="0"', 'type content="1"'), PAIR, {"is_share": False}),
+    "Inviwo, a mask": ("a.itf", ITF.replace('Min content="0"', 'Min content="0.3"'), PAIR,
+                       {"left_out": (INVIWO, "its mask")}),
+    "MRIcroGL": ("a.clut", CLUT, TABLE, {"is_share": False}),
+    "MRIcroGL, shares": ("a.clut", CLUT.replace("=10", "=0").replace("=61", "=0"), SHARES, {"is_share": True}),
+    "niivue": ("a.json", NIIVUE, TABLE, {"is_share": False}),
+    "niivue without alpha": ("a.json", '{"R": [0, 255], "G": [0, 51], "B": [0, 0]}',
+                             [(0, *CLEAR), (1, 1, 0.2, 0, 64 / 255)], {"is_share": True}),
+    "niivue, labels": ("a.json", '{"R": [0, 255, 0], "G": [0, 0, 255], "B": [0, 0, 0], "I": [0, 2, 4], "labels": []}',
+                       labels(1, 1), {"span": (0, 4)}),
+    "ImageJ": ("a.lut", bytes(512) + RAMP, BLUES, {"is_share": True, "has_opacities": False}),
+    "ImageJ, a header": ("a.lut", b"ICOL\0\0\1\0" + bytes(24 + 512) + RAMP, BLUES, {"is_share": True}),
+    "ImageJ, four colours": ("a.lut", b"ICOL\0\0\0\4" + bytes(24 + 8) + b"\0\0\0\xff",
+                             [(256 * k / 1020, 0, 0, k // 3) for k in range(4)], {"is_share": True}),
+    "ImageJ, text": ("a.lut", "Index Red Green Blue\n0 0 0 255\n1 255 0 0\n", BLUE_RED, {}),
+    "ImageJ, commas": ("a.lut", "0,0,255\n255,0,0\n", BLUE_RED, {}),
+    "FSLeyes": ("a.cmap", "0 0 1\n1 0 0\n", BLUE_RED, {"is_share": True}),
+    "FSLeyes, labels": ("a.lut", "# a comment\n2 1.0 0. 0. a\n 4 0 1 0 b\n", labels(1, 1), {}),
+    "ITK-SNAP": ("a.txt", ITK_SNAP, labels(0.5, 0), {"span": (0, 4)}),
+    "ITK-SNAP .label": ("a.label", ITK_SNAP, labels(0.5, 0), {}),
+    "FreeSurfer, transparency": ("a.txt", FREESURFER, labels(1, 0), {}),
+    "Slicer, labels": ("a.ctbl", FREESURFER, labels(0, 1), {}),
+    "Slicer, labels as text": ("a.txt", "# Color table file a.txt\n" + FREESURFER, labels(0, 1), {}),
+    "ParaView": ("a.json", PARAVIEW, [(0, *CLEAR), (1, *WHITE, 0.4)], {"is_share": True, "left_out": ()}),
+    "ParaView, a range": ("a.json", '{"RGBPoints": [5, 0, 0, 1, 9, 1, 0, 0]}', [(5, *BLUE), (9, *RED)],
+                          {"span": (5, 9), "is_share": False, "has_opacities": False}),
+    "ParaView, a step": ("a.json", '{"RGBPoints": [0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 1]}',
+                         [(0, *RED), (1, *RED), (1, *BLUE)], {}),
+    "ParaView, steps": ("a.json", '{"ColorSpace": "Step", "RGBPoints": [0, 0, 0, 1, 1, 1, 0, 0]}',
+                        [(0, *BLUE), (0, *RED), (1, *RED)], {}),
+    "ParaView, one step": ("a.json", '{"ColorSpace": "Step", "RGBPoints": [1, 0, 0, 1]}', [(1, *BLUE)], {}),
+    "ParaView, another space": ("a.json", '{"ColorSpace": "Oklab", "RGBPoints": [0, 0, 0, 1, 1, 1, 0, 0]}', BLUE_RED,
+                                {"left_out": ("interpolation in the colour space Oklab",)}),
+    "ParaView, labels": ("a.json", '{"IndexedColors": [1, 0, 0, 0, 1, 0]}',
+                         [(0, *RED), (0.5, *RED), (0.5, *GREEN), (1, *GREEN)], {}),
+}  # fmt: skip
 
 
-def test_mricrogl_and_niivue_have_a_table_over_a_range() -> None:
-    expected = [(10, 0, 0, 0, 0), (61, 1, 0.2, 0, 0.4)]
-    assert curve(read("a.clut", CLUT)) == expected == curve(read("a.json", NIIVUE))
-    assert read("a.clut", CLUT.replace("10", "0").replace("61", "0")).is_share
-    labels = json.dumps({"R": [0, 255, 0], "G": [0, 0, 255], "B": [0, 0, 0], "labels": ["air", "a", "b"]})
-    assert curve(read("a.json", labels))[-1] == (2, 0, 1, 0, 1)
-
-
-def test_tables_of_colours() -> None:
-    ramp = bytes(range(256))
-    lut = ramp + bytes(256) + ramp[::-1]
-    for content in (lut, b"ICOL" + bytes(28) + lut):
-        look = read("a.lut", content)
-        assert look.is_share and not look.has_opacities and curve(look)[-1] == (1, 1, 0, 0) and len(look.curve) == 256
-    assert curve(read("a.lut", "Index Red Green Blue\n0 0 0 255\n1 255 0 0\n")) == [(0, 0, 0, 1), (1, 1, 0, 0)]
-    assert curve(read("a.lut", "0,0,255\n255,0,0\n")) == [(0, 0, 0, 1), (1, 1, 0, 0)]
-    assert curve(read("a.cmap", "0 0 1\n1 0 0\n")) == [(0, 0, 0, 1), (1, 1, 0, 0)]
-
-
-def test_tables_of_labels_have_steps_half_way() -> None:
-    black, red, green = (0, 0, 0, 0), (1, 0, 0), (0, 1, 0)
-    steps = [(0, *black), (1, *black), (1, *red, 0.5), (3, *red, 0.5), (3, *green, 0), (4, *green, 0)]
-    assert curve(read("a.txt", ITK_SNAP)) == steps == curve(read("a.label", ITK_SNAP))
-    opaque = [(*point[:-1], 1 if point[1:4] == red else 0) for point in steps]
-    assert curve(read("a.txt", FREESURFER)) == opaque, "its last column is transparency"
-    clear = FREESURFER.replace("255 0 0 0", "255 0 0 255").replace("0 255 0 255", "0 255 0 0")
-    assert curve(read("a.ctbl", clear)) == opaque, "its last column is opacity"
-    assert curve(read("a.lut", "1 1.0 0. 0. Left a\n"))[-1] == (1, 1, 0, 0, 1)
-
-
-def test_colormaps_of_paraview() -> None:
-    look = read("a.json", PARAVIEW, "mine")
-    assert curve(look) == [(0, 0, 0, 0, 0), (1, 1, 1, 1, 0.4)] and look.is_share
-    rainbow = read("a.json", PARAVIEW, "rainbow")
-    assert (rainbow.span, rainbow.has_opacities) == ((5, 9), False)
-    values = [value for value, _ in rainbow.curve]
-    middle = [np.interp(7, values, [parts[k] for _, parts in rainbow.curve]) for k in range(3)]
-    assert middle == pytest.approx([0, 1, 0], abs=0.01), "green is between blue and red"
-    assert curve(read("a.json", PARAVIEW, "steps")) == [(0, 1, 0, 0), (1, 1, 0, 0)]
-    assert read("a.json", PARAVIEW, "odd").left_out == ("interpolation in the colour space Oklab",)
-    assert curve(read("a.json", PARAVIEW, "indexed")) == [(0, 1, 0, 0), (0.5, 1, 0, 0), (0.5, 0, 1, 0), (1, 0, 1, 0)]
+@pytest.mark.parametrize("case", FORMATS)
+def test_a_file_is_read_as_its_program_reads_it(case: str) -> None:
+    file, content, expected, attributes = FORMATS[case]
+    look = read(file, content, "A" if content in (SLICER, SWAPPED, PARAVIEW) or ".xml" in file else None)
+    assert [value for value, _ in look.curve] == [value for value, *_ in expected]
+    assert [parts for _, parts in look.curve] == [pytest.approx(tuple(parts)) for _, *parts in expected]
+    assert {key: getattr(look, key) for key in attributes} == attributes
 
 
 @pytest.mark.parametrize("space", ["Lab", "HSV", "Diverging", "Step"])
@@ -221,6 +217,13 @@ def test_curves_with_steps_are_merged() -> None:
     assert merge_curves(first, second) == [(0, (0, 10)), (1, (1, 10)), (2, (2, 20)), (2, (5, 20)), (3, (5, 30))]
 
 
+@pytest.mark.parametrize("values", [(-1.7e308, 0, 1.7e308), (1.5e-323, 2e-323, 2.5e-323)])
+def test_curves_of_the_largest_and_the_smallest_values_are_merged(values: tuple[float, float, float]) -> None:
+    low, middle, high = values
+    merged = merge_curves([(low, (0.0,)), (high, (1.0,))], [(middle, (1.0,))])
+    assert [value for value, _ in merged] == [low, middle, high] and 0 <= merged[1][1][0] < 1
+
+
 def test_values_are_put_where_the_scene_says() -> None:
     Path("a.clut").write_text(CLUT)
     Path("share.itf").write_text(ITF)
@@ -234,8 +237,6 @@ def test_values_are_put_where_the_scene_says() -> None:
     assert ends(shift=5, scale=2) == (25, 127)
     assert ends(range=[0, 1]) == (0, 1)
     assert ends(**{"import": "share.itf"}, range=[100, 300]) == (150, 250)
-    assert "range: missing" in refusal({"import": "share.itf"}) and "shares" in refusal({"import": "share.itf"})
-    assert "too large" in refusal({"import": "a.clut", "scale": 1e308})
 
 
 def test_a_scene_says_opacities_and_unit_in_place_of_the_file() -> None:
@@ -244,8 +245,6 @@ def test_a_scene_says_opacities_and_unit_in_place_of_the_file() -> None:
     spec = scene({"import": "a.xml", "name": "A"}).transfer_function
     assert spec.unit == 1.0
     assert scene({"import": "a.xml", "name": "A", "unit": 3}).transfer_function.unit == 3
-    text = refusal({"import": "a.cmap", "range": [0, 8]})
-    assert "transfer_function.opacity: missing" in text and "colours alone" in text
     section = {"import": "a.cmap", "range": [0, 8], "opacity": [[2, 0], [4, 1], [4, 0.5]]}
     mapping = scene(section).transfer_function.mapping
     assert isinstance(mapping, tuple)
@@ -282,7 +281,6 @@ def test_presets_can_be_drawn() -> None:
         assert all(before.value <= after.value for before, after in pairwise(made.transfer_function.mapping))
         for note in made.import_notes:
             ShadingSpec(**yaml.safe_load(note.partition("add ")[2])["shading"])
-    assert "did you mean ct-bone?" in refusal({"import": "ct-bonr"})
 
 
 # Refusals
@@ -290,13 +288,12 @@ def test_presets_can_be_drawn() -> None:
 BOMB = '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]><MRML>&b;</MRML>'
 HOSTILE = {
     "an entity bomb": ("a.xml", BOMB, "has a document type"),
-    "an entity bomb of Voreen": ("a.tfi", BOMB, "has a document type"),
     "cut off XML": ("a.xml", SLICER[:-30], "a.xml:1: not valid XML"),
     "no volume property": ("a.xml", "<MRML/>", "no volume properties"),
     "a wrong count": ("a.xml", SLICER.replace('"6 0', '"8 0').replace("B", "A2", 1), "not as many numbers"),
     "a NaN": ("a.xml", SLICER.replace("0.2 100", "nan 100"), "A scalarOpacity: not such a number\n  got: 'nan'"),
     "too opaque": ("a.xml", SLICER.replace("0.2 100", "1.2 100"), "expected: a finite number from 0 to 1"),
-    "no numbers": ("a.xml", SLICER.replace("8 0 0 0 0 100 1 0.5 0", ""), "A colorTransfer: not such a list"),
+    "no numbers": ("a.xml", SLICER.replace("8 0 0 0 0 100 1 0.5 0", ""), "a.xml: no colours"),
     "not UTF-8": ("a.tfi", b"<a>\n\xff</a>", "a.tfi:2: not a text file in UTF-8"),
     "UTF-16": ("a.xml", SLICER.encode("utf-16"), "not a text file in UTF-8"),
     "few lines": ("a.vp", "1\n1\n", "too few lines"),
@@ -306,29 +303,29 @@ HOSTILE = {
     "long digits": ("a.json", '{"R": [' + "9" * 5000 + "]}", ""),
     "lists of different lengths": ("a.json", NIIVUE.replace("[0, 102]", "[0]"), "not lists of one length"),
     "no lists": ("a.json", '{"R": 3}', "no R"),
-    "JSON infinity": ("a.json", NIIVUE.replace("102", "Infinity"), "not such a number"),
-    "a number as text": ("a.json", NIIVUE.replace("102", '"x"'), "not such a number"),
     "true for a number": ("a.json", NIIVUE.replace("102", "true"), "not such a number"),
     "no colormaps": ("a.json", "[1, 2]", "no colormaps"),
     "a list of three": ("a.json", '[{"Name": "a", "RGBPoints": [0, 1, 1]}]', "a: RGBPoints: not such a list"),
-    "a mapping for a list": ("a.json", '[{"Name": "a", "RGBPoints": {}}]', "a: RGBPoints: not such a list"),
     "no components": ("a.vp.json", '{"volumeProperties": [{"components": []}]}', "no rgbTransferFunction"),
     "no points": ("a.vp.json", VP_JSON.replace('"x": 0, ', ""), "not such a number"),
-    "a point that is none": ("a.vp.json", VP_JSON.replace('{"x": 0, "y": 0}', "7"), "not such a number"),
     "keys without colour": ("a.tfi", TFI.replace("colorL", "color"), "<key>: no <colorL>"),
-    "no keys": ("a.tfi", "<V><TransFuncIntensity><Keys/></TransFuncIntensity></V>", "<Keys>: no keys"),
-    "a colour of bytes in Inviwo": ("a.itf", ITF.replace('x="1"', 'x="255"'), "point 1: not such a number"),
+    "no keys": ("a.tfi", "<V><TransFuncIntensity><Keys/></TransFuncIntensity></V>", "a.tfi: no colours"),
     "no text of sections": ("a.clut", "min=3\n", "a.clut"),
-    "a missing node": ("a.clut", CLUT.replace("nodergba1", "node"), "[RGBA255]: no nodergba1"),
+    "a missing node": ("a.clut", CLUT.replace("nodergba1", "node"), "the file: no nodergba1"),
     "many nodes": ("a.clut", CLUT.replace("numnodes=2", "numnodes=1e9"), "numnodes: not such a number"),
-    "a colour of three": ("a.clut", CLUT.replace("|102", ""), "nodergba1: not a colour"),
-    "bytes of another size": ("a.lut", bytes(767), "not a look-up table"),
-    "no bytes": ("a.lut", b"", "not a look-up table"),
-    "an empty colormap": ("a.cmap", "", "a.cmap:1: not a colour"),
+    "a colour of three": ("a.clut", CLUT.replace("|102", ""), "node 1: not a colour"),
+    "bytes of another size": ("a.lut", bytes(767), "a.lut:1: not a colour or opacity"),
+    "an empty colormap": ("a.cmap", "", "a.cmap: no colours"),
     "rows of four": ("a.cmap", "0 0 0\n0 0 0 1\n", "a.cmap:2: not a colour"),
     "a label without colour": ("a.txt", FREESURFER + "9 name\n", "a.txt:5: not a row of a table of labels"),
-    "no labels": ("a.ctbl", "# nothing\n", "no labels"),
+    "no labels": ("a.ctbl", "# nothing\n", "a.ctbl: no colours"),
     "many rows": ("a.cmap", "0 0 0\n" * 70_000, "too many points"),
+    "a table that is cut off": ("a.lut", b"ICOL\0\0\0\4" + bytes(24) + bytes(9), "the bytes: not a colour"),
+    "a long transparency": ("a.txt", "1 a 255 0 0 99999\n", "a.txt:1: not such a number\n  got: '99999'"),
+    "lists in lists": ("a.json", NIIVUE.replace("102", "[" * 900 + "]" * 900), "got: [[[[[[[...]]]]]]]"),
+    "a list for light": ("a.vp.json", VP_JSON.replace('"lighting": {', '"lighting": [], "x": {'), "no lighting"),
+    "more points than are allowed": ("a.json", json.dumps({"ColorSpace": "Lab", "RGBPoints": [
+        number for k in range(32768) for number in (k, k % 2, 0, 0)]}), "too many points\n  got: 65537"),
     "an unknown suffix": ("a.png", b"\x89PNG", "not a kind of transfer function"),
 }  # fmt: skip
 
@@ -355,21 +352,35 @@ def test_a_file_that_is_cut_off_anywhere_is_read_or_refused() -> None:
     assert num_refused > 200
 
 
-def test_names_are_needed_and_close_ones_are_told() -> None:
-    Path("a.xml").write_text(SLICER)
-    assert "transfer_function.name: a.xml: has several transfer functions" in refusal({"import": "a.xml"})
-    Path("a.json").write_text(PARAVIEW)
-    assert "did you mean rainbow?" in refusal({"import": "a.json", "name": "Rainbow"})
-    Path("a.clut").write_text(CLUT)
-    assert "no name, for there is one only" in refusal({"import": "a.clut", "name": "x"})
+POINT = {"value": 0, "color": "white", "opacity": 1}
+STEEP = json.dumps({"R": [0] * 9000, "G": [0] * 9000, "B": [0] * 9000, "A": [0, 255] * 4500})
+FILES = {"a.xml": SLICER, "a.json": PARAVIEW, "a.clut": CLUT, "a.itf": ITF, "a.cmap": "0 0 1\n1 0 0\n", "s.json": STEEP,
+         "clear.json": NIIVUE.replace("102", "0"), "large.json": " " * (2**22 + 1)}  # fmt: skip
+REFUSALS: list[tuple[dict[str, Any], str]] = [
+    ({"import": "ct-bonr"}, "did you mean ct-bone?"),
+    ({"import": "a.xml"}, "transfer_function.name: a.xml: has several transfer functions"),
+    ({"import": "a.json", "name": "Rainbow"}, "did you mean rainbow?"),
+    ({"import": "a.clut", "name": "x"}, "no name, for there is one only"),
+    ({"import": "a.clut", "points": [POINT]}, "contradicts transfer_function.import"),
+    ({"points": [POINT], "scale": 2}, "needs transfer_function.import"),
+    ({"import": "a.clut", "scale": 0}, "out of range"),
+    ({"import": "a.clut", "scale": 1e308}, "its values become too large"),
+    ({"import": "a.itf"}, "transfer_function.range: missing"),
+    ({"import": "a.cmap", "range": [0, 8]}, "transfer_function.opacity: missing"),
+    ({"import": "s.json", "range": [0, 1]}, "too many points"),
+    ({"import": "clear.json"}, "transfer_function.import: nothing is visible"),
+    ({"import": "folder.clut"}, "not a file"),
+    ({"import": "b.clut"}, "no such file"),
+    ({"import": "large.json"}, "too large for a transfer function"),
+]  # fmt: skip
 
 
-def test_keys_that_contradict() -> None:
-    Path("a.clut").write_text(CLUT)
-    point = {"value": 0, "color": "white", "opacity": 1}
-    assert "contradicts transfer_function.import" in refusal({"import": "a.clut", "points": [point]})
-    assert "needs transfer_function.import" in refusal({"points": [point], "scale": 2})
-    assert "out of range" in refusal({"import": "a.clut", "scale": 0})
+@pytest.mark.parametrize(("section", "expected"), REFUSALS)
+def test_a_section_that_is_wrong_is_refused(section: dict[str, Any], expected: str) -> None:
+    Path("folder.clut").mkdir()
+    for name, content in FILES.items():
+        Path(name).write_text(content)
+    assert expected in refusal(section)
 
 
 def test_spoilt_sections_are_refused_or_make_a_scene() -> None:
@@ -389,19 +400,3 @@ def test_spoilt_sections_are_refused_or_make_a_scene() -> None:
             num_read += 1
             assert parse_scene(scene_to_dict(made), base=Path(), is_single_frame=True) == made
     assert 0 < num_read < 300 and not any("object at" in text for text in texts)
-
-
-def test_points_that_would_be_too_many_are_refused() -> None:
-    steep = {"R": [0] * 9000, "G": [0] * 9000, "B": [0] * 9000, "A": [0, 255] * 4500}
-    Path("a.json").write_text(json.dumps(steep))
-    assert "too many points" in refusal({"import": "a.json", "range": [0, 1]})
-    Path("clear.json").write_text(NIIVUE.replace("102", "0"))
-    assert "transfer_function.import: nothing is visible" in refusal({"import": "clear.json"})
-
-
-def test_files_that_are_no_files_or_too_large() -> None:
-    Path("a.clut").mkdir()
-    assert "not a file" in refusal({"import": "a.clut"})
-    assert "no such file" in refusal({"import": "b.clut"})
-    Path("c.json").write_bytes(b" " * (2**22 + 1))
-    assert "too large for a transfer function" in refusal({"import": "c.json"})

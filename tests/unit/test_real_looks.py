@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-from renderer.scene import Scene, parse_scene
+from look_scene import look_scene
 
 pytestmark = pytest.mark.real_data
 
@@ -31,20 +30,10 @@ FILES: dict[str, tuple[dict[str, Any], float | None, float]] = {
 }  # fmt: skip
 
 
-def scene(section: dict[str, Any]) -> Scene:
-    tree = {
-        "volume": {"procedural": {"name": "constant", "shape": [4, 4, 4]}},
-        "transfer_function": section,
-        "camera": {"path": {"type": "turntable", "frames": 1}},
-        "output": {"file": "still.png"},
-    }
-    return parse_scene(tree, base=Path(), is_single_frame=True)
-
-
 @pytest.mark.parametrize("name", FILES)
 def test_the_file_becomes_points(name: str, data_dir: Path) -> None:
     keys, unit, foot = FILES[name]
-    spec = scene({"import": str(data_dir / name), **keys}).transfer_function
+    spec = look_scene({"import": str(data_dir / name), **keys}).transfer_function
     assert isinstance(spec.mapping, tuple) and spec.unit == unit
     first = next(k for k, point in enumerate(spec.mapping) if point.opacity > 0)
     assert spec.mapping[first - 1].value == pytest.approx(foot)
@@ -53,6 +42,15 @@ def test_the_file_becomes_points(name: str, data_dir: Path) -> None:
 def test_two_programs_tables_of_the_same_look_are_the_same(data_dir: Path) -> None:
     for name in ("Bones", "Head"):
         folder = data_dir / "transfer_functions"
-        one = scene({"import": str(folder / f"mricrogl_CT_{name}.clut")})
-        other = scene({"import": str(folder / f"niivue_ct_{name.lower()}.json")})
+        one = look_scene({"import": str(folder / f"mricrogl_CT_{name}.clut")})
+        other = look_scene({"import": str(folder / f"niivue_ct_{name.lower()}.json")})
         assert one.transfer_function == other.transfer_function
+
+
+def test_colours_at_one_value_keep_the_order_of_the_file(data_dir: Path) -> None:
+    """The file has four points at 0.5, the first and the last of one colour, so that there is no step."""
+    keys = {"name": "Muted Blue-Green", "range": [0, 1], "opacity": [[0, 1]]}
+    file = data_dir / "transfer_functions/paraview_ColorMaps.json"
+    mapping = look_scene({"import": str(file), **keys}).transfer_function.mapping
+    assert isinstance(mapping, tuple)
+    assert [point.color for point in mapping if point.value == 0.5] == [(0.980392, 0.984314, 1)]
