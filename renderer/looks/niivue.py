@@ -26,6 +26,6 @@ def read(file: LookFile) -> Look:
     if any(not isinstance(column, list) or len(column) != num for column in columns):
         raise file.error("not lists of one length", "R, G, B, A, I", expected="as many numbers in each")
     rows = [(f"colour {k}", *row) for k, row in enumerate(zip(*columns, strict=True))]
-    return (
-        labels_look(file, rows, 255.0) if has_labels else table_look(file, rows, tree.get("min", 0), tree.get("max", 0))
-    )
+    if has_labels:
+        return labels_look(file, rows, 255.0)
+    return table_look(file, rows, tree.get("min", 0), tree.get("max", 0))

@@ -23,7 +23,7 @@ _ITK_LABELS = "labels of ITK-SNAP: rows of label, red, green, blue, alpha, two f
 # first that fits reads the file.
 _IMPORTERS: tuple[tuple[str, bytes, str, Importer], ...] = (
     (".json", rb'"volumeProperties"', "a volume property of 3D Slicer", slicer.read_json),
-    (".json", rb'"R"', "a colormap of niivue: an object with lists R, G, B, A and I", niivue.read),
+    (".json", rb'"R"\s*:', "a colormap of niivue: an object with lists R, G, B, A and I", niivue.read),
     (".json", b"", "colormaps of ParaView: a list of objects with Name and RGBPoints", paraview.read),
     (".xml", b"", "presets of 3D Slicer: elements VolumeProperty", slicer.read_xml),
     (".vp", b"", "a volume property of 3D Slicer: nine lines", slicer.read_text),

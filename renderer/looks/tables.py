@@ -29,9 +29,7 @@ def table_look(file: LookFile, rows: Iterable[Sequence[Any]], lowest: object, hi
     low, high = file.number(lowest, "min"), file.number(highest, "max")
     is_share = high <= low
     low, high = (0.0, 1.0) if is_share else (low, high)
-    placed = (
-        (at, low + file.number(intensity, at, 0, 255) / 255 * (high - low), *rgba) for at, intensity, *rgba in rows
-    )
+    placed = ((at, low + file.number(step, at, 0, 255) / 255 * (high - low), *rgba) for at, step, *rgba in rows)
     return Look(file.curve(placed, 4, 255.0), is_share=is_share, span=(low, high))
 
 

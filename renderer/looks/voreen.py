@@ -24,7 +24,7 @@ _LEFT_OUT = (
 def read(file: LookFile) -> Look:
     """Return the transfer function in a file."""
     root = file.child(file.xml(), "TransFuncIntensity")
-    low, high = _numbers(file, root.find("domain"), "xy") or [0.0, 1.0]
+    low, high = _numbers(file, root, "domain", "xy") or [0.0, 1.0]
     rows = list[tuple[object, ...]]()
     for number, key in enumerate(file.child(root, "Keys"), start=1):
         at = f"key {number}"
@@ -32,12 +32,11 @@ def read(file: LookFile) -> Look:
         is_split = file.child(key, "split").get("value") == "true"
         for side in ("colorL", "colorR") if is_split else ("colorL",):
             rows.append((at, low + share * (high - low), *map(file.child(key, side).get, "rgba")))
-    notes = [
-        note for tag, names, usual, note in _LEFT_OUT if _numbers(file, root.find(tag), names) not in (None, usual)
-    ]
+    notes = [note for tag, names, usual, note in _LEFT_OUT if _numbers(file, root, tag, names) not in (None, usual)]
     return Look(file.curve(rows, 4, 255.0), (low, high) == (0, 1), (low, high), left_out=(_UNIT_NOTE, *notes))
 
 
-def _numbers(file: LookFile, element: Element | None, names: str | list[str]) -> list[float] | None:
-    """Return the numbers in some attributes of an element, None if there is none."""
-    return None if element is None else [file.number(element.get(name), f"<{element.tag}>") for name in names]
+def _numbers(file: LookFile, root: Element, tag: str, names: str | list[str]) -> list[float] | None:
+    """Return the numbers in some attributes of a child, None if there is none."""
+    found = root.find(tag)
+    return None if found is None else [file.number(found.get(name), f"<{tag}>") for name in names]

@@ -61,7 +61,8 @@ ITK_SNAP = (
 )
 FREESURFER = "#No. Label Name: R G B A\n0 Unknown 0 0 0 0\n2 Left-Cortex 255 0 0 0\n4 Right-Cortex 0 255 0 255\n"
 PARAVIEW = """[{"ColorSpace": "RGB", "Name": "A", "RGBPoints": [-1, 0, 0, 0, 1, 1, 1, 1],
-  "Points": [-1, 0, 0.5, 0, 1, 0.4, 0.5, 0],}, {"Name": "rainbow", "RGBPoints": [5, 0, 0, 1, 9, 1, 0, 0]},]"""
+  "Points": [-1, 0, 0.5, 0, 1, 0.4, 0.5, 0],},
+ {"Name": "rainbow", "Annotations": ["1", "R"], "RGBPoints": [5, 0, 0, 1, 9, 1, 0, 0]},]"""
 
 
 GRADIENT = "opacities by the gradient (shading.gradient_opacity has factors on extinctions)"
@@ -91,6 +92,9 @@ RAMP = bytes(range(256))
 BLACK, RED, GREEN, BLUE, WHITE = (0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)
 CLEAR = (*BLACK, 0)
 RISE = [(0, *CLEAR), (50, 0.5, 0.25, 0, 0.2), (100, 1, 0.5, 0, 0.9)]
+STEP = [(0, *BLUE), (0, *RED), (1, *RED)]
+HALVES = [(0, *BLUE), (0.5, *BLUE), (0.5, *RED), (1, *RED)]
+FAINT = [(0, *CLEAR), (1, *RED, 64 / 255)]
 SLOPE = [(0, *WHITE, 0), (5, *WHITE, 5 / 9), (9, *WHITE, 1)]
 PAIR = [(0.25, *BLUE, 0), (0.75, *RED, 0.4)]
 BLUES = [(k / 255, 0, 0, k / 255) for k in range(256)]
@@ -117,8 +121,7 @@ def labels(*opacities: float) -> list[tuple[float, ...]]:
 FORMATS: dict[str, tuple[str, str | bytes, list[tuple[float, ...]], dict[str, Any]]] = {
     "Slicer": ("a.xml", SLICER, RISE, {"unit": 1.0, "left_out": (), "shading": LIGHT}),
     "Slicer, by the gradient": ("a.xml", SWAPPED, SLOPE, {"left_out": (GRADIENT,), "shading": {}}),
-    "Slicer, no gradient": ("a.xml", SWAPPED.replace('gradientOpacity="4 0 0 9 1"', 'gradientOpacity="0"'), SLOPE,
-                            {"left_out": ()}),
+    "Slicer, no gradient": ("a.xml", SWAPPED.replace('"4 0 0 9 1" c', '"0" c'), SLOPE, {"left_out": ()}),
     "Slicer, VTK's light": ("a.xml", SLICER.replace('ambient="0.1"', "").replace('specularPower="10"', ""), RISE,
                             {"shading": LIGHT}),
     "Slicer .vp": ("a.vp", VP, FADE, {"shading": VP_LIGHT, "left_out": ()}),
@@ -132,8 +135,7 @@ FORMATS: dict[str, tuple[str, str | bytes, list[tuple[float, ...]], dict[str, An
     "MRIcroGL": ("a.clut", CLUT, TABLE, {"is_share": False}),
     "MRIcroGL, shares": ("a.clut", CLUT.replace("=10", "=0").replace("=61", "=0"), SHARES, {"is_share": True}),
     "niivue": ("a.json", NIIVUE, TABLE, {"is_share": False}),
-    "niivue without alpha": ("a.json", '{"R": [0, 255], "G": [0, 51], "B": [0, 0]}',
-                             [(0, *CLEAR), (1, 1, 0.2, 0, 64 / 255)], {"is_share": True}),
+    "niivue without alpha": ("a.json", '{"R": [0, 255], "G": [0, 0], "B": [0, 0]}', FAINT, {"is_share": True}),
     "niivue, labels": ("a.json", '{"R": [0, 255, 0], "G": [0, 0, 255], "B": [0, 0, 0], "I": [0, 2, 4], "labels": []}',
                        labels(1, 1), {"span": (0, 4)}),
     "ImageJ": ("a.lut", bytes(512) + RAMP, BLUES, {"is_share": True, "has_opacities": False}),
@@ -145,7 +147,6 @@ FORMATS: dict[str, tuple[str, str | bytes, list[tuple[float, ...]], dict[str, An
     "FSLeyes": ("a.cmap", "0 0 1\n1 0 0\n", BLUE_RED, {"is_share": True}),
     "FSLeyes, labels": ("a.lut", "# a comment\n2 1.0 0. 0. a\n 4 0 1 0 b\n", labels(1, 1), {}),
     "ITK-SNAP": ("a.txt", ITK_SNAP, labels(0.5, 0), {"span": (0, 4)}),
-    "ITK-SNAP .label": ("a.label", ITK_SNAP, labels(0.5, 0), {}),
     "FreeSurfer, transparency": ("a.txt", FREESURFER, labels(1, 0), {}),
     "Slicer, labels": ("a.ctbl", FREESURFER, labels(0, 1), {}),
     "Slicer, labels as text": ("a.txt", "# Color table file a.txt\n" + FREESURFER, labels(0, 1), {}),
@@ -154,20 +155,18 @@ FORMATS: dict[str, tuple[str, str | bytes, list[tuple[float, ...]], dict[str, An
                           {"span": (5, 9), "is_share": False, "has_opacities": False}),
     "ParaView, a step": ("a.json", '{"RGBPoints": [0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 1]}',
                          [(0, *RED), (1, *RED), (1, *BLUE)], {}),
-    "ParaView, steps": ("a.json", '{"ColorSpace": "Step", "RGBPoints": [0, 0, 0, 1, 1, 1, 0, 0]}',
-                        [(0, *BLUE), (0, *RED), (1, *RED)], {}),
+    "ParaView, steps": ("a.json", '{"ColorSpace": "Step", "RGBPoints": [0, 0, 0, 1, 1, 1, 0, 0]}', STEP, {}),
     "ParaView, one step": ("a.json", '{"ColorSpace": "Step", "RGBPoints": [1, 0, 0, 1]}', [(1, *BLUE)], {}),
     "ParaView, another space": ("a.json", '{"ColorSpace": "Oklab", "RGBPoints": [0, 0, 0, 1, 1, 1, 0, 0]}', BLUE_RED,
                                 {"left_out": ("interpolation in the colour space Oklab",)}),
-    "ParaView, labels": ("a.json", '{"IndexedColors": [1, 0, 0, 0, 1, 0]}',
-                         [(0, *RED), (0.5, *RED), (0.5, *GREEN), (1, *GREEN)], {}),
+    "ParaView, labels": ("a.json", '{"IndexedColors": [0, 0, 1, 1, 0, 0]}', HALVES, {}),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("case", FORMATS)
 def test_a_file_is_read_as_its_program_reads_it(case: str) -> None:
     file, content, expected, attributes = FORMATS[case]
-    look = read(file, content, "A" if content in (SLICER, SWAPPED, PARAVIEW) or ".xml" in file else None)
+    look = read(file, content, "A" if file == "a.xml" or content == PARAVIEW else None)
     assert [value for value, _ in look.curve] == [value for value, *_ in expected]
     assert [parts for _, parts in look.curve] == [pytest.approx(tuple(parts)) for _, *parts in expected]
     assert {key: getattr(look, key) for key in attributes} == attributes
@@ -302,23 +301,17 @@ HOSTILE = {
     "deep XML": ("a.tfi", "<a>" * 100_000 + "</a>" * 100_000, "no <TransFuncIntensity>"),
     "long digits": ("a.json", '{"R": [' + "9" * 5000 + "]}", ""),
     "lists of different lengths": ("a.json", NIIVUE.replace("[0, 102]", "[0]"), "not lists of one length"),
-    "no lists": ("a.json", '{"R": 3}', "no R"),
     "true for a number": ("a.json", NIIVUE.replace("102", "true"), "not such a number"),
     "no colormaps": ("a.json", "[1, 2]", "no colormaps"),
-    "a list of three": ("a.json", '[{"Name": "a", "RGBPoints": [0, 1, 1]}]', "a: RGBPoints: not such a list"),
     "no components": ("a.vp.json", '{"volumeProperties": [{"components": []}]}', "no rgbTransferFunction"),
     "no points": ("a.vp.json", VP_JSON.replace('"x": 0, ', ""), "not such a number"),
     "keys without colour": ("a.tfi", TFI.replace("colorL", "color"), "<key>: no <colorL>"),
-    "no keys": ("a.tfi", "<V><TransFuncIntensity><Keys/></TransFuncIntensity></V>", "a.tfi: no colours"),
-    "no text of sections": ("a.clut", "min=3\n", "a.clut"),
     "a missing node": ("a.clut", CLUT.replace("nodergba1", "node"), "the file: no nodergba1"),
     "many nodes": ("a.clut", CLUT.replace("numnodes=2", "numnodes=1e9"), "numnodes: not such a number"),
     "a colour of three": ("a.clut", CLUT.replace("|102", ""), "node 1: not a colour"),
     "bytes of another size": ("a.lut", bytes(767), "a.lut:1: not a colour or opacity"),
-    "an empty colormap": ("a.cmap", "", "a.cmap: no colours"),
     "rows of four": ("a.cmap", "0 0 0\n0 0 0 1\n", "a.cmap:2: not a colour"),
     "a label without colour": ("a.txt", FREESURFER + "9 name\n", "a.txt:5: not a row of a table of labels"),
-    "no labels": ("a.ctbl", "# nothing\n", "a.ctbl: no colours"),
     "many rows": ("a.cmap", "0 0 0\n" * 70_000, "too many points"),
     "a table that is cut off": ("a.lut", b"ICOL\0\0\0\4" + bytes(24) + bytes(9), "the bytes: not a colour"),
     "a long transparency": ("a.txt", "1 a 255 0 0 99999\n", "a.txt:1: not such a number\n  got: '99999'"),
