@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from hypothesis import assume, given, settings, strategies as st
+from small_scene import small_tree
 
 from renderer.pyramid import (
     CutSizes,
@@ -187,14 +188,7 @@ def test_a_pyramid_for_coarse_cuts_has_their_sizes(
 def assert_legal(tolerance: float) -> None:
     """A scene keeps the tolerance unchanged, alone and by frame."""
     for written in (tolerance, {0: tolerance, 1: 0.5}):
-        tree = {
-            "volume": {"procedural": {"name": "constant", "shape": [2, 2, 2]}},
-            "transfer_function": {"points": [{"value": 0, "color": "white", "opacity": 1}]},
-            "camera": {"path": {"type": "turntable", "frames": 9}},
-            "output": {"file": "film.mp4"},
-            "error": {"tolerance": written},
-        }
-        assert parse_scene(tree, base=Path()).error.tolerance[0] == (0, tolerance)
+        assert parse_scene(small_tree(error={"tolerance": written}), base=Path()).error.tolerance[0] == (0, tolerance)
 
 
 def made_sizes(divisions: list[float], beyond: float = 0.0) -> CutSizes:

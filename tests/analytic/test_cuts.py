@@ -8,27 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_scene import engine_block, small_tree
+from stage_pictures import decibels, drawn
 
-from renderer.draw import CPURasterizer, brick_cache
+from renderer.draw import brick_cache
 from renderer.errors import SceneError
-from renderer.frame import Frame, Stage, prepare_stage, render_frames, view_of
+from renderer.frame import Stage, prepare_stage, view_of
 from renderer.scene import parse_scene
 from renderer.study import compute_truth
 
-TREE: dict[str, Any] = {
-    "volume": {"procedural": {"name": "engine_block", "shape": [40, 36, 30], "spacing": [1, 1.2, 0.9]}},
-    "transfer_function": {
-        "points": [
-            {"value": 50, "color": "#000000", "opacity": 0.0},
-            {"value": 90, "color": "#6680e6", "opacity": 0.1},
-            {"value": 255, "color": "#ffffff", "opacity": 0.7},
-        ]
-    },
-    "shading": {"light": [1, 2, 3]},
-    "camera": {"path": {"type": "turntable", "frames": 10, "elevation": 20}},
-    "error": {"tolerance": 0.002},
-    "output": {"file": "a.mp4", "size": [70, 62]},
-}
 PLANE = {"plane": {"point": [20, 17, 14], "normal": [1, -2, 0.5]}}
 BEFORE_CAMERA = {"plane": {"point": [1, 2, 3], "normal": [0.2, 0.1, 1]}, "fixed": "camera"}
 CORNER = {"box": [[10, -1, 5], [25, 20, 40]]}
@@ -45,28 +33,29 @@ CUTS: dict[str, list[dict[str, Any]]] = {
 }
 
 
-def stage_of(**sections: Any) -> Stage:
-    return prepare_stage(parse_scene(TREE | sections, base=Path()), clock=perf_counter, num_threads=2)
-
-
-def drawn(stage: Stage, number: int = 3, num_threads: int = 2) -> Frame:
-    with CPURasterizer(num_threads=num_threads) as rasterizer:
-        (frame,) = render_frames(stage, [number], rasterizer, clock=perf_counter)
-    return frame
+def stage_of(cuts: list[dict[str, Any]]) -> Stage:
+    tree = small_tree(
+        volume=engine_block(40, 36, 30, spacing=[1, 1.2, 0.9]),
+        shading={"light": [1, 2, 3]},
+        error={"tolerance": 0.002},
+        output={"file": "a.mp4", "size": [70, 62]},
+        frames=10,
+        cuts=cuts,
+    )
+    return prepare_stage(parse_scene(tree, base=Path()), clock=perf_counter, num_threads=2)
 
 
 @pytest.mark.parametrize("name", CUTS)
 def test_pictures_of_what_is_left(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    stage = stage_of(cuts=CUTS[name])
+    stage = stage_of(CUTS[name])
     frame, truth = drawn(stage), compute_truth(stage, 3, 1e-4)
     assert truth.share_on_volume > 0.02
-    error = np.clip(frame.radiance[..., :3], 0, 1) - truth.picture
-    assert -10 * np.log10(np.mean(error**2)) > 55
-    whole = compute_truth(stage_of(), 3, 1e-3)
+    assert decibels(np.clip(frame[..., :3], 0, 1), truth.picture) > 55
+    whole = compute_truth(stage_of([]), 3, 1e-3)
     assert np.abs(whole.picture - truth.picture).max() > 0.1
     # Neither threads nor the room for bricks matter.
     monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", 1)
-    assert drawn(stage, num_threads=1).radiance.tobytes() == frame.radiance.tobytes()
+    assert drawn(stage, num_threads=1).tobytes() == frame.tobytes()
 
 
 @pytest.mark.parametrize(
@@ -78,19 +67,19 @@ def test_pictures_of_what_is_left(name: str, monkeypatch: pytest.MonkeyPatch) ->
     ],
 )
 def test_a_cut_beside_the_volume_changes_no_byte(cut: dict[str, Any]) -> None:
-    assert drawn(stage_of(cuts=[cut])).radiance.tobytes() == drawn(stage_of()).radiance.tobytes()
+    assert drawn(stage_of([cut])).tobytes() == drawn(stage_of([])).tobytes()
 
 
 def test_the_camera_stays_where_it_is() -> None:
-    whole, cut = stage_of(), stage_of(cuts=CUTS["box"])
+    whole, cut = stage_of([]), stage_of(CUTS["box"])
     assert (whole.target, whole.distance) == (cut.target, cut.distance)
 
 
 def test_a_cut_that_is_fixed_to_the_camera_stays_before_it() -> None:
     """From the front and from the back, half of the pixels: what is left of the optical axis."""
-    stage = stage_of(cuts=[{"plane": {"point": [0, 0, 0], "normal": [-1, 0, 0]}, "fixed": "camera"}])
+    stage = stage_of([{"plane": {"point": [0, 0, 0], "normal": [-1, 0, 0]}, "fixed": "camera"}])
     for number in (0, 5):
-        alpha = drawn(stage, number).radiance[..., 3]
+        alpha = drawn(stage, number)[..., 3]
         assert not alpha[:, :34].any()
         assert alpha[:, 36:].any()
         assert view_of(stage, number).cuts == stage.scene.cuts
@@ -99,7 +88,7 @@ def test_a_cut_that_is_fixed_to_the_camera_stays_before_it() -> None:
 def test_a_cut_that_leaves_nothing_is_an_error() -> None:
     nothing = {"plane": {"point": [0, 0, -1], "normal": [0, 0, 1]}}
     with pytest.raises(SceneError) as caught:
-        stage_of(cuts=[PLANE, nothing, CORNER | {"box": [[-9, -9, -9], [90, 90, 90]]}])
+        stage_of([PLANE, nothing, CORNER | {"box": [[-9, -9, -9], [90, 90, 90]]}])
     assert [(problem.path, problem.what) for problem in caught.value.problems] == [
         ("cuts.1", "leaves nothing of the volume"),
         ("cuts.2", "leaves nothing of the volume"),

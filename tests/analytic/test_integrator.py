@@ -11,7 +11,7 @@ from ray_integrals import COLORFUL, EXACT, along_z, look, oblique, ray_spans, vo
 
 from renderer.scene import ShadingSpec, TurntablePath
 from renderer.truth import converged_image, integrate
-from renderer.volume import Float64, Volume
+from renderer.volume import Float64, Volume, make_volume
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
@@ -159,7 +159,7 @@ def test_row_0_is_the_top_and_column_0_the_left() -> None:
 @pytest.mark.parametrize("dtype", [np.uint8, np.int32, np.float32])
 def test_no_pass_over_the_values_comes_before_the_first_ray(dtype: type, monkeypatch: pytest.MonkeyPatch) -> None:
     """They may lie in a large file, of which a few rays need little."""
-    block = Volume(np.full((3, 3, 3), 1, dtype), np.eye(4), "block", "")
+    block = make_volume(np.full((3, 3, 3), 1, dtype), np.eye(4), "block")
     view = look(tuple(block.centre), 9.0, (4, 4))
     expected = integrate(volume(block.values.astype(float)), COLORFUL, view, step_voxels=1.0)
     monkeypatch.delattr(Volume, "value_range")

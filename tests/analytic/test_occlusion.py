@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_scene import engine_block
+from stage_pictures import decibels, drawn, exact
 
-from renderer.draw import CPURasterizer
-from renderer.frame import Stage, open_stage, render_frames, view_of
+from renderer.frame import open_stage
 from renderer.scene import Scene, ShadingSpec, parse_scene, with_tolerance
 from renderer.transfer import make_light_field
-from renderer.truth import SceneRays
-from renderer.volume import Float64
 
 SLANTED = (1.0, -2.0, 1.5)
 KINDS = {
@@ -29,7 +28,7 @@ EACH_KIND = pytest.mark.parametrize("shading", KINDS.values(), ids=KINDS)
 
 BLOCK = parse_scene(
     {
-        "volume": {"procedural": {"name": "engine_block", "shape": [48, 48, 24], "seed": 3}},
+        "volume": engine_block(48, 48, 24, seed=3),
         "transfer_function": {
             "points": [
                 {"value": 70, "color": "#6699e6", "opacity": 0},
@@ -48,31 +47,15 @@ def scene_of(shading: ShadingSpec, tolerance: float) -> Scene:
     return with_tolerance(replace(BLOCK, shading=shading), tolerance)
 
 
-def drawn(stage: Stage, num_threads: int = 2) -> Any:
-    with CPURasterizer(num_threads=num_threads) as rasterizer:
-        (frame,) = render_frames(stage, [3], rasterizer, clock=lambda: 0.0)
-    return frame.radiance
-
-
-def exact(stage: Stage) -> Float64:
-    width, height = stage.scene.output.size
-    rays = SceneRays(stage, num_threads=2).integrate(view_of(stage, 3), np.arange(width * height), 1 / 8)
-    return rays.reshape(height, width, 4)
-
-
 def rmse(one: Any, other: Any) -> float:
     return float(np.sqrt(np.mean((one - other) ** 2)))
-
-
-def decibels(one: Any, other: Any) -> float:
-    return float(-20 * np.log10(rmse(one, other)))
 
 
 @EACH_KIND
 def test_pictures_are_those_of_exact_rays(shading: ShadingSpec) -> None:
     with open_stage(scene_of(shading, 0.001), clock=lambda: 0.0, num_threads=2) as stage:
         image = drawn(stage)
-        assert decibels(image, exact(stage)) > 58
+        assert decibels(image, exact(stage, 1 / 8)) > 58
         assert np.array_equal(image, drawn(stage, num_threads=1))
     plain = replace(shading, occlusion=0.0, shadow=0.0)
     with open_stage(scene_of(plain, 0.001), clock=lambda: 0.0, num_threads=2) as stage:
@@ -86,7 +69,7 @@ def test_coarse_cells_have_it_in_their_means(tolerance: float) -> None:
     shading = KINDS["both, specular"]
     shading = replace(shading, specular=0.0)
     with open_stage(scene_of(shading, tolerance), clock=lambda: 0.0, num_threads=2) as stage:
-        image, truth = drawn(stage), exact(stage)
+        image, truth = drawn(stage), exact(stage, 1 / 8)
     with open_stage(
         scene_of(replace(shading, occlusion=0.0, shadow=0.0), tolerance), clock=lambda: 0.0, num_threads=2
     ) as stage:
@@ -105,7 +88,7 @@ def test_a_field_that_is_constant_scales_the_light(shading: ShadingSpec) -> None
         has = shading.occlusion > 0, shading.shadow > 0
         field = make_light_field(grid if has[0] else None, grid if has[1] else None, 9.0, (0.5 / 0.8, 0.75 / 0.8))
         changed = replace(stage, bricks=replace(stage.bricks, light_field=field))
-        pictures = drawn(changed), exact(changed)
+        pictures = drawn(changed), exact(changed, 1 / 8)
     ambient, diffuse = 0.5 if has[0] else 1.0, 0.25 if has[1] else 1.0
     scaled = replace(
         shading, ambient=ambient * shading.ambient, diffuse=diffuse * shading.diffuse,
@@ -113,4 +96,4 @@ def test_a_field_that_is_constant_scales_the_light(shading: ShadingSpec) -> None
     )  # fmt: skip
     with open_stage(scene_of(scaled, 0.0), clock=lambda: 0.0, num_threads=2) as stage:
         assert rmse(pictures[0], drawn(stage)) < 1e-5
-        assert rmse(pictures[1], exact(stage)) < 1e-8
+        assert rmse(pictures[1], exact(stage, 1 / 8)) < 1e-8

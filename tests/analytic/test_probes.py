@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
+from small_scene import engine_block, small_tree
 
 from renderer.draw import open_rasterizer
 from renderer.film import over_background
@@ -103,30 +105,19 @@ def test_pictures_together() -> None:
 
 # Frames
 
-TREE: dict[str, Any] = {
-    "volume": {"procedural": {"name": "engine_block", "shape": [48, 48, 24]}},
-    "transfer_function": {
-        "points": [
-            {"value": 50, "color": "#6680e6", "opacity": 0.0},
-            {"value": 120, "color": "#e6b080", "opacity": 0.1},
-            {"value": 255, "color": "white", "opacity": 0.7},
-        ]
-    },
-    "camera": {"path": {"type": "turntable", "frames": 8, "elevation": 20}},
-    "error": {"tolerance": 0.5},
-    "output": {"file": "{frame}.png", "size": [120, 90]},
-}
+OUTPUT = {"file": "{frame}.png", "size": [120, 90]}
 VARIANTS: dict[str, dict[str, Any]] = {
     "plain": {},
     "lit": {"shading": {"ambient": 0.3, "diffuse": 0.7, "light": [1, -1, 1]}},
-    "transparent": {"output": {**TREE["output"], "background": "transparent"}},
-    "white": {"output": {**TREE["output"], "background": "white"}},
+    "transparent": {"output": OUTPUT | {"background": "transparent"}},
+    "white": {"output": OUTPUT | {"background": "white"}},
     "gaussian": {"splat": {"footprint": "gaussian"}},
 }
 
 
-def scene_of(tmp_path: Any, **changes: Any) -> Scene:
-    return parse_scene(TREE | changes, base=tmp_path)
+def scene_of(**sections: Any) -> Scene:
+    start = {"volume": engine_block(48, 48, 24), "error": {"tolerance": 0.5}, "output": OUTPUT}
+    return parse_scene(small_tree(**start | sections), base=Path())
 
 
 def drawn(stage: Stage, number: int) -> Frame:
@@ -136,8 +127,8 @@ def drawn(stage: Stage, number: int) -> Frame:
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_rays_measure_the_error_of_a_frame(variant: str, tmp_path: Any) -> None:
-    scene = scene_of(tmp_path, **VARIANTS[variant])
+def test_rays_measure_the_error_of_a_frame(variant: str) -> None:
+    scene = scene_of(**VARIANTS[variant])
     stage = prepare_stage(scene, clock=perf_counter, num_threads=2)
     frame = drawn(stage, 3)
     transfer = make_transfer_function(scene.transfer_function, stage.volume.finest_spacing)
@@ -153,9 +144,9 @@ def test_rays_measure_the_error_of_a_frame(variant: str, tmp_path: Any) -> None:
     assert probe.samples.mean == pytest.approx(((unrounded - truth) ** 2).mean(), rel=0.1)
 
 
-def test_rays_converge_where_they_are_asked_to(tmp_path: Any) -> None:
+def test_rays_converge_where_they_are_asked_to() -> None:
     """A whole picture, compared with itself, then has no error, with light, too; rays of one step leave some."""
-    scene = scene_of(tmp_path, **VARIANTS["lit"])
+    scene = scene_of(**VARIANTS["lit"])
     stage = prepare_stage(scene, clock=perf_counter, num_threads=2)
     transfer = make_transfer_function(scene.transfer_function, stage.volume.finest_spacing)
     image, _ = converged_image(stage.volume, transfer, view_of(stage, 3), tolerance=1e-7, shading=scene.shading)
@@ -168,17 +159,17 @@ def test_rays_converge_where_they_are_asked_to(tmp_path: Any) -> None:
     assert quick.largest_error > 1e-7
 
 
-def test_figures_do_not_depend_on_the_number_of_threads(tmp_path: Any) -> None:
-    stage = prepare_stage(scene_of(tmp_path, **VARIANTS["lit"]), clock=perf_counter, num_threads=2)
+def test_figures_do_not_depend_on_the_number_of_threads() -> None:
+    stage = prepare_stage(scene_of(**VARIANTS["lit"]), clock=perf_counter, num_threads=2)
     frame = drawn(stage, 5)
     found = [FrameProber(stage, 300, num_threads=num).probe(5, frame.image) for num in (1, 2, 5)]
     assert found[0] == found[1] == found[2]
     assert FrameProber(stage, 300, seed=1).probe(5, frame.image) != found[0]
 
 
-def test_a_wrong_picture_is_seen(tmp_path: Any) -> None:
+def test_a_wrong_picture_is_seen() -> None:
     """A frame of another number is not near the exact picture of this one."""
-    scene = scene_of(tmp_path)
+    scene = scene_of()
     stage = prepare_stage(with_tolerance(scene, 0.05), clock=perf_counter, num_threads=2)
     right, wrong = drawn(stage, 0), drawn(stage, 1)
     prober = FrameProber(stage, 64)

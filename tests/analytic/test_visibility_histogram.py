@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
@@ -11,9 +12,10 @@ import numpy as np
 import pytest
 from brickwork import transfer_of
 from ray_integrals import look, volume
+from small_scene import small_tree
 
 from renderer.draw import open_rasterizer
-from renderer.frame import prepare_stage, render_frames, view_of
+from renderer.frame import Stage, prepare_stage, render_frames, view_of
 from renderer.job import FilmVisibility, FrameRecord, visibility_text
 from renderer.job.film_visibility import film_visibility, range_record
 from renderer.job.record import VisibleRange
@@ -129,22 +131,14 @@ def test_many_control_points_make_twelve_ranges(factor: float) -> None:
 
 # Frames and films
 
-TREE: dict[str, Any] = {
-    "volume": {"procedural": {"name": "engine_block", "shape": [24, 24, 12]}},
-    "transfer_function": {
-        "points": [
-            {"value": 50, "color": "#6680e6", "opacity": 0.0},
-            {"value": 120, "color": "#e6b080", "opacity": 0.1},
-            {"value": 255, "color": "white", "opacity": 0.7},
-        ]
-    },
-    "camera": {"path": {"type": "turntable", "frames": 8, "elevation": 20}},
-    "output": {"file": "{frame}.png", "size": [40, 30]},
-}
+
+def stage_of(**sections: Any) -> Stage:
+    scene = parse_scene(small_tree(output={"file": "{frame}.png", "size": [40, 30]}, **sections), base=Path())
+    return prepare_stage(scene, clock=perf_counter, num_threads=2)
 
 
-def test_a_frame_shows_what_all_its_rays_show(tmp_path: Any) -> None:
-    stage = prepare_stage(parse_scene(TREE, base=tmp_path), clock=perf_counter, num_threads=2)
+def test_a_frame_shows_what_all_its_rays_show() -> None:
+    stage = stage_of()
     with open_rasterizer(needs_opengl=False) as rasterizer:
         (frame,) = render_frames(stage, [3], rasterizer, clock=perf_counter)
     _, everywhere = SceneRays(stage).integrate_by_interval(view_of(stage, 3), np.arange(1200), 1.0)
@@ -154,10 +148,9 @@ def test_a_frame_shows_what_all_its_rays_show(tmp_path: Any) -> None:
     assert min(low, high) > 0.01
 
 
-def test_projections_have_no_visibility(tmp_path: Any) -> None:
+def test_projections_have_no_visibility() -> None:
     for mode in ("maximum", "mean"):
-        tree = {**TREE, "mode": mode, "transfer_function": {"colormap": "gray", "range": [0, 255]}}
-        stage = prepare_stage(parse_scene(tree, base=tmp_path), clock=perf_counter, num_threads=2)
+        stage = stage_of(mode=mode, transfer_function={"colormap": "gray", "range": [0, 255]})
         assert FrameProber(stage, 32).probe(3, np.zeros((30, 40, 3), np.uint8)).visible == ()
 
 

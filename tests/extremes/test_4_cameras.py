@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from extremes import Extreme, Measure, Random, Section, worst_drawn, worst_of
+from small_scene import small_tree
 from splat_reference import rasterize_reference
 from splatting import Float64, volume_of
 
@@ -290,14 +291,8 @@ def complains(key: str, value: object) -> bool:
     camera: dict[str, Any] = {"path": {"type": "turntable", "frames": 9}}
     *sections, last = key.split(".")
     (camera[sections[0]] if sections else camera)[last] = value
-    tree = {
-        "volume": {"procedural": {"name": "constant", "shape": [2, 2, 2]}},
-        "transfer_function": {"points": [{"value": 0, "color": "white", "opacity": 1}]},
-        "camera": camera,
-        "output": {"file": "film.mp4"},
-    }
     try:
-        parse_scene(tree, base=Path())
+        parse_scene(small_tree(camera=camera), base=Path())
     except SceneError as error:
         return all(problem.path.startswith(f"camera.{key}") for problem in error.problems)
     return False

@@ -1,4 +1,4 @@
-"""The scene of the tests that run whole commands: a procedural engine block that is drawn in a moment."""
+"""The scene of many tests: a procedural engine block that is drawn in a moment."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+from renderer.scene import parse_yaml
 
 
 def small_scene(
@@ -37,6 +39,17 @@ camera:
   file: film.mp4
   size: [{size}]
 """
+
+
+def small_tree(*, frames: int = 8, **sections: Any) -> dict[str, Any]:
+    """Return `small_scene` as a tree for `parse_scene`, with whole sections added or replaced."""
+    tree: dict[str, Any] = parse_yaml(small_scene(frames=frames)).data  # type: ignore[assignment]
+    return tree | sections
+
+
+def engine_block(*shape: int, **more: Any) -> dict[str, Any]:
+    """Return the section `volume` of an engine block."""
+    return {"procedural": {"name": "engine_block", "shape": list(shape)} | more}
 
 
 def sidecar(path: str | Path = "film.mp4.json") -> dict[str, Any]:

@@ -13,6 +13,7 @@ import faulty_cluster_worker as faulty
 import pytest
 from distributed import Client, LocalCluster
 from film_stages import plan_of
+from small_scene import small_tree
 
 from hsplat_cli.executors.cluster import cluster_drawing, registry
 from hsplat_cli.executors.cluster.cluster_drawing import ClusterDrawing
@@ -26,18 +27,11 @@ from renderer.scene import parse_scene
 from renderer.system import num_cores
 
 NUM_FRAMES = 24
-SCENE = {
-    "volume": {"procedural": {"name": "engine_block", "shape": [32, 32, 16]}},
-    "transfer_function": {
-        "points": [
-            {"value": 50, "color": "#6680e6", "opacity": 0.0},
-            {"value": 255, "color": "#ffffff", "opacity": 0.7},
-        ]
-    },
-    "camera": {"path": {"type": "turntable", "frames": NUM_FRAMES, "elevation": 20}},
-    "error": {"tolerance": {0: 0.5, NUM_FRAMES - 1: 0.02}},
-    "output": {"file": "{frame}.png", "size": [32, 32], "background": "transparent"},
-}
+SCENE = small_tree(
+    frames=NUM_FRAMES,
+    error={"tolerance": {0: 0.5, NUM_FRAMES - 1: 0.02}},
+    output={"file": "{frame}.png", "size": [32, 32], "background": "transparent"},
+)
 
 
 @pytest.fixture(scope="module")

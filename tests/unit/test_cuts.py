@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, placed, transfer_of, view_of
+from small_scene import small_tree
 
 from renderer.errors import SceneError
 from renderer.readers import read_volume
@@ -19,18 +20,12 @@ from renderer.truth.integrator import rays_through_pixels
 from renderer.view import View, are_cut_away, place_cuts, visible_bricks
 from renderer.volume import Bools, Float64, Volume
 
-SMALL: dict[str, Any] = {
-    "volume": {"procedural": {"name": "constant", "shape": [4, 5, 6]}},
-    "transfer_function": {"points": [{"value": 1, "color": "white", "opacity": 0.5}]},
-    "camera": {"path": {"type": "turntable", "frames": 10}},
-    "output": {"file": "a.mp4"},
-}
 PLANE = {"plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
 BOX = {"box": [[0, 0, 0], [1, 2, 3]]}
 
 
 def parse(**sections: Any) -> Scene:
-    return parse_scene(SMALL | sections, base=Path())
+    return parse_scene(small_tree(**sections), base=Path())
 
 
 def complaints(**sections: Any) -> list[tuple[str, str]]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from small_scene import small_tree
 from spoiling import spoil
 
 from hsplat_cli.scenes import SceneRequest, load_job
@@ -239,15 +240,7 @@ def test_the_film_lies_beside_its_sidecar(sidecar: str, recorded: str, film: str
     assert film_path_of_sidecar(Path(sidecar), Path(recorded)) == Path(film)
 
 
-SCENE = parse_scene(
-    {
-        "volume": {"procedural": {"name": "constant", "shape": [4, 4, 4]}},
-        "transfer_function": {"points": [{"value": 0, "color": "#ffffff", "opacity": 0.5}]},
-        "camera": {"path": {"type": "turntable", "frames": 120}},
-        "output": {"file": "engine.mp4"},
-    },
-    base=Path(),
-)
+SCENE = parse_scene(small_tree(frames=120, output={"file": "engine.mp4"}), base=Path())
 
 
 @pytest.mark.parametrize(

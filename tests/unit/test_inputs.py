@@ -6,10 +6,10 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import Any
 from unittest import mock
 
 import pytest
+from small_scene import small_tree
 
 from renderer.errors import InputError
 from renderer.job import FilmJob, require_no_input, scene_files, volume_files
@@ -106,12 +106,7 @@ def test_a_transfer_function_that_is_imported_is_an_input() -> None:
     Path("look.cmap").write_text("0 0 0\n1 1 1\n")
     Path("film.mp4.json").write_text(json.dumps([{"Name": "a", "RGBPoints": [0, 0, 0, 0, 9, 1, 1, 1]}]))
     colors: dict[str, object] = {"import": "look.cmap", "range": [0, 9], "opacity": [[0, 0], [9, 1]]}
-    tree: dict[str, Any] = {
-        "volume": {"procedural": {"name": "constant", "shape": [4, 4, 4]}},
-        "transfer_function": colors,
-        "camera": {"path": {"type": "turntable", "frames": 2}},
-        "output": {"file": "film.mp4"},
-    }
+    tree = small_tree(frames=2, transfer_function=colors)
     scene = parse_scene(tree, base=Path())
     assert [*scene_files(scene)] == [Path("look.cmap")]
     FilmJob(scene, [0, 1], accuracy_of(scene.error)).require_no_input()

@@ -1,0 +1,32 @@
+"""A frame of a stage, as the processor draws it and as exact rays see it."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.draw import CPURasterizer
+from renderer.frame import Stage, render_frames, view_of
+from renderer.truth import SceneRays
+from renderer.volume import Float64
+
+NUMBER = 3  # of the frame; no axis of the volume is along the view
+
+
+def drawn(stage: Stage, number: int = NUMBER, *, num_threads: int = 2) -> npt.NDArray[np.float32]:
+    """Return the radiance [h, w, 4]."""
+    with CPURasterizer(num_threads=num_threads) as rasterizer:
+        (frame,) = render_frames(stage, [number], rasterizer, clock=lambda: 0.0)
+    return frame.radiance
+
+
+def exact(stage: Stage, step: float = 0.5) -> Float64:
+    """Return the radiance [h, w, 4] of frame NUMBER that exact rays gather in steps of so many voxels."""
+    width, height = stage.scene.output.size
+    rays = SceneRays(stage, num_threads=2).integrate(view_of(stage, NUMBER), np.arange(width * height), step)
+    return rays.reshape(height, width, 4)
+
+
+def decibels(one: npt.ArrayLike, other: npt.ArrayLike) -> float:
+    """Return the peak signal-to-noise ratio of two pictures."""
+    return float(-10 * np.log10(np.mean(np.subtract(one, other) ** 2)))
