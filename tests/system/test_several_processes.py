@@ -40,9 +40,13 @@ output: {file: film.mp4, size: [32, 32]}
 SOON_S = 10.0
 
 
-def film_of_one_process() -> bytes:
-    assert main.run(["render", "scene.yaml", "--output", "alone.mp4", "--quiet"]) == 0
-    return Path("alone.mp4").read_bytes()
+@pytest.fixture(scope="module")
+def film_of_one_process(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    folder = tmp_path_factory.mktemp("alone")
+    (folder / "scene.yaml").write_text(SCENE, encoding="utf-8")
+    film = folder / "film.mp4"
+    assert main.run(["render", str(folder / "scene.yaml"), "--output", str(film), "--quiet"]) == 0
+    return film.read_bytes()
 
 
 @contextmanager
@@ -57,17 +61,16 @@ def rendering(mark: str) -> Iterator[subprocess.Popen[str]]:
         yield job
 
 
-def test_the_same_film(capsys: pytest.CaptureFixture[str]) -> None:
-    expected = film_of_one_process()
+def test_the_same_film(film_of_one_process: bytes, capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["render", "scene.yaml", "--workers", "2", "--quiet"]) == 0
-    assert Path("film.mp4").read_bytes() == expected
+    assert Path("film.mp4").read_bytes() == film_of_one_process
     assert all(logging.getLogger(name).isEnabledFor(logging.CRITICAL) for name in ("distributed", "another"))
     capsys.readouterr()
     assert main.run(["render", "scene.yaml"]) == 0
     assert "film.mp4 is up to date" in capsys.readouterr().err
 
 
-def test_frames_of_a_killed_process_are_drawn_again() -> None:
+def test_frames_of_a_killed_process_are_drawn_again(film_of_one_process: bytes) -> None:
     mark = new_mark()
     with rendering(mark) as job:
         workers = [child for child in psutil.Process(job.pid).children() if "local_worker" in " ".join(child.cmdline())]
@@ -75,7 +78,7 @@ def test_frames_of_a_killed_process_are_drawn_again() -> None:
         workers[0].kill()
         _, said = job.communicate()
     assert (job.returncode, "Traceback" in said) == (0, False), said
-    assert Path("film.mp4").read_bytes() == film_of_one_process()
+    assert Path("film.mp4").read_bytes() == film_of_one_process
     assert wait_until(lambda: not marked(mark), SOON_S)
 
 
@@ -97,7 +100,7 @@ def test_processes_that_do_not_start(module: str, monkeypatch: pytest.MonkeyPatc
         pass
 
 
-def test_an_interrupt_of_all_processes_of_a_terminal() -> None:
+def test_an_interrupt_of_all_processes_of_a_terminal(film_of_one_process: bytes) -> None:
     mark = new_mark()
     with rendering(mark) as job:
         os.killpg(job.pid, signal.SIGINT)
@@ -106,7 +109,7 @@ def test_an_interrupt_of_all_processes_of_a_terminal() -> None:
     assert said.splitlines()[-1] == "hsplat: interrupted"
     assert wait_until(lambda: not marked(mark), SOON_S)
     assert main.run(["render", "scene.yaml", "--quiet"]) == 0
-    assert Path("film.mp4").read_bytes() == film_of_one_process()
+    assert Path("film.mp4").read_bytes() == film_of_one_process
 
 
 @pytest.mark.usefixtures("heeds_interrupts")
