@@ -10,6 +10,8 @@ import pytest
 from tests.support.dicom_files import COLUMN, NORMAL, ROW, image_fields, save, write_series, write_slice
 from tests.support.volume_files import read, refused
 
+pytestmark = pytest.mark.usefixtures("one_process")
+
 
 def test_slices_lie_where_they_say(tmp_path):
     planes = write_series(tmp_path, [np.array([1.0, 2.0, 3.0]) + 1.5 * k * NORMAL for k in range(4)])

@@ -1,4 +1,4 @@
-"""Archives of arrays, cube files and segmentations; volumes that are found in folders or by content."""
+"""Archives of arrays, cube files and segmentations, compressed DICOM; volumes found in folders or by content."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ import os
 import shutil
 import zipfile
 
+import gdcm
 import nrrd
 import numpy as np
 import pytest
 
-from tests.support.dicom_files import NORMAL, write_series, write_slice
+from tests.support.dicom_files import NORMAL, image_fields, save, transcode, write_series, write_slice
 from tests.support.volume_files import ramp, read, refused, write_image, written
 
 VALUES = ramp("int16")
@@ -236,3 +237,13 @@ def test_dicom_may_have_any_name(tmp_path):
     write_series(tmp_path, [0 * NORMAL])
     (tmp_path / "99.dcm").rename(tmp_path / "image.img")
     assert read(tmp_path / "image.img").shape_xyz == (5, 6, 1)
+
+
+@pytest.mark.parametrize("syntax", ["JPEGLosslessProcess14_1", "JPEGLSLossless", "JPEG2000Lossless"])
+def test_compressed_pixels_of_dicom(tmp_path, syntax):
+    values = np.arange(60 * 50, dtype=np.uint16).reshape(60, 50)
+    save(tmp_path / "plain.dcm", image_fields(values))
+    transcode(tmp_path / "plain.dcm", tmp_path / "a.dcm", getattr(gdcm.TransferSyntax, syntax))
+    np.testing.assert_array_equal(read(tmp_path / "a.dcm").values[0], values)
+    (tmp_path / "a.dcm").write_bytes((tmp_path / "a.dcm").read_bytes()[:-200])
+    refused(tmp_path / "a.dcm", match="this DICOM slice cannot be read")

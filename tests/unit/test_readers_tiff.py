@@ -11,6 +11,8 @@ import pytest
 from tests.support.tiff_files import BITS, HEIGHT, LONG, PIXELS, SHORT, WIDTH, tiff, tiff_bytes
 from tests.support.volume_files import ramp, read, refused, write_image, written
 
+pytestmark = pytest.mark.usefixtures("one_process")
+
 
 def assert_sizes_cannot_be_compared(path: Path, got: str, expected: str) -> None:
     error = refused(path)
