@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +13,7 @@ import pytest
 from hsplat_cli import main
 from renderer.film import bytes_digest, encode_png
 from tests.messages.conftest import small_scene
+from tests.support.small_scene import edit_sidecar, sidecar
 from tests.support.transcripts import Case, cases
 
 
@@ -36,11 +36,9 @@ def draw(*arguments: str) -> None:
 def change(name: str, edit: Callable[[dict[str, Any]], object]) -> None:
     """Edit the sidecar of a part."""
     path = Path(f"parts/frames.{name}.json")
-    text = path.read_text(encoding="utf-8")
-    data = json.loads(text)
-    edit(data)
-    assert data != json.loads(text)
-    path.write_text(json.dumps(data), encoding="utf-8")
+    before = sidecar(path)
+    edit_sidecar(path, edit)
+    assert sidecar(path) != before
 
 
 def make_others() -> None:

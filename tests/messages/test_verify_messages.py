@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from hsplat_cli import main
 from tests.messages.conftest import small_scene
+from tests.support.small_scene import edit_sidecar
 from tests.support.transcripts import Case, cases
 
 
@@ -30,12 +29,6 @@ def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def edit(path: str, change: Callable[[dict[str, Any]], object]) -> None:
-    data = json.loads(Path(path).read_text(encoding="utf-8"))
-    change(data)
-    Path(path).write_text(json.dumps(data), encoding="utf-8")
-
-
 def damage_pictures() -> None:
     Path("frames/0.png").unlink()
     shutil.copy("frames/2.png", "frames/1.png")
@@ -46,7 +39,7 @@ def damage_pictures() -> None:
 PREPARATIONS: dict[str, Callable[[], object]] = {
     "pictures that are missing, exchanged and edited": damage_pictures,
     "a film that is cut off": lambda: Path("film.gif").write_bytes(Path("film.gif").read_bytes()[:-9]),
-    "another scene in the sidecar": lambda: edit(
+    "another scene in the sidecar": lambda: edit_sidecar(
         "film.gif.json", lambda data: data["scene"]["camera"]["path"].update(elevation=21)
     ),
     "no sidecar": lambda: Path("film.gif.json").unlink(),
