@@ -3,7 +3,8 @@
 In: a volume and its statistics. Out: `Suggestion`: the kind of data, and control points and opacities that show it.
 Thresholds by Otsu 1979; densities by visibility, Correa and Ma 2011.
 
-- `volume_suggestion.py` (a volume still to be read) and `suggestion.py` (its statistics) choose, and give reasons.
+- `volume_suggestion.py` (a volume still to be read) and `suggestion.py` (its statistics) make the suggestion;
+  `recognition.py` chooses by the kind of data.
 - `histogram.py`: range, histogram, Otsu's threshold; `nodata.py`: nodata values and outliers, which are set
   aside; `percentiles.py`: exact ranks.
 - `features.py`: background, noise, edges, level sets; `classes.py`: materials; `labels.py`: masks and segmentations, in

@@ -222,6 +222,18 @@ def find_background(sample: VoxelSample) -> Background:
     )
 
 
+def without(sample: VoxelSample, are_away: Bools) -> VoxelSample:
+    """Return a sample with background, noise included, in place of some of its voxels, bool [z, y, x]."""
+    background, border = find_background(sample), sample.border_values()
+    noise = border[(border >= background.low) & (border <= background.high)]
+    filled = [np.resize(noise, values.shape) for values in (sample.normalized, sample.neighbours)]
+    normalized, neighbours = (
+        np.where(are_away, noise, values)
+        for noise, values in zip(filled, (sample.normalized, sample.neighbours), strict=True)
+    )
+    return replace(sample, normalized=normalized, neighbours=neighbours)
+
+
 def is_about_zero(sample: VoxelSample) -> bool:
     """Return whether the median of the valid values is near the data value 0, compared with their spread."""
     shares = sample.normalized[sample.is_valid]

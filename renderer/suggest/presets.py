@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -58,6 +58,14 @@ class Preset:
         return replace(self, layers=layers, colors=colors, shading=shading)
 
 
+class Choice(NamedTuple):
+    """A preset that was chosen. kind: of the data. reason: the signs by which it was recognised, a clause."""
+
+    kind: str
+    reason: str
+    preset: Preset
+
+
 def flip_light(shading: ShadingSpec) -> ShadingSpec:
     """Return the light for surfaces with lower values inside, where gradients point the other way."""
     if isinstance(shading.light, str):
@@ -97,11 +105,17 @@ def ct_preset(sample: VoxelSample, zero: float) -> Preset:
 
 # Scans: materials that stand out from a background.
 
-_BLUE, _SAND, _IVORY, STONE = (0.36, 0.50, 0.86), (0.91, 0.68, 0.42), (0.98, 0.95, 0.88), (0.86, 0.83, 0.76)
+_BLUE, _CLAY, _SAND, _IVORY, STONE = (
+    (0.36, 0.50, 0.86),
+    (0.80, 0.47, 0.34),
+    (0.91, 0.68, 0.42),
+    (0.98, 0.95, 0.88),
+    (0.86, 0.83, 0.76),
+)
 # By the number of materials, from the thinnest to the densest: names, colours, and shares of the picture.
 _MATERIALS: dict[int, tuple[tuple[str, Color, float], ...]] = {
     1: (("the object", STONE, 1.0),),
-    2: (("the thinner material", _BLUE, 0.4), ("the denser material", _IVORY, 0.6)),
+    2: (("the thinner material", _CLAY, 0.4), ("the denser material", _IVORY, 0.6)),
     3: (
         ("the thinnest material", _BLUE, 0.25),
         ("the middle material", _SAND, 0.35),

@@ -6,6 +6,7 @@ that are not much smaller. Planes that touch the object cut away what is beyond 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise, product
 from typing import NamedTuple
@@ -17,8 +18,9 @@ from renderer.volume import Bools, Float64, Int64
 
 # Cells along each axis.
 _MAX_CELLS = 64
-# Parts with less of the volume of the main one are specks, unless gaps of less than twice these cells lead to it.
-_MIN_VOLUME, _GAP = 0.002, 2
+# Parts with less of the volume of the main one are specks, unless gaps of less than twice these cells lead to it. What
+# touches a sheet is a piece of it, unless it is larger.
+_MIN_VOLUME, _GAP, _MIN_VOLUME_AT_SHEET = 0.002, 2, 0.1
 # The thickness of a sheet is less than this part of its diagonal: plates have 0.03 to 0.06, a ball 0.2. A sheet that
 # reaches the border is a table, a holder or a frame.
 _MAX_SHEET_THICKNESS = 0.09
@@ -27,11 +29,12 @@ _MAX_PLANES = 6
 _MIN_CUT, _MIN_SHRINKAGE = 0.01, 0.1
 # What is left has at least this part: a larger sheet is a part of the object, such as the plate on an engine.
 _MIN_LEFT = 0.35
-# The distance of a plane from the object, in cells.
-_MARGIN = 1.0
 # Cells below a surface, and percentiles of places that are outermost.
 _DEPTH, _OUTERMOST = 3, (2, 98)
-_DIRECTIONS = np.array([each for each in product((-1, 0, 1), repeat=3) if any(each)], np.float64)
+# What has one cross-section fills at least this part of its length, which has at least so many cells. Rods are no
+# sheets: they are about twice as wide as thick, by volume and surface.
+_MIN_FILLED, _MIN_LENGTH, _MIN_WIDTH = 0.95, 16, 5.0
+_DIRECTIONS = np.array([each for each in product(range(-2, 3), repeat=3) if math.gcd(*each) == 1], np.float64)
 _NORMALS = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
 
 
@@ -50,10 +53,11 @@ def separating_planes(sample: VoxelSample, is_visible: Bools) -> list[Plane]:
     cells, sides = _pool(is_visible, sample.spacing)
     if not cells.any():
         return []
-    labels = _label_parts(cells)
+    labels = _label_parts(cells, _are_holders(cells, sides))
     of_object = np.isin(labels[cells], _parts_of_object(cells, labels, sides))
     places = np.argwhere(cells)[:, ::-1] + 0.5 - np.array(cells.shape[::-1]) / 2
-    return _touching_planes(places * sides[::-1] @ sample.directions.T, of_object, float(sides.max()))
+    axes = sample.directions * sides[::-1]
+    return _touching_planes(places @ axes.T, of_object, np.abs(_NORMALS @ axes).sum(axis=1) / 2)
 
 
 def are_deep(sample: VoxelSample, is_visible: Bools) -> Bools:
@@ -103,8 +107,28 @@ def _factors(voxels: Bools) -> list[int]:
     return [-(-n // _MAX_CELLS) for n in voxels.shape]
 
 
-def _label_parts(cells: Bools) -> Int64:
-    """Return a number for each connected part: the lowest flat index of its cells; -1 elsewhere."""
+def _are_holders(cells: Bools, sides: Float64) -> Bools:
+    """Return which cells belong to sheets that have one cross-section from end to end, and may touch the object."""
+    extruded = np.zeros_like(cells)
+    for axis in range(3):
+        if cells.shape[axis] >= _MIN_LENGTH:
+            extruded |= _grow(cells.mean(axis, keepdims=True) >= _MIN_FILLED, 1) & cells
+    middle = np.argwhere(cells).mean(axis=0)
+    parts = _measure_parts(extruded, _label_parts(extruded), sides)
+    is_around = ((parts.low <= middle) & (middle < parts.high)).all(axis=1)
+    sizes = (parts.high - parts.low) * sides
+    is_rod = np.sort(sizes, axis=1)[:, 1] < _MIN_WIDTH * parts.thickness * np.linalg.norm(sizes, axis=1)
+    extruded[extruded] = (parts.is_sheet & ~is_around & ~is_rod)[parts.of_cell]
+    return extruded
+
+
+def _label_parts(cells: Bools, others: Bools | None = None) -> Int64:
+    """Return a number for each connected part: the lowest flat index of its cells; -1 elsewhere.
+
+    others: cells that are connected among themselves only.
+    """
+    if others is not None:
+        return np.where(others, _label_parts(others), _label_parts(cells & ~others))
     outside = cells.size
     labels = np.where(cells, np.arange(cells.size).reshape(cells.shape), outside)
     before = np.full_like(labels, -1)
@@ -117,8 +141,21 @@ def _label_parts(cells: Bools) -> Int64:
     return np.where(cells, labels, -1)
 
 
-def _parts_of_object(cells: Bools, labels: Int64, sides: Float64) -> Int64:
-    """Return the numbers of the parts that belong to the object."""
+class _Parts(NamedTuple):
+    """Measurements of connected parts. numbers: ascending. of_cell: the place of each cell's part in them. volumes;
+    thickness: as a share of the diagonal. low, high: ends along z, y, x, in cells. is_sheet: whether it is thin and
+    reaches the border."""
+
+    numbers: Int64
+    of_cell: Int64
+    volumes: Float64
+    thickness: Float64
+    low: Int64
+    high: Int64
+    is_sheet: Bools
+
+
+def _measure_parts(cells: Bools, labels: Int64, sides: Float64) -> _Parts:
     numbers, of_cell, counts = np.unique(labels[cells], return_inverse=True, return_counts=True)
     volumes = counts * sides.prod()
     padded = np.pad(cells, 1)
@@ -132,17 +169,25 @@ def _parts_of_object(cells: Bools, labels: Int64, sides: Float64) -> Int64:
     np.minimum.at(low, of_cell, places)
     np.maximum.at(high, of_cell, places + 1)
     thickness = 2 * volumes / surfaces / np.linalg.norm((high - low) * sides, axis=1)
-    reaches_border = ((low == 0) | (high == cells.shape)).any(axis=1)
-    is_sheet = (thickness < _MAX_SHEET_THICKNESS) & reaches_border
-    main = int((volumes * thickness).argmax())
-    # What is thin may be broken: legs of an insect, vessels.
-    others = cells.copy()
-    others[cells] = ~is_sheet[of_cell] | (of_cell == main)
-    grown = _label_parts(_grow(others, _GAP))[cells]
-    is_near = np.bincount(of_cell, grown == grown[of_cell == main][0], len(numbers)) > 0
-    is_kept = (is_near | (volumes >= _MIN_VOLUME * volumes[main])) & ~is_sheet
+    is_sheet = (thickness < _MAX_SHEET_THICKNESS) & ((low == 0) | (high == cells.shape)).any(axis=1)
+    return _Parts(numbers, of_cell, volumes, thickness, low, high, is_sheet)
+
+
+def _parts_of_object(cells: Bools, labels: Int64, sides: Float64) -> Int64:
+    """Return the numbers of the parts that belong to the object."""
+    parts = _measure_parts(cells, labels, sides)
+    of_cell, num = parts.of_cell, len(parts.numbers)
+    main = int((parts.volumes * parts.thickness).argmax())
+    sheets = np.zeros_like(cells)
+    sheets[cells] = parts.is_sheet[of_cell] & (of_cell != main)
+    # What is thin may be broken: legs of an insect, vessels, but sheets, too.
+    grown = _label_parts(_grow(cells & ~sheets, _GAP))[cells]
+    is_near = np.bincount(of_cell, grown == grown[of_cell == main][0], num) > 0
+    of_sheet = np.bincount(of_cell, _grow(sheets, 1)[cells], num) > 0
+    share = parts.volumes / parts.volumes[main]
+    is_kept = np.where(of_sheet, share >= _MIN_VOLUME_AT_SHEET, is_near | (share >= _MIN_VOLUME)) & ~parts.is_sheet
     is_kept[main] = True
-    return np.asarray(numbers[is_kept])
+    return np.asarray(parts.numbers[is_kept])
 
 
 def _grow(cells: Bools, distance: int) -> Bools:
@@ -154,10 +199,13 @@ def _grow(cells: Bools, distance: int) -> Bools:
     return grown
 
 
-def _touching_planes(points: Float64, of_object: Bools, side: float) -> list[Plane]:
-    """Return planes that touch the object, those first that cut most away; none if they are not worth it."""
+def _touching_planes(points: Float64, of_object: Bools, reach: Float64) -> list[Plane]:
+    """Return planes that touch the object, those first that cut most away; none if they are not worth it.
+
+    points: of the centres of all cells, float64 [n, 3]. reach: of a cell from its centre along each normal.
+    """
     heights = points @ _NORMALS.T
-    limits = heights[of_object].max(axis=0) + _MARGIN * side
+    limits = heights[of_object].max(axis=0) + reach
     is_beyond, is_left, chosen = heights > limits, np.ones(len(points), bool), list[int]()
     while len(chosen) < _MAX_PLANES:
         counts = is_beyond[is_left].sum(axis=0)

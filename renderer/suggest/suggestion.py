@@ -1,8 +1,7 @@
 """Choose a transfer function that shows what is in a volume, and give the reason in words.
 
-The kind of data is recognised from the values alone: labels, computed tomography in Hounsfield units, values on both
-    sides of a background, an object brighter or darker than its background, or a volume filled to its border. Each kind
-    has a preset (`renderer.suggest.presets`), whose opacities are then calibrated (`renderer.suggest.opacity`).
+Labels, or the kind of data (`recognition.py`) or a wish (`wishes.py`), give a preset. Planes cut away what is not the
+object (`separation.py`), and densities are solved for what the picture shows (`visibility.py`).
 """
 
 from __future__ import annotations
@@ -27,14 +26,15 @@ from renderer.scene import (
     Vector,
 )
 from renderer.suggest import features, presets
-from renderer.suggest.features import Background, VoxelSample
+from renderer.suggest.features import VoxelSample
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.labels import background_label, distinct_values, label_mapping, label_reason, label_values
 from renderer.suggest.opacity import format_number, format_percent, opacity_from_depth, opacity_unit_length
-from renderer.suggest.presets import Preset
-from renderer.suggest.separation import Plane, corner_box, separating_planes
+from renderer.suggest.presets import Choice, Preset
+from renderer.suggest.recognition import hounsfield_zero, offset_text, recognise
+from renderer.suggest.separation import Plane, are_beyond, corner_box, separating_planes
 from renderer.suggest.visibility import Visibility, cast_rays, measure_visibility, solve_depths
-from renderer.suggest.wishes import LABELS_WISH, WISHES, Scan, Wish, imported_transfer
+from renderer.suggest.wishes import LABELS_WISH, WISHES, Wish, choose_by_word, imported_transfer
 from renderer.volume import Bools, Float64, Volume
 
 NO_WISH = Wish()
@@ -108,18 +108,22 @@ def _suggest_from(volume: Volume, statistics: Statistics, sample: VoxelSample, w
     if values is not None:
         return _label_suggestion(volume, sample, values, wish.colormap)
     zero = hounsfield_zero(statistics)
-    if wish.preset is not None:
-        return _wished_suggestion(sample, zero, wish, volume.centre)
-    if zero is not None:
-        reason = f"air lies near {zero - 1000:g} and soft tissue near {zero:g}{_offset_text(zero)}"
-        kind, preset = "CT in Hounsfield units", presets.ct_preset(sample, zero)
-    else:
-        kind, reason, preset = _recognise(volume, statistics, sample, features.find_background(sample))
-    return _with_colormap(_preset_suggestion(kind, reason, sample, preset, volume.centre), wish.colormap)
+    if wish.preset is not None and wish.preset not in WISHES:
+        return _imported_suggestion(sample, zero, wish.preset)
 
+    def choose(sample: VoxelSample) -> Choice:
+        if wish.preset is not None:
+            return choose_by_word(wish.preset, sample, zero)
+        return recognise(sample, statistics, zero, is_float=volume.values.dtype.kind == "f")
 
-def _offset_text(zero: float | None) -> str:
-    return f", stored with {zero:g} added" if zero else ""
+    choice, planes = choose(sample), list[Plane]()
+    if choice.preset.is_scan:
+        planes = separating_planes(sample, _are_parts(sample, choice.preset))
+    if planes:  # what is cut away is none of the materials
+        sample = features.without(sample, are_beyond(sample, planes))
+        again = choose(sample)
+        choice = again if again.kind == choice.kind else choice
+    return _with_colormap(_chosen_suggestion(choice, sample, planes, volume.centre), wish.colormap)
 
 
 def _wished_labels(volume: Volume, statistics: Statistics, sample: VoxelSample, wish: Wish) -> Sequence[float] | None:
@@ -134,20 +138,8 @@ def _wished_labels(volume: Volume, statistics: Statistics, sample: VoxelSample, 
     return found
 
 
-def _wished_suggestion(sample: VoxelSample, zero: float | None, wish: Wish, centre: Float64) -> Suggestion:
-    """Return the suggestion of a word, of a preset, or of a file."""
-    background, is_dark = features.find_background(sample), False
-    if zero is None and background.is_there and background.below > background.above:
-        turned = sample.with_inverted_range()
-        background, is_dark = features.find_background(turned), True
-    scan = Scan(turned if is_dark else sample, background, zero)
-    assert wish.preset is not None
-    kind, word = f"shown as --preset {wish.preset}", WISHES.get(wish.preset)
-    if word is not None:
-        preset = word(scan).with_inverted_range() if is_dark else word(scan)
-        reason = "by Hounsfield units" + _offset_text(zero) if zero is not None else "by the materials of the values"
-        return _with_colormap(_preset_suggestion(kind, reason, sample, preset, centre), wish.colormap)
-    transfer = imported_transfer(wish.preset, Scan(sample, background, zero))
+def _imported_suggestion(sample: VoxelSample, zero: float | None, preset: str) -> Suggestion:
+    transfer = imported_transfer(preset, sample, zero)
     assert transfer.imported is not None and not isinstance(transfer.mapping, ColormapSpec)
     light = transfer.imported.shading
     shading = replace(presets.SHADING, **light, occlusion=0.0) if light else presets.SHADING
@@ -155,8 +147,9 @@ def _wished_suggestion(sample: VoxelSample, zero: float | None, wish: Wish, cent
         replace(point, value=float(f"{point.value:.9g}"), opacity=round(point.opacity, 6)) for point in transfer.mapping
     )
     left_out = tuple(f"not imported: {clause}" for clause in transfer.imported.left_out)
-    reason = f"values and opacities are those of {transfer.imported.name}{_offset_text(zero)}"
+    reason = f"values and opacities are those of {transfer.imported.name}{offset_text(zero)}"
     transfer = replace(transfer, mapping=points)
+    kind = f"shown as --preset {preset}"
     return Suggestion(kind, reason, transfer, ("",) * len(points), shading, outlier_notes=left_out)
 
 
@@ -174,116 +167,10 @@ def _label_suggestion(volume: Volume, sample: VoxelSample, values: Sequence[floa
     return Suggestion("labels", reason, TransferSpec(mapping, unit), notes, shading, is_categorical=True, splat=splat)
 
 
-# Signs of the other kinds
-
 # Outlying labels are smaller than this, and not negative.
 _MAX_OUTLYING_LABEL = 2**16
 # The largest volume in a file that is drawn with splats, which need several times its memory.
 _MAX_BYTES_FOR_SPLATS = 1 << 30
-
-# Fields have a smaller ratio of second to first differences.
-_SMOOTH = 0.58
-# Floats with such a tail spread over orders of magnitude.
-_HEAVY_TAIL = 25.0
-# Two phases have at least this part of the variance between them: a normal distribution has 0.64, a uniform one 0.75.
-_TWO_PHASE_SEPARATION = 0.85
-# A filled volume shows values above this percentile.
-_FILLED_PERCENTILE = 60.0
-
-
-def _recognise(
-    volume: Volume, statistics: Statistics, sample: VoxelSample, background: Background
-) -> tuple[str, str, Preset]:
-    """Return the kind, the reason and the preset of data that are neither labels nor Hounsfield units."""
-    if not background.is_there or background.above + background.below == 0:
-        return _filled_volume_preset(statistics, sample)
-    if background.has_much_below and background.has_much_above:
-        middle = sample.round_value(sample.denormalize(background.middle))
-        away = max(background.high - background.middle, 0.04)
-        reason = f"values lie on both sides of a background near {middle:.12g}"
-        return "field with two signs", reason, presets.diverging_preset(sample, background.middle, away)
-    if background.below > background.above:
-        turned = sample.with_inverted_range()
-        kind, reason, preset = _object_preset(volume, turned, features.find_background(turned))
-        return f"{kind}, dark in a bright background", reason, preset.with_inverted_range()
-    return _object_preset(volume, sample, background)
-
-
-def _object_preset(volume: Volume, sample: VoxelSample, background: Background) -> tuple[str, str, Preset]:
-    """Return the kind, the reason and the preset of an object brighter than its background."""
-    is_smooth = features.second_difference_ratio(sample, background.high) < _SMOOTH
-    near = f"the background is near {sample.round_value(sample.denormalize(background.middle)):.12g}"
-    is_float = volume.values.dtype.kind == "f"
-    if is_float and presets.tail_ratio(sample, background.high, origin=background.middle) > _HEAVY_TAIL:
-        kind, reason = "field with a long tail", "the largest values are many times those in the middle"
-    elif is_smooth and presets.has_nested_levels(sample, background.high):
-        kind, reason = "smooth field", "the levels of the values lie inside one another"
-    else:
-        preset = presets.materials_preset(sample, background)
-        return "scan without an absolute scale", f"{near} and what stands out from it has edges", preset
-    return kind, f"{near} and {reason}", presets.field_preset(sample, background.high, origin=background.middle)
-
-
-def _filled_volume_preset(statistics: Statistics, sample: VoxelSample) -> tuple[str, str, Preset]:
-    """Return the kind, the reason and the preset of a volume without a background."""
-    low, high = float(statistics.minimum), float(statistics.maximum)
-    shares = sample.normalized[sample.is_valid]
-    if low < 0 < high:
-        zero = sample.normalize(0.0)
-        if features.is_about_zero(sample):
-            preset = presets.diverging_preset(sample, zero, 1.2 * float(np.std(shares)))
-            return "field with two signs", "values lie on both sides of 0 and fill the volume to its border", preset
-        if features.is_level_set_interior(sample.with_inverted_range(), 1 - zero):
-            preset = presets.level_set_preset(1 - zero).with_inverted_range()
-            return "level set", "negative values lie inside of positive ones", preset
-        if features.is_level_set_interior(sample, zero):
-            return "level set", "positive values lie inside of negative ones", presets.level_set_preset(zero)
-    bottom, top = np.percentile(shares, (0.01, 99.99)).tolist()
-    threshold = features.otsu_threshold(shares, bottom, top, _TWO_PHASE_SEPARATION)
-    if threshold is not None:
-        preset = presets.two_phase_preset(sample, threshold)
-        return "two phases", "there is no background, and values gather in two groups", preset
-    first = float(np.percentile(shares, _FILLED_PERCENTILE))
-    preset = presets.field_preset(sample, first, origin=float(sample.normalized.min()))
-    return "filled volume", "there is no background; the upper 40% of the values are shown", preset
-
-
-# Computed tomography
-
-# The stored value of 0 Hounsfield units: 0, or an offset that makes 12 bits positive.
-_HOUNSFIELD_ZEROS = (0.0, 1024.0, 1000.0)
-
-
-def hounsfield_zero(statistics: Statistics) -> float | None:
-    """Return the stored value of water if the values are Hounsfield units, perhaps with 1000 or 1024 added; else None.
-
-    In a scan, air and lungs (-1100 to -700) and soft tissue (-150 to 150) are much more frequent than the values
-    between them (-600 to -300), and something is denser. Values below -1100 are padding around the scanner's circle.
-    """
-    low, high = float(statistics.minimum), float(statistics.maximum)
-    for zero in _HOUNSFIELD_ZEROS:
-        if (zero == 0) != (low < -200) or not 150 < high - zero < 40_000 or low - zero < -9000:
-            continue
-        if zero and high > 5200:
-            continue
-        values = statistics.bins - zero
-        air, between, soft = (
-            float(statistics.counts[(values >= a) & (values < b)].sum()) / (b - a)
-            for a, b in ((-1100, -700), (-600, -300), (-150, 150))
-        )
-        if zero and not _is_narrow(statistics, values):
-            continue
-        if min(air, soft) > 1.5 * between and soft * 300 > 0.01 * float(statistics.counts.sum()):
-            return zero
-    return None
-
-
-def _is_narrow(statistics: Statistics, values: Float64) -> bool:
-    """Return whether soft tissue has a narrow peak, as on an absolute scale: half of -300 to 300 lies within 150."""
-    counts = [float(statistics.counts[(values >= a) & (values < a + 50)].sum()) for a in range(-300, 300, 50)]
-    widest = max(sum(counts[k : k + 3]) for k in range(len(counts) - 2))
-    return widest > 0.5 * sum(counts) > 0
-
 
 # Outliers and nodata values
 
@@ -386,12 +273,15 @@ def _constant_suggestion(volume: Volume, value: float) -> Suggestion:
     return Suggestion("constant volume", reason, TransferSpec((point,), unit), ("",), None)
 
 
-def _preset_suggestion(kind: str, reason: str, sample: VoxelSample, preset: Preset, centre: Float64) -> Suggestion:
-    """Return the suggestion of a preset. centre: of the volume, in the world."""
+def _chosen_suggestion(choice: Choice, sample: VoxelSample, planes: Sequence[Plane], centre: Float64) -> Suggestion:
+    """Return the suggestion of a preset.
+
+    sample: without what the planes cut away. centre: of the volume, in the world.
+    """
+    kind, reason, preset = choice
     unit = opacity_unit_length(sample.diagonal)
     knots = sorted({at for layer in preset.layers for at, _ in layer.knots})
-    planes = separating_planes(sample, _are_parts(sample, preset)) if preset.is_scan else []
-    rays = cast_rays(sample, planes)
+    rays = cast_rays(sample)
     solved = solve_depths(rays, preset.layers, preset.coverage, by_area=not preset.is_scan)
     visible = _shown_layers(sample, preset, measure_visibility(rays, preset.layers, solved))
     depths = solved @ np.stack([layer.weights(np.array(knots)) for layer in preset.layers])

@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.suggest.features import VoxelSample
-from renderer.suggest.separation import Plane, are_beyond
 from renderer.volume import Float32, Float64
 
 # Parallel rays: views of a turn, rays along each side of a view, and the most samples of one.
@@ -106,14 +105,13 @@ class Visibility(NamedTuple):
     coverage: float
 
 
-def cast_rays(sample: VoxelSample, planes: Sequence[Plane] = (), *, is_interpolated: bool = True) -> TurntableRays:
+def cast_rays(sample: VoxelSample, *, is_interpolated: bool = True) -> TurntableRays:
     """Sample a volume along the rays of a turntable around z, at random places of a regular pattern.
 
-    planes: cut parts of it away. is_interpolated: not of labels, between which values mean nothing.
+    is_interpolated: not of labels, between which values mean nothing.
     """
     random = np.random.default_rng(0)
     values = sample.normalized.astype(np.float32)
-    values[are_beyond(sample, planes)] = np.nan
     shape = np.array(values.shape[::-1])
     spacing = np.array(sample.spacing[::-1]) / sample.diagonal
     half = spacing * shape / 2

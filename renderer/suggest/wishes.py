@@ -14,9 +14,11 @@ import numpy as np
 
 from renderer.errors import Problem, SceneError, closest_match
 from renderer.scene import TRANSFER_FUNCTION_SECTION, Color, TransferSpec, colormap_points, schema
+from renderer.suggest import features
 from renderer.suggest.classes import foreground_threshold, material_edges, top_value
 from renderer.suggest.features import Background, VoxelSample, otsu_threshold
-from renderer.suggest.presets import OPAQUE_COVERAGE, RAMP, SHADING, STONE, Preset, glow_preset, opaque_preset
+from renderer.suggest.presets import OPAQUE_COVERAGE, RAMP, SHADING, STONE, Choice, Preset, glow_preset, opaque_preset
+from renderer.suggest.recognition import offset_text
 from renderer.suggest.visibility import Layer
 
 
@@ -109,11 +111,25 @@ WISHES: dict[str, Callable[[Scan], Preset]] = {
     "surface": lambda scan: _surface(scan, STONE),
     "glow": _glow,
 }
+
+
+def choose_by_word(word: str, sample: VoxelSample, zero: float | None) -> Choice:
+    """Return the preset of a word of WISHES. zero: the stored value of 0 Hounsfield units, if the values are such."""
+    background = features.find_background(sample)
+    is_dark = zero is None and background.is_there and background.below > background.above
+    if is_dark:
+        sample = sample.with_inverted_range()
+        background = features.find_background(sample)
+    preset = WISHES[word](Scan(sample, background, zero))
+    reason = "by the materials of the values" if zero is None else f"by Hounsfield units{offset_text(zero)}"
+    return Choice(f"shown as --preset {word}", reason, preset.with_inverted_range() if is_dark else preset)
+
+
 # Takes the values for labels, although they do not look like some.
 LABELS_WISH = "labels"
 
 
-def imported_transfer(wish: str, scan: Scan) -> TransferSpec:
+def imported_transfer(wish: str, sample: VoxelSample, zero: float | None) -> TransferSpec:
     """Return the transfer function of a preset or a file. Raises SceneError where it cannot be read.
 
     Shares become the range of the values above the middle of the background. Others are shifted by the stored value of
@@ -121,12 +137,12 @@ def imported_transfer(wish: str, scan: Scan) -> TransferSpec:
     """
     file, _, name = wish.partition("#")
     given: dict[str, Any] = {"import": file} | ({"name": name} if name else {})
-    if scan.zero:
-        given["shift"] = scan.zero
+    if zero:
+        given["shift"] = zero
     found, problems = _parsed(given)
     if [problem.path for problem in problems] == ["range"]:  # its values are shares
-        ends = (scan.background.middle, top_value(scan.sample))
-        span = [scan.sample.round_value(scan.sample.denormalize(end)) for end in ends]
+        ends = (features.find_background(sample).middle, top_value(sample))
+        span = [sample.round_value(sample.denormalize(end)) for end in ends]
         found, problems = _parsed({**given, "range": span, "shift": 0.0})
     if problems:
         raise SceneError([_at_option(problem, wish) for problem in problems])

@@ -45,11 +45,18 @@ def leg() -> Bools:
     return (np.abs(z) < 0.04) & (np.abs(y) < 0.04)
 
 
-@pytest.mark.parametrize("beside", [table, curved_holder], ids=["table", "holder"])
+def touching_table() -> Bools:
+    _, y, x = axes(N)
+    return (np.abs(y - 0.45) < 0.06) & (np.abs(x) < 0.8)
+
+
+@pytest.mark.parametrize(
+    "beside", [table, curved_holder, touching_table], ids=["table", "holder", "table that touches the object"]
+)
 def test_a_sheet_that_reaches_the_border_is_cut_away(beside) -> None:
     gone = cut_away(head() | beside())
     assert gone[beside()].mean() > 0.8
-    assert not gone[head()].any()
+    assert gone[head()].mean() < 0.01  # about a layer of voxels where they touch
 
 
 def test_specks_far_away_are_cut_away() -> None:

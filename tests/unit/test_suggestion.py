@@ -27,7 +27,7 @@ from kinds_of_data import (
 from renderer.readers import common, read_volume
 from renderer.scene import ColormapSpec, FileSource, SplatSpec, VolumeSpec
 from renderer.suggest import compute_statistics, suggest, suggestion
-from renderer.suggest.suggestion import hounsfield_zero
+from renderer.suggest.recognition import hounsfield_zero
 from renderer.transfer import make_transfer_function
 
 Array = npt.NDArray[Any]

@@ -1,0 +1,128 @@
+"""Recognise the kind of data from the values alone, and choose the preset that suits it.
+
+Kinds are computed tomography in Hounsfield units, values on both sides of a background, an object brighter or darker
+than its background, and a volume filled to its border.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.suggest import features, presets
+from renderer.suggest.features import Background, VoxelSample
+from renderer.suggest.histogram import Statistics
+from renderer.suggest.presets import Choice
+from renderer.volume import Float64
+
+# Fields have a smaller ratio of second to first differences.
+_SMOOTH = 0.58
+# Floats with such a tail spread over orders of magnitude.
+_HEAVY_TAIL = 25.0
+# Two phases have at least this part of the variance between them: a normal distribution has 0.64, a uniform one 0.75.
+_TWO_PHASE_SEPARATION = 0.85
+# A filled volume shows values above this percentile.
+_FILLED_PERCENTILE = 60.0
+
+
+def recognise(sample: VoxelSample, statistics: Statistics, zero: float | None, *, is_float: bool) -> Choice:
+    """Return the preset for data that are no labels. zero: the stored value of 0 Hounsfield units, if the values are
+    such; is_float: whether the values are no integers."""
+    if zero is not None:
+        reason = f"air lies near {zero - 1000:g} and soft tissue near {zero:g}{offset_text(zero)}"
+        return Choice("CT in Hounsfield units", reason, presets.ct_preset(sample, zero))
+    background = features.find_background(sample)
+    if not background.is_there or background.above + background.below == 0:
+        return _filled_volume_preset(statistics, sample)
+    if background.has_much_below and background.has_much_above:
+        middle = sample.round_value(sample.denormalize(background.middle))
+        away = max(background.high - background.middle, 0.04)
+        reason = f"values lie on both sides of a background near {middle:.12g}"
+        return Choice("field with two signs", reason, presets.diverging_preset(sample, background.middle, away))
+    if background.below > background.above:
+        turned = sample.with_inverted_range()
+        kind, reason, preset = _object_preset(turned, features.find_background(turned), is_float)
+        return Choice(f"{kind}, dark in a bright background", reason, preset.with_inverted_range())
+    return _object_preset(sample, background, is_float)
+
+
+def _object_preset(sample: VoxelSample, background: Background, is_float: bool) -> Choice:
+    """Return the preset for an object brighter than its background."""
+    is_smooth = features.second_difference_ratio(sample, background.high) < _SMOOTH
+    near = f"the background is near {sample.round_value(sample.denormalize(background.middle)):.12g}"
+    if is_float and presets.tail_ratio(sample, background.high, origin=background.middle) > _HEAVY_TAIL:
+        kind, reason = "field with a long tail", "the largest values are many times those in the middle"
+    elif is_smooth and presets.has_nested_levels(sample, background.high):
+        kind, reason = "smooth field", "the levels of the values lie inside one another"
+    else:
+        preset = presets.materials_preset(sample, background)
+        return Choice("scan without an absolute scale", f"{near} and what stands out from it has edges", preset)
+    preset = presets.field_preset(sample, background.high, origin=background.middle)
+    return Choice(kind, f"{near} and {reason}", preset)
+
+
+def _filled_volume_preset(statistics: Statistics, sample: VoxelSample) -> Choice:
+    """Return the preset for a volume without a background."""
+    low, high = float(statistics.minimum), float(statistics.maximum)
+    shares = sample.normalized[sample.is_valid]
+    if low < 0 < high:
+        zero = sample.normalize(0.0)
+        if features.is_about_zero(sample):
+            preset = presets.diverging_preset(sample, zero, 1.2 * float(np.std(shares)))
+            return Choice(
+                "field with two signs", "values lie on both sides of 0 and fill the volume to its border", preset
+            )
+        if features.is_level_set_interior(sample.with_inverted_range(), 1 - zero):
+            preset = presets.level_set_preset(1 - zero).with_inverted_range()
+            return Choice("level set", "negative values lie inside of positive ones", preset)
+        if features.is_level_set_interior(sample, zero):
+            return Choice("level set", "positive values lie inside of negative ones", presets.level_set_preset(zero))
+    bottom, top = np.percentile(shares, (0.01, 99.99)).tolist()
+    threshold = features.otsu_threshold(shares, bottom, top, _TWO_PHASE_SEPARATION)
+    if threshold is not None:
+        preset = presets.two_phase_preset(sample, threshold)
+        return Choice("two phases", "there is no background, and values gather in two groups", preset)
+    first = float(np.percentile(shares, _FILLED_PERCENTILE))
+    preset = presets.field_preset(sample, first, origin=float(sample.normalized.min()))
+    return Choice("filled volume", "there is no background; the upper 40% of the values are shown", preset)
+
+
+# Computed tomography
+
+# The stored value of 0 Hounsfield units: 0, or an offset that makes 12 bits positive.
+_HOUNSFIELD_ZEROS = (0.0, 1024.0, 1000.0)
+
+
+def hounsfield_zero(statistics: Statistics) -> float | None:
+    """Return the stored value of water if the values are Hounsfield units, perhaps with 1000 or 1024 added; else None.
+
+    In a scan, air and lungs (-1100 to -700) and soft tissue (-150 to 150) are much more frequent than the values
+    between them (-600 to -300), and something is denser. Values below -1100 are padding around the scanner's circle.
+    """
+    low, high = float(statistics.minimum), float(statistics.maximum)
+    for zero in _HOUNSFIELD_ZEROS:
+        if (zero == 0) != (low < -200) or not 150 < high - zero < 40_000 or low - zero < -9000:
+            continue
+        if zero and high > 5200:
+            continue
+        values = statistics.bins - zero
+        air, between, soft = (
+            float(statistics.counts[(values >= a) & (values < b)].sum()) / (b - a)
+            for a, b in ((-1100, -700), (-600, -300), (-150, 150))
+        )
+        if zero and not _is_narrow(statistics, values):
+            continue
+        if min(air, soft) > 1.5 * between and soft * 300 > 0.01 * float(statistics.counts.sum()):
+            return zero
+    return None
+
+
+def _is_narrow(statistics: Statistics, values: Float64) -> bool:
+    """Return whether soft tissue has a narrow peak, as on an absolute scale: half of -300 to 300 lies within 150."""
+    counts = [float(statistics.counts[(values >= a) & (values < a + 50)].sum()) for a in range(-300, 300, 50)]
+    widest = max(sum(counts[k : k + 3]) for k in range(len(counts) - 2))
+    return widest > 0.5 * sum(counts) > 0
+
+
+def offset_text(zero: float | None) -> str:
+    """Return a clause about the stored value of 0 Hounsfield units; empty for 0."""
+    return f", stored with {zero:g} added" if zero else ""
