@@ -26,8 +26,10 @@ _MIN_SIGMA = 1 / 500
 # If the values reach fewer standard deviations than this, the border is like the rest and no background: 10 for a
 # normal distribution, 15 for a skewed one.
 _MIN_CONTRAST = 15.0
-# A background takes at least this part of the border.
-_MIN_BORDER_FRACTION = 0.5
+# A background takes at least this part of the border, or the other one if it has no noise.
+_MIN_BORDER_FRACTION, _MIN_CONSTANT_FRACTION = 0.5, 0.25
+# So many values or fewer may be noise in few steps.
+_MAX_GREY_STEPS = 8
 # At least this part of the border must be valid.
 _MIN_VALID_FRACTION = 0.1
 # If more voxels than this multiple of the NaN voxels have the fill value, others have it, too.
@@ -197,14 +199,16 @@ def find_background(sample: VoxelSample) -> Background:
     """Find the shortest interval with half of the values on the volume's six faces, and widen it by its noise.
 
     The interval, the "shorth", is a robust estimate of the mode: objects may reach through a third of the border (P. J.
-    Rousseeuw, A. M. Leroy, "Robust Regression and Outlier Detection", Wiley 1987).
+    Rousseeuw, A. M. Leroy, "Robust Regression and Outlier Detection", Wiley 1987). Where the object fills more of it,
+    one value that a quarter of it has is the background.
     """
     shares = sample.valid_values()
     border = np.sort(sample.border_values())
-    half = len(border) // 2
-    widths = border[half:] - border[: len(border) - half]
-    first = int(widths.argmin())
-    begin, end = float(border[first]), float(border[first + half])
+    part, (begin, end) = _MIN_BORDER_FRACTION, _shortest_interval(border, _MIN_BORDER_FRACTION)
+    first, last = _shortest_interval(border, _MIN_CONSTANT_FRACTION)
+    within = border[(border >= begin) & (border <= end)]
+    if first == last and np.unique(within).size > _MAX_GREY_STEPS:
+        part, begin, end = _MIN_CONSTANT_FRACTION, first, last
     low, high = np.percentile(shares, _CONTRAST_PERCENTILES).tolist()
     extent = max(high - low, 1e-9)
     sigma = max((end - begin) / _SIGMAS_OF_HALF, _MIN_SIGMA * extent)
@@ -216,7 +220,7 @@ def find_background(sample: VoxelSample) -> Background:
         middle,
         bottom,
         top,
-        is_there=bool(contrast >= _MIN_CONTRAST and inside >= _MIN_BORDER_FRACTION),
+        is_there=bool(contrast >= _MIN_CONTRAST and inside >= part),
         below=float(np.mean(shares < bottom)),
         above=float(np.mean(shares > top)),
     )
@@ -232,6 +236,13 @@ def without(sample: VoxelSample, are_away: Bools) -> VoxelSample:
         for noise, values in zip(filled, (sample.normalized, sample.neighbours), strict=True)
     )
     return replace(sample, normalized=normalized, neighbours=neighbours)
+
+
+def _shortest_interval(ascending: Float64, part: float) -> tuple[float, float]:
+    """Return the ends of the shortest interval with a part of the values."""
+    num = int(len(ascending) * part)
+    first = int((ascending[num:] - ascending[: len(ascending) - num]).argmin())
+    return float(ascending[first]), float(ascending[first + num])
 
 
 def is_about_zero(sample: VoxelSample) -> bool:

@@ -19,8 +19,11 @@ from renderer.volume import Bools, Volume, iter_slabs
 
 _MAX_LABELS = 4096
 # Up to this many values are always labels. More are, if at least this part of the neighbours of voxels outside the
-# background have the voxel's own value.
+# background have the voxel's own value; scans have up to 0.6.
 _MAX_CERTAIN_LABELS, _MIN_EQUAL_NEIGHBOURS = 3, 0.75
+# Labels of a few voxels each have fewer equal neighbours, but hardly a value that only occurs in transitions; of the
+# values of a scan more than half do.
+_MIN_EQUAL_NEIGHBOURS_OF_SMALL, _MAX_TRANSITION_FRACTION_OF_SMALL = 0.45, 0.1
 # More values than this are a smooth field if this part of the unequal neighbours differ by one or two.
 _MAX_GRADED_LABELS, _MAX_SMALL_STEPS = 16, 0.6
 # If more of the values than this only occur in transitions, the data are a clipped image or a smoothed edge.
@@ -72,7 +75,10 @@ def label_reason(sample: VoxelSample, values: Sequence[float], outside: float) -
 
 
 def _is_piecewise_constant(sample: VoxelSample) -> bool:
-    return features.equal_neighbour_fraction(sample, _border_mode(sample)) >= _MIN_EQUAL_NEIGHBOURS
+    equal = features.equal_neighbour_fraction(sample, _border_mode(sample))
+    if not _MIN_EQUAL_NEIGHBOURS_OF_SMALL <= equal < _MIN_EQUAL_NEIGHBOURS:
+        return equal >= _MIN_EQUAL_NEIGHBOURS
+    return features.transition_value_fraction(sample) <= _MAX_TRANSITION_FRACTION_OF_SMALL
 
 
 def distinct_values(volume: Volume, statistics: Statistics) -> list[float] | None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from renderer.scene import Color, ShadingSpec, colormap_points
 from renderer.suggest.classes import foreground_threshold, material_edges, top_value
-from renderer.suggest.features import Background, VoxelSample
+from renderer.suggest.features import Background, VoxelSample, otsu_threshold
 from renderer.suggest.separation import are_deep
 from renderer.suggest.visibility import CRISP_SURFACE_DEPTH, Layer
 from renderer.volume import Float64
@@ -129,8 +129,8 @@ RAMP = 0.35
 def materials_preset(sample: VoxelSample, background: Background) -> Preset:
     """Return the preset of one to three materials above a background."""
     ends = material_edges(sample, foreground_threshold(sample, background))
-    if len(ends) == 4 and _is_closed(sample, ends):
-        return _closed_preset(ends)
+    if _is_closed(sample, ends):
+        return _closed_preset(sample, ends)
     ranges = list(pairwise(ends))
     full = [low + RAMP * (high - low) for low, high in ranges]
     layers, colors = [], []
@@ -146,28 +146,32 @@ def materials_preset(sample: VoxelSample, background: Background) -> Preset:
 # A closed object: solid, with its densest material outside, such as fat around a head in magnetic resonance. What it
 # hides has the same values as the rest, so that no opacity shows it.
 
-# At least these parts of what is visible, and of the middle material, lie deep inside; of the densest material, at most
-# one half of the latter.
-_MIN_SOLID, _MIN_INNER, _MIN_INNER_RATIO = 0.4, 0.6, 2.0
+# At least these parts of what is visible, and of the innermost material, lie deep inside; of the densest material, at
+# most one half of the latter. Brains have 0.29 to 0.41, but no denser material outside; a pot with a tree has 0.24.
+_MIN_SOLID, _MIN_INNER, _MIN_INNER_RATIO = 0.27, 0.35, 2.0
 _CUT_COLORS = ((0.40, 0.26, 0.23), (0.86, 0.64, 0.54), (1.0, 0.92, 0.82), (1.0, 0.98, 0.94))
 # Cut faces have no surfaces: most of their light is ambient.
 _CUT_SHADING = replace(SHADING, ambient=0.9, diffuse=0.3, occlusion=0.6)
 
 
 def _is_closed(sample: VoxelSample, ends: Sequence[float]) -> bool:
-    first, second, third, _ = ends
     values = sample.normalized
-    deep = are_deep(sample, values > first)
-    parts = values > first, (values >= second) & (values < third), values >= third
-    if not all(part.any() for part in parts):
-        return False
-    solid, middle, densest = (float(deep[part].mean()) for part in parts)
-    return solid >= _MIN_SOLID and middle >= max(_MIN_INNER, _MIN_INNER_RATIO * densest)
+    deep = are_deep(sample, values > ends[0])
+
+    def part_inside(low: float, high: float) -> float:
+        chosen = (values >= low) & (values < high)
+        return float(deep[chosen].mean()) if chosen.any() else 0.0
+
+    *others, densest = (part_inside(*pair) for pair in pairwise((*ends[:-1], math.inf)))
+    inner = max(others, default=0.0)
+    return part_inside(ends[0], math.inf) >= _MIN_SOLID and inner >= max(_MIN_INNER, _MIN_INNER_RATIO * densest)
 
 
-def _closed_preset(ends: Sequence[float]) -> Preset:
-    layer = Layer("the object", ((ends[0], 0.0), (ends[1], 1.0)), min_depth=3.0)
-    colors = tuple(zip(ends, _CUT_COLORS, strict=True))
+def _closed_preset(sample: VoxelSample, ends: Sequence[float]) -> Preset:
+    first, *between, last, top = ends
+    second = between[0] if between else otsu_threshold(sample.normalized, first, last) or (first + last) / 2
+    layer = Layer("the object", ((first, 0.0), (second, 1.0)), min_depth=3.0)
+    colors = tuple(zip((first, second, last, top), _CUT_COLORS, strict=True))
     return Preset((layer,), colors, OPAQUE_COVERAGE, _CUT_SHADING, is_scan=True, is_closed=True)
 
 
