@@ -16,8 +16,11 @@ from renderer.volume import Array, Bools, Float64, Volume
 # Samples along each axis; two million voxels are enough for a transfer function.
 _MAX_SAMPLES_PER_AXIS = 128
 
-# In a normal distribution half of the values lie within 0.674 standard deviations of the mean.
-_SIGMAS_OF_HALF = 2 * 0.6745
+# In a normal distribution half of the values lie within 0.674 standard deviations of the mean, a quarter within 0.319.
+_SIGMAS_OF_HALF, _SIGMAS_OF_QUARTER = 2 * 0.6745, 2 * 0.3186
+# If a quarter is so much narrower than expected, and than the range, other values are mixed with the background's. With
+# so few grey steps widths tell nothing.
+_MAX_QUARTER_RATIO, _MAX_QUARTER, _MAX_GREY_STEPS = 0.4, 0.02, 8
 
 # The background ends this many standard deviations from its middle: of ten million voxels of noise six are outside.
 _NOISE_SIGMAS = 5.0
@@ -26,10 +29,6 @@ _MIN_SIGMA = 1 / 500
 # If the values reach fewer standard deviations than this, the border is like the rest and no background: 10 for a
 # normal distribution, 15 for a skewed one.
 _MIN_CONTRAST = 15.0
-# A background takes at least this part of the border, or the other one if it has no noise.
-_MIN_BORDER_FRACTION, _MIN_CONSTANT_FRACTION = 0.5, 0.25
-# So many values or fewer may be noise in few steps.
-_MAX_GREY_STEPS = 8
 # At least this part of the border must be valid.
 _MIN_VALID_FRACTION = 0.1
 # If more voxels than this multiple of the NaN voxels have the fill value, others have it, too.
@@ -163,9 +162,13 @@ def sample_volume(volume: Volume, statistics: Statistics, outlier_fill: float = 
 
 
 def faces(cube: Array) -> Array:
-    """Return the values on the six faces of [z, y, x]; [n]."""
-    sides = (cube[0], cube[-1], cube[:, 0], cube[:, -1], cube[:, :, 0], cube[:, :, -1])
-    return np.concatenate([side.ravel() for side in sides])
+    """Return values on the six faces of [z, y, x], as many of each face; [n].
+
+    Small ones are repeated: an object that reaches through two faces of a slab does not fill most of its border.
+    """
+    sides = [side.ravel() for axis in range(3) for side in (cube.take(0, axis), cube.take(-1, axis))]
+    num = max(side.size for side in sides)
+    return np.concatenate([side[np.arange(num) * side.size // num] for side in sides])
 
 
 @dataclass(frozen=True)
@@ -200,18 +203,18 @@ def find_background(sample: VoxelSample) -> Background:
 
     The interval, the "shorth", is a robust estimate of the mode: objects may reach through a third of the border (P. J.
     Rousseeuw, A. M. Leroy, "Robust Regression and Outlier Detection", Wiley 1987). Where the object fills more of it,
-    one value that a quarter of it has is the background.
+    a quarter of the values tells the background better than half of them.
     """
     shares = sample.valid_values()
     border = np.sort(sample.border_values())
-    part, (begin, end) = _MIN_BORDER_FRACTION, _shortest_interval(border, _MIN_BORDER_FRACTION)
-    first, last = _shortest_interval(border, _MIN_CONSTANT_FRACTION)
-    within = border[(border >= begin) & (border <= end)]
-    if first == last and np.unique(within).size > _MAX_GREY_STEPS:
-        part, begin, end = _MIN_CONSTANT_FRACTION, first, last
+    half, quarter = _shortest_interval(border, 0.5), _shortest_interval(border, 0.25)
+    wide, narrow = np.ptp(half) / _SIGMAS_OF_HALF, np.ptp(quarter) / _SIGMAS_OF_QUARTER
+    num_within = np.unique(border[(border >= half[0]) & (border <= half[1])]).size
     low, high = np.percentile(shares, _CONTRAST_PERCENTILES).tolist()
     extent = max(high - low, 1e-9)
-    sigma = max((end - begin) / _SIGMAS_OF_HALF, _MIN_SIGMA * extent)
+    is_mixed = narrow < min(_MAX_QUARTER_RATIO * wide, _MAX_QUARTER * extent) and num_within > _MAX_GREY_STEPS
+    part, (begin, end), noise = (0.25, quarter, narrow) if is_mixed else (0.5, half, wide)
+    sigma = max(float(noise), _MIN_SIGMA * extent)
     middle = (begin + end) / 2
     bottom, top = middle - _NOISE_SIGMAS * sigma, middle + _NOISE_SIGMAS * sigma
     inside = np.count_nonzero((border >= bottom) & (border <= top)) / len(border)
@@ -230,10 +233,8 @@ def without(sample: VoxelSample, are_away: Bools) -> VoxelSample:
     """Return a sample with background, noise included, in place of some of its voxels, bool [z, y, x]."""
     background, border = find_background(sample), sample.border_values()
     noise = border[(border >= background.low) & (border <= background.high)]
-    filled = [np.resize(noise, values.shape) for values in (sample.normalized, sample.neighbours)]
     normalized, neighbours = (
-        np.where(are_away, noise, values)
-        for noise, values in zip(filled, (sample.normalized, sample.neighbours), strict=True)
+        np.where(are_away, np.resize(noise, values.shape), values) for values in (sample.normalized, sample.neighbours)
     )
     return replace(sample, normalized=normalized, neighbours=neighbours)
 
@@ -295,6 +296,19 @@ def transition_value_fraction(sample: VoxelSample) -> float:
         passed |= ((before < here) & (here < after)) | ((before > here) & (here > after))
     counts = np.bincount(number.ravel(), minlength=len(values))
     return float(np.mean(np.bincount(number.ravel(), passed.ravel()) > counts / 2))
+
+
+def scatter(sample: VoxelSample, background: float) -> float:
+    """Return the variance of the places of voxels with one value, as a part of that of all outside the background.
+
+    Low for labels, about 1 for scans.
+    """
+    are_outside = np.abs(sample.normalized - background) > 1e-9
+    _, number, counts = np.unique(sample.normalized[are_outside], return_inverse=True, return_counts=True)
+    places = np.argwhere(are_outside).T * np.array(sample.spacing)[:, None]
+    means = [(np.bincount(number, at) / counts)[number] for at in places]
+    within = sum(float(np.var(at - mean)) for at, mean in zip(places, means, strict=True))
+    return within / max(float(np.var(places, axis=1).sum()), 1e-300) if counts.size else 1.0
 
 
 _NUM_BINS = 256

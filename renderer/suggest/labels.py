@@ -21,9 +21,9 @@ _MAX_LABELS = 4096
 # Up to this many values are always labels. More are, if at least this part of the neighbours of voxels outside the
 # background have the voxel's own value; scans have up to 0.6.
 _MAX_CERTAIN_LABELS, _MIN_EQUAL_NEIGHBOURS = 3, 0.75
-# Labels of a few voxels each have fewer equal neighbours, but hardly a value that only occurs in transitions; of the
-# values of a scan more than half do.
-_MIN_EQUAL_NEIGHBOURS_OF_SMALL, _MAX_TRANSITION_FRACTION_OF_SMALL = 0.45, 0.1
+# Labels of a few voxels each have fewer equal neighbours, but lie in one place: 0.02 to 0.3 of all scatter; the values
+# of a scan 0.6 to 1.
+_MIN_EQUAL_NEIGHBOURS_OF_SMALL, _MAX_SCATTER_OF_SMALL = 0.45, 0.5
 # More values than this are a smooth field if this part of the unequal neighbours differ by one or two.
 _MAX_GRADED_LABELS, _MAX_SMALL_STEPS = 16, 0.6
 # If more of the values than this only occur in transitions, the data are a clipped image or a smoothed edge.
@@ -70,15 +70,16 @@ def label_values(volume: Volume, statistics: Statistics, sample: VoxelSample) ->
 
 def label_reason(sample: VoxelSample, values: Sequence[float], outside: float) -> str:
     """Return the signs by which the values are labels, a clause."""
-    pieces = ", in large pieces" if _is_piecewise_constant(sample) else ""
+    pieces = ", in separate pieces" if _is_piecewise_constant(sample) else ""
     return f"there are {len(values)} values{pieces}, and {format_number(outside)} is the background"
 
 
 def _is_piecewise_constant(sample: VoxelSample) -> bool:
-    equal = features.equal_neighbour_fraction(sample, _border_mode(sample))
-    if not _MIN_EQUAL_NEIGHBOURS_OF_SMALL <= equal < _MIN_EQUAL_NEIGHBOURS:
-        return equal >= _MIN_EQUAL_NEIGHBOURS
-    return features.transition_value_fraction(sample) <= _MAX_TRANSITION_FRACTION_OF_SMALL
+    outside = _border_mode(sample)
+    equal = features.equal_neighbour_fraction(sample, outside)
+    if equal < _MIN_EQUAL_NEIGHBOURS:
+        return equal >= _MIN_EQUAL_NEIGHBOURS_OF_SMALL and features.scatter(sample, outside) <= _MAX_SCATTER_OF_SMALL
+    return True
 
 
 def distinct_values(volume: Volume, statistics: Statistics) -> list[float] | None:

@@ -11,16 +11,17 @@ from renderer.scene import Color
 from renderer.volume import Float64
 
 _STEPS = 12
-# Darker colours are lost on black, and lighter ones look alike.
-_MIN_LIGHTNESS, _MAX_LIGHTNESS = 45.0, 92.0
+# Darker colours are lost on black, lighter ones look alike, and of more saturated ones one outshines all others.
+_MIN_LIGHTNESS, _MAX_LIGHTNESS, _MAX_CHROMA = 45.0, 92.0, 80.0
 
 
 def distinct_colors(first: Sequence[Color], count: int) -> list[Color]:
     """Return `first` and further colours, each as different as possible from all before it; `count` in all."""
     levels = np.linspace(0.0, 1.0, _STEPS)
     colors = np.stack(np.meshgrid(levels, levels, levels, indexing="ij"), axis=-1).reshape(-1, 3)
-    lightness = to_lab(colors)[:, 0]
-    colors = colors[(lightness >= _MIN_LIGHTNESS) & (lightness <= _MAX_LIGHTNESS)]
+    lightness, a, b = to_lab(colors).T
+    is_good = (lightness >= _MIN_LIGHTNESS) & (lightness <= _MAX_LIGHTNESS) & (np.hypot(a, b) <= _MAX_CHROMA)
+    colors = colors[is_good]
     candidates, chosen = to_lab(colors), list(first[:count])
     distances = np.full(len(colors), np.inf)
     for lab in to_lab(np.array(chosen)):

@@ -15,8 +15,8 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from renderer.scene import Color, ShadingSpec, colormap_points
-from renderer.suggest.classes import foreground_threshold, material_edges, top_value
-from renderer.suggest.features import Background, VoxelSample, otsu_threshold
+from renderer.suggest.classes import material_edges, top_value
+from renderer.suggest.features import VoxelSample, otsu_threshold
 from renderer.suggest.separation import are_deep
 from renderer.suggest.visibility import CRISP_SURFACE_DEPTH, Layer
 from renderer.volume import Float64
@@ -126,9 +126,9 @@ _MATERIALS: dict[int, tuple[tuple[str, Color, float], ...]] = {
 RAMP = 0.35
 
 
-def materials_preset(sample: VoxelSample, background: Background) -> Preset:
-    """Return the preset of one to three materials above a background."""
-    ends = material_edges(sample, foreground_threshold(sample, background))
+def materials_preset(sample: VoxelSample, first: float) -> Preset:
+    """Return the preset of one to three materials, which begin at a normalised value."""
+    ends = material_edges(sample, first)
     if _is_closed(sample, ends):
         return _closed_preset(sample, ends)
     ranges = list(pairwise(ends))
@@ -149,7 +149,7 @@ def materials_preset(sample: VoxelSample, background: Background) -> Preset:
 # At least these parts of what is visible, and of the innermost material, lie deep inside; of the densest material, at
 # most one half of the latter. Brains have 0.29 to 0.41, but no denser material outside; a pot with a tree has 0.24.
 _MIN_SOLID, _MIN_INNER, _MIN_INNER_RATIO = 0.27, 0.35, 2.0
-_CUT_COLORS = ((0.40, 0.26, 0.23), (0.86, 0.64, 0.54), (1.0, 0.92, 0.82), (1.0, 0.98, 0.94))
+_CUT_COLORS = ((0.28, 0.15, 0.13), (0.74, 0.50, 0.41), (0.98, 0.86, 0.74), (1.0, 1.0, 0.97))
 # Cut faces have no surfaces: most of their light is ambient.
 _CUT_SHADING = replace(SHADING, ambient=0.9, diffuse=0.3, occlusion=0.6)
 
@@ -211,16 +211,23 @@ def _crossings(sample: VoxelSample, level: float) -> float:
 
 def field_preset(sample: VoxelSample, first: float, *, origin: float) -> Preset:
     """Return the preset of a field that rises from `first` on; ratios are counted from `origin`."""
-    visible = sample.normalized[sample.normalized > first]
-    top = max(float(np.percentile(visible, 99.8)) if visible.size else 1.0, first + 1e-6)
-    steps = (np.arange(_NUM_SHELLS) + _FIRST_SHELL) / _NUM_SHELLS
-    # Even steps of a power: of the values themselves, or nearly of their logarithms where the tail is long.
-    power = 1 / max(1.0, math.log2(tail_ratio(sample, first, origin=origin) / _SHORT_TAIL))
-    low, high = max(first - origin, (top - origin) * 1e-6) ** power, (top - origin) ** power
-    levels = origin + (low + (high - low) * steps) ** (1 / power)
+    levels = origin + _shell_levels(sample.normalized - origin, first - origin, _NUM_SHELLS)
     palette = colormap_points(_FIELD_COLORMAP, 256)
     colors = [palette[int(255 * at)] for at in np.linspace(_DARKEST, 1.0, _NUM_SHELLS)]
     return _shells_preset(sample, [(level,) for level in zip(levels.tolist(), colors, strict=True)])
+
+
+def _shell_levels(distances: Float64, first: float, num: int) -> Float64:
+    """Return levels from a first distance to the largest ones.
+
+    They are at even steps of the distances, or nearly of their logarithms where few are much larger than the others.
+    """
+    visible = distances[distances > first]
+    top = max(float(np.percentile(visible, 99.8)) if visible.size else 1.0, first * 1.01 + 1e-6)
+    power = 1 / max(1.0, math.log2(tail_ratio(visible) / _SHORT_TAIL))
+    low, high = max(first, top * 1e-6) ** power, top**power
+    steps = (np.arange(num) + _FIRST_SHELL) / num
+    return np.asarray((low + (high - low) * steps) ** (1 / power))
 
 
 # From the middle outwards.
@@ -231,10 +238,7 @@ _POSITIVE = ((1.0, 0.80, 0.62), (0.98, 0.52, 0.34), (0.90, 0.25, 0.16))
 def diverging_preset(sample: VoxelSample, middle: float, dead_zone: float) -> Preset:
     """Return the preset of values on both sides of `middle`, blue below and red above, transparent within
     `dead_zone` of it."""
-    distance = np.abs(sample.normalized - middle)
-    visible = distance[distance > dead_zone]
-    top = max(float(np.percentile(visible, 99.5)) if visible.size else 1.0, dead_zone * 1.01 + 1e-6)
-    away = dead_zone + (top - dead_zone) * (np.arange(len(_POSITIVE)) + _FIRST_SHELL) / len(_POSITIVE)
+    away = _shell_levels(np.abs(sample.normalized - middle), dead_zone, len(_POSITIVE))
     pairs = zip(away.tolist(), _NEGATIVE, _POSITIVE, strict=True)
     return _shells_preset(sample, [((middle - at, blue), (middle + at, red)) for at, blue, red in pairs])
 
@@ -262,12 +266,9 @@ def glow_preset(shells: Sequence[tuple[tuple[float, Color], ...]]) -> Preset:
     return Preset((Layer("the strong values", tuple(knots)),), tuple(colors), _GLOW_COVERAGE, None)
 
 
-def tail_ratio(sample: VoxelSample, first: float, *, origin: float) -> float:
-    """Return the distance of the largest values above `first` from `origin`, divided by that of their median."""
-    visible = sample.normalized[sample.normalized > first] - origin
-    if visible.size == 0 or float(np.median(visible)) <= 0:
-        return 1.0
-    return float(np.percentile(visible, 99.8)) / float(np.median(visible))
+def tail_ratio(distances: Float64) -> float:
+    """Return the largest of positive distances, without outliers, divided by their median."""
+    return float(np.percentile(distances, 99.8)) / float(np.median(distances)) if distances.size else 1.0
 
 
 def level_set_preset(border: float) -> Preset:

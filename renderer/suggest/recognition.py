@@ -6,9 +6,12 @@ than its background, and a volume filled to its border.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from renderer.suggest import features, presets
+from renderer.suggest.classes import foreground_threshold
 from renderer.suggest.features import Background, VoxelSample
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.presets import Choice
@@ -16,6 +19,8 @@ from renderer.volume import Float64
 
 # Fields have a smaller ratio of second to first differences.
 _SMOOTH = 0.58
+# The values of a field with two signs begin at least so far from the background.
+_MIN_AWAY, _MIN_AWAY_OF_NOISE = 0.015, 0.025
 # Floats with such a tail spread over orders of magnitude.
 _HEAVY_TAIL = 25.0
 # Two phases have at least this part of the variance between them: a normal distribution has 0.64, a uniform one 0.75.
@@ -35,7 +40,8 @@ def recognise(sample: VoxelSample, statistics: Statistics, zero: float | None, *
         return _filled_volume_preset(statistics, sample)
     if background.has_much_below and background.has_much_above:
         middle = sample.round_value(sample.denormalize(background.middle))
-        away = max(background.high - background.middle, 0.04)
+        floor = _MIN_AWAY if _is_smooth(sample, background.high) else _MIN_AWAY_OF_NOISE
+        away = max(background.high - background.middle, floor)
         reason = f"values lie on both sides of a background near {middle:.12g}"
         return Choice("field with two signs", reason, presets.diverging_preset(sample, background.middle, away))
     if background.below > background.above:
@@ -47,17 +53,21 @@ def recognise(sample: VoxelSample, statistics: Statistics, zero: float | None, *
 
 def _object_preset(sample: VoxelSample, background: Background, is_float: bool) -> Choice:
     """Return the preset for an object brighter than its background."""
-    is_smooth = features.second_difference_ratio(sample, background.high) < _SMOOTH
+    visible = sample.normalized[sample.normalized > background.high]
     near = f"the background is near {sample.round_value(sample.denormalize(background.middle)):.12g}"
-    if is_float and presets.tail_ratio(sample, background.high, origin=background.middle) > _HEAVY_TAIL:
+    if is_float and presets.tail_ratio(visible - background.middle) > _HEAVY_TAIL:
         kind, reason = "field with a long tail", "the largest values are many times those in the middle"
-    elif is_smooth and presets.has_nested_levels(sample, background.high):
+    elif _is_smooth(sample, background.high) and presets.has_nested_levels(sample, background.high):
         kind, reason = "smooth field", "the levels of the values lie inside one another"
     else:
-        preset = presets.materials_preset(sample, background)
+        preset = presets.materials_preset(sample, foreground_threshold(sample, background))
         return Choice("scan without an absolute scale", f"{near} and what stands out from it has edges", preset)
     preset = presets.field_preset(sample, background.high, origin=background.middle)
     return Choice(kind, f"{near} and {reason}", preset)
+
+
+def _is_smooth(sample: VoxelSample, above: float) -> bool:
+    return features.second_difference_ratio(sample, above) < _SMOOTH
 
 
 def _filled_volume_preset(statistics: Statistics, sample: VoxelSample) -> Choice:
@@ -82,6 +92,11 @@ def _filled_volume_preset(statistics: Statistics, sample: VoxelSample) -> Choice
         preset = presets.two_phase_preset(sample, threshold)
         return Choice("two phases", "there is no background, and values gather in two groups", preset)
     first = float(np.percentile(shares, _FILLED_PERCENTILE))
+    if not _is_smooth(sample, first):
+        middle = features.otsu_threshold(shares, bottom, top) or first
+        reason = "there is no background, and values next to each other differ"
+        # Nothing lies around an object that fills the volume.
+        return Choice("filled scan", reason, replace(presets.materials_preset(sample, middle), is_scan=False))
     preset = presets.field_preset(sample, first, origin=float(sample.normalized.min()))
     return Choice("filled volume", "there is no background; the upper 40% of the values are shown", preset)
 

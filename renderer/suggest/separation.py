@@ -27,6 +27,8 @@ _MAX_SHEET_THICKNESS = 0.09
 _MAX_PLANES = 6
 # Planes must cut away this part of what is visible, or make it this much smaller.
 _MIN_CUT, _MIN_SHRINKAGE = 0.01, 0.1
+# So much of what is not the object lies beyond planes that touch it: parts of which less does are within it.
+_MIN_BEYOND = 0.3
 # What is left has at least this part: a larger sheet is a part of the object, such as the plate on an engine.
 _MIN_LEFT = 0.35
 # Cells below a surface, and percentiles of places that are outermost.
@@ -54,10 +56,20 @@ def separating_planes(sample: VoxelSample, is_visible: Bools) -> list[Plane]:
     if not cells.any():
         return []
     labels = _label_parts(cells, _are_holders(cells, sides))
-    of_object = np.isin(labels[cells], _parts_of_object(cells, labels, sides))
-    places = np.argwhere(cells)[:, ::-1] + 0.5 - np.array(cells.shape[::-1]) / 2
+    parts = _measure_parts(cells, labels, sides)
     axes = sample.directions * sides[::-1]
-    return _touching_planes(places @ axes.T, of_object, np.abs(_NORMALS @ axes).sum(axis=1) / 2)
+    places = np.argwhere(cells)[:, ::-1] + 0.5 - np.array(cells.shape[::-1]) / 2
+    heights, reach = places @ axes.T @ _NORMALS.T, np.abs(_NORMALS @ axes).sum(axis=1) / 2
+    is_kept = _are_of_object(cells, parts)
+    # What planes do not reach is not beside the object.
+    is_beyond = (heights > _limits(heights, is_kept[parts.of_cell], reach)).any(axis=1)
+    is_kept |= np.bincount(parts.of_cell, is_beyond) < _MIN_BEYOND * np.bincount(parts.of_cell)
+    return _touching_planes(places @ axes.T, heights, _limits(heights, is_kept[parts.of_cell], reach))
+
+
+def _limits(heights: Float64, of_object: Bools, reach: Float64) -> Float64:
+    """Return how far the object reaches along each normal. reach: of a cell, from its centre."""
+    return np.asarray(heights[of_object].max(axis=0) + reach)
 
 
 def are_deep(sample: VoxelSample, is_visible: Bools) -> Bools:
@@ -142,11 +154,9 @@ def _label_parts(cells: Bools, others: Bools | None = None) -> Int64:
 
 
 class _Parts(NamedTuple):
-    """Measurements of connected parts. numbers: ascending. of_cell: the place of each cell's part in them. volumes;
-    thickness: as a share of the diagonal. low, high: ends along z, y, x, in cells. is_sheet: whether it is thin and
-    reaches the border."""
+    """Measurements of connected parts. of_cell: the number of each cell's part. volumes; thickness: as a share of the
+    diagonal. low, high: ends along z, y, x, in cells. is_sheet: whether it is thin and reaches the border."""
 
-    numbers: Int64
     of_cell: Int64
     volumes: Float64
     thickness: Float64
@@ -156,27 +166,26 @@ class _Parts(NamedTuple):
 
 
 def _measure_parts(cells: Bools, labels: Int64, sides: Float64) -> _Parts:
-    numbers, of_cell, counts = np.unique(labels[cells], return_inverse=True, return_counts=True)
-    volumes = counts * sides.prod()
+    _, of_cell, counts = np.unique(labels[cells], return_inverse=True, return_counts=True)
+    volumes, num = counts * sides.prod(), len(counts)
     padded = np.pad(cells, 1)
-    surfaces = np.zeros(len(numbers))
+    surfaces = np.zeros(num)
     for axis in range(3):
         for step in (-1, 1):
             is_open = ~np.roll(padded, step, axis)[1:-1, 1:-1, 1:-1][cells]
-            surfaces += np.bincount(of_cell, is_open, len(numbers)) * sides.prod() / sides[axis]
+            surfaces += np.bincount(of_cell, is_open, num) * sides.prod() / sides[axis]
     places = np.argwhere(cells)
-    low, high = np.full((len(numbers), 3), cells.size), np.zeros((len(numbers), 3), np.int64)
+    low, high = np.full((num, 3), cells.size), np.zeros((num, 3), np.int64)
     np.minimum.at(low, of_cell, places)
     np.maximum.at(high, of_cell, places + 1)
     thickness = 2 * volumes / surfaces / np.linalg.norm((high - low) * sides, axis=1)
     is_sheet = (thickness < _MAX_SHEET_THICKNESS) & ((low == 0) | (high == cells.shape)).any(axis=1)
-    return _Parts(numbers, of_cell, volumes, thickness, low, high, is_sheet)
+    return _Parts(of_cell, volumes, thickness, low, high, is_sheet)
 
 
-def _parts_of_object(cells: Bools, labels: Int64, sides: Float64) -> Int64:
-    """Return the numbers of the parts that belong to the object."""
-    parts = _measure_parts(cells, labels, sides)
-    of_cell, num = parts.of_cell, len(parts.numbers)
+def _are_of_object(cells: Bools, parts: _Parts) -> Bools:
+    """Return which parts belong to the object."""
+    of_cell, num = parts.of_cell, len(parts.volumes)
     main = int((parts.volumes * parts.thickness).argmax())
     sheets = np.zeros_like(cells)
     sheets[cells] = parts.is_sheet[of_cell] & (of_cell != main)
@@ -187,7 +196,7 @@ def _parts_of_object(cells: Bools, labels: Int64, sides: Float64) -> Int64:
     share = parts.volumes / parts.volumes[main]
     is_kept = np.where(of_sheet, share >= _MIN_VOLUME_AT_SHEET, is_near | (share >= _MIN_VOLUME)) & ~parts.is_sheet
     is_kept[main] = True
-    return np.asarray(parts.numbers[is_kept])
+    return np.asarray(is_kept)
 
 
 def _grow(cells: Bools, distance: int) -> Bools:
@@ -199,13 +208,11 @@ def _grow(cells: Bools, distance: int) -> Bools:
     return grown
 
 
-def _touching_planes(points: Float64, of_object: Bools, reach: Float64) -> list[Plane]:
+def _touching_planes(points: Float64, heights: Float64, limits: Float64) -> list[Plane]:
     """Return planes that touch the object, those first that cut most away; none if they are not worth it.
 
-    points: of the centres of all cells, float64 [n, 3]. reach: of a cell from its centre along each normal.
+    points: of the centres of all cells, float64 [n, 3]. heights: along each normal. limits: of the object.
     """
-    heights = points @ _NORMALS.T
-    limits = heights[of_object].max(axis=0) + reach
     is_beyond, is_left, chosen = heights > limits, np.ones(len(points), bool), list[int]()
     while len(chosen) < _MAX_PLANES:
         counts = is_beyond[is_left].sum(axis=0)

@@ -62,6 +62,7 @@ def test_colours_are_far_from_each_other_and_from_black() -> None:
     seen = to_lab(np.array(distinct_colors([(0.9, 0.47, 0.29)], 60)))
     distances = np.linalg.norm(seen[:, None] - seen[None], axis=2) + 1e3 * np.eye(60)
     assert distances.min() > 15 and seen[:, 0].min() > 40
+    assert np.hypot(seen[:, 1], seen[:, 2]).max() < 81  # none outshines the others
 
 
 def test_lab_of_known_colours() -> None:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 import pytest
 from kinds_of_data import (
     KINDS,
+    N,
     axes,
     ball,
     blurred,
@@ -199,11 +200,11 @@ def test_every_label_has_a_colour_of_its_own() -> None:
 
 
 @pytest.mark.parametrize("along", [(0, 1, 2), (2,)])
-def test_pieces_of_one_voxel_are_not_called_large(along: tuple[int, ...]) -> None:
-    """A chequerboard and stripes are masks without large pieces."""
+def test_single_voxels_are_not_called_pieces(along: tuple[int, ...]) -> None:
+    """A chequerboard and stripes are masks without pieces."""
     suggestion = suggested(np.where(np.indices((32, 32, 32))[list(along)].sum(0) % 2, 200, 0).astype(np.uint8))
     assert (suggestion.kind, suggestion.reason) == ("mask", "there are 2 values, and 0 is the background")
-    assert suggested(labels()).reason == "there are 5 values, in large pieces, and 0 is the background"
+    assert suggested(labels()).reason == "there are 5 values, in separate pieces, and 0 is the background"
 
 
 @pytest.mark.parametrize(("extent", "offset"), [(10**6, 2**60), (10**10, -(2**60)), (10**15, 2**60)])
@@ -267,19 +268,64 @@ def test_odd_volumes_get_something_that_is_visible(values: Array) -> None:
     assert suggestion.transfer.unit is not None and suggestion.transfer.unit > 0
 
 
-def closed_head() -> Array:
+def closed_head(fat: int = 210, skull: int = 60, brain: int = 130) -> Array:
     """uint8: dark skull and bright fat around a brain."""
     n = 96
     values = np.zeros((n, n, n))
-    for radius, value in ((0.92, 210), (0.80, 60), (0.68, 130)):
+    for radius, value in ((0.92, fat), (0.80, skull), (0.68, brain)):
         values[ball((0, 0, 0), radius, n)] = value
     return (blurred(values) + 2 * noise(8, n)).clip(0, 255).astype(np.uint8)
 
 
-def test_a_corner_is_cut_out_of_an_object_that_hides_its_inside() -> None:
-    found = suggested(closed_head())
+@pytest.mark.parametrize("skull", [60, 130], ids=["three materials", "two materials"])
+def test_a_corner_is_cut_out_of_an_object_that_hides_its_inside(skull: int) -> None:
+    found = suggested(closed_head(skull=skull))
     assert found.cuts[-1].box is not None and "a corner is cut out" in found.reason
-    brain, skull = extinction(found.transfer, 130, 60)
+    brain, skull = extinction(found.transfer, 130, skull)
     assert brain > 0 and skull > 0  # cut faces are closed
     inverted = suggested(np.where(closed_head() > 170, 60, closed_head()).astype(np.uint8))
     assert not inverted.cuts
+
+
+def test_small_labels_are_labels_and_enlarged_scans_are_not() -> None:
+    """Boxes of three voxels, each with its own label, and a scan in which every voxel is repeated three times."""
+    z, y, x = np.meshgrid(*[np.arange(48) // 3] * 3, indexing="ij")
+    numbers = np.where(ball((0, 0, 0), 0.8, 48), 1 + x + 16 * y + 256 * z, 0).astype(np.uint16)
+    assert suggested(numbers).kind == "labels"
+    scan = (40 * KINDS["uint16"][0][::3, ::3, ::3].astype(np.float64) / 65535).astype(np.uint16)
+    assert suggested(scan.repeat(3, 0).repeat(3, 1).repeat(3, 2)).kind == "scan without an absolute scale"
+
+
+def test_an_object_that_fills_most_of_the_border_of_a_slab_is_shown() -> None:
+    """Between air on four narrow faces, with noise; and as a column of which two blocks reach five faces."""
+    z, y, x = axes(64)
+    slab = np.where(np.hypot(x, y) < 0.95, 100.0, 0.0)[:12] + 3 * noise(5, 64)[:12]
+    (object_depth, air_depth) = extinction(suggested(slab.clip(0).astype(np.uint8)).transfer, 100, 0)
+    assert object_depth > 0 and air_depth == 0
+    blocks = np.where((np.abs(z) > 0.5) | (np.hypot(x, y) < 0.3), 100.0 + 5 * noise(6, 64), 0.0)
+    inside, gap = extinction(suggested(blocks.astype(np.float32)).transfer, 100, 0)
+    assert inside > 0 and gap == 0
+
+
+def test_weak_lobes_of_a_field_with_two_signs_are_shown() -> None:
+    """Where a few values are many times those of the others."""
+    z, y, x = axes(64)
+
+    def lobe(at: float, height: float) -> Array:
+        return height * np.exp(-((x - at) ** 2 + y**2 + z**2) * 30) * z
+
+    found = suggested((lobe(-0.5, 1.0) + lobe(0.5, 0.2)).astype(np.float32))
+    assert found.kind == "field with two signs"
+    weakest = min(abs(point.value) for point in found.transfer.mapping if point.opacity > 0)
+    assert weakest < 0.9 * np.abs(lobe(0.5, 0.2)).max()
+
+
+def test_a_scan_without_background_shows_its_brighter_material() -> None:
+    """Balls on a ground as bright as half of them, both noisy, up to the border: no shells, which noise would tear."""
+    cells = np.zeros((N, N, N))
+    for centre in np.random.Generator(np.random.PCG64(2)).uniform(-1, 1, (40, 3)):
+        cells[ball(tuple(centre), 0.25)] = 1.0
+    found = suggested((100 + 100 * cells + 35 * noise(7)).clip(0).astype(np.uint16))
+    inside, ground = extinction(found.transfer, 200, 100)
+    assert found.kind == "filled scan" and not found.cuts
+    assert inside > 10 * max(ground, 1e-6)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from kinds_of_data import Array, ball, volume_of
 
 from renderer.suggest import compute_statistics
-from renderer.suggest.features import VoxelSample, sample_volume
-from renderer.suggest.separation import Plane
+from renderer.suggest.features import VoxelSample, sample_volume, without
+from renderer.suggest.separation import Plane, are_beyond
 from renderer.suggest.visibility import (
     Layer,
     TurntableRays,
@@ -107,8 +106,8 @@ def test_rays_turn_around_the_axis_of_the_world() -> None:
 
 def test_what_planes_cut_away_is_not_seen() -> None:
     sample = sample_of(nested_balls())
-    plane = Plane(np.zeros(3), np.array([1.0, 0.0, 0.0]))
-    whole, half = cast_rays(sample), cast_rays(replace(sample), [plane])
+    planes = [Plane(np.zeros(3), np.array([1.0, 0.0, 0.0]))]
+    whole, half = cast_rays(sample), cast_rays(without(sample, are_beyond(sample, planes)))
     assert np.nansum(half.values) == pytest.approx(np.nansum(whole.values) / 2, rel=0.05)
 
 
