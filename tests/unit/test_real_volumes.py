@@ -38,7 +38,7 @@ PUBLISHED = {
 KINDS = {
     "engine.nhdr": "scan without an absolute scale",
     "neghip.nhdr": "smooth field",
-    "marschnerlobb.nhdr": "filled volume",
+    "marschnerlobb.nhdr": "filled scan",
     "medical/headsq_quarter.nrrd": "CT in Hounsfield units",
     "medical/t1_dicom_part": "scan without an absolute scale",
 }
