@@ -3,15 +3,16 @@
 In: a volume and its statistics. Out: `Suggestion`: the kind of data, and control points and opacities that show it.
 Thresholds by Otsu 1979; densities by visibility, Correa and Ma 2011.
 
-- `volume_suggestion.py` (a volume still to be read) and `suggestion.py` (its statistics) make the suggestion;
-  `recognition.py` chooses by the kind of data.
-- `histogram.py`: range, histogram, Otsu's threshold; `nodata.py`: nodata values and outliers, which are set
-  aside; `percentiles.py`: exact ranks.
-- `features.py`: background, noise, edges, level sets; `classes.py`: materials; `labels.py`: masks and segmentations, in
-  the colours of `palette.py`; `separation.py`: the object, and planes that cut away what lies around it.
+- `volume_suggestion.py` makes the suggestion, also of a volume that is still to be read; `suggestion.py` is what it
+  consists of, and hides outliers; `nonfinite.py` chooses what stands for NaN.
+- `histogram.py`: range, histogram; `nodata.py`: nodata values and outliers, which are set aside; `percentiles.py`:
+  exact ranks.
+- `features.py`: a sample of the voxels, its background and noise; `classes.py`: thresholds and materials;
+  `separation.py`: the object, and planes that cut away what lies around it.
+- `recognition.py` chooses by the kind of data; `level_sets.py`: distances and the like; `labels.py`: masks and
+  segmentations, in the colours of `palette.py`; `wishes.py`: a suggestion steered by a word, a preset or a file.
 - `presets.py`: layers and colours for each kind of data; `visibility.py`: how dense they are, so that each has its part
   of the picture; `opacity.py`: depths as opacities.
-- `wishes.py`: a suggestion steered by a word, a preset or a file.
 - `turntable.py`: the defaults of the film around it.
 """
 

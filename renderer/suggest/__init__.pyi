@@ -4,7 +4,11 @@ from .histogram import (
     rebin as rebin,
 )
 from .opacity import format_percent as format_percent
-from .suggestion import Suggestion as Suggestion, suggest as suggest
+from .suggestion import Suggestion as Suggestion
 from .turntable import PRESET_WORDS as PRESET_WORDS, FilmOptions as FilmOptions
-from .volume_suggestion import VolumeSuggestion as VolumeSuggestion, suggest_for as suggest_for
+from .volume_suggestion import (
+    VolumeSuggestion as VolumeSuggestion,
+    suggest as suggest,
+    suggest_for as suggest_for,
+)
 from .wishes import WISHES as WISHES, Wish as Wish

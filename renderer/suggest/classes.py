@@ -1,4 +1,4 @@
-"""Divide the values above the background into classes: materials that stand apart in the histogram and in space."""
+"""Divide values into classes, which stand apart in the histogram: two of all, or the materials above the background."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from renderer.suggest.features import Background, VoxelSample
-from renderer.volume import Float64
+from renderer.volume import Float64, Int64
 
 _NUM_BINS = 256
 # Values above this percentile are outliers.
@@ -60,10 +60,42 @@ def _is_made_of_edges(sample: VoxelSample, low: float, high: float) -> bool:
     return bool(np.mean(steps.max(axis=0) < _MAX_STEP * (high - low)) < _MIN_FLAT) if steps.size else True
 
 
+def otsu_threshold(values: Float64, low: float, high: float, min_separation: float = 0.0) -> float | None:
+    """Return the threshold between two classes of the values from `low` to `high`.
+
+    It has the largest variance between its two sides, moved to the least populated bin between the medians of the
+    sides. None if there are no two, or if less than `min_separation` of the variance is between them.
+    """
+    if high <= low:
+        return None
+    counts, edges = np.histogram(values, _NUM_BINS, (low, high))
+    if np.count_nonzero(counts) < 2:
+        return None
+    (cut,) = otsu_cuts(counts, 2)
+    sides = slice(cut), slice(cut, None)
+    total, *within = (_sum_of_squares(counts, side) for side in (slice(None), *sides))
+    if 1 - sum(within) / total < min_separation:
+        return None
+    first, last = (
+        (side.start or 0) + int(np.searchsorted(np.cumsum(counts[side]), counts[side].sum() / 2)) for side in sides
+    )
+    # A box of five bins keeps single empty bins of stretched data from passing for a valley.
+    smooth = np.convolve(np.pad(counts, 2, mode="edge"), np.full(5, 0.2), mode="valid")[first + 1 : last + 1]
+    lowest = np.flatnonzero(smooth <= smooth.min() * (1 + 1e-9))
+    return float(edges[first + 1 + lowest[len(lowest) // 2]])
+
+
+def _sum_of_squares(counts: Int64, bins: slice) -> float:
+    """Return the sum of squared distances, in bins, from their mean of the values in some bins."""
+    at, weights = np.arange(len(counts))[bins], counts[bins]
+    return float(weights @ (at - np.average(at, weights=weights)) ** 2)
+
+
 def otsu_cuts(counts: Float64, num_classes: int) -> tuple[int, ...]:
     """Return the first bins of all classes but the lowest, with the largest variance between the classes.
 
-    P.-S. Liao et al., "A Fast Algorithm for Multilevel Thresholding", J. Inf. Sci. Eng. 17, 2001. counts: [n].
+    N. Otsu, "A Threshold Selection Method from Gray-Level Histograms", IEEE Trans. SMC 9(1), 1979; P.-S. Liao et al.,
+    "A Fast Algorithm for Multilevel Thresholding", J. Inf. Sci. Eng. 17, 2001. counts: [n].
     """
     weights = np.append(0.0, np.cumsum(counts))
     moments = np.append(0.0, np.cumsum(counts * np.arange(len(counts))))

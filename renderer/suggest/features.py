@@ -6,11 +6,12 @@ All features come from a sample of the voxels, normalised to the volume's range,
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from renderer.suggest.histogram import HALF_OF_LARGEST, Statistics, otsu_bin
+from renderer.suggest.histogram import Statistics, safe_scale
 from renderer.volume import Array, Bools, Float64, Volume
 
 # Samples along each axis; two million voxels are enough for a transfer function.
@@ -35,6 +36,8 @@ _MIN_VALID_FRACTION = 0.1
 _MAX_NONFINITE_RATIO = 1.5
 # A side of a background with less than this part of the other side's voxels does not count.
 _ONE_SIDED_RATIO = 0.15
+# Fields have a smaller ratio of second to first differences.
+_SMOOTH = 0.58
 # Values outside these percentiles are ignored when contrast is measured.
 _CONTRAST_PERCENTILES = (0.01, 99.99)
 
@@ -66,12 +69,19 @@ class VoxelSample:
 
     def denormalize(self, share: float) -> float:
         """Return the data value of a normalised value, which may be below 0 or above 1."""
-        half = (self.maximum / 2 - self.minimum / 2) * share
-        return float(np.clip(self.minimum / 2 + half, -HALF_OF_LARGEST, HALF_OF_LARGEST)) * 2
+        low, extent, scale = self._scaled_range()
+        largest = sys.float_info.max * scale
+        return float(min(max(low + extent * share, -largest), largest)) / scale
 
     def normalize(self, value: float) -> float:
         """Return the normalised value of a data value."""
-        return (value / 2 - self.minimum / 2) / (self.maximum / 2 - self.minimum / 2)
+        low, extent, scale = self._scaled_range()
+        return (value * scale - low) / extent
+
+    def _scaled_range(self) -> tuple[float, float, float]:
+        """Return the lowest value and the extent of the range, and the power of two that they are multiplied by."""
+        scale = safe_scale(self.minimum, self.maximum)
+        return self.minimum * scale, self.maximum * scale - self.minimum * scale, scale
 
     def round_value(self, value: float, gap: float = 1.0) -> float:
         """Round a data value to about a thousandth of the range, or to a twentieth of `gap`.
@@ -79,7 +89,7 @@ class VoxelSample:
         gap: the normalised distance to the next point; points stay apart. Values without such decimals are returned
             unchanged.
         """
-        extent = abs(self.maximum / 2 - self.minimum / 2) * 2 * min(1.0, 50 * gap)
+        extent = abs(self.maximum - self.minimum) * min(1.0, 50 * gap)
         if not 1e-290 < extent < 1e290:
             return value
         decimals = 3 - math.floor(math.log10(extent))
@@ -89,29 +99,20 @@ class VoxelSample:
         digits = 1 + decimals + math.floor(math.log10(abs(value))) if value else 1
         return float(f"{value:.{min(max(digits, 5), 17)}g}")
 
-    def border_values(self) -> Float64:
-        """Return the valid values on the six faces, [n]; all of them if hardly any is valid, since then the fill
-        value is the background."""
-        on_faces = faces(self.normalized)
-        return on_faces[faces(self.is_valid)] if self._has_valid_border else on_faces
+    def valid_values(self) -> tuple[Float64, Float64]:
+        """Return the valid values on the six faces, [m], and all valid values, [n].
 
-    def valid_values(self) -> Float64:
-        """Return the valid values, [n]; all of them if `border_values` returns all."""
-        return self.normalized[self.is_valid] if self._has_valid_border else self.normalized.ravel()
-
-    @property
-    def _has_valid_border(self) -> bool:
-        return bool(np.mean(faces(self.is_valid)) >= _MIN_VALID_FRACTION)
+        Where hardly any is valid on the faces, the fill value is the background, and all values count.
+        """
+        border, are_valid = faces(self.normalized), faces(self.is_valid)
+        if np.mean(are_valid) < _MIN_VALID_FRACTION:
+            return border, self.normalized.ravel()
+        return border[are_valid], self.normalized[self.is_valid]
 
     def with_inverted_range(self) -> VoxelSample:
         """Return the sample with the range inverted."""
-        return replace(
-            self,
-            normalized=1 - self.normalized,
-            neighbours=1 - self.neighbours,
-            minimum=self.maximum,
-            maximum=self.minimum,
-        )
+        normalized, neighbours = 1 - self.normalized, 1 - self.neighbours
+        return replace(self, normalized=normalized, neighbours=neighbours, minimum=self.maximum, maximum=self.minimum)
 
 
 def sample_volume(volume: Volume, statistics: Statistics, outlier_fill: float = 0.0) -> VoxelSample:
@@ -123,7 +124,7 @@ def sample_volume(volume: Volume, statistics: Statistics, outlier_fill: float = 
     volume.require_unchanged()
     values = volume.values
     low, high = float(statistics.minimum), float(statistics.maximum)
-    scale = math.ldexp(1.0, min(-1 - math.frexp(max(abs(low), abs(high)))[1], 1000))
+    scale = safe_scale(low, high)
     extent = high * scale - low * scale
 
     def normalized(part: Array) -> Float64:
@@ -205,8 +206,8 @@ def find_background(sample: VoxelSample) -> Background:
     Rousseeuw, A. M. Leroy, "Robust Regression and Outlier Detection", Wiley 1987). Where the object fills more of it,
     a quarter of the values tells the background better than half of them.
     """
-    shares = sample.valid_values()
-    border = np.sort(sample.border_values())
+    border, shares = sample.valid_values()
+    border = np.sort(border)
     half, quarter = _shortest_interval(border, 0.5), _shortest_interval(border, 0.25)
     wide, narrow = np.ptp(half) / _SIGMAS_OF_HALF, np.ptp(quarter) / _SIGMAS_OF_QUARTER
     num_within = np.unique(border[(border >= half[0]) & (border <= half[1])]).size
@@ -218,20 +219,13 @@ def find_background(sample: VoxelSample) -> Background:
     middle = (begin + end) / 2
     bottom, top = middle - _NOISE_SIGMAS * sigma, middle + _NOISE_SIGMAS * sigma
     inside = np.count_nonzero((border >= bottom) & (border <= top)) / len(border)
-    contrast = extent / sigma  # the range without outliers, in standard deviations
-    return Background(
-        middle,
-        bottom,
-        top,
-        is_there=bool(contrast >= _MIN_CONTRAST and inside >= part),
-        below=float(np.mean(shares < bottom)),
-        above=float(np.mean(shares > top)),
-    )
+    is_there = bool(extent / sigma >= _MIN_CONTRAST and inside >= part)
+    return Background(middle, bottom, top, is_there, float(np.mean(shares < bottom)), float(np.mean(shares > top)))
 
 
 def without(sample: VoxelSample, are_away: Bools) -> VoxelSample:
     """Return a sample with background, noise included, in place of some of its voxels, bool [z, y, x]."""
-    background, border = find_background(sample), sample.border_values()
+    background, (border, _) = find_background(sample), sample.valid_values()
     noise = border[(border >= background.low) & (border <= background.high)]
     normalized, neighbours = (
         np.where(are_away, np.resize(noise, values.shape), values) for values in (sample.normalized, sample.neighbours)
@@ -252,123 +246,14 @@ def is_about_zero(sample: VoxelSample) -> bool:
     return abs(float(np.median(shares)) - sample.normalize(0.0)) < float(np.std(shares)) / 2
 
 
-def second_difference_ratio(sample: VoxelSample, above: float) -> float:
-    """Return the mean second difference divided by the mean first difference, along x, of the values above `above`.
+def is_smooth(sample: VoxelSample, above: float) -> bool:
+    """Return whether the values above `above` are those of a field.
 
-    About 0.2 for a smooth field, 0.5 to 0.8 for the edges of a scan, 1.7 for noise.
+    The mean second difference along x, divided by the mean first difference, is about 0.2 in a smooth field, 0.5 to 0.8
+    at the edges of a scan, and 1.7 in noise.
     """
     chosen = sample.normalized > above
     before, after = sample.neighbours[0][chosen], sample.neighbours[1][chosen]
     first = float(np.abs(after - before).sum())
     second = float(np.abs(before + after - 2 * sample.normalized[chosen]).sum())
-    return second / first if first > 0 else math.inf
-
-
-def coherence(sample: VoxelSample, above: float) -> float:
-    """Return the probability that a neighbour of a voxel above `above` is above it, too: low for noise, high for
-    objects."""
-    are_above = (sample.neighbours > above)[:, sample.normalized > above]
-    return float(np.mean(are_above)) if are_above.size else 0.0
-
-
-def equal_neighbour_fraction(sample: VoxelSample, background: float) -> float:
-    """Return the part of the neighbours of voxels outside the background that have the voxel's own value."""
-    are_outside = np.abs(sample.normalized - background) > 1e-9
-    are_equal = (np.abs(sample.neighbours - sample.normalized) <= 1e-9)[:, are_outside]
-    return float(np.mean(are_equal)) if are_equal.size else 1.0
-
-
-def small_step_fraction(sample: VoxelSample, step: float) -> float:
-    """Return the part of the unequal neighbours that differ by at most `step`, normalised."""
-    differences = np.abs(sample.neighbours - sample.normalized)
-    unequal = differences[differences > 1e-9]
-    return float(np.mean(unequal <= step)) if unequal.size else 0.0
-
-
-def transition_value_fraction(sample: VoxelSample) -> float:
-    """Return the part of the distinct values most of whose voxels lie strictly between their neighbours along x or y.
-
-    The edges of an image have such values; the voxels of a label lie side by side.
-    """
-    values, number = np.unique(sample.normalized, return_inverse=True)
-    here, passed = sample.normalized, np.zeros(sample.normalized.shape, bool)
-    for before, after in (sample.neighbours[:2], sample.neighbours[2:]):
-        passed |= ((before < here) & (here < after)) | ((before > here) & (here > after))
-    counts = np.bincount(number.ravel(), minlength=len(values))
-    return float(np.mean(np.bincount(number.ravel(), passed.ravel()) > counts / 2))
-
-
-def scatter(sample: VoxelSample, background: float) -> float:
-    """Return the variance of the places of voxels with one value, as a part of that of all outside the background.
-
-    Low for labels, about 1 for scans.
-    """
-    are_outside = np.abs(sample.normalized - background) > 1e-9
-    _, number, counts = np.unique(sample.normalized[are_outside], return_inverse=True, return_counts=True)
-    places = np.argwhere(are_outside).T * np.array(sample.spacing)[:, None]
-    means = [(np.bincount(number, at) / counts)[number] for at in places]
-    within = sum(float(np.var(at - mean)) for at, mean in zip(places, means, strict=True))
-    return within / max(float(np.var(places, axis=1).sum()), 1e-300) if counts.size else 1.0
-
-
-_NUM_BINS = 256
-
-
-def otsu_threshold(shares: Float64, low: float, high: float, min_separation: float = 0.0) -> float | None:
-    """Return the threshold between two classes of the values from `low` to `high`; None if there are no two, or if less
-    than `min_separation` of the variance is between them."""
-    inside = shares[(shares >= low) & (shares <= high)]
-    if inside.size == 0 or high <= low:
-        return None
-    counts, edges = np.histogram(inside, _NUM_BINS, (low, high))
-    found = otsu_bin(counts)
-    return None if found is None or found[1] < min_separation else float(edges[found[0]])
-
-
-# Level sets: fields made for their surface at 0, such as signed distances. One sign at the border and some of the other
-# inside is not enough: a temperature field with one cold place and a scan with an overshooting edge have that, too.
-
-# The border of a level set has one sign, with few exceptions.
-_MIN_ONE_SIGN_FRACTION = 0.97
-# Noise crosses 0 in single voxels. The neighbours of a ball's voxels are mostly inside it from a radius of 4 voxels on.
-_MIN_COHERENCE = 0.5
-# A distance has the same gradient everywhere, except where two surfaces are equally far: the ratio of its gradients'
-# quartiles is near 1; that of a smooth random field is 1.8. A distance is not steeper inside, but a room that gets
-# warmer upwards may have ice in it.
-_MAX_GRADIENT_RATIO, _MAX_INNER_STEEPNESS = 1.4, 2.0
-# Other fields must have this part of their voxels inside, and this many times more often than at the border: the
-# valleys of a random field are as frequent there as elsewhere.
-_MIN_INSIDE_FRACTION, _MIN_INSIDE_RATIO = 0.03, 4.0
-# The median depth inside, divided by that outside, must reach this: an edge overshoots by 9% at most (Gibbs), and by
-# half of that in the median.
-_MIN_INSIDE_DEPTH = 0.05
-
-
-def is_level_set_interior(sample: VoxelSample, border: float) -> bool:
-    """Return whether the voxels above `border` are the inside of a level set, which the others surround."""
-    within, around = (sample.normalized > border) & sample.is_valid, (sample.normalized <= border) & sample.is_valid
-    if not within.any() or not around.any():
-        return False
-    at_border, share = float(np.mean(sample.border_values() > border)), float(np.mean(within))
-    if at_border >= 1 - _MIN_ONE_SIGN_FRACTION or coherence(sample, border) < _MIN_COHERENCE:
-        return False
-    if _is_distance(sample, within):
-        return True
-    deep = float(np.median(sample.normalized[within])) - border
-    high = border - float(np.median(sample.normalized[around]))
-    return share >= max(_MIN_INSIDE_FRACTION, _MIN_INSIDE_RATIO * at_border) and deep >= _MIN_INSIDE_DEPTH * high
-
-
-def _is_distance(sample: VoxelSample, within: Bools) -> bool:
-    """Return whether the gradient is even, for lengths in world units or in voxels."""
-    axes = [axis for axis in range(3) if sample.normalized.shape[axis] > 1]
-    changes = {axis: np.gradient(sample.normalized, axis=axis) for axis in axes}
-    return any(
-        _has_even_gradients(np.sqrt(sum((changes[axis] / lengths[axis]) ** 2 for axis in axes)), within)
-        for lengths in (sample.spacing, sample.strides)
-    )
-
-
-def _has_even_gradients(gradients: Float64, within: Bools) -> bool:
-    low, middle, high = np.percentile(gradients, (25, 50, 75)).tolist()
-    return bool(0 < high < _MAX_GRADIENT_RATIO * low and np.median(gradients[within]) <= _MAX_INNER_STEEPNESS * middle)
+    return second < _SMOOTH * first

@@ -1,4 +1,4 @@
-"""Compute the statistics of a volume: range, percentiles, histogram and outliers; divide a histogram in two."""
+"""Compute the statistics of a volume: range, percentiles, histogram and outliers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MIN_OTHER_VALUES = 16
 # Values are read in chunks, so that no float64 copy of the volume is made.
 _CHUNK = 2**20
 
-HALF_OF_LARGEST = float(np.finfo(np.float64).max) / 2
+_HALF_OF_LARGEST = float(np.finfo(np.float64).max) / 2
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,11 @@ class Statistics:
     without_outliers: Statistics | None = None
 
 
+def safe_scale(minimum: float, maximum: float) -> float:
+    """Return a power of two that brings values into [-1/2, 1/2]: neither their sum nor their range overflows."""
+    return math.ldexp(1.0, min(-1 - math.frexp(max(abs(minimum), abs(maximum)))[1], 1000))
+
+
 def compute_statistics(values: Array, source: MappedFile | None = None) -> Statistics:
     """Compute the statistics of finite integer or float values, in bounded memory.
 
@@ -76,8 +81,7 @@ def _statistics_and_outliers(dtype: np.dtype[Any], chunks: Chunks) -> tuple[Stat
     ends = [(chunk.min().item(), chunk.max().item(), chunk.size) for chunk in chunks()]
     minimum, maximum = min(low for low, _, _ in ends), max(high for _, high, _ in ends)
     size = sum(num for _, _, num in ends)
-    # A power of two that brings the values into [-1/2, 1/2]: neither their sum nor their range overflows.
-    scale = np.float64(math.ldexp(1.0, min(-1 - math.frexp(max(abs(minimum), abs(maximum)))[1], 1000)))
+    scale = np.float64(safe_scale(minimum, maximum))
     low, extent = minimum * scale, maximum * scale - minimum * scale
     is_counted = dtype.kind in "iu" and maximum - minimum < MAX_BINS
     if is_counted:
@@ -133,32 +137,4 @@ def rebin(statistics: Statistics, num_bins: int) -> tuple[Int64, Float64]:
     # Halves, since the range of float64 may exceed the largest number.
     half_first, half_width = statistics.bins[0] / 2 - statistics.bin_width / 4, statistics.bin_width / 2
     half_edges = half_first + np.arange(len(counts) + 1) * per_part * half_width
-    edges = 2 * np.clip(half_edges, -HALF_OF_LARGEST, HALF_OF_LARGEST)
-    return counts, edges
-
-
-def otsu_bin(counts: Counts) -> tuple[int, float] | None:
-    """Split a histogram into two classes; return the first bin of the upper class, and the part of the variance that
-    is between the classes.
-
-    N. Otsu, "A Threshold Selection Method from Gray-Level Histograms", IEEE Trans. SMC 9(1), 1979.
-
-    counts: [n], by bin. The threshold has the largest variance between its two sides; it is then moved to the least
-    populated bin between the medians of the sides. None if fewer than two bins are occupied.
-    """
-    if np.count_nonzero(counts) < 2:
-        return None
-    weight, position = counts.astype(np.float64), np.arange(len(counts), dtype=np.float64)
-    below, moment = np.cumsum(weight)[:-1], np.cumsum(weight * position)[:-1]
-    total, mean = weight.sum(), float(weight @ position) / weight.sum()
-    divides = (below > 0) & (below < total)
-    between = np.zeros(len(below))
-    between[divides] = (moment - mean * below)[divides] ** 2 / (below * (total - below))[divides]
-    best = int(between.argmax()) + 1
-    variance = float(weight @ (position - mean) ** 2) / total
-    first = int(np.searchsorted(np.cumsum(weight[:best]), weight[:best].sum() / 2))
-    last = best + int(np.searchsorted(np.cumsum(weight[best:]), weight[best:].sum() / 2))
-    # A box of five bins keeps single empty bins of stretched data from passing for a valley.
-    smooth = np.convolve(np.pad(weight, 2, mode="edge"), np.full(5, 0.2), mode="valid")[first + 1 : last + 1]
-    lowest = np.flatnonzero(smooth <= smooth.min() * (1 + 1e-9))
-    return first + 1 + int(lowest[len(lowest) // 2]), float(between.max()) / variance
+    return counts, 2 * np.clip(half_edges, -_HALF_OF_LARGEST, _HALF_OF_LARGEST)

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import groupby, pairwise
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
-from renderer.scene import Color, ColormapSpec, ControlPoint
-from renderer.suggest import features
-from renderer.suggest.features import VoxelSample
+from renderer.scene import Color, ControlPoint, SplatSpec, TransferSpec
+from renderer.suggest.features import VoxelSample, faces
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.opacity import format_number, opacity_from_depth, opacity_unit_length
 from renderer.suggest.palette import distinct_colors
-from renderer.suggest.presets import OPAQUE_COVERAGE
+from renderer.suggest.presets import OPAQUE_COVERAGE, SHADING, STONE, flip_light
+from renderer.suggest.suggestion import Suggestion, with_colormap
 from renderer.suggest.visibility import CRISP_SURFACE_DEPTH, Layer, cast_rays, solve_depths
 from renderer.volume import Bools, Volume, iter_slabs
 
@@ -29,6 +30,9 @@ _MAX_GRADED_LABELS, _MAX_SMALL_STEPS = 16, 0.6
 # If more of the values than this only occur in transitions, the data are a clipped image or a smoothed edge.
 _MAX_TRANSITION_FRACTION = 0.5
 
+# Normalised values that differ by no more than this are the same.
+_SAME = 1e-9
+
 _PALETTE: tuple[Color, ...] = (
     (0.90, 0.47, 0.29),
     (0.29, 0.56, 0.85),
@@ -41,9 +45,11 @@ _PALETTE: tuple[Color, ...] = (
     (0.54, 0.48, 0.85),
     (0.79, 0.60, 0.42),
 )
-_BLACK: Color = (0.0, 0.0, 0.0)
 # Up to this many labels have colours that are as different as possible; more share those of a colormap.
 _MAX_DISTINCT_COLORS, _MANY_LABELS_COLORMAP = 255, "glasbey"
+
+# The largest volume in a file that is drawn with splats, which need several times its memory.
+_MAX_BYTES_FOR_SPLATS = 1 << 30
 
 # A label encloses smaller ones if it covers this part of their projections, along all three axes.
 _ENCLOSING_COVERAGE = 0.85
@@ -60,26 +66,53 @@ def label_values(volume: Volume, statistics: Statistics, sample: VoxelSample) ->
     if found is None or (len(found) > 2 and not all(value == int(value) for value in found)):
         return None
     if len(found) > _MAX_CERTAIN_LABELS:
-        if not is_piecewise or features.transition_value_fraction(sample) > _MAX_TRANSITION_FRACTION:
+        if not is_piecewise or _transition_value_fraction(sample) > _MAX_TRANSITION_FRACTION:
             return None
         two_levels = 2.5 / (found[-1] - found[0])
-        if len(found) > _MAX_GRADED_LABELS and features.small_step_fraction(sample, two_levels) > _MAX_SMALL_STEPS:
+        if len(found) > _MAX_GRADED_LABELS and _small_step_fraction(sample, two_levels) > _MAX_SMALL_STEPS:
             return None
     return found
 
 
-def label_reason(sample: VoxelSample, values: Sequence[float], outside: float) -> str:
-    """Return the signs by which the values are labels, a clause."""
-    pieces = ", in separate pieces" if _is_piecewise_constant(sample) else ""
-    return f"there are {len(values)} values{pieces}, and {format_number(outside)} is the background"
-
-
 def _is_piecewise_constant(sample: VoxelSample) -> bool:
-    outside = _border_mode(sample)
-    equal = features.equal_neighbour_fraction(sample, outside)
-    if equal < _MIN_EQUAL_NEIGHBOURS:
-        return equal >= _MIN_EQUAL_NEIGHBOURS_OF_SMALL and features.scatter(sample, outside) <= _MAX_SCATTER_OF_SMALL
-    return True
+    are_outside = np.abs(sample.normalized - _border_mode(sample)) > _SAME
+    equal = (
+        np.mean((np.abs(sample.neighbours - sample.normalized) <= _SAME)[:, are_outside]) if are_outside.any() else 1
+    )
+    if _MIN_EQUAL_NEIGHBOURS_OF_SMALL <= equal < _MIN_EQUAL_NEIGHBOURS:
+        return _scatter(sample, are_outside) <= _MAX_SCATTER_OF_SMALL
+    return bool(equal >= _MIN_EQUAL_NEIGHBOURS)
+
+
+def _scatter(sample: VoxelSample, are_outside: Bools) -> float:
+    """Return the variance of the places of voxels with one value, as a part of that of all outside the background.
+
+    Low for labels, about 1 for scans.
+    """
+    _, number, counts = np.unique(sample.normalized[are_outside], return_inverse=True, return_counts=True)
+    places = np.argwhere(are_outside).T * np.array(sample.spacing)[:, None]
+    means = [(np.bincount(number, at) / counts)[number] for at in places]
+    within = sum(float(np.var(at - mean)) for at, mean in zip(places, means, strict=True))
+    return within / max(float(np.var(places, axis=1).sum()), 1e-300)
+
+
+def _transition_value_fraction(sample: VoxelSample) -> float:
+    """Return the part of the distinct values most of whose voxels lie strictly between their neighbours along x or y.
+
+    The edges of an image have such values; the voxels of a label lie side by side.
+    """
+    here, (left, right, down, up) = sample.normalized, sample.neighbours
+    passed = ((left < here) & (here < right)) | ((left > here) & (here > right))
+    passed |= ((down < here) & (here < up)) | ((down > here) & (here > up))
+    _, number, counts = np.unique(here, return_inverse=True, return_counts=True)
+    return float(np.mean(np.bincount(number.ravel(), passed.ravel()) > counts / 2))
+
+
+def _small_step_fraction(sample: VoxelSample, step: float) -> float:
+    """Return the part of the unequal neighbours that differ by at most `step`, normalised."""
+    differences = np.abs(sample.neighbours - sample.normalized)
+    unequal = differences[differences > _SAME]
+    return float(np.mean(unequal <= step)) if unequal.size else 0.0
 
 
 def distinct_values(volume: Volume, statistics: Statistics) -> list[float] | None:
@@ -96,54 +129,55 @@ def distinct_values(volume: Volume, statistics: Statistics) -> list[float] | Non
     return sorted(found)
 
 
-def background_label(sample: VoxelSample, values: Sequence[float]) -> float:
-    """Return the label around the object: the most frequent one at the volume's border."""
-    at = sample.denormalize(_border_mode(sample))
-    return min(values, key=lambda value: abs(value / 2 - at / 2))
-
-
 def _border_mode(sample: VoxelSample) -> float:
-    values, counts = np.unique(features.faces(sample.normalized), return_counts=True)
+    values, counts = np.unique(faces(sample.normalized), return_counts=True)
     return float(values[counts.argmax()])
 
 
-def label_mapping(
-    sample: VoxelSample, values: Sequence[float], outside: float, colormap: str | None
-) -> tuple[tuple[ControlPoint, ...] | ColormapSpec, tuple[str, ...], float]:
-    """Return the points or the colormap, a comment for each point, and the unit of the opacities.
+def label_suggestion(volume: Volume, sample: VoxelSample, values: Sequence[float]) -> Suggestion:
+    """Return the suggestion for labels.
 
-    Every label but `outside` has a colour and an opacity, with steps half-way between the labels.
+    Every label but the background has a colour and an opacity, with steps half-way between the labels. The background
+    is the most frequent label at the volume's border.
     """
-    unit = opacity_unit_length(sample.diagonal)
+    at_border = sample.denormalize(_border_mode(sample))
+    outside = min(range(len(values)), key=lambda k: abs(values[k] / 2 - at_border / 2))
+    pieces = ", in separate pieces" if _is_piecewise_constant(sample) else ""
+    names = [f"label {format_number(value)}" for value in values]
+    names[outside] = "the background"
+    reason = f"there are {len(values)} values{pieces}, and {format_number(values[outside])} is the background"
+    ranges = list(pairwise([values[0], *(low / 2 + high / 2 for low, high in pairwise(values)), values[-1]]))
+    opacities = [opacity_from_depth(depth, sample.diagonal) for depth in _solve_label_depths(sample, ranges, outside)]
+    has_colormap = len(values) > _MAX_DISTINCT_COLORS + 1
+    colors = [STONE] * (len(values) - 1) if has_colormap else distinct_colors(_PALETTE, len(values) - 1)
+    colors.insert(outside, (0.0, 0.0, 0.0))
+    styles = zip(ranges, colors, opacities, strict=True)
+    points = tuple(ControlPoint(at, color, opacity) for ends, color, opacity in styles for at in ends)
+    notes = tuple(word for name in names for word in (name, ""))
+    shading = flip_light(SHADING) if outside == len(values) - 1 else SHADING
+    transfer = TransferSpec(points, opacity_unit_length(sample.diagonal))
+    if len(values) == 2:
+        return Suggestion("mask", reason, transfer, notes, shading)
+    # A volume that stays in its file may be larger than memory, and splats would need it there.
+    has_splats = volume.source is None or volume.values.nbytes <= _MAX_BYTES_FOR_SPLATS
+    splat = SplatSpec(footprint="gaussian") if has_splats else None
+    shading = replace(shading, occlusion=0.0)  # splats have none
+    found = Suggestion("labels", reason, transfer, notes, shading, is_categorical=True, splat=splat)
+    return with_colormap(found, _MANY_LABELS_COLORMAP if has_colormap else None)
 
-    def opacities(layers: Sequence[Layer]) -> list[float]:
-        depths = solve_depths(cast_rays(sample, is_interpolated=False), layers, OPAQUE_COVERAGE)
-        return [opacity_from_depth(depth, unit, sample.diagonal) for depth in depths.tolist()]
 
-    ends = [values[0], *(low / 2 + high / 2 for low, high in pairwise(values)), values[-1]]
-    between = dict(zip(values, pairwise(ends), strict=True))
-    # Normalised; the outermost labels have no end on one side.
-    regions = {
-        value: (sample.normalize(low) - (value == values[0]), sample.normalize(high) + (value == values[-1]))
-        for value, (low, high) in between.items()
-    }
-    shown = [value for value in values if value != outside]
-    if len(shown) <= len(_PALETTE):
-        found = opacities(_layers(sample, [regions[value] for value in shown]))
+def _solve_label_depths(sample: VoxelSample, ranges: Sequence[tuple[float, float]], outside: int) -> list[float]:
+    """Return the optical depth of each label, as `solve_depths`, from its range of values; 0 for the one outside."""
+    regions = [(sample.normalize(low), sample.normalize(high)) for low, high in ranges]
+    # The outermost labels have no end on one side.
+    regions[0], regions[-1] = (regions[0][0] - 1, regions[0][1]), (regions[-1][0], regions[-1][1] + 1)
+    if len(regions) <= len(_PALETTE) + 1:
+        layers = _layers(sample, [region for k, region in enumerate(regions) if k != outside])
     else:
-        knots = tuple((at, float(value != outside)) for value in values for at in regions[value])
-        found = opacities([Layer("", knots, min_depth=CRISP_SURFACE_DEPTH)]) * len(shown)
-    if colormap is not None or len(shown) > _MAX_DISTINCT_COLORS:
-        steps: list[tuple[float, float]] = []
-        for is_shown, labels in groupby(values, lambda value: value != outside):
-            first, *_, last = (at for value in labels for at in between[value])
-            steps += [(at, found[0] if is_shown else 0.0) for at in (first, last)]
-        return ColormapSpec(colormap or _MANY_LABELS_COLORMAP, (values[0], values[-1]), tuple(steps)), (), unit
-    colors = distinct_colors(_PALETTE, len(shown))
-    styles = dict(zip(shown, zip(colors, found, strict=True), strict=True)) | {outside: (_BLACK, 0.0)}
-    points = tuple(ControlPoint(at, *styles[value]) for value in values for at in between[value])
-    names = [f"label {format_number(value)}" if value != outside else "the background" for value in values]
-    return points, tuple(word for name in names for word in (name, "")), unit
+        knots = tuple((at, float(k != outside)) for k, region in enumerate(regions) for at in region)
+        layers = [Layer("", knots, min_depth=CRISP_SURFACE_DEPTH)]
+    depths = solve_depths(cast_rays(sample, is_interpolated=False), layers, OPAQUE_COVERAGE)
+    return [*map(float, np.insert(np.resize(depths, len(regions) - 1), outside, 0.0))]
 
 
 def _layers(sample: VoxelSample, regions: Sequence[tuple[float, float]]) -> list[Layer]:

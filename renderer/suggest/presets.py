@@ -15,11 +15,11 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from renderer.scene import Color, ShadingSpec, colormap_points
-from renderer.suggest.classes import material_edges, top_value
-from renderer.suggest.features import VoxelSample, otsu_threshold
+from renderer.suggest.classes import material_edges, otsu_threshold, top_value
+from renderer.suggest.features import VoxelSample
 from renderer.suggest.separation import are_deep
 from renderer.suggest.visibility import CRISP_SURFACE_DEPTH, Layer
-from renderer.volume import Float64
+from renderer.volume import Bools, Float64
 
 T = TypeVar("T")
 
@@ -46,6 +46,10 @@ class Preset:
     shading: ShadingSpec | None = SHADING
     is_scan: bool = False
     is_closed: bool = False
+
+    def covers(self, values: Float64) -> Bools:
+        """Return which normalised values are parts of a layer, and not edges."""
+        return np.asarray(np.any([layer.covers(values) for layer in self.layers], axis=0))
 
     def with_inverted_range(self) -> Preset:
         """Return the preset for values with the range inverted."""
@@ -105,13 +109,8 @@ def ct_preset(sample: VoxelSample, zero: float) -> Preset:
 
 # Scans: materials that stand out from a background.
 
-_BLUE, _CLAY, _SAND, _IVORY, STONE = (
-    (0.36, 0.50, 0.86),
-    (0.80, 0.47, 0.34),
-    (0.91, 0.68, 0.42),
-    (0.98, 0.95, 0.88),
-    (0.86, 0.83, 0.76),
-)
+_BLUE, _CLAY, _SAND = (0.36, 0.50, 0.86), (0.80, 0.47, 0.34), (0.91, 0.68, 0.42)
+_IVORY, STONE = (0.98, 0.95, 0.88), (0.86, 0.83, 0.76)
 # By the number of materials, from the thinnest to the densest: names, colours, and shares of the picture.
 _MATERIALS: dict[int, tuple[tuple[str, Color, float], ...]] = {
     1: (("the object", STONE, 1.0),),
@@ -271,24 +270,14 @@ def tail_ratio(distances: Float64) -> float:
     return float(np.percentile(distances, 99.8)) / float(np.median(distances)) if distances.size else 1.0
 
 
-def level_set_preset(border: float) -> Preset:
-    """Return the preset of an opaque inside: all values above `border`."""
-    return opaque_preset("inside", border, min(border + 0.02, 1.0))
-
-
 def two_phase_preset(sample: VoxelSample, threshold: float) -> Preset:
     """Return the preset of the upper of two phases that fill the volume."""
-    return opaque_preset("the upper phase", threshold, _median(sample.normalized, threshold, 1.0))
+    inside, extent = sample.normalized[sample.normalized >= threshold], 1 - threshold
+    full = float(np.clip(np.median(inside), threshold + 0.05 * extent, 1 - 0.05 * extent))
+    return opaque_preset("the upper phase", threshold, full)
 
 
 def opaque_preset(name: str, first: float, full: float, color: Color = STONE) -> Preset:
     """Return the preset of one material, opaque: it begins at a normalised value and is in full from another one on."""
     layer = Layer(name, ((first, 0.0), (max(full, first + 1e-6), 1.0)), min_depth=CRISP_SURFACE_DEPTH)
     return Preset((layer,), ((first, color),), OPAQUE_COVERAGE)
-
-
-def _median(shares: Float64, low: float, high: float) -> float:
-    """Return the median of the values from `low` to `high`, kept away from both ends."""
-    inside = shares[(shares >= low) & (shares <= high)]
-    middle = float(np.median(inside)) if inside.size else (low + high) / 2
-    return min(max(middle, low + 0.05 * (high - low)), high - 0.05 * (high - low))

@@ -11,14 +11,13 @@ from dataclasses import replace
 import numpy as np
 
 from renderer.suggest import features, presets
-from renderer.suggest.classes import foreground_threshold
+from renderer.suggest.classes import foreground_threshold, otsu_threshold
 from renderer.suggest.features import Background, VoxelSample
 from renderer.suggest.histogram import Statistics
+from renderer.suggest.level_sets import is_level_set_interior
 from renderer.suggest.presets import Choice
 from renderer.volume import Float64
 
-# Fields have a smaller ratio of second to first differences.
-_SMOOTH = 0.58
 # The values of a field with two signs begin at least so far from the background.
 _MIN_AWAY, _MIN_AWAY_OF_NOISE = 0.015, 0.025
 # Floats with such a tail spread over orders of magnitude.
@@ -29,7 +28,7 @@ _TWO_PHASE_SEPARATION = 0.85
 _FILLED_PERCENTILE = 60.0
 
 
-def recognise(sample: VoxelSample, statistics: Statistics, zero: float | None, *, is_float: bool) -> Choice:
+def recognise(sample: VoxelSample, zero: float | None, *, is_float: bool) -> Choice:
     """Return the preset for data that are no labels. zero: the stored value of 0 Hounsfield units, if the values are
     such; is_float: whether the values are no integers."""
     if zero is not None:
@@ -37,10 +36,10 @@ def recognise(sample: VoxelSample, statistics: Statistics, zero: float | None, *
         return Choice("CT in Hounsfield units", reason, presets.ct_preset(sample, zero))
     background = features.find_background(sample)
     if not background.is_there or background.above + background.below == 0:
-        return _filled_volume_preset(statistics, sample)
+        return _filled_volume_preset(sample)
     if background.has_much_below and background.has_much_above:
         middle = sample.round_value(sample.denormalize(background.middle))
-        floor = _MIN_AWAY if _is_smooth(sample, background.high) else _MIN_AWAY_OF_NOISE
+        floor = _MIN_AWAY if features.is_smooth(sample, background.high) else _MIN_AWAY_OF_NOISE
         away = max(background.high - background.middle, floor)
         reason = f"values lie on both sides of a background near {middle:.12g}"
         return Choice("field with two signs", reason, presets.diverging_preset(sample, background.middle, away))
@@ -57,7 +56,7 @@ def _object_preset(sample: VoxelSample, background: Background, is_float: bool) 
     near = f"the background is near {sample.round_value(sample.denormalize(background.middle)):.12g}"
     if is_float and presets.tail_ratio(visible - background.middle) > _HEAVY_TAIL:
         kind, reason = "field with a long tail", "the largest values are many times those in the middle"
-    elif _is_smooth(sample, background.high) and presets.has_nested_levels(sample, background.high):
+    elif features.is_smooth(sample, background.high) and presets.has_nested_levels(sample, background.high):
         kind, reason = "smooth field", "the levels of the values lie inside one another"
     else:
         preset = presets.materials_preset(sample, foreground_threshold(sample, background))
@@ -66,34 +65,28 @@ def _object_preset(sample: VoxelSample, background: Background, is_float: bool) 
     return Choice(kind, f"{near} and {reason}", preset)
 
 
-def _is_smooth(sample: VoxelSample, above: float) -> bool:
-    return features.second_difference_ratio(sample, above) < _SMOOTH
-
-
-def _filled_volume_preset(statistics: Statistics, sample: VoxelSample) -> Choice:
+def _filled_volume_preset(sample: VoxelSample) -> Choice:
     """Return the preset for a volume without a background."""
-    low, high = float(statistics.minimum), float(statistics.maximum)
-    shares = sample.normalized[sample.is_valid]
-    if low < 0 < high:
-        zero = sample.normalize(0.0)
+    shares, zero = sample.normalized[sample.is_valid], sample.normalize(0.0)
+    if 0 < zero < 1:
         if features.is_about_zero(sample):
+            reason = "values lie on both sides of 0 and fill the volume to its border"
             preset = presets.diverging_preset(sample, zero, 1.2 * float(np.std(shares)))
-            return Choice(
-                "field with two signs", "values lie on both sides of 0 and fill the volume to its border", preset
-            )
-        if features.is_level_set_interior(sample.with_inverted_range(), 1 - zero):
-            preset = presets.level_set_preset(1 - zero).with_inverted_range()
+            return Choice("field with two signs", reason, preset)
+        if is_level_set_interior(sample.with_inverted_range(), 1 - zero):
+            preset = presets.opaque_preset("inside", 1 - zero, min(1.02 - zero, 1.0)).with_inverted_range()
             return Choice("level set", "negative values lie inside of positive ones", preset)
-        if features.is_level_set_interior(sample, zero):
-            return Choice("level set", "positive values lie inside of negative ones", presets.level_set_preset(zero))
+        if is_level_set_interior(sample, zero):
+            preset = presets.opaque_preset("inside", zero, min(zero + 0.02, 1.0))
+            return Choice("level set", "positive values lie inside of negative ones", preset)
     bottom, top = np.percentile(shares, (0.01, 99.99)).tolist()
-    threshold = features.otsu_threshold(shares, bottom, top, _TWO_PHASE_SEPARATION)
+    threshold = otsu_threshold(shares, bottom, top, _TWO_PHASE_SEPARATION)
     if threshold is not None:
         preset = presets.two_phase_preset(sample, threshold)
         return Choice("two phases", "there is no background, and values gather in two groups", preset)
     first = float(np.percentile(shares, _FILLED_PERCENTILE))
-    if not _is_smooth(sample, first):
-        middle = features.otsu_threshold(shares, bottom, top) or first
+    if not features.is_smooth(sample, first):
+        middle = otsu_threshold(shares, bottom, top) or first
         reason = "there is no background, and values next to each other differ"
         # Nothing lies around an object that fills the volume.
         return Choice("filled scan", reason, replace(presets.materials_preset(sample, middle), is_scan=False))
@@ -115,18 +108,16 @@ def hounsfield_zero(statistics: Statistics) -> float | None:
     """
     low, high = float(statistics.minimum), float(statistics.maximum)
     for zero in _HOUNSFIELD_ZEROS:
-        if (zero == 0) != (low < -200) or not 150 < high - zero < 40_000 or low - zero < -9000:
-            continue
-        if zero and high > 5200:
+        is_possible = (zero == 0) == (low < -200) and 150 < high - zero < 40_000 and low - zero >= -9000
+        if not is_possible or (zero and high > 5200):
             continue
         values = statistics.bins - zero
         air, between, soft = (
             float(statistics.counts[(values >= a) & (values < b)].sum()) / (b - a)
             for a, b in ((-1100, -700), (-600, -300), (-150, 150))
         )
-        if zero and not _is_narrow(statistics, values):
-            continue
-        if min(air, soft) > 1.5 * between and soft * 300 > 0.01 * float(statistics.counts.sum()):
+        has_peaks = min(air, soft) > 1.5 * between and soft * 300 > 0.01 * float(statistics.counts.sum())
+        if has_peaks and (zero == 0 or _is_narrow(statistics, values)):
             return zero
     return None
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from renderer.scene import MAX_CUTS, CutSpec, PlaneSpec, Vector
 from renderer.suggest.features import VoxelSample
 from renderer.volume import Bools, Float64, Int64
 
@@ -24,7 +25,6 @@ _MIN_VOLUME, _GAP, _MIN_VOLUME_AT_SHEET = 0.002, 2, 0.1
 # The thickness of a sheet is less than this part of its diagonal: plates have 0.03 to 0.06, a ball 0.2. A sheet that
 # reaches the border is a table, a holder or a frame.
 _MAX_SHEET_THICKNESS = 0.09
-_MAX_PLANES = 6
 # Planes must cut away this part of what is visible, or make it this much smaller.
 _MIN_CUT, _MIN_SHRINKAGE = 0.01, 0.1
 # So much of what is not the object lies beyond planes that touch it: parts of which less does are within it.
@@ -55,8 +55,8 @@ def separating_planes(sample: VoxelSample, is_visible: Bools) -> list[Plane]:
     cells, sides = _pool(is_visible, sample.spacing)
     if not cells.any():
         return []
-    labels = _label_parts(cells, _are_holders(cells, sides))
-    parts = _measure_parts(cells, labels, sides)
+    holders = _are_holders(cells, sides)
+    parts = _measure_parts(cells, np.where(holders, _label_parts(holders), _label_parts(cells & ~holders)), sides)
     axes = sample.directions * sides[::-1]
     places = np.argwhere(cells)[:, ::-1] + 0.5 - np.array(cells.shape[::-1]) / 2
     heights, reach = places @ axes.T @ _NORMALS.T, np.abs(_NORMALS @ axes).sum(axis=1) / 2
@@ -77,9 +77,8 @@ def are_deep(sample: VoxelSample, is_visible: Bools) -> Bools:
     cells, _ = _pool(is_visible, sample.spacing)
     for _ in range(_DEPTH):
         cells = ~_grow(~cells, 1)
-    for axis, (num, factor) in enumerate(zip(is_visible.shape, _factors(is_visible), strict=True)):
-        cells = cells.repeat(factor, axis).take(range(num), axis)
-    return cells
+    z, y, x = (np.arange(num) // factor for num, factor in zip(is_visible.shape, _factors(is_visible), strict=True))
+    return np.asarray(cells[np.ix_(z, y, x)])
 
 
 def corner_box(sample: VoxelSample, is_visible: Bools) -> tuple[Float64, Float64]:
@@ -94,14 +93,34 @@ def corner_box(sample: VoxelSample, is_visible: Bools) -> tuple[Float64, Float64
     return np.array([x, -far[1], z]), np.array([far[0], y, far[2]])
 
 
+def cut_specs(
+    planes: Sequence[Plane], corner: tuple[Float64, Float64] | None, centre: Float64, diagonal: float
+) -> tuple[CutSpec, ...]:
+    """Return planes, and a box if a corner is cut out, as a scene has them: rounded to a thousandth of the diagonal.
+
+    centre: of the volume, in the world.
+    """
+    cuts = [CutSpec(plane=PlaneSpec(_rounded(at + centre, diagonal), _rounded(normal, 1.0))) for at, normal in planes]
+    if corner is not None:
+        low, high = (_rounded(end + centre, diagonal) for end in corner)
+        cuts[MAX_CUTS - 1 :] = [CutSpec(box=(low, high))]
+    return tuple(cuts)
+
+
+def _rounded(vector: Float64, extent: float) -> Vector:
+    decimals = 3 - math.floor(math.log10(extent))
+    x, y, z = (round(at, decimals) + 0.0 for at in vector.tolist())
+    return x, y, z
+
+
 def are_beyond(sample: VoxelSample, planes: Sequence[Plane]) -> Bools:
     """Return which of the sample's voxels planes cut away, bool [z, y, x]."""
     found = np.zeros(sample.normalized.shape, bool)
+    sides = zip(sample.normalized.shape, sample.spacing, strict=True)
+    places = [(np.arange(num) + 0.5 - num / 2) * side for num, side in sides]
     for plane in planes:
-        normal = plane.normal @ sample.directions
-        z, y, x = (
-            (np.arange(found.shape[k]) + 0.5 - found.shape[k] / 2) * sample.spacing[k] * normal[2 - k] for k in range(3)
-        )
+        slopes = (plane.normal @ sample.directions)[::-1]
+        z, y, x = (at * slope for at, slope in zip(places, slopes, strict=True))
         found |= z[:, None, None] + y[:, None] + x > plane.point @ plane.normal
     return found
 
@@ -109,10 +128,10 @@ def are_beyond(sample: VoxelSample, planes: Sequence[Plane]) -> Bools:
 def _pool(is_visible: Bools, spacing: tuple[float, float, float]) -> tuple[Bools, Float64]:
     """Return which cells of blocks of voxels have a visible one, and the lengths of a cell along z, y, x."""
     factors = _factors(is_visible)
-    padded = np.pad(is_visible, [(0, -n % factor) for n, factor in zip(is_visible.shape, factors, strict=True)])
-    nz, ny, nx = (n // factor for n, factor in zip(padded.shape, factors, strict=True))
-    blocks = padded.reshape(nz, factors[0], ny, factors[1], nx, factors[2])
-    return np.asarray(blocks.any(axis=(1, 3, 5))), np.array(spacing) * factors
+    cells = is_visible
+    for axis, factor in enumerate(factors):
+        cells = np.logical_or.reduceat(cells, range(0, cells.shape[axis], factor), axis)
+    return cells, np.array(spacing) * factors
 
 
 def _factors(voxels: Bools) -> list[int]:
@@ -134,13 +153,8 @@ def _are_holders(cells: Bools, sides: Float64) -> Bools:
     return extruded
 
 
-def _label_parts(cells: Bools, others: Bools | None = None) -> Int64:
-    """Return a number for each connected part: the lowest flat index of its cells; -1 elsewhere.
-
-    others: cells that are connected among themselves only.
-    """
-    if others is not None:
-        return np.where(others, _label_parts(others), _label_parts(cells & ~others))
+def _label_parts(cells: Bools) -> Int64:
+    """Return a number for each connected part: the lowest flat index of its cells; -1 elsewhere."""
     outside = cells.size
     labels = np.where(cells, np.arange(cells.size).reshape(cells.shape), outside)
     before = np.full_like(labels, -1)
@@ -201,10 +215,9 @@ def _are_of_object(cells: Bools, parts: _Parts) -> Bools:
 
 def _grow(cells: Bools, distance: int) -> Bools:
     """Return the cells and all within a distance along the axes."""
-    grown = cells
+    grown = np.pad(cells, distance)
     for axis in range(3):
-        padded = np.pad(grown, [(distance, distance) if k == axis else (0, 0) for k in range(3)])
-        grown = np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * distance + 1, axis).any(axis=-1))
+        grown = np.asarray(np.lib.stride_tricks.sliding_window_view(grown, 2 * distance + 1, axis).any(axis=-1))
     return grown
 
 
@@ -214,7 +227,7 @@ def _touching_planes(points: Float64, heights: Float64, limits: Float64) -> list
     points: of the centres of all cells, float64 [n, 3]. heights: along each normal. limits: of the object.
     """
     is_beyond, is_left, chosen = heights > limits, np.ones(len(points), bool), list[int]()
-    while len(chosen) < _MAX_PLANES:
+    while len(chosen) < MAX_CUTS:
         counts = is_beyond[is_left].sum(axis=0)
         if not counts.max():
             break

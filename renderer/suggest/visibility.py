@@ -18,12 +18,14 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.suggest.features import VoxelSample
-from renderer.volume import Float32, Float64
+from renderer.volume import Bools, Float32, Float64
 
 # Parallel rays: views of a turn, rays along each side of a view, and the most samples of one.
 _NUM_VIEWS, _RAYS_PER_SIDE, _MAX_SAMPLES = 8, 22, 256
 _ELEVATION = math.radians(20)
 
+# What is thinner than half of a layer is not a part of anything.
+_MIN_PART_WEIGHT = 0.5
 # Values that differ by less are the same.
 _EVEN = 1e-9
 
@@ -53,8 +55,11 @@ class Layer:
 
     def weights(self, values: Float64) -> Float64:
         """Return the weights of normalised values, of any shape."""
-        at, weights = np.array(self.knots, np.float64).T
-        return np.asarray(np.interp(values, at, weights), np.float64)
+        return np.asarray(np.interp(values, *np.transpose(self.knots)), np.float64)
+
+    def covers(self, values: Float64) -> Bools:
+        """Return which normalised values are parts of it: where it is thinner than half, there are edges."""
+        return self.weights(values) >= _MIN_PART_WEIGHT
 
     def mean_weights(self, one: Float64, other: Float64) -> Float64:
         """Return the mean weights over values between two, normalised, of any shape: thin layers are not missed."""
@@ -134,13 +139,13 @@ def cast_rays(sample: VoxelSample, *, is_interpolated: bool = True) -> Turntable
 
 def _view_axes(azimuth: float) -> tuple[Float64, Float64, Float64]:
     """Return the directions to the right, up and away from the camera, in the world."""
-    sine, cosine = math.sin(azimuth), math.cos(azimuth)
-    rise, away = math.sin(_ELEVATION), math.cos(_ELEVATION)
-    return (
-        np.array([-sine, cosine, 0.0]),
-        np.array([-rise * cosine, -rise * sine, away]),
-        -np.array([away * cosine, away * sine, rise]),
+    right, outward = (
+        np.array([-math.sin(azimuth), math.cos(azimuth), 0.0]),
+        np.array([math.cos(azimuth), math.sin(azimuth), 0.0]),
     )
+    rise = np.array([0.0, 0.0, 1.0])
+    sine, cosine = math.sin(_ELEVATION), math.cos(_ELEVATION)
+    return right, cosine * rise - sine * outward, -sine * rise - cosine * outward
 
 
 def _jittered_grid(random: np.random.Generator) -> Float64:
@@ -168,7 +173,7 @@ def solve_depths(rays: TurntableRays, layers: Sequence[Layer], coverage: float, 
     depths = np.clip(np.where(is_met, _FIRST_DEPTH, CRISP_SURFACE_DEPTH), low, high)
     targets = np.array([layer.share for layer in layers]) * (areas if by_area else is_met)
     targets /= max(targets.sum(), 1e-12)
-    for _ in range(_NUM_STEPS if is_met.any() else 0):
+    for _ in range(_NUM_STEPS):
         found = _measure(weights, depths)
         factors = np.clip(np.sqrt(targets / np.maximum(found.shares, 1e-4)), 0.5, 2.0)
         factors *= min(max(coverage / max(found.coverage, 1e-3), 0.6), 1.6)

@@ -1,18 +1,37 @@
-"""Suggest a transfer function for a volume that is still to be read, and choose what stands for NaN and infinities."""
+"""Suggest how to show a volume, and give the reason in words.
+
+Labels, or the kind of data (`recognition.py`) or a wish (`wishes.py`), give a preset. Planes cut away what is not the
+object (`separation.py`), and densities are solved for what the picture shows (`visibility.py`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from operator import itemgetter
 
 import numpy as np
 
-from renderer.scene import ColormapSpec, VolumeSpec, raise_problems, volume_extent, volume_problems
-from renderer.suggest.histogram import compute_statistics
-from renderer.suggest.suggestion import NO_WISH, Suggestion, suggest, suggest_nonfinite_fill
-from renderer.suggest.wishes import Wish
+from renderer.errors import InputError
+from renderer.scene import ControlPoint, TransferSpec, VolumeSpec, raise_problems, volume_extent, volume_problems
+from renderer.suggest import features
+from renderer.suggest.features import VoxelSample
+from renderer.suggest.histogram import Statistics, compute_statistics
+from renderer.suggest.labels import distinct_values, label_suggestion, label_values
+from renderer.suggest.nonfinite import suggest_nonfinite_fill
+from renderer.suggest.opacity import format_number, format_percent, opacity_from_depth, opacity_unit_length
+from renderer.suggest.presets import Choice, Preset
+from renderer.suggest.recognition import hounsfield_zero, recognise
+from renderer.suggest.separation import Plane, are_beyond, corner_box, cut_specs, separating_planes
+from renderer.suggest.suggestion import ShownLayer, Suggestion, hide_outliers, with_8_bit_colors, with_colormap
+from renderer.suggest.visibility import cast_rays, measure_visibility, solve_depths
+from renderer.suggest.wishes import LABELS_WISH, WISHES, Wish, choose_by_word, imported_suggestion
 from renderer.transfer import make_transfer_function
-from renderer.volume import Volume
+from renderer.volume import Float64, Volume
+
+NO_WISH = Wish()
 
 
 @dataclass(frozen=True)
@@ -30,11 +49,7 @@ class VolumeSuggestion:
 
 
 def suggest_for(
-    volume: VolumeSpec,
-    read: Callable[[VolumeSpec], Volume],
-    *,
-    wish: Wish = NO_WISH,
-    hides_nonfinite: bool = True,
+    volume: VolumeSpec, read: Callable[[VolumeSpec], Volume], *, wish: Wish = NO_WISH, hides_nonfinite: bool = True
 ) -> VolumeSuggestion:
     """Read a volume and suggest how to show it.
 
@@ -59,7 +74,7 @@ def _attempt(
     volume = read(spec)
     raise_problems(volume_problems(volume_extent(volume), volume.name))
     statistics = compute_statistics(volume.values, volume.source)
-    suggestion = _with_8_bit_colors(suggest(volume, statistics, wish))
+    suggestion = with_8_bit_colors(suggest(volume, statistics, wish))
     is_float = volume.values.dtype.kind == "f"
     if not volume.num_nonfinite:
         return VolumeSuggestion(spec, suggestion, is_float), None, False
@@ -74,13 +89,124 @@ def _attempt(
     return VolumeSuggestion(spec, suggestion, is_float, note), fill, is_seen
 
 
-def _with_8_bit_colors(suggestion: Suggestion) -> Suggestion:
-    """Round the colours to `#rrggbb`, as a scene file has them, so that both draw the same."""
-    mapping = suggestion.transfer.mapping
-    if isinstance(mapping, ColormapSpec):
-        return suggestion
-    points = []
-    for point in mapping:
-        red, green, blue = (round(255 * part) / 255 for part in point.color)
-        points.append(replace(point, color=(red, green, blue)))
-    return replace(suggestion, transfer=replace(suggestion.transfer, mapping=tuple(points)))
+# Outlying labels are smaller than this, and not negative.
+_MAX_OUTLYING_LABEL = 2**16
+# The opacity of a constant volume: a ray along the diagonal is covered by about two thirds.
+_CONSTANT_OPACITY = 0.02
+
+
+def suggest(volume: Volume, statistics: Statistics, wish: Wish = NO_WISH) -> Suggestion:
+    """Return a transfer function for a volume.
+
+    statistics: of the volume (`renderer.suggest.histogram.compute_statistics`). Raises InputError for a preset that
+    cannot be read, or does not suit the volume.
+    """
+    if statistics.minimum == statistics.maximum:
+        return with_colormap(_constant_suggestion(volume, float(statistics.minimum)), wish.colormap)
+    others = statistics.without_outliers
+    if others is None or _are_far_labels(volume, statistics):
+        return _suggest_from(volume, statistics, features.sample_volume(volume, statistics), wish)
+    sample = features.sample_volume(volume, others)
+    fill = suggest_nonfinite_fill(volume, others)
+    if fill is not None:
+        sample = features.sample_volume(volume, others, sample.normalize(fill))
+    return hide_outliers(_suggest_from(volume, others, sample, wish), statistics, sample)
+
+
+def _are_far_labels(volume: Volume, statistics: Statistics) -> bool:
+    """Return whether the outliers are labels, as all values are."""
+    if not all(0 <= outlier.value < _MAX_OUTLYING_LABEL for outlier in statistics.outliers):
+        return False
+    return label_values(volume, statistics, features.sample_volume(volume, statistics)) is not None
+
+
+def _constant_suggestion(volume: Volume, value: float) -> Suggestion:
+    unit = opacity_unit_length(float(np.linalg.norm(volume.spacing * volume.shape_xyz)))
+    reason = f"every voxel is {format_number(value)}, so that there is nothing to tell apart"
+    point = ControlPoint(value, (1.0, 0.93, 0.80), _CONSTANT_OPACITY)
+    return Suggestion("constant volume", reason, TransferSpec((point,), unit), ("",), None)
+
+
+def _suggest_from(volume: Volume, statistics: Statistics, sample: VoxelSample, wish: Wish) -> Suggestion:
+    """Return a suggestion from the statistics of the values to show and a sample of their range."""
+    word = wish.preset
+    if word in (None, LABELS_WISH):
+        values = distinct_values(volume, statistics) if word else label_values(volume, statistics, sample)
+        if values is not None:
+            return with_colormap(label_suggestion(volume, sample, values), wish.colormap)
+        if word:
+            raise InputError("too many values for labels", where=volume.name, got="--preset labels")
+    zero = hounsfield_zero(statistics)
+    if word is not None and word not in WISHES:
+        return imported_suggestion(sample, zero, word)
+    is_float = isinstance(statistics.minimum, float)
+    choose = partial(choose_by_word, word=word) if word else partial(recognise, is_float=is_float)
+    choice, planes = choose(sample, zero), list[Plane]()
+    if choice.preset.is_scan:
+        planes = separating_planes(sample, choice.preset.covers(sample.normalized))
+    if planes:  # what is cut away is none of the materials
+        sample = features.without(sample, are_beyond(sample, planes))
+        again = choose(sample, zero)
+        choice = again if again.kind == choice.kind else choice
+    return with_colormap(_chosen_suggestion(choice, sample, planes, volume.centre), wish.colormap)
+
+
+def _chosen_suggestion(choice: Choice, sample: VoxelSample, planes: Sequence[Plane], centre: Float64) -> Suggestion:
+    """Return the suggestion of a preset.
+
+    sample: without what the planes cut away. centre: of the volume, in the world.
+    """
+    kind, reason, preset = choice
+    rays = cast_rays(sample)
+    solved = solve_depths(rays, preset.layers, preset.coverage, by_area=not preset.is_scan)
+    visible = _shown_layers(sample, preset, measure_visibility(rays, preset.layers, solved).shares)
+    mapping, notes = _control_points(sample, preset, solved, visible)
+    corner = None
+    if preset.is_closed:
+        reason += "; its outside hides what is inside, so that a corner is cut out"
+        corner = corner_box(sample, preset.covers(sample.normalized))
+    cuts = cut_specs(planes, corner, centre, sample.diagonal)
+    transfer = TransferSpec(mapping, opacity_unit_length(sample.diagonal))
+    return Suggestion(kind, reason, transfer, notes, preset.shading, cuts=cuts, visible=visible)
+
+
+def _control_points(
+    sample: VoxelSample, preset: Preset, solved: Float64, visible: Sequence[ShownLayer]
+) -> tuple[tuple[ControlPoint, ...], tuple[str, ...]]:
+    """Return a point for each knot of the layers, and a note on what it shows if a layer peaks there.
+
+    solved: the optical depths of the layers, as from `solve_depths`.
+    """
+    knots = sorted({at for layer in preset.layers for at, _ in layer.knots})
+    depths = solved @ np.stack([layer.weights(np.array(knots)) for layer in preset.layers])
+    where, colors = [at for at, _ in preset.colors], np.array([color for _, color in preset.colors])
+    gaps = np.diff(knots, prepend=-math.inf, append=math.inf)
+    points: dict[float, tuple[ControlPoint, str]] = {}
+    for at, depth, gap in zip(knots, depths.tolist(), np.minimum(gaps[:-1], gaps[1:]).tolist(), strict=True):
+        value = sample.round_value(sample.denormalize(at), gap)
+        r, g, b = (float(np.interp(at, where, colors[:, k])) for k in range(3))
+        point = ControlPoint(value, (r, g, b), opacity_from_depth(depth, sample.diagonal))
+        peaking = [
+            f"{shown.name}: {format_percent(shown.share)} of the picture"
+            for layer, shown in zip(preset.layers, visible, strict=True)
+            if max(layer.knots, key=itemgetter(1))[0] == at
+        ]
+        if value not in points or point.opacity > points[value][0].opacity:
+            points[value] = point, ", ".join(peaking)
+    mapping, notes = zip(*(points[value] for value in sorted(points)), strict=True)
+    return mapping, notes
+
+
+def _shown_layers(sample: VoxelSample, preset: Preset, shares: Float64) -> tuple[ShownLayer, ...]:
+    """Return the values of each layer of a preset, and what is seen of them."""
+
+    def in_data(low: float, high: float) -> tuple[float, float]:
+        one, other = sorted(sample.round_value(sample.denormalize(min(max(end, 0.0), 1.0))) for end in (low, high))
+        return one, other
+
+    found, total = [], sum(layer.share for layer in preset.layers)
+    for layer, share in zip(preset.layers, shares.tolist(), strict=True):
+        voxels = float(np.mean(layer.covers(sample.normalized)))
+        ranges = tuple(in_data(*ends) for ends in layer.ranges())
+        found.append(ShownLayer(layer.name, ranges, voxels, share, layer.share / total))
+    return tuple(found)

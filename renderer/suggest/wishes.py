@@ -7,18 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from renderer.errors import Problem, SceneError, closest_match
-from renderer.scene import TRANSFER_FUNCTION_SECTION, Color, TransferSpec, colormap_points, schema
+from renderer.scene import TRANSFER_FUNCTION_SECTION, Color, ColormapSpec, TransferSpec, colormap_points, schema
 from renderer.suggest import features
-from renderer.suggest.classes import foreground_threshold, material_edges, top_value
-from renderer.suggest.features import Background, VoxelSample, otsu_threshold
+from renderer.suggest.classes import foreground_threshold, material_edges, otsu_threshold, top_value
+from renderer.suggest.features import VoxelSample
 from renderer.suggest.presets import OPAQUE_COVERAGE, RAMP, SHADING, STONE, Choice, Preset, glow_preset, opaque_preset
 from renderer.suggest.recognition import offset_text
+from renderer.suggest.suggestion import Suggestion
+from renderer.suggest.turntable import PRESET_WORDS
 from renderer.suggest.visibility import Layer
 
 
@@ -34,93 +37,87 @@ class Wish:
     preset: str | None = None
 
 
-@dataclass(frozen=True)
-class Scan:
-    """What is known of a volume. zero: the stored value of 0 Hounsfield units, if the values are such."""
-
-    sample: VoxelSample
-    background: Background
-    zero: float | None
-
-    def ends(self) -> tuple[float, ...]:
-        """Return the ends of its materials, ascending, normalised."""
-        if self.background.is_there:
-            return material_edges(self.sample, foreground_threshold(self.sample, self.background))
-        return material_edges(self.sample, otsu_threshold(self.sample.normalized, 0.0, 1.0) or 0.5)
-
-    def at(self, hounsfield: float, otherwise: float) -> float:
-        """Return the normalised value of Hounsfield units, or another value where it has none."""
-        return otherwise if self.zero is None else self.sample.normalize(hounsfield + self.zero)
-
+# The ends of the materials, ascending, normalised.
+Ends = tuple[float, ...]
+# Returns the normalised value of Hounsfield units, or another value where the scan has none.
+At = Callable[[float, float], float]
 
 _SKIN, _BONE, _BLOOD, _BRAIN = (0.91, 0.72, 0.60), (0.97, 0.93, 0.84), (0.85, 0.22, 0.16), (0.90, 0.70, 0.66)
 _VEIL = (0.45, 0.52, 0.66)
 _XRAY_COVERAGE = 0.4
 
 
-def _surface(scan: Scan, color: Color) -> Preset:
-    first, second, *_ = scan.ends()
-    low, high = scan.at(-400, first), scan.at(-200, first + RAMP * (second - first))
-    return replace(opaque_preset("the surface", low, high, color), is_scan=True)
+def _opaque(name: str, low: float, full: float, color: Color) -> Preset:
+    return replace(opaque_preset(name, low, full, color), is_scan=True)
 
 
-def _bone(scan: Scan) -> Preset:
-    *_, first, top = scan.ends()
-    low, high = scan.at(180, first), scan.at(400, first + RAMP * (top - first))
-    return replace(opaque_preset("bone", low, high, _BONE), is_scan=True)
+def _surface(ends: Ends, at: At, color: Color = STONE) -> Preset:
+    first, second, *_ = ends
+    return _opaque("the surface", at(-400, first), at(-200, first + RAMP * (second - first)), color)
 
 
-def _vessels(scan: Scan) -> Preset:
-    begin, first, top = (scan.ends()[k] for k in (0, -2, -1))
-    low, full, high = scan.at(130, first), scan.at(220, first + RAMP * (top - first)), scan.at(600, top)
-    begin = scan.at(-200, begin)
+def _bone(ends: Ends, at: At) -> Preset:
+    *_, first, top = ends
+    return _opaque("bone", at(180, first), at(400, first + RAMP * (top - first)), _BONE)
+
+
+def _vessels(ends: Ends, at: At) -> Preset:
+    begin, *_, first, top = (ends[0], *ends)
+    low, full, high = at(130, first), at(220, first + RAMP * (top - first)), at(600, top)
+    begin = at(-200, begin)
     veil = Layer("what is around", ((begin, 0.0), ((begin + low) / 2, 1.0), (low, 1.0), (full, 0.0)), share=0.15)
     vessels = Layer("vessels", ((low, 0.0), (full, 1.0)), share=0.85)
     colors = ((low, _VEIL), (full, _BLOOD), (high, _BONE))
     return Preset((veil, vessels), colors, OPAQUE_COVERAGE, replace(SHADING, specular=0.2), is_scan=True)
 
 
-def _brain(scan: Scan) -> Preset:
-    ends = scan.ends()
+def _brain(ends: Ends, at: At) -> Preset:
     low, high = (ends[1], ends[2]) if len(ends) > 3 else (ends[0], ends[-1])
-    low, high = scan.at(5, low), scan.at(70, high)
+    low, high = at(5, low), at(70, high)
     ramp = RAMP * (high - low)
     knots = ((low, 0.0), (low + ramp, 1.0), (high, 1.0), (high + ramp / 2, 0.0))
     return Preset((Layer("the brain", knots),), ((low, _BRAIN),), OPAQUE_COVERAGE, is_scan=True)
 
 
-def _xray(scan: Scan) -> Preset:
-    first, *_, top = scan.ends()
-    first = scan.at(-600, first)
+def _xray(ends: Ends, at: At) -> Preset:
+    first, top = at(-600, ends[0]), ends[-1]
     layer = Layer("what is dense", ((first, 0.0), (first + 0.05 * (top - first), 0.1), (top, 1.0)))
     return Preset((layer,), ((0.0, (1.0, 1.0, 1.0)),), _XRAY_COVERAGE, None)
 
 
-def _glow(scan: Scan) -> Preset:
-    first, *_, top = scan.ends()
+def _glow(ends: Ends, _: At) -> Preset:
     palette: Sequence[Color] = colormap_points("inferno", 12)[-8:]
-    return glow_preset([(level,) for level in zip(np.linspace(first, top, 8).tolist(), palette, strict=True)])
+    levels = np.linspace(ends[0], ends[-1], 8).tolist()
+    return glow_preset([(level,) for level in zip(levels, palette, strict=True)])
 
 
-WISHES: dict[str, Callable[[Scan], Preset]] = {
+WISHES: dict[str, Callable[[Ends, At], Preset]] = {
     "bone": _bone,
     "vessels": _vessels,
-    "skin": lambda scan: _surface(scan, _SKIN),
+    "skin": partial(_surface, color=_SKIN),
     "brain": _brain,
     "xray": _xray,
-    "surface": lambda scan: _surface(scan, STONE),
+    "surface": _surface,
     "glow": _glow,
 }
 
 
-def choose_by_word(word: str, sample: VoxelSample, zero: float | None) -> Choice:
+def choose_by_word(sample: VoxelSample, zero: float | None, *, word: str) -> Choice:
     """Return the preset of a word of WISHES. zero: the stored value of 0 Hounsfield units, if the values are such."""
     background = features.find_background(sample)
     is_dark = zero is None and background.is_there and background.below > background.above
     if is_dark:
         sample = sample.with_inverted_range()
         background = features.find_background(sample)
-    preset = WISHES[word](Scan(sample, background, zero))
+    if background.is_there:
+        first = foreground_threshold(sample, background)
+    else:
+        first = otsu_threshold(sample.normalized, 0.0, 1.0) or 0.5
+
+    def at(hounsfield: float, otherwise: float) -> float:
+        return otherwise if zero is None else sample.normalize(hounsfield + zero)
+
+    preset = WISHES[word](material_edges(sample, first), at)
     reason = "by the materials of the values" if zero is None else f"by Hounsfield units{offset_text(zero)}"
     return Choice(f"shown as --preset {word}", reason, preset.with_inverted_range() if is_dark else preset)
 
@@ -129,7 +126,7 @@ def choose_by_word(word: str, sample: VoxelSample, zero: float | None) -> Choice
 LABELS_WISH = "labels"
 
 
-def imported_transfer(wish: str, sample: VoxelSample, zero: float | None) -> TransferSpec:
+def imported_suggestion(sample: VoxelSample, zero: float | None, wish: str) -> Suggestion:
     """Return the transfer function of a preset or a file. Raises SceneError where it cannot be read.
 
     Shares become the range of the values above the middle of the background. Others are shifted by the stored value of
@@ -146,7 +143,19 @@ def imported_transfer(wish: str, sample: VoxelSample, zero: float | None) -> Tra
         found, problems = _parsed({**given, "range": span, "shift": 0.0})
     if problems:
         raise SceneError([_at_option(problem, wish) for problem in problems])
-    return found
+    imported = found.imported
+    assert imported is not None and not isinstance(found.mapping, ColormapSpec)
+    points = [
+        replace(point, value=float(f"{point.value:.9g}"), opacity=round(point.opacity, 6)) for point in found.mapping
+    ]
+    return Suggestion(
+        f"shown as --preset {wish}",
+        f"values and opacities are those of {imported.name}{offset_text(zero)}",
+        replace(found, mapping=tuple(points)),
+        ("",) * len(points),
+        replace(SHADING, **imported.shading, occlusion=0.0) if imported.shading else SHADING,
+        outlier_notes=tuple(f"not imported: {clause}" for clause in imported.left_out),
+    )
 
 
 def _parsed(given: dict[str, Any]) -> tuple[TransferSpec, list[Problem]]:
@@ -159,7 +168,7 @@ def _at_option(problem: Problem, wish: str) -> Problem:
     if problem.path == "name" and "#" not in wish:
         hint = f"--preset {wish}#NAME picks one"
     elif not Path(wish.partition("#")[0]).suffix:
-        close = closest_match(wish, (*WISHES, LABELS_WISH)) if hint is None else None
+        close = closest_match(wish, PRESET_WORDS) if hint is None else None
         expected = f"{', '.join(WISHES)} or {LABELS_WISH}; a file; or a preset, {expected}"
         hint = f"did you mean {close}?" if close else hint
     return replace(problem, path="", location=f"--preset {wish}", expected=expected, hint=hint)

@@ -15,7 +15,7 @@ from hsplat_cli.terminal import Reporter
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
 from renderer.suggest import FilmOptions, compute_statistics, suggest
-from renderer.suggest.suggestion import suggest_nonfinite_fill
+from renderer.suggest.nonfinite import suggest_nonfinite_fill
 
 Array = npt.NDArray[Any]
 

@@ -27,7 +27,7 @@ from kinds_of_data import (
 
 from renderer.readers import common, read_volume
 from renderer.scene import ColormapSpec, FileSource, SplatSpec, VolumeSpec
-from renderer.suggest import compute_statistics, suggest, suggestion
+from renderer.suggest import compute_statistics, suggest
 from renderer.suggest.recognition import hounsfield_zero
 from renderer.transfer import make_transfer_function
 
@@ -153,7 +153,7 @@ def test_splats_are_suggested_for_labels_that_fit_in_memory(tmp_path: Path, monk
     np.save(tmp_path / "labels.npy", labels())
     in_file = read_volume(VolumeSpec(FileSource(tmp_path / "labels.npy")))
     assert suggest(in_file, statistics).splat == SplatSpec(footprint="gaussian")
-    monkeypatch.setattr(suggestion, "_MAX_BYTES_FOR_SPLATS", in_file.values.nbytes - 1)
+    monkeypatch.setattr("renderer.suggest.labels._MAX_BYTES_FOR_SPLATS", in_file.values.nbytes - 1)
     too_large = suggest(in_file, statistics)
     assert too_large.is_categorical and too_large.splat is None
 

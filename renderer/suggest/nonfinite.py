@@ -1,0 +1,44 @@
+"""Choose the value that stands for NaN and infinities, so that they hide nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.suggest import features
+from renderer.suggest.features import VoxelSample
+from renderer.suggest.histogram import Statistics
+from renderer.suggest.labels import label_values
+from renderer.suggest.level_sets import is_level_set_interior
+from renderer.volume import Volume
+
+
+def suggest_nonfinite_fill(volume: Volume, statistics: Statistics) -> float | None:
+    """Return the value for NaN and infinities, from the statistics of the others; None if the lowest value serves.
+
+    volume: read with `nonfinite: lowest`.
+    """
+    statistics = statistics.without_outliers or statistics
+    low, high = float(statistics.minimum), float(statistics.maximum)
+    if low == high:  # a mask by NaN
+        return 0.0 if low else None
+    sample = features.sample_volume(volume, statistics)
+    if label_values(volume, statistics, sample) is not None:
+        return _nonfinite_label(sample, low)
+    if low < 0 < high and features.is_about_zero(sample):
+        return 0.0
+    if low < 0 < high and is_level_set_interior(sample.with_inverted_range(), 1 - sample.normalize(0.0)):
+        return high
+    background = features.find_background(sample)
+    if not (background.is_there and background.has_much_below):
+        return None
+    return sample.round_value(sample.denormalize(background.middle))
+
+
+def _nonfinite_label(sample: VoxelSample, low: float) -> float | None:
+    """Return the label at the border if it has more voxels there than NaN has; else a label that no voxel has."""
+    is_known = features.faces(sample.is_valid)
+    values, counts = np.unique(features.faces(sample.normalized)[is_known], return_counts=True)
+    if counts.max(initial=0) > np.count_nonzero(~is_known):
+        outside = float(values[counts.argmax()])
+        return sample.denormalize(outside) if outside > 0 else None
+    return 0.0 if low > 0 else None
