@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from renderer.suggest.features import Background, VoxelSample
-from renderer.volume import Float64, Int64
+from renderer.volume import Float64
 
 _NUM_BINS = 256
 # Values above this percentile are outliers.
@@ -72,23 +72,19 @@ def otsu_threshold(values: Float64, low: float, high: float, min_separation: flo
     if np.count_nonzero(counts) < 2:
         return None
     (cut,) = otsu_cuts(counts, 2)
-    sides = slice(cut), slice(cut, None)
-    total, *within = (_sum_of_squares(counts, side) for side in (slice(None), *sides))
-    if 1 - sum(within) / total < min_separation:
-        return None
-    first, last = (
-        (side.start or 0) + int(np.searchsorted(np.cumsum(counts[side]), counts[side].sum() / 2)) for side in sides
+    # Sums of squared distances from the mean, in bins: of all values, and on either side.
+    total, below, above = (
+        float(np.cov(np.arange(_NUM_BINS)[part], fweights=counts[part], ddof=0)) * counts[part].sum()
+        for part in (slice(None), slice(cut), slice(cut, None))
     )
+    if 1 - (below + above) / total < min_separation:
+        return None
+    cumulative = np.cumsum(counts)
+    first, last = np.searchsorted(cumulative, (cumulative[cut - 1] / 2, (cumulative[cut - 1] + cumulative[-1]) / 2))
     # A box of five bins keeps single empty bins of stretched data from passing for a valley.
     smooth = np.convolve(np.pad(counts, 2, mode="edge"), np.full(5, 0.2), mode="valid")[first + 1 : last + 1]
     lowest = np.flatnonzero(smooth <= smooth.min() * (1 + 1e-9))
     return float(edges[first + 1 + lowest[len(lowest) // 2]])
-
-
-def _sum_of_squares(counts: Int64, bins: slice) -> float:
-    """Return the sum of squared distances, in bins, from their mean of the values in some bins."""
-    at, weights = np.arange(len(counts))[bins], counts[bins]
-    return float(weights @ (at - np.average(at, weights=weights)) ** 2)
 
 
 def otsu_cuts(counts: Float64, num_classes: int) -> tuple[int, ...]:

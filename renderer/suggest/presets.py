@@ -277,7 +277,7 @@ def two_phase_preset(sample: VoxelSample, threshold: float) -> Preset:
     return opaque_preset("the upper phase", threshold, full)
 
 
-def opaque_preset(name: str, first: float, full: float, color: Color = STONE) -> Preset:
+def opaque_preset(name: str, first: float, full: float, color: Color = STONE, *, is_scan: bool = False) -> Preset:
     """Return the preset of one material, opaque: it begins at a normalised value and is in full from another one on."""
     layer = Layer(name, ((first, 0.0), (max(full, first + 1e-6), 1.0)), min_depth=CRISP_SURFACE_DEPTH)
-    return Preset((layer,), ((first, color),), OPAQUE_COVERAGE)
+    return Preset((layer,), ((first, color),), OPAQUE_COVERAGE, is_scan=is_scan)

@@ -52,9 +52,9 @@ def separating_planes(sample: VoxelSample, is_visible: Bools) -> list[Plane]:
 
     is_visible: bool [z, y, x], of the sample's voxels.
     """
-    cells, sides = _pool(is_visible, sample.spacing)
-    if not cells.any():
+    if not is_visible.any():
         return []
+    cells, sides = _pool(is_visible, sample.spacing)
     holders = _are_holders(cells, sides)
     parts = _measure_parts(cells, np.where(holders, _label_parts(holders), _label_parts(cells & ~holders)), sides)
     axes = sample.directions * sides[::-1]
@@ -127,8 +127,7 @@ def are_beyond(sample: VoxelSample, planes: Sequence[Plane]) -> Bools:
 
 def _pool(is_visible: Bools, spacing: tuple[float, float, float]) -> tuple[Bools, Float64]:
     """Return which cells of blocks of voxels have a visible one, and the lengths of a cell along z, y, x."""
-    factors = _factors(is_visible)
-    cells = is_visible
+    cells, factors = is_visible, _factors(is_visible)
     for axis, factor in enumerate(factors):
         cells = np.logical_or.reduceat(cells, range(0, cells.shape[axis], factor), axis)
     return cells, np.array(spacing) * factors

@@ -106,16 +106,18 @@ def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelS
     else:
         points = mapping
     named = dict(zip(points, notes, strict=False))
-    if max(outlier.value for outlier in statistics.outliers) > high:
+    if statistics.maximum > high:
         points = _transparent_above(points, high)
-    if min(outlier.value for outlier in statistics.outliers) < low:
+    if statistics.minimum < low:
         points = _mirrored(_transparent_above(_mirrored(points), -low))
     if isinstance(mapping, ColormapSpec):
         mapping = replace(mapping, opacity=tuple((point.value, point.opacity) for point in points))
     else:
         mapping, notes = tuple(points), tuple(named.get(point, "") for point in points)
     transfer = replace(suggestion.transfer, mapping=mapping)
-    return replace(suggestion, transfer=transfer, notes=notes, outlier_notes=outlier_notes)
+    return replace(
+        suggestion, transfer=transfer, notes=notes, outlier_notes=(*outlier_notes, *suggestion.outlier_notes)
+    )
 
 
 def _mirrored(points: Sequence[ControlPoint]) -> list[ControlPoint]:

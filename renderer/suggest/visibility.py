@@ -20,8 +20,9 @@ import numpy as np
 from renderer.suggest.features import VoxelSample
 from renderer.volume import Bools, Float32, Float64
 
-# Parallel rays: views of a turn, rays along each side of a view, and the most samples of one.
-_NUM_VIEWS, _RAYS_PER_SIDE, _MAX_SAMPLES = 8, 22, 256
+# Parallel rays: views of a turn, rays along each side of a view, and the most samples of one; more where a volume is so
+# thin that rays would miss it.
+_NUM_VIEWS, _RAYS_PER_SIDE, _MAX_SAMPLES, _MAX_SAMPLES_OF_SLABS = 8, 22, 256, 1024
 _ELEVATION = math.radians(20)
 
 # What is thinner than half of a layer is not a part of anything.
@@ -63,9 +64,9 @@ class Layer:
 
     def mean_weights(self, one: Float64, other: Float64) -> Float64:
         """Return the mean weights over values between two, normalised, of any shape: thin layers are not missed."""
-        at, weights = np.array(self.knots, np.float64).T
+        (begin, first), *_, (end, last) = self.knots
         # Beyond the outermost knots, weights are constant.
-        at, weights = np.array([at[0] - 2, *at, at[-1] + 2]), np.array([weights[0], *weights, weights[-1]])
+        at, weights = np.array([(begin - 2, first), *self.knots, (end + 2, last)]).T
         slopes = np.divide(np.diff(weights), np.diff(at), out=np.zeros(len(at) - 1), where=np.diff(at) > 0)
         integrals = np.append(0.0, np.cumsum((weights[1:] + weights[:-1]) / 2 * np.diff(at)))
 
@@ -122,6 +123,7 @@ def cast_rays(sample: VoxelSample, *, is_interpolated: bool = True) -> Turntable
     half = spacing * shape / 2
     radius = float(np.linalg.norm(half))
     step = max(float(spacing.min()), 2 * radius / _MAX_SAMPLES)
+    step = min(step, max(float(half.min()), 2 * radius / _MAX_SAMPLES_OF_SLABS))
     count = math.ceil(2 * radius / step)
     found = []
     for view in range(_NUM_VIEWS):

@@ -47,18 +47,15 @@ _VEIL = (0.45, 0.52, 0.66)
 _XRAY_COVERAGE = 0.4
 
 
-def _opaque(name: str, low: float, full: float, color: Color) -> Preset:
-    return replace(opaque_preset(name, low, full, color), is_scan=True)
-
-
 def _surface(ends: Ends, at: At, color: Color = STONE) -> Preset:
     first, second, *_ = ends
-    return _opaque("the surface", at(-400, first), at(-200, first + RAMP * (second - first)), color)
+    low, full = at(-400, first), at(-200, first + RAMP * (second - first))
+    return opaque_preset("the surface", low, full, color, is_scan=True)
 
 
 def _bone(ends: Ends, at: At) -> Preset:
     *_, first, top = ends
-    return _opaque("bone", at(180, first), at(400, first + RAMP * (top - first)), _BONE)
+    return opaque_preset("bone", at(180, first), at(400, first + RAMP * (top - first)), _BONE, is_scan=True)
 
 
 def _vessels(ends: Ends, at: At) -> Preset:
@@ -72,7 +69,7 @@ def _vessels(ends: Ends, at: At) -> Preset:
 
 
 def _brain(ends: Ends, at: At) -> Preset:
-    low, high = (ends[1], ends[2]) if len(ends) > 3 else (ends[0], ends[-1])
+    low, high = (ends[1], ends[2]) if len(ends) > 3 else (ends[0], 1.0)
     low, high = at(5, low), at(70, high)
     ramp = RAMP * (high - low)
     knots = ((low, 0.0), (low + ramp, 1.0), (high, 1.0), (high + ramp / 2, 0.0))

@@ -27,7 +27,7 @@ from kinds_of_data import (
 
 from renderer.readers import common, read_volume
 from renderer.scene import ColormapSpec, FileSource, SplatSpec, VolumeSpec
-from renderer.suggest import compute_statistics, suggest
+from renderer.suggest import Wish, compute_statistics, suggest
 from renderer.suggest.recognition import hounsfield_zero
 from renderer.transfer import make_transfer_function
 
@@ -164,6 +164,21 @@ def test_labels_inside_of_each_other_are_all_glass_but_the_innermost() -> None:
         values[margin:-margin, margin:-margin, margin:-margin] = label
     outer, middle, inner = extinction(suggested(values).transfer, 5, 1, 3)
     assert 0 < 3 * max(outer, middle) < inner
+    volume = volume_of(values)
+    recoloured = suggest(volume, compute_statistics(volume.values), Wish("viridis"))
+    np.testing.assert_allclose(extinction(recoloured.transfer, 5, 1, 3), (outer, middle, inner))
+
+
+def test_the_smallest_numbers_are_a_mask() -> None:
+    values = ball((0, 0, 0), 0.5) * 4e-323
+    background, inside = extinction(suggested(values).transfer, 0, 4e-323)
+    assert background == 0 < inside
+
+
+def test_rays_meet_a_slice() -> None:
+    z, y, x = np.meshgrid(0, *[np.linspace(-1, 1, 1000)] * 2, indexing="ij")
+    shown = suggested(np.exp(-3 * (x**2 + y**2)) + 0 * z).visible
+    assert sum(layer.share for layer in shown) == pytest.approx(1)
 
 
 def test_smooth_volumes_of_few_levels_are_no_labels() -> None:
