@@ -179,20 +179,19 @@ def _control_points(
     """
     knots = sorted({at for layer in preset.layers for at, _ in layer.knots})
     depths = solved @ np.stack([layer.weights(np.array(knots)) for layer in preset.layers])
-    where, colors = [at for at, _ in preset.colors], np.array([color for _, color in preset.colors])
+    at_colors, colors = zip(*preset.colors, strict=True)
+    channels = [np.interp(knots, at_colors, channel).tolist() for channel in zip(*colors, strict=True)]
     gaps = np.diff(knots, prepend=-math.inf, append=math.inf)
+    peaks = [max(layer.knots, key=itemgetter(1))[0] for layer in preset.layers]
     points: dict[float, tuple[ControlPoint, str]] = {}
-    for at, depth, gap in zip(knots, depths.tolist(), np.minimum(gaps[:-1], gaps[1:]).tolist(), strict=True):
-        value = sample.round_value(sample.denormalize(at), gap)
-        r, g, b = (float(np.interp(at, where, colors[:, k])) for k in range(3))
+    nearest = np.minimum(gaps[:-1], gaps[1:]).tolist()
+    for at, depth, gap, *color in zip(knots, depths.tolist(), nearest, *channels, strict=True):
+        value, (r, g, b) = sample.round_value(sample.denormalize(at), gap), color
         point = ControlPoint(value, (r, g, b), opacity_from_depth(depth, sample.diagonal))
-        peaking = [
-            f"{shown.name}: {format_percent(shown.share)} of the picture"
-            for layer, shown in zip(preset.layers, visible, strict=True)
-            if max(layer.knots, key=itemgetter(1))[0] == at
-        ]
+        shown = [layer for layer, peak in zip(visible, peaks, strict=True) if peak == at]
+        note = ", ".join(f"{layer.name}: {format_percent(layer.share)} of the picture" for layer in shown)
         if value not in points or point.opacity > points[value][0].opacity:
-            points[value] = point, ", ".join(peaking)
+            points[value] = point, note
     mapping, notes = zip(*(points[value] for value in sorted(points)), strict=True)
     return mapping, notes
 
