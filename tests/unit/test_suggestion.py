@@ -169,10 +169,10 @@ def test_labels_inside_of_each_other_are_all_glass_but_the_innermost() -> None:
     np.testing.assert_allclose(extinction(recoloured.transfer, 5, 1, 3), (outer, middle, inner))
 
 
-def test_the_smallest_numbers_are_a_mask() -> None:
-    values = ball((0, 0, 0), 0.5) * 4e-323
-    background, inside = extinction(suggested(values).transfer, 0, 4e-323)
-    assert background == 0 < inside
+def test_the_smallest_number_is_a_mask() -> None:
+    """Half of it is 0 in float64."""
+    (inside,) = extinction(suggested(ball((0, 0, 0), 0.5) * 5e-324).transfer, 5e-324)
+    assert inside > 0
 
 
 def test_rays_meet_a_slice() -> None:
