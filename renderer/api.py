@@ -51,7 +51,7 @@ from renderer.scene import (
     short_text,
     spec_to_dict,
 )
-from renderer.suggest import FilmOptions
+from renderer.suggest import FilmOptions, Wish
 from renderer.system import num_cores, printable
 
 SceneLike: TypeAlias = "Scene | str | os.PathLike[str] | npt.ArrayLike"
@@ -162,8 +162,9 @@ def suggest_scene(
     volume: an array [z, y, x] of integers, booleans or floats, which is never changed; or the name of a volume's file.
     spacing: lengths of a voxel along (x, y, z), in world units; 1 by default, and for a file what the file says.
     transfer_function: by default one is suggested, as by `hsplat init`. Else the name of a colormap, from which the
-        suggestion takes its colours; or control points `(value, color, opacity)`; or a mapping or a TransferSpec, as in
-        a scene file. Opacities are per smallest spacing.
+        suggestion takes its colours; or `{"preset": "bone"}`, with what `hsplat init --preset` takes; or control points
+        `(value, color, opacity)`; or a mapping or a TransferSpec, as in a scene file. Opacities are per smallest
+        spacing.
     camera: a mapping or a CameraSpec, as in a scene file. What a mapping leaves out is that of a turntable of 120
         frames, 20 degrees above the object, framed so that nothing is cut off.
     size: (width, height) of the pictures, pixels; 512 x 512 by default.
@@ -324,7 +325,7 @@ def _scene(
         section = {"name": "constant", "shape": list(array.shape), "spacing": given.pop("spacing", array.spacing)}
         tree["volume"] = {key: value for key, value in tree["volume"].items() if key != "array"}
         tree["volume"]["procedural"] = section
-    colormap = given["transfer_function"] if isinstance(given.get("transfer_function"), str) else None
+    wish = _wish(given.get("transfer_function"))
     scene = _parse(_with_options(tree, given), is_single_frame=is_single_frame)
     if isinstance(array, ArraySource):
         assert isinstance(scene.volume.source, ProceduralSource)
@@ -332,8 +333,18 @@ def _scene(
         scene = replace(scene, volume=replace(scene.volume, source=placed))
     if isinstance(source, Scene) and "transfer_function" not in given:  # plain data do not say where it is from
         scene = replace(scene, transfer_function=source.transfer_function)
-    suggests = colormap is not None or (is_new and "transfer_function" not in given)
-    return _with_suggestion(scene, colormap, is_new=is_new) if suggests else scene
+    suggests = wish is not None or (is_new and "transfer_function" not in given)
+    return _with_suggestion(scene, wish, is_new=is_new) if suggests else scene
+
+
+def _wish(transfer_function: Any) -> Wish | None:
+    """Return what a suggestion shall be, if an option asks for one."""
+    match transfer_function:
+        case str(colormap):
+            return Wish(colormap)
+        case {"preset": str(preset), **others} if not others:
+            return Wish(preset=preset)
+    return None
 
 
 def _turntable() -> dict[str, Any]:
@@ -408,13 +419,11 @@ def _with_options(tree: dict[str, Any], given: Mapping[str, Any]) -> dict[str, A
     names = {"output": "file", "size": "size", "background": "background"}
     tree["output"] |= {key: given[name] for name, key in names.items() if name in given}
     match given.get("transfer_function"):
-        case None:
-            pass
         case str(colormap):  # the rest is suggested
             tree["transfer_function"] = {"colormap": colormap, "range": [0, 1], "opacity": [[0, 1]]}
         case [*points]:
             tree["transfer_function"] = {"points": [_control_point(point) for point in points]}
-        case section:
+        case section if section is not None and _wish(section) is None:
             tree["transfer_function"] = section
     return tree
 
@@ -439,12 +448,12 @@ def _parameter(path: str) -> str:
     return path if key is None else _PARAMETERS[key] + path.removeprefix(key)
 
 
-def _with_suggestion(scene: Scene, colormap: str | None, *, is_new: bool) -> Scene:
+def _with_suggestion(scene: Scene, wish: Wish | None, *, is_new: bool) -> Scene:
     """Return the scene with a suggested transfer function. is_new: what hides NaN and infinities is suggested, too."""
-    from renderer.suggest import Wish, suggest_for
+    from renderer.suggest import suggest_for
 
     volume = replace(scene.volume, nonfinite="lowest") if is_new else scene.volume
-    found = suggest_for(volume, read_volume, wish=Wish(colormap), hides_nonfinite=is_new)
+    found = suggest_for(volume, read_volume, wish=wish or Wish(), hides_nonfinite=is_new)
     return replace(
         scene,
         volume=found.volume if found.is_float else scene.volume,

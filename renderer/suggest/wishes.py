@@ -163,9 +163,9 @@ def _parsed(given: dict[str, Any]) -> tuple[TransferSpec, list[Problem]]:
 def _at_option(problem: Problem, wish: str) -> Problem:
     expected, hint = problem.expected, problem.hint
     if problem.path == "name" and "#" not in wish:
-        hint = f"--preset {wish}#NAME picks one"
+        hint = f"preset {wish}#NAME picks one"
     elif not Path(wish.partition("#")[0]).suffix:
         close = closest_match(wish, PRESET_WORDS) if hint is None else None
         expected = f"{', '.join(WISHES)} or {LABELS_WISH}; a file; or a preset, {expected}"
         hint = f"did you mean {close}?" if close else hint
-    return replace(problem, path="", location=f"--preset {wish}", expected=expected, hint=hint)
+    return replace(problem, path="", location=f"preset {wish}", expected=expected, hint=hint)

@@ -70,6 +70,8 @@ def test_all_mistakes_are_told_at_once_by_the_names_of_the_parameters() -> None:
         ({"transfer_function": {"colormap": "gray"}}, "transfer_function.range"),
         ({"camera": {"path": {"type": "spiral"}}}, "camera.path.type"),
         ({"camera": 3}, "camera"),
+        ({"transfer_function": {"preset": "bnoe"}}, "preset bnoe"),
+        ({"transfer_function": {"preset": 3}}, "transfer_function.preset"),
         ({"size": (33, 32)}, "size"),
         ({"background": "transparent"}, "background"),
         ({"output": "film.avi"}, "output"),
@@ -116,6 +118,8 @@ def test_scenes_of_arrays_and_colormaps() -> None:
     assert scene.splat.footprint == "integrated"
     exact = renderer.suggest_scene(ARRAY, camera=scene.camera, transfer_function=scene.transfer_function)
     assert (exact.camera, exact.transfer_function) == (scene.camera, scene.transfer_function)
+    surface, glow = (renderer.suggest_scene(ARRAY, transfer_function={"preset": word}) for word in ("surface", "glow"))
+    assert surface.shading is not None and glow.shading is None
     gray = renderer.suggest_scene(ARRAY, transfer_function="gray").transfer_function
     assert gray != scene.transfer_function
     assert renderer.suggest_scene(ARRAY > 30).volume.source.values.dtype == np.uint8

@@ -106,7 +106,7 @@ def test_what_cannot_be_read_is_told_with_the_option(
     Path("presets.xml").write_text(f"<a>{one.format('Air')}{one.format('Bone')}</a>")
     with pytest.raises(InputError, match=message) as caught:
         wished(two_materials("uint8"), preset)
-    assert f"--preset {preset}" in str(caught.value)
+    assert f"preset {preset}" in str(caught.value)
 
 
 def test_what_is_not_imported_is_told_beside_outliers(tmp_path: Path) -> None:
