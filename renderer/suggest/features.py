@@ -30,6 +30,9 @@ _MIN_SIGMA = 1 / 500
 # If the values reach fewer standard deviations than this, the border is like the rest and no background: 10 for a
 # normal distribution, 15 for a skewed one.
 _MIN_CONTRAST = 15.0
+# A smooth field has no background if other values are nearly as frequent at the border as elsewhere. Backgrounds of
+# scans are noise, with second differences of at least 0.85 times the first.
+_MIN_LIKENESS = 0.5
 # At least this part of the border must be valid.
 _MIN_VALID_FRACTION = 0.1
 # If more voxels than this multiple of the NaN voxels have the fill value, others have it, too.
@@ -219,8 +222,10 @@ def find_background(sample: VoxelSample) -> Background:
     middle = (begin + end) / 2
     bottom, top = middle - _NOISE_SIGMAS * sigma, middle + _NOISE_SIGMAS * sigma
     inside = np.count_nonzero((border >= bottom) & (border <= top)) / len(border)
-    is_there = bool(extent / sigma >= _MIN_CONTRAST and inside >= part)
-    return Background(middle, bottom, top, is_there, float(np.mean(shares < bottom)), float(np.mean(shares > top)))
+    below, above = float(np.mean(shares < bottom)), float(np.mean(shares > top))
+    is_like_the_rest = 1 - inside > _MIN_LIKENESS * (below + above) and is_smooth(sample, bottom, top)
+    is_there = bool(extent / sigma >= _MIN_CONTRAST and inside >= part and not is_like_the_rest)
+    return Background(middle, bottom, top, is_there, below, above)
 
 
 def without(sample: VoxelSample, are_away: Bools) -> VoxelSample:
@@ -246,13 +251,13 @@ def is_about_zero(sample: VoxelSample) -> bool:
     return abs(float(np.median(shares)) - sample.normalize(0.0)) < float(np.std(shares)) / 2
 
 
-def is_smooth(sample: VoxelSample, above: float) -> bool:
-    """Return whether the values above `above` are those of a field.
+def is_smooth(sample: VoxelSample, low: float, high: float = math.inf) -> bool:
+    """Return whether the values from `low` to `high` are those of a field.
 
     The mean second difference along x, divided by the mean first difference, is about 0.2 in a smooth field, 0.5 to 0.8
     at the edges of a scan, and 1.7 in noise.
     """
-    chosen = sample.normalized > above
+    chosen = (sample.normalized > low) & (sample.normalized < high)
     before, after = sample.neighbours[0][chosen], sample.neighbours[1][chosen]
     first = float(np.abs(after - before).sum())
     second = float(np.abs(before + after - 2 * sample.normalized[chosen]).sum())

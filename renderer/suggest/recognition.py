@@ -24,6 +24,8 @@ _MIN_AWAY, _MIN_AWAY_OF_NOISE = 0.015, 0.025
 _HEAVY_TAIL = 25.0
 # Two phases have at least this part of the variance between them: a normal distribution has 0.64, a uniform one 0.75.
 _TWO_PHASE_SEPARATION = 0.85
+# A sign whose values are smaller than this part of the other sign's is noise.
+_MIN_SECOND_SIGN = 0.2
 # A filled volume shows values above this percentile.
 _FILLED_PERCENTILE = 60.0
 
@@ -69,7 +71,8 @@ def _filled_volume_preset(sample: VoxelSample) -> Choice:
     """Return the preset for a volume without a background."""
     shares, zero = sample.normalized[sample.is_valid], sample.normalize(0.0)
     if 0 < zero < 1:
-        if features.is_about_zero(sample):
+        weaker, stronger = sorted((zero, 1 - zero))
+        if features.is_about_zero(sample) and weaker > _MIN_SECOND_SIGN * stronger:
             reason = "values lie on both sides of 0 and fill the volume to its border"
             preset = presets.diverging_preset(sample, zero, 1.2 * float(np.std(shares)))
             return Choice("field with two signs", reason, preset)

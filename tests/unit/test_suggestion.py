@@ -344,3 +344,16 @@ def test_a_scan_without_background_shows_its_brighter_material() -> None:
     inside, ground = extinction(found.transfer, 200, 100)
     assert found.kind == "filled scan" and not found.cuts
     assert inside > 10 * max(ground, 1e-6)
+
+
+def test_a_density_that_continues_beyond_the_border_is_shown() -> None:
+    """Atoms of a crystal in a smooth density that is like noise at the border, too: no background."""
+    random = np.random.Generator(np.random.PCG64(5))
+    waves = np.fft.fftn(random.normal(size=(64, 64, 64)))
+    k = np.linalg.norm(np.stack(np.meshgrid(*[np.fft.fftfreq(64)] * 3)), axis=0)
+    smooth = np.real(np.fft.ifftn(np.where(k < 0.15, waves, 0)))
+    smooth /= smooth.std()
+    atoms = (smooth + 0.4 * np.maximum(smooth, 0) ** 3).astype(np.float32)
+    found = suggested(atoms)
+    first = min(point.value for point in found.transfer.mapping if point.opacity > 0)
+    assert 0.01 < np.mean(atoms > first) < 0.3, found.kind
