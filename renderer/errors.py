@@ -18,7 +18,7 @@ _MAX_LINE = 1000
 
 
 class HsplatError(Exception):
-    """The root of all errors that are shown to a user.
+    """An error that is shown to a user; all others derive from it.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class HsplatError(Exception):
 
 
 class InputError(HsplatError):
-    """The scene, the volume or the command line is wrong (exit code 2)."""
+    """An error of the scene, the volume or the command line (exit code 2)."""
 
 
 class OutputLockedError(InputError):
@@ -60,7 +60,7 @@ class OutputLockedError(InputError):
 
 
 class RenderError(HsplatError):
-    """The input was right but rendering failed: no OpenGL, no disk space, no encoder (exit code 1)."""
+    """An error of rendering from right input: no OpenGL, no disk space, no encoder (exit code 1)."""
 
 
 class ContextLostError(RenderError):

@@ -71,7 +71,7 @@ def on_pareto_fronts(measurements: Sequence[Measurement]) -> list[tuple[bool, bo
 
 @dataclass(frozen=True)
 class CostAtPsnr:
-    """The cost of a PSNR (dB), interpolated on the Pareto fronts: seconds and splats of a frame.
+    """A cost of a PSNR (dB), interpolated on the Pareto fronts: seconds and splats of a frame.
 
     splats: None without measurements of splats. setting: the fastest one measured that reaches the PSNR. peer: the
     peer's seconds, None without a peer.

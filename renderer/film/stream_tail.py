@@ -12,7 +12,7 @@ _MAX_WAIT_S = 1.0
 
 
 class StreamTail:
-    """The last bytes of a stream, which a background thread reads until the stream ends, and closes."""
+    """A buffer of the last bytes of a stream, which a background thread reads to its end, and closes."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream, self._tail = stream, b""

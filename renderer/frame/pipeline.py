@@ -70,14 +70,8 @@ def prepare_stage(
     scene = with_draw_order(scene)
     watch, camera, size = Stopwatch(clock), scene.camera, scene.output.size
     volume = read_volume(scene.volume) if volume is None else volume
-    if fingerprint is not None and volume.fingerprint != fingerprint:
-        raise InputError(
-            "the film was made from another volume",
-            where=recorded_in or None,
-            got=f"the fingerprint {volume.fingerprint} of {volume.name}",
-            expected=fingerprint,
-            hint="if the volume was moved, name it with --volume; draw another volume with another scene",
-        )
+    if fingerprint is not None:
+        _require_fingerprint(volume, fingerprint, recorded_in)
     extent = volume_extent(volume)
     raise_problems([*volume_problems(extent, volume.name), *camera_problems(camera, size, extent)])
     watch.lap("read")
@@ -85,13 +79,11 @@ def prepare_stage(
     projection = make_projection(scene.mode, transfer, volume)
     if projection is not None:
         transfer = projection.optics
+    cuts = _object_cuts(scene, volume)
     build: dict[str, Any] = {"num_threads": num_threads}
     if scene.shading is not None and scene.shading.has_light_field:
-        cuts = _object_cuts(scene, volume)
         are_removed = None if cuts is None else partial(are_cut_away, cuts)
-        build["light_field"] = light_field(
-            volume, transfer, scene.shading, are_removed=are_removed, num_threads=num_threads
-        )
+        build["light_field"] = light_field(volume, transfer, scene.shading, are_removed=are_removed, **build)
         watch.lap("light")
     if scene.splat.footprint != "integrated" and not any_tolerance:
         build["finest_cut"] = FinestCut(min_tolerance(scene.error), scene.error.finest_level)
@@ -100,7 +92,7 @@ def prepare_stage(
     if bricks is not None and scene.mode.is_extremum:
         extremes = extreme_bricks(bricks, scene.mode, num_threads=num_threads)
     watch.lap("pyramid")
-    points = visible_points(pyramid, _object_cuts(scene, volume) if camera.target == "visible" else None)
+    points = visible_points(pyramid, cuts if camera.target == "visible" else None)
     target, distance = _framing(scene, volume, volume_corners(volume) if scene.overlay == "bounds" else points)
     raise_problems(camera_problems(replace(camera, target=target, distance=distance), size, extent))
     raise_problems(_cut_problems(scene, volume))
@@ -122,6 +114,17 @@ def prepare_stage(
         extremes,
         watch.seconds,
     )
+
+
+def _require_fingerprint(volume: Volume, fingerprint: str, recorded_in: str) -> None:
+    if volume.fingerprint != fingerprint:
+        raise InputError(
+            "the film was made from another volume",
+            where=recorded_in or None,
+            got=f"the fingerprint {volume.fingerprint} of {volume.name}",
+            expected=fingerprint,
+            hint="if the volume was moved, name it with --volume; draw another volume with another scene",
+        )
 
 
 def _build_levels(

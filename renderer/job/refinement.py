@@ -62,7 +62,7 @@ _MAX_COMPARED_BYTES = 2**26
 
 
 class DeadlineReached(Exception):  # noqa: N818  no error
-    """The deadline is reached; the pass is given up."""
+    """A signal that the deadline is reached, and the pass is given up."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Pass(NamedTuple):
 
 
 class _Work(NamedTuple):
-    """The work of a frame, to draw and to sort it. size: as in Primitive."""
+    """An estimate of a frame's work, to draw and to sort it. size: as in Primitive."""
 
     typical_seconds: float
     order_seconds: float

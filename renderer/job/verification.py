@@ -31,7 +31,7 @@ from renderer.system import package_versions, sources_digest
 
 @dataclass(frozen=True)
 class FilmFiles:
-    """What the files of a film are, by their digests and by decoding them.
+    """A summary of the files of a film, by their digests and by decoding them.
 
     problems: what differs from the sidecar. readable: the frames that have pictures. notes: what is not known.
     """
@@ -43,7 +43,7 @@ class FilmFiles:
 
 @dataclass(frozen=True)
 class VerifiedFilm:
-    """What is known of a film whose volume is the recorded one. measured: None where nothing could be measured."""
+    """A film whose volume is the recorded one, verified. measured: None where nothing could be measured."""
 
     problems: Sequence[Problem]
     notes: Sequence[str]

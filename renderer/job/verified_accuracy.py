@@ -48,7 +48,10 @@ class RayOptions:
 
 @dataclass(frozen=True)
 class MeasuredFilm:
-    """What fresh rays say of a film. num_frames: how many they measured. problems: pictures that are not its own."""
+    """A measurement of a film by fresh rays.
+
+    num_frames: how many they measured. problems: pictures that are not its own.
+    """
 
     accuracy: FilmAccuracy
     num_frames: int

@@ -37,7 +37,7 @@ class Probe:
 
 @dataclass(frozen=True)
 class ExactPixels:
-    """The exact colours of some pixels of a frame, over its background: float64 [n, 3] in [0, 1].
+    """A set of exact colours of some pixels of a frame, over its background: float64 [n, 3] in [0, 1].
 
     visible: as in Probe; empty of rays that converge.
     """

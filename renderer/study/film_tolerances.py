@@ -146,7 +146,7 @@ def _first_guess(ladder: Sequence[float], want: MetricTarget) -> int:
 
 @dataclass(frozen=True)
 class _Drawing:
-    """How trial pictures are drawn, and told."""
+    """A way to draw trial pictures, and to report them."""
 
     num_threads: int
     clock: Clock

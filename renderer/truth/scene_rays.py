@@ -28,7 +28,7 @@ _LEAST_RISE = 2.0**-18
 
 
 class SceneRays:
-    """The exact rays of a stage's scene, in any view, as premultiplied RGBA."""
+    """A bundle of exact rays of a stage's scene, in any view, as premultiplied RGBA."""
 
     def __init__(self, stage: Stage, *, num_threads: int = 2) -> None:
         scene, volume = stage.scene, stage.volume

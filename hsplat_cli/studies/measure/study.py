@@ -75,7 +75,7 @@ class StudyRequest:
 
 
 class _Openers(NamedTuple):
-    """What opens the stage, and the rasterizer, of a scene."""
+    """A pair of functions that open the stage, and the rasterizer, of a scene."""
 
     stage: Callable[[Scene], AbstractContextManager[Stage]]
     rasterizer: Callable[[Scene], AbstractContextManager[Rasterizer]]

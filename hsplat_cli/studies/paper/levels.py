@@ -29,7 +29,7 @@ MIN_ERROR_RATIO = 5.0
 
 @dataclass(frozen=True)
 class LevelError:
-    """The error of a level's picture against that of level 0, in RGB over the background.
+    """An error of a level's picture against that of level 0, in RGB over the background.
 
     mean_alpha, rmse, largest: over the inside.
     """

@@ -28,7 +28,7 @@ MIN_VISIBLE_LOSS = 0.1
 
 @dataclass(frozen=True)
 class Slab:
-    """The alpha of a slab of one material, drawn with cells of each level; float64 [num_opacities, num_levels].
+    """A slab of one material: its alpha, drawn with cells of each level; float64 [num_opacities, num_levels].
 
     depth: of the slab in voxels, a power of two: one cell of the last level is as thick as the slab.
     rows: pictures of the slab at SHOWN_OPACITY.
