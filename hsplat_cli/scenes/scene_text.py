@@ -211,7 +211,8 @@ def _drawing_lines(suggestion: Suggestion) -> Iterator[str]:
     if (shading := suggestion.shading) is not None:
         yield from ("", _SHADING_COMMENT, f"shading: {{{_shading_text(shading)}}}")
     if suggestion.cuts:
-        yield from ("", _CUTS_COMMENT, "cuts:")
+        has_planes = any(cut.plane is not None for cut in suggestion.cuts)
+        yield from ("", *([_CUTS_COMMENT] if has_planes else []), "cuts:")
         for cut in suggestion.cuts:
             if cut.plane is not None:
                 yield f"  - plane: {{point: {_list(cut.plane.point)}, normal: {_list(cut.plane.normal)}}}"

@@ -62,9 +62,9 @@ def _object_preset(sample: VoxelSample, background: Background, is_float: bool) 
         kind, reason = "smooth field", "the levels of the values lie inside one another"
     else:
         preset = presets.materials_preset(sample, foreground_threshold(sample, background))
-        return Choice("scan without an absolute scale", f"{near} and what stands out from it has edges", preset)
+        return Choice("scan without an absolute scale", f"{near}, and what stands out from it has edges", preset)
     preset = presets.field_preset(sample, background.high, origin=background.middle)
-    return Choice(kind, f"{near} and {reason}", preset)
+    return Choice(kind, f"{near}, and {reason}", preset)
 
 
 def _filled_volume_preset(sample: VoxelSample) -> Choice:

@@ -104,8 +104,10 @@ class TurntableRays(NamedTuple):
 
 
 class Visibility(NamedTuple):
-    """What a picture shows. shares: of each layer, float64 [layers], with the sum 1. coverage: mean opacity of the rays
-    that meet anything."""
+    """A summary of what a picture shows.
+
+    shares: of each layer, float64 [layers], with the sum 1. coverage: mean opacity of the rays that meet anything.
+    """
 
     shares: Float64
     coverage: float

@@ -27,7 +27,7 @@ from renderer.suggest.visibility import Layer
 
 @dataclass(frozen=True)
 class Wish:
-    """What a suggestion shall be.
+    """A wish for what a suggestion shall be.
 
     colormap: the name of a colormap that replaces its colours. preset: a word of WISHES or LABELS_WISH, the name of a
         preset, or a file of another program, of whose transfer functions #NAME picks one.
