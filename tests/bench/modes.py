@@ -113,7 +113,7 @@ Footprint: integrated. Measure again when one of them, the drawing of bricks or 
 `python tests/bench/modes.py DATA` writes this page and its picture. Frames {frames} of turntables, {width} x {height};
 colours from the smallest scalar to the largest. PSNR is of the colours before they are rounded, against the exact rays
 of all pixels; milliseconds by the clock of frames whose bricks are in memory, medians of {rounds} rounds, {threads}
-threads. Emission and absorption is the suggested scene without a light, which others change. *First* is the time to
+threads. Emission and absorption is the suggested scene without light and cuts, which others change. *First* is the time to
 build what all frames share.
 
 {machine}
@@ -160,11 +160,10 @@ def main() -> None:
 
 
 def tree_of(data: Path, source: str | dict[str, Any]) -> dict[str, Any]:
-    """Return the turntable of a volume without a light, as plain data."""
+    """Return the turntable of a volume without a light and cuts, as plain data."""
     if isinstance(source, str):
         tree = scene_to_dict(renderer.suggest_scene(data / source, size=SIZE))
-        tree.pop("shading", None)
-        return tree
+        return {key: value for key, value in tree.items() if key not in ("shading", "cuts")}
     points = [{"value": 110, "color": "black", "opacity": 0}, {"value": 200, "color": "white", "opacity": 0.4}]
     return {
         "volume": source, "transfer_function": {"points": points}, "output": {"file": "a.mp4", "size": list(SIZE)},

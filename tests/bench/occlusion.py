@@ -71,7 +71,7 @@ def rows(name: str, file: Path) -> Iterator[str]:
         errors = [float(np.sqrt(np.mean((a - b) ** 2))) for a, b in zip(stored, exact, strict=True)]
         works = [
             partial(make, replace(shading, occlusion=1.0)),
-            partial(make, replace(shading, shadow=1.0)),
+            partial(make, replace(shading, occlusion=0.0, shadow=1.0)),
             partial(make, replace(shading, occlusion=1.0, shadow=1.0)),
         ]
         seconds = medians_in_turns([partial(timed, work) for work in works], REPEATS)

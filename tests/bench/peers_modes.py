@@ -18,12 +18,11 @@ from measuring import PAGES, THREADS, Point, fastest, machine_line, parser_of
 from modes import LOOKS, tree_of
 from peers import shown
 
-import renderer
 from hsplat_cli.studies.peers.vtk_peer import comparable, describe_vtk, look_of, measure_vtk, vtk_settings
 from renderer.draw import CPURasterizer
 from renderer.frame import Stage, open_stage, view_of
 from renderer.readers import read_volume
-from renderer.scene import Scene, parse_scene, scene_to_dict, with_tolerance
+from renderer.scene import Scene, parse_scene, with_tolerance
 from renderer.study import Measurement, Setting, Truth, compute_truth, measure_setting
 from renderer.volume import Volume, make_volume
 
@@ -102,9 +101,8 @@ def projected_scene(data: Path, file: str, mode: str) -> Scene:
 
 
 def lit_scene(volume: Path) -> Scene:
-    """Return the suggested turntable in the light of the camera."""
-    tree = scene_to_dict(renderer.suggest_scene(volume.resolve(), size=SIZE))
-    return parse_scene(tree | {"shading": LIGHT}, base=Path("/"))
+    """Return the suggested turntable in the light of the camera, without cuts, which VTK does not draw."""
+    return parse_scene(tree_of(Path("/"), str(volume.resolve())) | {"shading": LIGHT}, base=Path("/"))
 
 
 def rows(scene: Scene) -> Iterator[str]:
