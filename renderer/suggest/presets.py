@@ -137,7 +137,7 @@ def materials_preset(sample: VoxelSample, first: float) -> Preset:
         low, high = ranges[k]
         above = [(high, 1.0), (full[k + 1], 0.0)] if k + 1 < len(ranges) else []
         layers.append(Layer(name, ((low, 0.0), (full[k], 1.0), *above), share))
-        colors += [(full[k], color), (high, color)]
+        colors += [(at, color) for at, _ in (layers[-1].knots[1], *above[:1])]
     coverage = OPAQUE_COVERAGE if len(ranges) == 1 else _COVERAGE
     return Preset(tuple(layers), tuple(colors), coverage, is_scan=True)
 

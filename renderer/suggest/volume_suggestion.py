@@ -173,11 +173,11 @@ def _chosen_suggestion(choice: Choice, sample: VoxelSample, planes: Sequence[Pla
 def _control_points(
     sample: VoxelSample, preset: Preset, solved: Float64, visible: Sequence[ShownLayer]
 ) -> tuple[tuple[ControlPoint, ...], tuple[str, ...]]:
-    """Return a point for each knot of the layers, and a note on what it shows if a layer peaks there.
+    """Return a point for each knot of layers and of colours, and a note on what it shows if a layer peaks there.
 
     solved: the optical depths of the layers, as from `solve_depths`.
     """
-    knots = sorted({at for layer in preset.layers for at, _ in layer.knots})
+    knots = sorted({at for curve in (preset.colors, *(layer.knots for layer in preset.layers)) for at, _ in curve})
     depths = solved @ np.stack([layer.weights(np.array(knots)) for layer in preset.layers])
     at_colors, colors = zip(*preset.colors, strict=True)
     channels = [np.interp(knots, at_colors, channel).tolist() for channel in zip(*colors, strict=True)]

@@ -79,7 +79,7 @@ def _brain(ends: Ends, at: At) -> Preset:
 def _xray(ends: Ends, at: At) -> Preset:
     first, top = at(-600, ends[0]), ends[-1]
     layer = Layer("what is dense", ((first, 0.0), (first + 0.05 * (top - first), 0.1), (top, 1.0)))
-    return Preset((layer,), ((0.0, (1.0, 1.0, 1.0)),), _XRAY_COVERAGE, None)
+    return Preset((layer,), ((first, (1.0, 1.0, 1.0)),), _XRAY_COVERAGE, None)
 
 
 def _glow(ends: Ends, _: At) -> Preset:

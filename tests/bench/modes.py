@@ -113,8 +113,8 @@ Footprint: integrated. Measure again when one of them, the drawing of bricks or 
 `python tests/bench/modes.py DATA` writes this page and its picture. Frames {frames} of turntables, {width} x {height};
 colours from the smallest scalar to the largest. PSNR is of the colours before they are rounded, against the exact rays
 of all pixels; milliseconds by the clock of frames whose bricks are in memory, medians of {rounds} rounds, {threads}
-threads. Emission and absorption is the suggested scene without light and cuts, which others change. *First* is the time to
-build what all frames share.
+threads. Emission and absorption is the suggested scene without light and cuts, which others change. *First* is the
+time to build what all frames share.
 
 {machine}
 

@@ -298,6 +298,7 @@ def test_a_corner_is_cut_out_of_an_object_that_hides_its_inside(skull: int) -> N
     assert found.cuts[-1].box is not None and "a corner is cut out" in found.reason
     brain, skull = extinction(found.transfer, 130, skull)
     assert brain > 0 and skull > 0  # cut faces are closed
+    assert len({point.color for point in found.transfer.mapping}) == 4  # and show what is inside
     inverted = suggested(np.where(closed_head() > 170, 60, closed_head()).astype(np.uint8))
     assert not inverted.cuts
 
