@@ -45,11 +45,13 @@ class Image:
         possibly mapped from a file.
     world_from_index: float64 [4, 4], (x, y, z) voxel index to world.
     notes: remarks on how they were read; None stands for none.
+    nodata: ranges of values, both ends included, that stand for no data by what the file says.
     """
 
     values: Array
     world_from_index: Float64
     notes: tuple[str | None, ...] = ()
+    nodata: tuple[tuple[float, float], ...] = ()
 
 
 def describe_count(n: int) -> str:

@@ -108,7 +108,8 @@ def _image(answer: dict[str, Any], voxels: IO[bytes]) -> Image:
     num_bytes = check_size(shape, dtype)
     values = np.frombuffer(mmap.mmap(voxels.fileno(), num_bytes), dtype).reshape(shape)
     world_from_index = np.array(answer["world_from_index"], np.float64).reshape(4, 4)
-    return Image(values, world_from_index, tuple(answer["notes"]))
+    nodata = tuple((float(low), float(high)) for low, high in answer["nodata"])
+    return Image(values, world_from_index, tuple(answer["notes"]), nodata)
 
 
 class Host:
@@ -202,7 +203,7 @@ def _main() -> None:
             return
         assert image.values is child.values, "readers return what they have allocated"
         answer = {"shape": image.values.shape, "dtype": image.values.dtype.str, "notes": image.notes}
-        child.send(answer | {"world_from_index": image.world_from_index.tolist()})
+        child.send(answer | {"world_from_index": image.world_from_index.tolist(), "nodata": image.nodata})
 
 
 if __name__ == "__main__":

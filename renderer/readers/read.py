@@ -162,7 +162,8 @@ def crop_image(image: Image, ranges: Ranges) -> Image:
     (x0, x1), (y0, y1), (z0, z1) = ranges
     world_from_index = image.world_from_index.copy()
     world_from_index[:3, 3] += image.world_from_index[:3, :3] @ np.array([x0, y0, z0], np.float64)
-    return Image(image.values[z0:z1, y0:y1, x0:x1], world_from_index, image.notes)
+    values = image.values[z0:z1, y0:y1, x0:x1]
+    return replace(image, values=values, world_from_index=world_from_index)
 
 
 def _native_contiguous(values: Array) -> Array:
