@@ -47,7 +47,7 @@ _FIRST_FIELD = re.compile(rb"[\x02\x08]\0.\0(?:[A-Z]{2}|(?P<length>.)\0\0\0)", r
 _FIRST_BYTES = 4096
 _GZIP = b"\x1f\x8b"
 # The first number of NIfTI headers is their length.
-_NIFTI_STARTS = [struct.pack(order + "i", length) for length in (348, 540) for order in "<>"]
+NIFTI_STARTS = [struct.pack(order + "i", length) for length in (348, 540) for order in "<>"]
 # The most files and folders that a search looks at.
 _MAX_ENTRIES = 10_000
 
@@ -73,7 +73,7 @@ def find_format(path: Path) -> Format:
         return _SUFFIXES[suffix]
     if path.name.lower().endswith(".mgh.gz"):
         return "mgh"
-    if path.name.lower().endswith((".nii.gz", ".hdr.gz", ".img.gz")) or read_start(path, 4)[0] in _NIFTI_STARTS:
+    if path.name.lower().endswith((".nii.gz", ".hdr.gz", ".img.gz")) or read_start(path, 4)[0] in NIFTI_STARTS:
         return "nifti"
     raise UnknownFormatError(
         "this is not a volume in a known format, or it is damaged",
@@ -179,7 +179,7 @@ def _is_volume(file: Path) -> bool:
     if name.startswith(".") or not (is_shared or name.endswith(_VOLUME_SUFFIXES)):
         return False
     is_file = file.is_file()  # a pipe would be waited for
-    return is_file and (not is_shared or read_start(file, 4)[0] in _NIFTI_STARTS)
+    return is_file and (not is_shared or read_start(file, 4)[0] in NIFTI_STARTS)
 
 
 def _start(path: Path) -> bytes:
