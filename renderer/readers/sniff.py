@@ -11,20 +11,31 @@ from pathlib import Path
 from typing import Literal
 
 from renderer.errors import InputError
+from renderer.readers.foreign import (
+    compressed_error,
+    refuse_foreign_bytes,
+    refuse_foreign_folder,
+    refuse_foreign_name,
+)
 from renderer.scene import join_some, short_text
 
-Format = Literal["nrrd", "metaimage", "nifti", "mgh", "tiff", "npy", "npz", "vtk", "cube", "dicom"]
+Format = Literal[
+    "nrrd", "metaimage", "nifti", "mgh", "tiff", "npy", "npz", "vtk", "cube", "dicom", "mrc", "hdf5", "pictures"
+]  # fmt: skip
 
 KNOWN_FORMATS = (
     "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), Analyze (.hdr), "
-    "FreeSurfer (.mgh, .mgz), TIFF (.tif), NumPy (.npy, .npz), VTK (.vti, .vtk), Gaussian cube (.cube) or DICOM"
+    "FreeSurfer (.mgh, .mgz), TIFF (.tif), NumPy (.npy, .npz), VTK (.vti, .pvti, .vtr, .vtk), Gaussian cube (.cube), "
+    "MRC (.mrc, .map, .ccp4), HDF5 (.h5), netCDF-4 (.nc) or DICOM"
 )
 
+_HDF5 = b"\x89HDF\r\n\x1a\n"
 _SIGNATURES: dict[bytes, Format] = {
     b"NRRD": "nrrd",
     b"\x93NUMPY": "npy",
     b"PK\3\4": "npz",
     b"# vtk DataFile": "vtk",
+    **dict.fromkeys((_HDF5, b"MATLAB 7.3"), "hdf5"),
     **dict.fromkeys((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), "tiff"),
 }
 # Suffixes that decide where no signature does. Those of formats that have a signature only serve the search.
@@ -34,12 +45,20 @@ _SUFFIXES: dict[str, Format] = {
     **dict.fromkeys((".mgh", ".mgz"), "mgh"),
     **dict.fromkeys((".cube", ".cub"), "cube"),
     **dict.fromkeys((".tif", ".tiff"), "tiff"),
+    **dict.fromkeys((".h5", ".hdf5", ".ims", ".nc", ".nc4"), "hdf5"),
 }
 _VOLUME_SUFFIXES = (
     *(".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".nii.gz"),
     *(".mgh", ".mgz", ".mgh.gz"),
-    *(".npy", ".npz", ".vti", ".vtk", ".cube", ".cub"),
+    *(".npy", ".npz", ".vti", ".pvti", ".vtr", ".vtk", ".cube", ".cub"),
+    *(".mrc", ".mrcs", ".ccp4", ".mrc.gz", ".map.gz", ".ccp4.gz", ".nc", ".nc4"),
 )
+# Endings that other files have, too: what begins as a volume is one.
+_SHARED_SUFFIXES = (".hdr", ".hdr.gz", ".map", ".rec", ".h5", ".hdf5", ".ims", ".mat")
+_MRC_SUFFIXES = (".mrc", ".mrcs", ".map", ".ccp4", ".rec")
+# MRC has its mark here, and behind it the byte order; older files have neither.
+MRC_MARK_AT, MRC_MARK = 208, b"MAP"
+_MRC_STAMP = re.compile(rb"MAP[ \0][\x44\x11\0]")
 TIFF_SUFFIXES = (".tif", ".tiff")
 # The first field of DICOM without a preamble: in group 2 or 8, with the letters of its type, or with its length alone;
 # then the next field is in group 8.
@@ -61,26 +80,56 @@ def find_format(path: Path) -> Format:
     start = _start(path)
     if not start:
         raise InputError("an empty file", where=str(path))
-    if _begins_like_dicom(start):
-        return "dicom"
-    for signature, found in _SIGNATURES.items():
-        if start.startswith(signature):
-            return found
-    if b"<VTKFile" in start:
-        return "vtk"
-    suffix = path.suffix.lower()
+    refuse_foreign_bytes(path, start)
+    found = _format_by_bytes(path)
+    if found is not None:
+        return found
+    suffix, name = path.suffix.lower(), path.name.lower()
     if suffix in _SUFFIXES:
         return _SUFFIXES[suffix]
-    if path.name.lower().endswith(".mgh.gz"):
+    if name.endswith(".mgh.gz"):
         return "mgh"
-    if path.name.lower().endswith((".nii.gz", ".hdr.gz", ".img.gz")) or read_start(path, 4)[0] in NIFTI_STARTS:
+    if name.endswith((".nii.gz", ".hdr.gz", ".img.gz")):
         return "nifti"
+    if start[:2] == _GZIP:
+        content = read_start(path, _FIRST_BYTES)[0]
+        refuse_foreign_bytes(path, content)
+        inside = _format_by_signature(content)
+        raise compressed_error(path, f"a file of {inside.upper()}" if inside else "a file of unknown content")
+    refuse_foreign_name(path)
     raise UnknownFormatError(
         "this is not a volume in a known format, or it is damaged",
         where=str(path),
         expected=KNOWN_FORMATS,
         hint="voxels without a header are read with `raw: {file, shape, dtype, spacing}`",
     )
+
+
+def _format_by_bytes(path: Path) -> Format | None:
+    """Return the format that the first bytes of a file tell, also below gzip where its reader decompresses it."""
+    found = _format_by_signature(_start(path))
+    if found is not None:
+        return found
+    content, _ = read_start(path, MRC_MARK_AT + 8)
+    if _MRC_STAMP.match(content, MRC_MARK_AT) or (path.suffix.lower() in _MRC_SUFFIXES and _has_sizes_of_mrc(content)):
+        return "mrc"
+    return "nifti" if content[:4] in NIFTI_STARTS else None
+
+
+def _format_by_signature(start: bytes) -> Format | None:
+    if _begins_like_dicom(start):
+        return "dicom"
+    for signature, found in _SIGNATURES.items():
+        if start.startswith(signature):
+            return found
+    is_hdf5 = _HDF5 in (start[at : at + len(_HDF5)] for at in (512, 1024, 2048))  # behind a block of the user
+    return "vtk" if b"<VTKFile" in start else "hdf5" if is_hdf5 else None
+
+
+def _has_sizes_of_mrc(content: bytes) -> bool:
+    """Return whether three sizes and a mode of MRC come first, in either byte order."""
+    fields = [struct.unpack_from(order + "4i", content) for order in "<>" if len(content) >= 16]
+    return any(min(sizes) >= 1 and max(sizes) < 2**16 and 0 <= mode < 128 for *sizes, mode in fields)
 
 
 def is_dicom(path: Path) -> bool:
@@ -98,6 +147,7 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
         raise InputError("no permission to read this", where=str(path))
     if not path.is_dir():
         return path, find_format(path), None
+    refuse_foreign_folder(path)
     own = _format_of_slices(path)
     if own is not None:
         others = sorted(short_text(each.name) for each in path.iterdir() if _is_volume(each))
@@ -175,11 +225,11 @@ def _search(folder: Path) -> Iterator[Path]:
 
 def _is_volume(file: Path) -> bool:
     """Return whether a file has a volume's name, and, if others use the name, too, begins as one."""
-    name, is_shared = file.name.lower(), file.name.lower().endswith((".hdr", ".hdr.gz"))
+    name, is_shared = file.name.lower(), file.name.lower().endswith(_SHARED_SUFFIXES)
     if name.startswith(".") or not (is_shared or name.endswith(_VOLUME_SUFFIXES)):
         return False
     is_file = file.is_file()  # a pipe would be waited for
-    return is_file and (not is_shared or read_start(file, 4)[0] in NIFTI_STARTS)
+    return is_file and (not is_shared or name.endswith(_VOLUME_SUFFIXES) or _format_by_bytes(file) is not None)
 
 
 def _start(path: Path) -> bytes:

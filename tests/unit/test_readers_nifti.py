@@ -264,5 +264,6 @@ def test_sizes_of_0_are_1_with_a_note(tmp_path):
     np.testing.assert_array_equal(volume.values, ramp("int16", (1, 4, 5)))
     np.testing.assert_allclose(volume.spacing, [2, 1, 3])
     assert volume.note == (
-        "the file has a number of voxels of 0 along z; 1 is assumed; the file has a voxel size of 0 along y; 1 is assumed"
+        "the file has a number of voxels of 0 along z; 1 is assumed; "
+        "the file has a voxel size of 0 along y; 1 is assumed"
     )

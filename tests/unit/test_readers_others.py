@@ -258,7 +258,8 @@ def test_bytes_beside_the_voxels_are_counted(tmp_path, encoding, num):
     values = ramp("int16", (4, 20, 30))
     data = bytes(num) + values.tobytes()
     written(tmp_path / "a.dat", gzip.compress(data) if encoding == "gzip" else data)
-    lines = f"NRRD0004\ntype: short\ndimension: 3\nsizes: 30 20 4\nspacings: 1 1 1\nendian: little\nencoding: {encoding}\n"
+    lines = "NRRD0004\ntype: short\ndimension: 3\nsizes: 30 20 4\nspacings: 1 1 1\nendian: little\n"
+    lines += f"encoding: {encoding}\n"
     header = written(tmp_path / "a.nhdr", f"{lines}data file: a.dat\n".encode())
     note = read(header).note
     if num == 0:
@@ -274,10 +275,10 @@ def test_bytes_beside_the_voxels_are_counted(tmp_path, encoding, num):
 
 
 def test_a_header_of_nifti_with_extensions_is_recognised(tmp_path):
-    values = ramp("int16", (4, 20, 30))
+    values = ramp("int16", (20, 20, 30))
     start = (348).to_bytes(4, "little") + bytes(396)
     written(tmp_path / "a.raw", start + values.tobytes())
-    lines = "NDims = 3\nDimSize = 30 20 4\nElementSpacing = 1 1 1\nElementType = MET_SHORT\n"
+    lines = "NDims = 3\nDimSize = 30 20 20\nElementSpacing = 1 1 1\nElementType = MET_SHORT\n"
     header = written(tmp_path / "a.mhd", f"{lines}ElementDataFile = a.raw\n".encode())
     assert "400 bytes more than their voxels, which begin like NIfTI: if" in read(header).note
     written(header, f"{lines}HeaderSize = -1\nElementDataFile = a.raw\n".encode())
