@@ -178,6 +178,8 @@ def _volume_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
     for key in ("time", "component"):
         if (index := getattr(volume, key)) is not None:
             yield f"  {key}: {index}"
+    if volume.dataset is not None:
+        yield f"  dataset: {yaml_string(volume.dataset)}"
     if found.nonfinite is not None:
         yield f"  # {found.nonfinite}."
     if found.is_float:

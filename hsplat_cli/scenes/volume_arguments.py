@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 
 # How messages name keys of a scene's `volume`: `time: k` or `component` in the text, and `time: 7` as what was got.
-_KEY = re.compile(r"`(time|component|nonfinite|spacing)(?::( [^`]*))?`")
+_KEY = re.compile(r"`(time|component|dataset|nonfinite|spacing)(?::( [^`]*))?`")
 _HEADERLESS_HINT = "voxels without a header are read with --shape and --dtype: --shape 512,512,300 --dtype uint16"
-_GOT = re.compile(r"^(time|component): (-?[0-9]+)$")
+_GOT = re.compile(r"^(time|component|dataset): (.+)$")
 
 
 def check_as(
@@ -56,13 +56,19 @@ _RAW_FIELDS = schema.field_table(RawSource)
 
 
 def volume_options(nonfinite: Literal["error"] | None) -> Callable[[Any], Any]:
-    """Declare --time, --component, --spacing, --nonfinite with its default, and the options of a headerless file.
+    """Declare --time, --component, --dataset, --spacing, --nonfinite with its default, and options of headerless files.
 
     With the default None, --nonfinite is None where it is not given: a fill value that is not visible is looked for.
     """
     return option_group(
         click.option("--time", type=int, help="Which of several time steps, from 0.  [default: the first]"),
         click.option("--component", type=int, help="Which of several components, from 0.  [default: the first]"),
+        click.option(
+            "--dataset",
+            metavar="NAME",
+            callback=check_as(schema.field_table(VolumeSpec)["dataset"]),
+            help="Which dataset of an HDF5 or netCDF-4 file.  [default: the only one that is a volume]",
+        ),
         click.option(
             "--nonfinite",
             metavar="error|lowest|NUMBER",
@@ -152,6 +158,8 @@ def volume_spec(volume: Path, options: Mapping[str, Any]) -> VolumeSpec:
     given = {name: options[name] for name in ("byte_order", "offset") if options[name] is not None}
     if shape is not None:
         given |= {"spacing": spacing} if spacing is not None else {}
+        if options["dataset"] is not None:
+            raise InputError("a headerless file has no datasets", where="--dataset", got=options["dataset"])
         return VolumeSpec(RawSource(volume, shape, dtype, **given), time, component, nonfinite=nonfinite)
     if given:
         name, value = next(iter(given.items()))
@@ -162,7 +170,8 @@ def volume_spec(volume: Path, options: Mapping[str, Any]) -> VolumeSpec:
             hint="leave it out: a file with a header says it itself; the voxels of others are read with --shape and "
             "--dtype",
         )
-    return VolumeSpec(FileSource(volume, spacing), time, component, nonfinite=nonfinite)
+    source = FileSource(volume, spacing)
+    return VolumeSpec(source, time, component, nonfinite=nonfinite, dataset=options["dataset"])
 
 
 def read_with_options(volume: VolumeSpec, reporter: Reporter) -> Volume:
