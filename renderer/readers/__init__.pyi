@@ -4,5 +4,6 @@ from .sniff import (
     UnknownFormatError as UnknownFormatError,
     find_volume as find_volume,
     is_dicom as is_dicom,
+    slices_of_pictures as slices_of_pictures,
     volumes_in as volumes_in,
 )

@@ -148,6 +148,11 @@ def header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
         with errors_about(file):
             layout = (nrrd.read_header(file) if form == "nrrd" else metaimage.read_header(file))[1]
             return file, [part.file for part in layout.parts]
+    if form == "vtk":
+        from renderer.readers.vtk_image import piece_files
+
+        with errors_about(file):
+            return file, piece_files(file)
     if form == "nifti":
         from renderer.readers.nifti import find_pair
 

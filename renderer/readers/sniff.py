@@ -60,6 +60,7 @@ _MRC_SUFFIXES = (".mrc", ".mrcs", ".map", ".ccp4", ".rec")
 MRC_MARK_AT, MRC_MARK = 208, b"MAP"
 _MRC_STAMP = re.compile(rb"MAP[ \0][\x44\x11\0]")
 TIFF_SUFFIXES = (".tif", ".tiff")
+_PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
 # The first field of DICOM without a preamble: in group 2 or 8, with the letters of its type, or with its length alone;
 # then the next field is in group 8.
 _FIRST_FIELD = re.compile(rb"[\x02\x08]\0.\0(?:[A-Z]{2}|(?P<length>.)\0\0\0)", re.DOTALL)
@@ -149,7 +150,7 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
         return path, find_format(path), None
     refuse_foreign_folder(path)
     own = _format_of_slices(path)
-    if own is not None:
+    if own not in (None, "pictures"):
         others = sorted(short_text(each.name) for each in path.iterdir() if _is_volume(each))
         note = f"its {own.upper()} slices are one volume, which is read; left out: {join_some(others)}"
         return path, own, note if others else None
@@ -166,6 +167,8 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
         )
     volume = found[0]
     slices = _format_of_slices(volume) if volume.is_dir() else None
+    if slices is not None and volume == path:
+        return path, slices, None
     return volume, slices or find_format(volume), f"the only volume in this folder, {volume.relative_to(path)}, is read"
 
 
@@ -174,17 +177,16 @@ def volumes_in(folder: Path) -> list[Path]:
 
     Raises InputError for slices of several formats, and for too many files.
     """
-    found = list(_search(folder)) if _format_of_slices(folder) is None else []
+    found = list(_search(folder)) if _format_of_slices(folder) in (None, "pictures") else []
     return [each for each in found if each.parent == folder] if len(found) > 1 else []
 
 
 def _format_of_slices(folder: Path) -> Format | None:
     """Return the format of the slices directly in a folder; None if there are none, but an index of others, DICOMDIR.
 
-    Raises InputError for slices of both formats.
+    Raises InputError for slices of TIFF and DICOM together. Pictures beside them are left out.
     """
-    names = (entry for entry in folder.iterdir() if not entry.name.startswith(".") and entry.name != "DICOMDIR")
-    entries = [entry for entry in names if entry.is_file()]
+    entries = _files_in(folder)
     tiffs = [entry for entry in entries if entry.suffix.lower() in TIFF_SUFFIXES]
     dicoms = (entry for entry in sorted(entries) if entry.suffix.lower() not in TIFF_SUFFIXES and is_dicom(entry))
     first = next(dicoms, None)
@@ -196,15 +198,29 @@ def _format_of_slices(folder: Path) -> Format | None:
             expected="the slices of one volume",
             hint="put each volume into its own folder",
         )
-    return "tiff" if tiffs else "dicom" if first is not None else None
+    if tiffs or first is not None:
+        return "tiff" if tiffs else "dicom"
+    return "pictures" if len(slices_of_pictures(folder)) > 1 else None
+
+
+def slices_of_pictures(folder: Path) -> list[Path]:
+    """Return the pictures directly in a folder."""
+    return [entry for entry in _files_in(folder) if entry.suffix.lower() in _PICTURE_SUFFIXES]
+
+
+def _files_in(folder: Path) -> list[Path]:
+    names = (entry for entry in folder.iterdir() if not entry.name.startswith(".") and entry.name != "DICOMDIR")
+    return [entry for entry in names if entry.is_file()]
 
 
 def _search(folder: Path) -> Iterator[Path]:
     """Yield the volume files below a folder, and the folders of slices; links to folders are not followed.
 
+    Where there are none, yield the folders of pictures, among them the folder itself: else pictures show a volume.
     Raises InputError for more than _MAX_ENTRIES files and folders: there may be another volume among the others.
     """
     num_left = _MAX_ENTRIES
+    pictures, has_others = list[Path](), False
     for place, folders, files in os.walk(folder):
         folders.sort()
         num_left -= len(folders) + len(files)
@@ -215,12 +231,19 @@ def _search(folder: Path) -> Iterator[Path]:
                 expected=f"at most {_MAX_ENTRIES} files and folders",
                 hint="name the volume itself",
             )
-        if Path(place) != folder and _format_of_slices(Path(place)) is not None:
+        slices = _format_of_slices(Path(place))
+        if slices == "pictures":
+            pictures.append(Path(place))
+        elif slices is not None and Path(place) != folder:
+            has_others = True
             yield Path(place)
             continue
         for name in sorted(files):
             if _is_volume(Path(place, name)):
+                has_others = True
                 yield Path(place, name)
+    if not has_others:
+        yield from pictures
 
 
 def _is_volume(file: Path) -> bool:

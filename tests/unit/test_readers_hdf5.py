@@ -5,19 +5,14 @@ from __future__ import annotations
 import h5py
 import numpy as np
 import pytest
-from this_process import read_here
 
 from renderer.readers import read as reading
 from tests.support.volume_files import ramp, read, refused, written
 
+pytestmark = pytest.mark.usefixtures("one_process")
+
 VALUES = ramp("int16")
 UNEVEN = "interp(level=numpy.linspace(FIRST, LAST, 3))"
-
-
-@pytest.fixture(autouse=True)
-def _in_this_process(request, monkeypatch):
-    if "in_child" not in request.node.name:
-        monkeypatch.setattr(reading, "read_isolated", read_here)
 
 
 def save(path, values=VALUES, name="t", dims=None, **attributes):
@@ -88,7 +83,8 @@ def test_even_coordinates_are_the_place(tmp_path):
 
 def test_coordinates_of_other_units_are_told(tmp_path):
     numbers = [np.arange(n, dtype=np.float32) / 10 + 300 for n in VALUES.shape]
-    dims = dict(zip(("level", "lat", "lon"), zip(numbers, ("hPa", "degrees_north", "degrees_east"), strict=True), strict=True))
+    units = (("level", "hPa"), ("lat", "degrees_north"), ("lon", "degrees_east"))
+    dims = {name: (own, unit) for own, (name, unit) in zip(numbers, units, strict=True)}
     assert "x in degrees, y in degrees, z in hPa" in read(save(tmp_path / "a.nc", dims=dims)).note
 
 
