@@ -48,7 +48,7 @@ def read_mrc(path: Path, time: int | None, component: int | None) -> Image:
         raise _damaged(f"sizes {sizes}, axes {axes} and {num_extension} bytes before the voxels")
     if mode not in _TYPES:
         known = ", ".join(f"{code} ({np.dtype(kind).name})" for code, kind in _TYPES.items())
-        got = f"mode {mode}" + f", {_OTHER_TYPES[mode]}" * (mode in _OTHER_TYPES)
+        got = f"mode {mode}, {_OTHER_TYPES.get(mode, 'of no known type')}"
         raise InputError("voxels of this mode of MRC cannot be rendered", got=got, expected=known)
     stamp, flags = struct.unpack_from(order + "2i", start, _IMOD_AT)
     is_unsigned = mode == 0 and stamp == _IMOD and not flags & _HAS_SIGNED_BYTES

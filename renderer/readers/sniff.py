@@ -162,7 +162,7 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
             f"this folder holds {len(found)} volumes, and one is rendered" if found else "this folder holds no volume",
             where=str(path),
             got=join_some(names) if found else "an empty folder" if not any(path.iterdir()) else None,
-            expected=None if found else f"the slices of a DICOM or TIFF series, or a file of {KNOWN_FORMATS}",
+            expected=None if found else f"slices of DICOM, TIFF, PNG, JPEG or BMP, or a file of {KNOWN_FORMATS}",
             hint=f"name one of them: {path / found[0].relative_to(path)}{each_hint}" if found else None,
         )
     volume = found[0]

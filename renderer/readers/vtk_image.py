@@ -9,6 +9,7 @@ in the middle between points.
 from __future__ import annotations
 
 import html
+import itertools
 import math
 import mmap
 import re
@@ -36,6 +37,7 @@ from renderer.scene import short_text
 from renderer.volume import Array, Float64
 
 _MAX_PACKING = 1032  # of deflate
+_MAX_PIECES = 10_000
 _OTHER_KINDS = (
     *("PolyData", "UnstructuredGrid", "StructuredGrid", "HyperTreeGrid", "Table", "vtkMultiBlockDataSet"),
     *("vtkPartitionedDataSet", "PRectilinearGrid", "PStructuredGrid", "PUnstructuredGrid", "PPolyData"),
@@ -150,11 +152,14 @@ def _pieces(path: Path) -> list[_Piece]:
     text = _start(path)
     if _kind(text) != "PImageData":
         return []
-    pieces = []
-    for piece in re.finditer(r"<Piece\b[^<>]*", text):
+    pieces, folder = [], path.parent.resolve()
+    tags = list(itertools.islice(re.finditer(r"<Piece\b[^<>]*", text), _MAX_PIECES + 1))
+    if len(tags) > _MAX_PIECES:
+        raise InputError("this image has too many pieces", expected=f"at most {_MAX_PIECES}")
+    for piece in tags:
         source = _value(piece, "Source")
         file = path.parent / html.unescape(source)
-        if not source or "\0" in str(file) or not file.resolve().is_relative_to(path.parent.resolve()):
+        if not source or "\0" in str(file) or not file.resolve().is_relative_to(folder):
             raise InputError(
                 "a piece of this image is outside of its folder", got=short_text(source), expected="a file beside it"
             )

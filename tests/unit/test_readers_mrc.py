@@ -101,6 +101,7 @@ def test_a_file_without_a_cell_has_no_spacing(tmp_path):
     [
         ({"mode": 4}, "mode 4, complex floats"),
         ({"mode": 101}, "integers of four bits"),
+        ({"mode": 99}, "mode 99, of no known type"),
         ({"axes": (1, 1, 3)}, "this is not an MRC file, or it is damaged"),
     ],
 )
