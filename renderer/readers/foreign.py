@@ -86,9 +86,9 @@ _BY_BYTES_COMPILED = tuple((what, hint, re.compile(pattern, re.DOTALL)) for what
 _ZARR = (".zarray", ".zgroup", "zarr.json")
 
 
-def refuse_foreign_bytes(path: Path, start: bytes) -> None:
+def refuse_bytes(path: Path, start: bytes) -> None:
     """Raise InputError for a file that begins as one of a known kind that is not read."""
-    refuse_foreign_name(path, {".mnc", ".xlsx", ".docx", ".pptx", ".odt", ".ods"})
+    refuse_name(path, {".mnc", ".xlsx", ".docx", ".pptx", ".odt", ".ods"})
     for what, hint, pattern in _BY_BYTES_COMPILED:
         if pattern.match(start):
             raise _foreign(path, what, hint)
@@ -96,14 +96,14 @@ def refuse_foreign_bytes(path: Path, start: bytes) -> None:
         raise _foreign(path, "a zip archive", _UNPACK)
 
 
-def refuse_foreign_name(path: Path, names: set[str] | None = None) -> None:
+def refuse_name(path: Path, names: set[str] | None = None) -> None:
     """Raise InputError for a file whose name ends as those of a kind that is not read. names: those that count."""
     for end, (what, hint) in _BY_NAME.items():
         if path.name.lower().endswith(end) and (names is None or end in names):
             raise _foreign(path, what, hint)
 
 
-def refuse_foreign_folder(path: Path) -> None:
+def refuse_folder(path: Path) -> None:
     """Raise InputError for a folder of Zarr."""
     if any((path / name).is_file() for name in _ZARR):
         hint = "`python -c \"import numpy, zarr; numpy.save('volume.npy', zarr.open('FILE/0', mode='r')[:])\"`"

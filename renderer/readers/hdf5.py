@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,16 +18,7 @@ import numpy as np
 
 from renderer.errors import InputError, require_package
 from renderer.readers.arrays import axes_of_array
-from renderer.readers.common import (
-    NO_SPACING,
-    Image,
-    affine,
-    check_dtype,
-    choice_notes,
-    chosen_part,
-    describe_shape,
-    even_steps,
-)
+from renderer.readers.common import NO_SPACING, Image, affine, choice_notes, chosen_part, describe_shape, even_steps
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.scene import did_you_mean, join_some, short_text
 from renderer.volume import Array
@@ -35,7 +27,6 @@ _MAX_OBJECTS = 10_000
 _MAX_PACKING = 2**20  # of filters, one after the other; a file may also claim voxels that it does not store
 _TIMES = ("t", "time", "times", "step")
 _COMPONENTS = ("c", "ch", "channel", "channels", "component", "components", "band", "bands", "member", "rgb")
-_FILL_ATTRIBUTES = ("_FillValue", "missing_value")
 _METRES = {"nm": 1e-9, "um": 1e-6, "µm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "metre": 1.0, "meter": 1.0, "km": 1e3}
 _METRES |= {"meters": 1.0, "metres": 1.0, "micron": 1e-6, "micrometer": 1e-6}
 
@@ -60,33 +51,28 @@ def read_hdf5(
     require_package("h5py", extra="hdf5")
     import h5py
 
-    try:
-        file = h5py.File(path, "r", locking=False)
-    except OSError as error:
-        raise InputError(
-            "this HDF5 file cannot be opened", got=_one_line(error), hint="the file is truncated or damaged"
-        ) from error
-    with file:
+    with h5py.File(path, "r", locking=False) as file:
         chosen = _choose(file, dataset)
         _check_dataset(chosen, path)
         names = [_name_of_axis(chosen, k) for k in range(chosen.ndim)]
         axes = _axes(chosen, names, time, component)
         part = chosen_part(axes, chosen.shape, time, component)
         shape = tuple(n for n, item in zip(chosen.shape, part, strict=True) if isinstance(item, slice))
-        scale, offset = (_number(chosen, name, default) for name, default in (("scale_factor", 1), ("add_offset", 0)))
+        scale, offset = (float(np.ravel(chosen.attrs.get(name, default))[0])
+                         for name, default in (("scale_factor", 1), ("add_offset", 0)))  # fmt: skip
         is_scaled = (scale, offset) != (1.0, 0.0)
-        stored = np.dtype(np.uint8) if chosen.dtype.kind == "b" else chosen.dtype.newbyteorder("=")
-        is_single = stored.itemsize <= 2 or stored == np.float32
-        values = allocate_voxels(
-            host, (1,) * (3 - len(shape)) + shape, (np.float32 if is_single else np.float64) if is_scaled else stored
-        )
-        target = values.view(chosen.dtype) if chosen.dtype.kind == "b" else values
+        is_mask = chosen.dtype.kind == "b"
+        dtype = np.dtype(np.uint8) if is_mask else chosen.dtype.newbyteorder("=")
+        if is_scaled:
+            dtype = np.dtype(np.float32 if dtype.itemsize <= 2 or dtype == np.float32 else np.float64)
+        values = allocate_voxels(host, (1,) * (3 - len(shape)) + shape, dtype)
+        target = values.view(np.bool_) if is_mask else values
         try:
             chosen.read_direct(target.reshape(shape), np.s_[part])
         except OSError as error:
             raise InputError(
                 "the voxels of this dataset cannot be decoded",
-                got=_one_line(error),
+                got=short_text(" ".join(str(error).split())),
                 hint="the file is damaged, or compressed by a filter that is not installed: `h5repack -f GZIP=4` "
                 "compresses it by another",
             ) from error
@@ -100,10 +86,6 @@ def read_hdf5(
         found = f"the only volume in this file, {short_text(chosen.name)}, is read" if dataset is None else None
         chosen_notes = choice_notes(axes, chosen.shape, time, component)
     return Image(values, world_from_index, (found, *notes, *chosen_notes), nodata)
-
-
-def _one_line(error: Exception) -> str:
-    return short_text(" ".join(str(error).split()))
 
 
 def _scaled(values: Array, scale: float, offset: float) -> Array:
@@ -150,15 +132,13 @@ def _choose(file: Any, name: str | None) -> _Dataset:
 
 
 def _check_dataset(dataset: _Dataset, path: Path) -> None:
-    """Raise InputError for voxels in other files, of types that cannot be drawn, and for more than a file can hold."""
+    """Raise InputError for voxels in other files, and for more than a file can hold."""
     if dataset.is_virtual or dataset.external:
         raise InputError(
             "the voxels of this dataset are in other files, which are not opened",
             got=short_text(dataset.name),
-            hint=f"`h5repack {short_text(path.name)} whole.h5` or h5py can copy it into one file",
+            hint=f"`h5repack -l CONTI {short_text(path.name)} whole.h5` copies it into one file",
         )
-    if dataset.dtype.kind != "b":
-        check_dtype(dataset.dtype)
     num_bytes = math.prod(dataset.shape) * dataset.dtype.itemsize
     num_stored = min(dataset.id.get_storage_size(), path.stat().st_size)
     if num_bytes > _MAX_PACKING * num_stored:
@@ -169,49 +149,26 @@ def _check_dataset(dataset: _Dataset, path: Path) -> None:
         )
 
 
-def _attribute(owner: Any, name: str) -> Any:
-    """Return an attribute: a number, a text or an array; None if it is missing or of another kind."""
-    try:
-        value = owner.attrs.get(name)
-    except (OSError, TypeError, ValueError, KeyError, RuntimeError):
-        return None
-    return value.decode("utf-8", "replace") if isinstance(value, bytes) else value
-
-
-def _number(owner: Any, name: str, default: float) -> float:
-    """Return an attribute that is a number; raises InputError for one that is not finite."""
-    value = _attribute(owner, name)
-    if value is None:
-        return default
-    numbers = np.atleast_1d(value)
-    if numbers.dtype.kind not in "iuf" or numbers.size != 1 or not np.isfinite(numbers).all():
-        raise InputError(f"the attribute {name} is not a number", got=short_text(str(value)))
-    return float(numbers[0])
+def _text(owner: Any, name: str) -> str:
+    """Return an attribute that is a text; an empty one for all else."""
+    value = owner.attrs.get(name)
+    text = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+    return text if isinstance(text, str) else ""
 
 
 def _fill_values(dataset: _Dataset) -> Iterator[float]:
     """Yield the values that stand for no data."""
-    for name in _FILL_ATTRIBUTES:
-        numbers = np.atleast_1d(_attribute(dataset, name) if _attribute(dataset, name) is not None else [])
-        if numbers.dtype.kind in "iuf":
-            yield from map(float, numbers[:16])
+    for name in ("_FillValue", "missing_value"):
+        numbers = np.ravel(dataset.attrs.get(name, ()))
+        yield from map(float, numbers[:16] if numbers.dtype.kind in "iuf" else ())
     if dataset.dtype.itemsize > 1 and dataset.fillvalue != 0:  # what was not written; netCDF has none for bytes
         yield float(dataset.fillvalue)
 
 
-def _scales(dataset: _Dataset, axis: int) -> list[_Dataset]:
-    """Return the coordinates that are attached to an axis."""
-    try:
-        return list(dataset.dims[axis].values())
-    except (OSError, TypeError, ValueError, KeyError, RuntimeError):
-        return []
-
-
 def _name_of_axis(dataset: _Dataset, axis: int) -> str:
     """Return the name of an axis: its label, or that of its coordinates; an empty one if it has none."""
-    names = [each.name for each in _scales(dataset, axis) if each.name]
-    tags = _attribute(dataset, "axistags")  # of ilastik
-    keys = [part.partition('"')[0] for part in tags.split('"key": "')[1:]] if isinstance(tags, str) else []
+    names = [each.name for each in dataset.dims[axis].values() if each.name]
+    keys = re.findall(r'"key": *"(\w+)"', _text(dataset, "axistags"))  # of ilastik
     own = keys[axis] if len(keys) == dataset.ndim else dataset.dims[axis].label
     return str(own or (names[0].rpartition("/")[2] if names else ""))
 
@@ -246,12 +203,7 @@ def _axes(dataset: _Dataset, names: list[str], time: int | None, component: int 
 
 def _is_time(dataset: _Dataset, axis: int, name: str) -> bool:
     """Return whether an axis is time: by its name, or by the units of its coordinates, such as `days since 2000`."""
-    return name.lower() in _TIMES or any(" since " in _text(each, "units") for each in _scales(dataset, axis))
-
-
-def _text(owner: Any, name: str) -> str:
-    value = _attribute(owner, name)
-    return value if isinstance(value, str) else ""
+    return name.lower() in _TIMES or any(" since " in _text(each, "units") for each in dataset.dims[axis].values())
 
 
 def _place(
@@ -274,14 +226,13 @@ def _place(
                 f"{len(coordinates)})).to_netcdf('even.nc')`; or give `spacing: [x, y, z]` to draw equal steps",
             )
         unit = _text(coordinates, "units").split("_")[0]  # degrees_north
-        common = next(iter(units.values()), unit)
-        is_length = unit in _METRES and common in _METRES
-        units["xyz"[column]] = common if is_length else unit
-        place = np.array(even or (0.0, 1.0)) * (_METRES[unit] / _METRES[common] if is_length else 1.0)
-        origin[column], spacing[column] = place
-    sizes = np.atleast_1d(_attribute(dataset, "element_size_um") if "element_size_um" in dataset.attrs else [])
+        first = next(iter(units.values()), unit)
+        factor = _METRES[unit] / _METRES[first] if {unit, first} <= _METRES.keys() else None
+        units["xyz"[column]] = unit if factor is None else first
+        origin[column], spacing[column] = np.array(even or (0.0, 1.0)) * (factor or 1.0)
+    sizes = np.ravel(dataset.attrs.get("element_size_um", ()))
     if not units and len(sizes) == len(space) == 3 and sizes.dtype.kind in "iuf":
-        return affine(sizes[::-1].astype(np.float64), origin, np.eye(3)), []
+        return affine(sizes[::-1], origin, np.eye(3)), []
     notes = [NO_SPACING] * (not units)
     if 0 < len(units) < len(space):
         missing = ", ".join(axis for axis in "xyz"[: len(space)] if axis not in units)
@@ -299,7 +250,7 @@ def _coordinates(file: Any, dataset: _Dataset, axis: int, name: str) -> _Dataset
 
     group = dataset.parent
     beside = [group[name]] if name and isinstance(group.get(name, getlink=True), h5py.HardLink) else []
-    for each in (*_scales(dataset, axis), *beside):
+    for each in (*dataset.dims[axis].values(), *beside):
         is_alone = isinstance(each, h5py.Dataset) and each.shape == (dataset.shape[axis],) and each.dtype.kind in "iuf"
         if is_alone and not (each.is_virtual or each.external) and "not a netCDF variable" not in _text(each, "NAME"):
             return each

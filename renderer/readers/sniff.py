@@ -11,12 +11,7 @@ from pathlib import Path
 from typing import Literal
 
 from renderer.errors import InputError
-from renderer.readers.foreign import (
-    compressed_error,
-    refuse_foreign_bytes,
-    refuse_foreign_folder,
-    refuse_foreign_name,
-)
+from renderer.readers.foreign import compressed_error, refuse_bytes, refuse_folder, refuse_name
 from renderer.scene import join_some, short_text
 
 Format = Literal[
@@ -81,7 +76,7 @@ def find_format(path: Path) -> Format:
     start = _start(path)
     if not start:
         raise InputError("an empty file", where=str(path))
-    refuse_foreign_bytes(path, start)
+    refuse_bytes(path, start)
     found = _format_by_bytes(path)
     if found is not None:
         return found
@@ -94,10 +89,10 @@ def find_format(path: Path) -> Format:
         return "nifti"
     if start[:2] == _GZIP:
         content = read_start(path, _FIRST_BYTES)[0]
-        refuse_foreign_bytes(path, content)
+        refuse_bytes(path, content)
         inside = _format_by_signature(content)
         raise compressed_error(path, f"a file of {inside.upper()}" if inside else "a file of unknown content")
-    refuse_foreign_name(path)
+    refuse_name(path)
     raise UnknownFormatError(
         "this is not a volume in a known format, or it is damaged",
         where=str(path),
@@ -148,7 +143,7 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
         raise InputError("no permission to read this", where=str(path))
     if not path.is_dir():
         return path, find_format(path), None
-    refuse_foreign_folder(path)
+    refuse_folder(path)
     own = _format_of_slices(path)
     if own not in (None, "pictures"):
         others = sorted(short_text(each.name) for each in path.iterdir() if _is_volume(each))

@@ -164,7 +164,7 @@ def test_claims_of_voxels_that_are_not_there(tmp_path):
         file.create_dataset("t", (10**4, 10**4, 10**4), "f8", chunks=(100, 100, 100))
     refused(tmp_path / "a.h5", match="fewer bytes than its voxels need")
     path = save(tmp_path / "a.h5")
-    refused(written(path, path.read_bytes()[:-200]), match="cannot be opened")
+    refused(written(path, path.read_bytes()[:-200]), match="cannot be decoded")
     with h5py.File(path, "w") as file:
         file["text"] = np.full((2, 2, 2), b"abc")
     refused(path, match="this file holds no volume")
