@@ -12,6 +12,7 @@ import html
 import itertools
 import math
 import mmap
+import os
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -152,14 +153,14 @@ def _pieces(path: Path) -> list[_Piece]:
     text = _start(path)
     if _kind(text) != "PImageData":
         return []
-    pieces, folder = [], path.parent.resolve()
+    pieces, folder = [], os.path.realpath(path.parent)
     tags = list(itertools.islice(re.finditer(r"<Piece\b[^<>]*", text), _MAX_PIECES + 1))
     if len(tags) > _MAX_PIECES:
         raise InputError("this image has too many pieces", expected=f"at most {_MAX_PIECES}")
     for piece in tags:
         source = _value(piece, "Source")
         file = path.parent / html.unescape(source)
-        if not source or "\0" in str(file) or not file.resolve().is_relative_to(folder):
+        if not source or "\0" in str(file) or not Path(os.path.realpath(file)).is_relative_to(folder):
             raise InputError(
                 "a piece of this image is outside of its folder", got=short_text(source), expected="a file beside it"
             )
