@@ -334,7 +334,7 @@ def _scene(
     if isinstance(source, Scene) and "transfer_function" not in given:  # plain data do not say where it is from
         scene = replace(scene, transfer_function=source.transfer_function)
     suggests = wish is not None or (is_new and "transfer_function" not in given)
-    return _with_suggestion(scene, wish, is_new=is_new) if suggests else scene
+    return _with_suggestion(scene, wish) if suggests else scene
 
 
 def _wish(transfer_function: Any) -> Wish | None:
@@ -448,15 +448,13 @@ def _parameter(path: str) -> str:
     return path if key is None else _PARAMETERS[key] + path.removeprefix(key)
 
 
-def _with_suggestion(scene: Scene, wish: Wish | None, *, is_new: bool) -> Scene:
-    """Return the scene with a suggested transfer function. is_new: what hides NaN and infinities is suggested, too."""
+def _with_suggestion(scene: Scene, wish: Wish | None) -> Scene:
+    """Return the scene with a suggested transfer function."""
     from renderer.suggest import suggest_for
 
-    volume = replace(scene.volume, nonfinite="lowest") if is_new else scene.volume
-    found = suggest_for(volume, read_volume, wish=wish or Wish(), hides_nonfinite=is_new)
+    found = suggest_for(scene.volume, read_volume, wish=wish or Wish())
     return replace(
         scene,
-        volume=found.volume if found.is_float else scene.volume,
         transfer_function=found.suggestion.transfer,
         shading=found.suggestion.shading,
         splat=(None if scene.cuts else found.suggestion.splat) or scene.splat,  # splats cannot be cut

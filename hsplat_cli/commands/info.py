@@ -29,7 +29,7 @@ _BLOCKS, _ASCII = " ▁▂▃▄▅▆▇█", " .:|#"
 
 @click.command()
 @click.argument("volume", type=FILE)
-@volume_options(nonfinite="error")
+@volume_options()
 @click.option("--json", "as_json", is_flag=True, help="Print the same as JSON.")
 def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     """Describe a volume: shape, place, values and histogram.

@@ -29,7 +29,7 @@ from renderer.suggest import FilmOptions
 )
 @click.option("--format", "kind", type=click.Choice(["mp4", "gif", "png"]), default="mp4", show_default=True)
 @film_options
-@volume_options(nonfinite=None)
+@volume_options()
 @executor_options
 @click.option("--force", is_flag=True, help="Draw again, and overwrite scenes that were edited.")
 @quiet_option(help="Print only the table and errors.")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 # How messages name keys of a scene's `volume`: `time: k` or `component` in the text, and `time: 7` as what was got.
-_KEY = re.compile(r"`(time|component|nonfinite|spacing)(?::( [^`]*))?`")
+_KEY = re.compile(r"`(time|component|nodata|spacing)(?::( [^`]*))?`")
 _HEADERLESS_HINT = "voxels without a header are read with --shape and --dtype: --shape 512,512,300 --dtype uint16"
 _GOT = re.compile(r"^(time|component): (-?[0-9]+)$")
 
@@ -52,24 +52,26 @@ def split_numbers(text: str) -> list[str]:
     return re.split("[,xX]", text)
 
 
+def _split_words(text: str) -> str | list[str]:
+    """Split `-9999,1e20`; one word stays."""
+    return text.split(",") if "," in text else text
+
+
 _RAW_FIELDS = schema.field_table(RawSource)
 
 
-def volume_options(nonfinite: Literal["error"] | None) -> Callable[[Any], Any]:
-    """Declare --time, --component, --spacing, --nonfinite with its default, and the options of a headerless file.
-
-    With the default None, --nonfinite is None where it is not given: a fill value that is not visible is looked for.
-    """
+def volume_options() -> Callable[[Any], Any]:
+    """Declare --time, --component, --spacing, --nodata, and the options of a headerless file."""
     return option_group(
         click.option("--time", type=int, help="Which of several time steps, from 0.  [default: the first]"),
         click.option("--component", type=int, help="Which of several components, from 0.  [default: the first]"),
         click.option(
-            "--nonfinite",
-            metavar="error|lowest|NUMBER",
-            callback=check_as(schema.field_table(VolumeSpec)["nonfinite"]),
-            default=nonfinite,
-            show_default=nonfinite or "a value that is not seen",
-            help="What to do with NaN and inf: refuse them, or draw them as the lowest value, or as another one.",
+            "--nodata",
+            metavar="auto|none|NUMBER,...",
+            callback=check_as(schema.field_table(VolumeSpec)["nodata"], _split_words),
+            default="auto",
+            show_default=True,
+            help="Values that are left out, as NaN is: fill values, none, or these.",
         ),
         click.option(
             "--spacing",
@@ -138,7 +140,7 @@ film_options = option_group(
 
 
 def volume_spec(volume: Path, options: Mapping[str, Any]) -> VolumeSpec:
-    """Return the volume that the options of `volume_options` describe, by their names; `lowest` for no `nonfinite`.
+    """Return the volume that the options of `volume_options` describe, by their names.
 
     Raises InputError where one of --shape and --dtype is missing, or another option needs them.
     """
@@ -148,11 +150,10 @@ def volume_spec(volume: Path, options: Mapping[str, Any]) -> VolumeSpec:
         raise InputError(
             "a headerless file needs both --shape and --dtype", got="--shape" if shape is not None else "--dtype"
         )
-    nonfinite: Any = "lowest" if options["nonfinite"] is None else options["nonfinite"]
     given = {name: options[name] for name in ("byte_order", "offset") if options[name] is not None}
     if shape is not None:
         given |= {"spacing": spacing} if spacing is not None else {}
-        return VolumeSpec(RawSource(volume, shape, dtype, **given), time, component, nonfinite=nonfinite)
+        return VolumeSpec(RawSource(volume, shape, dtype, **given), time, component, nodata=options["nodata"])
     if given:
         name, value = next(iter(given.items()))
         raise InputError(
@@ -162,7 +163,7 @@ def volume_spec(volume: Path, options: Mapping[str, Any]) -> VolumeSpec:
             hint="leave it out: a file with a header says it itself; the voxels of others are read with --shape and "
             "--dtype",
         )
-    return VolumeSpec(FileSource(volume, spacing), time, component, nonfinite=nonfinite)
+    return VolumeSpec(FileSource(volume, spacing), time, component, nodata=options["nodata"])
 
 
 def read_with_options(volume: VolumeSpec, reporter: Reporter) -> Volume:

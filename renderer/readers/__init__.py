@@ -1,10 +1,10 @@
 """Read volume files: one file for each format.
 
-In: a `VolumeSpec`. Out: `Volume`, cropped, checked and finite, in LPS world coordinates where the format has them.
+In: a `VolumeSpec`. Out: `Volume`, cropped and checked, in LPS world coordinates where the format has them.
 Sizes are checked before memory is taken, and all compressed voxels with a checksum are compared with it.
 
-- `read.py` chooses the reader, and crops, checks and replaces NaN; `sniff.py` finds formats and volumes in folders;
-  `common.py`: the checks that hold for all formats.
+- `read.py` chooses the reader, crops and checks; `nodata.py`: which voxels have no data; `sniff.py` finds formats and
+  volumes in folders; `common.py`: the checks that hold for all formats.
 - `nrrd.py`, `metaimage.py`, `nifti.py` (nibabel), `mgh.py`, `arrays.py` (.npy, .npz, raw), `cube.py`: parsed in
   Python; `text_header.py` and `data_files.py`: fields and files of text headers; `stored.py` reads and decompresses
   voxels.

@@ -154,15 +154,16 @@ def test_wrong_numbers_are_errors_of_their_option(option, text):
         run("a.raw", "--dtype", "uint8", option, text)
 
 
-def test_time_component_and_nonfinite(tmp_path):
+def test_time_component_and_nodata(tmp_path):
     steps = np.stack([RAMP, RAMP + 100.0])
     steps[0, 0, 0, 0] = np.nan
     np.save(tmp_path / "a.npy", steps)
     file = str(tmp_path / "a.npy")
     assert facts_of(file, "--time", "1")["minimum"] == 100.0
     with pytest.raises(InputError, match="1 of 60 voxels are NaN or infinite"):
-        run(file, "--time", "0")
-    assert facts_of(file, "--time", "0", "--nonfinite", "lowest")["minimum"] == 1.0
+        run(file, "--time", "0", "--nodata", "none")
+    assert facts_of(file, "--time", "0")["minimum"] == 1.0
+    assert facts_of(file, "--time", "0", "--nodata", "1,3")["minimum"] == 2.0
 
 
 def test_the_first_of_several_times_is_drawn_and_said(tmp_path):
