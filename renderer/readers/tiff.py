@@ -13,7 +13,7 @@ import logging
 import math
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.slice_names import sort_slices
 from renderer.readers.sniff import TIFF_SUFFIXES
 from renderer.readers.text_header import NUMBER
-from renderer.readers.tiff_description import Page, is_ome, num_planes_by_description, ome_places, page_layout
+from renderer.readers.tiff_description import Page, num_planes_by_description, page_layout, page_places
 from renderer.readers.tiff_spacing import find_spacing
 from renderer.scene import short_text
 from renderer.volume import Array, Float64
@@ -59,19 +59,15 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
         num_components = layout.count("C") * first.samplesperpixel
         channel, sample = divmod(select_index("component", component, num_components), first.samplesperpixel)
         part = chosen_part(layout.axes.lower(), layout.counts, time, channel)
-        if is_ome(first.description):
-            places = ome_places(first.description, path.name, layout)
-        else:
-            places = [("", k) for k in range(num_planes)]
+        places = page_places(first.description, path.name, layout)
         chosen = [places[k] for k in np.reshape(range(len(places)), layout.counts)[part].ravel()]
         values = allocate_voxels(host, (len(chosen), first.imagelength, first.imagewidth), _dtype(first))
-        _fill(values, [number if not name else None for name, number in chosen], slices, sample, path)
-        for name in sorted({name for name, _ in chosen} - {""}):
-            sibling = _sibling(path, name)
-            host.begin_file(sibling)
-            with _open_pages(sibling) as others:
-                numbers = [number if name == file else None for file, number in chosen]
-                _fill(values, numbers, _slices(others, first), sample, sibling)
+        for name in sorted({name for name, _ in chosen}):
+            file = _sibling(path, name) if name else path
+            host.begin_file(file)
+            numbers = {k: number for k, (other, number) in enumerate(chosen) if other == name}
+            with _open_pages(file) if name else nullcontext(pages) as own:
+                _fill(values, numbers, _slices(own, first), sample, file)
         world_from_index, note_on_lengths = _world_from_index(first, layout.space, has_spacing_override)
         notes = choice_notes("tc", (layout.count("T"), num_components), time, component, _colours(first))
         nodata = _nodata(first)
@@ -105,25 +101,21 @@ def _sibling(path: Path, name: str) -> Path:
     return require_exists(path.parent / name)
 
 
-def _fill(values: Array, numbers: list[int | None], slices: list[Page], sample: int, path: Path) -> None:
-    """Decode pages of a file, by number, into the slices of `values` for which there is one.
+def _fill(values: Array, numbers: dict[int, int], slices: list[Page], sample: int, path: Path) -> None:
+    """Decode pages of a file into slices of `values`; numbers: of the page by that of the slice.
 
     Raises InputError for pages that the file does not have.
     """
     num_planes = _num_contiguous(slices[0], path) if len(slices) == 1 else len(slices)
-    for target, number in zip(values, numbers, strict=True):
-        if number is None:
-            continue
+    for k, number in numbers.items():
         if number >= num_planes:
-            with errors_about(path):
-                raise InputError(
-                    "this file lacks a page that the description of its image places in it",
-                    got=f"{num_planes} pages",
-                    expected=f"page {number + 1}",
-                    hint="the file is truncated, or another one of the same name",
-                )
-        is_listed = number < len(slices)
-        target[...] = _plane(slices[number], sample, path) if is_listed else _contiguous_plane(slices[0], number, path)
+            raise InputError(
+                "this file lacks pages that the description of its image places in it",
+                got=f"{num_planes} pages",
+                expected=f"page {number + 1}",
+            )
+        is_page = number < len(slices)
+        values[k] = _plane(slices[number], sample, path) if is_page else _contiguous_plane(slices[0], number, path)
 
 
 def _read_folder(folder: Path, component: int | None, *, has_spacing_override: bool, host: Host) -> Image:
@@ -134,9 +126,7 @@ def _read_folder(folder: Path, component: int | None, *, has_spacing_override: b
     """
     entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
     files = sort_slices([entry for entry in entries if entry.suffix.lower() in TIFF_SUFFIXES])
-    values, expected, world_from_index = None, "", np.eye(4)
-    notes: tuple[str | None, ...] = ()
-    nodata: tuple[tuple[float, float], ...] = ()
+    image, expected = None, ""
     for index, file in enumerate(files):
         host.begin_file(file)
         with _open_pages(require_exists(file)) as pages:
@@ -155,15 +145,15 @@ def _read_folder(folder: Path, component: int | None, *, has_spacing_override: b
                     expected=f"{expected} as in {files[0].name}",
                 )
             plane = _plane(page, select_index("component", component, page.samplesperpixel), file)
-            if values is None:  # allocated only after one slice has been read
+            if image is None:  # allocated only after one slice has been read
                 with errors_about(folder):
                     values = allocate_voxels(host, (len(files), *plane.shape), _dtype(page))
                 world_from_index, note = _world_from_index(page, "XYZ", has_spacing_override)
-                notes = (note, *choice_notes("c", (page.samplesperpixel,), None, component, _colours(page)))
-                nodata = _nodata(page)
-            values[index] = plane
-    assert values is not None, "called without files"
-    return Image(values, world_from_index, notes, nodata)
+                notes = choice_notes("c", (page.samplesperpixel,), None, component, _colours(page))
+                image = Image(values, world_from_index, (note, *notes), _nodata(page))
+            image.values[index] = plane
+    assert image is not None, "called without files"
+    return image
 
 
 @contextmanager
@@ -306,7 +296,7 @@ def _plane(page: Page, sample: int, path: Path) -> Array:
 
 
 def _num_contiguous(page: Page, path: Path) -> int:
-    """Return the number of planes behind the only page of ImageJ's large stacks and tifffile's truncated ones; else 1."""
+    """Return the number of planes of the only page of a large ImageJ stack, or of a truncated one of tifffile."""
     num = num_planes_by_description(page)
     is_plain = page.compression == 1 and page.samplesperpixel == 1 and page.is_contiguous
     return num if is_plain and page.dataoffsets[0] + num * page.nbytes <= path.stat().st_size else 1

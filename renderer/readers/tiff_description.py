@@ -63,15 +63,7 @@ def shaped_fields(page: Page) -> dict[str, Any]:
         return {}
     if not text.startswith("{"):  # of tifffile before 2016
         return {"shape": re.findall("[0-9]+", text)}
-    try:
-        return dict(json.loads(text))
-    except (ValueError, RecursionError) as error:
-        raise InputError(
-            "the description in this TIFF file is damaged",
-            got=escaped(text),
-            expected="JSON, as tifffile writes it",
-            hint="save it again as a plain stack, all slices in one file",
-        ) from error
+    return dict(json.loads(text))
 
 
 def num_planes_by_description(page: Page) -> int:
@@ -84,125 +76,114 @@ def num_planes_by_description(page: Page) -> int:
 
 
 def page_layout(page: Page, num_pages: int) -> Layout:
-    """Return the layout of pages by the description of the first one, or by tags of Zeiss.
+    """Return the layout of pages by the description of the first one, or by the record of Zeiss.
 
     OME counts samples of a pixel as channels. Planes of OME may be in other files.
     Raises InputError if the description does not fit the number of pages, or has no numbers where they belong.
     """
-    description = page.description
+    description, plane = page.description, "YX"
     if is_ome(description):
-        pixels = pixels_element(description)
+        pixels = ome_pixels(description)
         order = attribute(pixels, "DimensionOrder") or ""
         axes = order[:1:-1] if order[:2] == "XY" and sorted(order[2:]) == ["C", "T", "Z"] else "TZC"
-        sizes = {axis: attribute(pixels, f"Size{axis}") for axis in "TZC"}
-        by_axis = {axis: int(number("1" if text is None else text, f"Size{axis}", 1)) for axis, text in sizes.items()}
-        if by_axis["C"] % page.samplesperpixel == 0:
-            by_axis["C"] //= page.samplesperpixel
-        if len(_file_names(description)) > 1 and math.prod(by_axis.values()) <= _MAX_PLANES:
-            num_pages = math.prod(by_axis.values())
+        sizes = {f"Size{axis}": attribute(pixels, f"Size{axis}") for axis in axes}
+        counts = [int(number("1" if text is None else text, name, least=1)) for name, text in sizes.items()]
+        channels = axes.index("C")
+        if counts[channels] % page.samplesperpixel == 0:
+            counts[channels] //= page.samplesperpixel
+        if len({file for _, file, _ in _tiff_data(description)}) > 1 and math.prod(counts) <= _MAX_PLANES:
+            num_pages = math.prod(counts)
     elif is_imagej(description):
         axes = "TZC"
         frames, channels = (_line(description, key) or 1 for key in ("frames", "channels"))
         images, slices = (_line(description, key) for key in ("images", "slices"))
         from_images = images // (frames * channels) if images else num_pages
-        by_axis = {"T": frames, "C": channels, "Z": slices or from_images}
+        counts = [frames, slices or from_images, channels]
     elif page.is_lsm:
-        fields = page.tags.valueof(34412)
-        names = {"M": "DimensionM", "P": "DimensionP", "T": "DimensionTime", "Z": "DimensionZ"}
-        axes = "MPTZ"
-        by_axis = {axis: max(1, int(fields.get(name, 1))) for axis, name in names.items()}
+        fields, axes = page.parent.lsm_metadata, "MPTZ"
+        names = ("DimensionM", "DimensionP", "DimensionTime", "DimensionZ")
+        counts = [max(1, int(fields.get(name, 1))) for name in names]
     elif fields := shaped_fields(page):
-        return _shaped_layout(page, fields, num_pages)
+        axes, counts, plane = _shaped_axes(page, fields, num_pages)
     else:
-        return Layout("Z", (num_pages,))
-    counts = tuple(by_axis[axis] for axis in axes)
+        axes, counts = "Z", [num_pages]
     if math.prod(counts) != num_pages:
-        raise _misfit_error(num_pages, " x ".join(f"{by_axis[axis]} {axis}" for axis in axes))
-    return _named(axes, counts)
-
-
-def _misfit_error(num_pages: int, expected: str) -> InputError:
-    return InputError(
-        "the description in this TIFF file does not fit its pages",
-        got=f"{num_pages} pages",
-        expected=expected,
-        hint="save it again as a plain stack, all slices in one file",
-    )
+        raise InputError(
+            "the description in this TIFF file does not fit its pages",
+            got=f"{num_pages} pages",
+            expected=" x ".join(f"{n} {escaped(axis)}" for axis, n in zip(axes, counts, strict=False)),
+            hint="save it again as a plain stack, all slices in one file",
+        )
+    return _named(axes, counts, plane)
 
 
 def _shape(fields: dict[str, Any]) -> list[int]:
     return [int(number(str(n), "shape", least=1)) for n in fields["shape"]]
 
 
-def _shaped_layout(page: Page, fields: dict[str, Any], num_pages: int) -> Layout:
-    """Return the layout of an array by tifffile's description; several arrays of one shape have one more axis."""
+def _shaped_axes(page: Page, fields: dict[str, Any], num_pages: int) -> tuple[str, list[int], str]:
+    """Return the axes of pages by tifffile's description, the length of each, and the axes of one page.
+
+    Several arrays of one shape have an axis more. If the pages are not of this array, all its axes are returned.
+    """
     shape, plane = _shape(fields), [n for n in page.shaped if n > 1]
     axes = str(fields.get("axes") or "Q" * len(shape)).upper()
     # The page has the last axes of the array; those of length 1 may be anywhere.
     splits = [k for k in range(max(1, len(shape) - 1)) if [n for n in shape[k:] if n > 1] == plane]
-    split = splits[-1] if splits else 0
-    num_planes = math.prod(shape[:split])
-    is_fit = splits and num_pages % num_planes == 0 and len(axes) == len(shape)
-    if not is_fit or any(axes.count(axis) > 1 for axis in "TZC"):
-        named = f", axes {escaped(axes)}" * ("axes" in fields)
-        raise _misfit_error(num_pages, f"pages of the shape {' x '.join(map(str, shape))}{named}")
-    if num_planes == 1:
-        return Layout("Z", (num_pages,))
-    return _named(
-        "Q" + axes[:split], (num_pages // num_planes, *shape[:split]), "".join(re.findall("[XYZ]", axes[split:]))
-    )
+    is_fit = splits and len(axes) == len(shape) and not any(axes.count(axis) > 1 for axis in "TZC")
+    split = splits[-1] if is_fit else len(shape)
+    num_arrays = max(1, num_pages // math.prod(shape[:split]))
+    return "Q" + axes[:split], [num_arrays, *shape[:split]], "".join(re.findall("[XYZ]", axes[split:]))
 
 
-def _named(axes: str, counts: tuple[int, ...], plane: str = "YX") -> Layout:
+def _named(axes: str, counts: list[int], plane: str) -> Layout:
     """Return a layout whose other axes than `TZC` take the names that are left: z for the last one, then time and
     components.
 
-    plane: what rows and columns are, of `XYZ`.
+    plane: what columns and rows are, of `XYZ`.
     """
-    kept = [(axis, n) for axis, n in zip(axes, counts, strict=True) if n > 1]
-    letters = [axis for axis, _ in kept]
+    letters = [axis for axis, n in zip(axes, counts, strict=True) if n > 1]
     others = [k for k, axis in enumerate(letters) if axis not in "TZC"]
     slices = "Z"
     if "Z" not in letters and others:
-        slices = letters[others[-1]]
-        letters[others.pop()] = "Z"
-    left = [axis for axis in "TC" if axis not in letters]
-    for k, letter in zip(others, [*left, *"-" * len(others)], strict=False):
+        slices, letters[others[-1]] = letters[others[-1]], "Z"
+        others.pop()
+    for k, letter in zip(others, [*sorted({"T", "C"} - {*letters}, reverse=True), *"-" * len(others)], strict=False):
         letters[k] = letter
     space = plane[::-1] + (slices if slices in "XY" else "Z")
     note = "the file does not say which axes are times and components; those before z, y and x are taken for them"
     return Layout(
         "".join(letters),
-        tuple(n for _, n in kept),
+        tuple(n for n in counts if n > 1),
         space if sorted(space) == ["X", "Y", "Z"] else "XYZ",
         note if others else None,
     )
 
 
-def ome_places(description: str, own_name: str, layout: Layout) -> list[tuple[str, int]]:
+def page_places(description: str, own_name: str, layout: Layout) -> list[tuple[str, int]]:
     """Return the file and the number of the page of each plane, planes in the order of the layout.
 
-    TiffData elements may place planes on any page, also in files beside this one, whose name is left empty.
+    OME's TiffData elements may place planes on any page, also in files beside this one, whose name is left empty.
     own_name: of this file, which may have had another one. Raises InputError unless each plane has a page of its own.
     """
-    root = re.search(r"<(?:\w+:)?OME\b([^<>]*)>", description)
-    own = {"", own_name, attribute(root[1], "UUID") if root else None}
-    is_alone = len(_file_names(description)) < 2
+    root, elements = re.search(r"<(?:\w+:)?OME\b([^<>]*)>", description), _tiff_data(description)
+    own_uuid = (root and attribute(root[1], "UUID")) or None
+    is_alone = len({file for _, file, _ in elements}) < 2
     places = [("", k) for k in range(math.prod(layout.counts))]
-    for element in _tiff_data(description):
+    for element, file, uuid in elements:
         found = {
             name: int(number(text, name, least=0))
             for name in ("IFD", "PlaneCount", "FirstT", "FirstZ", "FirstC")
-            if (text := attribute(element.partition(">")[0], name)) is not None
+            if (text := attribute(element, name)) is not None
         }
-        file, uuid = _named_file(element)
         plane = 0
         for axis, count in zip(layout.axes, layout.counts, strict=True):
             plane = plane * count + found.get(f"First{axis}", 0)
         if "IFD" in found or not is_alone:
             begin, most = found.get("IFD", 0), len(places) - plane
             for k in range(min(found.get("PlaneCount", 1 if "IFD" in found else most), most)):
-                places[plane + k] = ("" if is_alone or {file, uuid} & own else file, begin + k)
+                is_own = is_alone or file == own_name or uuid == own_uuid
+                places[plane + k] = ("" if is_own else file, begin + k)
     if len(set(places)) < len(places) or (is_alone and max(places)[1] >= len(places)):
         raise InputError(
             "the description in this TIFF file does not give each plane a page",
@@ -212,21 +193,19 @@ def ome_places(description: str, own_name: str, layout: Layout) -> list[tuple[st
     return places
 
 
-def _tiff_data(description: str) -> list[str]:
-    """Return the TiffData elements of the first image of OME, each up to the next."""
-    first = re.split(r"</(?:\w+:)?Pixels\b", description, maxsplit=1)[0]
-    return re.split(r"<(?:\w+:)?TiffData\b", first)[1:]
+def _tiff_data(description: str) -> list[tuple[str, str, str]]:
+    """Return the TiffData elements of the first image of OME: attributes, file (without its folders) and UUID.
 
-
-def _named_file(tiff_data: str) -> tuple[str, str]:
-    """Return the name of the file of a TiffData element, without folders, and its UUID; empty without them."""
-    found = re.search(r"<(?:\w+:)?UUID\b([^<>]*)>([^<]*)", tiff_data)
-    name = html.unescape(attribute(found[1], "FileName") or "") if found else ""
-    return re.split(r"[/\\]", name)[-1], found[2].strip() if found else ""
-
-
-def _file_names(description: str) -> set[str]:
-    return {_named_file(element)[0] for element in _tiff_data(description)}
+    The last two are empty if it names no file.
+    """
+    image = re.split(r"</(?:\w+:)?Pixels\b", description, maxsplit=1)[0]
+    found = []
+    for text in re.split(r"<(?:\w+:)?TiffData\b", image)[1:]:
+        attributes, _, content = text.partition(">")
+        uuid = re.search(r"<(?:\w+:)?UUID\b([^<>]*)>([^<]*)", content)
+        file = html.unescape(attribute(uuid[1], "FileName") or "") if uuid else ""
+        found.append((attributes, re.split(r"[/\\]", file)[-1], uuid[2].strip() if uuid else ""))
+    return found
 
 
 def attribute(element: str, name: str) -> str | None:
@@ -235,7 +214,7 @@ def attribute(element: str, name: str) -> str | None:
     return None if found is None else found[1] if found[1] is not None else found[2]
 
 
-def pixels_element(description: str) -> str:
+def ome_pixels(description: str) -> str:
     """Return the first Pixels element of OME's XML, without what is inside it; all of the XML if there is none."""
     found = _PIXELS.search(description)
     return found[0] if found else description

@@ -15,19 +15,10 @@ from typing import Any
 
 from renderer.errors import InputError
 from renderer.readers.common import GUESSED_LENGTHS, NO_SPACING
-from renderer.readers.tiff_description import (
-    Page,
-    attribute,
-    escaped,
-    is_imagej,
-    is_ome,
-    number,
-    pixels_element,
-    shaped_fields,
-)
+from renderer.readers.tiff_description import attribute, escaped, is_imagej, is_ome, number, ome_pixels, shaped_fields
 
 # Fields by number.
-_X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT, _LSM_INFO = 282, 283, 296, 34412
+_X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT = 282, 283, 296
 
 # OME's units of length (OME 2016-06, UnitsLength) that can be converted. `pixel`, `reference frame` and unknown units
 # cannot; without a unit it is µm.
@@ -62,7 +53,7 @@ _NAMES_OF_UNITS |= dict.fromkeys(("in", "inch", "inches"), "inch") | dict.fromke
 _NAMES_OF_UNITS |= dict.fromkeys(("cm", "centimeter", "centimeters"), "cm")
 
 
-def find_spacing(first: Page) -> tuple[list[float], str | None]:
+def find_spacing(first: Any) -> tuple[list[float], str | None]:
     """Return the spacing along x, y, z, by the first page, and a note if lengths are guessed: those along x, or 1.
 
     Lengths are in the unit of the description (µm for Zeiss), and in mm where there is only the resolution per inch or
@@ -76,7 +67,7 @@ def find_spacing(first: Page) -> tuple[list[float], str | None]:
     return [x, given[1] or x, given[2] or x], NO_SPACING if len(missing) == 3 else note
 
 
-def _given_spacing(first: Page) -> list[float | None]:
+def _given_spacing(first: Any) -> list[float | None]:
     """Return the lengths that the file gives along x, y and z."""
     description = first.description
     sizes = [_pixel_size(first, tag) for tag in (_X_RESOLUTION, _Y_RESOLUTION)]
@@ -85,7 +76,7 @@ def _given_spacing(first: Page) -> list[float | None]:
     if is_ome(description):
         return _ome_spacing(description)
     if first.is_lsm:
-        return [abs(float(first.tags.valueof(_LSM_INFO)[f"VoxelSize{axis}"])) * 1e6 for axis in "XYZ"]
+        return [abs(float(first.parent.lsm_metadata[f"VoxelSize{axis}"])) * 1e6 for axis in "XYZ"]
     fields = shaped_fields(first)
     if not is_imagej(description):
         keys = [key for key in ("unit", "yunit", "zunit", "spacing") if fields.get(key) is not None]
@@ -93,7 +84,10 @@ def _given_spacing(first: Page) -> list[float | None]:
         tag = 1 if tag == 2 and keys else tag  # tifffile writes inch where it is told no unit of the resolution
     unit = _imagej_unit(description, "unit")
     mm = _MM_PER_UNIT.get(2 if tag is None and not unit else tag or 0)
-    is_screen = mm is not None and all(size is None or _is_no_size(size * mm) for size in sizes)
+    per_inch = [25.4 / (size * mm) for size in sizes if size and mm]
+    is_screen = bool(per_inch) and all(any(math.isclose(n, k, rel_tol=2e-3) for k in _NO_SIZES) for n in per_inch)
+    if is_screen and not unit:  # as ImageJ has it for 72
+        sizes, tag = [1.0, 1.0], 1
     is_said = bool(unit) and not is_screen
     if is_imagej(description) and (is_said or (tag == 1 and sizes not in ([1, 1], [None, None]))):
         # ImageJ writes no line for slices 1 unit apart, and none for a single one.
@@ -101,16 +95,10 @@ def _given_spacing(first: Page) -> list[float | None]:
         description += "\nspacing=1" * bool(is_left_out)
     if is_said or re.search(r"^spacing=", description, re.M):
         return _imagej_spacing(description, sizes, tag)
-    if mm is None or is_screen:
-        return [None, None, None]
-    return [*(size and size * mm for size in sizes), None]
+    return [*(None if is_screen else size and mm and size * mm for size in sizes), None]
 
 
-def _is_no_size(mm: float) -> bool:
-    return any(math.isclose(25.4 / mm, per_inch, rel_tol=2e-3) for per_inch in _NO_SIZES)
-
-
-def _pixel_size(page: Page, tag: int) -> float | None:
+def _pixel_size(page: Any, tag: int) -> float | None:
     """Return the length of a pixel by the resolution, which is a fraction; None without one."""
     fraction: Any = page.tags.valueof(tag)
     if not (isinstance(fraction, tuple) and len(fraction) == 2 and all(fraction)):
@@ -162,7 +150,7 @@ def _ome_spacing(description: str) -> list[float | None]:
 
     Raises InputError for a spacing that is not a number, and for units that cannot be converted to each other.
     """
-    attributes = pixels_element(description)
+    attributes = ome_pixels(description)
     found = {axis: attribute(attributes, f"PhysicalSize{axis}") for axis in "XYZ"}
     given = {
         axis: number(text, f"PhysicalSize{axis}")
