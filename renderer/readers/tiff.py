@@ -110,9 +110,7 @@ def _fill(values: Array, numbers: dict[int, int], slices: list[Page], sample: in
     for k, number in numbers.items():
         if number >= num_planes:
             raise InputError(
-                "this file lacks pages that the description of its image places in it",
-                got=f"{num_planes} pages",
-                expected=f"page {number + 1}",
+                "the description places planes on pages that this file lacks", got=f"page {number + 1} of {num_planes}"
             )
         is_page = number < len(slices)
         values[k] = _plane(slices[number], sample, path) if is_page else _contiguous_plane(slices[0], number, path)
@@ -168,7 +166,10 @@ def _open_pages(path: Path) -> Iterator[list[Page]]:
     logging.getLogger("tifffile").addHandler(damage)
     try:
         with errors_about(path), tifffile.TiffFile(path) as tiff:
-            pages = list(tiff.pages)
+            # Frames, of which Zeiss LSM is made, know only where their pixels are, but better than their own fields.
+            pages = [page.aspage() if page.is_frame else page for page in tiff.pages]
+            for page, frame in zip(pages, tiff.pages, strict=True):
+                page.dataoffsets, page.databytecounts = frame.dataoffsets, frame.databytecounts
             if damage.num_errors:
                 raise tifffile.TiffFileError
             _check_pages(pages, tiff.filehandle.size)

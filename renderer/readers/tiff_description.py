@@ -151,13 +151,9 @@ def _named(axes: str, counts: list[int], plane: str) -> Layout:
     for k, letter in zip(others, [*sorted({"T", "C"} - {*letters}, reverse=True), *"-" * len(others)], strict=False):
         letters[k] = letter
     space = plane[::-1] + (slices if slices in "XY" else "Z")
+    space = space if sorted(space) == ["X", "Y", "Z"] else "XYZ"
     note = "the file does not say which axes are times and components; those before z, y and x are taken for them"
-    return Layout(
-        "".join(letters),
-        tuple(n for n in counts if n > 1),
-        space if sorted(space) == ["X", "Y", "Z"] else "XYZ",
-        note if others else None,
-    )
+    return Layout("".join(letters), tuple(n for n in counts if n > 1), space, note if others else None)
 
 
 def page_places(description: str, own_name: str, layout: Layout) -> list[tuple[str, int]]:

@@ -71,8 +71,7 @@ def _given_spacing(first: Any) -> list[float | None]:
     """Return the lengths that the file gives along x, y and z."""
     description = first.description
     sizes = [_pixel_size(first, tag) for tag in (_X_RESOLUTION, _Y_RESOLUTION)]
-    value = first.tags.valueof(_RESOLUTION_UNIT)
-    tag = int(value) if isinstance(value, int) else None
+    tag = value if isinstance(value := first.tags.valueof(_RESOLUTION_UNIT), int) else None
     if is_ome(description):
         return _ome_spacing(description)
     if first.is_lsm:
