@@ -167,8 +167,9 @@ def _open_pages(path: Path) -> Iterator[list[Page]]:
     try:
         with errors_about(path), tifffile.TiffFile(path) as tiff:
             # Frames, of which Zeiss LSM is made, know only where their pixels are, but better than their own fields.
-            pages = [page.aspage() if page.is_frame else page for page in tiff.pages]
-            for page, frame in zip(pages, tiff.pages, strict=True):
+            frames = list(tiff.pages)
+            pages = [frame.aspage() if frame.is_frame else frame for frame in frames]
+            for page, frame in zip(pages, frames, strict=True):
                 page.dataoffsets, page.databytecounts = frame.dataoffsets, frame.databytecounts
             if damage.num_errors:
                 raise tifffile.TiffFileError
