@@ -62,9 +62,8 @@ def find_spacing(first: Any) -> tuple[list[float], str | None]:
     given = _given_spacing(first)
     x = given[0] or 1.0
     missing = [axis for axis, size in zip("xyz", given, strict=True) if not size]
-    assumed = "that along x" if given[0] else "1"
-    note = f"{GUESSED_LENGTHS} along {' and '.join(missing)}; {assumed} is assumed" if missing else None
-    return [x, given[1] or x, given[2] or x], NO_SPACING if len(missing) == 3 else note
+    note = f"{GUESSED_LENGTHS} along {' and '.join(missing)}; {'that along x' if given[0] else '1'} is assumed"
+    return [x, given[1] or x, given[2] or x], NO_SPACING if len(missing) == 3 else note if missing else None
 
 
 def _given_spacing(first: Any) -> list[float | None]:

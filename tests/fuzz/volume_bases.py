@@ -218,7 +218,7 @@ def _tiff() -> Iterator[Base]:
     yield _tiff_base("shaped", stack, metadata=described, seen=stack[:, 1], choice=choice)
     yield _tiff_base("shaped-without-axes", np.stack([values + 1, values]), seen=values, choice={"time": 1})
     yield _tiff_base("truncated", stack, metadata=described, seen=stack[:, 1], choice=choice, truncate=True)
-    yield _tiff_base("nodata", values, metadata=None, extratags=[(42113, "s", 0, "-9999", True)])
+    yield _tiff_base("nodata", values, metadata=None, extratags=[(42113, "s", 0, "65000", True)])
     yield _tiff_lsm(values)
     yield _tiff_ome_files(values)
     yield _tiff_base("rgb", np.stack([small] * 3, axis=-1), photometric="rgb", metadata=None, seen=small, choice=choice)
