@@ -9,7 +9,8 @@ Sizes are checked before memory is taken, and all compressed voxels with a check
   Python; `text_header.py` and `data_files.py`: fields and files of text headers; `stored.py` reads and decompresses
   voxels.
 - `isolation.py`: a child process with limits for `tiff.py` (tifffile), `dicom.py` (pydicom, GDCM) and `vtk_image.py`;
-  `tiff_description.py`: axes and spacing by ImageJ and OME; `dicom_frames.py`: the frames of one file;
+  `tiff_description.py`: axes by ImageJ, OME, tifffile and Zeiss; `tiff_spacing.py`: lengths by them or the resolution;
+  `dicom_frames.py`: the frames of one file;
   `slice_names.py`: the order of slices in separate files.
 - `procedural.py`: volumes from formulas.
 """

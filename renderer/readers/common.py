@@ -33,8 +33,9 @@ _MIN_MAPPED_BYTES = 64 << 20
 # Integers beyond 2^53 are rounded when they are drawn; at least this many steps of a volume's range remain.
 _NUM_STEPS = 2**16
 
-# The note for a file without voxel sizes.
-NO_SPACING = "the file does not give its voxel size; 1 x 1 x 1 is assumed"
+# How notes on guessed lengths begin, and the note for a file without any. A scene's own `spacing` makes them void.
+GUESSED_LENGTHS = "the file does not give its voxel size"
+NO_SPACING = f"{GUESSED_LENGTHS}; 1 x 1 x 1 is assumed"
 
 
 @dataclass(frozen=True)

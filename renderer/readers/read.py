@@ -10,7 +10,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.common import (
-    NO_SPACING,
+    GUESSED_LENGTHS,
     Image,
     check_axes,
     check_dtype,
@@ -64,7 +64,7 @@ def _read_volume(spec: VolumeSpec, name: str) -> Volume:
     crop, lengths = spec.crop or (None, None, None), image.values.shape[::-1]
     ranges = tuple(pair or (0, length) for pair, length in zip(crop, lengths, strict=True))
     image = crop_image(image, ranges)
-    notes = [each for each in image.notes if each and (spacing is None or each != NO_SPACING)]
+    notes = [each for each in image.notes if each and (spacing is None or not each.startswith(GUESSED_LENGTHS))]
     first = tuple(begin for begin, _ in ranges)
     mapped = backing_file(image.values) if stays_mapped(image.values.nbytes) else None
     if mapped is not None:

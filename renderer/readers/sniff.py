@@ -33,7 +33,7 @@ _SUFFIXES: dict[str, Format] = {
     **dict.fromkeys((".nii", ".hdr", ".img"), "nifti"),
     **dict.fromkeys((".mgh", ".mgz"), "mgh"),
     **dict.fromkeys((".cube", ".cub"), "cube"),
-    **dict.fromkeys((".tif", ".tiff"), "tiff"),
+    **dict.fromkeys((".tif", ".tiff", ".ome"), "tiff"),
 }
 _VOLUME_SUFFIXES = (
     *(".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".nii.gz"),

@@ -214,6 +214,13 @@ def _tiff() -> Iterator[Base]:
     yield _tiff_base("imagej", stack, imagej=True, metadata=described, seen=stack[:, 1], choice=choice)
     described = {"axes": "ZCYX", "PhysicalSizeX": 0.5, "PhysicalSizeY": 0.5, "PhysicalSizeZ": 2.0}
     yield _tiff_base("ome", stack, ome=True, metadata=described, seen=stack[:, 1], choice=choice, compression="deflate")
+    described = {"axes": "ZCYX", "spacing": 2.0, "unit": "um"}
+    yield _tiff_base("shaped", stack, metadata=described, seen=stack[:, 1], choice=choice)
+    yield _tiff_base("shaped-without-axes", np.stack([values + 1, values]), seen=values, choice={"time": 1})
+    yield _tiff_base("truncated", stack, metadata=described, seen=stack[:, 1], choice=choice, truncate=True)
+    yield _tiff_base("nodata", values, metadata=None, extratags=[(42113, "s", 0, "65000", True)])
+    yield _tiff_lsm(values)
+    yield _tiff_ome_files(values)
     yield _tiff_base("rgb", np.stack([small] * 3, axis=-1), photometric="rgb", metadata=None, seen=small, choice=choice)
     out = io.BytesIO()
     with tifffile.TiffWriter(out) as writer:
@@ -224,6 +231,35 @@ def _tiff() -> Iterator[Base]:
     yield _tiff_of("pyramid", {"a.tif": out.getvalue()}, tiled)
     pages = [in_memory(tifffile.imwrite, page, compression="deflate", metadata=None) for page in values]
     yield _tiff_of("folder", {f"stack/s{k:02}.tif": page for k, page in enumerate(pages)}, values, opened="stack")
+
+
+def _tiff_lsm(values: Array) -> Base:
+    """Return a stack with the record of Zeiss and a thumbnail behind each slice."""
+    record = struct.pack("<II8i6dHHI", 67127628, 96, 10, 12, 4, 1, 1, 2, 8, 8, 2e-7, 2e-7, 1e-6, 0, 0, 0, 0, 0, 0)
+    out = io.BytesIO()
+    with tifffile.TiffWriter(out, byteorder="<") as writer:
+        for k, page in enumerate(values):
+            tags = [] if k else [(34412, "B", len(record), record, True)]
+            writer.write(page, extratags=tags, metadata=None, compression="lzw", photometric="minisblack")
+            writer.write(np.zeros((8, 8), np.uint8), subfiletype=1, metadata=None, photometric="minisblack")
+    return _tiff_of("lsm", {"a.lsm": out.getvalue()}, values, opened="a.lsm")
+
+
+def _tiff_ome_files(values: Array) -> Base:
+    """Return a stack with the halves of its slices in two files, which both name both."""
+    places = "".join(
+        f'<TiffData FirstZ="{z}" IFD="{z % 2}"><UUID FileName="{"ab"[z // 2]}.tif">urn:uuid:{z // 2}</UUID></TiffData>'
+        for z in range(4)
+    )
+    pixels = f'<Pixels DimensionOrder="XYZCT" SizeZ="4" SizeC="1" SizeT="1" PhysicalSizeX="0.5">{places}</Pixels>'
+    files = {}
+    for k, name in enumerate("ab"):
+        options: dict[str, Any] = {"description": f'<OME UUID="urn:uuid:{k}"><Image>{pixels}</Image></OME>'}
+        pages = values[2 * k : 2 * k + 2]
+        files[f"{name}.tif"] = in_memory(
+            tifffile.imwrite, pages, metadata=None, photometric="minisblack", software=False, **options
+        )
+    return _tiff_of("ome-files", files, values)
 
 
 def _tiff_base(
