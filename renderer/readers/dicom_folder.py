@@ -97,11 +97,8 @@ def _stray_kind(dataset: Dataset) -> str | None:
         return "localizer"
     if POSITION in dataset or FRAME_GROUPS in dataset:
         return None
-    kind = text_of(dataset, _KIND) or ""
-    is_derived = (
-        kind == _CAPTURE or kind.startswith(f"{_CAPTURE}.") or "SECONDARY" in (text_of(dataset, _IMAGE_TYPE) or "")
-    )
-    return "capture" if is_derived or _SPACING not in dataset else None
+    is_capture = f"{text_of(dataset, _KIND)}.".startswith(_CAPTURE) or "SECONDARY" in text
+    return "capture" if is_capture or _SPACING not in dataset else None
 
 
 def describe_left_out(left_out: dict[str, list[Path]]) -> str:
