@@ -10,8 +10,8 @@ Sizes are checked before memory is taken, and all compressed voxels with a check
   voxels.
 - `isolation.py`: a child process with limits for `tiff.py` (tifffile), `dicom.py` (pydicom, GDCM) and `vtk_image.py`;
   `tiff_description.py`: axes and spacing by ImageJ and OME; `slice_names.py`: the order of slices in separate files.
-- `dicom_folder.py`: the files of one series, and strays; `dicom_frames.py`: the frames of one file, each a
-  `dicom_frame.py`, by its fields, `dicom_fields.py`; `dicom_mosaic.py`: slices side by side in one image;
+- `dicom_folder.py`: the files of one series, and strays; `dicom_frames.py`: the frames of one file, by its fields,
+  `dicom_fields.py`; `dicom_mosaic.py`: slices side by side in one image;
   `dicom_dimensions.py`: times and components among frames at one place.
 - `procedural.py`: volumes from formulas.
 """

@@ -19,8 +19,8 @@ from renderer.readers.common import Image, affine, choice_notes, select_index
 from renderer.readers.dicom_dimensions import UNEVEN, sort_frames
 from renderer.readers.dicom_fields import open_dicom, text_of
 from renderer.readers.dicom_folder import FEW, describe_left_out, find_series, one_of_a_series
-from renderer.readers.dicom_frame import Frame
-from renderer.readers.dicom_frames import frames_of, pixels_of
+from renderer.readers.dicom_frames import Frame, frames_of, pixels_of
+from renderer.readers.dicom_mosaic import slices_of
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.volume import Array, Float64
 
@@ -35,7 +35,8 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
         are at one place and nothing tells them apart.
     """
     files, left_out = find_series(path) if path.is_dir() else ([path], {})
-    frames = [frame for file in files for frame in frames_of(file, has_spacing_override=has_spacing_override)]
+    stored = [frame for file in files for frame in frames_of(file, has_spacing_override=has_spacing_override)]
+    frames = [each for frame in stored for each in slices_of(frame)]
     if path.is_dir():
         frames, strays = _without_strays(frames)
         left_out["image of another size or orientation"] = list(dict.fromkeys(frame.file for frame in strays))

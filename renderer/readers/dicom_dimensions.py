@@ -15,7 +15,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.dicom_fields import SEGMENT, STACK, Dimension
-from renderer.readers.dicom_frame import Frame
+from renderer.readers.dicom_frames import Frame
 from renderer.volume import Float64
 
 # Frames may be off by this part of the spacing: positions have few digits, and gantries are not perfect. A missing
@@ -39,13 +39,10 @@ class Sorted(NamedTuple):
 def sort_frames(frames: Sequence[Frame]) -> Sorted:
     """Return frames as volumes; raises InputError if nothing tells frames at one place apart."""
     part = SEGMENT if any(SEGMENT in frame.marks for frame in frames) else STACK
-    parts: dict[object, list[Frame]] = defaultdict(list)
-    for frame in frames:
-        parts[str(frame.marks.get(part))].append(frame)
+    parts = _parted(frames, part)
     if len(parts) < 2 and part is STACK:
         return _sort_part(frames)
-    ordered = sorted(parts.values(), key=lambda own: own[0].marks.get(part, ([], "")))
-    found = [_sort_part(_with_empty(own, frames) if part is SEGMENT else own) for own in ordered]
+    found = [_sort_part(_with_empty(own, frames) if part is SEGMENT else own) for own in parts]
     shapes = {(len(each.volumes), len(each.volumes[0])) for each in found}
     if len(shapes) > 1:
         raise InputError(
@@ -86,7 +83,7 @@ def _sort_part(frames: Sequence[Frame]) -> Sorted:
     return Sorted(volumes, {axis: name for axis, name in by_axis.items() if name})
 
 
-def _parted(frames: list[Frame], dimension: Dimension) -> list[list[Frame]]:
+def _parted(frames: Sequence[Frame], dimension: Dimension) -> list[list[Frame]]:
     """Return frames by what each has of a dimension, in its order."""
     parts: dict[str, list[Frame]] = defaultdict(list)
     for frame in frames:
@@ -94,14 +91,14 @@ def _parted(frames: list[Frame], dimension: Dimension) -> list[list[Frame]]:
     return sorted(parts.values(), key=lambda own: own[0].marks.get(dimension, ([], "")))
 
 
-def distances(frames: Sequence[Frame]) -> Float64:
-    """Return how far frames lie along the normal of the first, float64 [n]."""
-    return np.asarray([frame.position @ frames[0].normal for frame in frames], np.float64)
+def _distances(frames: Sequence[Frame], first: Frame) -> Float64:
+    """Return how far frames lie from the first along its normal, float64 [n]."""
+    return np.asarray([(frame.position - first.position) @ first.normal for frame in frames], np.float64)
 
 
 def _by_place(frames: Sequence[Frame]) -> list[list[Frame]]:
     """Return frames by their place along their normal, in ascending order."""
-    order = np.argsort(places := distances(frames), kind="stable")
+    order = np.argsort(places := _distances(frames, frames[0]), kind="stable")
     gaps = np.diff(places[order])
     # Gaps that are far smaller than the largest are rounded positions of one place.
     steps = gaps[gaps > 0.01 * gaps.max(initial=0.0)]
@@ -115,10 +112,10 @@ def _with_empty(frames: list[Frame], everything: Sequence[Frame]) -> list[Frame]
     Frames that do not fit even places stay as they are.
     """
     places = [group[0] for group in _by_place(everything)]
-    along = distances(places) - distances(places)[0]
+    along = _distances(places, places[0])
     step = float(np.diff(along).min(initial=np.inf))
     count = round(along[-1] / step) + 1 if np.isfinite(step) else 1
-    own = {round(place / step): frame for place, frame in zip(_from(places[0], frames), frames, strict=True)}
+    own = {round(place / step): frame for place, frame in zip(_distances(frames, places[0]), frames, strict=True)}
     if count > _MAX_EMPTY * len(places) or len(own) < len(frames):
         return frames
     first, last = places[0].position, places[-1].position
@@ -126,10 +123,6 @@ def _with_empty(frames: list[Frame], everything: Sequence[Frame]) -> list[Frame]
         own.get(k) or replace(frames[0], number=None, position=first + (last - first) * (k / max(count - 1, 1)))
         for k in range(count)
     ]
-
-
-def _from(first: Frame, frames: Sequence[Frame]) -> list[float]:
-    return [float((frame.position - first.position) @ first.normal) for frame in frames]
 
 
 def _same_place_error(same: list[Frame], groups: list[list[Frame]]) -> InputError:

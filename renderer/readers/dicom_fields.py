@@ -61,6 +61,7 @@ _VECTORS = {
     **{0x00540060: "t", 0x00540070: "t", 0x00540090: "c", 0x00540100: "t"},
 }
 _TIMES = {tags[0] for axis, *tags in _TOLD_APART if axis == "t"} | {*_ORDERS}
+IMAGE_TYPE = Dimension("c", "ImageType")
 # Two fields part frames into volumes of their own: stacks, which may lie anywhere, and segments, which leave out empty
 # slices.
 STACK, SEGMENT = Dimension("c", "StackID"), Dimension("c", "ReferencedSegmentNumber")

@@ -37,9 +37,8 @@ def find_series(folder: Path) -> tuple[list[Path], dict[str, list[Path]]]:
 
     Raises InputError for no series and several, and for files that are damaged slices.
     """
-    series: dict[str, list[Path]] = defaultdict(list)
+    images: dict[str, dict[str, list[Path]]] = {"slice": {}, "localizer": {}, "capture": {}}
     descriptions: dict[str, str] = {}
-    strays: dict[str, dict[str, list[Path]]] = {"localizer": defaultdict(list), "capture": defaultdict(list)}
     left_out: dict[str, list[Path]] = defaultdict(list)
     without_image: dict[str, list[Path]] = defaultdict(list)
     others: list[Path] = []
@@ -48,16 +47,15 @@ def find_series(folder: Path) -> tuple[list[Path], dict[str, list[Path]]]:
         if kind is not None:
             left_out[kind].append(path)
         elif "Rows" in dataset:
-            strays.get(_stray_kind(dataset) or "", series)[uid].append(path)
+            images[_kind_of_image(dataset)].setdefault(uid, []).append(path)
             descriptions.setdefault(uid, text_of(dataset, _DESCRIPTION) or uid)
         else:
             (without_image[uid] if uid else others).append(path)
-    if not series:  # then the others are what is there
-        for each in strays.values():
-            for uid, files in each.items():
-                series[uid] += files
-    else:
-        left_out |= {kind: [file for files in each.values() for file in files] for kind, each in strays.items()}
+    series = next(
+        (each for each in images.values() if each), {}
+    )  # where there are no slices, the others are the series
+    for kind, each in images.items():
+        left_out[kind] += [] if each is series else [file for files in each.values() for file in files]
     if not series:
         raise InputError(
             "this folder holds no volume",
@@ -90,15 +88,15 @@ def _datasets(folder: Path) -> Iterator[tuple[Path, Dataset]]:
             yield path, open_dicom(path)[0] if is_dicom(path) else {}
 
 
-def _stray_kind(dataset: Dataset) -> str | None:
-    """Return what an image is that is no slice beside others: a localizer or a capture; None for slices."""
+def _kind_of_image(dataset: Dataset) -> str:
+    """Return `slice`, or what an image is beside slices: `localizer` or `capture`."""
     text = text_of(dataset, _IMAGE_TYPE) or ""
     if "LOCALIZER" in text:
         return "localizer"
     if POSITION in dataset or FRAME_GROUPS in dataset:
-        return None
+        return "slice"
     is_capture = f"{text_of(dataset, _KIND)}.".startswith(_CAPTURE) or "SECONDARY" in text
-    return "capture" if is_capture or _SPACING not in dataset else None
+    return "capture" if is_capture or _SPACING not in dataset else "slice"
 
 
 def describe_left_out(left_out: dict[str, list[Path]]) -> str:
