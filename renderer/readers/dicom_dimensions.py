@@ -43,15 +43,11 @@ def sort_frames(frames: Sequence[Frame]) -> Sorted:
     if len(parts) < 2 and part is STACK:
         return _sort_part(frames)
     found = [_sort_part(_with_empty(own, frames) if part is SEGMENT else own) for own in parts]
-    shapes = {(len(each.volumes), len(each.volumes[0])) for each in found}
-    if len(shapes) > 1:
-        raise InputError(
-            f"the frames of this file differ in their times or components by {part.name}",
-            got=", ".join(f"{times} x {components}" for times, components in sorted(shapes)),
-            expected="as many of each",
-            hint="save each of them as a file of its own",
-        )
-    volumes = [[volume for each in found for volume in each.volumes[time]] for time in range(len(found[0].volumes))]
+    if len({len(each.volumes) for each in found}) > 1:  # then times of each are components, too
+        found = [Sorted([[volume for time in each.volumes for volume in time]], each.by_axis) for each in found]
+    volumes = [
+        [volume for time in times for volume in time] for times in zip(*(each.volumes for each in found), strict=True)
+    ]
     names = " and ".join(filter(None, (part.name, found[0].by_axis.get("c"))))
     return Sorted(volumes, found[0].by_axis | {"c": names})
 
@@ -127,10 +123,10 @@ def _with_empty(frames: list[Frame], everything: Sequence[Frame]) -> list[Frame]
 
 def _same_place_error(same: list[Frame], groups: list[list[Frame]]) -> InputError:
     fewest, most = min(map(len, groups)), max(map(len, groups))
+    why = f"; there are {fewest} to {most} at a position" if fewest < most else ", which no field tells apart"
     return InputError(
         "two slices of this series are at the same position",
-        got=f"{same[0].label} and {same[1].label}"
-        + (f"; there are {fewest} to {most} at a position" if fewest < most else ", which no field tells apart"),
+        got=f"{same[0].label} and {same[1].label}{why}",
         expected="one slice at each position, or as many at each as there are times or components",
         hint="a time series or several echoes? put each volume into its own folder",
     )

@@ -100,12 +100,11 @@ def kind_without_pixels(dataset: Dataset) -> str | None:
 
 def no_volume_error(path: Path, kind: str) -> InputError:
     """Return the error for a file of a kind that never has pixels."""
-    hints = {
-        "Directory": "an index of other files: name the folder that holds them",
-        "Structure Set": "contours, not voxels: save them as a mask first, for example in 3D Slicer",
-        "Surface": "surfaces, not voxels: save them as a mask first, for example in 3D Slicer",
-    }
-    hint = next((hint for word, hint in hints.items() if word in kind), "name the images that it belongs to")
+    hint = "name the images that it belongs to"
+    if "Directory" in kind:
+        hint = "an index of other files: name the folder that holds them"
+    elif "Structure Set" in kind or "Surface" in kind:
+        hint = "contours, not voxels: save them as a mask first, for example in 3D Slicer"
     return InputError(
         "this DICOM file holds no volume",
         where=str(path),
