@@ -151,7 +151,7 @@ def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
     dimensions, vectors = declared_dimensions(dataset), vectors_of(dataset, count)
     places, offsets = _places(dataset, vectors, count), numbers_of([dataset], _FRAME_OFFSETS)
     offsets = offsets if len(offsets) == count else []
-    padding = _padding(dataset)
+    padding, marks_of_all = _padding(dataset), frame_marks([*shared, dataset], ())
     frames = []
     for number, own in enumerate(each):
         fields = [*own, *shared, dataset, *detector]
@@ -167,7 +167,8 @@ def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
             position = position + step * normal
         slopes = numbers_of(fields, _SLOPE) or numbers_of(fields, _DOSE_SLOPE) or [0.0]
         slope, intercept = slopes[0] or 1.0, (numbers_of(fields, _INTERCEPT) or [0.0])[0]
-        marks = vectors.get(number, {}) | frame_marks(fields, dimensions)
+        own_marks = vectors.get(number, {}) | (frame_marks(own, dimensions) if own else {})
+        marks = own_marks | marks_of_all | own_marks  # the first that tells frames apart is more often their own
         marks |= {_FRAME_NUMBER: ([number], "")} if count > 1 else {}
         frames.append(
             Frame(
