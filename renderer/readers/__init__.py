@@ -10,8 +10,10 @@ Sizes are checked before memory is taken, and all compressed voxels with a check
   voxels.
 - `isolation.py`: a child process with limits for `tiff.py` (tifffile), `dicom.py` (pydicom, GDCM) and `vtk_image.py`;
   `tiff_description.py`: axes by ImageJ, OME, tifffile and Zeiss; `tiff_spacing.py`: lengths by them or the resolution;
-  `dicom_frames.py`: the frames of one file;
   `slice_names.py`: the order of slices in separate files.
+- `dicom_folder.py`: the files of one series, and strays; `dicom_frames.py`: the frames of one file, by its fields,
+  `dicom_fields.py`; `dicom_mosaic.py`: slices side by side in one image; `dicom_dimensions.py`: times and components
+  among frames at one place.
 - `procedural.py`: volumes from formulas.
 """
 

@@ -21,6 +21,7 @@ import nrrd
 import numpy as np
 import tifffile
 from pydicom import dcmread
+from pydicom.dataset import Dataset
 from pydicom.uid import DeflatedExplicitVRLittleEndian, ImplicitVRLittleEndian, RLELossless
 from volume_base import Array, Base, Ranges, attached, behind, detached, in_memory, written
 from volume_bombs import deflated, zip_archive
@@ -356,6 +357,46 @@ def _dicom() -> Iterator[Base]:
     files = written(series)
     headers = {name: _before_pixels(data) for name, data in files.items()}
     yield Base("dicom series", files, "series", values=values.astype(np.int32), headers=headers)
+    yield from _dicom_dimensions(values, stack)
+
+
+def _dicom_dimensions(values: Array, stack: dict[str, Any]) -> Iterator[Base]:
+    """Yield files whose frames are more than slices of one volume, and of which the first volume has these values."""
+    twice = np.concatenate([values, values // 2])
+    slots, places = [1] * 4 + [2] * 4, [1, 2, 3, 4] * 2
+    vectors = {"FrameIncrementPointer": [0x00540070, 0x00540080], "TimeSlotVector": slots, "SliceVector": places}
+    detector = Dataset()
+    detector.ImagePositionPatient, detector.ImageOrientationPatient = ["0"] * 3, ["1", "0", "0", "0", "1", "0"]
+    fields = image_fields(twice, **stack, **vectors, DetectorInformationSequence=[detector])
+    yield _dicom_base("vectors", dicom_bytes(fields), values)
+
+    offsets = {"GridFrameOffsetVector": ["0", "2", "4", "6"], "DoseGridScaling": "0.5", "SpacingBetweenSlices": None}
+    yield _dicom_base("dose", dicom_bytes(image_fields(values, **(stack | offsets))), values * 0.5)
+
+    frames = functional_groups(twice, [0, 1, 2, 3, 4, 5, 6, 7])
+    for k, frame in enumerate(frames.PerFrameFunctionalGroupsSequence):
+        echo, segment = Dataset(), Dataset()
+        echo.EffectiveEchoTime, segment.ReferencedSegmentNumber = 5.0 * (k // 4), 1 + k % 4 // 4
+        frame.MREchoSequence, frame.SegmentIdentificationSequence = [echo], [segment]
+        frame.PlanePositionSequence[0].ImagePositionPatient = ["0", "0", str(2 * (k % 4))]
+    yield _dicom_base("echoes", dicom_bytes(frames), values)
+
+    tiles = values.reshape(2, 2, 12, 10).transpose(0, 2, 1, 3).reshape(24, 20)
+    mosaic = image_fields(tiles, **stack, ImageType=["ORIGINAL", "PRIMARY", "MOSAIC"], PixelPaddingValue=-2000)
+    mosaic.add_new(0x00190010, "LO", "SIEMENS MR HEADER")
+    mosaic.add_new(0x0019100A, "US", 4)
+    yield _dicom_base("mosaic", dicom_bytes(mosaic), values)
+
+    def times(folder: Path) -> None:
+        (folder / "series").mkdir()
+        for k, plane in enumerate(twice):
+            place = {"ImagePositionPatient": ["0", "0", str(2 * (k % 4))], "PixelPaddingValue": -2000}
+            fields = {"ImageOrientationPatient": ["1", "0", "0", "0", "1", "0"], "AcquisitionNumber": str(k // 4)}
+            save(folder / "series" / f"{k}.dcm", image_fields(plane, **place, **fields))
+
+    files = written(times)
+    headers = {name: _before_pixels(data) for name, data in files.items()}
+    yield Base("dicom times", files, "series", values=values, headers=headers)
 
 
 def _name_again(path: Path) -> None:
