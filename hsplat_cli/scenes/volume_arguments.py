@@ -14,7 +14,16 @@ import click
 from hsplat_cli.terminal import Reporter, option_group
 from renderer.errors import InputError, Problem, SceneError
 from renderer.readers import UnknownFormatError
-from renderer.scene import COLORMAP_FIELD, MAX_FRAMES, FileSource, OutputSpec, RawSource, VolumeSpec, schema
+from renderer.scene import (
+    COLORMAP_FIELD,
+    TOLERANCE_FIELD,
+    FileSource,
+    OutputSpec,
+    RawSource,
+    TurntablePath,
+    VolumeSpec,
+    schema,
+)
 from renderer.suggest import PRESET_WORDS, FilmOptions
 
 if TYPE_CHECKING:
@@ -28,11 +37,16 @@ _GOT = re.compile(r"^(time|component): (-?[0-9]+)$")
 
 
 def check_as(
-    field: schema.FieldType[Any], split: Callable[[str], object] = str, example: str | None = None
+    field: schema.FieldType[Any],
+    split: Callable[[str], object] = str,
+    example: str | None = None,
+    *,
+    keeps_text: bool = False,
 ) -> Callable[..., Any]:
     """Return a click callback that reads an option as the key of a scene that has this type.
 
-    split: makes a list of the text, for a type that is one. example: a correct text, for a hint.
+    split: makes a list of the text, for a type that is one. example: a correct text, for a hint. keeps_text: return a
+    correct text as it was given.
     """
 
     def read(_context: click.Context, parameter: click.Parameter, text: str | None) -> Any:
@@ -42,7 +56,7 @@ def check_as(
             location = f"{parameter.opts[0]} {text}"
             hint = example and f"such as {parameter.opts[0]} {example}"
             raise SceneError([replace(each, path="", location=location, hint=each.hint or hint) for each in problems])
-        return value
+        return text if keeps_text else value
 
     return read
 
@@ -52,7 +66,8 @@ def split_numbers(text: str) -> list[str]:
     return re.split("[,xX]", text)
 
 
-_RAW_FIELDS = schema.field_table(RawSource)
+_RAW, _VOLUME, _PATH, _OUTPUT = map(schema.field_table, (RawSource, VolumeSpec, TurntablePath, OutputSpec))
+_keyed = partial(click.option, type=str)  # the types of keys read text
 
 
 def volume_options(nonfinite: Literal["error"] | None) -> Callable[[Any], Any]:
@@ -61,33 +76,51 @@ def volume_options(nonfinite: Literal["error"] | None) -> Callable[[Any], Any]:
     With the default None, --nonfinite is None where it is not given: a fill value that is not visible is looked for.
     """
     return option_group(
-        click.option("--time", type=int, help="Which of several time steps, from 0.  [default: the first]"),
-        click.option("--component", type=int, help="Which of several components, from 0.  [default: the first]"),
-        click.option(
+        _keyed(
+            "--time",
+            callback=check_as(_VOLUME["time"]),
+            help="Which of several time steps, from 0.  [default: the first]",
+        ),
+        _keyed(
+            "--component",
+            callback=check_as(_VOLUME["component"]),
+            help="Which of several components, from 0.  [default: the first]",
+        ),
+        _keyed(
             "--nonfinite",
             metavar="error|lowest|NUMBER",
-            callback=check_as(schema.field_table(VolumeSpec)["nonfinite"]),
+            callback=check_as(_VOLUME["nonfinite"]),
             default=nonfinite,
             show_default=nonfinite or "a value that is not seen",
             help="What to do with NaN and inf: refuse them, or draw them as the lowest value, or as another one.",
         ),
-        click.option(
+        _keyed(
             "--spacing",
             metavar="X,Y,Z",
-            callback=check_as(_RAW_FIELDS["spacing"], split_numbers, "0.1,0.1,0.5"),
+            callback=check_as(_RAW["spacing"], split_numbers, "0.1,0.1,0.5"),
             help="Lengths of a voxel, in place of what the file says.",
         ),
-        click.option(
+        _keyed(
             "--shape",
             metavar="X,Y,Z",
-            callback=check_as(_RAW_FIELDS["shape"], split_numbers, "128,96,114"),
+            callback=check_as(_RAW["shape"], split_numbers, "128,96,114"),
             help="Read a headerless file of this shape; needs --dtype.",
         ),
-        click.option("--dtype", help="Type of a headerless file's voxels: uint8, int16, float32, ..."),
-        click.option(
-            "--byte-order", type=click.Choice(["little", "big"]), help="Of a headerless file.  [default: little]"
+        _keyed(
+            "--dtype",
+            metavar="TYPE",
+            callback=check_as(_RAW["dtype"]),
+            help="Type of a headerless file's voxels: uint8, int16, float32, ...",
         ),
-        click.option("--offset", type=click.IntRange(min=0), help="Bytes to skip in a headerless file."),
+        _keyed(
+            "--byte-order",
+            metavar="little|big",
+            callback=check_as(_RAW["byte_order"]),
+            help="Of a headerless file.  [default: little]",
+        ),
+        _keyed(
+            "--offset", metavar="BYTES", callback=check_as(_RAW["offset"]), help="Bytes to skip in a headerless file."
+        ),
     )
 
 
@@ -100,30 +133,56 @@ def _split_size(text: str) -> list[str]:
     return parts * 2 if len(parts) == 1 else parts
 
 
-_check_size = check_as(schema.field_table(OutputSpec)["size"], _split_size, "640x480")
-_check_colormap = check_as(COLORMAP_FIELD)
-_option = partial(click.option, show_default=True)
+_option = partial(_keyed, show_default=True)
 
 # For FilmOptions.
 film_options = option_group(
-    _option("--frames", type=click.IntRange(1, MAX_FRAMES), default=_DEFAULT.frames, help="Of the whole turn."),
-    _option("--size", default="512", callback=_check_size, help="In pixels: 512, or 640x480."),
+    _option(
+        "--frames",
+        metavar="N",
+        default=_DEFAULT.frames,
+        callback=check_as(_PATH["frames"]),
+        help="Of the whole turn.",
+    ),
+    _option(
+        "--size",
+        default="512",
+        callback=check_as(_OUTPUT["size"], _split_size, "640x480"),
+        help="In pixels: 512, or 640x480.",
+    ),
     _option(
         "--elevation",
-        type=click.FloatRange(-90, 90),
+        metavar="DEGREES",
         default=_DEFAULT.elevation,
-        help="Of the eye above the object, degrees.",
+        callback=check_as(_PATH["elevation"]),
+        help="Of the eye above the object, -90 to 90.",
     ),
     _option(
         "--axis",
-        type=click.Choice(["x", "y", "z", "-x", "-y", "-z"]),
+        metavar="x|y|z|-x|-y|-z",
         default=_DEFAULT.axis,
+        callback=check_as(_PATH["axis"], keeps_text=True),
         help="Around which the eye goes; it is upright in the picture.",
     ),
-    _option("--fps", type=click.FloatRange(0.01, 1000), default=_DEFAULT.fps, help="Frames per second."),
-    _option("--background", default=_DEFAULT.background, help="A colour, or transparent (PNG only)."),
     _option(
-        "--colormap", metavar="NAME", callback=_check_colormap, help="Take the colours from it: viridis, gray, ..."
+        "--fps",
+        metavar="RATE",
+        default=_DEFAULT.fps,
+        callback=check_as(_OUTPUT["frames_per_second"]),
+        help="Frames per second.",
+    ),
+    _option(
+        "--background",
+        metavar="COLOR",
+        default=_DEFAULT.background,
+        callback=check_as(_OUTPUT["background"], keeps_text=True),
+        help="A colour, or transparent (PNG only).",
+    ),
+    _option(
+        "--colormap",
+        metavar="NAME",
+        callback=check_as(COLORMAP_FIELD),
+        help="Take the colours from it: viridis, gray, ...",
     ),
     click.option(
         "--preset",
@@ -132,7 +191,11 @@ film_options = option_group(
     ),
     click.option("--no-paths", is_flag=True, help="Record names and no folders beside the film."),
     _option(
-        "--tolerance", type=click.FloatRange(0), default=_DEFAULT.tolerance, help="Smaller is more exact and slower."
+        "--tolerance",
+        metavar="ERROR",
+        default=_DEFAULT.tolerance,
+        callback=check_as(TOLERANCE_FIELD),
+        help="Smaller is more exact and slower.",
     ),
 )
 
