@@ -6,7 +6,16 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from renderer.errors import InputError, Problem
-from renderer.scene import MAX_PSNR_DB, TOLERANCE_FIELD, ErrorSpec, MetricTarget, Scene, SplatSpec, raise_problems, schema
+from renderer.scene import (
+    MAX_PSNR_DB,
+    TOLERANCE_FIELD,
+    ErrorSpec,
+    MetricTarget,
+    Scene,
+    SplatSpec,
+    raise_problems,
+    schema,
+)
 
 T = TypeVar("T")
 
