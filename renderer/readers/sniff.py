@@ -128,6 +128,13 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
     return volume, slices or find_format(volume), f"the only volume in this folder, {volume.relative_to(path)}, is read"
 
 
+def is_volume_name(name: str | os.PathLike[str]) -> bool:
+    """Return whether this is the name of a folder, or of a file in a known format."""
+    with suppress(InputError):
+        return os.path.isdir(name) or (os.path.isfile(name) and bool(find_format(Path(name))))
+    return False
+
+
 def volumes_in(folder: Path) -> list[Path]:
     """Return the volumes below a folder, folders of slices among them; none where it is or has only one volume.
 

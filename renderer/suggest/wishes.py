@@ -5,16 +5,25 @@ What a word means depends on the scan: a range of Hounsfield units in computed t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from renderer.errors import Problem, SceneError, closest_match
-from renderer.scene import TRANSFER_FUNCTION_SECTION, Color, ColormapSpec, TransferSpec, colormap_points, schema
+from renderer.scene import (
+    TRANSFER_FUNCTION_SECTION,
+    Color,
+    ColormapSpec,
+    ControlPoint,
+    TransferSpec,
+    colormap_points,
+    schema,
+)
 from renderer.suggest import features
 from renderer.suggest.classes import foreground_threshold, material_edges, otsu_threshold, top_value
 from renderer.suggest.features import VoxelSample
@@ -45,6 +54,8 @@ At = Callable[[float, float], float]
 _SKIN, _BONE, _BLOOD, _BRAIN = (0.91, 0.72, 0.60), (0.97, 0.93, 0.84), (0.85, 0.22, 0.16), (0.90, 0.70, 0.66)
 _VEIL = (0.45, 0.52, 0.66)
 _XRAY_COVERAGE = 0.4
+# A transfer function suits values that have this part of its range.
+_LEAST_COMMON = 0.5
 
 
 def _surface(ends: Ends, at: At, color: Color = STONE) -> Preset:
@@ -127,16 +138,17 @@ def imported_suggestion(sample: VoxelSample, zero: float | None, wish: str) -> S
     """Return the transfer function of a preset or a file. Raises SceneError where it cannot be read.
 
     Shares become the range of the values above the middle of the background. Others are shifted by the stored value of
-    0 Hounsfield units.
+    0 Hounsfield units; where that is not known, a note says if they lie elsewhere than the values of the volume.
     """
     file, _, name = wish.partition("#")
     given: dict[str, Any] = {"import": file} | ({"name": name} if name else {})
     if zero:
         given["shift"] = zero
     found, problems = _parsed(given)
-    if [problem.path for problem in problems] == ["range"]:  # its values are shares
-        ends = (features.find_background(sample).middle, top_value(sample))
-        span = [sample.round_value(sample.denormalize(end)) for end in ends]
+    ends = (features.find_background(sample).middle, top_value(sample))
+    span = [sample.round_value(sample.denormalize(end)) for end in ends]
+    is_share = [problem.path for problem in problems] == ["range"]
+    if is_share:
         found, problems = _parsed({**given, "range": span, "shift": 0.0})
     if problems:
         raise SceneError([_at_option(problem, wish) for problem in problems])
@@ -151,8 +163,25 @@ def imported_suggestion(sample: VoxelSample, zero: float | None, wish: str) -> S
         replace(found, mapping=tuple(points)),
         ("",) * len(points),
         replace(SHADING, **imported.shading, occlusion=0.0) if imported.shading else SHADING,
-        outlier_notes=tuple(f"not imported: {clause}" for clause in imported.left_out),
+        outlier_notes=(
+            *(f"not imported: {clause}" for clause in imported.left_out),
+            *([] if is_share or zero is not None else _misfits(points, imported.name, span)),
+        ),
     )
+
+
+def _misfits(points: Sequence[ControlPoint], name: str, span: Sequence[float]) -> Iterator[str]:
+    """Yield a note if most of the values that points tell apart lie outside of `span`, that of a volume's object."""
+    changes = [pair for pair in pairwise(points) if pair[0].opacity or pair[1].opacity]
+    if not changes or not span[0] < span[1]:
+        return
+    low, high = changes[0][0].value, changes[-1][1].value
+    if min(high, span[1]) - max(low, span[0]) < _LEAST_COMMON * (high - low):
+        scale = (span[1] - span[0]) / (high - low)
+        yield (
+            f"{name} is made for values from {low:g} to {high:g}, and most here lie from {span[0]:g} to {span[1]:g}; "
+            f"in a scene, `import: {name}` with `shift: {span[0] - scale * low:.4g}` and `scale: {scale:.4g}` fits them"
+        )
 
 
 def _parsed(given: dict[str, Any]) -> tuple[TransferSpec, list[Problem]]:
