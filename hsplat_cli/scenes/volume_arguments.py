@@ -36,38 +36,42 @@ _HEADERLESS_HINT = "voxels without a header are read with --shape and --dtype: -
 _GOT = re.compile(r"^(time|component): (-?[0-9]+)$")
 
 
-def check_as(
-    field: schema.FieldType[Any],
-    split: Callable[[str], object] = str,
-    example: str | None = None,
-    *,
-    keeps_text: bool = False,
-) -> Callable[..., Any]:
-    """Return a click callback that reads an option as the key of a scene that has this type.
-
-    split: makes a list of the text, for a type that is one. example: a correct text, for a hint. keeps_text: return a
-    correct text as it was given.
-    """
-
-    def read(_context: click.Context, parameter: click.Parameter, text: str | None) -> Any:
-        problems: list[Problem] = []
-        value = None if text is None else field.read(schema.TreeNode(split(text), "", problems))
-        if problems:
-            location = f"{parameter.opts[0]} {text}"
-            hint = example and f"such as {parameter.opts[0]} {example}"
-            raise SceneError([replace(each, path="", location=location, hint=each.hint or hint) for each in problems])
-        return text if keeps_text else value
-
-    return read
-
-
 def split_numbers(text: str) -> list[str]:
     """Split `128,96,114` or `128x96x114`."""
     return re.split("[,xX]", text)
 
 
+_LENGTHS: dict[str, Any] = {"split": split_numbers, "example": "0.1,0.1,0.5"}
+_NUMBERS: dict[str, Any] = {"split": split_numbers, "example": "128,96,114"}
 _RAW, _VOLUME, _PATH, _OUTPUT = map(schema.field_table, (RawSource, VolumeSpec, TurntablePath, OutputSpec))
-_keyed = partial(click.option, type=str)  # the types of keys read text
+
+
+def _keyed(
+    name: str,
+    field: schema.FieldType[Any],
+    metavar: str,
+    help_text: str,
+    *,
+    split: Callable[[str], object] = str,
+    example: str | None = None,
+    keeps_text: bool = False,
+    **others: Any,
+) -> Callable[[Any], Any]:
+    """Declare an option that is read as the key of a scene that has this type.
+
+    split: makes a list of the text, for a type that is one. example: a correct text, for a hint. keeps_text: pass a
+    correct text on as it was given. others: parameters of click's.
+    """
+
+    def read(_context: click.Context, _parameter: click.Parameter, text: str | None) -> Any:
+        problems: list[Problem] = []
+        value = None if text is None else field.read(schema.TreeNode(split(text), "", problems))
+        if problems:
+            location, hint = f"{name} {text}", example and f"such as {name} {example}"
+            raise SceneError([replace(each, path="", location=location, hint=each.hint or hint) for each in problems])
+        return text if keeps_text else value
+
+    return click.option(name, type=str, metavar=metavar, callback=read, help=help_text, **others)
 
 
 def volume_options(nonfinite: Literal["error"] | None) -> Callable[[Any], Any]:
@@ -76,51 +80,23 @@ def volume_options(nonfinite: Literal["error"] | None) -> Callable[[Any], Any]:
     With the default None, --nonfinite is None where it is not given: a fill value that is not visible is looked for.
     """
     return option_group(
-        _keyed(
-            "--time",
-            callback=check_as(_VOLUME["time"]),
-            help="Which of several time steps, from 0.  [default: the first]",
-        ),
-        _keyed(
-            "--component",
-            callback=check_as(_VOLUME["component"]),
-            help="Which of several components, from 0.  [default: the first]",
-        ),
+        _keyed("--time", _VOLUME["time"], "N", "Which of several time steps, from 0.  [default: the first]"),
+        _keyed("--component", _VOLUME["component"], "N", "Which of several components, from 0.  [default: the first]"),
         _keyed(
             "--nonfinite",
-            metavar="error|lowest|NUMBER",
-            callback=check_as(_VOLUME["nonfinite"]),
+            _VOLUME["nonfinite"],
+            "error|lowest|NUMBER",
+            "What to do with NaN and inf: refuse them, or draw them as the lowest value, or as another one.",
             default=nonfinite,
             show_default=nonfinite or "a value that is not seen",
-            help="What to do with NaN and inf: refuse them, or draw them as the lowest value, or as another one.",
         ),
         _keyed(
-            "--spacing",
-            metavar="X,Y,Z",
-            callback=check_as(_RAW["spacing"], split_numbers, "0.1,0.1,0.5"),
-            help="Lengths of a voxel, in place of what the file says.",
+            "--spacing", _RAW["spacing"], "X,Y,Z", "Lengths of a voxel, in place of what the file says.", **_LENGTHS
         ),
-        _keyed(
-            "--shape",
-            metavar="X,Y,Z",
-            callback=check_as(_RAW["shape"], split_numbers, "128,96,114"),
-            help="Read a headerless file of this shape; needs --dtype.",
-        ),
-        _keyed(
-            "--dtype",
-            metavar="TYPE",
-            callback=check_as(_RAW["dtype"]),
-            help="Type of a headerless file's voxels: uint8, int16, float32, ...",
-        ),
-        _keyed(
-            "--byte-order",
-            metavar="little|big",
-            callback=check_as(_RAW["byte_order"]),
-            help="Of a headerless file.  [default: little]",
-        ),
-        _keyed(
-            "--offset", metavar="BYTES", callback=check_as(_RAW["offset"]), help="Bytes to skip in a headerless file."
-        ),
+        _keyed("--shape", _RAW["shape"], "X,Y,Z", "Read a headerless file of this shape; needs --dtype.", **_NUMBERS),
+        _keyed("--dtype", _RAW["dtype"], "TYPE", "Type of a headerless file's voxels: uint8, int16, float32, ..."),
+        _keyed("--byte-order", _RAW["byte_order"], "little|big", "Of a headerless file.  [default: little]"),
+        _keyed("--offset", _RAW["offset"], "BYTES", "Bytes to skip in a headerless file."),
     )
 
 
@@ -133,70 +109,34 @@ def _split_size(text: str) -> list[str]:
     return parts * 2 if len(parts) == 1 else parts
 
 
+_SIZES: dict[str, Any] = {"split": _split_size, "example": "640x480"}
 _option = partial(_keyed, show_default=True)
+_RATE = _OUTPUT["frames_per_second"]
+_AXIS_HELP = "Around which the eye goes; it is upright in the picture."
 
 # For FilmOptions.
 film_options = option_group(
-    _option(
-        "--frames",
-        metavar="N",
-        default=_DEFAULT.frames,
-        callback=check_as(_PATH["frames"]),
-        help="Of the whole turn.",
-    ),
-    _option(
-        "--size",
-        default="512",
-        callback=check_as(_OUTPUT["size"], _split_size, "640x480"),
-        help="In pixels: 512, or 640x480.",
-    ),
-    _option(
-        "--elevation",
-        metavar="DEGREES",
-        default=_DEFAULT.elevation,
-        callback=check_as(_PATH["elevation"]),
-        help="Of the eye above the object, -90 to 90.",
-    ),
-    _option(
-        "--axis",
-        metavar="x|y|z|-x|-y|-z",
-        default=_DEFAULT.axis,
-        callback=check_as(_PATH["axis"], keeps_text=True),
-        help="Around which the eye goes; it is upright in the picture.",
-    ),
-    _option(
-        "--fps",
-        metavar="RATE",
-        default=_DEFAULT.fps,
-        callback=check_as(_OUTPUT["frames_per_second"]),
-        help="Frames per second.",
-    ),
+    _option("--frames", _PATH["frames"], "N", "Of the whole turn.", default=_DEFAULT.frames),
+    _option("--size", _OUTPUT["size"], "SIZE", "In pixels: 512, or 640x480.", **_SIZES, default="512"),
+    _option("--elevation", _PATH["elevation"], "DEGREES", "Of the eye above the object.", default=_DEFAULT.elevation),
+    _option("--axis", _PATH["axis"], "x|y|z|-x|-y|-z", _AXIS_HELP, keeps_text=True, default=_DEFAULT.axis),
+    _option("--fps", _RATE, "RATE", "Frames per second.", default=_DEFAULT.fps),
     _option(
         "--background",
-        metavar="COLOR",
+        _OUTPUT["background"],
+        "COLOR",
+        "A colour, or transparent (PNG only).",
+        keeps_text=True,
         default=_DEFAULT.background,
-        callback=check_as(_OUTPUT["background"], keeps_text=True),
-        help="A colour, or transparent (PNG only).",
     ),
-    _option(
-        "--colormap",
-        metavar="NAME",
-        callback=check_as(COLORMAP_FIELD),
-        help="Take the colours from it: viridis, gray, ...",
-    ),
+    _option("--colormap", COLORMAP_FIELD, "NAME", "Take the colours from it: viridis, gray, ..."),
     click.option(
         "--preset",
         metavar="WORD|NAME|FILE[#NAME]",
         help=f"Show {', '.join(PRESET_WORDS)}; or take a preset such as ct-bone, or another program's file.",
     ),
     click.option("--no-paths", is_flag=True, help="Record names and no folders beside the film."),
-    _option(
-        "--tolerance",
-        metavar="ERROR",
-        default=_DEFAULT.tolerance,
-        callback=check_as(TOLERANCE_FIELD),
-        help="Smaller is more exact and slower.",
-    ),
+    _option("--tolerance", TOLERANCE_FIELD, "ERROR", "Smaller is more exact and slower.", default=_DEFAULT.tolerance),
 )
 
 

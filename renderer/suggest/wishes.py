@@ -15,15 +15,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import Problem, SceneError, closest_match
-from renderer.scene import (
-    TRANSFER_FUNCTION_SECTION,
-    Color,
-    ColormapSpec,
-    ControlPoint,
-    TransferSpec,
-    colormap_points,
-    schema,
-)
+from renderer.scene import TRANSFER_FUNCTION_SECTION, Color, ColormapSpec, TransferSpec, colormap_points, schema
 from renderer.suggest import features
 from renderer.suggest.classes import foreground_threshold, material_edges, otsu_threshold, top_value
 from renderer.suggest.features import VoxelSample
@@ -157,26 +149,24 @@ def imported_suggestion(sample: VoxelSample, zero: float | None, wish: str) -> S
     points = [
         replace(point, value=float(f"{point.value:.9g}"), opacity=round(point.opacity, 6)) for point in found.mapping
     ]
+    notes = [f"not imported: {clause}" for clause in imported.left_out]
+    if not is_share and zero is None and not found.names_labels:
+        notes += _misfits([(point.value, point.opacity) for point in points], imported.name, span)
     return Suggestion(
         f"shown as --preset {wish}",
         f"values and opacities are those of {imported.name}{offset_text(zero)}",
         replace(found, mapping=tuple(points)),
         ("",) * len(points),
         replace(SHADING, **imported.shading, occlusion=0.0) if imported.shading else SHADING,
-        outlier_notes=(
-            *(f"not imported: {clause}" for clause in imported.left_out),
-            *([] if is_share or zero is not None else _misfits(points, imported.name, span)),
-        ),
+        outlier_notes=tuple(notes),
     )
 
 
-def _misfits(points: Sequence[ControlPoint], name: str, span: Sequence[float]) -> Iterator[str]:
-    """Yield a note if most of the values that points tell apart lie outside of `span`, that of a volume's object."""
-    changes = [pair for pair in pairwise(points) if pair[0].opacity or pair[1].opacity]
-    if not changes or not span[0] < span[1]:
-        return
-    low, high = changes[0][0].value, changes[-1][1].value
-    if min(high, span[1]) - max(low, span[0]) < _LEAST_COMMON * (high - low):
+def _misfits(points: Sequence[tuple[float, float]], name: str, span: Sequence[float]) -> Iterator[str]:
+    """Yield a note if most of the values that (value, opacity) tell apart are outside of `span`, that of an object."""
+    seen = [(first, last) for (first, before), (last, after) in pairwise(points) if before or after]
+    low, high = (seen[0][0], seen[-1][1]) if seen else span
+    if span[0] < span[1] and low < high and min(high, span[1]) - max(low, span[0]) < _LEAST_COMMON * (high - low):
         scale = (span[1] - span[0]) / (high - low)
         yield (
             f"{name} is made for values from {low:g} to {high:g}, and most here lie from {span[0]:g} to {span[1]:g}; "
