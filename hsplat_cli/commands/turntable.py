@@ -50,7 +50,8 @@ def turntable(
 
     Each VOLUME is a file, a folder of slices or of volumes, or a pattern such as 'scans/*.nrrd'. FOLDER gets NAME.yaml,
     a scene with a transfer function that suits the values, to be edited; NAME.mp4; and turntable.json, which lists the
-    result of each. A volume that fails does not stop the others; the exit code is then 1.
+    result of each. A volume that fails does not stop the others; the exit code is then 1, or 2 if wrong inputs and
+    locked outputs were the only reasons.
     """
     executor = ExecutorSpec(workers, scheduler)
     require_executor(executor)

@@ -64,9 +64,6 @@ _OPTIONS = {
     "output.size": "--size",
     "output.frames_per_second": "--fps",
     "output.file": "the name of the film",
-    "error.tolerance": "--tolerance",
-    "camera.path.frames": "--frames",
-    "camera.path.elevation": "--elevation",
 }
 
 

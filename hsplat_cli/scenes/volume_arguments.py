@@ -14,7 +14,16 @@ import click
 from hsplat_cli.terminal import Reporter, option_group
 from renderer.errors import InputError, Problem, SceneError
 from renderer.readers import UnknownFormatError
-from renderer.scene import COLORMAP_FIELD, MAX_FRAMES, FileSource, OutputSpec, RawSource, VolumeSpec, schema
+from renderer.scene import (
+    COLORMAP_FIELD,
+    TOLERANCE_FIELD,
+    FileSource,
+    OutputSpec,
+    RawSource,
+    TurntablePath,
+    VolumeSpec,
+    schema,
+)
 from renderer.suggest import PRESET_WORDS, FilmOptions
 
 if TYPE_CHECKING:
@@ -27,69 +36,65 @@ _HEADERLESS_HINT = "voxels without a header are read with --shape and --dtype: -
 _GOT = re.compile(r"^(time|component): (-?[0-9]+)$")
 
 
-def check_as(
-    field: schema.FieldType[Any], split: Callable[[str], object] = str, example: str | None = None
-) -> Callable[..., Any]:
-    """Return a click callback that reads an option as the key of a scene that has this type.
-
-    split: makes a list of the text, for a type that is one. example: a correct text, for a hint.
-    """
-
-    def read(_context: click.Context, parameter: click.Parameter, text: str | None) -> Any:
-        problems: list[Problem] = []
-        value = None if text is None else field.read(schema.TreeNode(split(text), "", problems))
-        if problems:
-            location = f"{parameter.opts[0]} {text}"
-            hint = example and f"such as {parameter.opts[0]} {example}"
-            raise SceneError([replace(each, path="", location=location, hint=each.hint or hint) for each in problems])
-        return value
-
-    return read
-
-
 def split_numbers(text: str) -> list[str]:
     """Split `128,96,114` or `128x96x114`."""
     return re.split("[,xX]", text)
 
 
-def _split_words(text: str) -> str | list[str]:
-    """Split `-9999,1e20`; one word stays."""
-    return text.split(",") if "," in text else text
+_LENGTHS: dict[str, Any] = {"split": split_numbers, "example": "0.1,0.1,0.5"}
+_NUMBERS: dict[str, Any] = {"split": split_numbers, "example": "128,96,114"}
+_RAW, _VOLUME, _PATH, _OUTPUT = map(schema.field_table, (RawSource, VolumeSpec, TurntablePath, OutputSpec))
 
 
-_RAW_FIELDS = schema.field_table(RawSource)
+def _keyed(
+    name: str,
+    field: schema.FieldType[Any],
+    metavar: str,
+    help_text: str,
+    *,
+    split: Callable[[str], object] = str,
+    example: str | None = None,
+    keeps_text: bool = False,
+    **others: Any,
+) -> Callable[[Any], Any]:
+    """Declare an option that is read as the key of a scene that has this type.
+
+    split: makes a list of the text, for a type that is one. example: a correct text, for a hint. keeps_text: pass a
+    correct text on as it was given. others: parameters of click's.
+    """
+
+    def read(_context: click.Context, _parameter: click.Parameter, text: str | None) -> Any:
+        problems: list[Problem] = []
+        value = None if text is None else field.read(schema.TreeNode(split(text), "", problems))
+        if problems:
+            location, hint = f"{name} {text}", example and f"such as {name} {example}"
+            raise SceneError([replace(each, path="", location=location, hint=each.hint or hint) for each in problems])
+        return text if keeps_text else value
+
+    return click.option(name, type=str, metavar=metavar, callback=read, help=help_text, **others)
 
 
 def volume_options() -> Callable[[Any], Any]:
     """Declare --time, --component, --spacing, --nodata, and the options of a headerless file."""
     return option_group(
-        click.option("--time", type=int, help="Which of several time steps, from 0.  [default: the first]"),
-        click.option("--component", type=int, help="Which of several components, from 0.  [default: the first]"),
-        click.option(
+        _keyed("--time", _VOLUME["time"], "N", "Which of several time steps, from 0.  [default: the first]"),
+        _keyed("--component", _VOLUME["component"], "N", "Which of several components, from 0.  [default: the first]"),
+        _keyed(
             "--nodata",
-            metavar="auto|none|NUMBER,...",
-            callback=check_as(schema.field_table(VolumeSpec)["nodata"], _split_words),
+            _VOLUME["nodata"],
+            "auto|none|NUMBER,...",
+            "Values that are left out, as NaN is: fill values, none, or these.",
+            split=lambda text: text.split(",") if "," in text else text,
             default="auto",
             show_default=True,
-            help="Values that are left out, as NaN is: fill values, none, or these.",
         ),
-        click.option(
-            "--spacing",
-            metavar="X,Y,Z",
-            callback=check_as(_RAW_FIELDS["spacing"], split_numbers, "0.1,0.1,0.5"),
-            help="Lengths of a voxel, in place of what the file says.",
+        _keyed(
+            "--spacing", _RAW["spacing"], "X,Y,Z", "Lengths of a voxel, in place of what the file says.", **_LENGTHS
         ),
-        click.option(
-            "--shape",
-            metavar="X,Y,Z",
-            callback=check_as(_RAW_FIELDS["shape"], split_numbers, "128,96,114"),
-            help="Read a headerless file of this shape; needs --dtype.",
-        ),
-        click.option("--dtype", help="Type of a headerless file's voxels: uint8, int16, float32, ..."),
-        click.option(
-            "--byte-order", type=click.Choice(["little", "big"]), help="Of a headerless file.  [default: little]"
-        ),
-        click.option("--offset", type=click.IntRange(min=0), help="Bytes to skip in a headerless file."),
+        _keyed("--shape", _RAW["shape"], "X,Y,Z", "Read a headerless file of this shape; needs --dtype.", **_NUMBERS),
+        _keyed("--dtype", _RAW["dtype"], "TYPE", "Type of a headerless file's voxels: uint8, int16, float32, ..."),
+        _keyed("--byte-order", _RAW["byte_order"], "little|big", "Of a headerless file.  [default: little]"),
+        _keyed("--offset", _RAW["offset"], "BYTES", "Bytes to skip in a headerless file."),
     )
 
 
@@ -102,40 +107,34 @@ def _split_size(text: str) -> list[str]:
     return parts * 2 if len(parts) == 1 else parts
 
 
-_check_size = check_as(schema.field_table(OutputSpec)["size"], _split_size, "640x480")
-_check_colormap = check_as(COLORMAP_FIELD)
-_option = partial(click.option, show_default=True)
+_SIZES: dict[str, Any] = {"split": _split_size, "example": "640x480"}
+_option = partial(_keyed, show_default=True)
+_RATE = _OUTPUT["frames_per_second"]
+_AXIS_HELP = "Around which the eye goes; it is upright in the picture."
 
 # For FilmOptions.
 film_options = option_group(
-    _option("--frames", type=click.IntRange(1, MAX_FRAMES), default=_DEFAULT.frames, help="Of the whole turn."),
-    _option("--size", default="512", callback=_check_size, help="In pixels: 512, or 640x480."),
+    _option("--frames", _PATH["frames"], "N", "Of the whole turn.", default=_DEFAULT.frames),
+    _option("--size", _OUTPUT["size"], "SIZE", "In pixels: 512, or 640x480.", **_SIZES, default="512"),
+    _option("--elevation", _PATH["elevation"], "DEGREES", "Of the eye above the object.", default=_DEFAULT.elevation),
+    _option("--axis", _PATH["axis"], "x|y|z|-x|-y|-z", _AXIS_HELP, keeps_text=True, default=_DEFAULT.axis),
+    _option("--fps", _RATE, "RATE", "Frames per second.", default=_DEFAULT.fps),
     _option(
-        "--elevation",
-        type=click.FloatRange(-90, 90),
-        default=_DEFAULT.elevation,
-        help="Of the eye above the object, degrees.",
+        "--background",
+        _OUTPUT["background"],
+        "COLOR",
+        "A colour, or transparent (PNG only).",
+        keeps_text=True,
+        default=_DEFAULT.background,
     ),
-    _option(
-        "--axis",
-        type=click.Choice(["x", "y", "z", "-x", "-y", "-z"]),
-        default=_DEFAULT.axis,
-        help="Around which the eye goes; it is upright in the picture.",
-    ),
-    _option("--fps", type=click.FloatRange(0.01, 1000), default=_DEFAULT.fps, help="Frames per second."),
-    _option("--background", default=_DEFAULT.background, help="A colour, or transparent (PNG only)."),
-    _option(
-        "--colormap", metavar="NAME", callback=_check_colormap, help="Take the colours from it: viridis, gray, ..."
-    ),
+    _option("--colormap", COLORMAP_FIELD, "NAME", "Take the colours from it: viridis, gray, ..."),
     click.option(
         "--preset",
         metavar="WORD|NAME|FILE[#NAME]",
         help=f"Show {', '.join(PRESET_WORDS)}; or take a preset such as ct-bone, or another program's file.",
     ),
     click.option("--no-paths", is_flag=True, help="Record names and no folders beside the film."),
-    _option(
-        "--tolerance", type=click.FloatRange(0), default=_DEFAULT.tolerance, help="Smaller is more exact and slower."
-    ),
+    _option("--tolerance", TOLERANCE_FIELD, "ERROR", "Smaller is more exact and slower.", default=_DEFAULT.tolerance),
 )
 
 

@@ -4,5 +4,6 @@ from .sniff import (
     UnknownFormatError as UnknownFormatError,
     find_volume as find_volume,
     is_dicom as is_dicom,
+    is_volume_name as is_volume_name,
     volumes_in as volumes_in,
 )

@@ -29,6 +29,9 @@ _ALIASES = {
     "half": "float16",
     "float": "float32",
     "double": "float64",
+    **{f"{sign}int{bits}": f"{sign}int16" for sign in ("", "u") for bits in (10, 12, 14)},  # of scanners and cameras
+    **{f"{order}{name[0]}{size}": name for name, size in ITEM_SIZES.items() for order in ("", "<", "=", "|")},
+    **{f">{name[0]}{size}": f"{name} with byte order big" for name, size in ITEM_SIZES.items()},
 }
 
 # 2**16 voxels along an axis and 2**36 (4096 cubed) in total keep all indices and byte counts within 64 bits, with room
