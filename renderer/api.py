@@ -35,7 +35,7 @@ from renderer.job import (
     one_pass,
     open_local_executor,
 )
-from renderer.readers import read_volume
+from renderer.readers import is_volume_name, read_volume
 from renderer.scene import (
     MAX_DEPTH,
     ArraySource,
@@ -199,7 +199,7 @@ def render_frame(
 
     Parameters
     ----------
-    scene: a Scene, the name of a scene file, or an array [z, y, x], for which a scene is suggested.
+    scene: a Scene, the name of a scene file, or a volume: an array [z, y, x] or a name, for which a scene is suggested.
     frame: its number on the camera's path; -1 is the last one.
     spacing, transfer_function, camera, size, background, tolerance: as in `suggest_scene`; with a scene, they replace
         what it says.
@@ -239,7 +239,7 @@ def render(
 
     Parameters
     ----------
-    scene: a Scene, the name of a scene file, or an array [z, y, x], for which a scene is suggested.
+    scene: a Scene, the name of a scene file, or a volume: an array [z, y, x] or a name, for which a scene is suggested.
     output: the file to write, in place of the scene's: an .mp4, a .gif, a template such as `frames/{frame:04}.png` or,
         for one frame, a .png.
     frames: the frames to draw, ascending: `range(0, 30)`, `slice(None, None, 10)`, `-1`; all by default.
@@ -261,7 +261,8 @@ def render(
     made = _scene(scene, {"output": output}, is_single_frame=True)
     numbers = _numbers(frames, made)
     made = _scene(made, {}, is_single_frame=len(numbers) == 1)
-    path = _scene_file(scene) if isinstance(scene, (str, os.PathLike)) else None
+    is_file = isinstance(scene, (str, os.PathLike)) and not is_volume_name(scene)
+    path = _scene_file(scene) if is_file else None
     job = FilmJob(made, numbers, accuracy_of(made.error), path=path)
     events = ProgressEvents(on_progress or NotebookBar())
     film = make_film(job, open_local_executor, one_pass, events, resumes=resume)
@@ -280,7 +281,7 @@ def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:
 
     Parameters
     ----------
-    scene: a Scene, the name of a scene file, or an array [z, y, x], for which a scene is suggested.
+    scene: a Scene, the name of a scene file, or a volume: an array [z, y, x] or a name, for which a scene is suggested.
     frame: its number on the camera's path; -1 is the last one.
 
     Returns float32 [height, width, 3], colours from 0 to 1 over the scene's background; a transparent one counts as
@@ -311,7 +312,7 @@ def _scene(
 
     is_volume: a name is that of a volume's file, and not of a scene file.
     """
-    if isinstance(source, (str, os.PathLike)) and not is_volume:
+    if isinstance(source, (str, os.PathLike)) and not (is_volume or is_volume_name(source)):
         source = load_scene_file(_scene_file(source), is_single_frame=True)
     given = {name: _plain(value) for name, value in options.items() if value is not None}
     is_new, array = not isinstance(source, Scene), None
@@ -334,7 +335,7 @@ def _scene(
     if isinstance(source, Scene) and "transfer_function" not in given:  # plain data do not say where it is from
         scene = replace(scene, transfer_function=source.transfer_function)
     suggests = wish is not None or (is_new and "transfer_function" not in given)
-    return _with_suggestion(scene, wish, is_new=is_new) if suggests else scene
+    return _with_suggestion(scene, wish) if suggests else scene
 
 
 def _wish(transfer_function: Any) -> Wish | None:
@@ -448,15 +449,13 @@ def _parameter(path: str) -> str:
     return path if key is None else _PARAMETERS[key] + path.removeprefix(key)
 
 
-def _with_suggestion(scene: Scene, wish: Wish | None, *, is_new: bool) -> Scene:
-    """Return the scene with a suggested transfer function. is_new: what hides NaN and infinities is suggested, too."""
+def _with_suggestion(scene: Scene, wish: Wish | None) -> Scene:
+    """Return the scene with a suggested transfer function."""
     from renderer.suggest import suggest_for
 
-    volume = replace(scene.volume, nonfinite="lowest") if is_new else scene.volume
-    found = suggest_for(volume, read_volume, wish=wish or Wish(), hides_nonfinite=is_new)
+    found = suggest_for(scene.volume, read_volume, wish=wish or Wish())
     return replace(
         scene,
-        volume=found.volume if found.is_float else scene.volume,
         transfer_function=found.suggestion.transfer,
         shading=found.suggestion.shading,
         splat=(None if scene.cuts else found.suggestion.splat) or scene.splat,  # splats cannot be cut

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -55,6 +56,19 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Read files of all formats in this process, which is quicker for hundreds of them."""
     monkeypatch.setattr("renderer.readers.read.read_isolated", read_here)
+
+
+@pytest.fixture
+def heeds_interrupts() -> Iterator[None]:
+    """Let signals interrupt this process and those that it starts.
+
+    A shell starts background jobs, such as CI, with SIGINT ignored, and `nohup` with SIGHUP.
+    """
+    usual = {signal.SIGINT: signal.default_int_handler, signal.SIGHUP: signal.SIG_DFL, signal.SIGTERM: signal.SIG_DFL}
+    before = {number: signal.signal(number, handler) for number, handler in usual.items()}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 @pytest.fixture(scope="session")

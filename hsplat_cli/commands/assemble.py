@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 @click.argument("parts", nargs=-1, required=True)
 @click.option("--output", required=True, metavar="FILE", help="Write to this .mp4, .gif or {frame}.png.")
 @click.option("--frames", metavar="A:B:STEP", help="Take only these frames, as a Python slice: 0:30, ::10, 7, -1.")
-@click.option("--frames-per-second", type=float, metavar="RATE", help="Another rate than that of the scene.")
-@click.option("--quality", type=float, metavar="0-10", help="Another quality of an MP4 than that of the scene.")
+@click.option("--frames-per-second", metavar="RATE", help="Another rate than that of the scene.")
+@click.option("--quality", metavar="0-10", help="Another quality of an MP4 than that of the scene.")
 @click.option("--no-paths", is_flag=True, help="Record names and no folders.")
 @click.option("--force", is_flag=True, help="Assemble again what is up to date.")
 @quiet_option()
@@ -31,8 +31,8 @@ def assemble(
     parts: tuple[str, ...],
     output: str,
     frames: str | None,
-    frames_per_second: float | None,
-    quality: float | None,
+    frames_per_second: str | None,
+    quality: str | None,
     no_paths: bool,
     force: bool,
     reporter: Reporter,
@@ -48,8 +48,8 @@ def assemble(
     found = find_parts(parts)
     numbers = parse_frames(frames, found[0].num_frames)
     given = {"frames_per_second": frames_per_second, "quality": quality}
-    options = {"file": (output, f"--output {output}")} | {
-        key: (value, f"--{key.replace('_', '-')} {value:g}") for key, value in given.items() if value is not None
+    options: dict[str, tuple[Any, str]] = {"file": (output, f"--output {output}")} | {
+        key: (value, f"--{key.replace('_', '-')} {value}") for key, value in given.items() if value is not None
     }
     options |= {"record_paths": (False, "--no-paths")} if no_paths else {}
     spec = _output_spec(found[0], options, numbers)

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hsplat_cli.commands.options import FILE
-from hsplat_cli.scenes import read_with_options, transfer_lines, volume_options, volume_spec
-from hsplat_cli.terminal import Reporter
+from hsplat_cli.scenes import expand_volumes, read_with_options, transfer_lines, volume_options, volume_spec
+from hsplat_cli.terminal import Reporter, format_table
+from renderer.errors import InputError
 from renderer.scene import counted, parse_yaml
 from renderer.system import join_lines
 
@@ -29,23 +30,42 @@ _BLOCKS, _ASCII = " ▁▂▃▄▅▆▇█", " .:|#"
 
 @click.command()
 @click.argument("volume", type=FILE)
-@volume_options(nonfinite="error")
+@volume_options()
 @click.option("--json", "as_json", is_flag=True, help="Print the same as JSON.")
 def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     """Describe a volume: shape, place, values and histogram.
 
     VOLUME is a file, or a folder of slices. The last part of the output suggests a transfer function to paste into
-    a scene file, and says what it shows.
+    a scene file, and says what it shows. Of a folder of several volumes it lists them.
     """
     from renderer.suggest import compute_statistics, suggest
 
     reporter = Reporter()
+    inside = expand_volumes([str(volume)])[0] if volume.is_dir() else []
+    if len(inside) > 1:
+        rows = [_row(each, reading) for each in inside]
+        table = format_table([list(rows[0]), *(list(map(str, row.values())) for row in rows)])
+        reporter.result(join_lines(json.dumps(rows, indent=2).splitlines()) if as_json else table)
+        return
     read = read_with_options(volume_spec(volume, reading), reporter)
     statistics = compute_statistics(read.values, read.source)
     suggestion = suggest(read, statistics)
     facts = _facts(read, statistics, suggestion)
     text_lines = [*_fact_lines(facts, _histogram_marks()), *_suggestion_lines(suggestion)]
     reporter.result(join_lines(json.dumps(facts, indent=2).splitlines() if as_json else text_lines))
+
+
+def _row(volume: Path, reading: dict[str, Any]) -> dict[str, str]:
+    """Return what a table of several volumes says of one, or in place of its shape why it cannot be read."""
+    from renderer.readers import find_volume
+
+    row = {"volume": str(volume), "format": "-", "type": "-"}
+    try:
+        row["format"] = find_volume(volume)[1]
+        read = read_with_options(volume_spec(volume, reading), Reporter(is_quiet=True))
+    except InputError as error:
+        return row | {"shape": str(error).splitlines()[0]}
+    return row | {"type": read.values.dtype.name, "shape": " x ".join(map(str, read.shape_xyz))}
 
 
 def _facts(volume: Volume, statistics: Statistics, suggestion: Suggestion) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from renderer.suggest import FilmOptions
 )
 @click.option("--force", is_flag=True, help="Overwrite an existing file.")
 @film_options
-@volume_options(nonfinite=None)
+@volume_options()
 def init(*, volume: Path, output: Path | None, force: bool, **options: Any) -> None:
     """Write a scene file for a volume, to start from.
 

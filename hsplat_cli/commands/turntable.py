@@ -29,7 +29,7 @@ from renderer.suggest import FilmOptions
 )
 @click.option("--format", "kind", type=click.Choice(["mp4", "gif", "png"]), default="mp4", show_default=True)
 @film_options
-@volume_options(nonfinite=None)
+@volume_options()
 @executor_options
 @click.option("--force", is_flag=True, help="Draw again, and overwrite scenes that were edited.")
 @quiet_option(help="Print only the table and errors.")
@@ -50,7 +50,8 @@ def turntable(
 
     Each VOLUME is a file, a folder of slices or of volumes, or a pattern such as 'scans/*.nrrd'. FOLDER gets NAME.yaml,
     a scene with a transfer function that suits the values, to be edited; NAME.mp4; and turntable.json, which lists the
-    result of each. A volume that fails does not stop the others; the exit code is then 1.
+    result of each. A volume that fails does not stop the others; the exit code is then 1, or 2 if wrong inputs and
+    locked outputs were the only reasons.
     """
     executor = ExecutorSpec(workers, scheduler)
     require_executor(executor)

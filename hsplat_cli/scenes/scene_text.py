@@ -64,9 +64,6 @@ _OPTIONS = {
     "output.size": "--size",
     "output.frames_per_second": "--fps",
     "output.file": "the name of the film",
-    "error.tolerance": "--tolerance",
-    "camera.path.frames": "--frames",
-    "camera.path.elevation": "--elevation",
 }
 
 
@@ -85,16 +82,14 @@ def suggest_scene(
         # Notes on how the volume was read are printed once.
         lambda spec: read_with_options(spec, reporter if spec is volume else replace(reporter, is_quiet=True)),
         wish=Wish(film.colormap, film.preset),
-        hides_nonfinite=film.hides_nonfinite,
     )
     text = scene_text(found, film, folder=scene.parent, output=output)
     _check(text, scene)
     chosen = found.suggestion
-    notes = chosen.outlier_notes if found.nonfinite is None else (*chosen.outlier_notes, found.nonfinite)
     is_constant = chosen.kind == _CONSTANT
     first = f"{'warning: ' * is_constant}{chosen.kind}; {chosen.reason}"
     (reporter.warning if is_constant else reporter.status)(f"{volume_file(volume)}: {first}")
-    for line in notes:
+    for line in chosen.outlier_notes:
         reporter.status(f"{volume_file(volume)}: {line}")
     return text, found
 
@@ -180,12 +175,10 @@ def _volume_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
             yield f"  {key}: {index}"
     if volume.dataset is not None:
         yield f"  dataset: {yaml_string(volume.dataset)}"
-    if found.nonfinite is not None:
-        yield f"  # {found.nonfinite}."
-    if found.is_float:
-        instead = volume.nonfinite if isinstance(volume.nonfinite, str) else format_value(volume.nonfinite)
+    if found.has_absent or volume.nodata != "auto":
+        nodata = volume.nodata if isinstance(volume.nodata, str) else _list(volume.nodata)
         yield _with_comment(
-            f"  nonfinite: {instead}", "NaN and infinities: error, lowest, as the lowest finite value, or a number"
+            f"  nodata: {nodata}", "values that are left out, as NaN is: auto (fill values), none, or numbers"
         )
 
 

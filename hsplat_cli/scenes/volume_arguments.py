@@ -7,14 +7,23 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from hsplat_cli.terminal import Reporter, option_group
 from renderer.errors import InputError, Problem, SceneError
 from renderer.readers import UnknownFormatError
-from renderer.scene import COLORMAP_FIELD, MAX_FRAMES, FileSource, OutputSpec, RawSource, VolumeSpec, schema
+from renderer.scene import (
+    COLORMAP_FIELD,
+    TOLERANCE_FIELD,
+    FileSource,
+    OutputSpec,
+    RawSource,
+    TurntablePath,
+    VolumeSpec,
+    schema,
+)
 from renderer.suggest import PRESET_WORDS, FilmOptions
 
 if TYPE_CHECKING:
@@ -22,29 +31,9 @@ if TYPE_CHECKING:
 
 
 # How messages name keys of a scene's `volume`: `time: k` or `component` in the text, and `time: 7` as what was got.
-_KEY = re.compile(r"`(time|component|dataset|nonfinite|spacing)(?::( [^`]*))?`")
+_KEY = re.compile(r"`(time|component|dataset|nodata|spacing)(?::( [^`]*))?`")
 _HEADERLESS_HINT = "voxels without a header are read with --shape and --dtype: --shape 512,512,300 --dtype uint16"
 _GOT = re.compile(r"^(time|component|dataset): (.+)$")
-
-
-def check_as(
-    field: schema.FieldType[Any], split: Callable[[str], object] = str, example: str | None = None
-) -> Callable[..., Any]:
-    """Return a click callback that reads an option as the key of a scene that has this type.
-
-    split: makes a list of the text, for a type that is one. example: a correct text, for a hint.
-    """
-
-    def read(_context: click.Context, parameter: click.Parameter, text: str | None) -> Any:
-        problems: list[Problem] = []
-        value = None if text is None else field.read(schema.TreeNode(split(text), "", problems))
-        if problems:
-            location = f"{parameter.opts[0]} {text}"
-            hint = example and f"such as {parameter.opts[0]} {example}"
-            raise SceneError([replace(each, path="", location=location, hint=each.hint or hint) for each in problems])
-        return value
-
-    return read
 
 
 def split_numbers(text: str) -> list[str]:
@@ -52,48 +41,61 @@ def split_numbers(text: str) -> list[str]:
     return re.split("[,xX]", text)
 
 
-_RAW_FIELDS = schema.field_table(RawSource)
+_LENGTHS: dict[str, Any] = {"split": split_numbers, "example": "0.1,0.1,0.5"}
+_NUMBERS: dict[str, Any] = {"split": split_numbers, "example": "128,96,114"}
+_RAW, _VOLUME, _PATH, _OUTPUT = map(schema.field_table, (RawSource, VolumeSpec, TurntablePath, OutputSpec))
 
 
-def volume_options(nonfinite: Literal["error"] | None) -> Callable[[Any], Any]:
-    """Declare --time, --component, --dataset, --spacing, --nonfinite with its default, and options of headerless files.
+def _keyed(
+    name: str,
+    field: schema.FieldType[Any],
+    metavar: str,
+    help_text: str,
+    *,
+    split: Callable[[str], object] = str,
+    example: str | None = None,
+    keeps_text: bool = False,
+    **others: Any,
+) -> Callable[[Any], Any]:
+    """Declare an option that is read as the key of a scene that has this type.
 
-    With the default None, --nonfinite is None where it is not given: a fill value that is not visible is looked for.
+    split: makes a list of the text, for a type that is one. example: a correct text, for a hint. keeps_text: pass a
+    correct text on as it was given. others: parameters of click's.
     """
+
+    def read(_context: click.Context, _parameter: click.Parameter, text: str | None) -> Any:
+        problems: list[Problem] = []
+        value = None if text is None else field.read(schema.TreeNode(split(text), "", problems))
+        if problems:
+            location, hint = f"{name} {text}", example and f"such as {name} {example}"
+            raise SceneError([replace(each, path="", location=location, hint=each.hint or hint) for each in problems])
+        return text if keeps_text else value
+
+    return click.option(name, type=str, metavar=metavar, callback=read, help=help_text, **others)
+
+
+def volume_options() -> Callable[[Any], Any]:
+    """Declare --time, --component, --dataset, --spacing, --nodata, and the options of a headerless file."""
     return option_group(
-        click.option("--time", type=int, help="Which of several time steps, from 0.  [default: the first]"),
-        click.option("--component", type=int, help="Which of several components, from 0.  [default: the first]"),
-        click.option(
-            "--dataset",
-            metavar="NAME",
-            callback=check_as(schema.field_table(VolumeSpec)["dataset"]),
-            help="Which dataset of an HDF5 or netCDF-4 file.  [default: the only one that is a volume]",
+        _keyed("--time", _VOLUME["time"], "N", "Which of several time steps, from 0.  [default: the first]"),
+        _keyed("--component", _VOLUME["component"], "N", "Which of several components, from 0.  [default: the first]"),
+        _keyed("--dataset", _VOLUME["dataset"], "NAME", "Which of HDF5 or netCDF-4.  [default: the only volume]"),
+        _keyed(
+            "--nodata",
+            _VOLUME["nodata"],
+            "auto|none|NUMBER,...",
+            "Values that are left out, as NaN is: fill values, none, or these.",
+            split=lambda text: text.split(",") if "," in text else text,
+            default="auto",
+            show_default=True,
         ),
-        click.option(
-            "--nonfinite",
-            metavar="error|lowest|NUMBER",
-            callback=check_as(schema.field_table(VolumeSpec)["nonfinite"]),
-            default=nonfinite,
-            show_default=nonfinite or "a value that is not seen",
-            help="What to do with NaN and inf: refuse them, or draw them as the lowest value, or as another one.",
+        _keyed(
+            "--spacing", _RAW["spacing"], "X,Y,Z", "Lengths of a voxel, in place of what the file says.", **_LENGTHS
         ),
-        click.option(
-            "--spacing",
-            metavar="X,Y,Z",
-            callback=check_as(_RAW_FIELDS["spacing"], split_numbers, "0.1,0.1,0.5"),
-            help="Lengths of a voxel, in place of what the file says.",
-        ),
-        click.option(
-            "--shape",
-            metavar="X,Y,Z",
-            callback=check_as(_RAW_FIELDS["shape"], split_numbers, "128,96,114"),
-            help="Read a headerless file of this shape; needs --dtype.",
-        ),
-        click.option("--dtype", help="Type of a headerless file's voxels: uint8, int16, float32, ..."),
-        click.option(
-            "--byte-order", type=click.Choice(["little", "big"]), help="Of a headerless file.  [default: little]"
-        ),
-        click.option("--offset", type=click.IntRange(min=0), help="Bytes to skip in a headerless file."),
+        _keyed("--shape", _RAW["shape"], "X,Y,Z", "Read a headerless file of this shape; needs --dtype.", **_NUMBERS),
+        _keyed("--dtype", _RAW["dtype"], "TYPE", "Type of a headerless file's voxels: uint8, int16, float32, ..."),
+        _keyed("--byte-order", _RAW["byte_order"], "little|big", "Of a headerless file.  [default: little]"),
+        _keyed("--offset", _RAW["offset"], "BYTES", "Bytes to skip in a headerless file."),
     )
 
 
@@ -106,45 +108,39 @@ def _split_size(text: str) -> list[str]:
     return parts * 2 if len(parts) == 1 else parts
 
 
-_check_size = check_as(schema.field_table(OutputSpec)["size"], _split_size, "640x480")
-_check_colormap = check_as(COLORMAP_FIELD)
-_option = partial(click.option, show_default=True)
+_SIZES: dict[str, Any] = {"split": _split_size, "example": "640x480"}
+_option = partial(_keyed, show_default=True)
+_RATE = _OUTPUT["frames_per_second"]
+_AXIS_HELP = "Around which the eye goes; it is upright in the picture."
 
 # For FilmOptions.
 film_options = option_group(
-    _option("--frames", type=click.IntRange(1, MAX_FRAMES), default=_DEFAULT.frames, help="Of the whole turn."),
-    _option("--size", default="512", callback=_check_size, help="In pixels: 512, or 640x480."),
+    _option("--frames", _PATH["frames"], "N", "Of the whole turn.", default=_DEFAULT.frames),
+    _option("--size", _OUTPUT["size"], "SIZE", "In pixels: 512, or 640x480.", **_SIZES, default="512"),
+    _option("--elevation", _PATH["elevation"], "DEGREES", "Of the eye above the object.", default=_DEFAULT.elevation),
+    _option("--axis", _PATH["axis"], "x|y|z|-x|-y|-z", _AXIS_HELP, keeps_text=True, default=_DEFAULT.axis),
+    _option("--fps", _RATE, "RATE", "Frames per second.", default=_DEFAULT.fps),
     _option(
-        "--elevation",
-        type=click.FloatRange(-90, 90),
-        default=_DEFAULT.elevation,
-        help="Of the eye above the object, degrees.",
+        "--background",
+        _OUTPUT["background"],
+        "COLOR",
+        "A colour, or transparent (PNG only).",
+        keeps_text=True,
+        default=_DEFAULT.background,
     ),
-    _option(
-        "--axis",
-        type=click.Choice(["x", "y", "z", "-x", "-y", "-z"]),
-        default=_DEFAULT.axis,
-        help="Around which the eye goes; it is upright in the picture.",
-    ),
-    _option("--fps", type=click.FloatRange(0.01, 1000), default=_DEFAULT.fps, help="Frames per second."),
-    _option("--background", default=_DEFAULT.background, help="A colour, or transparent (PNG only)."),
-    _option(
-        "--colormap", metavar="NAME", callback=_check_colormap, help="Take the colours from it: viridis, gray, ..."
-    ),
+    _option("--colormap", COLORMAP_FIELD, "NAME", "Take the colours from it: viridis, gray, ..."),
     click.option(
         "--preset",
         metavar="WORD|NAME|FILE[#NAME]",
         help=f"Show {', '.join(PRESET_WORDS)}; or take a preset such as ct-bone, or another program's file.",
     ),
     click.option("--no-paths", is_flag=True, help="Record names and no folders beside the film."),
-    _option(
-        "--tolerance", type=click.FloatRange(0), default=_DEFAULT.tolerance, help="Smaller is more exact and slower."
-    ),
+    _option("--tolerance", TOLERANCE_FIELD, "ERROR", "Smaller is more exact and slower.", default=_DEFAULT.tolerance),
 )
 
 
 def volume_spec(volume: Path, options: Mapping[str, Any]) -> VolumeSpec:
-    """Return the volume that the options of `volume_options` describe, by their names; `lowest` for no `nonfinite`.
+    """Return the volume that the options of `volume_options` describe, by their names.
 
     Raises InputError where one of --shape and --dtype is missing, or another option needs them.
     """
@@ -154,13 +150,12 @@ def volume_spec(volume: Path, options: Mapping[str, Any]) -> VolumeSpec:
         raise InputError(
             "a headerless file needs both --shape and --dtype", got="--shape" if shape is not None else "--dtype"
         )
-    nonfinite: Any = "lowest" if options["nonfinite"] is None else options["nonfinite"]
     given = {name: options[name] for name in ("byte_order", "offset") if options[name] is not None}
     if shape is not None:
         given |= {"spacing": spacing} if spacing is not None else {}
         if options["dataset"] is not None:
             raise InputError("a headerless file has no datasets", where="--dataset", got=options["dataset"])
-        return VolumeSpec(RawSource(volume, shape, dtype, **given), time, component, nonfinite=nonfinite)
+        return VolumeSpec(RawSource(volume, shape, dtype, **given), time, component, nodata=options["nodata"])
     if given:
         name, value = next(iter(given.items()))
         raise InputError(
@@ -171,7 +166,7 @@ def volume_spec(volume: Path, options: Mapping[str, Any]) -> VolumeSpec:
             "--dtype",
         )
     source = FileSource(volume, spacing)
-    return VolumeSpec(source, time, component, nonfinite=nonfinite, dataset=options["dataset"])
+    return VolumeSpec(source, time, component, nodata=options["nodata"], dataset=options["dataset"])
 
 
 def read_with_options(volume: VolumeSpec, reporter: Reporter) -> Volume:

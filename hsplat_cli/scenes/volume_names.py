@@ -42,9 +42,9 @@ def _safe(name: str) -> str:
 def expand_volumes(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
     """Return the volumes, each once, in the order given, and notes about those left out.
 
-    Expands patterns that the shell did not, sorted, and folders of several volumes, of which only those directly in
-    them are taken. Leaves out data files whose headers are among the volumes. A pattern that matches nothing stays, as
-    a missing volume, which is an error when it is read.
+    Expands patterns that the shell did not, sorted, and folders of several volumes, to any depth. Leaves out data files
+    whose headers are among the volumes. A pattern that matches nothing stays, as a missing volume, which is an error
+    when it is read.
 
     Raises InputError for single slices of a DICOM series.
     """
@@ -59,12 +59,14 @@ def expand_volumes(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
             inside = _volumes_in(path)
             for each in inside or [path]:
                 found.setdefault(_real(each), each)
-            others |= {path: sorted({*path.iterdir()} - {*inside})} if inside else {}
+            taken = {part for each in inside for part in (each, *each.parents)}
+            others |= {path: sorted({*path.iterdir()} - taken)} if inside else {}
     _refuse_slices(list(found.values()))
     data = {file: head for key, head in found.items() for file in header_data_files(head) if file != key}
     notes = [f"{path} is the data of {data[key]}" for key, path in found.items() if key in data]
     for folder, entries in others.items():
-        names = [each.name for each in entries if _real(each) not in data and not each.name.startswith(".")]
+        unused = [each for each in entries if _real(each) not in data and _real(each) not in found]
+        names = [each.name for each in unused if not each.name.startswith(".")]
         if names:
             notes.append(f"{folder}: its volumes are drawn; left out: {join_some(names)}")
     return [path for key, path in found.items() if key not in data], notes
@@ -97,7 +99,8 @@ def _refuse_slices(volumes: Sequence[Path]) -> None:
 def name_volumes(volumes: Sequence[Path]) -> dict[str, Path]:
     """Return the volumes by the names of their films, each unique, also on systems that ignore case.
 
-    `scan`; for several of them with the folder, `a_scan`, else with the ending, `scan.nrrd`, else with a number.
+    `scan`; for several of them with the folder, `a_scan`, else with the ending, `scan.nrrd`, else with two folders,
+    else with a number.
     """
     alike: dict[str, list[Path]] = {}
     for volume in volumes:
@@ -121,5 +124,6 @@ def _distinguishing_form(group: Sequence[Path]) -> Callable[[Path], str]:
         lambda volume: _safe(f"{volume.absolute().parent.name}_{base_name(volume)}"),
         lambda volume: _safe(_own_name(volume)),
         lambda volume: _safe(f"{volume.absolute().parent.name}_{_safe(_own_name(volume))}"),
+        lambda volume: _safe("_".join([*volume.absolute().parts[-3:-1], base_name(volume)])),
     ]
     return next((form for form in forms if len({form(volume).lower() for volume in group}) == len(group)), forms[1])

@@ -31,10 +31,11 @@ LOCK_TIMEOUT_S = 60.0
 _SHORT_LOCK_TIMEOUT_S = 1.0
 _NOTICE_DELAY_S, _POLL_INTERVAL_S = 2.0, 0.02
 
-# Titles of columns, and the keys of records. Turntables draw bricks, which sidecars and records count as `primitives`.
+# Titles of columns, and the keys of records.
 _COLUMNS = {name: name for name in ("volume", "status", "kind", "frames")}
-_COLUMNS |= {"bricks": "primitives", "seconds": "seconds", "dB": "psnr", "film": "film"}
-_NUMBER_COLUMNS = (3, 4, 5, 6)
+_COLUMNS |= {"primitives": "primitives", "seconds": "seconds"}
+_COLUMNS |= {"dB of frames": "psnr", "dB in file": "file_psnr", "film": "film"}
+_NUMBER_COLUMNS = (3, 4, 5, 6, 7)
 
 VOLUME_KEY = "scene_of"  # the volume's path relative to the folder, without links
 _TEXT_KEYS = ("volume", "scene", "film", "status", VOLUME_KEY)  # that each record has
@@ -141,5 +142,5 @@ def _row(record: FilmEntry) -> list[str]:
     shown = record if record["status"] == FINISHED else record | {"film": "-"}
     if "error" in record:
         shown = shown | {"film": record["error"].splitlines()[0]}
-    shown |= {key: f"{record[key]:.1f}" for key in ("seconds", "psnr") if key in record}
+    shown |= {key: f"{record[key]:.1f}" for key in ("seconds", "psnr", "file_psnr") if key in record}
     return [str(shown.get(key, "-")) for key in _COLUMNS.values()]

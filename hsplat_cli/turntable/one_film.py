@@ -103,6 +103,7 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     expand_pattern(str(volume_file(request.volume)))  # raises where no file matches
     # Before the volume is read, which may take long.
     require_writable(request.scene)
+    reporter.announce_compilation()  # a suggestion needs some kernels, too
     text, found = suggest_scene(request.volume, request.film, reporter, scene=request.scene, output=request.output)
     content = marked_scene(text, request.volume_path)
     _require_replaceable(request, content)
@@ -145,7 +146,6 @@ class _TurntableEvents(FilmEvents):
     def locked(self) -> None:
         """Write the scene: it belongs to the film, and no other job may change it before the film is finished."""
         write_scene(self._request, self._content, self._reporter)
-        self._reporter.announce_compilation()
 
     def volume_noted(self, text: str) -> None:
         """Print nothing: this was printed when the scene was suggested."""

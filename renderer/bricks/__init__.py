@@ -10,7 +10,7 @@ brick and integrated along each ray (Max 1995).
   `pixel_grid.py`: which pixels are drawn, the strides of subsampled grids, and where rays end; `extremes.py`: bounds
   of the scalars in bricks.
 - `texels.py`: what is interpolated in a brick and its halo; `means.py`: means, gathered or recomputed when they are
-  drawn; `layout.py`: where cells lie in a brick.
+  drawn; `absent.py`: the field beside voxels without data; `layout.py`: where cells lie in a brick.
 """
 
 import lazy_loader

@@ -228,7 +228,8 @@ def _measure_voxels(
     def work(part: slice) -> None:
         volume.require_unchanged()
         classifier = pyramid.classifier
-        measure_voxel_bricks(raw, classifier.scalars, classifier.breakpoints, curve, bricks[part], bounds, measures)
+        voxels = raw, classifier.scalars, volume.num_absent > 0
+        measure_voxel_bricks(voxels, classifier.breakpoints, curve, bricks[part], bounds, measures)
 
     with ThreadPool(num_threads) as pool:
         pool.map(work, _parts(len(bricks)))

@@ -64,12 +64,12 @@ def extremes_at(batch: BrickBatch, tolerance: float, voxel_px: float) -> BrickBa
 def _scalar_ranges(bricks: Bricks, cut: BrickCut, num_threads: int) -> Float64:
     """Return the smallest and the largest scalar of bricks of level 0 and their halo, float64 [n, 2]."""
     ranges, raw = np.empty((len(cut), 2)), raw_voxels(bricks.volume)
-    scalars = bricks.pyramid.classifier.scalars
+    scalars, has_absent = bricks.pyramid.classifier.scalars, bricks.volume.num_absent > 0
 
     def work(first: int) -> None:
         bricks.volume.require_unchanged()
         part = slice(first, first + _BRICKS_PER_TASK)
-        _measure_ranges(raw, scalars, cut.cells[part], ranges[part])
+        _measure_ranges(raw, scalars, cut.cells[part], has_absent, ranges[part])
 
     with ThreadPool(num_threads) as pool:
         pool.map(work, range(0, len(cut), _BRICKS_PER_TASK))
@@ -78,9 +78,14 @@ def _scalar_ranges(bricks: Bricks, cut: BrickCut, num_threads: int) -> Float64:
 
 
 @jit
-def _measure_ranges(raw: RawVoxels, scalars: Float64 | None, cells: Int32, ranges: Float64) -> None:
-    """Write the ranges [n, 2] of bricks at `cells` [n, 3] (x, y, z)."""
-    field = np.empty((PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE))
+def _measure_ranges(raw: RawVoxels, scalars: Float64 | None, cells: Int32, has_absent: bool, ranges: Float64) -> None:
+    """Write the ranges [n, 2] of bricks at `cells` [n, 3] (x, y, z). has_absent: whether any voxel has no data."""
+    margin = 1 if has_absent else 0  # what takes the place of voxels without data may lie outside of their brick
+    side = PADDED_BRICK_SIZE + 2 * margin
+    field = np.empty((side, side, side))
     for i in range(len(cells)):
         fill_padded(raw, scalars, cells[i], field)
-        ranges[i, 0], ranges[i, 1] = field.min(), field.max()
+        if has_absent:
+            ranges[i, 0], ranges[i, 1] = np.nanmin(field), np.nanmax(field)
+        else:
+            ranges[i, 0], ranges[i, 1] = field.min(), field.max()

@@ -40,6 +40,10 @@ difference inside a node. There half of the difference is the error; here, for e
 
 stands for it, whatever the nodes are. DIFFERENCE_ERROR_SHARE is less than a half: the eight voxels of a dual cell of
 noise have a range of 2.85 standard deviations in the mean, and count for no more than they do in nodes.
+
+Where some voxels of a dual cell have no data, rays meet a step from w to nothing, at a place that no scalar tells. D is
+that of the step of a transfer function in the middle of a ray, D^2 = w^2 / 12. Segments are divided there
+(`renderer.draw.cpu.sample`), so that longer ones do: width^2 = 1 / 4 in place of 1 / 17.
 """
 
 from __future__ import annotations
@@ -48,6 +52,7 @@ import math
 
 import numpy as np
 
+from renderer.bricks.absent import fill_absent
 from renderer.bricks.layout import BRICK_SIZE, PADDED_BRICK_SIZE, fill_padded
 from renderer.compiled import jit
 from renderer.transfer import (
@@ -70,6 +75,11 @@ MIN_PEAK_WIDTH = 1 / 16
 
 # The share of the difference between a dual cell's ends that counts as its error.
 DIFFERENCE_ERROR_SHARE = 0.35
+
+
+# 1 / width^2 of the step between data and nothing. With it, a ball of 120^3 in NaN has 61 dB at tolerance 0.05, and the
+# whole cube 59 dB.
+EDGE_INVERSE_WIDTH = 4.0
 
 
 def make_channel_curve(
@@ -131,7 +141,7 @@ def _simplify(values: Float64, points: Float64, tolerance: float) -> Int64:
 
 @jit
 def measure_voxel_bricks(
-    raw: RawVoxels, scalars: Float64 | None, breakpoints: Float64, curve: TransferTable, bricks: Int32,
+    voxels: tuple[RawVoxels, Float64 | None, bool], breakpoints: Float64, curve: TransferTable, bricks: Int32,
     bounds: Float32, measures: Float64,
 ) -> None:  # fmt: skip
     """Measure the dual cells in bricks of voxels at `bricks` [n, 3] (x, y, z); all results are 0 before.
@@ -140,11 +150,16 @@ def measure_voxel_bricks(
     D or J, and the root mean squares over the brick's volume of D / width^2 and of J. A brick has half of the dual
     cells between it and its neighbours; beyond the border the nearest voxels are repeated.
 
-    scalars: by bit pattern; None where voxels are scalars themselves. breakpoints: of visibility.
+    voxels: raw ones; scalars by bit pattern, None where voxels are scalars themselves; and whether any has no data.
+    breakpoints: of visibility.
     """
+    raw, scalars, has_absent = voxels
     values, rows, scale = curve.rows[1:, 0].copy(), curve.rows, curve.scale
     shape = (PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE)
     low, high = np.empty(shape), np.empty(shape)
+    if has_absent:
+        side = PADDED_BRICK_SIZE + 2
+        around = np.empty((side, side, side))
     for i in range(len(bricks)):
         x, y, z = bricks[i, 0], bricks[i, 1], bricks[i, 2]
         nums = (
@@ -152,17 +167,29 @@ def measure_voxel_bricks(
             min(raw.shape[1] - BRICK_SIZE * y, BRICK_SIZE),
             min(raw.shape[2] - BRICK_SIZE * x, BRICK_SIZE),
         )
-        fill_padded(raw, scalars, bricks[i], low)
-        least, most = _range(low)
+        is_whole = True
+        if has_absent:
+            fill_padded(raw, scalars, bricks[i], around)
+            is_whole = fill_absent(around, low)
+        else:
+            fill_padded(raw, scalars, bricks[i], low)
+        least, most = _range(low) if is_whole else _range_of_data(low)
+        if not least <= most:
+            continue
         first = _num_at_or_below(values, scale * least, 0)
         is_varying = _num_at_or_below(values, scale * most, first) > first or rows[first, 6:].any()
         is_visible = is_range_visible(breakpoints, least, most)
-        if is_varying or is_visible:
+        if not is_whole:
+            _to_dual_cell_ranges_of_data(low, high, nums)
+            is_varying = True
+        elif is_varying or is_visible:
             _to_dual_cell_ranges(low, high, nums)
         if is_visible:
             _find_visible_bounds(low, high, nums, breakpoints, bounds[z, y, x])
         if is_varying:
             found = _variation_of_ranges(low, high, nums, values, rows, scale)
+            if not is_whole:
+                found = _with_edges_of_data(found, around, low, high, nums, values, rows, scale)
             measures[0, z, y, x], measures[1, z, y, x], measures[2, z, y, x] = found
 
 
@@ -174,6 +201,16 @@ def _range(field: Float64) -> tuple[float, float]:
         for y in range(field.shape[1]):
             for x in range(field.shape[2]):
                 least, most = min(least, field[z, y, x]), max(most, field[z, y, x])
+    return least, most
+
+
+@jit
+def _range_of_data(field: Float64) -> tuple[float, float]:
+    """Return what `_range` does where some numbers are NaN; infinity and minus infinity where all are."""
+    least, most = np.inf, -np.inf
+    for value in field.flat:
+        if not math.isnan(value):
+            least, most = min(least, value), max(most, value)
     return least, most
 
 
@@ -190,7 +227,7 @@ def _find_visible_bounds(
     for z in range(nums[0] + 1):
         for y in range(nums[1] + 1):
             for x in range(nums[2] + 1):
-                if is_range_visible(breakpoints, low[z, y, x], high[z, y, x]):
+                if low[z, y, x] <= high[z, y, x] and is_range_visible(breakpoints, low[z, y, x], high[z, y, x]):
                     x0, y0, z0 = min(x0, x), min(y0, y), min(z0, z)
                     x1, y1, z1 = max(x1, x), max(y1, y), max(z1, z)
     bounds[0, 0], bounds[0, 1], bounds[0, 2] = max(x0 - 0.5, 0.0), max(y0 - 0.5, 0.0), max(z0 - 0.5, 0.0)
@@ -218,6 +255,49 @@ def _to_dual_cell_ranges(low: Float64, high: Float64, nums: tuple[int, int, int]
 
 
 @jit
+def _to_dual_cell_ranges_of_data(low: Float64, high: Float64, nums: tuple[int, int, int]) -> None:
+    """Do what `_to_dual_cell_ranges` does where some scalars are NaN; cells of nothing else have empty ranges."""
+    negative, largest = np.empty_like(low), np.empty_like(low)
+    for z, y, x in np.ndindex(low.shape):
+        is_there = not math.isnan(low[z, y, x])
+        negative[z, y, x] = -low[z, y, x] if is_there else np.inf
+        low[z, y, x] = low[z, y, x] if is_there else np.inf
+    _to_dual_cell_ranges(low, largest, nums)
+    _to_dual_cell_ranges(negative, largest, nums)
+    for z, y, x in np.ndindex(low.shape):
+        high[z, y, x] = -negative[z, y, x]
+
+
+@jit
+def _with_edges_of_data(
+    found: tuple[float, float, float], around: Float64, low: Float64, high: Float64, nums: tuple[int, int, int],
+    values: Float64, rows: Float64, scale: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Return what `_variation_of_ranges` found, with the steps between data and nothing.
+
+    around: [20, 20, 20], the scalars, NaN without data.
+    """
+    largest, total, size = found[0] ** 2, 0.0, nums[0] * nums[1] * nums[2]
+    for z, y, x in np.ndindex((nums[0] + 1, nums[1] + 1, nums[2] + 1)):
+        least, most = scale * low[z, y, x], scale * high[z, y, x]
+        num_absent = 0
+        for k in range(8):
+            corner = around[z + 1 + (k >> 2), y + 1 + (k >> 1 & 1), x + 1 + (k & 1)]
+            num_absent += math.isnan(corner)
+        if least <= most and 0 < num_absent < 8:
+            part = 1.0
+            for at, num in ((z, nums[0]), (y, nums[1]), (x, nums[2])):
+                part *= 0.5 if at in (0, num) else 1.0
+            square = 0.0
+            for end in (least, most):
+                r, g, b, a = evaluate_segment(rows, np.uint64(_num_at_or_below(values, end, 0)), end)
+                square = max(square, r * r + g * g + b * b + a * a)
+            largest = max(largest, square / 12)
+            total += part * square / 12 * EDGE_INVERSE_WIDTH**2
+    return math.sqrt(largest), math.sqrt(found[1] ** 2 + total / size), found[2]
+
+
+@jit
 def _variation_of_ranges(
     low: Float64, high: Float64, nums: tuple[int, int, int], values: Float64, rows: Float64, scale: float
 ) -> tuple[float, float, float]:
@@ -229,7 +309,7 @@ def _variation_of_ranges(
             in_yz = in_z * (0.5 if y == 0 or y == nums[1] else 1.0)
             for x in range(nums[2] + 1):
                 least, most = scale * low[z, y, x], scale * high[z, y, x]
-                if least == most:
+                if not least < most:
                     continue
                 part = in_yz * (0.5 if x == 0 or x == nums[2] else 1.0)
                 first = _num_at_or_below(values, least, first)

@@ -3,9 +3,9 @@
 Texel (t, u, v) of a brick is the cell `BRICK_SIZE * brick - HALO + (t, u, v)` of its level. Beyond the volume's border
 there are no cells, and the field is continued in one of two ways.
 
-Scalars take the nearest voxel, as the truth does. Means of a level above are not values at a point. That of the last
-cell, which the border may cut to the share w of its width, belongs to the middle of what is left of it. The field is
-the line through that point and the centre of the cell before,
+Scalars take the nearest voxel, as the truth does, also beside voxels without data (`absent.py`). Means of a level above
+are not values at a point. That of the last cell, which the border may cut to the share w of its width, belongs to the
+middle of what is left of it. The field is the line through that point and the centre of the cell before,
 
     slope = (last - before) 2 / (1 + w)        at the last centre: last + slope (1 - w) / 2        beyond: + slope
 
@@ -22,6 +22,7 @@ import math
 
 import numpy as np
 
+from renderer.bricks.absent import fill_absent, fill_gradients_beside_absent, mark_absent_texels
 from renderer.bricks.bricks import Bricks
 from renderer.bricks.layout import BRICK_SIZE, HALO, PADDED_BRICK_SIZE, fill_padded
 from renderer.bricks.means import MeanCache
@@ -41,7 +42,8 @@ _STRIDES = (1, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE * PADDED_BRICK_SIZE)
 
 def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
     """Return the scalars of bricks of level 0 at `cells` [n, 3] (x, y, z), normalized to `bricks.scalar_range` and
-    clamped to +-MAX_NORMALIZED_SCALAR, float32 [n, 18, 18, 18].
+    clamped to +-MAX_NORMALIZED_SCALAR, float32 [n, 18, 18, 18]. Of a volume with voxels without data, the lowest bit
+    is set in theirs.
 
     lit: [n, 18, 18, 18, 4], (u, gx, gy, gz), with the gradient in world axes: central differences at voxel centres,
     one-sided at the border and 0 along an axis of one voxel. It is divided by a number that is the same in the whole
@@ -57,7 +59,8 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
         world_from_gradient = np.ascontiguousarray(world_from_gradient / np.abs(world_from_gradient).max())
     scale = _unit_scale(*bricks.volume_range)
     volume.require_unchanged()
-    _fill_scalars(raw_voxels(volume), scalars, cells, bricks.scalar_range, world_from_gradient, scale, texels)
+    raw, has_absent = raw_voxels(volume), volume.num_absent > 0
+    _fill_scalars(raw, scalars, cells, bricks.scalar_range, world_from_gradient, scale, has_absent, texels)
     volume.require_unchanged()
     return texels if lit else texels[..., 0]
 
@@ -106,25 +109,39 @@ def _fill_scalars(
     scalar_range: tuple[float, float],
     world_from_gradient: Float64 | None,
     scale: float,
+    has_absent: bool,
     texels: Float32,
 ) -> None:
     """Write texels [n, 18, 18, 18, c]. With the factor `scale`, no difference of two scalars overflows.
 
-    world_from_gradient: [3, 3]; None where texels have no gradient.
+    world_from_gradient: [3, 3]; None where texels have no gradient. has_absent: whether any voxel has no data.
     """
     first = scalar_range[0]
     width, factor = range_width(first, scalar_range[1])
     margin = 0 if world_from_gradient is None else 1  # gradients need the voxels next to those of texels
     side = PADDED_BRICK_SIZE + 2 * margin
-    field = np.empty((side, side, side))
+    field, bits = np.empty((side, side, side)), texels.view(np.uint32)
+    if has_absent:  # and so does what takes the place of voxels without data
+        around = np.empty((side + 2, side + 2, side + 2))
     for i in range(len(cells)):
-        fill_padded(raw, scalars, cells[i], field)
+        if has_absent:
+            fill_padded(raw, scalars, cells[i], around)
+            fill_absent(around, field)
+        else:
+            fill_padded(raw, scalars, cells[i], field)
         for z in range(PADDED_BRICK_SIZE):
             for y in range(PADDED_BRICK_SIZE):
                 for x in range(PADDED_BRICK_SIZE):
                     scalar = field[z + margin, y + margin, x + margin]
+                    if math.isnan(scalar):  # far from data
+                        scalar = first
                     texels[i, z, y, x, 0] = normalize_scalar(scalar, first, width, factor)
-        if world_from_gradient is not None:
+        if has_absent:
+            mark_absent_texels(around, margin + 1, bits[i, :, :, :, 0])
+        if world_from_gradient is not None and has_absent:
+            first_voxel = BRICK_SIZE * cells[i] - HALO
+            fill_gradients_beside_absent(around, raw.shape, first_voxel, world_from_gradient, scale, texels[i])
+        elif world_from_gradient is not None:
             _fill_gradients(field, raw.shape, cells[i], world_from_gradient, scale, texels[i])
 
 

@@ -96,8 +96,8 @@ def verify_film(
         if notes:  # another version may have other keys, and other defaults
             notes, problems = [*notes, *(f"{each.what}: {each.got}" for each in problems)], []
         measured = None
-        if job.scene.overlay != "none":
-            notes.append(f"there is no exact picture to compare with: overlay: {job.scene.overlay}")
+        if job.scene.no_exact_picture is not None:
+            notes.append(f"there is no exact picture to compare with: {job.scene.no_exact_picture}")
         elif files.readable:
             measured = measure_film(stage, job.scene.output, files.readable, options, events)
             problems += measured.problems

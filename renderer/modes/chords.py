@@ -8,13 +8,16 @@ import numpy as np
 
 from renderer.compiled import ThreadPool, jit
 from renderer.view import RaySetup, View, ray_setup
-from renderer.volume import Float32, Float64, Volume
+from renderer.volume import Bools, Float32, Float64, Volume
 
 _MIN_PIXELS_PER_THREAD = 1 << 15
 
 
 def chord_lengths(volume: Volume, view: View, threads: ThreadPool) -> Float32:
-    """Return the world length of each pixel's ray inside the box, beyond the near plane, less cuts: float32 [h, w]."""
+    """Return the world length of each pixel's ray inside the box, beyond the near plane, less cuts: float32 [h, w].
+
+    Voxels without data do not count.
+    """
     width, height = view.size
     lengths = np.empty((height, width), np.float32)
     rays, half_shape = ray_setup(volume, volume.half_diagonal, view), np.array(volume.shape_xyz) / 2.0
@@ -24,7 +27,8 @@ def chord_lengths(volume: Volume, view: View, threads: ThreadPool) -> Float32:
     rays = rays._replace(cuts=None)
 
     def work(first: int, end: int) -> None:
-        _measure_chords(rays, kept, removed, volume.half_diagonal, first, lengths[first:end])
+        absent = volume.are_absent if volume.num_absent else None
+        _measure_chords(rays, kept, removed, absent, volume.half_diagonal, first, lengths[first:end])
 
     threads.for_ranges(work, *rows_per_thread(lengths))
     return lengths
@@ -38,11 +42,12 @@ def rows_per_thread(pixels: Float32) -> tuple[int, int]:
 
 @jit
 def _measure_chords(
-    rays: RaySetup, kept: Float64, removed: Float64, unit: float, first_row: int, lengths: Float32
+    rays: RaySetup, kept: Float64, removed: Float64, absent: Bools | None, unit: float, first_row: int, lengths: Float32
 ) -> None:
     """Write the lengths [h, w] inside `kept` slabs [k, 5] less `removed` boxes [m, 3, 5], both as in Cuts.
 
-    unit: world length of a model unit. first_row: the row of the image at which `lengths` begin.
+    absent: bool [z, y, x], which voxels do not count; None if all do. unit: world length of a model unit. first_row:
+    the row of the image at which `lengths` begin.
     """
     origin, direction, ranges = np.empty(3), np.empty(3), np.empty((len(removed), 2))
     for row in range(lengths.shape[0]):
@@ -56,7 +61,8 @@ def _measure_chords(
             for k in range(len(removed)):
                 ranges[k] = _clip_to_slabs(removed[k], origin, direction, start, end)
             per_depth = math.sqrt(1.0 + rays.slope_per_px * rays.slope_per_px * (x * x + y * y))
-            lengths[row, column] = _length_without(ranges, start, end) * per_depth * unit
+            length = _length_without(ranges, absent, origin, direction, start, end)
+            lengths[row, column] = length * per_depth * unit
 
 
 @jit
@@ -78,18 +84,50 @@ def _clip_to_slabs(
 
 
 @jit
-def _length_without(removed: Float64, start: float, end: float) -> float:
-    """Return the length from start to end that is in no removed range, float64 [n, 2]."""
+def _length_without(
+    removed: Float64, absent: Bools | None, origin: Float64, direction: Float64, start: float, end: float
+) -> float:
+    """Return the length from start to end that is in no removed range, float64 [n, 2], and not in absent voxels."""
     length = 0.0
     while start < end:
         until = end
         for k in range(len(removed)):
             if removed[k, 0] < removed[k, 1] and start < removed[k, 1]:
                 until = min(until, max(removed[k, 0], start))
-        length += until - start
+        length += until - start if absent is None else _length_of_data(absent, origin, direction, start, until)
         start = until
         for _ in range(len(removed)):
             for k in range(len(removed)):
                 if removed[k, 0] <= start < removed[k, 1]:
                     start = removed[k, 1]
     return length
+
+
+@jit
+def _length_of_data(absent: Bools, origin: Float64, direction: Float64, start: float, end: float) -> float:
+    """Return the length from start to end, inside of the box, in voxels with data, from one voxel to the next.
+
+    origin: in voxels from the middle of the volume.
+    """
+    corner, voxel = np.empty(3), np.empty(3, np.int64)
+    for axis in range(3):
+        num = absent.shape[2 - axis]
+        corner[axis] = origin[axis] + num / 2.0
+        voxel[axis] = min(max(math.floor(corner[axis] + start * direction[axis]), 0), num - 1)
+    length = 0.0
+    while True:
+        leave, across = end, -1
+        for axis in range(3):
+            if direction[axis] != 0.0:
+                at = (voxel[axis] + int(direction[axis] > 0.0) - corner[axis]) / direction[axis]
+                if at < leave:
+                    leave, across = at, axis
+        leave = max(leave, start)
+        if not absent[voxel[2], voxel[1], voxel[0]]:
+            length += leave - start
+        start = leave
+        if across < 0:
+            return length
+        voxel[across] += 1 if direction[across] > 0.0 else -1
+        if not 0 <= voxel[across] < absent.shape[2 - across]:
+            return length

@@ -68,10 +68,10 @@ class ExactPixels:
 
 def num_probe_rays(scene: Scene) -> int:
     """Return the number of rays for each frame of a scene: 0 where there is no exact picture to compare with."""
-    if scene.overlay != "none":
-        return 0
     if scene.error.probes is not None:
-        return scene.error.probes
+        return scene.error.probes  # 0 beside an overlay
+    if scene.no_exact_picture is not None:
+        return 0
     width, height = scene.output.size
     return max(_MIN_RAYS, width * height // _PIXELS_PER_RAY, _MIN_RAYS_OF_PATH // scene.camera.path.frames)
 

@@ -5,6 +5,8 @@ Voxels with a table are looked up until one is visible. Wider voxels take the mi
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from renderer.compiled import jit
@@ -48,14 +50,16 @@ def _test_by_range(raw: RawVoxels, breakpoints: Float64, starts: UInt64, extents
     visible = np.empty(len(starts), np.bool_)
     for g in range(len(starts)):
         x0, y0, z0 = starts[g, 0], starts[g, 1], starts[g, 2]
-        low = high = raw[z0, y0, x0]
-        visible[g] = is_range_visible(breakpoints, float(low), float(low))
+        first = float(raw[z0, y0, x0])
+        visible[g] = not math.isnan(first) and is_range_visible(breakpoints, first, first)
         if visible[g]:
             continue
+        low, high = np.inf, -np.inf  # of data
         for z in range(z0, z0 + extents[g, 2]):
             for y in range(y0, y0 + extents[g, 1]):
                 for x in range(x0, x0 + extents[g, 0]):
-                    value = raw[z, y, x]
-                    low, high = min(low, value), max(high, value)
-        visible[g] = is_range_visible(breakpoints, float(low), float(high))
+                    value = float(raw[z, y, x])
+                    low = min(low, value)
+                    high = max(high, value)
+        visible[g] = low <= high and is_range_visible(breakpoints, low, high)
     return visible

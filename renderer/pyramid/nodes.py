@@ -19,6 +19,7 @@ has its own variance.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -202,13 +203,14 @@ def _normalize_block(
     g: int,
     out: Float64,
 ) -> None:
-    """Write `(scalar - offset) * scale` of the real voxels of a block to `out` [512, 1]."""
+    """Write `(scalar - offset) * scale` of the real voxels of a block to `out` [512, 1]; 0 without data."""
     offset, scale = normalization
     for z in range(extents[g, 2]):
         for y in range(extents[g, 1]):
             for x in range(extents[g, 0]):
                 s = scalar_at(raw, scalars, starts[g, 2] + z, starts[g, 1] + y, starts[g, 0] + x)
-                out[VOXEL_OFFSET_Z[z] + VOXEL_OFFSET_Y[y] + VOXEL_OFFSET_X[x], 0] = (s - offset) * scale
+                at = VOXEL_OFFSET_Z[z] + VOXEL_OFFSET_Y[y] + VOXEL_OFFSET_X[x]
+                out[at, 0] = 0.0 if math.isnan(s) else (s - offset) * scale
 
 
 @jit

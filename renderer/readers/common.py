@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -33,8 +34,9 @@ _MIN_MAPPED_BYTES = 64 << 20
 # Integers beyond 2^53 are rounded when they are drawn; at least this many steps of a volume's range remain.
 _NUM_STEPS = 2**16
 
-# The note for a file without voxel sizes.
-NO_SPACING = "the file does not give its voxel size; 1 x 1 x 1 is assumed"
+# How notes on guessed lengths begin, and the note for a file without any. A scene's own `spacing` makes them void.
+GUESSED_LENGTHS = "the file does not give its voxel size"
+NO_SPACING = f"{GUESSED_LENGTHS}; 1 x 1 x 1 is assumed"
 
 
 @dataclass(frozen=True)
@@ -259,17 +261,25 @@ def chosen_part(axes: str, shape: tuple[int, ...], time: int | None, component: 
 
 
 def choice_notes(
-    axes: str, shape: tuple[int, ...], time: int | None, component: int | None, names: Sequence[str] = ()
+    axes: str,
+    shape: tuple[int, ...],
+    time: int | None,
+    component: int | None,
+    names: Sequence[str] = (),
+    by_axis: Mapping[str, str] = MappingProxyType({}),
 ) -> tuple[str, ...]:
     """Return a note each if none of several time steps, and of several components, was asked for.
 
-    axes, shape: as in `chosen_part`. names: of the components, if they all have one.
+    axes, shape: as in `chosen_part`. names: of the components, if they all have one. by_axis: what tells the items of
+        an axis apart, by its letter.
     """
     lengths = dict(zip(axes, shape, strict=True))
-    named = f" ({join_some(names)})" if len(names) == lengths.get("c") else ""
+    about = {axis: f" (by {short_text(name)})" for axis, name in by_axis.items()}
+    if len(names) == lengths.get("c"):
+        about["c"] = f" ({join_some(names)})"
     return tuple(
-        f"{lengths[letter]} {key}s{about}; the first is drawn; `{key}: k` chooses another"
-        for letter, key, wanted, about in (("t", "time", time, ""), ("c", "component", component, named))
+        f"{lengths[letter]} {key}s{about.get(letter, '')}; the first is drawn; `{key}: k` chooses another"
+        for letter, key, wanted in (("t", "time", time), ("c", "component", component))
         if wanted is None and lengths.get(letter, 1) > 1
     )
 

@@ -6,46 +6,66 @@ share (PS3.3, C.7.6.16). Other files of several frames have the distance between
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from renderer.errors import InputError, require_package
+from renderer.readers.dicom_fields import (
+    FRAME_GROUPS,
+    ORIENTATION,
+    POSITION,
+    SHARED_GROUPS,
+    Dataset,
+    Dimension,
+    Mark,
+    declared_dimensions,
+    frame_marks,
+    groups_of,
+    kind_without_pixels,
+    no_volume_error,
+    numbers_in,
+    numbers_of,
+    open_dicom,
+    text_of,
+    unreadable_slice,
+    value_of,
+    vectors_of,
+)
 from renderer.scene import short_text
 from renderer.volume import Array, Float64
 
 # Fields by number, of which some kinds of images have their pixel spacing, down and across, in others than the first.
 _IN_PLANE = (0x00280030, 0x00181164, 0x00182010, 0x30020011)
-_BETWEEN_SLICES, _FRAME_OFFSETS = 0x00180088, 0x3004000C
-_POSITION, _ORIENTATION = 0x00200032, 0x00200037
-_INTERCEPT, _SLOPE = 0x00281052, 0x00281053
-_SHARED_GROUPS, _FRAME_GROUPS = 0x52009229, 0x52009230
-# The functional groups that have these fields: Pixel Measures, Plane Position and Orientation, Pixel Value
-# Transformation.
-_GROUPS = (0x00289110, 0x00209113, 0x00209116, 0x00289145)
+_BETWEEN_SLICES, _FRAME_OFFSETS, _SLICE_VECTOR, _DETECTORS = 0x00180088, 0x3004000C, 0x00540080, 0x00540022
+_INTERCEPT, _SLOPE, _DOSE_SLOPE = 0x00281052, 0x00281053, 0x3004000E
+_PHOTOMETRIC = 0x00280004
+# The value of padding and the other end of its range, of integers and of floats.
+_PADDING = ((0x00280120, 0x00280121), (0x00280122, 0x00280124), (0x00280123, 0x00280125))
+
+# How files of several frames that say nothing else are told apart: by their order in the file.
+_FRAME_NUMBER = Dimension("t", "frame number", is_order=True)
 
 # Fields without which pydicom decodes no pixels, and what they are where a writer left them out.
 _USUAL = {"SamplesPerPixel": 1, "PhotometricInterpretation": "MONOCHROME2", "PixelRepresentation": 0}
-
-# A pydicom.Dataset.
-_Dataset = Any
 
 
 @dataclass(frozen=True)
 class Frame:
     """A slice of a DICOM file.
 
-    size: pixels across and down. dtype: of its rescaled values.
+    number: of its frame there, or None for an empty slice. size: pixels across and down. dtype: of its rescaled values.
     position: of its first pixel, float64 [3]. across, down: to the next pixel, float64 [3]. thickness: along the
-        normal, if the file gives it; else 1.
+        normal, if the file gives it; else 1. padding: the ends of the stored values that stand for no data.
+    marks: what tells it from other frames at its place. corner: the pixel across and down where it begins in the
+        stored frame. notes: remarks on how it was read; None stands for none.
     """
 
     file: Path
-    number: int
+    number: int | None
     size: tuple[int, int]
     num_samples: int
     slope: float
@@ -55,11 +75,15 @@ class Frame:
     across: Float64
     down: Float64
     thickness: float
+    padding: tuple[float, float] | None = None
+    marks: dict[Dimension, Mark] = field(default_factory=dict)
+    corner: tuple[int, int] = (0, 0)
+    notes: tuple[str | None, ...] = ()
 
     @property
     def label(self) -> str:
         """Return the name of the frame in messages."""
-        return self.file.name + f", frame {self.number + 1}" * (self.number > 0)
+        return self.file.name + (f", frame {self.number + 1}" if self.number else "")
 
     @property
     def spacing(self) -> tuple[float, float]:
@@ -78,6 +102,19 @@ class Frame:
         normal = np.cross(self.across, self.down)
         return np.asarray(normal / np.linalg.norm(normal), np.float64)
 
+    @property
+    def nodata(self) -> tuple[float, float] | None:
+        """Return the ends of the rescaled values that stand for no data; None if none do."""
+        if self.padding is None:
+            return None
+        low, high = sorted(end * self.slope + self.intercept for end in self.padding)
+        return low, high
+
+    def stored(self, pixels: Array, channel: int) -> Array:
+        """Return its stored values [y, x], a part of those of its file."""
+        x, y = self.corner
+        return pixels[self.number or 0, y : y + self.size[1], x : x + self.size[0], channel]
+
     def rescaled(self, stored: Array) -> Array:
         """Return the values of stored pixels, in the frame's dtype; raises InputError for floats in a file whose fields
         are those of integers."""
@@ -88,117 +125,105 @@ class Frame:
         return np.asarray(stored * self.slope + self.intercept).astype(self.dtype)
 
 
-def open_dicom(path: Path) -> _Dataset:
-    """Return the fields before the pixels of a DICOM file; raises InputError if it is damaged."""
-    return _open(path)[0]
-
-
-def _open(path: Path, *, with_pixels: bool = False) -> tuple[_Dataset, bool]:
-    """Return the fields of a DICOM file, and whether anything comes behind them."""
-    import pydicom
-
-    try:
-        with path.open("rb") as file:
-            dataset = pydicom.dcmread(file, stop_before_pixels=not with_pixels, force=True)
-            return dataset, bool(file.read(1))
-    except Exception as error:  # of its parser, for damaged bytes
-        raise unreadable_slice(path, "a field of it is damaged: copy it again, or save it again") from error
-
-
-def unreadable_slice(path: Path, hint: str = "the file is truncated or damaged", got: str | None = None) -> InputError:
-    """Return the error for a file that cannot be read."""
-    return InputError("this DICOM slice cannot be read", where=str(path), got=got, hint=hint)
-
-
-def text_of(fields: _Dataset, tag: int) -> str | None:
-    """Return the text of a field as it is in the file; None if it is missing."""
-    if tag not in fields:
-        return None
-    raw = fields.get_item(tag).value
-    text = raw.decode("latin-1") if isinstance(raw, bytes) else str(raw)
-    return text.strip(" \0")
-
-
-def _numbers(fields: Sequence[_Dataset], tag: int) -> list[float]:
-    """Return the numbers of a field, in the first of these datasets that has it; an empty list if they are none."""
-    text = next((text for each in fields if (text := text_of(each, tag)) is not None), "")
-    try:
-        numbers = [float(word) for word in text.strip("[]").replace(",", "\\").split("\\")] if text else []
-    except ValueError:
-        return []
-    return numbers if all(map(math.isfinite, numbers)) else []
-
-
 def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
     """Return the frames of a file in their order there.
 
     has_spacing_override: the scene gives the spacing; lengths that the file does not give are 1. Otherwise raises
         InputError for such lengths, as for damaged files and for files without pixels.
     """
-    dataset, has_pixels = _open(path)
+    dataset, has_pixels = open_dicom(path)
+    kind = kind_without_pixels(dataset)
+    if kind is not None:
+        raise no_volume_error(path, kind)
     syntax = dataset.file_meta.get("TransferSyntaxUID")
     if not has_pixels and not (syntax is not None and syntax.is_deflated):
         raise unreadable_slice(path)
     try:
         count = int(dataset.get("NumberOfFrames") or 1)
-        shared, *_ = _groups(dataset, _SHARED_GROUPS) or [[]]
-        each = _groups(dataset, _FRAME_GROUPS) or [[]] * count
+        shared, *_ = groups_of(dataset, SHARED_GROUPS) or [[]]
+        each = groups_of(dataset, FRAME_GROUPS) or [[]] * count
         size, num_samples = (int(dataset.Columns), int(dataset.Rows)), int(dataset.get("SamplesPerPixel") or 1)
         if min(*size, num_samples, count) < 1 or len(each) != count:
             raise ValueError
     except (AttributeError, ValueError, TypeError) as error:
         raise unreadable_slice(path) from error
+    detector = dataset[_DETECTORS].value[:1] if _DETECTORS in dataset else []
+    dimensions, vectors = declared_dimensions(dataset), vectors_of(dataset, count)
+    places, offsets = _places(dataset, vectors, count), numbers_of([dataset], _FRAME_OFFSETS)
+    offsets = offsets if len(offsets) == count else []
+    padding, marks_of_all = _padding(dataset), frame_marks([*shared, dataset], ())
     frames = []
     for number, own in enumerate(each):
-        fields = [*own, *shared, dataset]
-        pair, step = _lengths(path, fields, number, count, has_spacing_override=has_spacing_override)
-        orientation = _numbers(fields, _ORIENTATION)
+        fields = [*own, *shared, dataset, *detector]
+        has_position = any(POSITION in group for group in (*own, *shared))
+        needs_distance = not (has_position or offsets) and any(places)
+        pair, between = _lengths(path, fields, count if needs_distance else 1, is_needed=not has_spacing_override)
+        orientation = numbers_of(fields, ORIENTATION)
         row, column = np.reshape(orientation if len(orientation) == 6 else [1, 0, 0, 0, 1, 0], (2, 3))
-        position = np.array((_numbers(fields, _POSITION) or [0.0, 0.0, 0.0])[:3])
-        if not any(_POSITION in group for group in own):
-            position = position + step * np.cross(row, column)
-        slope, intercept = (_numbers(fields, _SLOPE) or [0.0])[0] or 1.0, (_numbers(fields, _INTERCEPT) or [0.0])[0]
-        dtype = _rescaled_dtype(dataset, slope, intercept)
-        thickness = (_numbers(fields, _BETWEEN_SLICES) or [1.0])[0] or 1.0
-        across, down = row * pair[1], column * pair[0]
+        position = np.array((numbers_of(fields, POSITION) or [0.0, 0.0, 0.0])[:3])
+        if not has_position:
+            normal = np.cross(row, column)
+            step = _offset(offsets, number, position, normal) if offsets else places[number] * between
+            position = position + step * normal
+        slopes = numbers_of(fields, _SLOPE) or numbers_of(fields, _DOSE_SLOPE) or [0.0]
+        slope, intercept = slopes[0] or 1.0, (numbers_of(fields, _INTERCEPT) or [0.0])[0]
+        own_marks = vectors.get(number, {}) | (frame_marks(own, dimensions) if own else {})
+        marks = own_marks | marks_of_all | own_marks  # the first that tells frames apart is more often their own
+        marks |= {_FRAME_NUMBER: ([number], "")} if count > 1 else {}
         frames.append(
-            Frame(path, number, size, num_samples, slope, intercept, dtype, position, across, down, thickness)
+            Frame(
+                file=path,
+                number=number,
+                size=size,
+                num_samples=num_samples,
+                slope=slope,
+                intercept=intercept,
+                dtype=_rescaled_dtype(dataset, slope, intercept),
+                position=position,
+                across=row * pair[1],
+                down=column * pair[0],
+                thickness=abs(between),
+                padding=padding,
+                marks=marks,
+            )
         )
     return frames
 
 
-def _groups(dataset: _Dataset, tag: int) -> list[list[_Dataset]]:
-    """Return for each item of a sequence of functional groups the datasets in the groups that are needed."""
-    items = dataset[tag].value if tag in dataset else []
-    return [[item[group].value[0] for group in _GROUPS if group in item] for item in items]
+def _places(dataset: Dataset, vectors: dict[int, dict[Dimension, Mark]], count: int) -> Sequence[float]:
+    """Return for each frame of a file its number among the slices of its volume, from 0 on, unless positions tell."""
+    numbers = numbers_in(value_of([dataset], _SLICE_VECTOR))
+    if len(numbers) == count:
+        return [number - 1 for number in numbers]
+    return [0.0] * count if any(marks != vectors[0] for marks in vectors.values()) else range(count)
 
 
-def _lengths(
-    path: Path, fields: list[_Dataset], number: int, count: int, *, has_spacing_override: bool
-) -> tuple[list[float], float]:
-    """Return the spacing down and across, and how far from the first frame this one is without a position of its own.
+def _offset(offsets: list[float], number: int, position: Float64, normal: Float64) -> float:
+    """Return how far along the normal a frame is from the position of the first one.
 
-    Raises InputError if the file does not give them.
+    Offsets that begin with 0 are relative, and others are z in the world where frames lie across it (PS3.3, C.8.8.3.2).
     """
-    dataset = fields[-1]
-    pair = next((found for tag in _IN_PLANE if len(found := _numbers(fields, tag)) == 2 and min(found) > 0), [])
-    offsets, between = _numbers([dataset], _FRAME_OFFSETS), _numbers(fields, _BETWEEN_SLICES)
-    has_positions = any(_POSITION in group for group in fields[:-1])
-    step = 0.0
+    if offsets[0] == 0.0 or abs(normal[2]) < 0.999:
+        return offsets[number] - offsets[0]
+    return float((offsets[number] - position[2]) * np.sign(normal[2]))
+
+
+def _lengths(path: Path, fields: list[Dataset], count: int, *, is_needed: bool) -> tuple[list[float], float]:
+    """Return the spacing down and across, and the distance of frames, which may be negative.
+
+    count: of the frames that need a distance. Raises InputError if the file does not give them and they are needed.
+    """
+    pair = next((found for tag in _IN_PLANE if len(found := numbers_of(fields, tag)) == 2 and min(found) > 0), [])
+    between = numbers_of(fields, _BETWEEN_SLICES)
+    distance = between[0] if len(between) == 1 else 0.0
     got = None
     if not pair:
         text = next((text for each in fields if (text := text_of(each, _IN_PLANE[0])) is not None), None)
         got = "no PixelSpacing" if text is None else f"PixelSpacing = {short_text(text)}"
-    elif len(offsets) == count:
-        step = offsets[number]
-    elif len(between) == 1 and between[0] > 0:
-        step = number * between[0]
-    elif count > 1 and not has_positions:
+    elif count > 1 and distance == 0.0:
         got = f"{count} frames without SpacingBetweenSlices or functional groups"
-    if got is None:
-        return pair, step
-    if has_spacing_override:
-        return pair or [1.0, 1.0], float(number)
+    if got is None or not is_needed:
+        return pair or [1.0, 1.0], distance if got is None and distance else 1.0
     raise InputError(
         "this DICOM file does not give its voxel size",
         where=str(path),
@@ -208,7 +233,25 @@ def _lengths(
     )
 
 
-def _rescaled_dtype(dataset: _Dataset, slope: float, intercept: float) -> np.dtype[Any]:
+def _padding(dataset: Dataset) -> tuple[float, float] | None:
+    """Return the ends of the stored values of gray pixels that stand for no data; None if none do.
+
+    Those of integers have 16 bits, with a sign if the pixels have one, whatever the type of the field says.
+    """
+    if not (text_of(dataset, _PHOTOMETRIC) or "MONOCHROME").startswith("MONOCHROME"):
+        return None
+    is_signed = bool(dataset.get("PixelRepresentation"))
+    for tags in _PADDING[:1] if "BitsStored" in dataset else _PADDING[1:]:
+        value, limit = (numbers_in(value_of([dataset], tag)) for tag in tags)
+        if len(value) == 1:
+            ends = np.array([*value, *(limit or value)[:1]])
+            if "BitsStored" in dataset:
+                ends = (ends + 2**15) % 2**16 - 2**15 if is_signed else ends % 2**16
+            return float(ends[0]), float(ends[1])
+    return None
+
+
+def _rescaled_dtype(dataset: Dataset, slope: float, intercept: float) -> np.dtype[Any]:
     """Return the dtype of rescaled values: the smallest of integers if both numbers are whole, else float64.
 
     Files of floats have no BitsStored.
@@ -233,7 +276,7 @@ def _rescaled_dtype(dataset: _Dataset, slope: float, intercept: float) -> np.dty
 
 def pixels_of(path: Path) -> Array:
     """Return the stored pixels of a file, [frame, y, x, sample]; raises InputError if they cannot be decoded."""
-    dataset, _ = _open(path, with_pixels=True)
+    dataset, _ = open_dicom(path, with_pixels=True)
     syntax = dataset.file_meta.get("TransferSyntaxUID")
     if syntax is None:  # without a preamble
         dataset.file_meta.TransferSyntaxUID = _plain_syntax(dataset)
@@ -251,7 +294,7 @@ def pixels_of(path: Path) -> Array:
     return _without_unused_bits(pixels[:frames], dataset)  # what is left over may be padding
 
 
-def _plain_syntax(dataset: _Dataset) -> Any:
+def _plain_syntax(dataset: Dataset) -> Any:
     """Return the transfer syntax without compression in which a dataset was read."""
     from pydicom.uid import ExplicitVRBigEndian, ExplicitVRLittleEndian, ImplicitVRLittleEndian
 
@@ -259,7 +302,7 @@ def _plain_syntax(dataset: _Dataset) -> Any:
     return ImplicitVRLittleEndian if is_implicit else ExplicitVRLittleEndian if is_little else ExplicitVRBigEndian
 
 
-def _without_unused_bits(pixels: Array, dataset: _Dataset) -> Array:
+def _without_unused_bits(pixels: Array, dataset: Dataset) -> Array:
     """Return the values of the stored bits alone: others may hold overlays, and the sign may not reach into them."""
     stored = int(dataset.get("BitsStored") or 16)
     unused = 8 * pixels.itemsize - stored

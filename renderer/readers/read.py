@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.common import (
-    NO_SPACING,
+    GUESSED_LENGTHS,
     Image,
     check_axes,
     check_dtype,
@@ -26,9 +26,10 @@ from renderer.readers.common import (
     with_spacing,
 )
 from renderer.readers.isolation import import_reader, read_isolated
+from renderer.readers.nodata import mark_absent
 from renderer.readers.sniff import find_format, find_volume
 from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec, short_text
-from renderer.volume import Array, MappedFile, Volume, backing_file, guard_mapping, iter_slabs, make_volume
+from renderer.volume import Array, Volume, backing_file, guard_mapping, make_volume
 
 Ranges = Sequence[tuple[int, int]]
 
@@ -64,21 +65,20 @@ def _read_volume(spec: VolumeSpec, name: str) -> Volume:
     crop, lengths = spec.crop or (None, None, None), image.values.shape[::-1]
     ranges = tuple(pair or (0, length) for pair, length in zip(crop, lengths, strict=True))
     image = crop_image(image, ranges)
-    notes = [each for each in image.notes if each and (spacing is None or each != NO_SPACING)]
+    notes = [each for each in image.notes if each and (spacing is None or not each.startswith(GUESSED_LENGTHS))]
     first = tuple(begin for begin, _ in ranges)
     mapped = backing_file(image.values) if stays_mapped(image.values.nbytes) else None
     if mapped is not None:
         guard_mapping(mapped, image.values)
     image = replace(image, values=_native_contiguous(image.values))
     file = backing_file(image.values)
-    values, num_replaced, fill_value = _replace_nonfinite(image.values, file, spec.nonfinite, first)
+    values, num_absent, note = mark_absent(image.values, file, spec.nodata, image.nodata, first)
     if mapped is not None:  # checked for copies, too
         mapped.require_unchanged()
     file = file if values is image.values else None
     check_integer_resolution(values, file)
-    made = make_volume(values, image.world_from_index, name, file)
-    made = replace(made, num_nonfinite=num_replaced, nonfinite_fill_value=fill_value)
-    return replace(made, file_spacing=replaced, note="; ".join(notes) or None)
+    made = make_volume(values, image.world_from_index, name, file, num_absent=num_absent)
+    return replace(made, file_spacing=replaced, note="; ".join([*notes, *filter(None, [note])]) or None)
 
 
 def _name(source: FileSource | RawSource | ProceduralSource | ArraySource) -> str:
@@ -196,51 +196,3 @@ def _native_contiguous(values: Array) -> Array:
         swapped: Array = (values if values.flags.writeable else values.copy()).byteswap(inplace=True)
         return swapped.view(values.dtype.newbyteorder("="))
     return values
-
-
-def _replace_nonfinite(
-    values: Array,
-    file: MappedFile | None,
-    replacement: Literal["error", "lowest"] | float,
-    first_xyz: tuple[int, ...],
-) -> tuple[Array, int, float]:
-    """Return the values, the number of NaN and infinities that were replaced, and the value that replaced them.
-
-    Values that are mapped from a file are copied before any is replaced. Raises InputError if none may be replaced.
-    """
-    if values.dtype.kind != "f":
-        return values, 0, 0.0
-    num_bad, first_bad, lowest = 0, None, np.inf
-    for z, plane in enumerate(plane for slab in iter_slabs(values, file) for plane in slab):
-        finite = np.isfinite(plane)
-        num_good = int(np.count_nonzero(finite))
-        if num_good < plane.size:
-            num_bad += plane.size - num_good
-            if first_bad is None:
-                y, x = np.argwhere(~finite)[0]
-                first_bad = (int(x) + first_xyz[0], int(y) + first_xyz[1], z + first_xyz[2])
-        if replacement == "lowest" and num_good:
-            lowest = min(lowest, float(plane.min(where=finite, initial=np.inf)))
-    if not num_bad:
-        return values, 0, 0.0
-    if num_bad == values.size:
-        raise InputError("no voxel is finite: all are NaN or infinite")
-    if replacement == "error":
-        raise InputError(
-            f"{num_bad} of {values.size} voxels are NaN or infinite",
-            got=f"the first at voxel x, y, z = {', '.join(map(str, first_bad or ()))}",
-            expected="finite values",
-            hint="`nonfinite: lowest` replaces them with the lowest finite value",
-        )
-    number = lowest if replacement == "lowest" else replacement
-    largest = float(np.finfo(values.dtype).max)
-    if abs(number) > largest:
-        raise InputError(
-            "the value that replaces NaN and infinities is out of the range of the voxels",
-            got=f"`nonfinite: {number:g}`",
-            expected=f"a number from {-largest:g} to {largest:g}, for {values.dtype.name}",
-        )
-    values = values if values.flags.writeable else values.copy()
-    for plane in values:
-        plane[~np.isfinite(plane)] = number
-    return values, num_bad, number

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
+from renderer.readers.sniff import natural_key
 
 
 def sort_slices(files: list[Path]) -> list[Path]:
@@ -17,7 +18,7 @@ def sort_slices(files: list[Path]) -> list[Path]:
     Raises InputError unless the names differ only in numbers, of which one increases from file to file in even steps:
         otherwise slices are missing, or there are several stacks.
     """
-    files = sorted(files, key=_natural)
+    files = sorted(files, key=natural_key)
     shapes = [re.sub("[0-9]+", "#", file.name.lower()) for file in files]
     for file, shape in zip(files, shapes, strict=True):
         if shape != shapes[0]:
@@ -32,12 +33,6 @@ def sort_slices(files: list[Path]) -> list[Path]:
     if len(files) > 1 and not any(_is_even(column) for column in running):
         raise _uneven(files, running)
     return files
-
-
-def _natural(path: Path) -> tuple[list[tuple[int, int, str]], str]:
-    """Return a sort key in which runs of digits count as numbers; the name breaks ties such as `1.tif` and `01.tif`."""
-    parts = re.split("([0-9]+)", path.name.lower())
-    return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts], path.name
 
 
 def _is_even(column: tuple[int, ...]) -> bool:

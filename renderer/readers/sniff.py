@@ -7,6 +7,7 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Literal
 
@@ -39,7 +40,7 @@ _SUFFIXES: dict[str, Format] = {
     **dict.fromkeys((".nii", ".hdr", ".img"), "nifti"),
     **dict.fromkeys((".mgh", ".mgz"), "mgh"),
     **dict.fromkeys((".cube", ".cub"), "cube"),
-    **dict.fromkeys((".tif", ".tiff"), "tiff"),
+    **dict.fromkeys((".tif", ".tiff", ".ome"), "tiff"),
     **dict.fromkeys((".h5", ".hdf5", ".ims", ".nc", ".nc4"), "hdf5"),
 }
 _VOLUME_SUFFIXES = (
@@ -63,6 +64,8 @@ _FIRST_BYTES = 4096
 _GZIP = b"\x1f\x8b"
 # The first number of NIfTI headers is their length.
 NIFTI_STARTS = [struct.pack(order + "i", length) for length in (348, 540) for order in "<>"]
+# In the header of an index of other files: the class "media storage directory".
+_DICOM_INDEX = b"1.2.840.10008.1.3.10\2"
 # The most files and folders that a search looks at.
 _MAX_ENTRIES = 10_000
 
@@ -129,8 +132,15 @@ def _has_sizes_of_mrc(content: bytes) -> bool:
 
 
 def is_dicom(path: Path) -> bool:
-    """Return whether a file begins like DICOM: with a preamble of 128 bytes and a mark, or without them."""
-    return path.is_file() and _begins_like_dicom(_start(path))
+    """Return whether a file begins like DICOM, with a preamble of 128 bytes and a mark or without, and is no index."""
+    start = _start(path) if path.is_file() else b""
+    return _begins_like_dicom(start) and _DICOM_INDEX not in start
+
+
+def natural_key(path: Path) -> tuple[list[tuple[int, int, str]], str]:
+    """Return a sort key in which runs of digits count as numbers; the name breaks ties such as `1.tif` and `01.tif`."""
+    parts = re.split("([0-9]+)", path.name.lower())
+    return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts], path.name
 
 
 def find_volume(path: Path) -> tuple[Path, Format, str | None]:
@@ -151,14 +161,13 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
         return path, own, note if others else None
     found = list(_search(path))
     if len(found) != 1:
-        each_hint = f"; `hsplat turntable {path}` draws each of them" * any(each.parent == path for each in found)
         names = [short_text(str(each.relative_to(path))) for each in found]
         raise InputError(
             f"this folder holds {len(found)} volumes, and one is rendered" if found else "this folder holds no volume",
             where=str(path),
             got=join_some(names) if found else "an empty folder" if not any(path.iterdir()) else None,
             expected=None if found else f"slices of DICOM, TIFF, PNG, JPEG or BMP, or a file of {KNOWN_FORMATS}",
-            hint=f"name one of them: {path / found[0].relative_to(path)}{each_hint}" if found else None,
+            hint=f"name one of them: {found[0]}; `hsplat turntable {path}` draws each of them" if found else None,
         )
     volume = found[0]
     slices = _format_of_slices(volume) if volume.is_dir() else None
@@ -167,13 +176,20 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
     return volume, slices or find_format(volume), f"the only volume in this folder, {volume.relative_to(path)}, is read"
 
 
+def is_volume_name(name: str | os.PathLike[str]) -> bool:
+    """Return whether this is the name of a folder, or of a file in a known format."""
+    with suppress(InputError):
+        return os.path.isdir(name) or (os.path.isfile(name) and bool(find_format(Path(name))))
+    return False
+
+
 def volumes_in(folder: Path) -> list[Path]:
-    """Return the volumes directly in a folder, folders of slices among them; none where it is or has only one volume.
+    """Return the volumes below a folder, folders of slices among them; none where it is or has only one volume.
 
     Raises InputError for slices of several formats, and for too many files.
     """
     found = list(_search(folder)) if _format_of_slices(folder) in (None, "pictures") else []
-    return [each for each in found if each.parent == folder] if len(found) > 1 else []
+    return found if len(found) > 1 else []
 
 
 def _format_of_slices(folder: Path) -> Format | None:
@@ -204,20 +220,23 @@ def slices_of_pictures(folder: Path) -> list[Path]:
 
 
 def _files_in(folder: Path) -> list[Path]:
-    names = (entry for entry in folder.iterdir() if not entry.name.startswith(".") and entry.name != "DICOMDIR")
+    names = (entry for entry in folder.iterdir() if not entry.name.startswith(".") and entry.name.upper() != "DICOMDIR")
     return [entry for entry in names if entry.is_file()]
 
 
 def _search(folder: Path) -> Iterator[Path]:
-    """Yield the volume files below a folder, and the folders of slices; links to folders are not followed.
+    """Yield the volume files below a folder, and the folders of slices, each once; links to folders are not followed.
 
-    Where there are none, yield the folders of pictures, among them the folder itself: else pictures show a volume.
+    Those of a folder come in natural order, before those of the folders in it. Where there are none, yield the folders
+    of pictures, among them the folder itself: else pictures show a volume.
     Raises InputError for more than _MAX_ENTRIES files and folders: there may be another volume among the others.
     """
-    num_left = _MAX_ENTRIES
+    num_left, seen = _MAX_ENTRIES, set[str]()
     pictures, has_others = list[Path](), False
     for place, folders, files in os.walk(folder):
-        folders.sort()
+        folders[:] = sorted(
+            (name for name in folders if not name.startswith(".")), key=lambda name: natural_key(Path(name))
+        )
         num_left -= len(folders) + len(files)
         if num_left < 0:
             raise InputError(
@@ -226,19 +245,26 @@ def _search(folder: Path) -> Iterator[Path]:
                 expected=f"at most {_MAX_ENTRIES} files and folders",
                 hint="name the volume itself",
             )
-        slices = _format_of_slices(Path(place))
+        slices = _slices_below(Path(place))
         if slices == "pictures":
             pictures.append(Path(place))
         elif slices is not None and Path(place) != folder:
             has_others = True
             yield Path(place)
             continue
-        for name in sorted(files):
-            if _is_volume(Path(place, name)):
+        for file in sorted((Path(place, name) for name in files), key=natural_key):
+            if _is_volume(file) and (real := os.path.realpath(file)) not in seen:
                 has_others = True
-                yield Path(place, name)
+                seen.add(real)
+                yield file
     if not has_others:
         yield from pictures
+
+
+def _slices_below(folder: Path) -> Format | None:
+    with suppress(InputError):
+        return _format_of_slices(folder)
+    return "dicom"  # and of TIFF, too, which its reader reports
 
 
 def _is_volume(file: Path) -> bool:

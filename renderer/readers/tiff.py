@@ -3,16 +3,17 @@
 
 tifffile parses and decodes, in a child process (`isolation.py`). Values are those of the file, whatever its colours: a
 palette is not applied, and white may be 0. Smaller previews among the pages are left out. Axes and spacing come from
-the descriptions of ImageJ and OME and from the resolution; spacing along z, if it is not given, equals that along x: a
-resolution is often just that of a screen, and slices as thick as pixels keep proportions.
+what ImageJ, OME, tifffile and Zeiss write into the first page, and from the resolution (`tiff_description.py`,
+`tiff_spacing.py`). Planes of OME may be in files beside this one.
 """
 
 from __future__ import annotations
 
 import logging
+import math
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -23,24 +24,15 @@ from renderer.readers.common import Image, choice_notes, chosen_part, errors_abo
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.slice_names import sort_slices
 from renderer.readers.sniff import TIFF_SUFFIXES
-from renderer.readers.tiff_description import (
-    MM_PER_UNIT,
-    hyperstack,
-    imagej_spacing,
-    is_imagej,
-    is_ome,
-    ome_page_order,
-    ome_spacing,
-)
+from renderer.readers.text_header import NUMBER
+from renderer.readers.tiff_description import Page, num_planes_by_description, page_layout, page_places
+from renderer.readers.tiff_spacing import find_spacing
+from renderer.scene import short_text
 from renderer.volume import Array, Float64
 
 # Fields by number.
-_X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT = 282, 283, 296
 _RGB = 2  # the photometric interpretation
-_FIRST_PRIVATE, _DEPTHS, _METAMORPH_PLANES = 32768, (32997, 32998), 33629
-
-# A tifffile.TiffPage.
-_Page = Any
+_FIRST_PRIVATE, _DEPTHS, _METAMORPH_PLANES, _GDAL_NODATA = 32768, (32997, 32998), 33629, 42113
 
 
 def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, host: Host) -> Image:
@@ -54,36 +46,74 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
     if path.is_dir():
         select_index("time", time, 1)
         return _read_folder(path, component, has_spacing_override=has_spacing_override, host=host)
+    if path.suffix.lower() == ".ome":
+        raise InputError(
+            "this is the description of an OME-TIFF in several files, which has no pixels itself",
+            hint="render the first of the .tif files beside it",
+        )
     with _open_pages(path) as pages:
         first = pages[0]
-        slices = [page for page in pages if not _is_preview(page, first)]
-        for page in slices:
-            if _describe(page) != _describe(first):
-                raise InputError(
-                    "the pages differ",
-                    got=f"{_describe(page)} on page {page.index + 1}",
-                    expected=f"{_describe(first)} as on page 1",
-                    hint="previews among the slices? save the slices alone",
-                )
-        description = first.description
-        num_planes = len(slices) if len(slices) > 1 else _num_contiguous(first, description, path)
-        axes, counts = hyperstack(description, num_planes, first.samplesperpixel)
-        num_components = counts[axes.index("C")] * first.samplesperpixel
+        slices = _slices(pages, first)
+        num_planes = len(slices) if len(slices) > 1 else _num_contiguous(first, path)
+        layout = page_layout(first, num_planes)
+        num_components = layout.count("C") * first.samplesperpixel
         channel, sample = divmod(select_index("component", component, num_components), first.samplesperpixel)
-        part = chosen_part(axes.lower(), tuple(counts), time, channel)
-        order = ome_page_order(description, axes, counts) if is_ome(description) else range(num_planes)
-        numbers = np.reshape(order, counts)[part]
-        values = allocate_voxels(host, (len(numbers), first.imagelength, first.imagewidth), _dtype(first))
-        for target, number in zip(values, numbers, strict=True):
-            if num_planes > len(slices):
-                target[...] = _contiguous_plane(first, int(number), path)
-            else:
-                target[...] = _plane(slices[number], sample, path)
-        world_from_index = _world_from_index(first, has_spacing_override)
-        chosen = choice_notes("tc", (counts[axes.index("T")], num_components), time, component, _colours(first))
+        part = chosen_part(layout.axes.lower(), layout.counts, time, channel)
+        places = page_places(first.description, path.name, layout)
+        chosen = [places[k] for k in np.reshape(range(len(places)), layout.counts)[part].ravel()]
+        values = allocate_voxels(host, (len(chosen), first.imagelength, first.imagewidth), _dtype(first))
+        for name in sorted({name for name, _ in chosen}):
+            file = _sibling(path, name) if name else path
+            host.begin_file(file)
+            numbers = {k: number for k, (other, number) in enumerate(chosen) if other == name}
+            with _open_pages(file) if name else nullcontext(pages) as own:
+                _fill(values, numbers, _slices(own, first), sample, file)
+        world_from_index, note_on_lengths = _world_from_index(first, layout.space, has_spacing_override)
+        notes = choice_notes("tc", (layout.count("T"), num_components), time, component, _colours(first))
+        nodata = _nodata(first)
     num_left_out = len(pages) - len(slices)
     note = f"{num_left_out} smaller previews among the pages are left out" if num_left_out else None
-    return Image(values, world_from_index, (note, *chosen))
+    return Image(values, world_from_index, (note, note_on_lengths, layout.note, *notes), nodata)
+
+
+def _slices(pages: list[Page], first: Page) -> list[Page]:
+    """Return the pages of a file without previews; raises InputError unless all are like the first slice."""
+    slices = [page for page in pages if not _is_preview(page, first)]
+    for page in slices:
+        if _describe(page) != _describe(first):
+            raise InputError(
+                "the pages differ",
+                got=f"{_describe(page)} on page {page.index + 1}",
+                expected=f"{_describe(first)} as on page 1",
+                hint="previews among the slices? save the slices alone",
+            )
+    return slices
+
+
+def _sibling(path: Path, name: str) -> Path:
+    """Return the file of this name beside an OME-TIFF that names it."""
+    if not (path.parent / name).is_file():
+        raise InputError(
+            "a file that this OME-TIFF names is not beside it",
+            got=short_text(name),
+            hint="an image in several files needs all of them: move or copy all, and do not rename them",
+        )
+    return require_exists(path.parent / name)
+
+
+def _fill(values: Array, numbers: dict[int, int], slices: list[Page], sample: int, path: Path) -> None:
+    """Decode pages of a file into slices of `values`; numbers: of the page by that of the slice.
+
+    Raises InputError for pages that the file does not have.
+    """
+    num_planes = _num_contiguous(slices[0], path) if len(slices) == 1 else len(slices)
+    for k, number in numbers.items():
+        if number >= num_planes:
+            raise InputError(
+                "the description places planes on pages that this file lacks", got=f"page {number + 1} of {num_planes}"
+            )
+        is_page = number < len(slices)
+        values[k] = _plane(slices[number], sample, path) if is_page else _contiguous_plane(slices[0], number, path)
 
 
 def _read_folder(folder: Path, component: int | None, *, has_spacing_override: bool, host: Host) -> Image:
@@ -94,8 +124,7 @@ def _read_folder(folder: Path, component: int | None, *, has_spacing_override: b
     """
     entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
     files = sort_slices([entry for entry in entries if entry.suffix.lower() in TIFF_SUFFIXES])
-    values, expected, world_from_index = None, "", np.eye(4)
-    notes: tuple[str, ...] = ()
+    image, expected = None, ""
     for index, file in enumerate(files):
         host.begin_file(file)
         with _open_pages(require_exists(file)) as pages:
@@ -114,18 +143,19 @@ def _read_folder(folder: Path, component: int | None, *, has_spacing_override: b
                     expected=f"{expected} as in {files[0].name}",
                 )
             plane = _plane(page, select_index("component", component, page.samplesperpixel), file)
-            if values is None:  # allocated only after one slice has been read
+            if image is None:  # allocated only after one slice has been read
                 with errors_about(folder):
                     values = allocate_voxels(host, (len(files), *plane.shape), _dtype(page))
-                world_from_index = _world_from_index(page, has_spacing_override)
+                world_from_index, note = _world_from_index(page, "XYZ", has_spacing_override)
                 notes = choice_notes("c", (page.samplesperpixel,), None, component, _colours(page))
-            values[index] = plane
-    assert values is not None, "called without files"
-    return Image(values, world_from_index, notes)
+                image = Image(values, world_from_index, (note, *notes), _nodata(page))
+            image.values[index] = plane
+    assert image is not None, "called without files"
+    return image
 
 
 @contextmanager
-def _open_pages(path: Path) -> Iterator[list[_Page]]:
+def _open_pages(path: Path) -> Iterator[list[Page]]:
     """Yield the pages of a file, at least one, each with pixels inside the file.
 
     Raises InputError for a file that is not TIFF, or whose directories are truncated or damaged.
@@ -136,7 +166,11 @@ def _open_pages(path: Path) -> Iterator[list[_Page]]:
     logging.getLogger("tifffile").addHandler(damage)
     try:
         with errors_about(path), tifffile.TiffFile(path) as tiff:
-            pages = list(tiff.pages)
+            # Frames, of which Zeiss LSM is made, know only where their pixels are, but better than their own fields.
+            frames = list(tiff.pages)
+            pages = [frame.aspage() if frame.is_frame else frame for frame in frames]
+            for page, frame in zip(pages, frames, strict=True):
+                page.dataoffsets, page.databytecounts = frame.dataoffsets, frame.databytecounts
             if damage.num_errors:
                 raise tifffile.TiffFileError
             _check_pages(pages, tiff.filehandle.size)
@@ -166,7 +200,7 @@ class _Damage(logging.Handler):
         self.num_errors += number < _FIRST_PRIVATE or number in _DEPTHS
 
 
-def _check_pages(pages: list[_Page], num_file_bytes: int) -> None:
+def _check_pages(pages: list[Page], num_file_bytes: int) -> None:
     """Raise InputError unless every page has one plane of pixels, and all are inside the file, each byte used once."""
     if not pages or not all(np.prod(page.shaped, dtype=object) for page in pages):
         raise InputError("this TIFF file holds no image", hint="the file is truncated or damaged")
@@ -209,45 +243,44 @@ def _check_pages(pages: list[_Page], num_file_bytes: int) -> None:
         )
 
 
-def _has_unlisted_planes(page: _Page) -> bool:
-    """Return whether planes follow the only page without a page of their own: of MetaMorph, or of tifffile.
-
-    Those of ImageJ are read.
-    """
-    if page.is_stk:
-        planes = page.tags.get(_METAMORPH_PLANES)
-        return planes is None or bool(planes.count > 1)
-    return re.search(r'"truncated": *true', page.description) is not None
+def _has_unlisted_planes(page: Page) -> bool:
+    """Return whether planes of MetaMorph follow the only page without a page of their own."""
+    planes = page.tags.get(_METAMORPH_PLANES)
+    return bool(page.is_stk) and (planes is None or bool(planes.count > 1))
 
 
-def _num_plain_bytes(page: _Page) -> int:
+def _num_plain_bytes(page: Page) -> int:
     """Return the number of bytes of all pixels of a page without compression; rows begin at whole bytes."""
     row = -(-page.imagewidth * page.samplesperpixel * int(page.bitspersample) // 8)
     return int(page.imagelength * row)
 
 
-def _dtype(page: _Page) -> np.dtype[Any]:
+def _dtype(page: Page) -> np.dtype[Any]:
     """Return the dtype of the voxels; single bits become bytes of 0 and 1."""
     return np.dtype(np.uint8) if page.dtype.kind == "b" else np.dtype(page.dtype)
 
 
-def _colours(page: _Page) -> str:
+def _colours(page: Page) -> str:
     """Return the letters of the samples of a page, if it has colours."""
     return "RGBA"[: page.samplesperpixel] if page.photometric == _RGB else ""
 
 
-def _describe(page: _Page) -> str:
+def _describe(page: Page) -> str:
     """Return size and type of a page, in which all slices agree."""
     samples = f" of {page.samplesperpixel} samples" if page.samplesperpixel > 1 else ""
     return f"{page.imagewidth} x {page.imagelength} {_dtype(page).name}{samples}"
 
 
-def _is_preview(page: _Page, first: _Page) -> bool:
-    """Return whether a page is marked as a reduced version of another one, and is smaller than the first page."""
-    return bool(page.is_reduced) and page.imagewidth * page.imagelength < first.imagewidth * first.imagelength
+def _is_preview(page: Page, first: Page) -> bool:
+    """Return whether a page is marked as a reduced version of another one, and is smaller than the first page.
+
+    Thumbnails of Zeiss may be larger.
+    """
+    is_smaller = page.imagewidth * page.imagelength < first.imagewidth * first.imagelength
+    return bool(page.is_reduced) and (is_smaller or bool(first.is_lsm))
 
 
-def _plane(page: _Page, sample: int, path: Path) -> Array:
+def _plane(page: Page, sample: int, path: Path) -> Array:
     """Return one sample of the pixels of a page, [y, x]; raises InputError for pixels that cannot be decoded."""
     try:
         pixels = page.asarray(maxworkers=1).reshape(page.shaped)
@@ -264,15 +297,14 @@ def _plane(page: _Page, sample: int, path: Path) -> Array:
     return plane
 
 
-def _num_contiguous(page: _Page, description: str, path: Path) -> int:
-    """Return the number of planes behind the only page of a large ImageJ stack, which has no other pages; else 1."""
-    images = re.search(r"^images=([0-9]{1,9})\s*$", description, re.M) if is_imagej(description) else None
-    num = int(images[1]) if images else 1
+def _num_contiguous(page: Page, path: Path) -> int:
+    """Return the number of planes of the only page of a large ImageJ stack, or of a truncated one of tifffile."""
+    num = num_planes_by_description(page)
     is_plain = page.compression == 1 and page.samplesperpixel == 1 and page.is_contiguous
     return num if is_plain and page.dataoffsets[0] + num * page.nbytes <= path.stat().st_size else 1
 
 
-def _contiguous_plane(page: _Page, number: int, path: Path) -> Array:
+def _contiguous_plane(page: Page, number: int, path: Path) -> Array:
     """Return one of the planes that follow the only page one after the other, [y, x]."""
     dtype = np.dtype(page.parent.byteorder + page.dtype.char)
     offset = page.dataoffsets[0] + number * page.nbytes
@@ -280,40 +312,28 @@ def _contiguous_plane(page: _Page, number: int, path: Path) -> Array:
     return np.reshape(plane, page.shaped[2:4])
 
 
-def _pixel_size(page: _Page, tag: int) -> float | None:
-    """Return the length of a pixel by the resolution, which is a fraction; None without one."""
-    fraction: Any = page.tags.valueof(tag)
-    if not (isinstance(fraction, tuple) and len(fraction) == 2 and all(fraction)):
-        return None
-    return float(fraction[1] / fraction[0])
+def _world_from_index(first: Page, space: str, has_spacing_override: bool) -> tuple[Float64, str | None]:
+    """Return the affine of a stack, and a note on guessed lengths; spacing 1 if its lengths make no sense and
+    `has_spacing_override` is set.
 
-
-def _world_from_index(first: _Page, has_spacing_override: bool) -> Float64:
-    """Return the affine of a stack, with spacing 1 if its lengths make no sense and `has_spacing_override` is set."""
+    space: which axis of space the rows, columns and slices are along.
+    """
     try:
-        spacing = _spacing(first)
+        spacing, note = find_spacing(first)
     except InputError:
         if not has_spacing_override:
             raise
-        spacing = [1.0, 1.0, 1.0]
+        spacing, note = [math.nan], None
     if has_spacing_override and not np.isfinite(spacing).all():
         spacing = [1.0, 1.0, 1.0]
-    return np.diag([*spacing, 1.0])
+    world_from_index = np.zeros((4, 4))
+    world_from_index[[*map("XYZ".index, space), 3], range(4)] = [*spacing, 1.0]
+    return world_from_index, note
 
 
-def _spacing(first: _Page) -> list[float]:
-    """Return the spacing along x, y, z: in mm if the resolution is per inch or cm, else in the description's unit,
-    else 1."""
-    description = first.description
-    sizes = [_pixel_size(first, tag) for tag in (_X_RESOLUTION, _Y_RESOLUTION)]
-    tag = first.tags.valueof(_RESOLUTION_UNIT)
-    unit = int(tag) if isinstance(tag, int) else None
-    spacing: list[float | None] = [None, None, None]
-    if is_ome(description):
-        spacing = ome_spacing(description)
-    elif is_imagej(description):
-        spacing = imagej_spacing(description, sizes, unit)
-    elif (mm := MM_PER_UNIT.get(2 if unit is None else unit)) is not None:
-        spacing = [size and size * mm for size in sizes] + [None]
-    x = spacing[0] or 1.0
-    return [x, spacing[1] or x, spacing[2] or x]
+def _nodata(page: Page) -> tuple[tuple[float, float], ...]:
+    """Return the value that stands for no data to GDAL, as a range that contains it however it was rounded."""
+    text = str(page.tags.valueof(_GDAL_NODATA) or "").strip()
+    value = float(text) if NUMBER.fullmatch(text) else math.nan
+    margin = 1e-6 * abs(value) if page.dtype.kind == "f" else 0.0
+    return ((value - margin, value + margin),) if math.isfinite(value) else ()

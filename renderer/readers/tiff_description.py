@@ -1,54 +1,49 @@
-"""Read axes and spacing from the descriptions that ImageJ and OME write into the first page of a TIFF file.
+"""Read axes from the descriptions that ImageJ, OME, tifffile and Zeiss write into the first page of a TIFF file.
 
-ImageJ's is lines of `key=value`. OME's is XML, in which a few attributes are searched as text: nothing is parsed,
-expanded or nested.
+ImageJ's is lines of `key=value`, and tifffile's JSON. OME's is XML, in which a few attributes are searched as text:
+nothing is parsed, expanded or nested. That of Zeiss LSM is a record of numbers.
 """
 
 from __future__ import annotations
 
 import html
+import json
 import math
 import re
-import unicodedata
-from fractions import Fraction
+from dataclasses import dataclass
+from typing import Any
 
 from renderer.errors import InputError
 from renderer.readers.text_header import NUMBER
 
 _MAX_COUNT = 2**31 - 1
+_MAX_PLANES = 2**20
 _SHOWN_CHARACTERS = 40
 
 _PIXELS = re.compile(r"<(?:\w+:)?Pixels\b[^<>]*>")
 
-# OME's units of length (OME 2016-06, UnitsLength) that can be converted. `pixel`, `reference frame` and unknown units
-# cannot; without a unit it is µm.
-_PREFIXES = {"Y": 24, "Z": 21, "E": 18, "P": 15, "T": 12, "G": 9, "M": 6, "k": 3, "h": 2, "da": 1, "": 0, "d": -1}
-_PREFIXES |= {"c": -2, "m": -3, "µ": -6, "n": -9, "p": -12, "f": -15, "a": -18, "z": -21, "y": -24}
-_INCH = Fraction(254, 10_000)
-_OTHERS = {
-    "Å": Fraction(1, 10**10),
-    "ua": Fraction(149_597_870_700),
-    "ly": Fraction(9_460_730_472_580_800),
-    "pc": Fraction(149_597_870_700 * 648_000 / math.pi),
-    "thou": _INCH / 1000,
-    "li": _INCH / 12,
-    "in": _INCH,
-    "ft": _INCH * 12,
-    "yd": _INCH * 36,
-    "mi": _INCH * 63_360,
-    "pt": _INCH / 72,
-}
-_METRES = {f"{prefix}m": Fraction(10) ** power for prefix, power in _PREFIXES.items()} | _OTHERS
-_METRES = {unicodedata.normalize("NFKC", unit): metres for unit, metres in _METRES.items()}
+# A tifffile.TiffPage.
+Page = Any
 
-# The units of the resolution by number, and their lengths in mm.
-_UNITS_OF_TAG = {2: "inch", 3: "cm"}
-MM_PER_UNIT = {2: 25.4, 3: 10.0}
-# Spellings of units in ImageJ; pixels are not a unit.
-_MICRON = unicodedata.normalize("NFKC", "µm")
-_NAMES_OF_UNITS = dict.fromkeys(("um", _MICRON, "micron", "microns", "micrometer", "micrometers"), _MICRON)
-_NAMES_OF_UNITS |= dict.fromkeys(("in", "inch", "inches"), "inch") | dict.fromkeys(("pixel", "pixels"), "")
-_NAMES_OF_UNITS |= dict.fromkeys(("cm", "centimeter", "centimeters"), "cm")
+
+@dataclass(frozen=True)
+class Layout:
+    """What the pages are.
+
+    axes: of the pages from slowest to fastest: `T`, `Z`, `C`, or `-` for one of which the first item is drawn.
+    counts: the length of each.
+    space: the axis of space, `X`, `Y` or `Z`, along a row, a column and the slices.
+    note: on axes that the file does not name.
+    """
+
+    axes: str
+    counts: tuple[int, ...]
+    space: str = "XYZ"
+    note: str | None = None
+
+    def count(self, axis: str) -> int:
+        """Return the length of an axis, 1 if there is none."""
+        return dict(zip(self.axes, self.counts, strict=True)).get(axis, 1)
 
 
 def is_imagej(description: str) -> bool:
@@ -61,179 +56,184 @@ def is_ome(description: str) -> bool:
     return "<OME" in description
 
 
-def hyperstack(description: str, num_pages: int, num_samples: int) -> tuple[str, list[int]]:
-    """Return the axes of the pages from slowest to fastest, a permutation of `TZC`, and the length of each.
+def shaped_fields(page: Page) -> dict[str, Any]:
+    """Return what tifffile writes about an array: `shape`, `axes` and others, still unchecked; nothing without it."""
+    text: str | None = None if is_ome(page.description) or is_imagej(page.description) else page.shaped_description
+    if text is None:
+        return {}
+    if not text.startswith("{"):  # of tifffile before 2016
+        return {"shape": re.findall("[0-9]+", text)}
+    return dict(json.loads(text))
 
-    num_samples: of a pixel; OME counts them as channels.
+
+def num_planes_by_description(page: Page) -> int:
+    """Return how many planes the description of the only page of ImageJ or tifffile tells of."""
+    if is_imagej(page.description):
+        images = re.search(r"^images=([0-9]{1,9})\s*$", page.description, re.M)
+        return int(images[1]) if images else 1
+    fields = shaped_fields(page)
+    return math.prod(_shape(fields)) // math.prod(page.shaped) if fields.get("truncated") is True else 1
+
+
+def page_layout(page: Page, num_pages: int) -> Layout:
+    """Return the layout of pages by the description of the first one, or by the record of Zeiss.
+
+    OME counts samples of a pixel as channels. Planes of OME may be in other files.
     Raises InputError if the description does not fit the number of pages, or has no numbers where they belong.
     """
-    if is_imagej(description):
+    description, plane = page.description, "YX"
+    if is_ome(description):
+        pixels = ome_pixels(description)
+        order = attribute(pixels, "DimensionOrder") or ""
+        axes = order[:1:-1] if order[:2] == "XY" and sorted(order[2:]) == ["C", "T", "Z"] else "TZC"
+        sizes = {f"Size{axis}": attribute(pixels, f"Size{axis}") for axis in axes}
+        counts = [int(number("1" if text is None else text, name, least=1)) for name, text in sizes.items()]
+        channels = axes.index("C")
+        if counts[channels] % page.samplesperpixel == 0:
+            counts[channels] //= page.samplesperpixel
+        if len({file for _, file, _ in _tiff_data(description)}) > 1 and math.prod(counts) <= _MAX_PLANES:
+            num_pages = math.prod(counts)
+    elif is_imagej(description):
         axes = "TZC"
         frames, channels = (_line(description, key) or 1 for key in ("frames", "channels"))
         images, slices = (_line(description, key) for key in ("images", "slices"))
         from_images = images // (frames * channels) if images else num_pages
-        by_axis = {"T": frames, "C": channels, "Z": slices or from_images}
-    elif is_ome(description):
-        pixels = _pixels(description)
-        order = _attribute(pixels, "DimensionOrder") or ""
-        axes = order[:1:-1] if order[:2] == "XY" and sorted(order[2:]) == ["C", "T", "Z"] else "TZC"
-        sizes = {axis: _attribute(pixels, f"Size{axis}") for axis in "TZC"}
-        by_axis = {axis: int(_number("1" if text is None else text, f"Size{axis}", 1)) for axis, text in sizes.items()}
-        if by_axis["C"] % num_samples == 0:
-            by_axis["C"] //= num_samples
+        counts = [frames, slices or from_images, channels]
+    elif page.is_lsm:
+        fields, axes = page.parent.lsm_metadata, "MPTZ"
+        names = ("DimensionM", "DimensionP", "DimensionTime", "DimensionZ")
+        counts = [max(1, int(fields.get(name, 1))) for name in names]
+    elif fields := shaped_fields(page):
+        axes, counts, plane = _shaped_axes(page, fields, num_pages)
     else:
-        return "TZC", [1, num_pages, 1]
-    counts = [by_axis[axis] for axis in axes]
+        axes, counts = "Z", [num_pages]
     if math.prod(counts) != num_pages:
         raise InputError(
             "the description in this TIFF file does not fit its pages",
             got=f"{num_pages} pages",
-            expected=" x ".join(f"{by_axis[axis]} {axis}" for axis in axes),
+            expected=" x ".join(f"{n} {escaped(axis)}" for axis, n in zip(axes, counts, strict=False)),
             hint="save it again as a plain stack, all slices in one file",
         )
-    return axes, counts
+    return _named(axes, counts, plane)
 
 
-def ome_page_order(description: str, axes: str, counts: list[int]) -> list[int]:
-    """Return the number of the page of each plane, planes in the order of `axes` and `counts`, as in `hyperstack`.
+def _shape(fields: dict[str, Any]) -> list[int]:
+    return [int(number(str(n), "shape", least=1)) for n in fields["shape"]]
 
-    TiffData elements may place planes on any page. Raises InputError unless each plane has a page of its own.
+
+def _shaped_axes(page: Page, fields: dict[str, Any], num_pages: int) -> tuple[str, list[int], str]:
+    """Return the axes of pages by tifffile's description, the length of each, and the axes of one page.
+
+    Several arrays of one shape have an axis more. If the pages are not of this array, all its axes are returned.
     """
-    order = list(range(math.prod(counts)))
-    for element in re.findall(r"<(?:\w+:)?TiffData\b[^<>]*>", description):
+    shape, plane = _shape(fields), [n for n in page.shaped if n > 1]
+    axes = str(fields.get("axes") or "Q" * len(shape)).upper()
+    # The page has the last axes of the array; those of length 1 may be anywhere.
+    splits = [k for k in range(max(1, len(shape) - 1)) if [n for n in shape[k:] if n > 1] == plane]
+    is_fit = splits and len(axes) == len(shape) and not any(axes.count(axis) > 1 for axis in "TZC")
+    split = splits[-1] if is_fit else len(shape)
+    num_arrays = max(1, num_pages // math.prod(shape[:split]))
+    return "Q" + axes[:split], [num_arrays, *shape[:split]], "".join(re.findall("[XYZ]", axes[split:]))
+
+
+def _named(axes: str, counts: list[int], plane: str) -> Layout:
+    """Return a layout whose other axes than `TZC` take the names that are left: z for the last one, then time and
+    components.
+
+    plane: what columns and rows are, of `XYZ`.
+    """
+    letters = [axis for axis, n in zip(axes, counts, strict=True) if n > 1]
+    others = [k for k, axis in enumerate(letters) if axis not in "TZC"]
+    slices = "Z"
+    if "Z" not in letters and others:
+        slices, letters[others[-1]] = letters[others[-1]], "Z"
+        others.pop()
+    for k, letter in zip(others, [*sorted({"T", "C"} - {*letters}, reverse=True), *"-" * len(others)], strict=False):
+        letters[k] = letter
+    space = plane[::-1] + (slices if slices in "XY" else "Z")
+    space = space if sorted(space) == ["X", "Y", "Z"] else "XYZ"
+    note = "the file does not say which axes are times and components; those before z, y and x are taken for them"
+    return Layout("".join(letters), tuple(n for n in counts if n > 1), space, note if others else None)
+
+
+def page_places(description: str, own_name: str, layout: Layout) -> list[tuple[str, int]]:
+    """Return the file and the number of the page of each plane, planes in the order of the layout.
+
+    OME's TiffData elements may place planes on any page, also in files beside this one, whose name is left empty.
+    own_name: of this file, which may have had another one. Raises InputError unless each plane has a page of its own.
+    """
+    root, elements = re.search(r"<(?:\w+:)?OME\b([^<>]*)>", description), _tiff_data(description)
+    own_uuid = (root and attribute(root[1], "UUID")) or None
+    is_alone = len({file for _, file, _ in elements}) < 2
+    places = [("", k) for k in range(math.prod(layout.counts))]
+    for element, file, uuid in elements:
         found = {
-            name: int(_number(text, name, least=0))
+            name: int(number(text, name, least=0))
             for name in ("IFD", "PlaneCount", "FirstT", "FirstZ", "FirstC")
-            if (text := _attribute(element, name)) is not None
+            if (text := attribute(element, name)) is not None
         }
         plane = 0
-        for axis, count in zip(axes, counts, strict=True):
+        for axis, count in zip(layout.axes, layout.counts, strict=True):
             plane = plane * count + found.get(f"First{axis}", 0)
-        if "IFD" in found:
-            for k in range(min(found.get("PlaneCount", 1), len(order) - plane)):
-                order[plane + k] = found["IFD"] + k
-    if sorted(order) != list(range(len(order))):
+        if "IFD" in found or not is_alone:
+            begin, most = found.get("IFD", 0), len(places) - plane
+            for k in range(min(found.get("PlaneCount", 1 if "IFD" in found else most), most)):
+                is_own = is_alone or file == own_name or uuid == own_uuid
+                places[plane + k] = ("" if is_own else file, begin + k)
+    if len(set(places)) < len(places) or (is_alone and max(places)[1] >= len(places)):
         raise InputError(
             "the description in this TIFF file does not give each plane a page",
-            expected=f"TiffData elements for {len(order)} pages, all in this file",
+            expected=f"TiffData elements for {len(places)} pages" + ", all in this file" * is_alone,
             hint="save it again as a plain stack, all slices in one file",
         )
-    return order
+    return places
 
 
-def _attribute(element: str, name: str) -> str | None:
+def _tiff_data(description: str) -> list[tuple[str, str, str]]:
+    """Return the TiffData elements of the first image of OME: attributes, file (without its folders) and UUID.
+
+    The last two are empty if it names no file.
+    """
+    image = re.split(r"</(?:\w+:)?Pixels\b", description, maxsplit=1)[0]
+    found = []
+    for text in re.split(r"<(?:\w+:)?TiffData\b", image)[1:]:
+        attributes, _, content = text.partition(">")
+        uuid = re.search(r"<(?:\w+:)?UUID\b([^<>]*)>([^<]*)", content)
+        file = html.unescape(attribute(uuid[1], "FileName") or "") if uuid else ""
+        found.append((attributes, re.split(r"[/\\]", file)[-1], uuid[2].strip() if uuid else ""))
+    return found
+
+
+def attribute(element: str, name: str) -> str | None:
     """Return the text of an attribute of an XML element, in either kind of quotes; None if it is missing."""
     found = re.search(rf"""\b{name}\s*=\s*(?:"([^"]*)"|'([^']*)')""", element)
     return None if found is None else found[1] if found[1] is not None else found[2]
 
 
-def imagej_spacing(description: str, sizes: list[float | None], tag: int | None) -> list[float | None]:
-    """Return the spacing along x, y and z; None for an axis without one.
-
-    Lengths are in the unit of ImageJ's description, or in mm if the resolution is per inch or cm.
-    sizes: of x and y, from the resolution. tag: the number of its unit; None if that field is missing. Sizes per cm
-        with a unit of µm are converted, as ImageJ does. Raises InputError for other units with inch and cm, which
-        ImageJ, but no other program, takes for the unit of x and y, and for a spacing that is not a number.
-    """
-    step = re.search(r"^spacing=([0-9.eE+-]+)", description, re.M)  # words such as NaN mean that it is unknown
-    z = abs(_number(step[1], "spacing")) if step else None  # 0 does, too
-    units = {axis: _imagej_unit(description, key) for axis, key in zip("xyz", ("unit", "yunit", "zunit"), strict=True)}
-    unit = units["x"]
-    others = [name for name in (units["y"], units["z"]) if name not in ("", unit)]
-    if tag is None and not unit:
-        tag = 2  # as TIFF has it
-    per = _UNITS_OF_TAG.get(tag or 0, "")
-    x, y = sizes
-    if not others and per == "cm" and unit == _MICRON:
-        return [x and x * 1e4, y and y * 1e4, z]
-    if others or (per and unit not in ("", per)):
-        raise InputError(
-            "the voxel sizes in this TIFF file are in units that cannot be compared",
-            got=f"pixels per {per}; " * bool(per)
-            + ", ".join(f"{axis} in {_shown(units[axis]) or unit}" for axis in units),
-            expected="one unit for all, or pixels per cm and unit=um",
-            hint="`spacing: [x, y, z]` replaces the spacing in the file",
-        )
-    factor = MM_PER_UNIT[tag] if tag and per else 1.0
-    return [size and size * factor for size in (x, y, z)]
-
-
-def _imagej_unit(description: str, key: str) -> str:
-    """Return the unit of an ImageJ line, by one name for all spellings; empty for pixels and for no unit."""
-    found = re.search(rf"^{key}=(.*)$", description, re.M)
-    text = re.sub(r"\\u([0-9a-fA-F]{4})", lambda code: chr(int(code[1], 16)), found[1]) if found else ""
-    name = unicodedata.normalize("NFKC", text.replace("\ufffdm", "µm").strip())
-    return _NAMES_OF_UNITS.get(name.lower(), name)
-
-
-def ome_spacing(description: str) -> list[float | None]:
-    """Return the spacing along x, y and z in the unit of the first one; None for an axis without one.
-
-    Raises InputError for a spacing that is not a number, and for units that cannot be converted to each other.
-    """
-    attributes = _pixels(description)
-    found = {axis: _attribute(attributes, f"PhysicalSize{axis}") for axis in "XYZ"}
-    given = {
-        axis: _number(text, f"PhysicalSize{axis}")
-        for axis, text in found.items()
-        if text and not text.strip("0123456789.eE+-")  # words mean that it is unknown
-    }
-    sizes = {axis: size for axis, size in given.items() if size}  # 0 if it is unknown
-    units = {axis: _unit(attributes, axis) for axis in sizes}
-    first = next(iter(units.values()), "")
-    if any(unit != first and not {unit, first} <= _METRES.keys() for unit in units.values()):
-        raise InputError(
-            "the voxel sizes in this TIFF file are in units that cannot be compared",
-            got=", ".join(f"PhysicalSize{axis}={sizes[axis]:g} {_shown(units[axis])}" for axis in sizes),
-            expected="one unit for all, or units of length such as nm, µm and mm",
-            hint="`spacing: [x, y, z]` replaces the spacing in the file",
-        )
-    return [_converted(sizes[axis], units[axis], first) if axis in sizes else None for axis in "XYZ"]
-
-
-def _unit(attributes: str, axis: str) -> str:
-    """Return the unit of a PhysicalSize, in one of its Unicode spellings."""
-    found = _attribute(attributes, f"PhysicalSize{axis}Unit")
-    # A Latin-1 file read as UTF-8 has a replacement character for its only letter outside ASCII.
-    text = "µm" if found is None else html.unescape(found).replace("\ufffdm", "µm").replace("\ufffd", "Å")
-    return unicodedata.normalize("NFKC", text.strip())
-
-
-def _converted(size: float, unit: str, into: str) -> float:
-    """Return a size in another unit, rounded once; infinite if it overflows."""
-    if unit == into:
-        return size
-    try:
-        return float(Fraction(size) * _METRES[unit] / _METRES[into])
-    except OverflowError:
-        return math.inf
-
-
-def _line(description: str, key: str) -> int | None:
-    found = re.search(rf"^{key}=(\S*)", description, re.M)
-    return int(_number(found[1], key, least=1)) if found else None
-
-
-def _pixels(description: str) -> str:
+def ome_pixels(description: str) -> str:
     """Return the first Pixels element of OME's XML, without what is inside it; all of the XML if there is none."""
     found = _PIXELS.search(description)
     return found[0] if found else description
 
 
-def _shown(text: str) -> str:
-    """Return text for one line of a message; letters outside ASCII are escaped, except those of units."""
-    short = text[:_SHOWN_CHARACTERS]
-    return (short if short in _METRES else ascii(short)[1:-1]) + "..." * (len(text) > _SHOWN_CHARACTERS)
+def _line(description: str, key: str) -> int | None:
+    found = re.search(rf"^{key}=(\S*)", description, re.M)
+    return int(number(found[1], key, least=1)) if found else None
 
 
-def _number(text: str, key: str, least: int | None = None) -> float:
+def number(text: str, key: str, least: int | None = None) -> float:
     """Return the number that `text`, the value of `key`, spells: a finite one, or a whole one from `least` on."""
     value = float(text) if NUMBER.fullmatch(text) else math.nan
     if math.isfinite(value) if least is None else value.is_integer() and least <= value <= _MAX_COUNT:
         return value
     raise InputError(
         "the description in this TIFF file has something else where a number belongs",
-        got=f"{key}={_shown(text)}",
+        got=f"{key}={escaped(text)}",
         expected="a finite number" if least is None else f"a whole number from {least} to {_MAX_COUNT}",
         hint="save it again as a plain stack, all slices in one file",
     )
+
+
+def escaped(text: str) -> str:
+    """Return text for one line of a message; letters outside ASCII are escaped."""
+    return ascii(text[:_SHOWN_CHARACTERS])[1:-1] + "..." * (len(text) > _SHOWN_CHARACTERS)

@@ -20,6 +20,7 @@ from .error_section import (
     MAX_LEVEL as MAX_LEVEL,
     MAX_PSNR_DB as MAX_PSNR_DB,
     MIN_TOLERANCE as MIN_TOLERANCE,
+    TOLERANCE_FIELD as TOLERANCE_FIELD,
     ByFrame as ByFrame,
     ErrorSpec as ErrorSpec,
     MetricTarget as MetricTarget,

@@ -146,8 +146,8 @@ def _parse_number(node: TreeNode) -> Any:
 
 
 _NOT_NEGATIVE = schema.number_field(minimum=0)
-_TOLERANCE: schema.FieldType[Any] = schema.FieldType(_NOT_NEGATIVE.expected, _parse_number)
-_TOLERANCES = _by_frame(_TOLERANCE, "{0: 0.5, 60: 0.02}")
+TOLERANCE_FIELD: schema.FieldType[Any] = schema.FieldType(_NOT_NEGATIVE.expected, _parse_number)
+_TOLERANCES = _by_frame(TOLERANCE_FIELD, "{0: 0.5, 60: 0.02}")
 _SPLATS_HINT = "1 is the whole volume as one splat; tolerance: 0 has no limit"
 _SECONDS_HINT = "it is the time for each frame; the quickest is splats: 1"
 _PSNR_HINT = "it is in decibels, the more the better: at 30 flaws are seen, at 40 hardly any"

@@ -216,8 +216,9 @@ def choice_field(*names: str, aliases: Mapping[str, str] | None = None) -> Field
             return node.reject("unknown value")
         if node.value in names:
             return node.value
-        meant = (aliases or {}).get(node.value)
-        return node.reject("unknown value", hint=f"did you mean {meant}?" if meant else did_you_mean(node.value, names))
+        word = node.value.lower()
+        meant = (aliases or {}).get(word)
+        return node.reject("unknown value", hint=f"did you mean {meant}?" if meant else did_you_mean(word, names))
 
     return FieldType(join_words(names), parse)
 

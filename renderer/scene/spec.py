@@ -77,6 +77,15 @@ class Scene:
         return self.splat.footprint != "integrated"
 
     @property
+    def no_exact_picture(self) -> str | None:
+        """Return why pictures cannot be compared with exact rays through the interpolated field; None if they can."""
+        if self.overlay != "none":
+            return f"overlay: {self.overlay}"
+        if self.splat.footprint != "integrated" and self.transfer_function.names_labels:
+            return f"footprint: {self.splat.footprint} shows labels, and nothing lies between two of them"
+        return None
+
+    @property
     def import_notes(self) -> list[str]:
         """Return sentences on what an imported transfer function has that is not drawn."""
         imported = self.transfer_function.imported

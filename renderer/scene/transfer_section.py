@@ -135,6 +135,19 @@ class TransferSpec:
     unit: Annotated[float | None, schema.LENGTH_FIELD] = None
     imported: ImportedLook | None = field(default=None, compare=False)
 
+    @property
+    def names_labels(self) -> bool:
+        """Return whether values are names, as of labels: several colours with steps between them, and no slopes."""
+        mapping, num_colors = self.mapping, 2
+        styles: list[tuple[float, Any]]
+        if isinstance(mapping, ColormapSpec):
+            styles = [*mapping.opacity]
+        else:
+            styles = [(point.value, (point.color, point.opacity)) for point in mapping]
+            num_colors = len({point.color for point in mapping if point.opacity})
+        are_steps = [value == next_value for (value, style), (next_value, other) in pairwise(styles) if style != other]
+        return num_colors > 1 and any(are_steps) and all(are_steps)
+
 
 def _check_range(node: TreeNode, low_high: tuple[Any, ...]) -> Any:
     low, high = low_high

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -29,6 +29,9 @@ _ALIASES = {
     "half": "float16",
     "float": "float32",
     "double": "float64",
+    **{f"{sign}int{bits}": f"{sign}int16" for sign in ("", "u") for bits in (10, 12, 14)},  # of scanners and cameras
+    **{f"{order}{name[0]}{size}": name for name, size in ITEM_SIZES.items() for order in ("", "<", "=", "|")},
+    **{f">{name[0]}{size}": f"{name} with byte order big" for name, size in ITEM_SIZES.items()},
 }
 
 # 2**16 voxels along an axis and 2**36 (4096 cubed) in total keep all indices and byte counts within 64 bits, with room
@@ -82,8 +85,17 @@ def _parse_crop(node: TreeNode) -> Any:
 
 
 _CROP = schema.FieldType(f"{_CROP_WORDS}; or a mapping with some of x, y and z", _parse_crop)
-_NONFINITE = schema.word_or(
-    {"error": "error", "lowest": "lowest"}, schema.number_field(), "error, lowest or a finite number"
+
+
+def _parse_nodata(node: TreeNode) -> Any:
+    values = node.value if isinstance(node.value, (list, tuple)) else [node.value]
+    found = tuple(schema.number_field().parser(replace(node, value=value)) for value in values)
+    return found if found else node.reject("an empty list")
+
+
+_NODATA_WORDS = "auto, none, a number, or a list of numbers"
+_NODATA = schema.word_or(
+    {"auto": "auto", "none": "none"}, schema.FieldType(_NODATA_WORDS, _parse_nodata), _NODATA_WORDS
 )
 
 
@@ -189,7 +201,7 @@ class VolumeSpec:
     time: Annotated[int | None, _SUBSET_INDEX] = None
     component: Annotated[int | None, _SUBSET_INDEX] = None
     crop: Annotated[tuple[Range | None, Range | None, Range | None] | None, _CROP] = None
-    nonfinite: Annotated[Literal["error", "lowest"] | float, _NONFINITE] = "error"
+    nodata: Annotated[Literal["auto", "none"] | tuple[float, ...], _NODATA] = "auto"
     dataset: Annotated[str | None, _DATASET] = None
 
 
@@ -235,6 +247,7 @@ def _check_raw(node: TreeNode, given: dict[str, Any]) -> None:
 
 
 _ARRAY_HINT = "an array in memory, of a film that was made in Python: save it with numpy.save, name it by --volume"
+_NONFINITE_HINT = "NaN and infinities are left out, by `nodata: auto`"
 _SOURCES: dict[str, schema.FieldType[Any]] = {
     "file": _file_field("a file such as NRRD, NIfTI, TIFF, DICOM or .npy, or a folder with one volume", folder=True),
     "raw": schema.dataclass_field(RawSource, _check_raw),
@@ -243,5 +256,5 @@ _SOURCES: dict[str, schema.FieldType[Any]] = {
 VOLUME_SECTION = schema.section_field(
     _SOURCES | {"spacing": _SPACING} | schema.field_table(VolumeSpec),
     _build_volume,
-    misplaced_hints={"array": _ARRAY_HINT},
+    misplaced_hints={"array": _ARRAY_HINT, "nonfinite": _NONFINITE_HINT},
 )

@@ -4,7 +4,7 @@ In: a volume and its statistics. Out: `Suggestion`: the kind of data, and contro
 Thresholds by Otsu 1979; densities by visibility, Correa and Ma 2011.
 
 - `volume_suggestion.py` makes the suggestion, also of a volume that is still to be read; `suggestion.py` is what it
-  consists of, and hides outliers; `nonfinite.py` chooses what stands for NaN.
+  consists of, and hides outliers; `absent.py` chooses what voxels without data count as.
 - `histogram.py`: range, histogram; `nodata.py`: nodata values and outliers, which are set aside; `percentiles.py`:
   exact ranks.
 - `features.py`: a sample of the voxels, its background and noise; `classes.py`: thresholds and materials;

@@ -35,8 +35,6 @@ _MIN_CONTRAST = 15.0
 _MIN_LIKENESS = 0.5
 # At least this part of the border must be valid.
 _MIN_VALID_FRACTION = 0.1
-# If more voxels than this multiple of the NaN voxels have the fill value, others have it, too.
-_MAX_NONFINITE_RATIO = 1.5
 # A side of a background with less than this part of the other side's voxels does not count.
 _ONE_SIDED_RATIO = 0.15
 # Fields have a smaller ratio of second to first differences.
@@ -50,8 +48,7 @@ class VoxelSample:
     """A sample of the voxels, on a coarser grid, normalised to the volume's range.
 
     normalized: float64 [z, y, x] in [0, 1].
-    is_valid: bool [z, y, x]; False where NaN and infinities were, as far as these can be told from other voxels, and
-        for nodata values.
+    is_valid: bool [z, y, x]; False for voxels without data, and for values outside of the range.
     strides: voxels from one sample to the next along z, y, x.
     neighbours: float64 [4, z, y, x], the neighbouring voxels at -x, +x, -y, +y; at the border the voxel itself.
     minimum, maximum: the range, data units.
@@ -118,10 +115,10 @@ class VoxelSample:
         return replace(self, normalized=normalized, neighbours=neighbours, minimum=self.maximum, maximum=self.minimum)
 
 
-def sample_volume(volume: Volume, statistics: Statistics, outlier_fill: float = 0.0) -> VoxelSample:
+def sample_volume(volume: Volume, statistics: Statistics, fill: float = 0.0) -> VoxelSample:
     """Return a sample of a volume that is not constant.
 
-    statistics: give the range. outlier_fill: the normalised value of voxels outside it.
+    statistics: give the range. fill: the normalised value of voxels outside it, and of those without data.
     Raises InputError if the volume's file has changed.
     """
     volume.require_unchanged()
@@ -132,7 +129,7 @@ def sample_volume(volume: Volume, statistics: Statistics, outlier_fill: float = 
 
     def normalized(part: Array) -> Float64:
         shown = np.clip((part.astype(np.float64) * scale - low * scale) / extent, 0.0, 1.0)
-        return np.where(are_within(part), shown, outlier_fill)
+        return np.where(are_within(part), shown, fill)
 
     def are_within(part: Array) -> Bools:
         return np.asarray((part >= statistics.minimum) & (part <= statistics.maximum))
@@ -144,15 +141,10 @@ def sample_volume(volume: Volume, statistics: Statistics, outlier_fill: float = 
     def sampled(dy: int, dx: int) -> Array:
         return np.asarray(values[np.ix_(z, np.clip(y + dy, 0, ny - 1), np.clip(x + dx, 0, nx - 1))])
 
-    own = normalized(sampled(0, 0))
-    is_valid = own != normalized(np.array(volume.nonfinite_fill_value, values.dtype))
-    like_nan = float(np.mean(~is_valid))
-    if like_nan == 1 or like_nan > _MAX_NONFINITE_RATIO * volume.num_nonfinite / values.size:
-        is_valid[...] = True  # many others have the fill value
     side_x, side_y, side_z = volume.spacing.tolist()
     sample = VoxelSample(
-        normalized=own,
-        is_valid=is_valid & are_within(sampled(0, 0)),
+        normalized=normalized(sampled(0, 0)),
+        is_valid=are_within(sampled(0, 0)),
         strides=(sz, sy, sx),
         neighbours=np.stack([normalized(sampled(*step)) for step in ((0, -1), (0, 1), (-1, 0), (1, 0))]),
         minimum=low,

@@ -60,12 +60,12 @@ def safe_scale(minimum: float, maximum: float) -> float:
 
 
 def compute_statistics(values: Array, source: MappedFile | None = None) -> Statistics:
-    """Compute the statistics of finite integer or float values, in bounded memory.
+    """Compute the statistics of integer or float values, finite but for NaN without data, in bounded memory.
 
-    values: any shape, C-contiguous. source: the file that they are mapped from, if any.
+    values: any shape, C-contiguous; at least one is finite. source: the file that they are mapped from, if any.
     Raises InputError if that file has changed.
     """
-    chunks = partial(iter_slabs, values.reshape(-1), source, values.itemsize * _CHUNK)
+    chunks = partial(_chunks_of_data, values, source)
     whole, split = _statistics_and_outliers(values.dtype, chunks)
     if split is None:
         return whole
@@ -74,6 +74,15 @@ def compute_statistics(values: Array, source: MappedFile | None = None) -> Stati
     if np.count_nonzero(others.counts) < _MIN_OTHER_VALUES:
         return whole
     return replace(whole, outliers=outliers, without_outliers=others)
+
+
+def _chunks_of_data(values: Array, source: MappedFile | None) -> Iterator[Array]:
+    """Yield the values without NaN, some at a time."""
+    for chunk in iter_slabs(values.reshape(-1), source, values.itemsize * _CHUNK):
+        least = chunk.min()
+        data = chunk if not math.isnan(least) else chunk[~np.isnan(chunk)]
+        if data.size:
+            yield data
 
 
 def _statistics_and_outliers(dtype: np.dtype[Any], chunks: Chunks) -> tuple[Statistics, OutlierSplit | None]:

@@ -17,7 +17,6 @@ class FilmOptions:
     """A choice of the options of a turntable besides its volume.
 
     background: a colour or `transparent`. colormap, preset: as in `Wish`.
-    hides_nonfinite: as for `suggest_for`.
     """
 
     frames: int = 120
@@ -30,10 +29,8 @@ class FilmOptions:
     no_paths: bool = False
     colormap: str | None = None
     preset: str | None = None
-    hides_nonfinite: bool = False
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> FilmOptions:
         """Return those among the options of a command, by their names."""
-        own = {field.name: options[field.name] for field in fields(cls) if field.name in options}
-        return cls(**own, hides_nonfinite=options["nonfinite"] is None)
+        return cls(**{field.name: options[field.name] for field in fields(cls) if field.name in options})

@@ -94,8 +94,8 @@ class Layer:
 class TurntableRays(NamedTuple):
     """Samples of a volume along rays, front to back.
 
-    values: float32 [rays, samples], normalised; NaN outside of the volume. step: the distance of two samples, as a
-        share of the diagonal. is_interpolated: whether the values between two samples are passed, too.
+    values: float32 [rays, samples], normalised; NaN outside of the volume, and without data. step: the distance of two
+        samples, as a share of the diagonal. is_interpolated: whether the values between two samples are passed, too.
     """
 
     values: Float32
@@ -119,7 +119,7 @@ def cast_rays(sample: VoxelSample, *, is_interpolated: bool = True) -> Turntable
     is_interpolated: not of labels, between which values mean nothing.
     """
     random = np.random.default_rng(0)
-    values = sample.normalized.astype(np.float32)
+    values = np.where(sample.is_valid, sample.normalized, np.nan).astype(np.float32)
     shape = np.array(values.shape[::-1])
     spacing = np.array(sample.spacing[::-1]) / sample.diagonal
     half = spacing * shape / 2

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from operator import itemgetter
 
@@ -17,10 +17,10 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.scene import ControlPoint, TransferSpec, VolumeSpec, raise_problems, volume_extent, volume_problems
 from renderer.suggest import features
+from renderer.suggest.absent import suggest_fill
 from renderer.suggest.features import VoxelSample
 from renderer.suggest.histogram import Statistics, compute_statistics
 from renderer.suggest.labels import distinct_values, label_suggestion, label_values
-from renderer.suggest.nonfinite import suggest_nonfinite_fill
 from renderer.suggest.opacity import format_number, format_percent, opacity_from_depth, opacity_unit_length
 from renderer.suggest.presets import Choice, Preset
 from renderer.suggest.recognition import hounsfield_zero, recognise
@@ -28,7 +28,6 @@ from renderer.suggest.separation import Plane, are_beyond, corner_box, cut_specs
 from renderer.suggest.suggestion import ShownLayer, Suggestion, hide_outliers, with_8_bit_colors, with_colormap
 from renderer.suggest.visibility import cast_rays, measure_visibility, solve_depths
 from renderer.suggest.wishes import LABELS_WISH, WISHES, Wish, choose_by_word, imported_suggestion
-from renderer.transfer import make_transfer_function
 from renderer.volume import Float64, Volume
 
 NO_WISH = Wish()
@@ -38,61 +37,32 @@ NO_WISH = Wish()
 class VolumeSuggestion:
     """A suggestion for a volume whose voxels are no longer in memory.
 
-    volume: which voxels, and what stands for NaN and infinities. is_float: whether its dtype has NaN and infinities.
-    nonfinite: how many voxels are NaN or infinite, and what is drawn for them; None if every voxel is finite.
+    volume: which voxels. has_absent: whether any of them has no data.
     """
 
     volume: VolumeSpec
     suggestion: Suggestion
-    is_float: bool
-    nonfinite: str | None = None
+    has_absent: bool
 
 
-def suggest_for(
-    volume: VolumeSpec, read: Callable[[VolumeSpec], Volume], *, wish: Wish = NO_WISH, hides_nonfinite: bool = True
-) -> VolumeSuggestion:
+def suggest_for(volume: VolumeSpec, read: Callable[[VolumeSpec], Volume], *, wish: Wish = NO_WISH) -> VolumeSuggestion:
     """Read a volume and suggest how to show it.
 
-    read: reads the voxels, perhaps twice.
-    hides_nonfinite: if `volume` asks for the `lowest` value for NaN and infinities, and another value is less visible,
-        take that one.
-    Raises InputError for a volume that cannot be read or drawn, and as `suggest`.
+    read: reads the voxels. Raises InputError for a volume that cannot be read or drawn, and as `suggest`.
     """
-    result, fill, is_seen = _attempt(volume, read, wish)
-    if hides_nonfinite and fill is not None:
-        other, _, is_other_seen = _attempt(replace(volume, nonfinite=fill), read, wish)
-        # The fill value changes the volume, so it may show after all.
-        if is_seen or not is_other_seen:
-            return other
-    return result
-
-
-def _attempt(
-    spec: VolumeSpec, read: Callable[[VolumeSpec], Volume], wish: Wish
-) -> tuple[VolumeSuggestion, float | None, bool]:
-    """Return a suggestion for one fill value, the value to try next, if any, and whether the present one is visible."""
-    volume = read(spec)
-    raise_problems(volume_problems(volume_extent(volume), volume.name))
-    statistics = compute_statistics(volume.values, volume.source)
-    suggestion = with_8_bit_colors(suggest(volume, statistics, wish))
-    is_float = volume.values.dtype.kind == "f"
-    if not volume.num_nonfinite:
-        return VolumeSuggestion(spec, suggestion, is_float), None, False
-    transfer = make_transfer_function(suggestion.transfer, volume.finest_spacing)
-    is_seen = bool(transfer.classify(np.array([volume.nonfinite_fill_value]))[1][0] > 0)
-    fill = suggest_nonfinite_fill(volume, statistics) if spec.nonfinite == "lowest" else None
-    note = (
-        f"{volume.num_nonfinite} of {volume.values.size} voxels are NaN or infinite; they are drawn as "
-        f"{'the lowest value, ' if spec.nonfinite == 'lowest' else ''}{volume.nonfinite_fill_value:.7g}, which "
-        f"{'can be seen' if is_seen else 'is not seen'}"
-    )
-    return VolumeSuggestion(spec, suggestion, is_float, note), fill, is_seen
+    found = read(volume)
+    raise_problems(volume_problems(volume_extent(found), found.name))
+    statistics = compute_statistics(found.values, found.source)
+    suggestion = with_8_bit_colors(suggest(found, statistics, wish))
+    return VolumeSuggestion(volume, suggestion, found.num_absent > 0)
 
 
 # Outlying labels are smaller than this, and not negative.
 _MAX_OUTLYING_LABEL = 2**16
 # The opacity of a constant volume: a ray along the diagonal is covered by about two thirds.
 _CONSTANT_OPACITY = 0.02
+# That of one that has a shape, by voxels without data.
+_MASK_OPACITY = 0.06
 
 
 def suggest(volume: Volume, statistics: Statistics, wish: Wish = NO_WISH) -> Suggestion:
@@ -104,13 +74,15 @@ def suggest(volume: Volume, statistics: Statistics, wish: Wish = NO_WISH) -> Sug
     if statistics.minimum == statistics.maximum:
         return with_colormap(_constant_suggestion(volume, float(statistics.minimum)), wish.colormap)
     others = statistics.without_outliers
-    if others is None or _are_far_labels(volume, statistics):
-        return _suggest_from(volume, statistics, features.sample_volume(volume, statistics), wish)
-    sample = features.sample_volume(volume, others)
-    fill = suggest_nonfinite_fill(volume, others)
-    if fill is not None:
-        sample = features.sample_volume(volume, others, sample.normalize(fill))
-    return hide_outliers(_suggest_from(volume, others, sample, wish), statistics, sample)
+    is_whole = others is None or _are_far_labels(volume, statistics)
+    shown = statistics if is_whole or others is None else others
+    sample = features.sample_volume(volume, shown)
+    if not sample.is_valid.all():
+        fill = suggest_fill(volume, shown)
+        if fill is not None:
+            sample = features.sample_volume(volume, shown, sample.normalize(fill))
+    suggestion = _suggest_from(volume, shown, sample, wish)
+    return suggestion if is_whole else hide_outliers(suggestion, statistics, sample)
 
 
 def _are_far_labels(volume: Volume, statistics: Statistics) -> bool:
@@ -122,9 +94,12 @@ def _are_far_labels(volume: Volume, statistics: Statistics) -> bool:
 
 def _constant_suggestion(volume: Volume, value: float) -> Suggestion:
     unit = opacity_unit_length(float(np.linalg.norm(volume.spacing * volume.shape_xyz)))
-    reason = f"every voxel is {format_number(value)}, so that there is nothing to tell apart"
-    point = ControlPoint(value, (1.0, 0.93, 0.80), _CONSTANT_OPACITY)
-    return Suggestion("constant volume", reason, TransferSpec((point,), unit), ("",), None)
+    kind, reason = "constant volume", f"every voxel is {format_number(value)}, so that there is nothing to tell apart"
+    if volume.num_absent:
+        kind, reason = "mask", f"every voxel with data is {format_number(value)}"
+    opacity = _MASK_OPACITY if volume.num_absent else _CONSTANT_OPACITY
+    point = ControlPoint(value, (1.0, 0.93, 0.80), opacity)
+    return Suggestion(kind, reason, TransferSpec((point,), unit), ("",), None)
 
 
 def _suggest_from(volume: Volume, statistics: Statistics, sample: VoxelSample, wish: Wish) -> Suggestion:

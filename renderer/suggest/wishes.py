@@ -5,9 +5,10 @@ What a word means depends on the scan: a range of Hounsfield units in computed t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,8 @@ At = Callable[[float, float], float]
 _SKIN, _BONE, _BLOOD, _BRAIN = (0.91, 0.72, 0.60), (0.97, 0.93, 0.84), (0.85, 0.22, 0.16), (0.90, 0.70, 0.66)
 _VEIL = (0.45, 0.52, 0.66)
 _XRAY_COVERAGE = 0.4
+# A transfer function suits values that have this part of its range.
+_LEAST_COMMON = 0.5
 
 
 def _surface(ends: Ends, at: At, color: Color = STONE) -> Preset:
@@ -127,16 +130,17 @@ def imported_suggestion(sample: VoxelSample, zero: float | None, wish: str) -> S
     """Return the transfer function of a preset or a file. Raises SceneError where it cannot be read.
 
     Shares become the range of the values above the middle of the background. Others are shifted by the stored value of
-    0 Hounsfield units.
+    0 Hounsfield units; where that is not known, a note says if they lie elsewhere than the values of the volume.
     """
     file, _, name = wish.partition("#")
     given: dict[str, Any] = {"import": file} | ({"name": name} if name else {})
     if zero:
         given["shift"] = zero
     found, problems = _parsed(given)
-    if [problem.path for problem in problems] == ["range"]:  # its values are shares
-        ends = (features.find_background(sample).middle, top_value(sample))
-        span = [sample.round_value(sample.denormalize(end)) for end in ends]
+    ends = (features.find_background(sample).middle, top_value(sample))
+    span = [sample.round_value(sample.denormalize(end)) for end in ends]
+    is_share = [problem.path for problem in problems] == ["range"]
+    if is_share:
         found, problems = _parsed({**given, "range": span, "shift": 0.0})
     if problems:
         raise SceneError([_at_option(problem, wish) for problem in problems])
@@ -145,14 +149,29 @@ def imported_suggestion(sample: VoxelSample, zero: float | None, wish: str) -> S
     points = [
         replace(point, value=float(f"{point.value:.9g}"), opacity=round(point.opacity, 6)) for point in found.mapping
     ]
+    notes = [f"not imported: {clause}" for clause in imported.left_out]
+    if not is_share and zero is None and not found.names_labels:
+        notes += _misfits([(point.value, point.opacity) for point in points], imported.name, span)
     return Suggestion(
         f"shown as --preset {wish}",
         f"values and opacities are those of {imported.name}{offset_text(zero)}",
         replace(found, mapping=tuple(points)),
         ("",) * len(points),
         replace(SHADING, **imported.shading, occlusion=0.0) if imported.shading else SHADING,
-        outlier_notes=tuple(f"not imported: {clause}" for clause in imported.left_out),
+        outlier_notes=tuple(notes),
     )
+
+
+def _misfits(points: Sequence[tuple[float, float]], name: str, span: Sequence[float]) -> Iterator[str]:
+    """Yield a note if most of the values that (value, opacity) tell apart are outside of `span`, that of an object."""
+    seen = [(first, last) for (first, before), (last, after) in pairwise(points) if before or after]
+    low, high = (seen[0][0], seen[-1][1]) if seen else span
+    if span[0] < span[1] and low < high and min(high, span[1]) - max(low, span[0]) < _LEAST_COMMON * (high - low):
+        scale = (span[1] - span[0]) / (high - low)
+        yield (
+            f"{name} is made for values from {low:g} to {high:g}, and most here lie from {span[0]:g} to {span[1]:g}; "
+            f"in a scene, `import: {name}` with `shift: {span[0] - scale * low:.4g}` and `scale: {scale:.4g}` fits them"
+        )
 
 
 def _parsed(given: dict[str, Any]) -> tuple[TransferSpec, list[Problem]]:

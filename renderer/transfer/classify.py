@@ -5,11 +5,12 @@ optical depths of one voxel, without a unit. Where a pyramid averages opacities 
 `a = 1 - exp(-tau h0)`. Extinction-weighted colours are what may be averaged (Wittenbrink, Malzbender, Goss 1998).
 
 Values of at most 16 bits are read as unsigned bit patterns and classified by a table over all of them. Wider ones are
-evaluated, exactly, in float64.
+evaluated, exactly, in float64. A voxel without data, NaN, has no channels, and no part in the gradient of another one.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -81,9 +82,10 @@ def make_classifier(
     if dtype.itemsize > 2:
         return Classifier(None, None, transfer.curve(finest_spacing), opacity, lighting, breakpoints)
     patterns = np.arange(1 << 8 * dtype.itemsize, dtype=f"u{dtype.itemsize}").view(dtype)
-    scalars = np.nan_to_num(patterns.astype(np.float64), posinf=0.0, neginf=0.0)  # a volume has finite values only
-    colors, extinctions = transfer.classify(scalars)
-    depths = extinctions * finest_spacing
+    scalars = patterns.astype(np.float64)
+    scalars[~np.isfinite(scalars)] = np.nan
+    colors, extinctions = transfer.classify(np.nan_to_num(scalars))
+    depths = np.where(np.isnan(scalars), 0.0, extinctions * finest_spacing)
     weights = -np.expm1(-depths) if opacity else depths
     weights[weights < VISIBILITY_THRESHOLD] = 0.0
     table = np.column_stack([colors * weights[:, None], weights]).astype(np.float32)
@@ -120,7 +122,9 @@ def classify_voxel(
 
 @jit
 def classify_scalar(scalar: float, curve: TransferTable, is_opacity: bool) -> Channels:
-    """Return the four channels of a scalar, unlit."""
+    """Return the four channels of a scalar, unlit; 0 for NaN."""
+    if math.isnan(scalar):
+        return 0.0, 0.0, 0.0, 0.0
     r, g, b, weight = evaluate(curve, scalar)
     if is_opacity:
         weight = -np.expm1(-weight)
@@ -137,16 +141,33 @@ def scalar_at(raw: RawVoxels, by_pattern: Any, z: int, y: int, x: int) -> Any:
 
 
 @jit
+def one_sided(
+    before: float, here: float, after: float, first: int, at: int, last: int
+) -> tuple[float, float, int, int]:
+    """Return the ends of a difference, values and places, with the voxel itself in place of neighbours without data."""
+    if math.isnan(before):
+        before, first = here, at
+    if math.isnan(after):
+        after, last = here, at
+    return before, after, first, last
+
+
+@jit
 def _lighting_factor(raw: RawVoxels, scalars: Float64 | None, lighting: VoxelLighting, z: int, y: int, x: int) -> float:
     """Return the factor on the colour, by Lambert's law; ambient where the gradient is 0.
 
-    Derivatives along the index axes are central, one-sided at the border, 0 across one voxel.
+    Derivatives along the index axes are central, one-sided at the border and beside voxels without data, 0 across one
+    voxel.
     """
     z0, y0, x0 = max(z - 1, 0), max(y - 1, 0), max(x - 1, 0)
     z1, y1, x1 = min(z + 1, raw.shape[0] - 1), min(y + 1, raw.shape[1] - 1), min(x + 1, raw.shape[2] - 1)
     x_low, x_high = scalar_at(raw, scalars, z, y, x0), scalar_at(raw, scalars, z, y, x1)
     y_low, y_high = scalar_at(raw, scalars, z, y0, x), scalar_at(raw, scalars, z, y1, x)
     z_low, z_high = scalar_at(raw, scalars, z0, y, x), scalar_at(raw, scalars, z1, y, x)
+    here = scalar_at(raw, scalars, z, y, x)
+    x_low, x_high, x0, x1 = one_sided(x_low, here, x_high, x0, x, x1)
+    y_low, y_high, y0, y1 = one_sided(y_low, here, y_high, y0, y, y1)
+    z_low, z_high, z0, z1 = one_sided(z_low, here, z_high, z0, z, z1)
     # Only the direction counts. Differences of halves do not overflow. Where they are small, the full differences do
     # not overflow either, and halves would round denormals.
     gx, gy, gz = 0.5 * x_high - 0.5 * x_low, 0.5 * y_high - 0.5 * y_low, 0.5 * z_high - 0.5 * z_low

@@ -5,9 +5,9 @@ classification (Max 1995). `converged_image` halves the steps of `integrate` unt
 order of convergence (Etiene et al. 2014).
 
 - `scene_rays.py`: the rays of a scene, in the colours of its mode; `extremum.py`: the largest scalar of a ray.
-- `integrator.py`: the image, and the steps halved until it converges; `kernel.py`: one ray, compiled; `cutting.py`: the
-  parts of rays that cuts leave; `cubic.py`: the field along a ray through a cell is a cubic polynomial; `light.py`: the
-  light on a point of a ray.
+- `integrator.py`: the image, and the steps halved until it converges; `kernel.py`: one ray, compiled; `cells.py`:
+  the cells along a ray, and the voxels at their corners; `cutting.py`: the parts of rays that cuts leave; `cubic.py`:
+  the field along a ray through a cell is a cubic polynomial; `light.py`: the light on a point of a ray.
 """
 
 import lazy_loader

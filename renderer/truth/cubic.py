@@ -59,7 +59,7 @@ def restrict_cubic(cubic: Cubic, start: float, width: float) -> Cubic:
 
 
 @inline
-def _insert(splits: Float64, count: int, t: float) -> int:
+def insert_split(splits: Float64, count: int, t: float) -> int:
     """Insert t into the ascending splits[:count] if it lies inside the cell; return the new count."""
     if not 0.0 < t < 1.0:
         return count
@@ -125,7 +125,7 @@ def add_crossings(cubic: Cubic, knots: Float64, splits: Float64, count: int) -> 
         k = np.searchsorted(knots, low, side="right")
         while k < knots.size and knots[k] < high:
             if k == 0 or knots[k] != knots[k - 1]:
-                count = _insert(splits, count, _crossing(cubic, knots[k], start, candidate))
+                count = insert_split(splits, count, _crossing(cubic, knots[k], start, candidate))
             k += 1
         start = candidate
     return count

@@ -24,9 +24,10 @@ import numpy as np
 from renderer.errors import RenderError
 from renderer.scene import ShadingSpec
 from renderer.transfer import NO_LIGHT_FIELD, LightField, TransferFunction
+from renderer.truth.cells import MACROCELL_SIZE
 from renderer.truth.cubic import Vector
 from renderer.truth.cutting import kept_parts
-from renderer.truth.kernel import MACROCELL_SIZE, Intervals, integrate_rays
+from renderer.truth.kernel import Intervals, integrate_rays
 from renderer.truth.light import Gloss, LambertShading
 from renderer.view import View
 from renderer.volume import Float64, Int64, Volume

@@ -24,11 +24,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.compiled import inline, jit
-from renderer.truth.cubic import Corners, Cubic, Vector, add_crossings, cubic_in_cell, restrict_cubic, value_at
+from renderer.truth.cells import (
+    ALL_ABSENT,
+    MACROCELL_SIZE,
+    Cell,
+    absent_corners,
+    add_middles,
+    clip_to_volume,
+    distance_to_plane,
+    first_cell,
+    is_octant_absent,
+    load_corners,
+    load_values,
+    macrocell_range,
+)
+from renderer.truth.cubic import Cubic, Vector, add_crossings, cubic_in_cell, restrict_cubic, value_at
 from renderer.truth.light import Gloss, Gradient, LambertShading, aim, illuminate, lit_color, locate
 from renderer.volume import Float64, UInt8
-
-Cell = tuple[int, int, int]
 
 # A ray ends where its transmittance falls below 1e-12.
 _MAX_OPTICAL_DEPTH = -math.log(1e-12)
@@ -46,14 +58,10 @@ _INTEGRALS = np.array([
 
 # The optical depth of a piece leads to at most this many steps, which keeps their number an integer.
 _MAX_STEPS_BY_DEPTH = 2.0**30
-# Cells along each axis of a macrocell, and its states. Of the cells that rays met in visible macrocells of two CT
-# scans, 0.70 and 0.75 were visible; in macrocells of 8^3, 0.51 and 0.60.
-MACROCELL_SIZE = 4
-_UNKNOWN, _EMPTY, _VISIBLE = 0, 1, 2
+# The states of a macrocell.
+_UNKNOWN, _EMPTY, _VISIBLE, _PARTLY_ABSENT = 0, 1, 2, 3
 
 _ZERO = np.zeros(1)
-# The axis that asks for a voxel's value, and not for a difference.
-_VALUE = -1
 
 
 class Intervals(NamedTuple):
@@ -231,49 +239,6 @@ def _integrate_piece(
 
 
 @inline
-def _voxel_term(values: Any, x: int, y: int, z: int, axis: int, scale: float) -> float:
-    """Return a voxel's value, or for an axis from 0 to 2 the central difference at it along that axis; both scaled.
-
-    Differences are one-sided at the border, and 0 along an axis of one voxel.
-    """
-    if axis < 0:
-        return float(values[z, y, x]) * scale
-    dx, dy, dz = int(axis == 0), int(axis == 1), int(axis == 2)
-    num_z, num_y, num_x = values.shape
-    x0, y0, z0 = max(x - dx, 0), max(y - dy, 0), max(z - dz, 0)
-    x1, y1, z1 = min(x + dx, num_x - 1), min(y + dy, num_y - 1), min(z + dz, num_z - 1)
-    steps = (x1 - x0) + (y1 - y0) + (z1 - z0)
-    if steps == 0:
-        return 0.0
-    return (float(values[z1, y1, x1]) * scale - float(values[z0, y0, x0]) * scale) / float(steps)
-
-
-@inline
-def _load_corners(values: Any, cell: Cell, axis: int, scale: float) -> Corners:
-    """Return `_voxel_term` of the voxels at the corners of a cell, clamped to the volume."""
-    num_z, num_y, num_x = values.shape
-    x, y, z = cell
-    x0, y0, z0 = max(x, 0), max(y, 0), max(z, 0)
-    x1, y1, z1 = min(x + 1, num_x - 1), min(y + 1, num_y - 1), min(z + 1, num_z - 1)
-    return (
-        _voxel_term(values, x0, y0, z0, axis, scale),
-        _voxel_term(values, x1, y0, z0, axis, scale),
-        _voxel_term(values, x0, y1, z0, axis, scale),
-        _voxel_term(values, x1, y1, z0, axis, scale),
-        _voxel_term(values, x0, y0, z1, axis, scale),
-        _voxel_term(values, x1, y0, z1, axis, scale),
-        _voxel_term(values, x0, y1, z1, axis, scale),
-        _voxel_term(values, x1, y1, z1, axis, scale),
-    )
-
-
-@inline
-def load_values(values: Any, cell: Cell, scale: float) -> Corners:
-    """Return the scaled voxels at the corners of a cell, clamped to the volume."""
-    return _load_corners(values, cell, _VALUE, scale)
-
-
-@inline
 def _linear_combination(weights: Vector, gradient: Gradient) -> Cubic:
     first, second, third = gradient
     a, b, c = weights
@@ -291,9 +256,9 @@ def _world_gradient(
 ) -> Gradient:
     """Return the gradient per world unit along the ray inside a cell."""
     in_index = (
-        cubic_in_cell(_load_corners(values, cell, 0, scale), entry, extent),
-        cubic_in_cell(_load_corners(values, cell, 1, scale), entry, extent),
-        cubic_in_cell(_load_corners(values, cell, 2, scale), entry, extent),
+        cubic_in_cell(load_corners(values, cell, 0, scale), entry, extent),
+        cubic_in_cell(load_corners(values, cell, 1, scale), entry, extent),
+        cubic_in_cell(load_corners(values, cell, 2, scale), entry, extent),
     )
     to_world = shading.world_from_index_gradient
     return (
@@ -315,24 +280,12 @@ def _is_visible(low: float, high: float, intervals: Intervals) -> bool:
 
 
 @inline
-def macrocell_range(values: Any, i: int, j: int, k: int) -> Any:
-    """Return the range of the voxels around macrocell (i, j, k) (x, y, z), from cell MACROCELL_SIZE * i - 1."""
-    num_z, num_y, num_x = values.shape
-    low = high = values[
-        min(k * MACROCELL_SIZE, num_z - 1), min(j * MACROCELL_SIZE, num_y - 1), min(i * MACROCELL_SIZE, num_x - 1)
-    ]
-    for z in range(max(k * MACROCELL_SIZE - 1, 0), min((k + 1) * MACROCELL_SIZE, num_z)):
-        for y in range(max(j * MACROCELL_SIZE - 1, 0), min((j + 1) * MACROCELL_SIZE, num_y)):
-            for x in range(max(i * MACROCELL_SIZE - 1, 0), min((i + 1) * MACROCELL_SIZE, num_x)):
-                low, high = min(low, values[z, y, x]), max(high, values[z, y, x])
-    return low, high
-
-
-@inline
 def _classify_macrocell(values: Any, i: int, j: int, k: int, intervals: Intervals) -> int:
     """Return whether anything may be visible in a macrocell."""
-    low, high = macrocell_range(values, i, j, k)
-    return _VISIBLE if _is_visible(float(low) * intervals.scale, float(high) * intervals.scale, intervals) else _EMPTY
+    low, high, has_absent = macrocell_range(values, i, j, k)
+    if not low <= high or not _is_visible(low * intervals.scale, high * intervals.scale, intervals):
+        return _EMPTY
+    return _PARTLY_ABSENT if has_absent else _VISIBLE
 
 
 @inline
@@ -347,16 +300,21 @@ def _integrate_cell(
     splits: Float64,
     max_steps: Float64,
     gathered: Float64,
+    absent: int,
 ) -> None:
     """Add one cell, through which a ray goes along entry + extent * t, of world length `length`.
 
-    splits: scratch space for 3 crossings of each knot and 3 more.
+    splits: scratch space for 3 crossings of each knot and 6 more. absent: as `absent_corners` returns it.
     """
+    if absent == ALL_ABSENT:
+        return
     corners = load_values(values, cell, intervals.scale)
     if not _is_visible(min(corners), max(corners), intervals):
         return
     cubic = cubic_in_cell(corners, entry, extent)
     count = add_crossings(cubic, intervals.knots, splits, 0)
+    if absent != 0:
+        count = add_middles(entry, extent, splits, count)
     begin = cell[0] + entry[0], cell[1] + entry[1], cell[2] + entry[2]
     shading = locate(shading, shading.gloss, begin, extent)
     gradient = (cubic, cubic, cubic)  # unused without shading
@@ -367,37 +325,9 @@ def _integrate_cell(
     start = 0.0
     for piece in range(count + 1):
         end = splits[piece] if piece < count else 1.0
-        if end > start:
+        if end > start and not is_octant_absent(absent, entry, extent, 0.5 * (start + end)):
             _integrate_piece(cubic, gradient, start, end, length, voxels, intervals, shading, max_steps, gathered)
         start = end
-
-
-@inline
-def clip_to_volume(shape: Cell, origin: Vector, direction: Vector, start: float, end: float) -> tuple[float, float]:
-    """Clip the ray from `start` to `end` to [-1/2, n - 1/2] on each axis; empty unless the first result is smaller."""
-    for axis in range(3):
-        low, high = -0.5 - origin[axis], shape[2 - axis] - 0.5 - origin[axis]
-        if direction[axis] == 0.0:
-            if not low <= 0.0 < high:
-                return 0.0, 0.0
-            continue
-        one, two = low / direction[axis], high / direction[axis]
-        start, end = max(start, min(one, two)), min(end, max(one, two))
-    return start, end
-
-
-@inline
-def first_cell(at: float, num_voxels: int) -> int:
-    """Return the cell along an axis in which a position lies."""
-    return min(max(math.floor(at), -1), num_voxels - 1)
-
-
-@inline
-def distance_to_plane(cell: int, origin: float, direction: float) -> float:
-    """Return where the ray leaves a cell along one axis, from the cell's number, so that rounding does not add up."""
-    if direction == 0.0:
-        return math.inf
-    return (cell + int(direction > 0.0) - origin) / direction
 
 
 @inline
@@ -438,11 +368,15 @@ def _integrate_ray(
             i, j, k = (x + 1) // MACROCELL_SIZE, (y + 1) // MACROCELL_SIZE, (z + 1) // MACROCELL_SIZE
             if macrocells[k, j, i] == _UNKNOWN:  # several threads may write here, but the same value
                 macrocells[k, j, i] = _classify_macrocell(values, i, j, k, intervals)
-            if macrocells[k, j, i] == _VISIBLE:
+            if macrocells[k, j, i] >= _VISIBLE:
+                absent = absent_corners(values, (x, y, z)) if macrocells[k, j, i] == _PARTLY_ABSENT else 0
                 length = s_exit - s
                 entry = (ox + s * dx - x, oy + s * dy - y, oz + s * dz - z)
                 extent = (length * dx, length * dy, length * dz)
-                _integrate_cell(values, (x, y, z), entry, extent, length, intervals, aimed, splits, max_steps, gathered)
+                cell = (x, y, z)
+                _integrate_cell(
+                    values, cell, entry, extent, length, intervals, aimed, splits, max_steps, gathered, absent
+                )
                 is_opaque = _is_opaque(gathered)
         s = s_exit
         if to_x <= to_y and to_x <= to_z:
@@ -477,8 +411,9 @@ def integrate_rays(
     parts: float64 [n, k, 2], world lengths along the ray at which its parts, one behind the other, start and end.
     max_steps: float64 [steps], the longest steps in voxels, in optical depth and in pieces.
     """
-    # A cubic passes a knot at most three times, and so does the cosine of the light.
-    splits = np.empty(3 * intervals.knots.size + 3)
+    # A cubic passes a knot at most three times, and so does the cosine of the light. Another voxel becomes the nearest
+    # at most three times.
+    splits = np.empty(3 * intervals.knots.size + 6)
     # Red, green, blue, optical depth, and what each interval shows.
     gathered = np.empty((max_steps.size, 4 + len(intervals.rows)))
     num_parts = parts.shape[1]

@@ -9,7 +9,7 @@ import numpy as np
 
 from renderer.frame import Stage
 from renderer.modes import Projection
-from renderer.transfer import make_transfer_function
+from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.truth.extremum import empty_tops, search_rays
 from renderer.truth.integrator import (
     Convergence,
@@ -120,7 +120,15 @@ class ExtremeSearch:
 
 
 def chord_lengths(volume: Volume, view: View, pixels: Int64) -> Float64:
-    """Return the world length of rays inside what is left of the volume's box, float64 [n]; 0 where they miss it."""
+    """Return the world length of rays inside what is left of the volume's box, float64 [n]; 0 where they miss it.
+
+    Of a volume with voxels without data, it is the length inside of the others: an optical depth.
+    """
+    if volume.num_absent:
+        per_length = 1.0 / (2.0 * volume.half_diagonal)
+        even = TransferFunction(np.zeros(1), np.ones((1, 3)), np.array([per_length]), 1.0)
+        opacities = RayIntegrator(volume, even).integrate(view, pixels, [1.0])[0, :, 3]
+        return np.asarray(-np.log1p(-opacities) / per_length)
     origins, directions, parts = index_rays(volume, view, pixels)
     low, high = np.full(3, -0.5), np.array(volume.shape_xyz) - 0.5
     with np.errstate(divide="ignore", invalid="ignore"):

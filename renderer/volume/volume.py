@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from renderer.volume.arrays import Array, Float64
+from renderer.volume.arrays import Array, Bools, Float64
 from renderer.volume.mapped_file import MappedFile, iter_slabs
 
 
@@ -16,14 +16,15 @@ from renderer.volume.mapped_file import MappedFile, iter_slabs
 class Volume:
     """A scalar volume: voxels and their place in the world.
 
-    values: [z, y, x], any integer or float dtype in native byte order, read-only, C-contiguous, finite.
+    values: [z, y, x], any integer or float dtype in native byte order, read-only, C-contiguous; finite, or NaN where
+        there is no data.
     world_from_index: float64 [4, 4], affine: (x, y, z) voxel index to world; voxel centres sit at integer indices and
         the volume covers [-1/2, n - 1/2] per axis.
     name: its name in messages.
     fingerprint: hex digest of voxels, dtype, shape and affine: equal for equal volumes from different files.
     source: the file that the values are mapped from; None for values in memory. Call `require_unchanged` before reading
         values, and again before using what was read.
-    num_nonfinite: voxels that are NaN or infinite in the file, and have `nonfinite_fill_value` here.
+    num_absent: the number of voxels without data.
     file_spacing: the spacing in the file, if the scene gives another; else None.
     note: a remark on how the volume was read.
     """
@@ -33,8 +34,7 @@ class Volume:
     name: str
     fingerprint: str
     source: MappedFile | None = None
-    num_nonfinite: int = 0
-    nonfinite_fill_value: float = 0.0
+    num_absent: int = 0
     file_spacing: tuple[float, float, float] | None = None
     note: str | None = None
 
@@ -44,13 +44,21 @@ class Volume:
             self.source.require_unchanged()
 
     def value_range(self) -> tuple[float, float]:
-        """Return the smallest and the largest value, from one pass over all values at the first call."""
+        """Return the smallest and the largest value of data, from one pass over all values at the first call."""
         return self._value_range
 
     @cached_property
     def _value_range(self) -> tuple[float, float]:
-        ends = [(float(slab.min()), float(slab.max())) for slab in iter_slabs(self.values, self.source)]
+        slabs = iter_slabs(self.values, self.source)
+        if self.num_absent:
+            slabs = (slab[~np.isnan(slab)] for slab in slabs)
+        ends = [(float(slab.min()), float(slab.max())) for slab in slabs if slab.size]
         return min(low for low, _ in ends), max(high for _, high in ends)
+
+    @cached_property
+    def are_absent(self) -> Bools:
+        """Return which voxels have no data, bool [z, y, x]."""
+        return np.isnan(self.values)
 
     @property
     def shape_xyz(self) -> tuple[int, int, int]:
@@ -89,10 +97,12 @@ class Volume:
         return self.world_from_index[:3, :3] @ self.centre_index + self.world_from_index[:3, 3]
 
 
-def make_volume(values: Array, world_from_index: Float64, name: str, source: MappedFile | None = None) -> Volume:
+def make_volume(
+    values: Array, world_from_index: Float64, name: str, source: MappedFile | None = None, *, num_absent: int = 0
+) -> Volume:
     """Make a Volume around `values`, which become read-only and are not copied.
 
-    values: [z, y, x], finite, native byte order, C-contiguous, an integer or float dtype.
+    values: [z, y, x], native byte order, C-contiguous, an integer or float dtype; finite, but for `num_absent` NaN.
     world_from_index: float64 [4, 4].
     source: the file that they are mapped from, if any; raises InputError if it has changed.
     """
@@ -106,4 +116,4 @@ def make_volume(values: Array, world_from_index: Float64, name: str, source: Map
     digest.update(placed.data.cast("B"))
     for slab in iter_slabs(values, source):
         digest.update(slab.data.cast("B"))
-    return Volume(values, placed, name, digest.hexdigest(), source)
+    return Volume(values, placed, name, digest.hexdigest(), source, num_absent)

@@ -103,6 +103,7 @@ def test_progress_is_the_share_of_the_rays_known_to_be_needed(monkeypatch: pytes
     assert shares[-1] == 1.0
 
 
+@pytest.mark.usefixtures("heeds_interrupts")
 def test_an_interrupt_drops_waiting_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
     """A real signal arrives while the main thread waits for 1000 slow tasks."""
     main_thread, begun, numbers = threading.main_thread().ident, [], count(1)
@@ -117,12 +118,10 @@ def test_an_interrupt_drops_waiting_tasks(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr("renderer.truth.integrator._RAYS_PER_TASK", 1)
     empty = volume(np.zeros((2, 2, 2)))
     gc.disable()  # an interrupt that comes while garbage is collected is lost in a callback of hypothesis
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # what runs in the background may ignore it
     try:
         with pytest.raises(KeyboardInterrupt):
             integrate(empty, COLORFUL, look((0.0, 0.0, 0.0), 9.0, (40, 25)), step_voxels=1.0, num_threads=2)
     finally:
-        signal.signal(signal.SIGINT, before)
         gc.enable()
     assert len(begun) < 500
 

@@ -173,7 +173,7 @@ def _voxels(case: Case, rng: Random) -> None:
     case.files["n.raw"] = values.tobytes()
     case.tree["volume"] = {"raw": {"file": "n.raw", "shape": list(values.shape[::-1]), "dtype": values.dtype.name}}
     if rng.random() < 0.5:
-        case.tree["volume"]["nonfinite"] = "lowest"
+        case.tree["volume"]["nodata"] = "auto"
 
 
 _CHANGES = (_value, _number, _missing_key, _unknown_key, _text, _file, _option, _voxels)

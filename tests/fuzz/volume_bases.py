@@ -21,6 +21,7 @@ import nrrd
 import numpy as np
 import tifffile
 from pydicom import dcmread
+from pydicom.dataset import Dataset
 from pydicom.uid import DeflatedExplicitVRLittleEndian, ImplicitVRLittleEndian, RLELossless
 from volume_base import Array, Base, Ranges, attached, behind, detached, in_memory, written
 from volume_bases_scientific import hdf5_bases, mrc_bases, other_vtk_bases, picture_bases
@@ -217,6 +218,13 @@ def _tiff() -> Iterator[Base]:
     yield _tiff_base("imagej", stack, imagej=True, metadata=described, seen=stack[:, 1], choice=choice)
     described = {"axes": "ZCYX", "PhysicalSizeX": 0.5, "PhysicalSizeY": 0.5, "PhysicalSizeZ": 2.0}
     yield _tiff_base("ome", stack, ome=True, metadata=described, seen=stack[:, 1], choice=choice, compression="deflate")
+    described = {"axes": "ZCYX", "spacing": 2.0, "unit": "um"}
+    yield _tiff_base("shaped", stack, metadata=described, seen=stack[:, 1], choice=choice)
+    yield _tiff_base("shaped-without-axes", np.stack([values + 1, values]), seen=values, choice={"time": 1})
+    yield _tiff_base("truncated", stack, metadata=described, seen=stack[:, 1], choice=choice, truncate=True)
+    yield _tiff_base("nodata", values, metadata=None, extratags=[(42113, "s", 0, "65000", True)])
+    yield _tiff_lsm(values)
+    yield _tiff_ome_files(values)
     yield _tiff_base("rgb", np.stack([small] * 3, axis=-1), photometric="rgb", metadata=None, seen=small, choice=choice)
     out = io.BytesIO()
     with tifffile.TiffWriter(out) as writer:
@@ -227,6 +235,35 @@ def _tiff() -> Iterator[Base]:
     yield _tiff_of("pyramid", {"a.tif": out.getvalue()}, tiled)
     pages = [in_memory(tifffile.imwrite, page, compression="deflate", metadata=None) for page in values]
     yield _tiff_of("folder", {f"stack/s{k:02}.tif": page for k, page in enumerate(pages)}, values, opened="stack")
+
+
+def _tiff_lsm(values: Array) -> Base:
+    """Return a stack with the record of Zeiss and a thumbnail behind each slice."""
+    record = struct.pack("<II8i6dHHI", 67127628, 96, 10, 12, 4, 1, 1, 2, 8, 8, 2e-7, 2e-7, 1e-6, 0, 0, 0, 0, 0, 0)
+    out = io.BytesIO()
+    with tifffile.TiffWriter(out, byteorder="<") as writer:
+        for k, page in enumerate(values):
+            tags = [] if k else [(34412, "B", len(record), record, True)]
+            writer.write(page, extratags=tags, metadata=None, compression="lzw", photometric="minisblack")
+            writer.write(np.zeros((8, 8), np.uint8), subfiletype=1, metadata=None, photometric="minisblack")
+    return _tiff_of("lsm", {"a.lsm": out.getvalue()}, values, opened="a.lsm")
+
+
+def _tiff_ome_files(values: Array) -> Base:
+    """Return a stack with the halves of its slices in two files, which both name both."""
+    places = "".join(
+        f'<TiffData FirstZ="{z}" IFD="{z % 2}"><UUID FileName="{"ab"[z // 2]}.tif">urn:uuid:{z // 2}</UUID></TiffData>'
+        for z in range(4)
+    )
+    pixels = f'<Pixels DimensionOrder="XYZCT" SizeZ="4" SizeC="1" SizeT="1" PhysicalSizeX="0.5">{places}</Pixels>'
+    files = {}
+    for k, name in enumerate("ab"):
+        options: dict[str, Any] = {"description": f'<OME UUID="urn:uuid:{k}"><Image>{pixels}</Image></OME>'}
+        pages = values[2 * k : 2 * k + 2]
+        files[f"{name}.tif"] = in_memory(
+            tifffile.imwrite, pages, metadata=None, photometric="minisblack", software=False, **options
+        )
+    return _tiff_of("ome-files", files, values)
 
 
 def _tiff_base(
@@ -323,6 +360,46 @@ def _dicom() -> Iterator[Base]:
     files = written(series)
     headers = {name: _before_pixels(data) for name, data in files.items()}
     yield Base("dicom series", files, "series", values=values.astype(np.int32), headers=headers)
+    yield from _dicom_dimensions(values, stack)
+
+
+def _dicom_dimensions(values: Array, stack: dict[str, Any]) -> Iterator[Base]:
+    """Yield files whose frames are more than slices of one volume, and of which the first volume has these values."""
+    twice = np.concatenate([values, values // 2])
+    slots, places = [1] * 4 + [2] * 4, [1, 2, 3, 4] * 2
+    vectors = {"FrameIncrementPointer": [0x00540070, 0x00540080], "TimeSlotVector": slots, "SliceVector": places}
+    detector = Dataset()
+    detector.ImagePositionPatient, detector.ImageOrientationPatient = ["0"] * 3, ["1", "0", "0", "0", "1", "0"]
+    fields = image_fields(twice, **stack, **vectors, DetectorInformationSequence=[detector])
+    yield _dicom_base("vectors", dicom_bytes(fields), values)
+
+    offsets = {"GridFrameOffsetVector": ["0", "2", "4", "6"], "DoseGridScaling": "0.5", "SpacingBetweenSlices": None}
+    yield _dicom_base("dose", dicom_bytes(image_fields(values, **(stack | offsets))), values * 0.5)
+
+    frames = functional_groups(twice, [0, 1, 2, 3, 4, 5, 6, 7])
+    for k, frame in enumerate(frames.PerFrameFunctionalGroupsSequence):
+        echo, segment = Dataset(), Dataset()
+        echo.EffectiveEchoTime, segment.ReferencedSegmentNumber = 5.0 * (k // 4), 1 + k % 4 // 4
+        frame.MREchoSequence, frame.SegmentIdentificationSequence = [echo], [segment]
+        frame.PlanePositionSequence[0].ImagePositionPatient = ["0", "0", str(2 * (k % 4))]
+    yield _dicom_base("echoes", dicom_bytes(frames), values)
+
+    tiles = values.reshape(2, 2, 12, 10).transpose(0, 2, 1, 3).reshape(24, 20)
+    mosaic = image_fields(tiles, **stack, ImageType=["ORIGINAL", "PRIMARY", "MOSAIC"], PixelPaddingValue=-2000)
+    mosaic.add_new(0x00190010, "LO", "SIEMENS MR HEADER")
+    mosaic.add_new(0x0019100A, "US", 4)
+    yield _dicom_base("mosaic", dicom_bytes(mosaic), values)
+
+    def times(folder: Path) -> None:
+        (folder / "series").mkdir()
+        for k, plane in enumerate(twice):
+            place = {"ImagePositionPatient": ["0", "0", str(2 * (k % 4))], "PixelPaddingValue": -2000}
+            fields = {"ImageOrientationPatient": ["1", "0", "0", "0", "1", "0"], "AcquisitionNumber": str(k // 4)}
+            save(folder / "series" / f"{k}.dcm", image_fields(plane, **place, **fields))
+
+    files = written(times)
+    headers = {name: _before_pixels(data) for name, data in files.items()}
+    yield Base("dicom times", files, "series", values=values, headers=headers)
 
 
 def _name_again(path: Path) -> None:

@@ -50,6 +50,12 @@ output: {file: film.mp4, size: [32, 32]}
 """
 
 
+@pytest.fixture(autouse=True)
+def _compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Say what is said after the first run, whether or not this is one."""
+    monkeypatch.setattr("renderer.compiled.has_cached_kernels", lambda: True)
+
+
 @pytest.fixture
 def scene_folder(folder: Path) -> Path:
     """Return the current folder, with SCENE in scene.yaml and two files that hold no volumes."""

@@ -12,6 +12,7 @@ from unittest import mock
 import numpy as np
 import pytest
 from commands import environment, other_process
+from kinds_of_data import KINDS
 from small_scene import sidecar, small_scene
 
 import renderer
@@ -203,6 +204,18 @@ def test_another_job_is_writing_the_film() -> None:
     ):
         renderer.render("scene.yaml")
     assert renderer.render("scene.yaml").path.exists()
+
+
+def test_the_name_of_a_volume_is_drawn_like_its_array() -> None:
+    array = KINDS["uint8"][0][8:40, 8:40, 8:40]
+    np.save("scan.npy", array)
+    expected = renderer.render_frame(array, size=(32, 32))
+    assert np.array_equal(renderer.render_frame("scan.npy", size=(32, 32)), expected)
+    Path("one").mkdir()
+    Path("scan.npy").rename("one/scan.npy")
+    assert np.array_equal(renderer.render_frame(Path("one"), size=(32, 32)), expected)
+    film = renderer.render("one/scan.npy", output="{frame}.png", frames=[0])
+    assert film.path == Path("{frame}.png")
 
 
 def test_without_opengl(monkeypatch: pytest.MonkeyPatch) -> None:

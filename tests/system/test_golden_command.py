@@ -270,6 +270,7 @@ def test_a_sidecar_with_the_tolerances_of_a_time_budget_can_be_golden() -> None:
     assert main.run(["golden", "film.mp4.json", "goldens", "--update"]) == 0
 
 
+@pytest.mark.usefixtures("heeds_interrupts")
 def test_an_interrupt_waits_until_all_files_are_written(monkeypatch: pytest.MonkeyPatch) -> None:
     first_goldens()
     replace = os.replace

@@ -136,8 +136,8 @@ def test_other_words_about_the_volume_make_another_film() -> None:
     """Also where its voxels come out as they were: only where they are is no part of what a film is."""
     np.save("scan.npy", np.linspace(0, 255, 60, dtype=np.float32).reshape(3, 4, 5))
     render("scene.yaml", "--volume", "scan.npy", "--set", "error.splats=3")
-    assert main.run(["render", "film.mp4.json", "--set", "volume.nonfinite=lowest", "--quiet"]) == 2
-    render("film.mp4.json", "--set", "volume.nonfinite=lowest", "--output", "other.mp4")
+    assert main.run(["render", "film.mp4.json", "--set", "volume.nodata=7", "--quiet"]) == 2
+    render("film.mp4.json", "--set", "volume.nodata=7", "--output", "other.mp4")
     schedule = sidecar("other.mp4.json")["schedule"]
     assert schedule["requested"] == {"tolerance": schedule["tolerance"][0]}
 

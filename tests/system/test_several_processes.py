@@ -100,6 +100,7 @@ def test_processes_that_do_not_start(module: str, monkeypatch: pytest.MonkeyPatc
         pass
 
 
+@pytest.mark.usefixtures("heeds_interrupts")
 def test_an_interrupt_of_all_processes_of_a_terminal(film_of_one_process: bytes) -> None:
     mark = new_mark()
     with rendering(mark) as job:

@@ -20,8 +20,7 @@ from kills import GRACE_S, MARK, names_of, seconds_until_gone
 from kinds_of_data import KINDS
 
 from hsplat_cli import main
-from hsplat_cli.terminal import Reporter
-from hsplat_cli.turntable import batch
+from hsplat_cli.turntable import batch, one_film
 from renderer.job import film_making
 from renderer.scene import load_scene
 from renderer.system import ChildProcesses
@@ -132,13 +131,29 @@ def test_frames_as_pictures() -> None:
     assert imageio.imread("out/labels/0000.png").shape == (32, 32, 4)
 
 
+def test_labels_have_no_words_on_exact_rays(capfd: pytest.CaptureFixture[str]) -> None:
+    """Between 3 and 90 lies 17, which no voxel there is: rays through the interpolated field see a skin of it."""
+    z, y, x = np.meshgrid(*[np.linspace(-1, 1, 24)] * 3, indexing="ij")
+    labels = np.select([x < -0.15, x > 0.15], [3, 90], 17) * (x**2 + y**2 + z**2 < 0.7)
+    np.save("in/three.npy", labels)
+    assert turntable("in/three.npy", "-o", "out", *SMALL[:4]) == 0
+    said = capfd.readouterr().out
+    assert "splats a frame" in said and "hardly seen" not in said and "dB" not in said
+    made = json.loads(Path("out/three.mp4.json").read_text(encoding="utf-8"))
+    assert "accuracy" not in made and "visibility" not in made
+    assert main.run(["verify", "out/three.mp4"]) == 0
+    note = "note: there is no exact picture to compare with: footprint: gaussian shows labels"
+    assert note in capfd.readouterr().out
+
+
 def test_a_volume_that_fails_does_not_stop_the_others(capfd: pytest.CaptureFixture[str]) -> None:
     Path("in/broken.npy").write_bytes(b"\x93NUMPY nothing")
     Path("numpy.py").write_text("raise SystemExit", encoding="utf-8")  # not to be imported
     assert turntable("no*.nrrd", "in/missing.npy", "in/[bl]*.npy", "in/labels.npy", "-o", "out", *SMALL) == 2
     out, err = capfd.readouterr()
     table = [line.split() for line in out.splitlines()]
-    assert table[0] == ["volume", "status", "kind", "frames", "bricks", "seconds", "dB", "film"]
+    decibels = ["dB", "of", "frames", "dB", "in", "file"]
+    assert table[0] == ["volume", "status", "kind", "frames", "primitives", "seconds", *decibels, "film"]
     assert [row[:2] for row in table[1:]] == [
         ["no*.nrrd", "failed"],
         ["in/missing.npy", "failed"],
@@ -232,13 +247,16 @@ def test_a_film_is_done_until_another_is_begun(monkeypatch: pytest.MonkeyPatch) 
 def test_the_film_is_that_of_the_scene_that_was_written(monkeypatch: pytest.MonkeyPatch) -> None:
     """An edit of the file before it is read has no effect."""
 
-    def edit(reporter: Reporter) -> None:
+    write_scene = one_film.write_scene
+
+    def edit(*arguments: Any) -> None:
+        write_scene(*arguments)
         scene = Path("out/uint8.yaml")
         text = scene.read_text(encoding="utf-8")
         assert "frames: 3" in text
         scene.write_text(text.replace("frames: 3", "frames: 7"), encoding="utf-8")
 
-    monkeypatch.setattr(Reporter, "announce_compilation", edit)
+    monkeypatch.setattr(one_film, "write_scene", edit)
     assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
     assert imageio.imread("out/uint8.mp4", plugin="FFMPEG").shape[0] == 3
 

@@ -37,7 +37,7 @@ DEPENDS_ON = {
     "versions": {"python": "3.11.2", "numpy": "2.1.0"},
 }
 RECORD: Any = SimpleNamespace(  # the part of one that the origin is taken from
-    scene={"volume": {"file": "/scans/engine.nhdr", "crop": None, "nonfinite": "error"}, "output": {"file": "x"}},
+    scene={"volume": {"file": "/scans/engine.nhdr", "crop": None, "nodata": "auto"}, "output": {"file": "x"}},
     volume=VolumeRecord("/scans/engine.nhdr", DIGEST, "uint8", (8, 8, 4), ()),
     device="llvmpipe (LLVM 15.0.6, 256 bits)",
     fingerprint=FilmFingerprint(DIGEST, {}, DEPENDS_ON),
@@ -68,10 +68,10 @@ def test_each_golden_has_its_own_line() -> None:
 
 def test_the_origin_has_no_paths() -> None:
     raw = copy.deepcopy(RECORD)
-    raw.scene["volume"] = {"raw": {"file": "/scans/a.raw", "shape": [8, 8, 4]}, "nonfinite": "error"}
+    raw.scene["volume"] = {"raw": {"file": "/scans/a.raw", "shape": [8, 8, 4]}, "nodata": "auto"}
     assert ORIGIN["volume"]["name"] == "engine.nhdr"
-    assert ORIGIN["scene"]["volume"] == {"crop": None, "nonfinite": "error"}
-    assert origin_from_record(raw)["scene"]["volume"] == {"raw": {"shape": [8, 8, 4]}, "nonfinite": "error"}
+    assert ORIGIN["scene"]["volume"] == {"crop": None, "nodata": "auto"}
+    assert origin_from_record(raw)["scene"]["volume"] == {"raw": {"shape": [8, 8, 4]}, "nodata": "auto"}
     assert b"scans" not in provenance_bytes(replace(WRITTEN, origin=origin_from_record(raw)))
 
 

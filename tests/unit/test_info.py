@@ -10,7 +10,7 @@ import yaml
 from click.testing import CliRunner
 
 from hsplat_cli.commands.info import describe_direction, info
-from renderer.errors import InputError
+from renderer.errors import InputError, SceneError
 from renderer.readers import common
 from tests.support.volume_files import write_image
 
@@ -154,15 +154,53 @@ def test_wrong_numbers_are_errors_of_their_option(option, text):
         run("a.raw", "--dtype", "uint8", option, text)
 
 
-def test_time_component_and_nonfinite(tmp_path):
+@pytest.mark.parametrize(
+    ("option", "text", "hint"),
+    [
+        ("--dtype", "uchar", "did you mean uint8?"),
+        ("--dtype", "UINT8", "did you mean uint8?"),
+        ("--dtype", "int12", "did you mean int16?"),
+        ("--dtype", ">u2", "did you mean uint16 with byte order big?"),
+        ("--dtype", "<f4", "did you mean float32?"),
+        ("--dtype", "", None),
+        ("--byte-order", "bigg", "did you mean big?"),
+        ("--offset", "-1", None),
+        ("--time", "one", None),
+        ("--component", "1.5", None),
+    ],
+)
+def test_options_are_read_as_the_keys_of_a_scene(option, text, hint):
+    with pytest.raises(SceneError) as caught:
+        run("a.raw", "--shape", "5,4,3", option, text)
+    (problem,) = caught.value.problems
+    assert (problem.location, problem.hint) == (f"{option} {text}", hint)
+
+
+def test_a_folder_of_volumes_is_listed(tmp_path):
+    (tmp_path / "a" / "b").mkdir(parents=True)
+    np.save(tmp_path / "a" / "one.npy", RAMP.astype(np.int16))
+    write_image(tmp_path / "a" / "b" / "two.nrrd", RAMP.astype(np.uint8))
+    (tmp_path / "a" / "b" / "bad.nrrd").write_bytes(b"NRRD0004\n")
+    (tmp_path / "a" / "b" / "loop").symlink_to(tmp_path)
+    (tmp_path / "again.npy").symlink_to(tmp_path / "a" / "one.npy")
+    again, bad, two = json.loads(run(str(tmp_path), "--json"))
+    assert again == {"volume": f"{tmp_path}/again.npy", "format": "npy", "type": "int16", "shape": "5 x 4 x 3"}
+    assert two == {"volume": f"{tmp_path}/a/b/two.nrrd", "format": "nrrd", "type": "uint8", "shape": "5 x 4 x 3"}
+    assert bad["type"] == "-" and bad["shape"].startswith(f"{tmp_path}/a/b/bad.nrrd: ")
+    names = [f"{tmp_path}/{name}" for name in ("again.npy", "a/b/bad.nrrd", "a/b/two.nrrd")]
+    assert [line.split()[0] for line in run(str(tmp_path)).splitlines()] == ["volume", *names]
+
+
+def test_time_component_and_nodata(tmp_path):
     steps = np.stack([RAMP, RAMP + 100.0])
     steps[0, 0, 0, 0] = np.nan
     np.save(tmp_path / "a.npy", steps)
     file = str(tmp_path / "a.npy")
     assert facts_of(file, "--time", "1")["minimum"] == 100.0
     with pytest.raises(InputError, match="1 of 60 voxels are NaN or infinite"):
-        run(file, "--time", "0")
-    assert facts_of(file, "--time", "0", "--nonfinite", "lowest")["minimum"] == 1.0
+        run(file, "--time", "0", "--nodata", "none")
+    assert facts_of(file, "--time", "0")["minimum"] == 1.0
+    assert facts_of(file, "--time", "0", "--nodata", "1,3")["minimum"] == 2.0
 
 
 def test_the_first_of_several_times_is_drawn_and_said(tmp_path):

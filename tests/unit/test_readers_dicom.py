@@ -130,9 +130,32 @@ def test_damaged_slices_are_named(tmp_path, name, damage):
 
 
 @pytest.mark.parametrize("num_slices", [2, 3])
-def test_files_of_several_slices_each_are_no_series(tmp_path, num_slices):
+def test_files_of_several_slices_each_are_times_if_numbered(tmp_path, num_slices):
     for k in range(2):
-        stored = np.zeros((num_slices, 6, 5), np.int16)
+        stored = np.full((num_slices, 6, 5), k, np.int16)
         save(tmp_path / f"{k}.dcm", image_fields(stored, SpacingBetweenSlices="2"))
-    error = refused(tmp_path, match="several files of this series hold several slices each")
-    assert error.got == f"{num_slices} slices"
+    error = refused(tmp_path, match="two slices of this series are at the same position")
+    assert error.got == "0.dcm and 1.dcm, which no field tells apart"
+    for k in range(2):
+        stored = np.full((num_slices, 6, 5), k, np.int16)
+        save(tmp_path / f"{k}.dcm", image_fields(stored, SpacingBetweenSlices="2", InstanceNumber=str(2 - k)))
+    np.testing.assert_array_equal(read(tmp_path, time=0).values, np.ones((num_slices, 6, 5)))
+    np.testing.assert_array_equal(read(tmp_path, time=1).values, np.zeros((num_slices, 6, 5)))
+
+
+def test_slices_of_two_distances_are_uneven_and_not_missing(tmp_path):
+    """Twice as far from the fifth on: a slice each is not missing there."""
+    write_series(tmp_path, [place * NORMAL for place in (0, 1, 2, 3, 4, 6, 8, 10)])
+    error = refused(tmp_path, match="the slices of this series are not evenly spaced")
+    assert error.got is not None and error.got.startswith("gaps from 1 to 2; ")
+    assert error.hint == (
+        "resample the series to even spacing, for example in 3D Slicer, or put slices of one distance into a folder of "
+        "their own"
+    )
+
+
+def test_missing_slices_have_a_hint(tmp_path):
+    write_series(tmp_path, [place * NORMAL for place in (0, 1, 2, 4, 5, 6, 9)])
+    error = refused(tmp_path, match="slices of this series are missing")
+    assert error.got == "about 3 missing; the first gap, 2, is between 97.dcm and 96.dcm"
+    assert error.hint is not None and error.hint.startswith("copy the whole series again; ")

@@ -37,7 +37,7 @@ def test_folder_of_colours(tmp_path):
         colours[..., 1] = 10 + k
         write_image(tmp_path / f"{k}.tif", colours, has_components=True)
     assert read(tmp_path, component=1).values[:, 0, 0].tolist() == [10, 11, 12]
-    first = read(tmp_path)
+    first = read(tmp_path, (1.0, 1.0, 1.0))
     assert not first.values.any()
     assert first.note == "3 components (R, G, B); the first is drawn; `component: k` chooses another"
 
@@ -183,14 +183,15 @@ def test_hyperstacks(tmp_path, order, description):
         for component in range(2):
             volume = read(tmp_path / "a.tif", time=time, component=component)
             np.testing.assert_array_equal(volume.values, stack[time, :, component])
-    first = read(tmp_path / "a.tif", component=0)
+    ones = (1.0, 1.0, 1.0)
+    first = read(tmp_path / "a.tif", ones, component=0)
     np.testing.assert_array_equal(first.values, stack[0, :, 0])
     assert first.note == "3 times; the first is drawn; `time: k` chooses another"
-    second = read(tmp_path / "a.tif", time=1)
+    second = read(tmp_path / "a.tif", ones, time=1)
     np.testing.assert_array_equal(second.values, stack[1, :, 0])
     assert second.note == "2 components; the first is drawn; `component: k` chooses another"
     both = "3 times; the first is drawn; `time: k` chooses another"
-    assert read(tmp_path / "a.tif").note == f"{both}; {second.note}"
+    assert read(tmp_path / "a.tif", ones).note == f"{both}; {second.note}"
 
 
 # Tiles

@@ -181,13 +181,13 @@ def test_the_volume_option_keeps_the_rest_of_the_section(folder: Path) -> None:
     (folder / "scenes").mkdir()
     (folder / "scan.nrrd").touch()
     text = DEMO.read_text(encoding="utf-8").replace(
-        "volume:", "volume:\n  crop: [[0, 2], [0, 2], [0, 2]]\n  nonfinite: lowest"
+        "volume:", "volume:\n  crop: [[0, 2], [0, 2], [0, 2]]\n  nodata: none"
     )
     (folder / "scenes" / "scene.yaml").write_text(text, encoding="utf-8")
     scene = load(Path("scenes/scene.yaml"), volume=Path("scan.nrrd"), output=Path("frames/{frame}.png"))
     assert scene.volume.source == FileSource(folder / "scan.nrrd")
     assert scene.volume.crop == ((0, 2), (0, 2), (0, 2))
-    assert scene.volume.nonfinite == "lowest"
+    assert scene.volume.nodata == "none"
     assert scene.output.file == Path("frames/{frame}.png")
 
 

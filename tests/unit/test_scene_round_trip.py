@@ -55,7 +55,7 @@ POINTS = (ControlPoint(-0.5, (0.1, 0.2, 0.3), 0.0), ControlPoint(2.0, (1.0, 1.0,
 # Together they give every key of a scene a value other than its default.
 SCENES = {
     "file": Scene(
-        volume=VolumeSpec(FileSource(HERE, SPACING), 1, 2, ((0, 1), (0, 2), (1, 3)), 0.1, "a/b"),
+        volume=VolumeSpec(FileSource(HERE, SPACING), 1, 2, ((0, 1), (0, 2), (1, 3)), (0.1,), "a/b"),
         transfer_function=TransferSpec(ColormapSpec("viridis", (-0.1, 1 / 3), ((0.0, 0.0), (1.0, 0.5)))),
         camera=CameraSpec(
             KeyframePath(9, (Keyframe(0, -0.1, 30.5), Keyframe(8, 90.0, 20.0, 2.5)), False, "linear", AXIS),
@@ -73,7 +73,7 @@ SCENES = {
         output=OutputSpec(Path("{frame}.png"), (7, 9), background=None),
     ),
     "raw": Scene(
-        volume=VolumeSpec(RawSource(HERE, (1, 1, NUM_BYTES - 3), "uint8", "big", SPACING, 3), nonfinite="lowest"),
+        volume=VolumeSpec(RawSource(HERE, (1, 1, NUM_BYTES - 3), "uint8", "big", SPACING, 3), nodata=(-1.0, 1e20)),
         transfer_function=TransferSpec(POINTS, 0.1),
         camera=CameraSpec(RockerPath(9, 33.3, 0.1, -10.5, AXIS), target=(1.0, 2.0, 1 / 3)),
         error=ErrorSpec(goal=SplatBudget(((0, 1000), (8, 10_000)))),

@@ -71,7 +71,7 @@ def test_every_file_name_reads_back(folder: Path, name: str) -> None:
     Path("scenes").mkdir()
     volume = Path("data", name)
     volume.touch()
-    found = VolumeSuggestion(VolumeSpec(FileSource(volume)), SUGGESTION, is_float=False)
+    found = VolumeSuggestion(VolumeSpec(FileSource(volume)), SUGGESTION, has_absent=False)
     output = Path("out", f"{name}.mp4".translate(_NO_BRACES))
     _, scene = read_back(found, Path("scenes"), output=output)
     assert isinstance(scene.volume.source, FileSource)
@@ -85,9 +85,9 @@ def test_every_setting_reads_back(tmp_path: Path) -> None:
     film = FilmOptions(7, -12.5, "-x", 1e-9, (640, 480), 12.5, "#ff8000")
     colormap = TransferSpec(ColormapSpec("viridis", (-1.0, 1e22), ((0.0, 0.0), (1e-9, 0.25))), 1e-7)
     suggestion = Suggestion("a kind", "a reason", colormap, (), None)
-    found = VolumeSuggestion(VolumeSpec(source, nonfinite="lowest"), suggestion, is_float=True)
+    found = VolumeSuggestion(VolumeSpec(source, nodata=(1.5,)), suggestion, has_absent=True)
     _, scene = read_back(found, tmp_path, film)
-    assert scene.volume == VolumeSpec(source, nonfinite="lowest")
+    assert scene.volume == VolumeSpec(source, nodata=(1.5,))
     assert scene.transfer_function == colormap
     assert scene.shading is None
     assert scene.camera.path == TurntablePath(7, elevation=-12.5, axis=(-1.0, 0.0, 0.0))
@@ -101,7 +101,7 @@ def test_a_spacing_and_a_choice_of_voxels_read_back(tmp_path: Path) -> None:
     source = FileSource(tmp_path / "a.npy", (1e-7, 2e-7, 3e-3))
     source.file.touch()
     volume = VolumeSpec(source, time=3, component=1)
-    found = VolumeSuggestion(volume, SUGGESTION, is_float=False)
+    found = VolumeSuggestion(volume, SUGGESTION, has_absent=False)
     text, scene = read_back(found, tmp_path)
     assert scene.volume == volume
     assert "  spacing: [1e-07, 2e-07, 0.003]  # lengths of a voxel, in place of the file's\n" in text
@@ -111,7 +111,7 @@ def test_a_spacing_and_a_choice_of_voxels_read_back(tmp_path: Path) -> None:
 def test_labels_are_drawn_by_voxel_where_there_is_room(tmp_path: Path, splat: SplatSpec | None) -> None:
     (tmp_path / "scan.npy").touch()
     suggestion = replace(SUGGESTION, is_categorical=True, splat=splat)
-    found = VolumeSuggestion(VolumeSpec(FileSource(tmp_path / "scan.npy")), suggestion, is_float=False)
+    found = VolumeSuggestion(VolumeSpec(FileSource(tmp_path / "scan.npy")), suggestion, has_absent=False)
     text, scene = read_back(found, tmp_path)
     assert "skin of a label" in text
     assert scene.splat == (splat or SplatSpec(footprint="integrated"))

@@ -54,7 +54,8 @@ def test_the_current_folder_has_a_name(tmp_path: Path) -> None:
         (["a.nrrd", "b.nrrd"], ["a", "b"]),
         (["a/scan.nrrd", "b/scan.nrrd", "other.nrrd"], ["a_scan", "b_scan", "other"]),
         (["scan.nrrd", "scan.mha"], ["scan.nrrd", "scan.mha"]),
-        (["x/a/scan.nrrd", "y/a/scan.nrrd"], ["a_scan", "a_scan-2"]),
+        (["x/a/scan.nrrd", "y/a/scan.nrrd"], ["x_a_scan", "y_a_scan"]),
+        (["v/x/a/s.nrrd", "w/x/a/s.nrrd"], ["a_s", "a_s-2"]),
         (["Scan.nrrd", "b/scan.nrrd"], None),
         (["x/a/s.nrrd", "y/a/s.nrrd", "a_s-2.nrrd"], None),
         (["a/x.nrrd", "b/x.nrrd", "b/x.mha"], None),
@@ -104,14 +105,16 @@ def test_data_files_are_left_out_beside_their_headers() -> None:
     assert expand_volumes(["engine.raw"]) == ([Path("engine.raw")], [])
 
 
-def test_a_folder_of_volumes_stands_for_all_directly_in_it() -> None:
-    touch("in/b.npy", "in/a.nii.gz", "in/notes.txt", "in/.hidden", "in/deep/c.npy", "in/stack/1.tif")
+def test_a_folder_of_volumes_stands_for_all_below_it() -> None:
+    touch("in/b.npy", "in/a.nii.gz", "in/notes.txt", "in/.hidden", "in/stack/1.tif", "in/text/notes.txt")
+    touch("in/deep/10/c.npy", "in/deep/2/c.npy", "in/.trash/c.npy", "in/deep/2/stack/1.tif", "in/deep/2/stack/2.tif")
     np.zeros((2, 2, 2), np.uint8).tofile("in/c.raw")
     header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\ndata file: c.raw\n"
     Path("in/c.nhdr").write_text(header, encoding="ascii")
     volumes, notes = expand_volumes(["in/b.npy", "in"])
-    assert volumes == [Path("in", name) for name in ("b.npy", "a.nii.gz", "c.nhdr", "stack")]
-    assert notes == ["in: its volumes are drawn; left out: deep, notes.txt"]
+    below = ["deep/2/c.npy", "deep/2/stack", "deep/10/c.npy"]
+    assert volumes == [Path("in", name) for name in ("b.npy", "a.nii.gz", "c.nhdr", *below, "stack")]
+    assert notes == ["in: its volumes are drawn; left out: notes.txt, text"]
 
 
 def test_links_in_a_folder_are_followed_once(tmp_path: Path) -> None:
@@ -128,9 +131,9 @@ def test_links_in_a_folder_are_followed_once(tmp_path: Path) -> None:
 
 def test_other_folders_are_volumes_themselves() -> None:
     """With one volume, which is found by its reader, with slices, or with nothing."""
-    touch("one/sub/a.npy", "slices/1.tif", "slices/a.npy", "slices/b.npy", "deep/a/1.npy", "deep/a/2.npy")
+    touch("one/sub/a.npy", "slices/1.tif", "slices/a.npy", "slices/b.npy")
     Path("empty").mkdir()
-    folders = ["one", "slices", "deep", "empty"]
+    folders = ["one", "slices", "empty"]
     assert expand_volumes(folders) == ([Path(folder) for folder in folders], [])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +74,18 @@ def test_a_preset_for_hounsfield_units_is_shifted() -> None:
     clear, bone = extinction(found.transfer, 1024 + 40, 1024 + 1100)
     assert clear == 0 < bone
     assert "1024 added" in found.reason and found.shading is not None and found.shading.light == "camera"
+
+
+def test_a_preset_for_hounsfield_units_on_other_values_is_told_with_what_fits_it() -> None:
+    """Those of the object, here from 10 to 226, become the range from 180 to 1900 in which the preset changes."""
+    (note,) = wished(two_materials("uint8"), "ct-bone").outlier_notes
+    found = re.search(r"here lie from (\S+) to (\S+); .*shift: (\S+)` .*`scale: (\S+)`", note)
+    assert found is not None and "made for values from 180 to 1900" in note
+    low, high, shift, scale = map(float, found.groups())
+    assert (low, high) == pytest.approx((10, 226), abs=1)
+    assert (180 * scale + shift, 1900 * scale + shift) == pytest.approx((low, high), rel=1e-2, abs=0.1)
+    assert not wished(head_as_unsigned(), "ct-bone").outlier_notes
+    assert not wished(two_materials("uint8"), "mr-angio").outlier_notes
 
 
 def test_a_preset_of_shares_is_stretched_over_the_object() -> None:

@@ -6,7 +6,16 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from renderer.errors import InputError, Problem
-from renderer.scene import MAX_PSNR_DB, ErrorSpec, MetricTarget, Scene, SplatSpec, raise_problems, schema
+from renderer.scene import (
+    MAX_PSNR_DB,
+    TOLERANCE_FIELD,
+    ErrorSpec,
+    MetricTarget,
+    Scene,
+    SplatSpec,
+    raise_problems,
+    schema,
+)
 
 T = TypeVar("T")
 
@@ -52,7 +61,7 @@ def parse_sweep(
     return Sweep(
         errors=tuple(replace(scene.error, measure=measure, of=of) for measure, of in pairs),  # type: ignore[arg-type]
         splats=tuple(dict.fromkeys(splats)),
-        tolerances=None if tolerances is None else _items("--tolerances", tolerances, schema.number_field(minimum=0)),
+        tolerances=None if tolerances is None else _items("--tolerances", tolerances, TOLERANCE_FIELD),
     )
 
 

@@ -5,6 +5,8 @@ scalar is turned so that its maximum is sought (`renderer.bricks.Extremes`). A p
 found; what lies below it is passed over, brick by brick and cell by cell. Bricks come with the largest bound first, and
 a tile ends when no brick that is left can change it. By depth they come front to back, and the first maximum counts.
 
+Where some of the eight voxels have no data, the way through a cell is divided where another voxel becomes the nearest.
+
 The image has in its first channel the number, in its second how near it is, from 0 at the farthest point of the ball
 around the volume to 1, and 0 in the others.
 """
@@ -49,6 +51,7 @@ from renderer.draw.cpu.rays import (
     set_up_rays,
     take_part,
 )
+from renderer.draw.cpu.sample import are_all_present, are_present
 from renderer.view import RaySetup
 from renderer.volume import Bools, Float32, Float64, Int64
 
@@ -69,7 +72,8 @@ class Search(NamedTuple):
 
     offset, slope: as in Extremes. slack: by how much a number must exceed the largest one to count, and min_rise to
         take its place. ceiling: a ray ends at this number.
-    is_sorted: whether the bounds of bricks fall. Else they come front to back.
+    is_sorted: whether the bounds of bricks fall. Else they come front to back. has_absent: whether any voxel has no
+        data.
     forward: float64 [3], how much nearer a step along each index axis is; 0 where depth does not count.
     """
 
@@ -79,6 +83,7 @@ class Search(NamedTuple):
     min_rise: np.float32
     ceiling: np.float32
     is_sorted: bool
+    has_absent: bool
     forward: Float64
 
 
@@ -232,7 +237,10 @@ def _search(
             if any_of(may_rise):
                 entry = fma(t, dx, x) - to_float32(i), fma(t, dy, y) - to_float32(j), fma(t, dz, z) - to_float32(k)
                 length = max(out - t, _0)
-                largest, share = _largest_in_cell(corners, entry, (length * dx, length * dy, length * dz))
+                extent = length * dx, length * dy, length * dz
+                largest, share = _largest_in_cell(corners, entry, extent)
+                if search.has_absent:
+                    largest, share = _largest_of_data(texels, at, corners, entry, extent, (largest, share))
                 is_larger = may_rise & (largest > best + search.min_rise)
                 best = where(is_larger, largest, best)
                 place = fma(share, length, t)
@@ -326,6 +334,40 @@ def _largest_in_cell(corners: Any, entry: Any, extent: Any) -> Any:
         number = fma(q, fma(q, fma(q, d, c), b), a)
         place, best = where(number > best, q, place), max(number, best)
     return best, place
+
+
+@inline
+def _largest_of_data(texels: Float32, at: Any, corners: Any, entry: Any, extent: Any, found: Any) -> Any:
+    """Return what `_largest_in_cell` does, of the places whose nearest voxel has data; minus infinity if there is none.
+
+    found: what that returns, which stays where all eight have data.
+    """
+    is_whole = are_all_present(texels, at)
+    if not any_of(~is_whole):
+        return found
+    u, v, w = entry
+    du, dv, dw = extent
+    one, two, three = _middle(u, du), _middle(v, dv), _middle(w, dw)
+    low, high = min(one, two), max(one, two)
+    first, last = min(low, three), max(high, three)
+    between = max(low, min(high, three))
+    best, place = where(is_whole, found[0], -np.float32(np.inf)), where(is_whole, found[1], _0)
+    zero = first - first
+    for begin, end in ((zero, first), (first, between), (between, last), (last, zero + _1)):
+        width, half = end - begin, (begin + end) * np.float32(0.5)
+        start = fma(begin, du, u), fma(begin, dv, v), fma(begin, dw, w)
+        number, share = _largest_in_cell(corners, start, (width * du, width * dv, width * dw))
+        nearest = fma(half, du, u), fma(half, dv, v), fma(half, dw, w)
+        counts = (width > _0) & are_present(texels, at, nearest) & ~is_whole & (number > best)
+        best, place = where(counts, number, best), where(counts, fma(share, width, begin), place)
+    return best, place
+
+
+@inline
+def _middle(entry: Any, extent: Any) -> Any:
+    """Return where a ray passes the plane in the middle of a cell, as a share of its way through; 0 or 1 beyond."""
+    flat = abs(extent) < _MIN_EXTENT
+    return min(max(where(flat, _0, (np.float32(0.5) - entry) / where(flat, _1, extent)), _0), _1)
 
 
 @inline

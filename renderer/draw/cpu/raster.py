@@ -151,6 +151,7 @@ class CPURasterizer(Rasterizer):
             np.float32(batch.screen_sampling.termination_alpha),
             np.float32(batch.spacings_per_model_unit),
             batch.shading is not None and batch.shading.is_plain,
+            batch.cut.volume.num_absent > 0,
             (x, y, z, np.float32(shading.ambient), np.float32(shading.diffuse)),
         )
         scalars, means = self.cache.atlases
@@ -167,6 +168,7 @@ def _search(extremes: Extremes, view: View, batch: BrickBatch) -> Search:
         _MIN_RISE if extremes.by_depth else np.float32(0.0),
         np.float32(np.inf if extremes.by_depth else 1.0),
         not (extremes.by_depth or view.cuts),
+        batch.cut.volume.num_absent > 0,
         nearer if extremes.by_depth else np.zeros(3),
     )
 

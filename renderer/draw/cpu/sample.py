@@ -15,6 +15,7 @@ from renderer.compiled import (
     any_of,
     bits_to_float32,
     broadcast,
+    float32_to_bits,
     fma,
     gather,
     inline,
@@ -37,6 +38,12 @@ _GUIDE_SIZE, _LAST_BUCKET = np.float32(GUIDE_SIZE), np.float32(GUIDE_SIZE - 1)
 # From one texel of a brick to the next along y and along z.
 _ROW_STRIDE, _PLANE_STRIDE = PADDED_BRICK_SIZE, PADDED_BRICK_SIZE**2
 
+# Of a segment where some voxels have no data. With one, grazing rays have means that are off by 40 dB at tolerance 0.
+_NUM_PARTS = 4
+
+# The last texel that is the lowest of eight.
+_LAST_CELL = np.int32(TEXELS_PER_BRICK - 1 - _PLANE_STRIDE - _ROW_STRIDE - 1)
+
 _0: np.float32 = np.float32(0.0)
 _1: np.float32 = np.float32(1.0)
 _HALF: np.float32 = np.float32(0.5)
@@ -50,11 +57,13 @@ class Optics(NamedTuple):
 
     termination_alpha, spacings_per_model_unit: as in ScreenSampling and BrickBatch.
     light: unit vector to the light (x, y, z), ambient and diffuse; used if `is_lit`.
+    has_absent: whether any voxel has no data.
     """
 
     termination_alpha: np.float32
     spacings_per_model_unit: np.float32
     is_lit: bool
+    has_absent: bool
     light: tuple[np.float32, np.float32, np.float32, np.float32, np.float32]
 
 
@@ -183,6 +192,45 @@ def interpolate(numbers: Float32, at: Any, shares: Any, strides: tuple[int, int]
     below = lerp(v, lerp(u, a, b), lerp(u, c, d))
     above = lerp(v, lerp(u, e, f), lerp(u, g, h))
     return lerp(w, below, above)
+
+
+@inline
+def depth_of_data(tau: Any, texels: Float32, optics: Optics, here: Any, first: Any, step: Any) -> Any:
+    """Return the extinctions of samples times the shares of the segments around them that have data, by _NUM_PARTS
+    points. here, first, step: as `cell_at` takes them."""
+    if not optics.has_absent:
+        return tau
+    at, _ = cell_at(here, first, step)
+    are_whole = are_all_present(texels, at)
+    share = where(are_whole, _1, _0)
+    if any_of(~are_whole):
+        for k in range(_NUM_PARTS):
+            at, shares = cell_at(here + np.float32((k + 0.5) / _NUM_PARTS - 0.5), first, step)
+            at = min(max(at, np.int32(0)), _LAST_CELL)  # of lanes without a ray
+            share += where(~are_whole & are_present(texels, at, shares), np.float32(1 / _NUM_PARTS), _0)
+    return tau * share
+
+
+@inline
+def are_present(texels: Float32, at: Any, shares: Any) -> Any:
+    """Return whether the texels that are nearest to samples have data; `at` is the lowest of the eight around each."""
+    u, v, w = shares
+    u, v, w = to_int32(u + _HALF), to_int32(v + _HALF), to_int32(w + _HALF)
+    nearest = at + u + v * np.int32(_ROW_STRIDE) + w * np.int32(_PLANE_STRIDE)
+    return _has_data(gather(texels, nearest))
+
+
+@inline
+def are_all_present(texels: Float32, at: Any) -> Any:
+    """Return whether all eight texels, the lowest of which is at `at`, have data."""
+    a, b, c, d, e, f, g, h = load_corners(texels, at, _ROW_STRIDE, _PLANE_STRIDE)
+    below = _has_data(a) & _has_data(b) & _has_data(c) & _has_data(d)
+    return below & _has_data(e) & _has_data(f) & _has_data(g) & _has_data(h)
+
+
+@inline
+def _has_data(texel: Any) -> Any:
+    return (float32_to_bits(texel) & np.int32(1)) == np.int32(0)
 
 
 @inline

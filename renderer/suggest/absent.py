@@ -1,4 +1,4 @@
-"""Choose the value that stands for NaN and infinities, so that they hide nothing."""
+"""Choose the value that voxels without data have in a sample, so that they look like what surrounds the object."""
 
 from __future__ import annotations
 
@@ -12,18 +12,12 @@ from renderer.suggest.level_sets import is_level_set_interior
 from renderer.volume import Volume
 
 
-def suggest_nonfinite_fill(volume: Volume, statistics: Statistics) -> float | None:
-    """Return the value for NaN and infinities, from the statistics of the others; None if the lowest value serves.
-
-    volume: read with `nonfinite: lowest`.
-    """
-    statistics = statistics.without_outliers or statistics
+def suggest_fill(volume: Volume, statistics: Statistics) -> float | None:
+    """Return the value for voxels without data, from the statistics of the others; None if the lowest value serves."""
     low, high = float(statistics.minimum), float(statistics.maximum)
-    if low == high:  # a mask by NaN
-        return 0.0 if low else None
     sample = features.sample_volume(volume, statistics)
     if label_values(volume, statistics, sample) is not None:
-        return _nonfinite_label(sample, low)
+        return _surrounding_label(sample, low)
     if low < 0 < high and features.is_about_zero(sample):
         return 0.0
     if low < 0 < high and is_level_set_interior(sample.with_inverted_range(), 1 - sample.normalize(0.0)):
@@ -34,8 +28,8 @@ def suggest_nonfinite_fill(volume: Volume, statistics: Statistics) -> float | No
     return sample.round_value(sample.denormalize(background.middle))
 
 
-def _nonfinite_label(sample: VoxelSample, low: float) -> float | None:
-    """Return the label at the border if it has more voxels there than NaN has; else a label that no voxel has."""
+def _surrounding_label(sample: VoxelSample, low: float) -> float | None:
+    """Return the label at the border if it has more voxels there than lack data; else a label that no voxel has."""
     is_known = features.faces(sample.is_valid)
     values, counts = np.unique(features.faces(sample.normalized)[is_known], return_counts=True)
     if counts.max(initial=0) > np.count_nonzero(~is_known):

@@ -1,0 +1,139 @@
+"""Find the files of the only series of images in a folder, and say what else is there."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import re
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+from renderer.errors import InputError
+from renderer.readers.dicom_fields import (
+    FRAME_GROUPS,
+    POSITION,
+    Dataset,
+    kind_without_pixels,
+    open_dicom,
+    text_of,
+    unreadable_slice,
+)
+from renderer.readers.sniff import is_dicom
+from renderer.scene import join_some, short_text
+
+# Beside a file that is read alone, other slices of its series are searched among this many files.
+_MAX_NEIGHBOURS = 1000
+
+# Unnamed images that do not fit are left out beside at least this many times as many that do.
+FEW = 8
+
+_SERIES, _DESCRIPTION, _IMAGE_TYPE, _KIND, _SPACING = 0x0020000E, 0x0008103E, 0x00080008, 0x00080016, 0x00280030
+_CAPTURE = "1.2.840.10008.5.1.4.1.1.7."
+
+
+def find_series(folder: Path) -> tuple[list[Path], dict[str, list[Path]]]:
+    """Return the files of the only series of images in a folder, and others by their kind, which are left out.
+
+    Raises InputError for no series and several, and for files that are damaged slices.
+    """
+    images: dict[str, dict[str, list[Path]]] = {"slice": {}, "localizer": {}, "capture": {}}
+    descriptions: dict[str, str] = {}
+    left_out: dict[str, list[Path]] = defaultdict(list)
+    without_image: dict[str, list[Path]] = defaultdict(list)
+    others: list[Path] = []
+    for path, dataset in _datasets(folder):
+        uid, kind = text_of(dataset, _SERIES) or "", kind_without_pixels(dataset) if dataset else None
+        if kind is not None:
+            left_out[kind].append(path)
+        elif "Rows" in dataset:
+            images[_kind_of_image(dataset)].setdefault(uid, []).append(path)
+            descriptions.setdefault(uid, text_of(dataset, _DESCRIPTION) or uid)
+        else:
+            (without_image[uid] if uid else others).append(path)
+    series = next(
+        (each for each in images.values() if each), {}
+    )  # where there are no slices, the others are the series
+    for kind, each in images.items():
+        left_out[kind] += [] if each is series else [file for files in each.values() for file in files]
+    if not series:
+        raise InputError(
+            "this folder holds no volume",
+            got=describe_left_out(left_out) or (None if others else "an empty folder"),
+            expected="the files of one DICOM series, or .tif files, directly in the folder",
+        )
+    main = max(series, key=lambda uid: len(series[uid]))
+    few = [file for uid, files in series.items() if uid != main for file in files]
+    if few and FEW * len(few) > len(series[main]):
+        names = [
+            f'"{short_text(descriptions[uid])}", {len(files)} file{"s" * (len(files) > 1)} from {files[0].name}'
+            for uid, files in sorted(series.items())
+        ]
+        raise InputError(
+            f"this folder holds {len(series)} DICOM series, and one is rendered",
+            got=join_some(names, "; "),
+            hint="put each series into its own folder",
+        )
+    left_out["image of another series"] += few
+    if without_image[main]:
+        raise unreadable_slice(without_image[main][0])
+    _check_none_lost(others, series[main])
+    return sorted(series[main]), left_out
+
+
+def _datasets(folder: Path) -> Iterator[tuple[Path, Dataset]]:
+    """Yield the files of a folder and their fields, none of what is not DICOM."""
+    for path in sorted(folder.iterdir()):
+        if not (path.name.startswith(".") or path.is_dir()):
+            yield path, open_dicom(path)[0] if is_dicom(path) else {}
+
+
+def _kind_of_image(dataset: Dataset) -> str:
+    """Return `slice`, or what an image is beside slices: `localizer` or `capture`."""
+    text = text_of(dataset, _IMAGE_TYPE) or ""
+    if "LOCALIZER" in text:
+        return "localizer"
+    if POSITION in dataset or FRAME_GROUPS in dataset:
+        return "slice"
+    is_capture = f"{text_of(dataset, _KIND)}.".startswith(_CAPTURE) or "SECONDARY" in text
+    return "capture" if is_capture or _SPACING not in dataset else "slice"
+
+
+def describe_left_out(left_out: dict[str, list[Path]]) -> str:
+    """Return how many files of which kinds there are, with the name of one of each."""
+    parts = []
+    for kind, files in left_out.items():
+        if files:
+            word, of, which = kind.partition(" of ")
+            parts.append(f"{len(files)} {word}{'s' * (len(files) > 1)}{of}{which} ({short_text(files[0].name)})")
+    return join_some(parts)
+
+
+def _check_none_lost(others: list[Path], files: list[Path]) -> None:
+    """Raise InputError for a file that is not DICOM but is named like the slices: at an end of the stack nothing else
+    would show that it was one."""
+    shapes = {_shape(path.name) for path in files}
+    for path in others:
+        if _shape(path.name) in shapes:
+            is_empty = path.is_file() and path.stat().st_size == 0
+            kind = "a DICOM file without a series" if is_dicom(path) else "a file that is not DICOM"
+            raise unreadable_slice(
+                path,
+                "the file is truncated or damaged: copy it again, or remove it if it is no slice",
+                "an empty file" if is_empty else kind,
+            )
+
+
+def _shape(name: str) -> str:
+    """Return a name with each number replaced by one sign."""
+    return re.sub("[0-9]+", "#", name)
+
+
+def one_of_a_series(path: Path) -> str | None:
+    """Return a note for a file with one of several slices of a series, of which another is in its folder; else None."""
+    uid = text_of(open_dicom(path)[0], _SERIES)
+    for other in itertools.islice(path.parent.iterdir(), _MAX_NEIGHBOURS if uid is not None else 0):
+        with contextlib.suppress(InputError, OSError):  # of another file
+            if other.name != path.name and is_dicom(other) and text_of(open_dicom(other)[0], _SERIES) == uid:
+                return f"one of several slices of a DICOM series; its folder, {path.parent}, stands for all of them"
+    return None

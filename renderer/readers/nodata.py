@@ -1,0 +1,197 @@
+"""Find the voxels that have no data, and mark them by NaN.
+
+That are NaN and infinities, what the scene or the file says, and *fill values*: numbers far from all others that many
+voxels have. Voxels of an integer type become floats that hold all of its numbers where any of them has no data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Literal
+
+import numpy as np
+
+from renderer.errors import InputError
+from renderer.readers.common import check_memory
+from renderer.scene import counted
+from renderer.volume import Array, Bools, Float64, Int64, MappedFile, iter_slabs
+
+# Fill values of GIS, netCDF, CF, GSLIB, Surfer and of types.
+_USUAL_VALUES = (
+    *(-999.0, -9999.0, -99999.0, -32767.0, -32768.0, -(2.0**31), 1e20, 9.969209968386869e36),
+    *(1e30, -1e30, 1e31, 1.70141e38, -1.70141e38, *(s * float(np.finfo(t).max) for s in (1, -1) for t in ("f4", "f8"))),
+)
+# Numbers are the same if they differ by less than this part.
+_SAME = 1e-6
+# A usual fill value, of two voxels or more, lies at least half of the others' range away from it, without the outermost
+# of the others. Another one lies this many ranges away from all others, by its sign, and has at least this part of the
+# voxels: a bright object may have one value, too.
+_MIN_USUAL_DISTANCE, _MIN_NEGATIVE_DISTANCE, _MIN_DISTANCE = 0.5, 3.0, 30.0
+_OUTERMOST = _MIN_PART = 1e-3
+# With fewer other values than this the data are steps or labels, which have no fill values but the usual ones.
+_MIN_OTHER_VALUES = 16
+_NUM_SAMPLES = 2**16
+
+# Values, both ends included, that stand for no data.
+Ranges = Sequence[tuple[float, float]]
+
+
+def mark_absent(
+    values: Array,
+    file: MappedFile | None,
+    nodata: Literal["auto", "none"] | tuple[float, ...],
+    declared: Ranges,
+    first_xyz: tuple[int, ...],
+) -> tuple[Array, int, str | None]:
+    """Return the values with NaN where there is no data, the number of such voxels, and a note on them.
+
+    nodata: as in VolumeSpec. declared: by the file. first_xyz: the number of the first voxel in messages.
+    Values that are mapped from a file are copied before any is replaced. Raises InputError where no voxel has data, and
+    with `none` for NaN and infinities.
+    """
+    if nodata == "none":
+        _require_finite(values, file, first_xyz)
+        return values, 0, None
+    found = _find_fill_values(values, file) if nodata == "auto" else ()
+    points = (*found, *(() if nodata == "auto" else nodata))
+    ranges = [*(declared if nodata == "auto" else ()), *((point, point) for point in points)]
+    if values.dtype.kind != "f" and not ranges:
+        return values, 0, None
+    nums = np.zeros(len(ranges) + 1, np.int64)  # in each range, and of NaN and infinities
+    for slab in iter_slabs(values, file):
+        nums += np.array([*(np.count_nonzero(_are_within(slab, each)) for each in ranges), _num_nonfinite(slab)])
+    if not nums.any():
+        return values, 0, None
+    num_absent = sum(np.count_nonzero(_are_absent(slab, ranges)) for slab in iter_slabs(values, file))
+    if num_absent == values.size:
+        hint = "`nodata: none` draws finite ones"
+        raise InputError("no voxel has data", got=_words(ranges, nums), expected="finite values", hint=hint)
+    note = f"{num_absent} of {counted(values.size, 'voxel')} have no data: {_words(ranges, nums)}"
+    if found:
+        note += "; `nodata: none` draws them" if not nums[-1] else ""
+    return _with_nan(values, ranges), int(num_absent), note
+
+
+def _words(ranges: Ranges, nums: Array) -> str:
+    """Return what the voxels without data have."""
+    words = [
+        f"{low:.7g}" if low == high else f"{low:.7g} to {high:.7g}"
+        for (low, high), num in zip(ranges, nums[:-1], strict=True)
+        if num
+    ]
+    return ", ".join([*["NaN or infinite"] * bool(nums[-1]), *dict.fromkeys(words)])
+
+
+def _require_finite(values: Array, file: MappedFile | None, first_xyz: tuple[int, ...]) -> None:
+    """Raise InputError if any value is NaN or infinite."""
+    if values.dtype.kind != "f":
+        return
+    num_bad, first_bad = 0, ""
+    for z, plane in enumerate(plane for slab in iter_slabs(values, file) for plane in slab):
+        num = _num_nonfinite(plane)
+        if num and not num_bad:
+            y, x = np.argwhere(~np.isfinite(plane))[0]
+            first_bad = ", ".join(str(first + int(at)) for first, at in zip(first_xyz, (x, y, z), strict=True))
+        num_bad += num
+    if num_bad:
+        raise InputError(
+            f"{num_bad} of {counted(values.size, 'voxel')} are NaN or infinite",
+            got=f"the first at voxel x, y, z = {first_bad}",
+            expected="finite values, with `nodata: none`",
+            hint="`nodata: auto` leaves them out",
+        )
+
+
+def _num_nonfinite(values: Array) -> int:
+    return values.size - int(np.count_nonzero(np.isfinite(values)))
+
+
+def _are_within(values: Array, ends: tuple[float, float]) -> Bools:
+    """Return which values lie between two, or are as good as one of them."""
+    low, high = ends
+    if values.dtype.kind == "f":
+        low, high = low - _SAME * abs(low), high + _SAME * abs(high)
+    with np.errstate(over="ignore"):  # numbers that the type does not have
+        return np.asarray((values >= low) & (values <= high))
+
+
+def _are_absent(values: Array, ranges: Ranges) -> Bools:
+    absent = ~np.isfinite(values)
+    for each in ranges:
+        absent |= _are_within(values, each)
+    return absent
+
+
+def _with_nan(values: Array, ranges: Ranges) -> Array:
+    """Return the values as floats, with NaN where they are absent; a copy unless they may be written to."""
+    dtype = np.promote_types(values.dtype, np.float16)
+    marked = values
+    if dtype != values.dtype or not values.flags.writeable:
+        check_memory(values.size * dtype.itemsize)
+        marked = np.empty(values.shape, dtype)
+    for plane, out in zip(values, marked, strict=True):
+        absent = _are_absent(plane, ranges)
+        if marked is not values:
+            out[...] = plane
+        out[absent] = np.nan
+    return marked
+
+
+def _find_fill_values(values: Array, file: MappedFile | None) -> tuple[float, ...]:
+    """Return the fill values, judging by the values alone, ascending; bytes have none."""
+    if values.dtype.itemsize == 1:
+        return ()
+    sample = values.reshape(-1)[:: -(-values.size // _NUM_SAMPLES)]
+    distinct, counts = np.unique(sample[np.isfinite(sample)].astype(np.float64), return_counts=True)
+    extremes = [end for slab in _finite_slabs(values, file) for end in (float(slab.min()), float(slab.max()))]
+    added = np.setdiff1d([min(extremes, default=np.nan), max(extremes, default=np.nan)], distinct)
+    order = np.argsort(distinct := np.concatenate([distinct, added[np.isfinite(added)]]))
+    distinct, counts = distinct[order], np.concatenate([counts, np.ones(len(distinct) - len(counts), np.int64)])[order]
+    found = _usual_values(distinct, counts)
+    distances = found | _far_values(distinct, counts, list(found))
+    nums, nums_near = dict.fromkeys(distances, 0), dict.fromkeys(distances, 0)  # itself among what is as near
+    for slab in _finite_slabs(values, file) if distances else ():
+        for value, distance in distances.items():
+            nums[value] += np.count_nonzero(slab == value)
+            nums_near[value] += np.count_nonzero(np.abs(slab / 2 - value / 2) < distance / 2)
+    most = {value: _OUTERMOST * values.size * (value in found) for value in distances}
+    return tuple(sorted(value for value, num in nums.items() if num > 1 and nums_near[value] - num <= most[value]))
+
+
+def _finite_slabs(values: Array, file: MappedFile | None) -> Iterator[Array]:
+    """Yield the finite values, some at a time."""
+    for slab in iter_slabs(values, file):
+        finite = slab if values.dtype.kind != "f" else slab[np.isfinite(slab)]
+        if finite.size:
+            yield finite
+
+
+def _usual_values(distinct: Float64, counts: Int64) -> dict[float, float]:
+    """Return the usual fill values among values, ascending, and the distance at which others may not be."""
+    are_usual = np.any([np.abs(distinct / each - 1) < _SAME for each in _USUAL_VALUES], axis=0)
+    others, ranks = distinct[~are_usual], np.cumsum(counts[~are_usual])
+    if not others.size or not are_usual.any():
+        return {}
+    low, high = others[np.searchsorted(ranks, np.array([_OUTERMOST, 1 - _OUTERMOST]) * ranks[-1])].tolist()
+    distance = _MIN_USUAL_DISTANCE * (high / 2 - low / 2) * 2
+    usual = distinct[are_usual]
+    are_far = np.maximum(low / 2 - usual / 2, usual / 2 - high / 2) > distance / 2
+    return dict.fromkeys(usual[are_far].tolist(), distance)
+
+
+def _far_values(distinct: Float64, counts: Int64, known: Sequence[float]) -> dict[float, float]:
+    """Return the outermost values that are far from all others and frequent, apart from `known` ones, as above."""
+    rest = ~np.isin(distinct, known)
+    distinct, counts = distinct[rest], counts[rest]
+    is_frequent = counts >= max(2, _MIN_PART * counts.sum())
+    for first, last in ((1, 1), (1, 0), (0, 1)):
+        others = distinct[first : len(distinct) - last]
+        outer = [0] * first + [-1] * last
+        if len(others) < _MIN_OTHER_VALUES or not is_frequent[outer].all():
+            continue
+        half_range = float(others[-1] / 2 - others[0] / 2)
+        gaps = [others[0] / 2 - distinct[0] / 2] * first + [distinct[-1] / 2 - others[-1] / 2] * last
+        least = np.where(distinct[outer] < 0, _MIN_NEGATIVE_DISTANCE, _MIN_DISTANCE) * half_range
+        if half_range > 0 and (np.array(gaps) > least).all():
+            return dict(zip(distinct[outer].tolist(), 2 * least, strict=True))
+    return {}

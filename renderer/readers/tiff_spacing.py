@@ -1,0 +1,190 @@
+"""Find the lengths of voxels in a TIFF file: in descriptions of ImageJ, OME and tifffile, by Zeiss, or by resolution.
+
+ImageJ writes no `spacing` where slices are 1 unit apart. What is not said is taken from x, and a note says so; pixels
+per inch of a screen are no lengths.
+"""
+
+from __future__ import annotations
+
+import html
+import math
+import re
+import unicodedata
+from fractions import Fraction
+from typing import Any
+
+from renderer.errors import InputError
+from renderer.readers.common import GUESSED_LENGTHS, NO_SPACING
+from renderer.readers.tiff_description import attribute, escaped, is_imagej, is_ome, number, ome_pixels, shaped_fields
+
+# Fields by number.
+_X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT = 282, 283, 296
+
+# OME's units of length (OME 2016-06, UnitsLength) that can be converted. `pixel`, `reference frame` and unknown units
+# cannot; without a unit it is µm.
+_PREFIXES = {"Y": 24, "Z": 21, "E": 18, "P": 15, "T": 12, "G": 9, "M": 6, "k": 3, "h": 2, "da": 1, "": 0, "d": -1}
+_PREFIXES |= {"c": -2, "m": -3, "µ": -6, "n": -9, "p": -12, "f": -15, "a": -18, "z": -21, "y": -24}
+_INCH = Fraction(254, 10_000)
+_OTHERS = {
+    "Å": Fraction(1, 10**10),
+    "ua": Fraction(149_597_870_700),
+    "ly": Fraction(9_460_730_472_580_800),
+    "pc": Fraction(149_597_870_700 * 648_000 / math.pi),
+    "thou": _INCH / 1000,
+    "li": _INCH / 12,
+    "in": _INCH,
+    "ft": _INCH * 12,
+    "yd": _INCH * 36,
+    "mi": _INCH * 63_360,
+    "pt": _INCH / 72,
+}
+_METRES = {f"{prefix}m": Fraction(10) ** power for prefix, power in _PREFIXES.items()} | _OTHERS
+_METRES = {unicodedata.normalize("NFKC", unit): metres for unit, metres in _METRES.items()}
+
+# The units of the resolution by number, and their lengths in mm.
+_UNITS_OF_TAG = {2: "inch", 3: "cm"}
+_MM_PER_UNIT = {2: 25.4, 3: 10.0}
+# Pixels per inch that programs write for screens and printers, or for want of anything else.
+_NO_SIZES = (1, 72, 96, 300)
+# Spellings of units in ImageJ; pixels are not a unit.
+_MICRON = unicodedata.normalize("NFKC", "µm")
+_NAMES_OF_UNITS = dict.fromkeys(("um", _MICRON, "micron", "microns", "micrometer", "micrometers"), _MICRON)
+_NAMES_OF_UNITS |= dict.fromkeys(("in", "inch", "inches"), "inch") | dict.fromkeys(("pixel", "pixels"), "")
+_NAMES_OF_UNITS |= dict.fromkeys(("cm", "centimeter", "centimeters"), "cm")
+
+
+def find_spacing(first: Any) -> tuple[list[float], str | None]:
+    """Return the spacing along x, y, z, by the first page, and a note if lengths are guessed: those along x, or 1.
+
+    Lengths are in the unit of the description (µm for Zeiss), and in mm where there is only the resolution per inch or
+    cm. Raises InputError for lengths that are no numbers, or that are in units that cannot be compared.
+    """
+    given = _given_spacing(first)
+    x = given[0] or 1.0
+    missing = [axis for axis, size in zip("xyz", given, strict=True) if not size]
+    note = f"{GUESSED_LENGTHS} along {' and '.join(missing)}; {'that along x' if given[0] else '1'} is assumed"
+    return [x, given[1] or x, given[2] or x], NO_SPACING if len(missing) == 3 else note if missing else None
+
+
+def _given_spacing(first: Any) -> list[float | None]:
+    """Return the lengths that the file gives along x, y and z."""
+    description = first.description
+    sizes = [_pixel_size(first, tag) for tag in (_X_RESOLUTION, _Y_RESOLUTION)]
+    tag = value if isinstance(value := first.tags.valueof(_RESOLUTION_UNIT), int) else None
+    if is_ome(description):
+        return _ome_spacing(description)
+    if first.is_lsm:
+        return [abs(float(first.parent.lsm_metadata[f"VoxelSize{axis}"])) * 1e6 for axis in "XYZ"]
+    fields = shaped_fields(first)
+    if not is_imagej(description):
+        keys = [key for key in ("unit", "yunit", "zunit", "spacing") if fields.get(key) is not None]
+        description = "\n".join(f"{key}={fields[key]}" for key in keys)
+        tag = 1 if tag == 2 and keys else tag  # tifffile writes inch where it is told no unit of the resolution
+    unit = _imagej_unit(description, "unit")
+    mm = _MM_PER_UNIT.get(2 if tag is None and not unit else tag or 0)
+    per_inch = [25.4 / (size * mm) for size in sizes if size and mm]
+    is_screen = bool(per_inch) and all(any(math.isclose(n, k, rel_tol=2e-3) for k in _NO_SIZES) for n in per_inch)
+    if is_screen and not unit:  # as ImageJ has it for 72
+        sizes, tag = [1.0, 1.0], 1
+    is_said = bool(unit) and not is_screen
+    if is_imagej(description) and (is_said or (tag == 1 and sizes not in ([1, 1], [None, None]))):
+        # ImageJ writes no line for slices 1 unit apart, and none for a single one.
+        is_left_out = re.search(r"^(images|slices)=", description, re.M) and "\nspacing=" not in description
+        description += "\nspacing=1" * bool(is_left_out)
+    if is_said or re.search(r"^spacing=", description, re.M):
+        return _imagej_spacing(description, sizes, tag)
+    return [*(None if is_screen else size and mm and size * mm for size in sizes), None]
+
+
+def _pixel_size(page: Any, tag: int) -> float | None:
+    """Return the length of a pixel by the resolution, which is a fraction; None without one."""
+    fraction: Any = page.tags.valueof(tag)
+    if not (isinstance(fraction, tuple) and len(fraction) == 2 and all(fraction)):
+        return None
+    return float(fraction[1] / fraction[0])
+
+
+def _imagej_spacing(description: str, sizes: list[float | None], tag: int | None) -> list[float | None]:
+    """Return the spacing along x, y and z; None for an axis without one.
+
+    Lengths are in the unit of ImageJ's description, or in mm if the resolution is per inch or cm.
+    sizes: of x and y, from the resolution. tag: the number of its unit; None if that field is missing. Sizes per cm
+        with a unit of µm are converted, as ImageJ does. Raises InputError for other units with inch and cm, which
+        ImageJ, but no other program, takes for the unit of x and y, and for a spacing that is not a number.
+    """
+    step = re.search(r"^spacing=([0-9.eE+-]+)", description, re.M)  # words such as NaN mean that it is unknown
+    z = (abs(number(step[1], "spacing")) or 1.0) if step else None  # 0 is 1 to ImageJ
+    units = {axis: _imagej_unit(description, key) for axis, key in zip("xyz", ("unit", "yunit", "zunit"), strict=True)}
+    unit = units["x"]
+    others = [name for name in (units["y"], units["z"]) if name not in ("", unit)]
+    if tag is None and not unit:
+        tag = 2  # as TIFF has it
+    per = _UNITS_OF_TAG.get(tag or 0, "")
+    x, y = sizes
+    if not others and per == "cm" and unit == _MICRON:
+        return [x and x * 1e4, y and y * 1e4, z]
+    if others or (per and unit not in ("", per)):
+        raise InputError(
+            "the voxel sizes in this TIFF file are in units that cannot be compared",
+            got=f"pixels per {per}; " * bool(per)
+            + ", ".join(f"{axis} in {_unit_shown(units[axis]) or unit}" for axis in units),
+            expected="one unit for all, or pixels per cm and unit=um",
+            hint="`spacing: [x, y, z]` replaces the spacing in the file",
+        )
+    factor = _MM_PER_UNIT[tag] if tag and per else 1.0
+    return [size and size * factor for size in (x, y, z)]
+
+
+def _imagej_unit(description: str, key: str) -> str:
+    """Return the unit of an ImageJ line, by one name for all spellings; empty for pixels and for no unit."""
+    found = re.search(rf"^{key}=(.*)$", description, re.M)
+    text = re.sub(r"\\u([0-9a-fA-F]{4})", lambda code: chr(int(code[1], 16)), found[1]) if found else ""
+    name = unicodedata.normalize("NFKC", text.replace("\ufffdm", "µm").strip())
+    return _NAMES_OF_UNITS.get(name.lower(), name)
+
+
+def _ome_spacing(description: str) -> list[float | None]:
+    """Return the spacing along x, y and z in the unit of the first one; None for an axis without one.
+
+    Raises InputError for a spacing that is not a number, and for units that cannot be converted to each other.
+    """
+    attributes = ome_pixels(description)
+    found = {axis: attribute(attributes, f"PhysicalSize{axis}") for axis in "XYZ"}
+    given = {
+        axis: number(text, f"PhysicalSize{axis}")
+        for axis, text in found.items()
+        if text and not text.strip("0123456789.eE+-")  # words mean that it is unknown
+    }
+    sizes = {axis: size for axis, size in given.items() if size}  # 0 if it is unknown
+    units = {axis: _unit(attributes, axis) for axis in sizes}
+    first = next(iter(units.values()), "")
+    if any(unit != first and not {unit, first} <= _METRES.keys() for unit in units.values()):
+        raise InputError(
+            "the voxel sizes in this TIFF file are in units that cannot be compared",
+            got=", ".join(f"PhysicalSize{axis}={sizes[axis]:g} {_unit_shown(units[axis])}" for axis in sizes),
+            expected="one unit for all, or units of length such as nm, µm and mm",
+            hint="`spacing: [x, y, z]` replaces the spacing in the file",
+        )
+    return [_converted(sizes[axis], units[axis], first) if axis in sizes else None for axis in "XYZ"]
+
+
+def _unit(attributes: str, axis: str) -> str:
+    """Return the unit of a PhysicalSize, in one of its Unicode spellings."""
+    found = attribute(attributes, f"PhysicalSize{axis}Unit")
+    # A Latin-1 file read as UTF-8 has a replacement character for its only letter outside ASCII.
+    text = "µm" if found is None else html.unescape(found).replace("\ufffdm", "µm").replace("\ufffd", "Å")
+    return unicodedata.normalize("NFKC", text.strip())
+
+
+def _converted(size: float, unit: str, into: str) -> float:
+    """Return a size in another unit, rounded once; infinite if it overflows."""
+    if unit == into:
+        return size
+    try:
+        return float(Fraction(size) * _METRES[unit] / _METRES[into])
+    except OverflowError:
+        return math.inf
+
+
+def _unit_shown(unit: str) -> str:
+    return unit if unit in _METRES else escaped(unit)
