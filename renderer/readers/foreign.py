@@ -36,8 +36,6 @@ _BY_BYTES = (
     ("an ECAT image", _NIBABEL, rb"MATRIX7"),
     ("a PAR header of Philips", "`parrec2nii FILE` makes a NIfTI file of it", rb"# === DATA DESCRIPTION FILE"),
     ("an Amira or Avizo file", _EXPORT, rb"# (AmiraMesh|Avizo|HyperMesh|HyperSurface)"),
-    ("an index of DICOM files (DICOMDIR)", "name the folder in which the files are",
-     rb".{128}DICM.*1\.2\.840\.10008\.1\.3\.10(?![0-9.])"),
     ("a web page", f"it was saved in place of a file, as after a failed download: {_AGAIN}",
      rb"(?i)(\xef\xbb\xbf)?\s*(<!doctype html|<html)"),
     ("an answer of a server", f"it was saved in place of a file: {_AGAIN}", rb"(<\?xml[^>]*>)?\s*<Error>"),

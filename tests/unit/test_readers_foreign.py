@@ -49,7 +49,6 @@ def tar_of(name):
     return out.getvalue()
 
 
-DICOMDIR = bytes(128) + b"DICM\x02\0\x02\0UI\x14\x001.2.840.10008.1.3.10\x02\0\x03\0UI\x04\x001.2\0"
 PICTURE = Image.fromarray(VALUES[0].astype(np.uint8))
 FOREIGN = [
     ("a.vdb", b" BDV" + bytes(60), "an OpenVDB grid", "numpy.save"),
@@ -60,7 +59,6 @@ FOREIGN = [
     ("a.nd2", b"\xda\xce\xbe\x0a" + bytes(60), "a Nikon ND2 image", "bfconvert"),
     ("a.lif", b"p\0\0\0" + bytes(60), "an image of a microscope", "bfconvert"),
     ("a.oib", b"\xd0\xcf\x11\xe0" + bytes(60), "an image of a microscope", "bfconvert"),
-    ("DICOMDIR", DICOMDIR, "an index of DICOM files", "name the folder"),
     ("a.zip", zip_of("a.dcm"), "a zip archive", "unpack it"),
     ("a.xlsx", zip_of("[Content_Types].xml"), "a document of an office program", "no voxels"),
     ("a.7z", b"7z\xbc\xaf\x27\x1c" + bytes(60), "a 7z archive", "unpack it"),
