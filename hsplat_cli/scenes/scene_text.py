@@ -173,6 +173,8 @@ def _volume_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
     for key in ("time", "component"):
         if (index := getattr(volume, key)) is not None:
             yield f"  {key}: {index}"
+    if volume.dataset is not None:
+        yield f"  dataset: {yaml_string(volume.dataset)}"
     if found.has_absent or volume.nodata != "auto":
         nodata = volume.nodata if isinstance(volume.nodata, str) else _list(volume.nodata)
         yield _with_comment(

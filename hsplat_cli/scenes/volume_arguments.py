@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 
 
 # How messages name keys of a scene's `volume`: `time: k` or `component` in the text, and `time: 7` as what was got.
-_KEY = re.compile(r"`(time|component|nodata|spacing)(?::( [^`]*))?`")
+_KEY = re.compile(r"`(time|component|dataset|nodata|spacing)(?::( [^`]*))?`")
 _HEADERLESS_HINT = "voxels without a header are read with --shape and --dtype: --shape 512,512,300 --dtype uint16"
-_GOT = re.compile(r"^(time|component): (-?[0-9]+)$")
+_GOT = re.compile(r"^(time|component|dataset): (.+)$")
 
 
 def split_numbers(text: str) -> list[str]:
@@ -75,10 +75,11 @@ def _keyed(
 
 
 def volume_options() -> Callable[[Any], Any]:
-    """Declare --time, --component, --spacing, --nodata, and the options of a headerless file."""
+    """Declare --time, --component, --dataset, --spacing, --nodata, and the options of a headerless file."""
     return option_group(
         _keyed("--time", _VOLUME["time"], "N", "Which of several time steps, from 0.  [default: the first]"),
         _keyed("--component", _VOLUME["component"], "N", "Which of several components, from 0.  [default: the first]"),
+        _keyed("--dataset", _VOLUME["dataset"], "NAME", "Which of HDF5 or netCDF-4.  [default: the only volume]"),
         _keyed(
             "--nodata",
             _VOLUME["nodata"],
@@ -152,6 +153,8 @@ def volume_spec(volume: Path, options: Mapping[str, Any]) -> VolumeSpec:
     given = {name: options[name] for name in ("byte_order", "offset") if options[name] is not None}
     if shape is not None:
         given |= {"spacing": spacing} if spacing is not None else {}
+        if options["dataset"] is not None:
+            raise InputError("a headerless file has no datasets", where="--dataset", got=options["dataset"])
         return VolumeSpec(RawSource(volume, shape, dtype, **given), time, component, nodata=options["nodata"])
     if given:
         name, value = next(iter(given.items()))
@@ -162,7 +165,8 @@ def volume_spec(volume: Path, options: Mapping[str, Any]) -> VolumeSpec:
             hint="leave it out: a file with a header says it itself; the voxels of others are read with --shape and "
             "--dtype",
         )
-    return VolumeSpec(FileSource(volume, spacing), time, component, nodata=options["nodata"])
+    source = FileSource(volume, spacing)
+    return VolumeSpec(source, time, component, nodata=options["nodata"], dataset=options["dataset"])
 
 
 def read_with_options(volume: VolumeSpec, reporter: Reporter) -> Volume:

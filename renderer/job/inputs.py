@@ -94,13 +94,15 @@ def _may_be_dicom(path: Path) -> bool:
 
 
 def _files_of_volume_inside(folder: Path) -> Iterator[Path]:
-    """Yield the files of the only volume below a folder that is not one itself."""
-    from renderer.readers import find_volume
+    """Yield the files of the only volume below a folder that is not one itself, or its pictures if these are."""
+    from renderer.readers import find_volume, slices_of_pictures
 
     with contextlib.suppress(InputError, OSError):  # its reader reports it
-        found = find_volume(folder)[0]
+        found, form, _ = find_volume(folder)
         if found != folder:
             yield from volume_files(VolumeSpec(FileSource(found)))
+        elif form == "pictures":
+            yield from slices_of_pictures(folder)
 
 
 def expand_pattern(name: str) -> list[Path]:

@@ -4,11 +4,12 @@ In: a `VolumeSpec`. Out: `Volume`, cropped and checked, in LPS world coordinates
 Sizes are checked before memory is taken, and all compressed voxels with a checksum are compared with it.
 
 - `read.py` chooses the reader, crops and checks; `nodata.py`: which voxels have no data; `sniff.py` finds formats and
-  volumes in folders; `common.py`: the checks that hold for all formats.
-- `nrrd.py`, `metaimage.py`, `nifti.py` (nibabel), `mgh.py`, `arrays.py` (.npy, .npz, raw), `cube.py`: parsed in
-  Python; `text_header.py` and `data_files.py`: fields and files of text headers; `stored.py` reads and decompresses
+  volumes in folders; `foreign.py` names files that are not read; `common.py`: the checks that hold for all formats.
+- `nrrd.py`, `metaimage.py`, `nifti.py` (nibabel), `mgh.py`, `mrc.py`, `arrays.py` (.npy, .npz, raw), `cube.py`: parsed
+  in Python; `text_header.py` and `data_files.py`: fields and files of text headers; `stored.py` reads and decompresses
   voxels.
-- `isolation.py`: a child process with limits for `tiff.py` (tifffile), `dicom.py` (pydicom, GDCM) and `vtk_image.py`;
+- `isolation.py`: a child process with limits for `tiff.py` (tifffile), `dicom.py` (pydicom, GDCM), `vtk_image.py`,
+  `hdf5.py` (h5py) and `pictures.py` (Pillow);
   `tiff_description.py`: axes by ImageJ, OME, tifffile and Zeiss; `tiff_spacing.py`: lengths by them or the resolution;
   `slice_names.py`: the order of slices in separate files.
 - `dicom_folder.py`: the files of one series, and strays; `dicom_frames.py`: the frames of one file, by its fields,

@@ -5,5 +5,6 @@ from .sniff import (
     find_volume as find_volume,
     is_dicom as is_dicom,
     is_volume_name as is_volume_name,
+    slices_of_pictures as slices_of_pictures,
     volumes_in as volumes_in,
 )

@@ -109,22 +109,28 @@ def _chosen(values: Array, time: int | None, component: int | None) -> Image:
         values = values.view(np.uint8)
     if values.ndim == 2:
         values = values[np.newaxis]
-    if values.ndim == 4 and time is None and component is None:
-        raise InputError(
-            "the array has four axes",
-            got=describe_shape(values.shape),
-            expected=f"`time: k` with k from 0 to {values.shape[0] - 1} if the first axis is time, or "
-            f"`component: k` with k from 0 to {values.shape[-1] - 1} if the last axis holds components",
-        )
-    if not 3 <= values.ndim <= 5 or (values.ndim == 4 and time is not None and component is not None):
-        raise InputError(
-            "the array does not have the axes of a volume",
-            got=f"{values.ndim} axes, {describe_shape(values.shape) or 'a single number'}",
-            expected="[z, y, x], or [time, z, y, x] with `time`, or [z, y, x, component] with `component`",
-        )
-    axes = {3: "sss", 4: "sssc" if time is None else "tsss", 5: "tsssc"}[values.ndim]
+    axes = axes_of_array(values.shape, time, component)
     chosen = values[chosen_part(axes, values.shape, time, component)]
     return Image(chosen, np.eye(4), choice_notes(axes, values.shape, time, component))
+
+
+def axes_of_array(shape: tuple[int, ...], time: int | None, component: int | None) -> str:
+    """Return what each axis is, by the letters of `chosen_part`; raises InputError if that is not known."""
+    num_axes = len(shape)
+    if num_axes == 4 and time is None and component is None:
+        raise InputError(
+            "the array has four axes",
+            got=describe_shape(shape),
+            expected=f"`time: k` with k from 0 to {shape[0] - 1} if the first axis is time, or "
+            f"`component: k` with k from 0 to {shape[-1] - 1} if the last axis holds components",
+        )
+    if not 3 <= num_axes <= 5 or (num_axes == 4 and time is not None and component is not None):
+        raise InputError(
+            "the array does not have the axes of a volume",
+            got=f"{num_axes} axes, {describe_shape(shape) or 'a single number'}",
+            expected="[z, y, x], or [time, z, y, x] with `time`, or [z, y, x, component] with `component`",
+        )
+    return {3: "sss", 4: "sssc" if time is None else "tsss", 5: "tsssc"}[num_axes]
 
 
 def _npy_header(file: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[Any], Literal["C", "F"]]:

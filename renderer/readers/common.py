@@ -87,6 +87,22 @@ def bytes_of(values: Array) -> memoryview:
     return memoryview(values.reshape(-1).view(np.uint8))  # type: ignore[arg-type]
 
 
+def even_steps(coordinates: Array) -> tuple[float, float] | None:
+    """Return the first of some coordinates and the step between them, which is 1 for one alone; None if it varies.
+
+    A thousandth of a step is a rounding error, and so are the last digits of floats.
+    """
+    num_digits = np.finfo(coordinates.dtype).eps if coordinates.dtype.kind == "f" else 0.0
+    coordinates = coordinates.astype(np.float64)
+    if len(coordinates) == 1:
+        return float(coordinates[0]), 1.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        first, step = float(coordinates[0]), float(coordinates[-1] - coordinates[0]) / (len(coordinates) - 1)
+        offsets = np.abs(coordinates - first - step * np.arange(len(coordinates)))
+        largest = 1e-3 * abs(step) + 2 * num_digits * np.abs(coordinates).max()
+    return (first, step) if step and np.all(offsets <= largest) else None
+
+
 def has_volume(world_from_index: Float64) -> bool:
     """Return whether the affine is finite and its index axes span space, whatever their lengths."""
     if not np.isfinite(world_from_index).all():

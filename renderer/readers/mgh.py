@@ -41,7 +41,7 @@ def read_mgh(path: Path, time: int | None, component: int | None) -> Image:
         raise InputError("voxels of this type of MGH cannot be rendered", got=f"type {kind}", expected=types)
     part = StoredVoxels(path, 0, "deflate" if is_compressed else "raw", _NUM_HEADER_BYTES, has_rest=True)
     shape = tuple(sizes[::-1])
-    values = read_stored(Layout(np.dtype(_TYPES[kind]), shape, (part,)), "tsss", time, component)
+    values, _ = read_stored(Layout(np.dtype(_TYPES[kind]), shape, (part,)), "tsss", time, component)
     ras_from_index = _ras_from_index(sizes[:3], _HEADER.unpack(start)[8:] if flag > 0 else _CORONAL)
     notes = (None if flag > 0 else _NO_PLACE, *choice_notes("tsss", shape, time, component))
     return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), notes)

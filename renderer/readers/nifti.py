@@ -33,7 +33,7 @@ from renderer.readers.common import (
     unreadable_error,
 )
 from renderer.readers.sniff import read_start
-from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
+from renderer.readers.stored import Encoding, Layout, StoredVoxels, left_over_note, read_stored
 from renderer.volume import Array, Float64
 
 # The lengths of NIfTI-1 and NIfTI-2 headers, which are their first number.
@@ -67,7 +67,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     header_file, data_file = find_pair(path)
     start, is_compressed = read_start(header_file, _NIFTI_2_BYTES)
     with errors_about(header_file):
-        header = _header(start, header_file, is_single=data_file is None)
+        header, notes = _header(start, header_file, is_single=data_file is None)
     if data_file is not None:
         is_compressed = data_file.suffix.lower() == ".gz"
     shape = tuple(int(n) for n in header.get_data_shape())
@@ -87,9 +87,10 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     part = StoredVoxels(data_file or header_file, 0, encoding, offset, has_rest=True)
     layout, names = Layout(dtype, shape[4::-1], (part,)), fields or ()
     if fields is None:
-        values = read_stored(layout, "ctsss", time, component)
+        values, num_left = read_stored(layout, "ctsss", time, component)
     else:
-        values = read_stored(layout, "-tsss", time, None)[fields[select_index("component", component, len(fields))]]
+        records, num_left = read_stored(layout, "-tsss", time, None)
+        values = records[fields[select_index("component", component, len(fields))]]
         names = _ATLAS if len(fields) == 4 and header["intent_code"] == _LABEL else fields
     try:
         ras_from_index = _ras_from_index(header)
@@ -99,8 +100,9 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     if slope is not None and (slope, intercept) != (1.0, 0.0):
         values = _scaled(values, slope, intercept or 0.0)
     counts = (shape[4] if fields is None else len(fields), shape[3])
-    notes = (_ANALYZE if _is_analyze(header) else None, *choice_notes("ct", counts, time, component, names))
-    return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), notes)
+    notes += [_ANALYZE] * _is_analyze(header) + [left_over_note(layout, num_left, None)]
+    notes += choice_notes("ct", counts, time, component, names)
+    return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), tuple(notes))
 
 
 def find_pair(path: Path) -> tuple[Path, Path | None]:
@@ -118,8 +120,11 @@ def find_pair(path: Path) -> tuple[Path, Path | None]:
     return header, require_exists(data)
 
 
-def _header(start: bytes, path: Path, *, is_single: bool) -> _Header:
-    """Return the header that a file begins with; raises InputError for other bytes, and for a header that is wrong."""
+def _header(start: bytes, path: Path, *, is_single: bool) -> tuple[_Header, list[str | None]]:
+    """Return the header that a file begins with, and notes on sizes of 0 that are taken for 1.
+
+    Raises InputError for other bytes, and for a header that is wrong.
+    """
     import nibabel
 
     nib: Any = nibabel
@@ -136,16 +141,35 @@ def _header(start: bytes, path: Path, *, is_single: bool) -> _Header:
             _check_offset_and_slope(header, least=num_bytes + 4 if is_single else 0)
             if not 1 <= header["dim"][0] <= 7:
                 break
+            notes = _mend_sizes(header)
             try:
                 header.check_fix(_SILENT)
                 header.get_data_shape(), header.get_slope_inter()
             except nib.spatialimages.HeaderDataError:
                 break
-            return header
+            return header, notes
     raise InputError(
         "this is not a NIfTI file, or it is damaged",
         expected="a header of NIfTI-1 or NIfTI-2, whose type of voxels and axes are known",
     )
+
+
+def _mend_sizes(header: _Header) -> list[str | None]:
+    """Replace sizes of 0 by 1, as the standard's own library does, and return notes on those that count.
+
+    nibabel does so for the sizes of voxels. Those do not count where there is an sform.
+    """
+    axes = range(1, int(header["dim"][0]) + 1)
+    voxels = [k for k in axes if header["dim"][k] == 0 and k > 1]
+    header["dim"][voxels] = 1
+    has_sform = not _is_analyze(header) and header["sform_code"] > 0 and has_volume(header.get_sform())
+    lengths = [k for k in axes if k < 4 and header["pixdim"][k] == 0 and not has_sform]
+    found = (("number of voxels", voxels), ("voxel size", lengths))
+    return [
+        f"the file has a {what} of 0 along {', '.join('xyztuvw'[k - 1] for k in ks)}; 1 is assumed"
+        for what, ks in found
+        if ks
+    ]
 
 
 def _check_offset_and_slope(header: _Header, least: int) -> None:

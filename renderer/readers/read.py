@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from renderer.readers.common import (
 from renderer.readers.isolation import import_reader, read_isolated
 from renderer.readers.nodata import mark_absent
 from renderer.readers.sniff import find_format, find_volume
-from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec
+from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec, short_text
 from renderer.volume import Array, Volume, backing_file, guard_mapping, make_volume
 
 Ranges = Sequence[tuple[int, int]]
@@ -91,7 +92,7 @@ def _load(spec: VolumeSpec) -> Image:
     source = spec.source
     if isinstance(source, FileSource):
         # Wrong lengths in the file do not matter if the scene gives a spacing.
-        return _load_file(require_exists(source.file), spec.time, spec.component, source.spacing is not None)
+        return _load_file(spec, require_exists(source.file), has_spacing_override=source.spacing is not None)
     select_index("time", spec.time, 1)
     select_index("component", spec.component, 1)
     if isinstance(source, ArraySource):
@@ -111,18 +112,27 @@ def _load(spec: VolumeSpec) -> Image:
 # The modules of readers that are not named after their format: `nrrd.py` has `read_nrrd`, and so on.
 _MODULES = {"npy": "arrays", "npz": "arrays", "vtk": "vtk_image"}
 # Formats that large libraries parse are read in a child process.
-_ISOLATED = ("tiff", "dicom", "vtk")
+_ISOLATED = ("tiff", "dicom", "vtk", "hdf5", "pictures")
 
 
-def _load_file(path: Path, time: int | None, component: int | None, has_spacing_override: bool) -> Image:
+def _load_file(spec: VolumeSpec, path: Path, *, has_spacing_override: bool) -> Image:
     """Return the image in a file or a folder, from the reader of its format."""
     found, form, note = find_volume(path)
     reader = f"renderer.readers.{_MODULES.get(form, form)}:read_{form}"  # imported on first use
+    if spec.dataset is not None and form != "hdf5":
+        raise InputError(
+            "there is no such dataset",
+            where=str(found),
+            got=f"dataset: {short_text(spec.dataset)}",
+            expected="no `dataset` at all: only HDF5 and netCDF-4 files have them",
+        )
     if form in _ISOLATED:
-        image = read_isolated(reader, found, time=time, component=component, has_spacing_override=has_spacing_override)
+        choice: dict[str, Any] = {"time": spec.time, "component": spec.component}
+        choice |= {"dataset": spec.dataset} if form == "hdf5" else {}
+        image = read_isolated(reader, found, has_spacing_override=has_spacing_override, **choice)
     else:
         with errors_about(found):
-            image = import_reader(reader)(found, time, component)
+            image = import_reader(reader)(found, spec.time, spec.component)
     return replace(image, notes=(note, *image.notes))
 
 
@@ -138,6 +148,11 @@ def header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
         with errors_about(file):
             layout = (nrrd.read_header(file) if form == "nrrd" else metaimage.read_header(file))[1]
             return file, [part.file for part in layout.parts]
+    if form == "vtk":
+        from renderer.readers.vtk_image import piece_files
+
+        with errors_about(file):
+            return file, piece_files(file)
     if form == "nifti":
         from renderer.readers.nifti import find_pair
 

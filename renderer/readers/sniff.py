@@ -12,20 +12,26 @@ from pathlib import Path
 from typing import Literal
 
 from renderer.errors import InputError
+from renderer.readers.foreign import compressed_error, refuse_bytes, refuse_folder, refuse_name
 from renderer.scene import join_some, short_text
 
-Format = Literal["nrrd", "metaimage", "nifti", "mgh", "tiff", "npy", "npz", "vtk", "cube", "dicom"]
+Format = Literal[
+    "nrrd", "metaimage", "nifti", "mgh", "tiff", "npy", "npz", "vtk", "cube", "dicom", "mrc", "hdf5", "pictures"
+]  # fmt: skip
 
 KNOWN_FORMATS = (
     "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), Analyze (.hdr), "
-    "FreeSurfer (.mgh, .mgz), TIFF (.tif), NumPy (.npy, .npz), VTK (.vti, .vtk), Gaussian cube (.cube) or DICOM"
+    "FreeSurfer (.mgh, .mgz), TIFF (.tif), NumPy (.npy, .npz), VTK (.vti, .pvti, .vtr, .vtk), Gaussian cube (.cube), "
+    "MRC (.mrc, .map, .ccp4), HDF5 (.h5), netCDF-4 (.nc) or DICOM"
 )
 
+_HDF5 = b"\x89HDF\r\n\x1a\n"
 _SIGNATURES: dict[bytes, Format] = {
     b"NRRD": "nrrd",
     b"\x93NUMPY": "npy",
     b"PK\3\4": "npz",
     b"# vtk DataFile": "vtk",
+    **dict.fromkeys((_HDF5, b"MATLAB 7.3"), "hdf5"),
     **dict.fromkeys((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), "tiff"),
 }
 # Suffixes that decide where no signature does. Those of formats that have a signature only serve the search.
@@ -35,20 +41,29 @@ _SUFFIXES: dict[str, Format] = {
     **dict.fromkeys((".mgh", ".mgz"), "mgh"),
     **dict.fromkeys((".cube", ".cub"), "cube"),
     **dict.fromkeys((".tif", ".tiff", ".ome"), "tiff"),
+    **dict.fromkeys((".h5", ".hdf5", ".ims", ".nc", ".nc4"), "hdf5"),
 }
 _VOLUME_SUFFIXES = (
     *(".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".nii.gz"),
     *(".mgh", ".mgz", ".mgh.gz"),
-    *(".npy", ".npz", ".vti", ".vtk", ".cube", ".cub"),
+    *(".npy", ".npz", ".vti", ".pvti", ".vtr", ".vtk", ".cube", ".cub"),
+    *(".mrc", ".mrcs", ".ccp4", ".mrc.gz", ".map.gz", ".ccp4.gz", ".nc", ".nc4"),
 )
+# Endings that other files have, too: what begins as a volume is one.
+_SHARED_SUFFIXES = (".hdr", ".hdr.gz", ".map", ".rec", ".h5", ".hdf5", ".ims", ".mat")
+_MRC_SUFFIXES = (".mrc", ".mrcs", ".map", ".ccp4", ".rec")
+# MRC has its mark here, and behind it the byte order; older files have neither.
+MRC_MARK_AT, MRC_MARK = 208, b"MAP"
+_MRC_STAMP = re.compile(rb"MAP[ \0][\x44\x11\0]")
 TIFF_SUFFIXES = (".tif", ".tiff")
+_PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
 # The first field of DICOM without a preamble: in group 2 or 8, with the letters of its type, or with its length alone;
 # then the next field is in group 8.
 _FIRST_FIELD = re.compile(rb"[\x02\x08]\0.\0(?:[A-Z]{2}|(?P<length>.)\0\0\0)", re.DOTALL)
 _FIRST_BYTES = 4096
 _GZIP = b"\x1f\x8b"
 # The first number of NIfTI headers is their length.
-_NIFTI_STARTS = [struct.pack(order + "i", length) for length in (348, 540) for order in "<>"]
+NIFTI_STARTS = [struct.pack(order + "i", length) for length in (348, 540) for order in "<>"]
 # In the header of an index of other files: the class "media storage directory".
 _DICOM_INDEX = b"1.2.840.10008.1.3.10\2"
 # The most files and folders that a search looks at.
@@ -64,26 +79,56 @@ def find_format(path: Path) -> Format:
     start = _start(path)
     if not start:
         raise InputError("an empty file", where=str(path))
-    if _begins_like_dicom(start):
-        return "dicom"
-    for signature, found in _SIGNATURES.items():
-        if start.startswith(signature):
-            return found
-    if b"<VTKFile" in start:
-        return "vtk"
-    suffix = path.suffix.lower()
+    refuse_bytes(path, start)
+    found = _format_by_bytes(path)
+    if found is not None:
+        return found
+    suffix, name = path.suffix.lower(), path.name.lower()
     if suffix in _SUFFIXES:
         return _SUFFIXES[suffix]
-    if path.name.lower().endswith(".mgh.gz"):
+    if name.endswith(".mgh.gz"):
         return "mgh"
-    if path.name.lower().endswith((".nii.gz", ".hdr.gz", ".img.gz")) or read_start(path, 4)[0] in _NIFTI_STARTS:
+    if name.endswith((".nii.gz", ".hdr.gz", ".img.gz")):
         return "nifti"
+    if start[:2] == _GZIP:
+        content = read_start(path, _FIRST_BYTES)[0]
+        refuse_bytes(path, content)
+        inside = _format_by_signature(content)
+        raise compressed_error(path, f"a file of {inside.upper()}" if inside else "a file of unknown content")
+    refuse_name(path)
     raise UnknownFormatError(
         "this is not a volume in a known format, or it is damaged",
         where=str(path),
         expected=KNOWN_FORMATS,
         hint="voxels without a header are read with `raw: {file, shape, dtype, spacing}`",
     )
+
+
+def _format_by_bytes(path: Path) -> Format | None:
+    """Return the format that the first bytes of a file tell, also below gzip where its reader decompresses it."""
+    found = _format_by_signature(_start(path))
+    if found is not None:
+        return found
+    content, _ = read_start(path, MRC_MARK_AT + 8)
+    if _MRC_STAMP.match(content, MRC_MARK_AT) or (path.suffix.lower() in _MRC_SUFFIXES and _has_sizes_of_mrc(content)):
+        return "mrc"
+    return "nifti" if content[:4] in NIFTI_STARTS else None
+
+
+def _format_by_signature(start: bytes) -> Format | None:
+    if _begins_like_dicom(start):
+        return "dicom"
+    for signature, found in _SIGNATURES.items():
+        if start.startswith(signature):
+            return found
+    is_hdf5 = _HDF5 in (start[at : at + len(_HDF5)] for at in (512, 1024, 2048))  # behind a block of the user
+    return "vtk" if b"<VTKFile" in start else "hdf5" if is_hdf5 else None
+
+
+def _has_sizes_of_mrc(content: bytes) -> bool:
+    """Return whether three sizes and a mode of MRC come first, in either byte order."""
+    fields = [struct.unpack_from(order + "4i", content) for order in "<>" if len(content) >= 16]
+    return any(min(sizes) >= 1 and max(sizes) < 2**16 and 0 <= mode < 128 for *sizes, mode in fields)
 
 
 def is_dicom(path: Path) -> bool:
@@ -108,8 +153,9 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
         raise InputError("no permission to read this", where=str(path))
     if not path.is_dir():
         return path, find_format(path), None
+    refuse_folder(path)
     own = _format_of_slices(path)
-    if own is not None:
+    if own not in (None, "pictures"):
         others = sorted(short_text(each.name) for each in path.iterdir() if _is_volume(each))
         note = f"its {own.upper()} slices are one volume, which is read; left out: {join_some(others)}"
         return path, own, note if others else None
@@ -120,11 +166,13 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
             f"this folder holds {len(found)} volumes, and one is rendered" if found else "this folder holds no volume",
             where=str(path),
             got=join_some(names) if found else "an empty folder" if not any(path.iterdir()) else None,
-            expected=None if found else f"the slices of a DICOM or TIFF series, or a file of {KNOWN_FORMATS}",
+            expected=None if found else f"slices of DICOM, TIFF, PNG, JPEG or BMP, or a file of {KNOWN_FORMATS}",
             hint=f"name one of them: {found[0]}; `hsplat turntable {path}` draws each of them" if found else None,
         )
     volume = found[0]
     slices = _format_of_slices(volume) if volume.is_dir() else None
+    if slices is not None and volume == path:
+        return path, slices, None
     return volume, slices or find_format(volume), f"the only volume in this folder, {volume.relative_to(path)}, is read"
 
 
@@ -140,17 +188,16 @@ def volumes_in(folder: Path) -> list[Path]:
 
     Raises InputError for slices of several formats, and for too many files.
     """
-    found = list(_search(folder)) if _format_of_slices(folder) is None else []
+    found = list(_search(folder)) if _format_of_slices(folder) in (None, "pictures") else []
     return found if len(found) > 1 else []
 
 
 def _format_of_slices(folder: Path) -> Format | None:
     """Return the format of the slices directly in a folder; None if there are none, but an index of others, DICOMDIR.
 
-    Raises InputError for slices of both formats.
+    Raises InputError for slices of TIFF and DICOM together. Pictures beside them are left out.
     """
-    names = (entry for entry in folder.iterdir() if not entry.name.startswith(".") and entry.name.upper() != "DICOMDIR")
-    entries = [entry for entry in names if entry.is_file()]
+    entries = _files_in(folder)
     tiffs = [entry for entry in entries if entry.suffix.lower() in TIFF_SUFFIXES]
     dicoms = (entry for entry in sorted(entries) if entry.suffix.lower() not in TIFF_SUFFIXES and is_dicom(entry))
     first = next(dicoms, None)
@@ -162,16 +209,30 @@ def _format_of_slices(folder: Path) -> Format | None:
             expected="the slices of one volume",
             hint="put each volume into its own folder",
         )
-    return "tiff" if tiffs else "dicom" if first is not None else None
+    if tiffs or first is not None:
+        return "tiff" if tiffs else "dicom"
+    return "pictures" if len(slices_of_pictures(folder)) > 1 else None
+
+
+def slices_of_pictures(folder: Path) -> list[Path]:
+    """Return the pictures directly in a folder."""
+    return [entry for entry in _files_in(folder) if entry.suffix.lower() in _PICTURE_SUFFIXES]
+
+
+def _files_in(folder: Path) -> list[Path]:
+    names = (entry for entry in folder.iterdir() if not entry.name.startswith(".") and entry.name.upper() != "DICOMDIR")
+    return [entry for entry in names if entry.is_file()]
 
 
 def _search(folder: Path) -> Iterator[Path]:
     """Yield the volume files below a folder, and the folders of slices, each once; links to folders are not followed.
 
-    Those of a folder come in natural order, before those of the folders in it.
+    Those of a folder come in natural order, before those of the folders in it. Where there are none, yield the folders
+    of pictures, among them the folder itself: else pictures show a volume.
     Raises InputError for more than _MAX_ENTRIES files and folders: there may be another volume among the others.
     """
     num_left, seen = _MAX_ENTRIES, set[str]()
+    pictures, has_others = list[Path](), False
     for place, folders, files in os.walk(folder):
         folders[:] = sorted(
             (name for name in folders if not name.startswith(".")), key=lambda name: natural_key(Path(name))
@@ -184,28 +245,35 @@ def _search(folder: Path) -> Iterator[Path]:
                 expected=f"at most {_MAX_ENTRIES} files and folders",
                 hint="name the volume itself",
             )
-        if Path(place) != folder and _has_slices(Path(place)):
+        slices = _slices_below(Path(place))
+        if slices == "pictures":
+            pictures.append(Path(place))
+        elif slices is not None and Path(place) != folder:
+            has_others = True
             yield Path(place)
             continue
         for file in sorted((Path(place, name) for name in files), key=natural_key):
             if _is_volume(file) and (real := os.path.realpath(file)) not in seen:
+                has_others = True
                 seen.add(real)
                 yield file
+    if not has_others:
+        yield from pictures
 
 
-def _has_slices(folder: Path) -> bool:
+def _slices_below(folder: Path) -> Format | None:
     with suppress(InputError):
-        return _format_of_slices(folder) is not None
-    return True  # of several formats, which its reader reports
+        return _format_of_slices(folder)
+    return "dicom"  # and of TIFF, too, which its reader reports
 
 
 def _is_volume(file: Path) -> bool:
     """Return whether a file has a volume's name, and, if others use the name, too, begins as one."""
-    name, is_shared = file.name.lower(), file.name.lower().endswith((".hdr", ".hdr.gz"))
+    name, is_shared = file.name.lower(), file.name.lower().endswith(_SHARED_SUFFIXES)
     if name.startswith(".") or not (is_shared or name.endswith(_VOLUME_SUFFIXES)):
         return False
     is_file = file.is_file()  # a pipe would be waited for
-    return is_file and (not is_shared or read_start(file, 4)[0] in _NIFTI_STARTS)
+    return is_file and (not is_shared or name.endswith(_VOLUME_SUFFIXES) or _format_by_bytes(file) is not None)
 
 
 def _start(path: Path) -> bytes:

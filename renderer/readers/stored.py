@@ -28,7 +28,8 @@ from renderer.readers.common import (
     fitting_shapes,
     stays_mapped,
 )
-from renderer.scene import short_text
+from renderer.readers.sniff import NIFTI_STARTS, read_start
+from renderer.scene import counted, short_text
 from renderer.volume import Array
 
 # Files are read and decompressed in pieces of this many bytes. Those of deflate are smaller: behind each gzip member,
@@ -40,6 +41,9 @@ _DEFLATE_PIECE = 2**15
 # one of bzip2, whose blocks of at most 900,000 bytes store 255 equal ones in 5, and have at least 32 bytes themselves.
 _MAX_DEFLATE_RATIO = 1032
 _MAX_BZIP2_RATIO = 2**21
+
+# Headers of a fixed length, which other programs' data may begin with.
+_HEADERS = {348: "Analyze or NIfTI", 352: "NIfTI-1", 540: "NIfTI-2", 544: "NIfTI-2", 284: "MGH", 1024: "MRC"}
 
 # Reports, colours and names before the voxels are smaller than this. A compressed file a thousandth of this size can
 # claim as much.
@@ -82,30 +86,49 @@ class Layout:
     num_split: int = 0
 
 
-def read_stored(layout: Layout, axes: str, time: int | None, component: int | None) -> Array:
-    """Return one time step and component of an array, with its axes in space alone; of a plane [1, y, x].
+def read_stored(layout: Layout, axes: str, time: int | None, component: int | None) -> tuple[Array, int]:
+    """Return one time step and component of an array, and how many bytes of the files are no voxels.
+
+    The array has its axes in space alone, that of a plane is [1, y, x].
 
     axes: as `chosen_part` has them. The array may be mapped from its file. Raises InputError if `time` or `component`
         do not fit, and for files that are missing, truncated, damaged, or too long.
     """
-    values = _read_part(layout, chosen_part(axes, layout.shape, time, component))
-    return values if values.ndim == 3 else values[np.newaxis]
+    values, num_left = _read_part(layout, chosen_part(axes, layout.shape, time, component))
+    return values if values.ndim == 3 else values[np.newaxis], num_left
 
 
-def _read_part(layout: Layout, index: tuple[int | slice, ...]) -> Array:
-    """Return `array[index]` of the array that `layout` describes, or a view of it mapped from its file.
+def left_over_note(layout: Layout, num_left: int, skip: str | None) -> str | None:
+    """Return a note on bytes that are no voxels, if there are any; they may be a header before the voxels.
+
+    skip: how a header is passed over, with the number in place of `{}`, if it can be.
+    """
+    if num_left == 0:
+        return None
+    is_nifti = read_start(layout.parts[0].file, 4)[0] in NIFTI_STARTS
+    header = _HEADERS.get(num_left, "NIfTI" if is_nifti else None)
+    hint = f", as many as a header of {header} has" if num_left in _HEADERS else ", which begin like NIfTI" * is_nifti
+    if header is not None and skip is not None:
+        hint += f": if that comes before the voxels, `{skip.format(num_left)}` passes over it"
+    return f"the data have {counted(num_left, 'byte')} more than their voxels{hint}"
+
+
+def _read_part(layout: Layout, index: tuple[int | slice, ...]) -> tuple[Array, int]:
+    """Return `array[index]` of the array that `layout` describes, or a view of it mapped from its file; and what is
+    left over.
 
     index: an item for each axis; slices are whole. Integers for the slowest axes save memory.
     """
     num_bytes = check_size(layout.shape[::-1], layout.dtype)
     part_shape = layout.shape[layout.num_split :]
+    num_left = 0
     for part in layout.parts:
         with errors_about(part.file):
-            _check_length(part, part_shape[::-1], layout.dtype)
+            num_left += _check_length(part, part_shape[::-1], layout.dtype)
     only = layout.parts[0]
     if len(layout.parts) == 1 and only.encoding == "raw" and stays_mapped(num_bytes):
         mapped: Array = np.memmap(only.file, layout.dtype, "r", only.offset + only.num_skipped, layout.shape)
-        return mapped[index]
+        return mapped[index], num_left
     first, num_chosen = 0, 0
     for item, length in zip(index, layout.shape, strict=True):
         if not isinstance(item, int):
@@ -116,27 +139,27 @@ def _read_part(layout: Layout, index: tuple[int | slice, ...]) -> Array:
     begin = first * values.nbytes
     for part in layout.parts:
         with errors_about(part.file):
-            _copy_part(part, values, begin, part_shape[::-1])
+            num_left += _copy_part(part, values, begin, part_shape[::-1])
         begin -= num_bytes // len(layout.parts)
-    return values[index[num_chosen:]]
+    return values[index[num_chosen:]], num_left
 
 
-def _copy_part(part: StoredVoxels, values: Array, begin: int, shape_xyz: tuple[int, ...]) -> None:
-    """Copy what `values` has of one part.
+def _copy_part(part: StoredVoxels, values: Array, begin: int, shape_xyz: tuple[int, ...]) -> int:
+    """Copy what `values` has of one part, and return how many bytes are left over after decoding.
 
     begin: the byte of the part at which `values` begins; before or after the part if outside of its range.
     """
     num_bytes = values.itemsize * math.prod(shape_xyz)
     low, high = max(begin, 0), min(begin + values.nbytes, num_bytes)
     if low >= high:
-        return
+        return 0
     target = bytes_of(values)[low - begin : high - begin]
     if part.encoding == "raw":
         with part.file.open("rb") as file:
             file.seek(part.offset + part.num_skipped + low)
             if file.readinto(target) < len(target):
                 raise InputError("the file has become shorter while it was read")
-        return
+        return 0
     found = -part.num_skipped
     for piece in _decoded(part, values.dtype, num_bytes):
         inside = piece[max(0, low - found) : max(0, high - found)]
@@ -146,17 +169,19 @@ def _copy_part(part: StoredVoxels, values: Array, begin: int, shape_xyz: tuple[i
         if found > 2 * num_bytes + _PIECE:  # a small file may decompress to any length
             part = replace(part, has_rest=False)
             break
-    _check_num_bytes(part, found, shape_xyz, values.dtype)
+    return _check_num_bytes(part, found, shape_xyz, values.dtype)
 
 
-def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtype[Any]) -> None:
-    """Raise InputError if the file cannot hold the voxels, as far as its length shows."""
+def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtype[Any]) -> int:
+    """Return how many bytes are left over, if no decoding is needed.
+
+    Raises InputError if the file cannot hold the voxels, as far as its length shows.
+    """
     num_values = math.prod(shape_xyz)
     num_bytes = num_values * dtype.itemsize
     found = part.file.stat().st_size - part.offset
     if part.encoding == "raw":
-        _check_num_bytes(part, found - part.num_skipped, shape_xyz, dtype)
-        return
+        return _check_num_bytes(part, found - part.num_skipped, shape_xyz, dtype)
     if part.num_skipped > _MAX_SKIPPED:
         raise InputError(
             "there is too much before the voxels",
@@ -176,20 +201,22 @@ def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtyp
         if part.num_encoded is not None:
             expected = f"{part.num_encoded} bytes of compressed voxels"
         raise _too_short(f"{max(found, 0)} bytes of {encoded}", expected)
+    return 0
 
 
-def _check_num_bytes(part: StoredVoxels, found: int, shape_xyz: tuple[int, ...], dtype: np.dtype[Any]) -> None:
-    """Raise InputError for fewer bytes than the voxels have, and for so many more that an axis would be longer.
+def _check_num_bytes(part: StoredVoxels, found: int, shape_xyz: tuple[int, ...], dtype: np.dtype[Any]) -> int:
+    """Return how many bytes more there are than the voxels have.
 
-    A few more bytes may be a line break or the rest of a block.
+    Raises InputError for fewer, and for so many more that an axis would be longer, unless a header has as many.
     """
     num_bytes = dtype.itemsize * math.prod(shape_xyz)
     is_raw = part.encoding == "raw"
     expected = f"{num_bytes} bytes ({describe_shape(shape_xyz)} voxels)"
     if found < num_bytes:
         raise _too_short(f"{max(found, 0)} bytes" + " after decoding" * (not is_raw), expected)
-    if part.has_rest or found - num_bytes < min(num_bytes // n for n in shape_xyz[:3]):
-        return
+    num_left = found - num_bytes
+    if part.has_rest or num_left in _HEADERS or num_left < min(num_bytes // n for n in shape_xyz[:3]):
+        return num_left
     fits = fitting_shapes(shape_xyz, dtype.itemsize, found)
     raise InputError(
         "the file is longer than its header says",

@@ -1,25 +1,50 @@
-"""Read VTK images: XML (.vti) and legacy (.vtk) files of image data, by VTK, in a child process (`isolation.py`).
+"""Read VTK images: XML (.vti, .vtr) and legacy (.vtk) files, by VTK, in a child process (`isolation.py`).
 
+They are image data, or rectilinear grids whose coordinates are even. The pieces of a parallel image (.pvti) are files
+in its folder, which are put together.
 Each component of each array is a component of the volume. Values of points are preferred to those of cells, which lie
 in the middle between points.
 """
 
 from __future__ import annotations
 
+import html
+import itertools
 import math
 import mmap
+import os
 import re
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import Image, affine, check_dtype, choice_notes, select_index
+from renderer.readers.common import (
+    Image,
+    affine,
+    check_dtype,
+    check_size,
+    choice_notes,
+    errors_about,
+    even_steps,
+    require_exists,
+    select_index,
+)
 from renderer.readers.isolation import Host, allocate_voxels
+from renderer.readers.text_header import MAX_HEADER_BYTES
 from renderer.scene import short_text
+from renderer.volume import Array, Float64
 
 _MAX_PACKING = 1032  # of deflate
+_MAX_PIECES = 10_000
+_OTHER_KINDS = (
+    *("PolyData", "UnstructuredGrid", "StructuredGrid", "HyperTreeGrid", "Table", "vtkMultiBlockDataSet"),
+    *("vtkPartitionedDataSet", "PRectilinearGrid", "PStructuredGrid", "PUnstructuredGrid", "PPolyData"),
+    *("POLYDATA", "UNSTRUCTURED_GRID", "STRUCTURED_GRID", "FIELD"),
+)
+_RESAMPLE = "grids of other kinds are resampled to an image first, for instance by ParaView's filter Resample To Image"
 
 
 def read_vtk(path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, host: Host) -> Image:
@@ -30,7 +55,30 @@ def read_vtk(path: Path, time: int | None, component: int | None, *, has_spacing
     """
     require_package("vtkmodules", extra="vtk")
     select_index("time", time, 1)
-    image = _read(path, host)
+    pieces = _pieces(path)
+    if pieces:
+        part = _assembled(path, pieces, component, host)
+        values = part.values
+    else:
+        part = _read_part(path, component, host)
+        values = allocate_voxels(host, part.values.shape, part.values.dtype)
+        values[...] = part.values
+    return Image(values, part.world_from_index, choice_notes("c", (len(part.names),), None, component, part.names))
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One component of an image: values [z, y, x], the names of all components, and the indices of its first voxel."""
+
+    values: Array
+    names: list[str]
+    is_cells: bool
+    first: tuple[int, ...]
+    world_from_index: Float64
+
+
+def _read_part(path: Path, component: int | None, host: Host, extent: tuple[int, ...] = ()) -> _Part:
+    image = _read(path, host, extent)
     fields = image.GetPointData()
     is_cells = fields.GetNumberOfArrays() == 0
     if is_cells:
@@ -45,12 +93,109 @@ def read_vtk(path: Path, time: int | None, component: int | None, *, has_spacing
 
     stored = vtk_to_numpy(array)
     check_dtype(stored.dtype)
-    values = allocate_voxels(host, shape[::-1], stored.dtype)
+    check_size(shape, stored.dtype)
     if array.GetNumberOfTuples() != int(np.prod(shape, dtype=object)):
         raise _damaged(f"{array.GetNumberOfTuples()} values of {short_text(array.GetName())}")
-    values[...] = (stored if stored.ndim == 1 else stored[:, channel]).reshape(values.shape)
-    notes = choice_notes("c", (len(names),), time, component, names)
-    return Image(values, _world_from_index(image, is_cells=is_cells), notes)
+    values = (stored if stored.ndim == 1 else stored[:, channel]).reshape(shape[::-1])
+    first = tuple(image.GetExtent()[::2])
+    return _Part(values, names, is_cells, first, _world_from_index(image, is_cells=is_cells))
+
+
+def _assembled(path: Path, pieces: list[_Piece], component: int | None, host: Host) -> _Part:
+    """Return the image that pieces make up; raises InputError for voxels in none, and for pieces that do not fit."""
+    whole = _extent(re.search(r"<PImageData\b[^<>]*", _start(path)), "WholeExtent")
+    values, first, is_there = None, None, np.zeros(0, bool)
+    for piece in pieces:
+        host.begin_file(piece.file)
+        with errors_about(piece.file):
+            part = _read_part(piece.file, component, host, piece.extent)
+            if values is None or first is None:
+                lengths = np.subtract(whole[1::2], whole[::2]) + (not part.is_cells)
+                shape = tuple(np.maximum(lengths, 1)[::-1].tolist())
+                first, values, is_there = part, allocate_voxels(host, shape, part.values.dtype), np.zeros(shape, bool)
+            begins = np.subtract(part.first, whole[::2])[::-1]
+            place = tuple(slice(at, at + n) for at, n in zip(begins, part.values.shape, strict=True))
+            is_inside = min(begins) >= 0 and values[place].shape == part.values.shape
+            is_alike = (part.values.dtype, part.names, part.is_cells) == (values.dtype, first.names, first.is_cells)
+            has_same_steps = np.allclose(part.world_from_index[:3, :3], first.world_from_index[:3, :3])
+            if not (is_inside and is_alike and has_same_steps):
+                raise InputError(
+                    "this piece does not fit the others of its image",
+                    expected="the arrays and the spacing of the first piece, and a place inside the whole extent",
+                )
+            values[place], is_there[place] = part.values, True
+    assert values is not None and first is not None, "called without pieces"
+    if not is_there.all():
+        raise _damaged(f"pieces without {np.count_nonzero(~is_there)} of {is_there.size} voxels")
+    world_from_index = first.world_from_index.copy()
+    world_from_index[:3, 3] += world_from_index[:3, :3] @ np.subtract(whole[::2], first.first)
+    return replace(first, values=values, world_from_index=world_from_index)
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """A piece of a parallel image: its file, and the part of the image that is to be taken from it."""
+
+    file: Path
+    extent: tuple[int, ...]
+
+
+def piece_files(path: Path) -> list[Path]:
+    """Return the files of the pieces that a parallel image names; none for other files."""
+    return [piece.file for piece in _pieces(path)]
+
+
+def _pieces(path: Path) -> list[_Piece]:
+    """Return the pieces that a parallel image names; none for other files.
+
+    Raises InputError for a piece that is not there, or not in the folder of the image.
+    """
+    text = _start(path)
+    if _kind(text) != "PImageData":
+        return []
+    pieces, folder = [], os.path.realpath(path.parent)
+    tags = list(itertools.islice(re.finditer(r"<Piece\b[^<>]*", text), _MAX_PIECES + 1))
+    if len(tags) > _MAX_PIECES:
+        raise InputError("this image has too many pieces", expected=f"at most {_MAX_PIECES}")
+    for piece in tags:
+        source = _value(piece, "Source")
+        file = path.parent / html.unescape(source)
+        if not source or "\0" in str(file) or not Path(os.path.realpath(file)).is_relative_to(folder):
+            raise InputError(
+                "a piece of this image is outside of its folder", got=short_text(source), expected="a file beside it"
+            )
+        pieces.append(_Piece(require_exists(file), _extent(piece, "Extent")))
+    if not pieces:
+        raise _damaged("no pieces")
+    return pieces
+
+
+def _value(tag: re.Match[str] | None, name: str) -> str:
+    """Return the value of an attribute; an empty text without one."""
+    found = re.search(rf"""\s{name}\s*=\s*["']([^"']*)["']""", tag[0]) if tag else None
+    return found[1] if found else ""
+
+
+def _extent(tag: re.Match[str] | None, name: str) -> tuple[int, ...]:
+    """Return the first and the last point along each axis, by an attribute; raises InputError for anything else."""
+    words = _value(tag, name).split()
+    numbers = tuple(int(word) for word in words if re.fullmatch("-?[0-9]{1,9}", word))
+    if not len(words) == len(numbers) == 6 or any(numbers[k + 1] < numbers[k] for k in (0, 2, 4)):
+        raise _damaged(f"no {name} of six numbers")
+    return numbers
+
+
+def _start(path: Path) -> str:
+    with path.open("rb") as file:
+        return file.read(MAX_HEADER_BYTES).decode("utf-8", "replace")
+
+
+def _kind(start: str) -> str:
+    """Return the kind of data that a file says it has; an empty text if it says none."""
+    lines = start.split("\n", 4) if start.startswith("# vtk") else []
+    pattern = r"DATASET\s+(\w+)" if lines else r"""<VTKFile\b[^<>]*\btype\s*=\s*["'](\w+)["']"""
+    found = re.search(pattern, "\n".join(lines[3:4]) if lines else start)
+    return found[1] if found else ""
 
 
 def _name(array: Any, component: int) -> str:
@@ -58,24 +203,34 @@ def _name(array: Any, component: int) -> str:
     return name if array.GetNumberOfComponents() == 1 else f"{name}[{component}]"
 
 
-def _read(path: Path, host: Host) -> Any:
-    """Return a vtkImageData; raises InputError for any other content, and for errors that VTK reports."""
+def _read(path: Path, host: Host, extent: tuple[int, ...]) -> Any:
+    """Return a vtkImageData or a vtkRectilinearGrid; raises InputError for others, and for errors that VTK reports.
+
+    extent: of the part that is read, of a piece; everything if it is empty.
+    """
     from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
 
-    with path.open("rb") as file:
-        is_legacy = file.read(5) == b"# vtk"
+    start = _start(path)[:4096]
+    is_legacy, kind = start.startswith("# vtk"), _kind(start)
+    if kind in _OTHER_KINDS:
+        raise InputError(
+            "this VTK file has a grid of another kind",
+            got=kind,
+            expected="image data, or a rectilinear grid whose coordinates are even",
+            hint=_RESAMPLE,
+        )
     reader: Any
     if is_legacy:
-        from vtkmodules.vtkIOLegacy import vtkStructuredPointsReader
+        from vtkmodules.vtkIOLegacy import vtkRectilinearGridReader, vtkStructuredPointsReader
 
-        reader = vtkStructuredPointsReader()
+        reader = vtkRectilinearGridReader() if kind == "RECTILINEAR_GRID" else vtkStructuredPointsReader()
         reader.ReadAllScalarsOn()
         reader.ReadAllVectorsOn()
         reader.ReadAllFieldsOn()
     else:
-        from vtkmodules.vtkIOXML import vtkXMLImageDataReader
+        from vtkmodules.vtkIOXML import vtkXMLImageDataReader, vtkXMLRectilinearGridReader
 
-        reader = vtkXMLImageDataReader()
+        reader = vtkXMLRectilinearGridReader() if kind == "RectilinearGrid" else vtkXMLImageDataReader()
     reader.SetFileName(str(path))
     errors: list[str] = []
     reader.AddObserver("ErrorEvent", lambda *_: errors.append(""))
@@ -85,7 +240,7 @@ def _read(path: Path, host: Host) -> Any:
         if not is_legacy:  # which may be compressed
             reader.UpdateInformation()
             host.expect_bytes(min(_num_bytes(reader), _MAX_PACKING * path.stat().st_size))
-        reader.Update()
+        reader.UpdateExtent(extent) if extent else reader.Update()
     finally:
         vtkOutputWindow.SetInstance(before)
     image = reader.GetOutput()
@@ -135,15 +290,42 @@ def _damaged(got: str | None) -> InputError:
         "this VTK file is damaged, or holds no image",
         got=got,
         expected="image data (STRUCTURED_POINTS in legacy files) with values at its points or in its cells",
-        hint="grids of other kinds are resampled to an image first, for instance in ParaView",
+        hint=_RESAMPLE,
     )
 
 
-def _world_from_index(image: Any, *, is_cells: bool) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _world_from_index(image: Any, *, is_cells: bool) -> Float64:
     """Return the affine, float64 [4, 4], of the first voxel of the image, which may be a part of a larger one."""
-    matrix = image.GetDirectionMatrix()
-    direction = np.array([[matrix.GetElement(i, j) for j in range(3)] for i in range(3)])
-    world_from_index = affine(image.GetSpacing(), image.GetOrigin(), direction)
-    first = np.array(image.GetExtent()[::2]) + (0.5 if is_cells else 0.0)
+    if image.IsA("vtkRectilinearGrid"):
+        places = _even_coordinates(image)
+        world_from_index = affine([step for _, step in places], [at for at, _ in places], np.eye(3))
+        first = np.full(3, 0.5 if is_cells else 0.0)
+    else:
+        matrix = image.GetDirectionMatrix()
+        direction = np.array([[matrix.GetElement(i, j) for j in range(3)] for i in range(3)])
+        world_from_index = affine(image.GetSpacing(), image.GetOrigin(), direction)
+        first = np.array(image.GetExtent()[::2]) + (0.5 if is_cells else 0.0)
     world_from_index[:3, 3] += world_from_index[:3, :3] @ first
     return world_from_index
+
+
+def _even_coordinates(grid: Any) -> list[tuple[float, float]]:
+    """Return the first coordinate and the step along each axis; raises InputError unless they are even."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    places = []
+    for axis in "XYZ":
+        array = getattr(grid, f"Get{axis}Coordinates")()
+        coordinates = np.zeros(0) if array is None else vtk_to_numpy(array).ravel()
+        if len(coordinates) != grid.GetDimensions()["XYZ".index(axis)]:
+            raise _damaged(f"{len(coordinates)} coordinates along {axis.lower()}")
+        even = even_steps(coordinates)
+        if even is None:
+            raise InputError(
+                "the coordinates of this grid are not even",
+                got=f"those along {axis.lower()}",
+                expected="equal steps, as voxels have",
+                hint=_RESAMPLE,
+            )
+        places.append(even)
+    return places

@@ -66,6 +66,7 @@ _SPACING = schema.sequence_field(
     count=3,
 )
 _SUBSET_INDEX = schema.integer_field(minimum=0, maximum=10**6)  # a time step or a component, counted from 0
+_DATASET = schema.text_field("the name of a dataset in an HDF5 or netCDF-4 file", "no name", str.strip)
 _RANGE = schema.sequence_field(
     schema.integer_field(minimum=0, maximum=MAX_AXIS),
     "[first, end]: whole numbers with first less than end",
@@ -205,6 +206,7 @@ class VolumeSpec:
     component: Annotated[int | None, _SUBSET_INDEX] = None
     crop: Annotated[tuple[Range | None, Range | None, Range | None] | None, _CROP] = None
     nodata: Annotated[Literal["auto", "none"] | tuple[float, ...], _NODATA] = "auto"
+    dataset: Annotated[str | None, _DATASET] = None
 
 
 def _build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
@@ -221,8 +223,8 @@ def _build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
         if "spacing" in given:
             hint = f"give {node.path}.{sources[0]}.spacing instead"
             node.key("spacing").reject(f"{kind} its own spacing", hint=hint)
-        for key in schema.valid_keys(given, "time", "component"):
-            node.key(key).reject(f"{kind} neither time steps nor components", hint="remove the key")
+        for key in schema.valid_keys(given, "time", "component", "dataset"):
+            node.key(key).reject(f"{kind} neither time steps, components nor datasets", hint="remove the key")
     shape, crop = getattr(source, "shape", INVALID), given.get("crop", INVALID)
     pairs = () if INVALID in (crop, shape) else zip(crop, shape, strict=True)
     is_by_name = isinstance(node.value, Mapping) and isinstance(node.value.get("crop"), Mapping)

@@ -30,6 +30,7 @@ ROOT = Path(__file__).parents[2]
 SEED = 5
 FILES = 400
 FORMATS = {"nrrd", "metaimage", "nifti", "mgh", "npy", "npz", "raw", "cube", "tiff", "dicom", "vtk"}
+FORMATS |= {"mrc", "hdf5", "pictures"}
 
 # Small files by which readers once worked, waited or took memory without end, or failed.
 MENDED = (

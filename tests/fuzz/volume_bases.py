@@ -24,6 +24,7 @@ from pydicom import dcmread
 from pydicom.dataset import Dataset
 from pydicom.uid import DeflatedExplicitVRLittleEndian, ImplicitVRLittleEndian, RLELossless
 from volume_base import Array, Base, Ranges, attached, behind, detached, in_memory, written
+from volume_bases_scientific import hdf5_bases, mrc_bases, other_vtk_bases, picture_bases
 from volume_bombs import deflated, zip_archive
 from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonDataModel import vtkImageData
@@ -45,7 +46,9 @@ def _values(dtype: str = "uint16", shape: tuple[int, ...] = (4, 12, 10)) -> Arra
 def make_bases(data: Path | None) -> tuple[Base, ...]:
     """Return all undamaged volumes, in a fixed order. data: the folder of real ones, if there is one."""
     groups = (_nrrd, _metaimage, _nifti, _mgh, _arrays, _cube, _tiff, _dicom, _vtk)
-    return tuple(base for group in groups for base in group()) + (() if data is None else tuple(_real(data)))
+    others = (mrc_bases, hdf5_bases, picture_bases, other_vtk_bases)
+    more = tuple(base for group in others for base in group(_values("int16")))
+    return tuple(base for group in groups for base in group()) + more + (() if data is None else tuple(_real(data)))
 
 
 def _nrrd() -> Iterator[Base]:

@@ -11,6 +11,7 @@ import numpy as np
 import volume_bombs
 from pydicom.uid import DeflatedExplicitVRLittleEndian, JPEG2000Lossless
 from volume_bombs import ZLIB, Files, nested_sequences, stored_block, zeros_by_deflate
+from volume_bombs_scientific import SCIENTIFIC
 
 from tests.support.dicom_files import dicom_bytes, image_fields
 from tests.support.tiff_files import (
@@ -140,6 +141,11 @@ def vtk_blocks_inflate() -> Files:
     return _vti(struct.pack("<4I", 1, 2**31, 64, len(stream)) + stream)
 
 
+def _pvti(pieces: str, extent: str = "0 3 0 3 0 3") -> Files:
+    text = f'<VTKFile type="PImageData"><PImageData WholeExtent="{extent}">{pieces}</PImageData></VTKFile>'
+    return {"a.pvti": text.encode(), **_vti(struct.pack("<I", 64) + bytes(64), compressed=False)}
+
+
 def vtk_entities() -> Files:
     image = '<VTKFile type="ImageData"><a b="&j;">&j;</a></VTKFile>'
     return {"a.vti": f'<?xml version="1.0"?><!DOCTYPE VTKFile [{_entities()}]>{image}'.encode()}
@@ -230,6 +236,12 @@ ISOLATED: dict[str, dict[str, Callable[[], Files]]] = {
         "many_components": lambda: _vti(struct.pack("<I", 64) + bytes(64), components=2**31 - 1, compressed=False),
         "length_lies": lambda: _vti(struct.pack("<I", 2**32 - 1) + bytes(64), compressed=False),
         "nested_elements": lambda: {"a.vti": b'<VTKFile type="ImageData">' + b"<a>" * 200_000},
+        "many_pieces": lambda: _pvti('<Piece Extent="0 3 0 3 0 3" Source="a.vti"/>' * 9_000),
+        "pieces_of_itself": lambda: _pvti('<Piece Extent="0 3 0 3 0 3" Source="a.pvti"/>'),
+        "pieces_of_a_huge_image": lambda: _pvti(
+            '<Piece Extent="0 3 0 3 0 3" Source="a.vti"/>', "0 99999999 0 99999999 0 99999999"
+        ),
+        "pieces_in_a_huge_extent": lambda: _pvti('<Piece Extent="0 99999 0 99999 0 9999" Source="a.vti"/>'),
         "entities": vtk_entities,
         "entity_of_a_file": vtk_entity_of_a_file,
         "attributes": vtk_attributes,
@@ -250,4 +262,4 @@ ISOLATED: dict[str, dict[str, Callable[[], Files]]] = {
     },
 }
 # By format and name.
-BOMBS = volume_bombs.BOMBS | ISOLATED
+BOMBS = volume_bombs.BOMBS | ISOLATED | SCIENTIFIC

@@ -252,3 +252,18 @@ def test_other_types_of_analyze_are_refused(tmp_path, code):
     data = bytearray((tmp_path / "a.hdr").read_bytes())
     struct.pack_into("<h", data, 70, code)
     refused(written(tmp_path / "a.hdr", data))
+
+
+def test_sizes_of_0_are_1_with_a_note(tmp_path):
+    image = nib.Nifti1Image(ramp("int16", (1, 4, 5)).T, np.diag([2.0, 2, 3, 1]))
+    image.set_sform(None, 0)
+    image.to_filename(tmp_path / "a.nii")
+    data = bytearray((tmp_path / "a.nii").read_bytes())
+    data[46:48], data[84:88] = bytes(2), bytes(4)  # dim[3], pixdim[2]
+    volume = read(written(tmp_path / "a.nii", bytes(data)))
+    np.testing.assert_array_equal(volume.values, ramp("int16", (1, 4, 5)))
+    np.testing.assert_allclose(volume.spacing, [2, 1, 3])
+    assert volume.note == (
+        "the file has a number of voxels of 0 along z; 1 is assumed; "
+        "the file has a voxel size of 0 along y; 1 is assumed"
+    )

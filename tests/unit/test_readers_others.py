@@ -247,3 +247,39 @@ def test_compressed_pixels_of_dicom(tmp_path, syntax):
     np.testing.assert_array_equal(read(tmp_path / "a.dcm").values[0], values)
     (tmp_path / "a.dcm").write_bytes((tmp_path / "a.dcm").read_bytes()[:-200])
     refused(tmp_path / "a.dcm", match="this DICOM slice cannot be read")
+
+
+# More bytes than voxels
+
+
+@pytest.mark.parametrize("num", [0, 1, 13, 352])
+@pytest.mark.parametrize("encoding", ["raw", "gzip"])
+def test_bytes_beside_the_voxels_are_counted(tmp_path, encoding, num):
+    values = ramp("int16", (4, 20, 30))
+    data = bytes(num) + values.tobytes()
+    written(tmp_path / "a.dat", gzip.compress(data) if encoding == "gzip" else data)
+    lines = "NRRD0004\ntype: short\ndimension: 3\nsizes: 30 20 4\nspacings: 1 1 1\nendian: little\n"
+    lines += f"encoding: {encoding}\n"
+    header = written(tmp_path / "a.nhdr", f"{lines}data file: a.dat\n".encode())
+    note = read(header).note
+    if num == 0:
+        assert note is None
+        return
+    assert note.startswith(f"the data have {num} byte{'s' * (num > 1)} more than their voxels")
+    hint = {"raw": "byte skip: -1", "gzip": "byte skip: 352"}[encoding]
+    assert (f"`{hint}`" in note) == (num == 352)
+    if num == 352:  # what the hint says is right
+        read_again = read(written(tmp_path / "a.nhdr", f"{lines}{hint}\ndata file: a.dat\n".encode()))
+        np.testing.assert_array_equal(read_again.values, values)
+        assert read_again.note is None
+
+
+def test_a_header_of_nifti_with_extensions_is_recognised(tmp_path):
+    values = ramp("int16", (20, 20, 30))
+    start = (348).to_bytes(4, "little") + bytes(396)
+    written(tmp_path / "a.raw", start + values.tobytes())
+    lines = "NDims = 3\nDimSize = 30 20 20\nElementSpacing = 1 1 1\nElementType = MET_SHORT\n"
+    header = written(tmp_path / "a.mhd", f"{lines}ElementDataFile = a.raw\n".encode())
+    assert "400 bytes more than their voxels, which begin like NIfTI: if" in read(header).note
+    written(header, f"{lines}HeaderSize = -1\nElementDataFile = a.raw\n".encode())
+    np.testing.assert_array_equal(read(header).values, values)

@@ -55,7 +55,7 @@ POINTS = (ControlPoint(-0.5, (0.1, 0.2, 0.3), 0.0), ControlPoint(2.0, (1.0, 1.0,
 # Together they give every key of a scene a value other than its default.
 SCENES = {
     "file": Scene(
-        volume=VolumeSpec(FileSource(HERE, SPACING), 1, 2, ((0, 1), (0, 2), (1, 3)), (0.1,)),
+        volume=VolumeSpec(FileSource(HERE, SPACING), 1, 2, ((0, 1), (0, 2), (1, 3)), (0.1,), "a/b"),
         transfer_function=TransferSpec(ColormapSpec("viridis", (-0.1, 1 / 3), ((0.0, 0.0), (1.0, 0.5)))),
         camera=CameraSpec(
             KeyframePath(9, (Keyframe(0, -0.1, 30.5), Keyframe(8, 90.0, 20.0, 2.5)), False, "linear", AXIS),

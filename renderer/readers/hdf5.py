@@ -1,0 +1,257 @@
+"""Read a dataset of HDF5 (.h5, .ims, MATLAB 7.3) or netCDF-4 (.nc), by h5py, in a child process (`isolation.py`).
+
+Axes run from the slowest to the fastest, as `.npy` has them, unless names tell of times and components. By the
+conventions of netCDF (CF), fill values are no data, `scale_factor` and `add_offset` are applied, and coordinates that
+are even give the spacing and the origin. Nothing outside of the file is ever opened.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from renderer.errors import InputError, require_package
+from renderer.readers.arrays import axes_of_array
+from renderer.readers.common import NO_SPACING, Image, affine, choice_notes, chosen_part, describe_shape, even_steps
+from renderer.readers.isolation import Host, allocate_voxels
+from renderer.scene import did_you_mean, join_some, short_text
+from renderer.volume import Array
+
+_MAX_OBJECTS = 10_000
+_MAX_PACKING = 2**20  # of filters, one after the other; a file may also claim voxels that it does not store
+_TIMES = ("t", "time", "times", "step")
+_COMPONENTS = ("c", "ch", "channel", "channels", "component", "components", "band", "bands", "member", "rgb")
+_METRES = {"nm": 1e-9, "um": 1e-6, "µm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "metre": 1.0, "meter": 1.0, "km": 1e3}
+_METRES |= {"meters": 1.0, "metres": 1.0, "micron": 1e-6, "micrometer": 1e-6}
+
+# An h5py.Dataset.
+_Dataset = Any
+
+
+def read_hdf5(
+    path: Path,
+    time: int | None,
+    component: int | None,
+    *,
+    has_spacing_override: bool,
+    host: Host,
+    dataset: str | None = None,
+) -> Image:
+    """Read one time step and component of a dataset, by its name or else the only one that is a volume.
+
+    has_spacing_override: the scene gives the spacing, so that coordinates need not be even. Raises InputError for
+        files that are damaged, hold no such dataset or several, or whose voxels are in other files.
+    """
+    require_package("h5py", extra="hdf5")
+    import h5py
+
+    with h5py.File(path, "r", locking=False) as file:
+        chosen = _choose(file, dataset)
+        _check_dataset(chosen, path)
+        names = [_name_of_axis(chosen, k) for k in range(chosen.ndim)]
+        axes = _axes(chosen, names, time, component)
+        part = chosen_part(axes, chosen.shape, time, component)
+        shape = tuple(n for n, item in zip(chosen.shape, part, strict=True) if isinstance(item, slice))
+        scale, offset = (float(np.ravel(chosen.attrs.get(name, default))[0])
+                         for name, default in (("scale_factor", 1), ("add_offset", 0)))  # fmt: skip
+        is_scaled = (scale, offset) != (1.0, 0.0)
+        is_mask = chosen.dtype.kind == "b"
+        dtype = np.dtype(np.uint8) if is_mask else chosen.dtype.newbyteorder("=")
+        if is_scaled:
+            dtype = np.dtype(np.float32 if dtype.itemsize <= 2 or dtype == np.float32 else np.float64)
+        values = allocate_voxels(host, (1,) * (3 - len(shape)) + shape, dtype)
+        target = values.view(np.bool_) if is_mask else values
+        try:
+            chosen.read_direct(target.reshape(shape), np.s_[part])
+        except OSError as error:
+            raise InputError(
+                "the voxels of this dataset cannot be decoded",
+                got=short_text(" ".join(str(error).split())),
+                hint="the file is damaged, or compressed by a filter that is not installed: `h5repack -f GZIP=4` "
+                "compresses it by another",
+            ) from error
+        if is_scaled:
+            for plane in values:
+                plane[...] = _scaled(plane, scale, offset)
+        world_from_index, notes = _place(file, chosen, names, axes, has_spacing_override)
+        fills = np.array(sorted({*_fill_values(chosen)}), np.float64)
+        fills = _scaled(fills, scale, offset).astype(values.dtype) if is_scaled else fills
+        nodata = tuple((float(fill), float(fill)) for fill in fills if math.isfinite(fill))
+        found = f"the only volume in this file, {short_text(chosen.name)}, is read" if dataset is None else None
+        chosen_notes = choice_notes(axes, chosen.shape, time, component)
+    return Image(values, world_from_index, (found, *notes, *chosen_notes), nodata)
+
+
+def _scaled(values: Array, scale: float, offset: float) -> Array:
+    with np.errstate(over="ignore", invalid="ignore"):  # what becomes infinite is refused later
+        return np.asarray(values.astype(np.float64) * scale + offset)
+
+
+def _choose(file: Any, name: str | None) -> _Dataset:
+    """Return the dataset of this name, or the only one with three axes or more.
+
+    Links to other files are not followed. Raises InputError if there is none, or there are several.
+    """
+    import h5py
+
+    found: dict[str, _Dataset] = {}
+    number = itertools.count()
+
+    def visit(path: str, each: Any) -> Any:
+        if isinstance(each, h5py.Dataset) and each.dtype.kind in "iufb" and each.ndim >= 2:
+            found[path] = each
+        return next(number) > _MAX_OBJECTS or None
+
+    if file.visititems(visit):
+        raise InputError("this file holds too many objects", expected=f"at most {_MAX_OBJECTS} groups and datasets")
+    volumes = {path: each for path, each in found.items() if each.ndim >= 3 and min(each.shape) > 0}
+    listed = [f"{short_text(path)} ({describe_shape(each.shape[::-1])})" for path, each in (volumes or found).items()]
+    if name is not None:
+        if name.strip("/") in found:
+            return found[name.strip("/")]
+        raise InputError(
+            "there is no such dataset of numbers",
+            got=f"dataset: {short_text(name)}",
+            expected=join_some(listed) if listed else "a file with a dataset of two axes or more",
+            hint=did_you_mean(name[:200], list(found)),
+        )
+    if len(volumes) != 1:
+        raise InputError(
+            f"this file holds {len(volumes)} volumes, and one is rendered" if volumes else "this file holds no volume",
+            got=join_some(listed) if listed else "no dataset of numbers with two axes or more",
+            expected=f"`dataset: NAME`, such as `dataset: {short_text(min(volumes))}`" if volumes else
+            "a dataset of three axes" + ", or `dataset: NAME` for a plane" * bool(listed),
+        )  # fmt: skip
+    return next(iter(volumes.values()))
+
+
+def _check_dataset(dataset: _Dataset, path: Path) -> None:
+    """Raise InputError for voxels in other files, and for more than a file can hold."""
+    if dataset.is_virtual or dataset.external:
+        raise InputError(
+            "the voxels of this dataset are in other files, which are not opened",
+            got=short_text(dataset.name),
+            hint=f"`h5repack -l CONTI {short_text(path.name)} whole.h5` copies it into one file",
+        )
+    num_bytes = math.prod(dataset.shape) * dataset.dtype.itemsize
+    num_stored = min(dataset.id.get_storage_size(), path.stat().st_size)
+    if num_bytes > _MAX_PACKING * num_stored:
+        raise InputError(
+            "this dataset has fewer bytes than its voxels need",
+            got=f"{num_stored} bytes for {describe_shape(dataset.shape[::-1])} voxels",
+            hint="nothing was written to it, or the file is damaged",
+        )
+
+
+def _text(owner: Any, name: str) -> str:
+    """Return an attribute that is a text; an empty one for all else."""
+    value = owner.attrs.get(name)
+    text = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+    return text if isinstance(text, str) else ""
+
+
+def _fill_values(dataset: _Dataset) -> Iterator[float]:
+    """Yield the values that stand for no data."""
+    for name in ("_FillValue", "missing_value"):
+        numbers = np.ravel(dataset.attrs.get(name, ()))
+        yield from map(float, numbers[:16] if numbers.dtype.kind in "iuf" else ())
+    if dataset.dtype.itemsize > 1 and dataset.fillvalue != 0:  # what was not written; netCDF has none for bytes
+        yield float(dataset.fillvalue)
+
+
+def _name_of_axis(dataset: _Dataset, axis: int) -> str:
+    """Return the name of an axis: its label, or that of its coordinates; an empty one if it has none."""
+    names = [each.name for each in dataset.dims[axis].values() if each.name]
+    keys = re.findall(r'"key": *"(\w+)"', _text(dataset, "axistags"))  # of ilastik
+    own = keys[axis] if len(keys) == dataset.ndim else dataset.dims[axis].label
+    return str(own or (names[0].rpartition("/")[2] if names else ""))
+
+
+def _axes(dataset: _Dataset, names: list[str], time: int | None, component: int | None) -> str:
+    """Return what each axis is, by the letters of `chosen_part`.
+
+    Names tell times and components; of more than three others, those of length 1 are left out, and then the rule of
+    `.npy` holds. With two axes in space, times or components are the third.
+    """
+    letters = ["t" if _is_time(dataset, k, name) else "c" if name.lower() in _COMPONENTS else "s"
+               for k, name in enumerate(names)]  # fmt: skip
+    for k, length in enumerate(dataset.shape):
+        if letters.count("s") > 3 and letters[k] == "s" and length == 1:
+            letters[k] = "-"
+    while letters.count("s") < 3 and {"t", "c"} & {*letters}:
+        letters[letters.index("t" if "t" in letters else "c")] = "s"
+    places = [k for k, letter in enumerate(letters) if letter == "s"]
+    if len(places) > 3:
+        shape = tuple(dataset.shape[k] for k in places)
+        own = axes_of_array(shape, time if "t" not in letters else None, component if "c" not in letters else None)
+        for k, letter in zip(places, own, strict=True):
+            letters[k] = letter
+    if letters.count("t") > 1 or letters.count("c") > 1:
+        raise InputError(
+            "the axes of this dataset are not those of a volume",
+            got=", ".join(f"{name or 'no name'} ({n})" for name, n in zip(names, dataset.shape, strict=True)),
+            expected="three axes in space, at most one of time, and at most one of components",
+        )
+    return "".join(letters)
+
+
+def _is_time(dataset: _Dataset, axis: int, name: str) -> bool:
+    """Return whether an axis is time: by its name, or by the units of its coordinates, such as `days since 2000`."""
+    return name.lower() in _TIMES or any(" since " in _text(each, "units") for each in dataset.dims[axis].values())
+
+
+def _place(
+    file: Any, dataset: _Dataset, names: list[str], axes: str, has_spacing_override: bool
+) -> tuple[Any, list[str]]:
+    """Return the affine, float64 [4, 4], by coordinates or the attribute `element_size_um`, and notes."""
+    space = [k for k, letter in enumerate(axes) if letter == "s"]
+    origin, spacing, units = np.zeros(3), np.ones(3), dict[str, str]()
+    for column, k in enumerate(reversed(space)):
+        coordinates = _coordinates(file, dataset, k, names[k])
+        if coordinates is None:
+            continue
+        even = even_steps(coordinates[...])
+        if even is None and not has_spacing_override and not _is_time(dataset, k, names[k]):
+            raise InputError(
+                "the coordinates of this dataset are not even",
+                got=f"{short_text(coordinates.name)} along {'xyz'[column]}",
+                expected="equal steps, as voxels have",
+                hint=f"resample it by xarray: `data.interp({short_text(names[k])}=numpy.linspace(FIRST, LAST, "
+                f"{len(coordinates)})).to_netcdf('even.nc')`; or give `spacing: [x, y, z]` to draw equal steps",
+            )
+        unit = _text(coordinates, "units").split("_")[0]  # degrees_north
+        first = next(iter(units.values()), unit)
+        factor = _METRES[unit] / _METRES[first] if {unit, first} <= _METRES.keys() else None
+        units["xyz"[column]] = unit if factor is None else first
+        origin[column], spacing[column] = np.array(even or (0.0, 1.0)) * (factor or 1.0)
+    sizes = np.ravel(dataset.attrs.get("element_size_um", ()))
+    if not units and len(sizes) == len(space) == 3 and sizes.dtype.kind in "iuf":
+        return affine(sizes[::-1], origin, np.eye(3)), []
+    notes = [NO_SPACING] * (not units)
+    if 0 < len(units) < len(space):
+        missing = ", ".join(axis for axis in "xyz"[: len(space)] if axis not in units)
+        notes.append(f"the file has no coordinates along {missing}; steps of 1 are assumed")
+    if len({*units.values()}) > 1:
+        each = ", ".join(f"{axis} in {unit or 'no unit'}" for axis, unit in units.items())
+        notes.append(f"coordinates differ in their units, and are drawn as numbers ({short_text(each)}); "
+                     "`spacing: [x, y, z]` gives other lengths")  # fmt: skip
+    return affine(spacing, origin, np.eye(3)), notes
+
+
+def _coordinates(file: Any, dataset: _Dataset, axis: int, name: str) -> _Dataset | None:
+    """Return the coordinates along an axis: those attached to it, or the dataset beside it that has its name."""
+    import h5py
+
+    group = dataset.parent
+    beside = [group[name]] if name and isinstance(group.get(name, getlink=True), h5py.HardLink) else []
+    for each in (*dataset.dims[axis].values(), *beside):
+        is_alone = isinstance(each, h5py.Dataset) and each.shape == (dataset.shape[axis],) and each.dtype.kind in "iuf"
+        if is_alone and not (each.is_virtual or each.external) and "not a netCDF variable" not in _text(each, "NAME"):
+            return each
+    return None

@@ -1,0 +1,85 @@
+"""Read a folder of PNG, JPEG or BMP pictures as slices, in natural order (`2.png` before `10.png`).
+
+Pillow decodes, in a child process (`isolation.py`). Pictures do not say how large a voxel is.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from renderer.errors import InputError
+from renderer.readers.common import NO_SPACING, Image, choice_notes, errors_about, require_exists, select_index
+from renderer.readers.isolation import Host, allocate_voxels
+from renderer.readers.slice_names import sort_slices
+from renderer.readers.sniff import slices_of_pictures
+from renderer.volume import Array
+
+_FORMATS = ("PNG", "JPEG", "BMP")
+# No method of these formats packs pixels more: about 1228 of JPEG in a byte, 1032 of deflate.
+_MAX_PACKING = 2**11
+
+
+def read_pictures(
+    path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, host: Host
+) -> Image:
+    """Read one component of the pictures in a folder, whose colours are components.
+
+    has_spacing_override: not used; pictures have no lengths. Raises InputError for pictures that are damaged or differ,
+        and if `time` or `component` do not fit.
+    """
+    select_index("time", time, 1)
+    files = sort_slices(slices_of_pictures(path))
+    values, expected, bands = None, "", ()
+    for index, file in enumerate(files):
+        host.begin_file(file)
+        with errors_about(file):
+            picture = _open(require_exists(file))
+            bands = picture.getbands()
+            found = f"{picture.width} x {picture.height} {picture.mode}"
+            expected = expected or found
+            if found != expected:
+                expected = f"{expected} as in {files[0].name}"
+                raise InputError("the slices of this folder differ", got=found, expected=expected)
+            channel = select_index("component", component, len(bands))
+            dtype = np.uint16 if picture.mode.startswith("I") else np.uint8
+            if values is None:
+                values = allocate_voxels(host, (len(files), picture.height, picture.width), dtype)
+            values[index] = _pixels(picture, channel)
+    assert values is not None, "called without files"
+    names = bands if len(bands) > 1 else ()
+    return Image(values, np.eye(4), (NO_SPACING, *choice_notes("c", (len(bands),), None, component, names)))
+
+
+def _open(file: Path) -> Any:
+    """Return a PIL.Image that is not decoded yet, with colours in place of a palette's numbers.
+
+    Raises InputError for other files, and for more pixels than they can hold.
+    """
+    from PIL import Image as pillow  # noqa: N813
+
+    pillow.MAX_IMAGE_PIXELS = None  # sizes are checked below, and in `allocate_voxels`
+    try:
+        picture = pillow.open(file, formats=_FORMATS)
+    except (OSError, SyntaxError, ValueError) as error:
+        raise InputError(
+            "this picture cannot be read", expected="PNG, JPEG or BMP", hint="the file is truncated or damaged"
+        ) from error
+    if picture.width * picture.height > _MAX_PACKING * file.stat().st_size:
+        raise InputError(
+            "this picture has fewer bytes than its pixels need",
+            got=f"{file.stat().st_size} bytes for {picture.width} x {picture.height} pixels",
+            hint="the file is truncated or damaged",
+        )
+    return picture.convert("RGB") if picture.mode == "P" else picture
+
+
+def _pixels(picture: Any, channel: int) -> Array:
+    """Return one component of the pixels, [y, x]; raises InputError for pixels that cannot be decoded."""
+    try:
+        pixels = np.asarray(picture)
+    except (OSError, SyntaxError, ValueError, IndexError) as error:
+        raise InputError("the pixels of this picture cannot be decoded", hint="the file is damaged") from error
+    return pixels[..., channel] if pixels.ndim == 3 else pixels

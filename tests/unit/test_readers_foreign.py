@@ -1,0 +1,120 @@
+"""Files that are no volumes, or of formats that are not read: each is named for what it is, and no other file is."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import pickle
+import tarfile
+import zipfile
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy.io import netcdf_file, savemat
+
+from renderer.readers import UnknownFormatError
+from tests.support.volume_files import ramp, read, refused, written
+
+VALUES = ramp("int16")
+
+
+def of(write, *arguments, **options):
+    """Return what a function writes into an open file."""
+    out = io.BytesIO()
+    write(out, *arguments, **options)
+    return out.getvalue()
+
+
+def netcdf_3():
+    out = io.BytesIO()
+    with netcdf_file(out, "w") as file:
+        file.createDimension("x", 4)
+        file.createVariable("a", "f", ("x",))[:] = 1
+        file.flush()
+        return out.getvalue()
+
+
+def zip_of(name):
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        archive.writestr(name, b"a")
+    return out.getvalue()
+
+
+def tar_of(name):
+    out = io.BytesIO()
+    with tarfile.open(fileobj=out, mode="w") as archive:
+        archive.addfile(tarfile.TarInfo(name))
+    return out.getvalue()
+
+
+DICOMDIR = bytes(128) + b"DICM\x02\0\x02\0UI\x14\x001.2.840.10008.1.3.10\x02\0\x03\0UI\x04\x001.2\0"
+PICTURE = Image.fromarray(VALUES[0].astype(np.uint8))
+FOREIGN = [
+    ("a.vdb", b" BDV" + bytes(60), "an OpenVDB grid", "numpy.save"),
+    ("a.mat", of(savemat, {"v": VALUES}), "a MATLAB file of version 5", "-v7.3"),
+    ("a.nc", netcdf_3(), "netCDF of the classic kind", "nccopy -k netCDF-4 a.nc"),
+    ("a.mnc", netcdf_3(), "a MINC image", "mnc2nii a.mnc"),
+    ("a.czi", b"ZISRAWFILE" + bytes(60), "a Zeiss CZI image", "bfconvert a.czi"),
+    ("a.nd2", b"\xda\xce\xbe\x0a" + bytes(60), "a Nikon ND2 image", "bfconvert"),
+    ("a.lif", b"p\0\0\0" + bytes(60), "an image of a microscope", "bfconvert"),
+    ("a.oib", b"\xd0\xcf\x11\xe0" + bytes(60), "an image of a microscope", "bfconvert"),
+    ("DICOMDIR", DICOMDIR, "an index of DICOM files", "name the folder"),
+    ("a.zip", zip_of("a.dcm"), "a zip archive", "unpack it"),
+    ("a.xlsx", zip_of("[Content_Types].xml"), "a document of an office program", "no voxels"),
+    ("a.7z", b"7z\xbc\xaf\x27\x1c" + bytes(60), "a 7z archive", "unpack it"),
+    ("a.rar", b"Rar!\x1a\x07\x01\0", "a rar archive", "unpack it"),
+    ("a.tar", tar_of("a.dcm"), "a tar archive", "unpack it"),
+    ("a.tar.gz", gzip.compress(tar_of("a.dcm")), "a tar archive", "unpack it"),
+    ("a.nii.gz", b"version https://git-lfs.github.com/spec/v1\noid", "a pointer of git-lfs", "git lfs pull"),
+    ("a.nii.gz", b"<!DOCTYPE html><html><body>404", "a web page", "download the file again"),
+    ("a.nrrd", b"\n<html><head>", "a web page", "download the file again"),
+    ("a.sgy", b"\xc3\x40" * 1600, "SEG-Y", "segyio"),
+    ("a.am", b"# AmiraMesh BINARY-LITTLE-ENDIAN 2.1\n", "an Amira or Avizo file", "save it as NRRD"),
+    ("a.pdf", b"%PDF-1.7\n", "a PDF document", "no voxels"),
+    ("a.mp4", b"\0\0\0\x18ftypmp42", "a film", "no voxels"),
+    ("a.gif", of(PICTURE.save, "gif"), "a GIF", "no voxels"),
+    ("a.png", of(PICTURE.save, "png"), "a picture", "a folder of such slices is a volume"),
+    ("a.jpg", of(PICTURE.save, "jpeg"), "a picture", "a folder of such slices is a volume"),
+    ("a.bmp", of(PICTURE.save, "bmp"), "a picture", "a folder of such slices is a volume"),
+    ("a.pkl", pickle.dumps([1, 2]), "a pickle of Python", "never loaded"),
+    ("a.pkl", pickle.dumps(VALUES), "a pickle of Python", "never loaded"),
+    ("a.fits", b"SIMPLE  =                    T", "FITS", "astropy.io.fits"),
+    ("a.pdb", b"HEADER    HYDROLASE\nATOM      1  N", "a molecule", "ChimeraX"),
+    ("a.xyz", b"3\nwater\nO 0 0 0\n", "a molecule", "ChimeraX"),
+    ("a.stl", b"solid x\nfacet normal 0 0 1\n", "a surface", "no voxels"),
+    ("a.obj", b"v 0 0 0\nv 1 0 0\n", "a surface", "no voxels"),
+    ("a.ply", b"ply\nformat ascii 1.0\n", "a surface", "no voxels"),
+    ("a.psd", b"8BPS\0\x01", "a picture of Photoshop", "save its layers"),
+    ("a.jp2", b"\0\0\0\x0cjP  \r\n\x87\n", "a JPEG 2000 picture", "opj_decompress"),
+    ("a.dx", b"object 1 class gridpositions counts 2 2 2\n", "an OpenDX grid", "MRC"),
+    ("a.HEAD", b"type = string-attribute\n", "an AFNI dataset", "3dAFNItoNIFTI a.HEAD"),
+    ("a.mif", b"mrtrix image\ndim: 4,4,4\n", "an MRtrix image", "mrconvert a.mif"),
+    ("a.dcm.gz", gzip.compress(bytes(128) + b"DICM" + bytes(60)), "a file of DICOM, compressed by gzip", "gunzip"),
+    ("a.nrrd.gz", gzip.compress(b"NRRD0004\ntype: short\n"), "a file of NRRD, compressed by gzip", "gunzip a.nrrd.gz"),
+    ("a.raw.gz", gzip.compress(bytes(60)), "a file of unknown content, compressed by gzip", "gunzip a.raw.gz"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "data", "what", "hint"), FOREIGN, ids=lambda each: str(each)[:20])
+def test_files_are_named_for_what_they_are(tmp_path, name, data, what, hint):
+    error = refused(written(tmp_path / name, data), match=f"this is {what}")
+    assert hint in error.hint and error.where == str(tmp_path / name)
+    assert "damaged" not in str(error) and max(map(len, str(error).splitlines())) < 400
+    assert not isinstance(error, UnknownFormatError)
+
+
+@pytest.mark.parametrize("name", [".zarray", ".zgroup", "zarr.json"])
+def test_zarr_is_a_folder(tmp_path, name):
+    written(tmp_path / name, b"{}")
+    assert "zarr.open" in refused(tmp_path, match="this is a Zarr array or group").hint
+
+
+def test_other_files_are_of_no_known_format(tmp_path):
+    for data in (b"some text\n", bytes(5000), np.random.default_rng(1).bytes(5000)):
+        error = refused(written(tmp_path / "a.bin", data), match="this is not a volume in a known format")
+        assert isinstance(error, UnknownFormatError)
+    np.savez(tmp_path / "a.zip", VALUES)  # the content decides
+    (tmp_path / "a.zip.npz").rename(tmp_path / "a.zip")
+    np.testing.assert_array_equal(read(tmp_path / "a.zip").values, VALUES)
