@@ -5,8 +5,8 @@ Thresholds by Otsu 1979; densities by visibility, Correa and Ma 2011.
 
 - `volume_suggestion.py` makes the suggestion, also of a volume that is still to be read; `suggestion.py` is what it
   consists of, and hides outliers; `nonfinite.py` chooses what stands for NaN.
-- `histogram.py`: range, histogram; `nodata.py`: nodata values and outliers, which are set aside; `percentiles.py`:
-  exact ranks.
+- `histogram.py`: range, histogram; `nodata.py`: nodata values, and `isolated.py`: hot and dead pixels, which are set
+  aside; `percentiles.py`: exact ranks.
 - `features.py`: a sample of the voxels, its background and noise; `classes.py`: thresholds and materials;
   `separation.py`: the object, and planes that cut away what lies around it.
 - `recognition.py` chooses by the kind of data; `level_sets.py`: distances and the like; `labels.py`: masks and

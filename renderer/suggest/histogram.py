@@ -7,10 +7,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
+from renderer.suggest.isolated import find_isolated
 from renderer.suggest.nodata import MAX_OUTLIERS_PER_END, OutlierSplit, OutlierValue, ValueCluster, find_outliers
 from renderer.suggest.percentiles import Chunks, Counts, OrderedKeys, make_ordered_keys, values_at_ranks
 from renderer.volume import Array, Float64, Int64, MappedFile, iter_slabs
@@ -22,6 +24,8 @@ PERCENTILES = (1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0)
 
 # With fewer other values than this, the data are steps or labels, and no value is an outlier.
 _MIN_OTHER_VALUES = 16
+# Nodata may hide isolated voxels, and these nodata.
+_MAX_ROUNDS = 3
 
 # Values are read in chunks, so that no float64 copy of the volume is made.
 _CHUNK = 2**20
@@ -66,14 +70,18 @@ def compute_statistics(values: Array, source: MappedFile | None = None) -> Stati
     Raises InputError if that file has changed.
     """
     chunks = partial(iter_slabs, values.reshape(-1), source, values.itemsize * _CHUNK)
-    whole, split = _statistics_and_outliers(values.dtype, chunks)
-    if split is None:
+    others, split = _statistics_and_outliers(values.dtype, chunks)
+    whole, outliers = others, list[OutlierValue]()
+    for _ in range(_MAX_ROUNDS):
+        ends = others.minimum, others.percentiles[1.0], others.percentiles[99.0], others.maximum
+        found = find_isolated(values, source, ends, safe_scale(others.minimum, others.maximum)) or split
+        if found is None:
+            break
+        outliers += found[0]
+        others, split = _statistics_and_outliers(values.dtype, partial(_values_between, chunks, *found[1:]))
+    if not outliers or np.count_nonzero(others.counts) < _MIN_OTHER_VALUES:
         return whole
-    outliers, low, high = split
-    others, _ = _statistics_and_outliers(values.dtype, partial(_values_between, chunks, low, high))
-    if np.count_nonzero(others.counts) < _MIN_OTHER_VALUES:
-        return whole
-    return replace(whole, outliers=outliers, without_outliers=others)
+    return replace(whole, outliers=tuple(sorted(outliers, key=attrgetter("value"))), without_outliers=others)
 
 
 def _statistics_and_outliers(dtype: np.dtype[Any], chunks: Chunks) -> tuple[Statistics, OutlierSplit | None]:

@@ -12,9 +12,11 @@ import numpy as np
 from renderer.scene import ColormapSpec, ControlPoint, CutSpec, ShadingSpec, SplatSpec, TransferSpec
 from renderer.suggest.features import VoxelSample
 from renderer.suggest.histogram import Statistics
+from renderer.suggest.nodata import OutlierValue
 from renderer.suggest.opacity import format_number
 
-# Values further from the range of the others than this part of the range are transparent.
+# Values further from the range of the others than this part of the range are transparent; half-way to outliers that are
+# nearer.
 _OUTLIER_MARGIN = 0.02
 
 
@@ -92,11 +94,16 @@ def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelS
 
     statistics: of all values. sample: with the range of the values without outliers.
     """
-    low, high = (sample.round_value(sample.denormalize(end)) for end in (-_OUTLIER_MARGIN, 1 + _OUTLIER_MARGIN))
+    below = (-sample.normalize(outlier.last) for outlier in statistics.outliers if outlier.last < sample.minimum)
+    above = (sample.normalize(outlier.value) - 1 for outlier in statistics.outliers if outlier.value > sample.maximum)
+    margins = [min((_OUTLIER_MARGIN, *(gap / 2 for gap in gaps))) for gaps in (below, above)]
+    low = sample.round_value(sample.denormalize(-margins[0]), margins[0])
+    high = sample.round_value(sample.denormalize(1 + margins[1]), margins[1])
     num = int(statistics.counts.sum())
     outlier_notes = tuple(
-        f"{outlier.num} of {num} voxels {'is' if outlier.num == 1 else 'are'} {format_number(outlier.value)}, far from "
-        f"all others: taken for {'a fill value' if outlier.is_nodata else 'an outlier'}, and transparent"
+        f"{outlier.num} of {num} voxels {'is' if outlier.num == 1 else 'are'} {_values_text(outlier)}, far from "
+        f"{'all others: taken for a fill value' if outlier.is_nodata else 'all neighbours: taken for noise'}, and "
+        "transparent"
         for outlier in statistics.outliers
     )
     mapping, notes = suggestion.transfer.mapping, suggestion.notes
@@ -118,6 +125,11 @@ def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelS
     return replace(
         suggestion, transfer=transfer, notes=notes, outlier_notes=(*outlier_notes, *suggestion.outlier_notes)
     )
+
+
+def _values_text(outlier: OutlierValue) -> str:
+    low, high = format_number(outlier.value), format_number(outlier.last)
+    return low if outlier.value == outlier.last else f"{low} to {high}"
 
 
 def _mirrored(points: Sequence[ControlPoint]) -> list[ControlPoint]:

@@ -104,9 +104,12 @@ def suggest(volume: Volume, statistics: Statistics, wish: Wish = NO_WISH) -> Sug
     if statistics.minimum == statistics.maximum:
         return with_colormap(_constant_suggestion(volume, float(statistics.minimum)), wish.colormap)
     others = statistics.without_outliers
-    if others is None or _are_far_labels(volume, statistics):
+    sample = features.sample_volume(volume, others or statistics)
+    if others is None:
+        return _suggest_from(volume, statistics, sample, wish)
+    is_all_there_is = features.is_noise(sample) and not any(outlier.is_nodata for outlier in statistics.outliers)
+    if is_all_there_is or _are_far_labels(volume, statistics):
         return _suggest_from(volume, statistics, features.sample_volume(volume, statistics), wish)
-    sample = features.sample_volume(volume, others)
     fill = suggest_nonfinite_fill(volume, others)
     if fill is not None:
         sample = features.sample_volume(volume, others, sample.normalize(fill))

@@ -63,9 +63,9 @@ def test_a_fill_value_and_outliers_on_its_side_and_on_the_other() -> None:
     values[30, 30, 30:32] = -1e12, 1e30
     num = np.count_nonzero(values == -9999)
     assert compute_statistics(values).outliers == (
-        OutlierValue(-1e12, 1, False),
-        OutlierValue(-9999.0, num, True),
-        OutlierValue(1e30, 1, False),
+        OutlierValue(-1e12, 1, False, -1e12),
+        OutlierValue(-9999.0, num, True, -9999.0),
+        OutlierValue(1e30, 1, False, 1e30),
     )
 
 
@@ -79,19 +79,64 @@ def mixed(num: int, far: float) -> Array:
 @pytest.mark.parametrize(
     "values",
     [
-        mixed(1, 900.0),  # not far enough: 255 + 3 * 255 is 1020
-        mixed(40, 5000.0),  # neither one voxel nor many, and no value that is known
+        mixed(40, 5000.0),  # side by side, but not many, and no value that is known
         two_materials("uint8"),
         KINDS["labels"][0] * np.uint8(50),
         KINDS["mask"][0],
         np.where(SLAB, 255, np.arange(Z.size).reshape(Z.shape) % 9).astype(np.uint8),  # nine values are too few
         np.arange(27.0).reshape(3, 3, 3) ** 9,
     ],
-    ids=["near", "some", "uint8", "labels", "mask", "steps", "powers"],
+    ids=["some", "uint8", "labels", "mask", "steps", "powers"],
 )
 def test_what_is_not_far_from_all_others(values: Array) -> None:
     assert compute_statistics(values).outliers == ()
     assert suggested(values).outlier_notes == ()
+
+
+def salted(values: Array, num: int, lowest: float, highest: float) -> tuple[Array, Array]:
+    """Return the values with some voxels of others, all over the volume, and which they are."""
+    random = np.random.default_rng(0)
+    found, where = values.copy(), random.choice(values.size, num, replace=False)
+    found.ravel()[where] = random.uniform(lowest, highest, num)
+    return found, where
+
+
+@pytest.mark.parametrize("num", [1, 3, 12, 100])  # 0.1 % of 48^3 are 110
+@pytest.mark.parametrize("highest", [65535, 61000])
+@pytest.mark.parametrize("name", ["microscopy", "12 bits", "head as uint16", "magnetic resonance"])
+def test_isolated_voxels_change_neither_kind_nor_levels(name: str, highest: float, num: int) -> None:
+    plain = KINDS[name][0].astype(np.uint16) // 2
+    values, where = salted(plain, num, 60000 if highest == 61000 else highest, highest)
+    counted = sum(outlier.num for outlier in compute_statistics(values).outliers)
+    assert counted == num
+    found, before = suggested(values), suggested(plain)
+    assert (found.kind, len(found.outlier_notes)) == (before.kind, 1)
+    assert found.outlier_notes[0].startswith(f"{num} of {plain.size} voxels ")
+    shown, wanted = (np.array(extinction(each.transfer, *np.unique(plain).tolist())) for each in (found, before))
+    np.testing.assert_allclose(shown, wanted, rtol=0.02, atol=0.05 * wanted.max())
+    assert max(extinction(found.transfer, *values.ravel()[where].tolist())) == 0
+
+
+@pytest.mark.parametrize("name", ["signed", "distance", "temperature"])
+def test_isolated_voxels_at_both_ends(name: str) -> None:
+    plain = KINDS[name][0]
+    values, _ = salted(plain, 40, 1e4, 1e6)
+    values.ravel()[::3001] = -1e5
+    low, high = compute_statistics(values).outliers
+    assert (low.value, low.last, low.num) == (-1e5, -1e5, np.count_nonzero(values == -1e5))
+    assert high.num == np.count_nonzero(values > 1000) and low.num + high.num <= 1e-3 * plain.size
+    assert suggested(values).kind == KINDS[name][1]
+
+
+def test_points_in_noise_are_what_there_is_to_see() -> None:
+    """All that is not noise is no noise."""
+    noise = np.random.default_rng(1).poisson(100, (48, 48, 48)).astype(np.float32)
+    values, _ = salted(noise, 60, 3000, 6000)
+    found = suggested(values)
+    assert found.outlier_notes == ()
+    assert min(extinction(found.transfer, 5000.0)) > 0 == max(extinction(found.transfer, 100.0))
+    points = salted(np.zeros((48, 48, 48), np.uint16), 60, 3000, 6000)[0]
+    assert compute_statistics(points).outliers == ()
 
 
 def test_values_near_the_limits_of_their_type_do_not_overflow() -> None:
@@ -99,4 +144,4 @@ def test_values_near_the_limits_of_their_type_do_not_overflow() -> None:
     assert compute_statistics(values).outliers == ()
     whole = np.arange(1000, dtype=np.int64).reshape(10, 10, 10)
     whole[0, 0] = np.iinfo(np.int64).min
-    assert compute_statistics(whole).outliers == (OutlierValue(-(2**63), 10, True),)
+    assert compute_statistics(whole).outliers == (OutlierValue(-(2**63), 10, True, -(2**63)),)
