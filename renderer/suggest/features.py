@@ -119,6 +119,23 @@ class VoxelSample:
         normalized, neighbours = 1 - self.normalized, 1 - self.neighbours
         return replace(self, normalized=normalized, neighbours=neighbours, minimum=self.maximum, maximum=self.minimum)
 
+    def with_logarithms(self, smallest: float) -> VoxelSample:
+        """Return the sample with logarithms to base 10 in place of its values, none of which is negative.
+
+        smallest: the share of the maximum that stands for all that is less.
+        """
+        first, high = math.log10(smallest), math.log10(self.maximum)
+        normalized, neighbours = (
+            1 - np.log10(np.maximum(self.shares(values), smallest)) / first
+            for values in (self.normalized, self.neighbours)
+        )
+        return replace(self, normalized=normalized, neighbours=neighbours, minimum=high + first, maximum=high)
+
+    def shares(self, normalized: Float64) -> Float64:
+        """Return normalised values as shares of the maximum, where no value is negative."""
+        low, extent, _ = self._scaled_range()
+        return np.asarray((low + extent * normalized) / (low + extent))
+
 
 def sample_volume(volume: Volume, statistics: Statistics, outlier_fill: float = 0.0) -> VoxelSample:
     """Return a sample of a volume that is not constant.

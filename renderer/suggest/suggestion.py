@@ -14,6 +14,7 @@ from renderer.suggest.features import VoxelSample
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.nodata import OutlierValue
 from renderer.suggest.opacity import format_number
+from renderer.suggest.palette import FIELD_COLORMAP, FIELD_DARKEST
 
 # Values further from the range of the others than this part of the range are transparent; half-way to outliers that are
 # nearer.
@@ -75,6 +76,30 @@ def with_colormap(suggestion: Suggestion, colormap: str | None) -> Suggestion:
         mapping = ColormapSpec(colormap, span, tuple((point.value, point.opacity) for point in ends))
     transfer = replace(suggestion.transfer, mapping=replace(mapping, name=colormap))
     return replace(suggestion, transfer=transfer, notes=())
+
+
+def with_logarithmic_scale(suggestion: Suggestion, colormap: str | None) -> Suggestion:
+    """Return the suggestion for logarithms to base 10 as one for the values, with a colormap on a logarithmic scale."""
+    mapping = with_colormap(suggestion, colormap or FIELD_COLORMAP).transfer.mapping
+    assert isinstance(mapping, ColormapSpec)
+    first, last = mapping.range
+    if colormap is None:  # the colours of a field begin with a light one
+        first -= FIELD_DARKEST / (1 - FIELD_DARKEST) * (last - first)
+
+    def value(logarithm: float) -> float:
+        return float(f"{10.0 ** max(logarithm, -300.0):.4g}")
+
+    mapping = replace(
+        mapping,
+        range=(value(first), value(last)),
+        opacity=tuple((value(at), opacity) for at, opacity in mapping.opacity),
+        scale="log",
+    )
+    visible = tuple(
+        replace(layer, ranges=tuple((value(low), value(high)) for low, high in layer.ranges))
+        for layer in suggestion.visible
+    )
+    return replace(suggestion, transfer=replace(suggestion.transfer, mapping=mapping), notes=(), visible=visible)
 
 
 def with_8_bit_colors(suggestion: Suggestion) -> Suggestion:

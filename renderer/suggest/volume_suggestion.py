@@ -23,9 +23,16 @@ from renderer.suggest.labels import distinct_values, label_suggestion, label_val
 from renderer.suggest.nonfinite import suggest_nonfinite_fill
 from renderer.suggest.opacity import format_number, format_percent, opacity_from_depth, opacity_unit_length
 from renderer.suggest.presets import Choice, Preset
-from renderer.suggest.recognition import hounsfield_zero, recognise
+from renderer.suggest.recognition import hounsfield_zero, logarithmic_choice, recognise
 from renderer.suggest.separation import Plane, are_beyond, corner_box, cut_specs, separating_planes
-from renderer.suggest.suggestion import ShownLayer, Suggestion, hide_outliers, with_8_bit_colors, with_colormap
+from renderer.suggest.suggestion import (
+    ShownLayer,
+    Suggestion,
+    hide_outliers,
+    with_8_bit_colors,
+    with_colormap,
+    with_logarithmic_scale,
+)
 from renderer.suggest.visibility import cast_rays, measure_visibility, solve_depths
 from renderer.suggest.wishes import LABELS_WISH, WISHES, Wish, choose_by_word, imported_suggestion
 from renderer.transfer import make_transfer_function
@@ -143,6 +150,9 @@ def _suggest_from(volume: Volume, statistics: Statistics, sample: VoxelSample, w
     if word is not None and word not in WISHES:
         return imported_suggestion(sample, zero, word)
     is_float = isinstance(statistics.minimum, float)
+    if found := logarithmic_choice(sample) if is_float and word is None and zero is None else None:
+        logarithms, choice = found
+        return with_logarithmic_scale(_chosen_suggestion(choice, logarithms, [], volume.centre), wish.colormap)
     choose = partial(choose_by_word, word=word) if word else partial(recognise, is_float=is_float)
     choice, planes = choose(sample, zero), list[Plane]()
     if choice.preset.is_scan:
