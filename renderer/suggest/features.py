@@ -233,7 +233,7 @@ def find_background(sample: VoxelSample) -> Background:
     """
     border, shares = sample.valid_values()
     border = np.sort(border)
-    half, quarter = _shortest_interval(border, 0.5), _shortest_interval(border, 0.25)
+    half, quarter = shortest_interval(border, 0.5), shortest_interval(border, 0.25)
     wide, narrow = np.ptp(half) / _SIGMAS_OF_HALF, np.ptp(quarter) / _SIGMAS_OF_QUARTER
     num_within = np.unique(border[(border >= half[0]) & (border <= half[1])]).size
     low, high = np.percentile(shares, _CONTRAST_PERCENTILES).tolist()
@@ -260,7 +260,7 @@ def without(sample: VoxelSample, are_away: Bools) -> VoxelSample:
     return replace(sample, normalized=normalized, neighbours=neighbours)
 
 
-def _shortest_interval(ascending: Float64, part: float) -> tuple[float, float]:
+def shortest_interval(ascending: Float64, part: float) -> tuple[float, float]:
     """Return the ends of the shortest interval with a part of the values."""
     num = int(len(ascending) * part)
     first = int((ascending[num:] - ascending[: len(ascending) - num]).argmin())

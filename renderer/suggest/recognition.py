@@ -16,6 +16,7 @@ from renderer.suggest.classes import foreground_threshold, otsu_threshold
 from renderer.suggest.features import Background, VoxelSample
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.level_sets import is_level_set_interior
+from renderer.suggest.medium import find_medium
 from renderer.suggest.presets import Choice
 from renderer.volume import Float64
 
@@ -85,8 +86,11 @@ def _object_preset(sample: VoxelSample, background: Background, is_float: bool) 
     elif features.is_smooth(sample, background.high) and presets.has_nested_levels(sample, background.high):
         kind, reason = "smooth field", "the levels of the values lie inside one another"
     else:
-        preset = presets.materials_preset(sample, foreground_threshold(sample, background))
-        return Choice("scan without an absolute scale", f"{near}, and what stands out from it has edges", preset)
+        reason, first = f"{near}, and what stands out from it has edges", foreground_threshold(sample, background)
+        if medium := find_medium(sample, background, first):
+            reason = f"{near}, an even medium near {sample.round_value(sample.denormalize(medium.middle)):.12g}"
+            reason, first = f"{reason} is in it, and an object in this", foreground_threshold(sample, medium)
+        return Choice("scan without an absolute scale", reason, presets.materials_preset(sample, first))
     preset = presets.field_preset(sample, background.high, origin=background.middle)
     return Choice(kind, f"{near}, and {reason}", preset)
 
