@@ -95,7 +95,7 @@ def _facts(volume: Volume, statistics: Statistics, suggestion: Suggestion) -> di
         "fingerprint": volume.fingerprint,
         "histogram": {"counts": counts.tolist(), "edges": edges.tolist()},
         "far_values": [
-            {"value": outlier.value, "voxels": outlier.num, "is_fill": outlier.is_nodata}
+            {"value": outlier.value, "last": outlier.last, "voxels": outlier.num}
             for outlier in statistics.outliers[: len(suggestion.outlier_notes)]
         ],
         "visible": [asdict(shown) for shown in suggestion.visible],

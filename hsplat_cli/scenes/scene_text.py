@@ -191,6 +191,8 @@ def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterato
     if isinstance(mapping, ColormapSpec):
         yield f"  colormap: {yaml_string(mapping.name)}"
         yield f"  range: {_list(mapping.range)}"
+        if mapping.scale is not None:
+            yield _with_comment(f"  scale: {mapping.scale}", "even steps of the logarithm; or linear")
         yield "  opacity:"
         yield from (f"    - {_list(pair)}" for pair in mapping.opacity)
         return

@@ -34,10 +34,12 @@ from renderer.scene import (
     volume_problems,
     with_draw_order,
 )
+from renderer.splats import GAUSSIAN_CUTOFF
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.view import (
     Cuts,
     are_cut_away,
+    corners_around,
     finest_useful_level,
     fit_distance,
     make_order_blending,
@@ -48,6 +50,10 @@ from renderer.view import (
     volume_corners,
 )
 from renderer.volume import Float64, Volume
+
+# Splats reach beyond their cells: further than the frame's margin, if so few voxels fill it. Studies compare footprints
+# of larger volumes in the same frame.
+_MAX_SIDE_OF_SMALL = 24
 
 
 def prepare_stage(
@@ -195,4 +201,9 @@ def _framing(scene: Scene, volume: Volume, points: Float64) -> tuple[Vector, flo
         target = camera.target
     if camera.distance is not None:
         return target, camera.distance
-    return target, fit_distance(camera, points, target, scene.output.size)
+    distance = fit_distance(camera, points, target, scene.output.size)
+    if scene.splat.footprint != "integrated" and max(volume.shape_xyz) <= _MAX_SIDE_OF_SMALL:
+        reach = GAUSSIAN_CUTOFF * scene.splat.sigma - 0.5
+        whole = corners_around(volume, points, reach)
+        distance = max(distance, fit_distance(camera, whole, target, scene.output.size, margin=0.0))
+    return target, distance

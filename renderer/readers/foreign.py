@@ -10,7 +10,7 @@ from renderer.scene import short_text
 
 _UNPACK = "unpack it, and name what is in it"
 _MICROSCOPE = "`bfconvert FILE volume.ome.tif`, of Bio-Formats, makes a TIFF file of it"
-_NIBABEL = '`python -c "import nibabel as n; n.save(n.Nifti1Image.from_image(n.load(\'FILE\')), \'volume.nii.gz\')"`'
+_NIBABEL = "`python -c \"import nibabel as n; n.save(n.Nifti1Image.from_image(n.load('FILE')), 'volume.nii.gz')\"`"
 _SURFACE = "it has surfaces and no voxels: ParaView or PyVista can fill it with voxels"
 _ATOMS = "it has places of atoms and no voxels: ChimeraX can make a map of it (`molmap`), and save that as MRC"
 _NO_VOXELS = "it holds no voxels"

@@ -64,7 +64,7 @@ def mark_absent(
         return values, 0, None
     num_absent = sum(np.count_nonzero(_are_absent(slab, ranges)) for slab in iter_slabs(values, file))
     if num_absent == values.size:
-        hint = "`nodata: none` draws finite ones"
+        hint = None if nums[-1] == values.size else "`nodata: none` draws all that are finite"
         raise InputError("no voxel has data", got=_words(ranges, nums), expected="finite values", hint=hint)
     note = f"{num_absent} of {counted(values.size, 'voxel')} have no data: {_words(ranges, nums)}"
     if found:

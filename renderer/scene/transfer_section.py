@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from renderer.errors import InputError
 from renderer.scene import schema
@@ -100,12 +100,14 @@ class ControlPoint:
 class ColormapSpec:
     """A named colormap stretched over `range`, with opacity points (value, opacity).
 
-    Only projections may leave opacities out.
+    Only projections may leave opacities out. scale: `log`: colours and opacities go with the logarithms of values, all
+    of which are above 0.
     """
 
     name: str
     range: tuple[float, float]
     opacity: tuple[tuple[float, float], ...]
+    scale: Literal["log"] | None = None
 
 
 @dataclass(frozen=True)
@@ -173,7 +175,11 @@ _IMPORT_FIELDS: schema.FieldTable = {
     "import": _IMPORT,
     "name": schema.TEXT_FIELD,
     "shift": schema.number_field(),
-    "scale": schema.number_field(above=0),
+    "scale": schema.word_or(
+        {"log": "log", "linear": None},
+        schema.number_field(above=0),
+        "beside a colormap log or linear; beside import a number greater than 0",
+    ),
 }
 _FIELDS: schema.FieldTable = {
     "unit": schema.LENGTH_FIELD,
@@ -187,14 +193,15 @@ _FIELDS: schema.FieldTable = {
 
 def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     unit = given.get("unit")
+    of_colormap = [] if isinstance(given.get("scale"), float) else ["scale"]  # a word
     if "import" in given:
-        for key in schema.valid_keys(given, "points", "colormap"):
+        for key in schema.valid_keys(given, "points", "colormap", *of_colormap):
             node.key(key).reject(f"contradicts {node.path}.import", expected="one of them")
-        return _import(node, given)
-    for key in schema.valid_keys(given, *_IMPORT_FIELDS):
+        return _import(node, given | dict.fromkeys(given.keys() & of_colormap, INVALID))
+    for key in schema.valid_keys(given, *(_IMPORT_FIELDS.keys() - of_colormap)):
         node.key(key).reject(f"needs {node.path}.import")
     if "points" in given:
-        for key in schema.valid_keys(given, *_COLORMAP_FIELDS):
+        for key in schema.valid_keys(given, *_COLORMAP_FIELDS, *of_colormap):
             expected = "either points, or colormap with range and opacity"
             node.key(key).reject(f"contradicts {node.path}.points", expected=expected)
         points = given["points"] if isinstance(given["points"], tuple) else ()
@@ -212,7 +219,19 @@ def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
         opacity = ((low_high[0], 1.0),)
     pairs = list(opacity) if isinstance(opacity, tuple) else []
     _check_points(node.child("opacity"), [(INVALID, INVALID) if pair is INVALID else pair for pair in pairs], 0)
-    return TransferSpec(ColormapSpec(name, low_high, opacity), unit)
+    scale = given.get("scale")
+    if scale == "log":
+        low = low_high[0] if isinstance(low_high, tuple) else INVALID
+        _check_positive(node.child("range"), low)
+        for index, pair in enumerate(pairs):
+            _check_positive(node.child("opacity").child(index), INVALID if pair is INVALID else pair[0])
+    return TransferSpec(ColormapSpec(name, low_high, opacity, scale), unit)
+
+
+def _check_positive(node: TreeNode, value: Any) -> None:
+    if value is not INVALID and value <= 0:
+        hint = "smaller values, also 0 and less, are drawn as the first of the range and of the opacities"
+        node.child(0, value).reject("no logarithm", expected="with scale: log, a number greater than 0", hint=hint)
 
 
 def _import(node: TreeNode, given: dict[str, Any]) -> TransferSpec:

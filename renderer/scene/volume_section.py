@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -87,10 +87,14 @@ def _parse_crop(node: TreeNode) -> Any:
 _CROP = schema.FieldType(f"{_CROP_WORDS}; or a mapping with some of x, y and z", _parse_crop)
 
 
+_NUMBERS = schema.sequence_field(schema.number_field(), "a list of numbers")
+
+
 def _parse_nodata(node: TreeNode) -> Any:
-    values = node.value if isinstance(node.value, (list, tuple)) else [node.value]
-    found = tuple(schema.number_field().parser(replace(node, value=value)) for value in values)
-    return found if found else node.reject("an empty list")
+    if isinstance(node.value, (list, tuple)):
+        return _NUMBERS.parser(node)
+    value = schema.number_field().parser(node)
+    return value if value is INVALID else (value,)
 
 
 _NODATA_WORDS = "auto, none, a number, or a list of numbers"

@@ -1,4 +1,5 @@
 from .splats import (
+    GAUSSIAN_CUTOFF as GAUSSIAN_CUTOFF,
     GaussianFootprint as GaussianFootprint,
     GouraudFootprint as GouraudFootprint,
     SplatBatch as SplatBatch,

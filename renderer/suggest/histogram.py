@@ -6,13 +6,13 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from renderer.suggest.nodata import MAX_OUTLIERS_PER_END, OutlierSplit, OutlierValue, ValueCluster, find_outliers
-from renderer.suggest.percentiles import Chunks, Counts, OrderedKeys, make_ordered_keys, values_at_ranks
+from renderer.suggest.isolated import OutlierValue, find_isolated
+from renderer.suggest.percentiles import Chunks, make_ordered_keys, values_at_ranks
 from renderer.volume import Array, Float64, Int64, MappedFile, iter_slabs
 
 # Every value of 16-bit data has its own bin; wider types are resolved as finely.
@@ -22,6 +22,8 @@ PERCENTILES = (1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0)
 
 # With fewer other values than this, the data are steps or labels, and no value is an outlier.
 _MIN_OTHER_VALUES = 16
+# Nodata may hide isolated voxels, and these nodata.
+_MAX_ROUNDS = 3
 
 # Values are read in chunks, so that no float64 copy of the volume is made.
 _CHUNK = 2**20
@@ -66,14 +68,18 @@ def compute_statistics(values: Array, source: MappedFile | None = None) -> Stati
     Raises InputError if that file has changed.
     """
     chunks = partial(_chunks_of_data, values, source)
-    whole, split = _statistics_and_outliers(values.dtype, chunks)
-    if split is None:
+    whole = others = _statistics(values.dtype, chunks)
+    outliers: list[OutlierValue] = []
+    for _ in range(_MAX_ROUNDS):
+        ends = others.minimum, others.percentiles[1.0], others.percentiles[99.0], others.maximum
+        found = find_isolated(values, source, ends, safe_scale(others.minimum, others.maximum))
+        if found is None:
+            break
+        outliers += found[0]
+        others = _statistics(values.dtype, partial(_values_between, chunks, *found[1:]))
+    if not outliers or np.count_nonzero(others.counts) < _MIN_OTHER_VALUES:
         return whole
-    outliers, low, high = split
-    others, _ = _statistics_and_outliers(values.dtype, partial(_values_between, chunks, low, high))
-    if np.count_nonzero(others.counts) < _MIN_OTHER_VALUES:
-        return whole
-    return replace(whole, outliers=outliers, without_outliers=others)
+    return replace(whole, outliers=tuple(sorted(outliers, key=attrgetter("value"))), without_outliers=others)
 
 
 def _chunks_of_data(values: Array, source: MappedFile | None) -> Iterator[Array]:
@@ -85,8 +91,8 @@ def _chunks_of_data(values: Array, source: MappedFile | None) -> Iterator[Array]
             yield data
 
 
-def _statistics_and_outliers(dtype: np.dtype[Any], chunks: Chunks) -> tuple[Statistics, OutlierSplit | None]:
-    """Return the statistics of all values, and their outliers, if any."""
+def _statistics(dtype: np.dtype[Any], chunks: Chunks) -> Statistics:
+    """Return the statistics of all values."""
     ends = [(chunk.min().item(), chunk.max().item(), chunk.size) for chunk in chunks()]
     minimum, maximum = min(low for low, _, _ in ends), max(high for _, high, _ in ends)
     size = sum(num for _, _, num in ends)
@@ -108,24 +114,10 @@ def _statistics_and_outliers(dtype: np.dtype[Any], chunks: Chunks) -> tuple[Stat
         if not is_counted:  # a constant volume has the index 0
             index = ((chunk * scale - low) / (extent / MAX_BINS or 1.0)).astype(np.int64)
             counts += np.bincount(np.minimum(index, len(bins) - 1), minlength=len(bins))
-    percentiles, split = _by_rank(key_counts, ordered_keys, chunks)
-    return Statistics(minimum, maximum, total / size / scale, counts, bins, width, percentiles), split
-
-
-def _by_rank(
-    counts: Counts, ordered_keys: OrderedKeys, chunks: Chunks
-) -> tuple[dict[float, int | float], OutlierSplit | None]:
-    """Return the percentiles and the outliers; `counts` come from `OrderedKeys.count`."""
-    size = int(counts.sum())
     ranks = {percent: max(math.ceil(percent * size / 100), 1) - 1 for percent in PERCENTILES}
-    stops = np.cumsum(counts[counts > 0]).tolist()
-    clusters = [(first, stop - 1) for first, stop in pairwise([0, *stops])]
-    ends = clusters[: MAX_OUTLIERS_PER_END + 1], clusters[: -MAX_OUTLIERS_PER_END - 2 : -1]
-    at_ends = [rank for end in ends for pair in end for rank in pair]
-    found = values_at_ranks([*ranks.values(), *at_ends], counts, ordered_keys, chunks)
-    lowest, highest = ([ValueCluster(found[a], found[b], b - a + 1) for a, b in end] for end in ends)
-    split = find_outliers(lowest, highest, len(clusters), size)
-    return {percent: found[rank] for percent, rank in ranks.items()}, split
+    found = values_at_ranks([*ranks.values()], key_counts, ordered_keys, chunks)
+    percentiles = {percent: found[rank] for percent, rank in ranks.items()}
+    return Statistics(minimum, maximum, total / size / scale, counts, bins, width, percentiles)
 
 
 def _values_between(chunks: Chunks, low: float, high: float) -> Iterator[Array]:

@@ -10,6 +10,9 @@ from renderer.looks import lab_from_rgb
 from renderer.scene import Color
 from renderer.volume import Float64
 
+# Of fields, whose lowest level has the colour at this part of the colormap.
+FIELD_COLORMAP, FIELD_DARKEST = "viridis", 0.4
+
 _STEPS = 12
 # Darker colours are lost on black, lighter ones look alike, and of more saturated ones one outshines all others.
 _MIN_LIGHTNESS, _MAX_LIGHTNESS, _MAX_CHROMA = 45.0, 92.0, 80.0

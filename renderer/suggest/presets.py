@@ -17,6 +17,7 @@ import numpy as np
 from renderer.scene import Color, ShadingSpec, colormap_points
 from renderer.suggest.classes import material_edges, otsu_threshold, top_value
 from renderer.suggest.features import VoxelSample
+from renderer.suggest.palette import FIELD_COLORMAP, FIELD_DARKEST
 from renderer.suggest.separation import are_deep
 from renderer.suggest.visibility import CRISP_SURFACE_DEPTH, Layer
 from renderer.volume import Bools, Float64
@@ -176,7 +177,6 @@ def _closed_preset(sample: VoxelSample, ends: Sequence[float]) -> Preset:
 
 # Fields: no materials, but values that rise from the background to a peak. Thin shells show them at some levels.
 
-_FIELD_COLORMAP, _DARKEST = "viridis", 0.4
 _NUM_SHELLS = 4
 # The lowest shell lies at this part of the way to the second. Shells are as wide as this part of their distance, but
 # not so narrow that steps of 8 bits show.
@@ -211,8 +211,8 @@ def _crossings(sample: VoxelSample, level: float) -> float:
 def field_preset(sample: VoxelSample, first: float, *, origin: float) -> Preset:
     """Return the preset of a field that rises from `first` on; ratios are counted from `origin`."""
     levels = origin + _shell_levels(sample.normalized - origin, first - origin, _NUM_SHELLS)
-    palette = colormap_points(_FIELD_COLORMAP, 256)
-    colors = [palette[int(255 * at)] for at in np.linspace(_DARKEST, 1.0, _NUM_SHELLS)]
+    palette = colormap_points(FIELD_COLORMAP, 256)
+    colors = [palette[int(255 * at)] for at in np.linspace(FIELD_DARKEST, 1.0, _NUM_SHELLS)]
     return _shells_preset(sample, [(level,) for level in zip(levels.tolist(), colors, strict=True)])
 
 

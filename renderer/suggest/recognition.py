@@ -6,6 +6,7 @@ than its background, and a volume filled to its border.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from renderer.suggest.classes import foreground_threshold, otsu_threshold
 from renderer.suggest.features import Background, VoxelSample
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.level_sets import is_level_set_interior
+from renderer.suggest.medium import find_medium
 from renderer.suggest.presets import Choice
 from renderer.volume import Float64
 
@@ -22,6 +24,9 @@ from renderer.volume import Float64
 _MIN_AWAY, _MIN_AWAY_OF_NOISE = 0.015, 0.025
 # Floats with such a tail spread over orders of magnitude.
 _HEAVY_TAIL = 25.0
+# Where fewer voxels than this part stand out, levels are those of logarithms, if the ratios of the quartiles, and of
+# nearly the largest and the smallest values, are so large: noise has ratios of 1.2 and 2.
+_MIN_TAIL, _MIN_MIDDLE_RATIO, _MIN_RATIO = 0.01, 3.0, 1000.0
 # Two phases have at least this part of the variance between them: a normal distribution has 0.64, a uniform one 0.75.
 _TWO_PHASE_SEPARATION = 0.85
 # A sign whose values are smaller than this part of the other sign's is noise.
@@ -52,6 +57,26 @@ def recognise(sample: VoxelSample, zero: float | None, *, is_float: bool) -> Cho
     return _object_preset(sample, background, is_float)
 
 
+def logarithmic_choice(sample: VoxelSample) -> tuple[VoxelSample, Choice] | None:
+    """Return the logarithms of values over many orders of magnitude, and the preset for them; None for other values."""
+    background = features.find_background(sample)
+    if sample.minimum < 0 or (background.is_there and background.above >= _MIN_TAIL):
+        return None
+    shares = sample.shares(sample.normalized[sample.is_valid])
+    if not (shares > 0).any():
+        return None
+    smallest, low, first, third, top = np.percentile(shares[shares > 0], (0.01, 1, 25, 75, 99.9)).tolist()
+    if third < _MIN_MIDDLE_RATIO * first or top < _MIN_RATIO * low:
+        return None
+    logarithms = sample.with_logarithms(smallest)
+    background = features.find_background(logarithms)
+    begin = float(np.percentile(logarithms.normalized[sample.is_valid], _FILLED_PERCENTILE))
+    begin = background.high if background.is_there else begin
+    reason = f"the values span {math.log10(top / low):.0f} orders of magnitude, and few are near the largest"
+    preset = presets.field_preset(logarithms, begin, origin=0.0)
+    return logarithms, Choice("density over many orders of magnitude", reason, preset)
+
+
 def _object_preset(sample: VoxelSample, background: Background, is_float: bool) -> Choice:
     """Return the preset for an object brighter than its background."""
     visible = sample.normalized[sample.normalized > background.high]
@@ -61,8 +86,11 @@ def _object_preset(sample: VoxelSample, background: Background, is_float: bool) 
     elif features.is_smooth(sample, background.high) and presets.has_nested_levels(sample, background.high):
         kind, reason = "smooth field", "the levels of the values lie inside one another"
     else:
-        preset = presets.materials_preset(sample, foreground_threshold(sample, background))
-        return Choice("scan without an absolute scale", f"{near}, and what stands out from it has edges", preset)
+        reason, first = f"{near}, and what stands out from it has edges", foreground_threshold(sample, background)
+        if medium := find_medium(sample, background, first):
+            reason = f"{near}, an even medium near {sample.round_value(sample.denormalize(medium.middle)):.12g}"
+            reason, first = f"{reason} is in it, and an object in this", foreground_threshold(sample, medium)
+        return Choice("scan without an absolute scale", reason, presets.materials_preset(sample, first))
     preset = presets.field_preset(sample, background.high, origin=background.middle)
     return Choice(kind, f"{near}, and {reason}", preset)
 

@@ -12,9 +12,12 @@ import numpy as np
 from renderer.scene import ColormapSpec, ControlPoint, CutSpec, ShadingSpec, SplatSpec, TransferSpec
 from renderer.suggest.features import VoxelSample
 from renderer.suggest.histogram import Statistics
+from renderer.suggest.isolated import OutlierValue
 from renderer.suggest.opacity import format_number
+from renderer.suggest.palette import FIELD_COLORMAP, FIELD_DARKEST
 
-# Values further from the range of the others than this part of the range are transparent.
+# Values further from the range of the others than this part of the range are transparent; half-way to outliers that are
+# nearer.
 _OUTLIER_MARGIN = 0.02
 
 
@@ -75,6 +78,30 @@ def with_colormap(suggestion: Suggestion, colormap: str | None) -> Suggestion:
     return replace(suggestion, transfer=transfer, notes=())
 
 
+def with_logarithmic_scale(suggestion: Suggestion, colormap: str | None) -> Suggestion:
+    """Return the suggestion for logarithms to base 10 as one for the values, with a colormap on a logarithmic scale."""
+    mapping = with_colormap(suggestion, colormap or FIELD_COLORMAP).transfer.mapping
+    assert isinstance(mapping, ColormapSpec)
+    first, last = mapping.range
+    if colormap is None:  # the colours of a field begin with a light one
+        first -= FIELD_DARKEST / (1 - FIELD_DARKEST) * (last - first)
+
+    def value(logarithm: float) -> float:
+        return float(f"{10.0 ** max(logarithm, -300.0):.4g}")
+
+    mapping = replace(
+        mapping,
+        range=(value(first), value(last)),
+        opacity=tuple((value(at), opacity) for at, opacity in mapping.opacity),
+        scale="log",
+    )
+    visible = tuple(
+        replace(layer, ranges=tuple((value(low), value(high)) for low, high in layer.ranges))
+        for layer in suggestion.visible
+    )
+    return replace(suggestion, transfer=replace(suggestion.transfer, mapping=mapping), notes=(), visible=visible)
+
+
 def with_8_bit_colors(suggestion: Suggestion) -> Suggestion:
     """Round the colours to `#rrggbb`, as a scene file has them, so that both draw the same."""
     mapping = suggestion.transfer.mapping
@@ -92,11 +119,15 @@ def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelS
 
     statistics: of all values. sample: with the range of the values without outliers.
     """
-    low, high = (sample.round_value(sample.denormalize(end)) for end in (-_OUTLIER_MARGIN, 1 + _OUTLIER_MARGIN))
+    below = (-sample.normalize(outlier.last) for outlier in statistics.outliers if outlier.last < sample.minimum)
+    above = (sample.normalize(outlier.value) - 1 for outlier in statistics.outliers if outlier.value > sample.maximum)
+    margins = [min((_OUTLIER_MARGIN, *(gap / 2 for gap in gaps))) for gaps in (below, above)]
+    low = sample.round_value(sample.denormalize(-margins[0]), margins[0])
+    high = sample.round_value(sample.denormalize(1 + margins[1]), margins[1])
     num = int(statistics.counts.sum())
     outlier_notes = tuple(
-        f"{outlier.num} of {num} voxels {'is' if outlier.num == 1 else 'are'} {format_number(outlier.value)}, far from "
-        f"all others: taken for {'a fill value' if outlier.is_nodata else 'an outlier'}, and transparent"
+        f"{outlier.num} of {num} voxels {'is' if outlier.num == 1 else 'are'} {_values_text(outlier)}, far from "
+        "all neighbours: taken for noise, and transparent"
         for outlier in statistics.outliers
     )
     mapping, notes = suggestion.transfer.mapping, suggestion.notes
@@ -118,6 +149,11 @@ def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelS
     return replace(
         suggestion, transfer=transfer, notes=notes, outlier_notes=(*outlier_notes, *suggestion.outlier_notes)
     )
+
+
+def _values_text(outlier: OutlierValue) -> str:
+    low, high = format_number(outlier.value), format_number(outlier.last)
+    return low if outlier.value == outlier.last else f"{low} to {high}"
 
 
 def _mirrored(points: Sequence[ControlPoint]) -> list[ControlPoint]:

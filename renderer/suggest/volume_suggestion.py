@@ -23,9 +23,16 @@ from renderer.suggest.histogram import Statistics, compute_statistics
 from renderer.suggest.labels import distinct_values, label_suggestion, label_values
 from renderer.suggest.opacity import format_number, format_percent, opacity_from_depth, opacity_unit_length
 from renderer.suggest.presets import Choice, Preset
-from renderer.suggest.recognition import hounsfield_zero, recognise
+from renderer.suggest.recognition import hounsfield_zero, logarithmic_choice, recognise
 from renderer.suggest.separation import Plane, are_beyond, corner_box, cut_specs, separating_planes
-from renderer.suggest.suggestion import ShownLayer, Suggestion, hide_outliers, with_8_bit_colors, with_colormap
+from renderer.suggest.suggestion import (
+    ShownLayer,
+    Suggestion,
+    hide_outliers,
+    with_8_bit_colors,
+    with_colormap,
+    with_logarithmic_scale,
+)
 from renderer.suggest.visibility import cast_rays, measure_visibility, solve_depths
 from renderer.suggest.wishes import LABELS_WISH, WISHES, Wish, choose_by_word, imported_suggestion
 from renderer.volume import Float64, Volume
@@ -74,15 +81,16 @@ def suggest(volume: Volume, statistics: Statistics, wish: Wish = NO_WISH) -> Sug
     if statistics.minimum == statistics.maximum:
         return with_colormap(_constant_suggestion(volume, float(statistics.minimum)), wish.colormap)
     others = statistics.without_outliers
-    is_whole = others is None or _are_far_labels(volume, statistics)
-    shown = statistics if is_whole or others is None else others
+    shown = others or statistics
     sample = features.sample_volume(volume, shown)
-    if not sample.is_valid.all():
-        fill = suggest_fill(volume, shown)
-        if fill is not None:
-            sample = features.sample_volume(volume, shown, sample.normalize(fill))
+    if others is not None and (features.is_noise(sample) or _are_far_labels(volume, statistics)):
+        others, shown = None, statistics
+        sample = features.sample_volume(volume, shown)
+    fill = None if sample.is_valid.all() else suggest_fill(volume, shown)
+    if fill is not None:
+        sample = features.sample_volume(volume, shown, sample.normalize(fill))
     suggestion = _suggest_from(volume, shown, sample, wish)
-    return suggestion if is_whole else hide_outliers(suggestion, statistics, sample)
+    return suggestion if others is None else hide_outliers(suggestion, statistics, sample)
 
 
 def _are_far_labels(volume: Volume, statistics: Statistics) -> bool:
@@ -115,6 +123,9 @@ def _suggest_from(volume: Volume, statistics: Statistics, sample: VoxelSample, w
     if word is not None and word not in WISHES:
         return imported_suggestion(sample, zero, word)
     is_float = isinstance(statistics.minimum, float)
+    if found := logarithmic_choice(sample) if is_float and word is None and zero is None else None:
+        logarithms, choice = found
+        return with_logarithmic_scale(_chosen_suggestion(choice, logarithms, [], volume.centre), wish.colormap)
     choose = partial(choose_by_word, word=word) if word else partial(recognise, is_float=is_float)
     choice, planes = choose(sample, zero), list[Plane]()
     if choice.preset.is_scan:

@@ -16,7 +16,7 @@ transfer function is.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,9 @@ VISIBILITY_THRESHOLD = 2.0**-80
 
 # Numbers below 2 to this power have finite differences.
 LARGEST_EXPONENT = 1022
+
+# With h between the logarithms of two points, the largest difference of two lines is h / 8 of the rise and less.
+MAX_LOG_ERROR = 0.005
 
 # Colormaps are published as 256 samples of a smooth curve.
 NUM_COLORMAP_SAMPLES = 256
@@ -87,7 +90,8 @@ def make_transfer_function(spec: TransferSpec, finest_spacing: float) -> Transfe
 
     if isinstance(spec.mapping, ColormapSpec):
         values, opacities = np.array(spec.mapping.opacity, np.float64).T
-        return TransferFunction(*_colormap_control_points(spec.mapping, values, extinction(opacities)), unit)
+        points_of = _logarithmic_control_points if spec.mapping.scale == "log" else _colormap_control_points
+        return TransferFunction(*points_of(spec.mapping, values, extinction(opacities)), unit)
     values, opacities = np.array([(point.value, point.opacity) for point in spec.mapping], np.float64).T.copy()
     colors = np.array([point.color for point in spec.mapping], np.float64)
     return TransferFunction(values, colors, extinction(opacities), unit)
@@ -115,6 +119,30 @@ def _colormap_control_points(spec: ColormapSpec, at: Float64, extinctions: Float
     shares = np.linspace(0, 1, NUM_COLORMAP_SAMPLES)
     colors = np.column_stack([np.interp(share, shares, table[:, channel]) for channel in range(3)])
     return values[order], colors, merged
+
+
+def _logarithmic_control_points(
+    spec: ColormapSpec, at: Float64, extinctions: Float64
+) -> tuple[Float64, Float64, Float64]:
+    """Return control points as `_colormap_control_points`, which are linear in the logarithm of the scalar.
+
+    Between two points, a line in the scalar differs from one in its logarithm by at most MAX_LOG_ERROR of the rise.
+    """
+    logs, ends = np.log(at), np.log(spec.range)
+    points = TransferFunction(*_colormap_control_points(replace(spec, range=tuple(ends)), logs, extinctions), 1.0)
+    first, last = points.values[0], points.values[-1]
+    added = np.linspace(first, last, max(2, math.ceil((last - first) / (8 * MAX_LOG_ERROR))))
+    added = added[~np.isin(added, points.values)]
+    colors, of_added = points.classify(added)
+    values = np.concatenate([points.values, added])
+    order = np.argsort(values, kind="stable")
+    scalars = np.exp(values)
+    scalars[np.flatnonzero(np.isin(values, logs))] = at  # exactly: one may be a step
+    return (
+        scalars[order],
+        np.concatenate([points.colors, colors])[order],
+        np.concatenate([points.extinctions, of_added])[order],
+    )
 
 
 def visibility_breakpoints(transfer: TransferFunction, finest_spacing: float) -> Float64:

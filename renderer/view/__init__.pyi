@@ -7,6 +7,7 @@ from .brick_projection import (
 from .camera import View as View
 from .cutting import Cuts as Cuts, are_cut_away as are_cut_away, place_cuts as place_cuts
 from .framing import (
+    corners_around as corners_around,
     finest_useful_level as finest_useful_level,
     fit_distance as fit_distance,
     smallest_voxel_px as smallest_voxel_px,

@@ -30,7 +30,9 @@ _MAX_PRODUCTS = 2_000_000
 _MAX_RUN = 1024
 
 
-def fit_distance(camera: CameraSpec, points_world: Float64, target: Vector, size: tuple[int, int]) -> float:
+def fit_distance(
+    camera: CameraSpec, points_world: Float64, target: Vector, size: tuple[int, int], margin: float = MARGIN
+) -> float:
     """Return the smallest distance at which all points are inside the frame without its margin, on the whole path.
 
     points_world: float64 [n, 3]. All points are then also at a depth of `camera.near` or more; orthographic cameras
@@ -46,7 +48,7 @@ def fit_distance(camera: CameraSpec, points_world: Float64, target: Vector, size
             hint="raise the opacities or set camera.distance",
         )
     width, height = size
-    margin_px = MARGIN * min(width, height) / 2
+    margin_px = margin * min(width, height) / 2
     tangent_per_px = math.tan(math.radians(camera.field_of_view) / 2) / (height / 2)
     limit_x, limit_y = (width / 2 - margin_px) * tangent_per_px, (height / 2 - margin_px) * tangent_per_px
     distance = -math.inf
@@ -64,6 +66,12 @@ def fit_distance(camera: CameraSpec, points_world: Float64, target: Vector, size
             hint="set camera.distance",
         )
     return distance
+
+
+def corners_around(volume: Volume, points_world: Float64, reach: float) -> Float64:
+    """Return the corners of the boxes that reach a number of voxels from points [n, 3] along each axis: [8 n, 3]."""
+    signs = np.stack(np.meshgrid(*[(-reach, reach)] * 3), axis=-1).reshape(-1, 3)
+    return np.asarray(points_world[:, None] + signs @ volume.world_from_index[:3, :3].T, np.float64).reshape(-1, 3)
 
 
 def visible_centre(points_world: Float64) -> Vector:

@@ -47,6 +47,29 @@ def colormap(*opacities: tuple[float, float], name: str = "viridis") -> Transfer
     return make_transfer_function(TransferSpec(ColormapSpec(name, (10.0, 90.0), opacities), 1.0), 1.0)
 
 
+@pytest.mark.parametrize(("low", "high"), [(1e-26, 1e-20), (1e-3, 2e-3), (1.0, 1e9), (1e-300, 1e300)])
+def test_a_logarithmic_scale_is_linear_in_logarithms(low: float, high: float) -> None:
+    middle = math.sqrt(low) * math.sqrt(high)
+    opacities = ((low, 0.0), (middle, 0.2), (middle, 0.7), (2 * high, 0.4))
+    spec = ColormapSpec("viridis", (low, high), opacities, "log")
+    tf = make_transfer_function(TransferSpec(spec, 1.0), 1.0)
+    logs = np.linspace(math.log(low) - 3, math.log(high) + 3, 20000)  # none at the step
+    colors, extinctions = tf.classify(np.exp(logs))
+    at, opacity = np.log([value for value, _ in opacities]), np.array([each for _, each in opacities])
+    depths = -np.log1p(-opacity)
+    side = np.where(logs < at[1], np.interp(logs, at[:2], depths[:2]), np.interp(logs, at[2:], depths[2:]))
+    np.testing.assert_allclose(extinctions, side, atol=0.005 * depths.max())
+    table = np.array(colormap_points("viridis", NUM_COLORMAP_SAMPLES))
+    shares, samples = (logs - math.log(low)) / (math.log(high) - math.log(low)), np.linspace(0, 1, len(table))
+    for channel in range(3):
+        np.testing.assert_allclose(colors[:, channel], np.interp(shares, samples, table[:, channel]), atol=0.005)
+    # A step is at its own value, and what has no logarithm is below all.
+    np.testing.assert_allclose(tf.classify(np.array([middle]))[1], depths[2], rtol=1e-12)
+    lowest = tf.classify(np.array([-1.0, 0.0, low]))
+    np.testing.assert_allclose(lowest[0], np.tile(table[0], (3, 1)), atol=1e-12)
+    np.testing.assert_array_equal(lowest[1], 0)
+
+
 @pytest.mark.parametrize("name", ["viridis", "viridis_r", "crameri:batlow"])
 def test_colormap_and_opacity_are_interpolated_apart(name: str) -> None:
     opacities = ((0.0, 0.0), (20.0, 0.0), (33.3, 0.7), (50.0, 0.1), (120.0, 0.4))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from film_stages import PLAIN, stage_of
 
+import renderer
 from renderer.pyramid import build_pyramid
 from renderer.scene import (
     CameraPath,
@@ -175,3 +176,15 @@ def test_footprints_are_framed_alike() -> None:
     scene = replace(PLAIN, camera=CameraSpec(TurntablePath(4), target="visible"))
     stages = [stage_of(replace(scene, splat=SplatSpec(footprint))) for footprint in ("integrated", "gaussian")]
     assert len({(stage.target, stage.distance) for stage in stages}) == 1
+
+
+@pytest.mark.parametrize("num", [2, 3, 6, 12])
+def test_splats_of_a_small_volume_are_whole_in_the_frame(num: int) -> None:
+    labels = np.random.default_rng(0).integers(1, 4, (num, num, num)).astype(np.uint8)
+    scene = renderer.suggest_scene(labels, size=(48, 48))
+    assert scene.splat.footprint == "gaussian"
+    alpha = np.asarray(renderer.render_frame(scene, 10))[..., :3].max(axis=2)  # on black
+    rim = np.concatenate([alpha[0], alpha[-1], alpha[:, 0], alpha[:, -1]])
+    assert rim.max() == 0 and alpha.max() > 100
+    rows, columns = np.nonzero(alpha)
+    assert max(np.ptp(rows), np.ptp(columns)) > 0.4 * len(alpha)

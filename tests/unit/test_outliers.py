@@ -1,4 +1,4 @@
-"""Outliers and nodata values are found and hidden, and do not change what the other values are taken for."""
+"""Isolated voxels are found and hidden, and do not change what the other values are taken for."""
 
 from __future__ import annotations
 
@@ -11,36 +11,19 @@ from kinds_of_data import KINDS, axes, extinction, head_in_hounsfield_units, sug
 
 from renderer.scene import ColormapSpec
 from renderer.suggest import compute_statistics
-from renderer.suggest.nodata import OutlierValue
+from renderer.suggest.isolated import OutlierValue
 
 Array = npt.NDArray[Any]
 
 Z, Y, X = axes()
 SLAB = Z < -0.4
-TUBE = X**2 + Y**2 > 1
-FLOAT_MAX = float(np.finfo(np.float32).max)
-FILLS = (1e20, 9.96921e36, FLOAT_MAX, -FLOAT_MAX, -1e5, 1e20)
-# Not the head in magnetic resonance, of which the slab is an edge less: NaN there make it smooth field, too.
-NAMES = ("head as float32", "microscopy", "signed", "filled, signed", "density", "distance")
-
-
-@pytest.mark.parametrize(("name", "fill"), list(zip(NAMES, FILLS, strict=True)))
-@pytest.mark.parametrize("where", [SLAB, TUBE], ids=["slab", "tube"])
-def test_the_kind_is_that_of_the_others(name: str, where: Array, fill: float) -> None:
-    values = KINDS[name][0].astype(np.float32)
-    values[where] = fill
-    found = suggested(values)
-    assert found.kind == KINDS[name][1]
-    assert len(found.outlier_notes) == 1 and "taken for a fill value" in found.outlier_notes[0]
-    np.testing.assert_array_equal(extinction(found.transfer, float(np.float32(fill))), 0)
-    assert max(extinction(found.transfer, *np.unique(values[~where]).tolist())) > 0
 
 
 @pytest.mark.parametrize("colormap", [None, "viridis"])
 def test_only_the_far_side_of_the_others_becomes_transparent(colormap: str | None) -> None:
     plain = KINDS["microscopy"][0].astype(np.float32)
     values = plain.copy()
-    values[0] = 1e20
+    values[20, 20, 20] = 1e20
     found, before = (suggested(each, colormap=colormap) for each in (values, plain))
     assert isinstance(found.transfer.mapping, ColormapSpec) == (colormap is not None)
     top = float(plain.max())
@@ -57,16 +40,11 @@ def test_single_voxels_do_not_hide_what_a_scan_is(outliers: tuple[float, ...]) -
     assert len(found.outlier_notes) == len(outliers)
 
 
-def test_a_fill_value_and_outliers_on_its_side_and_on_the_other() -> None:
+def test_outliers_on_both_sides_beside_voxels_without_data() -> None:
     values = KINDS["microscopy"][0].astype(np.float64)
-    values[SLAB] = -9999
+    values[SLAB] = np.nan
     values[30, 30, 30:32] = -1e12, 1e30
-    num = np.count_nonzero(values == -9999)
-    assert compute_statistics(values).outliers == (
-        OutlierValue(-1e12, 1, False),
-        OutlierValue(-9999.0, num, True),
-        OutlierValue(1e30, 1, False),
-    )
+    assert compute_statistics(values).outliers == (OutlierValue(-1e12, 1, -1e12), OutlierValue(1e30, 1, 1e30))
 
 
 def mixed(num: int, far: float) -> Array:
@@ -79,19 +57,64 @@ def mixed(num: int, far: float) -> Array:
 @pytest.mark.parametrize(
     "values",
     [
-        mixed(1, 900.0),  # not far enough: 255 + 3 * 255 is 1020
-        mixed(40, 5000.0),  # neither one voxel nor many, and no value that is known
+        mixed(40, 5000.0),  # side by side, but not many, and no value that is known
         two_materials("uint8"),
         KINDS["labels"][0] * np.uint8(50),
         KINDS["mask"][0],
         np.where(SLAB, 255, np.arange(Z.size).reshape(Z.shape) % 9).astype(np.uint8),  # nine values are too few
         np.arange(27.0).reshape(3, 3, 3) ** 9,
     ],
-    ids=["near", "some", "uint8", "labels", "mask", "steps", "powers"],
+    ids=["some", "uint8", "labels", "mask", "steps", "powers"],
 )
 def test_what_is_not_far_from_all_others(values: Array) -> None:
     assert compute_statistics(values).outliers == ()
     assert suggested(values).outlier_notes == ()
+
+
+def salted(values: Array, num: int, lowest: float, highest: float) -> tuple[Array, Array]:
+    """Return the values with some voxels of others, all over the volume, and which they are."""
+    random = np.random.default_rng(0)
+    found, where = values.copy(), random.choice(values.size, num, replace=False)
+    found.ravel()[where] = random.uniform(lowest, highest, num)
+    return found, where
+
+
+@pytest.mark.parametrize("num", [1, 3, 12, 100])  # 0.1 % of 48^3 are 110
+@pytest.mark.parametrize("highest", [65535, 61000])
+@pytest.mark.parametrize("name", ["microscopy", "12 bits", "head as uint16", "magnetic resonance"])
+def test_isolated_voxels_change_neither_kind_nor_levels(name: str, highest: float, num: int) -> None:
+    plain = KINDS[name][0].astype(np.uint16) // 2
+    values, where = salted(plain, num, 60000 if highest == 61000 else highest, highest)
+    counted = sum(outlier.num for outlier in compute_statistics(values).outliers)
+    assert counted == num
+    found, before = suggested(values), suggested(plain)
+    assert (found.kind, len(found.outlier_notes)) == (before.kind, 1)
+    assert found.outlier_notes[0].startswith(f"{num} of {plain.size} voxels ")
+    shown, wanted = (np.array(extinction(each.transfer, *np.unique(plain).tolist())) for each in (found, before))
+    np.testing.assert_allclose(shown, wanted, rtol=0.02, atol=0.05 * wanted.max())
+    assert max(extinction(found.transfer, *values.ravel()[where].tolist())) == 0
+
+
+@pytest.mark.parametrize("name", ["signed", "distance", "temperature"])
+def test_isolated_voxels_at_both_ends(name: str) -> None:
+    plain = KINDS[name][0]
+    values, _ = salted(plain, 40, 1e4, 1e6)
+    values.ravel()[::3001] = -1e5
+    low, high = compute_statistics(values).outliers
+    assert (low.value, low.last, low.num) == (-1e5, -1e5, np.count_nonzero(values == -1e5))
+    assert high.num == np.count_nonzero(values > 1000) and low.num + high.num <= 1e-3 * plain.size
+    assert suggested(values).kind == KINDS[name][1]
+
+
+def test_points_in_noise_are_what_there_is_to_see() -> None:
+    """All that is not noise is no noise."""
+    noise = np.random.default_rng(1).poisson(100, (48, 48, 48)).astype(np.float32)
+    values, _ = salted(noise, 60, 3000, 6000)
+    found = suggested(values)
+    assert found.outlier_notes == ()
+    assert min(extinction(found.transfer, 5000.0)) > 0 == max(extinction(found.transfer, 100.0))
+    points = salted(np.zeros((48, 48, 48), np.uint16), 60, 3000, 6000)[0]
+    assert compute_statistics(points).outliers == ()
 
 
 def test_values_near_the_limits_of_their_type_do_not_overflow() -> None:
@@ -99,4 +122,4 @@ def test_values_near_the_limits_of_their_type_do_not_overflow() -> None:
     assert compute_statistics(values).outliers == ()
     whole = np.arange(1000, dtype=np.int64).reshape(10, 10, 10)
     whole[0, 0] = np.iinfo(np.int64).min
-    assert compute_statistics(whole).outliers == (OutlierValue(-(2**63), 10, True),)
+    assert compute_statistics(whole).outliers == ()  # a row of ten is not isolated

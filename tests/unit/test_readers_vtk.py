@@ -201,7 +201,7 @@ def test_pieces_that_are_missing_or_elsewhere(tmp_path):
     second.symlink_to(second.name)  # to itself
     refused(path)
     second.unlink()
-    alone = data.partition(b"<Piece Extent=\"4")[0] + b"</PImageData></VTKFile>"
+    alone = data.partition(b'<Piece Extent="4')[0] + b"</PImageData></VTKFile>"
     refused(written(path, alone), match="pieces without 24 of 60 voxels")
     refused(written(path, data.replace(b"p&amp;1", b"p&amp;0")), match="damaged|does not fit")
 

@@ -91,7 +91,7 @@ SCENES = {
     ),
     "attenuation": Scene(
         volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9))),
-        transfer_function=TransferSpec(ColormapSpec("gray", (0.0, 1.0), ((0.0, 1.0),))),
+        transfer_function=TransferSpec(ColormapSpec("gray", (0.5, 1.0), ((0.5, 1.0),), "log")),
         camera=CameraSpec(TurntablePath(9)),
         mode=ModeSpec("attenuation", 0.1, -1000.0),
         output=OutputSpec(Path("a.mp4")),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from kinds_of_data import Array, axes, ball, volume_of
+from kinds_of_data import Array, axes, ball, blurred, extinction, noise, suggested, volume_of
 
 from renderer.suggest import compute_statistics
 from renderer.suggest.features import VoxelSample, sample_volume
@@ -101,3 +101,45 @@ def test_a_corner_is_an_eighth_of_the_object() -> None:
         inside &= (at * (N - 1) / 2 >= low[axis]) & (at * (N - 1) / 2 <= high[axis])
     assert (inside & head()).sum() == pytest.approx(head().sum() / 8, rel=0.1)
     assert not inside[y > 0].any() and not inside[x < -0.1].any() and not inside[z < -0.1].any()
+
+
+def in_a_medium(form: str, level: float, spread: float) -> np.ndarray:
+    """Return a body with claws of 0.7 to 1, in air or in an even medium within air, with noise."""
+    z, y, x = axes(N)
+    inside = {
+        "ball": x**2 + y**2 + z**2 < 0.9,
+        "cylinder": (x**2 + y**2 < 0.85) & (abs(z) < 0.8),
+        "box": (abs(x) < 0.9) & (abs(y) < 0.9) & (abs(z) < 0.7),
+    }[form]
+    values = np.where(inside, level, 0.0)
+    values[(x / 0.55) ** 2 + (y / 0.2) ** 2 + (z / 0.2) ** 2 < 1] = 0.8
+    values[(abs(x) < 0.1) & (abs(y) < 0.45) & (abs(z) < 0.1)] = 0.7
+    values[(x - 0.5) ** 2 + y**2 + z**2 < 0.03] = 1.0
+    return blurred(values) + spread * noise(9, N)
+
+
+@pytest.mark.parametrize(("level", "spread"), [(0.35, 0.03), (0.2, 0.02), (0.45, 0.03), (0.35, 0.015)])
+@pytest.mark.parametrize("form", ["ball", "cylinder", "box"])
+def test_an_even_medium_around_an_object_is_background(form: str, level: float, spread: float) -> None:
+    values = in_a_medium(form, level, spread)
+    found = suggested(values)
+    assert "an even medium near" in found.reason
+    assert extinction(found.transfer, 0.0, level) == [0, 0]
+    assert min(extinction(found.transfer, 0.8, 1.0)) > 0
+
+
+def test_tissue_around_bone_is_no_medium() -> None:
+    """It is not even; or it is enclosed by what is denser."""
+    z, y, x = axes(N)
+    radius, waves = np.sqrt(x**2 + y**2 + z**2), np.sin(9 * x + 3 * y) * np.cos(8 * z - y)
+    flesh = np.where(radius < 0.85, 0.4 + 0.06 * waves, 0.0)
+    flesh[radius < 0.3] = 0.9
+    skull = np.where(radius < 0.85, 0.9, 0.0)
+    skull[radius < 0.72] = 0.4
+    fat = np.where(radius < 0.85, 0.3, 0.0)
+    fat[radius < 0.7] = 0.6 + 0.03 * waves[radius < 0.7]
+    fat[radius < 0.2] = 1.0
+    for values, at in ((flesh, 0.4), (skull, 0.4), (fat, 0.3)):
+        found = suggested(blurred(values) + 0.02 * noise(9, N))
+        assert "medium" not in found.reason
+        assert min(extinction(found.transfer, at + 0.05, 0.9)) > 0

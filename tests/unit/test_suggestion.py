@@ -358,3 +358,33 @@ def test_a_density_that_continues_beyond_the_border_is_shown() -> None:
     found = suggested(atoms)
     first = min(point.value for point in found.transfer.mapping if point.opacity > 0)
     assert 0.01 < np.mean(atoms > first) < 0.3, found.kind
+
+
+@pytest.mark.parametrize("scale", [1e-24, 1.0, 1e12])
+@pytest.mark.parametrize("form", ["halo", "filled", "in a vacuum"])
+def test_densities_over_many_orders_of_magnitude_have_a_logarithmic_scale(form: str, scale: float) -> None:
+    z, y, x = axes()
+    waves = np.sin(5 * x + 1) * np.cos(4 * y) + np.sin(6 * z + x) + np.cos(5 * y - 3 * z)
+    radius = np.sqrt(x**2 + y**2 + (2 * z) ** 2) + 0.01
+    values = scale * (np.exp(3 * waves) if form == "filled" else radius**-5 * np.exp(0.5 * waves))
+    if form == "in a vacuum":
+        values[radius > 1] = 0
+    found = suggested(values)
+    assert found.kind == "density over many orders of magnitude"
+    mapping = found.transfer.mapping
+    assert isinstance(mapping, ColormapSpec) and mapping.scale == "log" and mapping.range[0] > 0
+    # The levels are far apart, and all is not fog.
+    peaks = [value for value, opacity in mapping.opacity if opacity]
+    assert len(peaks) >= 2 and min(b / a for a, b in pairwise(peaks)) > 2
+    visible = np.array(extinction(found.transfer, *values.ravel().tolist())) > 0
+    assert 0.002 < visible.mean() < 0.4
+    logs = suggested(np.log10(np.maximum(values, values[values > 0].min())))
+    if form == "halo":  # the levels are those of the logarithms
+        own = [point.value for point in logs.transfer.mapping if point.opacity]
+        np.testing.assert_allclose(np.log10(peaks), own, atol=0.15)
+
+
+def test_noise_and_a_point_have_no_logarithmic_scale() -> None:
+    values = np.abs(100 + 10 * noise(3)).astype(np.float32)
+    values[20:23, 20:23, 20:23] = 1e6
+    assert not isinstance(suggested(values).transfer.mapping, ColormapSpec)
