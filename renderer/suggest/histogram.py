@@ -22,7 +22,7 @@ PERCENTILES = (1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0)
 
 # With fewer other values than this, the data are steps or labels, and no value is an outlier.
 _MIN_OTHER_VALUES = 16
-# Nodata may hide isolated voxels, and these nodata.
+# Isolated voxels may hide others that are less far away.
 _MAX_ROUNDS = 3
 
 # Values are read in chunks, so that no float64 copy of the volume is made.

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
 from renderer.scene import RawSource
@@ -87,3 +88,10 @@ def detached(name: str, files: dict[str, bytes], header: str, *, guarded: bool, 
     """Return a volume whose header is a file of its own."""
     spans = {other: ((0, len(data)),) for other, data in files.items() if other != header} if guarded else {}
     return Base(name, files, header, guarded=spans, headers={header: ((0, len(files[header])),)}, **more)
+
+
+def sample_values(dtype: str = "uint16", shape: tuple[int, ...] = (4, 12, 10)) -> Array:
+    """Return voxels that compress a little: a ramp and some noise."""
+    noise = np.random.default_rng(7).integers(0, 40, shape)
+    ramp = sum(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"))
+    return (noise + 3 * np.asarray(ramp)).astype(dtype)

@@ -4,7 +4,6 @@ of real ones."""
 from __future__ import annotations
 
 import gzip
-import io
 import os
 import re
 import struct
@@ -19,12 +18,12 @@ import gdcm
 import nibabel
 import nrrd
 import numpy as np
-import tifffile
 from pydicom import dcmread
 from pydicom.dataset import Dataset
 from pydicom.uid import DeflatedExplicitVRLittleEndian, ImplicitVRLittleEndian, RLELossless
-from volume_base import Array, Base, Ranges, attached, behind, detached, in_memory, written
+from volume_base import Array, Base, Ranges, attached, behind, detached, in_memory, sample_values, written
 from volume_bases_scientific import hdf5_bases, mrc_bases, other_vtk_bases, picture_bases
+from volume_bases_tiff import tiff_bases
 from volume_bombs import deflated, zip_archive
 from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonDataModel import vtkImageData
@@ -35,24 +34,17 @@ from tests.support.dicom_files import dicom_bytes, functional_groups, image_fiel
 from tests.support.volume_files import write_image
 
 
-def _values(dtype: str = "uint16", shape: tuple[int, ...] = (4, 12, 10)) -> Array:
-    """Return voxels that compress a little: a ramp and some noise."""
-    noise = np.random.default_rng(7).integers(0, 40, shape)
-    ramp = sum(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"))
-    return (noise + 3 * np.asarray(ramp)).astype(dtype)
-
-
 @cache
 def make_bases(data: Path | None) -> tuple[Base, ...]:
     """Return all undamaged volumes, in a fixed order. data: the folder of real ones, if there is one."""
-    groups = (_nrrd, _metaimage, _nifti, _mgh, _arrays, _cube, _tiff, _dicom, _vtk)
+    groups = (_nrrd, _metaimage, _nifti, _mgh, _arrays, _cube, tiff_bases, _dicom, _vtk)
     others = (mrc_bases, hdf5_bases, picture_bases, other_vtk_bases)
-    more = tuple(base for group in others for base in group(_values("int16")))
+    more = tuple(base for group in others for base in group(sample_values("int16")))
     return tuple(base for group in groups for base in group()) + more + (() if data is None else tuple(_real(data)))
 
 
 def _nrrd() -> Iterator[Base]:
-    values = _values()
+    values = sample_values()
     space: dict[str, Any] = {"space": "left-posterior-superior", "space origin": [1.0, 2.0, 3.0]}
     space |= {"space directions": np.diag([0.5, 0.5, 2.0]), "kinds": ["domain"] * 3}
     for encoding in ("raw", "gzip", "bzip2", "text"):
@@ -91,7 +83,7 @@ def _written_by_pynrrd(name: str, values: Array, header: dict[str, Any]) -> dict
 
 
 def _metaimage() -> Iterator[Base]:
-    values = _values("int16")
+    values = sample_values("int16")
     mark = b"ElementDataFile = "
     for is_compressed in (False, True):
         kind = "zlib" if is_compressed else "raw"
@@ -113,7 +105,7 @@ def _metaimage() -> Iterator[Base]:
 
 
 def _nifti() -> Iterator[Base]:
-    values = _values("int16")
+    values = sample_values("int16")
     affine = np.diag([-0.5, -0.5, 2.0, 1.0])
     for version, kind, num_header in ((1, nibabel.Nifti1Image, 352), (2, nibabel.Nifti2Image, 544)):
         image = kind(values.T, affine)
@@ -146,7 +138,7 @@ def _nifti() -> Iterator[Base]:
 
 
 def _mgh() -> Iterator[Base]:
-    values = _values("int16")
+    values = sample_values("int16")
     data = written(lambda folder: nibabel.MGHImage(values.T, np.diag([-0.5, -0.5, 2, 1])).to_filename(folder / "a.mgh"))
     headers = {"a.mgh": ((0, 90),)}
     yield Base("mgh plain", data, "a.mgh", values=values, headers=headers)
@@ -160,11 +152,11 @@ def _packed_by_gzip(data: bytes) -> bytes:
 
 
 def _arrays() -> Iterator[Base]:
-    values = _values("float32")
+    values = sample_values("float32")
     data = in_memory(np.save, values)
     headers: dict[str, Ranges] = {"a.npy": ((0, 128),)}
     yield Base("npy plain", {"a.npy": data}, "a.npy", values=values, headers=headers)
-    wide = np.asfortranarray(_values(">u2", (2, 4, 6, 5)))
+    wide = np.asfortranarray(sample_values(">u2", (2, 4, 6, 5)))
     second = wide[1].astype(np.uint16)
     yield Base("npy time", {"a.npy": in_memory(np.save, wide)}, "a.npy", {"time": 1}, second, headers=headers)
     for name, save_as in (("stored", np.savez), ("deflate", np.savez_compressed)):
@@ -174,7 +166,7 @@ def _arrays() -> Iterator[Base]:
     packed = in_memory(np.savez_compressed, a=values, b=values + 1)
     spans = {"a.npz": ((0, packed.index(b"PK\1\2")),)}
     yield Base("npz two", {"a.npz": packed}, "a.npz", {"component": 1}, values + 1, spans)
-    plain = _values("int16")
+    plain = sample_values("int16")
     raw = {"shape": (10, 12, 4), "dtype": "int16", "spacing": (1.0, 1.0, 2.0), "offset": 16}
     yield Base("raw", {"a.raw": bytes(16) + plain.tobytes()}, "a.raw", values=plain, raw=raw)
 
@@ -184,7 +176,7 @@ def _packed_by_zip(data: bytes) -> bytes:
 
 
 def _cube() -> Iterator[Base]:
-    values = _values("float32", (3, 4, 7)) / 8
+    values = sample_values("float32", (3, 4, 7)) / 8
     for name, num_atoms, after in (("plain", 2, b""), ("orbital", -2, b"    2    5    6\n")):
         lines = b"a comment\nanother one\n%5d 0.1 0.2 0.3\n" % num_atoms
         lines += b"    7 0.5 0.0 0.0\n    4 0.0 0.5 0.0\n    3 0.0 0.0 1.0\n" + b"    6 6.0 1.0 2.0 3.0\n" * 2 + after
@@ -196,128 +188,8 @@ def _cube() -> Iterator[Base]:
         yield Base(f"cube {name}", {"a.cube": lines + text.encode() + b"\n"}, "a.cube", choice, values, headers=headers)
 
 
-def _tiff() -> Iterator[Base]:
-    values, small = _values(), _values("uint8")
-    tiled = _values("uint16", (3, 40, 36))
-    for compression in (None, "deflate", "lzw", "packbits", "zstd", "lzma"):
-        name = "plain" if compression is None else compression
-        yield _tiff_base(name, values, compression=compression, metadata=None)
-    # A baseline JPEG is not exact.
-    yield _tiff_base("jpeg", small, compression="jpeg", metadata=None, is_exact=False)
-    yield _tiff_base("jpeg2000", values, compression="jpeg2000", metadata=None)
-    yield _tiff_base("tiled", tiled, tile=(16, 16), metadata=None)
-    yield _tiff_base("tiled deflate", tiled, tile=(16, 16), compression="deflate", predictor=True, metadata=None)
-    yield _tiff_base("big", values, bigtiff=True, byteorder=">", metadata=None)
-    yield _tiff_base("predictor", _values("float32"), compression="deflate", predictor=True, metadata=None)
-    ramps = np.tile(np.arange(0, 80, 8, np.uint8), (4, 12, 1))
-    frames = iter([_ZSTD_FRAME] * 4)
-    yield _tiff_base("zstd-checksum", ramps, frames, compression="zstd", metadata=None, rowsperstrip=12)
-    stack = np.stack([values, values + 1], axis=1)
-    described = {"axes": "ZCYX", "spacing": 2.0, "unit": "um"}
-    choice = {"component": 1}
-    yield _tiff_base("imagej", stack, imagej=True, metadata=described, seen=stack[:, 1], choice=choice)
-    described = {"axes": "ZCYX", "PhysicalSizeX": 0.5, "PhysicalSizeY": 0.5, "PhysicalSizeZ": 2.0}
-    yield _tiff_base("ome", stack, ome=True, metadata=described, seen=stack[:, 1], choice=choice, compression="deflate")
-    described = {"axes": "ZCYX", "spacing": 2.0, "unit": "um"}
-    yield _tiff_base("shaped", stack, metadata=described, seen=stack[:, 1], choice=choice)
-    yield _tiff_base("shaped-without-axes", np.stack([values + 1, values]), seen=values, choice={"time": 1})
-    yield _tiff_base("truncated", stack, metadata=described, seen=stack[:, 1], choice=choice, truncate=True)
-    yield _tiff_base("nodata", values, metadata=None, extratags=[(42113, "s", 0, "65000", True)])
-    yield _tiff_lsm(values)
-    yield _tiff_ome_files(values)
-    yield _tiff_base("rgb", np.stack([small] * 3, axis=-1), photometric="rgb", metadata=None, seen=small, choice=choice)
-    out = io.BytesIO()
-    with tifffile.TiffWriter(out) as writer:
-        for page in tiled:
-            writer.write(page, tile=(16, 16), compression="deflate", metadata=None)
-        for page in tiled:
-            writer.write(page[::2, ::2], tile=(16, 16), compression="deflate", metadata=None, subfiletype=1)
-    yield _tiff_of("pyramid", {"a.tif": out.getvalue()}, tiled)
-    pages = [in_memory(tifffile.imwrite, page, compression="deflate", metadata=None) for page in values]
-    yield _tiff_of("folder", {f"stack/s{k:02}.tif": page for k, page in enumerate(pages)}, values, opened="stack")
-
-
-def _tiff_lsm(values: Array) -> Base:
-    """Return a stack with the record of Zeiss and a thumbnail behind each slice."""
-    record = struct.pack("<II8i6dHHI", 67127628, 96, 10, 12, 4, 1, 1, 2, 8, 8, 2e-7, 2e-7, 1e-6, 0, 0, 0, 0, 0, 0)
-    out = io.BytesIO()
-    with tifffile.TiffWriter(out, byteorder="<") as writer:
-        for k, page in enumerate(values):
-            tags = [] if k else [(34412, "B", len(record), record, True)]
-            writer.write(page, extratags=tags, metadata=None, compression="lzw", photometric="minisblack")
-            writer.write(np.zeros((8, 8), np.uint8), subfiletype=1, metadata=None, photometric="minisblack")
-    return _tiff_of("lsm", {"a.lsm": out.getvalue()}, values, opened="a.lsm")
-
-
-def _tiff_ome_files(values: Array) -> Base:
-    """Return a stack with the halves of its slices in two files, which both name both."""
-    places = "".join(
-        f'<TiffData FirstZ="{z}" IFD="{z % 2}"><UUID FileName="{"ab"[z // 2]}.tif">urn:uuid:{z // 2}</UUID></TiffData>'
-        for z in range(4)
-    )
-    pixels = f'<Pixels DimensionOrder="XYZCT" SizeZ="4" SizeC="1" SizeT="1" PhysicalSizeX="0.5">{places}</Pixels>'
-    files = {}
-    for k, name in enumerate("ab"):
-        options: dict[str, Any] = {"description": f'<OME UUID="urn:uuid:{k}"><Image>{pixels}</Image></OME>'}
-        pages = values[2 * k : 2 * k + 2]
-        files[f"{name}.tif"] = in_memory(
-            tifffile.imwrite, pages, metadata=None, photometric="minisblack", software=False, **options
-        )
-    return _tiff_of("ome-files", files, values)
-
-
-def _tiff_base(
-    name: str,
-    values: Array,
-    stored: Any = None,
-    *,
-    seen: Array | None = None,
-    choice: dict[str, int] | None = None,
-    is_exact: bool = True,
-    **arguments: Any,
-) -> Base:
-    """Return a stack that tifffile writes. stored: its compressed strips. seen: what is read of it."""
-    arguments = {"photometric": "minisblack", "software": False, **arguments}
-    if stored is not None:
-        arguments |= {"shape": values.shape, "dtype": values.dtype}
-    data = in_memory(tifffile.imwrite, values if stored is None else stored, **arguments)
-    data = re.sub(rb"urn:uuid:[-0-9a-f]{36}", b"urn:uuid:" + b"0" * 36, data)  # drawn at random
-    expected = (values if seen is None else seen) if is_exact else None
-    return _tiff_of(name, {"a.tif": data}, expected, choice=choice)
-
-
-# What the program zstd writes, with a checksum, for 12 rows of 0, 8, 16, ..., 72.
-_ZSTD_FRAME = bytes.fromhex("28b52ffd24788d000050000810182028303840480100ab69410275c1d229")
-_SUMMED = ("ADOBE_DEFLATE", "DEFLATE", "LZMA")
-
-
-def _tiff_of(
-    name: str,
-    files: dict[str, bytes],
-    values: Array | None,
-    *,
-    opened: str = "a.tif",
-    choice: dict[str, int] | None = None,
-) -> Base:
-    """Return a volume of TIFF files, of which zlib's streams, lzma's and some of zstd have checksums."""
-    guarded, headers = {}, {}
-    for file, data in files.items():
-        with tifffile.TiffFile(io.BytesIO(data)) as tiff:
-            pages = list(tiff.pages)
-            spans = [
-                (at, at + n) for page in pages for at, n in zip(page.dataoffsets, page.databytecounts, strict=True)
-            ]
-            has_sum = pages[0].compression.name in _SUMMED or "checksum" in name
-        spans.sort()
-        guarded[file] = tuple(spans) if has_sum else ()
-        ends = [0, *(end for _, end in spans)]
-        begins = [*(begin for begin, _ in spans), len(data)]
-        headers[file] = tuple(span for span in zip(ends, begins, strict=True) if span[0] < span[1])
-    return Base(f"tiff {name}", files, opened, choice or {}, values, guarded, headers)
-
-
 def _dicom() -> Iterator[Base]:
-    values = _values("int16")
+    values = sample_values("int16")
     stack = {"PixelSpacing": ["0.5", "0.5"], "SpacingBetweenSlices": "2", "SeriesDescription": "scan"}
 
     yield _dicom_base("plain", dicom_bytes(image_fields(values, **stack)), values)
@@ -338,7 +210,7 @@ def _dicom() -> Iterator[Base]:
     fields = image_fields(values, **stack)
     fields.compress(RLELossless, encoding_plugin="pydicom", generate_instance_uid=False)
     yield _dicom_base("rle", dicom_bytes(fields, RLELossless), values)
-    small = _values("uint8", (1, 40, 36))
+    small = sample_values("uint8", (1, 40, 36))
     kinds = ("JPEGLosslessProcess14_1", "JPEGLSLossless", "JPEG2000Lossless", "JPEGBaselineProcess1")
     for kind in kinds:
 
@@ -421,7 +293,7 @@ def _dicom_base(name: str, data: bytes, values: Array | None) -> Base:
 
 
 def _vtk() -> Iterator[Base]:
-    values = _values("int16")
+    values = sample_values("int16")
     image = vtkImageData()
     image.SetDimensions(values.shape[::-1])
     image.SetSpacing(0.5, 0.5, 2.0)

@@ -26,7 +26,7 @@ def ramp(tmp_path) -> str:
 def run(*arguments: str, charset: str = "utf-8") -> str:
     result = CliRunner(charset=charset).invoke(info, arguments, catch_exceptions=False)
     assert result.exit_code == 0, result.output
-    return result.output
+    return result.stdout
 
 
 def facts_of(*arguments: str) -> dict:
