@@ -52,9 +52,9 @@ def mark_absent(
     if nodata == "none":
         _require_finite(values, file, first_xyz)
         return values, 0, None
-    found = _find_fill_values(values, file) if nodata == "auto" else ()
-    points = (*found, *(() if nodata == "auto" else nodata))
-    ranges = [*(declared if nodata == "auto" else ()), *((point, point) for point in points)]
+    is_auto = nodata == "auto"
+    points = _find_fill_values(values, file) if nodata == "auto" else nodata
+    ranges = [*(declared if is_auto else ()), *((point, point) for point in points)]
     if values.dtype.kind != "f" and not ranges:
         return values, 0, None
     nums = np.zeros(len(ranges) + 1, np.int64)  # in each range, and of NaN and infinities
@@ -67,8 +67,8 @@ def mark_absent(
         hint = None if nums[-1] == values.size else "`nodata: none` draws all that are finite"
         raise InputError("no voxel has data", got=_words(ranges, nums), expected="finite values", hint=hint)
     note = f"{num_absent} of {counted(values.size, 'voxel')} have no data: {_words(ranges, nums)}"
-    if found:
-        note += "; `nodata: none` draws them" if not nums[-1] else ""
+    if is_auto and not nums[-1]:
+        note += "; `nodata: none` draws them"
     return _with_nan(values, ranges), int(num_absent), note
 
 
@@ -141,12 +141,12 @@ def _find_fill_values(values: Array, file: MappedFile | None) -> tuple[float, ..
     """Return the fill values, judging by the values alone, ascending; bytes have none."""
     if values.dtype.itemsize == 1:
         return ()
-    sample = values.reshape(-1)[:: -(-values.size // _NUM_SAMPLES)]
-    distinct, counts = np.unique(sample[np.isfinite(sample)].astype(np.float64), return_counts=True)
+    # At random places: those of a regular pattern may have one x.
+    places = np.random.default_rng(0).integers(values.size, size=_NUM_SAMPLES)
+    sample = values.reshape(-1)[np.sort(places)].astype(np.float64)
     extremes = [end for slab in _finite_slabs(values, file) for end in (float(slab.min()), float(slab.max()))]
-    added = np.setdiff1d([min(extremes, default=np.nan), max(extremes, default=np.nan)], distinct)
-    order = np.argsort(distinct := np.concatenate([distinct, added[np.isfinite(added)]]))
-    distinct, counts = distinct[order], np.concatenate([counts, np.ones(len(distinct) - len(counts), np.int64)])[order]
+    sample = np.concatenate([sample[np.isfinite(sample)], [min(extremes), max(extremes)] if extremes else []])
+    distinct, counts = np.unique(sample, return_counts=True)
     found = _usual_values(distinct, counts)
     distances = found | _far_values(distinct, counts, list(found))
     nums, nums_near = dict.fromkeys(distances, 0), dict.fromkeys(distances, 0)  # itself among what is as near

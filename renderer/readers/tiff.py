@@ -332,8 +332,7 @@ def _world_from_index(first: Page, space: str, has_spacing_override: bool) -> tu
 
 
 def _nodata(page: Page) -> tuple[tuple[float, float], ...]:
-    """Return the value that stands for no data to GDAL, as a range that contains it however it was rounded."""
+    """Return the value that stands for no data to GDAL."""
     text = str(page.tags.valueof(_GDAL_NODATA) or "").strip()
     value = float(text) if NUMBER.fullmatch(text) else math.nan
-    margin = 1e-6 * abs(value) if page.dtype.kind == "f" else 0.0
-    return ((value - margin, value + margin),) if math.isfinite(value) else ()
+    return ((value, value),) if math.isfinite(value) else ()
