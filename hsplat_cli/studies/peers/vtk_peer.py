@@ -139,8 +139,15 @@ def comparable(scene: Scene, volume: Volume) -> tuple[Scene, Volume, list[str]]:
 
     A border would change the length that a mean is taken over, and surround a minimum with an edge that is not there,
     so of these hsplat's volume is cut where VTK's ends.
-    Raises InputError if the volume is too thin, or by `with_transparent_border`.
+    Raises InputError if the volume is too thin, or has voxels without data, or by `with_transparent_border`.
     """
+    if volume.num_absent:
+        raise InputError(
+            "VTK does not draw volumes with voxels without data",
+            where=volume.name,
+            got=f"{volume.num_absent} of {volume.values.size} voxels",
+            hint="measure without the peer",
+        )
     if min(volume.shape_xyz) < 3:
         raise InputError(
             "the volume is too thin to be compared with VTK, which draws nothing beyond the outer voxel centres",
