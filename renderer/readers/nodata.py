@@ -31,6 +31,8 @@ _OUTERMOST = _MIN_PART = 1e-3
 # With fewer other values than this the data are steps or labels, which have no fill values but the usual ones.
 _MIN_OTHER_VALUES = 16
 _NUM_SAMPLES = 2**16
+# Smaller integers are float32 without rounding.
+_FLOAT32_INTEGERS = 2**24
 
 # Values, both ends included, that stand for no data.
 Ranges = Sequence[tuple[float, float]]
@@ -124,8 +126,9 @@ def _are_absent(values: Array, ranges: Ranges) -> Bools:
 
 def _with_nan(values: Array, ranges: Ranges) -> Array:
     """Return the values as floats, with NaN where they are absent; a copy unless they may be written to."""
-    dtype = np.promote_types(values.dtype, np.float16)
-    marked = values
+    dtype, marked = np.promote_types(values.dtype, np.float16), values
+    if values.dtype.kind in "iu" and all(max(-int(part.min()), int(part.max())) < _FLOAT32_INTEGERS for part in values):
+        dtype = min(dtype, np.dtype(np.float32))
     if dtype != values.dtype or not values.flags.writeable:
         check_memory(values.size * dtype.itemsize)
         marked = np.empty(values.shape, dtype)
