@@ -97,8 +97,8 @@ def _by_place(frames: Sequence[Frame]) -> list[list[Frame]]:
     """Return frames by their place along their normal, in ascending order."""
     order = np.argsort(places := _distances(frames, frames[0]), kind="stable")
     gaps = np.diff(places[order])
-    # Gaps that are far smaller than the largest are rounded positions of one place.
-    steps = gaps[gaps > 0.01 * gaps.max(initial=0.0)]
+    # Gaps far smaller than pixels and the largest gap, which may be between two blocks, are rounded positions.
+    steps = gaps[gaps > min(0.01 * gaps.max(initial=0.0), 0.1 * min(frames[0].spacing))]
     begins = np.flatnonzero(gaps > UNEVEN * np.median(steps)) + 1 if steps.size else np.array([], np.intp)
     return [[frames[k] for k in part.tolist()] for part in np.split(order, begins)]
 

@@ -17,6 +17,7 @@ _GROUPS = (
     *("PixelMeasuresSequence", "PlanePositionSequence", "PlaneOrientationSequence", "PixelValueTransformationSequence"),
     *("FrameContentSequence", "MREchoSequence", "MRDiffusionSequence", "CardiacSynchronizationSequence"),
     *("SegmentIdentificationSequence", "TemporalPositionSequence", "MRImageFrameTypeSequence"),
+    *("PlanePositionVolumeSequence", "PlaneOrientationVolumeSequence"),  # of ultrasound
 )
 _DIRECTIONS = "DiffusionGradientDirectionSequence"
 

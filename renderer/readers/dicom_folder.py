@@ -34,7 +34,7 @@ def find_series(folder: Path) -> tuple[list[Path], dict[str, list[Path]]]:
         if path.name.startswith(".") or path.is_dir():
             continue
         dataset = open_dicom(path)[0] if is_dicom(path) else {}
-        uid = text_of([dataset], "SeriesInstanceUID")
+        uid = text_of([dataset], "SeriesInstanceUID") or text_of([dataset], "SeriesNumber")
         if "Rows" in dataset:
             images[_kind_of_image(dataset)][uid].append(path)
             descriptions.setdefault(uid, text_of([dataset], "SeriesDescription") or uid)
@@ -68,7 +68,7 @@ def find_series(folder: Path) -> tuple[list[Path], dict[str, list[Path]]]:
     if without_image[main]:
         raise unreadable_slice(without_image[main][0])
     _check_none_lost(others, series[main])
-    return sorted(series[main]), left_out
+    return series[main], left_out
 
 
 def _kind_of_image(dataset: Dataset) -> str:

@@ -32,7 +32,9 @@ from renderer.readers.dicom_fields import (
 from renderer.scene import short_text
 from renderer.volume import Array, Float64
 
-# Some kinds of images have their pixel spacing, down and across, in another field than the first.
+# Some kinds of images have their place, and their pixel spacing, down and across, in another field than the first.
+_POSITIONS = ("ImagePositionPatient", "ImagePositionVolume")
+_ORIENTATIONS = ("ImageOrientationPatient", "ImageOrientationVolume")
 _IN_PLANE = ("PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing", "ImagePlanePixelSpacing")
 
 # How files of several frames that say nothing else are told apart: by their order in the file.
@@ -143,20 +145,19 @@ def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
     frames = []
     for number, own in enumerate(each):
         fields = [*own, *shared, dataset, *detector]
-        has_position = any("ImagePositionPatient" in group for group in (*own, *shared))
+        has_position = any(keyword in group for keyword in _POSITIONS for group in (*own, *shared))
         has_place = has_position or len(offsets) == count or not any(places)
         pair, between = _lengths(path, fields, 1 if has_place else count, is_needed=not has_spacing_override)
-        row, column = np.reshape(_numbers(fields, "ImageOrientationPatient", [1, 0, 0, 0, 1, 0]), (2, 3))
-        position, normal = np.array(_numbers(fields, "ImagePositionPatient", [0.0, 0.0, 0.0])), np.cross(row, column)
+        row, column = np.reshape(_first_numbers(fields, _ORIENTATIONS, [1, 0, 0, 0, 1, 0]), (2, 3))
+        position, normal = np.array(_first_numbers(fields, _POSITIONS, [0.0, 0.0, 0.0])), np.cross(row, column)
         if not has_position and len(offsets) == count:
             # Those that begin with 0 are along the normal, and others are z of the patient (PS3.3, C.8.8.3.2).
             step = offsets[number] - offsets[0]
             position += (-step if offsets[0] != 0 and normal[2] < -0.999 else step) * normal
         elif not has_position:
             position += places[number] * between * normal
-        slopes = numbers_of(fields, "RescaleSlope") or numbers_of(fields, "DoseGridScaling") or [0.0]
-        slope = slopes[0] or 1.0
-        intercept = _numbers(fields, "RescaleIntercept", [0.0])[0]
+        slope = _first_numbers(fields, ["RescaleSlope", "DoseGridScaling"], [1.0])[0] or 1.0
+        intercept = _first_numbers(fields, ["RescaleIntercept"], [0.0])[0]
         dtype = _rescaled_dtype(dataset, slope, intercept)
         marks = {each: ([numbers[number]], "") for each, numbers in vectors.items()} | frame_marks(own, dimensions)
         marks = marks | marks_of_all | marks  # the first that tells frames apart is more often their own
@@ -167,10 +168,10 @@ def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
     return frames
 
 
-def _numbers(fields: list[Dataset], keyword: str, usual: list[float]) -> list[float]:
-    """Return the numbers of a field, or the usual ones where it has not as many."""
-    numbers = numbers_of(fields, keyword)
-    return numbers if len(numbers) == len(usual) else usual
+def _first_numbers(fields: list[Dataset], keywords: Sequence[str], usual: list[float]) -> list[float]:
+    """Return the numbers of the first of these fields that has as many as usual, or the usual ones."""
+    found = (numbers_of(fields, keyword) for keyword in keywords)
+    return next((numbers for numbers in found if len(numbers) == len(usual)), usual)
 
 
 def _places(dataset: Dataset, vectors: dict[Dimension, list[float]], count: int) -> Sequence[float]:
@@ -188,7 +189,7 @@ def _lengths(path: Path, fields: list[Dataset], count: int, *, is_needed: bool) 
     """
     pairs = (numbers_of(fields, keyword) for keyword in _IN_PLANE)
     pair = next((found for found in pairs if len(found) == 2 and min(found) > 0), [])
-    distance = _numbers(fields, "SpacingBetweenSlices", [0.0])[0]
+    distance = _first_numbers(fields, ["SpacingBetweenSlices"], [0.0])[0]
     got = None
     if not pair:
         text = text_of(fields, _IN_PLANE[0])
@@ -243,10 +244,14 @@ def _rescaled_dtype(dataset: Dataset, slope: float, intercept: float) -> np.dtyp
 
 def pixels_of(path: Path) -> Array:
     """Return the stored pixels of a file, [frame, y, x, sample]; raises InputError if they cannot be decoded."""
+    from pydicom.uid import ExplicitVRBigEndian, ExplicitVRLittleEndian, ImplicitVRLittleEndian
+
     dataset, _ = open_dicom(path, with_pixels=True)
     syntax = dataset.file_meta.get("TransferSyntaxUID")
     if syntax is None:  # without a preamble
-        dataset.file_meta.TransferSyntaxUID = _plain_syntax(dataset)
+        is_implicit, is_little = dataset.original_encoding
+        explicit = ExplicitVRLittleEndian if is_little else ExplicitVRBigEndian
+        dataset.file_meta.TransferSyntaxUID = ImplicitVRLittleEndian if is_implicit else explicit
     for keyword, usual in _USUAL.items():
         dataset.setdefault(keyword, usual)
     try:
@@ -259,14 +264,6 @@ def pixels_of(path: Path) -> Array:
     frames = int(dataset.get("NumberOfFrames") or 1)
     pixels = pixels.reshape(-1, int(dataset.Rows), int(dataset.Columns), samples)
     return _without_unused_bits(pixels[:frames], dataset)  # what is left over may be padding
-
-
-def _plain_syntax(dataset: Dataset) -> Any:
-    """Return the transfer syntax without compression in which a dataset was read."""
-    from pydicom.uid import ExplicitVRBigEndian, ExplicitVRLittleEndian, ImplicitVRLittleEndian
-
-    is_implicit, is_little = dataset.original_encoding
-    return ImplicitVRLittleEndian if is_implicit else ExplicitVRLittleEndian if is_little else ExplicitVRBigEndian
 
 
 def _without_unused_bits(pixels: Array, dataset: Dataset) -> Array:

@@ -27,7 +27,8 @@ def slices_of(frame: Frame) -> list[Frame]:
         return [frame]
     dataset = open_dicom(frame.file)[0]
     stated, normal = _siemens_header(dataset)
-    per_side = math.isqrt(stated - 1) + 1 if stated > 0 else _tiles_by_matrix(dataset)
+    tile = int(max(numbers_of([dataset], "AcquisitionMatrix"), default=0.0)) or frame.size[1]
+    per_side = math.isqrt(stated - 1) + 1 if stated > 0 else max(frame.size[1] // tile, 1)
     num, size = stated or per_side**2, (frame.size[0] // per_side, frame.size[1] // per_side)
     if frame.size != (per_side * size[0], per_side * size[1]) or not 1 <= num <= per_side**2:
         raise InputError(
@@ -47,12 +48,6 @@ def slices_of(frame: Frame) -> list[Frame]:
     return [replace(mosaic, corner=at, position=frame.position + middle + k * step) for k, at in enumerate(corners)]
 
 
-def _tiles_by_matrix(dataset: Dataset) -> int:
-    """Return the number of tiles along a side of a mosaic, by the larger size of what was acquired; else 1."""
-    largest = int(max(numbers_of([dataset], "AcquisitionMatrix"), default=0.0))
-    return max(int(dataset.Rows) // largest, 1) if largest > 0 else 1
-
-
 def _siemens_header(dataset: Dataset) -> tuple[int, Float64 | None]:
     """Return the number of slices of a mosaic and their normal by fields of Siemens; 0 and None where they are missing
     or damaged."""
@@ -62,14 +57,9 @@ def _siemens_header(dataset: Dataset) -> tuple[int, Float64 | None]:
     reader: Any = csareader
     number, normal = 0, None
     with suppress(Exception):  # of parsers, for missing fields and damaged bytes
-        number = _whole(dataset.private_block(0x0019, "SIEMENS MR HEADER")[0x0A].value)
+        number = int(dataset.private_block(0x0019, "SIEMENS MR HEADER")[0x0A].value)
     with suppress(Exception):
         header = reader.get_csa_header(dataset)
         normal = reader.get_slice_normal(header)
         number = number or int(reader.get_n_mosaic(header))
     return number, normal
-
-
-def _whole(value: int | bytes) -> int:
-    """Return a number that a field of no known type may hold as bytes."""
-    return int.from_bytes(value[:2], "little") if isinstance(value, bytes) else int(value)

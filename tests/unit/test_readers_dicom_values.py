@@ -154,6 +154,22 @@ def test_several_strays_are_counted(tmp_path: Path) -> None:
     assert volume.note == "left out of this series: 2 localizers (scout0.dcm), 1 capture (x.dcm)"
 
 
+def test_series_without_a_uid_are_told_apart_by_their_number(tmp_path: Path) -> None:
+    for k in range(6):  # slices of one lie between those of the other
+        fields: dict[str, Any] = {"SeriesInstanceUID": None, "SeriesNumber": str(k % 2 + 1)}
+        image(tmp_path / f"{k}.dcm", np.full((4, 5), k), ["0", "0", f"{k}"], **fields)
+    error = refused(tmp_path, match="this folder holds 2 DICOM series")
+    assert error.got == '"1", 3 files from 0.dcm; "2", 3 files from 1.dcm'
+
+
+def test_positions_win_over_a_negative_distance(tmp_path: Path) -> None:
+    for k in range(3):
+        image(tmp_path / f"{k}.dcm", np.full((4, 5), k), ["0", "0", f"{-2 * k}"], SpacingBetweenSlices="-3")
+    volume = read(tmp_path)
+    assert volume.values[:, 0, 0].tolist() == [2, 1, 0]
+    np.testing.assert_array_equal(volume.world_from_index[2, 2:], [2, -4])
+
+
 def test_a_localizer_alone_is_a_volume(tmp_path: Path) -> None:
     image(tmp_path / "a.dcm", np.ones((4, 5)), ["0", "9", "9"], **SCOUT)
     assert read(tmp_path).shape_xyz == (5, 4, 1)
