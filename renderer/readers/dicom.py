@@ -38,7 +38,11 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
     if path.is_dir():
         frames, strays = _without_strays(frames)
         left_out["image of another size or orientation"] = list(dict.fromkeys(frame.file for frame in strays))
-    volumes, by_axis = sort_frames(frames)
+    try:
+        volumes, by_axis = sort_frames(frames)
+    except InputError:
+        _check_alike(frames)  # if they are not, they are at one place by chance
+        raise
     num_samples, num_components = frames[0].num_samples, len(volumes[0])
     chosen = select_index("component", component, num_components * num_samples)
     frames = volumes[select_index("time", time, len(volumes))][chosen // num_samples]

@@ -162,6 +162,12 @@ def test_series_without_a_uid_are_told_apart_by_their_number(tmp_path: Path) -> 
     assert error.got == '"1", 3 files from 0.dcm; "2", 3 files from 1.dcm'
 
 
+def test_localizers_alone_are_no_volume(tmp_path: Path) -> None:
+    for k, axes in enumerate((["1", "0", "0", "0", "0", "-1"], ["0", "1", "0", "0", "0", "-1"], AXES)):
+        image(tmp_path / f"{k}.dcm", np.ones((4, 5)), ["0", "9", "9"], **(SCOUT | {"ImageOrientationPatient": axes}))
+    refused(tmp_path, match="the slices of this series differ in their orientation")
+
+
 def test_positions_win_over_a_negative_distance(tmp_path: Path) -> None:
     for k in range(3):
         image(tmp_path / f"{k}.dcm", np.full((4, 5), k), ["0", "0", f"{-2 * k}"], SpacingBetweenSlices="-3")
