@@ -24,8 +24,6 @@ from renderer.readers.dicom_mosaic import slices_of
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.volume import Array, Float64
 
-_COLOURS = 0x00280004
-
 
 def read_dicom(path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, host: Host) -> Image:
     """Read the only series in a folder, or one file; frames in ascending order along their normal.
@@ -40,7 +38,11 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
     if path.is_dir():
         frames, strays = _without_strays(frames)
         left_out["image of another size or orientation"] = list(dict.fromkeys(frame.file for frame in strays))
-    volumes, by_axis = sort_frames(frames)
+    try:
+        volumes, by_axis = sort_frames(frames)
+    except InputError:
+        _check_alike(frames)  # if they are not, they are at one place by chance
+        raise
     num_samples, num_components = frames[0].num_samples, len(volumes[0])
     chosen = select_index("component", component, num_components * num_samples)
     frames = volumes[select_index("time", time, len(volumes))][chosen // num_samples]
@@ -50,7 +52,7 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
     values, nodata = _read_values(frames, chosen % num_samples, host)
     axes = np.column_stack([first.across, first.down, step])
     note = None if path.is_dir() or len(frames) > 1 or len(volumes) > 1 else one_of_a_series(path)
-    colours = "RGB" * (text_of(open_dicom(first.file)[0], _COLOURS) == "RGB")
+    colours = "RGB" * (text_of([open_dicom(first.file)[0]], "PhotometricInterpretation") == "RGB")
     shape = len(volumes), num_components * num_samples
     told = describe_left_out(left_out)
     notes = (f"left out of this series: {told}" if told else None, note, *first.notes)
@@ -68,17 +70,16 @@ def _read_values(frames: list[Frame], channel: int, host: Host) -> tuple[Array, 
     dtype = np.result_type(*(frame.dtype for frame in frames))  # the rescale slope may differ from frame to frame
     dtype = np.result_type(dtype, np.float32) if is_mixed else dtype
     values = allocate_voxels(host, (len(frames), *frames[0].size[::-1]), dtype)
-    pairs = sorted(zip(values, frames, strict=True), key=lambda pair: pair[1].file)
+    pairs = [pair for pair in zip(values, frames, strict=True) if pair[1].number is not None]
+    pairs.sort(key=lambda pair: pair[1].file)
     for file, targets in itertools.groupby(pairs, lambda pair: pair[1].file):
         host.begin_file(file)
         pixels = pixels_of(file)
         for target, frame in targets:
-            if frame.number is None:
-                continue
             stored = frame.stored(pixels, channel)
             target[...] = frame.rescaled(stored)
             if is_mixed and frame.padding is not None:
-                target[(stored >= min(frame.padding)) & (stored <= max(frame.padding))] = np.nan
+                target[(stored >= frame.padding[0]) & (stored <= frame.padding[1])] = np.nan
     return values, () if is_mixed else tuple(each for each in ranges if each is not None)
 
 
@@ -86,11 +87,12 @@ def _without_strays(frames: list[Frame]) -> tuple[list[Frame], list[Frame]]:
     """Return the frames that are alike, and few others; all frames and none where the others are many."""
     kinds: list[list[Frame]] = []
     for frame in frames:
-        alike = next((kind for kind in kinds if _difference(kind[0], frame) is None), None)
-        if alike is None:
-            kinds.append([frame])
+        for kind in kinds:
+            if _difference(kind[0], frame) is None:
+                kind.append(frame)
+                break
         else:
-            alike.append(frame)
+            kinds.append([frame])
     most = max(kinds, key=len)
     others = [frame for kind in kinds if kind is not most for frame in kind]
     return (most, others) if FEW * len(others) <= len(most) else (frames, [])

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +16,9 @@ from renderer.errors import InputError
 from renderer.readers.dicom_fields import SEGMENT, STACK, Dimension
 from renderer.readers.dicom_frames import Frame
 from renderer.volume import Float64
+
+# Of a time or a component: one for each dimension that tells them apart.
+Index = tuple[int, ...]
 
 # Frames may be off by this part of the spacing: positions have few digits, and gantries are not perfect. A missing
 # one is off by a whole step.
@@ -26,57 +28,56 @@ UNEVEN = 0.05
 _MAX_EMPTY = 64
 
 
-class Sorted(NamedTuple):
-    """Frames as volumes, `volumes[time][component]`, each in ascending order along its normal.
+def sort_frames(frames: Sequence[Frame]) -> tuple[list[list[list[Frame]]], dict[str, str]]:
+    """Return frames as `volumes[time][component]`, each in ascending order along its normal, and the names of what
+    tells times apart, under `t`, and components, under `c`.
 
-    by_axis: names of what tells them apart, of times under `t` and of components under `c`.
+    Raises InputError if nothing tells frames at one place apart.
     """
-
-    volumes: list[list[list[Frame]]]
-    by_axis: dict[str, str]
-
-
-def sort_frames(frames: Sequence[Frame]) -> Sorted:
-    """Return frames as volumes; raises InputError if nothing tells frames at one place apart."""
     part = SEGMENT if any(SEGMENT in frame.marks for frame in frames) else STACK
     parts = _parted(frames, part)
-    if len(parts) < 2 and part is STACK:
-        return _sort_part(frames)
-    found = [_sort_part(_with_empty(own, frames) if part is SEGMENT else own) for own in parts]
-    if len({len(each.volumes) for each in found}) > 1:  # then times of each are components, too
-        found = [Sorted([[volume for time in each.volumes for volume in time]], each.by_axis) for each in found]
-    volumes = [
-        [volume for time in times for volume in time] for times in zip(*(each.volumes for each in found), strict=True)
-    ]
-    names = " and ".join(filter(None, (part.name, found[0].by_axis.get("c"))))
-    return Sorted(volumes, found[0].by_axis | {"c": names})
+    volumes: dict[tuple[Index, Index], list[Frame]] = {}
+    for k, own in enumerate(parts):
+        found, told_apart = _sort_part(_with_empty(own, frames) if part is SEGMENT else own)
+        volumes |= {(time, (k, *component)): volume for (time, component), volume in found.items()}
+    times, components = (sorted(set(indices)) for indices in zip(*volumes, strict=True))
+    if len(volumes) < len(times) * len(components):  # then times of each part are components, too
+        volumes = {((), (*component, *time)): volume for (time, component), volume in volumes.items()}
+        times, components = [()], sorted(component for _, component in volumes)
+    told_apart = [part] * (len(parts) > 1) + told_apart
+    names = {axis: " and ".join(each.name for each in told_apart if each.axis == axis) for axis in "tc"}
+    by_axis = {axis: name for axis, name in names.items() if name}
+    return [[volumes[time, component] for component in components] for time in times], by_axis
 
 
-def _sort_part(frames: Sequence[Frame]) -> Sorted:
+def _sort_part(frames: Sequence[Frame]) -> tuple[dict[tuple[Index, Index], list[Frame]], list[Dimension]]:
+    """Return volumes by the indices of their time and component, and the dimensions that these count."""
     cells = groups = _by_place(frames)
-    if len({len(group) for group in groups}) > 1:
-        raise _same_place_error(next(group for group in groups if len(group) > 1), groups)
     shape: list[int] = []
     found: list[Dimension] = []
     for dimension in dict.fromkeys(each for frame in frames for each in frame.marks):
-        if len(cells[0]) == 1:
-            break
-        if dimension.is_order and len(groups) == 1:  # without positions slices are no times
+        if len(cells[0]) == 1 or (dimension.is_order and len(groups) == 1):  # without positions slices are no times
             continue
         parted = [_parted(cell, dimension) for cell in cells]
         if len(parted[0]) > 1 and len({(len(cell), len(item)) for cell in parted for item in cell}) == 1:
             cells = [item for cell in parted for item in cell]
             shape.append(len(parted[0]))
             found.append(dimension)
-    if len(cells[0]) > 1:
-        raise _same_place_error(cells[0], groups)
-    axes = [k for axis in "tc" for k, each in enumerate(found) if each.axis == axis]
-    num_times = int(np.prod([n for n, each in zip(shape, found, strict=True) if each.axis == "t"], dtype=np.int64))
-    indices = np.arange(len(cells)).reshape(len(groups), *shape)
-    indices = indices.transpose(*(k + 1 for k in axes), 0).reshape(num_times, -1, len(groups))
-    by_axis = {axis: " and ".join(each.name for each in found if each.axis == axis) for axis in "tc"}
-    volumes = [[[cells[k][0] for k in volume] for volume in volumes] for volumes in indices.tolist()]
-    return Sorted(volumes, {axis: name for axis, name in by_axis.items() if name})
+    same = max(cells, key=len)
+    if len(same) > 1:
+        fewest, most = min(map(len, groups)), max(map(len, groups))
+        why = f"; there are {fewest} to {most} at a position" if fewest < most else ", which no field tells apart"
+        raise InputError(
+            "two slices of this series are at the same position",
+            got=f"{same[0].label} and {same[1].label}{why}",
+            expected="one slice at each position, or as many at each as there are times or components",
+            hint="a time series or several echoes? put each volume into its own folder",
+        )
+    volumes: dict[tuple[Index, Index], list[Frame]] = defaultdict(list)
+    for (_, *index), (frame,) in zip(np.ndindex(len(groups), *shape), cells, strict=True):
+        time, component = (tuple(k for k, each in zip(index, found, strict=True) if each.axis == axis) for axis in "tc")
+        volumes[time, component].append(frame)
+    return volumes, found
 
 
 def _parted(frames: Sequence[Frame], dimension: Dimension) -> list[list[Frame]]:
@@ -96,8 +97,8 @@ def _by_place(frames: Sequence[Frame]) -> list[list[Frame]]:
     """Return frames by their place along their normal, in ascending order."""
     order = np.argsort(places := _distances(frames, frames[0]), kind="stable")
     gaps = np.diff(places[order])
-    # Gaps that are far smaller than the largest are rounded positions of one place.
-    steps = gaps[gaps > 0.01 * gaps.max(initial=0.0)]
+    # Gaps far smaller than pixels and the largest gap, which may be between two blocks, are rounded positions.
+    steps = gaps[gaps > min(0.01 * gaps.max(initial=0.0), 0.1 * min(frames[0].spacing))]
     begins = np.flatnonzero(gaps > UNEVEN * np.median(steps)) + 1 if steps.size else np.array([], np.intp)
     return [[frames[k] for k in part.tolist()] for part in np.split(order, begins)]
 
@@ -110,7 +111,7 @@ def _with_empty(frames: list[Frame], everything: Sequence[Frame]) -> list[Frame]
     places = [group[0] for group in _by_place(everything)]
     along = _distances(places, places[0])
     step = float(np.diff(along).min(initial=np.inf))
-    count = round(along[-1] / step) + 1 if np.isfinite(step) else 1
+    count = round(along[-1] / step) + 1
     own = {round(place / step): frame for place, frame in zip(_distances(frames, places[0]), frames, strict=True)}
     if count > _MAX_EMPTY * len(places) or len(own) < len(frames):
         return frames
@@ -119,14 +120,3 @@ def _with_empty(frames: list[Frame], everything: Sequence[Frame]) -> list[Frame]
         own.get(k) or replace(frames[0], number=None, position=first + (last - first) * (k / max(count - 1, 1)))
         for k in range(count)
     ]
-
-
-def _same_place_error(same: list[Frame], groups: list[list[Frame]]) -> InputError:
-    fewest, most = min(map(len, groups)), max(map(len, groups))
-    why = f"; there are {fewest} to {most} at a position" if fewest < most else ", which no field tells apart"
-    return InputError(
-        "two slices of this series are at the same position",
-        got=f"{same[0].label} and {same[1].label}{why}",
-        expected="one slice at each position, or as many at each as there are times or components",
-        hint="a time series or several echoes? put each volume into its own folder",
-    )

@@ -6,19 +6,11 @@ import contextlib
 import itertools
 import re
 from collections import defaultdict
-from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 from renderer.errors import InputError
-from renderer.readers.dicom_fields import (
-    FRAME_GROUPS,
-    POSITION,
-    Dataset,
-    kind_without_pixels,
-    open_dicom,
-    text_of,
-    unreadable_slice,
-)
+from renderer.readers.dicom_fields import Dataset, kind_of, kind_without_pixels, open_dicom, text_of, unreadable_slice
 from renderer.readers.sniff import is_dicom
 from renderer.scene import join_some, short_text
 
@@ -28,34 +20,32 @@ _MAX_NEIGHBOURS = 1000
 # Unnamed images that do not fit are left out beside at least this many times as many that do.
 FEW = 8
 
-_SERIES, _DESCRIPTION, _IMAGE_TYPE, _KIND, _SPACING = 0x0020000E, 0x0008103E, 0x00080008, 0x00080016, 0x00280030
-_CAPTURE = "1.2.840.10008.5.1.4.1.1.7."
-
 
 def find_series(folder: Path) -> tuple[list[Path], dict[str, list[Path]]]:
     """Return the files of the only series of images in a folder, and others by their kind, which are left out.
 
     Raises InputError for no series and several, and for files that are damaged slices.
     """
-    images: dict[str, dict[str, list[Path]]] = {"slice": {}, "localizer": {}, "capture": {}}
+    images: dict[str, dict[str, list[Path]]] = {kind: defaultdict(list) for kind in ("slice", "localizer", "capture")}
     descriptions: dict[str, str] = {}
     left_out: dict[str, list[Path]] = defaultdict(list)
     without_image: dict[str, list[Path]] = defaultdict(list)
-    others: list[Path] = []
-    for path, dataset in _datasets(folder):
-        uid, kind = text_of(dataset, _SERIES) or "", kind_without_pixels(dataset) if dataset else None
-        if kind is not None:
+    for path in sorted(folder.iterdir()):
+        if path.name.startswith(".") or path.is_dir():
+            continue
+        dataset = open_dicom(path)[0] if is_dicom(path) else {}
+        uid = text_of([dataset], "SeriesInstanceUID") or text_of([dataset], "SeriesNumber")
+        if "Rows" in dataset:
+            images[_kind_of_image(dataset)][uid].append(path)
+            descriptions.setdefault(uid, text_of([dataset], "SeriesDescription") or uid)
+        elif kind := kind_without_pixels(dataset) if dataset else "":
             left_out[kind].append(path)
-        elif "Rows" in dataset:
-            images[_kind_of_image(dataset)].setdefault(uid, []).append(path)
-            descriptions.setdefault(uid, text_of(dataset, _DESCRIPTION) or uid)
         else:
-            (without_image[uid] if uid else others).append(path)
-    series = next(
-        (each for each in images.values() if each), {}
-    )  # where there are no slices, the others are the series
+            without_image[uid].append(path)
+    others = without_image.pop("", [])
+    series = next(filter(None, images.values()), {})  # where there are no slices, the others are the series
     for kind, each in images.items():
-        left_out[kind] += [] if each is series else [file for files in each.values() for file in files]
+        left_out[kind] += [] if each is series else itertools.chain(*each.values())
     if not series:
         raise InputError(
             "this folder holds no volume",
@@ -78,25 +68,18 @@ def find_series(folder: Path) -> tuple[list[Path], dict[str, list[Path]]]:
     if without_image[main]:
         raise unreadable_slice(without_image[main][0])
     _check_none_lost(others, series[main])
-    return sorted(series[main]), left_out
-
-
-def _datasets(folder: Path) -> Iterator[tuple[Path, Dataset]]:
-    """Yield the files of a folder and their fields, none of what is not DICOM."""
-    for path in sorted(folder.iterdir()):
-        if not (path.name.startswith(".") or path.is_dir()):
-            yield path, open_dicom(path)[0] if is_dicom(path) else {}
+    return series[main], left_out
 
 
 def _kind_of_image(dataset: Dataset) -> str:
     """Return `slice`, or what an image is beside slices: `localizer` or `capture`."""
-    text = text_of(dataset, _IMAGE_TYPE) or ""
+    text = text_of([dataset], "ImageType")
     if "LOCALIZER" in text:
         return "localizer"
-    if POSITION in dataset or FRAME_GROUPS in dataset:
+    if "ImagePositionPatient" in dataset or "PerFrameFunctionalGroupsSequence" in dataset:
         return "slice"
-    is_capture = f"{text_of(dataset, _KIND)}.".startswith(_CAPTURE) or "SECONDARY" in text
-    return "capture" if is_capture or _SPACING not in dataset else "slice"
+    is_capture = "Secondary Capture" in kind_of(dataset) or "SECONDARY" in text
+    return "capture" if is_capture or "PixelSpacing" not in dataset else "slice"
 
 
 def describe_left_out(left_out: dict[str, list[Path]]) -> str:
@@ -112,9 +95,10 @@ def describe_left_out(left_out: dict[str, list[Path]]) -> str:
 def _check_none_lost(others: list[Path], files: list[Path]) -> None:
     """Raise InputError for a file that is not DICOM but is named like the slices: at an end of the stack nothing else
     would show that it was one."""
-    shapes = {_shape(path.name) for path in files}
+    shape_of = partial(re.sub, "[0-9]+", "#")
+    shapes = {shape_of(path.name) for path in files}
     for path in others:
-        if _shape(path.name) in shapes:
+        if shape_of(path.name) in shapes:
             is_empty = path.is_file() and path.stat().st_size == 0
             kind = "a DICOM file without a series" if is_dicom(path) else "a file that is not DICOM"
             raise unreadable_slice(
@@ -124,16 +108,12 @@ def _check_none_lost(others: list[Path], files: list[Path]) -> None:
             )
 
 
-def _shape(name: str) -> str:
-    """Return a name with each number replaced by one sign."""
-    return re.sub("[0-9]+", "#", name)
-
-
 def one_of_a_series(path: Path) -> str | None:
     """Return a note for a file with one of several slices of a series, of which another is in its folder; else None."""
-    uid = text_of(open_dicom(path)[0], _SERIES)
-    for other in itertools.islice(path.parent.iterdir(), _MAX_NEIGHBOURS if uid is not None else 0):
+    uid = text_of([open_dicom(path)[0]], "SeriesInstanceUID")
+    for other in itertools.islice(path.parent.iterdir(), _MAX_NEIGHBOURS if uid else 0):
         with contextlib.suppress(InputError, OSError):  # of another file
-            if other.name != path.name and is_dicom(other) and text_of(open_dicom(other)[0], _SERIES) == uid:
+            is_other = other.name != path.name and is_dicom(other)
+            if is_other and text_of([open_dicom(other)[0]], "SeriesInstanceUID") == uid:
                 return f"one of several slices of a DICOM series; its folder, {path.parent}, stands for all of them"
     return None

@@ -7,7 +7,7 @@ share (PS3.3, C.7.6.16). Other files of several frames have the distance between
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +15,6 @@ import numpy as np
 
 from renderer.errors import InputError, require_package
 from renderer.readers.dicom_fields import (
-    FRAME_GROUPS,
-    ORIENTATION,
-    POSITION,
-    SHARED_GROUPS,
     Dataset,
     Dimension,
     Mark,
@@ -27,27 +23,22 @@ from renderer.readers.dicom_fields import (
     groups_of,
     kind_without_pixels,
     no_volume_error,
-    numbers_in,
     numbers_of,
     open_dicom,
     text_of,
     unreadable_slice,
-    value_of,
     vectors_of,
 )
 from renderer.scene import short_text
 from renderer.volume import Array, Float64
 
-# Fields by number, of which some kinds of images have their pixel spacing, down and across, in others than the first.
-_IN_PLANE = (0x00280030, 0x00181164, 0x00182010, 0x30020011)
-_BETWEEN_SLICES, _FRAME_OFFSETS, _SLICE_VECTOR, _DETECTORS = 0x00180088, 0x3004000C, 0x00540080, 0x00540022
-_INTERCEPT, _SLOPE, _DOSE_SLOPE = 0x00281052, 0x00281053, 0x3004000E
-_PHOTOMETRIC = 0x00280004
-# The value of padding and the other end of its range, of integers and of floats.
-_PADDING = ((0x00280120, 0x00280121), (0x00280122, 0x00280124), (0x00280123, 0x00280125))
+# Some kinds of images have their place, and their pixel spacing, down and across, in another field than the first.
+_POSITIONS = ("ImagePositionPatient", "ImagePositionVolume")
+_ORIENTATIONS = ("ImageOrientationPatient", "ImageOrientationVolume")
+_IN_PLANE = ("PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing", "ImagePlanePixelSpacing")
 
 # How files of several frames that say nothing else are told apart: by their order in the file.
-_FRAME_NUMBER = Dimension("t", "frame number", is_order=True)
+_FRAME_NUMBER = Dimension("frame number", "t", is_order=True)
 
 # Fields without which pydicom decodes no pixels, and what they are where a writer left them out.
 _USUAL = {"SamplesPerPixel": 1, "PhotometricInterpretation": "MONOCHROME2", "PixelRepresentation": 0}
@@ -133,79 +124,62 @@ def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
     """
     dataset, has_pixels = open_dicom(path)
     kind = kind_without_pixels(dataset)
-    if kind is not None:
+    if kind:
         raise no_volume_error(path, kind)
     syntax = dataset.file_meta.get("TransferSyntaxUID")
     if not has_pixels and not (syntax is not None and syntax.is_deflated):
         raise unreadable_slice(path)
     try:
         count = int(dataset.get("NumberOfFrames") or 1)
-        shared, *_ = groups_of(dataset, SHARED_GROUPS) or [[]]
-        each = groups_of(dataset, FRAME_GROUPS) or [[]] * count
+        shared, *_ = groups_of(dataset, "SharedFunctionalGroupsSequence") or [[]]
+        each = groups_of(dataset, "PerFrameFunctionalGroupsSequence") or [[]] * count
         size, num_samples = (int(dataset.Columns), int(dataset.Rows)), int(dataset.get("SamplesPerPixel") or 1)
         if min(*size, num_samples, count) < 1 or len(each) != count:
             raise ValueError
     except (AttributeError, ValueError, TypeError) as error:
         raise unreadable_slice(path) from error
-    detector = dataset[_DETECTORS].value[:1] if _DETECTORS in dataset else []
+    detector = (dataset.get("DetectorInformationSequence") or [])[:1]
     dimensions, vectors = declared_dimensions(dataset), vectors_of(dataset, count)
-    places, offsets = _places(dataset, vectors, count), numbers_of([dataset], _FRAME_OFFSETS)
-    offsets = offsets if len(offsets) == count else []
+    places, offsets = _places(dataset, vectors, count), numbers_of([dataset], "GridFrameOffsetVector")
     padding, marks_of_all = _padding(dataset), frame_marks([*shared, dataset], ())
     frames = []
     for number, own in enumerate(each):
         fields = [*own, *shared, dataset, *detector]
-        has_position = any(POSITION in group for group in (*own, *shared))
-        needs_distance = not (has_position or offsets) and any(places)
-        pair, between = _lengths(path, fields, count if needs_distance else 1, is_needed=not has_spacing_override)
-        orientation = numbers_of(fields, ORIENTATION)
-        row, column = np.reshape(orientation if len(orientation) == 6 else [1, 0, 0, 0, 1, 0], (2, 3))
-        position = np.array((numbers_of(fields, POSITION) or [0.0, 0.0, 0.0])[:3])
-        if not has_position:
-            normal = np.cross(row, column)
-            step = _offset(offsets, number, position, normal) if offsets else places[number] * between
-            position = position + step * normal
-        slopes = numbers_of(fields, _SLOPE) or numbers_of(fields, _DOSE_SLOPE) or [0.0]
-        slope, intercept = slopes[0] or 1.0, (numbers_of(fields, _INTERCEPT) or [0.0])[0]
-        own_marks = vectors.get(number, {}) | (frame_marks(own, dimensions) if own else {})
-        marks = own_marks | marks_of_all | own_marks  # the first that tells frames apart is more often their own
+        has_position = any(keyword in group for keyword in _POSITIONS for group in (*own, *shared))
+        has_place = has_position or len(offsets) == count or not any(places)
+        pair, between = _lengths(path, fields, 1 if has_place else count, is_needed=not has_spacing_override)
+        row, column = np.reshape(_first_numbers(fields, _ORIENTATIONS, [1, 0, 0, 0, 1, 0]), (2, 3))
+        position, normal = np.array(_first_numbers(fields, _POSITIONS, [0.0, 0.0, 0.0])), np.cross(row, column)
+        if not has_position and len(offsets) == count:
+            # Those that begin with 0 are along the normal, and others are z of the patient (PS3.3, C.8.8.3.2).
+            step = offsets[number] - offsets[0]
+            position += (-step if offsets[0] != 0 and normal[2] < -0.999 else step) * normal
+        elif not has_position:
+            position += places[number] * between * normal
+        slope = _first_numbers(fields, ["RescaleSlope", "DoseGridScaling"], [1.0])[0] or 1.0
+        intercept = _first_numbers(fields, ["RescaleIntercept"], [0.0])[0]
+        dtype = _rescaled_dtype(dataset, slope, intercept)
+        marks = {each: ([numbers[number]], "") for each, numbers in vectors.items()} | frame_marks(own, dimensions)
+        marks = marks | marks_of_all | marks  # the first that tells frames apart is more often their own
         marks |= {_FRAME_NUMBER: ([number], "")} if count > 1 else {}
-        frames.append(
-            Frame(
-                file=path,
-                number=number,
-                size=size,
-                num_samples=num_samples,
-                slope=slope,
-                intercept=intercept,
-                dtype=_rescaled_dtype(dataset, slope, intercept),
-                position=position,
-                across=row * pair[1],
-                down=column * pair[0],
-                thickness=abs(between),
-                padding=padding,
-                marks=marks,
-            )
-        )
+        across, down, thickness = row * pair[1], column * pair[0], abs(between)
+        frame = Frame(path, number, size, num_samples, slope, intercept, dtype, position, across, down, thickness)
+        frames.append(replace(frame, padding=padding, marks=marks))
     return frames
 
 
-def _places(dataset: Dataset, vectors: dict[int, dict[Dimension, Mark]], count: int) -> Sequence[float]:
+def _first_numbers(fields: list[Dataset], keywords: Sequence[str], usual: list[float]) -> list[float]:
+    """Return the numbers of the first of these fields that has as many as usual, or the usual ones."""
+    found = (numbers_of(fields, keyword) for keyword in keywords)
+    return next((numbers for numbers in found if len(numbers) == len(usual)), usual)
+
+
+def _places(dataset: Dataset, vectors: dict[Dimension, list[float]], count: int) -> Sequence[float]:
     """Return for each frame of a file its number among the slices of its volume, from 0 on, unless positions tell."""
-    numbers = numbers_in(value_of([dataset], _SLICE_VECTOR))
+    numbers = numbers_of([dataset], "SliceVector")
     if len(numbers) == count:
         return [number - 1 for number in numbers]
-    return [0.0] * count if any(marks != vectors[0] for marks in vectors.values()) else range(count)
-
-
-def _offset(offsets: list[float], number: int, position: Float64, normal: Float64) -> float:
-    """Return how far along the normal a frame is from the position of the first one.
-
-    Offsets that begin with 0 are relative, and others are z in the world where frames lie across it (PS3.3, C.8.8.3.2).
-    """
-    if offsets[0] == 0.0 or abs(normal[2]) < 0.999:
-        return offsets[number] - offsets[0]
-    return float((offsets[number] - position[2]) * np.sign(normal[2]))
+    return [0.0] * count if any(len(set(numbers)) > 1 for numbers in vectors.values()) else range(count)
 
 
 def _lengths(path: Path, fields: list[Dataset], count: int, *, is_needed: bool) -> tuple[list[float], float]:
@@ -213,17 +187,17 @@ def _lengths(path: Path, fields: list[Dataset], count: int, *, is_needed: bool) 
 
     count: of the frames that need a distance. Raises InputError if the file does not give them and they are needed.
     """
-    pair = next((found for tag in _IN_PLANE if len(found := numbers_of(fields, tag)) == 2 and min(found) > 0), [])
-    between = numbers_of(fields, _BETWEEN_SLICES)
-    distance = between[0] if len(between) == 1 else 0.0
+    pairs = (numbers_of(fields, keyword) for keyword in _IN_PLANE)
+    pair = next((found for found in pairs if len(found) == 2 and min(found) > 0), [])
+    distance = _first_numbers(fields, ["SpacingBetweenSlices"], [0.0])[0]
     got = None
     if not pair:
-        text = next((text for each in fields if (text := text_of(each, _IN_PLANE[0])) is not None), None)
-        got = "no PixelSpacing" if text is None else f"PixelSpacing = {short_text(text)}"
+        text = text_of(fields, _IN_PLANE[0])
+        got = f"PixelSpacing = {short_text(text)}" if text else "no PixelSpacing"
     elif count > 1 and distance == 0.0:
         got = f"{count} frames without SpacingBetweenSlices or functional groups"
     if got is None or not is_needed:
-        return pair or [1.0, 1.0], distance if got is None and distance else 1.0
+        return pair or [1.0, 1.0], distance or 1.0
     raise InputError(
         "this DICOM file does not give its voxel size",
         where=str(path),
@@ -238,17 +212,13 @@ def _padding(dataset: Dataset) -> tuple[float, float] | None:
 
     Those of integers have 16 bits, with a sign if the pixels have one, whatever the type of the field says.
     """
-    if not (text_of(dataset, _PHOTOMETRIC) or "MONOCHROME").startswith("MONOCHROME"):
+    kind = next((kind for kind in ("Float", "DoubleFloat") if f"{kind}PixelPaddingValue" in dataset), "")
+    ends = [*numbers_of([dataset], f"{kind}PixelPaddingValue"), *numbers_of([dataset], f"{kind}PixelPaddingRangeLimit")]
+    if not ends or not (text_of([dataset], "PhotometricInterpretation") or "MONOCHROME").startswith("MONOCHROME"):
         return None
-    is_signed = bool(dataset.get("PixelRepresentation"))
-    for tags in _PADDING[:1] if "BitsStored" in dataset else _PADDING[1:]:
-        value, limit = (numbers_in(value_of([dataset], tag)) for tag in tags)
-        if len(value) == 1:
-            ends = np.array([*value, *(limit or value)[:1]])
-            if "BitsStored" in dataset:
-                ends = (ends + 2**15) % 2**16 - 2**15 if is_signed else ends % 2**16
-            return float(ends[0]), float(ends[1])
-    return None
+    if not kind:
+        ends = [(end + 2**15) % 2**16 - 2**15 if dataset.get("PixelRepresentation") else end % 2**16 for end in ends]
+    return min(ends), max(ends)
 
 
 def _rescaled_dtype(dataset: Dataset, slope: float, intercept: float) -> np.dtype[Any]:
@@ -267,19 +237,21 @@ def _rescaled_dtype(dataset: Dataset, slope: float, intercept: float) -> np.dtyp
         return np.dtype(f"{'i' if is_signed else 'u'}{max(bits, 8) // 8}")
     low, high = (-(2 ** (stored - 1)), 2 ** (stored - 1) - 1) if is_signed else (0, 2**stored - 1)
     low, high = sorted((low * slope + intercept, high * slope + intercept))
-    if slope.is_integer() and intercept.is_integer():
-        for name in ("u1", "u2", "u4") if low >= 0 else ("i1", "i2", "i4"):
-            if np.iinfo(name).min <= low and high <= np.iinfo(name).max:
-                return np.dtype(name)
+    if slope.is_integer() and intercept.is_integer() and max(-low, high) < 2**32:
+        return np.min_scalar_type(int(high) if low >= 0 else int(min(low, -1 - high)))
     return np.dtype(np.float64)
 
 
 def pixels_of(path: Path) -> Array:
     """Return the stored pixels of a file, [frame, y, x, sample]; raises InputError if they cannot be decoded."""
+    from pydicom.uid import ExplicitVRBigEndian, ExplicitVRLittleEndian, ImplicitVRLittleEndian
+
     dataset, _ = open_dicom(path, with_pixels=True)
     syntax = dataset.file_meta.get("TransferSyntaxUID")
     if syntax is None:  # without a preamble
-        dataset.file_meta.TransferSyntaxUID = _plain_syntax(dataset)
+        is_implicit, is_little = dataset.original_encoding
+        explicit = ExplicitVRLittleEndian if is_little else ExplicitVRBigEndian
+        dataset.file_meta.TransferSyntaxUID = ImplicitVRLittleEndian if is_implicit else explicit
     for keyword, usual in _USUAL.items():
         dataset.setdefault(keyword, usual)
     try:
@@ -292,14 +264,6 @@ def pixels_of(path: Path) -> Array:
     frames = int(dataset.get("NumberOfFrames") or 1)
     pixels = pixels.reshape(-1, int(dataset.Rows), int(dataset.Columns), samples)
     return _without_unused_bits(pixels[:frames], dataset)  # what is left over may be padding
-
-
-def _plain_syntax(dataset: Dataset) -> Any:
-    """Return the transfer syntax without compression in which a dataset was read."""
-    from pydicom.uid import ExplicitVRBigEndian, ExplicitVRLittleEndian, ImplicitVRLittleEndian
-
-    is_implicit, is_little = dataset.original_encoding
-    return ImplicitVRLittleEndian if is_implicit else ExplicitVRLittleEndian if is_little else ExplicitVRBigEndian
 
 
 def _without_unused_bits(pixels: Array, dataset: Dataset) -> Array:

@@ -126,6 +126,13 @@ def test_slices_without_a_place_are_no_times(tmp_path: Path) -> None:
     refused(tmp_path, match="two slices of this series are at the same position")
 
 
+def test_blocks_far_apart_are_no_times(tmp_path: Path) -> None:
+    """Slices within a block are not at one place, even if the other block is some hundred times as far."""
+    for block, k in np.ndindex(2, 4):
+        write_slice(tmp_path, block * 4 + k, planes(1)[0], 200 * block + 0.5 * k, InstanceNumber=str(block * 4 + k))
+    refused(tmp_path, match="slices of this series are missing")
+
+
 @pytest.mark.parametrize(
     ("fields", "note"),
     [
@@ -214,6 +221,27 @@ def test_segments_leave_out_empty_slices(tmp_path: Path) -> None:
         volume = read(tmp_path / "a.dcm", component=number - 1)
         assert volume.values[:, 0, 0].tolist() == [int(place in own) for place in range(1, 6)]
         np.testing.assert_allclose(volume.world_from_index[2, 2:], [2, 2])
+
+
+def test_volumes_of_ultrasound(tmp_path: Path) -> None:
+    """Their frames lie in the space of the transducer; a distance that they have, too, does not stack the times."""
+    values = planes(2, 3)
+    frames = []
+    for t, k in np.ndindex(2, 3):
+        content = ("TemporalPositionTimeOffset", 0.5 * t)
+        place = ("ImagePositionVolume", [1.0, 2.0, 4.0 * k])
+        frames.append(groups(PlanePositionVolume=place, TemporalPosition=content))
+    dataset = enhanced(values.reshape(6, 4, 5), frames)
+    shared = dataset.SharedFunctionalGroupsSequence[0]
+    axes = ("ImageOrientationVolume", [0.0, 1.0, 0.0, -1.0, 0.0, 0.0])
+    shared.PlaneOrientationVolumeSequence = groups(PlaneOrientationVolume=axes).PlaneOrientationVolumeSequence
+    del shared.PlaneOrientationSequence
+    shared.PixelMeasuresSequence[0].SpacingBetweenSlices = "4"
+    save(tmp_path / "a.dcm", dataset)
+    assert read(tmp_path / "a.dcm").note == TIMES.format(2, "TemporalPositionTimeOffset")
+    volume = read(tmp_path / "a.dcm", time=1)
+    np.testing.assert_array_equal(volume.values, values[1])
+    np.testing.assert_array_equal(volume.world_from_index[:3], [[0, -0.25, 0, 1], [0.5, 0, 0, 2], [0, 0, 4, 0]])
 
 
 def detector(**fields: Any) -> dict[str, Any]:
