@@ -21,10 +21,12 @@ from renderer.readers.arrays import axes_of_array
 from renderer.readers.common import NO_SPACING, Image, affine, choice_notes, chosen_part, describe_shape, even_steps
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.scene import did_you_mean, join_some, short_text
-from renderer.volume import Array
+from renderer.volume import Array, Float64
 
 _MAX_OBJECTS = 10_000
 _MAX_PACKING = 2**20  # of filters, one after the other; a file may also claim voxels that it does not store
+# What is so close to a valid value is valid.
+_MARGIN = 1e-5
 _TIMES = ("t", "time", "times", "step")
 _COMPONENTS = ("c", "ch", "channel", "channels", "component", "components", "band", "bands", "member", "rgb")
 _METRES = {"nm": 1e-9, "um": 1e-6, "µm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "metre": 1.0, "meter": 1.0, "km": 1e3}
@@ -58,17 +60,12 @@ def read_hdf5(
         axes = _axes(chosen, names, time, component)
         part = chosen_part(axes, chosen.shape, time, component)
         shape = tuple(n for n, item in zip(chosen.shape, part, strict=True) if isinstance(item, slice))
-        scale, offset = (float(np.ravel(chosen.attrs.get(name, default))[0])
-                         for name, default in (("scale_factor", 1), ("add_offset", 0)))  # fmt: skip
-        is_scaled = (scale, offset) != (1.0, 0.0)
-        is_mask = chosen.dtype.kind == "b"
-        dtype = np.dtype(np.uint8) if is_mask else chosen.dtype.newbyteorder("=")
-        if is_scaled:
-            dtype = np.dtype(np.float32 if dtype.itemsize <= 2 or dtype == np.float32 else np.float64)
+        dtype, packing = _packing(chosen)
+        is_scaled = packing[1:] != (1.0, 0.0)
         values = allocate_voxels(host, (1,) * (3 - len(shape)) + shape, dtype)
-        target = values.view(np.bool_) if is_mask else values
+        stored = values if is_scaled else values.view(chosen.dtype.newbyteorder("="))
         try:
-            chosen.read_direct(target.reshape(shape), np.s_[part])
+            chosen.read_direct(stored.reshape(shape), np.s_[part])
         except OSError as error:
             raise InputError(
                 "the voxels of this dataset cannot be decoded",
@@ -78,19 +75,54 @@ def read_hdf5(
             ) from error
         if is_scaled:
             for plane in values:
-                plane[...] = _scaled(plane, scale, offset)
+                plane[...] = _unpacked(plane, *packing)
+        nodata = tuple(_nodata(chosen, *packing))
         world_from_index, notes = _place(file, chosen, names, axes, has_spacing_override)
-        fills = np.array(sorted({*_fill_values(chosen)}), np.float64)
-        fills = _scaled(fills, scale, offset).astype(values.dtype) if is_scaled else fills
-        nodata = tuple((float(fill), float(fill)) for fill in fills if math.isfinite(fill))
         found = f"the only volume in this file, {short_text(chosen.name)}, is read" if dataset is None else None
         chosen_notes = choice_notes(axes, chosen.shape, time, component)
     return Image(values, world_from_index, (found, *notes, *chosen_notes), nodata)
 
 
-def _scaled(values: Array, scale: float, offset: float) -> Array:
-    with np.errstate(over="ignore", invalid="ignore"):  # what becomes infinite is refused later
-        return np.asarray(values.astype(np.float64) * scale + offset)
+def _packing(dataset: _Dataset) -> tuple[np.dtype[Any], tuple[float, float, float]]:
+    """Return the type of the values, and how stored numbers become values, as `_unpacked` takes it."""
+    stored = dataset.dtype.newbyteorder("=")
+    is_unsigned = stored.kind == "i" and _text(dataset, "_Unsigned").lower() == "true"
+    dtype = np.dtype(f"u{stored.itemsize}") if is_unsigned or stored.kind == "b" else stored
+    scale, offset = ([*_numbers(dataset, name), default][0]
+                     for name, default in (("scale_factor", 1.0), ("add_offset", 0.0)))  # fmt: skip
+    if (scale, offset) != (1.0, 0.0):
+        dtype = np.dtype(np.float32 if dtype.itemsize <= 2 or dtype == np.float32 else np.float64)
+    return dtype, (2.0 ** (8 * stored.itemsize) if is_unsigned else 0.0, scale, offset)
+
+
+def _unpacked(stored: Array, wrap: float, scale: float, offset: float) -> Float64:
+    """Return the values of stored numbers: those below 0 have `wrap` added, then all are scaled."""
+    with np.errstate(over="ignore", invalid="ignore"):  # what becomes infinite is absent
+        return np.asarray((np.where(stored < 0, wrap, 0.0) + stored) * scale + offset, np.float64)
+
+
+def _nodata(dataset: _Dataset, *packing: float) -> Iterator[tuple[float, float]]:
+    """Yield the ranges of values, both ends included, that stand for no data: fill values, and what is not valid."""
+    fills = [*_numbers(dataset, "_FillValue"), *_numbers(dataset, "missing_value")]
+    if dataset.dtype.itemsize > 1 and dataset.fillvalue != 0:  # what was not written; netCDF has none for bytes
+        fills.append(float(dataset.fillvalue))
+    for fill in _unpacked(np.unique(fills), *packing).tolist():
+        if math.isfinite(fill):
+            yield fill, fill
+    valid = _numbers(dataset, "valid_range")
+    least = [*valid[:1], *_numbers(dataset, "valid_min"), -math.inf][0]
+    largest = [*valid[1:2], *_numbers(dataset, "valid_max"), math.inf][0]
+    low, high = sorted(_unpacked(np.array([least, largest]), *packing).tolist())
+    if low > -math.inf:
+        yield -math.inf, math.nextafter(low - _MARGIN * abs(low), -math.inf)
+    if high < math.inf:
+        yield math.nextafter(high + _MARGIN * abs(high), math.inf), math.inf
+
+
+def _numbers(owner: Any, name: str) -> Float64:
+    """Return the numbers of an attribute, 16 at most; none for all else."""
+    numbers = np.ravel(owner.attrs.get(name, ()))[:16]
+    return numbers.astype(np.float64) if numbers.dtype.kind in "iuf" else np.zeros(0)
 
 
 def _choose(file: Any, name: str | None) -> _Dataset:
@@ -154,15 +186,6 @@ def _text(owner: Any, name: str) -> str:
     value = owner.attrs.get(name)
     text = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
     return text if isinstance(text, str) else ""
-
-
-def _fill_values(dataset: _Dataset) -> Iterator[float]:
-    """Yield the values that stand for no data."""
-    for name in ("_FillValue", "missing_value"):
-        numbers = np.ravel(dataset.attrs.get(name, ()))
-        yield from map(float, numbers[:16] if numbers.dtype.kind in "iuf" else ())
-    if dataset.dtype.itemsize > 1 and dataset.fillvalue != 0:  # what was not written; netCDF has none for bytes
-        yield float(dataset.fillvalue)
 
 
 def _name_of_axis(dataset: _Dataset, axis: int) -> str:
@@ -230,8 +253,8 @@ def _place(
         factor = _METRES[unit] / _METRES[first] if {unit, first} <= _METRES.keys() else None
         units["xyz"[column]] = unit if factor is None else first
         origin[column], spacing[column] = np.array(even or (0.0, 1.0)) * (factor or 1.0)
-    sizes = np.ravel(dataset.attrs.get("element_size_um", ()))
-    if not units and len(sizes) == len(space) == 3 and sizes.dtype.kind in "iuf":
+    sizes = _numbers(dataset, "element_size_um")
+    if not units and len(sizes) == len(space) == 3:
         return affine(sizes[::-1], origin, np.eye(3)), []
     notes = [NO_SPACING] * (not units)
     if 0 < len(units) < len(space):

@@ -16,7 +16,7 @@ from renderer.errors import InputError
 from renderer.readers.common import NO_SPACING, Image, affine, choice_notes
 from renderer.readers.sniff import MRC_MARK, read_start
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, left_over_note, read_stored
-from renderer.volume import Float64
+from renderer.volume import Array, Float64
 
 _NUM_HEADER_BYTES = 1024
 _FIELDS = np.dtype([
@@ -60,8 +60,8 @@ def read_mrc(path: Path, time: int | None, component: int | None) -> Image:
     values, num_left = read_stored(layout, "tsss", time, component)
     has_spacing = header["lengths"].min() > 0 and header["grid"].min() > 0
     spacing = header["lengths"] / header["grid"] if has_spacing else np.ones(3)
-    order_of_axes = np.array(axes) - 1
-    world_from_index = affine(spacing[order_of_axes], header["origin"], _cell(header["angles"].astype(np.float64))[:, order_of_axes])
+    columns = np.array(axes) - 1
+    world_from_index = affine(spacing[columns], header["origin"], _cell(header["angles"])[:, columns])
     if not header["origin"].any() or header["mark"] != MRC_MARK:  # older headers have no origin
         world_from_index[:3, 3] = world_from_index[:3, :3] @ header["first"]
     left_over = left_over_note(layout, num_left, None)
@@ -69,13 +69,13 @@ def read_mrc(path: Path, time: int | None, component: int | None) -> Image:
     return Image(values, world_from_index, notes)
 
 
-def _cell(angles: Float64) -> Float64:
+def _cell(angles: Array) -> Float64:
     """Return unit vectors along the axes of a cell, float64 [3, 3], of which the first is x and the second in x, y.
 
     angles: between y and z, z and x, x and y, in degrees; 0 stands for 90. What is no cell becomes NaN.
     """
     with np.errstate(all="ignore"):  # check_axes refuses what is not finite
-        alpha, beta, gamma = (np.cos(np.radians(np.where(angles, angles, 90.0))) * 1e12).round() / 1e12
+        alpha, beta, gamma = np.cos(np.radians(np.where(angles, angles, 90.0), dtype=np.float64)).round(12)
         sine = np.sqrt(1 - gamma**2)
         y = (alpha - beta * gamma) / sine
         return np.array([[1.0, gamma, beta], [0.0, sine, y], [0.0, 0.0, np.sqrt(1 - beta**2 - y**2)]])

@@ -104,6 +104,24 @@ def test_packed_values_and_fill_values(tmp_path, monkeypatch):
     assert image.nodata == ((-489.5, -489.5), (7.5, 7.5))
 
 
+def test_stored_numbers_without_a_sign(tmp_path):
+    values = ramp("uint8")
+    volume = read(save(tmp_path / "a.nc", values.view(np.int8), _Unsigned="true", _FillValue=np.int8(-1)))
+    np.testing.assert_array_equal(volume.values, np.where(values == 255, np.nan, values))
+    path = save(tmp_path / "a.nc", values.view(np.int8), _Unsigned="true", scale_factor=0.5, add_offset=10.0)
+    np.testing.assert_array_equal(read(path).values, values * 0.5 + 10)
+    np.testing.assert_array_equal(read(save(path, values.view(np.int8))).values, values.view(np.int8))
+
+
+@pytest.mark.parametrize("scale", [0.5, -0.5])
+@pytest.mark.parametrize("names", [{"valid_range": np.int16([3, 50])}, {"valid_min": 3, "valid_max": 50}])
+def test_what_is_not_valid_is_no_data(tmp_path, names, scale):
+    stored = np.where((VALUES >= 3) & (VALUES <= 50), VALUES, np.nan)
+    np.testing.assert_array_equal(read(save(tmp_path / "a.nc", **names)).values, stored)
+    path = save(tmp_path / "a.nc", scale_factor=scale, add_offset=1.0, **names)
+    np.testing.assert_array_equal(read(path).values, stored * scale + 1)
+
+
 def test_the_fill_value_of_unwritten_parts_is_no_data(tmp_path, monkeypatch):
     with h5py.File(tmp_path / "a.nc", "w") as file:
         dataset = file.create_dataset("t", (4, 4, 4), "f4", chunks=(2, 4, 4), fillvalue=9.96921e36)
