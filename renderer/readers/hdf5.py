@@ -12,7 +12,7 @@ import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -56,8 +56,8 @@ def read_hdf5(
     with h5py.File(path, "r", locking=False) as file:
         chosen = _choose(file, dataset)
         _check_dataset(chosen, path)
-        names = [_name_of_axis(chosen, k) for k in range(chosen.ndim)]
-        axes = _axes(chosen, names, time, component)
+        own = [_axis(chosen, k) for k in range(chosen.ndim)]
+        axes = _letters(own, time, component)
         part = chosen_part(axes, chosen.shape, time, component)
         shape = tuple(n for n, item in zip(chosen.shape, part, strict=True) if isinstance(item, slice))
         dtype, packing = _packing(chosen)
@@ -77,7 +77,7 @@ def read_hdf5(
             for plane in values:
                 plane[...] = _unpacked(plane, *packing)
         nodata = tuple(_nodata(chosen, *packing))
-        world_from_index, notes = _place(file, chosen, names, axes, has_spacing_override)
+        world_from_index, notes = _place(chosen, own, axes, has_spacing_override)
         found = f"the only volume in this file, {short_text(chosen.name)}, is read" if dataset is None else None
         chosen_notes = choice_notes(axes, chosen.shape, time, component)
     return Image(values, world_from_index, (found, *notes, *chosen_notes), nodata)
@@ -182,99 +182,108 @@ def _check_dataset(dataset: _Dataset, path: Path) -> None:
 
 
 def _text(owner: Any, name: str) -> str:
-    """Return an attribute that is a text; an empty one for all else."""
-    value = owner.attrs.get(name)
+    """Return an attribute that is a text; an empty one for all else, and where there is no owner."""
+    value = None if owner is None else owner.attrs.get(name)
     text = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
     return text if isinstance(text, str) else ""
 
 
-def _name_of_axis(dataset: _Dataset, axis: int) -> str:
-    """Return the name of an axis: its label, or that of its coordinates; an empty one if it has none."""
-    names = [each.name for each in dataset.dims[axis].values() if each.name]
+class _Axis(NamedTuple):
+    """An axis of a dataset: its name and unit, which may be empty, and the numbers along it, if there are any."""
+
+    length: int
+    name: str
+    unit: str
+    coordinates: _Dataset | None
+
+    @property
+    def letter(self) -> str:
+        """What it is, as in `chosen_part`; time has a name of time, or a unit such as `days since 2000`."""
+        name = self.name.lower()
+        return "t" if name in _TIMES or " since " in self.unit else "c" if name in _COMPONENTS else "s"
+
+    @property
+    def way(self) -> str:
+        """The axis of the world along which it lies, by the conventions of netCDF or its name: x, y or z; or another
+        text."""
+        return (_text(self.coordinates, "axis") or self.name).lower()
+
+
+def _axis(dataset: _Dataset, axis: int) -> _Axis:
+    """Return an axis, whose numbers are in a dataset that is attached to it, or beside the dataset by its name."""
+    import h5py
+
+    attached, length = dataset.dims[axis].values(), dataset.shape[axis]
     keys = re.findall(r'"key": *"(\w+)"', _text(dataset, "axistags"))  # of ilastik
-    own = keys[axis] if len(keys) == dataset.ndim else dataset.dims[axis].label
-    return str(own or (names[0].rpartition("/")[2] if names else ""))
+    label = keys[axis] if len(keys) == dataset.ndim else dataset.dims[axis].label
+    name = str(label or next((each.name.rpartition("/")[2] for each in attached if each.name), ""))
+    is_beside = name and isinstance(dataset.parent.get(name, getlink=True), h5py.HardLink)
+    for each in (*attached, dataset.parent[name]) if is_beside else attached:
+        is_line = isinstance(each, h5py.Dataset) and each.shape == (length,) and each.dtype.kind in "iuf"
+        if is_line and not (each.is_virtual or each.external or "not a netCDF variable" in _text(each, "NAME")):
+            return _Axis(length, name, _text(each, "units"), each)
+    return _Axis(length, name, "", None)
 
 
-def _axes(dataset: _Dataset, names: list[str], time: int | None, component: int | None) -> str:
+def _letters(own: list[_Axis], time: int | None, component: int | None) -> str:
     """Return what each axis is, by the letters of `chosen_part`.
 
     Names tell times and components; of more than three others, those of length 1 are left out, and then the rule of
     `.npy` holds. With two axes in space, times or components are the third.
     """
-    letters = ["t" if _is_time(dataset, k, name) else "c" if name.lower() in _COMPONENTS else "s"
-               for k, name in enumerate(names)]  # fmt: skip
-    for k, length in enumerate(dataset.shape):
-        if letters.count("s") > 3 and letters[k] == "s" and length == 1:
+    letters = [axis.letter for axis in own]
+    for k, axis in enumerate(own):
+        if letters.count("s") > 3 and letters[k] == "s" and axis.length == 1:
             letters[k] = "-"
     while letters.count("s") < 3 and {"t", "c"} & {*letters}:
         letters[letters.index("t" if "t" in letters else "c")] = "s"
-    places = [k for k, letter in enumerate(letters) if letter == "s"]
-    if len(places) > 3:
-        shape = tuple(dataset.shape[k] for k in places)
-        own = axes_of_array(shape, time if "t" not in letters else None, component if "c" not in letters else None)
-        for k, letter in zip(places, own, strict=True):
-            letters[k] = letter
+    if letters.count("s") > 3:
+        shape = tuple(axis.length for axis, letter in zip(own, letters, strict=True) if letter == "s")
+        others = iter(axes_of_array(shape, None if "t" in letters else time, None if "c" in letters else component))
+        letters = [next(others) if letter == "s" else letter for letter in letters]
     if letters.count("t") > 1 or letters.count("c") > 1:
         raise InputError(
             "the axes of this dataset are not those of a volume",
-            got=", ".join(f"{name or 'no name'} ({n})" for name, n in zip(names, dataset.shape, strict=True)),
+            got=", ".join(f"{axis.name or 'no name'} ({axis.length})" for axis in own),
             expected="three axes in space, at most one of time, and at most one of components",
         )
     return "".join(letters)
 
 
-def _is_time(dataset: _Dataset, axis: int, name: str) -> bool:
-    """Return whether an axis is time: by its name, or by the units of its coordinates, such as `days since 2000`."""
-    return name.lower() in _TIMES or any(" since " in _text(each, "units") for each in dataset.dims[axis].values())
-
-
-def _place(
-    file: Any, dataset: _Dataset, names: list[str], axes: str, has_spacing_override: bool
-) -> tuple[Any, list[str]]:
+def _place(dataset: _Dataset, own: list[_Axis], axes: str, has_spacing_override: bool) -> tuple[Float64, list[str]]:
     """Return the affine, float64 [4, 4], by coordinates or the attribute `element_size_um`, and notes."""
-    space = [k for k, letter in enumerate(axes) if letter == "s"]
+    space = [axis for axis, letter in zip(own, axes, strict=True) if letter == "s"][::-1]
     origin, spacing, units = np.zeros(3), np.ones(3), dict[str, str]()
-    for column, k in enumerate(reversed(space)):
-        coordinates = _coordinates(file, dataset, k, names[k])
-        if coordinates is None:
+    ways = "".join(axis.way for axis in space)
+    ways = ways if sorted(ways) == ["x", "y", "z"] else "xyz"
+    direction = np.eye(3)[:, ["xyz".index(way) for way in ways]]
+    for column, axis in enumerate(space):
+        if axis.coordinates is None:
             continue
-        even = even_steps(coordinates[...])
-        if even is None and not has_spacing_override and not _is_time(dataset, k, names[k]):
+        even = even_steps(axis.coordinates[...])
+        if even is None and not has_spacing_override and axis.letter != "t":
             raise InputError(
                 "the coordinates of this dataset are not even",
-                got=f"{short_text(coordinates.name)} along {'xyz'[column]}",
+                got=f"{short_text(axis.coordinates.name)} along {ways[column]}",
                 expected="equal steps, as voxels have",
-                hint=f"resample it by xarray: `data.interp({short_text(names[k])}=numpy.linspace(FIRST, LAST, "
-                f"{len(coordinates)})).to_netcdf('even.nc')`; or give `spacing: [x, y, z]` to draw equal steps",
+                hint=f"resample it by xarray: `data.interp({short_text(axis.name)}=numpy.linspace(FIRST, LAST, "
+                f"{axis.length})).to_netcdf('even.nc')`; or give `spacing: [x, y, z]` to draw equal steps",
             )
-        unit = _text(coordinates, "units").split("_")[0]  # degrees_north
+        unit = axis.unit.split("_")[0]  # degrees_north
         first = next(iter(units.values()), unit)
-        factor = _METRES[unit] / _METRES[first] if {unit, first} <= _METRES.keys() else None
-        units["xyz"[column]] = unit if factor is None else first
-        origin[column], spacing[column] = np.array(even or (0.0, 1.0)) * (factor or 1.0)
+        is_length = {unit, first} <= _METRES.keys()
+        units[ways[column]] = first if is_length else unit
+        factor = _METRES[unit] / _METRES[first] if is_length else 1.0
+        origin[column], spacing[column] = np.array(even or (0.0, 1.0)) * factor
     sizes = _numbers(dataset, "element_size_um")
     if not units and len(sizes) == len(space) == 3:
-        return affine(sizes[::-1], origin, np.eye(3)), []
+        return affine(sizes[::-1], origin, direction), []
     notes = [NO_SPACING] * (not units)
     if 0 < len(units) < len(space):
-        missing = ", ".join(axis for axis in "xyz"[: len(space)] if axis not in units)
+        missing = ", ".join(axis for axis in sorted(ways[: len(space)]) if axis not in units)
         notes.append(f"the file has no coordinates along {missing}; steps of 1 are assumed")
     if len({*units.values()}) > 1:
         each = ", ".join(f"{axis} in {unit or 'no unit'}" for axis, unit in units.items())
         notes.append(f"coordinates differ in their units, and are drawn as numbers ({short_text(each)}); "
                      "`spacing: [x, y, z]` gives other lengths")  # fmt: skip
-    return affine(spacing, origin, np.eye(3)), notes
-
-
-def _coordinates(file: Any, dataset: _Dataset, axis: int, name: str) -> _Dataset | None:
-    """Return the coordinates along an axis: those attached to it, or the dataset beside it that has its name."""
-    import h5py
-
-    group = dataset.parent
-    beside = [group[name]] if name and isinstance(group.get(name, getlink=True), h5py.HardLink) else []
-    for each in (*dataset.dims[axis].values(), *beside):
-        is_alone = isinstance(each, h5py.Dataset) and each.shape == (dataset.shape[axis],) and each.dtype.kind in "iuf"
-        if is_alone and not (each.is_virtual or each.external) and "not a netCDF variable" not in _text(each, "NAME"):
-            return each
-    return None
+    return affine(spacing, direction @ origin, direction), notes

@@ -81,6 +81,21 @@ def test_even_coordinates_are_the_place(tmp_path):
     assert "volume in this file" in volume.note and "spacing" not in volume.note
 
 
+def test_axes_that_say_where_they_lie(tmp_path):
+    """An array [x, y, z] lies in the world as [z, y, x] does: x is x, by its name or by the attribute `axis`."""
+    steps = (np.arange(5) * 2.0 + 1, np.arange(4) * 3.0 + 2, np.arange(3) * 5.0 + 3)
+    expected = [[0, 0, 2, 1], [0, 3, 0, 2], [5, 0, 0, 3], [0, 0, 0, 1]]
+    for names in (("x", "y", "z"), ("lon", "lat", "level")):
+        dims = {name: (numbers, "m") for name, numbers in zip(names, steps, strict=True)}
+        path = save(tmp_path / "a.nc", VALUES.T, dims=dims)
+        with h5py.File(path, "r+") as file:
+            for name, axis in zip(names, "XYZ" if names[0] == "lon" else "", strict=False):
+                file[name].attrs["axis"] = axis
+        volume = read(path)
+        np.testing.assert_array_equal(volume.values, VALUES.T)
+        np.testing.assert_array_equal(volume.world_from_index, expected)
+
+
 def test_coordinates_of_other_units_are_told(tmp_path):
     numbers = [np.arange(n, dtype=np.float32) / 10 + 300 for n in VALUES.shape]
     units = (("level", "hPa"), ("lat", "degrees_north"), ("lon", "degrees_east"))
