@@ -24,8 +24,6 @@ from renderer.errors import InputError, require_package
 from renderer.readers.common import (
     Image,
     affine,
-    check_dtype,
-    check_size,
     choice_notes,
     errors_about,
     even_steps,
@@ -93,14 +91,9 @@ def _read_part(path: Path, component: int | None, host: Host, extent: tuple[int,
     array, channel = components[select_index("component", component, len(components))]
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    stored = vtk_to_numpy(array)
-    check_dtype(stored.dtype)
-    check_size(shape, stored.dtype)
-    if array.GetNumberOfTuples() != int(np.prod(shape, dtype=object)):
-        raise _damaged(f"{array.GetNumberOfTuples()} values of {short_text(array.GetName())}")
-    values = (stored if stored.ndim == 1 else stored[:, channel]).reshape(shape[::-1])
+    stored = vtk_to_numpy(array).reshape(*shape[::-1], array.GetNumberOfComponents())
     first = tuple(image.GetExtent()[::2])
-    return _Part(values, names, is_cells, first, _world_from_index(image, is_cells=is_cells))
+    return _Part(stored[..., channel], names, is_cells, first, _world_from_index(image, is_cells=is_cells))
 
 
 def _assembled(path: Path, pieces: list[tuple[Path, tuple[int, ...]]], component: int | None, host: Host) -> _Part:
