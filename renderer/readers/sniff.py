@@ -39,7 +39,6 @@ _SUFFIXES: dict[str, Format] = {
     **dict.fromkeys((".mgh", ".mgz", ".mgh.gz"), "mgh"),
     **dict.fromkeys((".cube", ".cub"), "cube"),
     **dict.fromkeys((".tif", ".tiff", ".ome"), "tiff"),
-    **dict.fromkeys((".h5", ".hdf5", ".ims", ".nc", ".nc4"), "hdf5"),
 }
 # Ends of names that the search for volumes takes.
 _VOLUME_SUFFIXES = (
