@@ -4,7 +4,8 @@ In: a `VolumeSpec`. Out: `Volume`, cropped and checked, in LPS world coordinates
 Sizes are checked before memory is taken, and all compressed voxels with a checksum are compared with it.
 
 - `read.py` chooses the reader, crops and checks; `nodata.py`: which voxels have no data; `sniff.py` finds formats and
-  volumes in folders; `foreign.py` names files that are not read; `common.py`: the checks that hold for all formats.
+  volumes in folders; `foreign.py` names files that are not read, by `foreign.tsv`; `common.py`: the checks that hold
+  for all formats.
 - `nrrd.py`, `metaimage.py`, `nifti.py` (nibabel), `mgh.py`, `mrc.py`, `arrays.py` (.npy, .npz, raw), `cube.py`: parsed
   in Python; `text_header.py` and `data_files.py`: fields and files of text headers; `stored.py` reads and decompresses
   voxels.

@@ -69,7 +69,10 @@ def read_npz(path: Path, time: int | None, component: int | None) -> Image:
         with zipfile.ZipFile(path) as archive:
             members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
             if not members:
-                raise InputError("this archive holds no array", expected="arrays saved by numpy.savez")
+                raise InputError(
+                    "this is a zip archive without arrays of NumPy, which is not read",
+                    hint="unpack it, and name what is in it",
+                )
             if len(members) > 1 and component is None:
                 names = [short_text(member.filename.removesuffix(".npy")) for member in members]
                 raise InputError(

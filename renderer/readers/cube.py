@@ -16,7 +16,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.common import Image, affine, choice_notes
-from renderer.readers.stored import Layout, StoredVoxels, left_over_note, read_stored
+from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field
 
 # No molecule has as many atoms.
@@ -50,8 +50,8 @@ def read_cube(path: Path, time: int | None, component: int | None) -> Image:
     if min(*shape, num_values) < 1 or not all(map(float.is_integer, counts)):
         raise first.error("a whole number of atoms, and below it three of voxels")
     layout = Layout(np.dtype(np.float32), (*shape, num_values), (StoredVoxels(path, offset, "text"),))
-    values, num_left = read_stored(layout, "sssc", time, component)
-    notes = (left_over_note(layout, num_left, None), *choice_notes("sssc", layout.shape, time, component))
+    values, left_over = read_stored(layout, "sssc", time, component)
+    notes = (left_over, *choice_notes("sssc", layout.shape, time, component))
     world_from_index = affine(np.ones(3), origin, np.transpose([step[1:] for step in steps]))
     return Image(values.transpose(2, 1, 0), world_from_index, notes)
 

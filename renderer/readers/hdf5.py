@@ -12,7 +12,7 @@ import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,10 +21,12 @@ from renderer.readers.arrays import axes_of_array
 from renderer.readers.common import NO_SPACING, Image, affine, choice_notes, chosen_part, describe_shape, even_steps
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.scene import did_you_mean, join_some, short_text
-from renderer.volume import Array
+from renderer.volume import Array, Float64
 
 _MAX_OBJECTS = 10_000
 _MAX_PACKING = 2**20  # of filters, one after the other; a file may also claim voxels that it does not store
+# What is so close to a valid value is valid.
+_MARGIN = 1e-5
 _TIMES = ("t", "time", "times", "step")
 _COMPONENTS = ("c", "ch", "channel", "channels", "component", "components", "band", "bands", "member", "rgb")
 _METRES = {"nm": 1e-9, "um": 1e-6, "µm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "metre": 1.0, "meter": 1.0, "km": 1e3}
@@ -54,21 +56,16 @@ def read_hdf5(
     with h5py.File(path, "r", locking=False) as file:
         chosen = _choose(file, dataset)
         _check_dataset(chosen, path)
-        names = [_name_of_axis(chosen, k) for k in range(chosen.ndim)]
-        axes = _axes(chosen, names, time, component)
+        own = [_axis(chosen, k) for k in range(chosen.ndim)]
+        axes = _letters(own, time, component)
         part = chosen_part(axes, chosen.shape, time, component)
         shape = tuple(n for n, item in zip(chosen.shape, part, strict=True) if isinstance(item, slice))
-        scale, offset = (float(np.ravel(chosen.attrs.get(name, default))[0])
-                         for name, default in (("scale_factor", 1), ("add_offset", 0)))  # fmt: skip
-        is_scaled = (scale, offset) != (1.0, 0.0)
-        is_mask = chosen.dtype.kind == "b"
-        dtype = np.dtype(np.uint8) if is_mask else chosen.dtype.newbyteorder("=")
-        if is_scaled:
-            dtype = np.dtype(np.float32 if dtype.itemsize <= 2 or dtype == np.float32 else np.float64)
+        dtype, packing = _packing(chosen)
+        is_scaled = packing[1:] != (1.0, 0.0)
         values = allocate_voxels(host, (1,) * (3 - len(shape)) + shape, dtype)
-        target = values.view(np.bool_) if is_mask else values
+        stored = values if is_scaled else values.view(chosen.dtype.newbyteorder("="))
         try:
-            chosen.read_direct(target.reshape(shape), np.s_[part])
+            chosen.read_direct(stored.reshape(shape), np.s_[part])
         except OSError as error:
             raise InputError(
                 "the voxels of this dataset cannot be decoded",
@@ -78,19 +75,54 @@ def read_hdf5(
             ) from error
         if is_scaled:
             for plane in values:
-                plane[...] = _scaled(plane, scale, offset)
-        world_from_index, notes = _place(file, chosen, names, axes, has_spacing_override)
-        fills = np.array(sorted({*_fill_values(chosen)}), np.float64)
-        fills = _scaled(fills, scale, offset).astype(values.dtype) if is_scaled else fills
-        nodata = tuple((float(fill), float(fill)) for fill in fills if math.isfinite(fill))
+                plane[...] = _unpacked(plane, *packing)
+        nodata = tuple(_nodata(chosen, *packing))
+        world_from_index, notes = _place(chosen, own, axes, has_spacing_override)
         found = f"the only volume in this file, {short_text(chosen.name)}, is read" if dataset is None else None
         chosen_notes = choice_notes(axes, chosen.shape, time, component)
     return Image(values, world_from_index, (found, *notes, *chosen_notes), nodata)
 
 
-def _scaled(values: Array, scale: float, offset: float) -> Array:
-    with np.errstate(over="ignore", invalid="ignore"):  # what becomes infinite is refused later
-        return np.asarray(values.astype(np.float64) * scale + offset)
+def _packing(dataset: _Dataset) -> tuple[np.dtype[Any], tuple[float, float, float]]:
+    """Return the type of the values, and how stored numbers become values, as `_unpacked` takes it."""
+    stored = dataset.dtype.newbyteorder("=")
+    is_unsigned = stored.kind == "i" and _text(dataset, "_Unsigned").lower() == "true"
+    dtype = np.dtype(f"u{stored.itemsize}") if is_unsigned or stored.kind == "b" else stored
+    scale, offset = ([*_numbers(dataset, name), default][0]
+                     for name, default in (("scale_factor", 1.0), ("add_offset", 0.0)))  # fmt: skip
+    if (scale, offset) != (1.0, 0.0):
+        dtype = np.dtype(np.float32 if dtype.itemsize <= 2 or dtype == np.float32 else np.float64)
+    return dtype, (2.0 ** (8 * stored.itemsize) if is_unsigned else 0.0, scale, offset)
+
+
+def _unpacked(stored: Array, wrap: float, scale: float, offset: float) -> Float64:
+    """Return the values of stored numbers: those below 0 have `wrap` added, then all are scaled."""
+    with np.errstate(over="ignore", invalid="ignore"):  # what becomes infinite is absent
+        return np.asarray((np.where(stored < 0, wrap, 0.0) + stored) * scale + offset, np.float64)
+
+
+def _nodata(dataset: _Dataset, *packing: float) -> Iterator[tuple[float, float]]:
+    """Yield the ranges of values, both ends included, that stand for no data: fill values, and what is not valid."""
+    fills = [*_numbers(dataset, "_FillValue"), *_numbers(dataset, "missing_value")]
+    if dataset.dtype.itemsize > 1 and dataset.fillvalue != 0:  # what was not written; netCDF has none for bytes
+        fills.append(float(dataset.fillvalue))
+    for fill in _unpacked(np.unique(fills), *packing).tolist():
+        if math.isfinite(fill):
+            yield fill, fill
+    valid = _numbers(dataset, "valid_range")
+    least = [*valid[:1], *_numbers(dataset, "valid_min"), -math.inf][0]
+    largest = [*valid[1:2], *_numbers(dataset, "valid_max"), math.inf][0]
+    low, high = sorted(_unpacked(np.array([least, largest]), *packing).tolist())
+    if low > -math.inf:
+        yield -math.inf, math.nextafter(low - _MARGIN * abs(low), -math.inf)
+    if high < math.inf:
+        yield math.nextafter(high + _MARGIN * abs(high), math.inf), math.inf
+
+
+def _numbers(owner: Any, name: str) -> Float64:
+    """Return the numbers of an attribute, 16 at most; none for all else."""
+    numbers = np.ravel(owner.attrs.get(name, ()))[:16]
+    return numbers.astype(np.float64) if numbers.dtype.kind in "iuf" else np.zeros(0)
 
 
 def _choose(file: Any, name: str | None) -> _Dataset:
@@ -150,108 +182,108 @@ def _check_dataset(dataset: _Dataset, path: Path) -> None:
 
 
 def _text(owner: Any, name: str) -> str:
-    """Return an attribute that is a text; an empty one for all else."""
-    value = owner.attrs.get(name)
+    """Return an attribute that is a text; an empty one for all else, and where there is no owner."""
+    value = None if owner is None else owner.attrs.get(name)
     text = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
     return text if isinstance(text, str) else ""
 
 
-def _fill_values(dataset: _Dataset) -> Iterator[float]:
-    """Yield the values that stand for no data."""
-    for name in ("_FillValue", "missing_value"):
-        numbers = np.ravel(dataset.attrs.get(name, ()))
-        yield from map(float, numbers[:16] if numbers.dtype.kind in "iuf" else ())
-    if dataset.dtype.itemsize > 1 and dataset.fillvalue != 0:  # what was not written; netCDF has none for bytes
-        yield float(dataset.fillvalue)
+class _Axis(NamedTuple):
+    """An axis of a dataset: its name and unit, which may be empty, and the numbers along it, if there are any."""
+
+    length: int
+    name: str
+    unit: str
+    coordinates: _Dataset | None
+
+    @property
+    def letter(self) -> str:
+        """What it is, as in `chosen_part`; time has a name of time, or a unit such as `days since 2000`."""
+        name = self.name.lower()
+        return "t" if name in _TIMES or " since " in self.unit else "c" if name in _COMPONENTS else "s"
+
+    @property
+    def way(self) -> str:
+        """The axis of the world along which it lies, by the conventions of netCDF or its name: x, y or z; or another
+        text."""
+        return (_text(self.coordinates, "axis") or self.name).lower()
 
 
-def _name_of_axis(dataset: _Dataset, axis: int) -> str:
-    """Return the name of an axis: its label, or that of its coordinates; an empty one if it has none."""
-    names = [each.name for each in dataset.dims[axis].values() if each.name]
+def _axis(dataset: _Dataset, axis: int) -> _Axis:
+    """Return an axis, whose numbers are in a dataset that is attached to it, or beside the dataset by its name."""
+    import h5py
+
+    attached, length = dataset.dims[axis].values(), dataset.shape[axis]
     keys = re.findall(r'"key": *"(\w+)"', _text(dataset, "axistags"))  # of ilastik
-    own = keys[axis] if len(keys) == dataset.ndim else dataset.dims[axis].label
-    return str(own or (names[0].rpartition("/")[2] if names else ""))
+    label = keys[axis] if len(keys) == dataset.ndim else dataset.dims[axis].label
+    name = str(label or next((each.name.rpartition("/")[2] for each in attached if each.name), ""))
+    is_beside = name and isinstance(dataset.parent.get(name, getlink=True), h5py.HardLink)
+    for each in (*attached, dataset.parent[name]) if is_beside else attached:
+        is_line = isinstance(each, h5py.Dataset) and each.shape == (length,) and each.dtype.kind in "iuf"
+        if is_line and not (each.is_virtual or each.external or "not a netCDF variable" in _text(each, "NAME")):
+            return _Axis(length, name, _text(each, "units"), each)
+    return _Axis(length, name, "", None)
 
 
-def _axes(dataset: _Dataset, names: list[str], time: int | None, component: int | None) -> str:
+def _letters(own: list[_Axis], time: int | None, component: int | None) -> str:
     """Return what each axis is, by the letters of `chosen_part`.
 
     Names tell times and components; of more than three others, those of length 1 are left out, and then the rule of
     `.npy` holds. With two axes in space, times or components are the third.
     """
-    letters = ["t" if _is_time(dataset, k, name) else "c" if name.lower() in _COMPONENTS else "s"
-               for k, name in enumerate(names)]  # fmt: skip
-    for k, length in enumerate(dataset.shape):
-        if letters.count("s") > 3 and letters[k] == "s" and length == 1:
+    letters = [axis.letter for axis in own]
+    for k, axis in enumerate(own):
+        if letters.count("s") > 3 and letters[k] == "s" and axis.length == 1:
             letters[k] = "-"
     while letters.count("s") < 3 and {"t", "c"} & {*letters}:
         letters[letters.index("t" if "t" in letters else "c")] = "s"
-    places = [k for k, letter in enumerate(letters) if letter == "s"]
-    if len(places) > 3:
-        shape = tuple(dataset.shape[k] for k in places)
-        own = axes_of_array(shape, time if "t" not in letters else None, component if "c" not in letters else None)
-        for k, letter in zip(places, own, strict=True):
-            letters[k] = letter
+    if letters.count("s") > 3:
+        shape = tuple(axis.length for axis, letter in zip(own, letters, strict=True) if letter == "s")
+        others = iter(axes_of_array(shape, None if "t" in letters else time, None if "c" in letters else component))
+        letters = [next(others) if letter == "s" else letter for letter in letters]
     if letters.count("t") > 1 or letters.count("c") > 1:
         raise InputError(
             "the axes of this dataset are not those of a volume",
-            got=", ".join(f"{name or 'no name'} ({n})" for name, n in zip(names, dataset.shape, strict=True)),
+            got=", ".join(f"{axis.name or 'no name'} ({axis.length})" for axis in own),
             expected="three axes in space, at most one of time, and at most one of components",
         )
     return "".join(letters)
 
 
-def _is_time(dataset: _Dataset, axis: int, name: str) -> bool:
-    """Return whether an axis is time: by its name, or by the units of its coordinates, such as `days since 2000`."""
-    return name.lower() in _TIMES or any(" since " in _text(each, "units") for each in dataset.dims[axis].values())
-
-
-def _place(
-    file: Any, dataset: _Dataset, names: list[str], axes: str, has_spacing_override: bool
-) -> tuple[Any, list[str]]:
+def _place(dataset: _Dataset, own: list[_Axis], axes: str, has_spacing_override: bool) -> tuple[Float64, list[str]]:
     """Return the affine, float64 [4, 4], by coordinates or the attribute `element_size_um`, and notes."""
-    space = [k for k, letter in enumerate(axes) if letter == "s"]
+    space = [axis for axis, letter in zip(own, axes, strict=True) if letter == "s"][::-1]
     origin, spacing, units = np.zeros(3), np.ones(3), dict[str, str]()
-    for column, k in enumerate(reversed(space)):
-        coordinates = _coordinates(file, dataset, k, names[k])
-        if coordinates is None:
+    ways = "".join(axis.way for axis in space)
+    ways = ways if sorted(ways) == ["x", "y", "z"] else "xyz"
+    direction = np.eye(3)[:, ["xyz".index(way) for way in ways]]
+    for column, axis in enumerate(space):
+        if axis.coordinates is None:
             continue
-        even = even_steps(coordinates[...])
-        if even is None and not has_spacing_override and not _is_time(dataset, k, names[k]):
+        even = even_steps(axis.coordinates[...])
+        if even is None and not has_spacing_override and axis.letter != "t":
             raise InputError(
                 "the coordinates of this dataset are not even",
-                got=f"{short_text(coordinates.name)} along {'xyz'[column]}",
+                got=f"{short_text(axis.coordinates.name)} along {ways[column]}",
                 expected="equal steps, as voxels have",
-                hint=f"resample it by xarray: `data.interp({short_text(names[k])}=numpy.linspace(FIRST, LAST, "
-                f"{len(coordinates)})).to_netcdf('even.nc')`; or give `spacing: [x, y, z]` to draw equal steps",
+                hint=f"resample it by xarray: `data.interp({short_text(axis.name)}=numpy.linspace(FIRST, LAST, "
+                f"{axis.length})).to_netcdf('even.nc')`; or give `spacing: [x, y, z]` to draw equal steps",
             )
-        unit = _text(coordinates, "units").split("_")[0]  # degrees_north
+        unit = axis.unit.split("_")[0]  # degrees_north
         first = next(iter(units.values()), unit)
-        factor = _METRES[unit] / _METRES[first] if {unit, first} <= _METRES.keys() else None
-        units["xyz"[column]] = unit if factor is None else first
-        origin[column], spacing[column] = np.array(even or (0.0, 1.0)) * (factor or 1.0)
-    sizes = np.ravel(dataset.attrs.get("element_size_um", ()))
-    if not units and len(sizes) == len(space) == 3 and sizes.dtype.kind in "iuf":
-        return affine(sizes[::-1], origin, np.eye(3)), []
+        is_length = {unit, first} <= _METRES.keys()
+        units[ways[column]] = first if is_length else unit
+        factor = _METRES[unit] / _METRES[first] if is_length else 1.0
+        origin[column], spacing[column] = np.array(even or (0.0, 1.0)) * factor
+    sizes = _numbers(dataset, "element_size_um")
+    if not units and len(sizes) == len(space) == 3:
+        return affine(sizes[::-1], origin, direction), []
     notes = [NO_SPACING] * (not units)
     if 0 < len(units) < len(space):
-        missing = ", ".join(axis for axis in "xyz"[: len(space)] if axis not in units)
+        missing = ", ".join(axis for axis in sorted(ways[: len(space)]) if axis not in units)
         notes.append(f"the file has no coordinates along {missing}; steps of 1 are assumed")
     if len({*units.values()}) > 1:
         each = ", ".join(f"{axis} in {unit or 'no unit'}" for axis, unit in units.items())
         notes.append(f"coordinates differ in their units, and are drawn as numbers ({short_text(each)}); "
                      "`spacing: [x, y, z]` gives other lengths")  # fmt: skip
-    return affine(spacing, origin, np.eye(3)), notes
-
-
-def _coordinates(file: Any, dataset: _Dataset, axis: int, name: str) -> _Dataset | None:
-    """Return the coordinates along an axis: those attached to it, or the dataset beside it that has its name."""
-    import h5py
-
-    group = dataset.parent
-    beside = [group[name]] if name and isinstance(group.get(name, getlink=True), h5py.HardLink) else []
-    for each in (*dataset.dims[axis].values(), *beside):
-        is_alone = isinstance(each, h5py.Dataset) and each.shape == (dataset.shape[axis],) and each.dtype.kind in "iuf"
-        if is_alone and not (each.is_virtual or each.external) and "not a netCDF variable" not in _text(each, "NAME"):
-            return each
-    return None
+    return affine(spacing, direction @ origin, direction), notes

@@ -17,7 +17,7 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.common import NO_SPACING, Image, affine, choice_notes
 from renderer.readers.data_files import find_data_files, unquoted
-from renderer.readers.stored import Encoding, Layout, StoredVoxels, left_over_note, read_stored
+from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field, add_field, header_lines
 from renderer.volume import Float64
 
@@ -51,9 +51,9 @@ def read_metaimage(path: Path, time: int | None, component: int | None) -> Image
     num_axes = _num_axes(fields)
     axes = "tsss"[-num_axes:] + "c" * (len(layout.shape) - num_axes)
     note = None if any(name in fields for name in _SPACINGS) else NO_SPACING
-    values, num_left = read_stored(layout, axes, time, component)
     is_plain = layout.parts[0].encoding == "raw" and layout.parts[0].file != path and "HeaderSize" not in fields
-    left_over = left_over_note(layout, num_left, "HeaderSize = -1" if is_plain else None)
+    skip = "HeaderSize = -1" if is_plain else None
+    values, left_over = read_stored(layout, axes, time, component, skip)
     notes = (note, left_over, *choice_notes(axes, layout.shape, time, component))
     return Image(values, _world_from_index(fields, num_axes), notes)
 

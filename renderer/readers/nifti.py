@@ -33,7 +33,7 @@ from renderer.readers.common import (
     unreadable_error,
 )
 from renderer.readers.sniff import read_start
-from renderer.readers.stored import Encoding, Layout, StoredVoxels, left_over_note, read_stored
+from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.volume import Array, Float64
 
 # The lengths of NIfTI-1 and NIfTI-2 headers, which are their first number.
@@ -87,9 +87,9 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     part = StoredVoxels(data_file or header_file, 0, encoding, offset, has_rest=True)
     layout, names = Layout(dtype, shape[4::-1], (part,)), fields or ()
     if fields is None:
-        values, num_left = read_stored(layout, "ctsss", time, component)
+        values, left_over = read_stored(layout, "ctsss", time, component)
     else:
-        records, num_left = read_stored(layout, "-tsss", time, None)
+        records, left_over = read_stored(layout, "-tsss", time, None)
         values = records[fields[select_index("component", component, len(fields))]]
         names = _ATLAS if len(fields) == 4 and header["intent_code"] == _LABEL else fields
     try:
@@ -100,7 +100,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     if slope is not None and (slope, intercept) != (1.0, 0.0):
         values = _scaled(values, slope, intercept or 0.0)
     counts = (shape[4] if fields is None else len(fields), shape[3])
-    notes += [_ANALYZE] * _is_analyze(header) + [left_over_note(layout, num_left, None)]
+    notes += [_ANALYZE] * _is_analyze(header) + [left_over]
     notes += choice_notes("ct", counts, time, component, names)
     return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), tuple(notes))
 

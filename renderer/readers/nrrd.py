@@ -17,7 +17,7 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.common import NO_SPACING, Image, affine, choice_notes, describe_count, describe_shape, in_lps
 from renderer.readers.data_files import find_data_files
-from renderer.readers.stored import Encoding, Layout, StoredVoxels, left_over_note, read_stored
+from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import MAX_HEADER_BYTES, Field, add_field, header_lines
 from renderer.scene import did_you_mean, format_value
 from renderer.volume import Float64
@@ -80,9 +80,9 @@ def read_nrrd(path: Path, time: int | None, component: int | None) -> Image:
             expected=f"`time: k` with k from 0 to {layout.shape[0] - 1} if the last one is time",
             hint="if the first one holds components, add a line `kinds: list domain domain domain`",
         )
-    values, num_left = read_stored(layout, axes[::-1], time, component)
     skip = "byte skip: -1" if layout.parts[0].encoding == "raw" else "byte skip: {}"
-    left_over = left_over_note(layout, num_left, None if {"byteskip", "lineskip"} & fields.keys() else skip)
+    has_skip = bool({"byteskip", "lineskip"} & fields.keys())
+    values, left_over = read_stored(layout, axes[::-1], time, component, None if has_skip else skip)
     colours = "".join(re.findall(r"([a-z]+)-color", " ".join(kinds))).upper()  # RGB of rgb-color
     chosen = choice_notes(axes[::-1], layout.shape, time, component, colours)
     notes = (None if has_spacing else NO_SPACING, left_over, *chosen)

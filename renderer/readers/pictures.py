@@ -5,6 +5,8 @@ Pillow decodes, in a child process (`isolation.py`). Pictures do not say how lar
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,6 @@ from renderer.readers.common import NO_SPACING, Image, choice_notes, errors_abou
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.slice_names import sort_slices
 from renderer.readers.sniff import slices_of_pictures
-from renderer.volume import Array
 
 _FORMATS = ("PNG", "JPEG", "BMP")
 # No method of these formats packs pixels more: about 1228 of JPEG in a byte, 1032 of deflate.
@@ -35,8 +36,7 @@ def read_pictures(
     values, expected, bands = None, "", ()
     for index, file in enumerate(files):
         host.begin_file(file)
-        with errors_about(file):
-            picture = _open(require_exists(file))
+        with errors_about(file), _opened(require_exists(file)) as picture:
             bands = picture.getbands()
             found = f"{picture.width} x {picture.height} {picture.mode}"
             expected = expected or found
@@ -44,42 +44,34 @@ def read_pictures(
                 expected = f"{expected} as in {files[0].name}"
                 raise InputError("the slices of this folder differ", got=found, expected=expected)
             channel = select_index("component", component, len(bands))
-            dtype = np.uint16 if picture.mode.startswith("I") else np.uint8
             if values is None:
+                dtype = np.uint16 if picture.mode.startswith("I") else np.uint8
                 values = allocate_voxels(host, (len(files), picture.height, picture.width), dtype)
-            values[index] = _pixels(picture, channel)
+            values[index] = np.atleast_3d(np.asarray(picture))[..., channel]
     assert values is not None, "called without files"
     names = bands if len(bands) > 1 else ()
     return Image(values, np.eye(4), (NO_SPACING, *choice_notes("c", (len(bands),), None, component, names)))
 
 
-def _open(file: Path) -> Any:
-    """Return a PIL.Image that is not decoded yet, with colours in place of a palette's numbers.
+@contextmanager
+def _opened(file: Path) -> Iterator[Any]:
+    """Provide a PIL.Image that is not decoded yet, with colours in place of a palette's numbers.
 
-    Raises InputError for other files, and for more pixels than they can hold.
+    Raises InputError for other and damaged files, also in the block, and for more pixels than they can hold.
     """
     from PIL import Image as pillow  # noqa: N813
 
     pillow.MAX_IMAGE_PIXELS = None  # sizes are checked below, and in `allocate_voxels`
     try:
-        picture = pillow.open(file, formats=_FORMATS)
-    except (OSError, SyntaxError, ValueError) as error:
-        raise InputError(
-            "this picture cannot be read", expected="PNG, JPEG or BMP", hint="the file is truncated or damaged"
-        ) from error
-    if picture.width * picture.height > _MAX_PACKING * file.stat().st_size:
-        raise InputError(
-            "this picture has fewer bytes than its pixels need",
-            got=f"{file.stat().st_size} bytes for {picture.width} x {picture.height} pixels",
-            hint="the file is truncated or damaged",
-        )
-    return picture.convert("RGB") if picture.mode == "P" else picture
-
-
-def _pixels(picture: Any, channel: int) -> Array:
-    """Return one component of the pixels, [y, x]; raises InputError for pixels that cannot be decoded."""
-    try:
-        pixels = np.asarray(picture)
+        with pillow.open(file, formats=_FORMATS) as picture:
+            if picture.width * picture.height > _MAX_PACKING * file.stat().st_size:
+                raise InputError(
+                    "this picture has fewer bytes than its pixels need",
+                    got=f"{file.stat().st_size} bytes for {picture.width} x {picture.height} pixels",
+                    hint="the file is truncated or damaged",
+                )
+            yield picture.convert("RGB") if picture.mode == "P" else picture
     except (OSError, SyntaxError, ValueError, IndexError) as error:
-        raise InputError("the pixels of this picture cannot be decoded", hint="the file is damaged") from error
-    return pixels[..., channel] if pixels.ndim == 3 else pixels
+        raise InputError(
+            "this picture cannot be decoded", expected="PNG, JPEG or BMP", hint="the file is truncated or damaged"
+        ) from error

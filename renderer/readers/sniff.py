@@ -6,13 +6,12 @@ import os
 import re
 import struct
 import zlib
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Literal
 
 from renderer.errors import InputError
-from renderer.readers.foreign import compressed_error, refuse_bytes, refuse_folder, refuse_name
+from renderer.readers.foreign import compressed_error, refuse_bytes, refuse_name, refuse_zarr
 from renderer.scene import join_some, short_text
 
 Format = Literal[
@@ -31,21 +30,19 @@ _SIGNATURES: dict[bytes, Format] = {
     b"\x93NUMPY": "npy",
     b"PK\3\4": "npz",
     b"# vtk DataFile": "vtk",
-    **dict.fromkeys((_HDF5, b"MATLAB 7.3"), "hdf5"),
     **dict.fromkeys((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), "tiff"),
 }
-# Suffixes that decide where no signature does. Those of formats that have a signature only serve the search.
+# Ends of names that decide where no signature does.
 _SUFFIXES: dict[str, Format] = {
     **dict.fromkeys((".mha", ".mhd"), "metaimage"),
-    **dict.fromkeys((".nii", ".hdr", ".img"), "nifti"),
-    **dict.fromkeys((".mgh", ".mgz"), "mgh"),
+    **dict.fromkeys((".nii", ".hdr", ".img", ".nii.gz", ".hdr.gz", ".img.gz"), "nifti"),
+    **dict.fromkeys((".mgh", ".mgz", ".mgh.gz"), "mgh"),
     **dict.fromkeys((".cube", ".cub"), "cube"),
     **dict.fromkeys((".tif", ".tiff", ".ome"), "tiff"),
-    **dict.fromkeys((".h5", ".hdf5", ".ims", ".nc", ".nc4"), "hdf5"),
 }
+# Ends of names that the search for volumes takes.
 _VOLUME_SUFFIXES = (
-    *(".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".nii.gz"),
-    *(".mgh", ".mgz", ".mgh.gz"),
+    *(".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".nii.gz", ".mgh", ".mgz", ".mgh.gz"),
     *(".npy", ".npz", ".vti", ".pvti", ".vtr", ".vtk", ".cube", ".cub"),
     *(".mrc", ".mrcs", ".ccp4", ".mrc.gz", ".map.gz", ".ccp4.gz", ".nc", ".nc4"),
 )
@@ -53,7 +50,7 @@ _VOLUME_SUFFIXES = (
 _SHARED_SUFFIXES = (".hdr", ".hdr.gz", ".map", ".rec", ".h5", ".hdf5", ".ims", ".mat")
 _MRC_SUFFIXES = (".mrc", ".mrcs", ".map", ".ccp4", ".rec")
 # MRC has its mark here, and behind it the byte order; older files have neither.
-MRC_MARK_AT, MRC_MARK = 208, b"MAP"
+_MRC_MARK_AT, MRC_MARK = 208, b"MAP"
 _MRC_STAMP = re.compile(rb"MAP[ \0][\x44\x11\0]")
 TIFF_SUFFIXES = (".tif", ".tiff")
 _PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
@@ -76,23 +73,15 @@ class UnknownFormatError(InputError):
 
 def find_format(path: Path) -> Format:
     """Return the format of a volume file; raises UnknownFormatError for any other file."""
-    start = _start(path)
-    if not start:
+    content, is_compressed = read_start(path, _FIRST_BYTES)
+    if not content and not is_compressed:
         raise InputError("an empty file", where=str(path))
-    refuse_bytes(path, start)
-    found = _format_by_bytes(path)
+    refuse_bytes(path, content)
+    name = path.name.lower()
+    found = _format_by_bytes(path) or next((form for end, form in _SUFFIXES.items() if name.endswith(end)), None)
     if found is not None:
         return found
-    suffix, name = path.suffix.lower(), path.name.lower()
-    if suffix in _SUFFIXES:
-        return _SUFFIXES[suffix]
-    if name.endswith(".mgh.gz"):
-        return "mgh"
-    if name.endswith((".nii.gz", ".hdr.gz", ".img.gz")):
-        return "nifti"
-    if start[:2] == _GZIP:
-        content = read_start(path, _FIRST_BYTES)[0]
-        refuse_bytes(path, content)
+    if is_compressed:
         inside = _format_by_signature(content)
         raise compressed_error(path, f"a file of {inside.upper()}" if inside else "a file of unknown content")
     refuse_name(path)
@@ -106,11 +95,11 @@ def find_format(path: Path) -> Format:
 
 def _format_by_bytes(path: Path) -> Format | None:
     """Return the format that the first bytes of a file tell, also below gzip where its reader decompresses it."""
-    found = _format_by_signature(_start(path))
+    content, is_compressed = read_start(path, _FIRST_BYTES)
+    found = None if is_compressed else _format_by_signature(content)
     if found is not None:
         return found
-    content, _ = read_start(path, MRC_MARK_AT + 8)
-    if _MRC_STAMP.match(content, MRC_MARK_AT) or (path.suffix.lower() in _MRC_SUFFIXES and _has_sizes_of_mrc(content)):
+    if _MRC_STAMP.match(content, _MRC_MARK_AT) or (path.suffix.lower() in _MRC_SUFFIXES and _has_sizes_of_mrc(content)):
         return "mrc"
     return "nifti" if content[:4] in NIFTI_STARTS else None
 
@@ -121,8 +110,9 @@ def _format_by_signature(start: bytes) -> Format | None:
     for signature, found in _SIGNATURES.items():
         if start.startswith(signature):
             return found
-    is_hdf5 = _HDF5 in (start[at : at + len(_HDF5)] for at in (512, 1024, 2048))  # behind a block of the user
-    return "vtk" if b"<VTKFile" in start else "hdf5" if is_hdf5 else None
+    if any(start.startswith(_HDF5, at) for at in (0, 512, 1024, 2048)):  # perhaps behind a block of the user
+        return "hdf5"
+    return "vtk" if b"<VTKFile" in start else None
 
 
 def _has_sizes_of_mrc(content: bytes) -> bool:
@@ -153,13 +143,13 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
         raise InputError("no permission to read this", where=str(path))
     if not path.is_dir():
         return path, find_format(path), None
-    refuse_folder(path)
+    refuse_zarr(path)
     own = _format_of_slices(path)
     if own not in (None, "pictures"):
         others = sorted(short_text(each.name) for each in path.iterdir() if _is_volume(each))
         note = f"its {own.upper()} slices are one volume, which is read; left out: {join_some(others)}"
         return path, own, note if others else None
-    found = list(_search(path))
+    found = _search(path)
     if len(found) != 1:
         names = [short_text(str(each.relative_to(path))) for each in found]
         raise InputError(
@@ -170,10 +160,8 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
             hint=f"name one of them: {found[0]}; `hsplat turntable {path}` draws each of them" if found else None,
         )
     volume = found[0]
-    slices = _format_of_slices(volume) if volume.is_dir() else None
-    if slices is not None and volume == path:
-        return path, slices, None
-    return volume, slices or find_format(volume), f"the only volume in this folder, {volume.relative_to(path)}, is read"
+    about = None if volume == path else f"the only volume in this folder, {volume.relative_to(path)}, is read"
+    return volume, (volume.is_dir() and _format_of_slices(volume)) or find_format(volume), about
 
 
 def is_volume_name(name: str | os.PathLike[str]) -> bool:
@@ -188,7 +176,7 @@ def volumes_in(folder: Path) -> list[Path]:
 
     Raises InputError for slices of several formats, and for too many files.
     """
-    found = list(_search(folder)) if _format_of_slices(folder) in (None, "pictures") else []
+    found = _search(folder) if _format_of_slices(folder) in (None, "pictures") else []
     return found if len(found) > 1 else []
 
 
@@ -224,19 +212,17 @@ def _files_in(folder: Path) -> list[Path]:
     return [entry for entry in names if entry.is_file()]
 
 
-def _search(folder: Path) -> Iterator[Path]:
-    """Yield the volume files below a folder, and the folders of slices, each once; links to folders are not followed.
+def _search(folder: Path) -> list[Path]:
+    """Return the volume files below a folder, and the folders of slices, each once; links to folders are not followed.
 
-    Those of a folder come in natural order, before those of the folders in it. Where there are none, yield the folders
+    Those of a folder come in natural order, before those of the folders in it. Where there are none, return the folders
     of pictures, among them the folder itself: else pictures show a volume.
     Raises InputError for more than _MAX_ENTRIES files and folders: there may be another volume among the others.
     """
-    num_left, seen = _MAX_ENTRIES, set[str]()
-    pictures, has_others = list[Path](), False
+    num_left, found, pictures = _MAX_ENTRIES, dict[str, Path](), list[Path]()
     for place, folders, files in os.walk(folder):
-        folders[:] = sorted(
-            (name for name in folders if not name.startswith(".")), key=lambda name: natural_key(Path(name))
-        )
+        here = Path(place)
+        folders[:] = sorted((name for name in folders if name[0] != "."), key=lambda name: natural_key(Path(name)))
         num_left -= len(folders) + len(files)
         if num_left < 0:
             raise InputError(
@@ -245,20 +231,16 @@ def _search(folder: Path) -> Iterator[Path]:
                 expected=f"at most {_MAX_ENTRIES} files and folders",
                 hint="name the volume itself",
             )
-        slices = _slices_below(Path(place))
+        slices = _slices_below(here)
         if slices == "pictures":
-            pictures.append(Path(place))
-        elif slices is not None and Path(place) != folder:
-            has_others = True
-            yield Path(place)
+            pictures.append(here)
+        elif slices is not None and here != folder:
+            found[place] = here
             continue
-        for file in sorted((Path(place, name) for name in files), key=natural_key):
-            if _is_volume(file) and (real := os.path.realpath(file)) not in seen:
-                has_others = True
-                seen.add(real)
-                yield file
-    if not has_others:
-        yield from pictures
+        for file in sorted(map(here.joinpath, files), key=natural_key):
+            if _is_volume(file):
+                found.setdefault(os.path.realpath(file), file)
+    return list(found.values()) or pictures
 
 
 def _slices_below(folder: Path) -> Format | None:
@@ -269,11 +251,11 @@ def _slices_below(folder: Path) -> Format | None:
 
 def _is_volume(file: Path) -> bool:
     """Return whether a file has a volume's name, and, if others use the name, too, begins as one."""
-    name, is_shared = file.name.lower(), file.name.lower().endswith(_SHARED_SUFFIXES)
-    if name.startswith(".") or not (is_shared or name.endswith(_VOLUME_SUFFIXES)):
+    name = file.name.lower()
+    is_certain = name.endswith(_VOLUME_SUFFIXES)
+    if name.startswith(".") or not (is_certain or name.endswith(_SHARED_SUFFIXES)):
         return False
-    is_file = file.is_file()  # a pipe would be waited for
-    return is_file and (not is_shared or name.endswith(_VOLUME_SUFFIXES) or _format_by_bytes(file) is not None)
+    return file.is_file() and (is_certain or _format_by_bytes(file) is not None)  # a pipe would be waited for
 
 
 def _start(path: Path) -> bytes:

@@ -86,26 +86,24 @@ class Layout:
     num_split: int = 0
 
 
-def read_stored(layout: Layout, axes: str, time: int | None, component: int | None) -> tuple[Array, int]:
-    """Return one time step and component of an array, and how many bytes of the files are no voxels.
+def read_stored(
+    layout: Layout, axes: str, time: int | None, component: int | None, skip: str | None = None
+) -> tuple[Array, str | None]:
+    """Return one time step and component of an array, and a note if bytes of its files are no voxels.
 
     The array has its axes in space alone, that of a plane is [1, y, x].
 
-    axes: as `chosen_part` has them. The array may be mapped from its file. Raises InputError if `time` or `component`
-        do not fit, and for files that are missing, truncated, damaged, or too long.
+    axes: as `chosen_part` has them. skip: how the file passes over a header before the voxels, with its length in place
+        of `{}`, if it can. The array may be mapped from its file. Raises InputError if `time` or `component` do not
+        fit, and for files that are missing, truncated, damaged, or too long.
     """
     values, num_left = _read_part(layout, chosen_part(axes, layout.shape, time, component))
-    return values if values.ndim == 3 else values[np.newaxis], num_left
+    note = _left_over_note(layout.parts[0].file, num_left, skip) if num_left else None
+    return values if values.ndim == 3 else values[np.newaxis], note
 
 
-def left_over_note(layout: Layout, num_left: int, skip: str | None) -> str | None:
-    """Return a note on bytes that are no voxels, if there are any; they may be a header before the voxels.
-
-    skip: how a header is passed over, with the number in place of `{}`, if it can be.
-    """
-    if num_left == 0:
-        return None
-    is_nifti = read_start(layout.parts[0].file, 4)[0] in NIFTI_STARTS
+def _left_over_note(file: Path, num_left: int, skip: str | None) -> str:
+    is_nifti = read_start(file, 4)[0] in NIFTI_STARTS
     header = _HEADERS.get(num_left, "NIfTI" if is_nifti else None)
     hint = f", as many as a header of {header} has" if num_left in _HEADERS else ", which begin like NIfTI" * is_nifti
     if header is not None and skip is not None:

@@ -9,7 +9,7 @@ in the middle between points.
 from __future__ import annotations
 
 import html
-import itertools
+import importlib
 import math
 import mmap
 import os
@@ -24,8 +24,6 @@ from renderer.errors import InputError, require_package
 from renderer.readers.common import (
     Image,
     affine,
-    check_dtype,
-    check_size,
     choice_notes,
     errors_about,
     even_steps,
@@ -39,11 +37,13 @@ from renderer.volume import Array, Float64
 
 _MAX_PACKING = 1032  # of deflate
 _MAX_PIECES = 10_000
-_OTHER_KINDS = (
-    *("PolyData", "UnstructuredGrid", "StructuredGrid", "HyperTreeGrid", "Table", "vtkMultiBlockDataSet"),
-    *("vtkPartitionedDataSet", "PRectilinearGrid", "PStructuredGrid", "PUnstructuredGrid", "PPolyData"),
-    *("POLYDATA", "UNSTRUCTURED_GRID", "STRUCTURED_GRID", "FIELD"),
-)
+# The readers of what a file says that it has; those of legacy files have capital letters.
+_READERS = {
+    "ImageData": ("vtkIOXML", "vtkXMLImageDataReader"),
+    "RectilinearGrid": ("vtkIOXML", "vtkXMLRectilinearGridReader"),
+    "STRUCTURED_POINTS": ("vtkIOLegacy", "vtkStructuredPointsReader"),
+    "RECTILINEAR_GRID": ("vtkIOLegacy", "vtkRectilinearGridReader"),
+}
 _RESAMPLE = "grids of other kinds are resampled to an image first, for instance by ParaView's filter Resample To Image"
 
 
@@ -58,12 +58,12 @@ def read_vtk(path: Path, time: int | None, component: int | None, *, has_spacing
     pieces = _pieces(path)
     if pieces:
         part = _assembled(path, pieces, component, host)
-        values = part.values
     else:
         part = _read_part(path, component, host)
         values = allocate_voxels(host, part.values.shape, part.values.dtype)
         values[...] = part.values
-    return Image(values, part.world_from_index, choice_notes("c", (len(part.names),), None, component, part.names))
+        part = replace(part, values=values)
+    return Image(part.values, part.world_from_index, choice_notes("c", (len(part.names),), None, component, part.names))
 
 
 @dataclass(frozen=True)
@@ -91,62 +91,49 @@ def _read_part(path: Path, component: int | None, host: Host, extent: tuple[int,
     array, channel = components[select_index("component", component, len(components))]
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    stored = vtk_to_numpy(array)
-    check_dtype(stored.dtype)
-    check_size(shape, stored.dtype)
-    if array.GetNumberOfTuples() != int(np.prod(shape, dtype=object)):
-        raise _damaged(f"{array.GetNumberOfTuples()} values of {short_text(array.GetName())}")
-    values = (stored if stored.ndim == 1 else stored[:, channel]).reshape(shape[::-1])
+    stored = vtk_to_numpy(array).reshape(*shape[::-1], array.GetNumberOfComponents())
     first = tuple(image.GetExtent()[::2])
-    return _Part(values, names, is_cells, first, _world_from_index(image, is_cells=is_cells))
+    return _Part(stored[..., channel], names, is_cells, first, _world_from_index(image, is_cells=is_cells))
 
 
-def _assembled(path: Path, pieces: list[_Piece], component: int | None, host: Host) -> _Part:
+def _assembled(path: Path, pieces: list[tuple[Path, tuple[int, ...]]], component: int | None, host: Host) -> _Part:
     """Return the image that pieces make up; raises InputError for voxels in none, and for pieces that do not fit."""
     whole = _extent(re.search(r"<PImageData\b[^<>]*", _start(path)), "WholeExtent")
-    values, first, is_there = None, None, np.zeros(0, bool)
-    for piece in pieces:
-        host.begin_file(piece.file)
-        with errors_about(piece.file):
-            part = _read_part(piece.file, component, host, piece.extent)
-            if values is None or first is None:
-                lengths = np.subtract(whole[1::2], whole[::2]) + (not part.is_cells)
-                shape = tuple(np.maximum(lengths, 1)[::-1].tolist())
-                first, values, is_there = part, allocate_voxels(host, shape, part.values.dtype), np.zeros(shape, bool)
+    made, is_there = None, np.zeros(0, bool)
+    for file, extent in pieces:
+        host.begin_file(file)
+        with errors_about(file):
+            part = _read_part(file, component, host, extent)
+            if made is None:
+                shape = tuple(max(whole[k + 1] - whole[k] + (not part.is_cells), 1) for k in (4, 2, 0))
+                values, is_there = allocate_voxels(host, shape, part.values.dtype), np.zeros(shape, bool)
+                world_from_index = part.world_from_index.copy()
+                world_from_index[:3, 3] += world_from_index[:3, :3] @ np.subtract(whole[::2], part.first)
+                made = replace(part, values=values, world_from_index=world_from_index)
             begins = np.subtract(part.first, whole[::2])[::-1]
             place = tuple(slice(at, at + n) for at, n in zip(begins, part.values.shape, strict=True))
-            is_inside = min(begins) >= 0 and values[place].shape == part.values.shape
-            is_alike = (part.values.dtype, part.names, part.is_cells) == (values.dtype, first.names, first.is_cells)
-            has_same_steps = np.allclose(part.world_from_index[:3, :3], first.world_from_index[:3, :3])
+            is_inside = min(begins) >= 0 and made.values[place].shape == part.values.shape
+            is_alike = (part.values.dtype, part.names, part.is_cells) == (made.values.dtype, made.names, made.is_cells)
+            has_same_steps = np.allclose(part.world_from_index[:3, :3], made.world_from_index[:3, :3])
             if not (is_inside and is_alike and has_same_steps):
                 raise InputError(
                     "this piece does not fit the others of its image",
                     expected="the arrays and the spacing of the first piece, and a place inside the whole extent",
                 )
-            values[place], is_there[place] = part.values, True
-    assert values is not None and first is not None, "called without pieces"
+            made.values[place], is_there[place] = part.values, True
+    assert made is not None, "called without pieces"
     if not is_there.all():
         raise _damaged(f"pieces without {np.count_nonzero(~is_there)} of {is_there.size} voxels")
-    world_from_index = first.world_from_index.copy()
-    world_from_index[:3, 3] += world_from_index[:3, :3] @ np.subtract(whole[::2], first.first)
-    return replace(first, values=values, world_from_index=world_from_index)
-
-
-@dataclass(frozen=True)
-class _Piece:
-    """A piece of a parallel image: its file, and the part of the image that is to be taken from it."""
-
-    file: Path
-    extent: tuple[int, ...]
+    return made
 
 
 def piece_files(path: Path) -> list[Path]:
     """Return the files of the pieces that a parallel image names; none for other files."""
-    return [piece.file for piece in _pieces(path)]
+    return [file for file, _ in _pieces(path)]
 
 
-def _pieces(path: Path) -> list[_Piece]:
-    """Return the pieces that a parallel image names; none for other files.
+def _pieces(path: Path) -> list[tuple[Path, tuple[int, ...]]]:
+    """Return the files of pieces that a parallel image names, and the extent of each; none for other files.
 
     Raises InputError for a piece that is not there, or not in the folder of the image.
     """
@@ -154,17 +141,16 @@ def _pieces(path: Path) -> list[_Piece]:
     if _kind(text) != "PImageData":
         return []
     pieces, folder = [], os.path.realpath(path.parent)
-    tags = list(itertools.islice(re.finditer(r"<Piece\b[^<>]*", text), _MAX_PIECES + 1))
-    if len(tags) > _MAX_PIECES:
-        raise InputError("this image has too many pieces", expected=f"at most {_MAX_PIECES}")
-    for piece in tags:
-        source = _value(piece, "Source")
-        file = path.parent / html.unescape(source)
-        if not source or "\0" in str(file) or not Path(os.path.realpath(file)).is_relative_to(folder):
+    for piece in re.finditer(r"<Piece\b[^<>]*", text):
+        source = html.unescape(_value(piece, "Source"))
+        file = path.parent / source
+        if not source or "\0" in source or not Path(os.path.realpath(file)).is_relative_to(folder):
             raise InputError(
                 "a piece of this image is outside of its folder", got=short_text(source), expected="a file beside it"
             )
-        pieces.append(_Piece(require_exists(file), _extent(piece, "Extent")))
+        pieces.append((require_exists(file), _extent(piece, "Extent")))
+        if len(pieces) > _MAX_PIECES:
+            raise InputError("this image has too many pieces", expected=f"at most {_MAX_PIECES}")
     if not pieces:
         raise _damaged("no pieces")
     return pieces
@@ -192,9 +178,10 @@ def _start(path: Path) -> str:
 
 def _kind(start: str) -> str:
     """Return the kind of data that a file says it has; an empty text if it says none."""
-    lines = start.split("\n", 4) if start.startswith("# vtk") else []
-    pattern = r"DATASET\s+(\w+)" if lines else r"""<VTKFile\b[^<>]*\btype\s*=\s*["'](\w+)["']"""
-    found = re.search(pattern, "\n".join(lines[3:4]) if lines else start)
+    if start.startswith("# vtk"):  # and a line of any text
+        found = re.search(r"^\s*DATASET\s+(\w+)", start.split("\n", 2)[-1].upper(), re.MULTILINE)
+    else:
+        found = re.search(r"""<VTKFile\b[^<>]*\btype\s*=\s*["'](\w+)["']""", start)
     return found[1] if found else ""
 
 
@@ -210,42 +197,34 @@ def _read(path: Path, host: Host, extent: tuple[int, ...]) -> Any:
     """
     from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
 
-    start = _start(path)[:4096]
-    is_legacy, kind = start.startswith("# vtk"), _kind(start)
-    if kind in _OTHER_KINDS:
+    kind = _kind(_start(path)[:4096])
+    if kind not in _READERS:
         raise InputError(
             "this VTK file has a grid of another kind",
-            got=kind,
+            got=kind or "no word on its kind",
             expected="image data, or a rectilinear grid whose coordinates are even",
             hint=_RESAMPLE,
         )
-    reader: Any
-    if is_legacy:
-        from vtkmodules.vtkIOLegacy import vtkRectilinearGridReader, vtkStructuredPointsReader
-
-        reader = vtkRectilinearGridReader() if kind == "RECTILINEAR_GRID" else vtkStructuredPointsReader()
-        reader.ReadAllScalarsOn()
-        reader.ReadAllVectorsOn()
-        reader.ReadAllFieldsOn()
-    else:
-        from vtkmodules.vtkIOXML import vtkXMLImageDataReader, vtkXMLRectilinearGridReader
-
-        reader = vtkXMLRectilinearGridReader() if kind == "RectilinearGrid" else vtkXMLImageDataReader()
+    module, name = _READERS[kind]
+    reader = getattr(importlib.import_module(f"vtkmodules.{module}"), name)()
     reader.SetFileName(str(path))
-    errors: list[str] = []
-    reader.AddObserver("ErrorEvent", lambda *_: errors.append(""))
+    is_legacy = kind.isupper()
     window, before = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
     vtkOutputWindow.SetInstance(window)
     try:
-        if not is_legacy:  # which may be compressed
+        if is_legacy:
+            reader.ReadAllScalarsOn()
+            reader.ReadAllVectorsOn()
+            reader.ReadAllFieldsOn()
+        else:  # perhaps compressed
             reader.UpdateInformation()
             host.expect_bytes(min(_num_bytes(reader), _MAX_PACKING * path.stat().st_size))
         reader.UpdateExtent(extent) if extent else reader.Update()
     finally:
         vtkOutputWindow.SetInstance(before)
     image = reader.GetOutput()
-    # Of a truncated legacy file VTK only warns, and not its observers.
-    is_damaged = bool(errors) or reader.GetErrorCode() != 0 or "Error reading" in window.GetOutput()
+    # Of a truncated legacy file VTK only warns.
+    is_damaged = reader.GetErrorCode() != 0 or re.search("ERROR: In|Error reading", window.GetOutput())
     if is_damaged or image is None or image.GetDimensions() == (0, 0, 0):
         raise _damaged(None)
     if not is_legacy:
@@ -296,36 +275,30 @@ def _damaged(got: str | None) -> InputError:
 
 def _world_from_index(image: Any, *, is_cells: bool) -> Float64:
     """Return the affine, float64 [4, 4], of the first voxel of the image, which may be a part of a larger one."""
+    first = np.full(3, 0.5 if is_cells else 0.0)
     if image.IsA("vtkRectilinearGrid"):
-        places = _even_coordinates(image)
-        world_from_index = affine([step for _, step in places], [at for at, _ in places], np.eye(3))
-        first = np.full(3, 0.5 if is_cells else 0.0)
+        coordinates = (image.GetXCoordinates(), image.GetYCoordinates(), image.GetZCoordinates())
+        origin, spacing = zip(*map(_even_steps, coordinates, "xyz"), strict=True)
+        world_from_index = affine(spacing, origin, np.eye(3))
     else:
         matrix = image.GetDirectionMatrix()
         direction = np.array([[matrix.GetElement(i, j) for j in range(3)] for i in range(3)])
         world_from_index = affine(image.GetSpacing(), image.GetOrigin(), direction)
-        first = np.array(image.GetExtent()[::2]) + (0.5 if is_cells else 0.0)
+        first += image.GetExtent()[::2]
     world_from_index[:3, 3] += world_from_index[:3, :3] @ first
     return world_from_index
 
 
-def _even_coordinates(grid: Any) -> list[tuple[float, float]]:
-    """Return the first coordinate and the step along each axis; raises InputError unless they are even."""
+def _even_steps(coordinates: Any, axis: str) -> tuple[float, float]:
+    """Return the first coordinate and the step along an axis of a grid; raises InputError unless they are even."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    places = []
-    for axis in "XYZ":
-        array = getattr(grid, f"Get{axis}Coordinates")()
-        coordinates = np.zeros(0) if array is None else vtk_to_numpy(array).ravel()
-        if len(coordinates) != grid.GetDimensions()["XYZ".index(axis)]:
-            raise _damaged(f"{len(coordinates)} coordinates along {axis.lower()}")
-        even = even_steps(coordinates)
-        if even is None:
-            raise InputError(
-                "the coordinates of this grid are not even",
-                got=f"those along {axis.lower()}",
-                expected="equal steps, as voxels have",
-                hint=_RESAMPLE,
-            )
-        places.append(even)
-    return places
+    even = even_steps(vtk_to_numpy(coordinates))
+    if even is None:
+        raise InputError(
+            "the coordinates of this grid are not even",
+            got=f"those along {axis}",
+            expected="equal steps, as voxels have",
+            hint=_RESAMPLE,
+        )
+    return even

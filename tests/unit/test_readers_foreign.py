@@ -11,7 +11,7 @@ import zipfile
 import numpy as np
 import pytest
 from PIL import Image
-from scipy.io import netcdf_file, savemat
+from scipy.io import savemat
 
 from renderer.readers import UnknownFormatError
 from tests.support.volume_files import ramp, read, refused, written
@@ -24,15 +24,6 @@ def of(write, *arguments, **options):
     out = io.BytesIO()
     write(out, *arguments, **options)
     return out.getvalue()
-
-
-def netcdf_3():
-    out = io.BytesIO()
-    with netcdf_file(out, "w") as file:
-        file.createDimension("x", 4)
-        file.createVariable("a", "f", ("x",))[:] = 1
-        file.flush()
-        return out.getvalue()
 
 
 def zip_of(name):
@@ -53,8 +44,8 @@ PICTURE = Image.fromarray(VALUES[0].astype(np.uint8))
 FOREIGN = [
     ("a.vdb", b" BDV" + bytes(60), "an OpenVDB grid", "numpy.save"),
     ("a.mat", of(savemat, {"v": VALUES}), "a MATLAB file of version 5", "-v7.3"),
-    ("a.nc", netcdf_3(), "netCDF of the classic kind", "nccopy -k netCDF-4 a.nc"),
-    ("a.mnc", netcdf_3(), "a MINC image", "mnc2nii a.mnc"),
+    ("a.nc", b"CDF\x01" + bytes(60), "netCDF of the classic kind", "nccopy -k netCDF-4 a.nc"),
+    ("a.mnc", b"CDF\x01" + bytes(60), "a MINC image", "mnc2nii a.mnc"),
     ("a.czi", b"ZISRAWFILE" + bytes(60), "a Zeiss CZI image", "bfconvert a.czi"),
     ("a.nd2", b"\xda\xce\xbe\x0a" + bytes(60), "a Nikon ND2 image", "bfconvert"),
     ("a.lif", b"p\0\0\0" + bytes(60), "an image of a microscope", "bfconvert"),

@@ -81,6 +81,21 @@ def test_even_coordinates_are_the_place(tmp_path):
     assert "volume in this file" in volume.note and "spacing" not in volume.note
 
 
+def test_axes_that_say_where_they_lie(tmp_path):
+    """An array [x, y, z] lies in the world as [z, y, x] does: x is x, by its name or by the attribute `axis`."""
+    steps = (np.arange(5) * 2.0 + 1, np.arange(4) * 3.0 + 2, np.arange(3) * 5.0 + 3)
+    expected = [[0, 0, 2, 1], [0, 3, 0, 2], [5, 0, 0, 3], [0, 0, 0, 1]]
+    for names in (("x", "y", "z"), ("lon", "lat", "level")):
+        dims = {name: (numbers, "m") for name, numbers in zip(names, steps, strict=True)}
+        path = save(tmp_path / "a.nc", VALUES.T, dims=dims)
+        with h5py.File(path, "r+") as file:
+            for name, axis in zip(names, "XYZ" if names[0] == "lon" else "", strict=False):
+                file[name].attrs["axis"] = axis
+        volume = read(path)
+        np.testing.assert_array_equal(volume.values, VALUES.T)
+        np.testing.assert_array_equal(volume.world_from_index, expected)
+
+
 def test_coordinates_of_other_units_are_told(tmp_path):
     numbers = [np.arange(n, dtype=np.float32) / 10 + 300 for n in VALUES.shape]
     units = (("level", "hPa"), ("lat", "degrees_north"), ("lon", "degrees_east"))
@@ -102,6 +117,24 @@ def test_packed_values_and_fill_values(tmp_path, monkeypatch):
     np.testing.assert_array_equal(image.values, (VALUES * 0.5 + 10).astype(np.float32))
     assert image.values.dtype == np.float32
     assert image.nodata == ((-489.5, -489.5), (7.5, 7.5))
+
+
+def test_stored_numbers_without_a_sign(tmp_path):
+    values = ramp("uint8")
+    volume = read(save(tmp_path / "a.nc", values.view(np.int8), _Unsigned="true", _FillValue=np.int8(-1)))
+    np.testing.assert_array_equal(volume.values, np.where(values == 255, np.nan, values))
+    path = save(tmp_path / "a.nc", values.view(np.int8), _Unsigned="true", scale_factor=0.5, add_offset=10.0)
+    np.testing.assert_array_equal(read(path).values, values * 0.5 + 10)
+    np.testing.assert_array_equal(read(save(path, values.view(np.int8))).values, values.view(np.int8))
+
+
+@pytest.mark.parametrize("scale", [0.5, -0.5])
+@pytest.mark.parametrize("names", [{"valid_range": np.int16([3, 50])}, {"valid_min": 3, "valid_max": 50}])
+def test_what_is_not_valid_is_no_data(tmp_path, names, scale):
+    stored = np.where((VALUES >= 3) & (VALUES <= 50), VALUES, np.nan)
+    np.testing.assert_array_equal(read(save(tmp_path / "a.nc", **names)).values, stored)
+    path = save(tmp_path / "a.nc", scale_factor=scale, add_offset=1.0, **names)
+    np.testing.assert_array_equal(read(path).values, stored * scale + 1)
 
 
 def test_the_fill_value_of_unwritten_parts_is_no_data(tmp_path, monkeypatch):

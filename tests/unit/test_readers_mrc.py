@@ -21,6 +21,7 @@ def mrc(values, order="<", *, mode=2, grid=None, cell=None, angles=(90, 90, 90),
     cell = sizes if cell is None else cell
     numbers = (*sizes, mode, *more.get("start", (0, 0, 0)), *(grid or sizes))
     struct.pack_into(f"{order}10i6f3i", header, 0, *numbers, *cell, *angles, *axes)
+    struct.pack_into(f"{order}f", header, 80, more.get("largest", 0))
     struct.pack_into(f"{order}2i", header, 88, more.get("group", 1), len(extension))
     struct.pack_into(f"{order}2i", header, 152, *more.get("imod", (0, 0)))
     struct.pack_into(f"{order}3f", header, 196, *more.get("origin", (0, 0, 0)))
@@ -43,6 +44,16 @@ def test_bytes_of_imod_have_no_sign_unless_a_flag_says_so(tmp_path):
     np.testing.assert_array_equal(read(path).values, values)
     written(path, mrc(values, mode=0, imod=(IMOD, 17)))
     np.testing.assert_array_equal(read(path).values, values.view(np.int8))
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_bytes_of_older_files_have_no_sign_if_the_largest_needs_none(tmp_path, order):
+    """Byte order and sign are not marked, and the mode is 0 in either order."""
+    values = ramp("uint8")
+    path = written(tmp_path / "a.mrc", mrc(values, order, mode=0, largest=255, mark=bytes(8)))
+    np.testing.assert_array_equal(read(path).values, values)
+    wrong = mrc(values, order, mode=0, largest=127, mark=b"MAP " + (b"\x11\x11" if order == "<" else b"\x44\x44") * 2)
+    np.testing.assert_array_equal(read(written(path, wrong)).values, values.view(np.int8))
 
 
 @pytest.mark.parametrize("name", ["a.mrc", "a.mrc.gz"])
