@@ -81,7 +81,7 @@ FOREIGN = [
     ("a.HEAD", b"type = string-attribute\n", "an AFNI dataset", "3dAFNItoNIFTI a.HEAD"),
     ("a.mif", b"mrtrix image\ndim: 4,4,4\n", "an MRtrix image", "mrconvert a.mif"),
     ("a.dcm.gz", gzip.compress(bytes(128) + b"DICM" + bytes(60)), "a file of DICOM, compressed by gzip", "gunzip"),
-    ("a.nrrd.gz", gzip.compress(b"NRRD0004\ntype: short\n"), "a file of NRRD, compressed by gzip", "gunzip a.nrrd.gz"),
+    ("a.nrrd.gz", gzip.compress(b"NRRD0004\ntype: short\n", mtime=0), "a file of NRRD, compressed by gzip", "gunzip a.nrrd.gz"),
     ("a.raw.gz", gzip.compress(bytes(60)), "a file of unknown content, compressed by gzip", "gunzip a.raw.gz"),
 ]  # fmt: skip
 
