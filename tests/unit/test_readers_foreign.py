@@ -33,6 +33,10 @@ def zip_of(name):
     return out.getvalue()
 
 
+def _packed(data: bytes) -> bytes:
+    return gzip.compress(data, mtime=0)  # without the time, which would be in the names of tests
+
+
 def tar_of(name):
     out = io.BytesIO()
     with tarfile.open(fileobj=out, mode="w") as archive:
@@ -55,7 +59,7 @@ FOREIGN = [
     ("a.7z", b"7z\xbc\xaf\x27\x1c" + bytes(60), "a 7z archive", "unpack it"),
     ("a.rar", b"Rar!\x1a\x07\x01\0", "a rar archive", "unpack it"),
     ("a.tar", tar_of("a.dcm"), "a tar archive", "unpack it"),
-    ("a.tar.gz", gzip.compress(tar_of("a.dcm")), "a tar archive", "unpack it"),
+    ("a.tar.gz", _packed(tar_of("a.dcm")), "a tar archive", "unpack it"),
     ("a.nii.gz", b"version https://git-lfs.github.com/spec/v1\noid", "a pointer of git-lfs", "git lfs pull"),
     ("a.nii.gz", b"<!DOCTYPE html><html><body>404", "a web page", "download the file again"),
     ("a.nrrd", b"\n<html><head>", "a web page", "download the file again"),
@@ -80,9 +84,9 @@ FOREIGN = [
     ("a.dx", b"object 1 class gridpositions counts 2 2 2\n", "an OpenDX grid", "MRC"),
     ("a.HEAD", b"type = string-attribute\n", "an AFNI dataset", "3dAFNItoNIFTI a.HEAD"),
     ("a.mif", b"mrtrix image\ndim: 4,4,4\n", "an MRtrix image", "mrconvert a.mif"),
-    ("a.dcm.gz", gzip.compress(bytes(128) + b"DICM" + bytes(60)), "a file of DICOM, compressed by gzip", "gunzip"),
-    ("a.nrrd.gz", gzip.compress(b"NRRD0004\ntype: short\n", mtime=0), "a file of NRRD, compressed by gzip", "gunzip a.nrrd.gz"),
-    ("a.raw.gz", gzip.compress(bytes(60)), "a file of unknown content, compressed by gzip", "gunzip a.raw.gz"),
+    ("a.dcm.gz", _packed(bytes(128) + b"DICM" + bytes(60)), "a file of DICOM, compressed by gzip", "gunzip"),
+    ("a.nrrd.gz", _packed(b"NRRD0004\ntype: short\n"), "a file of NRRD, compressed by gzip", "gunzip a.nrrd.gz"),
+    ("a.raw.gz", _packed(bytes(60)), "a file of unknown content, compressed by gzip", "gunzip a.raw.gz"),
 ]  # fmt: skip
 
 
