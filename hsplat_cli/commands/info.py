@@ -82,6 +82,7 @@ def _facts(volume: Volume, statistics: Statistics, suggestion: Suggestion) -> di
         "dtype": volume.values.dtype.name,
         "bytes": volume.values.nbytes,
         "stays_in_file": volume.source is not None,
+        "without_data": volume.num_absent,
         "spacing": spacing.tolist(),
         "replaced_spacing": volume.file_spacing and list(volume.file_spacing),
         "world_size": (spacing * volume.shape_xyz).tolist(),
