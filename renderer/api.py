@@ -172,7 +172,7 @@ def suggest_scene(
     tolerance: the error that is allowed, 0.05 by default. A smaller one is more exact and slower; 0 draws every voxel.
     output: the file that `render` writes; film.mp4 by default.
 
-    Returns the scene. Voxels that are NaN or infinite are hidden where a transfer function is suggested.
+    Returns the scene. Voxels that are NaN, infinite or have a fill value are left out.
     Raises InputError for an array or a file that is no volume, SceneError for parameters that cannot be in a scene.
 
     Example

@@ -196,7 +196,11 @@ def _far_values(distinct: Float64, counts: Int64, known: Sequence[float]) -> dic
             continue
         half_range = float(others[-1] / 2 - others[0] / 2)
         gaps = [others[0] / 2 - distinct[0] / 2] * first + [distinct[-1] / 2 - others[-1] / 2] * last
-        least = np.where(distinct[outer] < 0, _MIN_NEGATIVE_DISTANCE, _MIN_DISTANCE) * half_range
-        if half_range > 0 and (np.array(gaps) > least).all():
-            return dict(zip(distinct[outer].tolist(), 2 * least, strict=True))
+        # Of Python's numbers, whose products may be infinite.
+        least = {
+            value: (_MIN_NEGATIVE_DISTANCE if value < 0 else _MIN_DISTANCE) * half_range
+            for value in distinct[outer].tolist()
+        }
+        if half_range > 0 and all(gap > distance for gap, distance in zip(gaps, least.values(), strict=True)):
+            return {value: 2 * distance for value, distance in least.items()}
     return {}
