@@ -25,7 +25,7 @@ _SCALE = 16.0
 def fill_absent(field: Float64, filled: Float64) -> bool:
     """Write the inside of a field [n + 2, n + 2, n + 2] to `filled` [n, n, n], continued into voxels without data.
 
-    What has no neighbour with data stays NaN. Return whether all data.
+    What has no neighbour with data stays NaN. Return whether all voxels inside have data.
     """
     is_whole = True
     for z in range(filled.shape[0]):
