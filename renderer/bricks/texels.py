@@ -139,19 +139,21 @@ def _fill_scalars(
         if has_absent:
             mark_absent_texels(around, margin + 1, bits[i, :, :, :, 0])
         if world_from_gradient is not None and has_absent:
-            _fill_gradients(around, raw.shape, cells[i], world_from_gradient, scale, gradients)
+            _fill_gradients(around, raw.shape, cells[i], world_from_gradient, scale, gradients, True)
             continue_gradients(gradients, texels[i, :, :, :, 1:])
         elif world_from_gradient is not None:
-            _fill_gradients(field, raw.shape, cells[i], world_from_gradient, scale, texels[i, :, :, :, 1:])
+            _fill_gradients(field, raw.shape, cells[i], world_from_gradient, scale, texels[i, :, :, :, 1:], None)
 
 
 @jit
 def _fill_gradients(
-    field: Float64, shape: tuple[int, int, int], cell: Int32, m: Float64, scale: float, gradients: Array
-) -> None:
+    field: Float64, shape: tuple[int, int, int], cell: Int32, m: Float64, scale: float, gradients: Array,
+    gaps: bool | None,
+) -> None:  # fmt: skip
     """Write the gradients of a brick, which `m` takes to the world, to [n, n, n, 3]; NaN without data.
 
-    field: the scalars, [n + 2, n + 2, n + 2].
+    field: the scalars, [n + 2, n + 2, n + 2]. gaps: None where all voxels have data; the loop compiled for that takes
+    half of the time.
     """
     side = gradients.shape[0]
     nearest, weights = np.empty((3, side), np.int64), np.empty((3, side))
@@ -167,9 +169,9 @@ def _fill_gradients(
             row = gradients[t, u]
             for x in range(side):
                 here = field[z + 1, y + 1, x + 1]
-                gx = _difference(field[z + 1, y + 1, x], here, field[z + 1, y + 1, x + 2], scale, weights[0, x])
-                gy = _difference(field[z + 1, y, x + 1], here, field[z + 1, y + 2, x + 1], scale, weights[1, u])
-                gz = _difference(field[z, y + 1, x + 1], here, field[z + 2, y + 1, x + 1], scale, weights[2, t])
+                gx = _difference(field[z + 1, y + 1, x], here, field[z + 1, y + 1, x + 2], scale, weights[0, x], gaps)
+                gy = _difference(field[z + 1, y, x + 1], here, field[z + 1, y + 2, x + 1], scale, weights[1, u], gaps)
+                gz = _difference(field[z, y + 1, x + 1], here, field[z + 2, y + 1, x + 1], scale, weights[2, t], gaps)
                 row[x, 0] = m[0, 0] * gx + m[0, 1] * gy + m[0, 2] * gz
                 row[x, 1] = m[1, 0] * gx + m[1, 1] * gy + m[1, 2] * gz
                 row[x, 2] = m[2, 0] * gx + m[2, 1] * gy + m[2, 2] * gz
@@ -179,14 +181,15 @@ def _fill_gradients(
 
 
 @inline
-def _difference(before: float, here: float, after: float, scale: float, weight: float) -> float:
+def _difference(before: float, here: float, after: float, scale: float, weight: float, gaps: bool | None) -> float:
     """Return a difference times its weight, one-sided beside a voxel without data; NaN in one."""
-    if math.isnan(here):
-        return here
-    if math.isnan(before):
-        before, weight = here, 1.0
-    if math.isnan(after):
-        after, weight = here, 1.0
+    if gaps is not None:
+        if math.isnan(here):
+            return here
+        if math.isnan(before):
+            before, weight = here, 1.0
+        if math.isnan(after):
+            after, weight = here, 1.0
     return (after * scale - before * scale) * weight
 
 
