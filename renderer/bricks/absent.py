@@ -13,10 +13,9 @@ import math
 
 import numpy as np
 
-from renderer.bricks.layout import HALO, PADDED_BRICK_SIZE
+from renderer.bricks.layout import PADDED_BRICK_SIZE
 from renderer.compiled import jit
-from renderer.transfer import one_sided
-from renderer.volume import Array, Float32, Float64, Int32
+from renderer.volume import Array, Float32, Float64
 
 # Means of up to twelve numbers do not overflow.
 _SCALE = 16.0
@@ -26,7 +25,7 @@ _SCALE = 16.0
 def fill_absent(field: Float64, filled: Float64) -> bool:
     """Write the inside of a field [n + 2, n + 2, n + 2] to `filled` [n, n, n], continued into voxels without data.
 
-    What has no neighbour with data stays NaN. Return whether all data.
+    What has no neighbour with data stays NaN. Return whether all voxels inside have data.
     """
     is_whole = True
     for z in range(filled.shape[0]):
@@ -66,37 +65,10 @@ def mark_absent_texels(field: Float64, margin: int, bits: Array) -> None:
 
 
 @jit
-def fill_gradients_beside_absent(
-    field: Float64, shape: tuple[int, int, int], first: Int32, m: Float64, scale: float, texels: Float32
-) -> None:
-    """Write gradients, which `m` takes to the world, to texels [18, 18, 18, 1:], continued into voxels without data.
-
-    field: [22, 22, 22], with two voxels around the texels. first: the voxel (x, y, z) of the first texel.
-    """
-    side = PADDED_BRICK_SIZE + 2 * HALO
-    gradients, filled = np.empty((3, side, side, side)), np.empty((side - 2, side - 2, side - 2))
-    at, step, difference = np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3)
-    for place in np.ndindex((side, side, side)):
-        for axis in range(3):  # of the nearest voxel
-            start = first[axis] - HALO
-            at[axis] = min(max(start + place[2 - axis], 0), shape[2 - axis] - 1) - start + HALO
-        here = field[at[2], at[1], at[0]]
-        for axis in range(3):
-            step[:] = 0
-            step[axis] = 1
-            voxel = at[axis] + first[axis] - 2 * HALO
-            before, after, low, high = one_sided(
-                field[at[2] - step[2], at[1] - step[1], at[0] - step[0]] if voxel > 0 else np.nan, here,
-                field[at[2] + step[2], at[1] + step[1], at[0] + step[0]] if voxel < shape[2 - axis] - 1 else np.nan,
-                -1, 0, 1,
-            )  # fmt: skip
-            difference[axis] = (after * scale - before * scale) / max(high - low, 1)
-        for axis in range(3):
-            row = m[axis]
-            gradients[axis, place[0], place[1], place[2]] = (
-                row[0] * difference[0] + row[1] * difference[1] + row[2] * difference[2]
-            )
+def continue_gradients(gradients: Float64, texels: Float32) -> None:
+    """Write gradients [20, 20, 20, 3] to texels [18, 18, 18, 3], continued into voxels without data; else 0."""
+    filled = np.empty(texels.shape[:3])
     for axis in range(3):
-        fill_absent(gradients[axis], filled)
+        fill_absent(gradients[..., axis], filled)
         for z, y, x in np.ndindex(filled.shape):
-            texels[z, y, x, 1 + axis] = filled[z, y, x] if not math.isnan(filled[z, y, x]) else 0.0
+            texels[z, y, x, axis] = filled[z, y, x] if not math.isnan(filled[z, y, x]) else 0.0

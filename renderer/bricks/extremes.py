@@ -16,6 +16,7 @@ from renderer.bricks.bricks import Bricks
 from renderer.bricks.layout import PADDED_BRICK_SIZE, fill_padded
 from renderer.bricks.pixel_grid import screen_sampling_at
 from renderer.bricks.sampling import BrickBatch, Extremes
+from renderer.bricks.subvoxel import range_of
 from renderer.compiled import ThreadPool, jit
 from renderer.scene import ModeSpec
 from renderer.transfer import RawVoxels, raw_voxels
@@ -85,7 +86,4 @@ def _measure_ranges(raw: RawVoxels, scalars: Float64 | None, cells: Int32, has_a
     field = np.empty((side, side, side))
     for i in range(len(cells)):
         fill_padded(raw, scalars, cells[i], field)
-        if has_absent:
-            ranges[i, 0], ranges[i, 1] = np.nanmin(field), np.nanmax(field)
-        else:
-            ranges[i, 0], ranges[i, 1] = field.min(), field.max()
+        ranges[i, 0], ranges[i, 1] = range_of(field)

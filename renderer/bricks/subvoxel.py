@@ -173,16 +173,13 @@ def measure_voxel_bricks(
             is_whole = fill_absent(around, low)
         else:
             fill_padded(raw, scalars, bricks[i], low)
-        least, most = _range(low) if is_whole else _range_of_data(low)
+        least, most = range_of(low)
         if not least <= most:
             continue
         first = _num_at_or_below(values, scale * least, 0)
-        is_varying = _num_at_or_below(values, scale * most, first) > first or rows[first, 6:].any()
+        is_varying = not is_whole or _num_at_or_below(values, scale * most, first) > first or rows[first, 6:].any()
         is_visible = is_range_visible(breakpoints, least, most)
-        if not is_whole:
-            _to_dual_cell_ranges_of_data(low, high, nums)
-            is_varying = True
-        elif is_varying or is_visible:
+        if is_varying or is_visible:
             _to_dual_cell_ranges(low, high, nums)
         if is_visible:
             _find_visible_bounds(low, high, nums, breakpoints, bounds[z, y, x])
@@ -194,23 +191,14 @@ def measure_voxel_bricks(
 
 
 @jit
-def _range(field: Float64) -> tuple[float, float]:
-    """Return the smallest and the largest number of a field [z, y, x]."""
+def range_of(field: Float64) -> tuple[float, float]:
+    """Return the smallest and the largest number of a field [z, y, x]; infinity and minus infinity if all are NaN."""
     least, most = np.inf, -np.inf
     for z in range(field.shape[0]):
         for y in range(field.shape[1]):
             for x in range(field.shape[2]):
+                # NaN, being neither smaller nor larger, does not count as the second of two.
                 least, most = min(least, field[z, y, x]), max(most, field[z, y, x])
-    return least, most
-
-
-@jit
-def _range_of_data(field: Float64) -> tuple[float, float]:
-    """Return what `_range` does where some numbers are NaN; infinity and minus infinity where all are."""
-    least, most = np.inf, -np.inf
-    for value in field.flat:
-        if not math.isnan(value):
-            least, most = min(least, value), max(most, value)
     return least, most
 
 
@@ -236,12 +224,15 @@ def _find_visible_bounds(
 
 @jit
 def _to_dual_cell_ranges(low: Float64, high: Float64, nums: tuple[int, int, int]) -> None:
-    """Turn scalars at voxel centres, in `low`, into the smallest and the largest of dual cells [nums + 1]."""
+    """Turn scalars at voxel centres, in `low`, into the smallest and the largest of dual cells [nums + 1].
+
+    NaN do not count, as in `range_of`.
+    """
     for z in range(nums[0] + 2):
         for y in range(nums[1] + 2):
             for x in range(nums[2] + 1):
                 here, there = low[z, y, x], low[z, y, x + 1]
-                low[z, y, x], high[z, y, x] = min(here, there), max(here, there)
+                low[z, y, x], high[z, y, x] = min(np.inf, here, there), max(-np.inf, here, there)
     for z in range(nums[0] + 2):
         for y in range(nums[1] + 1):
             for x in range(nums[2] + 1):
@@ -252,20 +243,6 @@ def _to_dual_cell_ranges(low: Float64, high: Float64, nums: tuple[int, int, int]
             for x in range(nums[2] + 1):
                 low[z, y, x] = min(low[z, y, x], low[z + 1, y, x])
                 high[z, y, x] = max(high[z, y, x], high[z + 1, y, x])
-
-
-@jit
-def _to_dual_cell_ranges_of_data(low: Float64, high: Float64, nums: tuple[int, int, int]) -> None:
-    """Do what `_to_dual_cell_ranges` does where some scalars are NaN; cells of nothing else have empty ranges."""
-    negative, largest = np.empty_like(low), np.empty_like(low)
-    for z, y, x in np.ndindex(low.shape):
-        is_there = not math.isnan(low[z, y, x])
-        negative[z, y, x] = -low[z, y, x] if is_there else np.inf
-        low[z, y, x] = low[z, y, x] if is_there else np.inf
-    _to_dual_cell_ranges(low, largest, nums)
-    _to_dual_cell_ranges(negative, largest, nums)
-    for z, y, x in np.ndindex(low.shape):
-        high[z, y, x] = -negative[z, y, x]
 
 
 @jit

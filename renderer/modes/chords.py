@@ -25,9 +25,9 @@ def chord_lengths(volume: Volume, view: View, threads: ThreadPool) -> Float32:
     if rays.cuts is not None:
         kept, removed = np.concatenate([kept, rays.cuts.slabs]), rays.cuts.boxes
     rays = rays._replace(cuts=None)
+    absent = volume.are_absent if volume.num_absent else None
 
     def work(first: int, end: int) -> None:
-        absent = volume.are_absent if volume.num_absent else None
         _measure_chords(rays, kept, removed, absent, volume.half_diagonal, first, lengths[first:end])
 
     threads.for_ranges(work, *rows_per_thread(lengths))

@@ -23,7 +23,7 @@ class Mean(Projection):
         self._low_share, self._width_share = self.share_of(low), self.share_of(high) - self.share_of(low)
         self._depth_per_length = 1.0 / (2.0 * self.volume.half_diagonal)
         # From the error of the depth of a ray as long as the mean chord to one of a share of the colour range.
-        self.tolerance_factor = min(1.0, 1.0 / self._width_share) * self._mean_chord * self._depth_per_length
+        self.tolerance_factor = self._mean_chord * self._depth_per_length / max(1.0, self._width_share)
         return ramp(low, high, (0.0, self._depth_per_length))
 
     @property

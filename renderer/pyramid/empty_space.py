@@ -54,12 +54,11 @@ def _test_by_range(raw: RawVoxels, breakpoints: Float64, starts: UInt64, extents
         visible[g] = not math.isnan(first) and is_range_visible(breakpoints, first, first)
         if visible[g]:
             continue
-        low, high = np.inf, -np.inf  # of data
+        low, high = np.inf, -np.inf
         for z in range(z0, z0 + extents[g, 2]):
             for y in range(y0, y0 + extents[g, 1]):
                 for x in range(x0, x0 + extents[g, 0]):
                     value = float(raw[z, y, x])
-                    low = min(low, value)
-                    high = max(high, value)
+                    low, high = min(low, value), max(high, value)  # of a second number NaN, the first
         visible[g] = low <= high and is_range_visible(breakpoints, low, high)
     return visible

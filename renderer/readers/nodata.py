@@ -1,6 +1,6 @@
 """Find the voxels that have no data, and mark them by NaN.
 
-That are NaN and infinities, what the scene or the file says, and *fill values*: numbers far from all others that many
+They have NaN and infinities, what the scene or the file says, and *fill values*: numbers far from all others that many
 voxels have. Voxels of an integer type become floats that hold all of its numbers where any of them has no data.
 """
 
@@ -54,9 +54,8 @@ def mark_absent(
     if nodata == "none":
         _require_finite(values, file, first_xyz)
         return values, 0, None
-    is_auto = nodata == "auto"
     points = _find_fill_values(values, file) if nodata == "auto" else nodata
-    ranges = [*(declared if is_auto else ()), *((point, point) for point in points)]
+    ranges = [*(declared if nodata == "auto" else ()), *((point, point) for point in points)]
     if values.dtype.kind != "f" and not ranges:
         return values, 0, None
     nums = np.zeros(len(ranges) + 1, np.int64)  # in each range, and of NaN and infinities
@@ -66,16 +65,16 @@ def mark_absent(
         return values, 0, None
     num_absent = sum(np.count_nonzero(_are_absent(slab, ranges)) for slab in iter_slabs(values, file))
     if num_absent == values.size:
-        hint = None if nums[-1] == values.size else "`nodata: none` draws all that are finite"
+        hint = None if nums[-1] else "`nodata: none` draws them"
         raise InputError("no voxel has data", got=_words(ranges, nums), expected="finite values", hint=hint)
     note = f"{num_absent} of {counted(values.size, 'voxel')} have no data: {_words(ranges, nums)}"
-    if is_auto and not nums[-1]:
+    if nodata == "auto" and not nums[-1]:
         note += "; `nodata: none` draws them"
     return _with_nan(values, ranges), int(num_absent), note
 
 
 def _words(ranges: Ranges, nums: Array) -> str:
-    """Return what the voxels without data have."""
+    """Return the values that voxels without data have, in words."""
     words = [
         f"{low:.7g}" if low == high else f"{low:.7g} to {high:.7g}"
         for (low, high), num in zip(ranges, nums[:-1], strict=True)
@@ -129,8 +128,10 @@ def _are_absent(values: Array, ranges: Ranges) -> Bools:
 def _with_nan(values: Array, ranges: Ranges) -> Array:
     """Return the values as floats, with NaN where they are absent; a copy unless they may be written to."""
     dtype, marked = np.promote_types(values.dtype, np.float16), values
-    if values.dtype.kind in "iu" and all(max(-int(part.min()), int(part.max())) < _FLOAT32_INTEGERS for part in values):
-        dtype = min(dtype, np.dtype(np.float32))
+    if values.dtype.kind in "iu" and dtype == np.float64:
+        data = (plane[~_are_absent(plane, ranges)] for plane in values)
+        if all(max(-int(some.min(initial=0)), int(some.max(initial=0))) < _FLOAT32_INTEGERS for some in data):
+            dtype = np.dtype(np.float32)
     if dtype != values.dtype or not values.flags.writeable:
         check_memory(values.size * dtype.itemsize)
         marked = np.empty(values.shape, dtype)
@@ -154,13 +155,14 @@ def _find_fill_values(values: Array, file: MappedFile | None) -> tuple[float, ..
     distinct, counts = np.unique(sample, return_counts=True)
     found = _usual_values(distinct, counts)
     distances = found | _far_values(distinct, counts, list(found))
-    nums, nums_near = dict.fromkeys(distances, 0), dict.fromkeys(distances, 0)  # itself among what is as near
+    nums, nums_near = dict.fromkeys(distances, 0), dict.fromkeys(distances, 0)
     for slab in _finite_slabs(values, file) if distances else ():
+        others = slab[~np.isin(slab, list(distances))]  # two fill values may lie side by side
         for value, distance in distances.items():
             nums[value] += np.count_nonzero(slab == value)
-            nums_near[value] += np.count_nonzero(np.abs(slab / 2 - value / 2) < distance / 2)
+            nums_near[value] += np.count_nonzero(np.abs(others / 2 - value / 2) < distance / 2)
     most = {value: _OUTERMOST * values.size * (value in found) for value in distances}
-    return tuple(sorted(value for value, num in nums.items() if num > 1 and nums_near[value] - num <= most[value]))
+    return tuple(sorted(value for value, num in nums.items() if num > 1 and nums_near[value] <= most[value]))
 
 
 def _finite_slabs(values: Array, file: MappedFile | None) -> Iterator[Array]:

@@ -160,10 +160,11 @@ def sample_volume(volume: Volume, statistics: Statistics, fill: float = 0.0) -> 
     def sampled(dy: int, dx: int) -> Array:
         return np.asarray(values[np.ix_(z, np.clip(y + dy, 0, ny - 1), np.clip(x + dx, 0, nx - 1))])
 
-    own, is_within = normalized(sampled(0, 0)), are_within(sampled(0, 0))
+    here = sampled(0, 0)
+    own, is_within = normalized(here), are_within(here)
     neighbours = np.stack([normalized(sampled(*step)) for step in ((0, -1), (0, 1), (-1, 0), (1, 0))])
     # Isolated voxels leave no hole.
-    is_isolated = ~is_within & ~np.isnan(sampled(0, 0))
+    is_isolated = ~is_within & ~np.isnan(here)
     own[is_isolated] = np.median(neighbours[:, is_isolated], axis=0)
     side_x, side_y, side_z = volume.spacing.tolist()
     sample = VoxelSample(

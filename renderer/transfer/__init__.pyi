@@ -5,7 +5,6 @@ from .classify import (
     classify_voxel as classify_voxel,
     lambert_factor as lambert_factor,
     make_classifier as make_classifier,
-    one_sided as one_sided,
     raw_voxels as raw_voxels,
     scalar_at as scalar_at,
     toward_light as toward_light,

@@ -141,7 +141,7 @@ def scalar_at(raw: RawVoxels, by_pattern: Any, z: int, y: int, x: int) -> Any:
 
 
 @jit
-def one_sided(
+def _one_sided(
     before: float, here: float, after: float, first: int, at: int, last: int
 ) -> tuple[float, float, int, int]:
     """Return the ends of a difference, values and places, with the voxel itself in place of neighbours without data."""
@@ -165,9 +165,9 @@ def _lighting_factor(raw: RawVoxels, scalars: Float64 | None, lighting: VoxelLig
     y_low, y_high = scalar_at(raw, scalars, z, y0, x), scalar_at(raw, scalars, z, y1, x)
     z_low, z_high = scalar_at(raw, scalars, z0, y, x), scalar_at(raw, scalars, z1, y, x)
     here = scalar_at(raw, scalars, z, y, x)
-    x_low, x_high, x0, x1 = one_sided(x_low, here, x_high, x0, x, x1)
-    y_low, y_high, y0, y1 = one_sided(y_low, here, y_high, y0, y, y1)
-    z_low, z_high, z0, z1 = one_sided(z_low, here, z_high, z0, z, z1)
+    x_low, x_high, x0, x1 = _one_sided(x_low, here, x_high, x0, x, x1)
+    y_low, y_high, y0, y1 = _one_sided(y_low, here, y_high, y0, y, y1)
+    z_low, z_high, z0, z1 = _one_sided(z_low, here, z_high, z0, z, z1)
     # Only the direction counts. Differences of halves do not overflow. Where they are small, the full differences do
     # not overflow either, and halves would round denormals.
     gx, gy, gz = 0.5 * x_high - 0.5 * x_low, 0.5 * y_high - 0.5 * y_low, 0.5 * z_high - 0.5 * z_low

@@ -55,9 +55,9 @@ def distance_to_plane(cell: int, origin: float, direction: float) -> float:
 
 @inline
 def _voxel_term(values: Any, x: int, y: int, z: int, axis: int, scale: float) -> float:
-    """Return a voxel's value, or for an axis from 0 to 2 the central difference at it along that axis; both scaled.
-
+    """Return a voxel's value, or for an axis from 0 to 2 the central difference at it along that axis; both scaled;
     NaN without data.
+
     Differences are one-sided at the border and beside voxels without data, and 0 along an axis of one voxel.
     """
     if axis < 0 or math.isnan(values[z, y, x]):

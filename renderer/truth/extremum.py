@@ -110,7 +110,7 @@ def _largest(cubic: Cubic) -> tuple[float, float]:
 def _largest_of_data(cubic: Cubic, absent: int, entry: Vector, extent: Vector, splits: Float64) -> tuple[float, float]:
     """Return the largest value of a cubic in [0, 1] where the nearest voxel has data, and where it is first.
 
-    It is minus infinity where no voxel on the way has data. Other parameters as of `renderer.truth.absent`.
+    It is minus infinity where no voxel on the way has data. Other parameters as in `renderer.truth.cells`.
     """
     best, place, start = -math.inf, 0.0, 0.0
     count = add_middles(entry, extent, splits, 0)

@@ -111,6 +111,14 @@ def test_pictures_are_as_exact_as_those_of_other_volumes(look: str, values: Arra
     assert decibels(picture, ray) > least
 
 
+@pytest.mark.parametrize("look", ["lambert", "gloss", "gradients"])
+def test_single_voxels_without_data_take_gradients_from_their_neighbours(look: str) -> None:
+    values = field(17, 20, 22) + np.random.default_rng(0).normal(0, 0.5, (17, 20, 22)).astype(np.float32)
+    values[1::3, 1::3, 1::3] = np.nan
+    stage = stage_of(volume_of(values), look)
+    assert decibels(drawn(stage), exact(stage)) > 62  # found: 73, 65, 75; with differences across them 53, 50, 53
+
+
 def test_exact_rays_are_sums_over_the_octants_with_data() -> None:
     """A Riemann sum whose field is written down here once more, voxel by voxel."""
     values = with_holes(0.3)[:7, :6, :8].astype(float)

@@ -107,6 +107,13 @@ def test_exact_rays_are_those_of_a_constant_volume(mode: str, affine: str) -> No
         np.testing.assert_allclose(image[is_met][:, 0], wanted.reshape(SIZE[::-1])[is_met], atol=1e-7)
 
 
+def test_the_mean_of_a_constant_beside_whose_colour_there_is_no_other_number() -> None:
+    points = [{"value": -2, "color": "black"}, {"value": 2, "color": "white"}]
+    scene = scene_of("mean", transfer_function={"points": points})
+    image = exact(stage_of(placed(np.ones((5, 6, 7)), AFFINES["oblique"]), scene))
+    np.testing.assert_allclose(image[image[..., 3] > 0][:, 0], 0.75, atol=1e-7)
+
+
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_exact_rays_are_those_of_dense_samples(camera: str) -> None:
     noisy = placed(noise((6, 5, 7)), AFFINES["oblique"])

@@ -65,6 +65,18 @@ def test_fill_values_of_integers_make_floats_that_hold_all_others(fill: int) -> 
     )
 
 
+def test_fill_values_side_by_side() -> None:
+    values = filled(np.clip(KINDS["microscopy"][0], 0, 1000), SLAB, -32768, "i2")
+    values[CORNER] = -32767
+    np.testing.assert_array_equal(np.isnan(read(values).values), SLAB | CORNER)
+
+
+def test_wide_integers_become_the_same_floats_whatever_their_fill_value() -> None:
+    values = np.clip(KINDS["microscopy"][0], 0, 1000)
+    one, other = (read(filled(values, SLAB, fill, "i4")) for fill in (-9999, -(2**31)))
+    assert (one.values.dtype, one.fingerprint) == (np.float32, other.fingerprint)
+
+
 def test_two_fill_values_and_nan() -> None:
     values = filled(KINDS["signed"][0], SLAB, -9999)
     values[CORNER], values[0, 0, 0], values[20, 20, 20] = 1e20, np.nan, np.inf

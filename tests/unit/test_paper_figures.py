@@ -17,7 +17,7 @@ from hsplat_cli.studies.paper import footprints, levels, octrees, one_splat, opa
 from hsplat_cli.studies.paper.figure import Claim
 from renderer.draw import GLRasterizer, Rasterizer
 from renderer.pyramid import cut_pyramid
-from renderer.scene import Scene, load_scene
+from renderer.scene import ArraySource, Scene, load_scene
 from renderer.splats import SplatBatch
 from renderer.view import View
 from tests.support.machines import WithoutUploads
@@ -181,6 +181,17 @@ def test_every_cell_is_counted_once_in_total(figure_renderer: FigureRenderer) ->
             counts = octrees._cells_in_blocks(cut, variation.shape)
             assert counts.sum() == pytest.approx(len(cut))
             assert (counts[variation >= 0] > 0).all()
+
+
+def test_voxels_without_data_vary_as_transparent_ones(figure_renderer: FigureRenderer) -> None:
+    values = np.random.default_rng(0).choice(np.array([np.nan, 0.0, 255.0], np.float32), (24, 24, 24))
+    found = []
+    for shown in (values, np.nan_to_num(values)):
+        volume = replace(scene("5_octrees.yaml", STAND_IN).volume, source=ArraySource(shown))
+        with figure_renderer.open_stage(replace(scene("5_octrees.yaml", STAND_IN), volume=volume)) as stage:
+            found.append(octrees._variation_of_blocks(stage))
+    np.testing.assert_array_equal(*found)
+    assert (found[0] > 0).all()
 
 
 def test_octrees_that_refine_elsewhere_are_not_confirmed() -> None:

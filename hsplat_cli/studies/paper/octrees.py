@@ -151,7 +151,8 @@ def _variation_of_blocks(stage: FigureStage) -> Float64:
     shape = tuple(-(-num // side) for num in volume.values.shape)
     variation = np.full(shape, -1.0)
     for z in range(shape[0]):  # a slab of blocks at a time bounds the float64 temporaries
-        opacity = -np.expm1(-spacing * transfer.classify(volume.values[z * side : (z + 1) * side])[1])
+        extinctions = transfer.classify(volume.values[z * side : (z + 1) * side])[1]
+        opacity = -np.expm1(-spacing * np.nan_to_num(extinctions))  # 0 without data
         for y, x in np.ndindex(shape[1:]):
             block = opacity[:, y * side : (y + 1) * side, x * side : (x + 1) * side]
             if block.any():

@@ -61,7 +61,7 @@ from renderer.draw.cpu.sample import (
     Table,
     cell_at,
     classify,
-    depth_of_data,
+    extinction_of_data,
     light_factor,
     opacity_of_depth,
     sample_gradient,
@@ -369,7 +369,7 @@ def _march(
                 if not any_of(active & (scalar >= table.lowest_visible)):
                     continue
                 tau, r, g, b = classify(table, scalar)
-                tau = depth_of_data(tau, texels, optics, here, (x, y, z), (step_x, step_y, step_z))
+                tau = extinction_of_data(tau, texels, optics, here, (x, y, z), (step_x, step_y, step_z))
             visible = active & (tau > _0)
             if not any_of(visible):
                 continue

@@ -195,7 +195,7 @@ def interpolate(numbers: Float32, at: Any, shares: Any, strides: tuple[int, int]
 
 
 @inline
-def depth_of_data(tau: Any, texels: Float32, optics: Optics, here: Any, first: Any, step: Any) -> Any:
+def extinction_of_data(tau: Any, texels: Float32, optics: Optics, here: Any, first: Any, step: Any) -> Any:
     """Return the extinctions of samples times the shares of the segments around them that have data, by _NUM_PARTS
     points. here, first, step: as `cell_at` takes them."""
     if not optics.has_absent:
