@@ -101,7 +101,7 @@ def _format_by_bytes(path: Path) -> Format | None:
         return found
     if _MRC_STAMP.match(content, _MRC_MARK_AT) or (path.suffix.lower() in _MRC_SUFFIXES and _has_sizes_of_mrc(content)):
         return "mrc"
-    return "nifti" if content[:4] in NIFTI_STARTS else None
+    return "nifti" if content[:4] in NIFTI_STARTS and not _begins_like_dicom(content) else None
 
 
 def _format_by_signature(start: bytes) -> Format | None:

@@ -25,7 +25,13 @@ from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.slice_names import sort_slices
 from renderer.readers.sniff import TIFF_SUFFIXES
 from renderer.readers.text_header import NUMBER
-from renderer.readers.tiff_description import Page, num_planes_by_description, page_layout, page_places
+from renderer.readers.tiff_description import (
+    Page,
+    num_planes_by_description,
+    page_layout,
+    page_places,
+    pages_of_first_image,
+)
 from renderer.readers.tiff_spacing import find_spacing
 from renderer.scene import short_text
 from renderer.volume import Array, Float64
@@ -51,7 +57,8 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
             "this is the description of an OME-TIFF in several files, which has no pixels itself",
             hint="render the first of the .tif files beside it",
         )
-    with _open_pages(path) as pages:
+    with _open_pages(path) as every_page:
+        pages, note_on_images = pages_of_first_image(every_page)
         first = pages[0]
         slices = _slices(pages, first)
         num_planes = len(slices) if len(slices) > 1 else _num_contiguous(first, path)
@@ -73,7 +80,7 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
         nodata = _nodata(first)
     num_left_out = len(pages) - len(slices)
     note = f"{num_left_out} smaller previews among the pages are left out" if num_left_out else None
-    return Image(values, world_from_index, (note, note_on_lengths, layout.note, *notes), nodata)
+    return Image(values, world_from_index, (note_on_images, note, note_on_lengths, layout.note, *notes), nodata)
 
 
 def _slices(pages: list[Page], first: Page) -> list[Page]:

@@ -19,6 +19,8 @@ from renderer.readers.text_header import NUMBER
 _MAX_COUNT = 2**31 - 1
 _MAX_PLANES = 2**20
 _SHOWN_CHARACTERS = 40
+# Of ImageJ, side by side. tifffile writes more where it is not told that the first axis of a stack is z.
+_MAX_CHANNELS = 7
 
 _PIXELS = re.compile(r"<(?:\w+:)?Pixels\b[^<>]*>")
 
@@ -83,14 +85,7 @@ def page_layout(page: Page, num_pages: int) -> Layout:
     """
     description, plane = page.description, "YX"
     if is_ome(description):
-        pixels = ome_pixels(description)
-        order = attribute(pixels, "DimensionOrder") or ""
-        axes = order[:1:-1] if order[:2] == "XY" and sorted(order[2:]) == ["C", "T", "Z"] else "TZC"
-        sizes = {f"Size{axis}": attribute(pixels, f"Size{axis}") for axis in axes}
-        counts = [int(number("1" if text is None else text, name, least=1)) for name, text in sizes.items()]
-        channels = axes.index("C")
-        if counts[channels] % page.samplesperpixel == 0:
-            counts[channels] //= page.samplesperpixel
+        axes, counts = _ome_axes(page)
         if len({file for _, file, _ in _tiff_data(description)}) > 1 and math.prod(counts) <= _MAX_PLANES:
             num_pages = math.prod(counts)
     elif is_imagej(description):
@@ -99,6 +94,9 @@ def page_layout(page: Page, num_pages: int) -> Layout:
         images, slices = (_line(description, key) for key in ("images", "slices"))
         from_images = images // (frames * channels) if images else num_pages
         counts = [frames, slices or from_images, channels]
+        if channels == num_pages > _MAX_CHANNELS and slices is None:
+            plain = "the file calls its planes channels, more than ImageJ has; they are taken for slices"
+            return Layout("Z", (num_pages,), note=plain)
     elif page.is_lsm:
         fields, axes = page.parent.lsm_metadata, "MPTZ"
         names = ("DimensionM", "DimensionP", "DimensionTime", "DimensionZ")
@@ -115,6 +113,28 @@ def page_layout(page: Page, num_pages: int) -> Layout:
             hint="save it again as a plain stack, all slices in one file",
         )
     return _named(axes, counts, plane)
+
+
+def _ome_axes(page: Page) -> tuple[str, list[int]]:
+    """Return the axes of pages by OME's first image, and the length of each."""
+    pixels = ome_pixels(page.description)
+    order = attribute(pixels, "DimensionOrder") or ""
+    axes = order[:1:-1] if order[:2] == "XY" and sorted(order[2:]) == ["C", "T", "Z"] else "TZC"
+    sizes = {f"Size{axis}": attribute(pixels, f"Size{axis}") for axis in axes}
+    counts = [int(number("1" if text is None else text, name, least=1)) for name, text in sizes.items()]
+    channels = axes.index("C")
+    if counts[channels] % page.samplesperpixel == 0:
+        counts[channels] //= page.samplesperpixel
+    return axes, counts
+
+
+def pages_of_first_image(pages: list[Page]) -> tuple[list[Page], str | None]:
+    """Return the pages of the first of several images of OME, and a note on the others; else all pages."""
+    first = pages[0]
+    num_images = len(_PIXELS.findall(first.description)) if is_ome(first.description) else 1
+    if num_images < 2 or len({file for _, file, _ in _tiff_data(first.description)}) > 1:
+        return pages, None
+    return pages[: math.prod(_ome_axes(first)[1])], f"the first of {num_images} images in this file is read"
 
 
 def _shape(fields: dict[str, Any]) -> list[int]:

@@ -89,7 +89,7 @@ def _given_spacing(first: Any) -> list[float | None]:
     is_said = bool(unit) and not is_screen
     if is_imagej(description) and (is_said or (tag == 1 and sizes not in ([1, 1], [None, None]))):
         # ImageJ writes no line for slices 1 unit apart, and none for a single one.
-        is_left_out = re.search(r"^(images|slices)=", description, re.M) and "\nspacing=" not in description
+        is_left_out = re.search(r"^(images|slices)=(?!1\s*$)", description, re.M) and "\nspacing=" not in description
         description += "\nspacing=1" * bool(is_left_out)
     if is_said or re.search(r"^spacing=", description, re.M):
         return _imagej_spacing(description, sizes, tag)

@@ -68,8 +68,8 @@ def suggest_for(volume: VolumeSpec, read: Callable[[VolumeSpec], Volume], *, wis
 _MAX_OUTLYING_LABEL = 2**16
 # The opacity of a constant volume: a ray along the diagonal is covered by about two thirds.
 _CONSTANT_OPACITY = 0.02
-# That of one that has a shape, by voxels without data.
-_MASK_OPACITY = 0.06
+# One that has a shape, by voxels without data, is this deep to light, as a cube of its size.
+_MASK_DEPTH = 3.0
 
 
 def suggest(volume: Volume, statistics: Statistics, wish: Wish = NO_WISH) -> Suggestion:
@@ -101,11 +101,13 @@ def _are_far_labels(volume: Volume, statistics: Statistics) -> bool:
 
 
 def _constant_suggestion(volume: Volume, value: float) -> Suggestion:
-    unit = opacity_unit_length(float(np.linalg.norm(volume.spacing * volume.shape_xyz)))
+    diagonal = float(np.linalg.norm(volume.spacing * volume.shape_xyz))
+    unit, opacity = opacity_unit_length(diagonal), _CONSTANT_OPACITY
     kind, reason = "constant volume", f"every voxel is {format_number(value)}, so that there is nothing to tell apart"
     if volume.num_absent:
         kind, reason = "mask", f"every voxel with data is {format_number(value)}"
-    opacity = _MASK_OPACITY if volume.num_absent else _CONSTANT_OPACITY
+        side = float(np.cbrt(np.prod(volume.spacing) * (volume.values.size - volume.num_absent)))
+        opacity = opacity_from_depth(_MASK_DEPTH * diagonal / 100 / side, diagonal)
     point = ControlPoint(value, (1.0, 0.93, 0.80), opacity)
     return Suggestion(kind, reason, TransferSpec((point,), unit), ("",), None)
 

@@ -175,6 +175,16 @@ def test_nan_make_a_mask(value: float) -> None:
     assert suggest(volume, compute_statistics(volume.values)).kind == "mask"
 
 
+@pytest.mark.parametrize("side", [1, 4, N])
+def test_a_mask_of_any_size_holds_back_most_light(side: int) -> None:
+    values = np.full((2 * N, 2 * N, 2 * N), np.nan)
+    values[5 : 5 + side, 5 : 5 + side, 5 : 5 + side] = 2.0
+    volume = read(values)
+    transfer = suggest(volume, compute_statistics(volume.values)).transfer
+    assert isinstance(transfer.mapping, tuple) and transfer.unit is not None
+    assert (1 - transfer.mapping[0].opacity) ** (side / transfer.unit) == pytest.approx(np.exp(-3), rel=0.05)
+
+
 def test_statistics_are_of_data_alone() -> None:
     values = filled(KINDS["microscopy"][0], TUBE, np.nan, "f8")
     found, alone = compute_statistics(values), compute_statistics(values[~TUBE])

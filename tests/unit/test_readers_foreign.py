@@ -85,6 +85,7 @@ FOREIGN = [
     ("a.HEAD", b"type = string-attribute\n", "an AFNI dataset", "3dAFNItoNIFTI a.HEAD"),
     ("a.mif", b"mrtrix image\ndim: 4,4,4\n", "an MRtrix image", "mrconvert a.mif"),
     ("a.dcm.gz", _packed(bytes(128) + b"DICM" + bytes(60)), "a file of DICOM, compressed by gzip", "gunzip"),
+    ("b.dcm.gz", _packed(b"\x5c\x01" + bytes(126) + b"DICM" + bytes(300)), "a file of DICOM, compressed", "gunzip"),
     ("a.nrrd.gz", _packed(b"NRRD0004\ntype: short\n"), "a file of NRRD, compressed by gzip", "gunzip a.nrrd.gz"),
     ("a.raw.gz", _packed(bytes(60)), "a file of unknown content, compressed by gzip", "gunzip a.raw.gz"),
 ]  # fmt: skip

@@ -68,6 +68,35 @@ def test_resolutions_of_screens_are_no_lengths(tmp_path, tag, per_unit, expected
     assert volume.note == note
 
 
+def test_a_slice_of_imagej_does_not_say_how_far_the_next_one_is(tmp_path):
+    for k, plane in enumerate(STACK[0, 0]):
+        tifffile.imwrite(tmp_path / f"{k}.tif", plane, imagej=True, resolution=(2, 2), metadata={"unit": "mm"})
+    volume = read(tmp_path)
+    np.testing.assert_allclose(volume.spacing, 0.5)
+    assert volume.note == ALONG_Z
+
+
+def test_a_stack_of_imagej_whose_planes_are_called_channels(tmp_path):
+    """As tifffile writes it where it is not told the axes."""
+    stack = ramp("uint16", (8, 5, 6))
+    tifffile.imwrite(tmp_path / "a.tif", stack, imagej=True, resolution=(4, 4), metadata={"spacing": 2, "unit": "um"})
+    volume = read(tmp_path / "a.tif")
+    np.testing.assert_array_equal(volume.values, stack)
+    np.testing.assert_allclose(volume.spacing, (0.25, 0.25, 2))
+    assert volume.note == "the file calls its planes channels, more than ImageJ has; they are taken for slices"
+
+
+def test_ome_of_several_images_is_its_first(tmp_path):
+    with tifffile.TiffWriter(tmp_path / "a.ome.tif") as file:
+        file.write(STACK[0, 0], metadata={"axes": "ZYX"}, **GRAY)
+        file.write(STACK[0, :, :2, :3, :3], metadata={"axes": "CZYX"}, **GRAY)
+        file.write(STACK[0, 0] + 1, metadata={"axes": "ZYX"}, **GRAY)
+    volume = read(tmp_path / "a.ome.tif")
+    np.testing.assert_array_equal(volume.values, STACK[0, 0])
+    assert volume.note is not None
+    assert volume.note.startswith("the first of 3 images in this file is read; ")
+
+
 def test_ome_without_a_size_along_z(tmp_path):
     description = (
         '<OME><Pixels DimensionOrder="XYZCT" SizeZ="3" SizeC="1" SizeT="1" PhysicalSizeX="0.1" PhysicalSizeY="0.2"/>'
