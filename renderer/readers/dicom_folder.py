@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import filecmp
 import itertools
 import re
 from collections import defaultdict
@@ -20,6 +21,9 @@ _MAX_NEIGHBOURS = 1000
 # Unnamed images that do not fit are left out beside at least this many times as many that do.
 FEW = 8
 
+# Files that agree in these may be copies: some programs give all slices one UID.
+_IDENTITY = ("SOPInstanceUID", "InstanceNumber", "ImagePositionPatient")
+
 
 def find_series(folder: Path) -> tuple[list[Path], dict[str, list[Path]]]:
     """Return the files of the only series of images in a folder, and others by their kind, which are left out.
@@ -30,11 +34,17 @@ def find_series(folder: Path) -> tuple[list[Path], dict[str, list[Path]]]:
     descriptions: dict[str, str] = {}
     left_out: dict[str, list[Path]] = defaultdict(list)
     without_image: dict[str, list[Path]] = defaultdict(list)
+    known: dict[tuple[str, ...], Path] = {}
     for path in sorted(folder.iterdir()):
         if path.name.startswith(".") or path.is_dir():
             continue
         dataset = open_dicom(path)[0] if is_dicom(path) else {}
         uid = text_of([dataset], "SeriesInstanceUID") or text_of([dataset], "SeriesNumber")
+        identity = tuple(text_of([dataset], name) for name in _IDENTITY)
+        first = known.setdefault(identity, path) if any(identity) else path
+        if first != path and filecmp.cmp(first, path, shallow=False):
+            left_out["duplicate"].append(path)
+            continue
         if "Rows" in dataset:
             images[_kind_of_image(dataset)][uid].append(path)
             descriptions.setdefault(uid, text_of([dataset], "SeriesDescription") or uid)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -160,6 +161,15 @@ def test_series_without_a_uid_are_told_apart_by_their_number(tmp_path: Path) -> 
         image(tmp_path / f"{k}.dcm", np.full((4, 5), k), ["0", "0", f"{k}"], **fields)
     error = refused(tmp_path, match="this folder holds 2 DICOM series")
     assert error.got == '"1", 3 files from 0.dcm; "2", 3 files from 1.dcm'
+
+
+def test_copies_of_slices_are_left_out(tmp_path: Path) -> None:
+    for k in range(4):
+        image(tmp_path / f"{k}.dcm", np.full((4, 5), k), ["0", "0", str(k)], InstanceNumber=k)
+    shutil.copy(tmp_path / "2.dcm", tmp_path / "2 (1).dcm")
+    volume = read(tmp_path)
+    np.testing.assert_array_equal(volume.values[:, 0, 0], range(4))
+    assert volume.note == "left out of this series: 1 duplicate (2.dcm)"
 
 
 def test_localizers_alone_are_no_volume(tmp_path: Path) -> None:
