@@ -148,7 +148,7 @@ def test_strays_are_left_out(
 def test_several_strays_are_counted(tmp_path: Path) -> None:
     values = stack(tmp_path)
     for k in range(2):
-        image(tmp_path / f"scout{k}.dcm", np.zeros((4, 5)), ["0", "9", "9"], **SCOUT)
+        image(tmp_path / f"scout{k}.dcm", np.full((4, 5), k), ["0", "9", "9"], **SCOUT)
     image(tmp_path / "x.dcm", np.zeros((4, 5)), None, **SCREEN)
     volume = read(tmp_path)
     np.testing.assert_array_equal(volume.values, values)
