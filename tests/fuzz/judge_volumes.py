@@ -40,6 +40,8 @@ from renderer.volume import Volume
 MAX_SECONDS = 10
 MAX_BYTES = 2**30
 _CHILD_SECONDS, _CHILD_BYTES = 3, 2**28
+# What a fork takes of its own while it waits for a child process.
+_FORK_BYTES = 2**26
 _FEW_SECONDS = 3
 _NUM_COPIES = 4
 # A fork that waits instead of working ends after this many seconds; one that takes as much memory gets no more.
@@ -196,7 +198,9 @@ def _read_in_fork(case: Case, folder: Path, path: Path, *, in_child: bool) -> _R
     _, status, usage = os.wait4(pid, 0)
     found = {key: value for line in lines for key, value in json.loads(line).items()}
     is_apart = in_child and "is_foreign" in found
-    num_bytes = max(0, 1024 * usage.ru_maxrss - (0 if is_apart else baseline))
+    num_bytes = max(0, 1024 * usage.ru_maxrss - baseline)
+    if is_apart and num_bytes > _FORK_BYTES:  # the child process, which has nothing of this one; a fork shares it all
+        num_bytes += baseline
     seconds = usage.ru_utime + usage.ru_stime
     return _Result(os.waitstatus_to_exitcode(status), seconds, num_bytes, is_apart, found)
 
@@ -278,9 +282,8 @@ def _spec(base: Base, path: Path) -> VolumeSpec:
     return VolumeSpec(base.source(path.parent) or FileSource(path), **base.choice)
 
 
-@cache
 def _baseline() -> int:
-    """Return the peak memory of a fork that does nothing."""
+    """Return the peak memory of a fork that does nothing, now: this process may have grown."""
     pid = os.fork()
     if pid == 0:
         os._exit(0)
