@@ -23,7 +23,7 @@ _DIRECTIONS = "DiffusionGradientDirectionSequence"
 
 
 class Dimension(NamedTuple):
-    """What differs between frames at one place.
+    """A dimension in which frames at one place differ, such as time.
 
     name: keywords of its fields, with `and` between them. axis: `t` for times and the like, `c` for others.
     is_order: it says which frame came first, and perhaps nothing else.

@@ -198,14 +198,14 @@ class _Axis(NamedTuple):
 
     @property
     def letter(self) -> str:
-        """What it is, as in `chosen_part`; time has a name of time, or a unit such as `days since 2000`."""
+        """Return its letter in `chosen_part`: time has a name of time, or a unit such as `days since 2000`."""
         name = self.name.lower()
         return "t" if name in _TIMES or " since " in self.unit else "c" if name in _COMPONENTS else "s"
 
     @property
     def way(self) -> str:
-        """The axis of the world along which it lies, by the conventions of netCDF or its name: x, y or z; or another
-        text."""
+        """Return the axis of the world along which it lies, by the conventions of netCDF or its name: x, y or z; or
+        another text."""
         return (_text(self.coordinates, "axis") or self.name).lower()
 
 

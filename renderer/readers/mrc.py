@@ -70,7 +70,7 @@ def read_mrc(path: Path, time: int | None, component: int | None) -> Image:
 def _cell(angles: Array) -> Float64:
     """Return unit vectors along the axes of a cell, float64 [3, 3], of which the first is x and the second in x, y.
 
-    angles: between y and z, z and x, x and y, in degrees; 0 stands for 90. What is no cell becomes NaN.
+    angles: between y and z, z and x, x and y, in degrees; 0 stands for 90. Angles that no cell has give NaN.
     """
     with np.errstate(all="ignore"):  # check_axes refuses what is not finite
         alpha, beta, gamma = np.cos(np.radians(np.where(angles, angles, 90.0), dtype=np.float64)).round(12)

@@ -30,7 +30,7 @@ Page = Any
 
 @dataclass(frozen=True)
 class Layout:
-    """What the pages are.
+    """A layout of the pages: which times, slices and components they are.
 
     axes: of the pages from slowest to fastest: `T`, `Z`, `C`, or `-` for one of which the first item is drawn.
     counts: the length of each.

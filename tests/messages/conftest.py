@@ -52,7 +52,7 @@ output: {file: film.mp4, size: [32, 32]}
 
 @pytest.fixture(autouse=True)
 def _compiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Say what is said after the first run, whether or not this is one."""
+    """Leave out what is only said on a first run, so that messages do not depend on it."""
     monkeypatch.setattr("renderer.compiled.has_cached_kernels", lambda: True)
 
 
