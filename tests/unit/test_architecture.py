@@ -22,6 +22,7 @@ ORDER = {
     "renderer": [
         "system",
         "compiled",
+        "kernels",
         "volume",
         "looks",
         "scene",

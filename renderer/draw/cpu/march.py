@@ -110,30 +110,6 @@ class Spans(NamedTuple):
 
 
 @jit
-def bin_bricks(tile_windows: Int64, num_columns: int, num_rows: int) -> tuple[Int64, Int64]:
-    """Return `starts` and `numbers` as in TileBins.
-
-    tile_windows: int64 [n, 4], the tiles under each brick, half-open. num_columns, num_rows: of tiles.
-    """
-    starts = np.zeros(num_columns * num_rows + 2, np.int64)
-    for i in range(len(tile_windows)):
-        left, top, right, bottom = tile_windows[i]
-        for row in range(top, bottom):
-            for column in range(left, right):
-                starts[row * num_columns + column + 2] += 1
-    starts = np.cumsum(starts)  # of tile k at k + 1
-    numbers = np.empty(starts[-1], np.int64)
-    for i in range(len(tile_windows)):
-        left, top, right, bottom = tile_windows[i]
-        for row in range(top, bottom):
-            for column in range(left, right):
-                tile = row * num_columns + column
-                numbers[starts[tile + 1]] = i
-                starts[tile + 1] += 1  # in the end, where the next tile's begin
-    return starts[:-1], numbers
-
-
-@jit
 def draw_tiles(
     bins: TileBins,
     stride: int,

@@ -23,10 +23,11 @@ from renderer.draw.brick_cache import Atlas, BrickCache, BrickView
 from renderer.draw.constants import RECTANGLE_ROUNDING_PX
 from renderer.draw.cpu.extremum import Search, draw_extremes
 from renderer.draw.cpu.light import make_light
-from renderer.draw.cpu.march import TileBins, bin_bricks, draw_tiles
+from renderer.draw.cpu.march import TileBins, draw_tiles
 from renderer.draw.cpu.sample import Field, Optics, make_table
 from renderer.draw.rasterizer import Rasterizer
 from renderer.draw.subsampling import grid_size, refine_grid, upsample
+from renderer.kernels import kernels
 from renderer.scene import ShadingSpec
 from renderer.splats import SplatBatch
 from renderer.transfer import toward_light
@@ -184,4 +185,10 @@ def _bin_bricks(rectangles_px: Float64, stride: int, shape: tuple[int, int]) -> 
     rectangles = np.clip(np.hstack([low, high]), 0, shape * 2).astype(np.int64)
     rectangles[(rectangles[:, :2] >= rectangles[:, 2:]).any(axis=1)] = 0
     tile_windows = np.hstack([rectangles[:, :2] // side, -(-rectangles[:, 2:] // side)])
-    return TileBins(side, rectangles, *bin_bricks(tile_windows, -(-shape[0] // side), -(-shape[1] // side)))
+    num_columns, num_rows = -(-shape[0] // side), -(-shape[1] // side)
+    starts = np.zeros(num_columns * num_rows + 2, np.int64)
+    numbers = np.empty(np.prod(tile_windows[:, 2:] - tile_windows[:, :2], axis=1).sum(), np.int64)
+    kernels().bin_bricks(
+        tile_windows=tile_windows, num_columns=num_columns, num_rows=num_rows, starts=starts, numbers=numbers
+    )
+    return TileBins(side, rectangles, starts[:-1], numbers)

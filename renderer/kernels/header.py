@@ -1,0 +1,150 @@
+"""Read what kernels take from `sources/kernels.h`, and lay it out in memory as C does."""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+# The number of a dtype in an AnyArray is its place here (`with_array` in arrays.h).
+DTYPES = tuple(np.dtype(name) for name in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8"))
+
+_NUMBERS = {
+    "bool": ("?", np.bool_), "uint8_t": ("B", np.uint8), "int8_t": ("b", np.int8), "uint16_t": ("H", np.uint16),
+    "int16_t": ("h", np.int16), "uint32_t": ("I", np.uint32), "int32_t": ("i", np.int32), "uint64_t": ("Q", np.uint64),
+    "int64_t": ("q", np.int64), "float": ("f", np.float32), "double": ("d", np.float64),
+}  # fmt: skip
+_STRUCT = re.compile(r"^struct (\w+) \{\n(.*?)^\};", re.DOTALL | re.MULTILINE)
+_KERNEL = re.compile(r"^KERNEL\((\w+), (\w+)\)", re.MULTILINE)
+_MEMBER = re.compile(r"([\w<>, ]+) (\w+)(?:\[(\d+)\])?;")
+_ARRAY = re.compile(r"Array<(const )?(\w+), (\d)>")
+_ANY_ARRAY = re.compile(r"AnyArray<(\d)>")
+_MAYBE = re.compile(r"Maybe<(.*)>")
+
+
+class Type:
+    """A type of a member: its layout, as a format of Python's `struct` without padding inside, and its numbers.
+
+    format: padding included. num_numbers: how many numbers it takes. alignment: in bytes.
+    """
+
+    def __init__(self, format: str, num_numbers: int, alignment: int) -> None:
+        self.format, self.num_numbers, self.alignment = format, num_numbers, alignment
+        self.size = struct.calcsize("=" + format)
+
+    def numbers(self, value: Any, keep: list[Any]) -> Iterator[Any]:
+        """Yield the numbers of a value, and append to `keep` what must live as long as they are used.
+
+        Raises TypeError or ValueError, which say what is wrong.
+        """
+        yield value
+
+
+class _Several(Type):
+    def __init__(self, one: str, dtype: type[Any], count: int) -> None:
+        super().__init__(one * count, count, struct.calcsize("=" + one))
+        self._dtype = dtype
+
+    def numbers(self, value: Any, keep: list[Any]) -> Iterator[Any]:
+        found = value if isinstance(value, tuple) else np.asarray(value, self._dtype).ravel().tolist()
+        if len(found) != self.num_numbers:
+            raise ValueError(f"{len(found)} numbers, expected {self.num_numbers}")
+        yield from found
+
+
+class _Array(Type):
+    """dtype: None for any of DTYPES, whose number then follows the shape."""
+
+    def __init__(self, dtype: Any, dimensions: int, *, is_written: bool) -> None:
+        super().__init__("q" * (1 + dimensions + (dtype is None)), 1 + dimensions + (dtype is None), 8)
+        self._dtype, self._dimensions, self._is_written = dtype, dimensions, is_written
+
+    def numbers(self, value: Any, keep: list[Any]) -> Iterator[Any]:
+        if not isinstance(value, np.ndarray):
+            raise TypeError(f"{type(value).__name__}, expected an array")
+        is_right = value.dtype in DTYPES if self._dtype is None else value.dtype == self._dtype
+        if not is_right or value.ndim != self._dimensions:
+            expected = f"{self._dtype or 'a number'} [{self._dimensions}]"
+            raise TypeError(f"{value.dtype} [{value.ndim}], expected {expected}")
+        flags = value.flags
+        if not (flags.c_contiguous and (flags.aligned or self._dtype is None)) or self._is_written > flags.writeable:
+            raise ValueError("not contiguous, not aligned, or read-only where the kernel writes")
+        keep.append(value)
+        yield value.__array_interface__["data"][0]
+        yield from value.shape
+        if self._dtype is None:
+            yield DTYPES.index(value.dtype)
+
+
+class _Maybe(Type):
+    def __init__(self, one: Type) -> None:
+        super().__init__("?" + "x" * (one.alignment - 1) + one.format, 1 + one.num_numbers, one.alignment)
+        self._one = one
+
+    def numbers(self, value: Any, keep: list[Any]) -> Iterator[Any]:
+        yield value is not None
+        yield from [0] * self._one.num_numbers if value is None else self._one.numbers(value, keep)
+
+
+class Struct(Type):
+    """A struct of kernels.h. members: by name, the offset and the type of each."""
+
+    def __init__(self, members: list[tuple[str, Type]]) -> None:
+        self.members: dict[str, tuple[int, Type]] = {}
+        format, size = "", 0
+        for name, one in members:
+            padding = -size % one.alignment
+            self.members[name] = size + padding, one
+            format, size = format + "x" * padding + one.format, size + padding + one.size
+        alignment = max((one.alignment for _, one in members), default=1)
+        format += "x" * (-size % alignment)
+        super().__init__(format, sum(one.num_numbers for _, one in members), alignment)
+
+    def numbers(self, value: Any, keep: list[Any]) -> Iterator[Any]:
+        for name, (_, one) in self.members.items():
+            try:
+                yield from one.numbers(getattr(value, name), keep)
+            except (TypeError, ValueError) as error:
+                raise type(error)(f"{name}: {error}") from None
+
+
+class Header:
+    """A table of the structs in the text of kernels.h, each of which is read when it is first needed."""
+
+    def __init__(self, text: str) -> None:
+        self._bodies = dict(_STRUCT.findall(text))
+        self._known: dict[str, Type] = {}
+        self.arguments: dict[str, str] = dict(_KERNEL.findall(text))
+
+    def struct_of(self, kernel: str) -> Struct:
+        """Return the struct that a kernel takes."""
+        found = self._type(self.arguments[kernel])
+        assert isinstance(found, Struct)
+        return found
+
+    def _type(self, name: str) -> Type:
+        if name not in self._known:
+            self._known[name] = self._read_type(name)
+        return self._known[name]
+
+    def _read_type(self, name: str) -> Type:
+        if name in _NUMBERS:
+            one, _ = _NUMBERS[name]
+            return Type(one, 1, struct.calcsize("=" + one))
+        if found := _ARRAY.fullmatch(name):
+            const, kind, dimensions = found.groups()
+            return _Array(np.dtype(_NUMBERS[kind][1]), int(dimensions), is_written=not const)
+        if found := _ANY_ARRAY.fullmatch(name):
+            return _Array(None, int(found[1]), is_written=False)
+        if found := _MAYBE.fullmatch(name):
+            return _Maybe(self._type(found[1]))
+        return Struct([self._read_member(line) for line in self._bodies[name].splitlines() if ";" in line])
+
+    def _read_member(self, line: str) -> tuple[str, Type]:
+        found = _MEMBER.fullmatch(line.partition("//")[0].strip())
+        assert found is not None, f"kernels.h: cannot read {line!r}"
+        kind, name, count = found.groups()
+        return name, _Several(*_NUMBERS[kind], int(count)) if count else self._type(kind)

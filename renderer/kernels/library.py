@@ -1,0 +1,72 @@
+"""Find the library of kernels for this processor, and load it only if it is what was built.
+
+A damaged library may end the process while it is loaded, so its digest is compared first.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import platform
+from functools import cache
+from pathlib import Path
+
+from renderer.errors import InputError, RenderError
+from renderer.kernels.build import BUILT, LEVELS, MANIFEST, sources_digest
+
+# Asks for a lower level of the processor than it has: for tests, and to compare machines.
+LEVEL_VARIABLE = "HSPLAT_PROCESSOR_LEVEL"
+_ROOT = Path(__file__).resolve().parents[2]
+
+
+@cache
+def processor_level() -> int:
+    """Return the level of the kernels that this process uses: of x86-64 1 to 4, 0 of other machines.
+
+    Raises InputError for a level in the environment that there is not, RenderError without a library.
+    """
+    offered = int(_load("processor").processor_level())
+    wanted = os.environ.get(LEVEL_VARIABLE, "")  # noqa: TID251  read once, before anything is drawn
+    if not wanted:
+        return offered
+    known = sorted(level for levels in LEVELS.values() for level in levels if level <= offered)
+    if wanted not in map(str, known):
+        raise InputError(
+            "this processor has no such level",
+            where=LEVEL_VARIABLE,
+            got=wanted,
+            expected=" or ".join(map(str, known)) + ", or not set",
+        )
+    return int(wanted)
+
+
+def num_lanes() -> int:
+    """Return how many rays kernels march in step: 16, 8 or 4."""
+    return next(levels[processor_level()][1] for levels in LEVELS.values() if processor_level() in levels)
+
+
+def load_library() -> ctypes.CDLL:
+    """Return the library of kernels for this processor. Raise RenderError where there is none, or it is damaged."""
+    return _load(f"kernels-{processor_level()}")
+
+
+def _load(name: str) -> ctypes.CDLL:
+    path = BUILT / f"{name}.so"
+    try:
+        sources, *lines = (BUILT / MANIFEST).read_text("ascii").splitlines()
+        if sources != sources_digest():
+            raise _unusable(path, "the compiled kernels are of other sources than these")
+        digest = hashlib.blake2b(path.read_bytes(), digest_size=16).hexdigest()
+        if f"{digest} {path.name}" not in lines:
+            raise _unusable(path, "the compiled kernels are damaged")
+        return ctypes.CDLL(str(path))
+    except (OSError, ValueError) as error:
+        what = f"the compiled kernels cannot be read ({getattr(error, 'strerror', None) or error})"
+        raise _unusable(path, what) from None
+
+
+def _unusable(path: Path, what: str) -> RenderError:
+    is_checkout = (_ROOT / "pyproject.toml").is_file()
+    command = "python -m renderer.kernels.build" if is_checkout else "pip install --force-reinstall hsplat"
+    return RenderError(what, where=str(path), got=f"machine {platform.machine()}", hint=f"`{command}` makes them again")

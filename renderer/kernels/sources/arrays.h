@@ -1,0 +1,119 @@
+// Arrays of numpy, as kernels take them: contiguous, in C order; and memory of a kernel's own.
+#pragma once
+#include <stdint.h>
+
+#define INLINE inline __attribute__((always_inline))
+
+// A kernel returns one of these; Python raises MemoryError or IndexError.
+enum Status : int32_t { DONE = 0, NO_MEMORY = 1, OUT_OF_BOUNDS = 2 };
+
+// `array(z, y, x)` is an element. A checked build traps where an index is out of bounds; others check nothing.
+template <class T, int DIMENSIONS>
+struct Array {
+    T* data;
+    int64_t shape[DIMENSIONS];
+
+    template <class... Index>
+    INLINE T& operator()(Index... index) const {
+        static_assert(sizeof...(Index) == DIMENSIONS);
+        int64_t place = 0;
+        int axis = 0;
+        ((place = place * shape[axis] + checked((int64_t)index, shape[axis]), axis++), ...);
+        return data[place];
+    }
+
+    // The array behind the first index: a row of a matrix, a plane of a volume.
+    INLINE Array<T, DIMENSIONS - 1> operator[](int64_t index) const
+        requires(DIMENSIONS > 1)
+    {
+        Array<T, DIMENSIONS - 1> rest;
+        int64_t size = 1;
+        for (int axis = 1; axis < DIMENSIONS; axis++) rest.shape[axis - 1] = shape[axis], size *= shape[axis];
+        rest.data = data + checked(index, shape[0]) * size;
+        return rest;
+    }
+
+    INLINE T& operator[](int64_t index) const
+        requires(DIMENSIONS == 1)
+    {
+        return data[checked(index, shape[0])];
+    }
+
+    INLINE int64_t size() const {
+        int64_t product = 1;
+        for (int64_t one : shape) product *= one;
+        return product;
+    }
+
+    static INLINE int64_t checked(int64_t index, [[maybe_unused]] int64_t end) {
+#ifdef CHECKED
+        if (index < 0 || index >= end) __builtin_trap();
+#endif
+        return index;
+    }
+};
+
+// Read-only, of any of the dtypes of `with_array`. dtype: its number there.
+template <int DIMENSIONS>
+struct AnyArray {
+    const void* data;
+    int64_t shape[DIMENSIONS];
+    int64_t dtype;
+};
+
+template <class T>
+struct Maybe {
+    bool exists;
+    T value;
+};
+
+// Call a generic lambda with the Array that an AnyArray is; the numbers are those of DTYPES in binding.py.
+template <int DIMENSIONS, class Function>
+INLINE Status with_array(const AnyArray<DIMENSIONS>& any, Function function) {
+    auto call = [&]<class T>(const T* data) {
+        Array<const T, DIMENSIONS> array = {data, {}};
+        for (int axis = 0; axis < DIMENSIONS; axis++) array.shape[axis] = any.shape[axis];
+        return function(array);
+    };
+    switch (any.dtype) {
+        case 0: return call((const uint8_t*)any.data);
+        case 1: return call((const int8_t*)any.data);
+        case 2: return call((const uint16_t*)any.data);
+        case 3: return call((const int16_t*)any.data);
+        case 4: return call((const uint32_t*)any.data);
+        case 5: return call((const int32_t*)any.data);
+        case 6: return call((const uint64_t*)any.data);
+        case 7: return call((const int64_t*)any.data);
+        case 8: return call((const float*)any.data);
+        case 9: return call((const double*)any.data);
+        default: return OUT_OF_BOUNDS;
+    }
+}
+
+extern "C" void* calloc(__SIZE_TYPE__ num, __SIZE_TYPE__ size) noexcept;
+extern "C" void free(void* memory) noexcept;
+
+// Zeros, freed at the end of the block. False where there is no memory for them: then return NO_MEMORY.
+template <class T>
+struct Buffer {
+    T* data;
+    int64_t num;
+
+    explicit Buffer(int64_t length) : data((T*)calloc(length ? length : 1, sizeof(T))), num(length) {}
+    ~Buffer() { free(data); }
+    Buffer(const Buffer&) = delete;
+    Buffer& operator=(const Buffer&) = delete;
+
+    explicit operator bool() const { return data != nullptr; }
+    INLINE T& operator[](int64_t index) const { return data[Array<T, 1>::checked(index, num)]; }
+};
+
+template <class T>
+INLINE T least(T a, T b) {
+    return b < a ? b : a;
+}
+
+template <class T>
+INLINE T most(T a, T b) {
+    return b > a ? b : a;
+}
