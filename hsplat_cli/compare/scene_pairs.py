@@ -129,7 +129,6 @@ def open_scene_pairs(
         )
     names = [golden.file for golden in goldens]
     rules.require_frames(names)  # before rendering
-    reporter.announce_compilation()
     with rendered_frames(job, numbers, executor, reporter) as (files, record):
         before, now = provenance.origin, origin_from_record(record)
         notes = [*_origin_notes(before, now), *_file_notes(folder, goldens, unlisted), *record.notes]
