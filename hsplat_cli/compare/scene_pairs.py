@@ -73,7 +73,7 @@ def rendered_frames(
 
     The files last for the block. Raises HsplatError.
     """
-    # Imported here: comparing files needs neither numba nor OpenGL.
+    # Imported here: comparing files needs neither kernels nor OpenGL.
     from hsplat_cli.executors import open_executor
     from renderer.job import make_film, one_pass
 

@@ -22,7 +22,7 @@ from renderer.errors import InputError, RenderError
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "configs" / "demo.yaml"
 
-HEAVY = ("numpy", "moderngl", "numba", "tifffile", "pydicom", "nibabel", "imageio", "cmap")
+HEAVY = ("numpy", "moderngl", "tifffile", "pydicom", "nibabel", "imageio", "cmap")
 
 
 def test_help_and_check_import_no_heavy_package(tmp_path: Path) -> None:
