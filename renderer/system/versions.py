@@ -11,14 +11,7 @@ from pathlib import Path
 # What the pixels or the files depend on, and what measured numbers do besides.
 MEASURING_PACKAGES = ("flip-evaluator", "scikit-image", "vtk")
 _PACKAGES = (
-    "hsplat",
-    "imagecodecs",
-    "imageio-ffmpeg",
-    "moderngl",
-    "nibabel",
-    "numpy",
-    "pydicom",
-    "python-gdcm",
+    *("hsplat", "imagecodecs", "imageio-ffmpeg", "moderngl", "nibabel", "numpy", "pydicom", "python-gdcm"),
     "tifffile",
 )
 
@@ -57,8 +50,9 @@ def _git(*arguments: str) -> str:
     command = ["git", "--no-optional-locks", *arguments]
     return subprocess.run(command, check=False, cwd=_ROOT, capture_output=True, text=True).stdout.strip()
 
-    """Return 32 hexadecimal digits that change with anything that draws: the sources of renderer/ in all languages."""
-    """Return 32 hexadecimal digits that change with anything that draws: the sources of renderer/, its kernels and shaders."""
+
+def sources_digest() -> str:
+    """Return 32 hexadecimal digits that change with anything that draws: the sources of renderer/, in all languages."""
     found = hashlib.blake2b(digest_size=16)
     for path in sorted((_ROOT / "renderer").rglob("*")):
         if path.suffix in (".py", ".cpp", ".h", ".glsl"):
