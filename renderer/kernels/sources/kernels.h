@@ -20,6 +20,14 @@
     extern "C" __attribute__((visibility("default"))) Status name(const Arguments* arguments);
 #endif
 
+// ---- kernels
+
+struct GuardRegions {
+    Array<int64_t, 2> regions;
+    int64_t page_size;
+};
+KERNEL(guard_regions, GuardRegions)
+
 // ---- transfer
 
 // As in renderer/transfer/piecewise.py.
