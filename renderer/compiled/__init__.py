@@ -9,7 +9,6 @@ that a loop calls (048).
 - `compiler.py`: `jit`, `inline`, `fma` and `prefetch`.
 - `kernel_cache.py`: the cache of compiled loops, whose folder is found when it is first needed.
 - `lanes.py`: vectors of 16, 8 or 4 lanes in compiled loops, with the operators of numbers.
-- `threads.py`: a pool of threads for compiled loops.
 """
 
 import lazy_loader

@@ -25,4 +25,3 @@ from .lanes import (
     to_int32 as to_int32,
     where as where,
 )
-from .threads import ThreadPool as ThreadPool

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.compiled import ThreadPool
-from renderer.kernels import kernels
+from renderer.kernels import ThreadPool, kernels
 from renderer.view import View, ray_setup
 from renderer.volume import Float32, Volume
 

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.compiled import ThreadPool
-from renderer.kernels import kernels
+from renderer.kernels import ThreadPool, kernels
 from renderer.modes.chords import rows_per_thread
 from renderer.scene import ModeSpec
 from renderer.transfer import TransferFunction
