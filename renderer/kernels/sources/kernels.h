@@ -31,7 +31,158 @@ struct TransferTable {
     double buckets_per_unit;
 };
 
+// As in renderer/transfer/light_field.py.
+struct LightField {
+    Array<const float, 3> occlusion;
+    Array<const float, 3> shadow;
+    double cell_size;
+    double occlusion_strength;
+    double shadow_strength;
+};
+
+// As in renderer/transfer/classify.py, and the next one.
+struct VoxelLighting {
+    double light[5];
+    double world_from_gradient[9];
+    LightField field;
+};
+
+struct Classifier {
+    Maybe<Array<const float, 2>> table;
+    Maybe<Array<const double, 1>> scalars;
+    Maybe<TransferTable> curve;
+    bool is_opacity;
+    Maybe<VoxelLighting> lighting;
+    Array<const double, 1> breakpoints;
+};
+
 // ---- pyramid
+
+// Channels of nodes, as in renderer/pyramid/nodes.py.
+struct Nodes {
+    Array<float, 3> means;
+    Array<float, 3> variances;
+};
+
+struct Groups {
+    Nodes nodes;
+    Nodes parents;
+    Nodes roots;
+};
+
+// The same of scalars.
+struct ScalarNodes {
+    Array<double, 3> means;
+    Array<double, 3> variances;
+};
+
+struct ScalarGroups {
+    ScalarNodes nodes;
+    ScalarNodes parents;
+    ScalarNodes roots;
+};
+
+struct TestBlocks {
+    AnyArray<3> raw;
+    Classifier classifier;
+    Array<const int64_t, 2> starts;
+    Array<const int64_t, 2> extents;
+    Array<bool, 1> visible;
+};
+KERNEL(test_blocks, TestBlocks)
+
+struct ClassifyBlocks {
+    AnyArray<3> raw;
+    Classifier classifier;
+    Array<const int64_t, 2> starts;
+    Array<const int64_t, 2> extents;
+    Groups groups;
+};
+KERNEL(classify_blocks, ClassifyBlocks)
+
+struct NormalizeBlocks {
+    AnyArray<3> raw;
+    Maybe<Array<const double, 1>> scalars;
+    double offset;
+    double scale;
+    Array<const int64_t, 2> starts;
+    Array<const int64_t, 2> extents;
+    ScalarGroups groups;
+};
+KERNEL(normalize_blocks, NormalizeBlocks)
+
+struct MergeChannels {
+    Groups groups;
+    Array<const int64_t, 2> extents;
+    int64_t side;
+};
+KERNEL(merge_channels, MergeChannels)
+
+struct MergeScalars {
+    ScalarGroups groups;
+    Array<const int64_t, 2> extents;
+    int64_t side;
+};
+KERNEL(merge_scalars, MergeScalars)
+
+struct HideBelowLeaves {
+    Array<float, 3> means;
+    Array<float, 3> parent_means;
+    AnyArray<3> parent_variances;
+    AnyArray<3> root_variances;
+    double limits[2];
+};
+KERNEL(hide_below_leaves, HideBelowLeaves)
+
+struct ListVisibleCells {
+    Array<const float, 3> means;
+    Array<const int64_t, 2> groups;
+    int64_t width;
+    int64_t shape[3];
+    int64_t shift;
+    Array<bool, 3> occupied;
+    Array<int32_t, 2> cells;
+    Array<int64_t, 1> sizes;
+};
+KERNEL(list_visible_cells, ListVisibleCells)
+
+struct AppendVisible {
+    Array<const float, 3> means;
+    AnyArray<3> variances;
+    Array<const float, 3> children;
+    Array<float, 2> visible;
+    Array<float, 1> deviations;
+    Array<uint8_t, 1> masks;
+    Array<int64_t, 1> num_visible;
+};
+KERNEL(append_visible, AppendVisible)
+
+struct StoreFloat16 {
+    Array<const float, 1> values;
+    float factor;
+    Array<uint16_t, 1> out;
+};
+KERNEL(store_float16, StoreFloat16)
+
+struct ListChildren {
+    Array<const int64_t, 1> nodes;
+    Array<const int32_t, 2> cells;
+    Array<const uint8_t, 1> masks;
+    Array<const int64_t, 1> first_children;
+    Array<int64_t, 1> child_nodes;
+    Array<int32_t, 2> child_cells;
+};
+KERNEL(list_children, ListChildren)
+
+struct FindVoxels {
+    AnyArray<3> raw;
+    Classifier classifier;
+    Array<const int32_t, 2> parents;
+    Array<uint8_t, 1> counts;
+    Array<int32_t, 2> cells;
+    Array<float, 2> depths;
+};
+KERNEL(find_voxels, FindVoxels)
 
 // ---- lighting
 

@@ -1,0 +1,95 @@
+// Classification of voxels: the transfer function, and Lambert's law on the gradient, applied to voxels of a box.
+#pragma once
+#include "light_field.h"
+#include "voxels.h"
+
+namespace {
+
+// `ambient + diffuse max(0, n . l)`, with the normal n against the world gradient (x, y, z), whose largest component is
+// about 1, so that squares neither overflow nor vanish. light: the vector l towards the light, ambient, diffuse.
+INLINE double lambert_factor(double x, double y, double z, const double* light) {
+    double across = __builtin_fma(x, light[0], __builtin_fma(y, light[1], z * light[2]));
+    double length = __builtin_sqrt(__builtin_fma(x, x, __builtin_fma(y, y, z * z)));
+    return __builtin_fma(light[4], most(0.0, -across / length), light[3]);
+}
+
+// The ends of a difference at a voxel, and how many voxels they are apart. Where a neighbour is without data, or beyond
+// the border, the voxel itself is in its place.
+struct Difference {
+    double before, after, distance;
+
+    INLINE Difference(const double* here, int64_t step, int64_t place, int64_t num)
+        : before(here[-step]), after(here[step]) {
+        int64_t num_before = place > 0, num_after = place < num - 1;
+        if (before != before) before = *here, num_before = 0;
+        if (after != after) after = *here, num_after = 0;
+        distance = (double)most(num_before + num_after, (int64_t)1);
+    }
+};
+
+// The factor on the colour of a visible voxel, by Lambert's law; ambient where the gradient is 0.
+//
+// Derivatives along the index axes are central, one-sided at the border and beside voxels without data, 0 across one
+// voxel. here: its scalar, with those beside it at -1 and 1, `row` and `slab`. shape: of the volume, z, y, x.
+inline double lighting_factor(const VoxelLighting& lighting, const double* here, int64_t row, int64_t slab,
+                              const int64_t* voxel, const int64_t* shape) {
+    Difference along[3] = {
+        {here, 1, voxel[0], shape[2]}, {here, row, voxel[1], shape[1]}, {here, slab, voxel[2], shape[0]}};
+    // Only the direction counts. Differences of halves do not overflow. Where they are small, the full differences do
+    // not overflow either, and halves would round denormals.
+    double g[3], light[5];
+    auto largest = [&] { return most(most(__builtin_fabs(g[0]), __builtin_fabs(g[1])), __builtin_fabs(g[2])); };
+    for (int axis = 0; axis < 3; axis++) g[axis] = 0.5 * along[axis].after - 0.5 * along[axis].before;
+    if (largest() < 1.0)
+        for (int axis = 0; axis < 3; axis++) g[axis] = 2.0 * (along[axis].after - along[axis].before);
+    for (int axis = 0; axis < 3; axis++) g[axis] /= along[axis].distance;
+    __builtin_memcpy(light, lighting.light, sizeof light);
+    const auto& [occlusion, shadow, cell_size, occlusion_strength, shadow_strength] = lighting.field;
+    light[3] *= share_at(occlusion, occlusion_strength, cell_size, voxel);
+    light[4] *= share_at(shadow, shadow_strength, cell_size, voxel);
+    double steepest = largest();
+    if (steepest == 0.0) return light[3];
+    for (double& each : g) each /= steepest;
+    const double* m = lighting.world_from_gradient;
+    return lambert_factor(m[0] * g[0] + m[1] * g[1] + m[2] * g[2], m[3] * g[0] + m[4] * g[1] + m[5] * g[2],
+                          m[6] * g[0] + m[7] * g[1] + m[8] * g[2], light);
+}
+
+// Call `take(x, y, z, channels)` for each voxel of a box of at most SIDE voxels along each axis, x fastest.
+template <int SIDE, class Take>
+INLINE void classify_box(const AnyArray<3>& raw, const Classifier& classifier, const Box& box, Take take) {
+    const auto& [table, by_pattern, curve, is_opacity, lighting, breakpoints] = classifier;
+    constexpr int64_t padded = SIDE + 2;
+    double scalars[padded * padded * padded];
+    int64_t side = lighting.exists ? padded : SIDE, halo = lighting.exists;
+    if (lighting.exists) {
+        const int64_t origin[3] = {}, shape[3] = {raw.shape[2], raw.shape[1], raw.shape[0]};
+        const int64_t first[3] = {box.first[0] - 1, box.first[1] - 1, box.first[2] - 1};
+        load_scalars<padded>(raw, by_pattern, {origin, shape}, first, scalars);
+    } else if (!table.exists) {
+        load_scalars<SIDE>(raw, by_pattern, box, box.first, scalars);
+    }
+    for (int64_t z = 0; z < box.extent[2]; z++)
+        for (int64_t y = 0; y < box.extent[1]; y++)
+            for (int64_t x = 0; x < box.extent[0]; x++) {
+                const int64_t voxel[3] = {box.first[0] + x, box.first[1] + y, box.first[2] + z};
+                const double* here = scalars + ((z + halo) * side + y + halo) * side + x + halo;
+                Channels channels;
+                if (table.exists) {
+                    int64_t place = (voxel[2] * raw.shape[1] + voxel[1]) * raw.shape[2] + voxel[0];
+                    bool is_byte = raw.dtype == 0;
+                    int64_t pattern = is_byte ? ((const uint8_t*)raw.data)[place] : ((const uint16_t*)raw.data)[place];
+                    const float* row = &table.value(pattern, 0);
+                    channels = {row[0], row[1], row[2], row[3]};
+                } else {
+                    channels = classify_scalar(curve.value, is_opacity, *here);
+                }
+                if (lighting.exists && channels.a > 0) {
+                    double factor = lighting_factor(lighting.value, here, side, side * side, voxel, raw.shape);
+                    channels.r *= factor, channels.g *= factor, channels.b *= factor;
+                }
+                take(x, y, z, channels);
+            }
+}
+
+}  // namespace
