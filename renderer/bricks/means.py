@@ -29,7 +29,7 @@ from renderer.pyramid import (
     visible_children,
 )
 from renderer.transfer import raw_voxels
-from renderer.volume import Array, Float32, Int32, Int64, UInt64
+from renderer.volume import Array, Float32, Int32, Int64
 
 # Most memory of cached bricks.
 MAX_CACHE_BYTES = 256 << 20
@@ -122,19 +122,19 @@ def _average_voxels(pyramid: Pyramid, level: int, corners: Int64, scratch: Scrat
     visible = np.flatnonzero(visible_blocks(raw, pyramid.mean_classifier, starts, extents))
     starts, extents, bricks = starts[visible], extents[visible], bricks[visible]
     scratch = scratch.limited_to(len(visible))
-    classify_blocks(raw, pyramid.mean_classifier, starts, extents, scratch.voxels, scratch.nodes)
-    _copy_nodes(scratch.nodes[level - 1][0], (starts.astype(np.int64) >> level) - corners[bricks], bricks, out)
+    classify_blocks(raw, pyramid.mean_classifier, starts, extents, scratch.nodes)
+    _copy_nodes(scratch.nodes[level - 1][0], (starts >> level) - corners[bricks], bricks, out)
 
 
 @jit
-def _list_blocks(corners: Int64, level: int, shape: tuple[int, int, int], most: int) -> tuple[UInt64, UInt64, Int64]:
+def _list_blocks(corners: Int64, level: int, shape: tuple[int, int, int], most: int) -> tuple[Int64, Int64, Int64]:
     """List the blocks that cover 18^3 cells from each of `corners` [n, 3] on, in a volume of this shape [z, y, x].
 
     most: how many they are at most. Return their first voxels and extents [., 3] (x, y, z), and the indices of their
     bricks [.].
     """
     num, bricks = 0, np.empty(most, np.int64)
-    starts, extents = np.empty((most, 3), np.uint64), np.empty((most, 3), np.uint64)
+    starts, extents = np.empty((most, 3), np.int64), np.empty((most, 3), np.int64)
     first, end = np.empty(3, np.int64), np.empty(3, np.int64)
     for i in range(len(corners)):
         for axis in range(3):

@@ -31,13 +31,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.compiled import ThreadPool
-from renderer.pyramid import nodes as compiled
 from renderer.pyramid.empty_space import visible_blocks
 from renderer.pyramid.nodes import (
     BLOCK_SIZE,
     NODES_OF_GROUP,
     Scratch,
+    append_visible,
     classify_blocks,
+    hide_below_leaves,
+    list_visible_cells,
     merge,
     opacities_to_depths,
     store_scaled,
@@ -407,19 +409,17 @@ def _build_blocks(plan: _Plan, cubes: Int64, targets: list[Level], scratch: Scra
     """Build the levels inside the blocks of one task; return what is stored of them, in `targets`, and their roots."""
     pyramid, raw, normalization = plan.pyramid, plan.raw, plan.scalar_normalization
     cells = subdivide(cubes, CUBE_LEVELS, BLOCK_LEVELS, pyramid.volume.shape_xyz)
-    starts = (cells * BLOCK_SIZE).astype(np.uint64)
-    extents = cell_extents(cells, BLOCK_LEVELS, pyramid.volume.shape_xyz).astype(np.uint64)
+    starts, extents = cells * BLOCK_SIZE, cell_extents(cells, BLOCK_LEVELS, pyramid.volume.shape_xyz)
     if not normalization:  # scalars count for their errors where they are invisible, too
         visible = visible_blocks(raw, pyramid.mean_classifier, starts, extents)
         cells, starts, extents = cells[visible], starts[visible], extents[visible]
     scratch = scratch.limited_to(len(cells))
     nodes, errors = scratch.nodes, scratch.errors
-    classify_blocks(raw, pyramid.mean_classifier, starts, extents, scratch.voxels, nodes)
+    classify_blocks(raw, pyramid.mean_classifier, starts, extents, nodes)
     if plan.error_classifier:
-        classify_blocks(raw, plan.error_classifier, starts, extents, scratch.voxels, errors, normalization)
+        classify_blocks(raw, plan.error_classifier, starts, extents, errors, normalization)
     if any(plan.leaf_variance_limits):
-        means = nodes[0][0], nodes[1][0]
-        compiled.hide_below_leaves(*means, errors[1][1], errors[2][1], plan.leaf_variance_limits)
+        hide_below_leaves(nodes, errors, plan.leaf_variance_limits)
     occupied_part, stored = min(pyramid.occupied_level, BLOCK_LEVELS) - 1, []
     for part in range(BLOCK_LEVELS):
         is_streamed, target = _is_streamed(plan, part), targets[part]
@@ -429,7 +429,7 @@ def _build_blocks(plan: _Plan, cubes: Int64, targets: list[Level], scratch: Scra
         if is_streamed or part == occupied_part:
             num_listed = len(target.means) if is_streamed else 0
             shift = pyramid.occupied_level - 1 - part if part == occupied_part else -1
-            visible_cells, sizes = compiled.list_visible_cells(
+            visible_cells, sizes = list_visible_cells(
                 nodes[part][0], cells, 2 << part, raw.shape, num_listed, shift, pyramid.occupied
             )
         if plan.on_nodes is not None and is_streamed:
@@ -454,7 +454,7 @@ def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[Level]
     is_first[1:] = (steps[:, 0] | steps[:, 1] | steps[:, 2]) != 0
     index = 64 * (np.cumsum(is_first) - 1) + 8 * _octants(tier.cells) + _octants(tier.cells >> 1)
     cells = cells[is_first]
-    extents = cell_extents(cells, level + TIER_LEVELS, plan.pyramid.volume.shape_xyz).astype(np.uint64)
+    extents = cell_extents(cells, level + TIER_LEVELS, plan.pyramid.volume.shape_xyz)
 
     scratch = Scratch.empty(len(cells), plan.error_layout)
     errors = scratch.errors
@@ -482,7 +482,7 @@ def _store_visible(plan: _Plan, scratch: Scratch, part: int, target: Level) -> i
     means, _ = scratch.nodes[part]
     _, variances = scratch.errors[part]
     children = scratch.nodes[part - 1][0] if part > 0 else means[:0]
-    num = compiled.append_visible(means, variances, children, scratch.visible, scratch.deviations, target.masks)
+    num = append_visible(means, variances, children, scratch.visible, scratch.deviations, target.masks)
     if plan.pyramid.max_depth is not None:
         opacities_to_depths(scratch.visible[:num], plan.pyramid.max_depth)
     store_scaled(scratch.visible[:num], 1 / plan.pyramid.mean_unit, target.means[:num])

@@ -5,8 +5,8 @@
 
 constexpr int64_t GUIDE_SIZE = 1024;
 
-// As in renderer/transfer/transfer_function.py and piecewise.py.
-constexpr double VISIBILITY_THRESHOLD = 0x1p-80, MAX_NORMALIZED_SCALAR = 0x1p20, MAX_UNSCALED_WIDTH = 0x1p1000;
+// As in renderer/transfer/transfer_function.py.
+constexpr double VISIBILITY_THRESHOLD = 0x1p-80;
 
 struct Channels {
     double r, g, b, a;
@@ -57,19 +57,4 @@ INLINE Channels classify_scalar(const TransferTable& curve, bool is_opacity, dou
 INLINE bool is_range_visible(const Array<const double, 1>& breakpoints, double low, double high) {
     int64_t num_low = num_at_or_below(breakpoints, low, 0, breakpoints.shape[0]);
     return num_low % 2 == 1 || num_at_or_below(breakpoints, high, num_low, breakpoints.shape[0]) != num_low;
-}
-
-// A range from `first` on: its width times a factor, which is 1, or 1/2 where the width may overflow.
-struct Range {
-    double first, width, factor;
-
-    INLINE Range(double start, double last) : first(start), factor(last - start < MAX_UNSCALED_WIDTH ? 1.0 : 0.5) {
-        width = last * factor - first * factor;
-    }
-};
-
-// Where in a range a scalar lies: 0 at its start, 1 at its end, clamped.
-INLINE double normalize_scalar(const Range& range, double scalar) {
-    double place = (scalar * range.factor - range.first * range.factor) / range.width;
-    return least(most(place, -MAX_NORMALIZED_SCALAR), MAX_NORMALIZED_SCALAR);
 }
