@@ -1,5 +1,4 @@
-"""Turn voxels into nodes, merge nodes, and convert them to what is stored, by the kernels of `nodes.cpp` and
-`visible_nodes.cpp`.
+"""Turn voxels into nodes, merge nodes, and convert them to what is stored, by the kernels of `nodes.cpp`.
 
 Nodes come in *groups*: 64 of them, their 8 parents, and the root of those. The levels 1, 2, 3 of a block of 8^3 voxels
 are a group; the roots of up to 64 groups make the next one, with the levels 3, 4, 5, and so on. In each of the three
@@ -10,14 +9,13 @@ exchanged, the 8 in Morton order. The channels of a node lie together; each has 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from renderer.kernels import kernels
 from renderer.transfer import Classifier, RawVoxels
-from renderer.volume import Array, Bools, Float32, Int32, Int64, UInt8
+from renderer.volume import Array, Float32, Float64, Int32, Int64, UInt8
 
 NODES_OF_GROUP = (64, 8, 1)
 
@@ -27,56 +25,58 @@ BLOCK_SIZE = 8
 NODE_OFFSETS = np.array([0, 8, 1, 9, 0, 1])
 
 
-class Nodes(NamedTuple):
-    """Nodes [g, n, c] of some groups: float32 with four channels, or float64 with one scalar."""
+class Normalization(NamedTuple):
+    """A map of scalars, to (scalar - offset) * scale."""
 
-    means: Array
-    variances: Array
-
-
-class Groups(NamedTuple):
-    """Groups: their 64 nodes, the 8 parents of those, and their root."""
-
-    nodes: Nodes
-    parents: Nodes
-    roots: Nodes
+    offset: float
+    scale: float
 
 
-@dataclass(frozen=True)
-class Scratch:
-    """A task's memory, which the next one uses again: fresh pages cost more than the arithmetic done in them.
+class VisibleNodes(NamedTuple):
+    """Room for the visible nodes of some groups: for each level of all groups, one level behind the other.
 
-    nodes, errors: groups of what is averaged, and of what errors are measured of, which may be the same.
-    visible, deviations: float32 [., 4] and [.], nodes on their way to where they are stored.
+    A task's memory, which the next one uses again: fresh pages cost more than the arithmetic done in them.
+
+    means: float32 [n, 4]. deviations: float32 [n], the roots of variances, which are summed over channels. masks: as in
+        Level; not of the first level of blocks.
+    counts: int64 [3], how many nodes of each level are visible; they are at its beginning, in Morton order.
+    root_means: float32 [g, 4], of the groups' roots, visible or not.
+    root_error_means, root_variances: float64 [g, c], of what errors are measured of.
     """
 
-    nodes: Groups
-    errors: Groups
-    visible: Float32
+    means: Float32
     deviations: Float32
+    masks: UInt8
+    counts: Int64
+    root_means: Float32
+    root_error_means: Float64
+    root_variances: Float64
 
     @classmethod
-    def empty(cls, num_groups: int, error_layout: tuple[int, type[Any]] | None = None) -> Scratch:
-        """Return scratch for some groups.
+    def empty(cls, num_groups: int, num_channels: int) -> VisibleNodes:
+        """Return room for some groups. num_channels: of what errors are measured of: 4, or 1 for scalars."""
+        num = num_groups * sum(NODES_OF_GROUP)
+        errors = (np.empty((num_groups, num_channels)) for _ in range(2))
+        of_nodes = np.empty((num, 4), np.float32), np.empty(num, np.float32), np.empty(num, np.uint8)
+        return cls(*of_nodes, np.empty(len(NODES_OF_GROUP), np.int64), np.empty((num_groups, 4), np.float32), *errors)
 
-        error_layout: channels and dtype of what errors are measured of, where that is not what is averaged.
-        """
+    def of_level(self, part: int) -> slice:
+        """Return where the visible nodes of a level of the groups are."""
+        first = len(self.root_means) * sum(NODES_OF_GROUP[:part])
+        return slice(first, first + int(self.counts[part]))
 
-        def groups(num_channels: int, dtype: type[Any]) -> Groups:
-            shapes = [(num_groups, num_nodes, num_channels) for num_nodes in NODES_OF_GROUP]
-            return Groups(*(Nodes(np.empty(shape, dtype), np.empty(shape, dtype)) for shape in shapes))
 
-        nodes, num = groups(4, np.float32), num_groups * 64
-        errors = groups(*error_layout) if error_layout else nodes
-        return cls(nodes, errors, np.empty((num, 4), np.float32), np.empty(num, np.float32))
+class NodeCells(NamedTuple):
+    """Room for the cells of visible nodes, as in VisibleNodes: int32 [n, 3] (x, y, z), and their numbers of voxels."""
 
-    def limited_to(self, num_groups: int) -> Scratch:
-        """Return the part that this number of groups needs; views."""
+    cells: Int32
+    sizes: Int64
 
-        def limited(groups: Groups) -> Groups:
-            return Groups(*(Nodes(means[:num_groups], variances[:num_groups]) for means, variances in groups))
-
-        return replace(self, nodes=limited(self.nodes), errors=limited(self.errors))
+    @classmethod
+    def empty(cls, num_groups: int) -> NodeCells:
+        """Return room for some groups."""
+        num = num_groups * sum(NODES_OF_GROUP)
+        return cls(np.empty((num, 3), np.int32), np.empty(num, np.int64))
 
 
 def packed_channels(values: Array) -> Array:
@@ -84,80 +84,14 @@ def packed_channels(values: Array) -> Array:
     return values.view(np.uint64 if values.dtype == np.float16 else np.complex128)[..., 0]
 
 
-def classify_blocks(
-    raw: RawVoxels,
-    classifier: Classifier,
-    starts: Int64,
-    extents: Int64,
-    groups: Groups,
-    normalization: tuple[float, float] | None = None,
-) -> None:
-    """Build all nodes of the blocks at voxels `starts` [g, 3]; `extents` [g, 3] (x, y, z) of each are real.
+def average_blocks(raw: RawVoxels, classifier: Classifier, starts: Int64, extents: Int64, level: int) -> Float32:
+    """Return the means of level 1 or 2, [g, 64, 4] or [g, 8, 4], of the blocks at voxels `starts` [g, 3].
 
-    normalization: (offset, scale) of scalars that are averaged in place of channels.
+    extents: [g, 3] (x, y, z), the number of real voxels of each.
     """
-    if normalization is None:
-        kernels().classify_blocks(raw=raw, classifier=classifier, starts=starts, extents=extents, groups=groups)
-    else:
-        offset, scale = normalization
-        kernels().normalize_blocks(
-            raw=raw, scalars=classifier.scalars, offset=offset, scale=scale, starts=starts, extents=extents,
-            groups=groups,
-        )  # fmt: skip
-
-
-def merge(groups: Groups, extents: Int64, side: int) -> None:
-    """Merge the 64 nodes of each group, `side` voxels wide, into their 8 parents and the root.
-
-    extents: [g, 3], the number of real voxels along x, y, z of each group.
-    """
-    is_scalar = groups.roots.means.dtype == np.float64
-    merge_all = kernels().merge_scalars if is_scalar else kernels().merge_channels
-    merge_all(groups=groups, extents=extents, side=side)
-
-
-def hide_below_leaves(nodes: Groups, errors: Groups, limits: tuple[float, float]) -> None:
-    """Negate the last channel of nodes and of their parents below a leaf of every cut, which are not to be stored.
-
-    Such a leaf has a total variance below the limit of its level, a parent's or a root's.
-    """
-    kernels().hide_below_leaves(
-        means=nodes.nodes.means, parent_means=nodes.parents.means, parent_variances=errors.parents.variances,
-        root_variances=errors.roots.variances, limits=limits,
-    )  # fmt: skip
-
-
-def list_visible_cells(
-    means: Float32, groups: Int64, width: int, shape: tuple[int, ...], num_listed: int, shift: int, occupied: Bools
-) -> tuple[Int32, Int64]:
-    """Return the cells [., 3] (x, y, z) of the visible nodes [g, n, 4] of groups at `groups` [g, 3], in Morton order,
-    and their numbers of voxels [.]. Mark them in the grid `occupied` [z, y, x] of cells 2^shift times as wide. Nodes
-    below a leaf of every cut, whose last channel is negative, count as visible.
-
-    width: of a node, in voxels, where the border does not cut it. shape: of the volume, z, y, x. num_listed: the number
-    of visible nodes; with 0, none is listed. Nothing is marked if `shift` is below 0.
-    """
-    cells, sizes = np.empty((num_listed, 3), np.int32), np.empty(num_listed, np.int64)
-    kernels().list_visible_cells(
-        means=means, groups=groups, width=width, shape=shape, shift=shift, occupied=occupied, cells=cells, sizes=sizes
-    )
-    return cells, sizes
-
-
-def append_visible(
-    means: Float32, variances: Array, children: Float32, visible: Float32, deviations: Float32, masks: UInt8
-) -> int:
-    """Write the visible nodes of groups [g, n, 4] in Morton order to `visible` [., 4]; return how many they are.
-
-    variances: [g, n, c]; the roots of their sums over the channels go to `deviations` [.].
-    children: [g, 8 n, 4], whose visibility becomes masks [.]; [0, ., 4] where they are voxels.
-    """
-    num_visible = np.empty(1, np.int64)
-    kernels().append_visible(
-        means=means, variances=variances, children=children, visible=visible, deviations=deviations, masks=masks,
-        num_visible=num_visible,
-    )  # fmt: skip
-    return int(num_visible[0])
+    means = np.empty((len(starts), NODES_OF_GROUP[level - 1], 4), np.float32)
+    kernels().average_blocks(raw=raw, classifier=classifier, starts=starts, extents=extents, means=means)
+    return means
 
 
 def opacities_to_depths(means: Float32, max_depth: float) -> None:

@@ -30,18 +30,23 @@ struct Difference {
 // The factor on the colour of a visible voxel, by Lambert's law; ambient where the gradient is 0.
 //
 // Derivatives along the index axes are central, one-sided at the border and beside voxels without data, 0 across one
-// voxel. here: its scalar, with those beside it at -1 and 1, `row` and `slab`. shape: of the volume, z, y, x.
-inline double lighting_factor(const VoxelLighting& lighting, const double* here, int64_t row, int64_t slab,
-                              const int64_t* voxel, const int64_t* shape) {
+// voxel. here: its scalar, with those beside it at -1 and 1, `row` and `row` squared.
+inline double lighting_factor(const VoxelLighting& lighting, const AnyArray<3>& raw, const double* here, int64_t row,
+                              const int64_t* voxel) {
+    const auto& [num_z, num_y, num_x] = raw.shape;
+    bool is_float32 = raw.dtype == 8;  // small differences of these are float32, too
     Difference along[3] = {
-        {here, 1, voxel[0], shape[2]}, {here, row, voxel[1], shape[1]}, {here, slab, voxel[2], shape[0]}};
+        {here, 1, voxel[0], num_x}, {here, row, voxel[1], num_y}, {here, row * row, voxel[2], num_z}};
     // Only the direction counts. Differences of halves do not overflow. Where they are small, the full differences do
     // not overflow either, and halves would round denormals.
     double g[3], light[5];
     auto largest = [&] { return most(most(__builtin_fabs(g[0]), __builtin_fabs(g[1])), __builtin_fabs(g[2])); };
     for (int axis = 0; axis < 3; axis++) g[axis] = 0.5 * along[axis].after - 0.5 * along[axis].before;
     if (largest() < 1.0)
-        for (int axis = 0; axis < 3; axis++) g[axis] = 2.0 * (along[axis].after - along[axis].before);
+        for (int axis = 0; axis < 3; axis++) {
+            double rise = along[axis].after - along[axis].before;
+            g[axis] = 2.0 * (is_float32 ? (double)(float)rise : rise);
+        }
     for (int axis = 0; axis < 3; axis++) g[axis] /= along[axis].distance;
     __builtin_memcpy(light, lighting.light, sizeof light);
     const auto& [occlusion, shadow, cell_size, occlusion_strength, shadow_strength] = lighting.field;
@@ -85,7 +90,7 @@ INLINE void classify_box(const AnyArray<3>& raw, const Classifier& classifier, c
                     channels = classify_scalar(curve.value, is_opacity, *here);
                 }
                 if (lighting.exists && channels.a > 0) {
-                    double factor = lighting_factor(lighting.value, here, side, side * side, voxel, raw.shape);
+                    double factor = lighting_factor(lighting.value, raw, here, side, voxel);
                     channels.r *= factor, channels.g *= factor, channels.b *= factor;
                 }
                 take(x, y, z, channels);

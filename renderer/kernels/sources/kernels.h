@@ -58,104 +58,62 @@ struct Classifier {
 
 // ---- pyramid
 
-// Channels of nodes, as in renderer/pyramid/nodes.py.
-struct Nodes {
-    Array<float, 3> means;
-    Array<float, 3> variances;
+// As in renderer/pyramid/nodes.py, and the next two.
+struct VisibleNodes {
+    Array<float, 2> means;
+    Array<float, 1> deviations;
+    Array<uint8_t, 1> masks;
+    Array<int64_t, 1> counts;
+    Array<float, 2> root_means;
+    Array<double, 2> root_error_means;
+    Array<double, 2> root_variances;
 };
 
-struct Groups {
-    Nodes nodes;
-    Nodes parents;
-    Nodes roots;
-};
-
-// The same of scalars.
-struct ScalarNodes {
-    Array<double, 3> means;
-    Array<double, 3> variances;
-};
-
-struct ScalarGroups {
-    ScalarNodes nodes;
-    ScalarNodes parents;
-    ScalarNodes roots;
-};
-
-struct TestBlocks {
-    AnyArray<3> raw;
-    Classifier classifier;
-    Array<const int64_t, 2> starts;
-    Array<const int64_t, 2> extents;
-    Array<bool, 1> visible;
-};
-KERNEL(test_blocks, TestBlocks)
-
-struct ClassifyBlocks {
-    AnyArray<3> raw;
-    Classifier classifier;
-    Array<const int64_t, 2> starts;
-    Array<const int64_t, 2> extents;
-    Groups groups;
-};
-KERNEL(classify_blocks, ClassifyBlocks)
-
-struct NormalizeBlocks {
-    AnyArray<3> raw;
-    Maybe<Array<const double, 1>> scalars;
-    double offset;
-    double scale;
-    Array<const int64_t, 2> starts;
-    Array<const int64_t, 2> extents;
-    ScalarGroups groups;
-};
-KERNEL(normalize_blocks, NormalizeBlocks)
-
-struct MergeChannels {
-    Groups groups;
-    Array<const int64_t, 2> extents;
-    int64_t side;
-};
-KERNEL(merge_channels, MergeChannels)
-
-struct MergeScalars {
-    ScalarGroups groups;
-    Array<const int64_t, 2> extents;
-    int64_t side;
-};
-KERNEL(merge_scalars, MergeScalars)
-
-struct HideBelowLeaves {
-    Array<float, 3> means;
-    Array<float, 3> parent_means;
-    AnyArray<3> parent_variances;
-    AnyArray<3> root_variances;
-    double limits[2];
-};
-KERNEL(hide_below_leaves, HideBelowLeaves)
-
-struct ListVisibleCells {
-    Array<const float, 3> means;
-    Array<const int64_t, 2> groups;
-    int64_t width;
-    int64_t shape[3];
-    int64_t shift;
-    Array<bool, 3> occupied;
+struct NodeCells {
     Array<int32_t, 2> cells;
     Array<int64_t, 1> sizes;
 };
-KERNEL(list_visible_cells, ListVisibleCells)
 
-struct AppendVisible {
-    Array<const float, 3> means;
-    AnyArray<3> variances;
-    Array<const float, 3> children;
-    Array<float, 2> visible;
-    Array<float, 1> deviations;
-    Array<uint8_t, 1> masks;
-    Array<int64_t, 1> num_visible;
+struct Normalization {
+    double offset;
+    double scale;
 };
-KERNEL(append_visible, AppendVisible)
+
+struct BuildBlocks {
+    AnyArray<3> raw;
+    Classifier classifier;
+    Maybe<Classifier> error_classifier;
+    Maybe<Normalization> normalization;
+    double leaf_variance_limits[2];
+    Array<bool, 3> occupied;
+    int64_t occupied_level;
+    Array<const int64_t, 2> starts;
+    Array<const int64_t, 2> extents;
+    Array<bool, 1> visible;
+    VisibleNodes nodes;
+    Maybe<NodeCells> listed;
+};
+KERNEL(build_blocks, BuildBlocks)
+
+struct MergeTier {
+    Array<const float, 2> means;
+    Array<const double, 2> error_means;
+    Array<const double, 2> variances;
+    Array<const int64_t, 1> places;
+    Array<const int64_t, 2> extents;
+    int64_t side;
+    VisibleNodes nodes;
+};
+KERNEL(merge_tier, MergeTier)
+
+struct AverageBlocks {
+    AnyArray<3> raw;
+    Classifier classifier;
+    Array<const int64_t, 2> starts;
+    Array<const int64_t, 2> extents;
+    Array<float, 3> means;
+};
+KERNEL(average_blocks, AverageBlocks)
 
 struct StoreFloat16 {
     Array<const float, 1> values;
