@@ -35,8 +35,6 @@ class Normalization(NamedTuple):
 class VisibleNodes(NamedTuple):
     """Room for the visible nodes of some groups: for each level of all groups, one level behind the other.
 
-    A task's memory, which the next one uses again: fresh pages cost more than the arithmetic done in them.
-
     means: float32 [n, 4]. deviations: float32 [n], the roots of variances, which are summed over channels. masks: as in
         Level; not of the first level of blocks.
     counts: int64 [3], how many nodes of each level are visible; they are at its beginning, in Morton order.

@@ -357,6 +357,29 @@ class _Tier(NamedTuple):
     variances: Float64
 
 
+class _Scratch(NamedTuple):
+    """A task's memory for its nodes, which the next one uses again, and the kernel that fills it.
+
+    Fresh pages cost more than the arithmetic done in them.
+    """
+
+    nodes: VisibleNodes
+    listed: NodeCells | None
+    build: Callable[..., None]
+
+    @classmethod
+    def empty(cls, plan: _Plan, num_blocks: int) -> _Scratch:
+        """Return scratch for this number of blocks."""
+        nodes = VisibleNodes.empty(num_blocks, plan.num_error_channels)
+        listed = None if plan.on_nodes is None else NodeCells.empty(num_blocks)
+        build = kernels().build_blocks.partial(
+            raw=plan.raw, classifier=plan.pyramid.mean_classifier, error_classifier=plan.error_classifier,
+            normalization=plan.normalization, leaf_variance_limits=plan.leaf_variance_limits,
+            occupied=plan.pyramid.occupied, occupied_level=plan.pyramid.occupied_level, nodes=nodes, listed=listed,
+        )  # fmt: skip
+        return cls(nodes, listed, build)
+
+
 def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]]:
     """Build the levels inside blocks, task by task, and the two above; return the upper one as a tier, and all levels
     as they are stored.
@@ -370,19 +393,14 @@ def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]
         for k, num in enumerate(NODES_OF_GROUP)
     ]
     most = int(np.diff(first_blocks).max())
-    scratches = [VisibleNodes.empty(most, plan.num_error_channels) for _ in range(num_threads)]
-    build = kernels().build_blocks.partial(
-        raw=plan.raw, classifier=plan.pyramid.mean_classifier, error_classifier=plan.error_classifier,
-        normalization=plan.normalization, leaf_variance_limits=plan.leaf_variance_limits,
-        occupied=plan.pyramid.occupied, occupied_level=plan.pyramid.occupied_level,
-    )  # fmt: skip
+    scratches = [_Scratch.empty(plan, most) for _ in range(num_threads)]
 
     def work(task: int) -> tuple[list[Level], _Tier, list[Level]]:
         volume.require_unchanged()
         first, end = first_blocks[task : task + 2]
         targets = [level.part(first * num, end * num) for level, num in zip(inside, NODES_OF_GROUP, strict=True)]
         scratch = scratches.pop()  # a thread has one at a time
-        stored, roots = _build_blocks(plan, build, cubes[task], targets, scratch)
+        stored, roots = _build_blocks(plan, cubes[task], targets, scratch)
         scratches.append(scratch)
         return stored, *_next_tier(plan, roots, BLOCK_LEVELS)
 
@@ -406,15 +424,12 @@ def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]
     return tier, inside + joined
 
 
-def _build_blocks(
-    plan: _Plan, build: Callable[..., None], cubes: Int64, targets: list[Level], nodes: VisibleNodes
-) -> tuple[list[Level], _Tier]:
+def _build_blocks(plan: _Plan, cubes: Int64, targets: list[Level], scratch: _Scratch) -> tuple[list[Level], _Tier]:
     """Build the levels inside the blocks of one task; return what is stored of them, in `targets`, and their roots."""
-    pyramid, stored = plan.pyramid, []
+    pyramid, (nodes, listed, build), stored = plan.pyramid, scratch, []
     cells = subdivide(cubes, CUBE_LEVELS, BLOCK_LEVELS, pyramid.volume.shape_xyz)
     extents, visible = cell_extents(cells, BLOCK_LEVELS, pyramid.volume.shape_xyz), np.empty(len(cells), np.bool_)
-    listed = None if plan.on_nodes is None else NodeCells.empty(len(nodes.root_means))
-    build(starts=cells * BLOCK_SIZE, extents=extents, visible=visible, nodes=nodes, listed=listed)
+    build(starts=cells * BLOCK_SIZE, extents=extents, visible=visible)
     for part in range(BLOCK_LEVELS):
         if plan.on_nodes is None or listed is None or not _is_streamed(plan, part):
             stored.append(_store_visible(plan, nodes, part, targets[part]))

@@ -1,5 +1,6 @@
 // Classification of voxels: the transfer function, and Lambert's law on the gradient, applied to voxels of a box.
 #pragma once
+#include "lanes.h"
 #include "light_field.h"
 #include "voxels.h"
 
@@ -60,10 +61,33 @@ inline double lighting_factor(const VoxelLighting& lighting, const AnyArray<3>& 
                           m[6] * g[0] + m[7] * g[1] + m[8] * g[2], light);
 }
 
+using FourChannels = Vector<float, 4>;
+
+// As classify_box, by a table and without light.
+template <class T, int SIDE, class Take>
+INLINE void look_up_box(const AnyArray<3>& raw, const Array<const float, 2>& table, const Box& box, Take take) {
+    Array<const T, 3> patterns = {(const T*)raw.data, {raw.shape[0], raw.shape[1], raw.shape[2]}};
+    auto look_up = [&](int64_t num_z, int64_t num_y, int64_t num_x) __attribute__((always_inline)) {
+        for (int64_t z = 0; z < num_z; z++)
+            for (int64_t y = 0; y < num_y; y++) {
+                const T* row = &patterns(box.first[2] + z, box.first[1] + y, box.first[0]);
+                for (int64_t x = 0; x < num_x; x++) take(x, y, z, load<FourChannels>(&table(row[x], 0), 0));
+            }
+    };
+    const auto& [num_x, num_y, num_z] = box.extent;
+    if (num_x * num_y * num_z == SIDE * SIDE * SIDE) look_up(SIDE, SIDE, SIDE);  // which the compiler unrolls
+    else look_up(num_z, num_y, num_x);
+}
+
 // Call `take(x, y, z, channels)` for each voxel of a box of at most SIDE voxels along each axis, x fastest.
 template <int SIDE, class Take>
 INLINE void classify_box(const AnyArray<3>& raw, const Classifier& classifier, const Box& box, Take take) {
     const auto& [table, by_pattern, curve, is_opacity, lighting, breakpoints] = classifier;
+    if (table.exists && !lighting.exists) {
+        if (raw.dtype == 0) look_up_box<uint8_t, SIDE>(raw, table.value, box, take);
+        else look_up_box<uint16_t, SIDE>(raw, table.value, box, take);
+        return;
+    }
     constexpr int64_t padded = SIDE + 2;
     double scalars[padded * padded * padded];
     int64_t side = lighting.exists ? padded : SIDE, halo = lighting.exists;
@@ -71,7 +95,7 @@ INLINE void classify_box(const AnyArray<3>& raw, const Classifier& classifier, c
         const int64_t origin[3] = {}, shape[3] = {raw.shape[2], raw.shape[1], raw.shape[0]};
         const int64_t first[3] = {box.first[0] - 1, box.first[1] - 1, box.first[2] - 1};
         load_scalars<padded>(raw, by_pattern, {origin, shape}, first, scalars);
-    } else if (!table.exists) {
+    } else {
         load_scalars<SIDE>(raw, by_pattern, box, box.first, scalars);
     }
     for (int64_t z = 0; z < box.extent[2]; z++)
@@ -89,11 +113,11 @@ INLINE void classify_box(const AnyArray<3>& raw, const Classifier& classifier, c
                 } else {
                     channels = classify_scalar(curve.value, is_opacity, *here);
                 }
-                if (lighting.exists && channels.a > 0) {
-                    double factor = lighting_factor(lighting.value, raw, here, side, voxel);
-                    channels.r *= factor, channels.g *= factor, channels.b *= factor;
-                }
-                take(x, y, z, channels);
+                double factor = 1.0;
+                if (lighting.exists && channels.a > 0)
+                    factor = lighting_factor(lighting.value, raw, here, side, voxel);
+                float r = (float)(channels.r * factor), g = (float)(channels.g * factor);
+                take(x, y, z, FourChannels{r, g, (float)(channels.b * factor), (float)channels.a});
             }
 }
 

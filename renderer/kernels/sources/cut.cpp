@@ -37,13 +37,12 @@ Status find_voxels(const FindVoxels* arguments) {
             extent[axis] = least(raw.shape[2 - axis] - first[axis], (int64_t)2);
         }
         int64_t num_before = num;
-        classify_box<2>(raw, classifier, {first, extent}, [&](int64_t x, int64_t y, int64_t z, Channels channels) {
-            if (!(channels.a > 0)) return;
+        classify_box<2>(raw, classifier, {first, extent}, [&](int64_t x, int64_t y, int64_t z, FourChannels channels) {
+            if (!(channels[3] > 0)) return;
             if (num < num_most) {
                 cells(num, 0) = (int32_t)(first[0] + x), cells(num, 1) = (int32_t)(first[1] + y);
                 cells(num, 2) = (int32_t)(first[2] + z);
-                depths(num, 0) = (float)channels.r, depths(num, 1) = (float)channels.g;
-                depths(num, 2) = (float)channels.b, depths(num, 3) = (float)channels.a;
+                store(&depths(num, 0), 0, channels);
             }
             num++;
         });

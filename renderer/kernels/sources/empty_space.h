@@ -30,20 +30,25 @@ class VisibilityTest {
         return false;
     }
 
-    bool has_visible_range(const Box& box) const {
-        using Row = Vector<double, SIDE>;
-        double scalars[SIDE * SIDE * SIDE], lowest = __builtin_inf(), highest = -lowest;
-        load_scalars<1>(raw, classifier.scalars, box, box.first, scalars);
-        if (is_range_visible(classifier.breakpoints, scalars[0], scalars[0])) return scalars[0] == scalars[0];
-        load_scalars<SIDE>(raw, classifier.scalars, box, box.first, scalars);
-        Row low = in_all<Row>(lowest), high = -low;
-        for (int64_t row = 0; row < SIDE * SIDE; row++) {
-            Row values = load<Row>(scalars, SIDE * row);
-            low = min_of(low, values), high = max_of(high, values);  // of a second number NaN, the first
-        }
-        for (int lane = 0; lane < SIDE; lane++)
-            lowest = least(lowest, low[lane]), highest = most(highest, high[lane]);
-        return lowest <= highest && is_range_visible(classifier.breakpoints, lowest, highest);
+    template <class T>
+    bool has_visible_range(const Array<const T, 3>& voxels, const Box& box) const {
+        using Row = Vector<T, SIDE>;
+        const auto& [first, extent] = box;
+        T one = voxels(first[2], first[1], first[0]);
+        if (is_range_visible(classifier.breakpoints, (double)one, (double)one)) return true;
+        Row low = in_all<Row>(one == one ? one : (T)__builtin_inf()), high = one == one ? low : -low;
+        for (int64_t z = 0; z < extent[2]; z++)
+            for (int64_t y = 0; y < extent[1]; y++) {
+                const T* row = &voxels(first[2] + z, first[1] + y, first[0]);
+                Row values;
+                if (extent[0] == SIDE) values = load<Row>(row, 0);
+                else
+                    for (int64_t x = 0; x < SIDE; x++) values[x] = row[least(x, extent[0] - 1)];
+                low = min_of(low, values), high = max_of(high, values);  // of a second number NaN, the first
+            }
+        T lowest = low[0], highest = high[0];
+        for (int lane = 1; lane < SIDE; lane++) lowest = least(lowest, low[lane]), highest = most(highest, high[lane]);
+        return lowest <= highest && is_range_visible(classifier.breakpoints, (double)lowest, (double)highest);
     }
 
   public:
@@ -59,10 +64,13 @@ class VisibilityTest {
 
     // Whether a block of at most SIDE voxels along each axis may show something.
     bool operator()(const Box& box) const {
-        const auto& [z, y, x] = raw.shape;
-        if (raw.dtype == 0) return has_visible_voxel(Array<const uint8_t, 3>{(const uint8_t*)raw.data, {z, y, x}}, box);
-        if (raw.dtype == 2) return has_visible_voxel(Array<const uint16_t, 3>{(const uint16_t*)raw.data, {z, y, x}}, box);
-        return has_visible_range(box);
+        bool found = false;
+        with_array(raw, [&]<class T>(const Array<const T, 3>& voxels) {
+            if constexpr (sizeof(T) <= 2) found = has_visible_voxel(voxels, box);
+            else found = has_visible_range(voxels, box);
+            return DONE;
+        });
+        return found;
     }
 };
 

@@ -16,7 +16,6 @@
 // order. The channels of a node lie together; each has its own variance.
 #include "classify.h"
 #include "empty_space.h"
-#include "lanes.h"
 
 namespace {
 
@@ -188,7 +187,7 @@ class Writer {
             if (shown == 0) continue;
             take((n & 1) | (n >> 2 & 2), (n >> 1 & 1) | (n >> 3 & 2), (n >> 2 & 1) | (n >> 4 & 2), place);
             if (!(shown > 0)) continue;
-            store(&out.means(place, 0), 0, load<Vector<float, 4>>(&visibility(group, level, node) - 3, 0));
+            store(&out.means(place, 0), 0, load<FourChannels>(&visibility(group, level, node) - 3, 0));
             // The root is taken before rounding to float32, which might not hold the square.
             out.deviations[place] = (float)__builtin_sqrt((double)errors.total_variance(level, node));
             if (level > 0) {
@@ -218,33 +217,12 @@ class Writer {
     }
 };
 
-// Classify a whole block by a table, without light.
-template <class T>
-void look_up_block(const AnyArray<3>& raw, const Array<const float, 2>& table, const Box& box, float* out) {
-    Array<const T, 3> patterns = {(const T*)raw.data, {raw.shape[0], raw.shape[1], raw.shape[2]}};
-    for (int64_t z = 0; z < BLOCK_SIZE; z++)
-        for (int64_t y = 0; y < BLOCK_SIZE; y++) {
-            const T* row = &patterns(box.first[2] + z, box.first[1] + y, box.first[0]);
-            for (int64_t x = 0; x < BLOCK_SIZE; x++)
-                store(out, 4 * voxel_offset(x, y, z), load<Vector<float, 4>>(&table(row[x], 0), 0));
-        }
-}
-
 // Build the nodes of a block from the channels of voxels.
 void build_block(const AnyArray<3>& raw, const Classifier& classifier, const Box& box, Group<float>& group) {
     group.begin(box.extent, 2);
-    float* out = group.voxels;
-    bool is_whole = box.extent[0] * box.extent[1] * box.extent[2] == BLOCK_VOXELS;
-    if (is_whole && classifier.table.exists && !classifier.lighting.exists) {
-        if (raw.dtype == 0) look_up_block<uint8_t>(raw, classifier.table.value, box, out);
-        else look_up_block<uint16_t>(raw, classifier.table.value, box, out);
-    } else {
-        classify_box<BLOCK_SIZE>(raw, classifier, box, [&](int64_t x, int64_t y, int64_t z, Channels channels) {
-            float* voxel = out + 4 * voxel_offset(x, y, z);
-            voxel[0] = (float)channels.r, voxel[1] = (float)channels.g;
-            voxel[2] = (float)channels.b, voxel[3] = (float)channels.a;
-        });
-    }
+    classify_box<BLOCK_SIZE>(raw, classifier, box, [&](int64_t x, int64_t y, int64_t z, FourChannels channels) {
+        store(group.voxels, 4 * voxel_offset(x, y, z), channels);
+    });
     group.merge_voxels();
     group.merge_nodes();
 }
