@@ -56,7 +56,7 @@ from renderer.volume import Array, Bools, Float32, Float64, Int32, Int64, UInt8,
 Shape = tuple[int, int, int]
 
 # Takes visible nodes of a level in Morton order: the level, their cells [n, 3] (x, y, z), their numbers of voxels [n],
-# their errors [n] in the measure's unit, and their means [n, 4] as they would be stored.
+# their errors [n] in the measure's unit, and their means [n, 4] as they would be stored. What it keeps, it copies.
 NodeCallback = Callable[[int, Int32, Int64, Float64, Array], None]
 
 # Levels inside a block.
