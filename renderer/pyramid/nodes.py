@@ -1,10 +1,7 @@
-"""Turn voxels into nodes, merge nodes, and convert them to what is stored, by the kernels of `nodes.cpp`.
+"""What the kernels of `nodes.cpp` write of the nodes that they build, and how that is stored.
 
 Nodes come in *groups*: 64 of them, their 8 parents, and the root of those. The levels 1, 2, 3 of a block of 8^3 voxels
-are a group; the roots of up to 64 groups make the next one, with the levels 3, 4, 5, and so on. In each of the three
-arrays of a group, and among the 512 voxels, the child k = x + 2 y + 4 z of node i is at k n + i, with n the number of
-nodes: children are merged as eight contiguous rows. The 64 are then in Morton order with the two octal digits
-exchanged, the 8 in Morton order. The channels of a node lie together; each has its own variance.
+are a group; the roots of up to 64 groups make the next one, with the levels 3, 4, 5, and so on.
 """
 
 from __future__ import annotations
