@@ -30,8 +30,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.compiled import ThreadPool
-from renderer.kernels import kernels
+from renderer.kernels import ThreadPool, kernels
 from renderer.pyramid.nodes import (
     BLOCK_SIZE,
     NODES_OF_GROUP,
