@@ -20,17 +20,15 @@ from renderer.pyramid import (
     NODE_OFFSETS,
     STREAMED_LEVELS,
     Pyramid,
-    Scratch,
-    classify_blocks,
+    average_blocks,
     opacities_to_depths,
     packed_channels,
     root_cells,
     store_scaled,
-    visible_blocks,
     visible_children,
 )
 from renderer.transfer import raw_voxels
-from renderer.volume import Array, Float32, Int32, Int64, UInt64
+from renderer.volume import Array, Float32, Int32, Int64
 
 # Most memory of cached bricks.
 MAX_CACHE_BYTES = 256 << 20
@@ -100,11 +98,11 @@ def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
     means = np.zeros((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
     num_blocks = (-(-(PADDED_BRICK_SIZE << level) // BLOCK_SIZE)) ** 3  # of a brick, at most
     num_at_once = max(1, BLOCKS_PER_TASK // num_blocks)
-    scratch = Scratch.empty(num_at_once * num_blocks, None)
     for first in range(0, len(cells), num_at_once):
         part = slice(first, first + num_at_once)
         pyramid.volume.require_unchanged()
-        _average_voxels(pyramid, level, BRICK_SIZE * cells[part].astype(np.int64) - HALO, scratch, means[part])
+        corners = BRICK_SIZE * cells[part].astype(np.int64) - HALO
+        _average_voxels(pyramid, level, corners, num_at_once * num_blocks, means[part])
     pyramid.volume.require_unchanged()
     if pyramid.max_depth is not None:
         visible = means[..., 3] > 0
@@ -116,26 +114,23 @@ def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
     return stored
 
 
-def _average_voxels(pyramid: Pyramid, level: int, corners: Int64, scratch: Scratch, out: Float32) -> None:
+def _average_voxels(pyramid: Pyramid, level: int, corners: Int64, most: int, out: Float32) -> None:
     """Write the pyramid's means of cells from each of `corners` [n, 3] (x, y, z) on to `out` [n, 18, 18, 18, 4]."""
     raw = raw_voxels(pyramid.volume)
-    starts, extents, bricks = _list_blocks(corners, level, raw.shape, len(scratch.nodes[2][0]))
-    visible = np.flatnonzero(visible_blocks(raw, pyramid.mean_classifier, starts, extents))
-    starts, extents, bricks = starts[visible], extents[visible], bricks[visible]
-    scratch = scratch.limited_to(len(visible))
-    classify_blocks(raw, pyramid.mean_classifier, starts, extents, scratch.voxels, scratch.nodes)
-    _copy_nodes(scratch.nodes[level - 1][0], (starts.astype(np.int64) >> level) - corners[bricks], bricks, out)
+    starts, extents, bricks = _list_blocks(corners, level, raw.shape, most)
+    nodes = average_blocks(raw, pyramid.mean_classifier, starts, extents, level)
+    _copy_nodes(nodes, (starts >> level) - corners[bricks], bricks, out)
 
 
 @jit
-def _list_blocks(corners: Int64, level: int, shape: tuple[int, int, int], most: int) -> tuple[UInt64, UInt64, Int64]:
+def _list_blocks(corners: Int64, level: int, shape: tuple[int, int, int], most: int) -> tuple[Int64, Int64, Int64]:
     """List the blocks that cover 18^3 cells from each of `corners` [n, 3] on, in a volume of this shape [z, y, x].
 
     most: how many they are at most. Return their first voxels and extents [., 3] (x, y, z), and the indices of their
     bricks [.].
     """
     num, bricks = 0, np.empty(most, np.int64)
-    starts, extents = np.empty((most, 3), np.uint64), np.empty((most, 3), np.uint64)
+    starts, extents = np.empty((most, 3), np.int64), np.empty((most, 3), np.int64)
     first, end = np.empty(3, np.int64), np.empty(3, np.int64)
     for i in range(len(corners)):
         for axis in range(3):
