@@ -37,7 +37,8 @@ from renderer.compiled import (
     to_int32,
     where,
 )
-from renderer.draw.cpu.march import SPAN_FLOATS, TEXEL_OFFSET, Spans, TileBins, first_and_step, sort_spans
+from renderer.draw.cpu.grid import TileBins
+from renderer.draw.cpu.march import SPAN_FLOATS, TEXEL_OFFSET, Spans, first_and_step, sort_spans
 from renderer.draw.cpu.rays import (
     CLIPPED,
     RAY_FLOATS,
@@ -103,8 +104,7 @@ def draw_extremes(
 ) -> None:
     """Draw bricks into some tiles of `image`, float32 [rows, columns, 4].
 
-    tops: float64 [n], upper bounds of what is in each brick. Other parameters as in
-    `renderer.draw.cpu.march.draw_tiles`, and so is what keeps array indices valid.
+    tops: float64 [n], upper bounds of what is in each brick. Other parameters as in Grid.
     """
     num_rows, num_columns = is_drawn.shape
     side, rectangles, starts, numbers = bins.side, bins.rectangles, bins.starts, bins.numbers
