@@ -41,6 +41,16 @@ struct TransferTable {
 
 // ---- view
 
+// As in renderer/view/splat_projection.py.
+struct ModelView {
+    Array<const double, 2> view_from_model;
+    bool perspective;
+    double scale_px;
+    int64_t size[2];
+    double near;
+    Array<const double, 1> slope_limit;
+};
+
 // ---- modes
 
 // ---- draw
@@ -54,6 +64,66 @@ struct BinBricks {
 };
 KERNEL(bin_bricks, BinBricks)
 
+// As in renderer/draw/subsampling.py. factor: every which pixel of the image the grid has.
+struct UpsampleRows {
+    Array<const float, 3> grid;
+    int64_t factor;
+    Array<float, 3> image;
+    int64_t first_row;
+    int64_t end_row;
+};
+KERNEL(upsample_rows, UpsampleRows)
+
+struct MarkDiffering {
+    Array<const float, 3> grid;
+    float threshold;
+    Array<bool, 2> differ;
+};
+KERNEL(mark_differing, MarkDiffering)
+
+struct RefineRows {
+    Array<const float, 3> grid;
+    int64_t factor;
+    Array<float, 3> image;
+    int64_t first_row;
+    int64_t end_row;
+    Array<const bool, 2> differ;
+    Array<bool, 2> is_drawn;
+};
+KERNEL(refine_rows, RefineRows)
+
+// starts, num_corners: as in renderer/draw/overlay.py. axis: along which the edges are. shape: of the volume.
+struct PlaceEdges {
+    Array<const int64_t, 1> starts;
+    int64_t num_corners[3];
+    int64_t axis;
+    int64_t level;
+    int64_t shape[3];
+    double model_from_index[9];
+    Array<float, 2> vertices;
+};
+KERNEL(place_edges, PlaceEdges)
+
+// vertices, voxel_side: as in Lines. colors: [n, 4], by level. Others: constants of renderer/draw/cpu/lines.py.
+struct DrawLines {
+    Array<const float, 2> vertices;
+    double voxel_side;
+    Array<const double, 2> colors;
+    ModelView camera;
+    double cover;
+    double opacity;
+    double min_side_px;
+    Array<float, 3> image;
+};
+KERNEL(draw_lines, DrawLines)
+
 // ---- film
+
+struct Quantize {
+    Array<const float, 3> image;
+    float background[3];
+    Array<uint8_t, 3> result;
+};
+KERNEL(quantize, Quantize)
 
 // ---- truth
