@@ -31,6 +31,12 @@ struct TransferTable {
     double buckets_per_unit;
 };
 
+// As in renderer/transfer/piecewise.py.
+struct PiecewiseTransfer {
+    Array<const float, 2> rows;
+    Array<const int32_t, 1> guide;
+};
+
 // ---- pyramid
 
 // ---- lighting
@@ -40,6 +46,22 @@ struct TransferTable {
 // ---- bricks
 
 // ---- view
+
+// As in renderer/view/cutting.py.
+struct Cuts {
+    Array<const double, 2> slabs;
+    Array<const double, 3> boxes;
+};
+
+// As in renderer/view/rays.py.
+struct RaySetup {
+    Array<const double, 2> origins;
+    Array<const double, 2> directions;
+    double slope_per_px;
+    double start;
+    double center_px[2];
+    Maybe<Cuts> cuts;
+};
 
 // As in renderer/view/splat_projection.py.
 struct ModelView {
@@ -116,6 +138,67 @@ struct DrawLines {
     Array<float, 3> image;
 };
 KERNEL(draw_lines, DrawLines)
+
+// As in the files of renderer/draw/cpu/, and so are those that follow it.
+struct TileBins {
+    int64_t side;
+    Array<const int64_t, 2> rectangles;
+    Array<const int64_t, 1> starts;
+    Array<const int64_t, 1> numbers;
+};
+
+struct Grid {
+    TileBins bins;
+    int64_t stride;
+    RaySetup rays;
+    Array<const double, 2> boxes;
+    Array<const int64_t, 1> texel_offsets;
+    Array<const bool, 2> is_drawn;
+    Array<float, 3> image;
+};
+
+struct Optics {
+    float termination_alpha;
+    float spacings_per_model_unit;
+    bool is_lit;
+    bool has_absent;
+    float light[5];
+};
+
+struct Field {
+    Array<const float, 1> scalars;
+    Array<const float, 1> means;
+    PiecewiseTransfer pieces;
+    float lowest_visible;
+    Optics optics;
+};
+
+struct Light {
+    bool is_camera;
+    bool is_two_sided;
+    float toward[3];
+    float ambient;
+    float diffuse;
+    float specular;
+    float shininess;
+    float world_from_index[9];
+    Array<const float, 2> factors;
+    Array<const int32_t, 1> corners;
+    int64_t grid_shape[3];
+    double cells_per_texel;
+    double first_cell[3];
+    float occlusion_strength;
+    float shadow_strength;
+};
+
+struct DrawTiles {
+    Grid grid;
+    Array<const bool, 1> is_mean;
+    Field field;
+    Maybe<Light> light;
+    Array<const int64_t, 1> tiles;
+};
+KERNEL(draw_tiles, DrawTiles)
 
 // ---- film
 
