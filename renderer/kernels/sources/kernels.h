@@ -200,6 +200,27 @@ struct DrawTiles {
 };
 KERNEL(draw_tiles, DrawTiles)
 
+struct Search {
+    float offset;
+    float slope;
+    float slack;
+    float min_rise;
+    float ceiling;
+    bool is_sorted;
+    bool has_absent;
+    double forward[3];
+};
+
+// tops: upper bounds of what is in each brick.
+struct DrawExtremes {
+    Grid grid;
+    Array<const double, 1> tops;
+    Array<const float, 1> scalars;
+    Search search;
+    Array<const int64_t, 1> tiles;
+};
+KERNEL(draw_extremes, DrawExtremes)
+
 // ---- film
 
 struct Quantize {
