@@ -10,9 +10,9 @@ lanes are idle. Here rays that miss a brick take no lane, and the others are sor
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,16 +22,13 @@ from renderer.draw import brick_cache
 from renderer.draw.brick_cache import Atlas, BrickCache, BrickView
 from renderer.draw.constants import RECTANGLE_ROUNDING_PX
 from renderer.draw.cpu.extremum import Search, draw_extremes
+from renderer.draw.cpu.field import make_field
 from renderer.draw.cpu.light import make_light
-from renderer.draw.cpu.march import TileBins, draw_tiles
-from renderer.draw.cpu.sample import Field, Optics, make_table
 from renderer.draw.rasterizer import Rasterizer
 from renderer.draw.subsampling import grid_size, refine_grid, upsample
 from renderer.kernels import kernels
-from renderer.scene import ShadingSpec
 from renderer.splats import SplatBatch
-from renderer.transfer import toward_light
-from renderer.view import View
+from renderer.view import RaySetup, View
 from renderer.volume import Bools, Float32, Float64, Int64, UInt32
 
 CPU_RENDERER_NAME = "no OpenGL: drawn on the processor"
@@ -46,6 +43,37 @@ _MIN_RISE = np.float32(2.0**-18)
 _TASKS_PER_THREAD = 4
 # Floats behind the last texel that loads of whole rows touch.
 _READ_BEHIND = 2
+
+
+class TileBins(NamedTuple):
+    """A list of the bricks over each tile: those of tile k are `numbers[starts[k] : starts[k + 1]]`, front to back.
+
+    side: of a tile, in pixels of the grid. rectangles: int64 [n, 4], left, top, right and bottom of each brick,
+    half-open, in pixels of the grid and inside it. starts: int64 [tiles + 1]. numbers: int64.
+    """
+
+    side: int
+    rectangles: Int64
+    starts: Int64
+    numbers: Int64
+
+
+class Grid(NamedTuple):
+    """A grid of pixels into which bricks are drawn.
+
+    stride: the pixels of the grid are every `stride`-th pixel along both axes. boxes: as in BrickView.
+    texel_offsets: int64 [n], where the texels of each brick begin in its atlas.
+    is_drawn: [rows, columns], the pixels of the grid that are drawn.
+    image: float32 [rows, columns, 4], premultiplied RGBA.
+    """
+
+    bins: TileBins
+    stride: int
+    rays: RaySetup
+    boxes: Float64
+    texel_offsets: Int64
+    is_drawn: Bools
+    image: Float32
 
 
 class CPUAtlas(Atlas):
@@ -131,32 +159,25 @@ class CPURasterizer(Rasterizer):
             for atlas, numbers, slots in uploaded:
                 texel_offsets[numbers] = atlas.texel_offsets(slots)
             bins = _bin_bricks(brick_view.rectangles_px[group], stride, (is_drawn.shape[1], is_drawn.shape[0]))
-            bricks = brick_view.rays, brick_view.boxes[group], texel_offsets[group]
-            batch, is_mean = brick_view.batch, brick_view.is_mean[group]
-            draw: Callable[[Int64], None]
+            boxes, offsets = brick_view.boxes[group], texel_offsets[group]
+            grid = Grid(bins, stride, brick_view.rays, boxes, offsets, is_drawn, image)
+            batch, (scalars, means) = brick_view.batch, self.cache.atlases
             if batch.extremes is None:
-                field, light = self._field(batch), make_light(batch)
-                draw = partial(draw_tiles, bins, stride, *bricks, is_mean, field, light, is_drawn, image)
+                field, light = make_field(batch, scalars.texels, means.texels), make_light(batch)
+                is_mean = brick_view.is_mean[group]
+                draw = kernels().draw_tiles.partial(grid=grid, is_mean=is_mean, field=field, light=light)
             else:
-                tops, scalars = batch.extremes.tops[brick_view.order[group]], self.cache.atlases[0].texels
+                tops = batch.extremes.tops[brick_view.order[group]]
                 search = _search(batch.extremes, brick_view.view, batch)
-                draw = partial(draw_extremes, bins, stride, *bricks, tops, scalars, search, is_drawn, image)
+                draw = partial(_draw_extremes, grid, tops, scalars.texels, search)
             tiles = np.flatnonzero(bins.starts[1:] > bins.starts[:-1])
             num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.threads.num) if self.threads.num > 1 else 1
-            self.threads.map(draw, np.array_split(tiles, max(1, num_tasks)))
+            self.threads.map(lambda tiles, draw=draw: draw(tiles=tiles), np.array_split(tiles, max(1, num_tasks)))
 
-    def _field(self, batch: BrickBatch) -> Field:
-        shading = batch.shading if batch.shading and batch.shading.is_plain else ShadingSpec()
-        x, y, z = toward_light(shading).astype(np.float32)
-        optics = Optics(
-            np.float32(batch.screen_sampling.termination_alpha),
-            np.float32(batch.spacings_per_model_unit),
-            batch.shading is not None and batch.shading.is_plain,
-            batch.cut.volume.num_absent > 0,
-            (x, y, z, np.float32(shading.ambient), np.float32(shading.diffuse)),
-        )
-        scalars, means = self.cache.atlases
-        return Field(scalars.texels, means.texels, make_table(batch.bricks.pieces), optics)
+
+def _draw_extremes(grid: Grid, tops: Float64, scalars: Float32, search: Search, *, tiles: Int64) -> None:
+    bins, stride, rays, boxes, offsets, is_drawn, image = grid
+    draw_extremes(bins, stride, rays, boxes, offsets, tops, scalars, search, is_drawn, image, tiles)
 
 
 def _search(extremes: Extremes, view: View, batch: BrickBatch) -> Search:

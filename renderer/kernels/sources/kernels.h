@@ -53,7 +53,7 @@ struct Cuts {
     Array<const double, 3> boxes;
 };
 
-// As in renderer/view/rays.py.
+// As in renderer/view/brick_projection.py.
 struct RaySetup {
     Array<const double, 2> origins;
     Array<const double, 2> directions;

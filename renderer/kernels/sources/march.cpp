@@ -40,8 +40,8 @@ void prefetch_brick(const Box& box, const Texels& texels, int64_t texel_floats) 
 // A span is: the first sample [3], in texels of the brick; the step to the next one [3]; the length of a segment, in
 // model units; the number of the last sample.
 template <bool CUTS>
-int64_t clip_rays(const Box& box, double start, const Kept& kept, Window window, float termination_alpha,
-                  const Tile& tile, const Spans& spans, bool& is_whole) {
+int64_t clip_rays(const Box& box, double start, Kept kept, Window window, float termination_alpha,
+                  Tile tile, Spans spans, bool& is_whole) {
     double samples_per_length = box.scale / box.step;
     int64_t num = 0;
     is_whole = true;
@@ -112,8 +112,8 @@ struct Scene {
 // quarter of a texel; scalars are finite, so that the search ends at the last piece; lanes without a ray have a span of
 // zeros or of another brick, whose texels are at the same places.
 template <Kind KIND>
-void march(const Texels& texels, const Scene& scene, const Box& box, const Spans& spans, int64_t num, const Tile& tile,
-           const Array<float, 1>& pixels) {
+void march(Texels texels, const Scene& scene, const Box& box, Spans spans, int64_t num, Tile tile,
+           Array<float, 1> pixels) {
     const Optics optics = scene.field.optics;
     const Light& light = scene.light;
     float origin[3] = {};
@@ -140,15 +140,22 @@ void march(const Texels& texels, const Scene& scene, const Box& box, const Spans
             Floats here = min_of(last, in_all<Floats>(number));
             Ints at = cell_at(here, begin, step, shares);
             Sample sample;
+            Mask visible;
             if constexpr (KIND == MEANS) {
                 sample = sample_rgba(texels, at, shares);
+                visible = active & mask_of(sample.tau > 0.0f);
             } else {
-                Floats scalar = sample_scalar(texels, at, shares);
+                Corners corners = load_corners(texels, at);
+                Floats scalar = interpolate(corners, shares);
                 if (!any_of(active & mask_of(scalar >= scene.field.lowest_visible))) continue;
                 sample = classify(scene.table, scalar);
-                if (optics.has_absent) sample.tau *= share_of_data(texels, here, begin, step);
+                visible = active & mask_of(sample.tau > 0.0f);
+                Mask are_divided = visible & ~are_all_present(corners);
+                if (optics.has_absent && any_of(are_divided)) {
+                    sample.tau *= share_of_data(texels, are_divided, here, begin, step);
+                    visible &= mask_of(sample.tau > 0.0f);
+                }
             }
-            Mask visible = active & mask_of(sample.tau > 0.0f);
             if (!any_of(visible)) continue;
             if constexpr (KIND == LIT) {
                 Three texel = {fma(here, step.x, x), fma(here, step.y, y), fma(here, step.z, z)};

@@ -37,7 +37,7 @@ struct LaneTable {
     Array<const float, 2> rows;
     Array<const int32_t, 1> guide;
     bool fits;
-    Floats columns[PIECE_FLOATS];
+    float columns[PIECE_FLOATS][LANES];
 
     explicit LaneTable(const PiecewiseTransfer& pieces)
         : rows(pieces.rows), guide(pieces.guide), fits(rows.shape[0] <= LANES), columns() {
@@ -50,8 +50,8 @@ struct LaneTable {
 INLINE Sample classify_by_columns(const LaneTable& table, Floats scalar) {
     Ints piece = in_all<Ints>(table.guide[0]);
     for (int64_t k = table.guide[0]; k < table.rows.shape[0] - 1; k++)
-        piece = where(mask_of(scalar >= table.rows(k, 0)), piece + 1, piece);
-    auto column = [&](int number) { return permute(table.columns[number], piece); };
+        piece = where(mask_of(scalar >= table.columns[0][k]), piece + 1, piece);
+    auto column = [&](int number) { return permute(load<Floats>(table.columns[number], 0), piece); };
     Floats offset = scalar - column(1);
     return {
         fma(offset, column(3), column(2)),
@@ -111,9 +111,8 @@ INLINE Corners load_corners(const Texels& texels, Ints at) {
     return corners;
 }
 
-// Interpolate between eight texels, the lowest of which is at `at`.
-INLINE Floats sample_scalar(const Texels& texels, Ints at, const Three& shares) {
-    auto [a, b, c, d, e, f, g, h] = load_corners(texels, at);
+INLINE Floats interpolate(const Corners& corners, const Three& shares) {
+    const auto& [a, b, c, d, e, f, g, h] = corners;
     Floats below = lerp(shares.y, lerp(shares.x, a, b), lerp(shares.x, c, d));
     Floats above = lerp(shares.y, lerp(shares.x, e, f), lerp(shares.x, g, h));
     return lerp(shares.z, below, above);
@@ -125,28 +124,32 @@ INLINE Mask has_data(Floats texel) {
 
 // Whether the texels that are nearest to samples have data; `at` is the lowest of the eight around each.
 INLINE Mask are_present(const Texels& texels, Ints at, const Three& shares) {
-    Ints u = to_int32(shares.x + 0.5f), v = to_int32(shares.y + 0.5f), w = to_int32(shares.z + 0.5f);
-    return has_data(gather(texels, at + u + v * ROW_STRIDE + w * PLANE_STRIDE));
+    // No products: the compiler would multiply each lane on its own.
+    auto beyond = [](Floats share, int32_t stride) {
+        return where(mask_of(share + 0.5f >= 1.0f), in_all<Ints>(stride), in_all<Ints>(0));
+    };
+    at += beyond(shares.x, 1) + beyond(shares.y, ROW_STRIDE) + beyond(shares.z, PLANE_STRIDE);
+    return has_data(gather(texels, at));
 }
 
-// Whether all eight texels, the lowest of which is at `at`, have data.
-INLINE Mask are_all_present(const Texels& texels, Ints at) {
-    auto [a, b, c, d, e, f, g, h] = load_corners(texels, at);
-    return has_data(a) & has_data(b) & has_data(c) & has_data(d) & has_data(e) & has_data(f) & has_data(g) &
-        has_data(h);
+// Whether all eight texels around samples have data.
+INLINE Mask are_all_present(const Corners& corners) {
+    auto [a, b, c, d, e, f, g, h] = corners;
+    auto any = [](auto... texel) { return (float32_to_bits(texel) | ...); };
+    return mask_of((any(a, b, c, d, e, f, g, h) & 1) == 0);
 }
 
-// The share of the segments around samples that has data, by NUM_PARTS points. here, first, step: as for `cell_at`.
-INLINE Floats share_of_data(const Texels& texels, Floats here, const Three& first, const Three& step) {
-    Three shares;
-    Mask are_whole = are_all_present(texels, cell_at(here, first, step, shares));
-    Floats one = in_all<Floats>(1.0f), zero = in_all<Floats>(0.0f), share = where(are_whole, one, zero);
-    if (any_of(~are_whole)) {
-        for (int k = 0; k < NUM_PARTS; k++) {
-            Ints at = cell_at(here + (float)((k + 0.5) / NUM_PARTS - 0.5), first, step, shares);
-            at = min_of(max_of(at, in_all<Ints>(0)), in_all<Ints>(LAST_CELL));  // of lanes without a ray
-            share += where(~are_whole & are_present(texels, at, shares), one / NUM_PARTS, zero);
-        }
+// The share of the segments around samples that has data, by NUM_PARTS points; 1 where they are not divided.
+// numbers, first, step: as for `cell_at`.
+INLINE Floats share_of_data(const Texels& texels, Mask are_divided, Floats numbers, const Three& first,
+                            const Three& step) {
+    Floats zero = in_all<Floats>(0.0f), share = where(are_divided, zero, in_all<Floats>(1.0f));
+#pragma clang loop unroll(full)
+    for (int k = 0; k < NUM_PARTS; k++) {
+        Three shares;
+        Ints at = cell_at(numbers + (float)((k + 0.5) / NUM_PARTS - 0.5), first, step, shares);
+        at = min_of(max_of(at, in_all<Ints>(0)), in_all<Ints>(LAST_CELL));  // of lanes without a ray
+        share += where(are_divided & are_present(texels, at, shares), in_all<Floats>(1.0f / NUM_PARTS), zero);
     }
     return share;
 }
