@@ -9,7 +9,7 @@ premultiplied RGBA without a background. There are two backends, OpenGL and comp
   takes the samples of a ray in a brick, with jitter, until early ray termination (Max 1995).
 - `cpu/raster.py` draws bricks on several threads. `cpu/march.py` has the same loop over rays and samples, compiled;
   `cpu/rays.py` sets up rays, and cuts them; `cpu/sample.py` interpolates and classifies a sample; `cpu/light.py` has
-  light and extinction that depend on the view or on gradients; `cpu/extremum.py` finds the largest scalar of a ray.
+  light and extinction that depend on the view or on gradients; `cpu/extremum.py` says which scalar a ray looks for.
   OpenGL has neither cuts, nor such light, nor extremes.
 
 Both share `brick_cache.py` (bricks in a view; which of them are uploaded or evicted),

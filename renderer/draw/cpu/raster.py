@@ -16,12 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch, Extremes
+from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch
 from renderer.compiled import ThreadPool
 from renderer.draw import brick_cache
 from renderer.draw.brick_cache import Atlas, BrickCache, BrickView
 from renderer.draw.constants import RECTANGLE_ROUNDING_PX
-from renderer.draw.cpu.extremum import Search, draw_extremes
+from renderer.draw.cpu.extremum import make_search
 from renderer.draw.cpu.field import make_field
 from renderer.draw.cpu.light import make_light
 from renderer.draw.rasterizer import Rasterizer
@@ -36,9 +36,6 @@ CPU_RENDERER_NAME = "no OpenGL: drawn on the processor"
 # Pixels along the sides of a tile, without and with subsampling. Tiles of 16 draw each brick more often, and the rays
 # of tiles of 64 do not fit into the cache.
 TILE_SIDE, SUBSAMPLED_TILE_SIDE = 32, 16
-# By depth, a later number must exceed the largest one by this share of the colour range: rounding must not choose
-# between equal ones.
-_MIN_RISE = np.float32(2.0**-18)
 # Each task draws neighbouring tiles, which have bricks in common.
 _TASKS_PER_THREAD = 4
 # Floats behind the last texel that loads of whole rows touch.
@@ -168,31 +165,11 @@ class CPURasterizer(Rasterizer):
                 draw = kernels().draw_tiles.partial(grid=grid, is_mean=is_mean, field=field, light=light)
             else:
                 tops = batch.extremes.tops[brick_view.order[group]]
-                search = _search(batch.extremes, brick_view.view, batch)
-                draw = partial(_draw_extremes, grid, tops, scalars.texels, search)
+                search = make_search(batch, brick_view.view)
+                draw = kernels().draw_extremes.partial(grid=grid, tops=tops, scalars=scalars.texels, search=search)
             tiles = np.flatnonzero(bins.starts[1:] > bins.starts[:-1])
             num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.threads.num) if self.threads.num > 1 else 1
             self.threads.map(lambda tiles, draw=draw: draw(tiles=tiles), np.array_split(tiles, max(1, num_tasks)))
-
-
-def _draw_extremes(grid: Grid, tops: Float64, scalars: Float32, search: Search, *, tiles: Int64) -> None:
-    bins, stride, rays, boxes, offsets, is_drawn, image = grid
-    draw_extremes(bins, stride, rays, boxes, offsets, tops, scalars, search, is_drawn, image, tiles)
-
-
-def _search(extremes: Extremes, view: View, batch: BrickBatch) -> Search:
-    """Return what is sought in a view. Nearness falls from 1 to 0 through the ball around the volume, its diameter."""
-    nearer = -0.5 / batch.model_unit * (view.forward @ batch.cut.volume.world_from_index[:3, :3])
-    return Search(
-        np.float32(extremes.offset),
-        np.float32(extremes.slope),
-        np.float32(extremes.slack),
-        _MIN_RISE if extremes.by_depth else np.float32(0.0),
-        np.float32(np.inf if extremes.by_depth else 1.0),
-        not (extremes.by_depth or view.cuts),
-        batch.cut.volume.num_absent > 0,
-        nearer if extremes.by_depth else np.zeros(3),
-    )
 
 
 def _bin_bricks(rectangles_px: Float64, stride: int, shape: tuple[int, int]) -> TileBins:

@@ -126,7 +126,7 @@ INLINE Floats middle(Floats entry, Floats extent) {
 // found: what it does give, which stays where all eight have data.
 INLINE Largest largest_of_data(const Texels& texels, Ints at, const Corners& corners, const Three& entry,
                                const Three& extent, Largest found) {
-    Mask is_whole = are_all_present(texels, at);
+    Mask is_whole = are_all_present(load_corners(texels, at));
     if (!any_of(~is_whole)) return found;
     Floats zero = in_all<Floats>(0.0f), one = in_all<Floats>(1.0f);
     Floats x = middle(entry.x, extent.x), y = middle(entry.y, extent.y), z = middle(entry.z, extent.z);
