@@ -10,17 +10,16 @@ lanes are idle. Here rays that miss a brick take no lane, and the others are sor
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
-from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch, Extremes
+from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch
 from renderer.compiled import ThreadPool
 from renderer.draw import brick_cache
 from renderer.draw.brick_cache import Atlas, BrickCache, BrickView
-from renderer.draw.cpu.extremum import Search, draw_extremes
+from renderer.draw.cpu.extremum import make_search
 from renderer.draw.cpu.field import make_field
 from renderer.draw.cpu.grid import Grid, bin_bricks
 from renderer.draw.cpu.light import make_light
@@ -29,13 +28,10 @@ from renderer.draw.subsampling import grid_size, refine_grid, upsample
 from renderer.kernels import kernels
 from renderer.splats import SplatBatch
 from renderer.view import View
-from renderer.volume import Bools, Float32, Float64, Int64, UInt32
+from renderer.volume import Bools, Float32, Int64, UInt32
 
 CPU_RENDERER_NAME = "no OpenGL: drawn on the processor"
 
-# By depth, a later number must exceed the largest one by this share of the colour range: rounding must not choose
-# between equal ones.
-_MIN_RISE = np.float32(2.0**-18)
 # Each task draws neighbouring tiles, which have bricks in common.
 _TASKS_PER_THREAD = 4
 # Floats behind the last texel that loads of whole rows touch.
@@ -128,36 +124,15 @@ class CPURasterizer(Rasterizer):
             boxes, offsets = brick_view.boxes[group], texel_offsets[group]
             grid = Grid(bins, stride, brick_view.rays, boxes, offsets, is_drawn, image)
             batch, (scalars, means) = brick_view.batch, self.cache.atlases
-            draw: Callable[..., None]
             if batch.extremes is None:
                 field, light = make_field(batch, scalars.texels, means.texels), make_light(batch)
                 is_mean = brick_view.is_mean[group]
                 draw = kernels().draw_tiles.partial(grid=grid, is_mean=is_mean, field=field, light=light)
             else:
                 tops = batch.extremes.tops[brick_view.order[group]]
-                search = _search(batch.extremes, brick_view.view, batch)
-                draw = partial(_draw_extremes, grid, tops, scalars.texels, search)
+                search = make_search(batch, brick_view.view)
+                draw = kernels().draw_extremes.partial(grid=grid, tops=tops, scalars=scalars.texels, search=search)
             tiles = np.flatnonzero(bins.starts[1:] > bins.starts[:-1])
             num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.threads.num) if self.threads.num > 1 else 1
             tasks = [partial(draw, tiles=part) for part in np.array_split(tiles, max(1, num_tasks))]
             self.threads.map(lambda task: task(), tasks)
-
-
-def _draw_extremes(grid: Grid, tops: Float64, scalars: Float32, search: Search, *, tiles: Int64) -> None:
-    bins, stride, rays, boxes, offsets, is_drawn, image = grid
-    draw_extremes(bins, stride, rays, boxes, offsets, tops, scalars, search, is_drawn, image, tiles)
-
-
-def _search(extremes: Extremes, view: View, batch: BrickBatch) -> Search:
-    """Return what is sought in a view. Nearness falls from 1 to 0 through the ball around the volume, its diameter."""
-    nearer = -0.5 / batch.model_unit * (view.forward @ batch.cut.volume.world_from_index[:3, :3])
-    return Search(
-        np.float32(extremes.offset),
-        np.float32(extremes.slope),
-        np.float32(extremes.slack),
-        _MIN_RISE if extremes.by_depth else np.float32(0.0),
-        np.float32(np.inf if extremes.by_depth else 1.0),
-        not (extremes.by_depth or view.cuts),
-        batch.cut.volume.num_absent > 0,
-        nearer if extremes.by_depth else np.zeros(3),
-    )

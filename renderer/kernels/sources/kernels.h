@@ -63,6 +63,16 @@ struct RaySetup {
     Maybe<Cuts> cuts;
 };
 
+// As in renderer/view/splat_projection.py.
+struct ModelView {
+    Array<const double, 2> view_from_model;
+    bool perspective;
+    double scale_px;
+    int64_t size[2];
+    double near;
+    Array<const double, 1> slope_limit;
+};
+
 // ---- modes
 
 // ---- draw
@@ -75,6 +85,59 @@ struct BinBricks {
     Array<int64_t, 1> numbers;
 };
 KERNEL(bin_bricks, BinBricks)
+
+// As in renderer/draw/subsampling.py. factor: every which pixel of the image the grid has.
+struct UpsampleRows {
+    Array<const float, 3> grid;
+    int64_t factor;
+    Array<float, 3> image;
+    int64_t first_row;
+    int64_t end_row;
+};
+KERNEL(upsample_rows, UpsampleRows)
+
+struct MarkDiffering {
+    Array<const float, 3> grid;
+    float threshold;
+    Array<bool, 2> differ;
+};
+KERNEL(mark_differing, MarkDiffering)
+
+struct RefineRows {
+    Array<const float, 3> grid;
+    int64_t factor;
+    Array<float, 3> image;
+    int64_t first_row;
+    int64_t end_row;
+    Array<const bool, 2> differ;
+    Array<bool, 2> is_drawn;
+};
+KERNEL(refine_rows, RefineRows)
+
+// starts, num_corners: as in renderer/draw/overlay.py. axis: along which the edges are. shape: of the volume.
+struct PlaceEdges {
+    Array<const int64_t, 1> starts;
+    int64_t num_corners[3];
+    int64_t axis;
+    int64_t level;
+    int64_t shape[3];
+    double model_from_index[9];
+    Array<float, 2> vertices;
+};
+KERNEL(place_edges, PlaceEdges)
+
+// vertices, voxel_side: as in Lines. colors: [n, 4], by level. Others: constants of renderer/draw/cpu/lines.py.
+struct DrawLines {
+    Array<const float, 2> vertices;
+    double voxel_side;
+    Array<const double, 2> colors;
+    ModelView camera;
+    double cover;
+    double opacity;
+    double min_side_px;
+    Array<float, 3> image;
+};
+KERNEL(draw_lines, DrawLines)
 
 // As in the files of renderer/draw/cpu/, and so are those that follow it.
 struct TileBins {
@@ -137,6 +200,34 @@ struct DrawTiles {
 };
 KERNEL(draw_tiles, DrawTiles)
 
+struct Search {
+    float offset;
+    float slope;
+    float slack;
+    float min_rise;
+    float ceiling;
+    bool is_sorted;
+    bool has_absent;
+    double forward[3];
+};
+
+// tops: upper bounds of what is in each brick.
+struct DrawExtremes {
+    Grid grid;
+    Array<const double, 1> tops;
+    Array<const float, 1> scalars;
+    Search search;
+    Array<const int64_t, 1> tiles;
+};
+KERNEL(draw_extremes, DrawExtremes)
+
 // ---- film
+
+struct Quantize {
+    Array<const float, 3> image;
+    float background[3];
+    Array<uint8_t, 3> result;
+};
+KERNEL(quantize, Quantize)
 
 // ---- truth
