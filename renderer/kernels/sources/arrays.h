@@ -53,6 +53,12 @@ struct Array {
     }
 };
 
+// The elements from a place on.
+template <class T>
+INLINE Array<T, 1> rest_of(const Array<T, 1>& array, int64_t place) {
+    return {array.data + Array<T, 1>::checked(place, array.shape[0] + 1), {array.shape[0] - place}};
+}
+
 // Read-only, of any of the dtypes of `with_array`. dtype: its number there.
 template <int DIMENSIONS>
 struct AnyArray {
@@ -105,6 +111,7 @@ struct Buffer {
     Buffer& operator=(const Buffer&) = delete;
 
     explicit operator bool() const { return data != nullptr; }
+    operator Array<T, 1>() const { return {data, {num}}; }
     INLINE T& operator[](int64_t index) const { return data[Array<T, 1>::checked(index, num)]; }
 };
 
