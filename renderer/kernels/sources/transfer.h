@@ -3,6 +3,7 @@
 #include "kernels.h"
 
 constexpr int64_t GUIDE_SIZE = 1024;
+constexpr double MAX_NORMALIZED_SCALAR = 1 << 20;
 
 struct Channels {
     double r, g, b, a;
@@ -27,4 +28,15 @@ INLINE Channels evaluate(const TransferTable& curve, double scalar) {
         else end = middle;
     }
     return evaluate_segment(curve.rows, k, inside);
+}
+
+// Whether any scalar from `low` to `high` is visible, by the visibility breakpoints.
+INLINE bool is_range_visible(const Array<const double, 1>& breakpoints, double low, double high) {
+    int64_t num = 0, end = breakpoints.shape[0];  // those at or below `low`
+    while (num < end) {
+        int64_t middle = (num + end) / 2;
+        if (breakpoints[middle] <= low) num = middle + 1;
+        else end = middle;
+    }
+    return num & 1 || (num < breakpoints.shape[0] && breakpoints[num] <= high);
 }
