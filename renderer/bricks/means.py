@@ -132,9 +132,11 @@ def _list_blocks(corners: Int64, level: int, shape: tuple[int, ...]) -> tuple[UI
 
     Return their first voxels and extents [., 3] (x, y, z), and the indices of their bricks [.].
     """
-    side = -(-(PADDED_BRICK_SIZE << level) // BLOCK_SIZE)
+    firsts = np.maximum(corners, 0) << level
     ends = np.minimum((corners + PADDED_BRICK_SIZE) << level, shape[::-1])
-    starts = (np.maximum(corners, 0) << level)[:, None] + BLOCK_SIZE * grid_cells((side,) * 3)
-    extents = np.minimum(ends[:, None] - starts, BLOCK_SIZE)
-    bricks, blocks = np.nonzero((extents > 0).all(axis=2))
-    return starts[bricks, blocks].astype(np.uint64), extents[bricks, blocks].astype(np.uint64), bricks
+    nums = -(-(ends - firsts) // BLOCK_SIZE)
+    blocks = [grid_cells((z, y, x)) for x, y, z in nums.tolist()]
+    bricks = np.repeat(np.arange(len(corners)), nums.prod(axis=1))
+    starts = firsts[bricks] + BLOCK_SIZE * np.concatenate(blocks)
+    extents = np.minimum(ends[bricks] - starts, BLOCK_SIZE)
+    return starts.view(np.uint64), extents.view(np.uint64), bricks

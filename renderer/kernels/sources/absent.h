@@ -5,37 +5,54 @@
 // Beside a plane of voxels that is the voxel itself, so that data surrounded by NaN look as they do alone.
 #pragma once
 #include "brick_voxels.h"
+#include "lanes.h"
 
 namespace {
 
-// The mean of the nearest data among the 26 neighbours of a voxel at [z + 1, y + 1, x + 1]; NaN without any.
-inline double mean_of_nearest(const Field& field, int64_t z, int64_t y, int64_t x) {
+using Eight = Vector<double, 8>;
+
+// Of eight voxels, the means of the nearest data among their 26 neighbours; NaN without any. cells_at: loads the 27 cells
+// around each by number, x before y before z.
+template <class Load>
+INLINE Eight means_of_nearest(const Load& cells_at) {
     constexpr double scale = 16;  // means of up to twelve numbers do not overflow
-    for (int distance = 1; distance < 4; distance++) {  // squared
-        double total = 0;
-        int num = 0;
-        for (int k = 0; k < 3; k++)
-            for (int j = 0; j < 3; j++)
-                for (int i = 0; i < 3; i++) {
-                    if ((k - 1) * (k - 1) + (j - 1) * (j - 1) + (i - 1) * (i - 1) != distance) continue;
-                    double value = field(z + k, y + j, x + i);
-                    if (!is_nan(value)) total += value / scale, num++;
-                }
-        if (num > 0) return total / num * scale;
+    Eight means = in_all<Eight>(__builtin_nan(""));
+#pragma clang loop unroll(full)
+    for (int distance = 3; distance > 0; distance--) {  // squared; the nearest last, so that they count
+        Eight totals = {}, nums = {};
+#pragma clang loop unroll(full)
+        for (int number = 0; number < 27; number++) {
+            int k = number / 9 - 1, j = number / 3 % 3 - 1, i = number % 3 - 1;
+            if (k * k + j * j + i * i != distance) continue;
+            Eight values = cells_at(number);
+            Vector<bool, 8> exist = mask_of(values == values);
+            totals = where(exist, totals + values / scale, totals);
+            nums = where(exist, nums + 1, nums);
+        }
+        means = where(mask_of(nums > 0), totals / nums * scale, means);
     }
-    return __builtin_nan("");
+    return means;
 }
 
-// Write the inside of a field [n + 2, n + 2, n + 2] to `filled` [n, n, n], continued into voxels without data. What has
-// no neighbour with data stays NaN. Return whether all voxels inside have data.
+// Write the inside of a field [n + 2, n + 2, n + 2] to `filled` [n, n, n], continued into voxels without data; n is at
+// least 8. What has no neighbour with data stays NaN. Return whether all voxels inside have data.
 inline bool fill_absent(const Field& field, const Field& filled) {
+    int64_t side = filled.shape[0];
     bool is_whole = true;
-    for (int64_t z = 0; z < filled.shape[0]; z++)
-        for (int64_t y = 0; y < filled.shape[1]; y++)
-            for (int64_t x = 0; x < filled.shape[2]; x++) {
-                double value = field(z + 1, y + 1, x + 1);
-                if (is_nan(value)) is_whole = false, value = mean_of_nearest(field, z, y, x);
-                filled(z, y, x) = value;
+    for (int64_t z = 0; z < side; z++)
+        for (int64_t y = 0; y < side; y++)
+            for (int64_t first = 0; first < side; first += 8) {
+                int64_t x = least(first, side - 8);
+                auto cells_at = [&](int number) {
+                    return load<Eight>(&field(z + number / 9, y + number / 3 % 3, x + number % 3), 0);
+                };
+                Eight values = cells_at(13);  // in the middle
+                Vector<bool, 8> are_absent = mask_of(values != values);
+                if (any_of<8>(are_absent)) {
+                    is_whole = false;
+                    values = where(are_absent, means_of_nearest(cells_at), values);
+                }
+                store(&filled(z, y, x), 0, values);
             }
     return is_whole;
 }

@@ -16,6 +16,12 @@ INLINE double difference(double before, double here, double after, double scale,
     return (after * scale - before * scale) * weight;
 }
 
+// Memory for the gradients of a brick along x, y, z.
+struct Gradients : Buffer<double> {
+    Array<double, 4> planes;
+    explicit Gradients(int64_t side) : Buffer(3 * side * side * side), planes{data, {3, side, side, side}} {}
+};
+
 // Along an axis, for each of the places in a brick: the place of the voxel that is taken there, the nearest, and the
 // reciprocal of the number of voxels from the one before to the one after it.
 struct Places {
@@ -80,10 +86,9 @@ Status fill_scalar_texels(const FillScalarTexels* arguments) {
     // Gradients need the voxels next to those of texels, and so does what takes the place of voxels without data.
     bool has_absent = voxels.has_absent;
     int64_t margin = is_lit, side = PADDED_BRICK_SIZE + 2 * margin, gradient_side = PADDED_BRICK_SIZE + 2 * has_absent;
-    Cube field(side), around(side + 2), filled(PADDED_BRICK_SIZE);
-    Buffer<double> memory(is_lit ? 3 * gradient_side * gradient_side * gradient_side : 0);
-    if (!field || !around || !filled || !memory) return NO_MEMORY;
-    Array<double, 4> gradients = {memory.data, {3, gradient_side, gradient_side, gradient_side}};
+    Cube field(side), around(side + 2);
+    Gradients gradients(is_lit * gradient_side), filled(is_lit * PADDED_BRICK_SIZE);
+    if (!field || !around || !gradients || !filled) return NO_MEMORY;
     for (int64_t i = 0; i < cells.shape[0]; i++) {
         load_brick(voxels, cells[i], has_absent ? around.field : field.field);
         if (has_absent) fill_absent(around.field, field.field);
@@ -104,16 +109,19 @@ Status fill_scalar_texels(const FillScalarTexels* arguments) {
             texels(i, z, y, x, 0) = u;
         });
         if (!is_lit) continue;
-        if (has_absent) fill_gradients<true>(around.field, voxels.raw.shape, cells[i], m, scale, gradients);
-        else fill_gradients<false>(field.field, voxels.raw.shape, cells[i], m, scale, gradients);
-        for (int axis = 0; axis < 3; axis++) {
-            if (has_absent) fill_absent(gradients[axis], filled.field);
-            const Field gradient = has_absent ? filled.field : gradients[axis];
-            for_texels([&](int64_t z, int64_t y, int64_t x) {
-                double value = gradient(z, y, x);
-                texels(i, z, y, x, 1 + axis) = is_nan(value) ? 0 : (float)value;
-            });
+        if (has_absent) {
+            fill_gradients<true>(around.field, voxels.raw.shape, cells[i], m, scale, gradients.planes);
+            for (int axis = 0; axis < 3; axis++) fill_absent(gradients.planes[axis], filled.planes[axis]);
+        } else {
+            fill_gradients<false>(field.field, voxels.raw.shape, cells[i], m, scale, gradients.planes);
         }
+        const auto& planes = has_absent ? filled.planes : gradients.planes;
+        for_texels([&](int64_t z, int64_t y, int64_t x) {
+            for (int axis = 0; axis < 3; axis++) {
+                double value = planes(axis, z, y, x);
+                texels(i, z, y, x, 1 + axis) = is_nan(value) ? 0 : (float)value;
+            }
+        });
     }
     return DONE;
 }
