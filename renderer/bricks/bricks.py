@@ -63,7 +63,7 @@ class BrickLevel:
         centres of cells (k + 1/2), or at faces of the brick or the volume. Equal corners where nothing is visible.
     errors: float64 [z, y, x], what the brick may put wrong into a pixel, in the measure's unit: RAY_ERROR_FACTOR times
         the largest error of the nodes in it and in its halo, or of the sub-voxel variation in it along a segment as
-        long as such a node (`renderer.bricks.subvoxel`). 0 on level 0, which shows all of it.
+        long as such a node (kernel `subvoxel.cpp`). 0 on level 0, which shows all of it.
     step_errors: float64 [z, y, x], the root mean square, over the brick's volume, of the errors of nodes one level
         *above*: what cells twice as large would put wrong. Where it is 0, the largest of the neighbours, which may be
         visible in the halo. On level 0 the squares of the sub-voxel variation along such a segment are added. At least
