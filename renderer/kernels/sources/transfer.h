@@ -4,6 +4,7 @@
 #include "maths.h"
 
 constexpr int64_t GUIDE_SIZE = 1024;
+constexpr double MAX_NORMALIZED_SCALAR = 1 << 20;
 
 // As in renderer/transfer/transfer_function.py.
 constexpr double VISIBILITY_THRESHOLD = 0x1p-80;
