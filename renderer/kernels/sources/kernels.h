@@ -480,3 +480,66 @@ struct Quantize {
 KERNEL(quantize, Quantize)
 
 // ---- truth
+
+// As in renderer/truth/optics.py.
+struct Intervals {
+    Array<const double, 1> knots;
+    Array<const double, 2> rows;
+    double scale;
+};
+
+// Of a LightField.
+struct ArrivingLight {
+    Array<const float, 3> occlusion;
+    Array<const float, 3> shadow;
+    double cell_size;
+    double occlusion_strength;
+    double shadow_strength;
+};
+
+// As in renderer/truth/optics.py.
+struct Gloss {
+    bool is_camera;
+    bool is_two_sided;
+    double specular;
+    double shininess;
+    double world_from_index[9];
+    Array<const double, 2> factors;
+    ArrivingLight field;
+};
+
+struct LambertShading {
+    double ambient;
+    double diffuse;
+    double light[3];
+    double world_from_index_gradient[9];
+    Maybe<Gloss> gloss;
+};
+
+// n rays in index space, as in renderer/truth/integrator.py.
+struct IndexRays {
+    Array<const double, 2> origins;
+    Array<const double, 2> directions;
+    Array<const double, 3> parts;
+};
+
+struct IntegrateRays {
+    AnyArray<3> values;
+    Array<uint8_t, 3> macrocells;
+    Intervals intervals;
+    Maybe<LambertShading> shading;
+    Array<const double, 1> max_steps;
+    IndexRays rays;
+    Array<double, 3> radiance;
+};
+KERNEL(integrate_rays, IntegrateRays)
+
+struct SearchRays {
+    AnyArray<3> values;
+    Array<double, 3> tops;
+    double sign;
+    double least_rise;
+    IndexRays rays;
+    Array<double, 2> found;
+};
+KERNEL(search_rays, SearchRays)
