@@ -10,7 +10,6 @@ using ClippedInts = Vector<int32_t, CLIPPED>;
 using ClippedFloats = Vector<float, CLIPPED>;
 using ClippedMask = Vector<bool, CLIPPED>;
 
-constexpr double INFINITE = __builtin_inf();
 constexpr double DITHER = 0.15;  // this and the next as in renderer/bricks/sampling.py
 constexpr uint32_t JITTER_PER_PX[2] = {3242174889, 2447445414};
 
