@@ -19,7 +19,7 @@ import numpy as np
 from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE, brick_grid_shape, grid_cells
 from renderer.bricks.node_statistics import NodeStatistics
 from renderer.bricks.subvoxel import make_channel_curve, make_scalar_curve, measure_voxel_bricks
-from renderer.compiled import ThreadPool
+from renderer.kernels import ThreadPool
 from renderer.pyramid import (
     STREAMED_LEVELS,
     Pyramid,

@@ -17,7 +17,8 @@ from renderer.bricks.layout import PADDED_BRICK_SIZE, fill_padded
 from renderer.bricks.pixel_grid import screen_sampling_at
 from renderer.bricks.sampling import BrickBatch, Extremes
 from renderer.bricks.subvoxel import range_of
-from renderer.compiled import ThreadPool, jit
+from renderer.compiled import jit
+from renderer.kernels import ThreadPool
 from renderer.scene import ModeSpec
 from renderer.transfer import RawVoxels, raw_voxels
 from renderer.volume import Float64, Int32

@@ -12,7 +12,8 @@ from functools import partial
 import numpy as np
 
 from renderer.bricks.layout import BRICK_SIZE, HALO, PADDED_BRICK_SIZE
-from renderer.compiled import ThreadPool, jit
+from renderer.compiled import jit
+from renderer.kernels import ThreadPool
 from renderer.pyramid import (
     BLOCK_SIZE,
     BLOCKS_PER_TASK,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.compiled import ThreadPool, jit
+from renderer.compiled import jit
+from renderer.kernels import ThreadPool
 from renderer.volume import Bools, Float32
 
 _MIN_PIXELS_PER_THREAD = 1 << 16

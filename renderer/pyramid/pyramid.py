@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.compiled import ThreadPool
+from renderer.kernels import ThreadPool
 from renderer.pyramid import nodes as compiled
 from renderer.pyramid.empty_space import visible_blocks
 from renderer.pyramid.nodes import (

@@ -17,7 +17,6 @@ from itertools import pairwise
 import numpy as np
 
 from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch, Extremes
-from renderer.compiled import ThreadPool
 from renderer.draw import brick_cache
 from renderer.draw.brick_cache import Atlas, BrickCache, BrickView
 from renderer.draw.constants import RECTANGLE_ROUNDING_PX
@@ -27,7 +26,7 @@ from renderer.draw.cpu.march import TileBins, draw_tiles
 from renderer.draw.cpu.sample import Field, Optics, make_table
 from renderer.draw.rasterizer import Rasterizer
 from renderer.draw.subsampling import grid_size, refine_grid, upsample
-from renderer.kernels import kernels
+from renderer.kernels import ThreadPool, kernels
 from renderer.scene import ShadingSpec
 from renderer.splats import SplatBatch
 from renderer.transfer import toward_light

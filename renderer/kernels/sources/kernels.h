@@ -20,6 +20,14 @@
     extern "C" __attribute__((visibility("default"))) Status name(const Arguments* arguments);
 #endif
 
+// ---- kernels
+
+struct GuardRegions {
+    Array<int64_t, 2> regions;
+    int64_t page_size;
+};
+KERNEL(guard_regions, GuardRegions)
+
 // ---- transfer
 
 // As in renderer/transfer/piecewise.py.
@@ -37,11 +45,105 @@ struct TransferTable {
 
 // ---- splats
 
+struct PlaceSplats {
+    Array<const uint8_t, 1> levels;
+    Array<const int32_t, 2> cells;
+    Array<const float, 2> depths;
+    Array<const uint8_t, 1> shapes;
+    Array<const double, 2> shift_of_shape;
+    Array<const double, 1> area_of_shape;
+    double model_from_index[9];
+    Array<float, 2> vertices;
+};
+KERNEL(place_splats, PlaceSplats)
+
 // ---- bricks
 
 // ---- view
 
+// As in renderer/view/cutting.py.
+struct Cuts {
+    Array<const double, 2> slabs;
+    Array<const double, 3> boxes;
+};
+
+// As in renderer/view/brick_projection.py.
+struct RaySetup {
+    double origins[9];
+    double directions[9];
+    double slope_per_px;
+    double start;
+    double center_px[2];
+    Maybe<Cuts> cuts;
+};
+
+// As in renderer/view/splat_projection.py.
+struct ModelView {
+    double view_from_model[12];
+    bool perspective;
+    double scale_px;
+    int64_t size[2];
+    double near;
+    double slope_limit[2];
+};
+
+struct ProjectBounds {
+    Array<const double, 3> bounds;
+    ModelView camera;
+    int64_t beyond;
+    Array<double, 2> rectangles;
+};
+KERNEL(project_bounds, ProjectBounds)
+
+struct CullSplats {
+    Array<const float, 2> vertices;
+    Array<const double, 1> sigmas;
+    double cutoff;
+    double min_sigma_px;
+    double clipped_sigmas;
+    double culled_sigmas;
+    ModelView camera;
+    double along[3];
+    Array<float, 1> depths;
+    Array<bool, 1> is_visible;
+};
+KERNEL(cull_splats, CullSplats)
+
+struct DepthOrder {
+    Array<const float, 1> depths;
+    Array<uint32_t, 1> order;
+};
+KERNEL(depth_order, DepthOrder)
+
+struct BoxOrder {
+    Array<const uint8_t, 1> levels;
+    Array<const int32_t, 2> cells;
+    double eye[3];
+    int64_t shape[3];
+    Array<uint32_t, 1> order;
+};
+KERNEL(box_order, BoxOrder)
+
 // ---- modes
+
+struct MeasureChords {
+    RaySetup rays;
+    int64_t shape[3];
+    Maybe<Array<const bool, 3>> absent;
+    double unit;
+    int64_t first_row;
+    Array<float, 2> lengths;
+};
+KERNEL(measure_chords, MeasureChords)
+
+struct ColorShares {
+    TransferTable curve;
+    Array<const float, 2> shares;
+    Array<const float, 2> chords;
+    Array<const float, 3> brightness;
+    Array<float, 3> image;
+};
+KERNEL(color_shares, ColorShares)
 
 // ---- draw
 
