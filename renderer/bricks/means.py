@@ -11,13 +11,11 @@ from functools import partial
 
 import numpy as np
 
-from renderer.bricks.layout import BRICK_SIZE, HALO, PADDED_BRICK_SIZE
-from renderer.compiled import jit
-from renderer.kernels import ThreadPool
+from renderer.bricks.layout import BRICK_SIZE, HALO, PADDED_BRICK_SIZE, grid_cells
+from renderer.kernels import ThreadPool, kernels
 from renderer.pyramid import (
     BLOCK_SIZE,
     BLOCKS_PER_TASK,
-    NODE_OFFSETS,
     STREAMED_LEVELS,
     Pyramid,
     average_blocks,
@@ -102,7 +100,7 @@ def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
         part = slice(first, first + num_at_once)
         pyramid.volume.require_unchanged()
         corners = BRICK_SIZE * cells[part].astype(np.int64) - HALO
-        _average_voxels(pyramid, level, corners, num_at_once * num_blocks, means[part])
+        _average_voxels(pyramid, level, corners, means[part])
     pyramid.volume.require_unchanged()
     if pyramid.max_depth is not None:
         visible = means[..., 3] > 0
@@ -114,50 +112,24 @@ def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
     return stored
 
 
-def _average_voxels(pyramid: Pyramid, level: int, corners: Int64, most: int, out: Float32) -> None:
+def _average_voxels(pyramid: Pyramid, level: int, corners: Int64, out: Float32) -> None:
     """Write the pyramid's means of cells from each of `corners` [n, 3] (x, y, z) on to `out` [n, 18, 18, 18, 4]."""
     raw = raw_voxels(pyramid.volume)
-    starts, extents, bricks = _list_blocks(corners, level, raw.shape, most)
+    starts, extents, bricks = _list_blocks(corners, level, raw.shape)
     nodes = average_blocks(raw, pyramid.mean_classifier, starts, extents, level)
-    _copy_nodes(nodes, (starts >> level) - corners[bricks], bricks, out)
+    kernels().copy_nodes(nodes=nodes, first_cells=(starts >> level) - corners[bricks], bricks=bricks, means=out)
 
 
-@jit
-def _list_blocks(corners: Int64, level: int, shape: tuple[int, int, int], most: int) -> tuple[Int64, Int64, Int64]:
+def _list_blocks(corners: Int64, level: int, shape: tuple[int, ...]) -> tuple[Int64, Int64, Int64]:
     """List the blocks that cover 18^3 cells from each of `corners` [n, 3] on, in a volume of this shape [z, y, x].
 
-    most: how many they are at most. Return their first voxels and extents [., 3] (x, y, z), and the indices of their
-    bricks [.].
+    Return their first voxels and extents [., 3] (x, y, z), and the indices of their bricks [.].
     """
-    num, bricks = 0, np.empty(most, np.int64)
-    starts, extents = np.empty((most, 3), np.int64), np.empty((most, 3), np.int64)
-    first, end = np.empty(3, np.int64), np.empty(3, np.int64)
-    for i in range(len(corners)):
-        for axis in range(3):
-            first[axis] = max(corners[i, axis], 0) << level
-            end[axis] = min((corners[i, axis] + PADDED_BRICK_SIZE) << level, shape[2 - axis])
-        for z in range(first[2], end[2], BLOCK_SIZE):
-            for y in range(first[1], end[1], BLOCK_SIZE):
-                for x in range(first[0], end[0], BLOCK_SIZE):
-                    starts[num, 0], starts[num, 1], starts[num, 2] = x, y, z
-                    extents[num, 0] = min(end[0] - x, BLOCK_SIZE)
-                    extents[num, 1] = min(end[1] - y, BLOCK_SIZE)
-                    extents[num, 2] = min(end[2] - z, BLOCK_SIZE)
-                    bricks[num] = i
-                    num += 1
-    return starts[:num], extents[:num], bricks[:num]
-
-
-@jit
-def _copy_nodes(nodes: Float32, first_cells: Int64, bricks: Int64, out: Float32) -> None:
-    """Copy nodes [g, n, 4] of groups to `out` [., z, y, x, 4] at `first_cells` [g, 3] (x, y, z) of `bricks` [g], as far
-    as they fit."""
-    side = 4 if nodes.shape[1] == 64 else 2
-    offset = NODE_OFFSETS[:4] if side == 4 else NODE_OFFSETS[4:]
-    for g in range(len(nodes)):
-        of_brick = out[bricks[g]]
-        x0, y0, z0 = first_cells[g, 0], first_cells[g, 1], first_cells[g, 2]
-        for z in range(min(side, PADDED_BRICK_SIZE - z0)):
-            for y in range(min(side, PADDED_BRICK_SIZE - y0)):
-                for x in range(min(side, PADDED_BRICK_SIZE - x0)):
-                    of_brick[z0 + z, y0 + y, x0 + x] = nodes[g, offset[x] + 2 * offset[y] + 4 * offset[z]]
+    firsts = np.maximum(corners, 0) << level
+    ends = np.minimum((corners + PADDED_BRICK_SIZE) << level, shape[::-1])
+    nums = -(-(ends - firsts) // BLOCK_SIZE)
+    blocks = [grid_cells((z, y, x)) for x, y, z in nums.tolist()]
+    bricks = np.repeat(np.arange(len(corners)), nums.prod(axis=1))
+    starts = firsts[bricks] + BLOCK_SIZE * np.concatenate(blocks)
+    extents = np.minimum(ends[bricks] - starts, BLOCK_SIZE)
+    return starts, extents, bricks

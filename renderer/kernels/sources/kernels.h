@@ -168,6 +168,70 @@ KERNEL(place_splats, PlaceSplats)
 
 // ---- bricks
 
+// As in renderer/bricks/layout.py.
+struct Voxels {
+    AnyArray<3> raw;
+    Maybe<Array<const double, 1>> scalars;
+    bool has_absent;
+};
+
+struct MeasureVoxelBricks {
+    Voxels voxels;
+    Array<const int32_t, 2> cells;
+    Array<const double, 1> breakpoints;
+    TransferTable curve;
+    Array<float, 5> bounds;
+    Array<double, 4> measures;
+};
+KERNEL(measure_voxel_bricks, MeasureVoxelBricks)
+
+struct MeasureRanges {
+    Voxels voxels;
+    Array<const int32_t, 2> cells;
+    Array<double, 2> ranges;
+};
+KERNEL(measure_ranges, MeasureRanges)
+
+struct AddNodes {
+    Array<const int32_t, 2> cells;
+    Array<const int64_t, 1> sizes;
+    Array<const double, 1> errors;
+    Array<const bool, 1> is_visible;
+    Array<double, 6> max_error_by_neighbour;
+    Array<uint8_t, 8> bounds_by_neighbour;
+    Array<double, 3> max_error_below;
+    Array<double, 3> squared_errors_below;
+};
+KERNEL(add_nodes, AddNodes)
+
+struct CopyNodes {
+    Array<const float, 3> nodes;
+    Array<const int64_t, 2> first_cells;
+    Array<const int64_t, 1> bricks;
+    Array<float, 5> means;
+};
+KERNEL(copy_nodes, CopyNodes)
+
+struct FillScalarTexels {
+    Voxels voxels;
+    Array<const int32_t, 2> cells;
+    double first;
+    double width;
+    double factor;
+    Maybe<Array<const double, 2>> world_from_gradient;
+    double scale;
+    Array<float, 5> texels;
+};
+KERNEL(fill_scalar_texels, FillScalarTexels)
+
+struct ExtrapolateBorder {
+    Array<const int32_t, 2> cells;
+    double extents[3];
+    double brightest;
+    Array<float, 3> texels;
+};
+KERNEL(extrapolate_border, ExtrapolateBorder)
+
 // ---- view
 
 // As in renderer/view/cutting.py.
