@@ -2,7 +2,6 @@ from .classify import (
     Classifier as Classifier,
     RawVoxels as RawVoxels,
     classify_scalar as classify_scalar,
-    classify_voxel as classify_voxel,
     lambert_factor as lambert_factor,
     make_classifier as make_classifier,
     raw_voxels as raw_voxels,
@@ -21,11 +20,8 @@ from .piecewise import (
     PIECE_FLOATS as PIECE_FLOATS,
     PiecewiseTransfer as PiecewiseTransfer,
     TransferTable as TransferTable,
-    evaluate as evaluate,
-    evaluate_segment as evaluate_segment,
     make_piecewise_transfer as make_piecewise_transfer,
     make_transfer_table as make_transfer_table,
-    normalize_scalar as normalize_scalar,
     range_width as range_width,
 )
 from .transfer_function import (
@@ -33,6 +29,5 @@ from .transfer_function import (
     MAX_VOXEL_DEPTH as MAX_VOXEL_DEPTH,
     VISIBILITY_THRESHOLD as VISIBILITY_THRESHOLD,
     TransferFunction as TransferFunction,
-    is_range_visible as is_range_visible,
     make_transfer_function as make_transfer_function,
 )

@@ -39,7 +39,116 @@ struct TransferTable {
     double buckets_per_unit;
 };
 
+// As in renderer/transfer/light_field.py.
+struct LightField {
+    Array<const float, 3> occlusion;
+    Array<const float, 3> shadow;
+    double cell_size;
+    double occlusion_strength;
+    double shadow_strength;
+};
+
+// As in renderer/transfer/classify.py, and the next one.
+struct VoxelLighting {
+    double light[5];
+    double world_from_gradient[9];
+    LightField field;
+};
+
+struct Classifier {
+    Maybe<Array<const float, 2>> table;
+    Maybe<Array<const double, 1>> scalars;
+    Maybe<TransferTable> curve;
+    bool is_opacity;
+    Maybe<VoxelLighting> lighting;
+    Array<const double, 1> breakpoints;
+};
+
 // ---- pyramid
+
+// As in renderer/pyramid/nodes.py, and the next two.
+struct VisibleNodes {
+    Array<float, 2> means;
+    Array<float, 1> deviations;
+    Array<uint8_t, 1> masks;
+    Array<int64_t, 1> counts;
+    Array<float, 2> root_means;
+    Array<double, 2> root_error_means;
+    Array<double, 2> root_variances;
+};
+
+struct NodeCells {
+    Array<int32_t, 2> cells;
+    Array<int64_t, 1> sizes;
+};
+
+struct Normalization {
+    double offset;
+    double scale;
+};
+
+struct BuildBlocks {
+    AnyArray<3> raw;
+    Classifier classifier;
+    Maybe<Classifier> error_classifier;
+    Maybe<Normalization> normalization;
+    double leaf_variance_limits[2];
+    Array<bool, 3> occupied;
+    int64_t occupied_level;
+    Array<const int64_t, 2> starts;
+    Array<const int64_t, 2> extents;
+    Array<bool, 1> visible;
+    VisibleNodes nodes;
+    Maybe<NodeCells> listed;
+};
+KERNEL(build_blocks, BuildBlocks)
+
+struct MergeTier {
+    Array<const float, 2> means;
+    Array<const double, 2> error_means;
+    Array<const double, 2> variances;
+    Array<const int64_t, 1> places;
+    Array<const int64_t, 2> extents;
+    int64_t side;
+    VisibleNodes nodes;
+};
+KERNEL(merge_tier, MergeTier)
+
+struct AverageBlocks {
+    AnyArray<3> raw;
+    Classifier classifier;
+    Array<const int64_t, 2> starts;
+    Array<const int64_t, 2> extents;
+    Array<float, 3> means;
+};
+KERNEL(average_blocks, AverageBlocks)
+
+struct StoreFloat16 {
+    Array<const float, 1> values;
+    float factor;
+    Array<uint16_t, 1> out;
+};
+KERNEL(store_float16, StoreFloat16)
+
+struct ListChildren {
+    Array<const int64_t, 1> nodes;
+    Array<const int32_t, 2> cells;
+    Array<const uint8_t, 1> masks;
+    Array<const int64_t, 1> first_children;
+    Array<int64_t, 1> child_nodes;
+    Array<int32_t, 2> child_cells;
+};
+KERNEL(list_children, ListChildren)
+
+struct FindVoxels {
+    AnyArray<3> raw;
+    Classifier classifier;
+    Array<const int32_t, 2> parents;
+    Array<uint8_t, 1> counts;
+    Array<int32_t, 2> cells;
+    Array<float, 2> depths;
+};
+KERNEL(find_voxels, FindVoxels)
 
 // ---- lighting
 
@@ -58,6 +167,70 @@ struct PlaceSplats {
 KERNEL(place_splats, PlaceSplats)
 
 // ---- bricks
+
+// As in renderer/bricks/layout.py.
+struct Voxels {
+    AnyArray<3> raw;
+    Maybe<Array<const double, 1>> scalars;
+    bool has_absent;
+};
+
+struct MeasureVoxelBricks {
+    Voxels voxels;
+    Array<const int32_t, 2> cells;
+    Array<const double, 1> breakpoints;
+    TransferTable curve;
+    Array<float, 5> bounds;
+    Array<double, 4> measures;
+};
+KERNEL(measure_voxel_bricks, MeasureVoxelBricks)
+
+struct MeasureRanges {
+    Voxels voxels;
+    Array<const int32_t, 2> cells;
+    Array<double, 2> ranges;
+};
+KERNEL(measure_ranges, MeasureRanges)
+
+struct AddNodes {
+    Array<const int32_t, 2> cells;
+    Array<const int64_t, 1> sizes;
+    Array<const double, 1> errors;
+    Array<const bool, 1> is_visible;
+    Array<double, 6> max_error_by_neighbour;
+    Array<uint8_t, 8> bounds_by_neighbour;
+    Array<double, 3> max_error_below;
+    Array<double, 3> squared_errors_below;
+};
+KERNEL(add_nodes, AddNodes)
+
+struct CopyNodes {
+    Array<const float, 3> nodes;
+    Array<const int64_t, 2> first_cells;
+    Array<const int64_t, 1> bricks;
+    Array<float, 5> means;
+};
+KERNEL(copy_nodes, CopyNodes)
+
+struct FillScalarTexels {
+    Voxels voxels;
+    Array<const int32_t, 2> cells;
+    double first;
+    double width;
+    double factor;
+    Maybe<Array<const double, 2>> world_from_gradient;
+    double scale;
+    Array<float, 5> texels;
+};
+KERNEL(fill_scalar_texels, FillScalarTexels)
+
+struct ExtrapolateBorder {
+    Array<const int32_t, 2> cells;
+    double extents[3];
+    double brightest;
+    Array<float, 3> texels;
+};
+KERNEL(extrapolate_border, ExtrapolateBorder)
 
 // ---- view
 
