@@ -3,8 +3,8 @@
 In: `Volume`, `TransferFunction`, the direction of a light that is fixed to the object. Out: `LightField`, factors on
 the ambient and on the diffuse light, on a grid of cells.
 
-- `field.py`: its definition, and how it is computed from the cells' mean extinctions.
-- `rays.py`: compiled loops: extinctions averaged, transmissions of rays.
+- `field.py`: its definition, and how it is computed from the cells' mean extinctions. The kernels of `light_rays.cpp`
+  average extinctions, and send rays through them.
 """
 
 import lazy_loader

@@ -17,8 +17,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from renderer.kernels import ThreadPool
-from renderer.lighting.rays import average_voxels, transmit
+from renderer.kernels import ThreadPool, kernels
 from renderer.scene import ShadingSpec, Vector
 from renderer.transfer import LightField, TransferFunction, make_classifier, make_light_field, raw_voxels
 from renderer.volume import Bools, Float32, Float64, Volume
@@ -75,12 +74,13 @@ def light_field(
 
 
 def _mean_depths(volume: Volume, transfer: TransferFunction, level: int, threads: ThreadPool) -> Float32:
-    """Return the mean extinctions times the finest spacing of cells of 2^level voxels, as `transmit` takes them."""
+    """Return the mean optical depths of a finest spacing, of cells of 2^level voxels, as `transmit` takes them."""
     classifier, raw = make_classifier(volume, transfer, None, opacity=False), raw_voxels(volume)
     by_pattern = None if classifier.table is None else np.ascontiguousarray(classifier.table[:, 3])
     out = np.empty([-(-num >> level) for num in raw.shape], np.float32)
+    average = kernels().average_voxels.partial(raw=raw, by_pattern=by_pattern, curve=classifier.curve, level=level)
     volume.require_unchanged()
-    threads.map(lambda z: average_voxels(raw, by_pattern, classifier.curve, level, z, out[z]), range(len(out)))
+    threads.map(lambda z: average(slab=z, out=out[z]), range(len(out)))
     volume.require_unchanged()
     return np.pad(out, 1, mode="edge")
 
@@ -106,7 +106,8 @@ def _transmission(
     lengths = (np.diff(ends) / volume.finest_spacing).astype(np.float32)
     border = (np.array(volume.shape_xyz) / 2**level + 0.5).astype(np.float32)
     out = np.empty([num - 2 for num in depths.shape], np.float32)
-    threads.map(lambda z: transmit(depths, border, offsets, lengths, z, out[z]), range(len(out)))
+    transmit = kernels().transmit.partial(depths=depths, end=border, offsets=offsets, lengths=lengths)
+    threads.map(lambda z: transmit(slab=z, out=out[z]), range(len(out)))
     return np.pad(out, 1, mode="edge")
 
 

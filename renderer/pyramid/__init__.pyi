@@ -11,7 +11,6 @@ from .cut import (
 from .cut_size import CutSizes as CutSizes, cut_sizes as cut_sizes
 from .nodes import (
     BLOCK_SIZE as BLOCK_SIZE,
-    NODE_OFFSETS as NODE_OFFSETS,
     average_blocks as average_blocks,
     opacities_to_depths as opacities_to_depths,
     packed_channels as packed_channels,

@@ -18,9 +18,6 @@ NODES_OF_GROUP = (64, 8, 1)
 
 BLOCK_SIZE = 8
 
-# Where one coordinate of a node puts it among the 64 of a group, and among the 8 or the one.
-NODE_OFFSETS = np.array([0, 8, 1, 9, 0, 1])
-
 
 class Normalization(NamedTuple):
     """A map of scalars, to (scalar - offset) * scale."""

@@ -20,11 +20,8 @@ from .piecewise import (
     PIECE_FLOATS as PIECE_FLOATS,
     PiecewiseTransfer as PiecewiseTransfer,
     TransferTable as TransferTable,
-    evaluate as evaluate,
-    evaluate_segment as evaluate_segment,
     make_piecewise_transfer as make_piecewise_transfer,
     make_transfer_table as make_transfer_table,
-    normalize_scalar as normalize_scalar,
     range_width as range_width,
 )
 from .transfer_function import (
@@ -32,6 +29,5 @@ from .transfer_function import (
     MAX_VOXEL_DEPTH as MAX_VOXEL_DEPTH,
     VISIBILITY_THRESHOLD as VISIBILITY_THRESHOLD,
     TransferFunction as TransferFunction,
-    is_range_visible as is_range_visible,
     make_transfer_function as make_transfer_function,
 )

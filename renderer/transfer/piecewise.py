@@ -116,7 +116,9 @@ class PiecewiseTransfer:
 def make_piecewise_transfer(curve: TransferTable, first: float, last: float) -> PiecewiseTransfer:
     """Return the table of scalars normalized to the range from `first` to `last`."""
     width, factor = range_width(first, last)
-    knots = np.array([normalize_scalar(float(value), first, width, factor) for value in curve.values], np.float32)
+    with np.errstate(over="ignore"):  # beyond the clamp
+        knots = (curve.values * factor - first * factor) / width
+    knots = np.clip(knots, -MAX_NORMALIZED_SCALAR, MAX_NORMALIZED_SCALAR).astype(np.float32)
     origins, rises = np.concatenate([knots[:1], knots]), curve.rows[:, 6:]
     widths = np.diff(np.append(origins, knots[-1]).astype(np.float64))[:, None]
     slopes = np.divide(rises, widths, out=np.zeros_like(rises), where=widths > _MIN_SEGMENT_WIDTH)
@@ -128,16 +130,6 @@ def make_piecewise_transfer(curve: TransferTable, first: float, last: float) -> 
     return PiecewiseTransfer(rows, guide)
 
 
-@jit
-def normalize_scalar(scalar: float, first: float, width: float, factor: float) -> float:
-    """Return where in a range a scalar lies: 0 at its start, 1 at its end, clamped to +-MAX_NORMALIZED_SCALAR.
-
-    width, factor: as `range_width` returns them.
-    """
-    return min(max((scalar * factor - first * factor) / width, -MAX_NORMALIZED_SCALAR), MAX_NORMALIZED_SCALAR)
-
-
-@jit
 def range_width(first: float, last: float) -> tuple[float, float]:
     """Return the width of a range times a factor, and the factor: 1, or 1/2 for a range so wide that it may overflow.
 

@@ -21,7 +21,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from renderer.compiled import jit
 from renderer.scene import ColormapSpec, TransferSpec, colormap_points
 from renderer.transfer.piecewise import TransferTable, make_transfer_table
 from renderer.volume import Array, Float64
@@ -161,10 +160,3 @@ def visibility_breakpoints(transfer: TransferFunction, finest_spacing: float) ->
         found.append(min(max(crossing, math.nextafter(start, math.inf)), end))
     different, counts = np.unique(np.array(found, np.float64), return_counts=True)
     return np.asarray(different[counts % 2 == 1])
-
-
-@jit
-def is_range_visible(breakpoints: Float64, low: float, high: float) -> bool:
-    """Return whether any scalar from `low` to `high` is visible."""
-    num_low = np.searchsorted(breakpoints, low, side="right")
-    return bool(num_low & 1) or np.searchsorted(breakpoints, high, side="right") != num_low

@@ -158,6 +158,26 @@ KERNEL(find_voxels, FindVoxels)
 
 // ---- lighting
 
+struct AverageVoxels {
+    AnyArray<3> raw;
+    Maybe<Array<const float, 1>> by_pattern;
+    Maybe<TransferTable> curve;
+    int64_t level;
+    int64_t slab;
+    Array<float, 2> out;
+};
+KERNEL(average_voxels, AverageVoxels)
+
+struct Transmit {
+    Array<const float, 3> depths;
+    float end[3];
+    Array<const float, 3> offsets;
+    Array<const float, 1> lengths;
+    int64_t slab;
+    Array<float, 2> out;
+};
+KERNEL(transmit, Transmit)
+
 // ---- splats
 
 struct PlaceSplats {
@@ -481,23 +501,13 @@ KERNEL(quantize, Quantize)
 
 // ---- truth
 
-// As in renderer/truth/optics.py.
+// As in renderer/truth/optics.py, and the next two.
 struct Intervals {
     Array<const double, 1> knots;
     Array<const double, 2> rows;
     double scale;
 };
 
-// Of a LightField.
-struct ArrivingLight {
-    Array<const float, 3> occlusion;
-    Array<const float, 3> shadow;
-    double cell_size;
-    double occlusion_strength;
-    double shadow_strength;
-};
-
-// As in renderer/truth/optics.py.
 struct Gloss {
     bool is_camera;
     bool is_two_sided;
@@ -505,7 +515,7 @@ struct Gloss {
     double shininess;
     double world_from_index[9];
     Array<const double, 2> factors;
-    ArrivingLight field;
+    LightField field;
 };
 
 struct LambertShading {

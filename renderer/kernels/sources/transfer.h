@@ -4,10 +4,8 @@
 #include "maths.h"
 
 constexpr int64_t GUIDE_SIZE = 1024;
-constexpr double MAX_NORMALIZED_SCALAR = 1 << 20;
-
-// As in renderer/transfer/transfer_function.py.
-constexpr double VISIBILITY_THRESHOLD = 0x1p-80;
+// As in renderer/transfer/piecewise.py and transfer_function.py.
+constexpr double MAX_NORMALIZED_SCALAR = 0x1p20, VISIBILITY_THRESHOLD = 0x1p-80;
 
 struct Channels {
     double r, g, b, a;
@@ -56,6 +54,6 @@ INLINE Channels classify_scalar(const TransferTable& curve, bool is_opacity, dou
 
 // The min-max test: whether any scalar from `low` to `high` is visible (renderer/transfer/transfer_function.py).
 INLINE bool is_range_visible(const Array<const double, 1>& breakpoints, double low, double high) {
-    int64_t num_low = num_at_or_below(breakpoints, low, 0, breakpoints.shape[0]);
-    return num_low % 2 == 1 || num_at_or_below(breakpoints, high, num_low, breakpoints.shape[0]) != num_low;
+    int64_t num = num_at_or_below(breakpoints, low, 0, breakpoints.shape[0]);
+    return num % 2 == 1 || (num < breakpoints.shape[0] && breakpoints[num] <= high);
 }

@@ -69,7 +69,7 @@ double nearest_term(const Array<const T, 3>& values, Cell at, int axis, double s
 // A volume of some dtype, of which cells are read by functions for that dtype.
 struct Voxels {
     AnyArray<3> any;
-    int (*load)(const AnyArray<3>& any, Cell cell, int axis, double scale, double* corners);
+    int (*load)(const AnyArray<3>& any, int64_t x, int64_t y, int64_t z, int axis, double scale, double* corners);
     Range (*range)(const AnyArray<3>& any, Cell macrocell);
 
     INLINE Cell size() const { return {any.shape[2], any.shape[1], any.shape[0]}; }
@@ -77,7 +77,7 @@ struct Voxels {
     // Write the terms of the voxels at the corners of a cell, clamped to the volume, or of the nearest ones of those
     // without data, and return which have no data: the bit x + 2 y + 4 z of each is set. If all, nothing is written.
     INLINE int load_corners(Cell cell, int axis, double scale, double* corners) const {
-        return load(any, cell, axis, scale, corners);
+        return load(any, cell.x, cell.y, cell.z, axis, scale, corners);  // in registers
     }
 
     // The range of the voxels around macrocell (x, y, z), from cell MACROCELL_SIZE * x - 1; empty if none has data.
@@ -91,13 +91,22 @@ Array<const T, 3> array_of(const AnyArray<3>& any) {
 }
 
 template <class T>
-int load_corners_of(const AnyArray<3>& any, Cell cell, int axis, double scale, double* corners) {
+int load_corners_of(const AnyArray<3>& any, int64_t x0, int64_t y0, int64_t z0, int axis, double scale,
+                    double* corners) {
     const auto values = array_of<T>(any);
-    int64_t x[2] = {most<int64_t>(cell.x, 0), least(cell.x + 1, values.shape[2] - 1)};
-    int64_t y[2] = {most<int64_t>(cell.y, 0), least(cell.y + 1, values.shape[1] - 1)};
-    int64_t z[2] = {most<int64_t>(cell.z, 0), least(cell.z + 1, values.shape[0] - 1)};
+    int64_t x[2] = {most<int64_t>(x0, 0), least(x0 + 1, values.shape[2] - 1)};
+    int64_t y[2] = {most<int64_t>(y0, 0), least(y0 + 1, values.shape[1] - 1)};
+    int64_t z[2] = {most<int64_t>(z0, 0), least(z0 + 1, values.shape[0] - 1)};
     int absent = 0;
-    for (int k = 0; k < 8; k++) absent |= is_nan((double)values(z[k >> 2], y[k >> 1 & 1], x[k & 1])) << k;
+    double voxels[8];
+    for (int k = 0; k < 8; k++) {
+        voxels[k] = (double)values(z[k >> 2], y[k >> 1 & 1], x[k & 1]);
+        absent |= is_nan(voxels[k]) << k;
+    }
+    if (absent == 0 && axis == VALUE) {
+        for (int k = 0; k < 8; k++) corners[k] = voxels[k] * scale;
+        return absent;
+    }
     if (absent == ALL_ABSENT) return absent;
     for (int k = 0; k < 8; k++) {
         Cell at = {x[k & 1], y[k >> 1 & 1], z[k >> 2]};

@@ -12,7 +12,7 @@ struct Found {
 };
 
 // The largest value of a cubic in [0, 1], and where it is first.
-Found largest(const Cubic& cubic) {
+INLINE Found largest(const Cubic& cubic) {
     Found best = {value_at(cubic, 0.0), 0.0};
     auto [first, second] = stationary_points(cubic);
     const double candidates[] = {first, second, 1.0};

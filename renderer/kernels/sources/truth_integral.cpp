@@ -78,62 +78,68 @@ struct Step {
 };
 
 // The colour at the middle times the exact opacity, plus the quadrature of the difference from that colour: a constant
-// colour is exact at every opacity. sample: the colour at a node, and its weight less that of the quadrature.
-template <class Sample>
-INLINE Step quadrature(Color middle, double depth, Sample sample) {
+// colour is exact at every opacity. color, density, depth_before: functions of the number of a node.
+template <class ColorAt, class DensityAt, class DepthBefore>
+INLINE Step quadrature(Color middle, double depth, ColorAt color, DensityAt density, DepthBefore depth_before) {
     double opacity = -expm1_of(-depth);
     Color sum = {middle.r * opacity, middle.g * opacity, middle.b * opacity};
     for (int node = 0; node < NUM_NODES; node++) {
-        auto [color, density, depth_before] = sample(node);
-        double weight = WEIGHTS[node] * density * exp_of(-depth_before);
-        sum.r += weight * (color.r - middle.r);
-        sum.g += weight * (color.g - middle.g);
-        sum.b += weight * (color.b - middle.b);
+        double weight = WEIGHTS[node] * density(node) * exp_of(-depth_before(node));
+        auto [r, g, b] = color(node);
+        sum.r += weight * (r - middle.r);
+        sum.g += weight * (g - middle.g);
+        sum.b += weight * (b - middle.b);
     }
     return {sum, depth, opacity};
 }
-
-struct Sample {
-    Color color;
-    double density, depth_before;
-};
 
 // One of the equal steps through a piece, each `width` wide in x.
 INLINE Step pass_step(const Piece& piece, double step, double width) {
     auto [d0, d1, d2, d3] = restrict_cubic(piece.tau, step * width, width);
     // From the integrand in powers of x to its integral from 0 to x, divided by x.
     d0 = d0 * width, d1 = d1 * width / 2.0, d2 = d2 * width / 3.0, d3 = d3 * width / 4.0;
-    auto color_at = [&](double at) {
+    auto color_at = [&](double at) __attribute__((always_inline)) {
         double x = (step + at) * width;
         double lit = piece.light ? piece.light->lambert_factor(piece.gradient, piece.start + x * piece.extent) : 1.0;
         return piece.interval.color(value_at(piece.value, x), lit);
     };
-    return quadrature(color_at(0.5), most(0.0, d0 + d1 + d2 + d3), [&](int node) {
-        double at = NODES[node];
-        double density = d0 + at * (2.0 * d1 + at * (3.0 * d2 + at * 4.0 * d3));
-        return Sample{color_at(at), density, at * (d0 + at * (d1 + at * (d2 + at * d3)))};
-    });
+    return quadrature(
+        color_at(0.5), most(0.0, d0 + d1 + d2 + d3), [&](int node) { return color_at(NODES[node]); },
+        [&](int node) {
+            double at = NODES[node];
+            return d0 + at * (2.0 * d1 + at * (3.0 * d2 + at * 4.0 * d3));
+        },
+        [&](int node) {
+            double at = NODES[node];
+            return at * (d0 + at * (d1 + at * (d2 + at * d3)));
+        });
 }
 
 // The same with factors on extinction: depths come from their values at the nodes.
 INLINE Step pass_glossy_step(const Piece& piece, double step, double width) {
     Cubic tau = restrict_cubic(piece.tau, step * width, width);
-    auto sample_at = [&](double at) {
+    double densities[NUM_NODES];
+    auto color_at = [&](double at, double& density) __attribute__((always_inline)) {
         double x = (step + at) * width;
         auto [lit, highlight, extinction] = piece.light->factors_at(piece.gradient, piece.start + x * piece.extent);
         auto [r, g, b] = piece.interval.color(value_at(piece.value, x), lit);
-        double density = most(0.0, value_at(tau, at)) * width * extinction;
-        return Sample{{r + highlight, g + highlight, b + highlight}, density, 0.0};
+        density = most(0.0, value_at(tau, at)) * width * extinction;
+        return Color{r + highlight, g + highlight, b + highlight};
     };
-    Sample samples[NUM_NODES];
-    for (int node = 0; node < NUM_NODES; node++) samples[node] = sample_at(NODES[node]);
+    const Color colors[] = {
+        color_at(NODES[0], densities[0]),
+        color_at(NODES[1], densities[1]),
+        color_at(NODES[2], densities[2]),
+        color_at(NODES[3], densities[3]),
+    };
     auto integral = [&](const double* weights) {
-        return weights[0] * samples[0].density + weights[1] * samples[1].density + weights[2] * samples[2].density +
-            weights[3] * samples[3].density;
+        return weights[0] * densities[0] + weights[1] * densities[1] + weights[2] * densities[2] +
+            weights[3] * densities[3];
     };
-    return quadrature(sample_at(0.5).color, integral(WEIGHTS), [&](int node) {
-        return Sample{samples[node].color, samples[node].density, integral(INTEGRALS[node])};
-    });
+    double unused;
+    return quadrature(
+        color_at(0.5, unused), integral(WEIGHTS), [&](int node) { return colors[node]; },
+        [&](int node) { return densities[node]; }, [&](int node) { return integral(INTEGRALS[node]); });
 }
 
 // A cubic on x in [0, 1] that should lie in [low, high], or a constant if it strays too far.
