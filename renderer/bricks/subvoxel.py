@@ -43,7 +43,7 @@ noise have a range of 2.85 standard deviations in the mean, and count for no mor
 
 Where some voxels of a dual cell have no data, rays meet a step from w to nothing, at a place that no scalar tells. D is
 that of the step of a transfer function in the middle of a ray, D^2 = w^2 / 12. Segments are divided there
-(`renderer.draw.cpu.sample`), so that longer ones do: width^2 = 1 / 4 in place of 1 / 17.
+(`renderer/kernels/sources/sample.h`), so that longer ones do: width^2 = 1 / 4 in place of 1 / 17.
 """
 
 from __future__ import annotations

@@ -10,9 +10,9 @@ lanes are idle. Here rays that miss a brick take no lane, and the others are sor
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,57 +20,23 @@ from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch
 from renderer.compiled import ThreadPool
 from renderer.draw import brick_cache
 from renderer.draw.brick_cache import Atlas, BrickCache, BrickView
-from renderer.draw.constants import RECTANGLE_ROUNDING_PX
 from renderer.draw.cpu.extremum import make_search
 from renderer.draw.cpu.field import make_field
+from renderer.draw.cpu.grid import Grid, bin_bricks
 from renderer.draw.cpu.light import make_light
 from renderer.draw.rasterizer import Rasterizer
 from renderer.draw.subsampling import grid_size, refine_grid, upsample
 from renderer.kernels import kernels
 from renderer.splats import SplatBatch
-from renderer.view import RaySetup, View
-from renderer.volume import Bools, Float32, Float64, Int64, UInt32
+from renderer.view import View
+from renderer.volume import Bools, Float32, Int64, UInt32
 
 CPU_RENDERER_NAME = "no OpenGL: drawn on the processor"
 
-# Pixels along the sides of a tile, without and with subsampling. Tiles of 16 draw each brick more often, and the rays
-# of tiles of 64 do not fit into the cache.
-TILE_SIDE, SUBSAMPLED_TILE_SIDE = 32, 16
 # Each task draws neighbouring tiles, which have bricks in common.
 _TASKS_PER_THREAD = 4
 # Floats behind the last texel that loads of whole rows touch.
 _READ_BEHIND = 2
-
-
-class TileBins(NamedTuple):
-    """A list of the bricks over each tile: those of tile k are `numbers[starts[k] : starts[k + 1]]`, front to back.
-
-    side: of a tile, in pixels of the grid. rectangles: int64 [n, 4], left, top, right and bottom of each brick,
-    half-open, in pixels of the grid and inside it. starts: int64 [tiles + 1]. numbers: int64.
-    """
-
-    side: int
-    rectangles: Int64
-    starts: Int64
-    numbers: Int64
-
-
-class Grid(NamedTuple):
-    """A grid of pixels into which bricks are drawn.
-
-    stride: the pixels of the grid are every `stride`-th pixel along both axes. boxes: as in BrickView.
-    texel_offsets: int64 [n], where the texels of each brick begin in its atlas.
-    is_drawn: [rows, columns], the pixels of the grid that are drawn.
-    image: float32 [rows, columns, 4], premultiplied RGBA.
-    """
-
-    bins: TileBins
-    stride: int
-    rays: RaySetup
-    boxes: Float64
-    texel_offsets: Int64
-    is_drawn: Bools
-    image: Float32
 
 
 class CPUAtlas(Atlas):
@@ -155,10 +121,11 @@ class CPURasterizer(Rasterizer):
         for group, uploaded in self.cache.upload_groups(brick_view, num):
             for atlas, numbers, slots in uploaded:
                 texel_offsets[numbers] = atlas.texel_offsets(slots)
-            bins = _bin_bricks(brick_view.rectangles_px[group], stride, (is_drawn.shape[1], is_drawn.shape[0]))
+            bins = bin_bricks(brick_view.rectangles_px[group], stride, (is_drawn.shape[1], is_drawn.shape[0]))
             boxes, offsets = brick_view.boxes[group], texel_offsets[group]
             grid = Grid(bins, stride, brick_view.rays, boxes, offsets, is_drawn, image)
             batch, (scalars, means) = brick_view.batch, self.cache.atlases
+            draw: Callable[..., None]
             if batch.extremes is None:
                 field, light = make_field(batch, scalars.texels, means.texels), make_light(batch)
                 is_mean = brick_view.is_mean[group]
@@ -169,24 +136,5 @@ class CPURasterizer(Rasterizer):
                 draw = kernels().draw_extremes.partial(grid=grid, tops=tops, scalars=scalars.texels, search=search)
             tiles = np.flatnonzero(bins.starts[1:] > bins.starts[:-1])
             num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.threads.num) if self.threads.num > 1 else 1
-            self.threads.map(lambda tiles, draw=draw: draw(tiles=tiles), np.array_split(tiles, max(1, num_tasks)))
-
-
-def _bin_bricks(rectangles_px: Float64, stride: int, shape: tuple[int, int]) -> TileBins:
-    """Find the pixels and tiles of a grid, with this many columns and rows, that rectangles [n, 4] cover.
-
-    Pixels that rounding may have moved out of a rectangle count as inside. Grid pixel 0 is the centre of pixel 0.
-    """
-    side = TILE_SIDE if stride == 1 else SUBSAMPLED_TILE_SIDE
-    low = np.ceil((rectangles_px[:, :2] - 0.5 - RECTANGLE_ROUNDING_PX) / stride)
-    high = np.floor((rectangles_px[:, 2:] - 0.5 + RECTANGLE_ROUNDING_PX) / stride) + 1
-    rectangles = np.clip(np.hstack([low, high]), 0, shape * 2).astype(np.int64)
-    rectangles[(rectangles[:, :2] >= rectangles[:, 2:]).any(axis=1)] = 0
-    tile_windows = np.hstack([rectangles[:, :2] // side, -(-rectangles[:, 2:] // side)])
-    num_columns, num_rows = -(-shape[0] // side), -(-shape[1] // side)
-    starts = np.zeros(num_columns * num_rows + 2, np.int64)
-    numbers = np.empty(np.prod(tile_windows[:, 2:] - tile_windows[:, :2], axis=1).sum(), np.int64)
-    kernels().bin_bricks(
-        tile_windows=tile_windows, num_columns=num_columns, num_rows=num_rows, starts=starts, numbers=numbers
-    )
-    return TileBins(side, rectangles, starts[:-1], numbers)
+            tasks = [partial(draw, tiles=part) for part in np.array_split(tiles, max(1, num_tasks))]
+            self.threads.map(lambda task: task(), tasks)

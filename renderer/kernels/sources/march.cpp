@@ -175,7 +175,6 @@ void march(Texels texels, const Scene& scene, const Box& box, Spans spans, int64
 }
 
 // Composite the bricks over a tile, front to back.
-template <bool CUTS>
 void draw_tile(const DrawTiles& arguments, const Scene& scene, const Tile& tile, const Spans& spans, const Kept& kept,
                int64_t number) {
     const Grid& grid = arguments.grid;
@@ -189,7 +188,7 @@ void draw_tile(const DrawTiles& arguments, const Scene& scene, const Tile& tile,
     };
     Window window = window_of(grid, number);
     set_up_rays(grid, window, tile);
-    if constexpr (CUTS) cut_rays(rays.cuts.value, rays.start, window, tile, kept);
+    if (rays.cuts.exists) cut_rays(rays.cuts.value, rays.start, window, tile, kept);
     for (int64_t k = bins.starts[number]; k < bins.starts[number + 1]; k++) {
         if (grid.stride > 1 && k + 1 < bins.starts[number + 1]) {
             int64_t following = bins.numbers[k + 1];
@@ -202,9 +201,9 @@ void draw_tile(const DrawTiles& arguments, const Scene& scene, const Tile& tile,
             : arguments.light.exists     ? march<LIT>
             : optics.is_lit              ? march<LAMBERT>
                                          : march<UNLIT>;
+        auto clip = rays.cuts.exists ? clip_rays<true> : clip_rays<false>;
         for (bool is_whole = false; !is_whole;) {  // one part of every ray after the other
-            int64_t num =
-                clip_rays<CUTS>(box, rays.start, kept, covered, optics.termination_alpha, tile, spans, is_whole);
+            int64_t num = clip(box, rays.start, kept, covered, optics.termination_alpha, tile, spans, is_whole);
             if (num == 0) continue;
             sort_spans(spans, num);
             march_kind(texels_of(brick), scene, box, spans, num, tile, pixels);
@@ -212,7 +211,7 @@ void draw_tile(const DrawTiles& arguments, const Scene& scene, const Tile& tile,
     }
 }
 
-// Whether all bricks have texels, the table all that is read of it, and the light field cells.
+// Whether all bricks have texels, each scalar a piece of the table, and the light field all its cells.
 bool is_complete(const DrawTiles& arguments) {
     const auto& [grid, is_mean, field, light, tiles] = arguments;
     if (is_mean.shape[0] != grid.boxes.shape[0]) return false;
@@ -223,7 +222,11 @@ bool is_complete(const DrawTiles& arguments) {
         if (offset < 0 || offset > size - num) return false;
     }
     const auto& [rows, guide] = field.pieces;
-    if (rows.shape[0] < 1 || rows.shape[1] != PIECE_FLOATS || guide.shape[0] != GUIDE_SIZE) return false;
+    int64_t num = rows.shape[0];
+    if (num < 1 || rows.shape[1] != PIECE_FLOATS || guide.shape[0] != GUIDE_SIZE) return false;
+    if (rows(num - 1, 0) < INFINITE) return false;
+    for (int64_t bucket = 0; bucket < GUIDE_SIZE; bucket++)
+        if (guide[bucket] < 0 || guide[bucket] >= num) return false;
     if (!light.exists) return true;
     const Light& one = light.value;
     if (one.factors.shape[1] != 3) return false;
@@ -241,9 +244,7 @@ Status draw_tiles(const DrawTiles* arguments) {
     TileMemory memory(grid, MAX_SAMPLES - 1);
     if (!memory) return NO_MEMORY;
     const Scene scene = {field, LaneTable(field.pieces), light.value};
-    for (int64_t k = 0; k < tiles.shape[0]; k++) {
-        auto draw = grid.rays.cuts.exists ? draw_tile<true> : draw_tile<false>;
-        draw(*arguments, scene, memory.tile(), memory.spans(), memory.kept(), tiles[k]);
-    }
+    for (int64_t k = 0; k < tiles.shape[0]; k++)
+        draw_tile(*arguments, scene, memory.tile(), memory.spans(), memory.kept(), tiles[k]);
     return DONE;
 }
