@@ -10,7 +10,6 @@ lanes are idle. Here rays that miss a brick take no lane, and the others are sor
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
 
@@ -125,7 +124,6 @@ class CPURasterizer(Rasterizer):
             boxes, offsets = brick_view.boxes[group], texel_offsets[group]
             grid = Grid(bins, stride, brick_view.rays, boxes, offsets, is_drawn, image)
             batch, (scalars, means) = brick_view.batch, self.cache.atlases
-            draw: Callable[..., None]
             if batch.extremes is None:
                 field, light = make_field(batch, scalars.texels, means.texels), make_light(batch)
                 is_mean = brick_view.is_mean[group]
