@@ -1,9 +1,9 @@
 // Find the most extreme scalar along rays through bricks: LANES rays in step, from cell to cell.
 //
 // Between eight voxels the field along a ray is a cubic, whose extremes are known: nothing falls between samples. The
-// scalar is turned so that its maximum is sought. A pixel keeps the largest number that was found; what lies below it is
-// passed over, brick by brick and cell by cell. Bricks come with the largest bound first, and a tile ends when no brick
-// that is left can change it. By depth they come front to back, and the first maximum counts.
+// scalar is turned so that its maximum is sought. A pixel keeps the largest number that was found; what lies below it
+// is passed over, brick by brick and cell by cell. Bricks come with the largest bound first, and a tile ends when no
+// brick that is left can change it. By depth they come front to back, and the first maximum counts.
 //
 // Where some of the eight voxels have no data, the way through a cell is divided where another voxel becomes the
 // nearest.
@@ -260,8 +260,8 @@ void draw_tile(const DrawExtremes& arguments, const Tile& tile, const Spans& spa
 
 }  // namespace
 
-// Draw bricks into some tiles of the image. It has in its first channel the number, in its second how near it is, from 0
-// at the farthest point of the ball around the volume to 1, and 0 in the others.
+// Draw bricks into some tiles of the image. It has in its first channel the number, in its second how near it is, from
+// 0 at the farthest point of the ball around the volume to 1, and 0 in the others.
 Status draw_extremes(const DrawExtremes* arguments) {
     const auto& [grid, tops, scalars, search, tiles] = *arguments;
     if (!is_consistent(grid, tiles) || tops.shape[0] != grid.boxes.shape[0]) return OUT_OF_BOUNDS;
