@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.compiled import jit
 from renderer.volume import Float32, Float64, Int32, UInt64
 
 Channels = tuple[float, float, float, float]
@@ -68,35 +67,6 @@ def make_transfer_table(values: Float64, channels: Float64, scale: float = 1.0) 
     guide = np.searchsorted(scaled, bounds, side="right").astype(np.uint64)
     rows = np.column_stack([starts, widths, lows, rises])
     return TransferTable(np.ascontiguousarray(values), rows, scale, guide, buckets_per_unit)
-
-
-@jit
-def evaluate(curve: TransferTable, scalar: float) -> Channels:
-    """Return the four channels of a scalar."""
-    values, guide = curve.values, curve.guide
-    inside = min(max(scalar, values[0]), values[len(values) - 1]) * curve.scale
-    # Unsigned indices spare numba the check for negative ones.
-    bucket = np.uint64(min(int((inside - curve.rows[0, 0]) * curve.buckets_per_unit), GUIDE_SIZE - 1))
-    k, end = guide[bucket], guide[bucket + np.uint64(3)]
-    while k < end:
-        middle = (k + end) >> np.uint64(1)
-        if values[middle] <= scalar:
-            k = middle + np.uint64(1)
-        else:
-            end = middle
-    return evaluate_segment(curve.rows, k, inside)
-
-
-@jit
-def evaluate_segment(rows: Float64, k: int | np.uint64, inside: float) -> Channels:
-    """Return the four channels of a scaled and clamped scalar in segment k."""
-    t = (inside - rows[k, 0]) / rows[k, 1]
-    return (
-        rows[k, 2] + t * rows[k, 6],
-        rows[k, 3] + t * rows[k, 7],
-        rows[k, 4] + t * rows[k, 8],
-        rows[k, 5] + t * rows[k, 9],
-    )
 
 
 @dataclass(frozen=True)
