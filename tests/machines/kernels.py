@@ -23,7 +23,7 @@ TESTS = Path(__file__).resolve().parents[1]
 BUILD = (sys.executable, "-m", "renderer.kernels.build")
 CHECKED_TESTS = ("analytic", "parity", "invariance", "extremes", "golden", "unit/test_kernels.py")
 # Each with the number of its cases.
-FUZZERS = {"run.py": "300", "run_volumes.py": "1000"}
+FUZZERS = {"run.py": ("--scenes", "300"), "run_volumes.py": ("--files", "1000")}
 
 
 def main(what: str, *arguments: str) -> None:
@@ -49,8 +49,8 @@ def run_checked() -> dict[str, tuple[bool, str]]:
     try:
         tests = (str(TESTS / name) for name in CHECKED_TESTS)
         rows = {"checked: tests": ended(("-m", "pytest", "-q", "-n", "auto", "--dist", "loadfile", *tests))}
-        for name, num in FUZZERS.items():
-            rows[f"checked: {name}"] = ended((str(TESTS / "fuzz" / name), "--cases", num))
+        for name, options in FUZZERS.items():
+            rows[f"checked: {name}"] = ended((str(TESTS / "fuzz" / name), *options))
     finally:
         subprocess.run([*BUILD, "--all"], check=True)
     return rows
