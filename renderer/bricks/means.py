@@ -117,7 +117,8 @@ def _average_voxels(pyramid: Pyramid, level: int, corners: Int64, out: Float32) 
     raw = raw_voxels(pyramid.volume)
     starts, extents, bricks = _list_blocks(corners, level, raw.shape)
     nodes = average_blocks(raw, pyramid.mean_classifier, starts, extents, level)
-    kernels().copy_nodes(nodes=nodes, first_cells=(starts >> level) - corners[bricks], bricks=bricks, means=out)
+    first_cells = (starts >> level) - corners[bricks]
+    kernels().copy_nodes(nodes=nodes, first_cells=first_cells, bricks=bricks, means=out)
 
 
 def _list_blocks(corners: Int64, level: int, shape: tuple[int, ...]) -> tuple[Int64, Int64, Int64]:
@@ -131,5 +132,4 @@ def _list_blocks(corners: Int64, level: int, shape: tuple[int, ...]) -> tuple[In
     blocks = [grid_cells((z, y, x)) for x, y, z in nums.tolist()]
     bricks = np.repeat(np.arange(len(corners)), nums.prod(axis=1))
     starts = firsts[bricks] + BLOCK_SIZE * np.concatenate(blocks)
-    extents = np.minimum(ends[bricks] - starts, BLOCK_SIZE)
-    return starts, extents, bricks
+    return starts, np.minimum(ends[bricks] - starts, BLOCK_SIZE), bricks

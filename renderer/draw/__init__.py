@@ -7,9 +7,9 @@ premultiplied RGBA without a background. There are two backends, OpenGL and comp
   projects a splat to an ellipse, and cuts it at the near plane (Zwicker et al. 2001). `gl/programs.py` loads shaders.
 - `gl/bricks.py` draws bricks with OpenGL. `gl/atlas.py` uploads texels to the GPU. `gl/shaders/brick_fragment.glsl`
   takes the samples of a ray in a brick, with jitter, until early ray termination (Max 1995).
-- `cpu/raster.py` draws bricks on several threads. `cpu/march.py` has the same loop over rays and samples, compiled;
-  `cpu/rays.py` sets up rays, and cuts them; `cpu/sample.py` interpolates and classifies a sample; `cpu/light.py` has
-  light and extinction that depend on the view or on gradients; `cpu/extremum.py` finds the largest scalar of a ray.
+- `cpu/raster.py` draws bricks on several threads, by kernels: `march.cpp` has the same loop over rays and samples.
+  `cpu/grid.py` divides the picture into tiles; `cpu/field.py` and `cpu/light.py` describe what is sampled, and light
+  and extinction that depend on the view or on gradients; `cpu/extremum.py` says which scalar a ray looks for.
   OpenGL has neither cuts, nor such light, nor extremes.
 
 Both share `brick_cache.py` (bricks in a view; which of them are uploaded or evicted),

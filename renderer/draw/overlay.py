@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 
 from renderer.bricks import BRICK_LEVELS, BrickCut
-from renderer.compiled import jit
+from renderer.kernels import kernels
 from renderer.pyramid import Cut
 from renderer.volume import Float32, Float64, Int64, Volume
 
@@ -51,7 +51,7 @@ def make_edges(cut: Cut | BrickCut) -> Lines:
     Model units are those of `renderer.splats.splats`.
     """
     volume, levels_above = cut.volume, BRICK_LEVELS if isinstance(cut, BrickCut) else 0
-    edges, shape = volume.world_from_index[:3, :3], np.array(volume.shape_xyz)
+    edges = volume.world_from_index[:3, :3]
     length = volume.half_diagonal
     parts = [np.empty((0, 7), np.float32)]
     for level in np.unique(cut.levels)[::-1].tolist():
@@ -59,8 +59,16 @@ def make_edges(cut: Cut | BrickCut) -> Lines:
         num_corners = cells.max(axis=0) + 2
         for axis in range(3):
             starts = _edge_starts(cells, num_corners, axis)
-            parts.append(_edges_from(starts, num_corners, axis, level + levels_above, shape, edges / length))
-            parts[-1][:, 6] = level
+            parts.append(np.full((len(starts), 7), level, np.float32))
+            kernels().place_edges(
+                starts=starts,
+                num_corners=num_corners,
+                axis=axis,
+                level=level + levels_above,
+                shape=volume.shape_xyz,
+                model_from_index=edges / length,
+                vertices=parts[-1],
+            )
     vertices = np.concatenate(parts)
     vertices.flags.writeable = False
     side = float(np.linalg.norm(edges, axis=0).min()) / length * 2**levels_above
@@ -114,26 +122,3 @@ def _edge_starts(cells: Int64, num_corners: Int64, axis: int) -> Int64:
     strides = np.array([1, num_corners[0], num_corners[0] * num_corners[1]])
     side, other_side = np.delete(strides, axis)
     return np.unique((cells @ strides)[:, None] + [0, side, other_side, side + other_side])
-
-
-@jit
-def _edges_from(
-    starts: Int64, num_corners: Int64, axis: int, level: int, shape: Int64, model_from_index: Float64
-) -> Float32:
-    """Return both ends of each edge, clamped to the volume: float32 [n, 7], the last column undefined."""
-    vertices, corner = np.empty((len(starts), 7), np.float32), np.empty(3)
-    for i in range(len(starts)):
-        corner_number = starts[i]
-        for end in range(2):
-            rest = corner_number
-            for k in range(3):
-                index = rest % num_corners[k] + (end if k == axis else 0)
-                corner[k] = min(index << level, shape[k]) - 0.5 * shape[k]
-                rest //= num_corners[k]
-            for row in range(3):
-                vertices[i, 3 * end + row] = (
-                    model_from_index[row, 0] * corner[0]
-                    + model_from_index[row, 1] * corner[1]
-                    + model_from_index[row, 2] * corner[2]
-                )
-    return vertices

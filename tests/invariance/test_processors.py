@@ -1,30 +1,28 @@
-"""Other processors: compiled loops pass their tests there, and give the same pyramids and pictures, byte for byte.
+"""Other processors: kernels give the same pyramids and pictures, byte for byte, at every level that is built.
 
-Each processor has a process and a cache of its own. Its code runs on this one, which has all of its instructions.
+Each level has a process of its own, on this processor, which offers all of them. Pictures are near the reference, too.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-import platform
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from brick_reference import rasterize_bricks_reference
 from brickwork import AFFINES, GLOSSY, batch_of, bricks_of, cut_of_bricks, hills, ordered, placed, transfer_of, view_of
-from llvmlite import binding
 
 from renderer.bricks import ScreenSampling
-from renderer.compiled import num_lanes
 from renderer.draw import CPURasterizer
+from renderer.kernels.build import BUILT, LEVELS
+from renderer.kernels.library import LEVEL_VARIABLE, processor_level
 from renderer.scene import ShadingSpec
+from renderer.volume import make_volume
 
-# The number of its lanes, and an instruction that this processor needs to run its code.
-PROCESSORS = {"x86-64": (4, "sse2"), "haswell": (8, "avx2")}
-TESTS_OF_LANES = Path(__file__).resolve().parents[1] / "unit" / "test_lanes.py"
 SUPPORT = Path(__file__).resolve().parents[1] / "support"
 
 SHADING = ShadingSpec(light=(1.0, -1.0, 0.5), ambient=0.3, diffuse=0.7)
@@ -32,47 +30,63 @@ SHADING = ShadingSpec(light=(1.0, -1.0, 0.5), ambient=0.3, diffuse=0.7)
 LAYERS = tuple((k / 20, (k % 3 / 2, k % 5 / 4, 1 - k / 20), k % 4 * 1.5) for k in range(20))
 FOG = ((0.2, (0.9, 0.2, 0.1), 0.0), (1.0, (0.1, 0.5, 1.0), 2.0))
 # A brick of level 3, which covers voxels from 128 on, beside bricks of level 0.
-LEVELS, CELLS = np.array([3, *[0] * 8], np.uint8), np.array([[1, 0, 0], *([x, 0, 0] for x in range(8))], np.int32)
+LEVELS_OF_BRICKS = np.array([3, *[0] * 8], np.uint8)
+CELLS = np.array([[1, 0, 0], *([x, 0, 0] for x in range(8))], np.int32)
 EVERY_FOURTH_PIXEL = ScreenSampling((4, 1), 0.02, 0.01)
+# What float32 and the volumes' steepness leave (tests/parity/test_brick_parity.py).
+PRECISION = 6e-5
 
 
 def digest() -> str:
-    """Return a digest of pyramids, and of pictures with few and many segments, lit or not, of scalars and of means."""
+    """Return a digest of pyramids, and of pictures with few and many segments, lit or not, of scalars and of means, and
+    with voxels that have no data."""
     total = hashlib.blake2b(digest_size=16)
-    volume = placed(hills((12, 16, 150), 9.0), AFFINES["oblique"])
+    values = hills((12, 16, 150), 9.0)
+    volume = placed(values, AFFINES["oblique"])
+    gaps = np.where(np.random.default_rng(1).random(values.shape) < 0.1, np.float32(np.nan), values)
+    patchy = make_volume(gaps, volume.world_from_index, "test", num_absent=int(np.isnan(gaps).sum()))
     with CPURasterizer(num_threads=1) as rasterizer:
-        for points, shading in ((FOG, SHADING), (LAYERS, SHADING), (LAYERS, None), (LAYERS, GLOSSY)):
-            bricks = bricks_of(volume, transfer_of(*points), shading)
+        for points, shading, of in (
+            (FOG, SHADING, volume),
+            (LAYERS, SHADING, volume),
+            (LAYERS, None, volume),
+            (LAYERS, GLOSSY, volume),
+            (FOG, GLOSSY, patchy),
+            (LAYERS, None, patchy),
+        ):
+            bricks = bricks_of(of, transfer_of(*points), shading)
             for level in bricks.pyramid.levels:
                 for array in level:
                     total.update(array.tobytes())
-            cut = cut_of_bricks(bricks, LEVELS, CELLS)
+            cut = cut_of_bricks(bricks, LEVELS_OF_BRICKS, CELLS)
             for camera, sampling in (("perspective", EVERY_FOURTH_PIXEL), ("orthographic", None), ("inside", None)):
                 options = {} if sampling is None else {"screen_sampling": sampling}
-                batch, view = batch_of(cut, bricks, shading=shading, **options), view_of(volume, camera)
+                batch, view = batch_of(cut, bricks, shading=shading, **options), view_of(of, camera)
                 picture = rasterizer.rasterize(batch, ordered(cut, view), view)
                 assert picture[..., 3].max() > 0.5
                 total.update(picture.tobytes())
+                if camera == "orthographic" and of is volume and shading is not GLOSSY:
+                    expected = rasterize_bricks_reference(batch, ordered(cut, view), view)
+                    assert np.abs(picture - expected).max() < PRECISION
     return total.hexdigest()
 
 
-def runs_here(instruction: str) -> bool:
-    return platform.machine() == "x86_64" and bool(binding.get_host_cpu_features()[instruction])
+LOWER_LEVELS = [
+    level
+    for levels in LEVELS.values()
+    for level in levels
+    if level < processor_level() and (BUILT / f"kernels-{level}.so").is_file()
+]
 
 
-@pytest.mark.parametrize("processor", [name for name, (_, needed) in PROCESSORS.items() if runs_here(needed)])
-def test_another_processor(processor: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("level", LOWER_LEVELS)
+def test_another_processor(level: int) -> None:
     paths = os.pathsep.join([str(SUPPORT), *filter(None, sys.path)])
-    chosen = {"NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(tmp_path)}
-    environment = {**os.environ, "PYTHONPATH": paths, **chosen}
+    environment = {**os.environ, "PYTHONPATH": paths, LEVEL_VARIABLE: str(level)}
     run = subprocess.run([sys.executable, __file__], env=environment, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stdout + run.stderr
-    num_lanes, _ = PROCESSORS[processor]
-    assert run.stdout.splitlines()[-1].split() == [str(num_lanes), digest()]
+    assert run.stdout.split() == [str(level), digest()]
 
 
 if __name__ == "__main__":
-    # One of these tests chooses processors itself.
-    failed = pytest.main(["-q", "-p", "no:cacheprovider", "-k", "not registers", str(TESTS_OF_LANES)])
-    print(num_lanes(), digest())
-    sys.exit(failed)
+    print(processor_level(), digest())

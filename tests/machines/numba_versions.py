@@ -17,7 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 TESTS = (
-    *("tests/unit/test_lanes.py", "tests/unit/test_cpu_bricks.py", "tests/system/test_jit.py"),
+    *("tests/unit/test_cpu_bricks.py", "tests/system/test_jit.py"),
     *("tests/golden/test_golden.py", "tests/parity/test_brick_parity.py"),
 )
 OF_TESTS = ("hypothesis>=6.90", "pytest>=7.4", "pytest-xdist>=3.8", "scipy>=1.11")

@@ -97,9 +97,8 @@ def test_imports_change_nothing(tmp_path: Path) -> None:
     program = (
         "import sys\n"
         "from renderer.compiled import compiler, kernel_cache, lanes\n"
-        "from renderer.draw.cpu import march\n"
-        "from renderer.pyramid import nodes\n"
-        "print(lanes.num_lanes.cache_info().currsize, 'numba.np.arraymath' in sys.modules, len(march._march.overloads))"
+        "from renderer.pyramid.nodes import _build_first_level as loop\n"
+        "print(lanes.num_lanes.cache_info().currsize, 'numba.np.arraymath' in sys.modules, len(loop.overloads))"
     )
     got = python("-c", program, NUMBA_CACHE_DIR=str(caches))
     assert got.stdout.split() == ["0", "False", "0"]

@@ -3,54 +3,45 @@
 from __future__ import annotations
 
 import threading
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
 from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, placed, transfer_of, view_of
+from texel_wall import drawn
 
 from renderer.bricks import PADDED_BRICK_SIZE
-from renderer.compiled import jit, load, num_lanes, store
-from renderer.draw import CPURasterizer, GLRasterizer, brick_cache, is_software
-from renderer.draw.cpu.light import power
-from renderer.draw.cpu.march import draw_tiles
+from renderer.draw import GLRasterizer, brick_cache, is_software
+from renderer.draw.cpu.light import Light
 from renderer.draw.cpu.raster import CPUAtlas
-from renderer.draw.cpu.sample import opacity_of_depth
 
 GLASS = transfer_of((0, (0.9, 0.2, 0.1), 0.0), (1, (0.1, 0.5, 1.0), 0.3))
 
 
-@jit
-def _opacities(depths: Any, opacities: Any) -> None:
-    for at in range(0, len(depths), num_lanes()):
-        store(opacities, at, opacity_of_depth(load(depths, at, num_lanes())))
-
-
 def test_opacities_keep_their_digits() -> None:
-    depths = np.concatenate([np.logspace(-37, 2, 20_000), np.linspace(0.4, 0.6, 2014), [0, np.inf]]).astype(np.float32)
-    got = np.empty_like(depths)
-    _opacities(depths, got)
-    expected = -np.expm1(-depths[:-2].astype(np.float64))
-    assert np.abs(got[:-2] / expected - 1).max() < 3e-7
-    assert got[-2:].tolist() == [0.0, 1.0]
+    depths = np.concatenate([np.logspace(-37, 2, 20_000), np.linspace(0.4, 0.6, 2014), [0]]).astype(np.float32)
+    got, expected = drawn(depths)[:, 3], -np.expm1(-depths.astype(np.float64))
+    assert np.abs(got[:-1] / expected[:-1] - 1).max() < 3e-7
+    assert got[-1] == 0.0
     assert got.max() <= 1.0
-
-
-@jit
-def _powers(bases: Any, exponent: Any, powers: Any) -> None:
-    for at in range(0, len(bases), num_lanes()):
-        store(powers, at, power(load(bases, at, num_lanes()), exponent))
 
 
 @pytest.mark.parametrize("exponent", [1e-3, 0.5, 1.0, 32.0, 999.0])
 def test_powers_keep_their_digits(exponent: float) -> None:
-    bases = np.concatenate([np.logspace(-30, 0, 20_000), np.linspace(0.5, 1, 4094), [0, 1]]).astype(np.float32)
-    got, expected = np.empty_like(bases), bases.astype(np.float64) ** np.float32(exponent)
-    _powers(bases, np.float32(exponent), got)
+    """Highlights are powers of the cosine between the normal and the view, which float32 rounds a little."""
+    cosines = np.concatenate([np.logspace(-30, 0, 20_000), np.linspace(0.5, 1, 4094), [1]]).astype(np.float32)
+    gradients = np.column_stack([np.sqrt(1 - cosines.astype(np.float64) ** 2), 0 * cosines, cosines]).astype(np.float32)
+    light = Light(
+        True, False, np.zeros(3), 0.0, 0.0, 1.0, exponent, np.eye(3), np.empty((0, 3), np.float32),
+        np.empty(0, np.int32), (0, 0, 0), 1.0, np.zeros(3), 0.0, 0.0,
+    )  # fmt: skip
+    got = drawn(np.full(len(cosines), 50.0), light=light, gradients=gradients)[:, 0]
+    wide = gradients.astype(np.float64)
+    expected = (wide[:, 2] / np.linalg.norm(wide, axis=1)) ** np.float32(exponent)
     is_seen = expected > 1e-4
-    assert np.abs(got[is_seen] / expected[is_seen] - 1).max() < 1e-5
+    assert np.abs(got[is_seen] / expected[is_seen] - 1).max() < 1e-5 + 2e-7 * exponent
     assert np.abs(got - expected)[~is_seen].max(initial=0.0) < 1e-8
-    assert got[-2:].tolist() == [0.0, 1.0]
+    assert got[-1] == 1.0
 
 
 def brick(keys: Any) -> Any:
@@ -115,17 +106,3 @@ def test_threads_end_with_the_rasterizer() -> None:
         gl.rasterize(batch, ordered(batch.cut, view), view)
         assert threading.active_count() > before
     assert threading.active_count() == before
-
-
-def test_loops_are_compiled_once_for_any_number_of_threads() -> None:
-    """The tiles of each thread have one type. The picture has more tiles than there are tasks."""
-    bricks = bricks_of(placed(hills((20, 30, 40), 9.0), AFFINES["straight"]), GLASS)
-    view = view_of(bricks.volume, "perspective", (640, 480))
-    batch = batch_of(level_cut(bricks, 0), bricks)
-    counts = []
-    for num_threads in (1, 3):
-        drawer = CPURasterizer(num_threads=num_threads)
-        drawer.rasterize(batch, ordered(batch.cut, view), view)
-        drawer.release()
-        counts.append(len(cast(Any, draw_tiles).signatures))
-    assert counts[0] == counts[1]

@@ -9,11 +9,11 @@ import pytest
 from brick_reference import _classified
 from brickwork import batch_of, bricks_of, level_cut
 from number_types import random_ranges
+from texel_wall import drawn
 
 from renderer.bricks import PADDED_BRICK_SIZE, Bricks, scalar_texels
-from renderer.compiled import jit, load, num_lanes, store
-from renderer.draw.cpu.sample import Table, classify, make_table
-from renderer.transfer import GUIDE_SIZE, PIECE_FLOATS, PiecewiseTransfer, TransferFunction, make_piecewise_transfer
+from renderer.draw.cpu.field import lowest_visible
+from renderer.transfer import GUIDE_SIZE, PiecewiseTransfer, TransferFunction, make_piecewise_transfer
 from renderer.volume import Float64, make_volume
 
 
@@ -95,10 +95,9 @@ def test_segments_are_finite(last: float) -> None:
     np.testing.assert_allclose(at(pieces, np.array([0.25, 0.5, 2 / 3])), [1, 0, 3], atol=0.2)
 
 
-@jit
-def _classify_all(table: Table, scalars: Any, tau: Any) -> None:
-    for first in range(0, len(scalars), num_lanes()):
-        store(tau, first, classify(table, load(scalars, first, num_lanes()))[0])
+def extinctions_at(pieces: PiecewiseTransfer, scalars: Any) -> Float64:
+    """Return the extinctions of scalars by what a ray loses in a thousandth of a spacing."""
+    return -1000 * np.log1p(-drawn(scalars, pieces, scale=1e-3)[:, 3].astype(np.float64))
 
 
 def test_lanes_find_the_segment() -> None:
@@ -107,14 +106,13 @@ def test_lanes_find_the_segment() -> None:
         rng = np.random.default_rng(seed)
         transfer = random_transfer(rng, -3.0, 5.0, 1 + seed)
         pieces = make_piecewise_transfer(transfer.curve(), 0.0, 2.0)
-        u = np.concatenate([rng.uniform(-1, 2, 512 - len(pieces.rows)), pieces.rows[:-1, 0], [np.nan]])
-        u = u.astype(np.float32)
-        table, by_columns, by_rows = make_table(pieces), np.empty_like(u), np.empty_like(u)
-        _classify_all(table, u, by_columns)
-        _classify_all(table._replace(columns=np.empty((PIECE_FLOATS, 0), np.float32)), u, by_rows)
-        assert by_columns.tobytes() == by_rows.tobytes()
+        u = np.concatenate([rng.uniform(-1, 2, 512 - len(pieces.rows)), pieces.rows[:-1, 0]]).astype(np.float32)
+        more = np.append(pieces.rows, np.repeat(pieces.rows[-1:], 20, axis=0), axis=0)  # none of which is reached
+        more[len(pieces.rows) - 1 : -1, 0] = 1e30
+        assert drawn(u, pieces).tobytes() == drawn(u, PiecewiseTransfer(more, pieces.guide)).tobytes()
         is_inside = u >= 0
-        np.testing.assert_allclose(by_rows[is_inside], at(pieces, u[is_inside]), atol=1e-6 * (1 + steepest(pieces)))
+        got, expected = extinctions_at(pieces, u[is_inside]), at(pieces, u[is_inside])
+        np.testing.assert_allclose(got, expected, atol=1e-6 * (1 + steepest(pieces)), rtol=1e-6)
 
 
 def test_nothing_is_visible_below_the_lowest_visible_scalar() -> None:
@@ -123,11 +121,9 @@ def test_nothing_is_visible_below_the_lowest_visible_scalar() -> None:
         transfer = random_transfer(rng, -3.0, 5.0, 8)
         extinctions = transfer.extinctions * (rng.random(8) < rng.random())
         transfer = TransferFunction(transfer.values, transfer.colors, extinctions, 1.0)
-        table = make_table(make_piecewise_transfer(transfer.curve(), 0.0, 2.0))
-        scalars = np.sort(rng.uniform(-1, 2, 64)).astype(np.float32)
-        tau = np.empty_like(scalars)
-        _classify_all(table, scalars, tau)
-        assert not (tau[scalars < table.lowest_visible] > 0).any()
-        num_invisible = int(np.argmax(tau > 0)) if (tau > 0).any() else len(tau)
-        num_skipped = np.count_nonzero(scalars < table.lowest_visible)
-        assert num_skipped == num_invisible or table.lowest_visible == -np.inf
+        pieces = make_piecewise_transfer(transfer.curve(), 0.0, 2.0)
+        scalars, lowest = np.sort(rng.uniform(-1, 2, 64)).astype(np.float32), lowest_visible(pieces)
+        is_visible = drawn(scalars, pieces)[:, 3] > 0
+        assert not is_visible[scalars < lowest].any()
+        num_invisible = int(np.argmax(is_visible)) if is_visible.any() else len(scalars)
+        assert np.count_nonzero(scalars < lowest) == num_invisible or lowest == -np.inf

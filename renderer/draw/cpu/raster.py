@@ -10,37 +10,27 @@ lanes are idle. Here rays that miss a brick take no lane, and the others are sor
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
-from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch, Extremes
+from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch
 from renderer.draw import brick_cache
 from renderer.draw.brick_cache import Atlas, BrickCache, BrickView
-from renderer.draw.constants import RECTANGLE_ROUNDING_PX
-from renderer.draw.cpu.extremum import Search, draw_extremes
+from renderer.draw.cpu.extremum import make_search
+from renderer.draw.cpu.field import make_field
+from renderer.draw.cpu.grid import Grid, bin_bricks
 from renderer.draw.cpu.light import make_light
-from renderer.draw.cpu.march import TileBins, draw_tiles
-from renderer.draw.cpu.sample import Field, Optics, make_table
 from renderer.draw.rasterizer import Rasterizer
 from renderer.draw.subsampling import grid_size, refine_grid, upsample
 from renderer.kernels import ThreadPool, kernels
-from renderer.scene import ShadingSpec
 from renderer.splats import SplatBatch
-from renderer.transfer import toward_light
 from renderer.view import View
-from renderer.volume import Bools, Float32, Float64, Int64, UInt32
+from renderer.volume import Bools, Float32, Int64, UInt32
 
 CPU_RENDERER_NAME = "no OpenGL: drawn on the processor"
 
-# Pixels along the sides of a tile, without and with subsampling. Tiles of 16 draw each brick more often, and the rays
-# of tiles of 64 do not fit into the cache.
-TILE_SIDE, SUBSAMPLED_TILE_SIDE = 32, 16
-# By depth, a later number must exceed the largest one by this share of the colour range: rounding must not choose
-# between equal ones.
-_MIN_RISE = np.float32(2.0**-18)
 # Each task draws neighbouring tiles, which have bricks in common.
 _TASKS_PER_THREAD = 4
 # Floats behind the last texel that loads of whole rows touch.
@@ -129,65 +119,19 @@ class CPURasterizer(Rasterizer):
         for group, uploaded in self.cache.upload_groups(brick_view, num):
             for atlas, numbers, slots in uploaded:
                 texel_offsets[numbers] = atlas.texel_offsets(slots)
-            bins = _bin_bricks(brick_view.rectangles_px[group], stride, (is_drawn.shape[1], is_drawn.shape[0]))
-            bricks = brick_view.rays, brick_view.boxes[group], texel_offsets[group]
-            batch, is_mean = brick_view.batch, brick_view.is_mean[group]
-            draw: Callable[[Int64], None]
+            bins = bin_bricks(brick_view.rectangles_px[group], stride, (is_drawn.shape[1], is_drawn.shape[0]))
+            boxes, offsets = brick_view.boxes[group], texel_offsets[group]
+            grid = Grid(bins, stride, brick_view.rays, boxes, offsets, is_drawn, image)
+            batch, (scalars, means) = brick_view.batch, self.cache.atlases
             if batch.extremes is None:
-                field, light = self._field(batch), make_light(batch)
-                draw = partial(draw_tiles, bins, stride, *bricks, is_mean, field, light, is_drawn, image)
+                field, light = make_field(batch, scalars.texels, means.texels), make_light(batch)
+                is_mean = brick_view.is_mean[group]
+                draw = kernels().draw_tiles.partial(grid=grid, is_mean=is_mean, field=field, light=light)
             else:
-                tops, scalars = batch.extremes.tops[brick_view.order[group]], self.cache.atlases[0].texels
-                search = _search(batch.extremes, brick_view.view, batch)
-                draw = partial(draw_extremes, bins, stride, *bricks, tops, scalars, search, is_drawn, image)
+                tops = batch.extremes.tops[brick_view.order[group]]
+                search = make_search(batch, brick_view.view)
+                draw = kernels().draw_extremes.partial(grid=grid, tops=tops, scalars=scalars.texels, search=search)
             tiles = np.flatnonzero(bins.starts[1:] > bins.starts[:-1])
             num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.threads.num) if self.threads.num > 1 else 1
-            self.threads.map(draw, np.array_split(tiles, max(1, num_tasks)))
-
-    def _field(self, batch: BrickBatch) -> Field:
-        shading = batch.shading if batch.shading and batch.shading.is_plain else ShadingSpec()
-        x, y, z = toward_light(shading).astype(np.float32)
-        optics = Optics(
-            np.float32(batch.screen_sampling.termination_alpha),
-            np.float32(batch.spacings_per_model_unit),
-            batch.shading is not None and batch.shading.is_plain,
-            batch.cut.volume.num_absent > 0,
-            (x, y, z, np.float32(shading.ambient), np.float32(shading.diffuse)),
-        )
-        scalars, means = self.cache.atlases
-        return Field(scalars.texels, means.texels, make_table(batch.bricks.pieces), optics)
-
-
-def _search(extremes: Extremes, view: View, batch: BrickBatch) -> Search:
-    """Return what is sought in a view. Nearness falls from 1 to 0 through the ball around the volume, its diameter."""
-    nearer = -0.5 / batch.model_unit * (view.forward @ batch.cut.volume.world_from_index[:3, :3])
-    return Search(
-        np.float32(extremes.offset),
-        np.float32(extremes.slope),
-        np.float32(extremes.slack),
-        _MIN_RISE if extremes.by_depth else np.float32(0.0),
-        np.float32(np.inf if extremes.by_depth else 1.0),
-        not (extremes.by_depth or view.cuts),
-        batch.cut.volume.num_absent > 0,
-        nearer if extremes.by_depth else np.zeros(3),
-    )
-
-
-def _bin_bricks(rectangles_px: Float64, stride: int, shape: tuple[int, int]) -> TileBins:
-    """Find the pixels and tiles of a grid, with this many columns and rows, that rectangles [n, 4] cover.
-
-    Pixels that rounding may have moved out of a rectangle count as inside. Grid pixel 0 is the centre of pixel 0.
-    """
-    side = TILE_SIDE if stride == 1 else SUBSAMPLED_TILE_SIDE
-    low = np.ceil((rectangles_px[:, :2] - 0.5 - RECTANGLE_ROUNDING_PX) / stride)
-    high = np.floor((rectangles_px[:, 2:] - 0.5 + RECTANGLE_ROUNDING_PX) / stride) + 1
-    rectangles = np.clip(np.hstack([low, high]), 0, shape * 2).astype(np.int64)
-    rectangles[(rectangles[:, :2] >= rectangles[:, 2:]).any(axis=1)] = 0
-    tile_windows = np.hstack([rectangles[:, :2] // side, -(-rectangles[:, 2:] // side)])
-    num_columns, num_rows = -(-shape[0] // side), -(-shape[1] // side)
-    starts = np.zeros(num_columns * num_rows + 2, np.int64)
-    numbers = np.empty(np.prod(tile_windows[:, 2:] - tile_windows[:, :2], axis=1).sum(), np.int64)
-    kernels().bin_bricks(
-        tile_windows=tile_windows, num_columns=num_columns, num_rows=num_rows, starts=starts, numbers=numbers
-    )
-    return TileBins(side, rectangles, starts[:-1], numbers)
+            tasks = [partial(draw, tiles=part) for part in np.array_split(tiles, max(1, num_tasks))]
+            self.threads.map(lambda task: task(), tasks)

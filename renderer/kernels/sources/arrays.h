@@ -4,6 +4,8 @@
 
 #define INLINE inline __attribute__((always_inline))
 
+constexpr double INFINITE = __builtin_inf();
+
 // A kernel returns one of these; Python raises MemoryError or IndexError.
 enum Status : int32_t { DONE = 0, NO_MEMORY = 1, OUT_OF_BOUNDS = 2 };
 
@@ -52,6 +54,12 @@ struct Array {
         return index;
     }
 };
+
+// The elements from a place on.
+template <class T>
+INLINE Array<T, 1> rest_of(const Array<T, 1>& array, int64_t place) {
+    return {array.data + Array<T, 1>::checked(place, array.shape[0] + 1), {array.shape[0] - place}};
+}
 
 // Read-only, of any of the dtypes of `with_array`. dtype: its number there.
 template <int DIMENSIONS>
@@ -105,6 +113,7 @@ struct Buffer {
     Buffer& operator=(const Buffer&) = delete;
 
     explicit operator bool() const { return data != nullptr; }
+    operator Array<T, 1>() const { return {data, {num}}; }
     INLINE T& operator[](int64_t index) const { return data[Array<T, 1>::checked(index, num)]; }
 };
 

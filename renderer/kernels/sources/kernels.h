@@ -64,6 +64,12 @@ struct Classifier {
     Array<const double, 1> breakpoints;
 };
 
+// As in renderer/transfer/piecewise.py.
+struct PiecewiseTransfer {
+    Array<const float, 2> rows;
+    Array<const int32_t, 1> guide;
+};
+
 // ---- pyramid
 
 // As in renderer/pyramid/nodes.py, and the next two.
@@ -349,7 +355,149 @@ struct BinBricks {
 };
 KERNEL(bin_bricks, BinBricks)
 
+// As in renderer/draw/subsampling.py. factor: every which pixel of the image the grid has.
+struct UpsampleRows {
+    Array<const float, 3> grid;
+    int64_t factor;
+    Array<float, 3> image;
+    int64_t first_row;
+    int64_t end_row;
+};
+KERNEL(upsample_rows, UpsampleRows)
+
+struct MarkDiffering {
+    Array<const float, 3> grid;
+    float threshold;
+    Array<bool, 2> differ;
+};
+KERNEL(mark_differing, MarkDiffering)
+
+struct RefineRows {
+    Array<const float, 3> grid;
+    int64_t factor;
+    Array<float, 3> image;
+    int64_t first_row;
+    int64_t end_row;
+    Array<const bool, 2> differ;
+    Array<bool, 2> is_drawn;
+};
+KERNEL(refine_rows, RefineRows)
+
+// starts, num_corners: as in renderer/draw/overlay.py. axis: along which the edges are. shape: of the volume.
+struct PlaceEdges {
+    Array<const int64_t, 1> starts;
+    int64_t num_corners[3];
+    int64_t axis;
+    int64_t level;
+    int64_t shape[3];
+    double model_from_index[9];
+    Array<float, 2> vertices;
+};
+KERNEL(place_edges, PlaceEdges)
+
+// vertices, voxel_side: as in Lines. colors: [n, 4], by level. Others: constants of renderer/draw/cpu/lines.py.
+struct DrawLines {
+    Array<const float, 2> vertices;
+    double voxel_side;
+    Array<const double, 2> colors;
+    ModelView camera;
+    double cover;
+    double opacity;
+    double min_side_px;
+    Array<float, 3> image;
+};
+KERNEL(draw_lines, DrawLines)
+
+// As in the files of renderer/draw/cpu/, and so are those that follow it.
+struct TileBins {
+    int64_t side;
+    Array<const int64_t, 2> rectangles;
+    Array<const int64_t, 1> starts;
+    Array<const int64_t, 1> numbers;
+};
+
+struct Grid {
+    TileBins bins;
+    int64_t stride;
+    RaySetup rays;
+    Array<const double, 2> boxes;
+    Array<const int64_t, 1> texel_offsets;
+    Array<const bool, 2> is_drawn;
+    Array<float, 3> image;
+};
+
+struct Optics {
+    float termination_alpha;
+    float spacings_per_model_unit;
+    bool is_lit;
+    bool has_absent;
+    float light[5];
+};
+
+struct Field {
+    Array<const float, 1> scalars;
+    Array<const float, 1> means;
+    PiecewiseTransfer pieces;
+    float lowest_visible;
+    Optics optics;
+};
+
+struct Light {
+    bool is_camera;
+    bool is_two_sided;
+    float toward[3];
+    float ambient;
+    float diffuse;
+    float specular;
+    float shininess;
+    float world_from_index[9];
+    Array<const float, 2> factors;
+    Array<const int32_t, 1> corners;
+    int64_t grid_shape[3];
+    double cells_per_texel;
+    double first_cell[3];
+    float occlusion_strength;
+    float shadow_strength;
+};
+
+struct DrawTiles {
+    Grid grid;
+    Array<const bool, 1> is_mean;
+    Field field;
+    Maybe<Light> light;
+    Array<const int64_t, 1> tiles;
+};
+KERNEL(draw_tiles, DrawTiles)
+
+struct Search {
+    float offset;
+    float slope;
+    float slack;
+    float min_rise;
+    float ceiling;
+    bool is_sorted;
+    bool has_absent;
+    double forward[3];
+};
+
+// tops: upper bounds of what is in each brick.
+struct DrawExtremes {
+    Grid grid;
+    Array<const double, 1> tops;
+    Array<const float, 1> scalars;
+    Search search;
+    Array<const int64_t, 1> tiles;
+};
+KERNEL(draw_extremes, DrawExtremes)
+
 // ---- film
+
+struct Quantize {
+    Array<const float, 3> image;
+    float background[3];
+    Array<uint8_t, 3> result;
+};
+KERNEL(quantize, Quantize)
 
 // ---- truth
 

@@ -140,7 +140,8 @@ INLINE auto join(V one, V other) {
     return shuffle(one, other, UpTo<2 * __builtin_vectorelements(V)>());
 }
 
-// Memory. A place is the number of an element, and nothing checks it.
+// Memory. A place is the number of an element. Of an Array, a checked build traps where an element is out of bounds;
+// nothing checks places behind a pointer.
 
 template <class V, class T>
 INLINE V load(const T* base, int64_t place) {
@@ -152,6 +153,24 @@ INLINE V load(const T* base, int64_t place) {
 template <class V, class T>
 INLINE void store(T* base, int64_t place, V lanes) {
     __builtin_memcpy(base + place, &lanes, sizeof lanes);
+}
+
+// The address of an array whose elements from a place on are there.
+template <int NUM, class T>
+INLINE T* checked(const Array<T, 1>& array, int64_t place) {
+    Array<T, 1>::checked(place, array.shape[0]);
+    Array<T, 1>::checked(place + NUM - 1, array.shape[0]);
+    return array.data;
+}
+
+template <class V, class T>
+INLINE V load(const Array<T, 1>& array, int64_t place) {
+    return load<V>(checked<__builtin_vectorelements(V)>(array, place), place);
+}
+
+template <class V, class T>
+INLINE void store(const Array<T, 1>& array, int64_t place, V lanes) {
+    store(checked<__builtin_vectorelements(V)>(array, place), place, lanes);
 }
 
 INLINE int64_t address(Ints places, int lane) {
@@ -204,17 +223,19 @@ INLINE auto columns_of(const LoadRow& load_row) {
                      joined_rows<2, 4, fours>(load_row), joined_rows<3, 4, fours>(load_row));
 }
 
-// base[places] and the three elements that follow it.
-template <class T>
-INLINE Four<Vector<T, LANES>> load_four(const T* base, Ints places) {
-    return columns_of([&](int lane) { return load<Vector<T, 4>>(base, address(places, lane)); });
+// array[places] and the three elements that follow it. Base: Array or a pointer, here and below.
+template <class Base>
+INLINE auto load_four(const Base& array, Ints places) {
+    using T = __remove_cvref(decltype(array[0]));
+    return columns_of([&](int lane) { return load<Vector<T, 4>>(array, address(places, lane)); });
 }
 
-// base[places] and the element that follows it. Gather instructions take a quarter longer, on a Zen 4.
-INLINE void load_pairs(const float* base, Ints places, Floats& first, Floats& second) {
+// array[places] and the element that follows it. Gather instructions take a quarter longer, on a Zen 4.
+template <class Base>
+INLINE void load_pairs(const Base& array, Ints places, Floats& first, Floats& second) {
     auto load_two = [&](int lane) {
-        return join(load<Vector<float, 2>>(base, address(places, lane)),
-                    load<Vector<float, 2>>(base, address(places, lane + 1)));
+        return join(load<Vector<float, 2>>(array, address(places, lane)),
+                    load<Vector<float, 2>>(array, address(places, lane + 1)));
     };
     Floats one = joined_rows<0, 4, LANES / 4>(load_two), other = joined_rows<2, 4, LANES / 4>(load_two);
     first = interleave<0, 2, 4, 6>(one, other, UpTo<LANES>());
@@ -231,11 +252,11 @@ INLINE auto row_of(const Four<V>& transposed) {
     return shuffle(lanes, lanes, Lanes<first, first + 1, first + 2, first + 3>());
 }
 
-template <class T>
-INLINE Vector<T, LANES> gather(const T* base, Ints places) {
-    Vector<T, LANES> lanes;
+template <class Base>
+INLINE auto gather(const Base& array, Ints places) {
+    Vector<__remove_cvref(decltype(array[0])), LANES> lanes;
 #pragma clang loop unroll(full)
-    for (int lane = 0; lane < LANES; lane++) lanes[lane] = base[address(places, lane)];
+    for (int lane = 0; lane < LANES; lane++) lanes[lane] = array[address(places, lane)];
     return lanes;
 }
 

@@ -31,7 +31,6 @@ consteval Quad quad_log(Quad x) {
 }
 
 constexpr Quad LOG_2 = quad_log(2);
-constexpr double INFINITE = __builtin_inf();
 
 // The nearest multiple of a power of two.
 consteval double rounded(Quad x, double unit) {

@@ -1,0 +1,67 @@
+"""Divide pixel grids into tiles, and find the bricks over each; kernels draw into them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.draw.constants import RECTANGLE_ROUNDING_PX
+from renderer.kernels import kernels
+from renderer.view import RaySetup
+from renderer.volume import Bools, Float32, Float64, Int64
+
+# Pixels along the sides of a tile, without and with subsampling. Tiles of 16 draw each brick more often, and the rays
+# of tiles of 64 do not fit into the cache.
+TILE_SIDE, SUBSAMPLED_TILE_SIDE = 32, 16
+
+
+class TileBins(NamedTuple):
+    """A list of the bricks over each tile: those of tile k are `numbers[starts[k] : starts[k + 1]]`, front to back.
+
+    side: of a tile, in pixels of the grid. rectangles: int64 [n, 4], left, top, right and bottom of each brick,
+    half-open, in pixels of the grid and inside it. starts: int64 [tiles + 1]. numbers: int64.
+    """
+
+    side: int
+    rectangles: Int64
+    starts: Int64
+    numbers: Int64
+
+
+class Grid(NamedTuple):
+    """A grid of pixels into which bricks are drawn.
+
+    stride: the pixels of the grid are every `stride`-th pixel along both axes. boxes: as in BrickView.
+    texel_offsets: int64 [n], where the texels of each brick begin in its atlas.
+    is_drawn: [rows, columns], the pixels of the grid that are drawn.
+    image: float32 [rows, columns, 4], premultiplied RGBA.
+    """
+
+    bins: TileBins
+    stride: int
+    rays: RaySetup
+    boxes: Float64
+    texel_offsets: Int64
+    is_drawn: Bools
+    image: Float32
+
+
+def bin_bricks(rectangles_px: Float64, stride: int, shape: tuple[int, int]) -> TileBins:
+    """Find the pixels and tiles of a grid, with this many columns and rows, that rectangles [n, 4] cover.
+
+    Pixels that rounding may have moved out of a rectangle count as inside. Grid pixel 0 is the centre of pixel 0.
+    """
+    side = TILE_SIDE if stride == 1 else SUBSAMPLED_TILE_SIDE
+    low = np.ceil((rectangles_px[:, :2] - 0.5 - RECTANGLE_ROUNDING_PX) / stride)
+    high = np.floor((rectangles_px[:, 2:] - 0.5 + RECTANGLE_ROUNDING_PX) / stride) + 1
+    rectangles = np.clip(np.hstack([low, high]), 0, shape * 2).astype(np.int64)
+    rectangles[(rectangles[:, :2] >= rectangles[:, 2:]).any(axis=1)] = 0
+    tile_windows = np.hstack([rectangles[:, :2] // side, -(-rectangles[:, 2:] // side)])
+    num_columns, num_rows = -(-shape[0] // side), -(-shape[1] // side)
+    starts = np.zeros(num_columns * num_rows + 2, np.int64)
+    numbers = np.empty(np.prod(tile_windows[:, 2:] - tile_windows[:, :2], axis=1).sum(), np.int64)
+    kernels().bin_bricks(
+        tile_windows=tile_windows, num_columns=num_columns, num_rows=num_rows, starts=starts, numbers=numbers
+    )
+    return TileBins(side, rectangles, starts[:-1], numbers)

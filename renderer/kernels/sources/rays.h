@@ -1,0 +1,171 @@
+// Set up the rays of a tile of pixels, find where they are not cut away, and clip them to bricks.
+#pragma once
+#include "kernels.h"
+#include "lanes.h"
+
+// The lanes of float64 in which rays are clipped.
+constexpr int CLIPPED = 8;
+using Doubles = Vector<double, CLIPPED>;
+using ClippedInts = Vector<int32_t, CLIPPED>;
+using ClippedFloats = Vector<float, CLIPPED>;
+using ClippedMask = Vector<bool, CLIPPED>;
+
+constexpr double DITHER = 0.15;  // this and the next as in renderer/bricks/sampling.py
+constexpr uint32_t JITTER_PER_PX[2] = {3242174889, 2447445414};
+
+// The numbers of a ray: origin [3]; direction [3]; its inverse [3], 0 where the direction is 0; the length of the
+// direction, dithered; 1/2 plus the jitter; length per depth, in model units.
+enum {
+    ORIGIN = 0, DIRECTION = 3, INVERSE = 6, LENGTH = 9, ROUNDING_OFFSET = 10, LENGTH_PER_DEPTH = 11, RAY_FLOATS = 12
+};
+constexpr float NOT_DRAWN = 2.0f;  // an alpha at which every ray has ended
+
+struct Window {
+    int64_t left, top, right, bottom;  // half-open
+};
+
+// The rays of the pixels of a tile, row by row; rows are `side` pixels apart. room: pixels of a tile, and those that are
+// loaded behind the last one. rays: one number of all rays after the other. alphas: what is before the next brick;
+// NOT_DRAWN where no ray is. places: of pixels in the image.
+struct Tile {
+    int64_t side, room;
+    Array<double, 1> rays;
+    Array<float, 1> alphas;
+    Array<int64_t, 1> places;
+};
+
+// What cuts leave of the rays of a tile: from a start to an end, less a range for each removed box.
+// bounds: all starts, then all ends; a start moves on as what is behind it is drawn. removed: for each box where all
+// rays enter and leave it; infinity and -infinity where they do not.
+struct Kept {
+    int64_t num_boxes;
+    Array<double, 1> bounds, removed;
+};
+
+struct Along {
+    Doubles origin, direction, inverse;
+};
+
+struct Range {
+    Doubles enter, leave;
+};
+
+INLINE Along ray_along(const Tile& tile, int64_t pixel, int axis) {
+    return {
+        load<Doubles>(tile.rays, pixel + (ORIGIN + axis) * tile.room),
+        load<Doubles>(tile.rays, pixel + (DIRECTION + axis) * tile.room),
+        load<Doubles>(tile.rays, pixel + (INVERSE + axis) * tile.room),
+    };
+}
+
+// The jitter of pixels, from 0 to 1, as in renderer/bricks/sampling.py.
+INLINE Doubles jitter_of(ClippedInts column, int32_t row) {
+    ClippedInts whole = column * (int32_t)JITTER_PER_PX[0] + (int32_t)((uint32_t)row * JITTER_PER_PX[1]);
+    return __builtin_convertvector(whole >> 8 & 0xFFFFFF, Doubles) / 16777216.0;
+}
+
+// Set up the rays of the pixels in a window, and what is in the image there.
+INLINE void set_up_rays(const Grid& grid, Window window, const Tile& tile) {
+    const RaySetup& rays = grid.rays;
+    int32_t stride = (int32_t)grid.stride;
+    for (int64_t row = window.top; row < window.bottom; row++) {
+        double y = (double)(row * stride) + 0.5 - rays.center_px[1];
+        for (int64_t first = window.left; first < window.right; first += CLIPPED) {
+            int64_t begin = (row - window.top) * tile.side + first - window.left;
+            ClippedInts column = lane_numbers<ClippedInts>() + (int32_t)first;
+            Doubles x = __builtin_convertvector(column * stride, Doubles) + 0.5 - rays.center_px[0];
+            Doubles square = 0.0;
+            for (int axis = 0; axis < 3; axis++) {
+                const double *origin = rays.origins + 3 * axis, *direction = rays.directions + 3 * axis;
+                Doubles speed = direction[0] + direction[1] * x + direction[2] * y;
+                store(tile.rays, begin + (ORIGIN + axis) * tile.room, origin[0] + origin[1] * x + origin[2] * y);
+                store(tile.rays, begin + (DIRECTION + axis) * tile.room, speed);
+                store(tile.rays, begin + (INVERSE + axis) * tile.room,
+                      where(mask_of(speed == 0.0), in_all<Doubles>(0.0), 1.0 / speed));
+                square += speed * speed;
+            }
+            Doubles jitter = jitter_of(column * stride, (int32_t)(row * stride));
+            store(tile.rays, begin + LENGTH * tile.room, root(square) * (1.0 + DITHER * (jitter - 0.5)));
+            store(tile.rays, begin + ROUNDING_OFFSET * tile.room, 0.5 + jitter);
+            square = rays.slope_per_px * rays.slope_per_px * (x * x + y * y);
+            store(tile.rays, begin + LENGTH_PER_DEPTH * tile.room, root(1.0 + square));
+            for (int64_t place = first; place < least(first + CLIPPED, window.right); place++) {
+                int64_t pixel = begin + place - first;
+                tile.places[pixel] = 4 * (row * grid.image.shape[1] + place);
+                tile.alphas[pixel] = grid.is_drawn(row, place) ? grid.image(row, place, 3) : NOT_DRAWN;
+            }
+        }
+    }
+}
+
+// Clip rays to what lies between two planes across an axis; a ray in a plane belongs to what is above it.
+INLINE Range clip_slab(Range range, Doubles origin, Doubles inverse, double low, double high) {
+    Doubles one = (low - origin) * inverse, other = (high - origin) * inverse;
+    ClippedMask is_first = mask_of(one < other);
+    Doubles near = where(is_first, one, other), far = where(is_first, other, one);
+    near = where(mask_of(near > range.enter), near, range.enter);
+    far = where(mask_of(far < range.leave), far, range.leave);
+    ClippedMask is_parallel = mask_of(inverse == 0.0);
+    ClippedMask is_inside = mask_of(origin >= low) & mask_of(origin < high);
+    return {
+        where(is_parallel, range.enter, near),
+        where(is_parallel, where(is_inside, range.leave, in_all<Doubles>(-INFINITE)), far),
+    };
+}
+
+// Where rays enter and leave what slabs [k, 5], as in Cuts, have in common, from a start on.
+INLINE Range clip_slabs(const Array<const double, 2>& slabs, double start, const Tile& tile, int64_t pixel) {
+    Along x = ray_along(tile, pixel, 0), y = ray_along(tile, pixel, 1), z = ray_along(tile, pixel, 2);
+    Range range = {in_all<Doubles>(start), in_all<Doubles>(INFINITE)};
+    for (int64_t k = 0; k < slabs.shape[0]; k++) {
+        auto slab = slabs[k];
+        Doubles speed = slab[0] * x.direction + slab[1] * y.direction + slab[2] * z.direction;
+        Doubles inverse = where(mask_of(speed == 0.0), in_all<Doubles>(0.0), 1.0 / speed);
+        Doubles origin = slab[0] * x.origin + slab[1] * y.origin + slab[2] * z.origin;
+        range = clip_slab(range, origin, inverse, slab[3], slab[4]);
+    }
+    return range;
+}
+
+// Find where the rays of a tile are not cut away.
+INLINE void cut_rays(const Cuts& cuts, double start, Window window, const Tile& tile, const Kept& kept) {
+    for (int64_t row = 0; row < window.bottom - window.top; row++) {
+        for (int64_t column = 0; column < window.right - window.left; column += CLIPPED) {
+            int64_t pixel = row * tile.side + column;
+            Range range = clip_slabs(cuts.slabs, start, tile, pixel);
+            store(kept.bounds, pixel, range.enter);
+            store(kept.bounds, pixel + tile.room, range.leave);
+            for (int64_t box = 0; box < kept.num_boxes; box++) {
+                range = clip_slabs(cuts.boxes[box], -INFINITE, tile, pixel);
+                int64_t place = pixel + 2 * box * tile.room;
+                ClippedMask is_hit = mask_of(range.enter < range.leave);
+                store(kept.removed, place, where(is_hit, range.enter, in_all<Doubles>(INFINITE)));
+                store(kept.removed, place + tile.room, where(is_hit, range.leave, in_all<Doubles>(-INFINITE)));
+            }
+        }
+    }
+}
+
+// Take the next part of rays that is not cut away, between where they enter and leave a brick, empty where nothing is
+// left. has_more: which of the rays that `hit` have more behind it.
+INLINE Range take_part(const Kept& kept, Range range, ClippedMask hit, int64_t room, int64_t pixel,
+                       ClippedMask& has_more) {
+    Doubles start = load<Doubles>(kept.bounds, pixel);
+    Doubles enter = max_of(range.enter, start), leave = min_of(range.leave, load<Doubles>(kept.bounds, pixel + room));
+    for (int64_t again = 0; again < kept.num_boxes; again++) {  // behind a box may be another one
+        for (int64_t box = 0; box < kept.num_boxes; box++) {
+            Doubles begin = load<Doubles>(kept.removed, pixel + 2 * box * room);
+            Doubles end = load<Doubles>(kept.removed, pixel + (2 * box + 1) * room);
+            enter = where(mask_of(begin <= enter) & mask_of(enter < end), end, enter);
+        }
+    }
+    Doubles part_end = leave;
+    for (int64_t box = 0; box < kept.num_boxes; box++) {
+        Doubles begin = load<Doubles>(kept.removed, pixel + 2 * box * room);
+        part_end = where(mask_of(begin > enter) & mask_of(begin < part_end), begin, part_end);
+    }
+    hit &= mask_of(part_end > enter);
+    store(kept.bounds, pixel, where(hit, part_end, start));
+    has_more = hit & mask_of(part_end < leave);
+    return {enter, part_end};
+}

@@ -1,0 +1,69 @@
+"""Pictures in which the ray of each pixel takes one sample, exactly at a texel: what a kernel makes of it is seen."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.bricks import BRICK_SIZE, PADDED_BRICK_SIZE
+from renderer.draw.cpu.field import Field, Optics
+from renderer.draw.cpu.grid import Grid, bin_bricks
+from renderer.draw.cpu.light import Light
+from renderer.kernels import kernels
+from renderer.transfer import PIECE_FLOATS, PiecewiseTransfer
+from renderer.view import RaySetup
+
+Array = npt.NDArray[Any]
+
+_PER_BRICK = BRICK_SIZE**2
+# Rays along z, one for each column of texels.
+_RAYS = RaySetup(
+    np.array([[0.0, 1, 0], [0, 0, 1], [0, 0, 0]]), np.diag([1.0, 0, 0])[[1, 2, 0]], 0.0, 0.0, (0.0, 0.0), None
+)
+# Extinction is the scalar.
+LINEAR = PiecewiseTransfer(
+    np.array([[np.inf, 0, 0, 1] + [0] * (PIECE_FLOATS - 4)], np.float32), np.zeros(1024, np.int32)
+)
+
+
+def drawn(
+    scalars: Array,
+    pieces: PiecewiseTransfer = LINEAR,
+    *,
+    lowest_visible: float = -np.inf,
+    scale: float = 1.0,
+    light: Light | None = None,
+    gradients: Array | None = None,
+) -> npt.NDArray[np.float32]:
+    """Return the pixels [n, 4] of texels with these scalars [n] and gradients [n, 3].
+
+    Rays go a way of 1 in each. scale: spacings in 1.
+    """
+    num = len(scalars)
+    num_bricks = -(-num // _PER_BRICK)
+    channels = np.zeros((num_bricks * _PER_BRICK, 4), np.float32)
+    channels[:num, 0] = scalars
+    if gradients is not None:
+        channels[:num, 1:] = gradients
+    texels = np.zeros((num_bricks, *[PADDED_BRICK_SIZE] * 3, 4), np.float32)
+    texels[:, 1, 1:-1, 1:-1] = channels.reshape(num_bricks, BRICK_SIZE, BRICK_SIZE, 4)
+    bricks = np.hstack([texels[..., 0].reshape(num_bricks, -1), texels[..., 1:].reshape(num_bricks, -1)])
+    left, zero = np.arange(num_bricks) * float(BRICK_SIZE), np.zeros(num_bricks)
+    right, size = left + BRICK_SIZE, zero + BRICK_SIZE
+    boxes = np.column_stack([left, zero, zero, right, size, zero + 1, left, zero, zero, zero + 1, zero + 1e9])
+    image = np.zeros((BRICK_SIZE, BRICK_SIZE * num_bricks, 4), np.float32)
+    bins = bin_bricks(np.column_stack([left, zero, right, size]), 1, (image.shape[1], image.shape[0]))
+    offsets = np.arange(num_bricks) * bricks.shape[1]
+    grid = Grid(bins, 1, _RAYS, boxes, offsets, np.ones(image.shape[:2], np.bool_), image)
+    optics = Optics(1.0, np.float32(scale), False, False, (0.0,) * 5)
+    field = Field(np.append(bricks, np.zeros(2, np.float32)), np.empty(0, np.float32), pieces, lowest_visible, optics)
+    kernels().draw_tiles(
+        grid=grid,
+        is_mean=np.zeros(num_bricks, np.bool_),
+        field=field,
+        light=light,
+        tiles=np.arange(len(bins.starts) - 1),
+    )
+    return image.reshape(BRICK_SIZE, num_bricks, BRICK_SIZE, 4).swapaxes(0, 1).reshape(-1, 4)[:num]
