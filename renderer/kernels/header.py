@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,9 @@ _NUMBERS = {
 }  # fmt: skip
 _STRUCT = re.compile(r"^struct (\w+) \{\n(.*?)^\};", re.DOTALL | re.MULTILINE)
 _KERNEL = re.compile(r"^KERNEL\((\w+), (\w+)\)", re.MULTILINE)
-_MEMBER = re.compile(r"([\w<>, ]+) (\w+)(?:\[(\d+)\])?;")
+# The type of some members, then their names.
+_MEMBERS = re.compile(r"((?:const )?\w+(?:<.*>)?) ([^<>]+);")
+_MEMBER = re.compile(r"(\w+)(?:\[(\d+)\])?")
 _ARRAY = re.compile(r"Array<(const )?(\w+), (\d)>")
 _ANY_ARRAY = re.compile(r"AnyArray<(\d)>")
 _MAYBE = re.compile(r"Maybe<(.*)>")
@@ -142,10 +145,12 @@ class Header:
             return _Array(None, int(found[1]), is_written=False)
         if found := _MAYBE.fullmatch(name):
             return _Maybe(self._type(found[1]))
-        return Struct([self._read_member(line) for line in self._bodies[name].splitlines() if ";" in line])
+        lines = (line for line in self._bodies[name].splitlines() if ";" in line)
+        return Struct([member for line in lines for member in self._read_members(line)])
 
-    def _read_member(self, line: str) -> tuple[str, Type]:
-        found = _MEMBER.fullmatch(line.partition("//")[0].strip())
+    def _read_members(self, line: str) -> Iterator[tuple[str, Type]]:
+        found = _MEMBERS.fullmatch(line.partition("//")[0].strip())
         assert found is not None, f"kernels.h: cannot read {line!r}"
-        kind, name, count = found.groups()
-        return name, _Several(*_NUMBERS[kind], int(count)) if count else self._type(kind)
+        kind, names = found.groups()
+        for name, count in _MEMBER.findall(names):
+            yield name, _Several(*_NUMBERS[kind], int(count)) if count else self._type(kind)

@@ -4,10 +4,12 @@ In: `Volume`, transfer function and `View`. Out: float64 images of the continuou
 classification (Max 1995). `converged_image` halves the steps of `integrate` until nothing changes; verified by its
 order of convergence (Etiene et al. 2014).
 
-- `scene_rays.py`: the rays of a scene, in the colours of its mode; `extremum.py`: the largest scalar of a ray.
-- `integrator.py`: the image, and the steps halved until it converges; `kernel.py`: one ray, compiled; `cells.py`:
-  the cells along a ray, and the voxels at their corners; `cutting.py`: the parts of rays that cuts leave; `cubic.py`:
-  the field along a ray through a cell is a cubic polynomial; `light.py`: the light on a point of a ray.
+- `scene_rays.py`: the rays of a scene, in the colours of its mode, and the search for the largest scalar of a ray.
+- `integrator.py`: the image, and the steps halved until it converges; `optics.py`: the transfer function and the light,
+  as kernels take them; `cutting.py`: the parts of rays that cuts leave.
+- In the kernels: `truth_integral.cpp`, one ray; `truth_extremum.cpp`, its largest scalar; `truth_cells.h`, the cells
+  along a ray, and the voxels at their corners; `truth_cubic.h`, the field along a ray through a cell is a cubic
+  polynomial; `truth_light.h`, the light on a point of a ray.
 """
 
 import lazy_loader

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import mpmath
 import numpy as np
 import pytest
 from brickwork import transfer_of
@@ -84,6 +85,17 @@ def test_a_shell_much_thinner_than_any_step_is_not_missed() -> None:
 def test_nothing_is_seen_behind_what_is_opaque() -> None:
     wall = transfer_of((0, (0, 1, 0), 1.0), (1, (1, 0, 0), 40.0))
     np.testing.assert_allclose(along_z([0, 0, 1, 1], wall), [1, 0, 0, 1], atol=1e-12)
+
+
+def test_opacities_are_right_to_the_last_place() -> None:
+    """Of one voxel; the exponential has an error below one unit at any depth."""
+    view = look((0.0, 0.0, 1.0), 100.0, (1, 1), projection="orthographic", path=TurntablePath(1, 0.0, 90.0))
+    for depth in 10.0 ** np.random.default_rng(2).uniform(-300.0, 1.5, 300):
+        image = integrate(
+            volume(np.zeros((1, 1, 1))), transfer_of((0.0, (1.0, 1.0, 1.0), depth)), view, step_voxels=1.0
+        )
+        exact = float(-mpmath.expm1(-mpmath.mpf(depth)))
+        assert abs(image[0, 0, 3] - exact) <= np.spacing(exact), depth
 
 
 def test_faint_media_keep_all_their_digits() -> None:

@@ -7,6 +7,7 @@ import signal
 import threading
 import time
 from itertools import count
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from ray_integrals import COLORFUL, look, oblique, riemann, volume
 from renderer.readers.procedural import procedural_values
 from renderer.scene import ProceduralSource, ShadingSpec
 from renderer.truth import converged_image, integrate
+from renderer.truth.integrator import IndexRays, index_rays
 
 
 @pytest.mark.parametrize("distance", [9.0, 1.3])
@@ -108,13 +110,14 @@ def test_an_interrupt_drops_waiting_tasks(monkeypatch: pytest.MonkeyPatch) -> No
     """A real signal arrives while the main thread waits for 1000 slow tasks."""
     main_thread, begun, numbers = threading.main_thread().ident, [], count(1)
 
-    def slow(*arguments: object) -> None:
+    def slow(*arguments: Any) -> IndexRays:
         begun.append(arguments)
         if next(numbers) == 5:  # just one thread has it; both may find six in the list
             signal.pthread_kill(main_thread, signal.SIGINT)
         time.sleep(0.005)
+        return index_rays(*arguments)
 
-    monkeypatch.setattr("renderer.truth.integrator.integrate_rays", slow)
+    monkeypatch.setattr("renderer.truth.integrator.index_rays", slow)
     monkeypatch.setattr("renderer.truth.integrator._RAYS_PER_TASK", 1)
     empty = volume(np.zeros((2, 2, 2)))
     gc.disable()  # an interrupt that comes while garbage is collected is lost in a callback of hypothesis

@@ -67,16 +67,10 @@ using FourChannels = Vector<float, 4>;
 template <class T, int SIDE, class Take>
 INLINE void look_up_box(const AnyArray<3>& raw, const Array<const float, 2>& table, const Box& box, Take take) {
     Array<const T, 3> patterns = {(const T*)raw.data, {raw.shape[0], raw.shape[1], raw.shape[2]}};
-    auto look_up = [&](int64_t num_z, int64_t num_y, int64_t num_x) __attribute__((always_inline)) {
-        for (int64_t z = 0; z < num_z; z++)
-            for (int64_t y = 0; y < num_y; y++) {
-                const T* row = &patterns(box.first[2] + z, box.first[1] + y, box.first[0]);
-                for (int64_t x = 0; x < num_x; x++) take(x, y, z, load<FourChannels>(&table(row[x], 0), 0));
-            }
-    };
-    const auto& [num_x, num_y, num_z] = box.extent;
-    if (num_x * num_y * num_z == SIDE * SIDE * SIDE) look_up(SIDE, SIDE, SIDE);  // which the compiler unrolls
-    else look_up(num_z, num_y, num_x);
+    for_voxels<SIDE>(box, [&](int64_t x, int64_t y, int64_t z) {
+        int64_t pattern = patterns(box.first[2] + z, box.first[1] + y, box.first[0] + x);
+        take(x, y, z, load<FourChannels>(&table(pattern, 0), 0));
+    });
 }
 
 // Call `take(x, y, z, channels)` for each voxel of a box of at most SIDE voxels along each axis, x fastest.

@@ -11,7 +11,8 @@
 //     Struct                              one that is defined above
 //     Maybe<any of these but numbers>     the same, or None
 //
-// KERNEL(name, Struct) declares a kernel that takes a Struct. Rooms are in the order of docs/architecture.md.
+// Members of one type may share a line. KERNEL(name, Struct) declares a kernel that takes a Struct. Rooms are in the
+// order of docs/architecture.md.
 #pragma once
 #include "arrays.h"
 
@@ -41,17 +42,13 @@ struct TransferTable {
 
 // As in renderer/transfer/light_field.py.
 struct LightField {
-    Array<const float, 3> occlusion;
-    Array<const float, 3> shadow;
-    double cell_size;
-    double occlusion_strength;
-    double shadow_strength;
+    Array<const float, 3> occlusion, shadow;
+    double cell_size, occlusion_strength, shadow_strength;
 };
 
 // As in renderer/transfer/classify.py, and the next one.
 struct VoxelLighting {
-    double light[5];
-    double world_from_gradient[9];
+    double light[5], world_from_gradient[9];
     LightField field;
 };
 
@@ -79,8 +76,7 @@ struct VisibleNodes {
     Array<uint8_t, 1> masks;
     Array<int64_t, 1> counts;
     Array<float, 2> root_means;
-    Array<double, 2> root_error_means;
-    Array<double, 2> root_variances;
+    Array<double, 2> root_error_means, root_variances;
 };
 
 struct NodeCells {
@@ -89,8 +85,7 @@ struct NodeCells {
 };
 
 struct Normalization {
-    double offset;
-    double scale;
+    double offset, scale;
 };
 
 struct BuildBlocks {
@@ -101,8 +96,7 @@ struct BuildBlocks {
     double leaf_variance_limits[2];
     Array<bool, 3> occupied;
     int64_t occupied_level;
-    Array<const int64_t, 2> starts;
-    Array<const int64_t, 2> extents;
+    Array<const int64_t, 2> starts, extents;
     Array<bool, 1> visible;
     VisibleNodes nodes;
     Maybe<NodeCells> listed;
@@ -111,8 +105,7 @@ KERNEL(build_blocks, BuildBlocks)
 
 struct MergeTier {
     Array<const float, 2> means;
-    Array<const double, 2> error_means;
-    Array<const double, 2> variances;
+    Array<const double, 2> error_means, variances;
     Array<const int64_t, 1> places;
     Array<const int64_t, 2> extents;
     int64_t side;
@@ -123,8 +116,7 @@ KERNEL(merge_tier, MergeTier)
 struct AverageBlocks {
     AnyArray<3> raw;
     Classifier classifier;
-    Array<const int64_t, 2> starts;
-    Array<const int64_t, 2> extents;
+    Array<const int64_t, 2> starts, extents;
     Array<float, 3> means;
 };
 KERNEL(average_blocks, AverageBlocks)
@@ -162,8 +154,7 @@ struct AverageVoxels {
     AnyArray<3> raw;
     Maybe<Array<const float, 1>> by_pattern;
     Maybe<TransferTable> curve;
-    int64_t level;
-    int64_t slab;
+    int64_t level, slab;
     Array<float, 2> out;
 };
 KERNEL(average_voxels, AverageVoxels)
@@ -225,8 +216,7 @@ struct AddNodes {
     Array<const bool, 1> is_visible;
     Array<double, 6> max_error_by_neighbour;
     Array<uint8_t, 8> bounds_by_neighbour;
-    Array<double, 3> max_error_below;
-    Array<double, 3> squared_errors_below;
+    Array<double, 3> max_error_below, squared_errors_below;
 };
 KERNEL(add_nodes, AddNodes)
 
@@ -241,9 +231,7 @@ KERNEL(copy_nodes, CopyNodes)
 struct FillScalarTexels {
     Voxels voxels;
     Array<const int32_t, 2> cells;
-    double first;
-    double width;
-    double factor;
+    double first, width, factor;
     Maybe<Array<const double, 2>> world_from_gradient;
     double scale;
     Array<float, 5> texels;
@@ -252,8 +240,7 @@ KERNEL(fill_scalar_texels, FillScalarTexels)
 
 struct ExtrapolateBorder {
     Array<const int32_t, 2> cells;
-    double extents[3];
-    double brightest;
+    double extents[3], brightest;
     Array<float, 3> texels;
 };
 KERNEL(extrapolate_border, ExtrapolateBorder)
@@ -268,11 +255,7 @@ struct Cuts {
 
 // As in renderer/view/brick_projection.py.
 struct RaySetup {
-    double origins[9];
-    double directions[9];
-    double slope_per_px;
-    double start;
-    double center_px[2];
+    double origins[9], directions[9], slope_per_px, start, center_px[2];
     Maybe<Cuts> cuts;
 };
 
@@ -282,8 +265,7 @@ struct ModelView {
     bool perspective;
     double scale_px;
     int64_t size[2];
-    double near;
-    double slope_limit[2];
+    double near, slope_limit[2];
 };
 
 struct ProjectBounds {
@@ -297,10 +279,7 @@ KERNEL(project_bounds, ProjectBounds)
 struct CullSplats {
     Array<const float, 2> vertices;
     Array<const double, 1> sigmas;
-    double cutoff;
-    double min_sigma_px;
-    double clipped_sigmas;
-    double culled_sigmas;
+    double cutoff, min_sigma_px, clipped_sigmas, culled_sigmas;
     ModelView camera;
     double along[3];
     Array<float, 1> depths;
@@ -337,8 +316,7 @@ KERNEL(measure_chords, MeasureChords)
 
 struct ColorShares {
     TransferTable curve;
-    Array<const float, 2> shares;
-    Array<const float, 2> chords;
+    Array<const float, 2> shares, chords;
     Array<const float, 3> brightness;
     Array<float, 3> image;
 };
@@ -348,10 +326,8 @@ KERNEL(color_shares, ColorShares)
 
 struct BinBricks {
     Array<const int64_t, 2> tile_windows;
-    int64_t num_columns;
-    int64_t num_rows;
-    Array<int64_t, 1> starts;
-    Array<int64_t, 1> numbers;
+    int64_t num_columns, num_rows;
+    Array<int64_t, 1> starts, numbers;
 };
 KERNEL(bin_bricks, BinBricks)
 
@@ -360,8 +336,7 @@ struct UpsampleRows {
     Array<const float, 3> grid;
     int64_t factor;
     Array<float, 3> image;
-    int64_t first_row;
-    int64_t end_row;
+    int64_t first_row, end_row;
 };
 KERNEL(upsample_rows, UpsampleRows)
 
@@ -376,8 +351,7 @@ struct RefineRows {
     Array<const float, 3> grid;
     int64_t factor;
     Array<float, 3> image;
-    int64_t first_row;
-    int64_t end_row;
+    int64_t first_row, end_row;
     Array<const bool, 2> differ;
     Array<bool, 2> is_drawn;
 };
@@ -386,10 +360,7 @@ KERNEL(refine_rows, RefineRows)
 // starts, num_corners: as in renderer/draw/overlay.py. axis: along which the edges are. shape: of the volume.
 struct PlaceEdges {
     Array<const int64_t, 1> starts;
-    int64_t num_corners[3];
-    int64_t axis;
-    int64_t level;
-    int64_t shape[3];
+    int64_t num_corners[3], axis, level, shape[3];
     double model_from_index[9];
     Array<float, 2> vertices;
 };
@@ -401,9 +372,7 @@ struct DrawLines {
     double voxel_side;
     Array<const double, 2> colors;
     ModelView camera;
-    double cover;
-    double opacity;
-    double min_side_px;
+    double cover, opacity, min_side_px;
     Array<float, 3> image;
 };
 KERNEL(draw_lines, DrawLines)
@@ -412,8 +381,7 @@ KERNEL(draw_lines, DrawLines)
 struct TileBins {
     int64_t side;
     Array<const int64_t, 2> rectangles;
-    Array<const int64_t, 1> starts;
-    Array<const int64_t, 1> numbers;
+    Array<const int64_t, 1> starts, numbers;
 };
 
 struct Grid {
@@ -427,37 +395,26 @@ struct Grid {
 };
 
 struct Optics {
-    float termination_alpha;
-    float spacings_per_model_unit;
-    bool is_lit;
-    bool has_absent;
+    float termination_alpha, spacings_per_model_unit;
+    bool is_lit, has_absent;
     float light[5];
 };
 
 struct Field {
-    Array<const float, 1> scalars;
-    Array<const float, 1> means;
+    Array<const float, 1> scalars, means;
     PiecewiseTransfer pieces;
     float lowest_visible;
     Optics optics;
 };
 
 struct Light {
-    bool is_camera;
-    bool is_two_sided;
-    float toward[3];
-    float ambient;
-    float diffuse;
-    float specular;
-    float shininess;
-    float world_from_index[9];
+    bool is_camera, is_two_sided;
+    float toward[3], ambient, diffuse, specular, shininess, world_from_index[9];
     Array<const float, 2> factors;
     Array<const int32_t, 1> corners;
     int64_t grid_shape[3];
-    double cells_per_texel;
-    double first_cell[3];
-    float occlusion_strength;
-    float shadow_strength;
+    double cells_per_texel, first_cell[3];
+    float occlusion_strength, shadow_strength;
 };
 
 struct DrawTiles {
@@ -470,13 +427,8 @@ struct DrawTiles {
 KERNEL(draw_tiles, DrawTiles)
 
 struct Search {
-    float offset;
-    float slope;
-    float slack;
-    float min_rise;
-    float ceiling;
-    bool is_sorted;
-    bool has_absent;
+    float offset, slope, slack, min_rise, ceiling;
+    bool is_sorted, has_absent;
     double forward[3];
 };
 
@@ -509,27 +461,20 @@ struct Intervals {
 };
 
 struct Gloss {
-    bool is_camera;
-    bool is_two_sided;
-    double specular;
-    double shininess;
-    double world_from_index[9];
+    bool is_camera, is_two_sided;
+    double specular, shininess, world_from_index[9];
     Array<const double, 2> factors;
     LightField field;
 };
 
 struct LambertShading {
-    double ambient;
-    double diffuse;
-    double light[3];
-    double world_from_index_gradient[9];
+    double ambient, diffuse, light[3], world_from_index_gradient[9];
     Maybe<Gloss> gloss;
 };
 
 // n rays in index space, as in renderer/truth/integrator.py.
 struct IndexRays {
-    Array<const double, 2> origins;
-    Array<const double, 2> directions;
+    Array<const double, 2> origins, directions;
     Array<const double, 3> parts;
 };
 
@@ -547,8 +492,7 @@ KERNEL(integrate_rays, IntegrateRays)
 struct SearchRays {
     AnyArray<3> values;
     Array<double, 3> tops;
-    double sign;
-    double least_rise;
+    double sign, least_rise;
     IndexRays rays;
     Array<double, 2> found;
 };

@@ -32,6 +32,9 @@ Status average_voxels(const AverageVoxels* arguments) {
     auto num_cells = [&](int64_t num) { return (num + side - 1) >> level; };
     if (out.shape[0] != num_cells(num_y) || out.shape[1] != num_cells(num_x) || z0 < 0 || z0 >= num_z)
         return OUT_OF_BOUNDS;
+    Buffer<double> sums(out.shape[1]);
+    if (!sums) return NO_MEMORY;
+    auto end_of = [&](int64_t cell) { return least((cell + 1) << level, num_x); };
     return with_array(raw, [&]<class T>(const Array<const T, 3>& voxels) {
         constexpr int num_bits = 8 * sizeof(T);
         bool is_right = num_bits > 16 ? curve.exists && fits(curve.value)
@@ -42,15 +45,19 @@ Status average_voxels(const AverageVoxels* arguments) {
             else return classify_scalar(curve.value, false, (double)voxel).a;
         };
         for (int64_t row = 0; row < out.shape[0]; row++) {
-            int64_t y0 = row << level, y1 = least((row + 1) << level, num_y);
-            for (int64_t cell = 0; cell < out.shape[1]; cell++) {
-                int64_t x0 = cell << level, x1 = least((cell + 1) << level, num_x);
-                double sum = 0.0;
-                for (int64_t z = z0; z < z1; z++)
-                    for (int64_t y = y0; y < y1; y++)
-                        for (int64_t x = x0; x < x1; x++) sum += depth_of(voxels(z, y, x));
-                out(row, cell) = (float)(sum / (double)((x1 - x0) * (y1 - y0) * (z1 - z0)));
-            }
+            int64_t y0 = row << level, y1 = least((row + 1) << level, num_y), num_lines = (y1 - y0) * (z1 - z0);
+            for (int64_t cell = 0; cell < out.shape[1]; cell++) sums[cell] = 0.0;
+            for (int64_t z = z0; z < z1; z++)
+                for (int64_t y = y0; y < y1; y++) {
+                    const auto line = voxels[z][y];
+                    for (int64_t cell = 0; cell < out.shape[1]; cell++) {
+                        double sum = sums[cell];
+                        for (int64_t x = cell << level; x < end_of(cell); x++) sum += depth_of(line[x]);
+                        sums[cell] = sum;
+                    }
+                }
+            for (int64_t cell = 0; cell < out.shape[1]; cell++)
+                out(row, cell) = (float)(sums[cell] / (double)((end_of(cell) - (cell << level)) * num_lines));
         }
         return DONE;
     });

@@ -233,13 +233,11 @@ void build_block(const AnyArray<3>& raw, const Classifier& classifier, const Nor
     double scalars[BLOCK_VOXELS];
     group.begin(box.extent, 2);
     load_scalars<BLOCK_SIZE>(raw, classifier.scalars, box, box.first, scalars);
-    for (int64_t z = 0; z < box.extent[2]; z++)
-        for (int64_t y = 0; y < box.extent[1]; y++)
-            for (int64_t x = 0; x < box.extent[0]; x++) {
-                double scalar = scalars[(z * BLOCK_SIZE + y) * BLOCK_SIZE + x];
-                group.voxels[voxel_offset(x, y, z)] =
-                    scalar != scalar ? 0.0 : (scalar - normalization.offset) * normalization.scale;
-            }
+    for_voxels<BLOCK_SIZE>(box, [&](int64_t x, int64_t y, int64_t z) {
+        double scalar = scalars[(z * BLOCK_SIZE + y) * BLOCK_SIZE + x];
+        scalar = scalar != scalar ? 0.0 : (scalar - normalization.offset) * normalization.scale;
+        group.voxels[voxel_offset(x, y, z)] = scalar;
+    });
     group.merge_voxels();
     group.merge_nodes();
 }

@@ -13,6 +13,19 @@ struct Box {
     }
 };
 
+// Call `function(x, y, z)` for each voxel of a box of at most SIDE voxels along each axis, x fastest.
+template <int64_t SIDE, class Function>
+INLINE void for_voxels(const Box& box, Function function) {
+    auto call = [&](int64_t num_x, int64_t num_y, int64_t num_z) __attribute__((always_inline)) {
+        for (int64_t z = 0; z < num_z; z++)
+            for (int64_t y = 0; y < num_y; y++)
+                for (int64_t x = 0; x < num_x; x++) function(x, y, z);
+    };
+    const auto& [num_x, num_y, num_z] = box.extent;
+    if (num_x * num_y * num_z == SIDE * SIDE * SIDE) call(SIDE, SIDE, SIDE);  // fixed numbers, which are unrolled
+    else call(num_x, num_y, num_z);
+}
+
 // Whether the scalars of bit patterns are whole.
 inline bool fits(const Maybe<Array<const double, 1>>& by_pattern, const AnyArray<3>& raw) {
     if (raw.dtype >= 4) return !by_pattern.exists;
