@@ -232,7 +232,7 @@ void build_block(const AnyArray<3>& raw, const Classifier& classifier, const Nor
                  const Box& box, Group<double>& group) {
     double scalars[BLOCK_VOXELS];
     group.begin(box.extent, 2);
-    load_scalars<BLOCK_SIZE>(raw, classifier.scalars, box, box.first, scalars);
+    load_scalars(raw, classifier.scalars, box, box.first, BLOCK_SIZE, scalars);
     for (int64_t z = 0; z < box.extent[2]; z++)
         for (int64_t y = 0; y < box.extent[1]; y++)
             for (int64_t x = 0; x < box.extent[0]; x++) {
