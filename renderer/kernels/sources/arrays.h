@@ -126,3 +126,7 @@ template <class T>
 INLINE T most(T a, T b) {
     return b > a ? b : a;
 }
+
+INLINE bool is_nan(double x) {
+    return x != x;
+}

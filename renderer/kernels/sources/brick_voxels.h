@@ -1,6 +1,6 @@
 // Bricks of voxels and what is around them (renderer/bricks/layout.py).
 #pragma once
-#include "kernels.h"
+#include "voxels.h"
 
 constexpr int64_t BRICK_LEVELS = 4, BRICK_SIZE = 1 << BRICK_LEVELS, HALO = 1, PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO;
 
@@ -14,18 +14,12 @@ struct Cube : Buffer<double> {
     explicit Cube(int64_t side) : Buffer(side * side * side), field{data, {side, side, side}} {}
 };
 
-inline bool is_nan(double x) {
-    return x != x;
-}
-
 // Whether all cells [n, 3] are those of bricks of the volume, and each bit pattern has a scalar.
 inline bool fit_together(const Voxels& voxels, const Array<const int32_t, 2>& cells) {
-    const auto [raw, scalars, _] = voxels;
-    int64_t num_patterns = raw.dtype < 2 ? 1 << 8 : raw.dtype < 4 ? 1 << 16 : 0;
-    if (cells.shape[1] != 3 || (scalars.exists ? scalars.value.shape[0] : 0) != num_patterns) return false;
+    if (cells.shape[1] != 3 || !fits(voxels.scalars, voxels.raw)) return false;
     for (int64_t i = 0; i < cells.shape[0]; i++)
         for (int axis = 0; axis < 3; axis++)
-            if (cells(i, axis) < 0 || BRICK_SIZE * cells(i, axis) >= raw.shape[2 - axis]) return false;
+            if (cells(i, axis) < 0 || BRICK_SIZE * cells(i, axis) >= voxels.raw.shape[2 - axis]) return false;
     return true;
 }
 
@@ -33,23 +27,10 @@ inline bool fit_together(const Voxels& voxels, const Array<const int32_t, 2>& ce
 // repeated. cell: [3] (x, y, z).
 inline void load_brick(const Voxels& voxels, const Array<const int32_t, 1>& cell, const Field& out) {
     int64_t side = out.shape[0], margin = (side - BRICK_SIZE) / 2;
-    int64_t x0 = BRICK_SIZE * cell[0] - margin, y0 = BRICK_SIZE * cell[1] - margin, z0 = BRICK_SIZE * cell[2] - margin;
-    with_array(voxels.raw, [&]<class T>(const Array<const T, 3>& raw) {
-        auto [num_z, num_y, num_x] = raw.shape;
-        int64_t begin = most<int64_t>(-x0, 0), end = least(num_x - x0, side);
-        for (int64_t t = 0; t < side; t++)
-            for (int64_t u = 0; u < side; u++) {
-                int64_t z = least(most<int64_t>(z0 + t, 0), num_z - 1), y = least(most<int64_t>(y0 + u, 0), num_y - 1);
-                const T* row = &raw(z, y, x0 + begin) - begin;
-                double* to = &out(t, u, 0);
-                for (int64_t v = begin; v < end; v++)
-                    if constexpr (sizeof(T) <= 2) to[v] = voxels.scalars.value[row[v]];
-                    else to[v] = (double)row[v];
-                for (int64_t v = 0; v < begin; v++) to[v] = to[begin];
-                for (int64_t v = end; v < side; v++) to[v] = to[end - 1];
-            }
-        return DONE;
-    });
+    const int64_t origin[3] = {}, shape[3] = {voxels.raw.shape[2], voxels.raw.shape[1], voxels.raw.shape[0]};
+    int64_t first[3];
+    for (int axis = 0; axis < 3; axis++) first[axis] = BRICK_SIZE * cell[axis] - margin;
+    load_scalars(voxels.raw, voxels.scalars, {origin, shape}, first, side, out.data);
 }
 
 struct Range {

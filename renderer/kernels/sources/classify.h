@@ -88,9 +88,9 @@ INLINE void classify_box(const AnyArray<3>& raw, const Classifier& classifier, c
     if (lighting.exists) {
         const int64_t origin[3] = {}, shape[3] = {raw.shape[2], raw.shape[1], raw.shape[0]};
         const int64_t first[3] = {box.first[0] - 1, box.first[1] - 1, box.first[2] - 1};
-        load_scalars<padded>(raw, by_pattern, {origin, shape}, first, scalars);
+        load_scalars(raw, by_pattern, {origin, shape}, first, padded, scalars);
     } else {
-        load_scalars<SIDE>(raw, by_pattern, box, box.first, scalars);
+        load_scalars(raw, by_pattern, box, box.first, SIDE, scalars);
     }
     for (int64_t z = 0; z < box.extent[2]; z++)
         for (int64_t y = 0; y < box.extent[1]; y++)

@@ -232,7 +232,7 @@ void build_block(const AnyArray<3>& raw, const Classifier& classifier, const Nor
                  const Box& box, Group<double>& group) {
     double scalars[BLOCK_VOXELS];
     group.begin(box.extent, 2);
-    load_scalars<BLOCK_SIZE>(raw, classifier.scalars, box, box.first, scalars);
+    load_scalars(raw, classifier.scalars, box, box.first, BLOCK_SIZE, scalars);
     for_voxels<BLOCK_SIZE>(box, [&](int64_t x, int64_t y, int64_t z) {
         double scalar = scalars[(z * BLOCK_SIZE + y) * BLOCK_SIZE + x];
         scalar = scalar != scalar ? 0.0 : (scalar - normalization.offset) * normalization.scale;

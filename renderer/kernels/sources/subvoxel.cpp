@@ -63,17 +63,18 @@ INLINE double squared(double x) {
     return x * x;
 }
 
-// The transfer function by scaled scalars. Segment k lies between values[k - 1] and values[k].
+// The transfer function by scaled scalars. Segment k lies between the control values k - 1 and k.
 struct Curve {
-    const Buffer<double>& values;
     Array<const double, 2> rows;
     double scale;
+
+    INLINE double value(int64_t k) const { return rows(k + 1, 0); }
 
     // How many values are at or below a scalar; the search starts from `near`.
     INLINE int64_t num_at_or_below(double scalar, int64_t near) const {
         int64_t num = near;
-        while (num > 0 && values[num - 1] > scalar) num--;
-        while (num < values.num && values[num] <= scalar) num++;
+        while (num > 0 && value(num - 1) > scalar) num--;
+        while (num < rows.shape[0] - 1 && value(num) <= scalar) num++;
         return num;
     }
 
@@ -159,7 +160,7 @@ Distance distance(const Curve& curve, Range range, int64_t first, int64_t last, 
     double r = 0, g = 0, b = 0, a = 0;  // the distance at the control value before
     double before = 0, total = 0, slopes = 0;
     for (int64_t k = first; k < last; k++) {
-        double t = (curve.values[k] - range.low) / (range.high - range.low), u = 1 - t;
+        double t = (curve.value(k) - range.low) / (range.high - range.low), u = 1 - t;
         const double* w = &curve.rows(k + 1, 2);  // a segment's row begins at its control point
         double rk = u * (w[0] - w0.r) + t * (w[0] - w1.r);
         double gk = u * (w[1] - w0.g) + t * (w[1] - w1.g);
@@ -240,11 +241,9 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
         int64_t num = (voxels.raw.shape[axis] + BRICK_SIZE - 1) / BRICK_SIZE;
         if (bounds.shape[axis] != num || measures.shape[axis + 1] != num) return OUT_OF_BOUNDS;
     }
-    Buffer<double> values(table.rows.shape[0] - 1);
     Cube low(PADDED_BRICK_SIZE), high(PADDED_BRICK_SIZE), around(PADDED_BRICK_SIZE + 2);
-    if (!values || !low || !high || !around) return NO_MEMORY;
-    for (int64_t k = 0; k < values.num; k++) values[k] = table.rows(k + 1, 0);
-    Curve curve = {values, table.rows, table.scale};
+    if (!low || !high || !around) return NO_MEMORY;
+    Curve curve = {table.rows, table.scale};
     for (int64_t i = 0; i < cells.shape[0]; i++) {
         int64_t x = cells(i, 0), y = cells(i, 1), z = cells(i, 2);
         DualCells of_brick = {low.field, high.field, {z, y, x}};

@@ -26,10 +26,6 @@ struct Range {
     double low, high;
 };
 
-INLINE bool is_nan(double x) {
-    return x != x;
-}
-
 // A voxel's value, or the central difference at it along an axis; both scaled. Of a voxel that has data.
 //
 // Differences are one-sided at the border and beside voxels without data, and 0 along an axis of one voxel.
