@@ -1,17 +1,13 @@
 from .classify import (
     Classifier as Classifier,
     RawVoxels as RawVoxels,
-    classify_scalar as classify_scalar,
-    lambert_factor as lambert_factor,
     make_classifier as make_classifier,
     raw_voxels as raw_voxels,
-    scalar_at as scalar_at,
     toward_light as toward_light,
 )
 from .light_field import (
     NO_LIGHT_FIELD as NO_LIGHT_FIELD,
     LightField as LightField,
-    interpolate_cells as interpolate_cells,
     make_light_field as make_light_field,
 )
 from .piecewise import (

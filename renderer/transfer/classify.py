@@ -10,16 +10,14 @@ evaluated, exactly, in float64. A voxel without data, NaN, has no channels, and 
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.compiled import fma, jit
 from renderer.scene import ShadingSpec
 from renderer.transfer.light_field import NO_LIGHT_FIELD, LightField
-from renderer.transfer.piecewise import Channels, TransferTable, evaluate
+from renderer.transfer.piecewise import TransferTable
 from renderer.transfer.transfer_function import VISIBILITY_THRESHOLD, TransferFunction, visibility_breakpoints
 from renderer.volume import Float32, Float64, Volume
 
@@ -29,7 +27,7 @@ RawVoxels = npt.NDArray[Any]
 class VoxelLighting(NamedTuple):
     """A light on voxels.
 
-    light: the unit vector towards the light in world axes, ambient, diffuse; as `lambert_factor` takes it.
+    light: the unit vector towards the light in world axes, ambient, diffuse.
     world_from_gradient: float64 [3, 3], takes a gradient along the index axes to the world.
     field: how much of the light reaches each voxel; NO_LIGHT_FIELD where all of it does.
     """
@@ -92,39 +90,7 @@ def make_classifier(
     return Classifier(table, scalars, None, opacity, lighting, breakpoints)
 
 
-@jit
-def classify_scalar(scalar: float, curve: TransferTable, is_opacity: bool) -> Channels:
-    """Return the four channels of a scalar, unlit; 0 for NaN."""
-    if math.isnan(scalar):
-        return 0.0, 0.0, 0.0, 0.0
-    r, g, b, weight = evaluate(curve, scalar)
-    if is_opacity:
-        weight = -np.expm1(-weight)
-    weight = weight if weight >= VISIBILITY_THRESHOLD else 0.0
-    return weight * r, weight * g, weight * b, weight
-
-
-@jit
-def scalar_at(raw: RawVoxels, by_pattern: Any, z: int, y: int, x: int) -> Any:
-    """Return the scalar of a voxel, or another number that `by_pattern` gives for its bit pattern."""
-    if by_pattern is None:
-        return float(raw[z, y, x])
-    return by_pattern[raw[z, y, x]]
-
-
 def toward_light(shading: ShadingSpec) -> Float64:
     """Return the unit vector towards the light, in world axes, float64 [3]."""
     light = np.array(shading.light, np.float64)
     return np.asarray(light / np.linalg.norm(light))
-
-
-@jit
-def lambert_factor(x: Any, y: Any, z: Any, light: tuple[Any, ...]) -> Any:
-    """Return `ambient + diffuse max(0, n . l)`, with the normal n against the world gradient (x, y, z).
-
-    The gradient's largest component is about 1, so that squares neither overflow nor vanish. In the precision of the
-    arguments, float32 or float64. light: the vector l towards the light, ambient, diffuse.
-    """
-    across = fma(x, light[0], fma(y, light[1], z * light[2]))
-    length = np.sqrt(fma(x, x, fma(y, y, z * z)))
-    return fma(light[4], max(np.float32(0.0), -across / length), light[3])

@@ -6,11 +6,10 @@ hold there. Places in it are in cells: the centre of cell i is at i + 1 along ea
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from renderer.compiled import inline
 from renderer.volume import Float32, Int32
 
 
@@ -54,16 +53,3 @@ def make_light_field(
     corners = np.append(np.stack(packed, axis=-1).reshape(-1), np.zeros(8, np.uint8)).view(np.int32)
     strengths = strengths[0] * (occlusion is not None), strengths[1] * (shadow is not None)
     return LightField(grids[0], grids[1], corners, cell_size, *strengths)
-
-
-@inline
-def interpolate_cells(grid: Float32, x: Any, y: Any, z: Any) -> Any:
-    """Return the value of a grid at a place in the volume, in the precision of its coordinates."""
-    i, j, k, one = np.uint64(x), np.uint64(y), np.uint64(z), np.uint64(1)
-    a, b, c = x - np.float32(i), y - np.float32(j), z - np.float32(k)
-    near = grid[k, j, i] + a * (grid[k, j, i + one] - grid[k, j, i])
-    below = grid[k, j + one, i] + a * (grid[k, j + one, i + one] - grid[k, j + one, i])
-    far = grid[k + one, j, i] + a * (grid[k + one, j, i + one] - grid[k + one, j, i])
-    beyond = grid[k + one, j + one, i] + a * (grid[k + one, j + one, i + one] - grid[k + one, j + one, i])
-    near, far = near + b * (below - near), far + b * (beyond - far)
-    return near + c * (far - near)

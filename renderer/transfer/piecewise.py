@@ -11,10 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.compiled import jit
 from renderer.volume import Float32, Float64, Int32, UInt64
-
-Channels = tuple[float, float, float, float]
 
 # Buckets from which the search for a segment starts. Most hold no control point, and 8 KiB stay in cache.
 GUIDE_SIZE = 1024
@@ -61,42 +58,13 @@ def make_transfer_table(values: Float64, channels: Float64, scale: float = 1.0) 
     origin, extent = float(scaled[0]), float(scaled[-1] - scaled[0])
     bounds, buckets_per_unit = np.full(GUIDE_SIZE + 3, np.inf), 0.0
     if extent > GUIDE_SIZE * np.finfo(np.float64).tiny:
-        # A bucket of slack on both sides, against rounding of the bucket's number in `evaluate`.
+        # A bucket of slack on both sides, against rounding of the bucket's number in `transfer.h`.
         bounds = origin + extent * ((np.arange(GUIDE_SIZE + 3) - 1) / GUIDE_SIZE)
         buckets_per_unit = GUIDE_SIZE / extent
     bounds[0] = -np.inf  # a scalar below the first control value is clamped into the first bucket
     guide = np.searchsorted(scaled, bounds, side="right").astype(np.uint64)
     rows = np.column_stack([starts, widths, lows, rises])
     return TransferTable(np.ascontiguousarray(values), rows, scale, guide, buckets_per_unit)
-
-
-@jit
-def evaluate(curve: TransferTable, scalar: float) -> Channels:
-    """Return the four channels of a scalar."""
-    values, guide = curve.values, curve.guide
-    inside = min(max(scalar, values[0]), values[len(values) - 1]) * curve.scale
-    # Unsigned indices spare numba the check for negative ones.
-    bucket = np.uint64(min(int((inside - curve.rows[0, 0]) * curve.buckets_per_unit), GUIDE_SIZE - 1))
-    k, end = guide[bucket], guide[bucket + np.uint64(3)]
-    while k < end:
-        middle = (k + end) >> np.uint64(1)
-        if values[middle] <= scalar:
-            k = middle + np.uint64(1)
-        else:
-            end = middle
-    return evaluate_segment(curve.rows, k, inside)
-
-
-@jit
-def evaluate_segment(rows: Float64, k: int | np.uint64, inside: float) -> Channels:
-    """Return the four channels of a scaled and clamped scalar in segment k."""
-    t = (inside - rows[k, 0]) / rows[k, 1]
-    return (
-        rows[k, 2] + t * rows[k, 6],
-        rows[k, 3] + t * rows[k, 7],
-        rows[k, 4] + t * rows[k, 8],
-        rows[k, 5] + t * rows[k, 9],
-    )
 
 
 @dataclass(frozen=True)
