@@ -27,7 +27,7 @@ RawVoxels = npt.NDArray[Any]
 class VoxelLighting(NamedTuple):
     """A light on voxels.
 
-    light: the unit vector towards the light in world axes, ambient, diffuse; as `lambert_factor` takes it.
+    light: the unit vector towards the light in world axes, ambient, diffuse.
     world_from_gradient: float64 [3, 3], takes a gradient along the index axes to the world.
     field: how much of the light reaches each voxel; NO_LIGHT_FIELD where all of it does.
     """

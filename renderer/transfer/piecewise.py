@@ -13,8 +13,6 @@ import numpy as np
 
 from renderer.volume import Float32, Float64, Int32, UInt64
 
-Channels = tuple[float, float, float, float]
-
 # Buckets from which the search for a segment starts. Most hold no control point, and 8 KiB stay in cache.
 GUIDE_SIZE = 1024
 
@@ -60,7 +58,7 @@ def make_transfer_table(values: Float64, channels: Float64, scale: float = 1.0) 
     origin, extent = float(scaled[0]), float(scaled[-1] - scaled[0])
     bounds, buckets_per_unit = np.full(GUIDE_SIZE + 3, np.inf), 0.0
     if extent > GUIDE_SIZE * np.finfo(np.float64).tiny:
-        # A bucket of slack on both sides, against rounding of the bucket's number in `evaluate`.
+        # A bucket of slack on both sides, against rounding of the bucket's number in `transfer.h`.
         bounds = origin + extent * ((np.arange(GUIDE_SIZE + 3) - 1) / GUIDE_SIZE)
         buckets_per_unit = GUIDE_SIZE / extent
     bounds[0] = -np.inf  # a scalar below the first control value is clamped into the first bucket
