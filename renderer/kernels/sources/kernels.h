@@ -37,6 +37,14 @@ struct PiecewiseTransfer {
     Array<const int32_t, 1> guide;
 };
 
+// As in renderer/transfer/light_field.py.
+struct LightField {
+    Array<const int32_t, 1> corners;
+    double cell_size;
+    float occlusion_strength;
+    float shadow_strength;
+};
+
 // ---- pyramid
 
 // ---- lighting
@@ -157,38 +165,36 @@ struct Grid {
     Array<float, 3> image;
 };
 
-struct Optics {
-    float termination_alpha;
-    float spacings_per_model_unit;
-    bool is_lit;
-    bool has_absent;
-    float light[5];
-};
-
 struct Field {
     Array<const float, 1> scalars;
     Array<const float, 1> means;
     PiecewiseTransfer pieces;
     float lowest_visible;
-    Optics optics;
+    float termination_alpha;
+    float spacings_per_model_unit;
+    bool has_absent;
+    bool is_lit;
+    float light[5];
 };
 
-struct Light {
-    bool is_camera;
-    bool is_two_sided;
-    float toward[3];
+// As ShadingSpec in renderer/scene/shading_section.py.
+struct Shading {
     float ambient;
     float diffuse;
     float specular;
     float shininess;
+    bool two_sided;
+};
+
+struct Light {
+    Shading shading;
+    LightField field;
+    bool is_camera;
+    float toward[3];
     float world_from_index[9];
     Array<const float, 2> factors;
-    Array<const int32_t, 1> corners;
     int64_t grid_shape[3];
-    double cells_per_texel;
     double first_cell[3];
-    float occlusion_strength;
-    float shadow_strength;
 };
 
 struct DrawTiles {
