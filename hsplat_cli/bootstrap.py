@@ -24,7 +24,7 @@ from typing import Callable  # noqa: UP035  for an old Python
 ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
 INSTALL_RECORD = VENV / "hsplat-bootstrap.json"  # only this module writes it
-SOURCES = ("pyproject.toml", "README.md", "LICENSE", "hsplat_cli", "renderer")
+SOURCES = ("pyproject.toml", "setup.py", "README.md", "LICENSE", "hsplat_cli", "renderer")
 MIN_PYTHON = (3, 10)
 GL_PACKAGES = ("libegl1", "libgl1", "libgl1-mesa-dri")
 GL_PROBE = """

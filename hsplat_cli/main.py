@@ -70,20 +70,35 @@ class LazyGroup(click.Group):
             formatter.write_dl(list(COMMANDS.items()))
 
 
-def _print_version(context: click.Context, _: click.Parameter, wanted: bool) -> None:
-    if wanted and not context.resilient_parsing:
-        from renderer.system import package_versions
-
-        Reporter().result(f"hsplat {package_versions()['hsplat']}")
-        context.exit()
-
-
-@click.command(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.option(
-    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version, help="Show the version."
+@click.command(
+    cls=LazyGroup,
+    invoke_without_command=True,
+    no_args_is_help=True,
+    subcommand_metavar="COMMAND [ARGS]...",
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
-def hsplat() -> None:
+@click.option("--version", "shows_version", is_flag=True, help="Show the version.")
+@click.option("--verbose", "is_verbose", is_flag=True, help="With --version: what draws, too.")
+@click.pass_context
+def hsplat(context: click.Context, shows_version: bool, is_verbose: bool) -> None:
     """Turn scalar volumes into film loops by hierarchical splatting."""
+    if shows_version:
+        Reporter().result(_version_text(is_verbose=is_verbose))
+        context.exit()
+    if context.invoked_subcommand is None or is_verbose:
+        raise click.UsageError("--verbose belongs to --version." if is_verbose else "Missing command.")
+
+
+def _version_text(*, is_verbose: bool) -> str:
+    """Return the version of hsplat, or of all that a picture depends on, a line each."""
+    from renderer.system import package_versions
+
+    versions = package_versions()
+    if is_verbose:
+        from renderer.kernels import describe_kernels
+
+        versions = {"hsplat": versions["hsplat"], "kernels": describe_kernels()} | versions
+    return join_lines(f"{name} {version}" for name, version in versions.items() if is_verbose or name == "hsplat")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

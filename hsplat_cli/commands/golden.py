@@ -50,7 +50,6 @@ def golden(
     job = load_reproducible_job(request)
     num_frames, frames = job.scene.camera.path.frames, request.frames
     numbers = None if frames is None else parse_frames(frames, num_frames, job.frames)
-    reporter.announce_compilation()
     golden_options = GoldenOptions(folder, numbers, recorded_date, update=update, prune=prune, yes=yes)
     update_goldens(job, golden_options, ExecutorSpec(workers), reporter, lambda: _confirm_overwrite(reporter))
 

@@ -122,7 +122,6 @@ def _page(scenes: Mapping[int, tuple[Path, Scene]], reporter: Reporter) -> tuple
     from renderer.draw import open_rasterizer
     from renderer.readers import read_volume
 
-    reporter.announce_compilation()
     num_threads = num_cores()
     work = [FIGURE_SPECS[number].work for number in scenes]
     figures: dict[int, PaperFigure] = {}

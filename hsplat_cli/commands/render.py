@@ -53,7 +53,6 @@ def render(
     from hsplat_cli.executors import open_executor
     from renderer.job import Refinement, make_film, one_pass
 
-    reporter.announce_compilation()
     passes = Refinement(math.inf if limit is None else limit, best_effort) if progressive else one_pass
     with FilmEvents(reporter, job.scene.splat.primitive_name) as events:
         film = make_film(job, partial(open_executor, executor, reporter), passes, events, resumes=not force)

@@ -68,7 +68,6 @@ def verify(
     assert job.original is not None, "a film has a sidecar"
     _prepare_report(json_file, job)
     files = verify_files(job.original, job.scene.output)
-    reporter.announce_compilation()
     try:
         with FilmEvents(reporter, job.scene.splat.primitive_name) as events:
             verified = verify_film(job, job.original, files, RayOptions(seed, precision), events)

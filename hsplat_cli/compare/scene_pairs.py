@@ -73,7 +73,7 @@ def rendered_frames(
 
     The files last for the block. Raises HsplatError.
     """
-    # Imported here: comparing files needs neither numba nor OpenGL.
+    # Imported here: comparing files needs neither kernels nor OpenGL.
     from hsplat_cli.executors import open_executor
     from renderer.job import make_film, one_pass
 
@@ -129,7 +129,6 @@ def open_scene_pairs(
         )
     names = [golden.file for golden in goldens]
     rules.require_frames(names)  # before rendering
-    reporter.announce_compilation()
     with rendered_frames(job, numbers, executor, reporter) as (files, record):
         before, now = provenance.origin, origin_from_record(record)
         notes = [*_origin_notes(before, now), *_file_notes(folder, goldens, unlisted), *record.notes]

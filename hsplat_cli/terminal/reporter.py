@@ -66,25 +66,6 @@ class Reporter:
         """
         return closing(Progress(steps, label, None if self.is_quiet else sys.stderr, unit=unit))
 
-    def announce_compilation(self) -> None:
-        """Print a status if this run has to compile the kernels, which takes some seconds.
-
-        When the command ends, a note says why they are not kept for the next one, if they are not.
-        """
-        from renderer.compiled import has_cached_kernels
-
-        if not (self.is_quiet or has_cached_kernels()):
-            self.status("compiling for this machine: the first run takes some seconds longer")
-        context = click.get_current_context(silent=True)
-        if context is not None:
-            context.call_on_close(self._note_cache_problem)
-
-    def _note_cache_problem(self) -> None:
-        from renderer.compiled import cache_problem
-
-        if problem := cache_problem():
-            self.note(f"what was compiled is not kept for the next run: {problem}")
-
 
 def format_table(rows: Sequence[Sequence[str]], right_aligned: Collection[int] = ()) -> PrintableText:
     """Return rows of cells as lines, in columns two spaces apart, without trailing spaces.

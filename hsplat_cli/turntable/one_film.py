@@ -103,7 +103,6 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     expand_pattern(str(volume_file(request.volume)))  # raises where no file matches
     # Before the volume is read, which may take long.
     require_writable(request.scene)
-    reporter.announce_compilation()  # a suggestion needs some kernels, too
     text, found = suggest_scene(request.volume, request.film, reporter, scene=request.scene, output=request.output)
     content = marked_scene(text, request.volume_path)
     _require_replaceable(request, content)

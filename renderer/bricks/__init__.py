@@ -4,13 +4,13 @@ In: `Volume`, `TransferFunction`. Out: `Bricks` of every level, with their pyram
 tolerance; `BrickBatch`, the cut with a step length for each brick; their texels. The field is interpolated inside a
 brick and integrated along each ray (Max 1995).
 
-- `bricks.py`: builds all levels; `subvoxel.py`: visible bounds and sub-voxel variation of the finest level, whose cells
-  are voxels; `node_statistics.py`: errors, bounds and step error estimates of the others, whose cells are nodes.
+- `bricks.py`: builds all levels; `subvoxel.py`: of what the sub-voxel variation of the finest level is measured, whose
+  cells are voxels; `node_statistics.py`: errors, bounds and step error estimates of the others, whose cells are nodes.
 - `brick_cut.py`: which bricks are drawn at a tolerance; `sampling.py`: step lengths, samples and jitter;
   `pixel_grid.py`: which pixels are drawn, the strides of subsampled grids, and where rays end; `extremes.py`: bounds
   of the scalars in bricks.
 - `texels.py`: what is interpolated in a brick and its halo; `means.py`: means, gathered or recomputed when they are
-  drawn; `absent.py`: the field beside voxels without data; `layout.py`: where cells lie in a brick.
+  drawn; `layout.py`: where cells lie in a brick, and the voxels that kernels read.
 """
 
 import lazy_loader

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE, brick_grid_shape, grid_cells
+from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE, brick_grid_shape, grid_cells, voxels_of
 from renderer.bricks.node_statistics import NodeStatistics
-from renderer.bricks.subvoxel import make_channel_curve, make_scalar_curve, measure_voxel_bricks
-from renderer.compiled import ThreadPool
+from renderer.bricks.subvoxel import make_channel_curve, make_scalar_curve
+from renderer.kernels import ThreadPool, kernels
 from renderer.pyramid import (
     STREAMED_LEVELS,
     Pyramid,
@@ -37,7 +37,6 @@ from renderer.transfer import (
     PiecewiseTransfer,
     TransferFunction,
     make_piecewise_transfer,
-    raw_voxels,
 )
 from renderer.volume import Bools, Float32, Float64, Volume
 
@@ -63,7 +62,7 @@ class BrickLevel:
         centres of cells (k + 1/2), or at faces of the brick or the volume. Equal corners where nothing is visible.
     errors: float64 [z, y, x], what the brick may put wrong into a pixel, in the measure's unit: RAY_ERROR_FACTOR times
         the largest error of the nodes in it and in its halo, or of the sub-voxel variation in it along a segment as
-        long as such a node (`renderer.bricks.subvoxel`). 0 on level 0, which shows all of it.
+        long as such a node (kernel `subvoxel.cpp`). 0 on level 0, which shows all of it.
     step_errors: float64 [z, y, x], the root mean square, over the brick's volume, of the errors of nodes one level
         *above*: what cells twice as large would put wrong. Where it is 0, the largest of the neighbours, which may be
         visible in the halo. On level 0 the squares of the sub-voxel variation along such a segment are added. At least
@@ -213,7 +212,7 @@ def _root_mean_square_of_children(of_brick: Float64) -> Float64:
 def _measure_voxels(
     pyramid: Pyramid, transfer: TransferFunction, volume_range: tuple[float, float], num_threads: int
 ) -> tuple[Float32, Float64]:
-    """Return what `measure_voxel_bricks` finds in the bricks of level 0: their visible bounds, float32
+    """Return what the kernel `measure_voxel_bricks` finds in the bricks of level 0: their visible bounds, float32
     [z, y, x, 2, 3], and float64 [3, z, y, x]."""
     volume, lighting = pyramid.volume, pyramid.classifier.lighting
     shape = brick_grid_shape(volume, 0)
@@ -223,16 +222,17 @@ def _measure_voxels(
     else:
         brightest = lighting.light[3] + lighting.light[4] if lighting else 1.0
         curve = make_channel_curve(transfer, volume.finest_spacing, pyramid.measure == "rms", brightest, volume_range)
-    raw, bricks = raw_voxels(volume), grid_cells(shape)
+    voxels, breakpoints = voxels_of(volume, pyramid.classifier), pyramid.classifier.breakpoints
+    arguments: dict[str, Any] = {"voxels": voxels, "breakpoints": breakpoints, "curve": curve}
+    measure = kernels().measure_voxel_bricks.partial(**arguments, bounds=bounds, measures=measures)
+    cells = grid_cells(shape)
 
     def work(part: slice) -> None:
         volume.require_unchanged()
-        classifier = pyramid.classifier
-        voxels = raw, classifier.scalars, volume.num_absent > 0
-        measure_voxel_bricks(voxels, classifier.breakpoints, curve, bricks[part], bounds, measures)
+        measure(cells=cells[part])
 
     with ThreadPool(num_threads) as pool:
-        pool.map(work, _parts(len(bricks)))
+        pool.map(work, _parts(len(cells)))
     volume.require_unchanged()
     if pyramid.of == "scalar":
         measures *= volume_range[1] / 2 - volume_range[0] / 2  # the range itself may overflow

@@ -13,14 +13,12 @@ import numpy as np
 
 from renderer.bricks.brick_cut import BrickCut, cut_bricks
 from renderer.bricks.bricks import Bricks
-from renderer.bricks.layout import PADDED_BRICK_SIZE, fill_padded
+from renderer.bricks.layout import voxels_of
 from renderer.bricks.pixel_grid import screen_sampling_at
 from renderer.bricks.sampling import BrickBatch, Extremes
-from renderer.bricks.subvoxel import range_of
-from renderer.compiled import ThreadPool, jit
+from renderer.kernels import ThreadPool, kernels
 from renderer.scene import ModeSpec
-from renderer.transfer import RawVoxels, raw_voxels
-from renderer.volume import Float64, Int32
+from renderer.volume import Float64
 
 SLACK_SHARE = 1 / 16
 
@@ -64,26 +62,15 @@ def extremes_at(batch: BrickBatch, tolerance: float, voxel_px: float) -> BrickBa
 
 def _scalar_ranges(bricks: Bricks, cut: BrickCut, num_threads: int) -> Float64:
     """Return the smallest and the largest scalar of bricks of level 0 and their halo, float64 [n, 2]."""
-    ranges, raw = np.empty((len(cut), 2)), raw_voxels(bricks.volume)
-    scalars, has_absent = bricks.pyramid.classifier.scalars, bricks.volume.num_absent > 0
+    ranges = np.empty((len(cut), 2))
+    measure = kernels().measure_ranges.partial(voxels=voxels_of(bricks.volume, bricks.pyramid.classifier))
 
     def work(first: int) -> None:
         bricks.volume.require_unchanged()
         part = slice(first, first + _BRICKS_PER_TASK)
-        _measure_ranges(raw, scalars, cut.cells[part], has_absent, ranges[part])
+        measure(cells=cut.cells[part], ranges=ranges[part])
 
     with ThreadPool(num_threads) as pool:
         pool.map(work, range(0, len(cut), _BRICKS_PER_TASK))
     bricks.volume.require_unchanged()
     return ranges
-
-
-@jit
-def _measure_ranges(raw: RawVoxels, scalars: Float64 | None, cells: Int32, has_absent: bool, ranges: Float64) -> None:
-    """Write the ranges [n, 2] of bricks at `cells` [n, 3] (x, y, z). has_absent: whether any voxel has no data."""
-    margin = 1 if has_absent else 0  # what takes the place of voxels without data may lie outside of their brick
-    side = PADDED_BRICK_SIZE + 2 * margin
-    field = np.empty((side, side, side))
-    for i in range(len(cells)):
-        fill_padded(raw, scalars, cells[i], field)
-        ranges[i, 0], ranges[i, 1] = range_of(field)

@@ -1,14 +1,13 @@
-"""Where the cells of a brick and its halo lie: constants, and the compiled loops that read them."""
+"""Where the cells of a brick and its halo lie, and the voxels that kernels read into bricks."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
-from renderer.compiled import jit
-from renderer.transfer import RawVoxels, scalar_at
-from renderer.volume import Array, Int32, Volume
+from renderer.transfer import Classifier, RawVoxels, raw_voxels
+from renderer.volume import Float64, Int32, Volume
 
 BRICK_LEVELS = 4
 BRICK_SIZE = 1 << BRICK_LEVELS
@@ -27,19 +26,18 @@ def grid_cells(shape: tuple[int, ...]) -> Int32:
     return np.ascontiguousarray(np.indices(shape, np.int32).reshape(3, -1)[::-1].T)
 
 
-@jit
-def fill_padded(raw: RawVoxels, by_pattern: Any, brick: Int32, out: Array) -> None:
-    """Write the scalars of a brick of voxels and its halo to `out` [n, n, n], n = BRICK_SIZE + 2 halo.
+class Voxels(NamedTuple):
+    """The voxels of a volume, as kernels read them into bricks.
 
-    Beyond the volume's border the nearest voxel is repeated. brick: [3] (x, y, z). by_pattern: the numbers to write, by
-    bit pattern; None where voxels are scalars themselves.
+    raw: as `raw_voxels` returns them. scalars: the scalar of each bit pattern; None where voxels are scalars
+        themselves. has_absent: whether any voxel has no data.
     """
-    num_z, num_y, num_x = raw.shape
-    halo = (out.shape[0] - BRICK_SIZE) // 2
-    x0, y0, z0 = BRICK_SIZE * brick[0] - halo, BRICK_SIZE * brick[1] - halo, BRICK_SIZE * brick[2] - halo
-    for t in range(out.shape[0]):
-        z = min(max(z0 + t, 0), num_z - 1)
-        for u in range(out.shape[1]):
-            y = min(max(y0 + u, 0), num_y - 1)
-            for v in range(out.shape[2]):
-                out[t, u, v] = scalar_at(raw, by_pattern, z, y, min(max(x0 + v, 0), num_x - 1))
+
+    raw: RawVoxels
+    scalars: Float64 | None
+    has_absent: bool
+
+
+def voxels_of(volume: Volume, classifier: Classifier) -> Voxels:
+    """Return the voxels of a volume, whose classifier this is."""
+    return Voxels(raw_voxels(volume), classifier.scalars, volume.num_absent > 0)

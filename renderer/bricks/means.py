@@ -11,25 +11,22 @@ from functools import partial
 
 import numpy as np
 
-from renderer.bricks.layout import BRICK_SIZE, HALO, PADDED_BRICK_SIZE
-from renderer.compiled import ThreadPool, jit
+from renderer.bricks.layout import BRICK_SIZE, HALO, PADDED_BRICK_SIZE, grid_cells
+from renderer.kernels import ThreadPool, kernels
 from renderer.pyramid import (
     BLOCK_SIZE,
     BLOCKS_PER_TASK,
-    NODE_OFFSETS,
     STREAMED_LEVELS,
     Pyramid,
-    Scratch,
-    classify_blocks,
+    average_blocks,
     opacities_to_depths,
     packed_channels,
     root_cells,
     store_scaled,
-    visible_blocks,
     visible_children,
 )
 from renderer.transfer import raw_voxels
-from renderer.volume import Array, Float32, Int32, Int64, UInt64
+from renderer.volume import Array, Float32, Int32, Int64
 
 # Most memory of cached bricks.
 MAX_CACHE_BYTES = 256 << 20
@@ -99,11 +96,11 @@ def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
     means = np.zeros((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
     num_blocks = (-(-(PADDED_BRICK_SIZE << level) // BLOCK_SIZE)) ** 3  # of a brick, at most
     num_at_once = max(1, BLOCKS_PER_TASK // num_blocks)
-    scratch = Scratch.empty(num_at_once * num_blocks, None)
     for first in range(0, len(cells), num_at_once):
         part = slice(first, first + num_at_once)
         pyramid.volume.require_unchanged()
-        _average_voxels(pyramid, level, BRICK_SIZE * cells[part].astype(np.int64) - HALO, scratch, means[part])
+        corners = BRICK_SIZE * cells[part].astype(np.int64) - HALO
+        _average_voxels(pyramid, level, corners, means[part])
     pyramid.volume.require_unchanged()
     if pyramid.max_depth is not None:
         visible = means[..., 3] > 0
@@ -115,53 +112,24 @@ def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
     return stored
 
 
-def _average_voxels(pyramid: Pyramid, level: int, corners: Int64, scratch: Scratch, out: Float32) -> None:
+def _average_voxels(pyramid: Pyramid, level: int, corners: Int64, out: Float32) -> None:
     """Write the pyramid's means of cells from each of `corners` [n, 3] (x, y, z) on to `out` [n, 18, 18, 18, 4]."""
     raw = raw_voxels(pyramid.volume)
-    starts, extents, bricks = _list_blocks(corners, level, raw.shape, len(scratch.nodes[2][0]))
-    visible = np.flatnonzero(visible_blocks(raw, pyramid.mean_classifier, starts, extents))
-    starts, extents, bricks = starts[visible], extents[visible], bricks[visible]
-    scratch = scratch.limited_to(len(visible))
-    classify_blocks(raw, pyramid.mean_classifier, starts, extents, scratch.voxels, scratch.nodes)
-    _copy_nodes(scratch.nodes[level - 1][0], (starts.astype(np.int64) >> level) - corners[bricks], bricks, out)
+    starts, extents, bricks = _list_blocks(corners, level, raw.shape)
+    nodes = average_blocks(raw, pyramid.mean_classifier, starts, extents, level)
+    first_cells = (starts >> level) - corners[bricks]
+    kernels().copy_nodes(nodes=nodes, first_cells=first_cells, bricks=bricks, means=out)
 
 
-@jit
-def _list_blocks(corners: Int64, level: int, shape: tuple[int, int, int], most: int) -> tuple[UInt64, UInt64, Int64]:
+def _list_blocks(corners: Int64, level: int, shape: tuple[int, ...]) -> tuple[Int64, Int64, Int64]:
     """List the blocks that cover 18^3 cells from each of `corners` [n, 3] on, in a volume of this shape [z, y, x].
 
-    most: how many they are at most. Return their first voxels and extents [., 3] (x, y, z), and the indices of their
-    bricks [.].
+    Return their first voxels and extents [., 3] (x, y, z), and the indices of their bricks [.].
     """
-    num, bricks = 0, np.empty(most, np.int64)
-    starts, extents = np.empty((most, 3), np.uint64), np.empty((most, 3), np.uint64)
-    first, end = np.empty(3, np.int64), np.empty(3, np.int64)
-    for i in range(len(corners)):
-        for axis in range(3):
-            first[axis] = max(corners[i, axis], 0) << level
-            end[axis] = min((corners[i, axis] + PADDED_BRICK_SIZE) << level, shape[2 - axis])
-        for z in range(first[2], end[2], BLOCK_SIZE):
-            for y in range(first[1], end[1], BLOCK_SIZE):
-                for x in range(first[0], end[0], BLOCK_SIZE):
-                    starts[num, 0], starts[num, 1], starts[num, 2] = x, y, z
-                    extents[num, 0] = min(end[0] - x, BLOCK_SIZE)
-                    extents[num, 1] = min(end[1] - y, BLOCK_SIZE)
-                    extents[num, 2] = min(end[2] - z, BLOCK_SIZE)
-                    bricks[num] = i
-                    num += 1
-    return starts[:num], extents[:num], bricks[:num]
-
-
-@jit
-def _copy_nodes(nodes: Float32, first_cells: Int64, bricks: Int64, out: Float32) -> None:
-    """Copy nodes [g, n, 4] of groups to `out` [., z, y, x, 4] at `first_cells` [g, 3] (x, y, z) of `bricks` [g], as far
-    as they fit."""
-    side = 4 if nodes.shape[1] == 64 else 2
-    offset = NODE_OFFSETS[:4] if side == 4 else NODE_OFFSETS[4:]
-    for g in range(len(nodes)):
-        of_brick = out[bricks[g]]
-        x0, y0, z0 = first_cells[g, 0], first_cells[g, 1], first_cells[g, 2]
-        for z in range(min(side, PADDED_BRICK_SIZE - z0)):
-            for y in range(min(side, PADDED_BRICK_SIZE - y0)):
-                for x in range(min(side, PADDED_BRICK_SIZE - x0)):
-                    of_brick[z0 + z, y0 + y, x0 + x] = nodes[g, offset[x] + 2 * offset[y] + 4 * offset[z]]
+    firsts = np.maximum(corners, 0) << level
+    ends = np.minimum((corners + PADDED_BRICK_SIZE) << level, shape[::-1])
+    nums = -(-(ends - firsts) // BLOCK_SIZE)
+    blocks = [grid_cells((z, y, x)) for x, y, z in nums.tolist()]
+    bricks = np.repeat(np.arange(len(corners)), nums.prod(axis=1))
+    starts = firsts[bricks] + BLOCK_SIZE * np.concatenate(blocks)
+    return starts, np.minimum(ends[bricks] - starts, BLOCK_SIZE), bricks

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE, HALO, brick_grid_shape, grid_cells
-from renderer.compiled import jit
+from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE, brick_grid_shape, grid_cells
+from renderer.kernels import kernels
 from renderer.pyramid import cell_voxel_counts
 from renderer.volume import Array, Float32, Float64, Int32, Int64, UInt8, Volume
 
@@ -47,8 +47,16 @@ class NodeStatistics:
         """Add all nodes in some bricks of the level below: cells [n, 3] (x, y, z), numbers of voxels [n], errors [n],
         stored means [n, 4]."""
         depths = means[:, 3].view(np.uint16) if means.dtype == np.float16 else means[:, 3]  # 0 has no bits
-        _add_by_neighbour(errors, depths, cells, self.max_error_by_neighbour, self.bounds_by_neighbour)
-        _add_below(errors, sizes, cells, self.max_error_below, self.squared_errors_below)
+        kernels().add_nodes(
+            cells=cells,
+            sizes=sizes,
+            errors=errors,
+            is_visible=depths > 0,
+            max_error_by_neighbour=self.max_error_by_neighbour,
+            bounds_by_neighbour=self.bounds_by_neighbour,
+            max_error_below=self.max_error_below,
+            squared_errors_below=self.squared_errors_below,
+        )
 
     def max_error(self) -> Float64:
         """Return the largest error in each brick and its halo, float64 [z, y, x]."""
@@ -90,41 +98,3 @@ def _neighbours(of_brick: Array) -> Iterator[tuple[tuple[int, ...], Array]]:
     padded = np.pad(of_brick, [(1, 1)] * 3 + [(0, 0)] * (of_brick.ndim - 3))
     for at in np.ndindex(3, 3, 3):
         yield at, padded[tuple(slice(k, k + n) for k, n in zip(at, shape, strict=True))]
-
-
-@jit
-def _add_by_neighbour(errors: Float64, depths: Array, cells: Int32, largest: Float64, bounds: UInt8) -> None:
-    """Add nodes at `cells` [n, 3] (x, y, z) to the largest errors and to the bounds of visible nodes, by the neighbours
-    in whose halo they are: [z, y, x, 3, 3, 3] and [z, y, x, 3, 3, 3, 2, 3], as in NodeStatistics.
-
-    errors: [n]. depths: [n], above 0 where a node is visible.
-    """
-    inside = BRICK_SIZE - 1
-    for i in range(len(errors)):
-        x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
-        largest_of_brick = largest[z >> BRICK_LEVELS, y >> BRICK_LEVELS, x >> BRICK_LEVELS]
-        bounds_of_brick = bounds[z >> BRICK_LEVELS, y >> BRICK_LEVELS, x >> BRICK_LEVELS]
-        x, y, z = x & inside, y & inside, z & inside
-        for k in range(1 - (z < HALO), 2 + (z > inside - HALO)):
-            for j in range(1 - (y < HALO), 2 + (y > inside - HALO)):
-                for h in range(1 - (x < HALO), 2 + (x > inside - HALO)):
-                    largest_of_brick[k, j, h] = max(largest_of_brick[k, j, h], errors[i])
-                    if depths[i] > 0:
-                        low, end = bounds_of_brick[k, j, h, 0], bounds_of_brick[k, j, h, 1]
-                        low[0], low[1], low[2] = min(low[0], x), min(low[1], y), min(low[2], z)
-                        end[0], end[1], end[2] = max(end[0], x + 1), max(end[1], y + 1), max(end[2], z + 1)
-
-
-@jit
-def _add_below(errors: Float64, sizes: Int64, cells: Int32, largest: Float64, sums: Float64) -> None:
-    """Add errors [n] of nodes, times sizes [n], to the bricks of the level below [z, y, x]: to the largest of each, and
-    to the sums of squares, divided by the square of the largest so that they neither overflow nor vanish."""
-    shift = BRICK_LEVELS - 1
-    for i in range(len(errors)):
-        x, y, z = cells[i, 0] >> shift, cells[i, 1] >> shift, cells[i, 2] >> shift
-        largest[z, y, x] = max(largest[z, y, x], errors[i])
-    for i in range(len(errors)):
-        x, y, z = cells[i, 0] >> shift, cells[i, 1] >> shift, cells[i, 2] >> shift
-        if errors[i] > 0:
-            ratio = errors[i] / largest[z, y, x]
-            sums[z, y, x] += sizes[i] * (ratio * ratio)

@@ -3,14 +3,12 @@
 In: functions on arrays and numbers. Out: the same, compiled when first called, without the interpreter's lock, cached.
 Private interfaces do what public ones cannot: loops over lanes draw a frame in 1 / 3.2 of the time, where loops that
 the compiler vectorises take 1 / 1.1 to 1 / 1.4 (docs/decisions/046); the cache survives damage, and edits of functions
-that a loop calls (048). A signal handler needs pointers.
+that a loop calls (048).
 
 - `numba_inside.py`: numba and its private parts, imported in one place.
 - `compiler.py`: `jit`, `inline`, `fma` and `prefetch`.
 - `kernel_cache.py`: the cache of compiled loops, whose folder is found when it is first needed.
 - `lanes.py`: vectors of 16, 8 or 4 lanes in compiled loops, with the operators of numbers.
-- `bus_errors.py`: reads of mapped files that have become shorter give zeros.
-- `threads.py`: a pool of threads for compiled loops.
 """
 
 import lazy_loader

@@ -1,4 +1,3 @@
-from .bus_errors import guarded_regions as guarded_regions
 from .compiler import fma as fma, inline as inline, jit as jit, prefetch as prefetch
 from .kernel_cache import (
     cache_problem as cache_problem,
@@ -26,4 +25,3 @@ from .lanes import (
     to_int32 as to_int32,
     where as where,
 )
-from .threads import ThreadPool as ThreadPool

@@ -23,7 +23,7 @@ from renderer.bricks import (
     mean_texels,
     scalar_texels,
 )
-from renderer.compiled import ThreadPool
+from renderer.kernels import ThreadPool
 from renderer.splats import SplatBatch
 from renderer.view import RaySetup, View, ray_setup, screen_rectangles
 from renderer.volume import Bools, Float32, Float64, Int64, UInt32

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol, TypeVar
 
 from renderer.bricks import BrickBatch
-from renderer.compiled import ThreadPool
+from renderer.kernels import ThreadPool
 from renderer.splats import SplatBatch
 from renderer.view import View
 from renderer.volume import Float32, UInt32

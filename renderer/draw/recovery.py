@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from renderer.bricks import BrickBatch
-from renderer.compiled import ThreadPool
 from renderer.draw.cpu.raster import CPURasterizer
 from renderer.draw.gl.raster import GLRasterizer
 from renderer.draw.rasterizer import Rasterizer
 from renderer.errors import ContextLostError, RenderError
+from renderer.kernels import ThreadPool
 from renderer.splats import SplatBatch
 from renderer.system import num_drawing_threads
 from renderer.view import View

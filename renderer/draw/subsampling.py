@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.compiled import ThreadPool
-from renderer.kernels import kernels
+from renderer.kernels import ThreadPool, kernels
 from renderer.volume import Bools, Float32
 
 _MIN_PIXELS_PER_THREAD = 1 << 16

@@ -13,7 +13,6 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from renderer.compiled import remove_unused_caches
 from renderer.errors import RenderError
 from renderer.film import film_notes, finer_than_kept, has_frame_files
 from renderer.frame import LODCostEstimator, Stage, open_stage
@@ -91,7 +90,6 @@ def make_film(
                     job, output, fingerprint, stage, executor, events, start, existing, resumes=resumes
                 )
                 made = passes(film)
-        remove_unused_caches()
     return made
 
 

@@ -164,7 +164,7 @@ def original_notes(original: OriginalFilm, device: str) -> Iterator[str]:
 
 
 def changed_tools(original: OriginalFilm, now: Mapping[str, str]) -> list[str]:
-    """Return `numba 0.61.0, which was 0.60.0` for what has another version than made an original film."""
+    """Return `numpy 2.4.6, which was 2.0.2` for what has another version than made an original film."""
     before = original.tools
     return [
         f"{name} {version}, which was {short_text(before[name])}"

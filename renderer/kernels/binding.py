@@ -32,50 +32,61 @@ class Kernel:
         self._layouts = {key: struct.Struct("=" + one.format) for key, (_, one) in arguments.members.items()}
 
     def __call__(self, **values: Any) -> None:
-        """Run the kernel. Raise MemoryError, or IndexError for shapes that do not fit together."""
-        self.partial(**values)()
-
-    def partial(self, **values: Any) -> Callable[..., None]:
-        """Return a function of the other arguments; these are checked and converted once. Threads may share it.
+        """Run the kernel. Raise MemoryError, or IndexError for shapes that do not fit together.
 
         Raises TypeError or ValueError where an argument is not what the kernel takes.
         """
+        block = bytearray(self._arguments.size)
+        kept: list[Any] = []
+        self._fill(block, values, kept)
+        self._run(block, values)
+
+    def partial(self, **values: Any) -> Callable[..., None]:
+        """Return a function of the other arguments; these are checked and converted once. Threads may share it."""
         given = bytearray(self._arguments.size)
         kept: list[Any] = []
         self._fill(given, values, kept)
 
         def call(**others: Any) -> None:
-            if values.keys() | others.keys() != self._layouts.keys():
-                raise TypeError(f"{self._name}: no {', '.join(self._layouts.keys() - values.keys() - others.keys())}")
             block, also_kept = bytearray(given), [kept]
             self._fill(block, others, also_kept)
-            status = self._function(bytes(block))
-            if status != 0:
-                raise _STATUS[status](self._name)
+            self._run(block, values | others)
 
         return call
 
     def _fill(self, block: bytearray, values: dict[str, Any], kept: list[Any]) -> None:
+        members, layouts = self._arguments.members, self._layouts
         for key, value in values.items():
-            if key not in self._layouts:
+            if key not in layouts:
                 raise TypeError(f"{self._name}: no argument {key}")
-            offset, kind = self._arguments.members[key]
+            offset, kind = members[key]
+            numbers: list[Any] = []
             try:
-                self._layouts[key].pack_into(block, offset, *kind.numbers(value, kept))
+                kind.add(value, numbers, kept)
+                layouts[key].pack_into(block, offset, *numbers)
             except (TypeError, ValueError, struct.error) as error:
                 kind_of_error = TypeError if isinstance(error, struct.error) else type(error)
                 raise kind_of_error(f"{self._name}: {key}: {error}") from None
 
+    def _run(self, block: bytearray, values: dict[str, Any]) -> None:
+        if len(values) != len(self._layouts):
+            raise TypeError(f"{self._name}: no {', '.join(self._layouts.keys() - values.keys())}")
+        status = self._function(bytes(block))
+        if status != 0:
+            raise _STATUS[status](self._name)
+
 
 class Kernels:
-    """A library's kernels, as attributes."""
+    """A library's kernels, as attributes. called: the names of those that were asked for."""
 
     def __init__(self, library: ctypes.CDLL, header: Header) -> None:
         self._library, self._header = library, header
+        self.called: list[str] = []
 
     def __getattr__(self, name: str) -> Kernel:
         if name not in self._header.arguments:
             raise AttributeError(name)
+        self.called.append(name)
         arguments = self._header.struct_of(name)
         size = ctypes.c_int64.in_dll(self._library, f"{name}_bytes").value
         assert size == arguments.size, f"{name} takes {size} bytes, and kernels.h is read as {arguments.size}"

@@ -2,6 +2,7 @@
 
     python -m renderer.kernels.build              the library for this processor, for development
     python -m renderer.kernels.build --all        those of all levels, as an installation does
+    python -m renderer.kernels.build --all --target linux-aarch64 --out FOLDER    those of another machine
     python -m renderer.kernels.build --checked    this processor's, which ends the process at undefined behaviour
 
 CXX in the environment names another clang. Objects are linked without a C library: they need `malloc`, `memset`, `fma`
@@ -34,6 +35,13 @@ LEVELS = {
     "x86_64": {1: ("x86_64", 4), 2: ("x86_64_v2", 4), 3: ("x86_64_v3", 8), 4: ("x86_64_v4", 16)},
     "aarch64": {0: ("generic", 4)},
 }
+# What libraries can be made for, and what zig calls it: for Linux, with any C library since that of 2012.
+TARGETS = {
+    "linux-x86_64": "x86_64-linux-gnu.2.17",
+    "linux-aarch64": "aarch64-linux-gnu.2.17",
+    "macos-x86_64": "x86_64-macos.11.0",
+    "macos-aarch64": "aarch64-macos.11.0",
+}
 # No contraction and no fast mathematics: results are the same bytes at every level. zig adds a sanitizer unless it is
 # told not to. Without -g0, objects are ten times larger.
 _FLAGS = (
@@ -53,64 +61,70 @@ def sources_digest() -> str:
     return digest.hexdigest()
 
 
-def build(out: Path, *, levels: set[int] | None = None, machine: str = "", checked: bool = False) -> list[Path]:
+def this_target() -> str:
+    """Return the name in TARGETS of the machine that runs this."""
+    machine = platform.machine().lower()
+    system = {"darwin": "macos"}.get(sys.platform, sys.platform)
+    return f"{system}-{ {'amd64': 'x86_64', 'arm64': 'aarch64'}.get(machine, machine) }"
+
+
+def build(out: Path, target: str, *, levels: set[int] | None = None, checked: bool = False) -> list[Path]:
     """Write libraries and their manifest into a folder, and return the libraries.
 
-    levels: those of the machine, if not all. machine: another one than this, by its name in `uname -m`.
+    target: one of TARGETS. levels: those of its machine, if not all. checked: as `--checked`.
     """
-    machine = _machine_name(machine or platform.machine())
-    of_machine = {level: one for level, one in LEVELS[machine].items() if levels is None or level in levels}
+    of_machine = LEVELS[target.partition("-")[2]]
+    chosen = sorted(level for level in of_machine if levels is None or level in levels)
+    out = out.resolve()
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(os.cpu_count()) as pool:
         folder = Path(name)
 
         def compile_source(source: Path, level: int) -> Path:
-            (cpu, lanes), compiled = LEVELS[machine][level], folder / f"{source.stem}-{level}.o"
+            (cpu, lanes), compiled = of_machine[level], folder / f"{source.stem}-{level}.o"
             options = (*_FLAGS, *(_CHECKED if checked else _UNCHECKED), f"-DLANES={lanes}")
-            _run(*_compiler(machine, cpu), *options, source, "-o", compiled)
+            _run(folder, *_compiler(target, cpu), *options, source, "-o", compiled)
             return compiled
 
         def link(name: str, objects: list[Path]) -> Path:
             library = out / f"{name}.so"
             # Under another name until it is whole: a running process keeps the one that it has loaded.
             unfinished = library.with_suffix(f".{os.getpid()}")
-            _run(*_linker(), "-shared", *objects, "-o", unfinished)
+            _run(folder, *_linker(target, unfinished), *objects)
             unfinished.replace(library)
             return library
 
         # The largest first: they take longest.
         sources = sorted(SOURCES.glob("*.cpp"), key=lambda path: path.stat().st_size, reverse=True)
         objects = {
-            f"kernels-{level}": [pool.submit(compile_source, source, level) for source in sources]
-            for level in of_machine
+            f"kernels-{level}": [pool.submit(compile_source, source, level) for source in sources] for level in chosen
         }
-        lowest = min(LEVELS[machine])
-        objects["processor"] = [pool.submit(compile_source, SOURCES / "processor.cc", lowest)]
+        objects["processor"] = [pool.submit(compile_source, SOURCES / "processor.cc", min(of_machine))]
         libraries = [link(name, [one.result() for one in made]) for name, made in objects.items()]
+    for other in set(out.glob("*.so")).difference(libraries):
+        other.unlink()  # of other sources, as far as anyone knows
     _write_manifest(out)
     return libraries
 
 
-def _machine_name(name: str) -> str:
-    return {"amd64": "x86_64", "arm64": "aarch64"}.get(name.lower(), name.lower())
-
-
-def _compiler(machine: str, cpu: str) -> list[str]:
+def _compiler(target: str, cpu: str) -> list[str]:
     if "CXX" in os.environ:
-        return [os.environ["CXX"], f"-march={cpu.replace('_', '-').replace('x86-64', 'x86-64', 1)}"]
-    return [sys.executable, "-m", "ziglang", "c++", "-target", f"{machine}-linux-gnu.2.17", f"-mcpu={cpu}"]
+        return [os.environ["CXX"], f"-march={cpu.replace('_v', '-v').replace('x86_', 'x86-')}"]
+    return [sys.executable, "-m", "ziglang", "c++", "-target", TARGETS[target], f"-mcpu={cpu}"]
 
 
-def _linker() -> list[str]:
+def _linker(target: str, library: Path) -> list[str]:
     if "CXX" in os.environ:
-        return [os.environ["CXX"], "-nostdlib", "-Wl,-s"]
-    return [sys.executable, "-m", "ziglang", "ld.lld", "-s", "-z", "relro", "-z", "now"]
+        return [os.environ["CXX"], "-shared", "-nostdlib", "-o", str(library)]
+    # `zig c++` would first compile a C library of its own, for minutes.
+    options = ("-dynamic", "-fstrip", "-fno-compiler-rt", "-fno-ubsan-rt", "-fallow-shlib-undefined")
+    return [sys.executable, "-m", "ziglang", "build-lib", "-target", TARGETS[target], *options, f"-femit-bin={library}"]
 
 
-def _run(*command: object) -> None:
-    """Run a command, and raise what it says if it fails."""
+def _run(folder: Path, *command: object) -> None:
+    """Run a command in a folder, and raise what it says if it fails."""
     words = [str(word) for word in command]
-    run = subprocess.run(words, capture_output=True, text=True, check=False)
+    run = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
     if run.returncode != 0:
         raise RuntimeError(f"`{' '.join(words)}` failed:\n{run.stdout}{run.stderr}")
 
@@ -127,14 +141,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=BUILT, help="a folder for the libraries")
     parser.add_argument("--all", action="store_true", help="all levels")
-    parser.add_argument("--machine", default="", help="compile for another machine, all its levels")
+    parser.add_argument("--target", default=this_target(), choices=TARGETS, help="another machine to compile for")
     parser.add_argument("--checked", action="store_true", help="trap undefined behaviour and indices out of bounds")
     options = parser.parse_args()
     begin, levels = time.perf_counter(), None
-    if not options.all and not options.machine:
-        (library,) = build(options.out, levels=set())
+    if not options.all:
+        (library,) = build(options.out, this_target(), levels=set())
         levels = {ctypes.CDLL(str(library)).processor_level()}
-    for library in build(options.out, levels=levels, machine=options.machine, checked=options.checked):
+    for library in build(options.out, options.target, levels=levels, checked=options.checked):
         print(f"{library.name}: {library.stat().st_size} bytes")
     print(f"{time.perf_counter() - begin:.2f} s")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -35,12 +34,12 @@ class Type:
         self.format, self.num_numbers, self.alignment = format, num_numbers, alignment
         self.size = struct.calcsize("=" + format)
 
-    def numbers(self, value: Any, keep: list[Any]) -> Iterator[Any]:
-        """Yield the numbers of a value, and append to `keep` what must live as long as they are used.
+    def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
+        """Append the numbers of a value, and to `kept` what must live as long as they are used.
 
         Raises TypeError or ValueError, which say what is wrong.
         """
-        yield value
+        numbers.append(value)
 
 
 class _Several(Type):
@@ -48,11 +47,11 @@ class _Several(Type):
         super().__init__(one * count, count, struct.calcsize("=" + one))
         self._dtype = dtype
 
-    def numbers(self, value: Any, keep: list[Any]) -> Iterator[Any]:
+    def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
         found = value if isinstance(value, tuple) else np.asarray(value, self._dtype).ravel().tolist()
         if len(found) != self.num_numbers:
             raise ValueError(f"{len(found)} numbers, expected {self.num_numbers}")
-        yield from found
+        numbers += found
 
 
 class _Array(Type):
@@ -62,7 +61,7 @@ class _Array(Type):
         super().__init__("q" * (1 + dimensions + (dtype is None)), 1 + dimensions + (dtype is None), 8)
         self._dtype, self._dimensions, self._is_written = dtype, dimensions, is_written
 
-    def numbers(self, value: Any, keep: list[Any]) -> Iterator[Any]:
+    def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
         if not isinstance(value, np.ndarray):
             raise TypeError(f"{type(value).__name__}, expected an array")
         is_right = value.dtype in DTYPES if self._dtype is None else value.dtype == self._dtype
@@ -72,11 +71,10 @@ class _Array(Type):
         flags = value.flags
         if not (flags.c_contiguous and (flags.aligned or self._dtype is None)) or self._is_written > flags.writeable:
             raise ValueError("not contiguous, not aligned, or read-only where the kernel writes")
-        keep.append(value)
-        yield value.__array_interface__["data"][0]
-        yield from value.shape
+        kept.append(value)
+        numbers += (value.ctypes.data, *value.shape)
         if self._dtype is None:
-            yield DTYPES.index(value.dtype)
+            numbers.append(DTYPES.index(value.dtype))
 
 
 class _Maybe(Type):
@@ -84,9 +82,12 @@ class _Maybe(Type):
         super().__init__("?" + "x" * (one.alignment - 1) + one.format, 1 + one.num_numbers, one.alignment)
         self._one = one
 
-    def numbers(self, value: Any, keep: list[Any]) -> Iterator[Any]:
-        yield value is not None
-        yield from [0] * self._one.num_numbers if value is None else self._one.numbers(value, keep)
+    def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
+        numbers.append(value is not None)
+        if value is None:
+            numbers += [0] * self._one.num_numbers
+        else:
+            self._one.add(value, numbers, kept)
 
 
 class Struct(Type):
@@ -103,10 +104,10 @@ class Struct(Type):
         format += "x" * (-size % alignment)
         super().__init__(format, sum(one.num_numbers for _, one in members), alignment)
 
-    def numbers(self, value: Any, keep: list[Any]) -> Iterator[Any]:
+    def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
         for name, (_, one) in self.members.items():
             try:
-                yield from one.numbers(getattr(value, name), keep)
+                one.add(getattr(value, name), numbers, kept)
             except (TypeError, ValueError) as error:
                 raise type(error)(f"{name}: {error}") from None
 

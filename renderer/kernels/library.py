@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 
 from renderer.errors import InputError, RenderError
-from renderer.kernels.build import BUILT, LEVELS, MANIFEST, sources_digest
+from renderer.kernels.build import BUILT, LEVELS, MANIFEST, sources_digest, this_target
 
 # Asks for a lower level of the processor than it has: for tests, and to compare machines.
 LEVEL_VARIABLE = "HSPLAT_PROCESSOR_LEVEL"
@@ -30,20 +30,32 @@ def processor_level() -> int:
     wanted = os.environ.get(LEVEL_VARIABLE, "")  # noqa: TID251  read once, before anything is drawn
     if not wanted:
         return offered
-    known = sorted(level for levels in LEVELS.values() for level in levels if level <= offered)
-    if wanted not in map(str, known):
+    known = [str(level) for level in _levels() if level <= offered]
+    if wanted not in known:
         raise InputError(
             "this processor has no such level",
             where=LEVEL_VARIABLE,
             got=wanted,
-            expected=" or ".join(map(str, known)) + ", or not set",
+            expected=", ".join(known) + ", or not set",
         )
     return int(wanted)
 
 
 def num_lanes() -> int:
     """Return how many rays kernels march in step: 16, 8 or 4."""
-    return next(levels[processor_level()][1] for levels in LEVELS.values() if processor_level() in levels)
+    _, lanes = _levels()[processor_level()]
+    return lanes
+
+
+def _levels() -> dict[int, tuple[str, int]]:
+    return LEVELS[this_target().partition("-")[2]]
+
+
+def describe_kernels() -> str:
+    """Return for which processors the kernels are that this process uses, in a few words."""
+    machine = platform.machine()
+    level = f" level {processor_level()}" if machine == "x86_64" else ""
+    return f"for {machine}{level}, {num_lanes()} rays in step"
 
 
 def load_library() -> ctypes.CDLL:

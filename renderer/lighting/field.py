@@ -17,7 +17,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from renderer.compiled import ThreadPool
+from renderer.kernels import ThreadPool
 from renderer.lighting.rays import average_voxels, transmit
 from renderer.scene import ShadingSpec, Vector
 from renderer.transfer import LightField, TransferFunction, make_classifier, make_light_field, raw_voxels

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from renderer.compiled import ThreadPool, jit
+from renderer.kernels import ThreadPool, kernels
 from renderer.modes.chords import rows_per_thread
 from renderer.scene import ModeSpec
-from renderer.transfer import TransferFunction, TransferTable, evaluate
+from renderer.transfer import TransferFunction
 from renderer.volume import Float32, Float64, Volume
 
 
@@ -54,13 +54,14 @@ class Projection(ABC):
 
     def picture(self, gathered: Float32, chords: Float32, threads: ThreadPool) -> Float32:
         """Return premultiplied RGBA, float32 [h, w, 4], of what rays gathered; opaque where they meet the volume."""
-        image, curve = np.empty_like(gathered), self._colors.curve()
+        image = np.empty_like(gathered)
+        color = kernels().color_shares.partial(curve=self._colors.curve())
 
         def work(first: int, end: int) -> None:
             rays, lengths = gathered[first:end], chords[first:end]
             shares = np.clip(self.shares(rays, lengths), 0.0, 1.0).astype(np.float32)
-            brightness = np.broadcast_to(np.float32(self.brightness(rays)), (*shares.shape, 1))
-            _color_shares(curve, shares, lengths, brightness, image[first:end])
+            brightness = np.full((*shares.shape, 1), self.brightness(rays), np.float32)
+            color(shares=shares, chords=lengths, brightness=brightness, image=image[first:end])
 
         threads.for_ranges(work, *rows_per_thread(chords))
         return image
@@ -75,17 +76,3 @@ class Projection(ABC):
 def ramp(first: float, last: float, extinctions: tuple[float, float]) -> TransferFunction:
     """Return a white transfer function whose extinction, per world unit, is linear between two scalars."""
     return TransferFunction(np.array([first, last]), np.ones((2, 3)), np.array(extinctions), 1.0)
-
-
-@jit
-def _color_shares(curve: TransferTable, shares: Float32, chords: Float32, brightness: Float32, image: Float32) -> None:
-    """Write the colours of shares [h, w], opaque, times `brightness` [h, w, 1], to `image`; 0 where a chord is 0."""
-    for row, column in np.ndindex(shares.shape):
-        image[row, column] = 0.0
-        if chords[row, column] > 0:
-            r, g, b, _ = evaluate(curve, float(shares[row, column]))
-            factor = brightness[row, column, 0]
-            image[row, column, 0] = np.float32(r) * factor
-            image[row, column, 1] = np.float32(g) * factor
-            image[row, column, 2] = np.float32(b) * factor
-            image[row, column, 3] = 1.0

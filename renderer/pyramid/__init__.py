@@ -4,8 +4,8 @@ In: `Volume`, `TransferFunction`. Out: `Pyramid`, whose nodes of level l are ave
 `Cut`, the coarsest nodes whose error is below a tolerance (Laur and Hanrahan 1991); `CutSizes`, from which a budget of
 cells finds its tolerance. Means and variances of children are merged as in Chan, Golub and LeVeque 1979.
 
-- `pyramid.py`: builds it, level by level, with the error of each node; `nodes.py`: voxels to nodes and nodes merged,
-  compiled; `empty_space.py`: leaves out macrocells (blocks of voxels) in which the min-max test finds nothing visible.
+- `pyramid.py`: builds it, level by level, with the error of each node, and leaves out macrocells (blocks of voxels) in
+  which the min-max test finds nothing visible; `nodes.py`: what its kernels write, and how that is stored.
 - `cut.py`: the nodes drawn at a tolerance; `cut_size.py`: the number of cells at any tolerance, for a budget of cells.
 """
 

@@ -9,12 +9,10 @@ from .cut import (
     visible_children as visible_children,
 )
 from .cut_size import CutSizes as CutSizes, cut_sizes as cut_sizes
-from .empty_space import visible_blocks as visible_blocks
 from .nodes import (
     BLOCK_SIZE as BLOCK_SIZE,
     NODE_OFFSETS as NODE_OFFSETS,
-    Scratch as Scratch,
-    classify_blocks as classify_blocks,
+    average_blocks as average_blocks,
     opacities_to_depths as opacities_to_depths,
     packed_channels as packed_channels,
     store_scaled as store_scaled,

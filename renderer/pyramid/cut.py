@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from renderer.compiled import jit
+from renderer.kernels import kernels
 from renderer.pyramid.pyramid import Level, Pyramid, cell_extents, error_scale
-from renderer.transfer import Classifier, RawVoxels, classify_voxel, raw_voxels
+from renderer.transfer import raw_voxels
 from renderer.volume import Float32, Float64, Int32, Int64, UInt8, Volume
 
 
@@ -96,25 +96,11 @@ def visible_children(nodes: Int64, cells: Int32, level: Level) -> tuple[Int64, I
     """Return the visible children of nodes of a level at `cells`: their indices in the level below [m] and their cells
     [m, 3]."""
     num = int(np.bitwise_count(level.masks[nodes]).sum(dtype=np.int64))
-    return _list_children(nodes, cells, level.masks, level.first_children, num)
-
-
-@jit
-def _list_children(
-    nodes: Int64, cells: Int32, masks: UInt8, first_children: Int64, num_children: int
-) -> tuple[Int64, Int32]:
-    child_nodes, child_cells = np.empty(num_children, np.int64), np.empty((num_children, 3), np.int32)
-    num = 0
-    for i in range(len(nodes)):
-        mask, child = masks[nodes[i]], first_children[nodes[i]]
-        for k in range(8):
-            if mask >> k & 1:
-                child_nodes[num] = child
-                child_cells[num, 0] = 2 * cells[i, 0] + (k & 1)
-                child_cells[num, 1] = 2 * cells[i, 1] + (k >> 1 & 1)
-                child_cells[num, 2] = 2 * cells[i, 2] + (k >> 2)
-                child += 1
-                num += 1
+    child_nodes, child_cells = np.empty(num, np.int64), np.empty((num, 3), np.int32)
+    kernels().list_children(
+        nodes=nodes, cells=cells, masks=level.masks, first_children=level.first_children, child_nodes=child_nodes,
+        child_cells=child_cells,
+    )  # fmt: skip
     return child_nodes, child_cells
 
 
@@ -146,28 +132,9 @@ def _find_voxels(pyramid: Pyramid, parents: Int32, cells: Int32, depths: Float32
     """Return the number of visible voxels in each of `parents`; write them to `cells` and `depths` unless empty."""
     counts = np.empty(len(parents), np.uint8)
     pyramid.volume.require_unchanged()
-    _fill_voxels(raw_voxels(pyramid.volume), pyramid.classifier, parents, counts, cells, depths)
+    kernels().find_voxels(
+        raw=raw_voxels(pyramid.volume), classifier=pyramid.classifier, parents=parents, counts=counts, cells=cells,
+        depths=depths,
+    )  # fmt: skip
     pyramid.volume.require_unchanged()
     return counts
-
-
-@jit
-def _fill_voxels(
-    raw: RawVoxels, classifier: Classifier, parents: Int32, counts: UInt8, cells: Int32, depths: Float32
-) -> None:
-    table, scalars, curve, is_opacity, lighting, _ = classifier
-    num, is_counted_only = 0, len(cells) == 0
-    for i in range(len(parents)):
-        count = 0
-        for k in range(8):
-            x, y, z = 2 * parents[i, 0] + (k & 1), 2 * parents[i, 1] + (k >> 1 & 1), 2 * parents[i, 2] + (k >> 2)
-            if x >= raw.shape[2] or y >= raw.shape[1] or z >= raw.shape[0]:
-                continue
-            red, green, blue, depth = classify_voxel(raw, table, scalars, curve, is_opacity, lighting, z, y, x)
-            if depth > 0:
-                count += 1
-                if not is_counted_only:
-                    depths[num, 0], depths[num, 1], depths[num, 2], depths[num, 3] = red, green, blue, depth
-                    cells[num, 0], cells[num, 1], cells[num, 2] = x, y, z
-                    num += 1
-        counts[i] = count

@@ -30,15 +30,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.compiled import ThreadPool
-from renderer.pyramid import nodes as compiled
-from renderer.pyramid.empty_space import visible_blocks
+from renderer.kernels import ThreadPool, kernels
 from renderer.pyramid.nodes import (
     BLOCK_SIZE,
     NODES_OF_GROUP,
-    Scratch,
-    classify_blocks,
-    merge,
+    NodeCells,
+    Normalization,
+    VisibleNodes,
     opacities_to_depths,
     store_scaled,
 )
@@ -52,12 +50,12 @@ from renderer.transfer import (
     make_classifier,
     raw_voxels,
 )
-from renderer.volume import Array, Bools, Float64, Int32, Int64, UInt8, Volume
+from renderer.volume import Array, Bools, Float32, Float64, Int32, Int64, UInt8, Volume
 
 Shape = tuple[int, int, int]
 
 # Takes visible nodes of a level in Morton order: the level, their cells [n, 3] (x, y, z), their numbers of voxels [n],
-# their errors [n] in the measure's unit, and their means [n, 4] as they would be stored.
+# their errors [n] in the measure's unit, and their means [n, 4] as they would be stored. What it keeps, it copies.
 NodeCallback = Callable[[int, Int32, Int64, Float64, Array], None]
 
 # Levels inside a block.
@@ -222,7 +220,7 @@ class _Plan:
 
     pyramid: what is built, without its levels. raw: its voxels.
     error_classifier: classifies for the errors; None where the error is the variance that comes with the means.
-    scalar_normalization: (offset, scale) of the scalar that errors are of; None where they are of channels.
+    normalization: of the scalar that errors are of; None where they are of channels.
     error_factor: from the root of a variance to its stored unit.
     leaf_variance_limits: nodes of level 2, and of level 3, with a smaller variance are leaves in every cut.
     on_nodes: as in `build_pyramid`.
@@ -231,18 +229,16 @@ class _Plan:
     pyramid: Pyramid
     raw: Array
     error_classifier: Classifier | None
-    scalar_normalization: tuple[float, float] | None
+    normalization: Normalization | None
     error_factor: float
     dtype: type[np.float16] | type[np.float32]
     leaf_variance_limits: tuple[float, float] = (0.0, 0.0)
     on_nodes: NodeCallback | None = None
 
     @property
-    def error_layout(self) -> tuple[int, type[Any]] | None:
-        """Return the channels and dtype of what errors are measured of, where that is not what is averaged."""
-        if self.scalar_normalization:  # scalars may lie close together and far from zero: float64
-            return 1, np.float64
-        return (4, np.float32) if self.error_classifier else None
+    def num_error_channels(self) -> int:
+        """Return the channels of what errors are measured of."""
+        return 1 if self.normalization else 4
 
 
 def _plan_build(
@@ -274,7 +270,7 @@ def _plan_build(
         low, high = volume.value_range()
         offset = _exact_offset(low, high)
         error_unit, error_factor = _stored_unit(max(abs(low - offset), abs(high - offset))), 1.0
-        error_classifier, normalization = mean_classifier, (offset, 1 / error_unit)
+        normalization = Normalization(offset, 1 / error_unit)
     elif averages_opacity != measures_opacity:
         error_classifier = classifier(measures_opacity)
     level = max(1, (max(volume.shape_xyz) - 1).bit_length() - (MAX_OCCUPANCY_SIDE - 1).bit_length())
@@ -355,9 +351,32 @@ class _Tier(NamedTuple):
     """
 
     cells: Int64
-    means: Array
-    error_means: Array
-    variances: Array
+    means: Float32
+    error_means: Float64
+    variances: Float64
+
+
+class _Scratch(NamedTuple):
+    """A task's memory for its nodes, which the next one uses again, and the kernel that fills it.
+
+    Fresh pages cost more than the arithmetic done in them.
+    """
+
+    nodes: VisibleNodes
+    listed: NodeCells | None
+    build: Callable[..., None]
+
+    @classmethod
+    def empty(cls, plan: _Plan, num_blocks: int) -> _Scratch:
+        """Return scratch for this number of blocks."""
+        nodes = VisibleNodes.empty(num_blocks, plan.num_error_channels)
+        listed = None if plan.on_nodes is None else NodeCells.empty(num_blocks)
+        build = kernels().build_blocks.partial(
+            raw=plan.raw, classifier=plan.pyramid.mean_classifier, error_classifier=plan.error_classifier,
+            normalization=plan.normalization, leaf_variance_limits=plan.leaf_variance_limits,
+            occupied=plan.pyramid.occupied, occupied_level=plan.pyramid.occupied_level, nodes=nodes, listed=listed,
+        )  # fmt: skip
+        return cls(nodes, listed, build)
 
 
 def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]]:
@@ -372,7 +391,8 @@ def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]
         Level.empty(0 if _is_streamed(plan, k) else first_blocks[-1] * num, plan.dtype, masked=k > 0)
         for k, num in enumerate(NODES_OF_GROUP)
     ]
-    scratches = [Scratch.empty(int(np.diff(first_blocks).max()), plan.error_layout) for _ in range(num_threads)]
+    most = int(np.diff(first_blocks).max())
+    scratches = [_Scratch.empty(plan, most) for _ in range(num_threads)]
 
     def work(task: int) -> tuple[list[Level], _Tier, list[Level]]:
         volume.require_unchanged()
@@ -403,41 +423,25 @@ def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]
     return tier, inside + joined
 
 
-def _build_blocks(plan: _Plan, cubes: Int64, targets: list[Level], scratch: Scratch) -> tuple[list[Level], _Tier]:
+def _build_blocks(plan: _Plan, cubes: Int64, targets: list[Level], scratch: _Scratch) -> tuple[list[Level], _Tier]:
     """Build the levels inside the blocks of one task; return what is stored of them, in `targets`, and their roots."""
-    pyramid, raw, normalization = plan.pyramid, plan.raw, plan.scalar_normalization
+    pyramid, (nodes, listed, build), stored = plan.pyramid, scratch, []
     cells = subdivide(cubes, CUBE_LEVELS, BLOCK_LEVELS, pyramid.volume.shape_xyz)
-    starts = (cells * BLOCK_SIZE).astype(np.uint64)
-    extents = cell_extents(cells, BLOCK_LEVELS, pyramid.volume.shape_xyz).astype(np.uint64)
-    if not normalization:  # scalars count for their errors where they are invisible, too
-        visible = visible_blocks(raw, pyramid.mean_classifier, starts, extents)
-        cells, starts, extents = cells[visible], starts[visible], extents[visible]
-    scratch = scratch.limited_to(len(cells))
-    nodes, errors = scratch.nodes, scratch.errors
-    classify_blocks(raw, pyramid.mean_classifier, starts, extents, scratch.voxels, nodes)
-    if plan.error_classifier:
-        classify_blocks(raw, plan.error_classifier, starts, extents, scratch.voxels, errors, normalization)
-    if any(plan.leaf_variance_limits):
-        means = nodes[0][0], nodes[1][0]
-        compiled.hide_below_leaves(*means, errors[1][1], errors[2][1], plan.leaf_variance_limits)
-    occupied_part, stored = min(pyramid.occupied_level, BLOCK_LEVELS) - 1, []
+    extents, visible = cell_extents(cells, BLOCK_LEVELS, pyramid.volume.shape_xyz), np.empty(len(cells), np.bool_)
+    build(starts=cells * BLOCK_SIZE, extents=extents, visible=visible)
     for part in range(BLOCK_LEVELS):
-        is_streamed, target = _is_streamed(plan, part), targets[part]
-        if is_streamed:
-            target = Level.empty(len(cells) * NODES_OF_GROUP[part], plan.dtype, masked=part > 0)
-        target = target.part(0, _store_visible(plan, scratch, part, target))
-        if is_streamed or part == occupied_part:
-            num_listed = len(target.means) if is_streamed else 0
-            shift = pyramid.occupied_level - 1 - part if part == occupied_part else -1
-            visible_cells, sizes = compiled.list_visible_cells(
-                nodes[part][0], cells, 2 << part, raw.shape, num_listed, shift, pyramid.occupied
-            )
-        if plan.on_nodes is not None and is_streamed:
-            scales = error_scale(pyramid.volume, pyramid.measure, np.arange(8 ** (part + 1) + 1)) * pyramid.error_unit
-            scaled_errors = target.errors * (scales[sizes] if scales.ndim else scales)
-            plan.on_nodes(part + 1, visible_cells, sizes, scaled_errors, target.means)
-        stored.append(targets[part] if is_streamed else target)
-    return stored, _Tier(cells, *(roots[:, 0].copy() for roots in (nodes[2][0], *errors[2])))
+        if plan.on_nodes is None or listed is None or not _is_streamed(plan, part):
+            stored.append(_store_visible(plan, nodes, part, targets[part]))
+            continue
+        found = nodes.of_level(part)
+        target = Level.empty(found.stop - found.start, plan.dtype, masked=part > 0)
+        target, sizes = _store_visible(plan, nodes, part, target), listed.sizes[found]
+        scales = error_scale(pyramid.volume, pyramid.measure, np.arange(8 ** (part + 1) + 1)) * pyramid.error_unit
+        scaled_errors = target.errors * (scales[sizes] if scales.ndim else scales)
+        plan.on_nodes(part + 1, listed.cells[found], sizes, scaled_errors, target.means)
+        stored.append(targets[part])
+    roots = (array[: np.count_nonzero(visible)].copy() for array in nodes[-3:])
+    return stored, _Tier(cells[visible], *roots)
 
 
 def _is_streamed(plan: _Plan, part: int) -> bool:
@@ -452,24 +456,20 @@ def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[Level]
     steps = np.diff(cells, axis=0)
     is_first = np.ones(len(cells), np.bool_)
     is_first[1:] = (steps[:, 0] | steps[:, 1] | steps[:, 2]) != 0
-    index = 64 * (np.cumsum(is_first) - 1) + 8 * _octants(tier.cells) + _octants(tier.cells >> 1)
+    places = 64 * (np.cumsum(is_first) - 1) + 8 * _octants(tier.cells) + _octants(tier.cells >> 1)
     cells = cells[is_first]
-    extents = cell_extents(cells, level + TIER_LEVELS, plan.pyramid.volume.shape_xyz).astype(np.uint64)
+    extents = cell_extents(cells, level + TIER_LEVELS, plan.pyramid.volume.shape_xyz)
 
-    scratch = Scratch.empty(len(cells), plan.error_layout)
-    errors = scratch.errors
-    scratch.nodes[0][1][:] = 0  # variances, which are set below where they are the errors'
-    for nodes, values in ((scratch.nodes[0][0], tier.means), *zip(errors[0], tier[2:], strict=True)):
-        nodes[:] = 0
-        nodes.reshape(-1, values.shape[1])[index] = values
-    merge(scratch.nodes, extents, 1 << level)
-    if plan.error_layout:
-        merge(errors, extents, 1 << level)
+    nodes = VisibleNodes.empty(len(cells), plan.num_error_channels)
+    kernels().merge_tier(
+        means=tier.means, error_means=tier.error_means, variances=tier.variances, places=places, extents=extents,
+        side=1 << level, nodes=nodes,
+    )  # fmt: skip
     stored = []
     for part in (1, 2):
-        target = Level.empty(len(cells) * NODES_OF_GROUP[part], plan.dtype, masked=True)
-        stored.append(target.part(0, _store_visible(plan, scratch, part, target)))
-    return _Tier(cells, *(roots[:, 0] for roots in (scratch.nodes[2][0], *errors[2]))), stored
+        target = Level.empty(int(nodes.counts[part]), plan.dtype, masked=True)
+        stored.append(_store_visible(plan, nodes, part, target))
+    return _Tier(cells, *nodes[-3:]), stored
 
 
 def _octants(cells: Int64) -> Int64:
@@ -477,17 +477,16 @@ def _octants(cells: Int64) -> Int64:
     return cells[:, 0] & 1 | (cells[:, 1] & 1) << 1 | (cells[:, 2] & 1) << 2
 
 
-def _store_visible(plan: _Plan, scratch: Scratch, part: int, target: Level) -> int:
-    """Write the visible nodes of one part of the groups to the beginning of `target`; return how many they are."""
-    means, _ = scratch.nodes[part]
-    _, variances = scratch.errors[part]
-    children = scratch.nodes[part - 1][0] if part > 0 else means[:0]
-    num = compiled.append_visible(means, variances, children, scratch.visible, scratch.deviations, target.masks)
+def _store_visible(plan: _Plan, nodes: VisibleNodes, part: int, target: Level) -> Level:
+    """Write the visible nodes of one level of groups to the beginning of `target`; return that part of it."""
+    found = nodes.of_level(part)
+    means, target = nodes.means[found], target.part(0, found.stop - found.start)
+    target.masks[:] = nodes.masks[found][: len(target.masks)]
     if plan.pyramid.max_depth is not None:
-        opacities_to_depths(scratch.visible[:num], plan.pyramid.max_depth)
-    store_scaled(scratch.visible[:num], 1 / plan.pyramid.mean_unit, target.means[:num])
-    store_scaled(scratch.deviations[:num], plan.error_factor, target.errors[:num])
-    return num
+        opacities_to_depths(means, plan.pyramid.max_depth)
+    store_scaled(means, 1 / plan.pyramid.mean_unit, target.means)
+    store_scaled(nodes.deviations[found], plan.error_factor, target.errors)
+    return target
 
 
 def _link_children(level: Level) -> Level:

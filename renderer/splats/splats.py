@@ -17,11 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from renderer.compiled import jit
 from renderer.errors import RenderError
+from renderer.kernels import kernels
 from renderer.pyramid import Cut
 from renderer.scene import SplatSpec
-from renderer.volume import Float32, Float64, Int32, Int64, UInt8
+from renderer.volume import Float32, Float64, Int32, Int64
 
 # The Gaussian footprint ends at this many standard deviations. About 0.2 % of it lie outside.
 GAUSSIAN_CUTOFF = 3.2
@@ -149,33 +149,13 @@ def make_splats(cut: Cut, spec: SplatSpec) -> SplatBatch:
     if not spec.opacity_correction:  # the opacity of one voxel at any side of the cell
         num_voxels /= np.cbrt(num_voxels)
     shifts, areas = (extents_of_shape - shape) / 2, num_voxels * area_unit
-    vertices = _vertices(cut.levels, cut.cells, cut.depths, number_of_code[codes], shifts, areas, edges / length)
+    vertices = np.empty((len(cut), 8), np.float32)
+    kernels().place_splats(
+        levels=cut.levels, cells=cut.cells, depths=cut.depths, shapes=number_of_code[codes], shift_of_shape=shifts,
+        area_of_shape=areas, model_from_index=edges / length, vertices=vertices,
+    )  # fmt: skip
     axes = edges / length * (spec.sigma * extents_of_shape)[:, None, :]
     return SplatBatch(vertices, axes, volume.centre, length, make_footprint(spec))
-
-
-@jit
-def _vertices(
-    levels: UInt8, cells: Int32, depths: Float32, shapes: UInt8, shift_of_shape: Float64, area_of_shape: Float64,
-    model_from_index: Float64,
-) -> Float32:  # fmt: skip
-    """Return SplatBatch.vertices of every cell.
-
-    shift_of_shape: [m, 3], from the cell's first voxel to its centre relative to the volume's, in voxels.
-    area_of_shape: [m], optical area for a depth of 1.
-    """
-    vertices = np.empty((len(cells), 8), np.float32)
-    for i in range(len(cells)):
-        shape, level = shapes[i], levels[i]
-        x = np.float64(np.int64(cells[i, 0]) << level) + shift_of_shape[shape, 0]
-        y = np.float64(np.int64(cells[i, 1]) << level) + shift_of_shape[shape, 1]
-        z = np.float64(np.int64(cells[i, 2]) << level) + shift_of_shape[shape, 2]
-        for k in range(3):
-            vertices[i, k] = model_from_index[k, 0] * x + model_from_index[k, 1] * y + model_from_index[k, 2] * z
-        for k in range(4):
-            vertices[i, 3 + k] = depths[i, k] * area_of_shape[shape]
-        vertices[i, 7] = shape
-    return vertices
 
 
 def _shape_codes(cut: Cut) -> npt.NDArray[np.uint16]:

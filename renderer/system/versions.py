@@ -11,8 +11,8 @@ from pathlib import Path
 # What the pixels or the files depend on, and what measured numbers do besides.
 MEASURING_PACKAGES = ("flip-evaluator", "scikit-image", "vtk")
 _PACKAGES = (
-    *("hsplat", "imagecodecs", "imageio-ffmpeg", "llvmlite", "moderngl", "nibabel", "numba", "numpy", "pydicom"),
-    *("python-gdcm", "tifffile"),
+    *("hsplat", "imagecodecs", "imageio-ffmpeg", "moderngl", "nibabel", "numpy", "pydicom", "python-gdcm"),
+    "tifffile",
 )
 
 _ROOT = Path(__file__).resolve().parents[2]
@@ -52,9 +52,9 @@ def _git(*arguments: str) -> str:
 
 
 def sources_digest() -> str:
-    """Return 32 hexadecimal digits that change with anything that draws: the sources of renderer/ and its shaders."""
+    """Return 32 hexadecimal digits that change with anything that draws: the sources of renderer/, in all languages."""
     found = hashlib.blake2b(digest_size=16)
     for path in sorted((_ROOT / "renderer").rglob("*")):
-        if path.suffix in (".py", ".glsl"):
+        if path.suffix in (".py", ".cpp", ".h", ".glsl"):
             found.update(path.read_bytes())
     return found.hexdigest()

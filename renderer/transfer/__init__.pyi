@@ -2,7 +2,6 @@ from .classify import (
     Classifier as Classifier,
     RawVoxels as RawVoxels,
     classify_scalar as classify_scalar,
-    classify_voxel as classify_voxel,
     lambert_factor as lambert_factor,
     make_classifier as make_classifier,
     raw_voxels as raw_voxels,

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.compiled import inline, jit
+from renderer.compiled import inline
 from renderer.volume import Float32, Int32
 
 
@@ -67,23 +67,3 @@ def interpolate_cells(grid: Float32, x: Any, y: Any, z: Any) -> Any:
     beyond = grid[k + one, j + one, i] + a * (grid[k + one, j + one, i + one] - grid[k + one, j + one, i])
     near, far = near + b * (below - near), far + b * (beyond - far)
     return near + c * (far - near)
-
-
-@jit
-def light_shares(field: LightField, z: int, y: int, x: int) -> tuple[float, float]:
-    """Return the shares of the ambient and of the diffuse light that reach a voxel."""
-    return (
-        _share_at(field.occlusion, field.occlusion_strength, field.cell_size, z, y, x),
-        _share_at(field.shadow, field.shadow_strength, field.cell_size, z, y, x),
-    )
-
-
-@jit
-def _share_at(grid: Float32, strength: float, cell_size: float, z: int, y: int, x: int) -> float:
-    if grid.size == 0:
-        return 1.0
-    scale, shift = 1.0 / cell_size, 0.5 / cell_size + 0.5
-    u = np.float32(min(max(x * scale + shift, 0.5), grid.shape[2] - 1.5))
-    v = np.float32(min(max(y * scale + shift, 0.5), grid.shape[1] - 1.5))
-    w = np.float32(min(max(z * scale + shift, 0.5), grid.shape[0] - 1.5))
-    return 1.0 - strength + strength * float(interpolate_cells(grid, u, v, w))

@@ -6,29 +6,27 @@ Models for Direct Volume Rendering", IEEE TVCG 1995):
 
     C = int c(s) tau(s) exp(-int_0^s tau) ds,    alpha = 1 - exp(-int tau)
 
-with s in world units. `renderer.truth.kernel` splits a ray exactly wherever the integrand is not smooth (cell faces,
-control values of the transfer function, grazing light); in between, the error falls with the eighth power of the step.
-Verified as in T. Etiene et al., "Verifying Volume Rendering Using Discretization Error Analysis", IEEE TVCG 2014:
+with s in world units. The kernel `truth_integral.cpp` splits a ray exactly wherever the integrand is not smooth (cell
+faces, control values of the transfer function, grazing light); in between, the error falls with the eighth power of the
+step. Verified as in T. Etiene et al., "Verifying Volume Rendering Using Discretization Error Analysis", IEEE TVCG 2014:
 against closed forms, against an independent Riemann sum and by the order of convergence.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from renderer.errors import RenderError
+from renderer.kernels import kernels
 from renderer.scene import ShadingSpec
 from renderer.transfer import NO_LIGHT_FIELD, LightField, TransferFunction
-from renderer.truth.cells import MACROCELL_SIZE
-from renderer.truth.cubic import Vector
 from renderer.truth.cutting import kept_parts
-from renderer.truth.kernel import Intervals, integrate_rays
-from renderer.truth.light import Gloss, LambertShading
+from renderer.truth.optics import for_macrocells, intervals_of, largest_magnitude_scale, shading_of
 from renderer.view import View
 from renderer.volume import Float64, Int64, Volume
 
@@ -41,9 +39,18 @@ _RAYS_PER_TASK = 256
 _TASKS_PER_THREAD, _MIN_RAYS_PER_TASK = 4, 128
 # The first step, in voxels, and how often it is halved.
 _FIRST_STEP, _MAX_HALVINGS = 1.0, 12
-# Scalars are scaled so that the largest scalar or control value lies between these powers of two, as it usually does:
-# sums, differences and slopes then neither overflow nor vanish.
-_LEAST_EXPONENT, _LARGEST_EXPONENT = -50, 1000
+
+
+class IndexRays(NamedTuple):
+    """A set of rays in index space, and their parts that are not cut away.
+
+    origins, directions: float64 [n, 3]; the directions are of unit length in the world. parts: float64 [n, k, 2], world
+    lengths from the origin at which parts start and end, one behind the other; some are empty.
+    """
+
+    origins: Float64
+    directions: Float64
+    parts: Float64
 
 
 @dataclass(frozen=True)
@@ -126,15 +133,17 @@ class RayIntegrator:
         num_threads: int = 2,
     ) -> None:
         values = volume.values
-        if values.dtype == np.float16:  # numba lacks it; the copy is exact
+        if values.dtype == np.float16:  # kernels lack it; the copy is exact
             values = values.astype(np.float32)
-            values.flags.writeable = False  # as in every Volume, for which kernels are compiled
-        self._volume, self._values, self._num_threads = volume, values, num_threads
-        # For each cube of cells, the first ray notes whether anything in it is visible.
-        self._macrocells = np.zeros([n // MACROCELL_SIZE + 1 for n in values.shape], np.uint8)
         scale = largest_magnitude_scale(volume, transfer)
-        self._intervals = _intervals(transfer, scale)
-        self._lambert, self._is_shaded = _lambert_shading(shading, light_field, volume, scale), shading is not None
+        self._intervals = intervals_of(transfer, scale)
+        self._integrate = kernels().integrate_rays.partial(
+            values=values,
+            macrocells=for_macrocells(values.shape, np.uint8(0)),
+            intervals=self._intervals,
+            shading=None if shading is None else shading_of(shading, light_field, volume, scale),
+        )
+        self._volume, self._num_threads, self._is_shaded = volume, num_threads, shading is not None
 
     def integrate(
         self,
@@ -159,9 +168,7 @@ class RayIntegrator:
         def integrate_part(part: slice) -> None:
             self._volume.require_unchanged()
             rays = index_rays(self._volume, view, pixels[part])
-            field = self._values, self._macrocells
-            optics = self._intervals, self._lambert
-            integrate_rays(*field, *rays, max_steps, *optics, radiance[part])
+            self._integrate(rays=rays, max_steps=max_steps, radiance=radiance[part])
 
         in_parts(integrate_part, pixels.size, self._num_threads, lambda share: on_progress(done + share * (1.0 - done)))
         self._volume.require_unchanged()
@@ -231,16 +238,12 @@ def in_parts(work: Callable[[slice], None], num_rays: int, num_threads: int, on_
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def index_rays(volume: Volume, view: View, pixels: Int64) -> tuple[Float64, Float64, Float64]:
-    """Return the rays through the centres of pixels in index space, and their parts that are not cut away.
-
-    origins, directions: float64 [n, 3]; the directions are of unit length in the world. parts: float64 [n, k, 2], world
-    lengths from the origin at which parts start and end, one behind the other; some are empty.
-    """
+def index_rays(volume: Volume, view: View, pixels: Int64) -> IndexRays:
+    """Return the rays through the centres of pixels."""
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
     origins, directions, starts = rays_through_pixels(volume.centre, view, pixels)
     parts = kept_parts(view, volume.centre, origins, directions, starts)
-    return origins @ index_from_world.T + volume.centre_index, directions @ index_from_world.T, parts
+    return IndexRays(origins @ index_from_world.T + volume.centre_index, directions @ index_from_world.T, parts)
 
 
 def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tuple[Float64, Float64, Float64]:
@@ -264,77 +267,3 @@ def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tupl
     length = np.linalg.norm(direction, axis=1)  # world length per unit of depth
     origins = depth * direction - point
     return origins @ view.axes, direction / length[:, None] @ view.axes, (view.near - depth) * length
-
-
-def largest_magnitude_scale(volume: Volume, transfer: TransferFunction) -> float:
-    """Return a power of two that brings the largest scalar or control value to where sums and slopes are finite."""
-    largest = max(_least_largest(volume), float(np.abs(transfer.values).max()))
-    exponent = math.frexp(largest)[1]
-    return math.ldexp(1.0, min(max(exponent, _LEAST_EXPONENT), _LARGEST_EXPONENT) - exponent)
-
-
-def _least_largest(volume: Volume) -> float:
-    """Return what the largest magnitude of the values may be taken for, where control values are no larger.
-
-    Only for float64 it is the largest itself, which takes a pass over all values: float64 has room for scaled float32.
-    """
-    dtype = volume.values.dtype
-    if dtype == np.float64:
-        return max(map(abs, volume.value_range()))
-    return 1.0 if dtype.kind in "iu" else float(np.finfo(np.float32).smallest_subnormal)
-
-
-def _intervals(transfer: TransferFunction, scale: float) -> Intervals:
-    knots = np.array(transfer.values, np.float64) * scale
-    points = np.column_stack([transfer.colors, transfer.extinctions])
-    rise, run = np.diff(points, axis=0), np.diff(knots)[:, None]
-    slope = np.zeros((knots.size + 1, 4))
-    # An interval of width 0 is a step. No value falls into it, so that its slope is never used.
-    with np.errstate(over="ignore"):
-        slope[1:-1] = np.divide(rise, run, out=np.zeros_like(rise), where=run > 0)
-    slope[~np.isfinite(slope)] = 0.0  # narrower than 1e-300 of the largest value: a step
-    base = np.concatenate([points[:1], points])
-    origin = np.concatenate([knots[:1], knots])
-    num_opaque_below = np.concatenate([[0], np.cumsum(points[:, 3] > 0)])
-    return Intervals(knots, np.column_stack([base, slope, origin, num_opaque_below]), scale)
-
-
-def _lambert_shading(shading: ShadingSpec | None, field: LightField, volume: Volume, scale: float) -> LambertShading:
-    """Return the light for scalars that are multiplied by `scale`."""
-    index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
-    spec = shading or ShadingSpec()
-    is_camera = spec.light == "camera"
-    light = np.array((0.0, 0.0, 1.0) if is_camera else spec.light, np.float64)  # the camera's is that of each ray
-    gloss, nowhere = None, (0.0, 0.0, 0.0)
-    if not spec.is_plain:
-        factors = _gradient_factors(spec.gradient_opacity or (), scale)
-        rows, shine = _rows(np.asarray(np.linalg.inv(index_from_world))), (float(spec.specular), float(spec.shininess))
-        gloss = Gloss(is_camera, spec.two_sided, *shine, nowhere, rows, factors, field, nowhere, nowhere)
-    # A gradient transforms with the transposed inverse of the map of points.
-    return LambertShading(
-        shading is not None,
-        float(spec.ambient),
-        float(spec.diffuse),
-        _vector(light / np.linalg.norm(light)),
-        _rows(index_from_world.T),
-        gloss,
-    )
-
-
-def _gradient_factors(points: Sequence[tuple[float, float]], scale: float) -> Float64:
-    """Return Gloss.factors."""
-    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        magnitudes, factors = np.array(points, np.float64).reshape(-1, 2).T * [[scale], [1.0]]
-        slopes = np.append(np.diff(factors) / np.diff(magnitudes), 0.0)[: len(points)]
-    slopes[~np.isfinite(slopes)] = 0.0
-    return np.ascontiguousarray(np.column_stack([magnitudes, factors, slopes]))
-
-
-def _rows(matrix: Float64) -> tuple[Vector, Vector, Vector]:
-    first, second, third = (_vector(row) for row in matrix)
-    return first, second, third
-
-
-def _vector(numbers: Float64) -> Vector:
-    x, y, z = numbers.tolist()
-    return x, y, z

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from renderer.frame import Stage
+from renderer.kernels import kernels
 from renderer.modes import Projection
 from renderer.transfer import TransferFunction, make_transfer_function
-from renderer.truth.extremum import empty_tops, search_rays
 from renderer.truth.integrator import (
     Convergence,
     Progress,
@@ -18,8 +18,8 @@ from renderer.truth.integrator import (
     ignore,
     in_parts,
     index_rays,
-    largest_magnitude_scale,
 )
+from renderer.truth.optics import for_macrocells, largest_magnitude_scale
 from renderer.view import View
 from renderer.volume import Float64, Int64, Volume
 
@@ -82,15 +82,17 @@ class ExtremeSearch:
 
     def __init__(self, volume: Volume, projection: Projection, *, num_threads: int) -> None:
         self._volume, self._projection, self._num_threads = volume, projection, num_threads
-        values = volume.values
-        self._values = values.astype(np.float32) if values.dtype == np.float16 else values  # which numba lacks
-        self._tops = empty_tops(values.shape)
-        spec = projection.spec
+        values, spec = volume.values, projection.spec
         self._scale = largest_magnitude_scale(volume, projection.optics)
         self._sign = self._scale if spec.type == "maximum" else -self._scale
         by_depth = spec.color_by == "depth"
         first, last = (end * self._scale for end in projection.color_range)
-        self._least_rise = _LEAST_RISE * (last - first) if by_depth else 0.0
+        self._search = kernels().search_rays.partial(
+            values=values.astype(np.float32) if values.dtype == np.float16 else values,  # which kernels lack
+            tops=for_macrocells(values.shape, np.nan),
+            sign=self._sign,
+            least_rise=_LEAST_RISE * (last - first) if by_depth else 0.0,
+        )
 
     def colors(self, view: View, pixels: Int64, on_progress: Progress = ignore) -> Float64:
         """Return the colours of pixels, float64 [n, 4]."""
@@ -98,8 +100,7 @@ class ExtremeSearch:
 
         def search(part: slice) -> None:
             self._volume.require_unchanged()
-            rays = index_rays(self._volume, view, pixels[part])
-            search_rays(self._values, self._tops, *rays, self._sign, self._least_rise, found[part])
+            self._search(rays=index_rays(self._volume, view, pixels[part]), found=found[part])
 
         in_parts(search, pixels.size, self._num_threads, on_progress)
         self._volume.require_unchanged()

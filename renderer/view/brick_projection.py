@@ -13,15 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.bricks import BRICK_LEVELS, BrickBatch
-from renderer.compiled import jit
+from renderer.kernels import kernels
 from renderer.view.camera import View
 from renderer.view.cutting import Cuts, are_cut_away, place_cuts
 from renderer.view.depth_order import box_order
-from renderer.view.splat_projection import ModelView, model_view
+from renderer.view.splat_projection import model_view
 from renderer.volume import Float64, UInt32, Volume
 
-# The least depth of a corner, in model units, by which its position is divided; a box with a lesser one is cut.
-_MIN_DEPTH = 1e-6
 # Eyes nearer to the volume's centre than this, in model units, are where rays begin.
 _NEAR_EYE_DISTANCE = 2.0
 
@@ -36,7 +34,7 @@ class RaySetup(NamedTuple):
     slope_per_px: a ray's length per unit of depth is `sqrt(1 + slope_per_px^2 (x^2 + y^2))`.
     start: where the near plane is, in model units along the direction.
     center_px: (x, y) of the image's centre.
-    cuts: of the view, if it has any. Loops are compiled separately for None, and then do nothing about them.
+    cuts: of the view, if it has any.
     """
 
     origins: Float64
@@ -79,7 +77,7 @@ def visible_bricks(batch: BrickBatch, view: View) -> UInt32:
     is_visible = (rectangles[:, 0] < rectangles[:, 2]) & (rectangles[:, 1] < rectangles[:, 3])
     if (cuts := place_cuts(cut.volume, view.cuts, view)) is not None:
         is_visible &= ~are_cut_away(cuts, cut.visible_bounds - cut.volume.centre_index)
-    return order[is_visible[order]].astype(np.uint32)
+    return order[is_visible[order]]
 
 
 def screen_rectangles(batch: BrickBatch, order: UInt32, view: View) -> Float64:
@@ -92,37 +90,7 @@ def screen_rectangles(batch: BrickBatch, order: UInt32, view: View) -> Float64:
     view_from_index = view.axes @ volume.world_from_index[:3, :3] / batch.model_unit
     camera = camera._replace(view_from_model=np.column_stack([view_from_index, camera.view_from_model[:, 3]]))
     beyond = batch.screen_sampling.strides[0] - 1
-    return _project_bounds(batch.cut.visible_bounds[order] - volume.centre_index, camera, beyond)
-
-
-@jit
-def _project_bounds(bounds: Float64, camera: ModelView, beyond: int) -> Float64:
-    """Return the rectangles of bounds [n, 2, 3] in model coordinates, clipped `beyond` pixels outside of the image."""
-    rectangles = np.empty((len(bounds), 4))
-    r, perspective, near = camera.view_from_model, camera.perspective, camera.near
-    width, height = float(camera.size[0] + beyond), float(camera.size[1] + beyond)
-    for i in range(len(bounds)):
-        left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
-        num_behind, is_cut = 0, False
-        for corner in range(8):
-            x, y, z = bounds[i, corner & 1, 0], bounds[i, corner >> 1 & 1, 1], bounds[i, corner >> 2, 2]
-            view_x = r[0, 3] + r[0, 0] * x + r[0, 1] * y + r[0, 2] * z
-            view_y = r[1, 3] + r[1, 0] * x + r[1, 1] * y + r[1, 2] * z
-            depth = -(r[2, 3] + r[2, 0] * x + r[2, 1] * y + r[2, 2] * z)
-            if depth <= near:
-                num_behind += 1
-            if perspective:
-                if depth <= _MIN_DEPTH:
-                    is_cut = True
-                    continue
-                view_x, view_y = view_x / depth, view_y / depth
-            column, row = camera.size[0] / 2 + camera.scale_px * view_x, camera.size[1] / 2 - camera.scale_px * view_y
-            left, right = min(left, column), max(right, column)
-            top, bottom = min(top, row), max(bottom, row)
-        if num_behind == 8:
-            left = right = top = bottom = 0.0
-        elif is_cut:
-            left, top, right, bottom = 0.0, 0.0, width, height
-        rectangles[i, 0], rectangles[i, 1] = max(left, 0.0), max(top, 0.0)
-        rectangles[i, 2], rectangles[i, 3] = min(right, width), min(bottom, height)
+    rectangles = np.empty((len(order), 4))
+    bounds = batch.cut.visible_bounds[order] - volume.centre_index
+    kernels().project_bounds(bounds=bounds, camera=camera, beyond=beyond, rectangles=rectangles)
     return rectangles

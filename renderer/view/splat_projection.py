@@ -7,13 +7,13 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from renderer.compiled import jit
+from renderer.kernels import kernels
 from renderer.pyramid import Cut
 from renderer.splats import SplatBatch
 from renderer.view.camera import View
 from renderer.view.depth_order import box_order, depth_order
 from renderer.view.order_blending import OrderBlending, sort_directions
-from renderer.volume import Bools, Float32, Float64, UInt32
+from renderer.volume import Float64, UInt32
 
 # Slopes x / depth are clamped to this multiple of those at the image's edges when a footprint is projected: the affine
 # approximation of perspective (Zwicker et al. 2001, "EWA Splatting") diverges for splats beside the eye.
@@ -169,13 +169,16 @@ def visible_order(batch: SplatBatch, view: View, *, cells: Cut | None = None, al
     cells: the splats' cells, to sort them as boxes, and not by depth. along: float64 [3], the world direction along
     which depths are measured if it is not the view's.
     """
-    depths, is_visible = _measure_depths_and_cull(
-        batch.vertices, longest_sigma(batch), batch.footprint.cutoff, batch.footprint.min_sigma_px,
-        model_view(batch, view), view.forward if along is None else along,
+    depths, is_visible = np.empty(len(batch), np.float32), np.empty(len(batch), np.bool_)
+    kernels().cull_splats(
+        vertices=batch.vertices, sigmas=longest_sigma(batch), cutoff=batch.footprint.cutoff,
+        min_sigma_px=batch.footprint.min_sigma_px, clipped_sigmas=CLIPPED_SIGMAS, culled_sigmas=CULLED_SIGMAS,
+        camera=model_view(batch, view), along=view.forward if along is None else along, depths=depths,
+        is_visible=is_visible,
     )  # fmt: skip
     if cells is not None:
         back_to_front = box_order(cells.levels, cells.cells, cells.volume, view)
-        return back_to_front[is_visible[back_to_front]].astype(np.uint32)
+        return back_to_front[is_visible[back_to_front]]
     indices = np.flatnonzero(is_visible).astype(np.uint32)
     return indices[depth_order(depths[indices])]
 
@@ -186,37 +189,3 @@ def blended_orders(batch: SplatBatch, view: View, blending: OrderBlending) -> li
         (weight, visible_order(batch, view, along=direction))
         for weight, direction in sort_directions(blending, view.forward)
     ]
-
-
-@jit
-def _measure_depths_and_cull(
-    vertices: Float32, sigmas: Float64, cutoff: float, min_sigma_px: float, camera: ModelView, along: Float64
-) -> tuple[Float32, Bools]:
-    """Return the depth of every centre along a direction, and whether its footprint can meet the image (conservative).
-
-    A splat that the near plane cuts is not drawn where its centre is: it counts as in the image. Depths are from the
-    model's origin; those from a distant eye would lose their order to float32.
-    """
-    depths, is_visible = np.empty(len(vertices), np.float32), np.empty(len(vertices), np.bool_)
-    r, scale, near, reach_px = camera.view_from_model, camera.scale_px, camera.near, cutoff * min_sigma_px + 1
-    half_width, half_height = 0.5 * camera.size[0] + reach_px, 0.5 * camera.size[1] + reach_px
-    # Pixels times depth that a ball of radius 1 reaches, its image being linearised at no more than the slope limit.
-    side = scale * np.sqrt(1 + camera.slope_limit[0] ** 2)
-    top = scale * np.sqrt(1 + camera.slope_limit[1] ** 2)
-    for i in range(len(vertices)):
-        cx, cy, cz = vertices[i, 0], vertices[i, 1], vertices[i, 2]
-        x = abs(r[0, 0] * cx + r[0, 1] * cy + r[0, 2] * cz + r[0, 3])
-        y = abs(r[1, 0] * cx + r[1, 1] * cy + r[1, 2] * cz + r[1, 3])
-        depth = -(r[2, 0] * cx + r[2, 1] * cy + r[2, 2] * cz) - r[2, 3]
-        depths[i] = along[0] * cx + along[1] * cy + along[2] * cz
-        sigma = sigmas[int(vertices[i, 7])]
-        radius = cutoff * sigma
-        if camera.perspective:
-            inside = (x * scale - depth * half_width <= radius * side) and (
-                y * scale - depth * half_height <= radius * top
-            )
-        else:
-            inside = (x - radius) * scale <= half_width and (y - radius) * scale <= half_height
-        is_cut = depth - CLIPPED_SIGMAS * sigma < near
-        is_visible[i] = (inside or is_cut) and depth + CULLED_SIGMAS * sigma > near
-    return depths, is_visible

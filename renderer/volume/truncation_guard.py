@@ -1,7 +1,7 @@
 """Guards mapped volumes against files that become shorter: zeros are read, in place of a signal that kills.
 
-A read beyond the end of a mapped file raises SIGBUS, in the middle of a compiled loop. `renderer.compiled` maps zeros
-there, so that the loop ends; `renderer` checks the file after it has read, and raises InputError.
+A read beyond the end of a mapped file raises SIGBUS, in the middle of a kernel. `renderer.kernels` maps zeros there, so
+that the kernel ends; `renderer` checks the file after it has read, and raises InputError.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from renderer.kernels import guarded_regions
 from renderer.volume.arrays import Array
 from renderer.volume.mapped_file import MappedFile
 
@@ -22,8 +23,6 @@ def guard_mapping(file: MappedFile, values: Array) -> None:
 
     Does nothing on systems without such a handler.
     """
-    from renderer.compiled import guarded_regions  # imports numba, which small volumes do not need
-
     regions = guarded_regions()
     free = np.flatnonzero(regions[:, 1] == 0)
     if not free.size:

@@ -31,7 +31,7 @@ REPEATS = 7
 
 HEAD = """# What a scene does not ask for
 
-Footprint: `integrated`, the default, drawn by compiled loops. Measure again when the pyramid, the cut, bricks or the
+Footprint: `integrated`, the default, drawn by kernels. Measure again when the pyramid, the cut, bricks or the
 start of a command change.
 
 `python tests/bench/required.py DATA` writes this page. Each row does the same work twice: for a scene that does not ask
@@ -50,11 +50,10 @@ KEYS_HEAD = """
 ## Ways of seeing, light and cuts
 
 Engine at `tolerance: 0.1`. Each cell has what it costs without the key, then with it. *In memory*: the pyramid, the
-light field, and the texels of bricks after {frames} frames. *Loops*: the functions that a process calls for one frame
-and that are compiled at their first call, or loaded from the cache, for each type of their arguments; below the table
-are those that only the scene with the key calls.
+light field, and the texels of bricks after {frames} frames. *Kernels*: how many a process calls for one frame; below
+the table are those that only the scene with the key calls.
 
-| the scene | and with | building, ms | a frame, ms | in memory, MB | loops |
+| the scene | and with | building, ms | a frame, ms | in memory, MB | kernels |
 | --- | --- | --- | --- | --- | --- |
 """
 
@@ -74,23 +73,19 @@ KEYS = {
     "`shading.shadow`": (LIT, "shading={shadow: 0.5}"),
 }
 
-# Prints the name and the types of the loops that one frame of a scene calls.
-LIST_LOOPS = """
+# Prints the names of the kernels that one frame of a scene calls.
+LIST_KERNELS = """
 import pathlib, sys, time
-from renderer.compiled.kernel_cache import KernelCache
 from renderer.draw import CPURasterizer
 from renderer.frame import prepare_stage, render_frames
+from renderer.kernels import kernels
 from renderer.scene import load_scene
 
-load = KernelCache.load_overload
-def load_and_tell(cache, signature, target):
-    print(cache._function.__module__ + "." + cache._function.__qualname__, signature)
-    return load(cache, signature, target)
-KernelCache.load_overload = load_and_tell
 scan, engine, *changes = sys.argv[1:]
 scene = load_scene(pathlib.Path(engine), volume=pathlib.Path(scan), overrides=changes)
 stage = prepare_stage(scene, clock=time.perf_counter, num_threads=1)
 next(render_frames(stage, [0], CPURasterizer(), clock=time.perf_counter))
+print(*kernels().called)
 """
 
 
@@ -99,7 +94,7 @@ def main() -> None:
     rows = [*little_visible(), *sections(arguments.data), *start()]
     rows += [KEYS_HEAD.format(frames=REPEATS + 2).rstrip("\n"), *keys(arguments.data)]
     print(*rows, sep="\n")
-    head = HEAD.format(repeats=REPEATS, **describe_machine("compiled loops"))
+    head = HEAD.format(repeats=REPEATS, **describe_machine("kernels"))
     PAGE.write_text(head + "\n".join(rows) + "\n", encoding="utf-8")
 
 
@@ -150,7 +145,7 @@ def sections(data: Path) -> Iterator[str]:
 
 
 def keys(data: Path) -> Iterator[str]:
-    """What a key computes, compiles and holds is paid by scenes that have it. After the rows come its own loops."""
+    """What a key computes and holds is paid by scenes that have it. After the rows come its own kernels."""
     scan, of_keys = data / "engine.nhdr", []
     for key, changes in KEYS.items():
         both = [(*COMMON, *changes[:num]) for num in (1, 2)]
@@ -160,8 +155,8 @@ def keys(data: Path) -> Iterator[str]:
         films = [(builder(scene, volume)(), CPURasterizer()) for scene in scenes]
         draw = timed(*(drawer(*film) for film in films))
         held = [megabytes_held(*film) for film in films]
-        few, many = (loops_of(scan, some) for some in both)
-        own = ", ".join(f"`{name}`" for name in sorted({loop.split()[0] for loop in many - few}))
+        few, many = (kernels_of(scan, some) for some in both)
+        own = ", ".join(f"`{name}`" for name in sorted(many - few))
         of_keys.append(f"- {key}: {own or 'none'}.")
         costs = [f"{without:.3g} → {with_key:.3g}" for without, with_key in (build, draw, held)]
         scene = "lit" if changes[0] == LIT else "not lit"
@@ -170,11 +165,10 @@ def keys(data: Path) -> Iterator[str]:
     yield from of_keys
 
 
-def loops_of(volume: Path, changes: Sequence[str]) -> set[str]:
-    """Return names and types of the loops that a frame of the engine calls, all of which are in the cache."""
-    command = [sys.executable, "-c", LIST_LOOPS, str(volume), str(ENGINE), *changes]
-    told = subprocess.run(command, check=True, cwd=ROOT, capture_output=True, text=True).stdout
-    return {line.removeprefix("renderer.") for line in told.splitlines()}
+def kernels_of(volume: Path, changes: Sequence[str]) -> set[str]:
+    """Return the names of the kernels that a frame of the engine calls."""
+    command = [sys.executable, "-c", LIST_KERNELS, str(volume), str(ENGINE), *changes]
+    return set(subprocess.run(command, check=True, cwd=ROOT, capture_output=True, text=True).stdout.split())
 
 
 def megabytes_held(stage: Stage, rasterizer: CPURasterizer) -> float:
@@ -196,7 +190,7 @@ def start() -> Iterator[str]:
     loading = process("-c", "import renderer.frame.pipeline, renderer.draw.gl.raster")
     for words in (["--help"], ["check", "configs/demo.yaml"]):
         costs = timed(process("-m", "hsplat_cli", *words), loading, clock=time.perf_counter)
-        yield row(f"`hsplat {words[0]}`", costs, "numpy, numba and OpenGL", "ms")
+        yield row(f"`hsplat {words[0]}`", costs, "numpy, kernels and OpenGL", "ms")
 
 
 def builder(scene: Scene, volume: Volume) -> Callable[[], Stage]:

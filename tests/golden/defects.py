@@ -189,7 +189,6 @@ def _sampled(shot: Shot, **changes: Any) -> Pixels:
 def _mirrored(shot: Shot) -> Pixels:
     volume = shot.stage.volume
     values = np.ascontiguousarray(volume.values[:, :, ::-1])
-    values.setflags(write=False)  # numba compiles loops for writable arrays by themselves
     return shot.drawn(shot.make_draw_list(shot.staged(shot.stage.scene, replace(volume, values=values)))).image
 
 

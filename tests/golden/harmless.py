@@ -94,12 +94,10 @@ SPLAT_MACHINES = (
     Machine("softpipe", "cross-driver", {"GALLIUM_DRIVER": "softpipe"}),
 )
 
-# numba's baseline processor has neither AVX nor fused multiplication and addition.
-_BASELINE = {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": ""}
 BRICK_MACHINES = (
     Machine("one thread", "exact", {"NUM_THREADS": "1"}),
     Machine("four threads", "exact", {"NUM_THREADS": "4"}),
-    Machine("a processor without AVX", "same-machine", _BASELINE),
+    Machine("a processor without AVX", "same-machine", {"HSPLAT_PROCESSOR_LEVEL": "1"}),
     Machine("llvmpipe", "cross-driver", opengl=True),
     Machine("llvmpipe, vectors of 512 bits", "cross-driver", {"LP_NATIVE_VECTOR_WIDTH": "512"}, opengl=True),
     Machine("llvmpipe without AVX", "cross-driver", {"GALLIUM_OVERRIDE_CPU_CAPS": "sse2"}, opengl=True),

@@ -50,12 +50,6 @@ output: {file: film.mp4, size: [32, 32]}
 """
 
 
-@pytest.fixture(autouse=True)
-def _compiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave out what is only said on a first run, so that messages do not depend on it."""
-    monkeypatch.setattr("renderer.compiled.has_cached_kernels", lambda: True)
-
-
 @pytest.fixture
 def scene_folder(folder: Path) -> Path:
     """Return the current folder, with SCENE in scene.yaml and two files that hold no volumes."""

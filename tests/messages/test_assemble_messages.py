@@ -91,7 +91,7 @@ def make_no_parts() -> None:
 def spoil_sidecars() -> None:
     def spoil(data: dict[str, Any]) -> None:
         data |= {"pyramid": 5, "seconds": {"total": "x", "read": -1}, "notes": ["plain", {}]}
-        data["versions"]["numba"] = []
+        data["versions"]["numpy"] = []
         data["schedule"] |= {"met": "yes", "shortfall": 7}
 
     def spoil_more(data: dict[str, Any]) -> None:

@@ -121,7 +121,7 @@ def channels_of(transfer: TransferFunction, finest_spacing: float) -> Float64:
 
 
 def between_scalars(low: Float64, high: Float64, values: Float64, points: Float64) -> tuple[Float64, Float64, Float64]:
-    """[...] each: D^2, width^2 and J^2 from low to high scalars, as `renderer.bricks.subvoxel` has them, of `points`
+    """[...] each: D^2, width^2 and J^2 from low to high scalars, as the kernel `subvoxel.cpp` has them, of `points`
     [n, c] at control `values`. D by Simpson's rule, exact for squares of what is linear, in every piece that is in the
     range."""
 

@@ -12,7 +12,9 @@ import numpy.typing as npt
 from extremes import Measure, Random, worst_of
 from number_types import INTEGERS, limits
 
-from renderer.transfer import TransferFunction, classify_voxel, make_classifier, raw_voxels
+from renderer.pyramid import build_pyramid, cut_pyramid
+from renderer.scene import ErrorSpec, PyramidSpec
+from renderer.transfer import TransferFunction
 from renderer.volume import Volume, make_volume
 
 Array = npt.NDArray[Any]
@@ -47,10 +49,10 @@ def exactly(by: TransferFunction) -> Callable[[Any], list[Fraction]]:
 def worst_classified(by: TransferFunction, values: Array) -> float:
     """Return the largest error of a channel of any voxel, as a share of the largest extinction; the spacing is 1."""
     of = placed(values.reshape(1, 1, -1), np.eye(3))
-    classifier, raw = make_classifier(of, by, None, opacity=False), raw_voxels(of)
-    worst, exact = 0.0, exactly(by)
-    for x, scalar in enumerate(of.values[0, 0]):
-        got = classify_voxel(raw, *classifier[:5], 0, 0, x)
+    cut = cut_pyramid(build_pyramid(of, by, spec=PyramidSpec(), error=ErrorSpec()), 0.0)  # all visible voxels
+    found, exact, worst = np.zeros((len(values), 4)), exactly(by), 0.0
+    found[cut.cells[:, 0]] = cut.depths
+    for got, scalar in zip(found, of.values[0, 0], strict=True):
         worst = max(worst, *(abs(float(Fraction(float(a)) - b)) for a, b in zip(got, exact(scalar), strict=True)))
     return worst / by.max_extinction
 

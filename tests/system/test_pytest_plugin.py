@@ -16,7 +16,7 @@ from hsplat_cli import main
 from renderer.film import encode_png
 
 PLUGIN = "hsplat_cli.compare.pytest_plugin"
-HEAVY = ("numpy", "moderngl", "numba", "tifffile", "pydicom", "nibabel", "imageio", "cmap", "click", "yaml", "renderer")
+HEAVY = ("numpy", "moderngl", "tifffile", "pydicom", "nibabel", "imageio", "cmap", "click", "yaml", "renderer")
 
 TESTS = """\
 from pathlib import Path

@@ -142,9 +142,9 @@ def test_an_overlay_has_no_exact_picture(capsys: pytest.CaptureFixture[str]) -> 
 
 
 def test_other_versions_are_a_note(capsys: pytest.CaptureFixture[str]) -> None:
-    edit_sidecar("film.mp4.json", lambda data: data["versions"].update(numba="0.1"))
+    edit_sidecar("film.mp4.json", lambda data: data["versions"].update(numpy="0.1"))
     verify("film.mp4", code=0)
-    assert "note: drawn by other versions than these: numba " in capsys.readouterr().out
+    assert "note: drawn by other versions than these: numpy " in capsys.readouterr().out
 
 
 # Not whole

@@ -30,7 +30,6 @@ from dense_bricks import (
 from number_types import TYPES, limits
 
 from renderer.bricks import BRICK_SIZE, RAY_ERROR_FACTOR, Bricks, cut_bricks, make_bricks
-from renderer.bricks.subvoxel import DIFFERENCE_ERROR_SHARE
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume, make_volume
@@ -41,6 +40,7 @@ SHAPES: list[Shape] = [
 ]  # fmt: skip
 # A mean or an error in float16 is off by 2^-11 at most, and by a few roundings of float32.
 HALF_RTOL = 2.0**-11 + 2e-6
+DIFFERENCE_ERROR_SHARE = 0.35
 
 
 def bricks_of(volume: Volume, transfer: TransferFunction, num_threads: int = 1) -> Bricks:

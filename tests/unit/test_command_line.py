@@ -17,14 +17,12 @@ from commands import HSPLAT, python
 
 from hsplat_cli import main
 from hsplat_cli.commands import check, compare, verify
-from hsplat_cli.terminal import Reporter
-from renderer.compiled import kernel_cache
 from renderer.errors import InputError, RenderError
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "configs" / "demo.yaml"
 
-HEAVY = ("numpy", "moderngl", "numba", "tifffile", "pydicom", "nibabel", "imageio", "cmap")
+HEAVY = ("numpy", "moderngl", "tifffile", "pydicom", "nibabel", "imageio", "cmap")
 
 
 def test_help_and_check_import_no_heavy_package(tmp_path: Path) -> None:
@@ -48,74 +46,12 @@ def test_a_system_without_what_linux_and_macos_have_is_named(hidden: str) -> Non
     assert result.stderr == "hsplat: this system is not supported; hsplat runs on Linux and macOS\n"
 
 
-def test_compiled_loops_run_without_scipy_linalg(tmp_path: Path) -> None:
-    """Loops of others in the same process still have its BLAS."""
-    program = tmp_path / "program.py"
-    program.write_text(
-        "import sys, numba, numpy as np\n"
-        "from renderer.compiled import jit\n"
-        "assert jit(lambda a: a + a)(np.ones(2)).sum() == 4.0\n"
-        "print('scipy.linalg' in sys.modules)\n"
-        "print(numba.njit(lambda a: np.dot(a, a))(np.full((1, 1), 3.0)), 'scipy.linalg' in sys.modules)"
-    )
-    got = python(str(program), NUMBA_CACHE_DIR=str(tmp_path))
-    assert got.stdout.split() == ["False", "[[9.]]", "True"]
-
-
-@pytest.mark.parametrize(
-    ("variable", "value", "code", "message"),
-    [
-        (
-            "NUMBA_DISABLE_JIT",
-            "1",
-            2,
-            "NUMBA_DISABLE_JIT: numba is told not to compile, and frames are drawn by compiled loops\n"
-            "  got: 1\n  expected: 0, or not set\n",
-        ),
-        (
-            "NUMBA_NUM_THREADS",
-            "0",
-            2,
-            "NUMBA_NUM_THREADS: numba cannot be used with this setting\n"
-            "  got: 0\n  expected: a whole number above 0, or not set\n",
-        ),
-        (
-            "NUMBA_NUM_THREADS",
-            "abc",
-            2,
-            "NUMBA_NUM_THREADS: numba cannot read this setting\n  got: abc\n  expected: another value, or not set\n",
-        ),
-    ],
-)
-def test_settings_that_keep_numba_from_compiling_are_named(
-    variable: str, value: str, code: int, message: str, tmp_path: Path
-) -> None:
-    command = ["-m", "hsplat_cli", "render", str(DEMO), "--output", str(tmp_path / "demo.mp4")]
-    done = python(*command, **{variable: value})
-    assert (done.returncode, done.stdout, done.stderr) == (code, "", message)
-
-
 def test_a_limit_of_address_space_is_named_before_libraries_fail(tmp_path: Path) -> None:
     """Without an exception, in words of their own."""
     command = f"ulimit -v 700000; exec {sys.executable} -m hsplat_cli render {DEMO} --output {tmp_path}/demo.mp4"
     done = subprocess.run(["bash", "-c", command], cwd=ROOT, capture_output=True, text=True, check=False)
     hint = "address space is limited to 0.67 GiB here (ulimit -v); a run takes about 2 GiB"
     assert (done.returncode, done.stderr) == (1, f"hsplat: out of memory\n  hint: {hint}\n")
-
-
-@pytest.mark.parametrize("is_quiet", [True, False])
-def test_a_cache_that_cannot_be_written_is_noted_once(
-    is_quiet: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    @click.command()
-    def drawing() -> None:
-        Reporter(is_quiet).announce_compilation()
-        monkeypatch.setattr(kernel_cache._store, "problem", "/cache: No space left on device")
-
-    monkeypatch.setattr(check, "check", drawing)
-    assert main.run(["check"]) == 0
-    note = "note: what was compiled is not kept for the next run: /cache: No space left on device\n"
-    assert capsys.readouterr().out == ("" if is_quiet else note)
 
 
 def test_module_and_help() -> None:

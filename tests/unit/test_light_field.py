@@ -12,9 +12,10 @@ from dense_bricks import OBLIQUE
 from light_reference import exact_occlusion, exact_shadow, sampled
 
 from renderer.lighting import light_field
-from renderer.scene import ShadingSpec, Vector
+from renderer.pyramid import build_pyramid, cut_pyramid
+from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec, Vector
 from renderer.transfer import LightField, TransferFunction
-from renderer.transfer.light_field import light_shares, make_light_field
+from renderer.transfer.light_field import make_light_field
 from renderer.volume import Bools, Volume, make_volume
 
 Float64 = npt.NDArray[np.float64]
@@ -154,6 +155,19 @@ def assert_same(first: LightField, second: LightField) -> None:
     np.testing.assert_array_equal(first.shadow, second.shadow)
 
 
+def shares_of_voxels(field: LightField, ambient: float, diffuse: float) -> Float64:
+    """Return the factors on the colours of voxels [z, y, x] whose gradient points away from the light."""
+    values = np.zeros([int((num - 2) * field.cell_size) for num in field.occlusion.shape], np.uint8)
+    values[:] = np.arange(values.shape[2])
+    of = make_volume(values, np.eye(4), "ramp")
+    gray = TransferFunction(np.zeros(1), np.ones((1, 3)), np.ones(1), 1.0)
+    shading = ShadingSpec(ambient, diffuse, (-1.0, 0.0, 0.0))
+    pyramid = build_pyramid(of, gray, spec=PyramidSpec(), error=ErrorSpec(), shading=shading, light_field=field)
+    cut, shares = cut_pyramid(pyramid, 0.0), np.full(values.shape, np.nan)
+    shares[tuple(cut.cells.T[::-1])] = cut.depths[:, 0]
+    return shares
+
+
 @pytest.mark.parametrize("cell_size", [1, 2, 8])
 def test_voxels_are_interpolated_between_centres_of_cells(cell_size: int) -> None:
     """A field that is linear in the place is found again, and is constant beyond the outermost centres."""
@@ -161,11 +175,13 @@ def test_voxels_are_interpolated_between_centres_of_cells(cell_size: int) -> Non
     grid = np.pad(cells[0] + 10 * cells[1] + 100 * cells[2], 1, mode="edge")
     field = LightField(grid, np.empty((0, 0, 0), np.float32), np.empty(0, np.int32), cell_size, 1.0, 0.5)
     half = field._replace(occlusion_strength=0.5, shadow=grid)
-    for place in np.random.default_rng(1).integers(0, 4 * cell_size, (20, 3)).tolist():
-        nearest = [min(max((at + 0.5) / cell_size - 0.5, 0), end) for at, end in zip(place, (3, 4, 5), strict=True)]
-        wanted = (nearest[0] + 10 * nearest[1] + 100 * nearest[2]) / 1000
-        assert light_shares(field, *place) == pytest.approx((wanted, 1.0), abs=1e-6)
-        assert light_shares(half, *place) == pytest.approx((0.5 + wanted / 2,) * 2, abs=1e-6)
+    ends = [np.clip((np.arange(num * cell_size) + 0.5) / cell_size - 0.5, 0, num - 1) for num in (4, 5, 6)]
+    z, y, x = np.meshgrid(*ends, indexing="ij")
+    wanted = (z + 10 * y + 100 * x) / 1000
+    np.testing.assert_allclose(shares_of_voxels(field, 1.0, 0.0), wanted, atol=1e-6)
+    np.testing.assert_allclose(shares_of_voxels(field, 0.0, 1.0), 1.0, atol=1e-6)
+    np.testing.assert_allclose(shares_of_voxels(half, 1.0, 0.0), 0.5 + wanted / 2, atol=1e-6)
+    np.testing.assert_allclose(shares_of_voxels(half, 0.0, 1.0), 0.5 + wanted / 2, atol=1e-6)
 
 
 def test_flat_volumes_and_single_voxels() -> None:

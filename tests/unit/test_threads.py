@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from renderer.compiled import ThreadPool
+from renderer.kernels import ThreadPool
 
 
 @pytest.fixture(params=[1, 3])

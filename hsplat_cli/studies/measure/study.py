@@ -85,7 +85,6 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
     """Measure, write the report and print the table; an interrupt or error still writes what was measured before it."""
     scene = request.scene
     _require_all(request)
-    reporter.announce_compilation()
     needs_opengl = any(replace(scene, splat=splat).needs_opengl for splat in request.sweep.splats)
     with open_rasterizer(needs_opengl=needs_opengl) as rasterizer:  # fails before a voxel is read
         machine = describe_machine(rasterizer.device)

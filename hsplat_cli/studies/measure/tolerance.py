@@ -28,7 +28,6 @@ def print_tolerance(
 ) -> None:
     """Search, and print a line for the scene file. Raises RenderError if full resolution is not accurate enough."""
     _require_measurable(scene, want)
-    reporter.announce_compilation()
     with (
         open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer,
         open_at_any_tolerance(scene, read_volume(scene.volume)) as stage,

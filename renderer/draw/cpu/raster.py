@@ -16,7 +16,6 @@ from itertools import pairwise
 import numpy as np
 
 from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch
-from renderer.compiled import ThreadPool
 from renderer.draw import brick_cache
 from renderer.draw.brick_cache import Atlas, BrickCache, BrickView
 from renderer.draw.cpu.extremum import make_search
@@ -25,7 +24,7 @@ from renderer.draw.cpu.grid import Grid, bin_bricks
 from renderer.draw.cpu.light import make_light
 from renderer.draw.rasterizer import Rasterizer
 from renderer.draw.subsampling import grid_size, refine_grid, upsample
-from renderer.kernels import kernels
+from renderer.kernels import ThreadPool, kernels
 from renderer.splats import SplatBatch
 from renderer.view import View
 from renderer.volume import Bools, Float32, Int64, UInt32

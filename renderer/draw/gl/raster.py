@@ -23,7 +23,6 @@ import moderngl
 import numpy as np
 
 from renderer.bricks import BrickBatch
-from renderer.compiled import ThreadPool
 from renderer.draw.compositing import MIN_CHUNK_SPLATS, splats_per_chunk
 from renderer.draw.constants import MAX_SHAPES
 from renderer.draw.cpu.raster import CPU_RENDERER_NAME, CPURasterizer
@@ -31,6 +30,7 @@ from renderer.draw.gl.bricks import GLBrickRenderer
 from renderer.draw.gl.programs import MESH_VERTEX, SPLAT_VERTEX, load_shader, vertex_content
 from renderer.draw.rasterizer import Rasterizer
 from renderer.errors import ContextLostError, RenderError
+from renderer.kernels import ThreadPool
 from renderer.splats import GaussianFootprint, GouraudFootprint, SplatBatch
 from renderer.view import (
     CLIPPED_SIGMAS,

@@ -4,6 +4,8 @@
 
 #define INLINE inline __attribute__((always_inline))
 
+constexpr double INFINITE = __builtin_inf();
+
 // A kernel returns one of these; Python raises MemoryError or IndexError.
 enum Status : int32_t { DONE = 0, NO_MEMORY = 1, OUT_OF_BOUNDS = 2 };
 

@@ -20,6 +20,14 @@
     extern "C" __attribute__((visibility("default"))) Status name(const Arguments* arguments);
 #endif
 
+// ---- kernels
+
+struct GuardRegions {
+    Array<int64_t, 2> regions;
+    int64_t page_size;
+};
+KERNEL(guard_regions, GuardRegions)
+
 // ---- transfer
 
 // As in renderer/transfer/piecewise.py.
@@ -29,6 +37,31 @@ struct TransferTable {
     double scale;
     Array<const uint64_t, 1> guide;
     double buckets_per_unit;
+};
+
+// As in renderer/transfer/light_field.py.
+struct LightField {
+    Array<const float, 3> occlusion;
+    Array<const float, 3> shadow;
+    double cell_size;
+    double occlusion_strength;
+    double shadow_strength;
+};
+
+// As in renderer/transfer/classify.py, and the next one.
+struct VoxelLighting {
+    double light[5];
+    double world_from_gradient[9];
+    LightField field;
+};
+
+struct Classifier {
+    Maybe<Array<const float, 2>> table;
+    Maybe<Array<const double, 1>> scalars;
+    Maybe<TransferTable> curve;
+    bool is_opacity;
+    Maybe<VoxelLighting> lighting;
+    Array<const double, 1> breakpoints;
 };
 
 // As in renderer/transfer/piecewise.py.
@@ -47,11 +80,171 @@ struct LightField {
 
 // ---- pyramid
 
+// As in renderer/pyramid/nodes.py, and the next two.
+struct VisibleNodes {
+    Array<float, 2> means;
+    Array<float, 1> deviations;
+    Array<uint8_t, 1> masks;
+    Array<int64_t, 1> counts;
+    Array<float, 2> root_means;
+    Array<double, 2> root_error_means;
+    Array<double, 2> root_variances;
+};
+
+struct NodeCells {
+    Array<int32_t, 2> cells;
+    Array<int64_t, 1> sizes;
+};
+
+struct Normalization {
+    double offset;
+    double scale;
+};
+
+struct BuildBlocks {
+    AnyArray<3> raw;
+    Classifier classifier;
+    Maybe<Classifier> error_classifier;
+    Maybe<Normalization> normalization;
+    double leaf_variance_limits[2];
+    Array<bool, 3> occupied;
+    int64_t occupied_level;
+    Array<const int64_t, 2> starts;
+    Array<const int64_t, 2> extents;
+    Array<bool, 1> visible;
+    VisibleNodes nodes;
+    Maybe<NodeCells> listed;
+};
+KERNEL(build_blocks, BuildBlocks)
+
+struct MergeTier {
+    Array<const float, 2> means;
+    Array<const double, 2> error_means;
+    Array<const double, 2> variances;
+    Array<const int64_t, 1> places;
+    Array<const int64_t, 2> extents;
+    int64_t side;
+    VisibleNodes nodes;
+};
+KERNEL(merge_tier, MergeTier)
+
+struct AverageBlocks {
+    AnyArray<3> raw;
+    Classifier classifier;
+    Array<const int64_t, 2> starts;
+    Array<const int64_t, 2> extents;
+    Array<float, 3> means;
+};
+KERNEL(average_blocks, AverageBlocks)
+
+struct StoreFloat16 {
+    Array<const float, 1> values;
+    float factor;
+    Array<uint16_t, 1> out;
+};
+KERNEL(store_float16, StoreFloat16)
+
+struct ListChildren {
+    Array<const int64_t, 1> nodes;
+    Array<const int32_t, 2> cells;
+    Array<const uint8_t, 1> masks;
+    Array<const int64_t, 1> first_children;
+    Array<int64_t, 1> child_nodes;
+    Array<int32_t, 2> child_cells;
+};
+KERNEL(list_children, ListChildren)
+
+struct FindVoxels {
+    AnyArray<3> raw;
+    Classifier classifier;
+    Array<const int32_t, 2> parents;
+    Array<uint8_t, 1> counts;
+    Array<int32_t, 2> cells;
+    Array<float, 2> depths;
+};
+KERNEL(find_voxels, FindVoxels)
+
 // ---- lighting
 
 // ---- splats
 
+struct PlaceSplats {
+    Array<const uint8_t, 1> levels;
+    Array<const int32_t, 2> cells;
+    Array<const float, 2> depths;
+    Array<const uint8_t, 1> shapes;
+    Array<const double, 2> shift_of_shape;
+    Array<const double, 1> area_of_shape;
+    double model_from_index[9];
+    Array<float, 2> vertices;
+};
+KERNEL(place_splats, PlaceSplats)
+
 // ---- bricks
+
+// As in renderer/bricks/layout.py.
+struct Voxels {
+    AnyArray<3> raw;
+    Maybe<Array<const double, 1>> scalars;
+    bool has_absent;
+};
+
+struct MeasureVoxelBricks {
+    Voxels voxels;
+    Array<const int32_t, 2> cells;
+    Array<const double, 1> breakpoints;
+    TransferTable curve;
+    Array<float, 5> bounds;
+    Array<double, 4> measures;
+};
+KERNEL(measure_voxel_bricks, MeasureVoxelBricks)
+
+struct MeasureRanges {
+    Voxels voxels;
+    Array<const int32_t, 2> cells;
+    Array<double, 2> ranges;
+};
+KERNEL(measure_ranges, MeasureRanges)
+
+struct AddNodes {
+    Array<const int32_t, 2> cells;
+    Array<const int64_t, 1> sizes;
+    Array<const double, 1> errors;
+    Array<const bool, 1> is_visible;
+    Array<double, 6> max_error_by_neighbour;
+    Array<uint8_t, 8> bounds_by_neighbour;
+    Array<double, 3> max_error_below;
+    Array<double, 3> squared_errors_below;
+};
+KERNEL(add_nodes, AddNodes)
+
+struct CopyNodes {
+    Array<const float, 3> nodes;
+    Array<const int64_t, 2> first_cells;
+    Array<const int64_t, 1> bricks;
+    Array<float, 5> means;
+};
+KERNEL(copy_nodes, CopyNodes)
+
+struct FillScalarTexels {
+    Voxels voxels;
+    Array<const int32_t, 2> cells;
+    double first;
+    double width;
+    double factor;
+    Maybe<Array<const double, 2>> world_from_gradient;
+    double scale;
+    Array<float, 5> texels;
+};
+KERNEL(fill_scalar_texels, FillScalarTexels)
+
+struct ExtrapolateBorder {
+    Array<const int32_t, 2> cells;
+    double extents[3];
+    double brightest;
+    Array<float, 3> texels;
+};
+KERNEL(extrapolate_border, ExtrapolateBorder)
 
 // ---- view
 
@@ -63,8 +256,8 @@ struct Cuts {
 
 // As in renderer/view/brick_projection.py.
 struct RaySetup {
-    Array<const double, 2> origins;
-    Array<const double, 2> directions;
+    double origins[9];
+    double directions[9];
     double slope_per_px;
     double start;
     double center_px[2];
@@ -73,15 +266,71 @@ struct RaySetup {
 
 // As in renderer/view/splat_projection.py.
 struct ModelView {
-    Array<const double, 2> view_from_model;
+    double view_from_model[12];
     bool perspective;
     double scale_px;
     int64_t size[2];
     double near;
-    Array<const double, 1> slope_limit;
+    double slope_limit[2];
 };
 
+struct ProjectBounds {
+    Array<const double, 3> bounds;
+    ModelView camera;
+    int64_t beyond;
+    Array<double, 2> rectangles;
+};
+KERNEL(project_bounds, ProjectBounds)
+
+struct CullSplats {
+    Array<const float, 2> vertices;
+    Array<const double, 1> sigmas;
+    double cutoff;
+    double min_sigma_px;
+    double clipped_sigmas;
+    double culled_sigmas;
+    ModelView camera;
+    double along[3];
+    Array<float, 1> depths;
+    Array<bool, 1> is_visible;
+};
+KERNEL(cull_splats, CullSplats)
+
+struct DepthOrder {
+    Array<const float, 1> depths;
+    Array<uint32_t, 1> order;
+};
+KERNEL(depth_order, DepthOrder)
+
+struct BoxOrder {
+    Array<const uint8_t, 1> levels;
+    Array<const int32_t, 2> cells;
+    double eye[3];
+    int64_t shape[3];
+    Array<uint32_t, 1> order;
+};
+KERNEL(box_order, BoxOrder)
+
 // ---- modes
+
+struct MeasureChords {
+    RaySetup rays;
+    int64_t shape[3];
+    Maybe<Array<const bool, 3>> absent;
+    double unit;
+    int64_t first_row;
+    Array<float, 2> lengths;
+};
+KERNEL(measure_chords, MeasureChords)
+
+struct ColorShares {
+    TransferTable curve;
+    Array<const float, 2> shares;
+    Array<const float, 2> chords;
+    Array<const float, 3> brightness;
+    Array<float, 3> image;
+};
+KERNEL(color_shares, ColorShares)
 
 // ---- draw
 
@@ -237,3 +486,66 @@ struct Quantize {
 KERNEL(quantize, Quantize)
 
 // ---- truth
+
+// As in renderer/truth/optics.py.
+struct Intervals {
+    Array<const double, 1> knots;
+    Array<const double, 2> rows;
+    double scale;
+};
+
+// Of a LightField.
+struct ArrivingLight {
+    Array<const float, 3> occlusion;
+    Array<const float, 3> shadow;
+    double cell_size;
+    double occlusion_strength;
+    double shadow_strength;
+};
+
+// As in renderer/truth/optics.py.
+struct Gloss {
+    bool is_camera;
+    bool is_two_sided;
+    double specular;
+    double shininess;
+    double world_from_index[9];
+    Array<const double, 2> factors;
+    ArrivingLight field;
+};
+
+struct LambertShading {
+    double ambient;
+    double diffuse;
+    double light[3];
+    double world_from_index_gradient[9];
+    Maybe<Gloss> gloss;
+};
+
+// n rays in index space, as in renderer/truth/integrator.py.
+struct IndexRays {
+    Array<const double, 2> origins;
+    Array<const double, 2> directions;
+    Array<const double, 3> parts;
+};
+
+struct IntegrateRays {
+    AnyArray<3> values;
+    Array<uint8_t, 3> macrocells;
+    Intervals intervals;
+    Maybe<LambertShading> shading;
+    Array<const double, 1> max_steps;
+    IndexRays rays;
+    Array<double, 3> radiance;
+};
+KERNEL(integrate_rays, IntegrateRays)
+
+struct SearchRays {
+    AnyArray<3> values;
+    Array<double, 3> tops;
+    double sign;
+    double least_rise;
+    IndexRays rays;
+    Array<double, 2> found;
+};
+KERNEL(search_rays, SearchRays)

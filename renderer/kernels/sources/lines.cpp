@@ -59,15 +59,15 @@ void draw_line(const DrawLines& arguments, End from, End to, double side, const 
 // Project lines, less what is nearer than the near plane, and draw them.
 Status draw_lines(const DrawLines* arguments) {
     const auto [vertices, voxel_side, colors, camera, cover, opacity, min_side_px, image] = *arguments;
-    const auto m = camera.view_from_model;
-    if (vertices.shape[1] != 7 || colors.shape[1] != 4 || m.shape[0] != 3 || m.shape[1] != 4 || image.shape[2] != 4)
-        return OUT_OF_BOUNDS;
+    if (vertices.shape[1] != 7 || colors.shape[1] != 4 || image.shape[2] != 4) return OUT_OF_BOUNDS;
     for (int64_t i = 0; i < vertices.shape[0]; i++) {
         double ends[2][3], beyond[2];
         for (int k = 0; k < 2; k++) {
             const float* point = &vertices(i, 3 * k);
-            for (int row = 0; row < 3; row++)
-                ends[k][row] = m(row, 0) * point[0] + m(row, 1) * point[1] + m(row, 2) * point[2] + m(row, 3);
+            for (int row = 0; row < 3; row++) {
+                const double* m = camera.view_from_model + 4 * row;
+                ends[k][row] = m[0] * point[0] + m[1] * point[1] + m[2] * point[2] + m[3];
+            }
             beyond[k] = -ends[k][2] - camera.near;
         }
         if (most(beyond[0], beyond[1]) <= 0.0) continue;

@@ -10,7 +10,6 @@ using ClippedInts = Vector<int32_t, CLIPPED>;
 using ClippedFloats = Vector<float, CLIPPED>;
 using ClippedMask = Vector<bool, CLIPPED>;
 
-constexpr double INFINITE = __builtin_inf();
 constexpr double DITHER = 0.15;  // this and the next as in renderer/bricks/sampling.py
 constexpr uint32_t JITTER_PER_PX[2] = {3242174889, 2447445414};
 
@@ -77,7 +76,7 @@ INLINE void set_up_rays(const Grid& grid, Window window, const Tile& tile) {
             Doubles x = __builtin_convertvector(column * stride, Doubles) + 0.5 - rays.center_px[0];
             Doubles square = 0.0;
             for (int axis = 0; axis < 3; axis++) {
-                auto origin = rays.origins[axis], direction = rays.directions[axis];
+                const double *origin = rays.origins + 3 * axis, *direction = rays.directions + 3 * axis;
                 Doubles speed = direction[0] + direction[1] * x + direction[2] * y;
                 store(tile.rays, begin + (ORIGIN + axis) * tile.room, origin[0] + origin[1] * x + origin[2] * y);
                 store(tile.rays, begin + (DIRECTION + axis) * tile.room, speed);

@@ -39,8 +39,6 @@ static bool is_consistent(const Grid& grid, const Array<const int64_t, 1>& tiles
     if (bins.rectangles.shape[0] != boxes.shape[0] || bins.rectangles.shape[1] != 4) return false;
     if (texel_offsets.shape[0] != boxes.shape[0] || image.shape[2] != 4) return false;
     if (image.shape[0] != is_drawn.shape[0] || image.shape[1] != is_drawn.shape[1]) return false;
-    if (rays.origins.shape[0] != 3 || rays.origins.shape[1] != 3) return false;
-    if (rays.directions.shape[0] != 3 || rays.directions.shape[1] != 3) return false;
     const Cuts& cuts = rays.cuts.value;
     if (rays.cuts.exists && (cuts.slabs.shape[1] != 5 || cuts.boxes.shape[1] != 3 || cuts.boxes.shape[2] != 5))
         return false;

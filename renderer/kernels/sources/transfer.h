@@ -1,12 +1,33 @@
 // The exact table of a transfer function, in float64 (TransferTable in renderer/transfer/piecewise.py).
 #pragma once
 #include "kernels.h"
+#include "maths.h"
 
 constexpr int64_t GUIDE_SIZE = 1024;
+constexpr double MAX_NORMALIZED_SCALAR = 1 << 20;
+
+// As in renderer/transfer/transfer_function.py.
+constexpr double VISIBILITY_THRESHOLD = 0x1p-80;
 
 struct Channels {
     double r, g, b, a;
 };
+
+INLINE bool fits(const TransferTable& curve) {
+    int64_t num = curve.values.shape[0];
+    return num > 0 && curve.rows.shape[0] == num + 1 && curve.rows.shape[1] == 10 &&
+           curve.guide.shape[0] == GUIDE_SIZE + 3;
+}
+
+// How many of some ascending numbers are at or below a scalar: at least `low`, at most `high`.
+INLINE int64_t num_at_or_below(const Array<const double, 1>& values, double scalar, int64_t low, int64_t high) {
+    while (low < high) {
+        int64_t middle = (low + high) / 2;
+        if (values[middle] <= scalar) low = middle + 1;
+        else high = middle;
+    }
+    return low;
+}
 
 // The four channels of a scaled and clamped scalar in segment k.
 INLINE Channels evaluate_segment(const Array<const double, 2>& rows, int64_t k, double inside) {
@@ -20,11 +41,21 @@ INLINE Channels evaluate(const TransferTable& curve, double scalar) {
     const auto& values = curve.values;
     double inside = least(most(scalar, values[0]), values[values.shape[0] - 1]) * curve.scale;
     int64_t bucket = least((int64_t)((inside - curve.rows(0, 0)) * curve.buckets_per_unit), GUIDE_SIZE - 1);
-    int64_t k = (int64_t)curve.guide[bucket], end = (int64_t)curve.guide[bucket + 3];
-    while (k < end) {
-        int64_t middle = (k + end) / 2;
-        if (values[middle] <= scalar) k = middle + 1;
-        else end = middle;
-    }
-    return evaluate_segment(curve.rows, k, inside);
+    int64_t low = (int64_t)curve.guide[bucket], high = (int64_t)curve.guide[bucket + 3];
+    return evaluate_segment(curve.rows, num_at_or_below(values, scalar, low, high), inside);
+}
+
+// A voxel's four channels without light: (tau c, tau) or, as opacities, (a c, a); 0 for NaN.
+INLINE Channels classify_scalar(const TransferTable& curve, bool is_opacity, double scalar) {
+    if (scalar != scalar) return {0, 0, 0, 0};
+    auto [r, g, b, weight] = evaluate(curve, scalar);
+    if (is_opacity) weight = -expm1_of(-weight);
+    if (!(weight >= VISIBILITY_THRESHOLD)) weight = 0;
+    return {weight * r, weight * g, weight * b, weight};
+}
+
+// The min-max test: whether any scalar from `low` to `high` is visible (renderer/transfer/transfer_function.py).
+INLINE bool is_range_visible(const Array<const double, 1>& breakpoints, double low, double high) {
+    int64_t num_low = num_at_or_below(breakpoints, low, 0, breakpoints.shape[0]);
+    return num_low % 2 == 1 || num_at_or_below(breakpoints, high, num_low, breakpoints.shape[0]) != num_low;
 }

@@ -1,4 +1,4 @@
-"""A pool of threads for compiled loops, which run side by side because they release the interpreter's lock."""
+"""A pool of threads for kernels, which run side by side because they release the interpreter's lock."""
 
 from __future__ import annotations
 

@@ -1,0 +1,124 @@
+// Classification of voxels: the transfer function, and Lambert's law on the gradient, applied to voxels of a box.
+#pragma once
+#include "lanes.h"
+#include "light_field.h"
+#include "voxels.h"
+
+namespace {
+
+// `ambient + diffuse max(0, n . l)`, with the normal n against the world gradient (x, y, z), whose largest component is
+// about 1, so that squares neither overflow nor vanish. light: the vector l towards the light, ambient, diffuse.
+INLINE double lambert_factor(double x, double y, double z, const double* light) {
+    double across = __builtin_fma(x, light[0], __builtin_fma(y, light[1], z * light[2]));
+    double length = __builtin_sqrt(__builtin_fma(x, x, __builtin_fma(y, y, z * z)));
+    return __builtin_fma(light[4], most(0.0, -across / length), light[3]);
+}
+
+// The ends of a difference at a voxel, and how many voxels they are apart. Where a neighbour is without data, or beyond
+// the border, the voxel itself is in its place.
+struct Difference {
+    double before, after, distance;
+
+    INLINE Difference(const double* here, int64_t step, int64_t place, int64_t num)
+        : before(here[-step]), after(here[step]) {
+        int64_t num_before = place > 0, num_after = place < num - 1;
+        if (before != before) before = *here, num_before = 0;
+        if (after != after) after = *here, num_after = 0;
+        distance = (double)most(num_before + num_after, (int64_t)1);
+    }
+};
+
+// The factor on the colour of a visible voxel, by Lambert's law; ambient where the gradient is 0.
+//
+// Derivatives along the index axes are central, one-sided at the border and beside voxels without data, 0 across one
+// voxel. here: its scalar, with those beside it at -1 and 1, `row` and `row` squared.
+inline double lighting_factor(const VoxelLighting& lighting, const AnyArray<3>& raw, const double* here, int64_t row,
+                              const int64_t* voxel) {
+    const auto& [num_z, num_y, num_x] = raw.shape;
+    bool is_float32 = raw.dtype == 8;  // small differences of these are float32, too
+    Difference along[3] = {
+        {here, 1, voxel[0], num_x}, {here, row, voxel[1], num_y}, {here, row * row, voxel[2], num_z}};
+    // Only the direction counts. Differences of halves do not overflow. Where they are small, the full differences do
+    // not overflow either, and halves would round denormals.
+    double g[3], light[5];
+    auto largest = [&] { return most(most(__builtin_fabs(g[0]), __builtin_fabs(g[1])), __builtin_fabs(g[2])); };
+    for (int axis = 0; axis < 3; axis++) g[axis] = 0.5 * along[axis].after - 0.5 * along[axis].before;
+    if (largest() < 1.0)
+        for (int axis = 0; axis < 3; axis++) {
+            double rise = along[axis].after - along[axis].before;
+            g[axis] = 2.0 * (is_float32 ? (double)(float)rise : rise);
+        }
+    for (int axis = 0; axis < 3; axis++) g[axis] /= along[axis].distance;
+    __builtin_memcpy(light, lighting.light, sizeof light);
+    const auto& [occlusion, shadow, cell_size, occlusion_strength, shadow_strength] = lighting.field;
+    light[3] *= share_at(occlusion, occlusion_strength, cell_size, voxel);
+    light[4] *= share_at(shadow, shadow_strength, cell_size, voxel);
+    double steepest = largest();
+    if (steepest == 0.0) return light[3];
+    for (double& each : g) each /= steepest;
+    const double* m = lighting.world_from_gradient;
+    return lambert_factor(m[0] * g[0] + m[1] * g[1] + m[2] * g[2], m[3] * g[0] + m[4] * g[1] + m[5] * g[2],
+                          m[6] * g[0] + m[7] * g[1] + m[8] * g[2], light);
+}
+
+using FourChannels = Vector<float, 4>;
+
+// As classify_box, by a table and without light.
+template <class T, int SIDE, class Take>
+INLINE void look_up_box(const AnyArray<3>& raw, const Array<const float, 2>& table, const Box& box, Take take) {
+    Array<const T, 3> patterns = {(const T*)raw.data, {raw.shape[0], raw.shape[1], raw.shape[2]}};
+    auto look_up = [&](int64_t num_z, int64_t num_y, int64_t num_x) __attribute__((always_inline)) {
+        for (int64_t z = 0; z < num_z; z++)
+            for (int64_t y = 0; y < num_y; y++) {
+                const T* row = &patterns(box.first[2] + z, box.first[1] + y, box.first[0]);
+                for (int64_t x = 0; x < num_x; x++) take(x, y, z, load<FourChannels>(&table(row[x], 0), 0));
+            }
+    };
+    const auto& [num_x, num_y, num_z] = box.extent;
+    if (num_x * num_y * num_z == SIDE * SIDE * SIDE) look_up(SIDE, SIDE, SIDE);  // which the compiler unrolls
+    else look_up(num_z, num_y, num_x);
+}
+
+// Call `take(x, y, z, channels)` for each voxel of a box of at most SIDE voxels along each axis, x fastest.
+template <int SIDE, class Take>
+INLINE void classify_box(const AnyArray<3>& raw, const Classifier& classifier, const Box& box, Take take) {
+    const auto& [table, by_pattern, curve, is_opacity, lighting, breakpoints] = classifier;
+    if (table.exists && !lighting.exists) {
+        if (raw.dtype == 0) look_up_box<uint8_t, SIDE>(raw, table.value, box, take);
+        else look_up_box<uint16_t, SIDE>(raw, table.value, box, take);
+        return;
+    }
+    constexpr int64_t padded = SIDE + 2;
+    double scalars[padded * padded * padded];
+    int64_t side = lighting.exists ? padded : SIDE, halo = lighting.exists;
+    if (lighting.exists) {
+        const int64_t origin[3] = {}, shape[3] = {raw.shape[2], raw.shape[1], raw.shape[0]};
+        const int64_t first[3] = {box.first[0] - 1, box.first[1] - 1, box.first[2] - 1};
+        load_scalars<padded>(raw, by_pattern, {origin, shape}, first, scalars);
+    } else {
+        load_scalars<SIDE>(raw, by_pattern, box, box.first, scalars);
+    }
+    for (int64_t z = 0; z < box.extent[2]; z++)
+        for (int64_t y = 0; y < box.extent[1]; y++)
+            for (int64_t x = 0; x < box.extent[0]; x++) {
+                const int64_t voxel[3] = {box.first[0] + x, box.first[1] + y, box.first[2] + z};
+                const double* here = scalars + ((z + halo) * side + y + halo) * side + x + halo;
+                Channels channels;
+                if (table.exists) {
+                    int64_t place = (voxel[2] * raw.shape[1] + voxel[1]) * raw.shape[2] + voxel[0];
+                    bool is_byte = raw.dtype == 0;
+                    int64_t pattern = is_byte ? ((const uint8_t*)raw.data)[place] : ((const uint16_t*)raw.data)[place];
+                    const float* row = &table.value(pattern, 0);
+                    channels = {row[0], row[1], row[2], row[3]};
+                } else {
+                    channels = classify_scalar(curve.value, is_opacity, *here);
+                }
+                double factor = 1.0;
+                if (lighting.exists && channels.a > 0)
+                    factor = lighting_factor(lighting.value, raw, here, side, voxel);
+                float r = (float)(channels.r * factor), g = (float)(channels.g * factor);
+                take(x, y, z, FourChannels{r, g, (float)(channels.b * factor), (float)channels.a});
+            }
+}
+
+}  // namespace

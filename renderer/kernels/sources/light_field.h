@@ -1,0 +1,26 @@
+// How much of the light reaches each place (LightField in renderer/transfer/light_field.py).
+#pragma once
+#include "kernels.h"
+
+// The value of a grid at a place in the volume, in float32.
+INLINE float interpolate_cells(const Array<const float, 3>& grid, float x, float y, float z) {
+    int64_t i = (int64_t)x, j = (int64_t)y, k = (int64_t)z;
+    float a = x - (float)i, b = y - (float)j, c = z - (float)k;
+    auto along_x = [&](int64_t row, int64_t slab) {
+        float first = grid(slab, row, i);
+        return first + a * (grid(slab, row, i + 1) - first);
+    };
+    float near = along_x(j, k), below = along_x(j + 1, k), far = along_x(j, k + 1), beyond = along_x(j + 1, k + 1);
+    near += b * (below - near), far += b * (beyond - far);
+    return near + c * (far - near);
+}
+
+// The share of light that reaches a voxel, by one of a field's grids.
+INLINE double share_at(const Array<const float, 3>& grid, double strength, double cell_size, const int64_t* voxel) {
+    if (grid.size() == 0) return 1.0;
+    double scale = 1.0 / cell_size, shift = 0.5 / cell_size + 0.5;
+    float place[3];
+    for (int axis = 0; axis < 3; axis++)
+        place[axis] = (float)least(most((double)voxel[axis] * scale + shift, 0.5), (double)grid.shape[2 - axis] - 1.5);
+    return 1.0 - strength + strength * (double)interpolate_cells(grid, place[0], place[1], place[2]);
+}
