@@ -35,7 +35,7 @@ def test_powers_keep_their_digits(exponent: float) -> None:
     gradients = np.column_stack([np.sqrt(1 - cosines.astype(np.float64) ** 2), 0 * cosines, cosines]).astype(np.float32)
     shading = ShadingSpec(0.0, 0.0, "camera", specular=1.0, shininess=exponent)
     no_factors = np.empty((0, 3), np.float32)
-    light = Light(shading, NO_LIGHT_FIELD, True, np.zeros(3), np.eye(3), no_factors, (0, 0, 0), np.zeros(3))
+    light = Light(shading, NO_LIGHT_FIELD, True, np.zeros(3), np.eye(3), no_factors, np.zeros(3))
     got = drawn(np.full(len(cosines), 50.0), light=light, gradients=gradients)[:, 0]
     wide = gradients.astype(np.float64)
     expected = (wide[:, 2] / np.linalg.norm(wide, axis=1)) ** np.float32(exponent)

@@ -22,7 +22,7 @@ class Light(NamedTuple):
     world_from_index: the rows of a matrix of directions; a common factor does not matter.
     factors: float32 [n, 3], a gradient's length in texels, the factor on extinction there, and its slope up to the
         next.
-    grid_shape: of the field's cells, x, y, z. first_cell: the grid's place, in cells, of the volume's centre.
+    first_cell: the grid's place, in cells, of the volume's centre.
     """
 
     shading: ShadingSpec
@@ -31,7 +31,6 @@ class Light(NamedTuple):
     toward: Float64
     world_from_index: Float64
     factors: Float32
-    grid_shape: tuple[int, ...]
     first_cell: Float64
 
 
@@ -41,7 +40,6 @@ def make_light(batch: BrickBatch) -> Light | None:
     if shading is None or shading.is_plain:
         return None
     field, volume = batch.bricks.light_field, batch.bricks.volume
-    grid = field.occlusion if field.occlusion.size else field.shadow
     is_camera = shading.light == "camera"
     world_from_index = volume.world_from_index[:3, :3]
     return Light(
@@ -51,7 +49,6 @@ def make_light(batch: BrickBatch) -> Light | None:
         np.zeros(3) if is_camera else toward_light(shading),
         world_from_index / np.abs(world_from_index).max(),
         _factors(batch),
-        grid.shape[::-1],
         (volume.centre_index + 0.5) / field.cell_size + 0.5,
     )
 

@@ -43,6 +43,7 @@ struct TransferTable {
 struct LightField {
     Array<const float, 3> occlusion;
     Array<const float, 3> shadow;
+    Array<const int32_t, 1> corners;
     double cell_size;
     double occlusion_strength;
     double shadow_strength;
@@ -68,14 +69,6 @@ struct Classifier {
 struct PiecewiseTransfer {
     Array<const float, 2> rows;
     Array<const int32_t, 1> guide;
-};
-
-// As in renderer/transfer/light_field.py.
-struct LightField {
-    Array<const int32_t, 1> corners;
-    double cell_size;
-    float occlusion_strength;
-    float shadow_strength;
 };
 
 // ---- pyramid
@@ -442,7 +435,6 @@ struct Light {
     float toward[3];
     float world_from_index[9];
     Array<const float, 2> factors;
-    int64_t grid_shape[3];
     double first_cell[3];
 };
 
@@ -498,6 +490,7 @@ struct Intervals {
 struct ArrivingLight {
     Array<const float, 3> occlusion;
     Array<const float, 3> shadow;
+    Array<const int32_t, 1> corners;
     double cell_size;
     double occlusion_strength;
     double shadow_strength;

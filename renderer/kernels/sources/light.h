@@ -59,19 +59,20 @@ struct Arriving {
 // texel: where samples are in a brick. origin: as `place_brick` returns it, along each axis.
 INLINE Arriving arriving_shares(const Light& light, const Three& texel, const float (&origin)[3]) {
     Arriving shares = {texel.x * 0.0f + 1.0f, texel.x * 0.0f + 1.0f};
-    const auto& [corners, cell_size, occlusion_strength, shadow_strength] = light.field;
-    if (corners.shape[0] > 0) {
-        const auto& nums = light.grid_shape;
+    const LightField& field = light.field;
+    if (field.corners.shape[0] > 0) {
+        float occlusion_strength = (float)field.occlusion_strength, shadow_strength = (float)field.shadow_strength;
+        const auto& nums = (occlusion_strength > 0.0f ? field.occlusion : field.shadow).shape;  // z, y, x
         auto place_along = [&](Floats along, int axis) {
-            Floats place = max_of(in_all<Floats>(0.5f), fma(along, (float)(1.0 / cell_size), origin[axis]));
-            return min_of(place, in_all<Floats>((float)nums[axis] - 1.5f));
+            Floats place = max_of(in_all<Floats>(0.5f), fma(along, (float)(1.0 / field.cell_size), origin[axis]));
+            return min_of(place, in_all<Floats>((float)nums[2 - axis] - 1.5f));
         };
         Floats u = place_along(texel.x, 0), v = place_along(texel.y, 1), w = place_along(texel.z, 2);
         Ints i = to_int32(u), j = to_int32(v), k = to_int32(w);
-        Ints at = (k * (int32_t)nums[1] + j) * (int32_t)nums[0] + i;
+        Ints at = (k * (int32_t)nums[1] + j) * (int32_t)nums[2] + i;
         Three inside = {u - to_float32(i), v - to_float32(j), w - to_float32(k)};
         int32_t num_numbers = 2 * ((occlusion_strength > 0.0f) + (shadow_strength > 0.0f));
-        auto [near, far, next_near, next_far] = load_four(corners, at * num_numbers);
+        auto [near, far, next_near, next_far] = load_four(field.corners, at * num_numbers);
         if (occlusion_strength > 0.0f) {
             shares.ambient = fma(occlusion_strength, interpolate_bytes(near, far, inside) - 1.0f, 1.0f);
             near = next_near, far = next_far;

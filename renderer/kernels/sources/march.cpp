@@ -230,10 +230,11 @@ bool is_complete(const DrawTiles& arguments) {
     if (!light.exists) return true;
     const Light& one = light.value;
     if (one.factors.shape[1] != 3) return false;
-    int64_t num_numbers = 2 * ((one.field.occlusion_strength > 0.0f) + (one.field.shadow_strength > 0.0f));
-    int64_t num_cells = one.grid_shape[0] * one.grid_shape[1] * one.grid_shape[2];
-    int64_t num_corners = one.field.corners.shape[0];
-    return num_corners == 0 || num_corners >= num_cells * num_numbers + 2;
+    const auto& [occlusion, shadow, corners, cell_size, occlusion_strength, shadow_strength] = one.field;
+    int64_t num_corners = 2;  // of the cells, each of which has two for a grid, and behind the last one
+    if ((float)occlusion_strength > 0.0f) num_corners += 2 * occlusion.size();
+    if ((float)shadow_strength > 0.0f) num_corners += 2 * shadow.size();
+    return corners.shape[0] == 0 || corners.shape[0] >= num_corners;
 }
 
 }  // namespace
