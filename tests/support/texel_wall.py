@@ -8,23 +8,22 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import BRICK_SIZE, PADDED_BRICK_SIZE
-from renderer.draw.cpu.field import Field, Optics
+from renderer.draw.cpu.field import Field
 from renderer.draw.cpu.grid import Grid, bin_bricks
 from renderer.draw.cpu.light import Light
 from renderer.kernels import kernels
-from renderer.transfer import PIECE_FLOATS, PiecewiseTransfer
+from renderer.transfer import GUIDE_SIZE, PIECE_FLOATS, PiecewiseTransfer
 from renderer.view import RaySetup
 
 Array = npt.NDArray[Any]
 
 _PER_BRICK = BRICK_SIZE**2
 # Rays along z, one for each column of texels.
-_RAYS = RaySetup(
-    np.array([[0.0, 1, 0], [0, 0, 1], [0, 0, 0]]), np.diag([1.0, 0, 0])[[1, 2, 0]], 0.0, 0.0, (0.0, 0.0), None
-)
+_ORIGINS, _DIRECTIONS = np.array([[0.0, 1, 0], [0, 0, 1], [0, 0, 0]]), np.array([[0.0, 0, 0], [0, 0, 0], [1, 0, 0]])
+_RAYS = RaySetup(_ORIGINS, _DIRECTIONS, 0.0, 0.0, (0.0, 0.0), None)
 # Extinction is the scalar.
 LINEAR = PiecewiseTransfer(
-    np.array([[np.inf, 0, 0, 1] + [0] * (PIECE_FLOATS - 4)], np.float32), np.zeros(1024, np.int32)
+    np.array([[np.inf, 0, 0, 1] + [0] * (PIECE_FLOATS - 4)], np.float32), np.zeros(GUIDE_SIZE, np.int32)
 )
 
 
@@ -57,8 +56,17 @@ def drawn(
     bins = bin_bricks(np.column_stack([left, zero, right, size]), 1, (image.shape[1], image.shape[0]))
     offsets = np.arange(num_bricks) * bricks.shape[1]
     grid = Grid(bins, 1, _RAYS, boxes, offsets, np.ones(image.shape[:2], np.bool_), image)
-    optics = Optics(1.0, np.float32(scale), False, False, (0.0,) * 5)
-    field = Field(np.append(bricks, np.zeros(2, np.float32)), np.empty(0, np.float32), pieces, lowest_visible, optics)
+    field = Field(
+        np.append(bricks, np.zeros(2, np.float32)),
+        np.empty(0, np.float32),
+        pieces,
+        lowest_visible,
+        1.0,
+        scale,
+        False,
+        False,
+        (0.0,) * 5,
+    )
     kernels().draw_tiles(
         grid=grid,
         is_mean=np.zeros(num_bricks, np.bool_),

@@ -1,6 +1,6 @@
 """Describe light and extinction that depend on the view or on the length of the gradient, for `light.h`.
 
-Light by Lambert's law from a fixed direction is `Optics.light`, which costs less.
+Light by Lambert's law from a fixed direction is `Field.light`, which costs less.
 """
 
 from __future__ import annotations
@@ -10,37 +10,28 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.bricks import BrickBatch, texel_gradients
-from renderer.transfer import toward_light
-from renderer.volume import Float32, Float64, Int32
+from renderer.scene import ShadingSpec
+from renderer.transfer import LightField, toward_light
+from renderer.volume import Float32, Float64
 
 
 class Light(NamedTuple):
     """A light of which all samples of a picture share these parameters.
 
-    is_camera: it comes from the viewer, and not from `toward`, a unit vector. is_two_sided, ambient, diffuse, specular,
-        shininess: as in ShadingSpec.
+    is_camera: it comes from the viewer, and not from `toward`, a unit vector.
     world_from_index: the rows of a matrix of directions; a common factor does not matter.
     factors: float32 [n, 3], a gradient's length in texels, the factor on extinction there, and its slope up to the
         next.
-    corners: as in LightField; [0] where all light arrives. grid_shape: x, y, z.
-    cells_per_texel: of bricks of voxels. first_cell: the grid's place, in cells, of the volume's centre.
+    first_cell: the grid's place, in cells, of the volume's centre.
     """
 
+    shading: ShadingSpec
+    field: LightField
     is_camera: bool
-    is_two_sided: bool
     toward: Float64
-    ambient: float
-    diffuse: float
-    specular: float
-    shininess: float
     world_from_index: Float64
     factors: Float32
-    corners: Int32
-    grid_shape: tuple[int, ...]
-    cells_per_texel: float
     first_cell: Float64
-    occlusion_strength: float
-    shadow_strength: float
 
 
 def make_light(batch: BrickBatch) -> Light | None:
@@ -49,25 +40,16 @@ def make_light(batch: BrickBatch) -> Light | None:
     if shading is None or shading.is_plain:
         return None
     field, volume = batch.bricks.light_field, batch.bricks.volume
-    grid = field.occlusion if field.occlusion.size else field.shadow
     is_camera = shading.light == "camera"
     world_from_index = volume.world_from_index[:3, :3]
     return Light(
+        shading,
+        field,
         is_camera,
-        shading.two_sided,
         np.zeros(3) if is_camera else toward_light(shading),
-        shading.ambient,
-        shading.diffuse,
-        shading.specular,
-        shading.shininess,
         world_from_index / np.abs(world_from_index).max(),
         _factors(batch),
-        field.corners,
-        grid.shape[::-1],
-        1.0 / field.cell_size,
         (volume.centre_index + 0.5) / field.cell_size + 0.5,
-        field.occlusion_strength,
-        field.shadow_strength,
     )
 
 

@@ -50,7 +50,7 @@ inline double lighting_factor(const VoxelLighting& lighting, const AnyArray<3>& 
         }
     for (int axis = 0; axis < 3; axis++) g[axis] /= along[axis].distance;
     __builtin_memcpy(light, lighting.light, sizeof light);
-    const auto& [occlusion, shadow, cell_size, occlusion_strength, shadow_strength] = lighting.field;
+    const auto& [occlusion, shadow, corners, cell_size, occlusion_strength, shadow_strength] = lighting.field;
     light[3] *= share_at(occlusion, occlusion_strength, cell_size, voxel);
     light[4] *= share_at(shadow, shadow_strength, cell_size, voxel);
     double steepest = largest();

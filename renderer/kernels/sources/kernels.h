@@ -43,6 +43,7 @@ struct TransferTable {
 // As in renderer/transfer/light_field.py.
 struct LightField {
     Array<const float, 3> occlusion, shadow;
+    Array<const int32_t, 1> corners;
     double cell_size, occlusion_strength, shadow_strength;
 };
 
@@ -394,27 +395,27 @@ struct Grid {
     Array<float, 3> image;
 };
 
-struct Optics {
-    float termination_alpha, spacings_per_model_unit;
-    bool is_lit, has_absent;
-    float light[5];
-};
-
 struct Field {
     Array<const float, 1> scalars, means;
     PiecewiseTransfer pieces;
-    float lowest_visible;
-    Optics optics;
+    float lowest_visible, termination_alpha, spacings_per_model_unit;
+    bool has_absent, is_lit;
+    float light[5];
+};
+
+// As ShadingSpec in renderer/scene/shading_section.py.
+struct Shading {
+    float ambient, diffuse, specular, shininess;
+    bool two_sided;
 };
 
 struct Light {
-    bool is_camera, is_two_sided;
-    float toward[3], ambient, diffuse, specular, shininess, world_from_index[9];
+    Shading shading;
+    LightField field;
+    bool is_camera;
+    float toward[3], world_from_index[9];
     Array<const float, 2> factors;
-    Array<const int32_t, 1> corners;
-    int64_t grid_shape[3];
-    double cells_per_texel, first_cell[3];
-    float occlusion_strength, shadow_strength;
+    double first_cell[3];
 };
 
 struct DrawTiles {
@@ -460,6 +461,14 @@ struct Intervals {
     double scale;
 };
 
+// Of a LightField.
+struct ArrivingLight {
+    Array<const float, 3> occlusion, shadow;
+    Array<const int32_t, 1> corners;
+    double cell_size, occlusion_strength, shadow_strength;
+};
+
+// As in renderer/truth/optics.py.
 struct Gloss {
     bool is_camera, is_two_sided;
     double specular, shininess, world_from_index[9];

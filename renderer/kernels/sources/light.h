@@ -35,7 +35,7 @@ INLINE Ways aim(const Light& light, const Three& direction) {
 
 // Where in the grid of the light field the texel 0 of a brick of voxels is along an axis, in cells.
 INLINE float place_brick(const Light& light, const Box& box, int axis) {
-    return (float)(light.first_cell[axis] + light.cells_per_texel * (box.corner[axis] - TEXEL_OFFSET));
+    return (float)(light.first_cell[axis] + 1.0 / light.field.cell_size * (box.corner[axis] - TEXEL_OFFSET));
 }
 
 INLINE Floats byte_of(Ints four, int shift) {
@@ -59,24 +59,26 @@ struct Arriving {
 // texel: where samples are in a brick. origin: as `place_brick` returns it, along each axis.
 INLINE Arriving arriving_shares(const Light& light, const Three& texel, const float (&origin)[3]) {
     Arriving shares = {texel.x * 0.0f + 1.0f, texel.x * 0.0f + 1.0f};
-    if (light.corners.shape[0] > 0) {
-        const auto& nums = light.grid_shape;
+    const LightField& field = light.field;
+    if (field.corners.shape[0] > 0) {
+        float occlusion_strength = (float)field.occlusion_strength, shadow_strength = (float)field.shadow_strength;
+        const auto& nums = (occlusion_strength > 0.0f ? field.occlusion : field.shadow).shape;  // z, y, x
         auto place_along = [&](Floats along, int axis) {
-            Floats place = max_of(in_all<Floats>(0.5f), fma(along, (float)light.cells_per_texel, origin[axis]));
-            return min_of(place, in_all<Floats>((float)nums[axis] - 1.5f));
+            Floats place = max_of(in_all<Floats>(0.5f), fma(along, (float)(1.0 / field.cell_size), origin[axis]));
+            return min_of(place, in_all<Floats>((float)nums[2 - axis] - 1.5f));
         };
         Floats u = place_along(texel.x, 0), v = place_along(texel.y, 1), w = place_along(texel.z, 2);
         Ints i = to_int32(u), j = to_int32(v), k = to_int32(w);
-        Ints at = (k * (int32_t)nums[1] + j) * (int32_t)nums[0] + i;
+        Ints at = (k * (int32_t)nums[1] + j) * (int32_t)nums[2] + i;
         Three inside = {u - to_float32(i), v - to_float32(j), w - to_float32(k)};
-        int32_t num_numbers = 2 * ((light.occlusion_strength > 0.0f) + (light.shadow_strength > 0.0f));
-        auto [near, far, next_near, next_far] = load_four(light.corners, at * num_numbers);
-        if (light.occlusion_strength > 0.0f) {
-            shares.ambient = fma(light.occlusion_strength, interpolate_bytes(near, far, inside) - 1.0f, 1.0f);
+        int32_t num_numbers = 2 * ((occlusion_strength > 0.0f) + (shadow_strength > 0.0f));
+        auto [near, far, next_near, next_far] = load_four(field.corners, at * num_numbers);
+        if (occlusion_strength > 0.0f) {
+            shares.ambient = fma(occlusion_strength, interpolate_bytes(near, far, inside) - 1.0f, 1.0f);
             near = next_near, far = next_far;
         }
-        if (light.shadow_strength > 0.0f)
-            shares.diffuse = fma(light.shadow_strength, interpolate_bytes(near, far, inside) - 1.0f, 1.0f);
+        if (shadow_strength > 0.0f)
+            shares.diffuse = fma(shadow_strength, interpolate_bytes(near, far, inside) - 1.0f, 1.0f);
     }
     return shares;
 }
@@ -106,6 +108,7 @@ INLINE Floats factor_at(Floats length, const Array<const float, 2>& factors) {
 // Samples in the light: Lambert's law, and highlights (Blinn 1977). gradient: as in texels.
 INLINE Sample illuminate(Sample sample, Three gradient, const Ways& ways, const Arriving& arriving,
                          const Light& light) {
+    const Shading& shading = light.shading;
     auto [x, y, z] = gradient;
     Floats zero = in_all<Floats>(0.0f), largest = max_of(magnitude(x), magnitude(y));
     largest = max_of(largest, magnitude(z));
@@ -115,11 +118,11 @@ INLINE Sample illuminate(Sample sample, Three gradient, const Ways& ways, const 
     Floats length = root(dot({x, y, z}, {x, y, z}));
     scale = where(is_steep, -1.0f / length, zero);
     Floats to_light = dot({x, y, z}, ways.to_light) * scale, to_halfway = dot({x, y, z}, ways.to_halfway) * scale;
-    if (light.is_two_sided) to_light = magnitude(to_light), to_halfway = magnitude(to_halfway);
-    Floats lit = fma(max_of(zero, to_light), light.diffuse * arriving.diffuse, light.ambient * arriving.ambient);
+    if (shading.two_sided) to_light = magnitude(to_light), to_halfway = magnitude(to_halfway);
+    Floats lit = fma(max_of(zero, to_light), shading.diffuse * arriving.diffuse, shading.ambient * arriving.ambient);
     sample.r *= lit, sample.g *= lit, sample.b *= lit;
-    if (light.specular > 0.0f) {
-        Floats shine = power(max_of(zero, to_halfway), light.shininess) * light.specular * arriving.diffuse;
+    if (shading.specular > 0.0f) {
+        Floats shine = power(max_of(zero, to_halfway), shading.shininess) * shading.specular * arriving.diffuse;
         shine = where(mask_of(to_light > 0.0f), shine, zero);
         sample.r += shine, sample.g += shine, sample.b += shine;
     }

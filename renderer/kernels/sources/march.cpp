@@ -114,7 +114,7 @@ struct Scene {
 template <Kind KIND>
 void march(Texels texels, const Scene& scene, const Box& box, Spans spans, int64_t num, Tile tile,
            Array<float, 1> pixels) {
-    const Optics optics = scene.field.optics;
+    const Field& field = scene.field;
     const Light& light = scene.light;
     float origin[3] = {};
     for (int axis = 0; KIND == LIT && axis < 3; axis++) origin[axis] = place_brick(light, box, axis);
@@ -147,11 +147,11 @@ void march(Texels texels, const Scene& scene, const Box& box, Spans spans, int64
             } else {
                 Corners corners = load_corners(texels, at);
                 Floats scalar = interpolate(corners, shares);
-                if (!any_of(active & mask_of(scalar >= scene.field.lowest_visible))) continue;
+                if (!any_of(active & mask_of(scalar >= field.lowest_visible))) continue;
                 sample = classify(scene.table, scalar);
                 visible = active & mask_of(sample.tau > 0.0f);
                 Mask are_divided = visible & ~are_all_present(corners);
-                if (optics.has_absent && any_of(are_divided)) {
+                if (field.has_absent && any_of(are_divided)) {
                     sample.tau *= share_of_data(texels, are_divided, here, begin, step);
                     visible &= mask_of(sample.tau > 0.0f);
                 }
@@ -162,13 +162,13 @@ void march(Texels texels, const Scene& scene, const Box& box, Spans spans, int64
                 Arriving arriving = arriving_shares(light, texel, origin);
                 sample = illuminate(sample, sample_gradient(texels, at, shares), ways, arriving, light);
             }
-            Floats depth = where(visible, sample.tau, zero) * optics.spacings_per_model_unit * length;
+            Floats depth = where(visible, sample.tau, zero) * field.spacings_per_model_unit * length;
             Floats weight = (1.0f - alpha) * opacity_of_depth(depth);
             alpha += weight;
             if constexpr (KIND == MEANS) weight = where(visible, weight / sample.tau, zero);
-            if constexpr (KIND == LAMBERT) weight *= light_factor(sample_gradient(texels, at, shares), optics.light);
+            if constexpr (KIND == LAMBERT) weight *= light_factor(sample_gradient(texels, at, shares), field.light);
             red = fma(weight, sample.r, red), green = fma(weight, sample.g, green), blue = fma(weight, sample.b, blue);
-            alive &= mask_of(alpha <= optics.termination_alpha);
+            alive &= mask_of(alpha <= field.termination_alpha);
         }
         composite_under({red, green, blue, alpha}, spans, first, num - first, tile, pixels, UpTo<LANES>());
     }
@@ -179,12 +179,12 @@ void draw_tile(const DrawTiles& arguments, const Scene& scene, const Tile& tile,
                int64_t number) {
     const Grid& grid = arguments.grid;
     const RaySetup& rays = grid.rays;
-    const Optics& optics = scene.field.optics;
+    const Field& field = scene.field;
     const TileBins& bins = grid.bins;
     const Array<float, 1> pixels = {grid.image.data, {grid.image.size()}};
     auto is_mean = [&](int64_t brick) { return arguments.is_mean[brick]; };
     auto texels_of = [&](int64_t brick) {
-        return rest_of(is_mean(brick) ? scene.field.means : scene.field.scalars, grid.texel_offsets[brick]);
+        return rest_of(is_mean(brick) ? field.means : field.scalars, grid.texel_offsets[brick]);
     };
     Window window = window_of(grid, number);
     set_up_rays(grid, window, tile);
@@ -199,11 +199,11 @@ void draw_tile(const DrawTiles& arguments, const Scene& scene, const Tile& tile,
         Window covered = covered_by(grid, brick, window);
         auto march_kind = is_mean(brick) ? march<MEANS>
             : arguments.light.exists     ? march<LIT>
-            : optics.is_lit              ? march<LAMBERT>
+            : field.is_lit              ? march<LAMBERT>
                                          : march<UNLIT>;
         auto clip = rays.cuts.exists ? clip_rays<true> : clip_rays<false>;
         for (bool is_whole = false; !is_whole;) {  // one part of every ray after the other
-            int64_t num = clip(box, rays.start, kept, covered, optics.termination_alpha, tile, spans, is_whole);
+            int64_t num = clip(box, rays.start, kept, covered, field.termination_alpha, tile, spans, is_whole);
             if (num == 0) continue;
             sort_spans(spans, num);
             march_kind(texels_of(brick), scene, box, spans, num, tile, pixels);
@@ -216,7 +216,7 @@ bool is_complete(const DrawTiles& arguments) {
     const auto& [grid, is_mean, field, light, tiles] = arguments;
     if (is_mean.shape[0] != grid.boxes.shape[0]) return false;
     for (int64_t brick = 0; brick < is_mean.shape[0]; brick++) {
-        bool has_channels = is_mean[brick] || light.exists || field.optics.is_lit;
+        bool has_channels = is_mean[brick] || light.exists || field.is_lit;
         int64_t num = has_channels ? 4 * TEXELS_PER_BRICK + READ_BEHIND : TEXELS_PER_BRICK;
         int64_t size = (is_mean[brick] ? field.means : field.scalars).shape[0], offset = grid.texel_offsets[brick];
         if (offset < 0 || offset > size - num) return false;
@@ -230,9 +230,11 @@ bool is_complete(const DrawTiles& arguments) {
     if (!light.exists) return true;
     const Light& one = light.value;
     if (one.factors.shape[1] != 3) return false;
-    int64_t num_numbers = 2 * ((one.occlusion_strength > 0.0f) + (one.shadow_strength > 0.0f));
-    int64_t num_cells = one.grid_shape[0] * one.grid_shape[1] * one.grid_shape[2];
-    return one.corners.shape[0] == 0 || one.corners.shape[0] >= num_cells * num_numbers + 2;
+    const auto& [occlusion, shadow, corners, cell_size, occlusion_strength, shadow_strength] = one.field;
+    int64_t num_corners = 2;  // of the cells, each of which has two for a grid, and behind the last one
+    if ((float)occlusion_strength > 0.0f) num_corners += 2 * occlusion.size();
+    if ((float)shadow_strength > 0.0f) num_corners += 2 * shadow.size();
+    return corners.shape[0] == 0 || corners.shape[0] >= num_corners;
 }
 
 }  // namespace

@@ -191,7 +191,7 @@ INLINE Sample sample_rgba(const Texels& texels, Ints at, const Three& shares) {
 
 // The factor on the colour for gradients of any length: Lambert's law, ambient + diffuse max(0, n . l), with the normal
 // n against the gradient, whose largest component is first made 1, so that squares neither overflow nor vanish.
-// light: as in Optics.
+// light: as in Field.
 INLINE Floats light_factor(const Three& gradient, const float (&light)[5]) {
     Floats largest = max_of(magnitude(gradient.x), magnitude(gradient.y));
     largest = max_of(largest, magnitude(gradient.z));
