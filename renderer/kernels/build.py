@@ -8,21 +8,16 @@
 CXX in the environment names another clang. Objects are linked without a C library: they need `malloc`, `memset`, `fma`
 and the like, which every Python process has. The same sources give the same bytes, in any folder.
 
-An installation runs this file alone, so it imports the standard library only.
+An installation runs this file alone, so it imports the standard library only; and so does whatever loads a library,
+so that it imports what compiles where it is used.
 """
 
 from __future__ import annotations
 
-import argparse
-import ctypes
 import hashlib
 import os
 import platform
-import subprocess
 import sys
-import tempfile
-import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 SOURCES = Path(__file__).resolve().parent / "sources"
@@ -30,11 +25,13 @@ SOURCES = Path(__file__).resolve().parent / "sources"
 BUILT = SOURCES.parent / "built"
 # What says which libraries there are: a digest of the sources, then a line for each library, its digest and its name.
 MANIFEST = "libraries.txt"
-# By machine: levels, the name of the processor, and its lanes of float32. Level k needs `processor_level() >= k`.
+# By machine: levels, the name of the processor, and its lanes of float32. Level 2 of x86-64 would gain nothing.
 LEVELS = {
-    "x86_64": {1: ("x86_64", 4), 2: ("x86_64_v2", 4), 3: ("x86_64_v3", 8), 4: ("x86_64_v4", 16)},
+    "x86_64": {1: ("x86_64", 4), 3: ("x86_64_v3", 8), 4: ("x86_64_v4", 16)},
     "aarch64": {0: ("generic", 4)},
 }
+# Compiled for each level; the others for the lowest alone, as higher ones gain nothing.
+_IN_LANES = ("march", "extremum")
 # What libraries can be made for, and what zig calls it: for Linux, with any C library since that of 2012.
 TARGETS = {
     "linux-x86_64": "x86_64-linux-gnu.2.17",
@@ -68,11 +65,19 @@ def this_target() -> str:
     return f"{system}-{ {'amd64': 'x86_64', 'arm64': 'aarch64'}.get(machine, machine) }"
 
 
+def best_level(offered: int, target: str) -> int:
+    """Return the highest level that there are kernels of, for a processor that offers a level."""
+    return max(level for level in LEVELS[target.partition("-")[2]] if level <= offered)
+
+
 def build(out: Path, target: str, *, levels: set[int] | None = None, checked: bool = False) -> list[Path]:
     """Write libraries and their manifest into a folder, and return the libraries.
 
     target: one of TARGETS. levels: those of its machine, if not all. checked: as `--checked`.
     """
+    import tempfile
+    from concurrent.futures import ThreadPoolExecutor
+
     of_machine = LEVELS[target.partition("-")[2]]
     chosen = sorted(level for level in of_machine if levels is None or level in levels)
     out = out.resolve()
@@ -94,12 +99,13 @@ def build(out: Path, target: str, *, levels: set[int] | None = None, checked: bo
             unfinished.replace(library)
             return library
 
-        # The largest first: they take longest.
-        sources = sorted(SOURCES.glob("*.cpp"), key=lambda path: path.stat().st_size, reverse=True)
-        objects = {
-            f"kernels-{level}": [pool.submit(compile_source, source, level) for source in sources] for level in chosen
-        }
-        objects["processor"] = [pool.submit(compile_source, SOURCES / "processor.cc", min(of_machine))]
+        lowest = min(of_machine)
+        in_lanes = [SOURCES / f"{name}.cpp" for name in _IN_LANES]
+        begun = {level: [pool.submit(compile_source, source, level) for source in in_lanes] for level in chosen}
+        others = sorted(set(SOURCES.glob("*.cpp")).difference(in_lanes)) if chosen else []
+        shared = [pool.submit(compile_source, source, lowest) for source in others]
+        objects = {f"kernels-{level}": [*of_level, *shared] for level, of_level in begun.items()}
+        objects["processor"] = [pool.submit(compile_source, SOURCES / "processor.cc", lowest)]
         libraries = [link(name, [one.result() for one in made]) for name, made in objects.items()]
     for other in set(out.glob("*.so")).difference(libraries):
         other.unlink()  # of other sources, as far as anyone knows
@@ -123,6 +129,8 @@ def _linker(target: str, library: Path) -> list[str]:
 
 def _run(folder: Path, *command: object) -> None:
     """Run a command in a folder, and raise what it says if it fails."""
+    import subprocess
+
     words = [str(word) for word in command]
     run = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
     if run.returncode != 0:
@@ -138,6 +146,10 @@ def _write_manifest(out: Path) -> None:
 
 def main() -> None:
     """Run the command line."""
+    import argparse
+    import ctypes
+    import time
+
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=BUILT, help="a folder for the libraries")
     parser.add_argument("--all", action="store_true", help="all levels")
@@ -147,7 +159,7 @@ def main() -> None:
     begin, levels = time.perf_counter(), None
     if not options.all:
         (library,) = build(options.out, this_target(), levels=set())
-        levels = {ctypes.CDLL(str(library)).processor_level()}
+        levels = {best_level(ctypes.CDLL(str(library)).processor_level(), options.target)}
     for library in build(options.out, options.target, levels=levels, checked=options.checked):
         print(f"{library.name}: {library.stat().st_size} bytes")
     print(f"{time.perf_counter() - begin:.2f} s")

@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 
 from renderer.errors import InputError, RenderError
-from renderer.kernels.build import BUILT, LEVELS, MANIFEST, sources_digest, this_target
+from renderer.kernels.build import BUILT, LEVELS, MANIFEST, best_level, sources_digest, this_target
 
 # Asks for a lower level of the processor than it has: for tests, and to compare machines.
 LEVEL_VARIABLE = "HSPLAT_PROCESSOR_LEVEL"
@@ -22,11 +22,11 @@ _ROOT = Path(__file__).resolve().parents[2]
 
 @cache
 def processor_level() -> int:
-    """Return the level of the kernels that this process uses: of x86-64 1 to 4, 0 of other machines.
+    """Return the level of the kernels that this process uses: of x86-64 1, 3 or 4, 0 of other machines.
 
     Raises InputError for a level in the environment that there is not, RenderError without a library.
     """
-    offered = int(_load("processor").processor_level())
+    offered = best_level(_load("processor").processor_level(), this_target())
     wanted = os.environ.get(LEVEL_VARIABLE, "")  # noqa: TID251  read once, before anything is drawn
     if not wanted:
         return offered
