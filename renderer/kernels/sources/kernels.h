@@ -454,31 +454,18 @@ KERNEL(quantize, Quantize)
 
 // ---- truth
 
-// As in renderer/truth/optics.py, and the next two.
+// As in renderer/truth/optics.py, and the next one.
 struct Intervals {
     Array<const double, 1> knots;
     Array<const double, 2> rows;
     double scale;
 };
 
-// Of a LightField.
-struct ArrivingLight {
-    Array<const float, 3> occlusion, shadow;
-    Array<const int32_t, 1> corners;
-    double cell_size, occlusion_strength, shadow_strength;
-};
-
-// As in renderer/truth/optics.py.
-struct Gloss {
-    bool is_camera, is_two_sided;
-    double specular, shininess, world_from_index[9];
+struct RayShading {
+    bool is_plain, is_camera, is_two_sided;
+    double ambient, diffuse, specular, shininess, light[3], world_from_index[9], world_from_gradient[9];
     Array<const double, 2> factors;
     LightField field;
-};
-
-struct LambertShading {
-    double ambient, diffuse, light[3], world_from_index_gradient[9];
-    Maybe<Gloss> gloss;
 };
 
 // n rays in index space, as in renderer/truth/integrator.py.
@@ -491,7 +478,7 @@ struct IntegrateRays {
     AnyArray<3> values;
     Array<uint8_t, 3> macrocells;
     Intervals intervals;
-    Maybe<LambertShading> shading;
+    Maybe<RayShading> shading;
     Array<const double, 1> max_steps;
     IndexRays rays;
     Array<double, 3> radiance;
