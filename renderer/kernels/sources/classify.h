@@ -85,13 +85,8 @@ INLINE void classify_box(const AnyArray<3>& raw, const Classifier& classifier, c
     constexpr int64_t padded = SIDE + 2;
     double scalars[padded * padded * padded];
     int64_t side = lighting.exists ? padded : SIDE, halo = lighting.exists;
-    if (lighting.exists) {
-        const int64_t origin[3] = {}, shape[3] = {raw.shape[2], raw.shape[1], raw.shape[0]};
-        const int64_t first[3] = {box.first[0] - 1, box.first[1] - 1, box.first[2] - 1};
-        load_scalars(raw, by_pattern, {origin, shape}, first, padded, scalars);
-    } else {
-        load_scalars(raw, by_pattern, box, box.first, SIDE, scalars);
-    }
+    const int64_t first[3] = {box.first[0] - halo, box.first[1] - halo, box.first[2] - halo};
+    load_scalars(raw, by_pattern, halo ? box_of(raw) : box, first, side, scalars);
     for (int64_t z = 0; z < box.extent[2]; z++)
         for (int64_t y = 0; y < box.extent[1]; y++)
             for (int64_t x = 0; x < box.extent[0]; x++) {

@@ -70,37 +70,29 @@ struct PiecewiseTransfer {
 
 // ---- pyramid
 
-// As in renderer/pyramid/nodes.py, and the next two.
+// As in renderer/pyramid/nodes.py.
 struct VisibleNodes {
     Array<float, 2> means;
     Array<float, 1> deviations;
     Array<uint8_t, 1> masks;
+    Array<int32_t, 2> cells;
+    Array<int64_t, 1> sizes;
     Array<int64_t, 1> counts;
     Array<float, 2> root_means;
     Array<double, 2> root_error_means, root_variances;
-};
-
-struct NodeCells {
-    Array<int32_t, 2> cells;
-    Array<int64_t, 1> sizes;
-};
-
-struct Normalization {
-    double offset, scale;
 };
 
 struct BuildBlocks {
     AnyArray<3> raw;
     Classifier classifier;
     Maybe<Classifier> error_classifier;
-    Maybe<Normalization> normalization;
+    Maybe<Array<const double, 1>> normalization;
     double leaf_variance_limits[2];
     Array<bool, 3> occupied;
     int64_t occupied_level;
     Array<const int64_t, 2> starts, extents;
     Array<bool, 1> visible;
     VisibleNodes nodes;
-    Maybe<NodeCells> listed;
 };
 KERNEL(build_blocks, BuildBlocks)
 
@@ -114,13 +106,14 @@ struct MergeTier {
 };
 KERNEL(merge_tier, MergeTier)
 
-struct AverageBlocks {
+struct AverageCells {
     AnyArray<3> raw;
     Classifier classifier;
-    Array<const int64_t, 2> starts, extents;
-    Array<float, 3> means;
+    int64_t level;
+    Array<const int64_t, 2> corners;
+    Array<float, 5> means;
 };
-KERNEL(average_blocks, AverageBlocks)
+KERNEL(average_cells, AverageCells)
 
 struct StoreFloat16 {
     Array<const float, 1> values;
@@ -220,14 +213,6 @@ struct AddNodes {
     Array<double, 3> max_error_below, squared_errors_below;
 };
 KERNEL(add_nodes, AddNodes)
-
-struct CopyNodes {
-    Array<const float, 3> nodes;
-    Array<const int64_t, 2> first_cells;
-    Array<const int64_t, 1> bricks;
-    Array<float, 5> means;
-};
-KERNEL(copy_nodes, CopyNodes)
 
 struct FillScalarTexels {
     Voxels voxels;
