@@ -65,6 +65,11 @@ def for_macrocells(shape: tuple[int, ...], unknown: Any) -> npt.NDArray[Any]:
     return np.full([num // _MACROCELL_SIZE + 1 for num in shape], unknown)
 
 
+def readable_values(volume: Volume) -> npt.NDArray[Any]:
+    """Return the values of a volume in a dtype that kernels read: they lack float16, of which a copy is exact."""
+    return volume.values.astype(np.float32) if volume.values.dtype == np.float16 else volume.values
+
+
 def largest_magnitude_scale(volume: Volume, transfer: TransferFunction) -> float:
     """Return a power of two that brings the largest scalar or control value to where sums and slopes are finite."""
     largest = max(_least_largest(volume), float(np.abs(transfer.values).max()))

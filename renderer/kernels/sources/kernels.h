@@ -154,10 +154,9 @@ struct AverageVoxels {
 KERNEL(average_voxels, AverageVoxels)
 
 struct Transmit {
-    Array<const float, 3> depths;
-    float end[3];
-    Array<const float, 3> offsets;
+    Array<const float, 3> depths, offsets;
     Array<const float, 1> lengths;
+    float end[3];
     int64_t slab;
     Array<float, 2> out;
 };
@@ -217,9 +216,7 @@ KERNEL(add_nodes, AddNodes)
 struct FillScalarTexels {
     Voxels voxels;
     Array<const int32_t, 2> cells;
-    double first, width, factor;
-    Maybe<Array<const double, 2>> world_from_gradient;
-    double scale;
+    double first, width, factor, world_from_gradient[9], scale;
     Array<float, 5> texels;
 };
 KERNEL(fill_scalar_texels, FillScalarTexels)
@@ -227,7 +224,7 @@ KERNEL(fill_scalar_texels, FillScalarTexels)
 struct ExtrapolateBorder {
     Array<const int32_t, 2> cells;
     double extents[3], brightest;
-    Array<float, 3> texels;
+    Array<float, 5> texels;
 };
 KERNEL(extrapolate_border, ExtrapolateBorder)
 

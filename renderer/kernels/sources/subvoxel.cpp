@@ -230,22 +230,19 @@ Variation with_edges_of_data(const Variation& found, const Field& around, const 
 // between it and its neighbours; beyond the border the nearest voxels are repeated. breakpoints: of visibility.
 Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
     const auto [voxels, cells, breakpoints, table, bounds, measures] = *arguments;
-    if (!fit_together(voxels, cells) || table.rows.shape[0] < 1 || table.rows.shape[1] != 10) return OUT_OF_BOUNDS;
-    if (bounds.shape[3] != 2 || bounds.shape[4] != 3 || measures.shape[0] != 3) return OUT_OF_BOUNDS;
-    for (int axis = 0; axis < 3; axis++) {
-        int64_t num = (voxels.raw.shape[axis] + BRICK_SIZE - 1) / BRICK_SIZE;
-        if (bounds.shape[axis] != num || measures.shape[axis + 1] != num) return OUT_OF_BOUNDS;
-    }
+    auto num_bricks = [&](int axis) { return (voxels.raw.shape[axis] + BRICK_SIZE - 1) / BRICK_SIZE; };
+    int64_t num_z = num_bricks(0), num_y = num_bricks(1), num_x = num_bricks(2);
+    if (!fit_together(voxels, cells) || !fits(table) || !has_shape(bounds, num_z, num_y, num_x, 2, 3) ||
+        !has_shape(measures, 3, num_z, num_y, num_x))
+        return OUT_OF_BOUNDS;
     Cube low(PADDED_BRICK_SIZE), high(PADDED_BRICK_SIZE), around(PADDED_BRICK_SIZE + 2);
     if (!low || !high || !around) return NO_MEMORY;
     Curve curve = {table.rows, table.scale};
     for (int64_t i = 0; i < cells.shape[0]; i++) {
         int64_t x = cells(i, 0), y = cells(i, 1), z = cells(i, 2);
-        DualCells of_brick = {low.field, high.field, {z, y, x}};
-        for (int axis = 0; axis < 3; axis++) {
-            int64_t& num = of_brick.nums[axis];
-            num = least(voxels.raw.shape[axis] - BRICK_SIZE * num, BRICK_SIZE);
-        }
+        DualCells of_brick = {low.field, high.field, {}};
+        for (int axis = 0; axis < 3; axis++)
+            of_brick.nums[axis] = least(voxels.raw.shape[axis] - BRICK_SIZE * cells(i, 2 - axis), BRICK_SIZE);
         load_brick(voxels, cells[i], voxels.has_absent ? around.field : low.field);
         bool is_whole = !voxels.has_absent || fill_absent(around.field, low.field);
         Range range = range_of(low.field);
