@@ -87,15 +87,14 @@ INLINE void classify_box(const AnyArray<3>& raw, const Classifier& classifier, c
                 Channels channels;
                 if (table.exists) {
                     int64_t place = (voxel[2] * raw.shape[1] + voxel[1]) * raw.shape[2] + voxel[0];
-                    int64_t pattern = raw.dtype == 0 ? ((const uint8_t*)raw.data)[place] : ((const uint16_t*)raw.data)[place];
+                    bool is_byte = raw.dtype == 0;
+                    int64_t pattern = is_byte ? ((const uint8_t*)raw.data)[place] : ((const uint16_t*)raw.data)[place];
                     channels = __builtin_convertvector(load<FourChannels>(&table.value(pattern, 0), 0), Channels);
                 } else {
                     channels = classify_scalar(curve.value, is_opacity, *here);
                 }
-                if (lighting.exists && channels.a > 0) {
-                    double factor = lighting_factor(lighting.value, raw, here, side, voxel);
-                    channels *= Channels{factor, factor, factor, 1.0};
-                }
+                if (lighting.exists && channels.a > 0)
+                    channels.rgb *= lighting_factor(lighting.value, raw, here, side, voxel);
                 take(x, y, z, __builtin_convertvector(channels, FourChannels));
             }
 }

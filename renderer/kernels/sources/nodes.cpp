@@ -172,7 +172,8 @@ class Writer {
         return num <= most_groups && has_shape(out.means, num_nodes, 4) && has_shape(out.deviations, num_nodes) &&
                has_shape(out.masks, num_nodes) && has_shape(out.cells, out.sizes.shape[0], 3) &&
                (out.sizes.shape[0] == 0 || out.sizes.shape[0] == num_nodes) && has_shape(out.counts, NUM_LEVELS) &&
-               has_shape(out.root_means, most_groups, 4) && has_shape(out.root_error_means, most_groups, num_channels) &&
+               has_shape(out.root_means, most_groups, 4) &&
+               has_shape(out.root_error_means, most_groups, num_channels) &&
                has_shape(out.root_variances, most_groups, num_channels);
     }
 

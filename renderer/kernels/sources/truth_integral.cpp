@@ -290,7 +290,8 @@ Status integrate_rays(const IntegrateRays* arguments) {
     for (int64_t i = 0; i < num; i++) {
         integrator.integrate_ray(point_of(&rays.origins(i, 0)), point_of(&rays.directions(i, 0)), rays.parts[i]);
         for (int64_t step = 0; step < num_steps; step++) {
-            for (int64_t channel = 0; channel < num_channels; channel++) radiance(i, step, channel) = sums(step, channel);
+            for (int64_t channel = 0; channel < num_channels; channel++)
+                radiance(i, step, channel) = sums(step, channel);
             radiance(i, step, DEPTH) = -expm1_of(-sums(step, DEPTH));
         }
     }

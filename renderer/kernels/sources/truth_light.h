@@ -25,8 +25,8 @@ struct Light {
     // direction: of the ray in index space, of length 1 in the world.
     INLINE Light(const RayShading& spec, Point direction) : shading(spec), light(point_of(spec.light)) {
         if (shading.is_plain) return;
-        const double* m = shading.world_from_index;
-        Point viewer = {-dot(point_of(m), direction), -dot(point_of(m + 3), direction), -dot(point_of(m + 6), direction)};
+        auto towards = [&](int row) { return -dot(point_of(&shading.world_from_index[3 * row]), direction); };
+        Point viewer = {towards(0), towards(1), towards(2)};
         if (shading.is_camera) light = viewer;
         halfway = light + viewer;
         double length = __builtin_sqrt(dot(halfway, halfway));
