@@ -8,8 +8,8 @@ order of convergence (Etiene et al. 2014).
 - `integrator.py`: the image, and the steps halved until it converges; `optics.py`: the transfer function and the light,
   as kernels take them; `cutting.py`: the parts of rays that cuts leave.
 - In the kernels: `truth_integral.cpp`, one ray; `truth_extremum.cpp`, its largest scalar; `truth_cells.h`, the cells
-  along a ray; `truth_cells.cpp`, the voxels at their corners; `truth_cubic.h`, the field along a ray through a cell is a cubic
-  polynomial; `truth_light.h`, the light on a point of a ray.
+  along a ray; `truth_cells.cpp`, the voxels at their corners; `truth_cubic.h`, the field along a ray through a cell is
+  a cubic polynomial; `truth_light.h`, the light on a point of a ray.
 """
 
 import lazy_loader
