@@ -69,6 +69,7 @@ struct Classifier {
 struct PiecewiseTransfer {
     Array<const float, 2> rows;
     Array<const int32_t, 1> guide;
+    float lowest_visible;
 };
 
 // ---- pyramid
@@ -411,7 +412,6 @@ struct Field {
     Array<const float, 1> scalars;
     Array<const float, 1> means;
     PiecewiseTransfer pieces;
-    float lowest_visible;
     float termination_alpha;
     float spacings_per_model_unit;
     bool has_absent;
