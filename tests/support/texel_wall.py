@@ -23,7 +23,9 @@ _ORIGINS, _DIRECTIONS = np.array([[0.0, 1, 0], [0, 0, 1], [0, 0, 0]]), np.array(
 _RAYS = RaySetup(_ORIGINS, _DIRECTIONS, 0.0, 0.0, (0.0, 0.0), None)
 # Extinction is the scalar.
 LINEAR = PiecewiseTransfer(
-    np.array([[np.inf, 0, 0, 1] + [0] * (PIECE_FLOATS - 4)], np.float32), np.zeros(GUIDE_SIZE, np.int32)
+    np.array([[np.inf, 0, 0, 1] + [0] * (PIECE_FLOATS - 4)], np.float32),
+    np.zeros(GUIDE_SIZE, np.int32),
+    np.float32(-np.inf),
 )
 
 
@@ -31,7 +33,6 @@ def drawn(
     scalars: Array,
     pieces: PiecewiseTransfer = LINEAR,
     *,
-    lowest_visible: float = -np.inf,
     scale: float = 1.0,
     light: Light | None = None,
     gradients: Array | None = None,
@@ -60,7 +61,6 @@ def drawn(
         np.append(bricks, np.zeros(2, np.float32)),
         np.empty(0, np.float32),
         pieces,
-        lowest_visible,
         1.0,
         scale,
         False,

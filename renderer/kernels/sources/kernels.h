@@ -66,6 +66,7 @@ struct Classifier {
 struct PiecewiseTransfer {
     Array<const float, 2> rows;
     Array<const int32_t, 1> guide;
+    float lowest_visible;
 };
 
 // ---- pyramid
@@ -398,7 +399,7 @@ struct Grid {
 struct Field {
     Array<const float, 1> scalars, means;
     PiecewiseTransfer pieces;
-    float lowest_visible, termination_alpha, spacings_per_model_unit;
+    float termination_alpha, spacings_per_model_unit;
     bool has_absent, is_lit;
     float light[5];
 };

@@ -147,7 +147,7 @@ void march(Texels texels, const Scene& scene, const Box& box, Spans spans, int64
             } else {
                 Corners corners = load_corners(texels, at);
                 Floats scalar = interpolate(corners, shares);
-                if (!any_of(active & mask_of(scalar >= field.lowest_visible))) continue;
+                if (!any_of(active & mask_of(scalar >= field.pieces.lowest_visible))) continue;
                 sample = classify(scene.table, scalar);
                 visible = active & mask_of(sample.tau > 0.0f);
                 Mask are_divided = visible & ~are_all_present(corners);
@@ -221,7 +221,7 @@ bool is_complete(const DrawTiles& arguments) {
         int64_t size = (is_mean[brick] ? field.means : field.scalars).shape[0], offset = grid.texel_offsets[brick];
         if (offset < 0 || offset > size - num) return false;
     }
-    const auto& [rows, guide] = field.pieces;
+    const auto& [rows, guide, lowest_visible] = field.pieces;
     int64_t num = rows.shape[0];
     if (num < 1 || rows.shape[1] != PIECE_FLOATS || guide.shape[0] != GUIDE_SIZE) return false;
     if (rows(num - 1, 0) < INFINITE) return false;
