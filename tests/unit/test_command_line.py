@@ -142,11 +142,6 @@ def fail(monkeypatch: pytest.MonkeyPatch) -> Fail:
     return run
 
 
-def caused(error: Exception, cause: BaseException) -> Exception:
-    error.__cause__ = cause
-    return error
-
-
 @pytest.mark.parametrize(
     ("error", "code", "message"),
     [
@@ -154,8 +149,6 @@ def caused(error: Exception, cause: BaseException) -> Exception:
         (RenderError("the disk is full", hint="make room"), 1, "the disk is full\n  hint: make room\n"),
         (KeyboardInterrupt(), 130, "hsplat: interrupted\n"),
         (KeyboardInterrupt(15), 143, "hsplat: interrupted\n"),
-        (caused(SystemError("a result with an exception set"), KeyboardInterrupt()), 130, "hsplat: interrupted\n"),
-        (caused(SystemError("again"), caused(TypeError("a"), KeyboardInterrupt(1))), 129, "hsplat: interrupted\n"),
         (MemoryError(), 1, "hsplat: out of memory\n"),
         (RuntimeError("can't start new thread"), 1, "hsplat: out of memory\n"),
         (ImportError("libX.so: failed to map segment from shared object"), 1, "hsplat: out of memory\n"),
