@@ -210,7 +210,7 @@ def _address_space_hint() -> str | None:
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     if limit == resource.RLIM_INFINITY:
         return None
-    return f"address space is limited to {limit / 2**30:.2g} GiB here (ulimit -v); a run takes about 2 GiB"
+    return f"address space is limited to {limit / 2**30:.2g} GiB here (ulimit -v); a run takes about 1 GiB"
 
 
 def _is_stdout_broken() -> bool:
