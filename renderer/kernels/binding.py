@@ -36,10 +36,7 @@ class Kernel:
 
         Raises TypeError or ValueError where an argument is not what the kernel takes.
         """
-        block = bytearray(self._arguments.size)
-        kept: list[Any] = []
-        self._fill(block, values, kept)
-        self._run(block, values)
+        self.partial(**values)()
 
     def partial(self, **values: Any) -> Callable[..., None]:
         """Return a function of the other arguments; these are checked and converted once. Threads may share it."""
@@ -50,7 +47,10 @@ class Kernel:
         def call(**others: Any) -> None:
             block, also_kept = bytearray(given), [kept]
             self._fill(block, others, also_kept)
-            self._run(block, values | others)
+            if missing := self._layouts.keys() - values.keys() - others.keys():
+                raise TypeError(f"{self._name}: no {', '.join(missing)}")
+            if status := self._function(bytes(block)):
+                raise _STATUS[status](self._name)
 
         return call
 
@@ -67,13 +67,6 @@ class Kernel:
             except (TypeError, ValueError, struct.error) as error:
                 kind_of_error = TypeError if isinstance(error, struct.error) else type(error)
                 raise kind_of_error(f"{self._name}: {key}: {error}") from None
-
-    def _run(self, block: bytearray, values: dict[str, Any]) -> None:
-        if len(values) != len(self._layouts):
-            raise TypeError(f"{self._name}: no {', '.join(self._layouts.keys() - values.keys())}")
-        status = self._function(bytes(block))
-        if status != 0:
-            raise _STATUS[status](self._name)
 
 
 class Kernels:

@@ -59,7 +59,6 @@ void draw_line(const DrawLines& arguments, End from, End to, double side, const 
 // Project lines, less what is nearer than the near plane, and draw them.
 Status draw_lines(const DrawLines* arguments) {
     const auto [vertices, voxel_side, colors, camera, cover, opacity, min_side_px, image] = *arguments;
-    if (vertices.shape[1] != 7 || colors.shape[1] != 4 || image.shape[2] != 4) return OUT_OF_BOUNDS;
     for (int64_t i = 0; i < vertices.shape[0]; i++) {
         double ends[2][3], beyond[2];
         for (int k = 0; k < 2; k++) {

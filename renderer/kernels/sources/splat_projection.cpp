@@ -8,7 +8,7 @@ Status cull_splats(const CullSplats* arguments) {
     const auto [vertices, sigmas, cutoff, min_sigma_px, clipped_sigmas, culled_sigmas, camera, along, depths,
                 is_visible] = *arguments;
     const int64_t num = vertices.shape[0];
-    if (vertices.shape[1] != 8 || depths.shape[0] != num || is_visible.shape[0] != num) return OUT_OF_BOUNDS;
+    if (!match(depths, is_visible, vertices)) return OUT_OF_BOUNDS;
     const auto& r = camera.view_from_model;
     const double scale = camera.scale_px, reach_px = cutoff * min_sigma_px + 1.0;
     const double half_width = 0.5 * camera.size[0] + reach_px, half_height = 0.5 * camera.size[1] + reach_px;

@@ -26,7 +26,7 @@ INLINE bool is_more(Pixel difference, float threshold) {
 template <class Arguments>
 bool fits(const Arguments& arguments) {
     const auto &grid = arguments.grid.shape, &image = arguments.image.shape;
-    return grid[2] == 4 && image[2] == 4 && arguments.factor > 0 && grid[0] * arguments.factor >= image[0] &&
+    return arguments.factor > 0 && grid[0] * arguments.factor >= image[0] &&
         grid[1] * arguments.factor >= image[1] && 0 <= arguments.first_row && arguments.end_row <= image[0];
 }
 
@@ -58,7 +58,7 @@ Status upsample_rows(const UpsampleRows* arguments) {
 Status mark_differing(const MarkDiffering* arguments) {
     const auto [grid, threshold, differ] = *arguments;
     int64_t num_rows = grid.shape[0], num_columns = grid.shape[1];
-    if (grid.shape[2] != 4 || differ.shape[0] != num_rows || differ.shape[1] != num_columns) return OUT_OF_BOUNDS;
+    if (!match(differ, grid)) return OUT_OF_BOUNDS;
     Buffer<bool> bends(num_rows * num_columns);
     if (!bends) return NO_MEMORY;
     for (int64_t row = 0; row < num_rows; row++) {
@@ -89,12 +89,9 @@ Status mark_differing(const MarkDiffering* arguments) {
 
 // is_drawn: which pixels are to be drawn, and 0 in the image. The others are interpolated, first along rows.
 Status refine_rows(const RefineRows* arguments) {
-    if (!fits(*arguments)) return OUT_OF_BOUNDS;
     const auto [grid, factor, image, first_row, end_row, differ, is_drawn] = *arguments;
+    if (!fits(*arguments) || !match(differ, grid) || !match(is_drawn, image)) return OUT_OF_BOUNDS;
     int64_t num_columns = image.shape[1], last_row = grid.shape[0] - 1, last_column = grid.shape[1] - 1;
-    if (differ.shape[0] <= last_row || differ.shape[1] <= last_column || is_drawn.shape[0] != image.shape[0] ||
-        is_drawn.shape[1] != num_columns)
-        return OUT_OF_BOUNDS;
     for (int64_t row = first_row; row < end_row; row++) {
         int64_t above = row / factor, below = least(above + 1, last_row);
         float down = share_of(row % factor, factor);
