@@ -35,9 +35,9 @@ def refine_grid(
     grid: [h, w, 4], every `factor`-th pixel of it. Pixels to draw are 0: they lie between four pixels that differ by
     more than `difference_threshold`, as ScreenSampling says. Others are bilinear.
     """
-    image, differ = np.empty((shape[1], shape[0], 4), np.float32), np.empty(grid.shape[:2], np.bool_)
-    is_drawn = np.empty(image.shape[:2], np.bool_)
-    kernels().mark_differing(grid=grid, threshold=difference_threshold, differ=differ)
-    refine = kernels().refine_rows.partial(grid=grid, factor=factor, image=image, differ=differ, is_drawn=is_drawn)
+    image, is_drawn = np.empty((shape[1], shape[0], 4), np.float32), np.empty((shape[1], shape[0]), np.bool_)
+    refine = kernels().refine_rows.partial(
+        grid=grid, factor=factor, image=image, threshold=difference_threshold, is_drawn=is_drawn
+    )
     threads.for_rows(lambda first, end: refine(first_row=first, end_row=end), image)
     return image, is_drawn

@@ -70,16 +70,14 @@ class Kernel:
 
 
 class Kernels:
-    """A library's kernels, as attributes. called: the names of those that were asked for."""
+    """A library's kernels, as attributes."""
 
     def __init__(self, library: ctypes.CDLL, header: Header) -> None:
         self._library, self._header = library, header
-        self.called: list[str] = []
 
     def __getattr__(self, name: str) -> Kernel:
         if name not in self._header.arguments:
             raise AttributeError(name)
-        self.called.append(name)
         arguments = self._header.struct_of(name)
         size = ctypes.c_int64.in_dll(self._library, f"{name}_bytes").value
         assert size == arguments.size, f"{name} takes {size} bytes, and kernels.h is read as {arguments.size}"

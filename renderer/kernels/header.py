@@ -122,21 +122,17 @@ class Header:
 
     def __init__(self, text: str) -> None:
         self._bodies = dict(_STRUCT.findall(text))
-        self._known: dict[str, Type] = {}
         self.arguments: dict[str, str] = dict(_KERNEL.findall(text))
 
     def struct_of(self, kernel: str) -> Struct:
         """Return the struct that a kernel takes."""
-        found = self._type(self.arguments[kernel])
-        assert isinstance(found, Struct)
-        return found
+        return self._struct(self.arguments[kernel])
+
+    def _struct(self, name: str) -> Struct:
+        lines = (line for line in self._bodies[name].splitlines() if ";" in line)
+        return Struct([member for line in lines for member in self._read_members(line)])
 
     def _type(self, name: str) -> Type:
-        if name not in self._known:
-            self._known[name] = self._read_type(name)
-        return self._known[name]
-
-    def _read_type(self, name: str) -> Type:
         if name in _NUMBERS:
             return Type(_NUMBERS[name][0])
         if found := _ARRAY.fullmatch(name):
@@ -147,8 +143,7 @@ class Header:
             return _Array(None, int(found[1]), (), is_written=False)
         if found := _MAYBE.fullmatch(name):
             return _Maybe(self._type(found[1]))
-        lines = (line for line in self._bodies[name].splitlines() if ";" in line)
-        return Struct([member for line in lines for member in self._read_members(line)])
+        return self._struct(name)
 
     def _read_members(self, line: str) -> Iterator[tuple[str, Type]]:
         found = _MEMBERS.fullmatch(line.partition("//")[0].strip())

@@ -85,8 +85,8 @@ double length_without(const Buffer<Range>& removed, const Maybe<Array<const bool
 
 }  // namespace
 
-// lengths: [h, w], world lengths of the rays of rows from `first_row` on, within the cuts. unit: world length of a model
-// unit. absent: [z, y, x], which voxels do not count; None if all do.
+// lengths: [h, w], world lengths of the rays of rows from `first_row` on, within the cuts. unit: world length of a
+// model unit. absent: [z, y, x], which voxels do not count; None if all do.
 Status measure_chords(const MeasureChords* arguments) {
     const auto [rays, shape, absent, unit, first_row, lengths] = *arguments;
     const auto& [slabs, boxes] = rays.cuts.value;  // empty ones for None

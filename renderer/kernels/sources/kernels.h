@@ -1,7 +1,7 @@
 // What kernels take: the one place where both languages read it.
 //
-// Python reads this file, too (binding.py), and fills each struct by the names of its members, from a NamedTuple or from
-// keyword arguments. It knows these types of members, and refuses a file with others:
+// Python reads this file, too (binding.py), and fills each struct by the names of its members, from a NamedTuple or
+// from keyword arguments. It knows these types of members, and refuses a file with others:
 //
 //     int64_t, float, double, bool, ...   a number
 //     double x[3]                         a sequence of three numbers, or an array of that size
@@ -342,19 +342,12 @@ struct UpsampleRows {
 };
 KERNEL(upsample_rows, UpsampleRows)
 
-struct MarkDiffering {
-    Sized<const float, 3, 4> grid;
-    float threshold;
-    Array<bool, 2> differ;
-};
-KERNEL(mark_differing, MarkDiffering)
-
 struct RefineRows {
     Sized<const float, 3, 4> grid;
     int64_t factor;
     Sized<float, 3, 4> image;
     int64_t first_row, end_row;
-    Array<const bool, 2> differ;
+    float threshold;
     Array<bool, 2> is_drawn;
 };
 KERNEL(refine_rows, RefineRows)
@@ -448,13 +441,6 @@ struct Intervals {
     Array<const double, 1> knots;
     Array<const double, 2> rows;
     double scale;
-};
-
-// Of a LightField.
-struct ArrivingLight {
-    Array<const float, 3> occlusion, shadow;
-    Array<const int32_t, 1> corners;
-    double cell_size, occlusion_strength, shadow_strength;
 };
 
 // As in renderer/truth/optics.py.

@@ -82,6 +82,7 @@ Status draw_lines(const DrawLines* arguments) {
         }
         int64_t level = (int64_t)vertices(i, 6);
         double side = voxel_side * (double)((int64_t)1 << level);
+        if (!(side * most(ends_px[0].scale, ends_px[1].scale) >= min_side_px)) continue;
         draw_line(*arguments, ends_px[0], ends_px[1], side, &colors(least(level, colors.shape[0] - 1), 0));
     }
     return DONE;

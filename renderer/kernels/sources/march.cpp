@@ -18,8 +18,8 @@ constexpr int CACHE_LINE_BYTES = 64;
 // Floats behind the last texel that loads of whole rows touch.
 constexpr int READ_BEHIND = 2;
 
-// Load the visible texels of a brick into the cache while another brick is drawn. Where few pixels are drawn, each texel
-// is read a few times only, and half of the time would be waiting.
+// Load the visible texels of a brick into the cache while another brick is drawn. Where few pixels are drawn, each
+// texel is read a few times only, and half of the time would be waiting.
 void prefetch_brick(const Box& box, const Texels& texels, int64_t texel_floats) {
     auto first = [&](int axis) { return (int64_t)((box.low[axis] - box.corner[axis]) * box.scale + TEXEL_OFFSET); };
     auto end = [&](int axis) {
@@ -34,8 +34,8 @@ void prefetch_brick(const Box& box, const Texels& texels, int64_t texel_floats) 
     }
 }
 
-// Spans of rays inside a brick: the first sample [3], in texels of the brick; the step to the next one [3]; the length of
-// a segment, in model units; the number of the last sample.
+// Spans of rays inside a brick: the first sample [3], in texels of the brick; the step to the next one [3]; the length
+// of a segment, in model units; the number of the last sample.
 INLINE Span span_of(const Box& box, const Tile& tile, const Along (&along)[3], Range range, ClippedMask hit,
                     int64_t pixel) {
     auto number_of_ray = [&](int number) { return load<Doubles>(tile.rays, pixel + number * tile.room); };
@@ -84,9 +84,9 @@ enum Kind { MEANS, UNLIT, LAMBERT, LIT };
 // Composite the samples of spans under the pixels of a tile; rays end behind `termination_alpha`.
 // texels: of the brick, and what follows. pixels: of the image. scene: but for them.
 //
-// Indices are valid: samples are clamped to the brick (`first_and_step`), and float32 rounds the last one by less than a
-// quarter of a texel; scalars are finite, so that the search ends at the last piece; lanes without a ray have a span of
-// zeros or of another brick, whose texels are at the same places.
+// Indices are valid: samples are clamped to the brick (`first_and_step`), and float32 rounds the last one by less than
+// a quarter of a texel; scalars are finite, so that the search ends at the last piece; lanes without a ray have a span
+// of zeros or of another brick, whose texels are at the same places.
 template <Kind KIND>
 void march(Texels texels, const DrawTiles& scene, const LaneTable& table, const Box& box, int64_t num,
            const Tile& tile, Array<float, 1> pixels) {

@@ -25,16 +25,16 @@ struct Window {
     int64_t left, top, right, bottom;  // half-open
 };
 
-// The rays of one tile after the other, row by row, and their spans, which are the parts inside a brick. Rows are `side`
-// pixels apart. room: pixels of a tile, and those that are loaded behind the last one.
+// The rays of one tile after the other, row by row, and their spans, which are the parts inside a brick. Rows are
+// `side` pixels apart. room: pixels of a tile, and those that are loaded behind the last one.
 //
 // rays: one number of all rays after the other. found: what is in the image before the next brick. places: of pixels in
 // the image.
 // What cuts leave of rays goes from a start to an end, less a range for each removed box. bounds: all starts, then all
-// ends; a start moves on as what is behind it is drawn. removed: for each box where all rays enter and leave it; infinity
-// and -infinity where they do not.
-// spans: of each SPAN_FLOATS numbers. pixels: of each the pixel in the tile. order: the numbers of spans, those with few
-// samples first. counts: for sorting by a number that is at most `largest`.
+// ends; a start moves on as what is behind it is drawn. removed: for each box where all rays enter and leave it;
+// infinity and -infinity where they do not.
+// spans: of each SPAN_FLOATS numbers. pixels: of each the pixel in the tile. order: the numbers of spans, those with
+// few samples first. counts: for sorting by a number that is at most `largest`.
 struct Tile {
     int64_t side, room, num_boxes;
     Buffer<double> rays, bounds, removed;

@@ -118,7 +118,7 @@ INLINE void for_spans(const Box& box, const RaySetup& rays, Window window, const
                 ClippedMask hit = mask_of(lane_numbers<ClippedInts>() < (int32_t)(window.right - column));
                 hit &= goes_on(load<ClippedFloats>(tile.found, pixel));
                 if (!any_of(hit)) continue;
-                const Along along[3] = {ray_along(tile, pixel, 0), ray_along(tile, pixel, 1), ray_along(tile, pixel, 2)};
+                const Along along[] = {ray_along(tile, pixel, 0), ray_along(tile, pixel, 1), ray_along(tile, pixel, 2)};
                 Range range = {in_all<Doubles>(rays.start), in_all<Doubles>(INFINITE)};
                 for (int axis = 0; axis < 3; axis++)
                     range = clip_slab(range, along[axis].origin, along[axis].inverse, box.low[axis], box.high[axis]);
@@ -128,7 +128,8 @@ INLINE void for_spans(const Box& box, const RaySetup& rays, Window window, const
                     has_more |= any_of(have_more);
                 }
                 hit &= mask_of(range.leave > range.enter);
-                if (any_of(hit)) num = append(tile, num, hit, pixel, span_of(along, range, hit, pixel), UpTo<CLIPPED>());
+                if (!any_of(hit)) continue;
+                num = append(tile, num, hit, pixel, span_of(along, range, hit, pixel), UpTo<CLIPPED>());
             }
         }
         if (num == 0) continue;
