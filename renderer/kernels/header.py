@@ -112,8 +112,8 @@ class Struct(Type):
     def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
         for name, (_, one) in self.members.items():
             try:
-                one.add(getattr(value, name), numbers, kept)
-            except (TypeError, ValueError) as error:
+                one.add(value[name] if isinstance(value, dict) else getattr(value, name), numbers, kept)
+            except (TypeError, ValueError, KeyError) as error:
                 raise type(error)(f"{name}: {error}") from None
 
 

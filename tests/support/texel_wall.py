@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from renderer.bricks import BRICK_SIZE, PADDED_BRICK_SIZE
 from renderer.draw.cpu.grid import make_grid
-from renderer.draw.cpu.light import Light
 from renderer.kernels import kernels
 from renderer.transfer import GUIDE_SIZE, PIECE_FLOATS, PiecewiseTransfer
 from renderer.view import RaySetup
@@ -32,7 +31,7 @@ def drawn(
     *,
     lowest_visible: float = -np.inf,
     scale: float = 1.0,
-    light: Light | None = None,
+    light: dict[str, Any] | None = None,
     gradients: Array | None = None,
 ) -> npt.NDArray[np.float32]:
     """Return the pixels [n, 4] of texels with these scalars [n] and gradients [n, 3].
@@ -67,6 +66,6 @@ def drawn(
         is_lit=False,
         lambert=(0.0,) * 5,
         light=light,
-        tiles=np.arange(len(grid.starts) - 1),
+        tiles=np.arange(len(grid["starts"]) - 1),
     )
     return image.reshape(BRICK_SIZE, num_bricks, BRICK_SIZE, 4).swapaxes(0, 1).reshape(-1, 4)[:num]

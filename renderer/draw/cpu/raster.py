@@ -130,7 +130,7 @@ class CPURasterizer(Rasterizer):
             else:
                 tops, search = batch.extremes.tops[brick_view.order[group]], search_of(batch, brick_view.view)
                 draw = kernels().draw_extremes.partial(grid=grid, tops=tops, scalars=scalars.texels, **search)
-            tiles = np.flatnonzero(np.diff(grid.starts))
+            tiles = np.flatnonzero(np.diff(grid["starts"]))
             num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.threads.num) if self.threads.num > 1 else 1
             tasks = [partial(draw, tiles=part) for part in np.array_split(tiles, max(1, num_tasks))]
             self.threads.map(lambda task: task(), tasks)

@@ -1,7 +1,7 @@
 // What kernels take: the one place where both languages read it.
 //
-// Python reads this file, too (binding.py), and fills each struct by the names of its members, from a NamedTuple or
-// from keyword arguments. It knows these types of members, and refuses a file with others:
+// Python reads this file, too (binding.py), and fills each struct by the names of its members, from a NamedTuple, a
+// dictionary or keyword arguments. It knows these types of members, and refuses a file with others:
 //
 //     int64_t, float, double, bool, ...   a number
 //     double x[3]                         a sequence of three numbers, or an array of that size
