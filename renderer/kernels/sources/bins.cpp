@@ -1,7 +1,7 @@
 // Sort bricks into tiles of a pixel grid.
 #include "kernels.h"
 
-// starts, numbers: as in TileBins. `starts` has zeros and one number more than there; `numbers` has room for all.
+// starts, numbers: as in Grid. `starts` has zeros and one number more than there; `numbers` has room for all.
 Status bin_bricks(const BinBricks* arguments) {
     const auto [windows, num_columns, num_rows, starts, numbers] = *arguments;
     if (starts.shape[0] != num_columns * num_rows + 2) return OUT_OF_BOUNDS;
