@@ -21,7 +21,9 @@ _ORIGINS, _DIRECTIONS = np.array([[0.0, 1, 0], [0, 0, 1], [0, 0, 0]]), np.array(
 _RAYS = RaySetup(_ORIGINS, _DIRECTIONS, 0.0, 0.0, (0.0, 0.0), None)
 # Extinction is the scalar.
 LINEAR = PiecewiseTransfer(
-    np.array([[np.inf, 0, 0, 1] + [0] * (PIECE_FLOATS - 4)], np.float32), np.zeros(GUIDE_SIZE, np.int32)
+    np.array([[np.inf, 0, 0, 1] + [0] * (PIECE_FLOATS - 4)], np.float32),
+    np.zeros(GUIDE_SIZE, np.int32),
+    np.float32(-np.inf),
 )
 
 
@@ -29,7 +31,6 @@ def drawn(
     scalars: Array,
     pieces: PiecewiseTransfer = LINEAR,
     *,
-    lowest_visible: float = -np.inf,
     scale: float = 1.0,
     light: dict[str, Any] | None = None,
     gradients: Array | None = None,
@@ -59,7 +60,6 @@ def drawn(
         scalars=np.append(bricks, np.zeros(2, np.float32)),
         means=np.empty(0, np.float32),
         pieces=pieces,
-        lowest_visible=lowest_visible,
         termination_alpha=1.0,
         spacings_per_model_unit=scale,
         has_absent=False,

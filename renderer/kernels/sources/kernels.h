@@ -67,6 +67,7 @@ struct Classifier {
 struct PiecewiseTransfer {
     Array<const float, 2> rows;
     Array<const int32_t, 1> guide;
+    float lowest_visible;
 };
 
 // ---- pyramid
@@ -405,7 +406,7 @@ struct DrawTiles {
     Array<const bool, 1> is_mean;
     Array<const float, 1> scalars, means;
     PiecewiseTransfer pieces;
-    float lowest_visible, termination_alpha, spacings_per_model_unit;
+    float termination_alpha, spacings_per_model_unit;
     bool has_absent, is_lit;
     float lambert[5];
     Maybe<Light> light;

@@ -122,7 +122,7 @@ void march(Texels texels, const DrawTiles& scene, const LaneTable& table, const 
             } else {
                 Corners corners = load_corners(texels, at);
                 Floats scalar = interpolate(corners, shares);
-                if (!any_of(active & mask_of(scalar >= scene.lowest_visible))) continue;
+                if (!any_of(active & mask_of(scalar >= scene.pieces.lowest_visible))) continue;
                 sample = classify(table, scalar);
                 visible = active & mask_of(sample.tau > 0.0f);
                 Mask are_divided = visible & ~are_all_present(corners);
@@ -185,7 +185,7 @@ bool is_complete(const DrawTiles& scene) {
         int64_t size = (is_mean ? scene.means : scene.scalars).shape[0], offset = scene.grid.texel_offsets[brick];
         if (offset < 0 || offset > size - num) return false;
     }
-    const auto& [rows, guide] = scene.pieces;
+    const auto& [rows, guide, lowest_visible] = scene.pieces;
     int64_t num = rows.shape[0];
     if (num < 1 || rows.shape[1] != PIECE_FLOATS || guide.shape[0] != GUIDE_SIZE) return false;
     if (rows(num - 1, 0) < INFINITE) return false;
