@@ -15,7 +15,7 @@ from stage_pictures import NUMBER, drawn, exact
 
 from renderer.bricks.extremes import SLACK_SHARE
 from renderer.frame import Stage, prepare_stage, view_of
-from renderer.modes import chords
+from renderer.kernels import threads
 from renderer.scene import Scene, parse_scene
 from renderer.truth.integrator import rays_through_pixels
 from renderer.volume import Float64, Volume
@@ -217,7 +217,7 @@ def test_tiny_and_huge_numbers(mode: str, factor: float) -> None:
 @EACH_MODE
 @pytest.mark.parametrize("tolerance", [0.0, 0.3])
 def test_pictures_do_not_depend_on_threads(monkeypatch: pytest.MonkeyPatch, mode: str, tolerance: float) -> None:
-    monkeypatch.setattr(chords, "_MIN_PIXELS_PER_THREAD", 1)
+    monkeypatch.setattr(threads, "MIN_PIXELS_PER_THREAD", 1)
     stage = stage_of(placed(noise((35, 18, 40))), scene_of(mode, tolerance=tolerance))
     assert np.array_equal(drawn(stage, num_threads=1), drawn(stage, num_threads=3))
 

@@ -85,7 +85,7 @@ scan, engine, *changes = sys.argv[1:]
 scene = load_scene(pathlib.Path(engine), volume=pathlib.Path(scan), overrides=changes)
 stage = prepare_stage(scene, clock=time.perf_counter, num_threads=1)
 next(render_frames(stage, [0], CPURasterizer(), clock=time.perf_counter))
-print(*kernels().called)
+print(*(name for name in vars(kernels()) if not name.startswith("_")))
 """
 
 

@@ -8,9 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bricks import BRICK_SIZE, PADDED_BRICK_SIZE
-from renderer.draw.cpu.field import Field
-from renderer.draw.cpu.grid import Grid, bin_bricks
-from renderer.draw.cpu.light import Light
+from renderer.draw.cpu.grid import make_grid
 from renderer.kernels import kernels
 from renderer.transfer import GUIDE_SIZE, PIECE_FLOATS, PiecewiseTransfer
 from renderer.view import RaySetup
@@ -34,7 +32,7 @@ def drawn(
     pieces: PiecewiseTransfer = LINEAR,
     *,
     scale: float = 1.0,
-    light: Light | None = None,
+    light: dict[str, Any] | None = None,
     gradients: Array | None = None,
 ) -> npt.NDArray[np.float32]:
     """Return the pixels [n, 4] of texels with these scalars [n] and gradients [n, 3].
@@ -54,24 +52,20 @@ def drawn(
     right, size = left + BRICK_SIZE, zero + BRICK_SIZE
     boxes = np.column_stack([left, zero, zero, right, size, zero + 1, left, zero, zero, zero + 1, zero + 1e9])
     image = np.zeros((BRICK_SIZE, BRICK_SIZE * num_bricks, 4), np.float32)
-    bins = bin_bricks(np.column_stack([left, zero, right, size]), 1, (image.shape[1], image.shape[0]))
-    offsets = np.arange(num_bricks) * bricks.shape[1]
-    grid = Grid(bins, 1, _RAYS, boxes, offsets, np.ones(image.shape[:2], np.bool_), image)
-    field = Field(
-        np.append(bricks, np.zeros(2, np.float32)),
-        np.empty(0, np.float32),
-        pieces,
-        1.0,
-        scale,
-        False,
-        False,
-        (0.0,) * 5,
-    )
+    rectangles, offsets = np.column_stack([left, zero, right, size]), np.arange(num_bricks) * bricks.shape[1]
+    grid = make_grid(rectangles, 1, _RAYS, boxes, offsets, np.ones(image.shape[:2], np.bool_), image)
     kernels().draw_tiles(
         grid=grid,
         is_mean=np.zeros(num_bricks, np.bool_),
-        field=field,
+        scalars=np.append(bricks, np.zeros(2, np.float32)),
+        means=np.empty(0, np.float32),
+        pieces=pieces,
+        termination_alpha=1.0,
+        spacings_per_model_unit=scale,
+        has_absent=False,
+        is_lit=False,
+        lambert=(0.0,) * 5,
         light=light,
-        tiles=np.arange(len(bins.starts) - 1),
+        tiles=np.arange(len(grid["starts"]) - 1),
     )
     return image.reshape(BRICK_SIZE, num_bricks, BRICK_SIZE, 4).swapaxes(0, 1).reshape(-1, 4)[:num]

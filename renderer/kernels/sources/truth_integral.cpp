@@ -316,7 +316,7 @@ Status integrate_rays(const IntegrateRays* arguments) {
     return with_voxels(values, [&](const auto& voxels) {
         const Integrator integrator = {
             voxels,    macrocells, intervals,
-            shading,   max_steps,  {splits.data, {splits.num}},
+            shading,   max_steps,  splits,
             {gathered.data, {num_steps, num_gathered}},
         };
         for (int64_t i = 0; i < rays.parts.shape[0]; i++) {
