@@ -11,14 +11,11 @@ from functools import partial
 
 import numpy as np
 
-from renderer.bricks.layout import BRICK_SIZE, HALO, PADDED_BRICK_SIZE, grid_cells
+from renderer.bricks.layout import BRICK_SIZE, HALO, PADDED_BRICK_SIZE
 from renderer.kernels import ThreadPool, kernels
 from renderer.pyramid import (
-    BLOCK_SIZE,
-    BLOCKS_PER_TASK,
     STREAMED_LEVELS,
     Pyramid,
-    average_blocks,
     opacities_to_depths,
     packed_channels,
     root_cells,
@@ -26,7 +23,7 @@ from renderer.pyramid import (
     visible_children,
 )
 from renderer.transfer import raw_voxels
-from renderer.volume import Array, Float32, Int32, Int64
+from renderer.volume import Array, Int32
 
 # Most memory of cached bricks.
 MAX_CACHE_BYTES = 256 << 20
@@ -94,14 +91,11 @@ def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
     Raises InputError where the volume's file was changed.
     """
     means = np.zeros((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
-    num_blocks = (-(-(PADDED_BRICK_SIZE << level) // BLOCK_SIZE)) ** 3  # of a brick, at most
-    num_at_once = max(1, BLOCKS_PER_TASK // num_blocks)
-    for first in range(0, len(cells), num_at_once):
-        part = slice(first, first + num_at_once)
-        pyramid.volume.require_unchanged()
-        corners = BRICK_SIZE * cells[part].astype(np.int64) - HALO
-        _average_voxels(pyramid, level, corners, means[part])
-    pyramid.volume.require_unchanged()
+    corners = BRICK_SIZE * cells.astype(np.int64) - HALO
+    volume, raw = pyramid.volume, raw_voxels(pyramid.volume)
+    volume.require_unchanged()
+    kernels().average_cells(raw=raw, classifier=pyramid.mean_classifier, level=level, corners=corners, means=means)
+    volume.require_unchanged()
     if pyramid.max_depth is not None:
         visible = means[..., 3] > 0
         depths = means[visible]
@@ -110,26 +104,3 @@ def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
     stored: Array = np.empty(means.shape, pyramid.levels[0].means.dtype)
     store_scaled(means, 1 / pyramid.mean_unit, stored)
     return stored
-
-
-def _average_voxels(pyramid: Pyramid, level: int, corners: Int64, out: Float32) -> None:
-    """Write the pyramid's means of cells from each of `corners` [n, 3] (x, y, z) on to `out` [n, 18, 18, 18, 4]."""
-    raw = raw_voxels(pyramid.volume)
-    starts, extents, bricks = _list_blocks(corners, level, raw.shape)
-    nodes = average_blocks(raw, pyramid.mean_classifier, starts, extents, level)
-    kernels().copy_nodes(nodes=nodes, first_cells=(starts >> level) - corners[bricks], bricks=bricks, means=out)
-
-
-def _list_blocks(corners: Int64, level: int, shape: tuple[int, ...]) -> tuple[Int64, Int64, Int64]:
-    """List the blocks that cover 18^3 cells from each of `corners` [n, 3] on, in a volume of this shape [z, y, x].
-
-    Return their first voxels and extents [., 3] (x, y, z), and the indices of their bricks [.].
-    """
-    firsts = np.maximum(corners, 0) << level
-    ends = np.minimum((corners + PADDED_BRICK_SIZE) << level, shape[::-1])
-    nums = -(-(ends - firsts) // BLOCK_SIZE)
-    blocks = [grid_cells((z, y, x)) for x, y, z in nums.tolist()]
-    bricks = np.repeat(np.arange(len(corners)), nums.prod(axis=1))
-    starts = firsts[bricks] + BLOCK_SIZE * np.concatenate(blocks)
-    extents = np.minimum(ends[bricks] - starts, BLOCK_SIZE)
-    return starts, extents, bricks

@@ -48,15 +48,10 @@ class NodeStatistics:
         stored means [n, 4]."""
         depths = means[:, 3].view(np.uint16) if means.dtype == np.float16 else means[:, 3]  # 0 has no bits
         kernels().add_nodes(
-            cells=cells,
-            sizes=sizes,
-            errors=errors,
-            is_visible=depths > 0,
-            max_error_by_neighbour=self.max_error_by_neighbour,
-            bounds_by_neighbour=self.bounds_by_neighbour,
-            max_error_below=self.max_error_below,
-            squared_errors_below=self.squared_errors_below,
-        )
+            cells=cells, sizes=sizes, errors=errors, is_visible=depths > 0,
+            max_error_by_neighbour=self.max_error_by_neighbour, bounds_by_neighbour=self.bounds_by_neighbour,
+            max_error_below=self.max_error_below, squared_errors_below=self.squared_errors_below,
+        )  # fmt: skip
 
     def max_error(self) -> Float64:
         """Return the largest error in each brick and its halo, float64 [z, y, x]."""

@@ -49,22 +49,13 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
     """
     volume, first = bricks.volume, bricks.scalar_range[0]
     texels = np.empty((len(cells), *(PADDED_BRICK_SIZE,) * 3, 4 if lit else 1), np.float32)
-    world_from_gradient = None
-    if lit:
-        world_from_gradient = _world_from_gradient(volume)
-        world_from_gradient = np.ascontiguousarray(world_from_gradient / np.abs(world_from_gradient).max())
+    matrix = _world_from_gradient(volume)
     width, factor = range_width(*bricks.scalar_range)
     volume.require_unchanged()
     kernels().fill_scalar_texels(
-        voxels=voxels_of(volume, bricks.pyramid.classifier),
-        cells=cells,
-        first=first,
-        width=width,
-        factor=factor,
-        world_from_gradient=world_from_gradient,
-        scale=_unit_scale(*bricks.volume_range),
-        texels=texels,
-    )
+        voxels=voxels_of(volume, bricks.pyramid.classifier), cells=cells, first=first, width=width, factor=factor,
+        world_from_gradient=matrix / np.abs(matrix).max(), scale=_unit_scale(*bricks.volume_range), texels=texels,
+    )  # fmt: skip
     volume.require_unchanged()
     return texels if lit else texels[..., 0]
 
@@ -96,8 +87,7 @@ def mean_texels(bricks: Bricks, level: int, cells: Int32, cache: MeanCache | Non
     lighting = bricks.pyramid.classifier.lighting
     lit = lighting.light[3] + lighting.light[4] if lighting else 1
     brightest = max(1.0, float(bricks.transfer.colors.max()) * lit)
-    in_rows = texels.reshape(len(cells), PADDED_BRICK_SIZE**3, 4)
-    kernels().extrapolate_border(cells=cells, extents=extents, brightest=brightest * _ROUNDING, texels=in_rows)
+    kernels().extrapolate_border(cells=cells, extents=extents, brightest=brightest * _ROUNDING, texels=texels)
     return texels
 
 

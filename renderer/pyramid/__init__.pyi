@@ -11,13 +11,11 @@ from .cut import (
 from .cut_size import CutSizes as CutSizes, cut_sizes as cut_sizes
 from .nodes import (
     BLOCK_SIZE as BLOCK_SIZE,
-    average_blocks as average_blocks,
     opacities_to_depths as opacities_to_depths,
     packed_channels as packed_channels,
     store_scaled as store_scaled,
 )
 from .pyramid import (
-    BLOCKS_PER_TASK as BLOCKS_PER_TASK,
     EVERY_CUT as EVERY_CUT,
     STREAMED_LEVELS as STREAMED_LEVELS,
     FinestCut as FinestCut,

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.kernels import kernels
-from renderer.transfer import Classifier, RawVoxels
 from renderer.volume import Array, Float32, Float64, Int32, Int64, UInt8
 
 NODES_OF_GROUP = (64, 8, 1)
@@ -19,18 +18,12 @@ NODES_OF_GROUP = (64, 8, 1)
 BLOCK_SIZE = 8
 
 
-class Normalization(NamedTuple):
-    """A map of scalars, to (scalar - offset) * scale."""
-
-    offset: float
-    scale: float
-
-
 class VisibleNodes(NamedTuple):
     """Room for the visible nodes of some groups: for each level of all groups, one level behind the other.
 
     means: float32 [n, 4]. deviations: float32 [n], the roots of variances, which are summed over channels. masks: as in
-        Level; not of the first level of blocks.
+        Level; not of the first level of blocks. cells: int32 [n, 3] (x, y, z), and sizes: int64 [n], their numbers of
+        voxels; empty where nobody asks.
     counts: int64 [3], how many nodes of each level are visible; they are at its beginning, in Morton order.
     root_means: float32 [g, 4], of the groups' roots, visible or not.
     root_error_means, root_variances: float64 [g, c], of what errors are measured of.
@@ -39,18 +32,22 @@ class VisibleNodes(NamedTuple):
     means: Float32
     deviations: Float32
     masks: UInt8
+    cells: Int32
+    sizes: Int64
     counts: Int64
     root_means: Float32
     root_error_means: Float64
     root_variances: Float64
 
     @classmethod
-    def empty(cls, num_groups: int, num_channels: int) -> VisibleNodes:
+    def empty(cls, num_groups: int, num_channels: int, *, listed: bool = False) -> VisibleNodes:
         """Return room for some groups. num_channels: of what errors are measured of: 4, or 1 for scalars."""
         num = num_groups * sum(NODES_OF_GROUP)
         errors = (np.empty((num_groups, num_channels)) for _ in range(2))
         of_nodes = np.empty((num, 4), np.float32), np.empty(num, np.float32), np.empty(num, np.uint8)
-        return cls(*of_nodes, np.empty(len(NODES_OF_GROUP), np.int64), np.empty((num_groups, 4), np.float32), *errors)
+        places = np.empty((num * listed, 3), np.int32), np.empty(num * listed, np.int64)
+        counts = np.empty(len(NODES_OF_GROUP), np.int64)
+        return cls(*of_nodes, *places, counts, np.empty((num_groups, 4), np.float32), *errors)
 
     def of_level(self, part: int) -> slice:
         """Return where the visible nodes of a level of the groups are."""
@@ -58,32 +55,9 @@ class VisibleNodes(NamedTuple):
         return slice(first, first + int(self.counts[part]))
 
 
-class NodeCells(NamedTuple):
-    """Room for the cells of visible nodes, as in VisibleNodes: int32 [n, 3] (x, y, z), and their numbers of voxels."""
-
-    cells: Int32
-    sizes: Int64
-
-    @classmethod
-    def empty(cls, num_groups: int) -> NodeCells:
-        """Return room for some groups."""
-        num = num_groups * sum(NODES_OF_GROUP)
-        return cls(np.empty((num, 3), np.int32), np.empty(num, np.int64))
-
-
 def packed_channels(values: Array) -> Array:
     """Return four channels [..., 4] as one item [...], which is moved at once; a view."""
     return values.view(np.uint64 if values.dtype == np.float16 else np.complex128)[..., 0]
-
-
-def average_blocks(raw: RawVoxels, classifier: Classifier, starts: Int64, extents: Int64, level: int) -> Float32:
-    """Return the means of level 1 or 2, [g, 64, 4] or [g, 8, 4], of the blocks at voxels `starts` [g, 3].
-
-    extents: [g, 3] (x, y, z), the number of real voxels of each.
-    """
-    means = np.empty((len(starts), NODES_OF_GROUP[level - 1], 4), np.float32)
-    kernels().average_blocks(raw=raw, classifier=classifier, starts=starts, extents=extents, means=means)
-    return means
 
 
 def opacities_to_depths(means: Float32, max_depth: float) -> None:

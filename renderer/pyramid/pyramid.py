@@ -34,8 +34,6 @@ from renderer.kernels import ThreadPool, kernels
 from renderer.pyramid.nodes import (
     BLOCK_SIZE,
     NODES_OF_GROUP,
-    NodeCells,
-    Normalization,
     VisibleNodes,
     opacities_to_depths,
     store_scaled,
@@ -218,18 +216,17 @@ def cell_extents(cells: Array, level: int, shape_xyz: Shape) -> Int64:
 class _Plan:
     """A plan of a build: the data that all its tasks share.
 
-    pyramid: what is built, without its levels. raw: its voxels.
+    pyramid: what is built, without its levels.
     error_classifier: classifies for the errors; None where the error is the variance that comes with the means.
-    normalization: of the scalar that errors are of; None where they are of channels.
+    normalization: float64 [2], an offset and a scale of the scalar that errors are of; None where they are of channels.
     error_factor: from the root of a variance to its stored unit.
     leaf_variance_limits: nodes of level 2, and of level 3, with a smaller variance are leaves in every cut.
     on_nodes: as in `build_pyramid`.
     """
 
     pyramid: Pyramid
-    raw: Array
     error_classifier: Classifier | None
-    normalization: Normalization | None
+    normalization: Float64 | None
     error_factor: float
     dtype: type[np.float16] | type[np.float32]
     leaf_variance_limits: tuple[float, float] = (0.0, 0.0)
@@ -238,7 +235,7 @@ class _Plan:
     @property
     def num_error_channels(self) -> int:
         """Return the channels of what errors are measured of."""
-        return 1 if self.normalization else 4
+        return 4 if self.normalization is None else 1
 
 
 def _plan_build(
@@ -249,11 +246,8 @@ def _plan_build(
     light: tuple[ShadingSpec | None, LightField],
     finest_cut: FinestCut,
 ) -> _Plan:
-    averages_opacity, measures_opacity, (shading, light_field) = (
-        spec.average == "opacity",
-        error.measure == "rms",
-        light,
-    )
+    averages_opacity, measures_opacity = spec.average == "opacity", error.measure == "rms"
+    shading, light_field = light
     depth = volume.finest_spacing * transfer.max_extinction
     brightest = max(1.0, shading.ambient + shading.diffuse) if shading else 1.0
 
@@ -270,7 +264,7 @@ def _plan_build(
         low, high = volume.value_range()
         offset = _exact_offset(low, high)
         error_unit, error_factor = _stored_unit(max(abs(low - offset), abs(high - offset))), 1.0
-        normalization = Normalization(offset, 1 / error_unit)
+        normalization = np.array([offset, 1 / error_unit])
     elif averages_opacity != measures_opacity:
         error_classifier = classifier(measures_opacity)
     level = max(1, (max(volume.shape_xyz) - 1).bit_length() - (MAX_OCCUPANCY_SIDE - 1).bit_length())
@@ -289,7 +283,7 @@ def _plan_build(
         finest_cut=finest_cut,
     )
     dtype = np.float16 if spec.precision == "half" else np.float32
-    return _Plan(pyramid, raw_voxels(volume), error_classifier, normalization, error_factor, dtype)
+    return _Plan(pyramid, error_classifier, normalization, error_factor, dtype)
 
 
 def _leaf_variance_limits(plan: _Plan, num_levels: int) -> tuple[float, float]:
@@ -363,20 +357,19 @@ class _Scratch(NamedTuple):
     """
 
     nodes: VisibleNodes
-    listed: NodeCells | None
     build: Callable[..., None]
 
     @classmethod
     def empty(cls, plan: _Plan, num_blocks: int) -> _Scratch:
         """Return scratch for this number of blocks."""
-        nodes = VisibleNodes.empty(num_blocks, plan.num_error_channels)
-        listed = None if plan.on_nodes is None else NodeCells.empty(num_blocks)
+        nodes = VisibleNodes.empty(num_blocks, plan.num_error_channels, listed=plan.on_nodes is not None)
         build = kernels().build_blocks.partial(
-            raw=plan.raw, classifier=plan.pyramid.mean_classifier, error_classifier=plan.error_classifier,
-            normalization=plan.normalization, leaf_variance_limits=plan.leaf_variance_limits,
-            occupied=plan.pyramid.occupied, occupied_level=plan.pyramid.occupied_level, nodes=nodes, listed=listed,
+            raw=raw_voxels(plan.pyramid.volume), classifier=plan.pyramid.mean_classifier,
+            error_classifier=plan.error_classifier, normalization=plan.normalization,
+            leaf_variance_limits=plan.leaf_variance_limits, occupied=plan.pyramid.occupied,
+            occupied_level=plan.pyramid.occupied_level, nodes=nodes,
         )  # fmt: skip
-        return cls(nodes, listed, build)
+        return cls(nodes, build)
 
 
 def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]]:
@@ -425,20 +418,20 @@ def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]
 
 def _build_blocks(plan: _Plan, cubes: Int64, targets: list[Level], scratch: _Scratch) -> tuple[list[Level], _Tier]:
     """Build the levels inside the blocks of one task; return what is stored of them, in `targets`, and their roots."""
-    pyramid, (nodes, listed, build), stored = plan.pyramid, scratch, []
+    pyramid, (nodes, build), stored = plan.pyramid, scratch, []
     cells = subdivide(cubes, CUBE_LEVELS, BLOCK_LEVELS, pyramid.volume.shape_xyz)
     extents, visible = cell_extents(cells, BLOCK_LEVELS, pyramid.volume.shape_xyz), np.empty(len(cells), np.bool_)
     build(starts=cells * BLOCK_SIZE, extents=extents, visible=visible)
     for part in range(BLOCK_LEVELS):
-        if plan.on_nodes is None or listed is None or not _is_streamed(plan, part):
+        if plan.on_nodes is None or not _is_streamed(plan, part):
             stored.append(_store_visible(plan, nodes, part, targets[part]))
             continue
         found = nodes.of_level(part)
         target = Level.empty(found.stop - found.start, plan.dtype, masked=part > 0)
-        target, sizes = _store_visible(plan, nodes, part, target), listed.sizes[found]
+        target, sizes = _store_visible(plan, nodes, part, target), nodes.sizes[found]
         scales = error_scale(pyramid.volume, pyramid.measure, np.arange(8 ** (part + 1) + 1)) * pyramid.error_unit
         scaled_errors = target.errors * (scales[sizes] if scales.ndim else scales)
-        plan.on_nodes(part + 1, listed.cells[found], sizes, scaled_errors, target.means)
+        plan.on_nodes(part + 1, nodes.cells[found], sizes, scaled_errors, target.means)
         stored.append(targets[part])
     roots = (array[: np.count_nonzero(visible)].copy() for array in nodes[-3:])
     return stored, _Tier(cells[visible], *roots)

@@ -26,7 +26,7 @@ from renderer.kernels import kernels
 from renderer.scene import ShadingSpec
 from renderer.transfer import NO_LIGHT_FIELD, LightField, TransferFunction
 from renderer.truth.cutting import kept_parts
-from renderer.truth.optics import for_macrocells, intervals_of, largest_magnitude_scale, shading_of
+from renderer.truth.optics import for_macrocells, intervals_of, largest_magnitude_scale, readable_values, shading_of
 from renderer.view import View
 from renderer.volume import Float64, Int64, Volume
 
@@ -132,9 +132,7 @@ class RayIntegrator:
         light_field: LightField = NO_LIGHT_FIELD,
         num_threads: int = 2,
     ) -> None:
-        values = volume.values
-        if values.dtype == np.float16:  # kernels lack it; the copy is exact
-            values = values.astype(np.float32)
+        values = readable_values(volume)
         scale = largest_magnitude_scale(volume, transfer)
         self._intervals = intervals_of(transfer, scale)
         self._integrate = kernels().integrate_rays.partial(

@@ -35,40 +35,39 @@ class Intervals(NamedTuple):
     scale: float
 
 
-class Gloss(NamedTuple):
-    """A set of what a light has beyond Lambert's: highlights, factors on extinction by gradients, a light field.
+class RayShading(NamedTuple):
+    """A light on rays.
 
-    is_camera: the light comes from the viewer. is_two_sided, specular, shininess: as in ShadingSpec.
-    world_from_index: float64 [3, 3]. field: how much of the light arrives.
-    factors: float64 [n, 3], a magnitude, times `Intervals.scale`, the factor there and its slope up to the next one.
+    is_plain: whether Lambert's law is all, and what it has no use for does not count.
+    is_camera: whether the light comes from the viewer. is_two_sided, ambient to shininess: as in ShadingSpec.
+    light: float64 [3], the unit vector to the light; not used where it is the camera's.
+    world_from_index, world_from_gradient: float64 [3, 3], of positions, and of gradients along the index axes.
+    factors: float64 [n, 3], on extinction: a gradient's magnitude, times `Intervals.scale`, the factor there and its
+        slope up to the next one. field: how much of the light arrives.
     """
 
+    is_plain: bool
     is_camera: bool
     is_two_sided: bool
-    specular: float
-    shininess: float
-    world_from_index: Float64
-    factors: Float64
-    field: LightField
-
-
-class LambertShading(NamedTuple):
-    """A light: Lambert shading by the world gradient.
-
-    light: float64 [3], the unit vector to the light; not used where it is the camera's.
-    world_from_index_gradient: float64 [3, 3]. gloss: None for Lambert's law alone.
-    """
-
     ambient: float
     diffuse: float
+    specular: float
+    shininess: float
     light: Float64
-    world_from_index_gradient: Float64
-    gloss: Gloss | None
+    world_from_index: Float64
+    world_from_gradient: Float64
+    factors: Float64
+    field: LightField
 
 
 def for_macrocells(shape: tuple[int, ...], unknown: Any) -> npt.NDArray[Any]:
     """Return what is known about each macrocell of a volume of this shape, which is nothing yet."""
     return np.full([num // _MACROCELL_SIZE + 1 for num in shape], unknown)
+
+
+def readable_values(volume: Volume) -> npt.NDArray[Any]:
+    """Return the values of a volume in a dtype that kernels read: they lack float16, of which a copy is exact."""
+    return volume.values.astype(np.float32) if volume.values.dtype == np.float16 else volume.values
 
 
 def largest_magnitude_scale(volume: Volume, transfer: TransferFunction) -> float:
@@ -105,24 +104,23 @@ def intervals_of(transfer: TransferFunction, scale: float) -> Intervals:
     return Intervals(knots, np.column_stack([base, slope, origin, num_opaque_below]), scale)
 
 
-def shading_of(spec: ShadingSpec, field: LightField, volume: Volume, scale: float) -> LambertShading:
+def shading_of(spec: ShadingSpec, field: LightField, volume: Volume, scale: float) -> RayShading:
     """Return the light for scalars that are multiplied by `scale`."""
-    index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
+    index_from_world = np.linalg.inv(volume.world_from_index[:3, :3])
     is_camera = spec.light == "camera"
     light = np.array((0.0, 0.0, 1.0) if is_camera else spec.light, np.float64)  # the camera's is that of each ray
-    gloss = None
-    if not spec.is_plain:
-        factors = _gradient_factors(spec.gradient_opacity or (), scale)
-        shine = float(spec.specular), float(spec.shininess)
-        rows = np.asarray(np.linalg.inv(index_from_world))
-        gloss = Gloss(is_camera, spec.two_sided, *shine, rows, factors, field)
-    # A gradient transforms with the transposed inverse of the map of points.
-    to_world = index_from_world.T
-    return LambertShading(float(spec.ambient), float(spec.diffuse), light / np.linalg.norm(light), to_world, gloss)
+    return RayShading(
+        *(spec.is_plain, is_camera, spec.two_sided, spec.ambient, spec.diffuse, spec.specular, spec.shininess),
+        light / np.linalg.norm(light),
+        np.linalg.inv(index_from_world),
+        index_from_world.T,  # a gradient transforms with the transposed inverse of the map of points
+        _gradient_factors(spec.gradient_opacity or (), scale),
+        field,
+    )
 
 
 def _gradient_factors(points: Sequence[tuple[float, float]], scale: float) -> Float64:
-    """Return Gloss.factors."""
+    """Return RayShading.factors."""
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         magnitudes, factors = np.array(points, np.float64).reshape(-1, 2).T * [[scale], [1.0]]
         slopes = np.append(np.diff(factors) / np.diff(magnitudes), 0.0)[: len(points)]

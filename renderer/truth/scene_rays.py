@@ -11,15 +11,8 @@ from renderer.frame import Stage
 from renderer.kernels import kernels
 from renderer.modes import Projection
 from renderer.transfer import TransferFunction, make_transfer_function
-from renderer.truth.integrator import (
-    Convergence,
-    Progress,
-    RayIntegrator,
-    ignore,
-    in_parts,
-    index_rays,
-)
-from renderer.truth.optics import for_macrocells, largest_magnitude_scale
+from renderer.truth.integrator import Convergence, Progress, RayIntegrator, ignore, in_parts, index_rays
+from renderer.truth.optics import for_macrocells, largest_magnitude_scale, readable_values
 from renderer.view import View
 from renderer.volume import Float64, Int64, Volume
 
@@ -82,13 +75,13 @@ class ExtremeSearch:
 
     def __init__(self, volume: Volume, projection: Projection, *, num_threads: int) -> None:
         self._volume, self._projection, self._num_threads = volume, projection, num_threads
-        values, spec = volume.values, projection.spec
+        values, spec = readable_values(volume), projection.spec
         self._scale = largest_magnitude_scale(volume, projection.optics)
         self._sign = self._scale if spec.type == "maximum" else -self._scale
         by_depth = spec.color_by == "depth"
         first, last = (end * self._scale for end in projection.color_range)
         self._search = kernels().search_rays.partial(
-            values=values.astype(np.float32) if values.dtype == np.float16 else values,  # which kernels lack
+            values=values,
             tops=for_macrocells(values.shape, np.nan),
             sign=self._sign,
             least_rise=_LEAST_RISE * (last - first) if by_depth else 0.0,

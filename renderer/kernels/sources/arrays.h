@@ -66,6 +66,13 @@ INLINE Array<T, 1> rest_of(const Array<T, 1>& array, int64_t place) {
 template <class T, int DIMENSIONS, int64_t...>
 using Sized = Array<T, DIMENSIONS>;
 
+template <class T, int DIMENSIONS, class... Sizes>
+INLINE bool has_shape(const Array<T, DIMENSIONS>& array, Sizes... sizes) {
+    static_assert(sizeof...(Sizes) == DIMENSIONS);
+    int axis = 0;
+    return ((array.shape[axis++] == sizes) && ...);
+}
+
 // Read-only, of any of the dtypes of `with_array`. dtype: its number there.
 template <int DIMENSIONS>
 struct AnyArray {

@@ -6,7 +6,7 @@ namespace {
 constexpr int64_t STRIDES[3] = {1, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE * PADDED_BRICK_SIZE};  // of texels along x, y, z
 
 struct Border {
-    Array<float, 2> texels;
+    Array<float, 2> texels;  // [18^3, 4]
     double brightest;
 
     // Write to the texel `at` the line through `before` and `last`, a mean over `share` of a cell, `distance` cells
@@ -46,17 +46,18 @@ struct Border {
 
 }  // namespace
 
-// Turn texels [n, 18^3, 4] of cells into texels of the field. extents: the volume's in cells (x, y, z).
+// Turn texels [n, 18, 18, 18, 4] of cells into texels of the field. extents: the volume's in cells (x, y, z).
 Status extrapolate_border(const ExtrapolateBorder* arguments) {
     const auto& [cells, extents, brightest, texels] = *arguments;
+    constexpr int64_t size = PADDED_BRICK_SIZE;
     int64_t num = cells.shape[0];
-    if (cells.shape[1] != 3 || texels.shape[0] != num || texels.shape[2] != 4) return OUT_OF_BOUNDS;
-    if (texels.shape[1] != PADDED_BRICK_SIZE * PADDED_BRICK_SIZE * PADDED_BRICK_SIZE) return OUT_OF_BOUNDS;
+    if (cells.shape[1] != 3 || !has_shape(texels, num, size, size, size, 4)) return OUT_OF_BOUNDS;
     for (int64_t i = 0; i < num; i++)
         for (int axis = 0; axis < 3; axis++) {
             int64_t cell = cells(i, axis), num_cells = (int64_t)__builtin_ceil(extents[axis]);
             if (cell < 0 || BRICK_SIZE * cell >= num_cells) return OUT_OF_BOUNDS;
-            Border{texels[i], brightest}.extrapolate_axis(axis, cell, extents[axis], num_cells);
+            const Border border = {{texels[i].data, {size * size * size, 4}}, brightest};
+            border.extrapolate_axis(axis, cell, extents[axis], num_cells);
         }
     return DONE;
 }

@@ -4,7 +4,7 @@
 // Write the ranges [n, 2] of bricks and of their halo at cells [n, 3] (x, y, z).
 Status measure_ranges(const MeasureRanges* arguments) {
     const auto [voxels, cells, ranges] = *arguments;
-    if (!fit_together(voxels, cells) || ranges.shape[0] != cells.shape[0] || ranges.shape[1] != 2) return OUT_OF_BOUNDS;
+    if (!fit_together(voxels, cells) || !has_shape(ranges, cells.shape[0], 2)) return OUT_OF_BOUNDS;
     // What takes the place of voxels without data may lie outside of their brick.
     Cube around(PADDED_BRICK_SIZE + 2 * voxels.has_absent);
     if (!around) return NO_MEMORY;

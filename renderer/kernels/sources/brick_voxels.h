@@ -27,10 +27,9 @@ inline bool fit_together(const Voxels& voxels, const Array<const int32_t, 2>& ce
 // repeated. cell: [3] (x, y, z).
 inline void load_brick(const Voxels& voxels, const Array<const int32_t, 1>& cell, const Field& out) {
     int64_t side = out.shape[0], margin = (side - BRICK_SIZE) / 2;
-    const int64_t origin[3] = {}, shape[3] = {voxels.raw.shape[2], voxels.raw.shape[1], voxels.raw.shape[0]};
     int64_t first[3];
     for (int axis = 0; axis < 3; axis++) first[axis] = BRICK_SIZE * cell[axis] - margin;
-    load_scalars(voxels.raw, voxels.scalars, {origin, shape}, first, side, out.data);
+    load_scalars(voxels.raw, voxels.scalars, box_of(voxels.raw), first, side, out.data);
 }
 
 struct Range {
@@ -39,7 +38,7 @@ struct Range {
 
 // The smallest and the largest number of a field; infinity and minus infinity if all are NaN.
 inline Range range_of(const Field& field) {
-    Range range = {__builtin_inf(), -__builtin_inf()};
+    Range range = {INFINITE, -INFINITE};
     for (int64_t k = 0; k < field.size(); k++)
         // NaN, being neither smaller nor larger, does not count as the second of two.
         range = {least(range.low, field.data[k]), most(range.high, field.data[k])};

@@ -14,41 +14,33 @@ INLINE double lambert_factor(double x, double y, double z, const double* light) 
     return __builtin_fma(light[4], most(0.0, -across / length), light[3]);
 }
 
-// The ends of a difference at a voxel, and how many voxels they are apart. Where a neighbour is without data, or beyond
-// the border, the voxel itself is in its place.
-struct Difference {
-    double before, after, distance;
-
-    INLINE Difference(const double* here, int64_t step, int64_t place, int64_t num)
-        : before(here[-step]), after(here[step]) {
-        int64_t num_before = place > 0, num_after = place < num - 1;
-        if (before != before) before = *here, num_before = 0;
-        if (after != after) after = *here, num_after = 0;
-        distance = (double)most(num_before + num_after, (int64_t)1);
-    }
-};
-
 // The factor on the colour of a visible voxel, by Lambert's law; ambient where the gradient is 0.
 //
 // Derivatives along the index axes are central, one-sided at the border and beside voxels without data, 0 across one
 // voxel. here: its scalar, with those beside it at -1 and 1, `row` and `row` squared.
 inline double lighting_factor(const VoxelLighting& lighting, const AnyArray<3>& raw, const double* here, int64_t row,
                               const int64_t* voxel) {
-    const auto& [num_z, num_y, num_x] = raw.shape;
     bool is_float32 = raw.dtype == 8;  // small differences of these are float32, too
-    Difference along[3] = {
-        {here, 1, voxel[0], num_x}, {here, row, voxel[1], num_y}, {here, row * row, voxel[2], num_z}};
+    const int64_t steps[3] = {1, row, row * row};
+    double before[3], after[3], distance[3], g[3], light[5];
+    for (int axis = 0; axis < 3; axis++) {
+        before[axis] = here[-steps[axis]], after[axis] = here[steps[axis]];
+        bool has_before = voxel[axis] > 0 && !is_nan(before[axis]);
+        bool has_after = voxel[axis] < raw.shape[2 - axis] - 1 && !is_nan(after[axis]);
+        if (is_nan(before[axis])) before[axis] = *here;
+        if (is_nan(after[axis])) after[axis] = *here;
+        distance[axis] = has_before && has_after ? 2.0 : 1.0;
+    }
     // Only the direction counts. Differences of halves do not overflow. Where they are small, the full differences do
     // not overflow either, and halves would round denormals.
-    double g[3], light[5];
     auto largest = [&] { return most(most(__builtin_fabs(g[0]), __builtin_fabs(g[1])), __builtin_fabs(g[2])); };
-    for (int axis = 0; axis < 3; axis++) g[axis] = 0.5 * along[axis].after - 0.5 * along[axis].before;
+    for (int axis = 0; axis < 3; axis++) g[axis] = 0.5 * after[axis] - 0.5 * before[axis];
     if (largest() < 1.0)
         for (int axis = 0; axis < 3; axis++) {
-            double rise = along[axis].after - along[axis].before;
+            double rise = after[axis] - before[axis];
             g[axis] = 2.0 * (is_float32 ? (double)(float)rise : rise);
         }
-    for (int axis = 0; axis < 3; axis++) g[axis] /= along[axis].distance;
+    for (int axis = 0; axis < 3; axis++) g[axis] /= distance[axis];
     __builtin_memcpy(light, lighting.light, sizeof light);
     const auto& [occlusion, shadow, corners, cell_size, occlusion_strength, shadow_strength] = lighting.field;
     light[3] *= share_at(occlusion, occlusion_strength, cell_size, voxel);
@@ -85,13 +77,8 @@ INLINE void classify_box(const AnyArray<3>& raw, const Classifier& classifier, c
     constexpr int64_t padded = SIDE + 2;
     double scalars[padded * padded * padded];
     int64_t side = lighting.exists ? padded : SIDE, halo = lighting.exists;
-    if (lighting.exists) {
-        const int64_t origin[3] = {}, shape[3] = {raw.shape[2], raw.shape[1], raw.shape[0]};
-        const int64_t first[3] = {box.first[0] - 1, box.first[1] - 1, box.first[2] - 1};
-        load_scalars(raw, by_pattern, {origin, shape}, first, padded, scalars);
-    } else {
-        load_scalars(raw, by_pattern, box, box.first, SIDE, scalars);
-    }
+    const int64_t first[3] = {box.first[0] - halo, box.first[1] - halo, box.first[2] - halo};
+    load_scalars(raw, by_pattern, halo ? box_of(raw) : box, first, side, scalars);
     for (int64_t z = 0; z < box.extent[2]; z++)
         for (int64_t y = 0; y < box.extent[1]; y++)
             for (int64_t x = 0; x < box.extent[0]; x++) {
@@ -100,18 +87,16 @@ INLINE void classify_box(const AnyArray<3>& raw, const Classifier& classifier, c
                 Channels channels;
                 if (table.exists) {
                     int64_t place = (voxel[2] * raw.shape[1] + voxel[1]) * raw.shape[2] + voxel[0];
-                    bool is_byte = raw.dtype == 0;
-                    int64_t pattern = is_byte ? ((const uint8_t*)raw.data)[place] : ((const uint16_t*)raw.data)[place];
-                    const float* row = &table.value(pattern, 0);
-                    channels = {row[0], row[1], row[2], row[3]};
+                    int64_t pattern = raw.dtype == 0 ? ((const uint8_t*)raw.data)[place] : ((const uint16_t*)raw.data)[place];
+                    channels = __builtin_convertvector(load<FourChannels>(&table.value(pattern, 0), 0), Channels);
                 } else {
                     channels = classify_scalar(curve.value, is_opacity, *here);
                 }
-                double factor = 1.0;
-                if (lighting.exists && channels.a > 0)
-                    factor = lighting_factor(lighting.value, raw, here, side, voxel);
-                float r = (float)(channels.r * factor), g = (float)(channels.g * factor);
-                take(x, y, z, FourChannels{r, g, (float)(channels.b * factor), (float)channels.a});
+                if (lighting.exists && channels.a > 0) {
+                    double factor = lighting_factor(lighting.value, raw, here, side, voxel);
+                    channels *= Channels{factor, factor, factor, 1.0};
+                }
+                take(x, y, z, __builtin_convertvector(channels, FourChannels));
             }
 }
 

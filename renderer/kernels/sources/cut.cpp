@@ -4,8 +4,8 @@
 // Write the visible children of nodes at `cells`, by the masks of all nodes: their indices and their cells (x, y, z).
 Status list_children(const ListChildren* arguments) {
     const auto [nodes, cells, masks, first_children, child_nodes, child_cells] = *arguments;
-    if (cells.shape[0] != nodes.shape[0] || cells.shape[1] != 3 || first_children.shape[0] != masks.shape[0] ||
-        child_cells.shape[0] != child_nodes.shape[0] || child_cells.shape[1] != 3)
+    if (!has_shape(cells, nodes.shape[0], 3) || !has_shape(first_children, masks.shape[0]) ||
+        !has_shape(child_cells, child_nodes.shape[0], 3))
         return OUT_OF_BOUNDS;
     int64_t num = 0;
     for (int64_t i = 0; i < nodes.shape[0]; i++) {
@@ -14,9 +14,7 @@ Status list_children(const ListChildren* arguments) {
             int k = __builtin_ctz(mask);
             if (num == child_nodes.shape[0]) return OUT_OF_BOUNDS;
             child_nodes[num] = child++;
-            child_cells(num, 0) = 2 * cells(i, 0) + (k & 1);
-            child_cells(num, 1) = 2 * cells(i, 1) + (k >> 1 & 1);
-            child_cells(num, 2) = 2 * cells(i, 2) + (k >> 2);
+            for (int axis = 0; axis < 3; axis++) child_cells(num, axis) = 2 * cells(i, axis) + (k >> axis & 1);
             num++;
         }
     }
@@ -26,18 +24,19 @@ Status list_children(const ListChildren* arguments) {
 // Count the visible voxels in each cell of level 1. Write their cells and channels, unless there is room for none.
 Status find_voxels(const FindVoxels* arguments) {
     const auto [raw, classifier, parents, counts, cells, depths] = *arguments;
-    if (!fits(classifier, raw) || counts.shape[0] != parents.shape[0] || parents.shape[1] != 3 ||
-        cells.shape[1] != 3 || depths.shape[1] != 4 || cells.shape[0] != depths.shape[0])
-        return OUT_OF_BOUNDS;
     int64_t num = 0, num_most = cells.shape[0];
+    if (!fits(classifier, raw) || !has_shape(parents, counts.shape[0], 3) || !has_shape(cells, num_most, 3) ||
+        !has_shape(depths, num_most, 4))
+        return OUT_OF_BOUNDS;
     for (int64_t i = 0; i < parents.shape[0]; i++) {
-        int64_t first[3], extent[3];
+        Box box;
+        auto& [first, extent] = box;
         for (int axis = 0; axis < 3; axis++) {
             first[axis] = 2 * (int64_t)parents(i, axis);
             extent[axis] = least(raw.shape[2 - axis] - first[axis], (int64_t)2);
         }
         int64_t num_before = num;
-        classify_box<2>(raw, classifier, {first, extent}, [&](int64_t x, int64_t y, int64_t z, FourChannels channels) {
+        classify_box<2>(raw, classifier, box, [&](int64_t x, int64_t y, int64_t z, FourChannels channels) {
             if (!(channels[3] > 0)) return;
             if (num < num_most) {
                 cells(num, 0) = (int32_t)(first[0] + x), cells(num, 1) = (int32_t)(first[1] + y);

@@ -72,37 +72,29 @@ struct PiecewiseTransfer {
 
 // ---- pyramid
 
-// As in renderer/pyramid/nodes.py, and the next two.
+// As in renderer/pyramid/nodes.py.
 struct VisibleNodes {
     Array<float, 2> means;
     Array<float, 1> deviations;
     Array<uint8_t, 1> masks;
+    Array<int32_t, 2> cells;
+    Array<int64_t, 1> sizes;
     Array<int64_t, 1> counts;
     Array<float, 2> root_means;
     Array<double, 2> root_error_means, root_variances;
-};
-
-struct NodeCells {
-    Array<int32_t, 2> cells;
-    Array<int64_t, 1> sizes;
-};
-
-struct Normalization {
-    double offset, scale;
 };
 
 struct BuildBlocks {
     AnyArray<3> raw;
     Classifier classifier;
     Maybe<Classifier> error_classifier;
-    Maybe<Normalization> normalization;
+    Maybe<Array<const double, 1>> normalization;
     double leaf_variance_limits[2];
     Array<bool, 3> occupied;
     int64_t occupied_level;
     Array<const int64_t, 2> starts, extents;
     Array<bool, 1> visible;
     VisibleNodes nodes;
-    Maybe<NodeCells> listed;
 };
 KERNEL(build_blocks, BuildBlocks)
 
@@ -116,13 +108,14 @@ struct MergeTier {
 };
 KERNEL(merge_tier, MergeTier)
 
-struct AverageBlocks {
+struct AverageCells {
     AnyArray<3> raw;
     Classifier classifier;
-    Array<const int64_t, 2> starts, extents;
-    Array<float, 3> means;
+    int64_t level;
+    Array<const int64_t, 2> corners;
+    Array<float, 5> means;
 };
-KERNEL(average_blocks, AverageBlocks)
+KERNEL(average_cells, AverageCells)
 
 struct StoreFloat16 {
     Array<const float, 1> values;
@@ -163,10 +156,9 @@ struct AverageVoxels {
 KERNEL(average_voxels, AverageVoxels)
 
 struct Transmit {
-    Array<const float, 3> depths;
-    float end[3];
-    Array<const float, 3> offsets;
+    Array<const float, 3> depths, offsets;
     Array<const float, 1> lengths;
+    float end[3];
     int64_t slab;
     Array<float, 2> out;
 };
@@ -223,20 +215,10 @@ struct AddNodes {
 };
 KERNEL(add_nodes, AddNodes)
 
-struct CopyNodes {
-    Array<const float, 3> nodes;
-    Array<const int64_t, 2> first_cells;
-    Array<const int64_t, 1> bricks;
-    Array<float, 5> means;
-};
-KERNEL(copy_nodes, CopyNodes)
-
 struct FillScalarTexels {
     Voxels voxels;
     Array<const int32_t, 2> cells;
-    double first, width, factor;
-    Maybe<Array<const double, 2>> world_from_gradient;
-    double scale;
+    double first, width, factor, world_from_gradient[9], scale;
     Array<float, 5> texels;
 };
 KERNEL(fill_scalar_texels, FillScalarTexels)
@@ -244,7 +226,7 @@ KERNEL(fill_scalar_texels, FillScalarTexels)
 struct ExtrapolateBorder {
     Array<const int32_t, 2> cells;
     double extents[3], brightest;
-    Array<float, 3> texels;
+    Array<float, 5> texels;
 };
 KERNEL(extrapolate_border, ExtrapolateBorder)
 
@@ -437,24 +419,18 @@ KERNEL(quantize, Quantize)
 
 // ---- truth
 
-// As in renderer/truth/optics.py, and the next two.
+// As in renderer/truth/optics.py, and the next one.
 struct Intervals {
     Array<const double, 1> knots;
     Array<const double, 2> rows;
     double scale;
 };
 
-// As in renderer/truth/optics.py.
-struct Gloss {
-    bool is_camera, is_two_sided;
-    double specular, shininess, world_from_index[9];
+struct RayShading {
+    bool is_plain, is_camera, is_two_sided;
+    double ambient, diffuse, specular, shininess, light[3], world_from_index[9], world_from_gradient[9];
     Array<const double, 2> factors;
     LightField field;
-};
-
-struct LambertShading {
-    double ambient, diffuse, light[3], world_from_index_gradient[9];
-    Maybe<Gloss> gloss;
 };
 
 // n rays in index space, as in renderer/truth/integrator.py.
@@ -467,7 +443,7 @@ struct IntegrateRays {
     AnyArray<3> values;
     Array<uint8_t, 3> macrocells;
     Intervals intervals;
-    Maybe<LambertShading> shading;
+    Maybe<RayShading> shading;
     Array<const double, 1> max_steps;
     IndexRays rays;
     Array<double, 3> radiance;

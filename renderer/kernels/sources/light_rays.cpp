@@ -30,8 +30,7 @@ Status average_voxels(const AverageVoxels* arguments) {
     const auto [num_z, num_y, num_x] = raw.shape;
     int64_t side = (int64_t)1 << level, z0 = slab << level, z1 = least((slab + 1) << level, num_z);
     auto num_cells = [&](int64_t num) { return (num + side - 1) >> level; };
-    if (out.shape[0] != num_cells(num_y) || out.shape[1] != num_cells(num_x) || z0 < 0 || z0 >= num_z)
-        return OUT_OF_BOUNDS;
+    if (!has_shape(out, num_cells(num_y), num_cells(num_x)) || z0 < 0 || z0 >= num_z) return OUT_OF_BOUNDS;
     Buffer<double> sums(out.shape[1]);
     if (!sums) return NO_MEMORY;
     auto end_of = [&](int64_t cell) { return least((cell + 1) << level, num_x); };
@@ -69,9 +68,9 @@ Status average_voxels(const AverageVoxels* arguments) {
 // offsets: [rays, samples, 3] (x, y, z), from a centre to where its rays are sampled, outwards. lengths: [samples],
 // those that samples stand for, in finest spacings. A ray ends at the border.
 Status transmit(const Transmit* arguments) {
-    const auto [depths, end, offsets, lengths, slab, out] = *arguments;
-    bool fits = slab >= 0 && slab + 2 < depths.shape[0] && out.shape[0] + 2 == depths.shape[1] &&
-        out.shape[1] + 2 == depths.shape[2] && offsets.shape[1] == lengths.shape[0] && offsets.shape[2] == 3;
+    const auto [depths, offsets, lengths, end, slab, out] = *arguments;
+    bool fits = slab >= 0 && slab + 2 < depths.shape[0] && has_shape(out, depths.shape[1] - 2, depths.shape[2] - 2) &&
+        has_shape(offsets, offsets.shape[0], lengths.shape[0], 3);
     for (int axis = 0; axis < 3; axis++) fits &= end[axis] < (float)(depths.shape[2 - axis] - 1);
     if (!fits) return OUT_OF_BOUNDS;
     auto is_inside = [&](int axis, float place) { return 0.5f <= place && place <= end[axis]; };

@@ -30,8 +30,7 @@ INLINE void add_by_neighbour(int64_t x, int64_t y, int64_t z, double error, bool
 Status add_nodes(const AddNodes* arguments) {
     const auto [cells, sizes, errors, is_visible, largest, bounds, largest_below, squares_below] = *arguments;
     int64_t num = errors.shape[0];
-    if (cells.shape[0] != num || cells.shape[1] != 3 || sizes.shape[0] != num || is_visible.shape[0] != num)
-        return OUT_OF_BOUNDS;
+    if (!has_shape(cells, num, 3) || !has_shape(sizes, num) || !has_shape(is_visible, num)) return OUT_OF_BOUNDS;
     for (int axis = 0; axis < 3; axis++)
         if (largest.shape[axis] != bounds.shape[axis] || largest_below.shape[axis] != squares_below.shape[axis])
             return OUT_OF_BOUNDS;

@@ -169,11 +169,11 @@ class Writer {
     template <class T>
     bool fits(int64_t num) const {
         int64_t num_nodes = NODES_OF_GROUP * most_groups, num_channels = NUM_CHANNELS<T>;
-        return num <= most_groups && out.means.shape[0] == num_nodes && out.means.shape[1] == 4 &&
-               out.deviations.shape[0] == num_nodes && out.masks.shape[0] == num_nodes &&
-               out.counts.shape[0] == NUM_LEVELS && out.root_means.shape[1] == 4 &&
-               out.root_error_means.shape[0] == most_groups && out.root_error_means.shape[1] == num_channels &&
-               out.root_variances.shape[0] == most_groups && out.root_variances.shape[1] == num_channels;
+        return num <= most_groups && has_shape(out.means, num_nodes, 4) && has_shape(out.deviations, num_nodes) &&
+               has_shape(out.masks, num_nodes) && has_shape(out.cells, out.sizes.shape[0], 3) &&
+               (out.sizes.shape[0] == 0 || out.sizes.shape[0] == num_nodes) && has_shape(out.counts, NUM_LEVELS) &&
+               has_shape(out.root_means, most_groups, 4) && has_shape(out.root_error_means, most_groups, num_channels) &&
+               has_shape(out.root_variances, most_groups, num_channels);
     }
 
     // Write the visible nodes of a level, in Morton order. take(x, y, z, place): called for each of these, at x, y, z in
@@ -228,31 +228,35 @@ void build_block(const AnyArray<3>& raw, const Classifier& classifier, const Box
 }
 
 // Build the nodes of a block from the scalars of voxels, normalized; 0 without data.
-void build_block(const AnyArray<3>& raw, const Classifier& classifier, const Normalization& normalization,
+void build_block(const AnyArray<3>& raw, const Classifier& classifier, const Array<const double, 1>& normalization,
                  const Box& box, Group<double>& group) {
     double scalars[BLOCK_VOXELS];
     group.begin(box.extent, 2);
     load_scalars(raw, classifier.scalars, box, box.first, BLOCK_SIZE, scalars);
     for_voxels<BLOCK_SIZE>(box, [&](int64_t x, int64_t y, int64_t z) {
         double scalar = scalars[(z * BLOCK_SIZE + y) * BLOCK_SIZE + x];
-        scalar = scalar != scalar ? 0.0 : (scalar - normalization.offset) * normalization.scale;
-        group.voxels[voxel_offset(x, y, z)] = scalar;
+        group.voxels[voxel_offset(x, y, z)] = is_nan(scalar) ? 0.0 : (scalar - normalization[0]) * normalization[1];
     });
     group.merge_voxels();
     group.merge_nodes();
+}
+
+INLINE Box box_at(const Array<const int64_t, 2>& starts, const Array<const int64_t, 2>& extents, int64_t g) {
+    return {{starts(g, 0), starts(g, 1), starts(g, 2)}, {extents(g, 0), extents(g, 1), extents(g, 2)}};
 }
 
 // errors: of what errors are measured, which may be `group` itself. build_errors(box): builds them, if they are not.
 template <class T, class Build>
 Status build_all(const BuildBlocks& arguments, Group<float>& group, Group<T>& errors, Build build_errors) {
     const auto& [raw, classifier, error_classifier, normalization, limits, occupied, occupied_level, starts, extents,
-                 visible, nodes, listed] = arguments;
+                 visible, nodes] = arguments;
+    const bool is_listed = nodes.sizes.shape[0] > 0;
     Writer writer(nodes);
     VisibilityTest test(raw, classifier);
     if (!writer.fits<T>(starts.shape[0])) return OUT_OF_BOUNDS;
     if (!test) return NO_MEMORY;
     for (int64_t g = 0; g < starts.shape[0]; g++) {
-        Box box(&starts(g, 0), &extents(g, 0));
+        Box box = box_at(starts, extents, g);
         // Scalars count for their errors where they are invisible, too.
         visible[g] = normalization.exists || test(box);
         if (!visible[g]) continue;
@@ -268,13 +272,12 @@ Status build_all(const BuildBlocks& arguments, Group<float>& group, Group<T>& er
                     auto cell = [&](int axis) { return (box.first[axis] + first[axis]) >> occupied_level; };
                     occupied(cell(2), cell(1), cell(0)) = true;
                 }
-                if (!listed.exists) return;
-                int64_t size = 1;
+                if (!is_listed) return;
+                nodes.sizes[place] = 1;
                 for (int axis = 0; axis < 3; axis++) {
-                    listed.value.cells(place, axis) = (int32_t)((box.first[axis] + first[axis]) / width);
-                    size *= least(box.extent[axis] - first[axis], width);
+                    nodes.cells(place, axis) = (int32_t)((box.first[axis] + first[axis]) / width);
+                    nodes.sizes[place] *= least(box.extent[axis] - first[axis], width);
                 }
-                listed.value.sizes[place] = size;
             });
         }
         writer.append_root(group, errors);
@@ -292,9 +295,9 @@ Status merge_all(const MergeTier& arguments) {
     Group<T> errors;
     Writer writer(nodes);
     int64_t num = means.shape[0], i = 0;
-    if (!writer.fits<T>(extents.shape[0]) || extents.shape[1] != 3 || means.shape[1] != 4 || places.shape[0] != num ||
-        error_means.shape[0] != num || variances.shape[0] != num || error_means.shape[1] != num_channels ||
-        variances.shape[1] != num_channels)
+    if (!writer.fits<T>(extents.shape[0]) || extents.shape[1] != 3 || !has_shape(means, num, 4) ||
+        !has_shape(places, num) || !has_shape(error_means, num, num_channels) ||
+        !has_shape(variances, num, num_channels))
         return OUT_OF_BOUNDS;
     for (int64_t g = 0; g < extents.shape[0]; g++) {
         group.begin(&extents(g, 0), side), errors.begin(&extents(g, 0), side);
@@ -326,12 +329,11 @@ Status merge_all(const MergeTier& arguments) {
 // real, and write which they are. Mark visible nodes in the grid `occupied` of cells of that level.
 Status build_blocks(const BuildBlocks* arguments) {
     const auto& [raw, classifier, error_classifier, normalization, limits, occupied, occupied_level, starts, extents,
-                 visible, nodes, listed] = *arguments;
+                 visible, nodes] = *arguments;
     int64_t num = starts.shape[0];
     if (!fits(classifier, raw) || (error_classifier.exists && !fits(error_classifier.value, raw)) ||
-        starts.shape[1] != 3 || extents.shape[0] != num || extents.shape[1] != 3 || visible.shape[0] != num ||
-        (listed.exists && (listed.value.cells.shape[0] != nodes.means.shape[0] || listed.value.cells.shape[1] != 3 ||
-                           listed.value.sizes.shape[0] != nodes.means.shape[0])))
+        (normalization.exists && !has_shape(normalization.value, 2)) || !has_shape(starts, num, 3) ||
+        !has_shape(extents, num, 3) || !has_shape(visible, num))
         return OUT_OF_BOUNDS;
     Group<float> group;
     if (normalization.exists) {
@@ -355,23 +357,44 @@ Status merge_tier(const MergeTier* arguments) {
     return arguments->variances.shape[1] == 1 ? merge_all<double>(*arguments) : merge_all<float>(*arguments);
 }
 
-// Write the means of the nodes of one level of the groups of blocks, 0 where nothing is visible.
-Status average_blocks(const AverageBlocks* arguments) {
-    const auto& [raw, classifier, starts, extents, means] = *arguments;
-    int64_t num = starts.shape[0], num_nodes = means.shape[1];
-    int64_t level = num_nodes == NUM_NODES[0] ? 0 : num_nodes == NUM_NODES[1] ? 1 : 2;
-    if (!fits(classifier, raw) || starts.shape[1] != 3 || extents.shape[0] != num || extents.shape[1] != 3 ||
-        means.shape[0] != num || num_nodes != NUM_NODES[level] || means.shape[2] != 4)
+// Write the means of cells of level 1 or 2 (x, y, z) from each of `corners` [n, 3] on to `means` [n, z, y, x, 4], which
+// are 0 where nothing is visible.
+Status average_cells(const AverageCells* arguments) {
+    const auto& [raw, classifier, level, corners, means] = *arguments;
+    int64_t num = corners.shape[0], side = BLOCK_SIZE >> level;
+    if (!fits(classifier, raw) || corners.shape[1] != 3 || means.shape[0] != num || means.shape[4] != 4 ||
+        (level != 1 && level != 2))
         return OUT_OF_BOUNDS;
     Group<float> group;
     VisibilityTest test(raw, classifier);
     if (!test) return NO_MEMORY;
-    for (int64_t g = 0; g < num; g++) {
-        Box box(&starts(g, 0), &extents(g, 0));
-        float *out = &means(g, 0, 0), *found = group.means + FIRST_NODE[level] * 4;
-        bool is_visible = test(box);
-        if (is_visible) build_block(raw, classifier, box, group);
-        for (int64_t j = 0; j < num_nodes * 4; j++) out[j] = is_visible ? found[j] : 0.0f;
+    const float* found = group.means + FIRST_NODE[level - 1] * 4;
+    // Where nodes lie along an axis: 64 of them have their two octal digits exchanged.
+    auto offset = [&](int64_t at) { return level == 1 ? 8 * (at & 1) + (at >> 1) : at; };
+    for (int64_t i = 0; i < num; i++) {
+        int64_t begin[3], end[3];
+        for (int axis = 0; axis < 3; axis++) {
+            begin[axis] = most(corners(i, axis), (int64_t)0) << level;
+            end[axis] = least((corners(i, axis) + means.shape[3 - axis]) << level, raw.shape[2 - axis]);
+        }
+        auto add_block = [&](const Box& box) {
+            if (!test(box)) return;
+            build_block(raw, classifier, box, group);
+            int64_t first[3];
+            for (int axis = 0; axis < 3; axis++) first[axis] = (box.first[axis] >> level) - corners(i, axis);
+            for (int64_t z = 0; z < least(side, means.shape[1] - first[2]); z++)
+                for (int64_t y = 0; y < least(side, means.shape[2] - first[1]); y++)
+                    for (int64_t x = 0; x < least(side, means.shape[3] - first[0]); x++) {
+                        int64_t node = offset(x) + 2 * offset(y) + 4 * offset(z);
+                        float* out = &means(i, first[2] + z, first[1] + y, first[0] + x, 0);
+                        store(out, 0, load<FourChannels>(found, 4 * node));
+                    }
+        };
+        auto extent = [&](int axis, int64_t at) { return least(end[axis] - at, BLOCK_SIZE); };
+        for (int64_t z = begin[2]; z < end[2]; z += BLOCK_SIZE)
+            for (int64_t y = begin[1]; y < end[1]; y += BLOCK_SIZE)
+                for (int64_t x = begin[0]; x < end[0]; x += BLOCK_SIZE)
+                    add_block({{x, y, z}, {extent(0, x), extent(1, y), extent(2, z)}});
     }
     return DONE;
 }

@@ -110,9 +110,9 @@ void to_ranges(const DualCells& cells) {
         for (int64_t y = 0; y < nums[1] + 2; y++) {
             double *lows = &low(z, y, 0), *highs = &high(z, y, 0);
             for (int64_t x = 0; x < nums[2] + 1; x++) {
-                double here = lows[x], there = lows[x + 1], infinity = __builtin_inf();
-                lows[x] = least(least(infinity, here), there);
-                highs[x] = most(most(-infinity, here), there);
+                double here = lows[x], there = lows[x + 1];
+                lows[x] = least(least(INFINITE, here), there);
+                highs[x] = most(most(-INFINITE, here), there);
             }
         }
     for (int axis = 1; axis >= 0; axis--)
@@ -146,9 +146,10 @@ void find_visible_bounds(const DualCells& cells, const Array<const double, 1>& b
     }
 }
 
-// |w(high) - w(low)|^2 of two channels.
-INLINE double squared_difference(Channels low, Channels high) {
-    return squared(high.r - low.r) + squared(high.g - low.g) + squared(high.b - low.b) + squared(high.a - low.a);
+// |w|^2 of channels.
+INLINE double squared_length(Channels w) {
+    w *= w;
+    return w[0] + w[1] + w[2] + w[3];
 }
 
 struct Distance {
@@ -157,24 +158,20 @@ struct Distance {
 
 // D^2 and width^2 of scaled scalars, in the segments `first` and `last`, with the channels w0 and w1.
 Distance distance(const Curve& curve, Range range, int64_t first, int64_t last, Channels w0, Channels w1) {
-    double r = 0, g = 0, b = 0, a = 0;  // the distance at the control value before
+    Channels d = {};  // the distance at the control value before
     double before = 0, total = 0, slopes = 0;
     for (int64_t k = first; k < last; k++) {
         double t = (curve.value(k) - range.low) / (range.high - range.low), u = 1 - t;
-        const double* w = &curve.rows(k + 1, 2);  // a segment's row begins at its control point
-        double rk = u * (w[0] - w0.r) + t * (w[0] - w1.r);
-        double gk = u * (w[1] - w0.g) + t * (w[1] - w1.g);
-        double bk = u * (w[2] - w0.b) + t * (w[2] - w1.b);
-        double ak = u * (w[3] - w0.a) + t * (w[3] - w1.a);
-        total += (t - before) * (r * (r + rk) + rk * rk + g * (g + gk) + gk * gk + b * (b + bk) + bk * bk +
-                                 a * (a + ak) + ak * ak);
-        double rises = squared(rk - r) + squared(gk - g) + squared(bk - b) + squared(ak - a);
-        slopes += rises / most(t - before, MIN_PEAK_WIDTH);
-        r = rk, g = gk, b = bk, a = ak, before = t;
+        Channels w = load<Channels>(&curve.rows(k + 1, 2), 0);  // a segment's row begins at its control point
+        Channels e = u * (w - w0) + t * (w - w1), products = d * (d + e), squares = e * e;
+        double sum = 0;
+        for (int channel = 0; channel < 4; channel++) sum = sum + products[channel] + squares[channel];
+        total += (t - before) * sum;
+        slopes += squared_length(e - d) / most(t - before, MIN_PEAK_WIDTH);
+        d = e, before = t;
     }
-    double squares = r * r + g * g + b * b + a * a;
-    total += (1 - before) * squares;
-    slopes += squares / most(1 - before, MIN_PEAK_WIDTH);
+    total += (1 - before) * squared_length(d);
+    slopes += squared_length(d) / most(1 - before, MIN_PEAK_WIDTH);
     double width = slopes > 0 ? 4 * total / slopes : 1;
     return {total / 3, least(most(width, MIN_PEAK_WIDTH * MIN_PEAK_WIDTH), 1.0)};
 }
@@ -199,7 +196,7 @@ Variation variation(const DualCells& cells, const Curve& curve) {
             largest = most(largest, square);
             total += part * square / (width * width);
         }
-        double square = squared_difference(w0, w1) * (DIFFERENCE_ERROR_SHARE * DIFFERENCE_ERROR_SHARE);
+        double square = squared_length(w1 - w0) * (DIFFERENCE_ERROR_SHARE * DIFFERENCE_ERROR_SHARE);
         largest = most(largest, square);
         total_difference += part * square;
     });
@@ -216,9 +213,7 @@ Variation with_edges_of_data(const Variation& found, const Field& around, const 
         int num_absent = 0;
         for (int k = 0; k < 8; k++) num_absent += is_nan(around(z + 1 + (k >> 2), y + 1 + (k >> 1 & 1), x + 1 + (k & 1)));
         if (!(scaled.low <= scaled.high && 0 < num_absent && num_absent < 8)) return;
-        auto squared_step = [&](double end) {
-            return squared_difference({}, curve(curve.num_at_or_below(end, 0), end));
-        };
+        auto squared_step = [&](double end) { return squared_length(curve(curve.num_at_or_below(end, 0), end)); };
         double square = most(most(0.0, squared_step(scaled.low)), squared_step(scaled.high));
         largest = most(largest, square / 12);
         total += cells.share(z, y, x) * square / 12 * squared(EDGE_INVERSE_WIDTH);
@@ -235,22 +230,19 @@ Variation with_edges_of_data(const Variation& found, const Field& around, const 
 // between it and its neighbours; beyond the border the nearest voxels are repeated. breakpoints: of visibility.
 Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
     const auto [voxels, cells, breakpoints, table, bounds, measures] = *arguments;
-    if (!fit_together(voxels, cells) || table.rows.shape[0] < 1 || table.rows.shape[1] != 10) return OUT_OF_BOUNDS;
-    if (bounds.shape[3] != 2 || bounds.shape[4] != 3 || measures.shape[0] != 3) return OUT_OF_BOUNDS;
-    for (int axis = 0; axis < 3; axis++) {
-        int64_t num = (voxels.raw.shape[axis] + BRICK_SIZE - 1) / BRICK_SIZE;
-        if (bounds.shape[axis] != num || measures.shape[axis + 1] != num) return OUT_OF_BOUNDS;
-    }
+    auto num_bricks = [&](int axis) { return (voxels.raw.shape[axis] + BRICK_SIZE - 1) / BRICK_SIZE; };
+    int64_t num_z = num_bricks(0), num_y = num_bricks(1), num_x = num_bricks(2);
+    if (!fit_together(voxels, cells) || !fits(table) || !has_shape(bounds, num_z, num_y, num_x, 2, 3) ||
+        !has_shape(measures, 3, num_z, num_y, num_x))
+        return OUT_OF_BOUNDS;
     Cube low(PADDED_BRICK_SIZE), high(PADDED_BRICK_SIZE), around(PADDED_BRICK_SIZE + 2);
     if (!low || !high || !around) return NO_MEMORY;
     Curve curve = {table.rows, table.scale};
     for (int64_t i = 0; i < cells.shape[0]; i++) {
         int64_t x = cells(i, 0), y = cells(i, 1), z = cells(i, 2);
-        DualCells of_brick = {low.field, high.field, {z, y, x}};
-        for (int axis = 0; axis < 3; axis++) {
-            int64_t& num = of_brick.nums[axis];
-            num = least(voxels.raw.shape[axis] - BRICK_SIZE * num, BRICK_SIZE);
-        }
+        DualCells of_brick = {low.field, high.field, {}};
+        for (int axis = 0; axis < 3; axis++)
+            of_brick.nums[axis] = least(voxels.raw.shape[axis] - BRICK_SIZE * cells(i, 2 - axis), BRICK_SIZE);
         load_brick(voxels, cells[i], voxels.has_absent ? around.field : low.field);
         bool is_whole = !voxels.has_absent || fill_absent(around.field, low.field);
         Range range = range_of(low.field);

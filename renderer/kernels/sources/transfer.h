@@ -1,20 +1,19 @@
 // The exact table of a transfer function, in float64 (TransferTable in renderer/transfer/piecewise.py).
 #pragma once
 #include "kernels.h"
+#include "lanes.h"
 #include "maths.h"
 
 constexpr int64_t GUIDE_SIZE = 1024;
 // As in renderer/transfer/piecewise.py and transfer_function.py.
 constexpr double MAX_NORMALIZED_SCALAR = 0x1p20, VISIBILITY_THRESHOLD = 0x1p-80;
 
-struct Channels {
-    double r, g, b, a;
-};
+// (tau c, tau) or the like: three of colour, then one of extinction or opacity.
+using Channels = Vector<double, 4>;
 
 INLINE bool fits(const TransferTable& curve) {
     int64_t num = curve.values.shape[0];
-    return num > 0 && curve.rows.shape[0] == num + 1 && curve.rows.shape[1] == 10 &&
-           curve.guide.shape[0] == GUIDE_SIZE + 3;
+    return num > 0 && has_shape(curve.rows, num + 1, 10) && has_shape(curve.guide, GUIDE_SIZE + 3);
 }
 
 // How many of some ascending numbers are at or below a scalar: at least `low`, at most `high`.
@@ -31,7 +30,7 @@ INLINE int64_t num_at_or_below(const Array<const double, 1>& values, double scal
 INLINE Channels evaluate_segment(const Array<const double, 2>& rows, int64_t k, double inside) {
     const double* row = &rows(k, 0);
     double t = (inside - row[0]) / row[1];
-    return {row[2] + t * row[6], row[3] + t * row[7], row[4] + t * row[8], row[5] + t * row[9]};
+    return load<Channels>(row, 2) + t * load<Channels>(row, 6);
 }
 
 // The four channels of a scalar that is not NaN.
@@ -45,11 +44,12 @@ INLINE Channels evaluate(const TransferTable& curve, double scalar) {
 
 // A voxel's four channels without light: (tau c, tau) or, as opacities, (a c, a); 0 for NaN.
 INLINE Channels classify_scalar(const TransferTable& curve, bool is_opacity, double scalar) {
-    if (scalar != scalar) return {0, 0, 0, 0};
-    auto [r, g, b, weight] = evaluate(curve, scalar);
-    if (is_opacity) weight = -expm1_of(-weight);
+    if (is_nan(scalar)) return {};
+    Channels channels = evaluate(curve, scalar);
+    double weight = is_opacity ? -expm1_of(-channels.a) : channels.a;
     if (!(weight >= VISIBILITY_THRESHOLD)) weight = 0;
-    return {weight * r, weight * g, weight * b, weight};
+    channels.a = 1;
+    return weight * channels;
 }
 
 // The min-max test: whether any scalar from `low` to `high` is visible (renderer/transfer/transfer_function.py).

@@ -15,157 +15,48 @@ namespace truth {
 constexpr int64_t MACROCELL_SIZE = 4;
 // All corners of a cell, a bit each, x fastest.
 constexpr int ALL_ABSENT = 255;
-// In place of an axis: the voxel itself, and not a difference.
-constexpr int VALUE = -1;
 
-struct Cell {
-    int64_t x, y, z;
-};
+// The number of a cell, or of a voxel, along x, y, z.
+using Cell = int64_t __attribute__((ext_vector_type(3)));
 
 struct Range {
     double low, high;
 };
 
-// A voxel's value, or the central difference at it along an axis; both scaled. Of a voxel that has data.
+INLINE Cell size_of(const AnyArray<3>& values) {
+    return {values.shape[2], values.shape[1], values.shape[0]};
+}
+
+// Write the scaled values at the corners of a cell, clamped to the volume, or those nearest to voxels without data, and
+// return which have no data: the bit x + 2 y + 4 z of each is set. If all, what is written has no meaning.
+int load_corners(const AnyArray<3>& values, Cell cell, double scale, double* corners);
+
+// Write the scaled central differences along x, y, z at the corners of a cell, of which `absent` have no data.
 //
-// Differences are one-sided at the border and beside voxels without data, and 0 along an axis of one voxel.
-template <class T>
-INLINE double voxel_term(const Array<const T, 3>& values, Cell at, int axis, double scale) {
-    auto [x, y, z] = at;
-    if (axis == VALUE) return (double)values(z, y, x) * scale;
-    auto [num_z, num_y, num_x] = values.shape;
-    int64_t dx = axis == 0, dy = axis == 1, dz = axis == 2;
-    Cell from = {most<int64_t>(x - dx, 0), most<int64_t>(y - dy, 0), most<int64_t>(z - dz, 0)};
-    Cell to = {least(x + dx, num_x - 1), least(y + dy, num_y - 1), least(z + dz, num_z - 1)};
-    if (is_nan((double)values(from.z, from.y, from.x))) from = at;
-    if (is_nan((double)values(to.z, to.y, to.x))) to = at;
-    int64_t steps = (to.x - from.x) + (to.y - from.y) + (to.z - from.z);
-    if (steps == 0) return 0.0;
-    double first = (double)values(from.z, from.y, from.x) * scale, last = (double)values(to.z, to.y, to.x) * scale;
-    return (last - first) / (double)steps;
-}
+// They are one-sided at the border and beside voxels without data, and 0 along an axis of one voxel.
+void load_differences(const AnyArray<3>& values, Cell cell, int absent, double scale, double (*corners)[8]);
 
-// The mean term of the nearest voxels with data, of 26 neighbours inside the volume; NaN for none.
-template <class T>
-double nearest_term(const Array<const T, 3>& values, Cell at, int axis, double scale) {
-    auto [num_z, num_y, num_x] = values.shape;
-    int64_t nearest = 4;  // the squared distance
-    double total = 0.0, num = 0.0;
-    for (int64_t k = most<int64_t>(at.z - 1, 0); k < least(at.z + 2, num_z); k++)
-        for (int64_t j = most<int64_t>(at.y - 1, 0); j < least(at.y + 2, num_y); j++)
-            for (int64_t i = most<int64_t>(at.x - 1, 0); i < least(at.x + 2, num_x); i++) {
-                int64_t distance = (k - at.z) * (k - at.z) + (j - at.y) * (j - at.y) + (i - at.x) * (i - at.x);
-                if (distance > nearest || is_nan((double)values(k, j, i))) continue;
-                if (distance < nearest) nearest = distance, total = num = 0.0;
-                total += voxel_term(values, {i, j, k}, axis, scale), num += 1.0;
-            }
-    return total / num;
-}
-
-// A volume of some dtype, of which cells are read by functions for that dtype.
-struct Voxels {
-    AnyArray<3> any;
-    int (*load)(const AnyArray<3>& any, int64_t x, int64_t y, int64_t z, int axis, double scale, double* corners);
-    Range (*range)(const AnyArray<3>& any, Cell macrocell);
-
-    INLINE Cell size() const { return {any.shape[2], any.shape[1], any.shape[0]}; }
-
-    // Write the terms of the voxels at the corners of a cell, clamped to the volume, or of the nearest ones of those
-    // without data, and return which have no data: the bit x + 2 y + 4 z of each is set. If all, nothing is written.
-    INLINE int load_corners(Cell cell, int axis, double scale, double* corners) const {
-        return load(any, cell.x, cell.y, cell.z, axis, scale, corners);  // in registers
-    }
-
-    // The range of the voxels around macrocell (x, y, z), from cell MACROCELL_SIZE * x - 1; empty if none has data.
-    // With voxels without data, their neighbours count, too.
-    INLINE Range macrocell_range(Cell macrocell) const { return range(any, macrocell); }
-};
-
-template <class T>
-Array<const T, 3> array_of(const AnyArray<3>& any) {
-    return {(const T*)any.data, {any.shape[0], any.shape[1], any.shape[2]}};
-}
-
-template <class T>
-int load_corners_of(const AnyArray<3>& any, int64_t x0, int64_t y0, int64_t z0, int axis, double scale,
-                    double* corners) {
-    const auto values = array_of<T>(any);
-    int64_t x[2] = {most<int64_t>(x0, 0), least(x0 + 1, values.shape[2] - 1)};
-    int64_t y[2] = {most<int64_t>(y0, 0), least(y0 + 1, values.shape[1] - 1)};
-    int64_t z[2] = {most<int64_t>(z0, 0), least(z0 + 1, values.shape[0] - 1)};
-    int absent = 0;
-    double voxels[8];
-    for (int k = 0; k < 8; k++) {
-        voxels[k] = (double)values(z[k >> 2], y[k >> 1 & 1], x[k & 1]);
-        absent |= is_nan(voxels[k]) << k;
-    }
-    if (absent == 0 && axis == VALUE) {
-        for (int k = 0; k < 8; k++) corners[k] = voxels[k] * scale;
-        return absent;
-    }
-    if (absent == ALL_ABSENT) return absent;
-    for (int k = 0; k < 8; k++) {
-        Cell at = {x[k & 1], y[k >> 1 & 1], z[k >> 2]};
-        bool is_absent = absent >> k & 1;
-        corners[k] = is_absent ? nearest_term(values, at, axis, scale) : voxel_term(values, at, axis, scale);
-    }
-    return absent;
-}
-
-template <class T>
-Range macrocell_range_of(const AnyArray<3>& any, Cell macrocell) {
-    const auto values = array_of<T>(any);
-    bool has_absent = false;
-    auto range_around = [&](int64_t margin) {
-        auto first = [&](int64_t at) { return most<int64_t>(at * MACROCELL_SIZE - 1 - margin, 0); };
-        auto end = [&](int64_t at, int axis) { return least((at + 1) * MACROCELL_SIZE + margin, values.shape[axis]); };
-        Range found = {__builtin_inf(), -__builtin_inf()};
-        for (int64_t z = first(macrocell.z); z < end(macrocell.z, 0); z++)
-            for (int64_t y = first(macrocell.y); y < end(macrocell.y, 1); y++)
-                for (int64_t x = first(macrocell.x); x < end(macrocell.x, 2); x++) {
-                    double value = (double)values(z, y, x);
-                    has_absent |= is_nan(value);
-                    found = {least(found.low, value), most(found.high, value)};  // which NaN leaves
-                }
-        return found;
-    };
-    Range found = range_around(0);
-    return has_absent ? range_around(1) : found;
-}
-
-// Call a function with the Voxels of a volume.
-template <class Function>
-Status with_voxels(const AnyArray<3>& any, Function function) {
-    Voxels voxels = {any, nullptr, nullptr};
-    Status known = with_array(any, [&]<class T>(const Array<const T, 3>&) {
-        voxels.load = load_corners_of<T>, voxels.range = macrocell_range_of<T>;
-        return DONE;
-    });
-    return known == DONE ? function(voxels) : known;
-}
+// The range of the voxels around a macrocell, from cell MACROCELL_SIZE * macrocell - 1; empty if none has data. With
+// voxels without data, their neighbours count, too.
+Range macrocell_range(const AnyArray<3>& values, Cell macrocell);
 
 // Whether the voxel nearest to entry + extent * t, in cell coordinates, has no data.
 INLINE bool is_octant_absent(int absent, Point entry, Point extent, double t) {
-    double x = entry.x + t * extent.x, y = entry.y + t * extent.y, z = entry.z + t * extent.z;
+    auto [x, y, z] = entry + t * extent;
     return absent >> ((x >= 0.5) + 2 * (y >= 0.5) + 4 * (z >= 0.5)) & 1;
 }
 
 // Add where another corner becomes the nearest to the first `count` splits, which ascend; return the new count.
 inline int64_t add_middles(Point entry, Point extent, const Array<double, 1>& splits, int64_t count) {
-    if (extent.x != 0.0) count = insert_split(splits, count, (0.5 - entry.x) / extent.x);
-    if (extent.y != 0.0) count = insert_split(splits, count, (0.5 - entry.y) / extent.y);
-    if (extent.z != 0.0) count = insert_split(splits, count, (0.5 - entry.z) / extent.z);
+    for (int axis = 0; axis < 3; axis++)
+        if (extent[axis] != 0.0) count = insert_split(splits, count, (0.5 - entry[axis]) / extent[axis]);
     return count;
 }
 
 inline bool fit(const IndexRays& rays) {
     const auto& [origins, directions, parts] = rays;
-    return origins.shape[0] == parts.shape[0] && origins.shape[1] == 3 && directions.shape[0] == parts.shape[0] &&
-        directions.shape[1] == 3 && parts.shape[2] == 2;
-}
-
-INLINE Point point_of(const Array<const double, 1>& row) {
-    return {row[0], row[1], row[2]};
+    int64_t num = parts.shape[0];
+    return has_shape(origins, num, 3) && has_shape(directions, num, 3) && parts.shape[2] == 2;
 }
 
 // The part of a ray inside a cell, between two lengths along it: entry + extent * t in cell coordinates.
@@ -177,22 +68,21 @@ struct Segment {
 
 // Where a ray leaves a cell along one axis, from the cell's number, so that rounding does not add up.
 INLINE double distance_to_plane(int64_t cell, double origin, double direction) {
-    if (direction == 0.0) return __builtin_inf();
+    if (direction == 0.0) return INFINITE;
     return ((double)(cell + (direction > 0.0)) - origin) / direction;
 }
 
 // The part from `start` to `end` of a ray inside [-1/2, n - 1/2] on each axis; empty unless low < high.
 INLINE Range clip_to_volume(Cell size, Point origin, Point direction, double start, double end) {
-    auto clip = [&](double from, double towards, int64_t num) {
-        double low = -0.5 - from, high = (double)num - 0.5 - from;
-        if (towards == 0.0) {
-            if (!(low <= 0.0 && 0.0 < high)) start = 0.0, end = -__builtin_inf();
-            return;
+    for (int axis = 0; axis < 3; axis++) {
+        double low = -0.5 - origin[axis], high = (double)size[axis] - 0.5 - origin[axis];
+        if (direction[axis] == 0.0) {
+            if (!(low <= 0.0 && 0.0 < high)) start = 0.0, end = -INFINITE;
+            continue;
         }
-        double one = low / towards, two = high / towards;
+        double one = low / direction[axis], two = high / direction[axis];
         start = most(start, least(one, two)), end = least(end, most(one, two));
-    };
-    clip(origin.x, direction.x, size.x), clip(origin.y, direction.y, size.y), clip(origin.z, direction.z, size.z);
+    }
     return {start, end};
 }
 
@@ -201,34 +91,29 @@ template <class Visit>
 INLINE void walk_cells(Cell size, Point origin, Point direction, double start, double end, Visit visit) {
     auto [s, last] = clip_to_volume(size, origin, direction, start, end);
     if (!(s < last)) return;
-    auto [ox, oy, oz] = origin;
-    auto [dx, dy, dz] = direction;
-    auto first_cell = [](double at, int64_t num) {
-        return least(most<int64_t>((int64_t)__builtin_floor(at), -1), num - 1);
+    Point first = origin + s * direction, exits;
+    Cell cell;
+    auto enter = [&](int axis, int64_t number) __attribute__((always_inline)) {
+        cell[axis] = number, exits[axis] = distance_to_plane(number, origin[axis], direction[axis]);
     };
-    auto [x, y, z] = Cell{first_cell(ox + s * dx, size.x), first_cell(oy + s * dy, size.y),
-                          first_cell(oz + s * dz, size.z)};
-    double to_x = distance_to_plane(x, ox, dx), to_y = distance_to_plane(y, oy, dy);
-    double to_z = distance_to_plane(z, oz, dz);
+    for (int axis = 0; axis < 3; axis++)
+        enter(axis, least(most<int64_t>((int64_t)__builtin_floor(first[axis]), -1), size[axis] - 1));
     while (s < last) {
-        double s_exit = least(most(least(least(to_x, to_y), to_z), s), last);
-        double length = s_exit - s;
-        Cell macrocell = {(x + 1) / MACROCELL_SIZE, (y + 1) / MACROCELL_SIZE, (z + 1) / MACROCELL_SIZE};
-        Point entry = {ox + s * dx - (double)x, oy + s * dy - (double)y, oz + s * dz - (double)z};
-        if (!visit(Segment{{x, y, z}, macrocell, s, s_exit, entry, {length * dx, length * dy, length * dz}})) return;
+        double s_exit = least(most(least(least(exits.x, exits.y), exits.z), s), last);
+        Point entry = origin + s * direction - __builtin_convertvector(cell, Point);
+        if (!visit(Segment{cell, (cell + 1) / MACROCELL_SIZE, s, s_exit, entry, (s_exit - s) * direction})) return;
         s = s_exit;
-        if (to_x <= to_y && to_x <= to_z) x += dx > 0.0 ? 1 : -1, to_x = distance_to_plane(x, ox, dx);
-        else if (to_y <= to_z) y += dy > 0.0 ? 1 : -1, to_y = distance_to_plane(y, oy, dy);
-        else z += dz > 0.0 ? 1 : -1, to_z = distance_to_plane(z, oz, dz);
+        if (exits.x <= exits.y && exits.x <= exits.z) enter(0, cell.x + (direction.x > 0.0 ? 1 : -1));
+        else if (exits.y <= exits.z) enter(1, cell.y + (direction.y > 0.0 ? 1 : -1));
+        else enter(2, cell.z + (direction.z > 0.0 ? 1 : -1));
     }
 }
 
 // Whether an array has a number for each macrocell.
 template <class T>
 bool fits_macrocells(const Array<T, 3>& array, const AnyArray<3>& values) {
-    bool fits = true;
-    for (int axis = 0; axis < 3; axis++) fits &= array.shape[axis] == values.shape[axis] / MACROCELL_SIZE + 1;
-    return fits;
+    auto num = [&](int axis) { return values.shape[axis] / MACROCELL_SIZE + 1; };
+    return has_shape(array, num(0), num(1), num(2));
 }
 
 }  // namespace truth

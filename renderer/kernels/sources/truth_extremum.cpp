@@ -12,23 +12,24 @@ struct Found {
 };
 
 // The largest value of a cubic in [0, 1], and where it is first.
-INLINE Found largest(const Cubic& cubic) {
+INLINE Found largest(Cubic cubic) {
     Found best = {value_at(cubic, 0.0), 0.0};
-    auto [first, second] = stationary_points(cubic);
-    const double candidates[] = {first, second, 1.0};
-    for (double t : candidates)
-        if (0.0 < t && t <= 1.0 && value_at(cubic, t) > best.number) best = {value_at(cubic, t), t};
+    Point turns = turns_and_end(cubic);
+    for (int turn = 0; turn < 3; turn++) {
+        double t = turns[turn], value = value_at(cubic, t);
+        if (0.0 < t && t <= 1.0 && value > best.number) best = {value, t};
+    }
     return best;
 }
 
 // The largest value of a cubic in [0, 1] where the nearest voxel has data, and where it is first.
 //
 // It is minus infinity where no voxel on the way has data.
-Found largest_of_data(const Cubic& cubic, int absent, Point entry, Point extent) {
+Found largest_of_data(Cubic cubic, int absent, Point entry, Point extent) {
     double memory[3], start = 0.0;
     const Array<double, 1> splits = {memory, {3}};
     int64_t count = add_middles(entry, extent, splits, 0);
-    Found best = {-__builtin_inf(), 0.0};
+    Found best = {-INFINITE, 0.0};
     for (int64_t part = 0; part <= count; part++) {
         double end = part < count ? splits[part] : 1.0;
         if (!is_octant_absent(absent, entry, extent, 0.5 * (start + end))) {
@@ -51,34 +52,30 @@ Status search_rays(const SearchRays* arguments) {
     using namespace truth;
     const auto& [values, tops, sign, least_rise, rays, found] = *arguments;
     int64_t num_rays = rays.parts.shape[0];
-    if (!fit(rays) || !fits_macrocells(tops, values) || found.shape[0] != num_rays || found.shape[1] != 2)
-        return OUT_OF_BOUNDS;
-    return with_voxels(values, [&](const auto& voxels) {
-        for (int64_t i = 0; i < num_rays; i++) {
-            Found best = {-__builtin_inf(), 0.0};
-            auto visit = [&](const Segment& segment) {
-                auto [x, y, z] = segment.macrocell;
-                double& top = tops(z, y, x);
-                if (is_nan(top)) {  // several threads may write here, but the same value
-                    auto [low, high] = voxels.macrocell_range(segment.macrocell);
-                    top = low <= high ? most(sign * low, sign * high) : -__builtin_inf();
-                }
-                if (!(top > best.number + least_rise)) return true;
-                double corners[8];
-                int absent = voxels.load_corners(segment.cell, VALUE, sign, corners);
-                if (absent == ALL_ABSENT) return true;
-                Cubic cubic = cubic_in_cell(corners, segment.entry, segment.extent);
-                auto [number, t] =
-                    absent == 0 ? largest(cubic) : largest_of_data(cubic, absent, segment.entry, segment.extent);
-                if (number > best.number + least_rise)
-                    best = {number, segment.start + t * (segment.end - segment.start)};
-                return true;
-            };
-            Point origin = point_of(rays.origins[i]), direction = point_of(rays.directions[i]);
-            for (int64_t k = 0; k < rays.parts.shape[1]; k++)
-                walk_cells(voxels.size(), origin, direction, rays.parts(i, k, 0), rays.parts(i, k, 1), visit);
-            found(i, 0) = best.number, found(i, 1) = best.place;
-        }
-        return DONE;
-    });
+    if (!fit(rays) || !fits_macrocells(tops, values) || !has_shape(found, num_rays, 2)) return OUT_OF_BOUNDS;
+    for (int64_t i = 0; i < num_rays; i++) {
+        Found best = {-INFINITE, 0.0};
+        auto visit = [&](const Segment& segment) {
+            auto [x, y, z] = segment.macrocell;
+            double& top = tops(z, y, x);
+            if (is_nan(top)) {  // several threads may write here, but the same value
+                auto [low, high] = macrocell_range(values, segment.macrocell);
+                top = low <= high ? most(sign * low, sign * high) : -INFINITE;
+            }
+            if (!(top > best.number + least_rise)) return true;
+            double corners[8];
+            int absent = load_corners(values, segment.cell, sign, corners);
+            if (absent == ALL_ABSENT) return true;
+            Cubic cubic = cubic_in_cell(corners, segment.entry, segment.extent);
+            auto [number, t] =
+                absent == 0 ? largest(cubic) : largest_of_data(cubic, absent, segment.entry, segment.extent);
+            if (number > best.number + least_rise) best = {number, lerp(segment.start, segment.end, t)};
+            return true;
+        };
+        Point origin = point_of(&rays.origins(i, 0)), direction = point_of(&rays.directions(i, 0));
+        for (int64_t k = 0; k < rays.parts.shape[1]; k++)
+            walk_cells(size_of(values), origin, direction, rays.parts(i, k, 0), rays.parts(i, k, 1), visit);
+        found(i, 0) = best.number, found(i, 1) = best.place;
+    }
+    return DONE;
 }

@@ -39,9 +39,8 @@ enum : uint8_t { UNKNOWN, EMPTY, VISIBLE };
 // Of what is gathered along a ray: red, green, blue, optical depth, and then what each interval shows.
 constexpr int64_t DEPTH = 3, FIRST_INTERVAL = 4;
 
-struct Color {
-    double r, g, b;
-};
+// Red, green, blue.
+using Color = Point;
 
 // An interval of the transfer function: a row of Intervals.
 struct Interval {
@@ -52,10 +51,8 @@ struct Interval {
     INLINE double slope() const { return row[7]; }
     INLINE double num_opaque_below() const { return row[9]; }
 
-    // highlight: white light that is added, not of what is lit by Lambert's law alone.
     INLINE Color color(double value, double lit) const {
-        double offset = value - origin();
-        return {(row[0] + row[4] * offset) * lit, (row[1] + row[5] * offset) * lit, (row[2] + row[6] * offset) * lit};
+        return (point_of(&row[0]) + point_of(&row[4]) * (value - origin())) * lit;
     }
 
     INLINE bool has_extinction(double value) const { return base() + slope() * (value - origin()) > 0.0; }
@@ -82,37 +79,26 @@ struct Step {
 template <class ColorAt, class DensityAt, class DepthBefore>
 INLINE Step quadrature(Color middle, double depth, ColorAt color, DensityAt density, DepthBefore depth_before) {
     double opacity = -expm1_of(-depth);
-    Color sum = {middle.r * opacity, middle.g * opacity, middle.b * opacity};
-    for (int node = 0; node < NUM_NODES; node++) {
-        double weight = WEIGHTS[node] * density(node) * exp_of(-depth_before(node));
-        auto [r, g, b] = color(node);
-        sum.r += weight * (r - middle.r);
-        sum.g += weight * (g - middle.g);
-        sum.b += weight * (b - middle.b);
-    }
+    Color sum = middle * opacity;
+    for (int node = 0; node < NUM_NODES; node++)
+        sum += WEIGHTS[node] * density(node) * exp_of(-depth_before(node)) * (color(node) - middle);
     return {sum, depth, opacity};
 }
 
 // One of the equal steps through a piece, each `width` wide in x.
 INLINE Step pass_step(const Piece& piece, double step, double width) {
-    auto [d0, d1, d2, d3] = restrict_cubic(piece.tau, step * width, width);
     // From the integrand in powers of x to its integral from 0 to x, divided by x.
-    d0 = d0 * width, d1 = d1 * width / 2.0, d2 = d2 * width / 3.0, d3 = d3 * width / 4.0;
+    Cubic depth = restrict_cubic(piece.tau, step * width, width) * width / Cubic{1.0, 2.0, 3.0, 4.0};
     auto color_at = [&](double at) __attribute__((always_inline)) {
         double x = (step + at) * width;
         double lit = piece.light ? piece.light->lambert_factor(piece.gradient, piece.start + x * piece.extent) : 1.0;
         return piece.interval.color(value_at(piece.value, x), lit);
     };
     return quadrature(
-        color_at(0.5), most(0.0, d0 + d1 + d2 + d3), [&](int node) { return color_at(NODES[node]); },
-        [&](int node) {
-            double at = NODES[node];
-            return d0 + at * (2.0 * d1 + at * (3.0 * d2 + at * 4.0 * d3));
-        },
-        [&](int node) {
-            double at = NODES[node];
-            return at * (d0 + at * (d1 + at * (d2 + at * d3)));
-        });
+        color_at(0.5), most(0.0, depth[0] + depth[1] + depth[2] + depth[3]),
+        [&](int node) { return color_at(NODES[node]); },
+        [&](int node) { return value_at(depth * Cubic{1.0, 2.0, 3.0, 4.0}, NODES[node]); },
+        [&](int node) { return NODES[node] * value_at(depth, NODES[node]); });
 }
 
 // The same with factors on extinction: depths come from their values at the nodes.
@@ -122,16 +108,11 @@ INLINE Step pass_glossy_step(const Piece& piece, double step, double width) {
     auto color_at = [&](double at, double& density) __attribute__((always_inline)) {
         double x = (step + at) * width;
         auto [lit, highlight, extinction] = piece.light->factors_at(piece.gradient, piece.start + x * piece.extent);
-        auto [r, g, b] = piece.interval.color(value_at(piece.value, x), lit);
         density = most(0.0, value_at(tau, at)) * width * extinction;
-        return Color{r + highlight, g + highlight, b + highlight};
+        return piece.interval.color(value_at(piece.value, x), lit) + highlight;
     };
-    const Color colors[] = {
-        color_at(NODES[0], densities[0]),
-        color_at(NODES[1], densities[1]),
-        color_at(NODES[2], densities[2]),
-        color_at(NODES[3], densities[3]),
-    };
+    Color colors[NUM_NODES];
+    for (int node = 0; node < NUM_NODES; node++) colors[node] = color_at(NODES[node], densities[node]);
     auto integral = [&](const double* weights) {
         return weights[0] * densities[0] + weights[1] * densities[1] + weights[2] * densities[2] +
             weights[3] * densities[3];
@@ -146,27 +127,25 @@ INLINE Step pass_glossy_step(const Piece& piece, double step, double width) {
 //
 // It strays if the interval, and so the piece, is narrower than the rounding of the cubic: between such knots,
 // extinction would be extrapolated without bounds.
-Cubic clamp_cubic(const Cubic& f, double low, double high) {
+Cubic clamp_cubic(Cubic f, double low, double high) {
+    auto [a, b, c, d] = f;
     // The other Bernstein coefficients.
-    double one = f.a + f.b / 3.0, two = f.a + (2.0 * f.b + f.c) / 3.0, three = f.a + f.b + f.c + f.d;
-    double room = high - low;
-    if (least(least(least(f.a, one), two), three) >= low - room &&
-        most(most(most(f.a, one), two), three) <= high + room)
+    double one = a + b / 3.0, two = a + (2.0 * b + c) / 3.0, three = a + b + c + d, room = high - low;
+    if (least(least(least(a, one), two), three) >= low - room && most(most(most(a, one), two), three) <= high + room)
         return f;
-    return {least(most(0.5 * (f.a + three), low), high), 0.0, 0.0, 0.0};
+    return {least(most(0.5 * (a + three), low), high), 0.0, 0.0, 0.0};
 }
 
-Cubic combination(Point weights, const Gradient& g) {
-    auto sum = [&](double x, double y, double z) { return dot(weights, {x, y, z}); };
-    return {sum(g.x.a, g.y.a, g.z.a), sum(g.x.b, g.y.b, g.z.b), sum(g.x.c, g.y.c, g.z.c), sum(g.x.d, g.y.d, g.z.d)};
+Cubic combination(Point weights, const Gradient& gradient) {
+    return weights.x * gradient.x + weights.y * gradient.y + weights.z * gradient.z;
 }
 
 // All that a call has in common. splits: scratch space; gathered: [steps, 4 + intervals], along one ray.
 struct Integrator {
-    Voxels voxels;
+    const AnyArray<3>& values;
     Array<uint8_t, 3> macrocells;
     Intervals intervals;
-    const Maybe<LambertShading>& shading;
+    const Maybe<RayShading>& shading;
     Array<const double, 1> max_steps;
     Array<double, 1> splits;
     Array<double, 2> gathered;
@@ -181,27 +160,24 @@ struct Integrator {
     }
 
     uint8_t classify(Cell macrocell) const {
-        auto [low, high] = voxels.macrocell_range(macrocell);
+        auto [low, high] = macrocell_range(values, macrocell);
         return low <= high && is_visible(low * intervals.scale, high * intervals.scale) ? VISIBLE : EMPTY;
     }
 
-    // The gradient per world unit along the ray inside a cell.
-    Gradient world_gradient(const Segment& segment) const {
-        auto along = [&](int axis) {
-            double corners[8];
-            voxels.load_corners(segment.cell, axis, intervals.scale, corners);
-            return cubic_in_cell(corners, segment.entry, segment.extent);
-        };
+    // The gradient per world unit along the ray inside a cell, of which `absent` corners have no data.
+    Gradient world_gradient(const Segment& segment, int absent) const {
+        double corners[3][8];
+        load_differences(values, segment.cell, absent, intervals.scale, corners);
+        auto along = [&](int axis) { return cubic_in_cell(corners[axis], segment.entry, segment.extent); };
         Gradient in_index = {along(0), along(1), along(2)};
-        const double* matrix = shading.value.world_from_index_gradient;
-        return {combination(row_of(matrix, 0), in_index), combination(row_of(matrix, 1), in_index),
-                combination(row_of(matrix, 2), in_index)};
+        auto row = [&](int number) { return point_of(&shading.value.world_from_gradient[3 * number]); };
+        return {combination(row(0), in_index), combination(row(1), in_index), combination(row(2), in_index)};
     }
 
     // Add the piece [start, end] of a cell, which lies in one interval, to what has been gathered.
     //
     // length, length_voxels: of the segment in the whole cell.
-    void integrate_piece(const Cubic& cubic, const Gradient& gradient, const Light* light, double start, double end,
+    void integrate_piece(Cubic cubic, const Gradient& gradient, const Light* light, double start, double end,
                          double length, double length_voxels) const {
         const auto& knots = intervals.knots;
         int64_t k = num_below(knots, value_at(cubic, 0.5 * (start + end)));
@@ -212,13 +188,14 @@ struct Integrator {
         if (0 < k && k < knots.shape[0]) value = clamp_cubic(value, knots[k - 1], knots[k]);
         // The optical depth is a cubic, too; its largest Bernstein coefficient bounds it from above.
         double scale = (end - start) * length;
-        double t0 = (base + slope * (value.a - in.origin())) * scale;
-        double t1 = slope * value.b * scale, t2 = slope * value.c * scale, t3 = slope * value.d * scale;
+        Cubic tau = slope * value * scale;
+        tau[0] = (base + slope * (value[0] - in.origin())) * scale;
+        auto [t0, t1, t2, t3] = tau;
         double bound = most(most(most(t0, t0 + t1 / 3.0), t0 + (2.0 * t1 + t2) / 3.0), t0 + t1 + t2 + t3);
         double num_parts = most(most(1.0, (end - start) * length_voxels),
                                 least(bound / MAX_DEPTH_OF_STEP, MAX_STEPS_BY_DEPTH));
-        Piece piece = {in, gradient, light, start, end - start, value, {t0, t1, t2, t3}};
-        bool is_glossy = light && light->shading.gloss.exists;
+        Piece piece = {in, gradient, light, start, end - start, value, tau};
+        bool is_glossy = light && !light->shading.is_plain;
         for (int64_t number = 0; number < max_steps.shape[0]; number++) {
             const auto sums = gathered[number];
             int64_t num_steps = (int64_t)__builtin_ceil(num_parts / max_steps[number]);
@@ -227,9 +204,7 @@ struct Integrator {
                 auto [radiance, depth, opacity] = is_glossy ? pass_glossy_step(piece, (double)step, width)
                                                             : pass_step(piece, (double)step, width);
                 double transmittance = exp_of(-sums[DEPTH]);
-                sums[0] += transmittance * radiance.r;
-                sums[1] += transmittance * radiance.g;
-                sums[2] += transmittance * radiance.b;
+                for (int channel = 0; channel < DEPTH; channel++) sums[channel] += transmittance * radiance[channel];
                 sums[DEPTH] += depth;
                 sums[FIRST_INTERVAL + k] += transmittance * opacity;
             }
@@ -238,7 +213,7 @@ struct Integrator {
 
     void integrate_cell(const Segment& segment, Light* light) const {
         double corners[8];
-        int absent = voxels.load_corners(segment.cell, VALUE, intervals.scale, corners);
+        int absent = load_corners(values, segment.cell, intervals.scale, corners);
         if (absent == ALL_ABSENT) return;
         double low = corners[0], high = corners[0];
         for (double corner : corners) low = least(low, corner), high = most(high, corner);
@@ -249,9 +224,8 @@ struct Integrator {
         if (absent != 0) count = add_middles(entry, extent, splits, count);
         Gradient gradient = {};
         if (light != nullptr) {
-            light->begin = {(double)cell.x + entry.x, (double)cell.y + entry.y, (double)cell.z + entry.z};
-            light->extent = extent;
-            gradient = world_gradient(segment);
+            light->begin = __builtin_convertvector(cell, Point) + entry, light->extent = extent;
+            gradient = world_gradient(segment, absent);
             const double zero = 0.0;
             count = add_crossings(combination(light->light, gradient), {&zero, {1}}, splits, count);
         }
@@ -271,24 +245,21 @@ struct Integrator {
         return depth > MAX_OPTICAL_DEPTH;
     }
 
-    // Add a part of one ray from cell to cell, for each of the steps, to what has been gathered.
-    void integrate_part(Point origin, Point direction, double start, double end, Light* light) const {
-        walk_cells(voxels.size(), origin, direction, start, end, [&](const Segment& segment) {
+    // Add one ray from cell to cell, for each of the steps, to what has been gathered.
+    void integrate_ray(Point origin, Point direction, const Array<const double, 2>& parts) const {
+        for (int64_t k = 0; k < gathered.size(); k++) gathered.data[k] = 0.0;
+        Light light(shading.value, direction);
+        auto visit = [&](const Segment& segment) {
             if (!(segment.end > segment.start)) return true;
             auto [x, y, z] = segment.macrocell;
             uint8_t& state = macrocells(z, y, x);
             if (state == UNKNOWN) state = classify(segment.macrocell);  // the same value on all threads
             if (state == EMPTY) return true;
-            integrate_cell(segment, light);
+            integrate_cell(segment, shading.exists ? &light : nullptr);
             return !is_opaque();
-        });
-    }
-
-    void integrate_ray(Point origin, Point direction, const Array<const double, 2>& parts) const {
-        for (int64_t k = 0; k < gathered.size(); k++) gathered.data[k] = 0.0;
-        Light light(shading.value, direction);
+        };
         for (int64_t k = 0; k < parts.shape[0] && !is_opaque(); k++)
-            integrate_part(origin, direction, parts(k, 0), parts(k, 1), shading.exists ? &light : nullptr);
+            walk_cells(size_of(values), origin, direction, parts(k, 0), parts(k, 1), visit);
     }
 };
 
@@ -303,30 +274,25 @@ struct Integrator {
 Status integrate_rays(const IntegrateRays* arguments) {
     using namespace truth;
     const auto& [values, macrocells, intervals, shading, max_steps, rays, radiance] = *arguments;
-    int64_t num_steps = max_steps.shape[0], num_gathered = FIRST_INTERVAL + intervals.rows.shape[0];
-    if (!fit(rays) || !fits_macrocells(macrocells, values) || num_steps == 0 || intervals.rows.shape[1] != 10 ||
-        intervals.rows.shape[0] != intervals.knots.shape[0] + 1 || radiance.shape[0] != rays.parts.shape[0] ||
-        radiance.shape[1] != num_steps || radiance.shape[2] <= DEPTH || radiance.shape[2] > num_gathered ||
-        (shading.value.gloss.exists && shading.value.gloss.value.factors.shape[1] != 3))
+    int64_t num = rays.parts.shape[0], num_steps = max_steps.shape[0], num_channels = radiance.shape[2];
+    int64_t num_intervals = intervals.knots.shape[0] + 1, num_gathered = FIRST_INTERVAL + num_intervals;
+    if (!fit(rays) || !fits_macrocells(macrocells, values) || num_steps == 0 ||
+        !has_shape(intervals.rows, num_intervals, 10) || !has_shape(radiance, num, num_steps, num_channels) ||
+        num_channels <= DEPTH || num_channels > num_gathered ||
+        (shading.exists && shading.value.factors.shape[1] != 3))
         return OUT_OF_BOUNDS;
     // A cubic passes a knot at most three times, and so does the cosine of the light. Another voxel becomes the nearest
     // at most three times.
-    Buffer<double> splits(3 * intervals.knots.shape[0] + 6), gathered(num_steps * num_gathered);
+    Buffer<double> splits(3 * num_intervals + 3), gathered(num_steps * num_gathered);
     if (!splits || !gathered) return NO_MEMORY;
-    return with_voxels(values, [&](const auto& voxels) {
-        const Integrator integrator = {
-            voxels,    macrocells, intervals,
-            shading,   max_steps,  splits,
-            {gathered.data, {num_steps, num_gathered}},
-        };
-        for (int64_t i = 0; i < rays.parts.shape[0]; i++) {
-            integrator.integrate_ray(point_of(rays.origins[i]), point_of(rays.directions[i]), rays.parts[i]);
-            for (int64_t step = 0; step < num_steps; step++) {
-                for (int64_t channel = 0; channel < radiance.shape[2]; channel++)
-                    radiance(i, step, channel) = integrator.gathered(step, channel);
-                radiance(i, step, DEPTH) = -expm1_of(-integrator.gathered(step, DEPTH));
-            }
+    const Array<double, 2> sums = {gathered.data, {num_steps, num_gathered}};
+    const Integrator integrator = {values, macrocells, intervals, shading, max_steps, splits, sums};
+    for (int64_t i = 0; i < num; i++) {
+        integrator.integrate_ray(point_of(&rays.origins(i, 0)), point_of(&rays.directions(i, 0)), rays.parts[i]);
+        for (int64_t step = 0; step < num_steps; step++) {
+            for (int64_t channel = 0; channel < num_channels; channel++) radiance(i, step, channel) = sums(step, channel);
+            radiance(i, step, DEPTH) = -expm1_of(-sums(step, DEPTH));
         }
-        return DONE;
-    });
+    }
+    return DONE;
 }

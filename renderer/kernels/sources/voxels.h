@@ -2,16 +2,21 @@
 #pragma once
 #include "transfer.h"
 
-namespace {
-
 // A box of voxels: the first one, and the numbers of voxels, along x, y, z.
 struct Box {
     int64_t first[3], extent[3];
-
-    INLINE Box(const int64_t* start, const int64_t* size) {
-        for (int axis = 0; axis < 3; axis++) first[axis] = start[axis], extent[axis] = size[axis];
-    }
 };
+
+// All voxels of a volume.
+INLINE Box box_of(const AnyArray<3>& raw) {
+    return {{}, {raw.shape[2], raw.shape[1], raw.shape[0]}};
+}
+
+// Write the scalars of side^3 voxels from `first` (x, y, z) on; beyond the box the nearest voxel is repeated.
+void load_scalars(const AnyArray<3>& raw, const Maybe<Array<const double, 1>>& by_pattern, const Box& box,
+                  const int64_t* first, int64_t side, double* out);
+
+namespace {
 
 // Call `function(x, y, z)` for each voxel of a box of at most SIDE voxels along each axis, x fastest.
 template <int64_t SIDE, class Function>
@@ -38,28 +43,6 @@ inline bool fits(const Classifier& classifier, const AnyArray<3>& raw) {
     if (!fits(by_pattern, raw) || table.exists != by_pattern.exists || curve.exists == table.exists) return false;
     if (curve.exists) return fits(curve.value);
     return table.value.shape[0] == by_pattern.value.shape[0] && table.value.shape[1] == 4;
-}
-
-// Write the scalars of side^3 voxels from `first` (x, y, z) on; beyond the box the nearest voxel is repeated.
-inline void load_scalars(const AnyArray<3>& raw, const Maybe<Array<const double, 1>>& by_pattern, const Box& box,
-                         const int64_t* first, int64_t side, double* out) {
-    auto nearest = [&](int axis, int64_t number) {
-        return least(most(first[axis] + number, box.first[axis]), box.first[axis] + box.extent[axis] - 1);
-    };
-    // Along x, those inside the box.
-    int64_t begin = nearest(0, 0) - first[0], end = nearest(0, side - 1) - first[0] + 1;
-    with_array(raw, [&]<class T>(const Array<const T, 3>& voxels) {
-        for (int64_t z = 0; z < side; z++)
-            for (int64_t y = 0; y < side; y++, out += side) {
-                const T* row = &voxels(nearest(2, z), nearest(1, y), first[0] + begin) - begin;
-                for (int64_t x = begin; x < end; x++)
-                    if constexpr (sizeof(T) <= 2) out[x] = by_pattern.value[(int64_t)row[x]];
-                    else out[x] = (double)row[x];
-                for (int64_t x = 0; x < begin; x++) out[x] = out[begin];
-                for (int64_t x = end; x < side; x++) out[x] = out[end - 1];
-            }
-        return DONE;
-    });
 }
 
 }  // namespace

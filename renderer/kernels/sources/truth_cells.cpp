@@ -1,0 +1,114 @@
+// Read voxels for exact rays (truth_cells.h), in any of the dtypes of volumes.
+#include "truth_cells.h"
+
+namespace truth {
+namespace {
+
+// In place of an axis: the voxel itself, and not a difference.
+constexpr int VALUE = -1;
+constexpr int64_t LARGEST_CUBE = MACROCELL_SIZE + 3;
+
+// Write the values of side^3 voxels from `first` on, x fastest; beyond the border the nearest voxel is repeated.
+void load_cube(const AnyArray<3>& values, Cell first, int64_t side, double* out) {
+    int64_t places[3][LARGEST_CUBE];
+    for (int axis = 0; axis < 3; axis++)
+        for (int64_t k = 0; k < side; k++)
+            places[axis][k] = least(most<int64_t>(first[axis] + k, 0), values.shape[2 - axis] - 1);
+    with_array(values, [&](const auto& voxels) {
+        for (int64_t z = 0; z < side; z++)
+            for (int64_t y = 0; y < side; y++)
+                for (int64_t x = 0; x < side; x++) *out++ = (double)voxels(places[2][z], places[1][y], places[0][x]);
+        return DONE;
+    });
+}
+
+// The voxels at the corners of a cell, and those around them up to a margin.
+struct Surroundings {
+    Cell size, cell, first;
+    int64_t side;
+    double numbers[6 * 6 * 6];
+
+    Surroundings(const AnyArray<3>& values, Cell at, int64_t margin)
+        : size(size_of(values)), cell(at), first(at - margin), side(2 + 2 * margin) {
+        load_cube(values, first, side, numbers);
+    }
+
+    const double* address(Cell voxel) const {
+        auto [x, y, z] = voxel - first;
+        return numbers + (z * side + y) * side + x;
+    }
+
+    // The scaled value of a voxel that has data, or the difference at it along an axis.
+    double term(Cell voxel, int axis, double scale) const {
+        const double* here = address(voxel);
+        if (axis == VALUE) return *here * scale;
+        int64_t step = axis == 0 ? 1 : axis == 1 ? side : side * side;
+        int64_t before = voxel[axis] > 0 && !is_nan(here[-step]);
+        int64_t after = voxel[axis] < size[axis] - 1 && !is_nan(here[step]);
+        if (before + after == 0) return 0.0;
+        return (here[after * step] * scale - here[-before * step] * scale) / (double)(before + after);
+    }
+
+    // The mean term of the nearest voxels with data, of 26 neighbours inside the volume; NaN for none.
+    double nearest_term(Cell voxel, int axis, double scale) const {
+        int64_t nearest = 4;  // the squared distance
+        double total = 0.0, num = 0.0;
+        for (int64_t k = -1; k < 2; k++)
+            for (int64_t j = -1; j < 2; j++)
+                for (int64_t i = -1; i < 2; i++) {
+                    Cell at = voxel + Cell{i, j, k};
+                    bool is_inside = at.x >= 0 && at.y >= 0 && at.z >= 0 && at.x < size.x && at.y < size.y &&
+                        at.z < size.z;
+                    int64_t distance = k * k + j * j + i * i;
+                    if (!is_inside || distance > nearest || is_nan(*address(at))) continue;
+                    if (distance < nearest) nearest = distance, total = num = 0.0;
+                    total += term(at, axis, scale), num += 1.0;
+                }
+        return total / num;
+    }
+
+    // Write the terms of the voxels at the corners, or of the nearest ones of those without data.
+    void write_corners(int absent, int axis, double scale, double* corners) const {
+        for (int k = 0; k < 8; k++) {
+            Cell at = cell + Cell{k & 1, k >> 1 & 1, k >> 2};
+            for (int j = 0; j < 3; j++) at[j] = least(most<int64_t>(at[j], 0), size[j] - 1);
+            corners[k] = absent >> k & 1 ? nearest_term(at, axis, scale) : term(at, axis, scale);
+        }
+    }
+};
+
+}  // namespace
+
+int load_corners(const AnyArray<3>& values, Cell cell, double scale, double* corners) {
+    load_cube(values, cell, 2, corners);
+    int absent = 0;
+    for (int k = 0; k < 8; k++) absent |= is_nan(corners[k]) << k;
+    if (absent == 0)
+        for (int k = 0; k < 8; k++) corners[k] *= scale;
+    else if (absent != ALL_ABSENT) Surroundings(values, cell, 1).write_corners(absent, VALUE, scale, corners);
+    return absent;
+}
+
+void load_differences(const AnyArray<3>& values, Cell cell, int absent, double scale, double (*corners)[8]) {
+    const Surroundings around(values, cell, absent == 0 ? 1 : 2);
+    for (int axis = 0; axis < 3; axis++) around.write_corners(absent, axis, scale, corners[axis]);
+}
+
+Range macrocell_range(const AnyArray<3>& values, Cell macrocell) {
+    double numbers[LARGEST_CUBE * LARGEST_CUBE * LARGEST_CUBE];
+    bool has_absent = false;
+    auto range_around = [&](int64_t margin) {
+        int64_t side = MACROCELL_SIZE + 1 + 2 * margin;
+        load_cube(values, MACROCELL_SIZE * macrocell - 1 - margin, side, numbers);
+        Range found = {INFINITE, -INFINITE};
+        for (int64_t k = 0; k < side * side * side; k++) {
+            has_absent |= is_nan(numbers[k]);
+            found = {least(found.low, numbers[k]), most(found.high, numbers[k])};  // which NaN leaves
+        }
+        return found;
+    };
+    Range found = range_around(0);
+    return has_absent ? range_around(1) : found;
+}
+
+}  // namespace truth
