@@ -166,16 +166,11 @@ SECTION = Section(
     "Error of a node",
     (
         *(node(name, method, measure=of_scalars(make)) for name, (method, make) in SCALARS.items()),
-        Extreme(
-            "0 to 255 in half precision",
-            "stored in float16, which rounds to 5e-4",
-            RELATIVE,
-            2.0**-11 + 1e-6,
-            of_scalars(uniform(np.float32, 0, 255), HALF),
-        ),
+        Extreme("0 to 255 in half precision", "stored in float16, which rounds to 5e-4", RELATIVE, 2.0**-11 + 1e-6,
+            of_scalars(uniform(np.float32, 0, 255), HALF)),
         Extreme("a million equal voxels", "no difference, no error", "largest error of a node", 0.0, equal_voxels),
     ),
-)
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("extreme", SECTION.extremes, ids=str)

@@ -157,46 +157,26 @@ FLOATS = LOGS + "; depths in float32"
 SECTION = Section(
     "Opacity",
     (
-        Extreme(
-            "corrected opacity of a cell of 1 to 2^20 voxels, float64",
-            LOGS,
-            "relative error",
-            1e-6,
-            of_extinctions(opacity_error),
-        ),
+        Extreme("corrected opacity of a cell of 1 to 2^20 voxels, float64", LOGS, "relative error", 1e-6,
+            of_extinctions(opacity_error)),
         Extreme("its transmittance, float64", LOGS, "error", 1e-6, of_extinctions(transmittance_error)),
-        Extreme(
-            "its transmittance, float64, depths below 700",
-            LOGS,
-            "relative error",
-            1e-6,
-            of_extinctions(relative_transmittance_error),
-        ),
+        Extreme("its transmittance, float64, depths below 700", LOGS, "relative error", 1e-6,
+            of_extinctions(relative_transmittance_error)),
         Extreme("corrected opacity of a cell, by its splat", FLOATS, "relative error", 1e-6, chain(opacity_error)),
         Extreme("transmittance of a cell, by its splat", FLOATS, "error", 1e-6, chain(transmittance_error)),
-        Extreme(
-            "colour of a voxel, by its splat", "`tau c` and `tau` are rounded alike", "relative error", 1e-6, colors
-        ),
-        Extreme(
-            "cell of 2^3 voxels, `average: opacity`, single precision",
-            "`-log1p` of the mean alpha; 1 means the deepest voxel",
-            "relative error of the opacity",
-            1e-6,
-            averaged("single"),
-        ),
-        Extreme(
-            "the same in half precision",
-            "float16 rounds the mean to 5e-4",
-            "relative error of the opacity",
-            2.0**-11 + 1e-6,
-            averaged("half"),
-        ),
+        Extreme("colour of a voxel, by its splat", "`tau c` and `tau` are rounded alike", "relative error", 1e-6,
+            colors),
+        Extreme("cell of 2^3 voxels, `average: opacity`, single precision",
+            "`-log1p` of the mean alpha; 1 means the deepest voxel", "relative error of the opacity", 1e-6,
+            averaged("single")),
+        Extreme("the same in half precision", "float16 rounds the mean to 5e-4", "relative error of the opacity",
+            2.0**-11 + 1e-6, averaged("half")),
     ),
     "Opacities are 0, 1e-12 to 1 - 1e-12, and 1; units and spacings 1e-9 to 1e9, each with each; lengths 1 to 2^20"
     " voxels, so that depths are 0 to 4e7. A voxel deeper than 40 is held at 40: it lets 4e-18 through and not less."
     " With `average: opacity` a mean alpha that float32 rounds to 1, nearer than 3e-8, has the depth of the deepest"
     " voxel: at the rim of such a cell the picture may be too opaque.",
-)
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("extreme", SECTION.extremes, ids=str)
