@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from brickwork import hills
+from brickwork import hills, transfer_of
 from dense_bricks import OBLIQUE, depths_of, errors_of_cells, spread_of_cells
 
 from renderer.pyramid import Cut, Pyramid, build_pyramid, cut_pyramid
@@ -35,8 +35,9 @@ def plain(values: Array) -> Volume:
 
 
 def transfer(deepest: float = 3.0) -> TransferFunction:
-    colors = np.array([[0, 0, 0], [0, 0.5, 1], [1, 0.5, 0.1], [0.2, 1, 0.4]])
-    return TransferFunction(np.array([0.0, 60, 120, 250]), colors, np.array([0, 0, 0.3, deepest]), 1.0)
+    return transfer_of(
+        (0, (0, 0, 0), 0), (60, (0, 0.5, 1), 0), (120, (1, 0.5, 0.1), 0.3), (250, (0.2, 1, 0.4), deepest)
+    )
 
 
 def build(of: Volume, tf: TransferFunction, error: ErrorSpec = OPTICAL, spec: PyramidSpec | None = None) -> Pyramid:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from brickwork import transfer_of
 from hypothesis import assume, given, settings, strategies as st
 from small_scene import small_tree
 
@@ -36,9 +37,7 @@ IDS = ("optical", "rms", "scalar")
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def transfer(deepest: float = 3.0) -> TransferFunction:
-    colors = np.array([[0, 0, 0], [0, 0.5, 1], [1, 0.5, 0.1]])
-    return TransferFunction(np.array([0.0, 60, 250]), colors, np.array([0, 0, deepest]), 1.0)
+SLOPE = transfer_of((0, (0, 0, 0), 0), (60, (0, 0.5, 1), 0), (250, (1, 0.5, 0.1), 3))
 
 
 def volume_of(values: npt.NDArray[Any]) -> Volume:
@@ -47,7 +46,7 @@ def volume_of(values: npt.NDArray[Any]) -> Volume:
 
 
 def build(of: Volume, error: ErrorSpec = ERRORS[0], spec: PyramidSpec | None = None) -> Pyramid:
-    return build_pyramid(of, transfer(), spec=spec or PyramidSpec(), error=error, num_threads=1)
+    return build_pyramid(of, SLOPE, spec=spec or PyramidSpec(), error=error, num_threads=1)
 
 
 def sizes_of(pyramid: Pyramid, max_cells: int = 10**9, finest: int = 0, finest_at_zero: int = 0) -> CutSizes:
@@ -148,14 +147,6 @@ def test_budgets_outside_the_computed_sizes_are_refused() -> None:
             sizes.finest_within(num)
 
 
-@pytest.mark.parametrize("levels", [(2, 1), (1, 2)])
-def test_levels_that_the_pyramid_lacks_are_refused(levels: tuple[int, int]) -> None:
-    of, spec = volume_of(np.full((9, 9, 9), 200, np.uint8)), PyramidSpec()
-    pyramid = build_pyramid(of, transfer(), spec=spec, error=ERRORS[0], finest_cut=FinestCut(level=2))
-    with pytest.raises(ValueError, match=r"^no pyramid for this level: got 1, expected at least 2$"):
-        sizes_of(pyramid, 9, *levels)
-
-
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(values=values(), error=st.sampled_from(ERRORS), share=st.floats(0, 1), finest=st.integers(0, 2))
 def test_a_pyramid_for_coarse_cuts_has_their_sizes(
@@ -170,7 +161,7 @@ def test_a_pyramid_for_coarse_cuts_has_their_sizes(
     least = float(errors[round(share * (len(errors) - 1))])
     for min_tolerance in (least, math.nextafter(least, 2 * least)):
         part = build_pyramid(
-            of, transfer(), spec=spec, error=error, num_threads=1, finest_cut=FinestCut(min_tolerance, finest)
+            of, SLOPE, spec=spec, error=error, num_threads=1, finest_cut=FinestCut(min_tolerance, finest)
         )
         most = len(cut_pyramid(whole, min_tolerance, finest_level=finest))
         for num in {1, 5, max(1, most - 1), most, 10 * most}:
@@ -185,10 +176,14 @@ def test_a_pyramid_for_coarse_cuts_has_their_sizes(
 # Tolerances
 
 
-def assert_legal(tolerance: float) -> None:
-    """A scene keeps the tolerance unchanged, alone and by frame."""
-    for written in (tolerance, {0: tolerance, 1: 0.5}):
-        assert parse_scene(small_tree(error={"tolerance": written}), base=Path()).error.tolerance[0] == (0, tolerance)
+TREE = small_tree()
+
+
+def assert_legal(*tolerances: float) -> None:
+    """A scene keeps tolerances unchanged, alone or by frame."""
+    written = dict(enumerate(tolerances)) if len(tolerances) > 1 else tolerances[0]
+    scene = parse_scene(TREE | {"error": {"tolerance": written}}, base=Path())
+    assert scene.error.tolerance == tuple(enumerate(tolerances))
 
 
 def made_sizes(divisions: list[float], beyond: float = 0.0) -> CutSizes:
@@ -211,8 +206,7 @@ def test_tolerances_lie_between_split_thresholds_and_are_legal(
     sizes = made_sizes([high], low) if beyond else made_sizes([high, low])
     above, between = sizes.finest_within(1), sizes.finest_within(2)
     assert above > high >= between > low
-    for tolerance in (above, between):
-        assert_legal(tolerance)
+    assert_legal(above, between)
     # Between two numbers that differ by a share g lies one of -log10(g) digits, and a few.
     num_digits = max(1, math.ceil(1 - math.log10((high - low) / high)) + 1)
     assert float(f"{between:.{num_digits - 1}e}") == between or num_digits > 16

@@ -46,7 +46,7 @@ def test_0_is_held_and_left_at_once() -> None:
     assert [scheduled_value(entries, frame) for frame in range(12)] == [0, 0, 0, 0, 0, 0, 0.5, 0.5, 0.5, 0, 0, 0]
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=100, deadline=None, derandomize=True)
 @given(ends=st.tuples(TOLERANCE, TOLERANCE), length=st.integers(1, 60))
 def test_over_all_of_float64_values_go_from_one_end_to_the_other(ends: tuple[float, float], length: int) -> None:
     values = [scheduled_value(((7, ends[0]), (7 + length, ends[1])), frame) for frame in range(7, 8 + length)]
@@ -80,7 +80,7 @@ GAPS_AND_TOLERANCES = st.lists(
 )
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None, derandomize=True)
 @given(first=st.integers(0, 5), steps=GAPS_AND_TOLERANCES)
 def test_every_frame_has_its_tolerance_in_the_scene_and_in_its_json(first: int, steps: list[tuple[int, float]]) -> None:
     tolerances, frame = {}, first
