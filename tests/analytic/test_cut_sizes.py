@@ -116,30 +116,6 @@ def test_the_finest_cut_within_a_budget_of_cells(
         assert_finest(pyramid, num, levels, cuts)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
-@given(values=values(), error=st.sampled_from(ERRORS), levels=st.tuples(st.integers(0, 2), st.integers(0, 2)))
-def test_sizes_equal_those_of_all_cuts(values: npt.NDArray[Any], error: ErrorSpec, levels: tuple[int, int]) -> None:
-    """The sizes hold at and just above each split threshold, also if only the first of them are computed."""
-    pyramid = build(volume_of(values), error)
-    levels = max(levels), min(levels)
-    every = sizes_of(pyramid, 10**9, *levels)
-    assert every.tolerance_limit == 0.0
-    assert every.num_cells_at_zero == len(cut_pyramid(pyramid, 0.0, finest_level=levels[1]))
-    assert (np.diff(every.split_thresholds) < 0).all() and (np.diff(every.counts) >= 0).all()
-    for k, division in enumerate(every.split_thresholds.tolist()):
-        assert (
-            len(cut_pyramid(pyramid, math.nextafter(division, 2 * division), finest_level=levels[0])) == every.counts[k]
-        )
-        assert len(cut_pyramid(pyramid, division, finest_level=levels[0])) == every.counts[k + 1]
-    most = max(1, int(every.counts[-1]) // 3)
-    some = sizes_of(pyramid, most, *levels)
-    num = int(np.searchsorted(every.counts, most, side="right"))
-    np.testing.assert_array_equal(some.counts, every.counts[:num])
-    np.testing.assert_array_equal(some.split_thresholds, every.split_thresholds[: num - 1])
-    assert some.tolerance_limit == (every.split_thresholds[num - 1] if num <= len(every.split_thresholds) else 0.0)
-    assert some.num_cells_at_zero == (every.num_cells_at_zero if every.num_cells_at_zero <= most else None)
-
-
 def test_budgets_outside_the_computed_sizes_are_refused() -> None:
     sizes = sizes_of(build(volume_of(np.full((4, 4, 4), 200, np.uint8))), 20)
     for num in (0, 21):

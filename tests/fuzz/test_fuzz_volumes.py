@@ -124,18 +124,10 @@ def refuse(path: Path, *_: Any) -> Any:
 
 @pytest.mark.parametrize(
     ("fault", "why"),
-    [
-        (crash, "signal SIGSEGV"),
-        (fail, "KeyError: 'a'"),
-        (loop, "signal SIGXCPU"),
-        (wait, "signal SIGALRM"),
-        (fill_memory, "MiB of memory"),
-        (warn, "a warning of numpy"),
-        (refuse_at_length, "a line of 507 characters"),
-        (refuse_another_file, "names another and not its file"),
-        (refuse, "refused what is not damaged"),
-    ],
-)
+    [(crash, "signal SIGSEGV"), (fail, "KeyError: 'a'"), (loop, "signal SIGXCPU"), (wait, "signal SIGALRM"),
+        (fill_memory, "MiB of memory"), (warn, "a warning of numpy"), (refuse_at_length, "a line of 507 characters"),
+        (refuse_another_file, "names another and not its file"), (refuse, "refused what is not damaged")],
+)  # fmt: skip
 def test_faults_are_seen(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, base: Base, fault: Callable[..., Any], why: str
 ) -> None:

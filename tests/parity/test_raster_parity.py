@@ -106,14 +106,9 @@ def random_axes(rng: np.random.Generator, num: int, sigma: float, stretch: float
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
 @pytest.mark.parametrize(
     ("sigma", "stretch", "projection"),
-    [
-        (0.002, 3.0, "perspective"),
-        (0.03, 1.5, "orthographic"),
-        (0.03, 30.0, "perspective"),
-        (0.3, 3.0, "orthographic"),
-        (1.0, 20.0, "perspective"),
-    ],
-)
+    [(0.002, 3.0, "perspective"), (0.03, 1.5, "orthographic"), (0.03, 30.0, "perspective"), (0.3, 3.0, "orthographic"),
+        (1.0, 20.0, "perspective")],
+)  # fmt: skip
 def test_splats_of_any_shape_on_top_of_each_other(
     rasterizer: GLRasterizer, footprint: str, projection: str, sigma: float, stretch: float
 ) -> None:

@@ -113,14 +113,9 @@ def in_a_medium(form: str, level: float, spread: float) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("form", "level", "spread"),
-    [
-        ("ball", 0.35, 0.03),
-        ("ball", 0.2, 0.02),
-        ("cylinder", 0.45, 0.03),
-        ("cylinder", 0.2, 0.02),
-        ("box", 0.35, 0.015),
-    ],
-)
+    [("ball", 0.35, 0.03), ("ball", 0.2, 0.02), ("cylinder", 0.45, 0.03), ("cylinder", 0.2, 0.02),
+        ("box", 0.35, 0.015)],
+)  # fmt: skip
 def test_an_even_medium_around_an_object_is_background(form: str, level: float, spread: float) -> None:
     values = in_a_medium(form, level, spread)
     found = suggested(values)

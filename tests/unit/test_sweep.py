@@ -202,16 +202,10 @@ def test_chosen_tolerances_include_that_of_the_scene(stage: Stage) -> None:
 
 @pytest.mark.parametrize(
     ("frames", "num", "is_loop", "found"),
-    [
-        (range(120), 3, True, [0, 40, 80]),
-        (range(121), 3, False, [0, 60, 120]),
-        (range(2), 3, False, [0, 1]),
-        (range(1), 3, False, [0]),
-        ([7, 9, 11, 30], 2, True, [7, 11]),
-        ([7, 9, 11, 30], 2, False, [7, 30]),
-        ([7, 9, 11, 30], 1, False, [7]),
-    ],
-)
+    [(range(120), 3, True, [0, 40, 80]), (range(121), 3, False, [0, 60, 120]), (range(2), 3, False, [0, 1]),
+        (range(1), 3, False, [0]), ([7, 9, 11, 30], 2, True, [7, 11]), ([7, 9, 11, 30], 2, False, [7, 30]),
+        ([7, 9, 11, 30], 1, False, [7])],
+)  # fmt: skip
 def test_frames_are_spread_evenly_over_a_path(
     frames: range | list[int], num: int, is_loop: bool, found: list[int]
 ) -> None:
