@@ -104,12 +104,6 @@ def test_more_noise_is_never_better(name: str) -> None:
     assert figures == sorted(figures, reverse=better)
 
 
-def test_an_empty_mask_has_no_metrics() -> None:
-    found = measure_accuracy(noisy(1), noisy(2), np.zeros((24, 32), bool))
-    assert all(math.isnan(value) for value in found.on_volume.values())
-    assert not any(math.isnan(value) for value in found.everywhere.values())
-
-
 def test_noise_far_from_the_mask_changes_nothing_on_it() -> None:
     """Far: beyond the reach of SSIM's window (5 pixels) and of FLIP's filters (about 10)."""
     truth = noisy(1, 40, 40)
@@ -183,11 +177,13 @@ def test_frames_pool_their_squares() -> None:
     assert pool_accuracies([equal] * 2) == equal
 
 
-def test_frames_without_metrics_are_left_out_of_the_pool() -> None:
+def test_an_empty_mask_has_no_metrics_and_is_left_out_of_the_pool() -> None:
     seen = measure_accuracy(noisy(1), noisy(2), np.ones((24, 32), bool))
     empty = measure_accuracy(noisy(3), noisy(4), np.zeros((24, 32), bool))
+    assert not any(math.isnan(value) for value in empty.everywhere.values())
     assert pool_accuracies([seen, empty]).on_volume == seen.on_volume
-    assert all(math.isnan(value) for value in pool_accuracies([empty, empty]).on_volume.values())
+    for found in (empty, pool_accuracies([empty, empty])):
+        assert all(math.isnan(value) for value in found.on_volume.values())
 
 
 @pytest.mark.parametrize("package", ["skimage", "flip_evaluator"])
