@@ -53,27 +53,16 @@ NOTES = (
     "noise without a background. The pictures are those of now.",
 )
 VOLUMES = {
-    "engine": "engine.nhdr",
-    "bonsai": "bonsai.nhdr",
-    "fuel": "fuel.nhdr",
-    "neghip": "neghip.nhdr",
-    "hydrogen atom": "hydrogenAtom.nhdr",
-    "Marschner-Lobb": "marschnerlobb.nhdr",
-    "walnut": "walnut.raw",
-    "LIDC2, CT": "medical/LIDC2.mha",
-    "CT_pitch": "medical/CT_pitch.nii.gz",
-    "headsq_quarter, CT": "medical/headsq_quarter.nrrd",
-    "t1_dicom_part": "medical/t1_dicom_part",
-    "seg3d_MR": "medical/seg3d_MR.nii.gz",
-    "chris_PD": "medical/chris_PD.nii.gz",
-    "CIT168_T1w": "medical/CIT168_T1w.nii.gz",
-    "CIT168_labels": "medical/CIT168_labels.nii.gz",
-    "PD25_T1": "medical/PD25_T1.nii.gz",
-    "PD25_labels": "medical/PD25_labels.nii.gz",
-    "example4d": "medical/example4d.nii.gz",
-    "functional": "medical/functional.nii",
+    "engine": "engine.nhdr", "bonsai": "bonsai.nhdr", "fuel": "fuel.nhdr", "neghip": "neghip.nhdr",
+    "hydrogen atom": "hydrogenAtom.nhdr", "Marschner-Lobb": "marschnerlobb.nhdr", "walnut": "walnut.raw",
+    "LIDC2, CT": "medical/LIDC2.mha", "CT_pitch": "medical/CT_pitch.nii.gz",
+    "headsq_quarter, CT": "medical/headsq_quarter.nrrd", "t1_dicom_part": "medical/t1_dicom_part",
+    "seg3d_MR": "medical/seg3d_MR.nii.gz", "chris_PD": "medical/chris_PD.nii.gz",
+    "CIT168_T1w": "medical/CIT168_T1w.nii.gz", "CIT168_labels": "medical/CIT168_labels.nii.gz",
+    "PD25_T1": "medical/PD25_T1.nii.gz", "PD25_labels": "medical/PD25_labels.nii.gz",
+    "example4d": "medical/example4d.nii.gz", "functional": "medical/functional.nii",
     "benzene, orbital": "simulation/benzene-homo.cube",
-}
+}  # fmt: skip
 Pixels = npt.NDArray[np.uint8]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from brick_reference import rasterize_bricks_reference
+from brick_reference import nudged, rasterize_bricks_reference
 from compare import SPREADS, WrongError, require_close
 
 from renderer.bricks import BrickBatch
@@ -44,19 +44,12 @@ def compare_bricks(stage: Stage, frame: Frame, view: View, rasterizer: GLRasteri
     with np.errstate(under="ignore"):
         expected = rasterize_bricks_reference(lod.batch, order, view)
         others = [
-            rasterize_bricks_reference(_nudged(lod.batch, nudge), order, _moved(view, lod.batch, sides))
+            rasterize_bricks_reference(nudged(lod.batch, nudge, nudge), order, _moved(view, lod.batch, sides))
             for nudge, sides in NUDGES
         ]
     spread = np.ptp([expected, *others], axis=0)
     termination = lod.batch.screen_sampling.termination_transmittance
     require_close(below.radiance, expected, PRECISION + termination + SPREADS * spread)
-
-
-def _nudged(batch: BrickBatch, nudge: float) -> BrickBatch:
-    screen_sampling = replace(
-        batch.screen_sampling, difference_threshold=batch.screen_sampling.difference_threshold * (1 + nudge)
-    )
-    return replace(batch, steps=batch.steps * (1 + nudge), screen_sampling=screen_sampling)
 
 
 def _moved(view: View, batch: BrickBatch, sides: tuple[int, int, int]) -> View:

@@ -64,6 +64,13 @@ def rasterize_bricks_reference(batch: BrickBatch, order: npt.NDArray[np.uint32],
     return _between(image, strides[-1], *_pixel_grid(view.size, 1))
 
 
+def nudged(batch: BrickBatch, step: float, spread: float) -> BrickBatch:
+    """Return a batch with steps and a spread that are longer and larger, or shorter and smaller, by these shares."""
+    threshold = batch.screen_sampling.difference_threshold * (1 + spread)
+    screen_sampling = replace(batch.screen_sampling, difference_threshold=threshold)
+    return replace(batch, steps=batch.steps * (1 + step), screen_sampling=screen_sampling)
+
+
 def picture_at(
     bricks: Bricks, view: View, tolerance: float, shading: ShadingSpec | None = None, *, every_pixel: bool = True
 ) -> Float64:
