@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from small_scene import small_tree
 from stage_pictures import NUMBER, decibels, drawn, exact
@@ -17,9 +16,7 @@ from renderer.frame import Stage, prepare_stage, view_of
 from renderer.pyramid import cut_pyramid
 from renderer.scene import parse_scene
 from renderer.truth.integrator import index_rays
-from renderer.volume import Volume, make_volume
-
-Array = npt.NDArray[Any]
+from renderer.volume import Array, Volume, make_volume
 
 SIZE = (44, 36)
 POINTS = [

@@ -6,16 +6,13 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from dense_bricks import OBLIQUE, Shape, depths_of, errors_of_bricks, patches
 
 from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, BrickCut, Bricks, cut_bricks, make_bricks
 from renderer.scene import ErrorSpec, PyramidSpec
 from renderer.transfer import TransferFunction
-from renderer.volume import make_volume
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Float64, Int64, make_volume
 
 SHAPES: list[Shape] = [(1, 1, 1), (1, 70, 20), (5, 17, 33), (40, 90, 70)]
 TOLERANCES = [0.0, 4e-3, 0.2, 0.8, 2.0, 4.0, 8.0, 1e9]
@@ -45,14 +42,14 @@ def largest_errors(shape: Shape) -> list[dict[tuple[int, int, int], float]]:
     return [errors_of_bricks(bricks.volume, SOFT, level) for level in range(len(bricks.levels))]
 
 
-def regions(cut: BrickCut) -> npt.NDArray[np.int64]:
+def regions(cut: BrickCut) -> Int64:
     """Return the first voxel (x, y, z) of each whole brick, and one past the last, [n, 2, 3]."""
     width = np.int64(BRICK_SIZE) << cut.levels[:, None].astype(np.int64)
     first = cut.cells * width
     return np.stack([first, np.minimum(first + width, cut.volume.shape_xyz)], axis=1)
 
 
-def coverage(cut: BrickCut, corners: Float64) -> npt.NDArray[np.int64]:
+def coverage(cut: BrickCut, corners: Float64) -> Int64:
     """Return in how many boxes [n, 2, 3], in index coordinates, each voxel lies wholly, [z, y, x]."""
     count = np.zeros(cut.volume.values.shape, np.int64)
     for low, high in zip(np.ceil(corners[:, 0] + 0.5), np.floor(corners[:, 1] + 0.5), strict=True):

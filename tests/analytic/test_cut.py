@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from brickwork import hills, transfer_of
 from dense_bricks import OBLIQUE, depths_of, errors_of_cells, spread_of_cells
@@ -13,9 +12,7 @@ from dense_bricks import OBLIQUE, depths_of, errors_of_cells, spread_of_cells
 from renderer.pyramid import Cut, Pyramid, build_pyramid, cut_pyramid
 from renderer.scene import ErrorSpec, PyramidSpec
 from renderer.transfer import TransferFunction
-from renderer.volume import Volume, make_volume
-
-Array = npt.NDArray[Any]
+from renderer.volume import Array, Int64, Volume, make_volume
 
 OPTICAL = ErrorSpec()
 RMS = ErrorSpec(measure="rms")
@@ -44,7 +41,7 @@ def build(of: Volume, tf: TransferFunction, error: ErrorSpec = OPTICAL, spec: Py
     return build_pyramid(of, tf, spec=spec or PyramidSpec(), error=error)
 
 
-def coverage(cut: Cut) -> npt.NDArray[np.int64]:
+def coverage(cut: Cut) -> Int64:
     """Return the number of cells that each voxel lies in, [z, y, x]."""
     count = np.zeros(cut.volume.values.shape, np.int64)
     for level, cell in zip(cut.levels.tolist(), cut.cells.tolist(), strict=True):

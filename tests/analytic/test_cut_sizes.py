@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from brickwork import transfer_of
 from hypothesis import assume, given, settings, strategies as st
@@ -28,9 +27,7 @@ from renderer.pyramid import (
 )
 from renderer.scene import MIN_TOLERANCE, ErrorSpec, PyramidSpec, parse_scene
 from renderer.transfer import TransferFunction
-from renderer.volume import Volume, make_volume
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Array, Float64, Volume, make_volume
 
 ERRORS = (ErrorSpec(), ErrorSpec(measure="rms"), ErrorSpec(measure="rms", of="scalar"))
 IDS = ("optical", "rms", "scalar")
@@ -40,7 +37,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SLOPE = transfer_of((0, (0, 0, 0), 0), (60, (0, 0.5, 1), 0), (250, (1, 0.5, 0.1), 3))
 
 
-def volume_of(values: npt.NDArray[Any]) -> Volume:
+def volume_of(values: Array) -> Volume:
     """Return an anisotropic volume."""
     return make_volume(np.ascontiguousarray(values), np.diag([0.5, 1.0, 2.0, 1.0]), "test")
 
@@ -54,7 +51,7 @@ def sizes_of(pyramid: Pyramid, max_cells: int = 10**9, finest: int = 0, finest_a
 
 
 @st.composite
-def values(draw: st.DrawFn) -> npt.NDArray[Any]:
+def values(draw: st.DrawFn) -> Array:
     """Draw noise, a few values, terraces, mostly nothing, or one value: with ties and with empty parts."""
     shape = draw(st.tuples(*[st.integers(1, 13)] * 3))
     rng = np.random.default_rng(draw(st.integers(0, 99)))
@@ -105,7 +102,7 @@ def assert_finest(pyramid: Pyramid, num: int, levels: tuple[int, int], cuts: lis
     share=st.floats(0, 1.1),
 )
 def test_the_finest_cut_within_a_budget_of_cells(
-    values: npt.NDArray[Any], error: ErrorSpec, spec: PyramidSpec, levels: tuple[int, int], share: float
+    values: Array, error: ErrorSpec, spec: PyramidSpec, levels: tuple[int, int], share: float
 ) -> None:
     pyramid = build(volume_of(values), error, spec)
     levels = max(levels), min(levels)
@@ -125,9 +122,7 @@ def test_budgets_outside_the_computed_sizes_are_refused() -> None:
 
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(values=values(), error=st.sampled_from(ERRORS), share=st.floats(0, 1), finest=st.integers(0, 2))
-def test_a_pyramid_for_coarse_cuts_has_their_sizes(
-    values: npt.NDArray[Any], error: ErrorSpec, share: float, finest: int
-) -> None:
+def test_a_pyramid_for_coarse_cuts_has_their_sizes(values: Array, error: ErrorSpec, share: float, finest: int) -> None:
     """Finer cuts count as too large."""
     of, spec = volume_of(values), PyramidSpec()
     whole = build(of, error)

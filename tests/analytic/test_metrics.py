@@ -6,7 +6,6 @@ import importlib.util
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from renderer.errors import InputError, RenderError
@@ -19,8 +18,7 @@ from renderer.study import (
     require_measuring_packages,
 )
 from renderer.study.metrics import ErrorMetrics
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Float64
 
 # Sums of some thousand float64.
 EXACT = 1e-12

@@ -18,7 +18,7 @@ from renderer.bricks.extremes import SLACK_SHARE
 from renderer.frame import Stage, prepare_stage, view_of
 from renderer.modes import chords
 from renderer.scene import Scene, parse_scene
-from renderer.volume import Float64, Volume
+from renderer.volume import Array, Float64, Volume
 
 SIZE = (36, 28)
 MODES: dict[str, dict[str, Any]] = {
@@ -52,7 +52,7 @@ def stage_of(volume: Volume, scene: Scene) -> Stage:
     return prepare_stage(scene, clock=perf_counter, num_threads=2, volume=volume)
 
 
-def noise(shape: tuple[int, int, int], dtype: npt.DTypeLike = np.float32) -> npt.NDArray[Any]:
+def noise(shape: tuple[int, int, int], dtype: npt.DTypeLike = np.float32) -> Array:
     """Voxels from 0 to 1, each by chance; for integers, from 0 to their largest."""
     values = np.random.default_rng(5).random(shape)
     kind = np.dtype(dtype)

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from brick_reference import index_gradients, light_factor
 from dense_bricks import OBLIQUE, means_over_cells, spread_of_cells, sums_over_cells
@@ -14,10 +13,7 @@ from dense_bricks import OBLIQUE, means_over_cells, spread_of_cells, sums_over_c
 from renderer.pyramid import Level, Pyramid, build_pyramid, store_scaled
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
-from renderer.volume import Volume, make_volume
-
-Array = npt.NDArray[Any]
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Array, Bools, Float64, Volume, make_volume
 
 # float16 rounds to 11 bits; means below 2^-14 of their scale of 2^15 are counted in units of 2^-24 of it.
 HALF_RTOL, HALF_TINY = 2.0**-11, 2.0**-25 / 2.0**15
@@ -71,7 +67,7 @@ def channels(of: Volume, tf: TransferFunction, *, opacity: bool, shading: Shadin
 class DenseLevel:
     """One level of a pyramid spread out to [z, y, x]; where no node is stored everything is 0."""
 
-    stored: npt.NDArray[np.bool_]
+    stored: Bools
     means: Float64
     errors: Float64
 

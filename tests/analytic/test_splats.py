@@ -10,7 +10,6 @@ import itertools
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from splatting import cut_of, in_order, look, optical_depth, splats_of, volume_of
 
@@ -19,12 +18,10 @@ from renderer.scene import SplatSpec
 from renderer.splats import SplatBatch, make_splats
 from renderer.truth.integrator import rays_through_pixels
 from renderer.view import View, visible_order
-from renderer.volume import Volume
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Bools, Float64, Int64, Volume
 
 
-def block_of(volume: Volume, view: View) -> tuple[Float64, npt.NDArray[np.int64]]:
+def block_of(volume: Volume, view: View) -> tuple[Float64, Int64]:
     """World length of each pixel's ray in the volume [h, w]; the pair of faces that it enters and leaves by, or -1."""
     width, height = view.size
     origins, directions, _ = rays_through_pixels(np.zeros(3), view, np.arange(width * height))
@@ -39,7 +36,7 @@ def block_of(volume: Volume, view: View) -> tuple[Float64, npt.NDArray[np.int64]
     return np.maximum(leave - enter, 0).reshape(height, width), faces.reshape(height, width)
 
 
-def deep_inside(faces: npt.NDArray[np.int64], radius_px: float) -> npt.NDArray[np.bool_]:
+def deep_inside(faces: Int64, radius_px: float) -> Bools:
     """Pixels around which, up to this radius, all rays pass the same two faces: path lengths are linear there.
 
     Pixels of the same two faces form a convex polygon, so that a circle around a pixel tells.

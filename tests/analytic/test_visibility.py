@@ -10,9 +10,7 @@ from brickwork import AFFINES
 from renderer.pyramid import Cut
 from renderer.view import View
 from renderer.view.depth_order import box_order, depth_order
-from renderer.volume import Volume, make_volume
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Float64, Volume, make_volume
 
 each_affine = pytest.mark.parametrize("affine", AFFINES.values(), ids=AFFINES.keys())
 

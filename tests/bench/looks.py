@@ -16,11 +16,11 @@ from typing import Any
 
 import imageio.v3 as iio
 import numpy as np
-import numpy.typing as npt
 from measuring import PAGES, machine_line
 
 import renderer
 from renderer.readers import read_volume
+from renderer.volume import UInt8
 
 PAGE = PAGES / "looks.md"
 SIZE, FRAMES, BEFORE_FRAMES, ROWS_PER_PICTURE = (200, 200), (10, 45, 85), (10, 45), 8
@@ -63,7 +63,7 @@ VOLUMES = {
     "example4d": "medical/example4d.nii.gz", "functional": "medical/functional.nii",
     "benzene, orbital": "simulation/benzene-homo.cube",
 }  # fmt: skip
-Pixels = npt.NDArray[np.uint8]
+Pixels = UInt8
 
 
 def source(path: Path) -> Any:

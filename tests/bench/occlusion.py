@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from light_reference import exact_occlusion, exact_shadow, sampled
 from measuring import PAGES, THREADS, machine_line, medians_in_turns, parser_of, taken
 from scipy import ndimage
@@ -21,7 +20,7 @@ from renderer.lighting import light_field
 from renderer.readers import read_volume
 from renderer.scene import ShadingSpec
 from renderer.transfer import TransferFunction, make_transfer_function
-from renderer.volume import Volume
+from renderer.volume import Float64, Volume
 
 PAGE = PAGES / "occlusion.md"
 VOLUMES = {"engine": "engine.nhdr", "bonsai": "bonsai.nhdr", "head": "medical/headsq_quarter.nrrd"}
@@ -80,7 +79,7 @@ def rows(name: str, file: Path) -> Iterator[str]:
         yield f"| {name} | {voxels} | {cells} | {field.cell_size} | {' | '.join(figures)} |"
 
 
-def visible_points(volume: Volume, transfer: TransferFunction) -> npt.NDArray[np.float64]:
+def visible_points(volume: Volume, transfer: TransferFunction) -> Float64:
     """Return random places (x, y, z) in voxels, float64 [NUM_POINTS, 3]."""
     depths = transfer.classify(volume.values)[1] * volume.finest_spacing
     rng, shape = np.random.default_rng(3), np.array(volume.shape_xyz)

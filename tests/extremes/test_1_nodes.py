@@ -9,16 +9,13 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from extremes import Extreme, Measure, Random, Section, worst_of
 
 from renderer.pyramid import Pyramid, build_pyramid
 from renderer.scene import ErrorSpec, PyramidSpec
 from renderer.transfer import TransferFunction
-from renderer.volume import Volume, make_volume
-
-Array = npt.NDArray[Any]
+from renderer.volume import Array, Volume, make_volume
 
 SINGLE, HALF = PyramidSpec(precision="single"), PyramidSpec(precision="half")
 SCALAR, OPTICAL = ErrorSpec(measure="rms", of="scalar"), ErrorSpec()

@@ -9,7 +9,6 @@ from typing import Any
 
 import mpmath
 import numpy as np
-import numpy.typing as npt
 import pytest
 from extremes import Extreme, Measure, Random, Section, worst_of
 
@@ -18,9 +17,7 @@ from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, Tran
 from renderer.splats import make_splats
 from renderer.transfer import make_transfer_function
 from renderer.transfer.transfer_function import MAX_VOXEL_DEPTH
-from renderer.volume import Volume, make_volume
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Float32, Volume, make_volume
 
 mpmath.mp.dps = 50
 
@@ -84,7 +81,7 @@ def relative_transmittance_error(depth: float, exact: Any) -> float:
     return relative(math.exp(-depth), mpmath.exp(-exact)) if exact < 700 else 0.0
 
 
-def column_depth(depth: npt.NDArray[np.float32], level: int, spacing: float) -> float:
+def column_depth(depth: Float32, level: int, spacing: float) -> float:
     """Return the optical depth of a cell along an axis, in a volume of 2^20 voxels a side, by the area of its splat.
 
     The volume has no voxels: nothing reads them.
@@ -97,7 +94,7 @@ def column_depth(depth: npt.NDArray[np.float32], level: int, spacing: float) -> 
     return float(splats.vertices[0, 6]) * splats.model_unit**2 / (spacing * 2.0**level) ** 2
 
 
-def voxel_depth(spec: TransferSpec, value: float, spacing: float) -> npt.NDArray[np.float32]:
+def voxel_depth(spec: TransferSpec, value: float, spacing: float) -> Float32:
     """Return the channels in the cut of a volume of one voxel, float32 [4]; zeros where it is invisible."""
     of = make_volume(np.full((1, 1, 1), value), np.diag([spacing, spacing, spacing, 1.0]), "a voxel")
     transfer = make_transfer_function(spec, of.finest_spacing)

@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from extremes import Extreme, Measure, Random, Section, worst_drawn, worst_of
 
@@ -15,8 +14,7 @@ from renderer.draw.compositing import MEAN_LAYERS, MIN_CHUNK_SPLATS
 from renderer.scene import SplatSpec
 from renderer.splats import GaussianFootprint, SplatBatch, make_footprint
 from renderer.view import View
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Float64
 
 U = 2.0**-24
 FOOTPRINT = GaussianFootprint.from_sigma(0.425)

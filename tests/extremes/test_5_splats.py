@@ -10,7 +10,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from extremes import Extreme, Measure, Random, Section, worst_drawn
 from splat_reference import rasterize_reference
@@ -33,8 +32,7 @@ from renderer.scene.camera_section import Keyframe
 from renderer.splats import SplatBatch, make_splats
 from renderer.transfer import make_transfer_function
 from renderer.view import OrderBlending, View, blended_orders, make_order_blending, make_view
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Float32, Float64
 
 FIRST = np.zeros(1, np.uint32)
 DISTANCE = 4.0
@@ -161,7 +159,7 @@ class Turn:
         pictures = [self._picture(frame) for frame in range(first, first + num + 1)]
         return max(float(np.abs(after - before).max()) for before, after in pairwise(pictures))
 
-    def _picture(self, frame: int) -> npt.NDArray[np.float32]:
+    def _picture(self, frame: int) -> Float32:
         view = make_view(self.camera, frame % self.camera.path.frames, self.target, self.distance, (128, 128))
         orders = blended_orders(self.splats, view, self.turning)
         return np.sum([share * self.gl.rasterize(self.splats, order, view) for share, order in orders], axis=0)

@@ -9,7 +9,6 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from brickwork import transfer_of as transfer
 from exact_classification import classified, placed
@@ -26,9 +25,8 @@ from renderer.splats import make_splats
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.truth import integrate
 from renderer.view import View, visible_order
-from renderer.volume import Volume
+from renderer.volume import Array, Volume
 
-Array = npt.NDArray[Any]
 Random = np.random.Generator
 
 

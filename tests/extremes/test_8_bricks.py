@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from extremes import Extreme, Random, Section, worst_of
 from number_types import random_ranges
@@ -14,10 +12,7 @@ from number_types import random_ranges
 from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, HALO, Bricks, make_bricks, mean_texels, scalar_texels
 from renderer.scene import ErrorSpec, PyramidSpec
 from renderer.transfer import MAX_NORMALIZED_SCALAR, TransferFunction
-from renderer.volume import make_volume
-
-Array = npt.NDArray[Any]
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Array, make_volume
 
 U = 2.0**-24
 # Texels compared in each volume: fractions are slow.

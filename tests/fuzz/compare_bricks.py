@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from brick_reference import nudged, rasterize_bricks_reference
 from compare import SPREADS, WrongError, require_close
 
@@ -17,8 +15,7 @@ from renderer.film import quantize
 from renderer.frame import Frame, Stage, make_primitive, render_frames
 from renderer.frame.primitives import BrickPrimitive
 from renderer.view import View
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Array
 
 # Of places and parts on the device, where nothing is steep (tests/parity/test_brick_parity.py).
 PRECISION = 6e-5
@@ -57,7 +54,7 @@ def _moved(view: View, batch: BrickBatch, sides: tuple[int, int, int]) -> View:
     return replace(view, target=view.target + PLACE * cell @ np.array(sides))
 
 
-def _require_bounds(radiance: npt.NDArray[Any], stage: Stage) -> None:
+def _require_bounds(radiance: Array, stage: Stage) -> None:
     shading = stage.scene.shading
     brightest = max(1.0, shading.ambient + shading.diffuse) if shading else 1.0
     if radiance.min() < 0 or radiance[..., 3].max() > 1 + 1e-5 or radiance[..., :3].max() > brightest + 1e-5:

@@ -17,7 +17,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from brick_reference import nudged, rasterize_bricks_reference
 from brickwork import (
@@ -40,7 +39,7 @@ from renderer.bricks import BrickBatch, Bricks, ScreenSampling
 from renderer.draw import GLRasterizer
 from renderer.scene import CameraSpec, ShadingSpec, TurntablePath
 from renderer.view import View, make_view
-from renderer.volume import make_volume
+from renderer.volume import Float32, make_volume
 
 PRECISION = 6e-5
 STEP = 1e-5
@@ -55,7 +54,7 @@ def rasterizer(request: pytest.FixtureRequest) -> Iterator[GLRasterizer]:
 
 def assert_parity(
     gl: GLRasterizer, batch: BrickBatch, view: View, what: object = "", precision: float = PRECISION
-) -> npt.NDArray[np.float32]:
+) -> Float32:
     """Both rasterisers draw the same picture, which is returned."""
     order = ordered(batch.cut, view)
     image, expected = gl.rasterize(batch, order, view), rasterize_bricks_reference(batch, order, view)

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
 from renderer.scene import TransferSpec
 from renderer.suggest import Suggestion, Wish, compute_statistics, suggest
 from renderer.suggest.features import VoxelSample, sample_volume
 from renderer.transfer import make_transfer_function
-from renderer.volume import Volume, make_volume
-
-Array = npt.NDArray[Any]
+from renderer.volume import Array, Volume, make_volume
 
 N = 48
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from renderer.study import COMPARISON_METRICS, SSIM_WINDOW_PX, FrameDifference, comparison, compute_metric
 from renderer.study.comparison import WINDOW_PX
 from renderer.study.metrics import REACH_PX, metric_map
+from renderer.volume import UInt8
 
-Pixels = npt.NDArray[np.uint8]
+Pixels = UInt8
 
 GREY = np.full((32, 40, 3), 100, np.uint8)
 LEVELS = ("largest", "p99", "densest", "bias")

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from dense_bricks import OBLIQUE
 from light_reference import exact_occlusion, exact_shadow, sampled
@@ -16,9 +15,8 @@ from renderer.pyramid import build_pyramid, cut_pyramid
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec, Vector
 from renderer.transfer import LightField, TransferFunction
 from renderer.transfer.light_field import make_light_field
-from renderer.volume import Bools, Volume, make_volume
+from renderer.volume import Bools, Float64, Volume, make_volume
 
-Float64 = npt.NDArray[np.float64]
 LIGHT, RADIUS = (0.4, -0.3, 0.9), 15.0
 AFFINES = {"plain": np.eye(4), "long voxels": np.diag([1.0, 1.5, 2.5, 1.0]), "oblique": OBLIQUE}
 # Opaque things with soft edges, which are many cells large.

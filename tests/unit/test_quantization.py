@@ -1,12 +1,12 @@
 """Quantisation is exact where arithmetic is exact, rounds half up, and refuses NaN."""
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, strategies as st
 
 from renderer.errors import RenderError
 from renderer.film import quantize
+from renderer.volume import Float32
 
 Color = tuple[float, float, float]
 PART = st.floats(0, 1, width=32)
@@ -14,7 +14,7 @@ COLOR = st.tuples(PART, PART, PART)
 BLACK, WHITE, ORANGE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (1.0, 0.5, 0.25)
 
 
-def pixel(*rgba: float) -> npt.NDArray[np.float32]:
+def pixel(*rgba: float) -> Float32:
     return np.array([[rgba]], np.float32)
 
 

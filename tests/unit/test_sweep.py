@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from renderer.frame import Stage, make_primitive, prepare_stage
@@ -29,7 +28,7 @@ from renderer.study import (
 from renderer.study.truths import extreme_coverage_frames
 from renderer.truth import Convergence
 from renderer.view import View
-from renderer.volume import Volume
+from renderer.volume import Float64, Volume
 from tests.support.film_stages import SPLATS
 from tests.support.machines import Painter
 
@@ -215,7 +214,7 @@ def test_frames_are_spread_evenly_over_a_path(
 def test_the_frames_of_extreme_coverage_are_found(stage: Stage) -> None:
     """The eye of this turntable goes from -y over +x to +y, so that it looks along -x on frame 2 and along x on 6."""
 
-    def growing(_: object, view: View) -> npt.NDArray[np.float64]:
+    def growing(_: object, view: View) -> Float64:
         image = np.zeros((16, 20, 4))
         image[: 1 + int(7 * (1 + view.forward[0])), :, 3] = 1.0
         return image
