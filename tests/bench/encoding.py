@@ -17,7 +17,6 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from measuring import PAGES, medians_in_turns, parser_of
 from scipy import ndimage
 
@@ -25,6 +24,7 @@ from hsplat_cli.terminal import describe_machine
 from renderer import render, suggest_scene
 from renderer.film import Picture, decode_known_film, find_ffmpeg
 from renderer.film.encode import gif_options, mp4_options, open_encoder
+from renderer.volume import UInt8
 
 PAGE = PAGES / "encoding.md"
 VOLUMES = {"engine": "engine.nhdr", "bonsai": "bonsai.nhdr", "head": "medical/headsq_quarter.nrrd"}
@@ -89,7 +89,7 @@ CONCLUSION = """
 (medians of {repeats}, beside other work).
 """
 
-Pictures = npt.NDArray[np.uint8]
+Pictures = UInt8
 Options = Sequence[str]
 Decoder = Callable[[Path], Pictures]
 

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
 from renderer.bricks import BRICK_SIZE, PADDED_BRICK_SIZE
 from renderer.draw.cpu.grid import make_grid
 from renderer.kernels import kernels
 from renderer.transfer import GUIDE_SIZE, PIECE_FLOATS, PiecewiseTransfer
 from renderer.view import RaySetup
-
-Array = npt.NDArray[Any]
+from renderer.volume import Array, Float32
 
 _PER_BRICK = BRICK_SIZE**2
 # Rays along z, one for each column of texels.
@@ -34,7 +30,7 @@ def drawn(
     scale: float = 1.0,
     light: dict[str, Any] | None = None,
     gradients: Array | None = None,
-) -> npt.NDArray[np.float32]:
+) -> Float32:
     """Return the pixels [n, 4] of texels with these scalars [n] and gradients [n, 3].
 
     Rays go a way of 1 in each. scale: spacings in 1.

@@ -34,7 +34,7 @@ def classified(bricks: Bricks, u: Float64) -> Float64:
 
 def test_texels_are_classified_as_voxels_are() -> None:
     """A texel has the channels of its voxel, on steps, too, and for all types."""
-    for case, values in enumerate(random_ranges(40)):
+    for case, values in enumerate(random_ranges(12)):
         rng = np.random.default_rng(case)
         low, high = float(values.min()) / 2, float(values.max()) / 2
         transfer = random_transfer(rng, low, high)
