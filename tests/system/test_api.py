@@ -68,12 +68,6 @@ def test_numbered_pictures_of_some_frames(frames: Any) -> None:
     assert "image/png" in film._repr_html_() and "2 frames" in film._repr_html_()
 
 
-def test_a_still() -> None:
-    film = renderer.render("scene.yaml", output="still.png", frames=-1)
-    assert film.frames == (2,)
-    assert film.path.read_bytes() == renderer.render_frame("scene.yaml", 2)._repr_png_()
-
-
 def test_an_array_is_drawn_like_its_file() -> None:
     """Also where the scene is what `hsplat init` suggests: `suggest_scene` reads the file or takes the array."""
     array = blob()

@@ -103,12 +103,6 @@ def test_some_of_the_frames_at_another_rate_and_quality(parts: None) -> None:
     assert told("made.mp4.json") == told("whole.mp4.json")
 
 
-def test_transparent_frames() -> None:
-    draw_parts("--set", "output.background=transparent")
-    run("assemble", "parts", "--output", "made/{frame}.png")
-    assert Path("made/3.png").read_bytes() == Path("parts/0003.png").read_bytes()
-
-
 def test_other_versions_are_noted(parts: None, capsys: pytest.CaptureFixture[str]) -> None:
     """So are notes of the parts, once each, except those about a part alone."""
     path, notes = "parts/frames.4-6.json", ["nobody was there", "nobody was there"]
@@ -124,16 +118,6 @@ def test_other_versions_are_noted(parts: None, capsys: pytest.CaptureFixture[str
     assert made["device"] == f"{here} and Other GL"
 
 
-def test_parts_of_a_budget_of_time() -> None:
-    """What they were drawn at depends on the clock, and is what is made again."""
-    draw_parts("--set", "error.seconds=0.004", "--best-effort", ranges=("0:3", "3:7"))
-    run("assemble", "parts", "--output", "made.mp4")
-    made = Path("made.mp4").read_bytes()
-    Path("made.mp4").unlink()
-    run("render", "made.mp4.json")
-    assert Path("made.mp4").read_bytes() == made
-
-
 def test_the_command_for_what_is_missing_draws_it(capsys: pytest.CaptureFixture[str]) -> None:
     """It needs only the sidecars, and no scene file."""
     schedule = "{splats: {0: 1, 6: 100}}"
@@ -147,12 +131,6 @@ def test_the_command_for_what_is_missing_draws_it(capsys: pytest.CaptureFixture[
     run(*command[1:])
     run("assemble", "parts", "--output", "made.mp4")
     assert Path("made.mp4").read_bytes() == Path("whole.mp4").read_bytes()
-
-
-def test_the_output_may_lie_among_the_parts(parts: None) -> None:
-    """Its own sidecar is no part."""
-    for _ in range(2):
-        run("assemble", "parts", "--output", "parts/film.mp4", "--force")
 
 
 def touched(folder: Path) -> dict[Path, int]:

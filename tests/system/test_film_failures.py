@@ -151,24 +151,3 @@ def test_files_get_the_usual_permissions(tmp_path: Path) -> None:
     (tmp_path / "plain").touch()
     write_staged(tmp_path / "staged", b"content")
     assert (tmp_path / "staged").stat().st_mode == (tmp_path / "plain").stat().st_mode
-
-
-def test_odd_sizes_are_a_fault_of_the_program(tmp_path: Path) -> None:
-    with pytest.raises(AssertionError, match="even"), open_film(OutputSpec(tmp_path / "a.mp4", size=(63, 64)), [0]):
-        pass
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize(
-    ("frame", "size", "message"),
-    [(0, (64, 64), "missing"), (1, (64, 64), "frame 1 is not the next one"), (0, (64, 62), "not")],
-)
-def test_other_frames_are_a_fault_of_the_program(
-    tmp_path: Path, frame: int, size: tuple[int, int], message: str
-) -> None:
-    with (
-        pytest.raises(AssertionError, match=message),
-        open_film(OutputSpec(tmp_path / "a.mp4", size=size), range(2)) as write,
-    ):
-        write(frame, Picture(PICTURE))
-    assert not list(tmp_path.iterdir())

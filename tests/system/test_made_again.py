@@ -118,8 +118,7 @@ def test_volumes_are_found_from_anywhere(folder: Path, monkeypatch: pytest.Monke
     work.mkdir()
     values = np.arange(60, dtype=np.uint8).reshape(3, 4, 5) * 4
     values.tofile(work / "scan.raw")
-    text = SCENE.replace("procedural: {name: engine_block, shape: [24, 24, 12]}", shape)
-    (work / "scene.yaml").write_text(text, encoding="utf-8")
+    (work / "scene.yaml").write_text(small_scene(frames=7, size="48, 32", volume=shape), encoding="utf-8")
     render("work/scene.yaml")
     made = pictures(folder)
     (folder / "new").mkdir()

@@ -15,9 +15,7 @@ import renderer
 from hsplat_cli import main
 
 SECRET = "Jane Doe 1970-01-01"
-SCENE = small_scene(frames=3).replace(
-    "procedural: {name: engine_block, shape: [24, 24, 12]}", f'file: "{SECRET}/scan.npy"'
-)
+SCENE = small_scene(frames=3, volume=f'file: "{SECRET}/scan.npy"')
 
 
 @pytest.fixture(autouse=True)
@@ -130,7 +128,7 @@ def test_a_sidecar_loses_its_paths_before_it_is_shared() -> None:
 
 def test_raw_voxels_have_no_path() -> None:
     raw = f'raw: {{file: "{SECRET}/scan.npy", shape: [12, 12, 12], dtype: float32, offset: 128}}'
-    Path("scene.yaml").write_text(SCENE.replace(f'file: "{SECRET}/scan.npy"', raw), encoding="utf-8")
+    Path("scene.yaml").write_text(small_scene(frames=3, volume=raw), encoding="utf-8")
     run("render", "scene.yaml", "--no-paths")
     assert_no_secret("film.mp4.json")
     assert sidecar()["scene"]["volume"]["raw"]["file"] == "scan.npy"

@@ -14,21 +14,11 @@ import imageio.v3 as imageio
 import pytest
 from commands import HSPLAT, environment
 from resuming import on_each_frame
+from small_scene import small_scene
 
 from hsplat_cli import main
 
-SCENE = """\
-volume:
-  procedural: {name: constant, shape: [12, 12, 12]}
-transfer_function:
-  points: [{value: 0, color: white, opacity: 0.1}]
-camera:
-  path: {type: turntable, frames: 3000}
-output:
-  file: film.mp4
-  size: [32, 32]
-"""
-
+SCENE = small_scene(frames=3000)
 
 pytestmark = pytest.mark.usefixtures("heeds_interrupts")
 

@@ -15,6 +15,7 @@ import psutil
 import pytest
 from commands import HSPLAT, environment
 from processes import MARK, marked, new_mark, wait_until
+from small_scene import small_scene
 
 from hsplat_cli import main
 from hsplat_cli.executors.cluster import local_cluster
@@ -24,18 +25,7 @@ from renderer.system import ChildProcesses
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
 
-SCENE = """\
-volume:
-  procedural: {name: engine_block, shape: [32, 32, 16]}
-transfer_function:
-  points:
-    - {value: 50, color: "#6680e6", opacity: 0.0}
-    - {value: 255, color: white, opacity: 0.7}
-camera:
-  path: {type: turntable, frames: FRAMES}
-error: {splats: {0: 50, 4: 500}}
-output: {file: film.mp4, size: [32, 32]}
-""".replace("FRAMES", "400")
+SCENE = small_scene(shape="32, 32, 16", frames=400, error="splats: {0: 50, 4: 500}")
 # The longest time until the last process has ended.
 SOON_S = 10.0
 

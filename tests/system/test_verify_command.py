@@ -31,10 +31,8 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         np.save("scan.npy", waves())
-        text = small_scene(frames=NUM_FRAMES, size="64, 48")
-        old = "procedural: {name: engine_block, shape: [24, 24, 12]}"
-        assert text.count(old) == 1
-        Path("scene.yaml").write_text(text.replace(old, "file: scan.npy"), encoding="utf-8")
+        scene = small_scene(frames=NUM_FRAMES, size="64, 48", volume="file: scan.npy")
+        Path("scene.yaml").write_text(scene, encoding="utf-8")
         for film in (*FILMS, TEMPLATE):
             frames = ("--frames", "4") if film == "still.png" else ()
             assert main.run(["render", "scene.yaml", "--quiet", "--output", film, *frames]) == 0
