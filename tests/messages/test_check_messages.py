@@ -66,19 +66,8 @@ def test_a_path_that_is_too_long(capsys: pytest.CaptureFixture[str]) -> None:
         (os.R_OK, ["--set", "volume={file: scan.nrrd}"], 2, "scan.nrrd: no permission to read this\n"),
     ],
 )
-def test_missing_permissions(
-    refused: int,
-    arguments: list[str],
-    code: int,
-    text: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_missing_permissions(refused: int, arguments: list[str], code: int, text: str, monkeypatch, capsys) -> None:
     """Tests may run as the superuser, who has all permissions, so the answer of the system is replaced."""
     monkeypatch.setattr(os, "access", lambda path, mode: not mode & refused or Path(path).name == "scene.yaml")
     assert main.run(["check", "scene.yaml", *arguments]) == code
     assert "".join(capsys.readouterr()).replace(f"{Path.cwd()}/", "") == text
-
-
-
-

@@ -105,9 +105,7 @@ def test_messages(case: Case, files: Path, capsys: pytest.CaptureFixture[str]) -
 @pytest.mark.parametrize(
     ("options", "package"), [([], "flip_evaluator"), (["--level", "exact", "--html", "page.html"], "jinja2")]
 )
-def test_a_missing_package_is_named(
-    options: list[str], package: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_missing_package_is_named(options: list[str], package: str, monkeypatch, capsys) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert main.run(["compare", "golden", "actual", *options]) == 2
     message = f"the package {package} is not installed\n  hint: pip install 'hsplat[compare]'\n"

@@ -104,9 +104,7 @@ def test_names_that_are_not_utf8_are_told_apart(folder: Path, capfd: pytest.Capt
     assert len(shown) == 2
 
 
-def test_a_traceback_is_printable(
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_a_traceback_is_printable(monkeypatch, capfd, tmp_path) -> None:
     monkeypatch.setenv("HSPLAT_DEBUG", "1")
     assert main.run(["info", str(tmp_path / f"{HOSTILE}.npy")]) == 2
     text = capfd.readouterr().err

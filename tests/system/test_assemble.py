@@ -144,9 +144,7 @@ def touched(folder: Path) -> dict[Path, int]:
         ("{frame}.png", "{seconds: 1}"),
     ],
 )
-def test_what_was_put_together_is_up_to_date(
-    output: str, schedule: str, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_was_put_together_is_up_to_date(output: str, schedule: str, folder, capsys) -> None:
     """This holds for `assemble`, the scene and the sidecar, also where the parts are gone."""
     draw_parts("--set", f"error={schedule}")
     run("assemble", "parts", "--output", f"made/{output}")
@@ -212,9 +210,7 @@ def test_whether_a_film_exists_is_seen_under_the_lock(parts: None, monkeypatch: 
 
 
 @pytest.mark.parametrize(("output", "is_same"), [("film.mp4", False), ("{frame}.png", True)])
-def test_another_encoder(
-    parts: None, output: str, is_same: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_another_encoder(parts: None, output: str, is_same: bool, monkeypatch, capsys) -> None:
     """It makes another film of the same pictures, which is up to date for itself and not for the scene."""
     command = ("assemble", "parts", "--output", f"made/{output}")
     run(*command)

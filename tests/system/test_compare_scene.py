@@ -132,9 +132,7 @@ def test_a_sidecar_is_compared_as_its_scene() -> None:
     assert compare("--level", "exact", scene="film.mp4.json")[0] == 0
 
 
-def test_problems_are_found_before_rendering_and_change_no_file(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_problems_are_found_before_rendering_and_change_no_file(monkeypatch, capsys) -> None:
     monkeypatch.setattr(scene_pairs, "rendered_frames", None)
     (FOLDER / "compare.yaml").write_text("frames: {frame-00002.png: {largest: 8}}\n", encoding="utf-8")
     before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}

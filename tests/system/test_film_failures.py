@@ -73,9 +73,7 @@ def test_a_failure_leaves_the_older_film_alone(tmp_path: Path) -> None:
         ("yes 'a long complaint' | head -c 1000000 >&2; echo the reason >&2; exit 3", "the reason"),
     ],
 )
-def test_an_encoder_that_fails_gives_its_reason(
-    tmp_path: Path, fake_ffmpeg: Callable[[str], None], script: str, message: str
-) -> None:
+def test_an_encoder_that_fails_gives_its_reason(tmp_path, fake_ffmpeg, script, message) -> None:
     fake_ffmpeg(script)
     with pytest.raises(RenderError, match=message) as caught:
         write_film(tmp_path / "film.mp4", num_frames=30)
@@ -111,9 +109,7 @@ def test_a_full_disk_under_ffmpeg(options: list[str], tmp_path: Path) -> None:
         ("film.gif", errno.EIO, "Input/output error"),
     ],
 )
-def test_a_rename_that_fails(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, number: int, message: str
-) -> None:
+def test_a_rename_that_fails(tmp_path, monkeypatch, name: str, number: int, message: str) -> None:
     def refuse(source: object, target: object) -> None:
         raise OSError(number, os.strerror(number), str(source))
 

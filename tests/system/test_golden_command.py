@@ -96,9 +96,7 @@ def test_equal_goldens_are_equal_bytes(capsys: pytest.CaptureFixture[str]) -> No
     assert capsys.readouterr() == ("", "")
 
 
-def test_without_update_or_with_a_declined_one_nothing_is_written(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_update_or_with_a_declined_one_nothing_is_written(capsys, monkeypatch) -> None:
     first_goldens()
     before = files()
     assert golden(*OTHER) == 2
@@ -110,9 +108,7 @@ def test_without_update_or_with_a_declined_one_nothing_is_written(
     assert files() == before
 
 
-def test_without_an_answer_goldens_are_not_overwritten(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_an_answer_goldens_are_not_overwritten(capsys, monkeypatch) -> None:
     first_goldens()
     before = files()
     monkeypatch.setenv("CI", "false")

@@ -118,14 +118,7 @@ def test_a_peer_is_measured_and_described(monkeypatch: pytest.MonkeyPatch, capsy
         ),
     ],
 )
-def test_measurements_before_the_end_are_kept(
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    end: BaseException,
-    num_before: int,
-    code: int,
-    note: str,
-) -> None:
+def test_measurements_before_the_end_are_kept(monkeypatch, capsys, end, num_before, code, note) -> None:
     num = 0
 
     def ending(*arguments: Any, **options: Any) -> Measurement:

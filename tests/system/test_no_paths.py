@@ -69,9 +69,7 @@ def test_a_film_without_paths(how: list[str]) -> None:
     assert data["scene"]["output"]["file"] == "film.mp4"
 
 
-def test_a_film_that_is_up_to_date_loses_its_paths_and_is_not_drawn_again(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_film_that_is_up_to_date_loses_its_paths_and_is_not_drawn_again(capsys) -> None:
     run("render", "scene.yaml")
     before, drawn = sidecar(), Path("film.mp4").stat().st_mtime_ns
     assert main.run(["render", "scene.yaml", "--no-paths"]) == 0

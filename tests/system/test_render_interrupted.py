@@ -44,9 +44,7 @@ def finished_frames(out: Path) -> list[int]:
 @pytest.mark.parametrize(
     ("number", "name"), [(signal.SIGINT, "film.mp4"), (signal.SIGHUP, "film.gif"), (signal.SIGTERM, "{frame}.png")]
 )
-def test_in_the_middle(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], number: signal.Signals, name: str
-) -> None:
+def test_in_the_middle(folder, monkeypatch, capsys, number: signal.Signals, name: str) -> None:
     on_each_frame(monkeypatch, lambda frame: os.kill(os.getpid(), number) if frame.number == 2 else None)
     code = main.run(["render", "scene.yaml", "--output", f"out/{name}", "--set", "camera.path.frames=6"])
     assert code == 128 + number

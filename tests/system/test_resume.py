@@ -71,9 +71,7 @@ def test_it_resumes(output: str, draws: Draws, capsys: pytest.CaptureFixture[str
         ("{frame}.png", ["--set", "output.size=[36, 32]"], "scene.output.size was [32, 32]"),
     ],
 )
-def test_frames_of_a_changed_scene_are_drawn_again(
-    output: str, options: list[str], why: str, draws: Draws, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_frames_of_a_changed_scene_are_drawn_again(output, options, why, draws, capsys) -> None:
     expected = uninterrupted_files(output, *options)
     interrupt_render(draws, output)
     draws.take_numbers()
@@ -286,9 +284,7 @@ GOALS = ["{splats: {0: 1, 4: 100}}", "{psnr: 25}", "{seconds: 60}"]
 @pytest.mark.parametrize(
     ("goal", "output"), [(GOALS[0], "{frame}.png"), (GOALS[1], "film.mp4"), (GOALS[2], "{frame}.png")]
 )
-def test_a_film_and_its_sidecar_meet_the_same_goal(
-    goal: str, output: str, draws: Draws, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_film_and_its_sidecar_meet_the_same_goal(goal: str, output: str, draws: Draws, capsys) -> None:
     """A film is up to date for the scene and for the sidecar; missing frames are drawn as before."""
     given, name = ("--set", f"error={goal}"), sidecar_of(output)
     render(output, *given)
@@ -334,9 +330,7 @@ def test_a_part_of_a_film_whose_goal_was_one_of_the_whole(draws: Draws, capsys: 
 @pytest.mark.parametrize(
     ("what", "goal"), [("version", GOALS[0]), ("tolerance", GOALS[1]), ("sources", GOALS[1]), ("driver", GOALS[2])]
 )
-def test_a_goal_counts_as_unmeasured_when_something_changed(
-    what: str, goal: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_goal_counts_as_unmeasured_when_something_changed(what: str, goal: str, monkeypatch, capsys) -> None:
     """A film of another version, or at another tolerance, counts as requested at its tolerances."""
     given = ("--set", f"error={goal}")
     render("film.mp4", *given)

@@ -294,9 +294,7 @@ def test_odd_names() -> None:
     assert len([name for name in files("out") if name.endswith(".mp4")]) == 2
 
 
-def test_a_process_that_is_killed_fails_alone(
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_process_that_is_killed_fails_alone(monkeypatch, capfd) -> None:
     start = ChildProcesses.start
 
     def started(

@@ -260,9 +260,7 @@ def test_a_single_wrong_pixel_survives_scaling_down(steps: int) -> None:
     ("y", "x", "corner", "place"),
     [(0, 0, (0, 0), (0, 0)), (99, 59, (12, 52), (47, 47)), (50, 30, (6, 26), (24, 24)), (10, 59, (12, 0), (10, 47))],
 )
-def test_the_surroundings_of_the_largest_error_are_enlarged(
-    y: int, x: int, corner: tuple[int, int], place: tuple[int, int]
-) -> None:
+def test_the_surroundings_of_the_largest_error_are_enlarged(y, x, corner, place) -> None:
     golden = picture(100, 60)
     frame = gallery_frame_of(golden, spoiled(golden, 7, y, x))
     left, top = corner

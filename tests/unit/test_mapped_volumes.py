@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -182,9 +181,7 @@ def film(path: Path, scene: Scene, shape: tuple[int, int, int] = (20, 28, 32)) -
 @pytest.mark.parametrize(
     ("scene", "change"), [(PLAIN, grow), (PLAIN, write), (PLAIN, remove), (PLAIN, swap), (SPLATS, shrink)]
 )
-def test_a_file_that_changes_between_build_and_frame(
-    scene: Scene, change: Callable[[Path], str], tmp_path: Path, rasterizer: GLRasterizer
-) -> None:
+def test_a_file_that_changes_between_build_and_frame(scene, change, tmp_path, rasterizer) -> None:
     stage = film(tmp_path / "v.raw", scene)
     list(render_frames(stage, [0], rasterizer, clock=lambda: 0.0))
     message = change(tmp_path / "v.raw")
