@@ -7,7 +7,6 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import numpy as np
 import pytest
@@ -17,7 +16,6 @@ from small_scene import sidecar, small_scene
 
 import renderer
 from hsplat_cli import main
-from renderer.draw import recovery
 from renderer.film import encode_png
 from renderer.scene import parse_scene_content
 
@@ -210,15 +208,6 @@ def test_the_name_of_a_volume_is_drawn_like_its_array() -> None:
     assert np.array_equal(renderer.render_frame(Path("one"), size=(32, 32)), expected)
     film = renderer.render("one/scan.npy", output="{frame}.png", frames=[0])
     assert film.path == Path("{frame}.png")
-
-
-def test_without_opengl(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Bricks are drawn; splats say what is missing."""
-    refuse = mock.Mock(side_effect=renderer.RenderError("no OpenGL"))
-    monkeypatch.setattr(recovery, "GLRasterizer", refuse)
-    assert renderer.render_frame("scene.yaml").max() > 100
-    with pytest.raises(renderer.RenderError, match="no OpenGL"):
-        renderer.render_frame(renderer.load_scene("scene.yaml", overrides=["splat.footprint=gaussian"]))
 
 
 def test_the_truth_is_what_pictures_come_near_to() -> None:

@@ -118,12 +118,6 @@ def test_a_sidecar_away_from_its_volume_says_what_is_missing(capsys: pytest.Capt
     assert_no_secret("film.mp4.json")
 
 
-def test_a_sidecar_loses_its_paths_before_it_is_shared() -> None:
-    run("render", "scene.yaml")
-    run("render", "film.mp4.json", "--no-paths")
-    assert_no_secret("film.mp4.json")
-
-
 def test_raw_voxels_have_no_path() -> None:
     raw = f'raw: {{file: "{SECRET}/scan.npy", shape: [12, 12, 12], dtype: float32, offset: 128}}'
     Path("scene.yaml").write_text(small_scene(frames=3, volume=raw), encoding="utf-8")

@@ -420,27 +420,6 @@ def of_another(what: str) -> list[str]:
     return [f"out/film.mp4 is another film and is drawn again: {what}"]
 
 
-def test_why_a_film_of_the_same_frames_is_drawn_again(capsys: pytest.CaptureFixture[str]) -> None:
-    def reasons() -> list[str]:
-        return [line for line in printed_lines(capsys) if not line.startswith("the file keeps about ")]
-
-    render("film.mp4")
-    printed_lines(capsys)
-    render("film.mp4", "--set", "output.quality=3")
-    assert reasons() == of_another("output.quality was 8")
-    render("film.mp4", "--frames", "1:3")
-    printed_lines(capsys)
-    render("film.mp4", "--frames", "0:2")
-    assert reasons() == of_another("it has other frames")
-    with Path("out/film.mp4").open("ab") as film:
-        film.write(b"more")
-    render("film.mp4", "--frames", "0:2")
-    assert reasons() == ["out/film.mp4 is not the file that its sidecar describes and is drawn again"]
-    Path("out/film.mp4").unlink()
-    render("film.mp4", "--frames", "0:2")
-    assert reasons() == []
-
-
 def test_why_where_a_sidecar_was_changed(capsys: pytest.CaptureFixture[str]) -> None:
     render("film.mp4")
     edit_sidecar("film.mp4.json", lambda data: data["scene"]["error"].update(tolerance=0.7))

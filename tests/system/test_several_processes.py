@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import signal
 import subprocess
@@ -49,15 +48,6 @@ def rendering(mark: str) -> Iterator[subprocess.Popen[str]]:
             assert job.poll() is None
             time.sleep(0.02)
         yield job
-
-
-def test_the_same_film(film_of_one_process: bytes, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["render", "scene.yaml", "--workers", "2", "--quiet"]) == 0
-    assert Path("film.mp4").read_bytes() == film_of_one_process
-    assert all(logging.getLogger(name).isEnabledFor(logging.CRITICAL) for name in ("distributed", "another"))
-    capsys.readouterr()
-    assert main.run(["render", "scene.yaml"]) == 0
-    assert "film.mp4 is up to date" in capsys.readouterr().err
 
 
 def test_frames_of_a_killed_process_are_drawn_again(film_of_one_process: bytes) -> None:

@@ -68,14 +68,6 @@ def test_init_and_info_suggest_the_same(capsys: pytest.CaptureFixture[str]) -> N
         assert yaml.safe_load(Path(f"{name}.yaml").read_text(encoding="utf-8"))["transfer_function"] == told
 
 
-def test_init_does_not_write_over_a_file(capsys: pytest.CaptureFixture[str]) -> None:
-    Path("mine.yaml").write_text("mine", encoding="utf-8")
-    assert main.run(["init", "in/uint8.npy", "--output", "mine.yaml"]) == 2
-    assert Path("mine.yaml").read_text(encoding="utf-8") == "mine"
-    assert main.run(["init", "in/uint8.npy", "--output", "mine.yaml", "--force"]) == 0
-    assert load_scene(Path("mine.yaml")).output.file == Path("uint8.mp4")
-
-
 def test_one_volume() -> None:
     assert turntable("in/uint8.npy", "-o", "out/deep", *SMALL) == 0
     assert files("out/deep") == ["turntable.json", "uint8.mp4", "uint8.mp4.json", "uint8.yaml"]

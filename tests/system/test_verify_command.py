@@ -171,15 +171,6 @@ def test_a_film_of_another_length_or_size(capsys: pytest.CaptureFixture[str]) ->
         assert problems("film.mp4", capsys) == [what]
 
 
-def test_files_that_are_missing(capsys: pytest.CaptureFixture[str]) -> None:
-    Path("frames/03.png").unlink()
-    assert problems(TEMPLATE, capsys) == ["1 of its pictures is missing"]
-    edit_sidecar(FRAMES, lambda data: data["frames"][3].pop("digest"))
-    assert problems(TEMPLATE, capsys) == ["1 frame cannot be decoded"]
-    Path("film.mp4").unlink()
-    assert problems("film.mp4", capsys) == ["cannot be read: No such file or directory"]
-
-
 # Other pictures
 
 
@@ -232,16 +223,6 @@ def error(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     return capsys.readouterr().err
 
 
-def test_another_volume(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
-    np.save("other.npy", 255 - waves())
-    np.save("moved.npy", waves())
-    verify("film.mp4", "--volume", "moved.npy", code=0)
-    assert "the film was made from another volume" in error(capsys, "film.mp4", "--volume", "other.npy")
-    edit_sidecar("film.mp4.json", lambda data: data["scene"]["volume"].update(file=str(folder / "gone.npy")))
-    message = error(capsys, "film.mp4")
-    assert "no such file" in message and "--volume names it" in message
-
-
 def test_the_volume_and_its_fingerprint_replaced(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
     """The film is not that of the volume which the sidecar names, as its fingerprint and rays tell."""
     np.save("other.npy", 255 - waves())
@@ -264,22 +245,6 @@ def test_files_that_are_told_before_the_volume(capsys: pytest.CaptureFixture[str
     verify(FRAMES, "--volume", "other.npy", "--json", "-", code=2)
     printed = json.loads(capsys.readouterr().out)
     assert not printed["passes"] and "another volume" in printed["error"] and len(printed["problems"]) == 1
-
-
-def test_sidecars_that_cannot_be_used(capsys: pytest.CaptureFixture[str]) -> None:
-    text = Path("film.mp4.json").read_text(encoding="utf-8")
-    for content, what in (
-        (text.replace("hsplat film 1", "hsplat film 9"), "a sidecar of another version of hsplat"),
-        (text[: len(text) // 2], "not valid JSON"),
-        (text.replace('"met": true', '"met": 5'), "schedule.met: "),
-        ("{}", "not the sidecar of a film"),
-        ("", "not the sidecar of a film"),
-    ):
-        Path("film.mp4.json").write_text(content, encoding="utf-8")
-        assert what in error(capsys, "film.mp4")
-    Path("film.mp4.json").unlink()
-    assert error(capsys, "film.mp4").startswith("film.mp4: no sidecar of this film\n")
-    assert "no sidecar of this film" in error(capsys, "frames")
 
 
 def test_a_report_replaces_nothing_that_is_read(capsys: pytest.CaptureFixture[str]) -> None:
