@@ -162,20 +162,6 @@ def test_what_was_put_together_is_up_to_date(output: str, schedule: str, folder,
     assert touched(folder) == before
 
 
-def test_it_is_put_together_again_where_something_changed(parts: None, capsys: pytest.CaptureFixture[str]) -> None:
-    run("assemble", "parts", "--output", "film.mp4")
-    film = Path("film.mp4").read_bytes()
-    capsys.readouterr()
-    for again, options in enumerate(
-        ([], ["--quality", "3"], ["--frames", "0:5"], ["--frames-per-second", "7"], [], ["--force"])
-    ):
-        if again == 0:
-            Path("film.mp4").write_bytes(b"changed")
-        assert main.run(["assemble", "parts", "--output", "film.mp4", *options]) == 0
-        assert capsys.readouterr().out.endswith("how it was made: film.mp4.json\n")
-    assert Path("film.mp4").read_bytes() == film
-
-
 def says_up_to_date(capsys: pytest.CaptureFixture[str], *arguments: str) -> bool:
     capsys.readouterr()
     assert main.run([*arguments]) == 0

@@ -24,7 +24,7 @@ from renderer.system import ChildProcesses
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
 
-SCENE = small_scene(shape="32, 32, 16", frames=400, error="splats: {0: 50, 4: 500}")
+SCENE = small_scene(shape="32, 32, 16", frames=150, error="splats: {0: 50, 4: 500}")
 # The longest time until the last process has ended.
 SOON_S = 10.0
 

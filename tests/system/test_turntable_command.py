@@ -97,25 +97,6 @@ def test_options_reach_the_scenes() -> None:
         assert imageio.imread(f"out/{name}.gif", index=None).shape[0] == 3
 
 
-def test_a_note_on_the_volume_is_printed_once(capfd: pytest.CaptureFixture[str]) -> None:
-    """Also where NaN make it be read twice, and the scene's path to it is another one."""
-    header = b"NRRD0004\ntype: float\ndimension: 3\nsizes: 32 32 32\nendian: little\nencoding: raw\n\n"
-    values = KINDS["signed"][0][8:40, 8:40, 8:40].astype("<f4")
-    values[0, 0, 0] = np.nan
-    Path("in/a.nrrd").write_bytes(header + values.tobytes())
-    assert turntable("in/a.nrrd", "-o", "out", *SMALL[:-1]) == 0
-    assert capfd.readouterr().err.count("1 x 1 x 1 is assumed") == 1
-
-
-@pytest.mark.parametrize("command", ["turntable", "init"])
-def test_a_constant_volume_is_a_warning(command: str, capfd: pytest.CaptureFixture[str]) -> None:
-    np.save("in/same.npy", np.full((8, 9, 10), 7, np.uint8))
-    arguments = ["-o", "out", *SMALL] if command == "turntable" else ["--output", "same.yaml"]
-    assert main.run([command, "in/same.npy", *arguments]) == 0
-    warning = "in/same.npy: warning: constant volume; every voxel is 7, so that there is nothing to tell apart\n"
-    assert warning in capfd.readouterr().err
-
-
 def test_frames_as_pictures() -> None:
     assert turntable("in/labels.npy", "-o", "out", *SMALL, "--format", "png", "--background", "transparent") == 0
     frames = ["labels/0000.png", "labels/0001.png", "labels/0002.png", "labels/frames.json"]
@@ -160,44 +141,6 @@ def test_a_volume_that_fails_does_not_stop_the_others(capfd: pytest.CaptureFixtu
     assert broken["exit_code"] == 2
     assert broken["error"].startswith("in/broken.npy: ") and broken["error"] in err
     assert files("out") == ["labels.mp4", "labels.mp4.json", "labels.yaml", "turntable.json"]
-
-
-def test_other_options_replace_the_scene_and_the_film(capfd: pytest.CaptureFixture[str]) -> None:
-    """A scene that was edited is kept unless forced."""
-    assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
-    capfd.readouterr()
-    assert turntable("in/uint8.npy", "-o", "out", "--frames", "4", "--size", "32") == 0
-    said = capfd.readouterr().err
-    assert "out/uint8.mp4 is another film and is drawn again" in said
-    assert "another scene" not in said
-    (record,) = report()
-    assert (record["status"], record["frames"]) == ("done", 4)
-    scene, film = Path("out/uint8.yaml"), Path("out/uint8.mp4").read_bytes()
-    written = scene.read_text(encoding="utf-8")
-    scene.write_text(written.replace("elevation: 20", "elevation: 30"), encoding="utf-8")
-    assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 2
-    assert "out/uint8.yaml: another scene of this name exists" in capfd.readouterr().err
-    assert ("elevation: 30" in scene.read_text(encoding="utf-8"), Path("out/uint8.mp4").read_bytes()) == (True, film)
-    assert turntable("in/uint8.npy", "-o", "out", "--frames", "4", "--size", "32", "--quiet", "--force") == 0
-    assert scene.read_text(encoding="utf-8") == written
-
-
-def test_a_film_of_another_volume_is_kept(capfd: pytest.CaptureFixture[str]) -> None:
-    """The same volume may have another name, such as a path through a link."""
-    Path("a").mkdir()
-    Path("a/uint8.npy").write_bytes(Path("in/signed.npy").read_bytes())
-    Path("other/films").mkdir(parents=True)
-    Path("out").symlink_to("other/films")
-    assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
-    scene = Path("out/uint8.yaml").read_bytes()
-    assert turntable("a/uint8.npy", "-o", "out", *SMALL) == 2
-    assert Path("out/uint8.yaml").read_bytes() == scene
-    assert capfd.readouterr().err == (
-        "out/uint8.yaml: a film of another volume has this name\n  got: that of in/uint8.npy\n"
-        "  hint: give this one another --output, or both to one command, which gives them different names; "
-        "--force overwrites it\n"
-    )
-    assert turntable(str(Path("in/uint8.npy").resolve()), "-o", "other/films", *SMALL) == 0
 
 
 def test_a_film_that_another_command_makes_is_left_alone(capfd: pytest.CaptureFixture[str]) -> None:
@@ -268,13 +211,6 @@ def test_a_wait_for_turntable_json_is_reported_and_can_be_interrupted() -> None:
         assert process.returncode == 143
         assert set(said.splitlines()) == {"hsplat: interrupted"}  # the film's process prints it, too
     assert files("out") == []
-
-
-def test_a_folder_of_volumes(capfd: pytest.CaptureFixture[str]) -> None:
-    Path("in/notes.txt").touch()
-    assert turntable("in", "-o", "out", *SMALL[:-1]) == 0
-    assert "note: in: its volumes are drawn; left out: notes.txt\n" in capfd.readouterr().err
-    assert [record["volume"] for record in report()] == ["in/labels.npy", "in/signed.npy", "in/uint8.npy"]
 
 
 def test_odd_names() -> None:
