@@ -71,9 +71,9 @@ class _Array(Type):
         if not is_right or value.ndim != self._dimensions:
             expected = f"{self._dtype or 'a number'} [{self._dimensions}]"
             raise TypeError(f"{value.dtype} [{value.ndim}], expected {expected}")
-        flags = value.flags
-        if not (flags.c_contiguous and (flags.aligned or self._dtype is None)) or self._is_written > flags.writeable:
-            raise ValueError("not contiguous, not aligned, or read-only where the kernel writes")
+        flags = value.flags  # not `aligned`: what came from another process or from a file may lie at any address
+        if not flags.c_contiguous or self._is_written > flags.writeable:
+            raise ValueError("not contiguous, or read-only where the kernel writes")
         kept.append(value)
         numbers += (value.ctypes.data, *value.shape)
         if self._dtype is None:

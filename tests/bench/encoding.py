@@ -114,7 +114,7 @@ def main() -> None:
         mp4, gif = decoding_times(films["engine"], folder)
     version = subprocess.run([find_ffmpeg(PAGE), "-version"], check=True, capture_output=True, text=True).stdout
     ffmpeg = " ".join(version.split()[:3])
-    head = HEAD.format(date=time.strftime("%Y-%m-%d"), ffmpeg=ffmpeg, **describe_machine("compiled loops"))
+    head = HEAD.format(date=time.strftime("%Y-%m-%d"), ffmpeg=ffmpeg, **describe_machine("kernels"))
     tail = CONCLUSION.format(num=NUM_DECODED, mp4=mp4, gif=gif, repeats=REPEATS)
     lines = [head + STEPS_HEAD.rstrip(), "", *steps, FINDINGS.rstrip(), "", *settings, tail.rstrip()]
     PAGE.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -7,7 +7,7 @@
 3. `run FOLDER` changes one place at a time in a copy of the checkout, runs the tests that cover it, the quickest first,
    up to the first failure, and writes what it saw to FOLDER/results.json. It resumes where it was stopped.
 
-A line of a compiled loop, or of a constant, is not seen by the tracer: it counts as covered where a function that names
+A constant is not seen by the tracer: it counts as covered where a function that names
 it, at whatever remove, is. Needs pytest-cov; takes hours, so nothing runs it but a person.
 """
 
@@ -197,7 +197,7 @@ class Coverage:
         return picked
 
     def _by_name(self, mutant: Mutant) -> set[str]:
-        """Of compiled loops and constants: what runs the functions that name them, at whatever remove."""
+        """Of constants: what runs the functions that name them, at whatever remove."""
         names = _names_set_at(mutant) if _is_run_at_import(mutant) else {mutant.function.rpartition(".")[2]}
         seen: set[str] = set()
         tests: set[str] = set()

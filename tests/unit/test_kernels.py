@@ -45,6 +45,12 @@ def test_a_kernel_fills_arrays() -> None:
     assert bin_one() == ([0, 1, 2, 2, 2, 2], [0, 0])
 
 
+def test_arrays_may_lie_at_any_address() -> None:
+    windows = np.frombuffer(b" " + WINDOWS.tobytes(), WINDOWS.dtype, offset=1).reshape(WINDOWS.shape)
+    assert not windows.flags.aligned
+    assert bin_one(tile_windows=windows) == bin_one()
+
+
 @pytest.mark.parametrize(
     ("changes", "error", "words"),
     [

@@ -1,4 +1,5 @@
-// Arrays of numpy, as kernels take them: contiguous, in C order; and memory of a kernel's own.
+// Arrays of numpy, as kernels take them: contiguous, in C order, at any address, which x86-64 and aarch64 can read; and
+// memory of a kernel's own.
 #pragma once
 #include <stdint.h>
 
