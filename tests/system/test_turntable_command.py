@@ -49,16 +49,6 @@ def report(folder: str = "out") -> list[dict[str, Any]]:
     return films
 
 
-def test_init_writes_a_scene_that_renders(capfdbinary: pytest.CaptureFixture[bytes]) -> None:
-    assert main.run(["init", "in/uint8.npy", "--frames", "2", "--size", "32x24"]) == 0
-    said = capfdbinary.readouterr()
-    assert said.err.startswith(b"in/uint8.npy: scan without an absolute scale; the background is near ")
-    Path("scene.yaml").write_bytes(said.out)
-    assert main.run(["check", "scene.yaml"]) == 0
-    assert main.run(["render", "scene.yaml", "--quiet"]) == 0
-    assert imageio.imread("uint8.mp4", plugin="FFMPEG").shape == (2, 24, 32, 3)
-
-
 def test_init_and_info_suggest_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("uint8", "signed", "labels"):
         assert main.run(["init", f"in/{name}.npy", "--output", f"{name}.yaml"]) == 0
@@ -66,19 +56,6 @@ def test_init_and_info_suggest_the_same(capsys: pytest.CaptureFixture[str]) -> N
         assert main.run(["info", f"in/{name}.npy", "--json"]) == 0
         told = json.loads(capsys.readouterr().out)["transfer_function"]
         assert yaml.safe_load(Path(f"{name}.yaml").read_text(encoding="utf-8"))["transfer_function"] == told
-
-
-def test_one_volume() -> None:
-    assert turntable("in/uint8.npy", "-o", "out/deep", *SMALL) == 0
-    assert files("out/deep") == ["turntable.json", "uint8.mp4", "uint8.mp4.json", "uint8.yaml"]
-    (record,) = report("out/deep")
-    assert record["volume"] == "in/uint8.npy"
-    assert (record["status"], record["frames"]) == ("done", 3)
-    assert record["primitives"] > 1
-    film = Path("out/deep/uint8.mp4").read_bytes()
-    Path("out/deep/uint8.mp4").unlink()
-    assert main.run(["render", "out/deep/uint8.yaml", "--quiet"]) == 0
-    assert Path("out/deep/uint8.mp4").read_bytes() == film
 
 
 def test_options_reach_the_scenes() -> None:
@@ -95,52 +72,6 @@ def test_options_reach_the_scenes() -> None:
         assert scene.transfer_function.mapping.name == "viridis"  # type: ignore[union-attr]
         assert scene.volume.source.spacing == (0.1, 0.1, 0.5)  # type: ignore[union-attr]
         assert imageio.imread(f"out/{name}.gif", index=None).shape[0] == 3
-
-
-def test_frames_as_pictures() -> None:
-    assert turntable("in/labels.npy", "-o", "out", *SMALL, "--format", "png", "--background", "transparent") == 0
-    frames = ["labels/0000.png", "labels/0001.png", "labels/0002.png", "labels/frames.json"]
-    assert files("out") == ["labels.yaml", *frames, "turntable.json"]
-    assert imageio.imread("out/labels/0000.png").shape == (32, 32, 4)
-
-
-def test_labels_have_no_words_on_exact_rays(capfd: pytest.CaptureFixture[str]) -> None:
-    """Between 3 and 90 lies 17, which no voxel there is: rays through the interpolated field see a skin of it."""
-    z, y, x = np.meshgrid(*[np.linspace(-1, 1, 24)] * 3, indexing="ij")
-    labels = np.select([x < -0.15, x > 0.15], [3, 90], 17) * (x**2 + y**2 + z**2 < 0.7)
-    np.save("in/three.npy", labels)
-    assert turntable("in/three.npy", "-o", "out", *SMALL[:4]) == 0
-    said = capfd.readouterr().out
-    assert "splats a frame" in said and "hardly seen" not in said and "dB" not in said
-    made = json.loads(Path("out/three.mp4.json").read_text(encoding="utf-8"))
-    assert "accuracy" not in made and "visibility" not in made
-    assert main.run(["verify", "out/three.mp4"]) == 0
-    note = "note: there is no exact picture to compare with: footprint: gaussian shows labels"
-    assert note in capfd.readouterr().out
-
-
-def test_a_volume_that_fails_does_not_stop_the_others(capfd: pytest.CaptureFixture[str]) -> None:
-    Path("in/broken.npy").write_bytes(b"\x93NUMPY nothing")
-    Path("numpy.py").write_text("raise SystemExit", encoding="utf-8")  # not to be imported
-    assert turntable("no*.nrrd", "in/missing.npy", "in/[bl]*.npy", "in/labels.npy", "-o", "out", *SMALL) == 2
-    out, err = capfd.readouterr()
-    table = [line.split() for line in out.splitlines()]
-    decibels = ["dB", "of", "frames", "dB", "in", "file"]
-    assert table[0] == ["volume", "status", "kind", "frames", "primitives", "seconds", *decibels, "film"]
-    assert [row[:2] for row in table[1:]] == [
-        ["no*.nrrd", "failed"],
-        ["in/missing.npy", "failed"],
-        ["in/broken.npy", "failed"],
-        ["in/labels.npy", "done"],
-    ]
-    assert f"no*.nrrd: no file matches this pattern\n  hint: it is relative to {Path.cwd()}\n" in err
-    assert err.endswith("out: 3 of 4 films could not be made\n  hint: the same command makes only what is missing\n")
-    records = {record["volume"]: record for record in report()}
-    assert {name: record["status"] for name, record in records.items()} == dict(row[:2] for row in table[1:])
-    broken = records["in/broken.npy"]
-    assert broken["exit_code"] == 2
-    assert broken["error"].startswith("in/broken.npy: ") and broken["error"] in err
-    assert files("out") == ["labels.mp4", "labels.mp4.json", "labels.yaml", "turntable.json"]
 
 
 def test_a_film_that_another_command_makes_is_left_alone(capfd: pytest.CaptureFixture[str]) -> None:

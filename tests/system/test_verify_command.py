@@ -91,21 +91,6 @@ def test_a_film_that_is_right(film: str, capsys: pytest.CaptureFixture[str]) -> 
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_part_and_a_film_of_parts(originals: Path) -> None:
-    for frames in ("0:5", "5:9"):
-        assert main.run(["render", "scene.yaml", "--quiet", "--frames", frames, "--output", "parts/{frame}.png"]) == 0
-    assert main.run(["assemble", "parts", "--quiet", "--output", "whole.mp4"]) == 0
-    verify("parts/frames.0-4.json", code=0)
-    verify("whole.mp4", code=0)
-
-
-def test_a_film_for_an_accuracy(capsys: pytest.CaptureFixture[str]) -> None:
-    """Whose scene has the tolerances that were found, and whose fingerprint has what was requested."""
-    assert main.run(["render", "scene.yaml", "--quiet", "--set", "error.psnr=40", "--output", "goal.gif"]) == 0
-    verify("goal.gif", code=0)
-    assert capsys.readouterr().out.startswith("goal.gif: whole, ")
-
-
 def test_the_result_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     verify("film.mp4", "--seed", "3", "--json", "-", code=0)
     printed = json.loads(capsys.readouterr().out)
@@ -127,16 +112,6 @@ def test_rays_are_added_until_the_film_is_known_well_enough(capsys: pytest.Captu
         assert found["is_precise"] == (precision != "0.01")
     assert rays[0] == 64 * NUM_FRAMES < rays[1] < rays[2] == 4096 * NUM_FRAMES
     assert "4096 rays a frame, the most there are, do not reach 0.01 dB" in found["notes"]
-
-
-def test_an_overlay_has_no_exact_picture(capsys: pytest.CaptureFixture[str]) -> None:
-    film = ("--set", "overlay=octree", "--output", "lines.gif")
-    assert main.run(["render", "scene.yaml", "--quiet", *film]) == 0
-    verify("lines.gif", code=0)
-    assert capsys.readouterr().out.splitlines() == [
-        f"lines.gif: whole, {NUM_FRAMES} frames; of this volume",
-        "note: there is no exact picture to compare with: overlay: octree",
-    ]
 
 
 def test_other_versions_are_a_note(capsys: pytest.CaptureFixture[str]) -> None:
@@ -216,11 +191,6 @@ def test_a_film_of_another_scene(film: str, capsys: pytest.CaptureFixture[str]) 
 # Not to be verified
 
 
-def error(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    """Return the message of a command that cannot verify."""
-    capsys.readouterr()
-    verify(*arguments, code=2)
-    return capsys.readouterr().err
 
 
 def test_the_volume_and_its_fingerprint_replaced(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
@@ -235,18 +205,3 @@ def test_the_volume_and_its_fingerprint_replaced(capsys: pytest.CaptureFixture[s
 
     edit_sidecar(FRAMES, edit)
     assert problems(FRAMES, capsys)[:2] == ["its scene is not the one that was drawn", "far less exact than recorded"]
-
-
-def test_files_that_are_told_before_the_volume(capsys: pytest.CaptureFixture[str]) -> None:
-    np.save("other.npy", 255 - waves())
-    Path("frames/03.png").unlink()
-    verify(FRAMES, "--volume", "other.npy", code=2)
-    assert "1 of its pictures is missing" in capsys.readouterr().out
-    verify(FRAMES, "--volume", "other.npy", "--json", "-", code=2)
-    printed = json.loads(capsys.readouterr().out)
-    assert not printed["passes"] and "another volume" in printed["error"] and len(printed["problems"]) == 1
-
-
-def test_a_report_replaces_nothing_that_is_read(capsys: pytest.CaptureFixture[str]) -> None:
-    for name in ("film.mp4.json", "film.mp4", FRAMES):
-        error(capsys, "film.mp4", "--json", name)
