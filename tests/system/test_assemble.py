@@ -84,16 +84,6 @@ def test_as_if_made_in_one_go(schedule: str, output: str, folder: Path) -> None:
     assert {path: (Path("made") / path).read_bytes() for path in made} == whole
 
 
-def test_parts_from_several_places(folder: Path) -> None:
-    """Parts are moved folders, sidecars and globs; two parts may have a frame of the same bytes."""
-    run("render", "scene.yaml", "--output", "whole.gif")
-    for number, frames in enumerate(("0:3", "2:4", "4:7")):
-        run("render", "scene.yaml", "--frames", frames, "--output", f"job{number}/{{frame}}.png")
-    Path("job0").rename("elsewhere")
-    run("assemble", "job[1]", "job2/frames.4-6.json", "elsewhere", "--output", "made.gif")
-    assert Path("made.gif").read_bytes() == Path("whole.gif").read_bytes()
-
-
 def test_some_of_the_frames_at_another_rate_and_quality(parts: None) -> None:
     changed = ("--set", "output.frames_per_second=12", "--set", "output.quality=3")
     run("render", "scene.yaml", "--frames", "1:6:2", *changed, "--output", "whole.mp4")

@@ -11,7 +11,6 @@ from typing import Any
 import imageio.v3 as imageio
 import numpy as np
 import pytest
-from commands import files
 from small_scene import sidecar, small_scene
 
 from hsplat_cli import main
@@ -31,23 +30,6 @@ def render(*arguments: str) -> None:
 def shown(name: str) -> Array:
     """Every frame of a film, uint8 [frame, h, w, 3]."""
     return np.asarray(imageio.imread(name, index=None))
-
-
-def test_png(folder: Path) -> None:
-    render("--output", "new/deep/{frame:03}.png", "--frames", "1::2")
-    assert files(folder) == [
-        "new/deep/001.png", "new/deep/003.png", "new/deep/005.png", "new/deep/frames.1-5-by-2.json", "scene.yaml",
-    ]  # fmt: skip
-    assert imageio.imread("new/deep/001.png").shape == (32, 48, 3)
-
-
-def test_a_part_of_the_film_is_that_part() -> None:
-    """Framing and tolerance are those of the whole path, whichever frames are drawn."""
-    render("--output", "all/{frame}.png", "--set", "error.tolerance={0: 1, 5: 0.05}")
-    render("--output", "some/{frame}.png", "--set", "error.tolerance={0: 1, 5: 0.05}", "--frames", "2:5:2")
-    for name in ("2.png", "4.png"):
-        assert (Path("some") / name).read_bytes() == (Path("all") / name).read_bytes()
-    assert [frame["frame"] for frame in sidecar("some/frames.2-4-by-2.json")["frames"]] == [2, 4]
 
 
 def test_a_film_says_how_exact_it_is(capsys: pytest.CaptureFixture[str]) -> None:

@@ -22,7 +22,6 @@ from kinds_of_data import KINDS
 from hsplat_cli import main
 from hsplat_cli.turntable import batch, one_film
 from renderer.job import film_making
-from renderer.scene import load_scene
 from renderer.system import ChildProcesses
 
 pytestmark = pytest.mark.usefixtures("heeds_interrupts")
@@ -56,22 +55,6 @@ def test_init_and_info_suggest_the_same(capsys: pytest.CaptureFixture[str]) -> N
         assert main.run(["info", f"in/{name}.npy", "--json"]) == 0
         told = json.loads(capsys.readouterr().out)["transfer_function"]
         assert yaml.safe_load(Path(f"{name}.yaml").read_text(encoding="utf-8"))["transfer_function"] == told
-
-
-def test_options_reach_the_scenes() -> None:
-    names = ["uint8", "labels"]
-    options = ["--elevation", "-5", "--axis", "y", "--fps", "10", "--background", "white", "--tolerance", "0.5"]
-    options += ["--colormap", "viridis", "--format", "gif", "--spacing", "0.1,0.1,0.5"]
-    assert turntable(*(f"in/{name}.npy" for name in names), "-o", "out", *SMALL, *options) == 0
-    for name in names:
-        scene = load_scene(Path(f"out/{name}.yaml"))
-        assert scene.camera.path.elevation == -5  # type: ignore[union-attr]
-        assert scene.camera.path.axis == (0.0, 1.0, 0.0)
-        assert (scene.output.frames_per_second, scene.output.background) == (10.0, (1.0, 1.0, 1.0))
-        assert scene.error.tolerance == ((0, 0.5),)
-        assert scene.transfer_function.mapping.name == "viridis"  # type: ignore[union-attr]
-        assert scene.volume.source.spacing == (0.1, 0.1, 0.5)  # type: ignore[union-attr]
-        assert imageio.imread(f"out/{name}.gif", index=None).shape[0] == 3
 
 
 def test_a_film_that_another_command_makes_is_left_alone(capfd: pytest.CaptureFixture[str]) -> None:

@@ -191,8 +191,6 @@ def test_a_film_of_another_scene(film: str, capsys: pytest.CaptureFixture[str]) 
 # Not to be verified
 
 
-
-
 def test_the_volume_and_its_fingerprint_replaced(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
     """The film is not that of the volume which the sidecar names, as its fingerprint and rays tell."""
     np.save("other.npy", 255 - waves())
