@@ -39,6 +39,7 @@ MENDED = (
     *("metaimage_continued_lines", "metaimage_sizes_beyond_floats", "metaimage_listed_files"),
     *("nifti_extension_of_gigabytes", "nifti_extension_of_a_pair", "nifti_name_in_gzip"),
     *("npy_header_of_gigabytes", "npy_long_shape", "npz_header_of_gigabytes", "npz_many_arrays"),
+    *("npz_claims_gigabytes", "nifti_many_extensions", "tiff_deflate_inflates"),
     *("npz_names_in_bad_utf_8", "cube_many_atoms", "cube_many_orbitals", "cube_sizes_beyond_floats"),
     *("dicom_many_series", "vtk_legacy_long_type"),
 )
