@@ -164,7 +164,7 @@ CUTS = (
 @pytest.mark.parametrize("cuts", CUTS, ids=["plane", "boxes", "camera"])
 def test_what_is_cut_away_does_not_count(mode: str, cuts: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
     """With any number of threads, at any tolerance."""
-    monkeypatch.setattr(chords, "_MIN_PIXELS_PER_THREAD", 1)
+    monkeypatch.setattr(threads, "MIN_PIXELS_PER_THREAD", 1)
     values = noise((35, 18, 40))
     scene, whole = scene_of(mode, cuts=cuts), scene_of(mode)
     stage = stage_of(placed(values), scene)

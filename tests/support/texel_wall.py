@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from renderer.bricks import BRICK_SIZE, PADDED_BRICK_SIZE
