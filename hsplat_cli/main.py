@@ -125,8 +125,6 @@ def run(arguments: Sequence[str]) -> int:
     except (KeyboardInterrupt, click.Abort) as error:
         return _interrupted(error)
     except Exception as error:  # the last resort: no traceback reaches a user
-        if isinstance(error, SystemError) and (interrupt := _interrupt_behind(error)) is not None:
-            return _interrupted(interrupt)
         if _is_out_of_memory(error):
             _print_error(format_message("hsplat: out of memory", hint=_address_space_hint()))
         elif isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT) and error.filename is None:
@@ -135,12 +133,6 @@ def run(arguments: Sequence[str]) -> int:
             what = f"{type(error).__name__}: {error}"
             _print_error(f"hsplat: unexpected {what} (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)")
         return failed
-
-
-def _interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
-    """Return the interrupt that came while a compiled loop was called, which Python reports as a SystemError."""
-    before = error.__cause__ or error.__context__
-    return before if before is None or isinstance(before, KeyboardInterrupt) else _interrupt_behind(before)
 
 
 def _interrupted(error: BaseException) -> int:
@@ -218,7 +210,7 @@ def _address_space_hint() -> str | None:
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     if limit == resource.RLIM_INFINITY:
         return None
-    return f"address space is limited to {limit / 2**30:.2g} GiB here (ulimit -v); a run takes about 2 GiB"
+    return f"address space is limited to {limit / 2**30:.2g} GiB here (ulimit -v); a run takes about 1 GiB"
 
 
 def _is_stdout_broken() -> bool:

@@ -14,6 +14,8 @@ from this_process import read_here
 from renderer.draw import GLRasterizer
 
 DATA_VARIABLE = "HSPLAT_TEST_DATA"
+# Processes that tests start in the checkout import the hsplat under test, whose kernels are compiled.
+os.environ["PYTHONSAFEPATH"] = "1"
 
 
 def _data_dir() -> Path | None:

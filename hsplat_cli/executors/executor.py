@@ -7,8 +7,6 @@ from collections.abc import Generator, Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from hsplat_cli.executors.cluster.cluster_drawing import ClusterDrawing
-from hsplat_cli.executors.cluster.connection import connect, connect_locally
 from hsplat_cli.executors.options import ExecutorSpec
 from hsplat_cli.terminal import Reporter
 from renderer.job import DrawnFrame, Executor, FilmPlan, LocalExecutor, open_local_executor
@@ -17,6 +15,7 @@ from renderer.scene import MetricTarget, Scene
 if TYPE_CHECKING:
     from distributed import Client
 
+    from hsplat_cli.executors.cluster.cluster_drawing import ClusterDrawing
     from renderer.draw import Rasterizer
 
 
@@ -29,6 +28,8 @@ def open_executor(spec: ExecutorSpec, reporter: Reporter, scene: Scene) -> Itera
     """
     with contextlib.ExitStack() as stack:
         if spec.address is not None:
+            from hsplat_cli.executors.cluster.connection import connect
+
             client = stack.enter_context(connect(spec.address))
             executor = SchedulerExecutor(client, f"--scheduler {spec.address}", scene, stack, reporter)
             if isinstance(scene.error.goal, MetricTarget):  # the search runs here: it fails early where it cannot
@@ -55,6 +56,8 @@ class _DaskExecutor:
     def _draw_on(
         self, client: Client, where: str, plan: FilmPlan, numbers: Sequence[int]
     ) -> Generator[DrawnFrame, None, None]:
+        from hsplat_cli.executors.cluster.cluster_drawing import ClusterDrawing
+
         with contextlib.closing(ClusterDrawing(client, where, plan, self._reporter)) as drawing:
             self._drawings.append(drawing)
             yield from drawing.draw(numbers)
@@ -103,5 +106,7 @@ class ProcessesExecutor(_DaskExecutor):
         num = min(self._num, len(numbers))
         if num <= 1 or plan.is_timing_dependent:
             return self._local.draw(plan, numbers)
+        from hsplat_cli.executors.cluster.connection import connect_locally
+
         client = self._stack.enter_context(connect_locally(num))
         return self._draw_on(client, f"--workers {num}", plan, numbers)

@@ -96,7 +96,8 @@ def _count_at_thresholds(bricks: Bricks, finest_level: int) -> tuple[Float64, In
         children = np.ix_(*(np.arange(n) // 2 for n in bricks.levels[number - 1].errors.shape))
         parent_thresholds = thresholds[children]
     begin, end = np.sort(np.concatenate(of_parents)), np.sort(np.concatenate(own))
-    steps = np.unique(np.concatenate([begin, end]))[::-1]
-    steps = steps[(steps >= 0) & (steps < np.inf)]
+    steps = np.sort(np.concatenate([begin, end]))[::-1]
+    is_new = np.append(True, steps[1:] != steps[:-1])  # np.unique would import masked arrays
+    steps = steps[is_new & (steps >= 0) & (steps < np.inf)]
     num_begun, num_ended = (len(sorted_) - np.searchsorted(sorted_, steps) for sorted_ in (begin, end))
     return steps, np.array([np.count_nonzero(begin == np.inf), *(num_begun - num_ended)], np.int64)

@@ -242,6 +242,6 @@ class BrickCache(Generic[A]):
             make = partial(scalar_texels, batch.bricks, lit=batch.shading is not None)
             return self.threads.map_concatenated(make, cells, MIN_BRICKS_PER_THREAD)
         texels = np.empty((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
-        for level in np.unique(levels).tolist():
+        for level in sorted(set(levels.tolist())):  # np.unique would import masked arrays
             texels[levels == level] = mean_texels(batch.bricks, level, cells[levels == level], self._means)
         return texels

@@ -7,8 +7,6 @@ import numpy as np
 from renderer.kernels import ThreadPool, kernels
 from renderer.volume import Bools, Float32
 
-_MIN_PIXELS_PER_THREAD = 1 << 16
-
 
 def grid_size(size: tuple[int, int], stride: int) -> tuple[int, int]:
     """Return columns and rows of a grid that covers an image of (width, height).
@@ -23,14 +21,9 @@ def upsample(grid: Float32, stride: int, size: tuple[int, int], threads: ThreadP
 
     grid: [h, w, 4], every `stride`-th pixel, as many as `grid_size` says.
     """
-    width, height = size
-    image = np.empty((height, width, 4), np.float32)
+    image = np.empty((size[1], size[0], 4), np.float32)
     interpolate = kernels().upsample_rows.partial(grid=grid, factor=stride, image=image)
-
-    def work(first: int, end: int) -> None:
-        interpolate(first_row=first, end_row=end)
-
-    threads.for_ranges(work, height, -(-_MIN_PIXELS_PER_THREAD // width))
+    threads.for_rows(lambda first, end: interpolate(first_row=first, end_row=end), image)
     return image
 
 
@@ -42,13 +35,9 @@ def refine_grid(
     grid: [h, w, 4], every `factor`-th pixel of it. Pixels to draw are 0: they lie between four pixels that differ by
     more than `difference_threshold`, as ScreenSampling says. Others are bilinear.
     """
-    image, differ = np.empty((shape[1], shape[0], 4), np.float32), np.empty(grid.shape[:2], np.bool_)
-    is_drawn = np.empty(image.shape[:2], np.bool_)
-    kernels().mark_differing(grid=grid, threshold=difference_threshold, differ=differ)
-    refine = kernels().refine_rows.partial(grid=grid, factor=factor, image=image, differ=differ, is_drawn=is_drawn)
-
-    def work(first: int, end: int) -> None:
-        refine(first_row=first, end_row=end)
-
-    threads.for_ranges(work, shape[1], -(-_MIN_PIXELS_PER_THREAD // shape[0]))
+    image, is_drawn = np.empty((shape[1], shape[0], 4), np.float32), np.empty((shape[1], shape[0]), np.bool_)
+    refine = kernels().refine_rows.partial(
+        grid=grid, factor=factor, image=image, threshold=difference_threshold, is_drawn=is_drawn
+    )
+    threads.for_rows(lambda first, end: refine(first_row=first, end_row=end), image)
     return image, is_drawn

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 
-import imageio_ffmpeg
 import numpy as np
 import numpy.typing as npt
 
@@ -134,6 +133,8 @@ def start_ffmpeg(arguments: Sequence[str], file: Path, *, stdin: int, stdout: in
 
 def find_ffmpeg(output: Path) -> str:
     """Return the path of ffmpeg. Raises RenderError if there is none. output: for messages."""
+    import imageio_ffmpeg
+
     try:
         return str(imageio_ffmpeg.get_ffmpeg_exe())
     except RuntimeError as error:

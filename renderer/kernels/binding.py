@@ -36,10 +36,7 @@ class Kernel:
 
         Raises TypeError or ValueError where an argument is not what the kernel takes.
         """
-        block = bytearray(self._arguments.size)
-        kept: list[Any] = []
-        self._fill(block, values, kept)
-        self._run(block, values)
+        self.partial(**values)()
 
     def partial(self, **values: Any) -> Callable[..., None]:
         """Return a function of the other arguments; these are checked and converted once. Threads may share it."""
@@ -50,7 +47,10 @@ class Kernel:
         def call(**others: Any) -> None:
             block, also_kept = bytearray(given), [kept]
             self._fill(block, others, also_kept)
-            self._run(block, values | others)
+            if missing := self._layouts.keys() - values.keys() - others.keys():
+                raise TypeError(f"{self._name}: no {', '.join(missing)}")
+            if status := self._function(bytes(block)):
+                raise _STATUS[status](self._name)
 
         return call
 
@@ -68,25 +68,16 @@ class Kernel:
                 kind_of_error = TypeError if isinstance(error, struct.error) else type(error)
                 raise kind_of_error(f"{self._name}: {key}: {error}") from None
 
-    def _run(self, block: bytearray, values: dict[str, Any]) -> None:
-        if len(values) != len(self._layouts):
-            raise TypeError(f"{self._name}: no {', '.join(self._layouts.keys() - values.keys())}")
-        status = self._function(bytes(block))
-        if status != 0:
-            raise _STATUS[status](self._name)
-
 
 class Kernels:
-    """A library's kernels, as attributes. called: the names of those that were asked for."""
+    """A library's kernels, as attributes."""
 
     def __init__(self, library: ctypes.CDLL, header: Header) -> None:
         self._library, self._header = library, header
-        self.called: list[str] = []
 
     def __getattr__(self, name: str) -> Kernel:
         if name not in self._header.arguments:
             raise AttributeError(name)
-        self.called.append(name)
         arguments = self._header.struct_of(name)
         size = ctypes.c_int64.in_dll(self._library, f"{name}_bytes").value
         assert size == arguments.size, f"{name} takes {size} bytes, and kernels.h is read as {arguments.size}"

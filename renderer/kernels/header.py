@@ -22,20 +22,21 @@ _KERNEL = re.compile(r"^KERNEL\((\w+), (\w+)\)", re.MULTILINE)
 # The type of some members, then their names.
 _MEMBERS = re.compile(r"((?:const )?\w+(?:<.*>)?) ([^<>]+);")
 _MEMBER = re.compile(r"(\w+)(?:\[(\d+)\])?")
-_ARRAY = re.compile(r"Array<(const )?(\w+), (\d)>")
+_ARRAY = re.compile(r"(?:Array|Sized)<(const )?(\w+), (\d)((?:, \d+)*)>")
 _ANY_ARRAY = re.compile(r"AnyArray<(\d)>")
 _MAYBE = re.compile(r"Maybe<(.*)>")
 
 
 class Type:
-    """A type of a member: its layout, as a format of Python's `struct` without padding inside, and its numbers.
+    """A type of a member. format: its layout, as one of Python's `struct`, a letter for each number or byte of padding.
 
-    format: padding included. num_numbers: how many numbers it takes. alignment: in bytes.
+    num_numbers: how many numbers it takes. alignment: in bytes.
     """
 
-    def __init__(self, format: str, num_numbers: int, alignment: int) -> None:
-        self.format, self.num_numbers, self.alignment = format, num_numbers, alignment
-        self.size = struct.calcsize("=" + format)
+    def __init__(self, format: str) -> None:
+        self.format, self.size = format, struct.calcsize("=" + format)
+        self.num_numbers = len(format) - format.count("x")
+        self.alignment = max(struct.calcsize("=" + number) for number in format)
 
     def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
         """Append the numbers of a value, and to `kept` what must live as long as they are used.
@@ -47,7 +48,7 @@ class Type:
 
 class _Several(Type):
     def __init__(self, one: str, dtype: type[Any], count: int) -> None:
-        super().__init__(one * count, count, struct.calcsize("=" + one))
+        super().__init__(one * count)
         self._dtype = dtype
 
     def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
@@ -58,11 +59,11 @@ class _Several(Type):
 
 
 class _Array(Type):
-    """dtype: None for any of DTYPES, whose number then follows the shape."""
+    """dtype: None for any of DTYPES, whose number then follows the shape. last: the last sizes of the shape."""
 
-    def __init__(self, dtype: Any, dimensions: int, *, is_written: bool) -> None:
-        super().__init__("q" * (1 + dimensions + (dtype is None)), 1 + dimensions + (dtype is None), 8)
-        self._dtype, self._dimensions, self._is_written = dtype, dimensions, is_written
+    def __init__(self, dtype: Any, dimensions: int, last: tuple[int, ...], *, is_written: bool) -> None:
+        super().__init__("q" * (1 + dimensions + (dtype is None)))
+        self._dtype, self._dimensions, self._last, self._is_written = dtype, dimensions, last, is_written
 
     def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
         if not isinstance(value, np.ndarray):
@@ -71,9 +72,11 @@ class _Array(Type):
         if not is_right or value.ndim != self._dimensions:
             expected = f"{self._dtype or 'a number'} [{self._dimensions}]"
             raise TypeError(f"{value.dtype} [{value.ndim}], expected {expected}")
-        flags = value.flags
-        if not (flags.c_contiguous and (flags.aligned or self._dtype is None)) or self._is_written > flags.writeable:
-            raise ValueError("not contiguous, not aligned, or read-only where the kernel writes")
+        if value.shape[value.ndim - len(self._last) :] != self._last:
+            raise ValueError(f"shape {value.shape}, expected the last sizes {self._last}")
+        flags = value.flags  # not `aligned`: what came from another process or from a file may lie at any address
+        if not flags.c_contiguous or self._is_written > flags.writeable:
+            raise ValueError("not contiguous, or read-only where the kernel writes")
         kept.append(value)
         numbers += (value.ctypes.data, *value.shape)
         if self._dtype is None:
@@ -82,7 +85,7 @@ class _Array(Type):
 
 class _Maybe(Type):
     def __init__(self, one: Type) -> None:
-        super().__init__("?" + "x" * (one.alignment - 1) + one.format, 1 + one.num_numbers, one.alignment)
+        super().__init__("?" + "x" * (one.alignment - 1) + one.format)
         self._one = one
 
     def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
@@ -98,20 +101,19 @@ class Struct(Type):
 
     def __init__(self, members: list[tuple[str, Type]]) -> None:
         self.members: dict[str, tuple[int, Type]] = {}
-        format, size = "", 0
+        format = ""
         for name, one in members:
-            padding = -size % one.alignment
-            self.members[name] = size + padding, one
-            format, size = format + "x" * padding + one.format, size + padding + one.size
-        alignment = max((one.alignment for _, one in members), default=1)
-        format += "x" * (-size % alignment)
-        super().__init__(format, sum(one.num_numbers for _, one in members), alignment)
+            format += "x" * (-struct.calcsize("=" + format) % one.alignment)
+            self.members[name] = struct.calcsize("=" + format), one
+            format += one.format
+        alignment = max(one.alignment for _, one in members)
+        super().__init__(format + "x" * (-struct.calcsize("=" + format) % alignment))
 
     def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
         for name, (_, one) in self.members.items():
             try:
-                one.add(getattr(value, name), numbers, kept)
-            except (TypeError, ValueError) as error:
+                one.add(value[name] if isinstance(value, dict) else getattr(value, name), numbers, kept)
+            except (TypeError, ValueError, KeyError) as error:
                 raise type(error)(f"{name}: {error}") from None
 
 
@@ -120,33 +122,28 @@ class Header:
 
     def __init__(self, text: str) -> None:
         self._bodies = dict(_STRUCT.findall(text))
-        self._known: dict[str, Type] = {}
         self.arguments: dict[str, str] = dict(_KERNEL.findall(text))
 
     def struct_of(self, kernel: str) -> Struct:
         """Return the struct that a kernel takes."""
-        found = self._type(self.arguments[kernel])
-        assert isinstance(found, Struct)
-        return found
+        return self._struct(self.arguments[kernel])
 
-    def _type(self, name: str) -> Type:
-        if name not in self._known:
-            self._known[name] = self._read_type(name)
-        return self._known[name]
-
-    def _read_type(self, name: str) -> Type:
-        if name in _NUMBERS:
-            one, _ = _NUMBERS[name]
-            return Type(one, 1, struct.calcsize("=" + one))
-        if found := _ARRAY.fullmatch(name):
-            const, kind, dimensions = found.groups()
-            return _Array(np.dtype(_NUMBERS[kind][1]), int(dimensions), is_written=not const)
-        if found := _ANY_ARRAY.fullmatch(name):
-            return _Array(None, int(found[1]), is_written=False)
-        if found := _MAYBE.fullmatch(name):
-            return _Maybe(self._type(found[1]))
+    def _struct(self, name: str) -> Struct:
         lines = (line for line in self._bodies[name].splitlines() if ";" in line)
         return Struct([member for line in lines for member in self._read_members(line)])
+
+    def _type(self, name: str) -> Type:
+        if name in _NUMBERS:
+            return Type(_NUMBERS[name][0])
+        if found := _ARRAY.fullmatch(name):
+            const, kind, dimensions, last = found.groups()
+            sizes = tuple(int(size) for size in re.findall(r"\d+", last))
+            return _Array(np.dtype(_NUMBERS[kind][1]), int(dimensions), sizes, is_written=not const)
+        if found := _ANY_ARRAY.fullmatch(name):
+            return _Array(None, int(found[1]), (), is_written=False)
+        if found := _MAYBE.fullmatch(name):
+            return _Maybe(self._type(found[1]))
+        return self._struct(name)
 
     def _read_members(self, line: str) -> Iterator[tuple[str, Type]]:
         found = _MEMBERS.fullmatch(line.partition("//")[0].strip())

@@ -9,6 +9,9 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+# With fewer pixels than these, work on them takes less time than starting threads.
+MIN_PIXELS_PER_THREAD = 1 << 15
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 Array = npt.NDArray[Any]
@@ -39,9 +42,10 @@ class ThreadPool:
         """Return `work(item)` for all items, in their order."""
         return list(map(work, items) if self._pool is None else self._pool.map(work, items))
 
-    def for_ranges(self, work: Callable[[int, int], object], num: int, least: int) -> None:
-        """Call `work(start, end)` for parts of range(num), at most one a thread, of at least `least` numbers."""
-        num_parts = max(1, min(self.num, num // least))
+    def for_rows(self, work: Callable[[int, int], object], pixels: Array) -> None:
+        """Call `work(first, end)` for parts of the rows of pixels [h, w, ...], at most one a thread."""
+        num = len(pixels)
+        num_parts = max(1, min(self.num, num // -(-MIN_PIXELS_PER_THREAD // pixels.shape[1])))
         ends = [num * part // num_parts for part in range(num_parts + 1)]
         self.map(lambda part: work(ends[part], ends[part + 1]), range(num_parts))
 

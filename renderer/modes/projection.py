@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from renderer.kernels import ThreadPool, kernels
-from renderer.modes.chords import rows_per_thread
 from renderer.scene import ModeSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import Float32, Float64, Volume
@@ -63,7 +62,7 @@ class Projection(ABC):
             brightness = np.full((*shares.shape, 1), self.brightness(rays), np.float32)
             color(shares=shares, chords=lengths, brightness=brightness, image=image[first:end])
 
-        threads.for_ranges(work, *rows_per_thread(chords))
+        threads.for_rows(work, chords)
         return image
 
     def exact_colors(self, gathered: Float64, chords: Float64) -> Float64:

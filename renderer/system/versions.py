@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import platform
 import subprocess
 from importlib import metadata
@@ -54,7 +55,9 @@ def _git(*arguments: str) -> str:
 def sources_digest() -> str:
     """Return 32 hexadecimal digits that change with anything that draws: the sources of renderer/, in all languages."""
     found = hashlib.blake2b(digest_size=16)
-    for path in sorted((_ROOT / "renderer").rglob("*")):
-        if path.suffix in (".py", ".cpp", ".h", ".glsl"):
-            found.update(path.read_bytes())
+    for folder, folders, names in os.walk(_ROOT / "renderer"):
+        folders.sort()
+        for name in sorted(names):
+            if name.endswith((".py", ".cpp", ".h", ".glsl")):
+                found.update(Path(folder, name).read_bytes())
     return found.hexdigest()

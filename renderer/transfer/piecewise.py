@@ -75,10 +75,12 @@ class PiecewiseTransfer:
         and its slope; (r, g, b, the same extinction) at the origin; and their slopes. Segment k holds u from the end of
         the one before, included, to its own end, excluded; the last end is infinite. Rasterisers read it in fours.
     guide: int32 [GUIDE_SIZE]; from u = b / GUIDE_SIZE on the segment is guide[b] or later. For u < 0 it is the first.
+    lowest_visible: below this u nothing is visible.
     """
 
     rows: Float32
     guide: Int32
+    lowest_visible: np.float32
 
 
 def make_piecewise_transfer(curve: TransferTable, first: float, last: float) -> PiecewiseTransfer:
@@ -95,7 +97,23 @@ def make_piecewise_transfer(curve: TransferTable, first: float, last: float) -> 
     guide = np.searchsorted(knots, np.arange(GUIDE_SIZE) / GUIDE_SIZE, side="right").astype(np.int32)
     guide[0] = np.searchsorted(knots, 0.0, side="left")
     rows.flags.writeable = guide.flags.writeable = False
-    return PiecewiseTransfer(rows, guide)
+    return PiecewiseTransfer(rows, guide, _lowest_visible(rows, guide))
+
+
+def _lowest_visible(rows: Float32, guide: Int32) -> np.float32:
+    """Return a scalar below which no extinction is positive.
+
+    That is the start of the first piece with a positive extinction. Where extinction is 0 at the origin of a piece, and
+    its slope is not positive, no scalar above the origin has a positive one; rounding keeps this. Only the piece in
+    which the search starts has scalars below its origin.
+    """
+    first = guide[0]
+    tau, slope = rows[first:, 2], rows[first:, 3]
+    is_visible = (tau > 0) | (slope > 0)
+    is_visible[0] |= slope[0] < 0
+    starts = np.append(np.float32(-np.inf), rows[first:-1, 0])
+    lowest: np.float32 = starts[is_visible].min(initial=np.float32(np.inf))
+    return lowest
 
 
 def range_width(first: float, last: float) -> tuple[float, float]:

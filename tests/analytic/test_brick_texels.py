@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from brick_reference import index_gradients
 from dense_bricks import OBLIQUE, Shape, depths_of, means_over_cells, patches, random_transfer
@@ -14,10 +13,7 @@ from number_types import TYPES, limits
 from renderer.bricks import BRICK_SIZE, HALO, Bricks, make_bricks, mean_texels, scalar_texels
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import VISIBILITY_THRESHOLD, TransferFunction
-from renderer.volume import Volume, make_volume
-
-Array = npt.NDArray[Any]
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Array, Bools, Float64, Int32, Int64, Volume, make_volume
 
 SHAPES: list[Shape] = [(1, 1, 1), (1, 40, 20), (5, 17, 33), (33, 17, 5), (16, 32, 48), (35, 30, 66)]
 each_shape = pytest.mark.parametrize("shape", SHAPES, ids=str)
@@ -40,13 +36,13 @@ def bricks_of(
     return make_bricks(volume, transfer, spec=PyramidSpec(precision=precision), error=ErrorSpec(), shading=shading)
 
 
-def all_cells(bricks: Bricks, level: int) -> npt.NDArray[np.int32]:
+def all_cells(bricks: Bricks, level: int) -> Int32:
     """Return the bricks (x, y, z) of a level, [n, 3]."""
     grid = bricks.levels[level].errors.shape
     return np.ascontiguousarray(np.indices(grid).reshape(3, -1)[::-1].T, np.int32)
 
 
-def texel_places(cell: Array, axis: int) -> npt.NDArray[np.int64]:
+def texel_places(cell: Array, axis: int) -> Int64:
     """Return the cells of a brick's 18 texels along x, y or z."""
     return BRICK_SIZE * int(cell[axis]) - HALO + np.arange(PADDED_BRICK_SIZE)
 
@@ -61,7 +57,7 @@ def from_dense(dense: Array, cells: Array) -> Array:
     return np.stack([dense[grid] for grid in grids])
 
 
-def inside(bricks: Bricks, level: int, cells: Array, margin: int = 1) -> npt.NDArray[np.bool_]:
+def inside(bricks: Bricks, level: int, cells: Array, margin: int = 1) -> Bools:
     """Return which texels [n, 18, 18, 18] are cells, up to `margin` cells beyond the border."""
     parts = []
     for cell in cells:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
+from brickwork import transfer_of
 from hypothesis import assume, given, settings, strategies as st
 from small_scene import small_tree
 
@@ -27,27 +27,23 @@ from renderer.pyramid import (
 )
 from renderer.scene import MIN_TOLERANCE, ErrorSpec, PyramidSpec, parse_scene
 from renderer.transfer import TransferFunction
-from renderer.volume import Volume, make_volume
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Array, Float64, Volume, make_volume
 
 ERRORS = (ErrorSpec(), ErrorSpec(measure="rms"), ErrorSpec(measure="rms", of="scalar"))
 IDS = ("optical", "rms", "scalar")
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def transfer(deepest: float = 3.0) -> TransferFunction:
-    colors = np.array([[0, 0, 0], [0, 0.5, 1], [1, 0.5, 0.1]])
-    return TransferFunction(np.array([0.0, 60, 250]), colors, np.array([0, 0, deepest]), 1.0)
+SLOPE = transfer_of((0, (0, 0, 0), 0), (60, (0, 0.5, 1), 0), (250, (1, 0.5, 0.1), 3))
 
 
-def volume_of(values: npt.NDArray[Any]) -> Volume:
+def volume_of(values: Array) -> Volume:
     """Return an anisotropic volume."""
     return make_volume(np.ascontiguousarray(values), np.diag([0.5, 1.0, 2.0, 1.0]), "test")
 
 
 def build(of: Volume, error: ErrorSpec = ERRORS[0], spec: PyramidSpec | None = None) -> Pyramid:
-    return build_pyramid(of, transfer(), spec=spec or PyramidSpec(), error=error, num_threads=1)
+    return build_pyramid(of, SLOPE, spec=spec or PyramidSpec(), error=error, num_threads=1)
 
 
 def sizes_of(pyramid: Pyramid, max_cells: int = 10**9, finest: int = 0, finest_at_zero: int = 0) -> CutSizes:
@@ -55,7 +51,7 @@ def sizes_of(pyramid: Pyramid, max_cells: int = 10**9, finest: int = 0, finest_a
 
 
 @st.composite
-def values(draw: st.DrawFn) -> npt.NDArray[Any]:
+def values(draw: st.DrawFn) -> Array:
     """Draw noise, a few values, terraces, mostly nothing, or one value: with ties and with empty parts."""
     shape = draw(st.tuples(*[st.integers(1, 13)] * 3))
     rng = np.random.default_rng(draw(st.integers(0, 99)))
@@ -106,7 +102,7 @@ def assert_finest(pyramid: Pyramid, num: int, levels: tuple[int, int], cuts: lis
     share=st.floats(0, 1.1),
 )
 def test_the_finest_cut_within_a_budget_of_cells(
-    values: npt.NDArray[Any], error: ErrorSpec, spec: PyramidSpec, levels: tuple[int, int], share: float
+    values: Array, error: ErrorSpec, spec: PyramidSpec, levels: tuple[int, int], share: float
 ) -> None:
     pyramid = build(volume_of(values), error, spec)
     levels = max(levels), min(levels)
@@ -117,30 +113,6 @@ def test_the_finest_cut_within_a_budget_of_cells(
         assert_finest(pyramid, num, levels, cuts)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
-@given(values=values(), error=st.sampled_from(ERRORS), levels=st.tuples(st.integers(0, 2), st.integers(0, 2)))
-def test_sizes_equal_those_of_all_cuts(values: npt.NDArray[Any], error: ErrorSpec, levels: tuple[int, int]) -> None:
-    """The sizes hold at and just above each split threshold, also if only the first of them are computed."""
-    pyramid = build(volume_of(values), error)
-    levels = max(levels), min(levels)
-    every = sizes_of(pyramid, 10**9, *levels)
-    assert every.tolerance_limit == 0.0
-    assert every.num_cells_at_zero == len(cut_pyramid(pyramid, 0.0, finest_level=levels[1]))
-    assert (np.diff(every.split_thresholds) < 0).all() and (np.diff(every.counts) >= 0).all()
-    for k, division in enumerate(every.split_thresholds.tolist()):
-        assert (
-            len(cut_pyramid(pyramid, math.nextafter(division, 2 * division), finest_level=levels[0])) == every.counts[k]
-        )
-        assert len(cut_pyramid(pyramid, division, finest_level=levels[0])) == every.counts[k + 1]
-    most = max(1, int(every.counts[-1]) // 3)
-    some = sizes_of(pyramid, most, *levels)
-    num = int(np.searchsorted(every.counts, most, side="right"))
-    np.testing.assert_array_equal(some.counts, every.counts[:num])
-    np.testing.assert_array_equal(some.split_thresholds, every.split_thresholds[: num - 1])
-    assert some.tolerance_limit == (every.split_thresholds[num - 1] if num <= len(every.split_thresholds) else 0.0)
-    assert some.num_cells_at_zero == (every.num_cells_at_zero if every.num_cells_at_zero <= most else None)
-
-
 def test_budgets_outside_the_computed_sizes_are_refused() -> None:
     sizes = sizes_of(build(volume_of(np.full((4, 4, 4), 200, np.uint8))), 20)
     for num in (0, 21):
@@ -148,19 +120,9 @@ def test_budgets_outside_the_computed_sizes_are_refused() -> None:
             sizes.finest_within(num)
 
 
-@pytest.mark.parametrize("levels", [(2, 1), (1, 2)])
-def test_levels_that_the_pyramid_lacks_are_refused(levels: tuple[int, int]) -> None:
-    of, spec = volume_of(np.full((9, 9, 9), 200, np.uint8)), PyramidSpec()
-    pyramid = build_pyramid(of, transfer(), spec=spec, error=ERRORS[0], finest_cut=FinestCut(level=2))
-    with pytest.raises(ValueError, match=r"^no pyramid for this level: got 1, expected at least 2$"):
-        sizes_of(pyramid, 9, *levels)
-
-
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(values=values(), error=st.sampled_from(ERRORS), share=st.floats(0, 1), finest=st.integers(0, 2))
-def test_a_pyramid_for_coarse_cuts_has_their_sizes(
-    values: npt.NDArray[Any], error: ErrorSpec, share: float, finest: int
-) -> None:
+def test_a_pyramid_for_coarse_cuts_has_their_sizes(values: Array, error: ErrorSpec, share: float, finest: int) -> None:
     """Finer cuts count as too large."""
     of, spec = volume_of(values), PyramidSpec()
     whole = build(of, error)
@@ -170,7 +132,7 @@ def test_a_pyramid_for_coarse_cuts_has_their_sizes(
     least = float(errors[round(share * (len(errors) - 1))])
     for min_tolerance in (least, math.nextafter(least, 2 * least)):
         part = build_pyramid(
-            of, transfer(), spec=spec, error=error, num_threads=1, finest_cut=FinestCut(min_tolerance, finest)
+            of, SLOPE, spec=spec, error=error, num_threads=1, finest_cut=FinestCut(min_tolerance, finest)
         )
         most = len(cut_pyramid(whole, min_tolerance, finest_level=finest))
         for num in {1, 5, max(1, most - 1), most, 10 * most}:
@@ -185,10 +147,14 @@ def test_a_pyramid_for_coarse_cuts_has_their_sizes(
 # Tolerances
 
 
-def assert_legal(tolerance: float) -> None:
-    """A scene keeps the tolerance unchanged, alone and by frame."""
-    for written in (tolerance, {0: tolerance, 1: 0.5}):
-        assert parse_scene(small_tree(error={"tolerance": written}), base=Path()).error.tolerance[0] == (0, tolerance)
+TREE = small_tree()
+
+
+def assert_legal(*tolerances: float) -> None:
+    """A scene keeps tolerances unchanged, alone or by frame."""
+    written = dict(enumerate(tolerances)) if len(tolerances) > 1 else tolerances[0]
+    scene = parse_scene(TREE | {"error": {"tolerance": written}}, base=Path())
+    assert scene.error.tolerance == tuple(enumerate(tolerances))
 
 
 def made_sizes(divisions: list[float], beyond: float = 0.0) -> CutSizes:
@@ -211,8 +177,7 @@ def test_tolerances_lie_between_split_thresholds_and_are_legal(
     sizes = made_sizes([high], low) if beyond else made_sizes([high, low])
     above, between = sizes.finest_within(1), sizes.finest_within(2)
     assert above > high >= between > low
-    for tolerance in (above, between):
-        assert_legal(tolerance)
+    assert_legal(above, between)
     # Between two numbers that differ by a share g lies one of -log10(g) digits, and a few.
     num_digits = max(1, math.ceil(1 - math.log10((high - low) / high)) + 1)
     assert float(f"{between:.{num_digits - 1}e}") == between or num_digits > 16

@@ -11,6 +11,7 @@ from brickwork import transfer_of
 from ray_integrals import COLORFUL, EXACT, along_z, look, oblique, ray_spans, volume
 
 from renderer.scene import ShadingSpec, TurntablePath
+from renderer.transfer import TransferFunction
 from renderer.truth import converged_image, integrate
 from renderer.volume import Float64, Volume, make_volume
 
@@ -63,23 +64,23 @@ def test_linear_ramp_of_color() -> None:
     assert image[3] == pytest.approx(-np.expm1(-2 * depth), abs=EXACT)
 
 
-def test_step_lies_exactly_where_the_field_crosses_it() -> None:
-    """Opaque from 0.25 up on a column 1, 0: half a voxel and three quarters of the cell."""
-    step = transfer_of((0.25, (1, 1, 1), 0.0), (0.25, (1, 1, 1), 2.0))
-    assert along_z([0, 1], step)[3] == pytest.approx(-np.expm1(-2 * 1.25), abs=EXACT)
+WHITE = (1, 1, 1)
+STEP = transfer_of((0.25, WHITE, 0.0), (0.25, WHITE, 2.0))
+HAT = transfer_of((0.5 - 1e-7, WHITE, 0.0), (0.5, WHITE, 1e7), (0.5 + 1e-7, WHITE, 0.0))
 
 
-@pytest.mark.parametrize(("value", "alpha"), [(0.25, -np.expm1(-2.0)), (np.nextafter(0.25, 0), 0.0)])
-def test_at_a_step_the_value_belongs_to_the_upper_side(value: float, alpha: float) -> None:
-    step = transfer_of((0.25, (1, 1, 1), 0.0), (0.25, (1, 1, 1), 2.0))
-    assert along_z([value], step)[3] == pytest.approx(alpha, abs=EXACT)
-
-
-def test_a_shell_much_thinner_than_any_step_is_not_missed() -> None:
-    """A hat of 1e7 extinction and half-width 1e-7 in a value that rises by 3 per voxel: a depth of 1/3, twice."""
-    hat = transfer_of((0.5 - 1e-7, (1, 1, 1), 0.0), (0.5, (1, 1, 1), 1e7), (0.5 + 1e-7, (1, 1, 1), 0.0))
-    # 0.5 has lost 7 of its 16 digits within the hat.
-    assert along_z([0, 3, 0], hat)[3] == pytest.approx(-np.expm1(-2 / 3), abs=1e-8)
+@pytest.mark.parametrize(
+    ("values", "transfer", "depth", "precision"),
+    [
+        ([0, 1], STEP, 2 * 1.25, EXACT),  # where the field crosses it: half a voxel and three quarters of the cell
+        ([0.25], STEP, 2.0, EXACT),  # the value belongs to the upper side
+        ([np.nextafter(0.25, 0)], STEP, 0.0, EXACT),
+        # Much thinner than any step, half as wide as 1e-7 and met twice; 0.5 has lost 7 of its 16 digits there.
+        ([0, 3, 0], HAT, 2 / 3, 1e-8),
+    ],
+)
+def test_steps_and_thin_shells(values: list[float], transfer: TransferFunction, depth: float, precision: float) -> None:
+    assert along_z(values, transfer)[3] == pytest.approx(-np.expm1(-depth), abs=precision)
 
 
 def test_nothing_is_seen_behind_what_is_opaque() -> None:

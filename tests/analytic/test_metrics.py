@@ -6,7 +6,6 @@ import importlib.util
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from renderer.errors import InputError, RenderError
@@ -19,8 +18,7 @@ from renderer.study import (
     require_measuring_packages,
 )
 from renderer.study.metrics import ErrorMetrics
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Float64
 
 # Sums of some thousand float64.
 EXACT = 1e-12
@@ -104,12 +102,6 @@ def test_more_noise_is_never_better(name: str) -> None:
     assert figures == sorted(figures, reverse=better)
 
 
-def test_an_empty_mask_has_no_metrics() -> None:
-    found = measure_accuracy(noisy(1), noisy(2), np.zeros((24, 32), bool))
-    assert all(math.isnan(value) for value in found.on_volume.values())
-    assert not any(math.isnan(value) for value in found.everywhere.values())
-
-
 def test_noise_far_from_the_mask_changes_nothing_on_it() -> None:
     """Far: beyond the reach of SSIM's window (5 pixels) and of FLIP's filters (about 10)."""
     truth = noisy(1, 40, 40)
@@ -183,11 +175,13 @@ def test_frames_pool_their_squares() -> None:
     assert pool_accuracies([equal] * 2) == equal
 
 
-def test_frames_without_metrics_are_left_out_of_the_pool() -> None:
+def test_an_empty_mask_has_no_metrics_and_is_left_out_of_the_pool() -> None:
     seen = measure_accuracy(noisy(1), noisy(2), np.ones((24, 32), bool))
     empty = measure_accuracy(noisy(3), noisy(4), np.zeros((24, 32), bool))
+    assert not any(math.isnan(value) for value in empty.everywhere.values())
     assert pool_accuracies([seen, empty]).on_volume == seen.on_volume
-    assert all(math.isnan(value) for value in pool_accuracies([empty, empty]).on_volume.values())
+    for found in (empty, pool_accuracies([empty, empty])):
+        assert all(math.isnan(value) for value in found.on_volume.values())
 
 
 @pytest.mark.parametrize("package", ["skimage", "flip_evaluator"])

@@ -47,6 +47,11 @@ def scene_of(shading: ShadingSpec, tolerance: float) -> Scene:
     return with_tolerance(replace(BLOCK, shading=shading), tolerance)
 
 
+def drawn_with(shading: ShadingSpec, tolerance: float) -> Any:
+    with open_stage(scene_of(shading, tolerance), clock=lambda: 0.0, num_threads=2) as stage:
+        return drawn(stage)
+
+
 def rmse(one: Any, other: Any) -> float:
     return float(np.sqrt(np.mean((one - other) ** 2)))
 
@@ -57,23 +62,17 @@ def test_pictures_are_those_of_exact_rays(shading: ShadingSpec) -> None:
         image = drawn(stage)
         assert decibels(image, exact(stage, 1 / 8)) > 58
         assert np.array_equal(image, drawn(stage, num_threads=1))
-    plain = replace(shading, occlusion=0.0, shadow=0.0)
-    with open_stage(scene_of(plain, 0.001), clock=lambda: 0.0, num_threads=2) as stage:
-        bright = drawn(stage)
+    bright = drawn_with(replace(shading, occlusion=0.0, shadow=0.0), 0.001)
     assert np.abs(bright[..., 3] - image[..., 3]).mean() < 1e-3  # only light is lost
     assert image[..., :3].sum() < 0.97 * bright[..., :3].sum()
 
 
 @pytest.mark.parametrize("tolerance", [0.3, 1.0])
 def test_coarse_cells_have_it_in_their_means(tolerance: float) -> None:
-    shading = KINDS["both, specular"]
-    shading = replace(shading, specular=0.0)
+    shading = replace(KINDS["both, specular"], specular=0.0)
     with open_stage(scene_of(shading, tolerance), clock=lambda: 0.0, num_threads=2) as stage:
         image, truth = drawn(stage), exact(stage, 1 / 8)
-    with open_stage(
-        scene_of(replace(shading, occlusion=0.0, shadow=0.0), tolerance), clock=lambda: 0.0, num_threads=2
-    ) as stage:
-        plain = drawn(stage)
+    plain = drawn_with(replace(shading, occlusion=0.0, shadow=0.0), tolerance)
     bright, dim, wanted = (float(picture[..., :3].sum()) for picture in (plain, image, truth))
     assert abs(dim - wanted) < 0.3 * abs(bright - wanted)
     assert decibels(image, truth) > decibels(plain, truth)

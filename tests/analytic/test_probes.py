@@ -7,7 +7,6 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from small_scene import engine_block, small_tree
 
@@ -19,8 +18,9 @@ from renderer.scene import Scene, parse_scene, with_tolerance
 from renderer.study import pool_accuracies, sampled_accuracy
 from renderer.transfer import make_transfer_function
 from renderer.truth import converged_image
+from renderer.volume import UInt8
 
-Picture = npt.NDArray[np.uint8]
+Picture = UInt8
 SIZES = ((64, 48, 3), (37, 53, 3), (8, 8, 4), (1, 1, 3), (5, 200, 4))
 
 

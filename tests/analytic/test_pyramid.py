@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from brick_reference import index_gradients, light_factor
 from dense_bricks import OBLIQUE, means_over_cells, spread_of_cells, sums_over_cells
@@ -14,10 +13,7 @@ from dense_bricks import OBLIQUE, means_over_cells, spread_of_cells, sums_over_c
 from renderer.pyramid import Level, Pyramid, build_pyramid, store_scaled
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
-from renderer.volume import Volume, make_volume
-
-Array = npt.NDArray[Any]
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Array, Bools, Float64, Volume, make_volume
 
 # float16 rounds to 11 bits; means below 2^-14 of their scale of 2^15 are counted in units of 2^-24 of it.
 HALF_RTOL, HALF_TINY = 2.0**-11, 2.0**-25 / 2.0**15
@@ -71,7 +67,7 @@ def channels(of: Volume, tf: TransferFunction, *, opacity: bool, shading: Shadin
 class DenseLevel:
     """One level of a pyramid spread out to [z, y, x]; where no node is stored everything is 0."""
 
-    stored: npt.NDArray[np.bool_]
+    stored: Bools
     means: Float64
     errors: Float64
 
@@ -157,34 +153,31 @@ def test_every_node_equals_the_dense_reference(shape: tuple[int, int, int]) -> N
     check(noise(shape, np.uint8, 0, 255), half_visible(0, 255), PyramidSpec(), OPTICAL)
 
 
+LIGHT = ShadingSpec(0.25, 0.7, (1.0, -2.0, 0.5))
+BYTES = ((33, 37, 41), np.uint8, 0.0, 255.0)
+
+
 @pytest.mark.parametrize(
-    ("spec", "error"),
+    ("values", "spec", "error", "shading"),
     [
-        (PyramidSpec("extinction", "single"), OPTICAL),
-        (PyramidSpec("opacity", "half"), OPTICAL),
-        (PyramidSpec("extinction", "half"), RMS),
-        (PyramidSpec("opacity", "single"), RMS),
-        (PyramidSpec("extinction", "half"), SCALAR),
-        (PyramidSpec("opacity", "single"), SCALAR),
+        (BYTES, SINGLE, OPTICAL, None),
+        (BYTES, PyramidSpec("opacity", "half"), OPTICAL, None),
+        (BYTES, PyramidSpec("extinction", "half"), RMS, None),
+        (BYTES, PyramidSpec("opacity", "single"), RMS, None),
+        (BYTES, PyramidSpec("extinction", "half"), SCALAR, None),
+        (BYTES, PyramidSpec("opacity", "single"), SCALAR, None),
+        (((35, 17, 66), np.uint16, 100.0, 6e4), SINGLE, RMS, None),
+        (((35, 17, 66), np.uint16, 100.0, 6e4), SINGLE, SCALAR, None),
+        (((35, 17, 66), np.float32, -0.7, 1.9), SINGLE, OPTICAL, None),
+        (((34, 1, 45), np.int16, -3e3, 3e3), SINGLE, OPTICAL, LIGHT),
+        (((34, 1, 45), np.float32, -3e3, 3e3), SINGLE, RMS, LIGHT),
+        (((34, 1, 45), np.int16, -3e3, 3e3), SINGLE, SCALAR, LIGHT),
     ],
 )
-def test_every_average_precision_and_measure(spec: PyramidSpec, error: ErrorSpec) -> None:
-    of = replace(noise((33, 37, 41), np.uint8, 0, 255), world_from_index=OBLIQUE)
-    check(of, half_visible(0, 255), spec, error)
-
-
-@pytest.mark.parametrize(
-    ("dtype", "low", "high", "error"),
-    [(np.uint16, 100, 60000, RMS), (np.uint16, 100, 60000, SCALAR), (np.float32, -0.7, 1.9, OPTICAL)],
-)
-def test_wider_voxels(dtype: Any, low: float, high: float, error: ErrorSpec) -> None:
-    check(noise((35, 17, 66), dtype, low, high), half_visible(low, high), SINGLE, error)
-
-
-@pytest.mark.parametrize(("dtype", "error"), [(np.int16, OPTICAL), (np.float32, RMS), (np.int16, SCALAR)])
-def test_shading(dtype: Any, error: ErrorSpec) -> None:
-    of = replace(noise((34, 1, 45), dtype, -3000, 3000), world_from_index=OBLIQUE)
-    check(of, half_visible(-3000, 3000), SINGLE, error, ShadingSpec(0.25, 0.7, (1.0, -2.0, 0.5)))
+def test_every_type_average_precision_measure_and_light(
+    values: Any, spec: PyramidSpec, error: ErrorSpec, shading: ShadingSpec | None
+) -> None:
+    check(replace(noise(*values), world_from_index=OBLIQUE), half_visible(*values[2:]), spec, error, shading)
 
 
 def test_shading_brighter_than_white_and_flat_regions() -> None:

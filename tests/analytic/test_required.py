@@ -6,9 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from brickwork import transfer_of
+from dense_bricks import OBLIQUE
 from hypothesis import given, settings, strategies as st
 
-from renderer.pyramid import FinestCut, Pyramid, build_pyramid, cut_pyramid
+from renderer.pyramid import FinestCut, Pyramid, build_pyramid, cut_pyramid, cut_sizes
 from renderer.scene import ErrorSpec, PyramidSpec
 from renderer.transfer import TransferFunction
 from renderer.view import visible_points
@@ -19,7 +21,6 @@ MEASURES = {
     "rms": ErrorSpec(measure="rms"),
     "scalar": ErrorSpec(measure="rms", of="scalar"),
 }
-AFFINE = np.array([[0.5, 0.2, -0.1, 3], [0.1, -0.9, 0.3, -7], [0.0, 0.4, 2.0, 1], [0, 0, 0, 1]])
 
 
 def terraces(shape: tuple[int, int, int], dtype: Any, seed: int) -> Volume:
@@ -28,16 +29,14 @@ def terraces(shape: tuple[int, int, int], dtype: Any, seed: int) -> Volume:
     z, y, x = np.indices(shape)
     field = np.where((x // 11 + y // 7) % 3 == 0, 90.0, 0.0) + np.where(z % 29 < 9, 2.0 * x, 0.0)
     field += np.where((y > shape[1] // 2) & (z > shape[0] // 3), rng.uniform(0, 200, shape), 0.0)
-    return make_volume(np.clip(field, 0, 250).astype(dtype), AFFINE, "terraces")
+    return make_volume(np.clip(field, 0, 250).astype(dtype), OBLIQUE, "terraces")
 
 
-def transfer(deepest: float = 0.4) -> TransferFunction:
-    colors = np.array([[0, 0, 0], [0, 0.5, 1], [1, 0.5, 0.1]])
-    return TransferFunction(np.array([0.0, 60, 250]), colors, np.array([0, 0, deepest]), 1.0)
+SLOPE = transfer_of((0, (0, 0, 0), 0), (60, (0, 0.5, 1), 0), (250, (1, 0.5, 0.1), 0.4))
 
 
 def built(volume: Volume, **options: Any) -> Pyramid:
-    return build_pyramid(volume, transfer(), **({"spec": PyramidSpec(), "error": ErrorSpec()} | options))
+    return build_pyramid(volume, SLOPE, **({"spec": PyramidSpec(), "error": ErrorSpec()} | options))
 
 
 def num_nodes(pyramid: Pyramid) -> list[int]:
@@ -111,6 +110,9 @@ def test_a_cut_that_was_not_announced_is_refused() -> None:
     pyramid = built(terraces((9, 9, 9), np.uint8, 0), finest_cut=FinestCut(level=2))
     with pytest.raises(ValueError, match=r"^no pyramid for this level: got 1, expected at least 2$"):
         cut_pyramid(pyramid, 0.1, finest_level=1)
+    for levels in ((2, 1), (1, 2)):
+        with pytest.raises(ValueError, match=r"^no pyramid for this level: got 1, expected at least 2$"):
+            cut_sizes(pyramid, 9, finest_level=levels[0], finest_level_at_zero=levels[1])
 
 
 @pytest.mark.parametrize(("dtype", "average"), [(np.uint8, "extinction"), (np.float32, "opacity")])

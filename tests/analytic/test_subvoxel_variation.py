@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from brick_reference import picture_at
 from brickwork import AFFINES, bricks_of, placed, transfer_of, view_of
@@ -15,8 +14,6 @@ from renderer.bricks.subvoxel import SIMPLIFICATION_TOLERANCE, make_channel_curv
 from renderer.transfer import TransferFunction
 from renderer.truth import integrate
 from renderer.volume import Volume, make_volume
-
-Float64 = npt.NDArray[np.float64]
 
 COLOR = (0.2, 0.7, 1.0)
 

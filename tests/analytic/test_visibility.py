@@ -10,9 +10,7 @@ from brickwork import AFFINES
 from renderer.pyramid import Cut
 from renderer.view import View
 from renderer.view.depth_order import box_order, depth_order
-from renderer.volume import Volume, make_volume
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Float64, Volume, make_volume
 
 each_affine = pytest.mark.parametrize("affine", AFFINES.values(), ids=AFFINES.keys())
 
@@ -149,29 +147,21 @@ def test_cells_of_one_key_keep_their_order() -> None:
     assert len(box_order(alone.levels, alone.cells, alone.volume, view)) == len(alone) <= 1
 
 
-def stable(depths: npt.NDArray[np.float32]) -> npt.NDArray[np.int64]:
-    return np.argsort(-depths.astype(np.float64), kind="stable")
+BIGGEST = np.finfo(np.float32).max
 
 
-@pytest.mark.parametrize("num", [0, 1, 70000])
-def test_depths_of_any_sign_and_size(num: int) -> None:
-    rng = np.random.default_rng(num)
-    depths = (rng.normal(size=num) * 10.0 ** rng.integers(-30, 30, num)).astype(np.float32)
-    np.testing.assert_array_equal(depth_order(depths), stable(depths))
+@pytest.mark.parametrize(
+    "depths",
+    [
+        [],
+        np.random.default_rng(1).normal(size=70000) * 10.0 ** np.random.default_rng(2).integers(-30, 30, 70000),
+        np.random.default_rng(0).integers(-3, 4, 5000),  # equal ones keep their order
+        [0.0, -0.0, 1.0, -0.0, 0.0, -1.0, 1e-45, -1e-45],  # zeros of both signs are equal
+        [-BIGGEST, BIGGEST, 0, -1e-45, np.inf, -np.inf],
+    ],
+    ids=["none", "any", "equal", "zeros", "ends"],
+)
+def test_depths_of_any_sign_and_size(depths: npt.ArrayLike) -> None:
+    depths = np.asarray(depths, np.float32)
+    np.testing.assert_array_equal(depth_order(depths), np.argsort(-depths.astype(np.float64), kind="stable"))
     assert depth_order(depths).dtype == np.uint32
-
-
-def test_equal_depths_keep_their_order() -> None:
-    depths = np.random.default_rng(0).integers(-3, 4, 5000).astype(np.float32)
-    np.testing.assert_array_equal(depth_order(depths), stable(depths))
-
-
-def test_zeros_of_both_signs_are_equal() -> None:
-    depths = np.array([0.0, -0.0, 1.0, -0.0, 0.0, -1.0, 1e-45, -1e-45], np.float32)
-    np.testing.assert_array_equal(depth_order(depths), [2, 6, 0, 1, 3, 4, 7, 5])
-
-
-def test_the_ends_of_float32() -> None:
-    biggest = np.finfo(np.float32).max
-    depths = np.array([-biggest, biggest, 0, -1e-45, np.inf, -np.inf], np.float32)
-    np.testing.assert_array_equal(depth_order(depths), [4, 1, 2, 3, 0, 5])

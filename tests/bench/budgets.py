@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measuring import PAGES, ROOT, THREADS, machine_line, parser_of, render_command, timed
+from measuring import PAGES, ROOT, THREADS, machine_line, parser_of, render_command, section, span, timed
 
 from renderer.bricks.brick_cut import brick_cut_sizes
 from renderer.frame import finest_level_at, make_primitive, prepare_stage
@@ -56,12 +56,10 @@ def main() -> None:
 
 def splats(data: Path) -> Iterator[str]:
     """The finest cut of at most N bricks: how far below N, and how far above it the next one is."""
-    yield "## `splats: N`"
-    yield ""
-    yield "The finest cut of at most N bricks, found from the pyramid. Goal: 0.5 % under N, or the next coarser cut."
-    yield ""
-    yield "| volume | N | bricks | under N | next finer cut | found in | the cut itself |"
-    yield "|---|---|---|---|---|---|---|"
+    text = "The finest cut of at most N bricks, found from the pyramid. Goal: 0.5 % under N, or the next coarser cut."
+    yield from section(
+        "`splats: N`", text, "volume | N | bricks | under N | next finer cut | found in | the cut itself"
+    )
     for name in ("engine", "bonsai"):
         scene = load_scene(ROOT / "configs" / f"{name}.yaml", volume=data / f"{name}.nhdr")
         stage = prepare_stage(scene, clock=time.perf_counter, num_threads=THREADS)
@@ -87,17 +85,14 @@ def splats(data: Path) -> Iterator[str]:
 
 def seconds(data: Path) -> Iterator[str]:
     """Films on a budget of time, and as a measure of the clock films at one of their tolerances."""
-    yield "## `seconds: S`"
-    yield ""
-    yield (
+    text = (
         "*In time*: frames after the first five that took S within 20 %, or less at full resolution. A frame's time "
         "is from its start until the encoder has it. Goal: 90 %. *Steady*: frames of the same film, at the tolerance "
         f"of its middle frame, that took the median of the {WINDOW} frames around them within 20 %. This is what the "
         "machine allows."
     )
-    yield ""
-    yield "| volume | S | frames | in time | steady | median | predicted | bricks | cuts in the film |"
-    yield "|---|---|---|---|---|---|---|---|---|"
+    columns = "volume | S | frames | in time | steady | median | predicted | bricks | cuts in the film"
+    yield from section("`seconds: S`", text, columns)
     for name in ("engine", "bonsai"):
         for budget in SECONDS:
             num = min(max(int(FILM_S / budget), FEWEST_FRAMES), MOST_FRAMES)
@@ -113,7 +108,7 @@ def seconds(data: Path) -> Iterator[str]:
             predicted = statistics.median(frame["predicted_seconds"] for frame in frames)
             yield (
                 f"| {name} | {budget:g} s | {num} | {sum(in_time) / len(in_time):.0%} | {steady:.0%} "
-                f"| {statistics.median(taken):.3g} s | {predicted:.3g} s | {_span(cells)} | {len(set(cells))} |"
+                f"| {statistics.median(taken):.3g} s | {predicted:.3g} s | {span(cells)} | {len(set(cells))} |"
             )
     yield ""
 
@@ -135,15 +130,12 @@ def _is_near(taken: float, wanted: float) -> bool:
 
 def progressive(data: Path) -> Iterator[str]:
     """Progressive films against the last pass alone, one after the other."""
-    yield "## `--progressive`"
-    yield ""
-    yield (
+    text = (
         "The whole command against `hsplat render` without it. Goal: at most 1.4 times its time, where passes are 8 "
         "times apart in predicted seconds."
     )
-    yield ""
-    yield "| film | passes, predicted / taken | first film after | in all | the last pass alone | factor |"
-    yield "|---|---|---|---|---|---|"
+    columns = "film | passes, predicted / taken | first film after | in all | the last pass alone | factor"
+    yield from section("`--progressive`", text, columns)
     for name, tolerance, num in (("engine", 0.1, 60), ("engine", 0.0, 20), ("bonsai", 0.1, 30), ("engine", 0.1, 1)):
         changes = [f"error.tolerance={tolerance}", f"camera.path.frames={num}"]
         alone = _render(data, name, changes)
@@ -165,11 +157,6 @@ def _render(data: Path, name: str, changes: Sequence[str], *options: str) -> dic
         timed([*render_command(scene, volume, film, ("output.background=black", *changes)), "--best-effort", *options])
         record: dict[str, Any] = json.loads((Path(folder) / "film.mp4.json").read_text())
         return record
-
-
-def _span(cells: Sequence[int]) -> str:
-    low, high = min(cells), max(cells)
-    return f"{low}" if low == high else f"{low} to {high}"
 
 
 if __name__ == "__main__":

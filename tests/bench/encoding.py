@@ -17,7 +17,6 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from measuring import PAGES, medians_in_turns, parser_of
 from scipy import ndimage
 
@@ -25,6 +24,7 @@ from hsplat_cli.terminal import describe_machine
 from renderer import render, suggest_scene
 from renderer.film import Picture, decode_known_film, find_ffmpeg
 from renderer.film.encode import gif_options, mp4_options, open_encoder
+from renderer.volume import UInt8
 
 PAGE = PAGES / "encoding.md"
 VOLUMES = {"engine": "engine.nhdr", "bonsai": "bonsai.nhdr", "head": "medical/headsq_quarter.nrrd"}
@@ -89,7 +89,7 @@ CONCLUSION = """
 (medians of {repeats}, beside other work).
 """
 
-Pictures = npt.NDArray[np.uint8]
+Pictures = UInt8
 Options = Sequence[str]
 Decoder = Callable[[Path], Pictures]
 
@@ -114,7 +114,7 @@ def main() -> None:
         mp4, gif = decoding_times(films["engine"], folder)
     version = subprocess.run([find_ffmpeg(PAGE), "-version"], check=True, capture_output=True, text=True).stdout
     ffmpeg = " ".join(version.split()[:3])
-    head = HEAD.format(date=time.strftime("%Y-%m-%d"), ffmpeg=ffmpeg, **describe_machine("compiled loops"))
+    head = HEAD.format(date=time.strftime("%Y-%m-%d"), ffmpeg=ffmpeg, **describe_machine("kernels"))
     tail = CONCLUSION.format(num=NUM_DECODED, mp4=mp4, gif=gif, repeats=REPEATS)
     lines = [head + STEPS_HEAD.rstrip(), "", *steps, FINDINGS.rstrip(), "", *settings, tail.rstrip()]
     PAGE.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -86,26 +86,25 @@ def main() -> None:
         PAGE.write_text("\n".join(lines).rstrip() + "\n")
 
 
+HEAD = """# The footprints compared
+
+Footprints: `integrated`, the default, and splats (`footprint: gaussian`). Measure again when the cut, the drawing of
+either footprint or the default changes.
+
+`python tests/bench/footprints.py DATA` writes this page. It draws one frame of 256 x 256, along no axis, and gives the
+processor time of all threads, the median of up to five warm frames, at the fastest tolerance that reaches each accuracy
+against the converged ray integral. Tolerances from 30 down to 0 were tried for both footprints. `integrated` is the
+default because of these numbers.
+
+{machine}
+
+| accuracy | integrated / gaussian, least | median | most | volumes where only integrated reaches it |
+| --- | --- | --- | --- | --- |"""
+
+
 def head(found: dict[str, Any]) -> Iterator[str]:
     """What the page says first: the range of the ratios at each accuracy."""
-    yield "# The footprints compared"
-    yield ""
-    yield (
-        "Footprints: `integrated`, the default, and splats (`footprint: gaussian`). Measure again when the cut, the "
-        "drawing of either footprint or the default changes."
-    )
-    yield ""
-    yield (
-        "`python tests/bench/footprints.py DATA` writes this page. It draws one frame of 256 x 256, along no axis, "
-        "and gives the processor time of all threads, the median of up to five warm frames, at the fastest tolerance "
-        "that reaches each accuracy against the converged ray integral. Tolerances from 30 down to 0 were tried for "
-        "both footprints. `integrated` is the default because of these numbers."
-    )
-    yield ""
-    yield machine_line()
-    yield ""
-    yield "| accuracy | integrated / gaussian, least | median | most | volumes where only integrated reaches it |"
-    yield "| --- | --- | --- | --- | --- |"
+    yield HEAD.format(machine=machine_line())
     for accuracy in ACCURACIES:
         ratios = [ratio for each in found.values() if (ratio := ratio_at(each, accuracy)) is not None]
         alone = sum(
@@ -143,14 +142,12 @@ def row_of_pictures() -> Iterator[str]:
 
 def stills(data: Path, found: dict[str, Any]) -> Iterator[str]:
     """A single picture by a whole command, where the footprint that needs more beforehand loses most."""
-    yield "## One picture, from the command to the file"
-    yield ""
-    yield (
+    text = (
         "`hsplat render --frames 11`: processor seconds with start-up, reading and encoding, medians of three. "
         "Bricks need the whole pyramid; splats at a coarse tolerance need a part of it. The first frames of a film "
         "win back what that costs."
     )
-    yield ""
+    yield from ("## One picture, from the command to the file", "", text, "")
     yield "| scene | accuracy | integrated | gaussian | ratio |"
     yield "| --- | --- | --- | --- | --- |"
     for name, scene, volume in (

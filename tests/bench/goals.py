@@ -17,14 +17,13 @@ from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import numpy as np
-from measuring import PAGES, THREADS, machine_line, parser_of
+from measuring import PAGES, THREADS, machine_line, parser_of, section, span, suggested
 
-import renderer
 from renderer.bricks.pixel_grid import STRIDES
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.frame import Frame, Stage, open_stage, render_frames
 from renderer.probes import ExactPixels, FrameProber, psnr
-from renderer.scene import MetricTarget, Scene, with_tolerance, with_tolerances
+from renderer.scene import MetricTarget, with_tolerance, with_tolerances
 from renderer.study import FilmTolerances, Trial, film_tolerances, find_film_tolerances
 from renderer.volume import Float64
 
@@ -171,7 +170,8 @@ def load(raw: Path) -> Measured:
 
 def measure(data: Path, name: str, subject: Subject, found: Measured) -> None:
     """Find tolerances for each goal of a scene, draw the films, and add their figures."""
-    scene = scene_of(data, subject)
+    lit = {"is_lit": subject.is_lit, "is_splats": subject.is_splats}
+    scene = suggested(data / subject.file, SIZE, num_frames=NUM_FRAMES, **lit)
     with (
         open_stage(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True) as stage,
         open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer,
@@ -185,15 +185,6 @@ def measure(data: Path, name: str, subject: Subject, found: Measured) -> None:
             if subject.is_compared:
                 found.savings.append(saving_of(room, film))
                 print(found.savings[-1], flush=True)
-
-
-def scene_of(data: Path, subject: Subject) -> Scene:
-    """Return the suggested scene, with few frames."""
-    scene = renderer.suggest_scene(data / subject.file, size=SIZE)
-    camera = replace(scene.camera, path=replace(scene.camera.path, frames=NUM_FRAMES))
-    if subject.is_splats:
-        scene = replace(scene, splat=replace(scene.splat, footprint="gaussian"))
-    return replace(scene, camera=camera, shading=scene.shading if subject.is_lit else None)
 
 
 def warm_up(stage: Stage, rasterizer: Rasterizer) -> None:
@@ -302,15 +293,12 @@ def summary(films: Sequence[Film]) -> Iterator[str]:
 
 def each_film(films: Sequence[Film]) -> Iterator[str]:
     """Yield a row for each film."""
-    yield "## Each film"
-    yield ""
-    yield (
+    text = (
         "*Too good*: the mean PSNR of the frames, less the goal. *Search*: seconds without the drawing of its trial "
         "pictures, by the clock and of all processors: mostly exact rays. Other work on the machine was not excluded."
     )
-    yield ""
-    yield "| scene | goal, dB | reach it | mean, dB | least, dB | too good, dB | trials | search | CPU | tolerances |"
-    yield "| --- " * 10 + "|"
+    columns = "scene | goal, dB | reach it | mean, dB | least, dB | too good, dB | trials | search | CPU | tolerances"
+    yield from section("Each film", text, columns)
     yield from map(_row, by_goal(films))
     yield ""
 
@@ -319,12 +307,7 @@ def _row(film: Film) -> str:
     goal = f"{film.goal:g}" if film.is_reachable else f"{film.goal:g}, not reachable"
     accuracy = f"{film.share:.0%} | {np.mean(film.psnrs):.1f} | {min(film.psnrs):.1f} | {film.excess:.1f}"
     search = f"{film.num_trials} | {film.seconds:.1f} s | {film.cpu_seconds:.1f} s"
-    return f"| {film.scene} | {goal} | {accuracy} | {search} | {_span(film.tolerances)} |"
-
-
-def _span(values: Sequence[float]) -> str:
-    low, high = min(values), max(values)
-    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
+    return f"| {film.scene} | {goal} | {accuracy} | {search} | {span(film.tolerances)} |"
 
 
 def by_goal(rows: Sequence[Any]) -> list[Any]:
@@ -335,10 +318,8 @@ def by_goal(rows: Sequence[Any]) -> list[Any]:
 
 def too_good(films: Sequence[Film]) -> Iterator[str]:
     """Yield why films are too good."""
-    yield f"## Films more than {TOO_GOOD:g} dB too good"
-    yield ""
     listed = ", ".join(f"{least:g}" for least, _, _ in reversed(STRIDES))
-    yield (
+    text = (
         "They were drawn again with all tolerances a step coarser, of the steps that the search tries. *Enter*: frames "
         f"that thereby reach a tolerance from which on pixels are interpolated, {listed} "
         "(`renderer/bricks/pixel_grid.py`). Accuracy falls there at once: a goal between the two gets the finer one. "
@@ -346,9 +327,8 @@ def too_good(films: Sequence[Film]) -> Iterator[str]:
         "the film at one tolerance differ, at the most. Where it is large, frames between those that were tried may be "
         "much better than these."
     )
-    yield ""
-    yield "| scene | goal, dB | mean, dB | a step coarser: mean, dB | reach it | enter | no coarser | spread, dB |"
-    yield "| --- " * 8 + "|"
+    columns = "scene | goal, dB | mean, dB | a step coarser: mean, dB | reach it | enter | no coarser | spread, dB"
+    yield from section(f"Films more than {TOO_GOOD:g} dB too good", text, columns)
     for film in by_goal(films):
         coarser = film._replace(psnrs=film.coarser_psnrs)
         accuracy = f"{np.mean(film.psnrs):.1f} | {np.mean(coarser.psnrs):.1f} | {coarser.share:.0%}"
@@ -371,19 +351,16 @@ def savings(found: Sequence[Saving]) -> Iterator[str]:
     """Yield what varying tolerances save."""
     saved = [each.saved for each in found]
     alike = [each.saved for each in found if each.psnr == each.psnr_of_one]
-    yield "## What varying tolerances save"
-    yield ""
-    yield (
+    text = (
         "The same films at one tolerance, the finest of those that were found: processor milliseconds of a frame, "
         f"medians of {TURNS} films in turns. PSNR is the mean of the frames. Varying tolerances save "
         f"{_percent(float(np.mean(saved)))} of the time on the mean, {_percent(min(saved))} to {_percent(max(saved))}."
     )
     if alike:
         listed = ", ".join(map(_percent, alike))
-        yield f"Where the search found one tolerance, both films are the same, and what differs is chance: {listed}."
-    yield ""
-    yield "| scene | goal, dB | varying | PSNR, dB | one tolerance | its time | PSNR, dB | saved |"
-    yield "| --- " * 8 + "|"
+        text += f" Where the search found one tolerance, both films are the same; what differs is chance: {listed}."
+    columns = "scene | goal, dB | varying | PSNR, dB | one tolerance | its time | PSNR, dB | saved"
+    yield from section("What varying tolerances save", text, columns)
     for each in by_goal(found):
         varying = f"{each.ms:.1f} ms | {each.psnr:.1f}"
         one = f"{each.tolerance:g} | {each.ms_of_one:.1f} ms | {each.psnr_of_one:.1f}"

@@ -16,7 +16,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from measuring import PAGES, ROOT, SCENES, THREADS, machine_line, medians_in_turns, parser_of
 
 from renderer.draw import GLRasterizer
@@ -25,13 +24,13 @@ from renderer.readers import read_volume
 from renderer.readers.procedural import procedural_values
 from renderer.scene import ProceduralSource, Scene, load_scene, with_tolerance
 from renderer.study import FRAME_STAGES
-from renderer.volume import make_volume
+from renderer.volume import UInt8, make_volume
 
 PAGE = PAGES / "growth.md"
 SIZES, TOLERANCES = (128, 256, 512), (0.3, 0.1)
 SIZE_PX, FRAME, REPEATS, GOAL = 512, 11, 7, 1.5
 
-Values = npt.NDArray[np.uint8]
+Values = UInt8
 
 
 def main() -> None:

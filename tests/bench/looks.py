@@ -16,11 +16,11 @@ from typing import Any
 
 import imageio.v3 as iio
 import numpy as np
-import numpy.typing as npt
 from measuring import PAGES, machine_line
 
 import renderer
 from renderer.readers import read_volume
+from renderer.volume import UInt8
 
 PAGE = PAGES / "looks.md"
 SIZE, FRAMES, BEFORE_FRAMES, ROWS_PER_PICTURE = (200, 200), (10, 45, 85), (10, 45), 8
@@ -53,28 +53,17 @@ NOTES = (
     "noise without a background. The pictures are those of now.",
 )
 VOLUMES = {
-    "engine": "engine.nhdr",
-    "bonsai": "bonsai.nhdr",
-    "fuel": "fuel.nhdr",
-    "neghip": "neghip.nhdr",
-    "hydrogen atom": "hydrogenAtom.nhdr",
-    "Marschner-Lobb": "marschnerlobb.nhdr",
-    "walnut": "walnut.raw",
-    "LIDC2, CT": "medical/LIDC2.mha",
-    "CT_pitch": "medical/CT_pitch.nii.gz",
-    "headsq_quarter, CT": "medical/headsq_quarter.nrrd",
-    "t1_dicom_part": "medical/t1_dicom_part",
-    "seg3d_MR": "medical/seg3d_MR.nii.gz",
-    "chris_PD": "medical/chris_PD.nii.gz",
-    "CIT168_T1w": "medical/CIT168_T1w.nii.gz",
-    "CIT168_labels": "medical/CIT168_labels.nii.gz",
-    "PD25_T1": "medical/PD25_T1.nii.gz",
-    "PD25_labels": "medical/PD25_labels.nii.gz",
-    "example4d": "medical/example4d.nii.gz",
-    "functional": "medical/functional.nii",
+    "engine": "engine.nhdr", "bonsai": "bonsai.nhdr", "fuel": "fuel.nhdr", "neghip": "neghip.nhdr",
+    "hydrogen atom": "hydrogenAtom.nhdr", "Marschner-Lobb": "marschnerlobb.nhdr", "walnut": "walnut.raw",
+    "LIDC2, CT": "medical/LIDC2.mha", "CT_pitch": "medical/CT_pitch.nii.gz",
+    "headsq_quarter, CT": "medical/headsq_quarter.nrrd", "t1_dicom_part": "medical/t1_dicom_part",
+    "seg3d_MR": "medical/seg3d_MR.nii.gz", "chris_PD": "medical/chris_PD.nii.gz",
+    "CIT168_T1w": "medical/CIT168_T1w.nii.gz", "CIT168_labels": "medical/CIT168_labels.nii.gz",
+    "PD25_T1": "medical/PD25_T1.nii.gz", "PD25_labels": "medical/PD25_labels.nii.gz",
+    "example4d": "medical/example4d.nii.gz", "functional": "medical/functional.nii",
     "benzene, orbital": "simulation/benzene-homo.cube",
-}
-Pixels = npt.NDArray[np.uint8]
+}  # fmt: skip
+Pixels = UInt8
 
 
 def source(path: Path) -> Any:

@@ -1,4 +1,4 @@
-"""What the benchmarks share: their folders and command line, films by whole commands, and work in turns."""
+"""What the benchmarks share: their folders and command line, scenes, films by whole commands, work in turns, tables."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+import renderer
 from hsplat_cli.terminal import describe_machine
 from renderer.draw import GLRasterizer
+from renderer.scene import Scene
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = ROOT / "docs" / "benchmarks"
@@ -66,3 +69,32 @@ def medians_in_turns(works: Sequence[Callable[[], float]], repeats: int) -> list
     """Return the median of what each returns, when they take turns; the first turn is not counted."""
     turns = [[work() for work in works] for _ in range(repeats + 1)]
     return [statistics.median(taken) for taken in zip(*turns[1:], strict=True)]
+
+
+def taken(work: Callable[[], object], clock: Callable[[], float] = time.process_time) -> float:
+    """Return the seconds that some work takes."""
+    begin = clock()
+    work()
+    return clock() - begin
+
+
+def suggested(
+    file: Path, size: tuple[int, int], *, num_frames: int = 0, is_lit: bool = True, is_splats: bool = False
+) -> Scene:
+    """Return the suggested scene, with fewer frames, without its light or as splats."""
+    scene = renderer.suggest_scene(file, size=size)
+    if num_frames:
+        scene = replace(scene, camera=replace(scene.camera, path=replace(scene.camera.path, frames=num_frames)))
+    if is_splats:
+        scene = replace(scene, splat=replace(scene.splat, footprint="gaussian"))
+    return scene if is_lit else replace(scene, shading=None)
+
+
+def section(title: str, text: str, columns: str) -> Iterator[str]:
+    """Yield a heading, a paragraph and the head of a table. columns: such as `volume | time`."""
+    yield from (f"## {title}", "", text, "", f"| {columns} |", "| --- " * (columns.count(" | ") + 1) + "|")
+
+
+def span(values: Sequence[float]) -> str:
+    low, high = min(values), max(values)
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"

@@ -187,11 +187,6 @@ def measured(scene: Scene) -> Iterator[Figures]:
             yield figures(stage, rounds, truths)
 
 
-def drawn(stage: Stage, rasterizer: CPURasterizer) -> list[Frame]:
-    """Draw the frames once."""
-    return list(render_frames(stage, FRAMES, rasterizer, clock=time.perf_counter))
-
-
 def truth(stage: Stage, frame: int) -> Float64:
     """Return the exact colours of a frame, float64 [h, w, 3]."""
     width, height = SIZE

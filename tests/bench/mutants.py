@@ -7,8 +7,8 @@
 3. `run FOLDER` changes one place at a time in a copy of the checkout, runs the tests that cover it, the quickest first,
    up to the first failure, and writes what it saw to FOLDER/results.json. It resumes where it was stopped.
 
-A line of a compiled loop, or of a constant, is not seen by the tracer: it counts as covered where a function that names
-it, at whatever remove, is. Needs pytest-cov; takes hours, so nothing runs it but a person.
+A line of a constant is run when it is imported: it counts as covered where a function that names it is. Needs
+pytest-cov; takes hours, so nothing runs it but a person.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ import json
 import math
 import os
 import random
-import shutil
 import subprocess
 import sys
 import time
@@ -186,8 +185,11 @@ class Coverage:
     def tests_of(self, mutant: Mutant) -> list[str]:
         """Return the tests that run a mutant, the quickest first, no more than MAX_TESTS_S of them."""
         tests = self._tests_between(mutant.file, mutant.first_line, mutant.last_line)
-        if not tests or _is_run_at_import(mutant):
-            tests |= self._by_name(mutant)
+        if _is_run_at_import(mutant):
+            names = _names_set_at(mutant)
+            for file, first, last, used in self._functions:
+                if names & used:
+                    tests |= self._tests_between(file, first, last)
         picked, seconds = [], 0.0
         for test in sorted(tests - self._failed, key=lambda name: (self._durations.get(name, 1.0), name)):
             seconds += self._durations.get(test, 1.0)
@@ -196,31 +198,15 @@ class Coverage:
             picked.append(test)
         return picked
 
-    def _by_name(self, mutant: Mutant) -> set[str]:
-        """Of compiled loops and constants: what runs the functions that name them, at whatever remove."""
-        names = _names_set_at(mutant) if _is_run_at_import(mutant) else {mutant.function.rpartition(".")[2]}
-        seen: set[str] = set()
-        tests: set[str] = set()
-        while names - seen:
-            name = (names - seen).pop()
-            seen.add(name)
-            for file, function, first, last, used in self._functions:
-                if name in used:
-                    covered = self._tests_between(file, first, last)
-                    tests |= covered
-                    if not covered:
-                        names.add(function)
-        return tests
 
-
-def _functions_of(path: Path) -> Iterator[tuple[str, str, int, int, frozenset[str]]]:
-    """Yield each function of a file: its name, the lines of its body, and the names that it uses."""
+def _functions_of(path: Path) -> Iterator[tuple[str, int, int, frozenset[str]]]:
+    """Yield, of each function of a file, the file, the lines of its body, and the names that it uses."""
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
         if isinstance(node, ast.FunctionDef):
             used = {part.id for part in ast.walk(node) if isinstance(part, ast.Name)}
             used |= {part.attr for part in ast.walk(node) if isinstance(part, ast.Attribute)}
             last = node.end_lineno or node.lineno
-            yield str(path.relative_to(ROOT)), node.name, node.body[0].lineno, last, frozenset(used)
+            yield str(path.relative_to(ROOT)), node.body[0].lineno, last, frozenset(used)
 
 
 def _is_run_at_import(mutant: Mutant) -> bool:
@@ -252,6 +238,7 @@ def run(folder: Path) -> None:
     copy = folder.resolve() / "copy"
     if not copy.exists():
         subprocess.run(["git", "clone", "-q", str(ROOT), str(copy)], check=True)
+        subprocess.run([sys.executable, "-m", "renderer.kernels.build"], check=True, cwd=copy)
     for number, mutant in enumerate(drawn):
         if str(number) not in results:
             tests = coverage.tests_of(mutant)
@@ -281,8 +268,6 @@ def _try(mutant: Mutant, tests: list[str], copy: Path) -> tuple[bool, float]:
         found = True
     finally:
         target.write_bytes(source)
-        for kernels in [*copy.rglob("__pycache__/kernels-*")]:  # compiled from the mutant
-            shutil.rmtree(kernels, ignore_errors=True)
     return found, time.monotonic() - begin
 
 

@@ -5,16 +5,14 @@ The reference sends many rays in fine steps from random visible places. The page
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from light_reference import exact_occlusion, exact_shadow, sampled
-from measuring import PAGES, THREADS, machine_line, medians_in_turns, parser_of
+from measuring import PAGES, THREADS, machine_line, medians_in_turns, parser_of, taken
 from scipy import ndimage
 
 import renderer
@@ -22,7 +20,7 @@ from renderer.lighting import light_field
 from renderer.readers import read_volume
 from renderer.scene import ShadingSpec
 from renderer.transfer import TransferFunction, make_transfer_function
-from renderer.volume import Volume
+from renderer.volume import Float64, Volume
 
 PAGE = PAGES / "occlusion.md"
 VOLUMES = {"engine": "engine.nhdr", "bonsai": "bonsai.nhdr", "head": "medical/headsq_quarter.nrrd"}
@@ -74,20 +72,14 @@ def rows(name: str, file: Path) -> Iterator[str]:
             partial(make, replace(shading, occlusion=0.0, shadow=1.0)),
             partial(make, replace(shading, occlusion=1.0, shadow=1.0)),
         ]
-        seconds = medians_in_turns([partial(timed, work) for work in works], REPEATS)
+        seconds = medians_in_turns([partial(taken, work) for work in works], REPEATS)
         cells = " x ".join(str(num - 2) for num in field.occlusion.shape[::-1])
         voxels = " x ".join(map(str, volume.shape_xyz))
         figures = [f"{error:.4f}" for error in errors] + [f"{each:.2f}" for each in seconds]
         yield f"| {name} | {voxels} | {cells} | {field.cell_size} | {' | '.join(figures)} |"
 
 
-def timed(work: Callable[[], object]) -> float:
-    begin = time.process_time()
-    work()
-    return time.process_time() - begin
-
-
-def visible_points(volume: Volume, transfer: TransferFunction) -> npt.NDArray[np.float64]:
+def visible_points(volume: Volume, transfer: TransferFunction) -> Float64:
     """Return random places (x, y, z) in voxels, float64 [NUM_POINTS, 3]."""
     depths = transfer.classify(volume.values)[1] * volume.finest_spacing
     rng, shape = np.random.default_rng(3), np.array(volume.shape_xyz)

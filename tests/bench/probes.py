@@ -17,14 +17,13 @@ from statistics import median
 from typing import NamedTuple
 
 import numpy as np
-from measuring import PAGES, THREADS, machine_line, parser_of
+from measuring import PAGES, THREADS, machine_line, parser_of, section, suggested
 
-import renderer
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.film import Pixels, over_background
 from renderer.frame import Stage, open_stage, render_frames, view_of
 from renderer.probes import ErrorSamples, FrameProber, choose_pixels, error_samples, pool_samples, psnr
-from renderer.scene import Scene, with_tolerance
+from renderer.scene import with_tolerance
 from renderer.transfer import make_transfer_function
 from renderer.truth import RayIntegrator
 from renderer.volume import Float64
@@ -55,11 +54,12 @@ The interval was made with most of these scans in view, so the shares may flatte
 
 
 class Subject(NamedTuple):
-    """A suggested scene, with a change."""
+    """A suggested scene."""
 
     name: str
     file: str
-    change: Callable[[Scene], Scene]
+    is_lit: bool = True
+    is_splats: bool = False
 
 
 class Case(NamedTuple):
@@ -122,7 +122,7 @@ def _printed(figures: Figures) -> Figures:
 
 def measured(data: Path, subject: Subject, processes: Executor) -> Figures:
     """Draw a scene and probe it many times."""
-    scene = subject.change(renderer.suggest_scene(data / subject.file, size=SIZE))
+    scene = suggested(data / subject.file, SIZE, is_lit=subject.is_lit, is_splats=subject.is_splats)
     with (
         open_stage(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True) as stage,
         open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer,
@@ -236,19 +236,16 @@ def page(found: Sequence[Figures]) -> Iterator[str]:
 
 def scenes(found: Sequence[Figures]) -> Iterator[str]:
     """Yield a row for each scene."""
-    yield "## Each scene"
-    yield ""
-    yield (
+    text = (
         f"Shares are those of the tolerance where they are least, at {FILM_RAYS} rays a frame: *frame* of "
         f"{REPEATS * len(FRAMES)} intervals, *film* of {REPEATS} of all {len(FRAMES)} frames together. *Normal* is the "
         "share for frames if the interval were the mean and 1.96 of its standard errors either way. The least of "
         f"{len(TOLERANCES)} shares lies below 95 % by chance, where each is 95 %: about 1 % for frames and 2 % for "
         "films. Half-widths are medians over all tolerances, of frames."
     )
-    yield ""
     widths = " | ".join(f"+- dB, {num} rays" for num in RAYS)
-    yield f"| scene | PSNR, dB | frame, least | film, least | normal, least | {widths} |"
-    yield "| --- " * (5 + len(RAYS)) + "|"
+    columns = f"scene | PSNR, dB | frame, least | film, least | normal, least | {widths}"
+    yield from section("Each scene", text, columns)
     yield from map(_row, found)
     yield ""
 
@@ -269,16 +266,13 @@ def _least(cases: Sequence[Case], share: Callable[[Case], float]) -> str:
 
 def together(cases: Sequence[Case]) -> Iterator[str]:
     """Yield the rows over all scenes and tolerances."""
-    yield "## All scenes"
-    yield ""
-    yield (
+    text = (
         f"The long film has each of the {len(FRAMES)} frames {TIMES} times, with {TIMES} of the {REPEATS} seeds drawn "
         "by chance: films share probes, so that a share of one case is uncertain by several percent. *Mean* and "
         "*least* are over the cases, half-widths medians and the one that 95 % of intervals stay below."
     )
-    yield ""
-    yield "| of | rays a frame | holds, mean | holds, least | half-width, dB | 95 % below |"
-    yield "| --- " * 6 + "|"
+    columns = "of | rays a frame | holds, mean | holds, least | half-width, dB | 95 % below"
+    yield from section("All scenes", text, columns)
     for num in RAYS:
         yield _share_row("frame", num, [case.frames[num] for case in cases])
     for num in RAYS:
@@ -300,53 +294,33 @@ def _share_row(of: str, num_rays: int, found: Sequence[Float64]) -> str:
 
 def times(found: Sequence[Figures]) -> Iterator[str]:
     """Yield what the rays of a frame cost."""
-    yield "## What the rays cost"
-    yield ""
-    yield (
+    text = (
         f"`FrameProber.probe` with {FILM_RAYS} rays, beside the frame's own drawing at `tolerance: "
         f"{TIMED_TOLERANCE:g}`: CPU milliseconds of all threads, medians of {TIMED_ROUNDS * len(FRAMES)} frames in "
         "turns. The first round of frames, which uploads bricks and finds empty space, is not counted. Encoding is not "
         "counted, either. Other work on the machine was not excluded."
     )
-    yield ""
-    yield "| scene | drawing | probing | share |"
-    yield "| --- | --- | --- | --- |"
+    yield from section("What the rays cost", text, "scene | drawing | probing | share")
     for each in found:
         share = each.probe_ms / each.draw_ms
         yield f"| {each.name} | {each.draw_ms:.1f} ms | {each.probe_ms:.1f} ms | {share:.0%} |"
 
 
-def _as_suggested(scene: Scene) -> Scene:
-    return scene
-
-
-def _unlit(scene: Scene) -> Scene:
-    return replace(scene, shading=None)
-
-
-def _splats(scene: Scene) -> Scene:
-    return replace(scene, splat=replace(scene.splat, footprint="gaussian"))
-
-
-def _unlit_splats(scene: Scene) -> Scene:
-    return _splats(_unlit(scene))
-
-
 SUBJECTS = (
-    Subject("engine, CT", "engine.nhdr", _as_suggested),
-    Subject("bonsai, CT", "bonsai.nhdr", _as_suggested),
-    Subject("fuel, simulation, not lit", "fuel.nhdr", _unlit),
-    Subject("hydrogen atom", "hydrogenAtom.nhdr", _as_suggested),
-    Subject("neghip, splats, not lit", "neghip.nhdr", _unlit_splats),
-    Subject("Marschner-Lobb", "marschnerlobb.nhdr", _as_suggested),
-    Subject("head, CT, splats", "medical/headsq_quarter.nrrd", _splats),
-    Subject("head, CT, oblique", "medical/CT_pitch.nii.gz", _as_suggested),
-    Subject("chest, CT, not lit", "medical/LIDC2.mha", _unlit),
-    Subject("head, proton density", "medical/chris_PD.nii.gz", _as_suggested),
-    Subject("head, T1 atlas", "medical/PD25_T1.nii.gz", _as_suggested),
-    Subject("head, MR, not lit", "medical/seg3d_MR.nii.gz", _unlit),
-    Subject("head, T1 of CIT168", "medical/CIT168_T1w.nii.gz", _as_suggested),
-    Subject("engine, splats, not lit", "engine.nhdr", _unlit_splats),
+    Subject("engine, CT", "engine.nhdr"),
+    Subject("bonsai, CT", "bonsai.nhdr"),
+    Subject("fuel, simulation, not lit", "fuel.nhdr", is_lit=False),
+    Subject("hydrogen atom", "hydrogenAtom.nhdr"),
+    Subject("neghip, splats, not lit", "neghip.nhdr", is_lit=False, is_splats=True),
+    Subject("Marschner-Lobb", "marschnerlobb.nhdr"),
+    Subject("head, CT, splats", "medical/headsq_quarter.nrrd", is_splats=True),
+    Subject("head, CT, oblique", "medical/CT_pitch.nii.gz"),
+    Subject("chest, CT, not lit", "medical/LIDC2.mha", is_lit=False),
+    Subject("head, proton density", "medical/chris_PD.nii.gz"),
+    Subject("head, T1 atlas", "medical/PD25_T1.nii.gz"),
+    Subject("head, MR, not lit", "medical/seg3d_MR.nii.gz", is_lit=False),
+    Subject("head, T1 of CIT168", "medical/CIT168_T1w.nii.gz"),
+    Subject("engine, splats, not lit", "engine.nhdr", is_lit=False, is_splats=True),
 )
 
 

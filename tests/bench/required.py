@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from measuring import PAGES, ROOT, THREADS, medians_in_turns, parser_of
+from measuring import PAGES, ROOT, THREADS, medians_in_turns, parser_of, taken
 
 from hsplat_cli.terminal import describe_machine
 from renderer.bricks import PADDED_BRICK_SIZE
@@ -85,7 +85,7 @@ scan, engine, *changes = sys.argv[1:]
 scene = load_scene(pathlib.Path(engine), volume=pathlib.Path(scan), overrides=changes)
 stage = prepare_stage(scene, clock=time.perf_counter, num_threads=1)
 next(render_frames(stage, [0], CPURasterizer(), clock=time.perf_counter))
-print(*kernels().called)
+print(*(name for name in vars(kernels()) if not name.startswith("_")))
 """
 
 
@@ -132,10 +132,7 @@ def sections(data: Path) -> Iterator[str]:
 
     plain = load()
     volume = read_volume(plain.volume)
-    for change, demand in (
-        ("shading={}", "lighting"),
-        ("error.tolerance=0", "`tolerance: 0`"),
-    ):
+    for change, demand in (("shading={}", "lighting"), ("error.tolerance=0", "`tolerance: 0`")):
         other = load(change)
         draw = timed(*(drawer(builder(scene, volume)(), CPURasterizer()) for scene in (plain, other)))
         yield row("engine at `tolerance: 0.1`: a frame", draw, demand, "ms")
@@ -208,14 +205,8 @@ def timed(
     few: Callable[[], object], many: Callable[[], object], clock: Callable[[], float] = time.process_time
 ) -> tuple[float, float]:
     """Return the median milliseconds of both, run in turn, after one run of each that is not counted."""
-
-    def taken(work: Callable[[], object]) -> float:
-        begin = clock()
-        work()
-        return (clock() - begin) * 1e3
-
-    first, second = medians_in_turns([partial(taken, few), partial(taken, many)], REPEATS)
-    return first, second
+    first, second = medians_in_turns([partial(taken, work, clock) for work in (few, many)], REPEATS)
+    return 1e3 * first, 1e3 * second
 
 
 if __name__ == "__main__":

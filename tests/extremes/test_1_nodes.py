@@ -9,16 +9,13 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from extremes import Extreme, Measure, Random, Section, worst_of
 
 from renderer.pyramid import Pyramid, build_pyramid
 from renderer.scene import ErrorSpec, PyramidSpec
 from renderer.transfer import TransferFunction
-from renderer.volume import Volume, make_volume
-
-Array = npt.NDArray[Any]
+from renderer.volume import Array, Volume, make_volume
 
 SINGLE, HALF = PyramidSpec(precision="single"), PyramidSpec(precision="half")
 SCALAR, OPTICAL = ErrorSpec(measure="rms", of="scalar"), ErrorSpec()
@@ -166,16 +163,11 @@ SECTION = Section(
     "Error of a node",
     (
         *(node(name, method, measure=of_scalars(make)) for name, (method, make) in SCALARS.items()),
-        Extreme(
-            "0 to 255 in half precision",
-            "stored in float16, which rounds to 5e-4",
-            RELATIVE,
-            2.0**-11 + 1e-6,
-            of_scalars(uniform(np.float32, 0, 255), HALF),
-        ),
+        Extreme("0 to 255 in half precision", "stored in float16, which rounds to 5e-4", RELATIVE, 2.0**-11 + 1e-6,
+            of_scalars(uniform(np.float32, 0, 255), HALF)),
         Extreme("a million equal voxels", "no difference, no error", "largest error of a node", 0.0, equal_voxels),
     ),
-)
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("extreme", SECTION.extremes, ids=str)

@@ -9,7 +9,6 @@ from typing import Any
 
 import mpmath
 import numpy as np
-import numpy.typing as npt
 import pytest
 from extremes import Extreme, Measure, Random, Section, worst_of
 
@@ -18,9 +17,7 @@ from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, Tran
 from renderer.splats import make_splats
 from renderer.transfer import make_transfer_function
 from renderer.transfer.transfer_function import MAX_VOXEL_DEPTH
-from renderer.volume import Volume, make_volume
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Float32, Volume, make_volume
 
 mpmath.mp.dps = 50
 
@@ -84,7 +81,7 @@ def relative_transmittance_error(depth: float, exact: Any) -> float:
     return relative(math.exp(-depth), mpmath.exp(-exact)) if exact < 700 else 0.0
 
 
-def column_depth(depth: npt.NDArray[np.float32], level: int, spacing: float) -> float:
+def column_depth(depth: Float32, level: int, spacing: float) -> float:
     """Return the optical depth of a cell along an axis, in a volume of 2^20 voxels a side, by the area of its splat.
 
     The volume has no voxels: nothing reads them.
@@ -97,7 +94,7 @@ def column_depth(depth: npt.NDArray[np.float32], level: int, spacing: float) -> 
     return float(splats.vertices[0, 6]) * splats.model_unit**2 / (spacing * 2.0**level) ** 2
 
 
-def voxel_depth(spec: TransferSpec, value: float, spacing: float) -> npt.NDArray[np.float32]:
+def voxel_depth(spec: TransferSpec, value: float, spacing: float) -> Float32:
     """Return the channels in the cut of a volume of one voxel, float32 [4]; zeros where it is invisible."""
     of = make_volume(np.full((1, 1, 1), value), np.diag([spacing, spacing, spacing, 1.0]), "a voxel")
     transfer = make_transfer_function(spec, of.finest_spacing)
@@ -157,46 +154,26 @@ FLOATS = LOGS + "; depths in float32"
 SECTION = Section(
     "Opacity",
     (
-        Extreme(
-            "corrected opacity of a cell of 1 to 2^20 voxels, float64",
-            LOGS,
-            "relative error",
-            1e-6,
-            of_extinctions(opacity_error),
-        ),
+        Extreme("corrected opacity of a cell of 1 to 2^20 voxels, float64", LOGS, "relative error", 1e-6,
+            of_extinctions(opacity_error)),
         Extreme("its transmittance, float64", LOGS, "error", 1e-6, of_extinctions(transmittance_error)),
-        Extreme(
-            "its transmittance, float64, depths below 700",
-            LOGS,
-            "relative error",
-            1e-6,
-            of_extinctions(relative_transmittance_error),
-        ),
+        Extreme("its transmittance, float64, depths below 700", LOGS, "relative error", 1e-6,
+            of_extinctions(relative_transmittance_error)),
         Extreme("corrected opacity of a cell, by its splat", FLOATS, "relative error", 1e-6, chain(opacity_error)),
         Extreme("transmittance of a cell, by its splat", FLOATS, "error", 1e-6, chain(transmittance_error)),
-        Extreme(
-            "colour of a voxel, by its splat", "`tau c` and `tau` are rounded alike", "relative error", 1e-6, colors
-        ),
-        Extreme(
-            "cell of 2^3 voxels, `average: opacity`, single precision",
-            "`-log1p` of the mean alpha; 1 means the deepest voxel",
-            "relative error of the opacity",
-            1e-6,
-            averaged("single"),
-        ),
-        Extreme(
-            "the same in half precision",
-            "float16 rounds the mean to 5e-4",
-            "relative error of the opacity",
-            2.0**-11 + 1e-6,
-            averaged("half"),
-        ),
+        Extreme("colour of a voxel, by its splat", "`tau c` and `tau` are rounded alike", "relative error", 1e-6,
+            colors),
+        Extreme("cell of 2^3 voxels, `average: opacity`, single precision",
+            "`-log1p` of the mean alpha; 1 means the deepest voxel", "relative error of the opacity", 1e-6,
+            averaged("single")),
+        Extreme("the same in half precision", "float16 rounds the mean to 5e-4", "relative error of the opacity",
+            2.0**-11 + 1e-6, averaged("half")),
     ),
     "Opacities are 0, 1e-12 to 1 - 1e-12, and 1; units and spacings 1e-9 to 1e9, each with each; lengths 1 to 2^20"
     " voxels, so that depths are 0 to 4e7. A voxel deeper than 40 is held at 40: it lets 4e-18 through and not less."
     " With `average: opacity` a mean alpha that float32 rounds to 1, nearer than 3e-8, has the depth of the deepest"
     " voxel: at the rim of such a cell the picture may be too opaque.",
-)
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("extreme", SECTION.extremes, ids=str)

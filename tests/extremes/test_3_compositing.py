@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from extremes import Extreme, Measure, Random, Section, worst_drawn, worst_of
 
@@ -15,8 +14,7 @@ from renderer.draw.compositing import MEAN_LAYERS, MIN_CHUNK_SPLATS
 from renderer.scene import SplatSpec
 from renderer.splats import GaussianFootprint, SplatBatch, make_footprint
 from renderer.view import View
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Float64
 
 U = 2.0**-24
 FOOTPRINT = GaussianFootprint.from_sigma(0.425)
@@ -119,48 +117,25 @@ def layers_row(exponent: int) -> Extreme:
 SECTION = Section(
     "Compositing",
     (
-        Extreme(
-            "optical depths from 1e-12 to 1e6, Gaussian",
-            "a polynomial below 1/2, `1 - exp(-x)` above",
-            "relative error of alpha as drawn",
-            1e-6,
-            depth_as_drawn("gaussian"),
-        ),
-        Extreme(
-            "optical depths from 1e-12 to 1e6, Gouraud",
-            "the same, at the vertices",
-            "relative error of alpha as drawn",
-            1e-6,
-            depth_as_drawn("gouraud"),
-        ),
+        Extreme("optical depths from 1e-12 to 1e6, Gaussian", "a polynomial below 1/2, `1 - exp(-x)` above",
+            "relative error of alpha as drawn", 1e-6, depth_as_drawn("gaussian")),
+        Extreme("optical depths from 1e-12 to 1e6, Gouraud", "the same, at the vertices",
+            "relative error of alpha as drawn", 1e-6, depth_as_drawn("gouraud")),
         *(layers_row(exponent) for exponent in range(1, 7)),
-        Extreme(
-            "1e5 equal thin layers on one pixel of 512 x 512",
-            "none: the mean number of layers is small, and they are one chunk",
-            "error of a channel",
-            6 * U * 1e5,
-            lambda _: one_pixel_of_many(10**5, 512),
-        ),
-        Extreme(
-            "a bright layer behind a transmittance of 1e-6",
-            "premultiplied float32; the error is that of 1 - alpha",
-            "error of a channel",
-            2 * U,
-            worst_of(thin_behind_opaque),
-        ),
-        Extreme(
-            "random stacks of up to 3e4 layers",
-            "as above",
-            "error of a channel, in units of 6 u B",
-            1.0,
-            worst_of(random_stack),
-        ),
+        Extreme("1e5 equal thin layers on one pixel of 512 x 512",
+            "none: the mean number of layers is small, and they are one chunk", "error of a channel", 6 * U * 1e5,
+            lambda _: one_pixel_of_many(10**5, 512)),
+        Extreme("a bright layer behind a transmittance of 1e-6",
+            "premultiplied float32; the error is that of 1 - alpha", "error of a channel", 2 * U,
+            worst_of(thin_behind_opaque)),
+        Extreme("random stacks of up to 3e4 layers", "as above", "error of a channel, in units of 6 u B", 1.0,
+            worst_of(random_stack)),
     ),
     "A pixel on which at most B splats of a chunk lie, and whose alpha is A, is right within `6 u B A`; a chunk has "
-    f"{MEAN_LAYERS} layers in the mean over the pixels under the object, and at least {MIN_CHUNK_SPLATS} splats. "
-    f"Blended in "
-    "one go, 1e6 layers of depth 1 in all had an alpha of 0.6342 in place of 0.6321, and a colour wrong by 7e-3.",
-)
+        f"{MEAN_LAYERS} layers in the mean over the pixels under the object, and at least {MIN_CHUNK_SPLATS} splats. "
+        "Blended in one go, 1e6 layers of depth 1 in all had an alpha of 0.6342 in place of 0.6321, and a colour wrong "
+        "by 7e-3.",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("extreme", SECTION.extremes, ids=str)

@@ -311,43 +311,23 @@ SECTION = Section(
         Extreme("eye on a face", TRUNCATED, CHANNEL, 3e-6, against_reference(seen_from(on_a_face))),
         Extreme("eye exactly at a voxel's centre", TRUNCATED, CHANNEL, 3e-6, against_reference(seen_from(at_a_voxel))),
         Extreme("eye on an axis", RELATIVE, CHANNEL, 3e-6, against_reference(seen_from(along_an_axis))),
-        Extreme(
-            "looking along the up vector", "azimuth gives the frame", CHANNEL, 3e-6, against_reference(from_the_pole)
-        ),
+        Extreme("looking along the up vector", "azimuth gives the frame", CHANNEL, 3e-6,
+            against_reference(from_the_pole)),
         Extreme("field of view 0.01 degrees", RELATIVE, CHANNEL, 3e-6, against_reference(narrow)),
-        Extreme(
-            "field of view 179 degrees, outside",
-            "slopes held to those of the picture",
-            CHANNEL,
-            3e-6,
-            against_reference(seen_from(around, field_of_view=179.0)),
-        ),
-        Extreme(
-            "field of view 179 degrees, inside",
-            TRUNCATED,
-            CHANNEL,
-            3e-6,
-            against_reference(seen_from(anywhere_inside, field_of_view=179.0)),
-        ),
+        Extreme("field of view 179 degrees, outside", "slopes held to those of the picture", CHANNEL, 3e-6,
+            against_reference(seen_from(around, field_of_view=179.0))),
+        Extreme("field of view 179 degrees, inside", TRUNCATED, CHANNEL, 3e-6,
+            against_reference(seen_from(anywhere_inside, field_of_view=179.0))),
         Extreme("eye up to 1e12 radii away, magnified", RELATIVE, CHANNEL, 3e-6, against_reference(from_afar)),
         Extreme("near plane through the volume", TRUNCATED, CHANNEL, 3e-6, against_reference(cut_by_near)),
         Extreme("truth: eye in, on and around a block", CLOSED, ALPHA, 1e-9, block_error(about_the_block)),
         Extreme("truth: eye up to 1e12 radii away, magnified", CLOSED, ALPHA, 1e-9, block_error(from_afar)),
         Extreme("truth: field of view 0.01 degrees", CLOSED, ALPHA, 1e-9, block_error(narrow_on_the_block)),
-        Extreme(
-            "truth: field of view 179 degrees",
-            CLOSED,
-            ALPHA,
-            1e-9,
-            block_error(seen_from(anywhere_inside, field_of_view=179.0)),
-        ),
-        Extreme(
-            "eye at the target, 1e300, NaN, text, nothing",
-            "bounds for every number, alone and by the volume's size",
-            f"accepted, of {sum(map(len, WRONG.values()))}",
-            0,
-            accepted,
-        ),
+        Extreme("truth: field of view 179 degrees", CLOSED, ALPHA, 1e-9,
+            block_error(seen_from(anywhere_inside, field_of_view=179.0))),
+        Extreme("eye at the target, 1e300, NaN, text, nothing",
+            "bounds for every number, alone and by the volume's size", f"accepted, of {sum(map(len, WRONG.values()))}",
+            0, accepted),
         Extreme("volume 2^-30 or 2^30 wide", RELATIVE, MOVED, 0.0, difference([2.0**-30, 2.0**30], 0.0, drawn)),
         Extreme("volume 1e-9 or 1e9 wide", RELATIVE, MOVED, 1e-5, difference([1e-9, 1e9], 0.0, drawn)),
         Extreme("1e6 units away, 1e-3 wide", RELATIVE, MOVED, 1e-5, difference([1e-3 / 6], 6e9, drawn)),
@@ -356,7 +336,7 @@ SECTION = Section(
         Extreme("truth: 1e9 voxels away", RELATIVE, MOVED, 1e-5, difference([1e-9, 1.0, 1e9], 1e9, integrated)),
     ),
     notes="1e9 voxels from the origin float64 rounds coordinates by 1e-7 of a voxel, which is in the number.",
-)
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("extreme", SECTION.extremes, ids=str)

@@ -10,7 +10,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from extremes import Extreme, Measure, Random, Section, worst_drawn
 from splat_reference import rasterize_reference
@@ -33,8 +32,7 @@ from renderer.scene.camera_section import Keyframe
 from renderer.splats import SplatBatch, make_splats
 from renderer.transfer import make_transfer_function
 from renderer.view import OrderBlending, View, blended_orders, make_order_blending, make_view
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Float32, Float64
 
 FIRST = np.zeros(1, np.uint32)
 DISTANCE = 4.0
@@ -161,7 +159,7 @@ class Turn:
         pictures = [self._picture(frame) for frame in range(first, first + num + 1)]
         return max(float(np.abs(after - before).max()) for before, after in pairwise(pictures))
 
-    def _picture(self, frame: int) -> npt.NDArray[np.float32]:
+    def _picture(self, frame: int) -> Float32:
         view = make_view(self.camera, frame % self.camera.path.frames, self.target, self.distance, (128, 128))
         orders = blended_orders(self.splats, view, self.turning)
         return np.sum([share * self.gl.rasterize(self.splats, order, view) for share, order in orders], axis=0)
@@ -238,71 +236,28 @@ LARGEST_FAN_PX = 1e7
 SECTION = Section(
     "Splats",
     (
-        Extreme(
-            "1/1000 to 12 pixels, Gaussian, any place in a pixel",
-            "widened to 0.5 pixels and scaled, in optical depth",
-            "relative error of the energy",
-            0.045,
-            energy(SplatSpec(), 1.0),
-        ),
-        Extreme(
-            "1/1000 to 12 pixels, ellipsoids of 1000:1, Gaussian",
-            "the shorter side from a Gram determinant",
-            "relative error of the energy",
-            0.045,
-            energy(SplatSpec(), 1000.0),
-        ),
-        Extreme(
-            "1/1000 to 12 pixels, ellipsoids of 1000:1, Gouraud",
-            "widened to 0.85 pixels",
-            "relative error of the energy",
-            0.08,
-            energy(GOURAUD, 1000.0),
-        ),
-        Extreme(
-            "3 pixels to ten times the picture, Gaussian",
-            "quads where points are too small",
-            "relative error of the energy in the picture",
-            1e-5,
-            large_energy(SplatSpec()),
-        ),
-        Extreme(
-            "3 pixels to ten times the picture, Gouraud",
-            "triangles",
-            "relative error of the energy in the picture",
-            1e-5,
-            large_energy(GOURAUD),
-        ),
-        Extreme(
-            "the near plane through a splat",
-            "the moments of a truncated normal",
-            "relative error of the energy",
-            2e-4,
-            worst_drawn(behind_the_near_plane),
-        ),
-        Extreme(
-            "1e-12 to 1e16 pixels a unit, eyes up to 1e12 units away, Gaussian",
-            "footprints in units of their longest side",
-            "error of a channel",
-            2e-4,
-            ranges(SplatSpec()),
-        ),
-        Extreme(
-            "1e-12 to 1e7 pixels a unit, eyes up to 1e12 units away, Gouraud",
-            "as above",
-            "error of a channel",
-            2e-4,
-            ranges(GOURAUD, LARGEST_FAN_PX),
-        ),
-        Extreme(
-            "turning past 45 and 90 degrees by 0.01, and past other lattice planes: opaque noise, 128 pixels",
+        Extreme("1/1000 to 12 pixels, Gaussian, any place in a pixel",
+            "widened to 0.5 pixels and scaled, in optical depth", "relative error of the energy", 0.045,
+            energy(SplatSpec(), 1.0)),
+        Extreme("1/1000 to 12 pixels, ellipsoids of 1000:1, Gaussian", "the shorter side from a Gram determinant",
+            "relative error of the energy", 0.045, energy(SplatSpec(), 1000.0)),
+        Extreme("1/1000 to 12 pixels, ellipsoids of 1000:1, Gouraud", "widened to 0.85 pixels",
+            "relative error of the energy", 0.08, energy(GOURAUD, 1000.0)),
+        Extreme("3 pixels to ten times the picture, Gaussian", "quads where points are too small",
+            "relative error of the energy in the picture", 1e-5, large_energy(SplatSpec())),
+        Extreme("3 pixels to ten times the picture, Gouraud", "triangles",
+            "relative error of the energy in the picture", 1e-5, large_energy(GOURAUD)),
+        Extreme("the near plane through a splat", "the moments of a truncated normal", "relative error of the energy",
+            2e-4, worst_drawn(behind_the_near_plane)),
+        Extreme("1e-12 to 1e16 pixels a unit, eyes up to 1e12 units away, Gaussian",
+            "footprints in units of their longest side", "error of a channel", 2e-4, ranges(SplatSpec())),
+        Extreme("1e-12 to 1e7 pixels a unit, eyes up to 1e12 units away, Gouraud", "as above", "error of a channel",
+            2e-4, ranges(GOURAUD, LARGEST_FAN_PX)),
+        Extreme("turning past 45 and 90 degrees by 0.01, and past other lattice planes: opaque noise, 128 pixels",
             "near such a view, a mixture of the orders before and after",
-            "largest change of a pixel, over that elsewhere",
-            2.0,
-            popping,
-        ),
+            "largest change of a pixel, over that elsewhere", 2.0, popping),
     ),
-)
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("extreme", SECTION.extremes, ids=str)

@@ -9,7 +9,6 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from brickwork import transfer_of as transfer
 from exact_classification import classified, placed
@@ -26,9 +25,8 @@ from renderer.splats import make_splats
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.truth import integrate
 from renderer.view import View, visible_order
-from renderer.volume import Volume
+from renderer.volume import Array, Volume
 
-Array = npt.NDArray[Any]
 Random = np.random.Generator
 
 
@@ -160,48 +158,21 @@ POINTS: dict[str, tuple[str, tuple[str, ...], Callable[[Random], Any]]] = {
 SECTION = Section(
     "Volumes",
     (
-        *(
-            Extreme(name, method, SHARE, 1e-6, classified(types, points))
-            for name, (method, types, points) in POINTS.items()
-        ),
-        Extreme(
-            "a colormap over nearly all of float64, or over 1e-300 of it",
-            POWER,
-            "difference from the same over [-1, 1]",
-            1e-12,
-            colormap_range,
-        ),
-        Extreme(
-            "values and points times 2^-1060, 2^-1000 or 2^1023, lit; splats",
-            POWER,
-            PIXEL,
-            1e-6,
-            scaled_by_powers(of_splats),
-        ),
+        *(Extreme(name, method, SHARE, 1e-6, classified(*how)) for name, (method, *how) in POINTS.items()),
+        Extreme("a colormap over nearly all of float64, or over 1e-300 of it", POWER,
+            "difference from the same over [-1, 1]", 1e-12, colormap_range),
+        Extreme("values and points times 2^-1060, 2^-1000 or 2^1023, lit; splats", POWER, PIXEL, 1e-6,
+            scaled_by_powers(of_splats)),
         Extreme("the same, ray integral", POWER, PIXEL, 1e-6, scaled_by_powers(of_rays)),
-        Extreme(
-            "a spike 1e-320 to 0.1 wide on a ramp of 1 to 1e300, ray integral",
-            "held to its interval where that is narrower than rounding",
-            "error of the opacity",
-            1e-9,
-            narrow_spikes,
-        ),
-        Extreme(
-            "1 x 1 x 1 to 16^3 voxels, 1000 : 1, sheared, left-handed; voxel by voxel",
-            "optical areas from the determinant, in float64",
-            "relative error of the sum of tau V",
-            1e-6,
-            energies(0.0, "single"),
-        ),
-        Extreme(
-            "the same in half precision",
-            "means stored in float16",
-            "relative error of the sum of tau V",
-            2.0**-11 + 1e-6,
-            energies(math.inf, "half"),
-        ),
+        Extreme("a spike 1e-320 to 0.1 wide on a ramp of 1 to 1e300, ray integral",
+            "held to its interval where that is narrower than rounding", "error of the opacity", 1e-9, narrow_spikes),
+        Extreme("1 x 1 x 1 to 16^3 voxels, 1000 : 1, sheared, left-handed; voxel by voxel",
+            "optical areas from the determinant, in float64", "relative error of the sum of tau V", 1e-6,
+            energies(0.0, "single")),
+        Extreme("the same in half precision", "means stored in float16", "relative error of the sum of tau V",
+            2.0**-11 + 1e-6, energies(math.inf, "half")),
     ),
-)
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("extreme", SECTION.extremes, ids=str)

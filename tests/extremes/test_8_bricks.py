@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from extremes import Extreme, Random, Section, worst_of
 from number_types import random_ranges
@@ -14,10 +12,7 @@ from number_types import random_ranges
 from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, HALO, Bricks, make_bricks, mean_texels, scalar_texels
 from renderer.scene import ErrorSpec, PyramidSpec
 from renderer.transfer import MAX_NORMALIZED_SCALAR, TransferFunction
-from renderer.volume import make_volume
-
-Array = npt.NDArray[Any]
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Array, make_volume
 
 U = 2.0**-24
 # Texels compared in each volume: fractions are slow.
@@ -93,29 +88,15 @@ def noise_growth(rng: Random, _: int) -> float:
 SECTION = Section(
     "Bricks",
     (
-        Extreme(
-            "scalars of all types across all of their range, also -1.8e308 to 1.8e308, and 0 to 1e-310",
+        Extreme("scalars of all types across all of their range, also -1.8e308 to 1.8e308, and 0 to 1e-310",
             "differences in float64, of halves where the range is large; held to 2^20 ranges",
-            "error of u, over 1 or |u|",
-            1.01 * U,
-            scalar_error,
-        ),
-        Extreme(
-            "their gradients",
-            "scalars times a power of two that brings the volume's range to 1",
-            "error, share of the largest component",
-            4 * U,
-            gradient_error,
-        ),
-        Extreme(
-            "noise, last cells cut to slivers",
-            "lines are followed half a cell at most",
-            "largest value at the face, over the largest mean",
-            1.5 * (1 + 1e-6),
-            worst_of(noise_growth),
-        ),
+            "error of u, over 1 or |u|", 1.01 * U, scalar_error),
+        Extreme("their gradients", "scalars times a power of two that brings the volume's range to 1",
+            "error, share of the largest component", 4 * U, gradient_error),
+        Extreme("noise, last cells cut to slivers", "lines are followed half a cell at most",
+            "largest value at the face, over the largest mean", 1.5 * (1 + 1e-6), worst_of(noise_growth)),
     ),
-)
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("extreme", SECTION.extremes, ids=str)

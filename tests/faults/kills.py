@@ -19,7 +19,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import uuid
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -27,11 +26,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from kill_at import NUM_FRAMES, PHASES
-
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests" / "support"))
+
+from kill_at import NUM_FRAMES, PHASES  # noqa: E402
+from processes import MARK, marked, new_mark, wait_until  # noqa: E402
+
 KILL_AT = Path(__file__).with_name("kill_at.py")
-MARK = "HSPLAT_TEST_MARK"
 GRACE_S = 5.0
 TARGETS = ("parent", "group", "encoder", "worker")
 
@@ -89,7 +90,7 @@ class Job:
 
     def run(self, plan: dict[str, Any]) -> tuple[int, str]:
         """Return the exit status (negative: the signal), and the mark of the processes of the run."""
-        mark = uuid.uuid4().hex
+        mark = new_mark()
         code_paths = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
         environment = os.environ | {MARK: mark, "PYTHONPATH": code_paths}
         command = [sys.executable, str(KILL_AT), json.dumps(plan), str(self._folder / "report.json")]
@@ -130,7 +131,7 @@ def try_kill(job: Job, kill: Kill, whole: dict[str, bytes], digests: list[str]) 
     status, mark = job.run(kill.plan)
     was_child_killed = status == 0 and job.report()["killed"] > 0
     seconds = seconds_until_gone(mark)
-    problems = [f"after {GRACE_S:g} s there are still {', '.join(names_of(mark))}"] if seconds > GRACE_S else []
+    problems = [f"after {GRACE_S:g} s there are still processes {sorted(marked(mark))}"] if seconds > GRACE_S else []
     problems += [f"in /dev/shm: {name}" for name in orphans(set(os.listdir("/dev/shm")) - shared)]
     left = job.files()
     if left.get("film.mp4") not in (None, whole["film.mp4"]):
@@ -155,11 +156,7 @@ def frame_digests(job: Job) -> list[str]:
 def seconds_until_gone(mark: str) -> float:
     """Wait until no process has the mark, and return the seconds; infinity after GRACE_S."""
     start = time.monotonic()
-    while names_of(mark):
-        if time.monotonic() - start > GRACE_S:
-            return float("inf")
-        time.sleep(0.02)
-    return time.monotonic() - start
+    return time.monotonic() - start if wait_until(lambda: not marked(mark), GRACE_S) else float("inf")
 
 
 def orphans(names: set[str]) -> list[str]:
@@ -172,20 +169,6 @@ def _maps() -> Iterator[str]:
     for file in Path("/proc").glob("[0-9]*/maps"):
         with suppress(OSError):  # gone meanwhile, or not ours
             yield file.read_text(errors="replace")
-
-
-def names_of(mark: str) -> list[str]:
-    """Return number and program of the processes whose environment has the mark."""
-    return list(_names_of(mark))
-
-
-def _names_of(mark: str) -> Iterator[str]:
-    for folder in Path("/proc").iterdir():
-        try:
-            if folder.name.isdigit() and f"{MARK}={mark}".encode() in (folder / "environ").read_bytes():
-                yield f"{folder.name} {(folder / 'comm').read_text().strip()}"
-        except OSError:  # gone meanwhile, or not ours
-            continue
 
 
 def make_kills(num: int, report: dict[str, Any], seed: int) -> Iterator[Kill]:

@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from oracle import FLOAT32, Cells, Field, Leaf, centers, classify, drawn, require_cut
 from splat_reference import rasterize_reference
 
@@ -20,10 +18,9 @@ from renderer.scene import SplatSpec
 from renderer.splats import GouraudFootprint, SplatBatch, make_splats
 from renderer.view import View
 from renderer.view.order_blending import FADE_ANGLE, MIN_SLOPE, sort_directions
+from renderer.volume import Array, Float64, Int64
 
-Array = npt.NDArray[Any]
-Float64 = npt.NDArray[np.float64]
-Order = tuple[float, npt.NDArray[np.int64]]  # a share of the picture, and the splats back to front
+Order = tuple[float, Int64]  # a share of the picture, and the splats back to front
 
 # The device's exponential and a few operations; and what may be left of splats that are not drawn, where the near
 # plane cuts them: their moments are differences of larger numbers (tests/parity/test_raster_parity.py).

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-from brick_reference import rasterize_bricks_reference
+from brick_reference import nudged, rasterize_bricks_reference
 from compare import SPREADS, WrongError, require_close
 
 from renderer.bricks import BrickBatch
@@ -17,8 +15,7 @@ from renderer.film import quantize
 from renderer.frame import Frame, Stage, make_primitive, render_frames
 from renderer.frame.primitives import BrickPrimitive
 from renderer.view import View
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Array
 
 # Of places and parts on the device, where nothing is steep (tests/parity/test_brick_parity.py).
 PRECISION = 6e-5
@@ -44,7 +41,7 @@ def compare_bricks(stage: Stage, frame: Frame, view: View, rasterizer: GLRasteri
     with np.errstate(under="ignore"):
         expected = rasterize_bricks_reference(lod.batch, order, view)
         others = [
-            rasterize_bricks_reference(_nudged(lod.batch, nudge), order, _moved(view, lod.batch, sides))
+            rasterize_bricks_reference(nudged(lod.batch, nudge, nudge), order, _moved(view, lod.batch, sides))
             for nudge, sides in NUDGES
         ]
     spread = np.ptp([expected, *others], axis=0)
@@ -52,19 +49,12 @@ def compare_bricks(stage: Stage, frame: Frame, view: View, rasterizer: GLRasteri
     require_close(below.radiance, expected, PRECISION + termination + SPREADS * spread)
 
 
-def _nudged(batch: BrickBatch, nudge: float) -> BrickBatch:
-    screen_sampling = replace(
-        batch.screen_sampling, difference_threshold=batch.screen_sampling.difference_threshold * (1 + nudge)
-    )
-    return replace(batch, steps=batch.steps * (1 + nudge), screen_sampling=screen_sampling)
-
-
 def _moved(view: View, batch: BrickBatch, sides: tuple[int, int, int]) -> View:
     cell = batch.cut.volume.world_from_index[:3, :3] * 2.0 ** int(batch.cut.levels.max(initial=0))
     return replace(view, target=view.target + PLACE * cell @ np.array(sides))
 
 
-def _require_bounds(radiance: npt.NDArray[Any], stage: Stage) -> None:
+def _require_bounds(radiance: Array, stage: Stage) -> None:
     shading = stage.scene.shading
     brightest = max(1.0, shading.ambient + shading.diffuse) if shading else 1.0
     if radiance.min() < 0 or radiance[..., 3].max() > 1 + 1e-5 or radiance[..., :3].max() > brightest + 1e-5:

@@ -9,13 +9,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.scene import MIN_TOLERANCE
-from renderer.volume import Volume, make_volume
+from renderer.volume import Array, Float64, Volume, make_volume
 
-Array = npt.NDArray[Any]
-Float64 = npt.NDArray[np.float64]
 Tree = dict[str, Any]
 Random = np.random.Generator
 

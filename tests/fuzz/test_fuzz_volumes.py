@@ -28,7 +28,7 @@ from renderer.readers import nrrd, vtk_image
 
 ROOT = Path(__file__).parents[2]
 SEED = 5
-FILES = 400
+FILES = 250
 FORMATS = {"nrrd", "metaimage", "nifti", "mgh", "npy", "npz", "raw", "cube", "tiff", "dicom", "vtk"}
 FORMATS |= {"mrc", "hdf5", "pictures"}
 
@@ -39,6 +39,7 @@ MENDED = (
     *("metaimage_continued_lines", "metaimage_sizes_beyond_floats", "metaimage_listed_files"),
     *("nifti_extension_of_gigabytes", "nifti_extension_of_a_pair", "nifti_name_in_gzip"),
     *("npy_header_of_gigabytes", "npy_long_shape", "npz_header_of_gigabytes", "npz_many_arrays"),
+    *("npz_claims_gigabytes", "nifti_many_extensions", "tiff_deflate_inflates"),
     *("npz_names_in_bad_utf_8", "cube_many_atoms", "cube_many_orbitals", "cube_sizes_beyond_floats"),
     *("dicom_many_series", "vtk_legacy_long_type"),
 )
@@ -53,7 +54,7 @@ def pool() -> Iterator[ProcessPoolExecutor]:
 
 
 def test_damaged_volumes_do_no_harm(pool: ProcessPoolExecutor) -> None:
-    verdicts = list(pool.map(partial(judge_apart, judge_number, SEED), range(FILES), chunksize=50))
+    verdicts = list(pool.map(partial(judge_apart, judge_number, SEED), range(FILES), chunksize=25))
     assert [f"{v.index}, {v.case}: {v.why}" for v in verdicts if v.outcome == "wrong"] == []
     assert {verdict.base.split()[0] for verdict in verdicts} == FORMATS
     for outcome in ("same", "other", "refused"):
@@ -124,18 +125,10 @@ def refuse(path: Path, *_: Any) -> Any:
 
 @pytest.mark.parametrize(
     ("fault", "why"),
-    [
-        (crash, "signal SIGSEGV"),
-        (fail, "KeyError: 'a'"),
-        (loop, "signal SIGXCPU"),
-        (wait, "signal SIGALRM"),
-        (fill_memory, "MiB of memory"),
-        (warn, "a warning of numpy"),
-        (refuse_at_length, "a line of 507 characters"),
-        (refuse_another_file, "names another and not its file"),
-        (refuse, "refused what is not damaged"),
-    ],
-)
+    [(crash, "signal SIGSEGV"), (fail, "KeyError: 'a'"), (loop, "signal SIGXCPU"), (wait, "signal SIGALRM"),
+        (fill_memory, "MiB of memory"), (warn, "a warning of numpy"), (refuse_at_length, "a line of 507 characters"),
+        (refuse_another_file, "names another and not its file"), (refuse, "refused what is not damaged")],
+)  # fmt: skip
 def test_faults_are_seen(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, base: Base, fault: Callable[..., Any], why: str
 ) -> None:

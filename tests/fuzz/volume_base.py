@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.scene import RawSource
+from renderer.volume import Array
 
-Array = npt.NDArray[Any]
 Ranges = tuple[tuple[int, int], ...]
 
 

@@ -22,10 +22,9 @@ from pydicom import dcmread
 from pydicom.dataset import Dataset
 from pydicom.uid import DeflatedExplicitVRLittleEndian, ImplicitVRLittleEndian, RLELossless
 from volume_base import Array, Base, Ranges, attached, behind, detached, in_memory, sample_values, written
-from volume_bases_scientific import hdf5_bases, mrc_bases, other_vtk_bases, picture_bases
+from volume_bases_scientific import hdf5_bases, mrc_bases, other_vtk_bases, picture_bases, written_by_vtk
 from volume_bases_tiff import tiff_bases
 from volume_bombs import deflated, zip_archive
-from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkIOLegacy import vtkStructuredPointsWriter
 from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
@@ -297,9 +296,6 @@ def _vtk() -> Iterator[Base]:
     image = vtkImageData()
     image.SetDimensions(values.shape[::-1])
     image.SetSpacing(0.5, 0.5, 2.0)
-    array = numpy_to_vtk(values.ravel(), deep=True)
-    array.SetName("density")
-    image.GetPointData().SetScalars(array)
     for mode, compressor, is_base64 in (
         *(("Ascii", "None", False), ("Binary", "None", False), ("Binary", "ZLib", False), ("Appended", "None", False)),
         *(("Appended", "ZLib", True), ("Appended", "ZLib", False)),
@@ -311,18 +307,9 @@ def _vtk() -> Iterator[Base]:
         writer = vtkStructuredPointsWriter()
         writer.SetFileTypeToBinary() if is_binary else writer.SetFileTypeToASCII()
         writer.SetHeader("a title")
-        data = _written_by_vtk(writer, image, "a.vtk")
+        data = written_by_vtk(writer, image, values)
         headers: dict[str, Ranges] = {"a.vtk": ((0, behind(b"LOOKUP_TABLE", data) + 9),)}
         yield Base(f"vtk legacy {name}", {"a.vtk": data}, "a.vtk", values=values, headers=headers)
-
-
-def _written_by_vtk(writer: Any, image: Any, name: str) -> bytes:
-    def write(folder: Path) -> None:
-        writer.SetFileName(str(folder / name))
-        writer.SetInputData(image)
-        writer.Write()
-
-    return written(write)[name]
 
 
 def _vtk_base(kind: str, image: Any, values: Array, mode: str, compressor: str, *, is_base64: bool) -> Base:
@@ -332,7 +319,7 @@ def _vtk_base(kind: str, image: Any, values: Array, mode: str, compressor: str, 
     getattr(writer, f"SetCompressorTypeTo{compressor}")()
     writer.SetBlockSize(512)
     writer.SetEncodeAppendedData(is_base64)
-    data = _written_by_vtk(writer, image, "a.vti")
+    data = written_by_vtk(writer, image, values)
     text = (
         re.search(rb"<DataArray[^>]*>\s*", data) if mode != "Appended" else re.search(rb"<AppendedData[^>]*>\s*_", data)
     )

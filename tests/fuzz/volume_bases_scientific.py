@@ -92,7 +92,7 @@ def other_vtk_bases(values: Array) -> Iterator[Base]:
         image = vtkImageData()
         image.SetExtent(first, last, 0, ny - 1, 0, nz - 1)
         extent = f"{first} {last} 0 {ny - 1} 0 {nz - 1}"
-        pieces[f"a/{k}.vti"] = _written(vtkXMLImageDataWriter(), image, values[:, :, first : last + 1])
+        pieces[f"a/{k}.vti"] = written_by_vtk(vtkXMLImageDataWriter(), image, values[:, :, first : last + 1])
         lines += f'<Piece Extent="{extent}" Source="a/{k}.vti"/>\n'
     whole = f"0 {nx - 1} 0 {ny - 1} 0 {nz - 1}"
     text = f'<VTKFile type="PImageData">\n<PImageData WholeExtent="{whole}">\n{lines}</PImageData>\n</VTKFile>\n'
@@ -104,12 +104,12 @@ def other_vtk_bases(values: Array) -> Iterator[Base]:
         coordinates = numpy_to_vtk(np.arange(n) * 0.5, deep=True)
         coordinates.SetName(axis)  # VTK would name it by its address
         getattr(grid, f"Set{axis}Coordinates")(coordinates)
-    data = _written(vtkXMLRectilinearGridWriter(), grid, values)
+    data = written_by_vtk(vtkXMLRectilinearGridWriter(), grid, values)
     headers = {"a.vtr": ((0, behind(b"<AppendedData", data)),)}
     yield Base("vtk rectilinear", {"a.vtr": data}, "a.vtr", values=values, headers=headers)
 
 
-def _written(writer: Any, image: Any, values: Array) -> bytes:
+def written_by_vtk(writer: Any, image: Any, values: Array) -> bytes:
     array = numpy_to_vtk(np.ascontiguousarray(values).ravel(), deep=True)
     array.SetName("density")
     image.GetPointData().SetScalars(array)

@@ -189,13 +189,11 @@ def _cube(atoms: str, rest: bytes, axes: str = "4 4 4") -> Files:
 BOMBS: dict[str, dict[str, Callable[[], Files]]] = {
     "nrrd": {
         "gzip_inflates": lambda: _nrrd(zeros_by_gzip(4096), encoding="gzip"),
-        "gzip_inflates_before_its_voxels": lambda: _nrrd(
-            zeros_by_gzip(32768), encoding="gzip", more="byte skip: 999999999999\n"
-        ),
+        "gzip_inflates_before_its_voxels": lambda: _nrrd(zeros_by_gzip(32768), encoding="gzip",
+            more="byte skip: 999999999999\n"),
         "bzip2_inflates": lambda: _nrrd(zeros_by_bzip2(2**16), encoding="bzip2"),
-        "bzip2_inflates_before_its_voxels": lambda: _nrrd(
-            zeros_by_bzip2(2**16), encoding="bzip2", more="byte skip: 999999999999\n"
-        ),
+        "bzip2_inflates_before_its_voxels": lambda: _nrrd(zeros_by_bzip2(2**16), encoding="bzip2",
+            more="byte skip: 999999999999\n"),
         "bzip2_claims_a_gigabyte": lambda: _nrrd(bz2.compress(bytes(1000)), sizes="4096 4096 400", encoding="bzip2"),
         "gzip_of_no_bytes": lambda: _nrrd(gzip.compress(b"", mtime=0) * 500_000, encoding="gzip"),
         "bzip2_of_no_bytes": lambda: _nrrd(bz2.compress(b"") * 500_000, encoding="bzip2"),
@@ -237,9 +235,8 @@ BOMBS: dict[str, dict[str, Callable[[], Files]]] = {
         "many_extensions": nifti_many_extensions,
         "extension_of_a_pair": nifti_extension_of_a_pair,
         "dicom_in_an_extension": nifti_dicom_in_an_extension,
-        "huge_sizes": lambda: {
-            "a.nii.gz": gzip.compress(_nifti_header(sizes=(3, 32767, 32767, 500, 1, 1, 1, 1)) + bytes(1000), mtime=0)
-        },
+        "huge_sizes": lambda: {"a.nii.gz": gzip.compress(_nifti_header(sizes=(3, 32767, 32767, 500, 1, 1, 1,
+            1)) + bytes(1000), mtime=0)},
     },
     "npy": {
         "header_of_gigabytes": lambda: {"a.npy": (npy_header("4, 4, 4", length=2**32 - 1, version=2), 2**33)},
@@ -257,9 +254,8 @@ BOMBS: dict[str, dict[str, Callable[[], Files]]] = {
             "a.npz": zip_archive(stored_block(npy_header("1000, 1000, 2000")) + zeros_by_deflate(64), size=2**32 - 1)
         },
         "many_arrays": npz_many_arrays,
-        "lzma_of_a_huge_window": lambda: {
-            "a.npz": zip_archive(b"\x09\x04\x05\x00\x5d\xff\xff\xff\xff" + bytes(100), size=1000, method=14)
-        },
+        "lzma_of_a_huge_window": lambda: {"a.npz": zip_archive(b"\x09\x04\x05\x00\x5d\xff\xff\xff\xff" + bytes(100),
+            size=1000, method=14)},
         "bzip2_inflates": lambda: {"a.npz": zip_archive(zeros_by_bzip2(4096), size=2**32 - 1, method=12)},
         "names_in_bad_utf_8": npz_names_in_bad_utf_8,
     },
@@ -270,4 +266,4 @@ BOMBS: dict[str, dict[str, Callable[[], Files]]] = {
         "sizes_beyond_floats": lambda: _cube("0", b"1 " * 64, axes="1e300 1e300 1e300"),
         "blanks": lambda: _cube("0", b" " * 2**25),
     },
-}
+}  # fmt: skip

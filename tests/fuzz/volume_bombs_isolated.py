@@ -184,9 +184,8 @@ ISOLATED: dict[str, dict[str, Callable[[], Files]]] = {
         "many_directories": tiff_many_directories,
         "values_of_gigabytes": lambda: {"a.tif": (tiff({BITS: (SHORT, 2**31 - 1, 8), 700: (BYTE, 2**31, 8)}), 2**33)},
         "many_strips": tiff_many_strips,
-        "many_samples": lambda: {
-            "a.tif": tiff({SAMPLES: (SHORT, 1, 65535), WIDTH: (LONG, 1, 2**31), HEIGHT: (LONG, 1, 2**31)})
-        },
+        "many_samples": lambda: {"a.tif": tiff({SAMPLES: (SHORT, 1, 65535), WIDTH: (LONG, 1, 2**31),
+            HEIGHT: (LONG, 1, 2**31)})},
         "entities": tiff_entities,
         "planes_of_ome": tiff_planes_of_ome,
         "images_of_imagej": lambda: {
@@ -203,51 +202,40 @@ ISOLATED: dict[str, dict[str, Callable[[], Files]]] = {
         "open_sequences": lambda: {"a.dcm": _in_dicom(nested_sequences(300)[: 300 * 20])},
         "deflate_inflates": dicom_deflate_inflates,
         "deflate_inflates_into_a_field": dicom_deflate_inflates_into_a_field,
-        "many_frames": lambda: {
-            "a.dcm": dicom_bytes(image_fields(_PLANE, NumberOfFrames="2147483647", SpacingBetweenSlices="1"))
-        },
-        "millions_of_frames": lambda: {
-            "a.dcm": dicom_bytes(image_fields(_PLANE, NumberOfFrames="9999999", SpacingBetweenSlices="1"))
-        },
-        "huge_plane": lambda: {
-            "a.dcm": dicom_bytes(image_fields(_PLANE, Rows=65535, Columns=65535, SamplesPerPixel=65535))
-        },
+        "many_frames": lambda: {"a.dcm": dicom_bytes(image_fields(_PLANE, NumberOfFrames="2147483647",
+            SpacingBetweenSlices="1"))},
+        "millions_of_frames": lambda: {"a.dcm": dicom_bytes(image_fields(_PLANE, NumberOfFrames="9999999",
+            SpacingBetweenSlices="1"))},
+        "huge_plane": lambda: {"a.dcm": dicom_bytes(image_fields(_PLANE, Rows=65535, Columns=65535,
+            SamplesPerPixel=65535))},
         "huge_jpeg2000": dicom_huge_jpeg2000,
-        "field_of_gigabytes": lambda: {
-            "a.dcm": (_in_dicom(b"\x08\x00\x08\x00OB\0\0" + struct.pack("<I", 2**32 - 2)), 2**33)
-        },
+        "field_of_gigabytes": lambda: {"a.dcm": (_in_dicom(b"\x08\x00\x08\x00OB\0\0" + struct.pack("<I", 2**32 - 2)),
+            2**33)},
         "offsets_of_frames": dicom_offsets_of_frames,
-        "many_series": lambda: {
-            f"many/{k}.dcm": dicom_bytes(
-                image_fields(_PLANE, uid=f"1.2.{k}", SeriesDescription="a long description of it " * 2)
-            )
-            for k in range(60)
-        },
+        "many_series": lambda: {f"many/{k}.dcm": dicom_bytes(image_fields(_PLANE, uid=f"1.2.{k}",
+            SeriesDescription="a long description of it " * 2)) for k in range(60)},
     },
     "vtk": {
         "blocks_inflate": vtk_blocks_inflate,
         "many_blocks": lambda: _vti(struct.pack("<4I", 2**32 - 1, 1, 1, 1)),
         "blocks_beyond_memory": lambda: _vti(struct.pack("<4Q", 2**61, 2**61, 1, 1), header="UInt64"),
         "blocks_of_no_bytes": lambda: _vti(struct.pack("<3I", 2**27, 0, 0) + bytes(2**20)),
-        "huge_extent": lambda: _vti(
-            struct.pack("<4I", 1, 64, 64, 64) + bytes(64), extent="0 2147483646 0 2147483646 0 2147483646"
-        ),
+        "huge_extent": lambda: _vti(struct.pack("<4I", 1, 64, 64, 64) + bytes(64),
+            extent="0 2147483646 0 2147483646 0 2147483646"),
         "negative_extent": lambda: _vti(struct.pack("<I", 64) + bytes(64), extent="0 -3 0 -3 0 3", compressed=False),
         "many_components": lambda: _vti(struct.pack("<I", 64) + bytes(64), components=2**31 - 1, compressed=False),
         "length_lies": lambda: _vti(struct.pack("<I", 2**32 - 1) + bytes(64), compressed=False),
         "nested_elements": lambda: {"a.vti": b'<VTKFile type="ImageData">' + b"<a>" * 200_000},
         "many_pieces": lambda: _pvti('<Piece Extent="0 3 0 3 0 3" Source="a.vti"/>' * 9_000),
         "pieces_of_itself": lambda: _pvti('<Piece Extent="0 3 0 3 0 3" Source="a.pvti"/>'),
-        "pieces_of_a_huge_image": lambda: _pvti(
-            '<Piece Extent="0 3 0 3 0 3" Source="a.vti"/>', "0 99999999 0 99999999 0 99999999"
-        ),
+        "pieces_of_a_huge_image": lambda: _pvti('<Piece Extent="0 3 0 3 0 3" Source="a.vti"/>',
+            "0 99999999 0 99999999 0 99999999"),
         "pieces_in_a_huge_extent": lambda: _pvti('<Piece Extent="0 99999 0 99999 0 9999" Source="a.vti"/>'),
         "entities": vtk_entities,
         "entity_of_a_file": vtk_entity_of_a_file,
         "attributes": vtk_attributes,
-        "legacy_huge_sizes": lambda: _legacy(
-            "POINT_DATA 999999999999\nSCALARS a char\nLOOKUP_TABLE default\n", sizes="9999 9999 9999"
-        ),
+        "legacy_huge_sizes": lambda: _legacy("POINT_DATA 999999999999\nSCALARS a char\nLOOKUP_TABLE default\n",
+            sizes="9999 9999 9999"),
         "legacy_long_type": lambda: _legacy(f"POINT_DATA 64\nSCALARS a {'x' * 5000}\nLOOKUP_TABLE default\n"),
         "legacy_long_name": lambda: _legacy(f"POINT_DATA 64\nSCALARS {'x' * 5000} char\nLOOKUP_TABLE default\n"),
         "legacy_many_components": lambda: _legacy("POINT_DATA 64\nSCALARS a char 999999999\nLOOKUP_TABLE default\n"),
@@ -260,6 +248,6 @@ ISOLATED: dict[str, dict[str, Callable[[], Files]]] = {
         "legacy_long_title": lambda: {"a.vtk": b"# vtk DataFile Version 3.0\n" + b"x" * 2**22},
         "legacy_other_grids": vtk_legacy_other_grids,
     },
-}
+}  # fmt: skip
 # By format and name.
 BOMBS = volume_bombs.BOMBS | ISOLATED | SCIENTIFIC

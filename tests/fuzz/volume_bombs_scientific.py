@@ -107,16 +107,13 @@ SCIENTIFIC: dict[str, dict[str, Callable[[], Files]]] = {
         "attributes_of_megabytes": hdf5_attributes_of_megabytes,
         "chunks_that_inflate": hdf5_chunks_that_inflate,
         "many_objects": lambda: _hdf5(lambda file: [file.create_group(f"g{k}") for k in range(11_000)]),
-        "many_datasets": lambda: _hdf5(
-            lambda file: [file.create_dataset(f"d{k}" * 30, (2, 2, 2), "u1") for k in range(2000)]
-        ),
+        "many_datasets": lambda: _hdf5(lambda file: [file.create_dataset(f"d{k}" * 30, (2, 2, 2), "u1")
+            for k in range(2000)]),
         "nested_groups": lambda: _hdf5(lambda file: file.create_group("/".join("a" * 3000))),
-        "voxels_that_are_not_there": lambda: _hdf5(
-            lambda file: file.create_dataset("v", (2000, 2000, 2000), "f8", chunks=(100, 100, 100))
-        ),
-        "huge_chunks": lambda: _hdf5(
-            lambda file: file.create_dataset("v", (2000, 2000, 500), "u1", chunks=(2000, 2000, 500), compression="gzip")
-        ),
+        "voxels_that_are_not_there": lambda: _hdf5(lambda file: file.create_dataset("v", (2000, 2000, 2000), "f8",
+            chunks=(100, 100, 100))),
+        "huge_chunks": lambda: _hdf5(lambda file: file.create_dataset("v", (2000, 2000, 500), "u1",
+            chunks=(2000, 2000, 500), compression="gzip")),
         "sparse": lambda: {"a.h5": (_hdf5(lambda file: file.create_dataset("v", (4, 4, 4), "u1"))["a.h5"], 2**33)},
     },
     "pictures": {
@@ -129,4 +126,4 @@ SCIENTIFIC: dict[str, dict[str, Callable[[], Files]]] = {
         "bmp_is_negative": lambda: _twice(_large("bmp", 18, struct.pack("<ii", -5, -(2**31))), "bmp"),
         "jpeg_is_huge": lambda: _twice(_large("jpeg", _jpeg_size_at(), struct.pack(">HH", 65535, 65535)), "jpg"),
     },
-}
+}  # fmt: skip

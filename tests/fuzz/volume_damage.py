@@ -357,19 +357,8 @@ def _missing(base: Base, rng: Random) -> Case:
 
 
 _NAMES = (
-    "\x1b[31m\n\r",
-    "\u202egnp",
-    "\udcff\udcfe",
-    "x" * 200,
-    "\u200b",
-    " ",
-    "%d%n",
-    "'\"",
-    "\\x1b",
-    "-",
-    "{}",
-    "\x7f",
-)
+    "\x1b[31m\n\r", "\u202egnp", "\udcff\udcfe", "x" * 200, "\u200b", " ", "%d%n", "'\"", "\\x1b", "-", "{}", "\x7f",
+)  # fmt: skip
 
 
 def _renamed(base: Base, rng: Random) -> Case:

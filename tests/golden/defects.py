@@ -13,7 +13,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from subjects import Change, Pixels, Shot, shifted
 
 from renderer.bricks import BrickBatch
@@ -22,8 +21,9 @@ from renderer.scene import ControlPoint
 from renderer.splats import GaussianFootprint, SplatBatch
 from renderer.study import FrameDifference
 from renderer.view import screen_rectangles
+from renderer.volume import Bools, Float64, Int64, UInt32
 
-Order = npt.NDArray[np.uint32]
+Order = UInt32
 
 # A pixel that is off by one step may have been rounded; what is off by more is a fault that can be seen.
 SEEN_LEVELS = 2.0
@@ -70,7 +70,7 @@ def _reversed(shot: Shot) -> Pixels:
     return _in_order(shot, lambda order: np.ascontiguousarray(order[::-1]))
 
 
-def _without(shot: Shot, lost: npt.NDArray[np.bool_]) -> Pixels:
+def _without(shot: Shot, lost: Bools) -> Pixels:
     return _in_order(shot, lambda order: order[~lost[order]])
 
 
@@ -252,7 +252,7 @@ def _premultiplied(shot: Shot) -> Pixels | None:
 def _wrong_gamma(shot: Shot) -> Pixels:
     """Undo sRGB's curve, and apply a power of 2.2."""
 
-    def through(color: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def through(color: Float64) -> Float64:
         value = color / 255
         linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
         return 255 * linear ** (1 / 2.2)
@@ -294,7 +294,7 @@ def _black_tile(shot: Shot) -> Pixels:
 def _noise_cluster(steps: int) -> Callable[[Shot], Pixels]:
     """Move values in 8 x 8 pixels by up to this many steps."""
 
-    def noisy(square: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    def noisy(square: Int64) -> Int64:
         rng = np.random.default_rng(steps)
         return square + rng.integers(1, steps + 1, square.shape) * rng.choice([-1, 1], square.shape)
 
@@ -305,7 +305,7 @@ def _one_pixel_off(steps: int) -> Callable[[Shot], Pixels]:
     return lambda shot: _in_a_square(shot, 1, lambda square: np.where(square > 127, square - steps, square + steps))
 
 
-def _in_a_square(shot: Shot, side: int, change: Callable[[npt.NDArray[np.int64]], npt.NDArray[np.int64]]) -> Pixels:
+def _in_a_square(shot: Shot, side: int, change: Callable[[Int64], Int64]) -> Pixels:
     """Change the colours of a random square in which the volume shows."""
     picture = shot.golden.copy()
     height, width = picture.shape[:2]
@@ -316,9 +316,7 @@ def _in_a_square(shot: Shot, side: int, change: Callable[[npt.NDArray[np.int64]]
     return picture
 
 
-def _colors(
-    shot: Shot, change: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]], alpha: int | None = None
-) -> Pixels:
+def _colors(shot: Shot, change: Callable[[Float64], Float64], alpha: int | None = None) -> Pixels:
     picture = shot.golden.copy()
     picture[..., :3] = np.clip(np.rint(change(picture[..., :3].astype(np.float64))), 0, 255)
     if alpha is not None:
@@ -330,7 +328,7 @@ def _is_transparent(shot: Shot) -> bool:
     return shot.golden.shape[2] == 4
 
 
-def _shows(shot: Shot) -> npt.NDArray[np.bool_]:
+def _shows(shot: Shot) -> Bools:
     """Return bool [h, w]: where the picture is at least half as opaque as anywhere."""
     alpha = shot.frame.radiance[..., 3]
     return alpha >= 0.5 * alpha.max()

@@ -123,11 +123,8 @@ CASES = (
     Case("gouraud_coarse", "the paper's footprint with large cells", (_GOURAUD, _COARSE)),
     Case("box_order", "the paper's traversal", ("splat.order=boxes", _COARSE)),
     Case("wide_splats", "the width of the footprint", ("splat.sigma=0.7",)),
-    Case(
-        "along_axis",
-        "no seams or ripples along the grid",
-        (_SLAB, _GLASS, _VOXELS, _STILL, "camera.projection=orthographic"),
-    ),
+    Case("along_axis", "no seams or ripples along the grid",
+        (_SLAB, _GLASS, _VOXELS, _STILL, "camera.projection=orthographic")),
     Case("slab_turned", "the outline of a homogeneous block", (_SLAB, _GLASS, _VOXELS)),
     Case("orthographic", "parallel projection", ("camera.projection=orthographic",)),
     Case("wide_angle", "ellipses far from the axis", ("camera.field_of_view=90",)),
@@ -136,78 +133,38 @@ CASES = (
     Case("eye_inside", "splats around and behind the eye", _INSIDE),
     Case("near_plane", "what is cut open by the near plane", ("camera.distance=70", "camera.near=66")),
     Case("off_centre", "a target, and what leaves the image", ("camera.target=[10, 24, 12]", "camera.distance=60")),
-    Case(
-        "framed_visible",
-        "framing what can be seen: here only the lower part of the volume",
-        (
-            _LOBB,
-            "camera.target=visible",
-            "transfer_function={points: [{value: 190, color: white, opacity: 0}, {value: 220, color: white,"
-            " opacity: 0.1}]}",
-        ),
-    ),
+    Case("framed_visible", "framing what can be seen: here only the lower part of the volume",
+        (_LOBB, "camera.target=visible",
+        "transfer_function={points: [{value: 190, color: white, opacity: 0}, {value: 220, color: white,"
+        " opacity: 0.1}]}")),
     Case("wide_image", "images that are not square", ("output.size=[128, 61]",)),
     Case("transparent", "straight alpha", (_CLEAR,)),
     Case("overlay", "the octree's cells as lines, with their opacity", ("overlay=octree", _COARSE, _CLEAR)),
-    Case(
-        "overlay_inside",
-        "lines around the eye",
-        ("overlay=octree", _COARSE, *_INSIDE),
-    ),
+    Case("overlay_inside", "lines around the eye", ("overlay=octree", _COARSE, *_INSIDE)),
     Case("finest_level", "no cells smaller than asked for", ("error.finest_level=2",)),
     Case("shading", "Lambert's law, light fixed to the object", ("shading={light: [1, -1, 1]}",), frames="::6"),
-    Case(
-        "colormap",
-        "named colormaps and their opacity points",
-        ("transfer_function={colormap: viridis, range: [40, 220], opacity: [[60, 0], [90, 0.1], [220, 0.8]]}",),
-    ),
-    Case(
-        "keyframes",
-        "eased keys with zoom",
-        (
-            "camera.path={type: keyframes, frames: 20, keys: [{frame: 0, azimuth: 0, elevation: 0},"
-            " {frame: 10, azimuth: 100, elevation: 60, zoom: 1.8}]}",
-        ),
-        frames="3:16:6",
-    ),
+    Case("colormap", "named colormaps and their opacity points",
+        ("transfer_function={colormap: viridis, range: [40, 220], opacity: [[60, 0], [90, 0.1], [220, 0.8]]}",)),
+    Case("keyframes", "eased keys with zoom",
+        ("camera.path={type: keyframes, frames: 20, keys: [{frame: 0, azimuth: 0, elevation: 0},"
+        " {frame: 10, azimuth: 100, elevation: 60, zoom: 1.8}]}",), frames="3:16:6"),
     Case("rocker", "the extremes of a swing", ("camera.path={type: rocker, frames: 8, swing: 80}",), frames="2::4"),
     Case("schedule", "tolerances by frame", ("error.tolerance={0: 2, 4: 0.2}",), frames="0:8:4"),
     Case("single_voxel", "one footprint", (_VOXEL,)),
-    Case(
-        "large_splat",
-        "a splat larger than points can be, its centre outside",
-        (_VOXEL, "camera.field_of_view=5", "camera.distance=10", "camera.target=[4.7, 4, 4.3]"),
-    ),
-    Case(
-        "marschner_lobb",
-        "frequencies near the limit of the grid",
-        (
-            _LOBB,
-            "transfer_function={points: [{value: 110, color: '#30a0ff', opacity: 0}, {value: 140, color: '#ffe0a0',"
-            " opacity: 0.6}]}",
-        ),
-    ),
-    Case(
-        "cropped",
-        "ranges of voxels, at their place",
-        ("volume.crop=[[10, 40], [0, 30], [4, 24]]", "camera.target=[24, 24, 12]", "camera.distance=110"),
-    ),
-    Case(
-        "anisotropic",
-        "ellipsoids",
-        ("volume.procedural={name: engine_block, shape: [48, 48, 12], spacing: [1, 1, 2]}",),
-    ),
+    Case("large_splat", "a splat larger than points can be, its centre outside",
+        (_VOXEL, "camera.field_of_view=5", "camera.distance=10", "camera.target=[4.7, 4, 4.3]")),
+    Case("marschner_lobb", "frequencies near the limit of the grid",
+        (_LOBB, "transfer_function={points: [{value: 110, color: '#30a0ff', opacity: 0}, {value: 140, color: '#ffe0a0',"
+        " opacity: 0.6}]}")),
+    Case("cropped", "ranges of voxels, at their place",
+        ("volume.crop=[[10, 40], [0, 30], [4, 24]]", "camera.target=[24, 24, 12]", "camera.distance=110")),
+    Case("anisotropic", "ellipsoids",
+        ("volume.procedural={name: engine_block, shape: [48, 48, 12], spacing: [1, 1, 2]}",)),
     Case("oblique", "direction matrix, spacing and origin of a file", volume=oblique_scan),
-    Case(
-        "signed_floats",
-        "classification of floats, and negative values",
-        (
-            "transfer_function={unit: 0.5, points: [{value: -1, color: '#2060ff', opacity: 0.4}, {value: -0.2, color:"
-            " '#2060ff', opacity: 0}, {value: 0.2, color: '#ff6020', opacity: 0}, {value: 1, color: '#ff6020',"
-            " opacity: 0.4}]}",
-        ),
-        volume=signed_floats,
-    ),
+    Case("signed_floats", "classification of floats, and negative values",
+        ("transfer_function={unit: 0.5, points: [{value: -1, color: '#2060ff', opacity: 0.4}, {value: -0.2, color:"
+        " '#2060ff', opacity: 0}, {value: 0.2, color: '#ff6020', opacity: 0}, {value: 1, color: '#ff6020',"
+        " opacity: 0.4}]}",), volume=signed_floats),
     Case("default", "the default footprint, every pixel drawn", (_DEFAULT,), "::4"),
     Case("default_coarse", "bricks of large cells, and pixels between others", (_DEFAULT, "error.tolerance=1.0")),
     Case("default_voxels", "the finest steps", (_DEFAULT, _VOXELS, "camera.path.start=50")),
@@ -218,11 +175,8 @@ CASES = (
     Case("default_overlay", "the edges of bricks over them", (_DEFAULT, "overlay=octree", _CLEAR)),
     Case("bounds", "the outline of the volume, with ticks", (_DEFAULT, "overlay=bounds", _CLEAR)),
     Case("default_oblique", "bricks of voxels that are no cubes", (_DEFAULT,), volume=oblique_scan),
-    Case(
-        "must_fail",
-        "the comparison: its golden is of another scene, drawn half a degree further round",
-        golden_changes=("camera.path.start=20.5",),
-    ),
+    Case("must_fail", "the comparison: its golden is of another scene, drawn half a degree further round",
+        golden_changes=("camera.path.start=20.5",)),
     Case("light_of_the_camera", "light and highlights that follow the viewer", (_DEFAULT, _GLOSS), frames="::6"),
     Case("gradient_opacity", "boundaries alone", (_DEFAULT, _BOUNDARIES)),
     Case("occlusion", "ambient light that is dimmed, and shadows", (_DEFAULT, _DIMMED)),
@@ -232,4 +186,4 @@ CASES = (
     Case("minimum", "the smallest scalar of a ray, from inside", (_DEFAULT, *_INSIDE, "mode=minimum")),
     Case("mean", "the mean scalar over the box", (_DEFAULT, "mode=mean", _HEAT)),
     Case("attenuation", "an X-ray picture", (_DEFAULT, "mode={type: attenuation, scale: 0.0005, zero: 20}", _FILM)),
-)
+)  # fmt: skip

@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from brick_reference import rasterize_bricks_reference
 from splat_reference import rasterize_reference
 from subjects import BRICKS, SPLATS, Change, Pixels, Shot, shifted
@@ -21,6 +20,7 @@ from renderer.bricks import BrickBatch
 from renderer.draw import CPURasterizer, GLRasterizer
 from renderer.splats import SplatBatch
 from renderer.view import View
+from renderer.volume import Float32, UInt32
 from tests.support.machines import WithoutUploads
 
 # The references take half a minute for this many splats, or pixels of bricks.
@@ -50,9 +50,7 @@ def _rounded_otherwise(shot: Shot, share: float) -> Pixels:
 class _Reference(WithoutUploads):
     """Draws in float64."""
 
-    def rasterize(
-        self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View
-    ) -> npt.NDArray[np.float32]:
+    def rasterize(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> Float32:
         if isinstance(batch, BrickBatch):
             return rasterize_bricks_reference(batch, order, view).astype(np.float32)
         return rasterize_reference(batch, order, view).astype(np.float32)

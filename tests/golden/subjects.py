@@ -8,8 +8,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
 from golden_cases import SCENE
 
 from renderer.bricks import BrickBatch, BrickCut
@@ -30,11 +28,11 @@ from renderer.pyramid import Cut, cut_pyramid
 from renderer.scene import Scene, load_scene, tolerance_at
 from renderer.splats import SplatBatch
 from renderer.view import View
-from renderer.volume import Volume
+from renderer.volume import UInt8, UInt32, Volume
 
 CONFIGS = SCENE.parents[2] / "configs"
 
-Pixels = npt.NDArray[np.uint8]
+Pixels = UInt8
 
 
 @dataclass(frozen=True)
@@ -122,7 +120,7 @@ class Shot:
         return self.draw_list.lod.batch
 
     @property
-    def order(self) -> npt.NDArray[np.uint32]:
+    def order(self) -> UInt32:
         """Those that are visible, as they are drawn."""
         return self.draw_list.orders[0][1]
 

@@ -20,22 +20,11 @@ SHOTS = {"splats": ("coarse",), "bricks": ("bricks_coarse", "bricks_transparent"
 
 # Defects that these frames cannot have.
 ABSENT = {
-    "splats": {
-        "gaps of 0.1 voxel between bricks",
-        "steps twice as long",
-        "pixels interpolated that differ",
-        "rays that end at a transmittance of 10 %",
-        "alpha lost",
-        "premultiplied for straight alpha",
-    },
-    "bricks": {
-        "one level of cells missing",
-        "8 x 8 x 8 voxels missing",
-        "no opacity correction in one level",
-        "footprints 1 % wider",
-        "footprints that end in a step",
-    },
-}
+    "splats": {"gaps of 0.1 voxel between bricks", "steps twice as long", "pixels interpolated that differ",
+        "rays that end at a transmittance of 10 %", "alpha lost", "premultiplied for straight alpha"},
+    "bricks": {"one level of cells missing", "8 x 8 x 8 voxels missing", "no opacity correction in one level",
+        "footprints 1 % wider", "footprints that end in a step"},
+}  # fmt: skip
 
 # Defects that move no pixel by two steps, as rounding does, too: only the number of pixels shows them.
 FAINT_EVERYWHERE = {"rounded down", "background one step brighter", "noise cluster: 1 step in 8 x 8 px"}
@@ -43,15 +32,10 @@ FAINT = {"splats": {*FAINT_EVERYWHERE, "optical depths 1 % too large"}, "bricks"
 
 # Defects that another driver may cause, too, on one of the frames at least.
 UNSEEN_ACROSS_DRIVERS = {
-    "splats": {
-        "one splat or brick missing",
-        "two overlapping ones swapped",
-        "footprints 1 % wider",
-        "footprints that end in a step",
-        "one pixel off by 3 steps",
-    },
+    "splats": {"one splat or brick missing", "two overlapping ones swapped", "footprints 1 % wider",
+        "footprints that end in a step", "one pixel off by 3 steps"},
     "bricks": {"one pixel off by 3 steps"},
-}
+}  # fmt: skip
 
 each_primitive = pytest.mark.parametrize("primitive", SHOTS)
 

@@ -36,6 +36,10 @@ def signed(least: float, most: float) -> Numbers:
     return st.one_of(st.just(0.0), size(least, most), size(least, most).map(lambda value: -value))
 
 
+def one_of(*words: str) -> st.SearchStrategy[str]:
+    return st.sampled_from(words)
+
+
 def maybe(**fields: st.SearchStrategy[Any]) -> st.SearchStrategy[dict[str, Any]]:
     return st.fixed_dictionaries({}, optional=fields)
 
@@ -72,19 +76,17 @@ def cameras(draw: st.DrawFn, frames: int, scale: float) -> dict[str, Any]:
     key = st.fixed_dictionaries(
         {"azimuth": ANGLE, "elevation": ELEVATION}, optional={"zoom": st.one_of(NEAR_ONE, size(MIN_ZOOM, MAX_ZOOM))}
     )
+    keys = st.lists(key, min_size=1, max_size=frames).map(lambda keys: [{"frame": i} | k for i, k in enumerate(keys)])
+    turns = {"start": ANGLE, "elevation": ELEVATION}
     path = draw(
         st.one_of(
-            maybe(start=ANGLE, elevation=ELEVATION).map(lambda rest: {"type": "turntable"} | rest),
-            maybe(start=ANGLE, elevation=ELEVATION, swing=size(1e-300, 360)).map(
-                lambda rest: {"type": "rocker"} | rest
-            ),
-            st.lists(key, min_size=1, max_size=frames).map(
-                lambda keys: {"type": "keyframes", "keys": [{"frame": i} | key for i, key in enumerate(keys)]}
-            ),
+            maybe(**turns).map(lambda rest: {"type": "turntable"} | rest),
+            maybe(**turns, swing=size(1e-300, 360)).map(lambda rest: {"type": "rocker"} | rest),
+            keys.map(lambda keys: {"type": "keyframes", "keys": keys}),
         )
     )
     lens = maybe(
-        projection=st.sampled_from(["perspective", "orthographic"]),
+        projection=one_of("perspective", "orthographic"),
         field_of_view=st.one_of(st.floats(1, 120), size(MIN_FIELD_OF_VIEW, MAX_FIELD_OF_VIEW)),
         target=st.one_of(st.just("visible"), place),
         distance=length,
@@ -102,40 +104,25 @@ def scenes(draw: st.DrawFn) -> dict[str, Any]:
     shape = draw(st.tuples(*[st.integers(1, 5)] * 3))
     tolerance = size(MIN_TOLERANCE, 1.7e308)
     volume = {"name": draw(st.sampled_from(PROCEDURAL_NAMES)), "shape": list(shape), "spacing": spacing}
+    by_frame = st.lists(tolerance, min_size=frames, max_size=frames).map(enumerate).map(dict)
+    tolerances = st.one_of(st.just(0.0), size(1e-3, 1), tolerance, by_frame)
+    splats = maybe(
+        footprint=one_of("gaussian", "gouraud"), sigma=st.floats(0.38, 2), order=one_of("depth", "unmixed", "boxes")
+    )
     scene = {
         "volume": {"procedural": volume},
         "transfer_function": draw(transfers()),
         "camera": draw(cameras(frames, max(n * s for n, s in zip(shape, spacing, strict=True)))),
-        "error": draw(
-            maybe(
-                measure=st.sampled_from(["optical", "rms"]),
-                tolerance=st.one_of(
-                    st.just(0.0),
-                    size(1e-3, 1),
-                    tolerance,
-                    st.lists(tolerance, min_size=frames, max_size=frames).map(enumerate).map(dict),
-                ),
-            )
-        ),
+        "error": draw(maybe(measure=one_of("optical", "rms"), tolerance=tolerances)),
         "output": {"file": "{frame}.png", "size": list(draw(st.tuples(*[st.integers(1, 24)] * 2)))},
     }
-    return scene | draw(
-        maybe(
-            shading=maybe(light=DIRECTION, ambient=PART, diffuse=PART),
-            pyramid=maybe(
-                average=st.sampled_from(["extinction", "opacity"]), precision=st.sampled_from(["half", "single"])
-            ),
-            splat=st.one_of(
-                maybe(
-                    footprint=st.sampled_from(["gaussian", "gouraud"]),
-                    sigma=st.floats(0.38, 2),
-                    order=st.sampled_from(["depth", "unmixed", "boxes"]),
-                ),
-                st.just({"footprint": "integrated"}),
-            ),
-            overlay=st.sampled_from(["none", "octree", "bounds"]),
-        )
+    more = maybe(
+        shading=maybe(light=DIRECTION, ambient=PART, diffuse=PART),
+        pyramid=maybe(average=one_of("extinction", "opacity"), precision=one_of("half", "single")),
+        splat=st.one_of(splats, st.just({"footprint": "integrated"})),
+        overlay=one_of("none", "octree", "bounds"),
     )
+    return scene | draw(more)
 
 
 @settings(max_examples=150, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))

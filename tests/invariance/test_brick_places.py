@@ -24,8 +24,9 @@ from brickwork import (
 )
 
 from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch, ScreenSampling
-from renderer.draw import GLRasterizer, brick_cache, subsampling
+from renderer.draw import GLRasterizer, brick_cache
 from renderer.draw.gl.raster import BrickBackend
+from renderer.kernels import threads
 from renderer.scene import ShadingSpec
 from renderer.scene.camera_section import MAX_FIELD_OF_VIEW
 from renderer.scene.output_section import MAX_SIDE
@@ -112,7 +113,7 @@ def test_pictures_do_not_depend_on_the_number_of_threads(
     monkeypatch: pytest.MonkeyPatch, shading: ShadingSpec | None
 ) -> None:
     """Neither bricks nor the interpolation between the pixels of subsampled grids depend on it."""
-    monkeypatch.setattr(subsampling, "_MIN_PIXELS_PER_THREAD", 1)
+    monkeypatch.setattr(threads, "MIN_PIXELS_PER_THREAD", 1)
     batches, view, _ = subject(shading)
     batches.append(replace(batches[0], screen_sampling=ScreenSampling((8, 4, 2), 0.02, 0.0)))
     pictures = []

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from splatting import camera_pose, cut_of, in_order, look, place_splats, volume_of
 
@@ -15,8 +14,7 @@ from renderer.scene import SplatSpec, TurntablePath
 from renderer.splats import make_splats
 from renderer.view import blended_orders, make_order_blending, visible_order
 from renderer.view.order_blending import FADE_ANGLE, MIN_WEIGHT, NEIGHBOURS, sort_directions
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Float64
 
 IDENTITY = np.eye(3)
 

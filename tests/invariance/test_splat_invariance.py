@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from splatting import cut_of, in_order, look, place_splats, point_at, volume_of
 
@@ -20,6 +19,7 @@ from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, Tran
 from renderer.splats import make_splats
 from renderer.transfer import make_transfer_function
 from renderer.view import View, visible_order
+from renderer.volume import Float32
 
 FOOTPRINTS = ("gaussian", "gouraud")
 SHAPE = (9, 8, 11)
@@ -39,7 +39,7 @@ def view_of(cut: Cut, projection: str = "perspective", **camera: object) -> View
     return look(projection, **{"target": cut.volume.centre, "distance": 25.0, **camera})  # type: ignore[arg-type]
 
 
-def draw(gl: GLRasterizer, cut: Cut, view: View, spec: SplatSpec) -> npt.NDArray[np.float32]:
+def draw(gl: GLRasterizer, cut: Cut, view: View, spec: SplatSpec) -> Float32:
     batch = make_splats(cut, spec)
     return gl.rasterize(batch, visible_order(batch, view), view)
 
@@ -108,9 +108,7 @@ def test_what_the_near_plane_culls_would_have_left_next_to_nothing(
         np.testing.assert_allclose(image, images[0], rtol=0, atol=bound)
 
 
-def with_and_without_culled(
-    gl: GLRasterizer, cut: Cut, view: View, footprint: str, at_least: int
-) -> list[npt.NDArray[np.float32]]:
+def with_and_without_culled(gl: GLRasterizer, cut: Cut, view: View, footprint: str, at_least: int) -> list[Float32]:
     """The picture of what `visible_order` keeps, and with the rest before it and after it."""
     batch = make_splats(cut, SplatSpec(footprint))  # type: ignore[arg-type]
     order = visible_order(batch, view)

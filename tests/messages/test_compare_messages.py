@@ -70,6 +70,10 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pictures = [smooth(number) for number in range(6)]
     for name, num in (("film", 6), ("short", 4), ("one", 1)):
         write_film(folder / f"{name}.mp4", pictures[:num])
+    for suffix in ("mp4", "gif"):
+        for name in ("same", "again"):
+            write_film(folder / f"{name}.{suffix}", pictures)
+        write_film(folder / f"changed.{suffix}", [*pictures[:4], smooth(2), pictures[5]])
     film = (folder / "film.mp4").read_bytes()
     (folder / "cut.mp4").write_bytes(film[:-50])
     (folder / "damaged.mp4").write_bytes(film[:-400] + bytes(400))
@@ -105,9 +109,7 @@ def test_messages(case: Case, files: Path, capsys: pytest.CaptureFixture[str]) -
 @pytest.mark.parametrize(
     ("options", "package"), [([], "flip_evaluator"), (["--level", "exact", "--html", "page.html"], "jinja2")]
 )
-def test_a_missing_package_is_named(
-    options: list[str], package: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_missing_package_is_named(options: list[str], package: str, monkeypatch, capsys) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert main.run(["compare", "golden", "actual", *options]) == 2
     message = f"the package {package} is not installed\n  hint: pip install 'hsplat[compare]'\n"

@@ -74,9 +74,7 @@ def at_frame(monkeypatch: pytest.MonkeyPatch, number: int, happens: Callable[[],
 
 @pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
 @pytest.mark.parametrize("suffix", ["png", "json"])
-def test_a_disk_that_is_full(
-    output: str, suffix: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_disk_that_is_full(output: str, suffix: str, monkeypatch, capsys) -> None:
     """At a frame, or at its record."""
     write = Path.write_bytes
 
@@ -95,12 +93,7 @@ def test_a_disk_that_is_full(
 
 
 @pytest.mark.parametrize("output", ["film.mp4", "film.gif"])
-def test_a_disk_that_is_full_while_a_film_is_encoded(
-    output: str,
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path_factory: pytest.TempPathFactory,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_disk_that_is_full_while_a_film_is_encoded(output: str, monkeypatch, tmp_path_factory, capsys) -> None:
     program = tmp_path_factory.mktemp("bin") / "ffmpeg"
     program.write_text("#!/bin/sh\ncat > /dev/null\necho 'No space left on device' >&2\nexit 1\n")
     program.chmod(0o755)
@@ -114,9 +107,7 @@ def test_a_disk_that_is_full_while_a_film_is_encoded(
 
 
 @pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
-def test_an_output_folder_that_vanishes(
-    output: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_output_folder_that_vanishes(output: str, monkeypatch, capsys) -> None:
     folder = Path("out", "frames.unfinished" if output == "{frame}.png" else f"{output}.unfinished")
 
     def vanish() -> None:
@@ -134,9 +125,7 @@ def test_an_output_folder_that_vanishes(
     assert not Path("out").exists()
 
 
-def test_a_checkpoint_frame_that_cannot_be_decoded(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_checkpoint_frame_that_cannot_be_decoded(monkeypatch, capsys) -> None:
     """Its record agrees with it. Once it is removed, it is drawn again."""
 
     def interrupt() -> None:
@@ -177,9 +166,7 @@ def test_no_opengl(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtur
     )
 
 
-def test_a_picture_too_large_for_the_device(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_picture_too_large_for_the_device(monkeypatch, capsys) -> None:
     def huge(*arguments: Any) -> View:  # beyond what a scene may ask for, so that every device refuses it
         return dataclasses.replace(make_view(*arguments), size=(10**6, 8))
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import socket
 import threading
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -48,13 +47,7 @@ def answer_as_a_web_server(server: socket.socket) -> None:
         (answer_as_a_web_server, 3.0, "the server at this address is not a Dask scheduler"),
     ],
 )
-def test_another_server(
-    answer: Callable[[socket.socket], None],
-    timeout_s: float,
-    text: str,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_another_server(answer, timeout_s, text, capsys, monkeypatch) -> None:
     monkeypatch.setattr(connection, "_CONNECT_TIMEOUT_S", timeout_s)
     with socket.create_server(("127.0.0.1", 0)) as server:
         threading.Thread(target=answer, args=(server,), daemon=True).start()
@@ -71,9 +64,7 @@ def test_another_server(
         ("distributed", ["golden", "scene.yaml", "goldens", "--workers", "2"]),
     ],
 )
-def test_a_package_is_not_installed(
-    package: str, command: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_package_is_not_installed(package: str, command: list[str], capsys, monkeypatch) -> None:
     find_spec = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == package else find_spec(name))
     assert main.run([*command, "--quiet"]) == 2

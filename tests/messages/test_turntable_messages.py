@@ -30,6 +30,13 @@ def folder(folder: Path) -> None:
     np.save("nan.npy", np.array([np.nan, *range(63)]).reshape(4, 4, 4))
     np.save("whole.npy", np.arange(64.0).reshape(4, 4, 4))
     np.save("other/scan.npy", np.arange(64).reshape(4, 4, 4))
+    np.save("other/two.npy", np.arange(64).reshape(4, 4, 4))
+    Path("other/notes.txt").touch()
+    z, y, x = np.meshgrid(*[np.linspace(-1, 1, 24)] * 3, indexing="ij")
+    np.save("labels.npy", np.select([x < -0.15, x > 0.15], [3, 90], 17) * (x**2 + y**2 + z**2 < 0.7))
+    np.save("same.npy", np.full((4, 4, 4), 7, np.uint8))
+    header = "NRRD0004\ntype: float\ndimension: 3\nsizes: 4 4 4\nendian: little\nencoding: raw\n\n"
+    Path("nan.nrrd").write_bytes(header.encode() + np.array([np.nan, *range(63)], "<f4").tobytes())
     np.save("holes.npy", signed_waves_with_a_hole())
     np.save("filled.npy", blob_with_fill_values())
 

@@ -17,9 +17,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
-from brick_reference import rasterize_bricks_reference
+from brick_reference import nudged, rasterize_bricks_reference
 from brickwork import (
     AFFINES,
     CAMERAS,
@@ -40,7 +39,7 @@ from renderer.bricks import BrickBatch, Bricks, ScreenSampling
 from renderer.draw import GLRasterizer
 from renderer.scene import CameraSpec, ShadingSpec, TurntablePath
 from renderer.view import View, make_view
-from renderer.volume import make_volume
+from renderer.volume import Float32, make_volume
 
 PRECISION = 6e-5
 STEP = 1e-5
@@ -55,7 +54,7 @@ def rasterizer(request: pytest.FixtureRequest) -> Iterator[GLRasterizer]:
 
 def assert_parity(
     gl: GLRasterizer, batch: BrickBatch, view: View, what: object = "", precision: float = PRECISION
-) -> npt.NDArray[np.float32]:
+) -> Float32:
     """Both rasterisers draw the same picture, which is returned."""
     order = ordered(batch.cut, view)
     image, expected = gl.rasterize(batch, order, view), rasterize_bricks_reference(batch, order, view)
@@ -64,19 +63,11 @@ def assert_parity(
     assert expected[..., 3].max() > 0.2, what
     excess = np.abs(image - expected) - precision - batch.screen_sampling.termination_transmittance
     if excess.max() > 0:
-        band = [rasterize_bricks_reference(nudged(batch, sign), order, view) for sign in (-1, 1)]
+        band = [rasterize_bricks_reference(nudged(batch, s * STEP, s * SPREAD), order, view) for s in (-1, 1)]
         excess -= np.max(band, axis=0) - np.min(band, axis=0)
     worst = np.unravel_index(excess.argmax(), excess.shape)
     assert excess[worst] <= 0, f"{what}: {image[worst]} instead of {expected[worst]} at {worst}, {excess[worst]} more"
     return image
-
-
-def nudged(batch: BrickBatch, sign: int) -> BrickBatch:
-    """With slightly longer, or shorter, steps, and a slightly larger, or smaller, spread."""
-    screen_sampling = replace(
-        batch.screen_sampling, difference_threshold=batch.screen_sampling.difference_threshold * (1 + sign * SPREAD)
-    )
-    return replace(batch, steps=batch.steps * (1 + sign * STEP), screen_sampling=screen_sampling)
 
 
 def hilly(affine: str, shading: ShadingSpec | None, dtype: str = "uint8") -> Bricks:

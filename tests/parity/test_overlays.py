@@ -195,15 +195,10 @@ def test_the_outline_has_one_opacity(projection: str) -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [
-        {"mode": ModeSpec("maximum")},
-        {"mode": ModeSpec("minimum")},
-        {"mode": ModeSpec("maximum", color_by="depth")},
-        {"mode": ModeSpec("mean")},
-        {"cuts": (CutSpec(PlaneSpec((15.0, 13.0, 9.0), (0.0, 0.0, 1.0))),)},
-        {"splat": SplatSpec("gaussian")},
-    ],
-)
+    [{"mode": ModeSpec("maximum")}, {"mode": ModeSpec("minimum")}, {"mode": ModeSpec("maximum", color_by="depth")},
+        {"mode": ModeSpec("mean")}, {"cuts": (CutSpec(PlaneSpec((15.0, 13.0, 9.0), (0.0, 0.0, 1.0))),)},
+        {"splat": SplatSpec("gaussian")}],
+)  # fmt: skip
 def test_the_outline_is_drawn_over_any_picture(rasterizer: GLRasterizer, changes: dict[str, Any]) -> None:
     scene = replace(PLAIN, camera=replace(PLAIN.camera, distance=90.0), **changes)
     (below,), (above,) = (

@@ -19,7 +19,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from splat_reference import rasterize_reference
 from splatting import in_order, look, place_splats, point_at
@@ -28,6 +27,7 @@ from renderer.draw import GLRasterizer
 from renderer.scene import SplatSpec
 from renderer.splats import GaussianFootprint, SplatBatch
 from renderer.view import View
+from renderer.volume import Float32, Float64
 
 PRECISION = 4e-5
 EDGE = 1e-4
@@ -59,7 +59,7 @@ def assert_parity(
     *,
     precision: float = PRECISION,
     edge: float = EDGE,
-) -> npt.NDArray[np.float32]:
+) -> Float32:
     """Both rasterisers draw the same picture, which is returned."""
     order = in_order(batch)
     image, expected = gl.rasterize(batch, order, view), rasterize_reference(batch, order, view)
@@ -97,7 +97,7 @@ def test_one_splat_of_any_size_at_any_place(rasterizer: GLRasterizer, footprint:
             assert_parity(rasterizer, batch, view, (sigma_px, column, row))
 
 
-def random_axes(rng: np.random.Generator, num: int, sigma: float, stretch: float) -> npt.NDArray[np.float64]:
+def random_axes(rng: np.random.Generator, num: int, sigma: float, stretch: float) -> Float64:
     """float64 [num, 3, 3]: oblique, sheared, of either hand, each direction up to `stretch` times longer or shorter."""
     skewed = np.eye(3) + 0.4 * rng.standard_normal((num, 3, 3))
     return sigma * skewed * stretch ** rng.uniform(-1, 1, (num, 1, 3)) * rng.choice([-1, 1], (num, 1, 3))
@@ -106,14 +106,9 @@ def random_axes(rng: np.random.Generator, num: int, sigma: float, stretch: float
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
 @pytest.mark.parametrize(
     ("sigma", "stretch", "projection"),
-    [
-        (0.002, 3.0, "perspective"),
-        (0.03, 1.5, "orthographic"),
-        (0.03, 30.0, "perspective"),
-        (0.3, 3.0, "orthographic"),
-        (1.0, 20.0, "perspective"),
-    ],
-)
+    [(0.002, 3.0, "perspective"), (0.03, 1.5, "orthographic"), (0.03, 30.0, "perspective"), (0.3, 3.0, "orthographic"),
+        (1.0, 20.0, "perspective")],
+)  # fmt: skip
 def test_splats_of_any_shape_on_top_of_each_other(
     rasterizer: GLRasterizer, footprint: str, projection: str, sigma: float, stretch: float
 ) -> None:

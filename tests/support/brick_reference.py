@@ -13,20 +13,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dense_bricks import means_over_cells
 
 from renderer.bricks import DITHER, JITTER_PER_PX, BrickBatch, Bricks, ScreenSampling, cut_bricks, make_brick_batch
 from renderer.scene import ShadingSpec
 from renderer.transfer import MAX_NORMALIZED_SCALAR, VISIBILITY_THRESHOLD
 from renderer.view import View, visible_bricks
-from renderer.volume import Volume
+from renderer.volume import Array, Bools, Float64, Int64, UInt32, Volume
 
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
 Fields = dict[int, Float64]  # by level, as of `_scalar_field` or `_mean_field`
 
 
@@ -44,11 +40,11 @@ class _Rays:
         """[n, 3], index coordinates."""
         return self.origins + t[:, None] * self.directions
 
-    def __getitem__(self, which: npt.NDArray[Any]) -> _Rays:
+    def __getitem__(self, which: Array) -> _Rays:
         return _Rays(self.origins[which], self.directions[which], self.starts[which], self.phases[which])
 
 
-def rasterize_bricks_reference(batch: BrickBatch, order: npt.NDArray[np.uint32], view: View) -> Float64:
+def rasterize_bricks_reference(batch: BrickBatch, order: UInt32, view: View) -> Float64:
     """Composite the bricks `order`, front to back: float64 [height, width, 4], premultiplied RGBA over nothing."""
     strides = batch.screen_sampling.strides
     nodes = _pixel_grid(view.size, strides[0])
@@ -62,6 +58,13 @@ def rasterize_bricks_reference(batch: BrickBatch, order: npt.NDArray[np.uint32],
         image = _between(image, coarse, *nodes)
         image[is_drawn] = _radiance(batch, order, _rays(batch.cut.volume, view, *(n[is_drawn] for n in nodes)), fields)
     return _between(image, strides[-1], *_pixel_grid(view.size, 1))
+
+
+def nudged(batch: BrickBatch, step: float, spread: float) -> BrickBatch:
+    """Return a batch with steps and a spread that are longer and larger, or shorter and smaller, by these shares."""
+    threshold = batch.screen_sampling.difference_threshold * (1 + spread)
+    screen_sampling = replace(batch.screen_sampling, difference_threshold=threshold)
+    return replace(batch, steps=batch.steps * (1 + step), screen_sampling=screen_sampling)
 
 
 def picture_at(
@@ -82,7 +85,7 @@ def _pixel_grid(size: tuple[int, int], stride: int) -> tuple[Int64, Int64]:
     return at_columns, at_rows
 
 
-def _are_alike(nodes: Float64, spread: float) -> npt.NDArray[np.bool_]:
+def _are_alike(nodes: Float64, spread: float) -> Bools:
     """[rows, columns]: of nodes [rows, columns, 4], which four, the lowest of which has this place, do not differ."""
     around = np.pad(nodes, ((1, 1), (1, 1), (0, 0)), mode="edge")
     along_row = np.abs(around[1:-1, :-2] - 2 * nodes + around[1:-1, 2:])
@@ -139,7 +142,7 @@ def _phases(columns: Int64, rows: Int64) -> Float64:
     return np.asarray((whole >> 8) / 2.0**24)
 
 
-def _radiance(batch: BrickBatch, order: npt.NDArray[np.uint32], rays: _Rays, fields: Fields) -> Float64:
+def _radiance(batch: BrickBatch, order: UInt32, rays: _Rays, fields: Fields) -> Float64:
     """Composite all bricks, one after the other: [n, 4]. fields: those of earlier calls with this batch."""
     total = np.zeros((len(rays.starts), 4))
     for brick in order:

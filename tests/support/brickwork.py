@@ -15,9 +15,7 @@ from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.view import View
 from renderer.view.depth_order import box_order
-from renderer.volume import Volume, make_volume
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Float32, Float64, Int32, UInt8, UInt32, Volume, make_volume
 
 EXACTLY = ScreenSampling((1,), 0.0, 0.0)
 
@@ -53,7 +51,7 @@ def placed(values: npt.ArrayLike, affine: Float64 | None = None) -> Volume:
     return make_volume(np.array(values, order="C"), world_from_index, "test")
 
 
-def hills(shape: tuple[int, int, int], wave: float) -> npt.NDArray[np.float32]:
+def hills(shape: tuple[int, int, int], wave: float) -> Float32:
     """float32 [z, y, x] in [0, 1]: smooth, with a wavelength of so many voxels."""
     z, y, x = np.ogrid[tuple(map(slice, shape))]
     k = 2 * np.pi / wave
@@ -102,7 +100,7 @@ def level_cut(bricks: Bricks, level: int) -> BrickCut:
     return cut_of_bricks(bricks, np.full(len(cells), level, np.uint8), cells.astype(np.int32))
 
 
-def cut_of_bricks(bricks: Bricks, levels: npt.NDArray[np.uint8], cells: npt.NDArray[np.int32]) -> BrickCut:
+def cut_of_bricks(bricks: Bricks, levels: UInt8, cells: Int32) -> BrickCut:
     """The cut of some bricks, less those that show nothing."""
     boxes, step_errors = np.empty((len(levels), 2, 3)), np.empty(len(levels))
     for i, (level, (x, y, z)) in enumerate(zip(levels, cells, strict=True)):
@@ -149,6 +147,6 @@ def view_of(
     return replace(outside, target=eye, distance=0.0, scale_px=outside.scale_px / 3)
 
 
-def ordered(cut: BrickCut, view: View) -> npt.NDArray[np.uint32]:
+def ordered(cut: BrickCut, view: View) -> UInt32:
     """All bricks, front to back."""
     return box_order(cut.levels + np.uint8(BRICK_LEVELS), cut.cells, cut.volume, view)[::-1].astype(np.uint32)

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.bricks import RAY_ERROR_FACTOR
 from renderer.transfer import VISIBILITY_THRESHOLD, TransferFunction
-from renderer.volume import Volume
+from renderer.volume import Array, Bools, Float64, Volume
 
-Array = npt.NDArray[Any]
-Float64 = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 Shape = tuple[int, int, int]
 
 OBLIQUE = np.array([[0.5, 0.2, -0.1, 3.0], [0.1, -0.9, 0.3, -2.0], [0.0, 0.4, 2.0, 7.0], [0.0, 0.0, 0.0, 1.0]])

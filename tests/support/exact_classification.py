@@ -8,17 +8,13 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from extremes import Measure, Random, worst_of
 from number_types import INTEGERS, limits
 
 from renderer.pyramid import build_pyramid, cut_pyramid
 from renderer.scene import ErrorSpec, PyramidSpec
 from renderer.transfer import TransferFunction
-from renderer.volume import Volume, make_volume
-
-Array = npt.NDArray[Any]
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Array, Float64, Volume, make_volume
 
 
 def placed(values: Array, axes: Float64) -> Volume:

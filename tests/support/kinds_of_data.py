@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
 from renderer.scene import TransferSpec
 from renderer.suggest import Suggestion, Wish, compute_statistics, suggest
+from renderer.suggest.features import VoxelSample, sample_volume
 from renderer.transfer import make_transfer_function
-from renderer.volume import Volume, make_volume
-
-Array = npt.NDArray[Any]
+from renderer.volume import Array, Volume, make_volume
 
 N = 48
 
@@ -20,6 +16,12 @@ N = 48
 def volume_of(values: Array, spacing: float = 1.0) -> Volume:
     """Return a volume of cubic voxels."""
     return make_volume(np.ascontiguousarray(values), np.diag([spacing] * 3 + [1.0]), "made up")
+
+
+def sample_of(values: Array, spacing: float = 1.0) -> VoxelSample:
+    """Return the voxels that a suggestion looks at."""
+    volume = volume_of(values, spacing)
+    return sample_volume(volume, compute_statistics(volume.values))
 
 
 def suggested(values: Array, spacing: float = 1.0, colormap: str | None = None) -> Suggestion:

@@ -7,14 +7,12 @@ first part of a ray is left out, and how large the light is.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy import ndimage
 
 from renderer.lighting.field import LIGHT_RADIUS, OCCLUSION_RADIUS, START_CELLS
 from renderer.transfer import TransferFunction
-from renderer.volume import Volume
+from renderer.volume import Float32, Float64, Volume
 
-Float64 = npt.NDArray[np.float64]
 NUM_OCCLUSION_RAYS, NUM_LIGHT_RAYS = 256, 64
 STEP = 0.5  # of a ray, in the finest spacing
 
@@ -69,7 +67,7 @@ def _transmission(
     return np.exp(-depths).mean(axis=1)
 
 
-def sampled(field: npt.NDArray[np.float32], cell_size: int, points: Float64) -> Float64:
+def sampled(field: Float32, cell_size: int, points: Float64) -> Float64:
     """Return a field of a LightField, interpolated at points [n, 3] (x, y, z) in voxels."""
     places = (points + 0.5) / cell_size + 0.5
     return np.asarray(ndimage.map_coordinates(field.astype(np.float64), places.T[::-1], order=1, mode="nearest"))

@@ -14,12 +14,13 @@ from renderer.draw import GLRasterizer
 from renderer.frame.primitives import num_samples
 from renderer.splats import SplatBatch
 from renderer.view import View, model_view, total_square_area_px
+from renderer.volume import Float32, UInt32
 
 
 class WithoutUploads:
     """The part of a rasteriser that keeps nothing between pictures."""
 
-    def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+    def upload(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> bool:
         """Upload nothing."""
         return False
 
@@ -30,7 +31,7 @@ class Painter(WithoutUploads):
     def __init__(self, paint: Callable[[Any, View], npt.ArrayLike]) -> None:
         self._paint = paint
 
-    def rasterize(self, batch: Any, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:
+    def rasterize(self, batch: Any, order: UInt32, view: View) -> Float32:
         """Return the picture."""
         shape = (view.size[1], view.size[0], 4)
         return np.broadcast_to(np.asarray(self._paint(batch, view), np.float32), shape).copy()
@@ -61,16 +62,14 @@ class SimulatedMachine(WithoutUploads):
         """Return the seconds so far."""
         return self.now
 
-    def rasterize(
-        self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View
-    ) -> npt.NDArray[np.float32]:
+    def rasterize(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> Float32:
         """Return an empty picture after its time."""
         seconds = self.seconds_of(batch, order, view)
         self.now += seconds * self._pace(self.num_drawings) * (1 + self._noise * self._random.standard_normal())
         self.num_drawings += 1
         return np.zeros((view.size[1], view.size[0], 4), np.float32)
 
-    def seconds_of(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> float:
+    def seconds_of(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> float:
         """Return the seconds of a drawing at the usual pace."""
         if isinstance(batch, BrickBatch):
             num_pixels = num_samples(batch, order, view)
@@ -91,7 +90,7 @@ class UploadingMachine(SimulatedMachine):
         self._times = times
         self._uploaded: SplatBatch | BrickBatch | None = None
 
-    def upload(self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View) -> bool:
+    def upload(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> bool:
         """Take the time of an upload unless the batch is there."""
         if self._uploaded is batch:
             return False
@@ -99,9 +98,7 @@ class UploadingMachine(SimulatedMachine):
         self.now += self._times * self.seconds_of(batch, order, view)
         return True
 
-    def rasterize(
-        self, batch: SplatBatch | BrickBatch, order: npt.NDArray[np.uint32], view: View
-    ) -> npt.NDArray[np.float32]:
+    def rasterize(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> Float32:
         """Return an empty picture after its time."""
         self.upload(batch, order, view)
         return super().rasterize(batch, order, view)

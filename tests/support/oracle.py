@@ -21,9 +21,8 @@ import numpy.typing as npt
 from renderer.scene import ColormapSpec, Scene, ShadingSpec, TransferSpec, colormap_points
 from renderer.transfer import VISIBILITY_THRESHOLD
 from renderer.transfer.transfer_function import MAX_VOXEL_DEPTH, NUM_COLORMAP_SAMPLES
-from renderer.volume import Volume
+from renderer.volume import Float64, Int64, Volume
 
-Float64 = npt.NDArray[np.float64]
 Leaf = tuple[int, int, int, int]  # level, and x, y, z in units of the cell's own width
 
 FLOAT32 = 2.0**-24
@@ -49,8 +48,8 @@ class Cells:
     colors: float64 [n, 3], of the light that a cell gives off; color_slack [n]: how far off each may be.
     """
 
-    first: npt.NDArray[np.int64]
-    extent: npt.NDArray[np.int64]
+    first: Int64
+    extent: Int64
     depths: Float64
     low: Float64
     high: Float64

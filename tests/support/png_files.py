@@ -12,8 +12,9 @@ import numpy.typing as npt
 
 from renderer.film import Picture, encode_png, open_film
 from renderer.scene import OutputSpec
+from renderer.volume import UInt8
 
-Pixels = npt.NDArray[np.uint8]
+Pixels = UInt8
 Chunks = Sequence[tuple[bytes, bytes]]
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"

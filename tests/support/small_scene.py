@@ -17,17 +17,18 @@ def small_scene(
     size: str = "32, 32",
     error: str | None = None,
     footprint: str | None = None,
+    volume: str | None = None,
 ) -> str:
     """Return the YAML of a turntable that is written to film.mp4.
 
     error: the contents of that section, such as `tolerance: 0.1`. Without error and footprint the scene has neither
-    section, and is drawn at the defaults.
+    section, and is drawn at the defaults. volume: the contents of that section, in place of an engine block.
     """
     sections = "" if error is None else f"error: {{{error}}}\n"
     sections += "" if footprint is None else f"splat: {{footprint: {footprint}}}\n"
+    volume = volume or f"procedural: {{name: engine_block, shape: [{shape}]}}"
     return f"""\
-volume:
-  procedural: {{name: engine_block, shape: [{shape}]}}
+volume: {{{volume}}}
 transfer_function:
   points:
     - {{value: 50, color: "#000000", opacity: 0.0}}

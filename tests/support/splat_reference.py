@@ -16,12 +16,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.splats import GaussianFootprint, GouraudFootprint, SplatBatch
 from renderer.view import SLOPE_LIMIT, View
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Bools, Float64, UInt32
 
 # The near plane leaves nothing of a splat that lies this many standard deviations before it: 3e-5 of its mass.
 FARTHEST_CUT = 4.0
@@ -46,7 +44,7 @@ class _Ellipse:
     unit_depth: float
 
 
-def rasterize_reference(batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> Float64:
+def rasterize_reference(batch: SplatBatch, order: UInt32, view: View) -> Float64:
     """Composite `batch[order]`, back to front: float64 [height, width, 4], premultiplied RGBA over nothing."""
     image = np.zeros((view.size[1], view.size[0], 4))
     for index in order:
@@ -148,7 +146,7 @@ def _gouraud_alpha(footprint: GouraudFootprint, ellipse: _Ellipse, x_px: Float64
     return alpha
 
 
-def _rasterized_triangle(corners: Float64, x_px: Float64, y_px: Float64) -> tuple[npt.NDArray[np.bool_], Float64]:
+def _rasterized_triangle(corners: Float64, x_px: Float64, y_px: Float64) -> tuple[Bools, Float64]:
     """Which points a triangle (corners [3, 2]) holds, and each corner's share in the linear interpolation [..., 3].
 
     A point on an edge belongs to the triangle that lies below it or to its right (top-left rule): where triangles meet,

@@ -23,9 +23,7 @@ from renderer.splats import SplatBatch, make_footprint, make_splats
 from renderer.transfer import make_transfer_function
 from renderer.view import View, make_view
 from renderer.view.paths import CameraPoses, camera_poses
-from renderer.volume import Volume, make_volume
-
-Float64 = npt.NDArray[np.float64]
+from renderer.volume import Float32, Float64, UInt8, UInt32, Volume, make_volume
 
 
 def look(
@@ -83,12 +81,12 @@ def place_splats(
     )
 
 
-def in_order(batch: SplatBatch) -> npt.NDArray[np.uint32]:
+def in_order(batch: SplatBatch) -> UInt32:
     """All splats, as they come."""
     return np.arange(len(batch), dtype=np.uint32)
 
 
-def volume_of(values: npt.NDArray[np.uint8], world_from_index: Float64 | None = None) -> Volume:
+def volume_of(values: UInt8, world_from_index: Float64 | None = None) -> Volume:
     """A volume of [z, y, x] voxels around the world's origin, with spacing 1, unless it is placed elsewhere."""
     if world_from_index is None:
         world_from_index = np.eye(4)
@@ -113,6 +111,6 @@ def splats_of(volume: Volume, opacity: float, spec: SplatSpec | None = None, **c
     return make_splats(cut_of(volume, opacity, **cut), spec or SplatSpec())  # type: ignore[arg-type]
 
 
-def optical_depth(image: npt.NDArray[np.float32]) -> Float64:
+def optical_depth(image: Float32) -> Float64:
     """float64 [h, w]: `-log(1 - alpha)`."""
     return -np.log1p(-image[..., 3].astype(np.float64))

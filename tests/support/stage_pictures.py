@@ -8,12 +8,12 @@ import numpy.typing as npt
 from renderer.draw import CPURasterizer
 from renderer.frame import Stage, render_frames, view_of
 from renderer.truth import SceneRays
-from renderer.volume import Float64
+from renderer.volume import Float32, Float64
 
 NUMBER = 3  # of the frame; no axis of the volume is along the view
 
 
-def drawn(stage: Stage, number: int = NUMBER, *, num_threads: int = 2) -> npt.NDArray[np.float32]:
+def drawn(stage: Stage, number: int = NUMBER, *, num_threads: int = 2) -> Float32:
     """Return the radiance [h, w, 4]."""
     with CPURasterizer(num_threads=num_threads) as rasterizer:
         (frame,) = render_frames(stage, [number], rasterizer, clock=lambda: 0.0)

@@ -116,16 +116,11 @@ def study_of(measurements: Sequence[Measurement], **changes: Any) -> Study:
         name="engine",
         scene={"volume": {"file": "engine.nhdr"}, "output": {"size": [8, 6], "background": [0.0, 0.0, 0.0]}},
         volume={"name": "engine.nhdr", "fingerprint": "0123abcd", "dtype": "uint8", "shape": (4, 5, 6)},
-        machine={
-            "processor": "a processor",
-            "cores": 2,
-            "device": "llvmpipe",
-            "commit": "abc1234",
-            "versions": {"numpy": "2"},
-        },
+        machine={"processor": "a processor", "cores": 2, "device": "llvmpipe", "commit": "abc1234",
+            "versions": {"numpy": "2"}},
         truth_tolerance=1e-4,
         truths=tuple(Truth(f, np.full((5, 8, 3), 9 / 255), on_volume, convergence, 1.5) for f in frames),
         measurements=tuple(measurements),
         notes=("the error rises from tolerance 0.2 to 0.1",),
-    )
+    )  # fmt: skip
     return dataclasses.replace(study, **changes)

@@ -5,17 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.bricks import BRICK_SIZE, PADDED_BRICK_SIZE
-from renderer.draw.cpu.field import Field
-from renderer.draw.cpu.grid import Grid, bin_bricks
-from renderer.draw.cpu.light import Light
+from renderer.draw.cpu.grid import make_grid
 from renderer.kernels import kernels
 from renderer.transfer import GUIDE_SIZE, PIECE_FLOATS, PiecewiseTransfer
 from renderer.view import RaySetup
-
-Array = npt.NDArray[Any]
+from renderer.volume import Array, Float32
 
 _PER_BRICK = BRICK_SIZE**2
 # Rays along z, one for each column of texels.
@@ -23,7 +19,9 @@ _ORIGINS, _DIRECTIONS = np.array([[0.0, 1, 0], [0, 0, 1], [0, 0, 0]]), np.array(
 _RAYS = RaySetup(_ORIGINS, _DIRECTIONS, 0.0, 0.0, (0.0, 0.0), None)
 # Extinction is the scalar.
 LINEAR = PiecewiseTransfer(
-    np.array([[np.inf, 0, 0, 1] + [0] * (PIECE_FLOATS - 4)], np.float32), np.zeros(GUIDE_SIZE, np.int32)
+    np.array([[np.inf, 0, 0, 1] + [0] * (PIECE_FLOATS - 4)], np.float32),
+    np.zeros(GUIDE_SIZE, np.int32),
+    np.float32(-np.inf),
 )
 
 
@@ -31,11 +29,10 @@ def drawn(
     scalars: Array,
     pieces: PiecewiseTransfer = LINEAR,
     *,
-    lowest_visible: float = -np.inf,
     scale: float = 1.0,
-    light: Light | None = None,
+    light: dict[str, Any] | None = None,
     gradients: Array | None = None,
-) -> npt.NDArray[np.float32]:
+) -> Float32:
     """Return the pixels [n, 4] of texels with these scalars [n] and gradients [n, 3].
 
     Rays go a way of 1 in each. scale: spacings in 1.
@@ -53,25 +50,20 @@ def drawn(
     right, size = left + BRICK_SIZE, zero + BRICK_SIZE
     boxes = np.column_stack([left, zero, zero, right, size, zero + 1, left, zero, zero, zero + 1, zero + 1e9])
     image = np.zeros((BRICK_SIZE, BRICK_SIZE * num_bricks, 4), np.float32)
-    bins = bin_bricks(np.column_stack([left, zero, right, size]), 1, (image.shape[1], image.shape[0]))
-    offsets = np.arange(num_bricks) * bricks.shape[1]
-    grid = Grid(bins, 1, _RAYS, boxes, offsets, np.ones(image.shape[:2], np.bool_), image)
-    field = Field(
-        np.append(bricks, np.zeros(2, np.float32)),
-        np.empty(0, np.float32),
-        pieces,
-        lowest_visible,
-        1.0,
-        scale,
-        False,
-        False,
-        (0.0,) * 5,
-    )
+    rectangles, offsets = np.column_stack([left, zero, right, size]), np.arange(num_bricks) * bricks.shape[1]
+    grid = make_grid(rectangles, 1, _RAYS, boxes, offsets, np.ones(image.shape[:2], np.bool_), image)
     kernels().draw_tiles(
         grid=grid,
         is_mean=np.zeros(num_bricks, np.bool_),
-        field=field,
+        scalars=np.append(bricks, np.zeros(2, np.float32)),
+        means=np.empty(0, np.float32),
+        pieces=pieces,
+        termination_alpha=1.0,
+        spacings_per_model_unit=scale,
+        has_absent=False,
+        is_lit=False,
+        lambert=(0.0,) * 5,
         light=light,
-        tiles=np.arange(len(bins.starts) - 1),
+        tiles=np.arange(len(grid["starts"]) - 1),
     )
     return image.reshape(BRICK_SIZE, num_bricks, BRICK_SIZE, 4).swapaxes(0, 1).reshape(-1, 4)[:num]

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from renderer.readers.common import Image
 from renderer.readers.isolation import Host, call_reader
+from renderer.volume import Array
 
 
 class ThisProcess(Host):
@@ -18,7 +19,7 @@ class ThisProcess(Host):
     def __init__(self) -> None:
         """Nobody waits for an answer."""
 
-    def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+    def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
         return np.zeros(shape, dtype)
 
     def expect_bytes(self, num_bytes: int) -> None:

@@ -11,7 +11,8 @@ A transcript is a text file of cases. Each case begins with its title, and is ru
     [2]
 
 `~` edits a file: the text of the `-` lines, which must stand in it once, becomes that of the `+` lines; without `-`
-lines the file is written. `$` runs a command: hsplat in this process, or `ls`, `cat` or `touch`. What follows is what
+lines the file is written. `$` runs a command: hsplat in this process, or `ls`, `cat`, `touch`, `rm`, `cp`, `mv` or
+`cmp`. What follows is what
 it prints, standard output before standard error, and its exit code unless that is 0. In it, `...` stands for any text,
 and `/folder` for the current folder.
 
@@ -23,7 +24,7 @@ from __future__ import annotations
 import os
 import re
 import shlex
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -93,7 +94,7 @@ def _run(step: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         code = main.run(arguments)
         printed = "".join(capsys.readouterr()).replace(str(Path.cwd()), "/folder")
     else:
-        code, printed = 0, _COMMANDS[program](Path(arguments[0]))
+        code, printed = 0, _COMMANDS[program](*map(Path, arguments)) or ""
     end = "" if printed.endswith("\n") or not printed else "\n"
     return f"{step[0]}\n{printed}{end}" + (f"[{code}]\n" if code else "")
 
@@ -104,12 +105,19 @@ def _list(folder: Path) -> str:
     return "".join(f"{path.name}{'/' * path.is_dir()}\n" for path in sorted(folder.iterdir()))
 
 
-def _touch(path: Path) -> str:
-    path.touch()
-    return ""
+def _compare(one: Path, other: Path) -> str:
+    return "" if one.read_bytes() == other.read_bytes() else f"{one} {other} differ"
 
 
-_COMMANDS = {"ls": _list, "touch": _touch, "cat": lambda path: path.read_text("utf-8")}
+_COMMANDS: dict[str, Callable[..., Any]] = {
+    "ls": _list,
+    "touch": Path.touch,
+    "cat": lambda path: path.read_text("utf-8"),
+    "rm": Path.unlink,
+    "cp": lambda one, other: other.write_bytes(one.read_bytes()) and None,
+    "mv": lambda one, other: one.rename(other) and None,
+    "cmp": _compare,
+}
 
 
 def _edit(path: Path, lines: list[str]) -> None:

@@ -10,17 +10,14 @@ from typing import Any
 import nibabel
 import nrrd
 import numpy as np
-import numpy.typing as npt
 import pytest
 import tifffile
 
 from renderer.errors import InputError
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
-from renderer.volume import Volume
+from renderer.volume import Array, Volume
 from tests.support.tiff_files import tiff_bytes
-
-Array = npt.NDArray[Any]
 
 NIBABEL: Any = nibabel
 

@@ -7,7 +7,6 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import numpy as np
 import pytest
@@ -17,7 +16,6 @@ from small_scene import sidecar, small_scene
 
 import renderer
 from hsplat_cli import main
-from renderer.draw import recovery
 from renderer.film import encode_png
 from renderer.scene import parse_scene_content
 
@@ -66,12 +64,6 @@ def test_numbered_pictures_of_some_frames(frames: Any) -> None:
     for name in ("00.png", "02.png"):
         assert Path(name).read_bytes() == Path("other", name).read_bytes()
     assert "image/png" in film._repr_html_() and "2 frames" in film._repr_html_()
-
-
-def test_a_still() -> None:
-    film = renderer.render("scene.yaml", output="still.png", frames=-1)
-    assert film.frames == (2,)
-    assert film.path.read_bytes() == renderer.render_frame("scene.yaml", 2)._repr_png_()
 
 
 def test_an_array_is_drawn_like_its_file() -> None:
@@ -216,15 +208,6 @@ def test_the_name_of_a_volume_is_drawn_like_its_array() -> None:
     assert np.array_equal(renderer.render_frame(Path("one"), size=(32, 32)), expected)
     film = renderer.render("one/scan.npy", output="{frame}.png", frames=[0])
     assert film.path == Path("{frame}.png")
-
-
-def test_without_opengl(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Bricks are drawn; splats say what is missing."""
-    refuse = mock.Mock(side_effect=renderer.RenderError("no OpenGL"))
-    monkeypatch.setattr(recovery, "GLRasterizer", refuse)
-    assert renderer.render_frame("scene.yaml").max() > 100
-    with pytest.raises(renderer.RenderError, match="no OpenGL"):
-        renderer.render_frame(renderer.load_scene("scene.yaml", overrides=["splat.footprint=gaussian"]))
 
 
 def test_the_truth_is_what_pictures_come_near_to() -> None:

@@ -84,16 +84,6 @@ def test_as_if_made_in_one_go(schedule: str, output: str, folder: Path) -> None:
     assert {path: (Path("made") / path).read_bytes() for path in made} == whole
 
 
-def test_parts_from_several_places(folder: Path) -> None:
-    """Parts are moved folders, sidecars and globs; two parts may have a frame of the same bytes."""
-    run("render", "scene.yaml", "--output", "whole.gif")
-    for number, frames in enumerate(("0:3", "2:4", "4:7")):
-        run("render", "scene.yaml", "--frames", frames, "--output", f"job{number}/{{frame}}.png")
-    Path("job0").rename("elsewhere")
-    run("assemble", "job[1]", "job2/frames.4-6.json", "elsewhere", "--output", "made.gif")
-    assert Path("made.gif").read_bytes() == Path("whole.gif").read_bytes()
-
-
 def test_some_of_the_frames_at_another_rate_and_quality(parts: None) -> None:
     changed = ("--set", "output.frames_per_second=12", "--set", "output.quality=3")
     run("render", "scene.yaml", "--frames", "1:6:2", *changed, "--output", "whole.mp4")
@@ -101,12 +91,6 @@ def test_some_of_the_frames_at_another_rate_and_quality(parts: None) -> None:
     run("assemble", "parts", "--output", "made.mp4", *options)
     assert Path("made.mp4").read_bytes() == Path("whole.mp4").read_bytes()
     assert told("made.mp4.json") == told("whole.mp4.json")
-
-
-def test_transparent_frames() -> None:
-    draw_parts("--set", "output.background=transparent")
-    run("assemble", "parts", "--output", "made/{frame}.png")
-    assert Path("made/3.png").read_bytes() == Path("parts/0003.png").read_bytes()
 
 
 def test_other_versions_are_noted(parts: None, capsys: pytest.CaptureFixture[str]) -> None:
@@ -124,16 +108,6 @@ def test_other_versions_are_noted(parts: None, capsys: pytest.CaptureFixture[str
     assert made["device"] == f"{here} and Other GL"
 
 
-def test_parts_of_a_budget_of_time() -> None:
-    """What they were drawn at depends on the clock, and is what is made again."""
-    draw_parts("--set", "error.seconds=0.004", "--best-effort", ranges=("0:3", "3:7"))
-    run("assemble", "parts", "--output", "made.mp4")
-    made = Path("made.mp4").read_bytes()
-    Path("made.mp4").unlink()
-    run("render", "made.mp4.json")
-    assert Path("made.mp4").read_bytes() == made
-
-
 def test_the_command_for_what_is_missing_draws_it(capsys: pytest.CaptureFixture[str]) -> None:
     """It needs only the sidecars, and no scene file."""
     schedule = "{splats: {0: 1, 6: 100}}"
@@ -149,12 +123,6 @@ def test_the_command_for_what_is_missing_draws_it(capsys: pytest.CaptureFixture[
     assert Path("made.mp4").read_bytes() == Path("whole.mp4").read_bytes()
 
 
-def test_the_output_may_lie_among_the_parts(parts: None) -> None:
-    """Its own sidecar is no part."""
-    for _ in range(2):
-        run("assemble", "parts", "--output", "parts/film.mp4", "--force")
-
-
 def touched(folder: Path) -> dict[Path, int]:
     return {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
 
@@ -166,9 +134,7 @@ def touched(folder: Path) -> dict[Path, int]:
         ("{frame}.png", "{seconds: 1}"),
     ],
 )
-def test_what_was_put_together_is_up_to_date(
-    output: str, schedule: str, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_was_put_together_is_up_to_date(output: str, schedule: str, folder, capsys) -> None:
     """This holds for `assemble`, the scene and the sidecar, also where the parts are gone."""
     draw_parts("--set", f"error={schedule}")
     run("assemble", "parts", "--output", f"made/{output}")
@@ -184,20 +150,6 @@ def test_what_was_put_together_is_up_to_date(
         assert main.run(["render", *scene]) == 0
         assert capsys.readouterr().err == f"made/{output} is up to date; --force draws it again\n"
     assert touched(folder) == before
-
-
-def test_it_is_put_together_again_where_something_changed(parts: None, capsys: pytest.CaptureFixture[str]) -> None:
-    run("assemble", "parts", "--output", "film.mp4")
-    film = Path("film.mp4").read_bytes()
-    capsys.readouterr()
-    for again, options in enumerate(
-        ([], ["--quality", "3"], ["--frames", "0:5"], ["--frames-per-second", "7"], [], ["--force"])
-    ):
-        if again == 0:
-            Path("film.mp4").write_bytes(b"changed")
-        assert main.run(["assemble", "parts", "--output", "film.mp4", *options]) == 0
-        assert capsys.readouterr().out.endswith("how it was made: film.mp4.json\n")
-    assert Path("film.mp4").read_bytes() == film
 
 
 def says_up_to_date(capsys: pytest.CaptureFixture[str], *arguments: str) -> bool:
@@ -234,9 +186,7 @@ def test_whether_a_film_exists_is_seen_under_the_lock(parts: None, monkeypatch: 
 
 
 @pytest.mark.parametrize(("output", "is_same"), [("film.mp4", False), ("{frame}.png", True)])
-def test_another_encoder(
-    parts: None, output: str, is_same: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_another_encoder(parts: None, output: str, is_same: bool, monkeypatch, capsys) -> None:
     """It makes another film of the same pictures, which is up to date for itself and not for the scene."""
     command = ("assemble", "parts", "--output", f"made/{output}")
     run(*command)

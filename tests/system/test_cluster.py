@@ -111,9 +111,7 @@ def error_of(client: Client, stage: Stage) -> HsplatError:
         return caught.value
 
 
-def test_the_error_of_a_worker_is_that_of_the_film(
-    client: Client, stage: Stage, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_error_of_a_worker_is_that_of_the_film(client: Client, stage: Stage, monkeypatch) -> None:
     monkeypatch.setattr(cluster_drawing, "draw_on_worker", faulty.input_error)
     error = error_of(client, stage)
     text = "scene.yaml: a bad frame\n  got: this\n  expected: that\n  hint: another"

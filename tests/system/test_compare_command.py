@@ -95,27 +95,6 @@ def test_levels_and_limits_decide_the_exit_code() -> None:
     assert compare("golden", "actual", "--level", "exact", "--limit", "largest=1", "--quiet") == 0
 
 
-@pytest.mark.parametrize("suffix", ["mp4", "gif"])
-def test_films_are_compared_frame_by_frame(capsys: pytest.CaptureFixture[str], suffix: str) -> None:
-    pictures = [smooth(0.3 * number) for number in range(6)]
-    film, copy = write_film(Path(f"film.{suffix}"), pictures), f"copy.{suffix}"
-    shutil.copy(film, copy)
-    other = write_film(Path(f"other.{suffix}"), [*pictures[:4], smooth(2), pictures[5]])
-    assert compare(str(film), copy) == 0
-    assert capsys.readouterr().out == (
-        "6 frames pass at same-machine: 6 the same\n"
-        f"note: .{suffix} films are lossy, and the result depends on the encoder's version: "
-        "PNG frames are better goldens\n"
-        "note: only the pictures of films are compared, not their timing\n"
-    )
-    assert compare(str(film), str(other), "--json", "report.json") == 1
-    assert "frame 4" in capsys.readouterr().out.splitlines()[1]
-    frames = json.loads(Path("report.json").read_text())["frames"]
-    assert sorted(frame["number"] for frame in frames) == list(range(6))
-    Path("compare.yaml").write_text("frames: {frame 6: {largest: 9}}\n", encoding="utf-8")
-    assert compare(str(film), copy) == 2
-
-
 def test_the_report_says_how_exact_both_films_are() -> None:
     """By the sidecars beside them, which may be missing or damaged."""
     Path("scene.yaml").write_text(small_scene(), encoding="utf-8")

@@ -73,9 +73,7 @@ def test_a_failure_leaves_the_older_film_alone(tmp_path: Path) -> None:
         ("yes 'a long complaint' | head -c 1000000 >&2; echo the reason >&2; exit 3", "the reason"),
     ],
 )
-def test_an_encoder_that_fails_gives_its_reason(
-    tmp_path: Path, fake_ffmpeg: Callable[[str], None], script: str, message: str
-) -> None:
+def test_an_encoder_that_fails_gives_its_reason(tmp_path, fake_ffmpeg, script, message) -> None:
     fake_ffmpeg(script)
     with pytest.raises(RenderError, match=message) as caught:
         write_film(tmp_path / "film.mp4", num_frames=30)
@@ -111,9 +109,7 @@ def test_a_full_disk_under_ffmpeg(options: list[str], tmp_path: Path) -> None:
         ("film.gif", errno.EIO, "Input/output error"),
     ],
 )
-def test_a_rename_that_fails(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, number: int, message: str
-) -> None:
+def test_a_rename_that_fails(tmp_path, monkeypatch, name: str, number: int, message: str) -> None:
     def refuse(source: object, target: object) -> None:
         raise OSError(number, os.strerror(number), str(source))
 
@@ -151,24 +147,3 @@ def test_files_get_the_usual_permissions(tmp_path: Path) -> None:
     (tmp_path / "plain").touch()
     write_staged(tmp_path / "staged", b"content")
     assert (tmp_path / "staged").stat().st_mode == (tmp_path / "plain").stat().st_mode
-
-
-def test_odd_sizes_are_a_fault_of_the_program(tmp_path: Path) -> None:
-    with pytest.raises(AssertionError, match="even"), open_film(OutputSpec(tmp_path / "a.mp4", size=(63, 64)), [0]):
-        pass
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize(
-    ("frame", "size", "message"),
-    [(0, (64, 64), "missing"), (1, (64, 64), "frame 1 is not the next one"), (0, (64, 62), "not")],
-)
-def test_other_frames_are_a_fault_of_the_program(
-    tmp_path: Path, frame: int, size: tuple[int, int], message: str
-) -> None:
-    with (
-        pytest.raises(AssertionError, match=message),
-        open_film(OutputSpec(tmp_path / "a.mp4", size=size), range(2)) as write,
-    ):
-        write(frame, Picture(PICTURE))
-    assert not list(tmp_path.iterdir())

@@ -126,17 +126,6 @@ def test_chroma_lies_where_h264_expects_it(tmp_path: Path, axis: int) -> None:
     assert offset == pytest.approx(0.5 if axis == 0 else 0, abs=0.15)
 
 
-def test_motion_is_in_order_and_close(tmp_path: Path) -> None:
-    pictures = moving()
-    planes = decoded(write(tmp_path / "film.mp4", pictures, quality=10), "yuv420p").reshape(NUM_FRAMES, -1)
-    luma = planes[:, : HEIGHT * WIDTH].reshape(NUM_FRAMES, HEIGHT, WIDTH)
-    expected = 16 + 219 / 255 * pictures @ [0.2126, 0.7152, 0.0722]
-    errors = np.sqrt([[np.mean((a - b) ** 2) for b in expected] for a in luma])
-    np.testing.assert_array_equal(errors.argmin(axis=1), np.arange(NUM_FRAMES))
-    # Root mean square, in steps: rounding alone is 0.29, CRF 10 was seen at 0.6.
-    assert errors.diagonal().max() < 1
-
-
 def test_more_quality_is_a_larger_file_and_a_smaller_error(tmp_path: Path) -> None:
     pictures = moving() ^ np.random.default_rng(0).integers(0, 8, (NUM_FRAMES, HEIGHT, WIDTH, 3), dtype=np.uint8)
     files = [write(tmp_path / f"{quality}.mp4", pictures, quality=quality) for quality in (0, 5, 8, 10)]
@@ -160,11 +149,6 @@ def test_one_frame_is_a_film(tmp_path: Path) -> None:
     gif = write(tmp_path / "film.gif", picture)
     assert shown_by_gif(gif).shape == picture.shape
     assert gif_delays(gif.read_bytes()) == [3]
-
-
-@pytest.mark.parametrize("name", ["a:b.mp4", "-ünï code.MP4", "100%d.gif"])
-def test_names_are_only_names(tmp_path: Path, name: str) -> None:
-    assert write(tmp_path / name, moving()[:2]).stat().st_size > 0
 
 
 @pytest.mark.parametrize(
@@ -195,7 +179,3 @@ def test_a_gif_shows_the_colours(tmp_path: Path) -> None:
     tiles = error.reshape(NUM_FRAMES, HEIGHT // 8, 8, WIDTH // 8, 8, 3).mean(axis=(2, 4))
     assert np.sqrt(np.mean(error**2)) < 6
     assert np.sqrt(np.mean(tiles**2)) < 2
-
-
-def test_few_colours_are_exact_in_a_gif(tmp_path: Path) -> None:
-    np.testing.assert_array_equal(shown_by_gif(write(tmp_path / "film.gif", patches()[None])), patches()[None])

@@ -18,7 +18,6 @@ from small_scene import small_scene
 
 from hsplat_cli import main
 from hsplat_cli.commands import golden as command
-from hsplat_cli.compare.picture_file import read_picture
 
 SCENE = small_scene(shape="16, 16, 8", frames=4)
 FOLDER = Path("goldens")
@@ -96,9 +95,7 @@ def test_equal_goldens_are_equal_bytes(capsys: pytest.CaptureFixture[str]) -> No
     assert capsys.readouterr() == ("", "")
 
 
-def test_without_update_or_with_a_declined_one_nothing_is_written(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_update_or_with_a_declined_one_nothing_is_written(capsys, monkeypatch) -> None:
     first_goldens()
     before = files()
     assert golden(*OTHER) == 2
@@ -110,9 +107,7 @@ def test_without_update_or_with_a_declined_one_nothing_is_written(
     assert files() == before
 
 
-def test_without_an_answer_goldens_are_not_overwritten(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_an_answer_goldens_are_not_overwritten(capsys, monkeypatch) -> None:
     first_goldens()
     before = files()
     monkeypatch.setenv("CI", "false")
@@ -138,34 +133,6 @@ def test_unchanged_frames_keep_their_files() -> None:
     assert [frame["digest"] == digest for frame, digest in zip(golden_json()["frames"], digests, strict=True)] == [
         True, True, False, False
     ]  # fmt: skip
-
-
-def test_unrequested_goldens_stay_until_they_are_pruned(capsys: pytest.CaptureFixture[str]) -> None:
-    first_goldens()
-    (FOLDER / "compare.yaml").write_text("level: exact\n", encoding="utf-8")
-    (FOLDER / "frame-0009.png").write_bytes(b"not a golden")
-    before = files()
-    capsys.readouterr()
-    assert golden("--update", "--frames", ":2") == 0
-    line = "not requested, and kept (--prune removes them): frame-0002.png, frame-0003.png\n"
-    assert capsys.readouterr().out == f"{line}goldens: nothing changes\n"
-    assert files() == before
-    assert golden("--update", "--prune", "--yes", "--frames", ":2") == 0
-    assert "to be removed, because not requested: frame-0002.png, frame-0003.png\n" in capsys.readouterr().out
-    assert sorted(files()) == ["compare.yaml", "frame-0000.png", "frame-0001.png", "frame-0009.png", "golden.json"]
-    assert files()["frame-0009.png"] == before["frame-0009.png"]
-
-
-def test_other_files_are_not_overwritten(capsys: pytest.CaptureFixture[str]) -> None:
-    FOLDER.mkdir()
-    (FOLDER / "frame-0002.png").write_bytes(b"not a golden")
-    before = files()
-    for _ in range(2):
-        assert golden() == 2
-        assert files() == before
-    assert golden("--frames", ":2", "--quiet") == 0
-    assert golden("--update", "--yes", "--quiet", "--frames", ":") == 2
-    assert files()["frame-0002.png"] == before["frame-0002.png"]
 
 
 class Killed(BaseException):
@@ -262,14 +229,6 @@ def test_two_commands_do_not_write_one_folder(capsys: pytest.CaptureFixture[str]
     assert files() == before
 
 
-def test_a_sidecar_with_the_tolerances_of_a_time_budget_can_be_golden() -> None:
-    budget = ["--set", "error={seconds: 0.02}", "--best-effort", "--quiet"]
-    assert main.run(["render", "scene.yaml", "--output", "film.mp4", "--frames", ":2", *budget]) == 0
-    assert main.run(["golden", "film.mp4.json", "goldens", "--quiet"]) == 0
-    assert [frame["frame"] for frame in golden_json()["frames"]] == [0, 1]
-    assert main.run(["golden", "film.mp4.json", "goldens", "--update"]) == 0
-
-
 @pytest.mark.usefixtures("heeds_interrupts")
 def test_an_interrupt_waits_until_all_files_are_written(monkeypatch: pytest.MonkeyPatch) -> None:
     first_goldens()
@@ -294,15 +253,6 @@ def test_an_interrupt_while_frames_are_drawn_changes_nothing(monkeypatch: pytest
     assert files() == before
 
 
-def test_an_invisible_volume_is_noted(capsys: pytest.CaptureFixture[str]) -> None:
-    """The frames may also have odd sizes and alpha, which films cannot have."""
-    points = "[{value: 300, color: white, opacity: 0}, {value: 301, color: white, opacity: 1}]"
-    odd = ["--set", "output.size=[31, 29]", "--set", "output.background=transparent"]
-    assert golden("--set", f"transfer_function.points={points}", *odd) == 0
-    assert capsys.readouterr().out.startswith("note: nothing is visible: ")
-    assert read_picture(FOLDER / "frame-0000.png").shape == (29, 31, 4)
-
-
 def test_a_missing_temporary_folder(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", "nowhere")
     assert main.run(["golden", "scene.yaml", "goldens"]) == 1
@@ -311,23 +261,3 @@ def test_a_missing_temporary_folder(capsys: pytest.CaptureFixture[str], monkeypa
         "  got: No such file or directory\n"
         "  hint: set the environment variable TMPDIR to another folder\n"
     )
-
-
-def test_an_update_is_by_default_of_the_golden_frames() -> None:
-    assert golden("--frames", "1::2", "--quiet") == 0
-    assert sorted(files()) == [NAMES[1], NAMES[3], "golden.json"]
-    assert [frame["frame"] for frame in golden_json()["frames"]] == [1, 3]
-    before = files()
-    assert golden("--update", "--yes", "--quiet", *OTHER) == 0
-    after = files()
-    assert after.keys() == before.keys()
-    assert [name for name in after if after[name] == before[name]] == []
-
-
-def test_unchanged_goldens_keep_their_date() -> None:
-    assert golden("--quiet", "--date", "first", "--frames", ":2") == 0
-    (FOLDER / "frame-0001.png").unlink()
-    assert golden("--update", "--yes", "--quiet", "--date", "second", "--frames", "1:3") == 0
-    assert [(frame["frame"], frame["date"]) for frame in golden_json()["frames"]] == [
-        (0, "first"), (1, "second"), (2, "second")
-    ]  # fmt: skip

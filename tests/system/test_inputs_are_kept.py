@@ -16,13 +16,12 @@ from hsplat_cli.commands.paper import SCENES
 
 pytestmark = pytest.mark.usefixtures("folder")
 
-PROCEDURAL = "procedural: {name: engine_block, shape: [24, 24, 12]}"
 VALUES = (np.indices((6, 6, 6)).sum(axis=0) * 16).astype(np.uint8)
 
 
-def scene_of(volume: str) -> None:
-    text = small_scene(frames=3, error="tolerance: 0.1").replace(PROCEDURAL, volume)
-    Path("scene.yaml").write_text(text, encoding="utf-8")
+def scene_of(volume: str | None, error: str = "tolerance: 0.1") -> None:
+    """Write a scene of this volume, or of a procedural one."""
+    Path("scene.yaml").write_text(small_scene(frames=3, error=error, volume=volume), encoding="utf-8")
 
 
 def raw(name: str) -> str:
@@ -125,14 +124,14 @@ def test_the_volume(make, option, output, source, command, capsys) -> None:
 
 
 def test_the_scene(capsys) -> None:
-    scene_of(PROCEDURAL)
+    scene_of(None)
     Path("film.mp4.json").hardlink_to("scene.yaml")
     refused(capsys, "film.mp4.json", "scene.yaml", "render", "scene.yaml")
 
 
 def test_the_sidecar(capsys) -> None:
     """It may be written again with its film, but by no other film, and by no frame."""
-    scene_of(PROCEDURAL)
+    scene_of(None)
     assert main.run(["render", "scene.yaml", "--quiet"]) == 0
     assert main.run(["render", "film.mp4.json", "--force", "--quiet", "--output", "film.mp4"]) == 0
     Path("other.mp4").hardlink_to("film.mp4.json")
@@ -167,7 +166,7 @@ def test_a_film_beside_its_slices() -> None:
 
 @pytest.mark.parametrize("command", [["render"], ["render", "--force"], ["render", "--progressive"], ["check"]])
 def test_a_folder_that_hsplat_did_not_make(command: list[str], capsys) -> None:
-    scene_of(PROCEDURAL)
+    scene_of(None)
     Path("film.mp4.unfinished").mkdir()
     Path("film.mp4.unfinished/000000.png").write_bytes(b"mine")
     before = contents()
@@ -200,7 +199,7 @@ def test_turntables(output: str, capsys) -> None:
 
 @pytest.mark.parametrize("options", [[], ["--prune", "--frames", "0"]])
 def test_goldens(options: list[str], capsys) -> None:
-    scene_of(PROCEDURAL)
+    scene_of(None)
     assert main.run(["golden", "scene.yaml", "goldens", "--quiet"]) == 0
     scene_of(raw("goldens/frame-0001.png"))
     source = str(Path("goldens/frame-0001.png").resolve())
@@ -214,7 +213,7 @@ def test_goldens(options: list[str], capsys) -> None:
     [("one", "two"), ("one/{frame:04}.png", "two"), ("one/0000.png", "two/0001.png"), ("scene.yaml", "one")],
 )
 def test_reports_of_comparisons(source: str, sides: tuple[str, str], capsys) -> None:
-    scene_of(raw("two/0000.png") if sides[1] == "one" else PROCEDURAL)
+    scene_of(raw("two/0000.png") if sides[1] == "one" else None)
     for name in ("one/0000.png", "two/0000.png", "two/0001.png", "one/compare.yaml"):
         raw(name)
     Path("report.html").hardlink_to(source)
@@ -225,15 +224,13 @@ def test_reports_of_comparisons(source: str, sides: tuple[str, str], capsys) -> 
 @pytest.mark.parametrize("sides", [("goldens", "scene.yaml"), ("scene.yaml", "goldens")])
 def test_reports_of_comparisons_that_are_refused(sides: tuple[str, str], capsys) -> None:
     """The sides are in the wrong order, or the frames of the scene cannot be golden."""
-    scene_of(raw("scan.json"))
-    text = Path("scene.yaml").read_text(encoding="utf-8").replace("tolerance: 0.1", "seconds: 1")
-    Path("scene.yaml").write_text(text, encoding="utf-8")
+    scene_of(raw("scan.json"), error="seconds: 1")
     Path("goldens").mkdir()
     refused(capsys, "scan.json", str(Path("scan.json").resolve()), "compare", *sides, "--json", "scan.json")
 
 
 def test_a_report_beside_a_film(capsys) -> None:
-    scene_of(PROCEDURAL)
+    scene_of(None)
     for folder in ("one", "two"):
         assert main.run(["render", "scene.yaml", "--quiet", "--output", f"{folder}/film.gif"]) == 0
     before = contents()
@@ -252,7 +249,7 @@ def test_a_report_beside_a_film(capsys) -> None:
     ],
 )
 def test_parts_of_films(output: str, overwritten: str, source: str, capsys) -> None:
-    scene_of(PROCEDURAL)
+    scene_of(None)
     for frames in ("0:2", "2:3"):
         assert main.run(["render", "scene.yaml", "--frames", frames, "--output", "parts/{frame}.png", "--quiet"]) == 0
     Path("film.mp4").hardlink_to("parts/frames.0-1.json")
@@ -262,7 +259,7 @@ def test_parts_of_films(output: str, overwritten: str, source: str, capsys) -> N
 
 def test_a_film_assembled_among_its_parts(capsys) -> None:
     """It is none of them, and is assembled again when they have changed."""
-    scene_of(PROCEDURAL)
+    scene_of(None)
     for changes in ([], ["--set", "error.tolerance=0.5"]):
         for frames in ("0:2", "2:3"):
             command = ["render", "scene.yaml", "--frames", frames, "--output", "parts/{frame}.png", "--quiet", *changes]

@@ -13,7 +13,6 @@ from resuming import (
     Draws,
     arguments,
     assert_clean,
-    modification_times,
     output_files,
     sidecar,
     sidecar_of,
@@ -108,21 +107,6 @@ def test_files_and_sidecars_are_the_same(output: str, footprint: str | None, err
 
 @both_ways
 @pytest.mark.parametrize("output", OUTPUTS)
-@pytest.mark.parametrize(("footprint", "error"), SCENES)
-def test_a_film_of_one_is_up_to_date_for_the_other(
-    footprint: str | None, error: str | None, output: str, one: Maker, other: Maker, draws: Draws
-) -> None:
-    write_scene(footprint, error)
-    one.make(output)
-    before = modification_times()
-    draws.take_numbers()
-    other.make(output)
-    assert draws.take_numbers() == []
-    assert modification_times() == before
-
-
-@both_ways
-@pytest.mark.parametrize("output", OUTPUTS)
 def test_a_film_that_one_began_is_resumed_by_the_other(output: str, one: Maker, other: Maker, draws: Draws) -> None:
     """No frame is drawn twice."""
     expected = uninterrupted_files(output)
@@ -153,16 +137,6 @@ def test_parts_of_both_are_one_film(error: str | None, one: Maker, other: Maker,
     one.make("film.mp4")
     other.make("film.mp4")
     assert draws.take_numbers() == []
-
-
-def test_frames_of_the_api_are_those_of_a_golden_folder() -> None:
-    """A comparison writes nothing."""
-    assert main.run(["golden", "scene.yaml", "out/goldens", "--quiet"]) == 0
-    renderer.render("scene.yaml", output="frames/frame-{frame:04}.png")
-    before = modification_times()
-    assert main.run(["compare", "out/goldens", "frames", "--level", "exact", "--quiet"]) == 0
-    assert main.run(["compare", "scene.yaml", "out/goldens", "--level", "exact", "--quiet"]) == 0
-    assert modification_times() == before
 
 
 def array_scene(output: str) -> renderer.Scene:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from commands import python
+from small_scene import small_scene
 
 from renderer.draw import brick_cache
 
@@ -58,19 +59,6 @@ with GLRasterizer() as rasterizer:
     }))
 """
 
-SCENE = """
-version: 1
-volume:
-  raw: {{file: large.raw, shape: [{n}, {n}, {n}], dtype: uint8, spacing: [1, 1, 1]}}
-transfer_function:
-  unit: 4
-  points: [{{value: 40, color: "#4c66cc", opacity: 0}}, {{value: 250, color: "#ffe6b2", opacity: 0.3}}]
-camera: {{path: {{type: turntable, frames: 8}}}}
-splat: {{footprint: integrated}}
-error: {{tolerance: 0.5}}
-output: {{file: large.mp4, size: [96, 96]}}
-"""
-
 
 def test_memory_while_a_large_volume_is_drawn(tmp_path: Path) -> None:
     """Everything in it is visible, so that a pyramid of all levels would take 1.6 bytes a voxel beside the voxels."""
@@ -79,7 +67,9 @@ def test_memory_while_a_large_volume_is_drawn(tmp_path: Path) -> None:
     with (tmp_path / "large.raw").open("wb") as file:
         for z in range(n):
             file.write(np.roll(plane, z * z // 64, axis=1).astype(np.uint8).tobytes())
-    (tmp_path / "large.yaml").write_text(SCENE.format(n=n))
+    volume = f"raw: {{file: large.raw, shape: [{n}, {n}, {n}], dtype: uint8, spacing: [1, 1, 1]}}"
+    scene = small_scene(frames=8, size="96, 96", error="tolerance: 0.5", footprint="integrated", volume=volume)
+    (tmp_path / "large.yaml").write_text(scene)
     found = json.loads(python("-c", CHILD, str(tmp_path / "large.yaml")).stdout)
     assert found["is_mapped"]
     assert found["cells"] > 50 and found["mean"] > 10  # it is a picture

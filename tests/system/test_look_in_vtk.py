@@ -38,9 +38,7 @@ def points_of_preset(file: Path, name: str, shift: float) -> Float64:
 
 
 @pytest.mark.parametrize("name", ["CT-Bone", "CT-Muscle"])
-def test_vtk_draws_the_preset_as_hsplat_draws_its_import(
-    name: str, data_dir: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_vtk_draws_the_preset_as_hsplat_draws_its_import(name: str, data_dir: Path, monkeypatch) -> None:
     pytest.importorskip("vtkmodules")
     presets = data_dir / "transfer_functions/slicer_presets.xml"
     tree = {

@@ -118,8 +118,7 @@ def test_volumes_are_found_from_anywhere(folder: Path, monkeypatch: pytest.Monke
     work.mkdir()
     values = np.arange(60, dtype=np.uint8).reshape(3, 4, 5) * 4
     values.tofile(work / "scan.raw")
-    text = SCENE.replace("procedural: {name: engine_block, shape: [24, 24, 12]}", shape)
-    (work / "scene.yaml").write_text(text, encoding="utf-8")
+    (work / "scene.yaml").write_text(small_scene(frames=7, size="48, 32", volume=shape), encoding="utf-8")
     render("work/scene.yaml")
     made = pictures(folder)
     (folder / "new").mkdir()
@@ -164,54 +163,6 @@ def test_other_versions_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert (again["device"], again["versions"]) == (made["device"], made["versions"])
 
 
-@pytest.mark.parametrize("frames", [["--frames", "3:4"], ["--set", "camera.path.frames=1"]], ids=["slice", "only"])
-def test_a_still(frames: list[str], folder: Path) -> None:
-    """One frame needs no number in its name."""
-    render("scene.yaml", *frames, "--output", "still.png")
-    render("scene.yaml", *frames, "--output", "numbered-{frame}.png")
-    number = sidecar("still.png.json")["frames"][0]["frame"]
-    made = pictures(folder)
-    assert made["still.png"] == made[f"numbered-{number}.png"]
-    Path("still.png").unlink()
-    render("still.png.json")
-    assert pictures(folder) == made
-    assert main.run(["check", "still.png.json"]) == 0
-
-
-def test_parts_in_one_folder(folder: Path) -> None:
-    """Each has a sidecar of its own, which makes that part again, and no other, wherever the folder is by then."""
-    scene = ("scene.yaml", "--set", "error.splats={0: 1, 6: 100}")
-    render(*scene, "--output", "whole/{frame}.png")
-    for frames in ("0:3", "3:7", "5"):
-        render(*scene, "--output", "parts/{frame}.png", "--frames", frames)
-    made = pictures(folder / "whole")
-    assert pictures(folder / "parts") == made
-    names = ["frames.0-2.json", "frames.3-6.json", "frames.5.json"]
-    assert sorted(path.name for path in Path("parts").glob("*.json")) == names
-    Path("parts").rename("moved")
-    for path in Path("moved").glob("*.png"):
-        path.unlink()
-    render("moved/frames.3-6.json")
-    assert pictures(folder / "moved") == {f"{frame}.png": made[f"{frame}.png"] for frame in range(3, 7)}
-    assert sorted(path.name for path in Path("moved").glob("*.json")) == names
-    assert not Path("parts").exists()
-
-
-def test_measure_takes_the_scene_from_it(capsys: pytest.CaptureFixture[str]) -> None:
-    render("scene.yaml", "--set", "splat.sigma=0.5")
-    assert main.run(["measure", "film.mp4.json", "--want", "psnr=15", "--frames", "2", "--quiet"]) == 0
-    assert capsys.readouterr().out.startswith("error: {measure: optical, tolerance: ")
-
-
-def test_a_progressive_film_whose_time_was_up(folder: Path) -> None:
-    """The pass that was the last can be made again in one go, though nobody asked for it."""
-    render(
-        "scene.yaml", "--set", "error.tolerance=0", "--progressive", "--time-limit", "0.001s", "--output", "a/film.gif"
-    )
-    render("a/film.gif.json", "--output", "b/film.gif")
-    assert pictures(folder / "b") == pictures(folder / "a")
-
-
 def test_a_coarse_pass_made_again() -> None:
     """It is the film that its tolerances ask for; that it did not meet more is told once."""
     render("scene.yaml", "--set", "error.tolerance=0.3")
@@ -233,13 +184,3 @@ def test_a_coarse_pass_made_again() -> None:
             "reproducible": True,
             "made_from": "film.mp4.json",
         }
-
-
-def test_made_again_progressively(folder: Path) -> None:
-    """Elsewhere: its first passes are other films."""
-    render("scene.yaml", "--set", "error.tolerance={0: 0.5, 6: 0.02}", "--output", "a/film.gif")
-    render("a/film.gif.json", "--progressive", "--output", "b/film.gif")
-    assert pictures(folder / "b") == pictures(folder / "a")
-    before = sidecar(folder / "a" / "film.gif.json")
-    assert main.run(["render", "a/film.gif.json", "--progressive", "--quiet"]) == 2
-    assert sidecar(folder / "a" / "film.gif.json") == before

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import math
-import re
 from pathlib import Path
 from typing import Any
 
@@ -118,14 +117,7 @@ def test_a_peer_is_measured_and_described(monkeypatch: pytest.MonkeyPatch, capsy
         ),
     ],
 )
-def test_measurements_before_the_end_are_kept(
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    end: BaseException,
-    num_before: int,
-    code: int,
-    note: str,
-) -> None:
+def test_measurements_before_the_end_are_kept(monkeypatch, capsys, end, num_before, code, note) -> None:
     num = 0
 
     def ending(*arguments: Any, **options: Any) -> Measurement:
@@ -189,19 +181,6 @@ def test_a_quick_study_chooses_frames_and_tolerances_as_a_whole_one(monkeypatch:
     assert {row["frame_draw_repetitions"] for row in found} == {"1"}
     tolerances = [float(row["tolerance"]) for row in found if row["frame"] == "0"]
     assert 0.1 in tolerances and 0 in tolerances and len(tolerances) > 4
-
-
-def test_an_even_volume_needs_one_brick(capsys: pytest.CaptureFixture[str]) -> None:
-    even = ["--set", "volume.procedural.name=constant"]
-    assert main.run(["measure", "scene.yaml", "--want", "psnr=5", *even]) == 0
-    printed = capsys.readouterr()
-    line, comment = printed.out.splitlines()
-    assert line == "error: {measure: optical, tolerance: 1}"
-    assert "; 1 brick; frame " in comment
-    trials = [text for text in printed.err.splitlines() if text.startswith("tolerance ")]
-    assert trials and all(text.endswith(", 1 brick") for text in trials)
-    measure("--want", "psnr=5", *even, "--frames", "3")
-    assert re.fullmatch("# psnr [0-9.]+ dB on frame 3; 1 brick", capsys.readouterr().out.splitlines()[1])
 
 
 def test_the_line_for_the_scene_file_reaches_the_accuracy(capsys: pytest.CaptureFixture[str]) -> None:

@@ -91,9 +91,7 @@ def test_passes_refine_to_the_film_that_one_pass_makes(folder: Path, on_frame: C
     assert Path("film.mp4").read_bytes() == Path("plain.mp4").read_bytes()
 
 
-def test_numbered_frames_change_all_together(
-    folder: Path, on_frame: Callable[[Hook], None], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_numbered_frames_change_all_together(folder, on_frame: Callable[[Hook], None], capsys) -> None:
     """A film never has some coarse and some fine frames. Frames of the last pass are kept by the next job."""
     before: dict[int, list[bytes]] = {}
     numbers = []
@@ -122,9 +120,7 @@ def test_numbered_frames_change_all_together(
 
 
 @pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
-def test_an_interrupt_leaves_the_film_of_the_pass_before(
-    folder: Path, on_frame: Callable[[Hook], None], output: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_interrupt_leaves_the_film_of_the_pass_before(folder, on_frame, output, capsys) -> None:
     on_frame(interrupt_at(2, first_pass=2))
     best_effort = ["--best-effort"] * (output != "film.mp4")
     code = main.run(["render", "scene.yaml", "--progressive", "--output", output, *best_effort])
@@ -174,9 +170,7 @@ def test_coarse_frames_are_not_taken_for_fine_ones(on_frame: Callable[[Hook], No
     assert not Path("film.mp4").exists()
 
 
-def test_when_time_is_up_in_the_middle_of_a_pass_it_is_given_up(
-    folder: Path, on_frame: Callable[[Hook], None], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_when_time_is_up_in_the_middle_of_a_pass_it_is_given_up(folder, on_frame, monkeypatch) -> None:
     now = refinement.time.perf_counter
 
     def stop(number: int, frame: Frame) -> None:
@@ -250,9 +244,7 @@ def named_with_an_interrupt(heeds_interrupts: None, monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.usefixtures("named_with_an_interrupt")
 @pytest.mark.parametrize("options", [(), ("--best-effort",)])
-def test_an_interrupt_between_film_and_sidecar_waits_for_both(
-    folder: Path, options: tuple[str, ...], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_interrupt_between_film_and_sidecar_waits_for_both(folder, options: tuple[str, ...], capsys) -> None:
     """Otherwise the sidecar would describe another film than the one beside it. The pass before is the film."""
     assert main.run(["render", "scene.yaml", "--progressive", *options]) == (0 if options else 130)
     assert "film.mp4 is whole, as pass 1 made it\n" in capsys.readouterr().out
@@ -280,9 +272,7 @@ def test_budgets_that_some_frames_cannot_keep_are_told(folder: Path, capsys: pyt
 
 
 @pytest.mark.parametrize(("output", "goal"), [("film.mp4", "psnr=24"), ("{frame}.png", "splats=20000")])
-def test_a_finished_film_is_up_to_date(
-    folder: Path, output: str, goal: str, on_frame: Callable[[Hook], None], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_finished_film_is_up_to_date(folder, output, goal, on_frame, capsys) -> None:
     """This holds with and without passes, and from the sidecar; `--force` draws it again."""
     options = ["scene.yaml", "--output", output, "--set", "error.tolerance=null", "--set", f"error.{goal}"]
     refined = [*options, "--progressive"]

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import CODE, python
+from small_scene import small_scene
 
 from hsplat_cli import main
 from renderer.film import encode_png
@@ -61,15 +62,7 @@ def test_a_scene(assert_frames_match):
 """
 
 
-SCENE = """\
-volume:
-  procedural: {name: engine_block, shape: [8, 8, 8]}
-transfer_function:
-  points: [{value: 50, color: black, opacity: 0}, {value: 255, color: white, opacity: 0.7}]
-camera:
-  path: {type: turntable, frames: 2}
-output: {file: film.mp4, size: [16, 16]}
-"""
+SCENE = small_scene(shape="8, 8, 8", frames=2, size="16, 16")
 
 
 def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:

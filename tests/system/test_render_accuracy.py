@@ -50,9 +50,7 @@ def accuracies(metric: str, scene: Scene, frames: Sequence[int], rasterizer: GLR
 
 
 @pytest.mark.parametrize(("metric", "change", "wanted"), [("psnr", (), 27.0), ("rmse", RMSE, 0.045)])
-def test_the_whole_film_has_the_accuracy(
-    metric: str, change: tuple[str, ...], wanted: float, rasterizer: GLRasterizer
-) -> None:
+def test_the_whole_film_has_the_accuracy(metric: str, change: tuple[str, ...], wanted: float, rasterizer) -> None:
     """All frames but one or two do, and none is much too good in the mean."""
     render("--quiet", *change)
     made = sidecar()
@@ -103,9 +101,7 @@ def test_tolerances_of_bricks_vary_along_the_film_and_are_made_again(tmp_path: P
     assert Path("again.mp4").read_bytes() == film
 
 
-def test_a_film_that_misses_the_accuracy_says_so(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_film_that_misses_the_accuracy_says_so(monkeypatch, capsys) -> None:
     """Its own rays notice what the trial pictures did not."""
     find = plan.search_film_tolerances
 

@@ -11,7 +11,6 @@ from typing import Any
 import imageio.v3 as imageio
 import numpy as np
 import pytest
-from commands import files
 from small_scene import sidecar, small_scene
 
 from hsplat_cli import main
@@ -31,23 +30,6 @@ def render(*arguments: str) -> None:
 def shown(name: str) -> Array:
     """Every frame of a film, uint8 [frame, h, w, 3]."""
     return np.asarray(imageio.imread(name, index=None))
-
-
-def test_png(folder: Path) -> None:
-    render("--output", "new/deep/{frame:03}.png", "--frames", "1::2")
-    assert files(folder) == [
-        "new/deep/001.png", "new/deep/003.png", "new/deep/005.png", "new/deep/frames.1-5-by-2.json", "scene.yaml",
-    ]  # fmt: skip
-    assert imageio.imread("new/deep/001.png").shape == (32, 48, 3)
-
-
-def test_a_part_of_the_film_is_that_part() -> None:
-    """Framing and tolerance are those of the whole path, whichever frames are drawn."""
-    render("--output", "all/{frame}.png", "--set", "error.tolerance={0: 1, 5: 0.05}")
-    render("--output", "some/{frame}.png", "--set", "error.tolerance={0: 1, 5: 0.05}", "--frames", "2:5:2")
-    for name in ("2.png", "4.png"):
-        assert (Path("some") / name).read_bytes() == (Path("all") / name).read_bytes()
-    assert [frame["frame"] for frame in sidecar("some/frames.2-4-by-2.json")["frames"]] == [2, 4]
 
 
 def test_a_film_says_how_exact_it_is(capsys: pytest.CaptureFixture[str]) -> None:
@@ -148,22 +130,6 @@ def test_the_schedule_changes_the_cut_only_when_the_tolerance_changes() -> None:
     assert [frame["cells"] for frame in frames] == [11, 11, 18, 18, 18, 18]
 
 
-def test_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
-    render("--output", "film.gif")
-    said = capsys.readouterr()
-    bricks = sidecar("film.gif.json")["frames"][0]["primitives"]
-    first, *rest = said.out.splitlines()
-    assert first.startswith("film.gif: 6 frames in ")
-    assert first.endswith(f" dB in the file, {bricks} brick{'s' * (bricks > 1)} a frame")
-    assert rest == [
-        "note: a GIF shows each frame for whole hundredths of a second: 33.33 frames per second, not 30",
-        "how it was made: film.gif.json",
-    ]
-    assert said.err.splitlines()[-1].startswith("film.gif: 6/6 frames, ")
-    render("--output", "film.gif", "--force", "--quiet")
-    assert capsys.readouterr() == ("", "")
-
-
 def test_nothing_visible_is_a_film_of_the_background(capsys: pytest.CaptureFixture[str]) -> None:
     """The camera then frames the whole volume; that the film is empty is told."""
     note = "nothing is visible: the transfer function hides every voxel; `hsplat info` shows which values there are"
@@ -177,39 +143,6 @@ def test_nothing_visible_is_a_film_of_the_background(capsys: pytest.CaptureFixtu
     assert made["frames"][0]["primitives"] == 0
     assert math.isfinite(made["camera"]["distance"])
     assert f"note: {note}\n" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("footprint", "change"),
-    [
-        ("integrated", "camera.near=1e9"),
-        ("gaussian", "camera.target=[1e6, 0, 0]"),
-        ("integrated", "camera.distance=1e9"),
-    ],
-)
-def test_a_camera_that_sees_nothing_is_told(footprint: str, change: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """A brick, or a splat, is drawn, and changes no pixel."""
-    reason = "the volume is out of the picture, nearer than `camera.near`, too small or too transparent"
-    changes = ["--set", change, "--set", f"splat.footprint={footprint}"]
-    render("--output", "{frame}.png", *changes)
-    made = sidecar("frames.json")
-    assert [frame["primitives"] > 0 and frame["blank"] for frame in made["frames"]] == [True] * 6
-    assert made["notes"] == [f"nothing is in view on 6 of 6 frames, the first of them frame 0: {reason}"]
-    assert f"note: {made['notes'][0]}\n" in capsys.readouterr().out
-    render("--frames", "2", "--output", "still.png", *changes)
-    assert sidecar("still.png.json")["notes"] == [f"nothing is in view: {reason}"]
-
-
-def test_a_camera_that_looks_away_on_some_frames(capsys: pytest.CaptureFixture[str]) -> None:
-    """From beside the volume it is behind the eye on one half of the path."""
-    render("--set", "camera.target=[0, 200, 0]", "--set", "camera.distance=100")
-    (note,) = sidecar("film.mp4.json")["notes"]
-    empty = [frame["frame"] for frame in sidecar("film.mp4.json")["frames"] if frame.get("blank")]
-    assert 0 < len(empty) < 6
-    assert note.startswith(f"nothing is in view on {len(empty)} of 6 frames, the first of them frame {empty[0]}")
-    away = ["--set", "camera.target=[0, 200, 0]", "--set", "camera.distance=100", "--frames", str(empty[0])]
-    render(*away, "--output", "still.png")
-    assert sidecar("still.png.json")["notes"] == ["nothing is in view"]
 
 
 # Bricks, by every schedule
@@ -226,41 +159,6 @@ def render_large(*options: str) -> dict[str, Any]:
 
 def column(made: dict[str, Any], key: str) -> list[Any]:
     return [frame[key] for frame in made["frames"]]
-
-
-def test_the_sidecar_of_another_footprint() -> None:
-    """What it says of splats without being asked does not stand in the way; what was asked for does."""
-    still = ("--frames", "0")
-    render(*still, "--output", "bricks.png")
-    render("--set", "splat.footprint=gaussian", *still)
-    again = ["render", "film.mp4.json", *still, "--set", "splat.footprint=integrated", "--output", "a.png"]
-    assert main.run(again) == 0
-    assert Path("a.png").read_bytes() == Path("bricks.png").read_bytes()
-    render("--set", "splat={order: boxes}", *still, "--force")
-    assert main.run(["check", "film.mp4.json", "--set", "splat.footprint=integrated"]) == 2
-
-
-def test_bricks_are_called_bricks(capsys: pytest.CaptureFixture[str]) -> None:
-    for name in ("bricks", "splats"):
-        assert main.run(["render", "scene.yaml", "--frames", "0:2", *LARGE]) == 0
-        told = capsys.readouterr()
-        other = {"bricks": "splats", "splats": "bricks"}[name]
-        assert f"{name} a frame" in told.out + told.err and other not in told.out + told.err
-        Path("scene.yaml").write_text(SCENE + "splat: {footprint: gaussian}\n", encoding="utf-8")
-
-
-def test_one_brick_is_no_bricks(capsys: pytest.CaptureFixture[str]) -> None:
-    """Nor one frame frames."""
-    one = ["scene.yaml", "--set", "volume.procedural.shape=[8, 8, 8]", "--frames", "0", "--output", "one.png"]
-    for how in ([], ["--progressive", "--force"]):
-        assert main.run(["render", *one, *how]) == 0
-        told = capsys.readouterr()
-        assert "1 brick a frame" in told.out and told.err.endswith(", 1 brick\n")
-        assert "1 bricks" not in told.out + told.err and "one.png: 1 frame in " in told.out
-    budget = [*NO_TOLERANCE, "--set", "error.splats=1", "--set", "output.frames_per_second=1"]
-    assert main.run(["check", "scene.yaml", *budget]) == 0
-    told = capsys.readouterr()
-    assert "optical, at most 1 brick\n" in told.out and "6 s at 1 frame per second\n" in told.out
 
 
 def test_a_budget_of_bricks() -> None:

@@ -14,21 +14,11 @@ import imageio.v3 as imageio
 import pytest
 from commands import HSPLAT, environment
 from resuming import on_each_frame
+from small_scene import small_scene
 
 from hsplat_cli import main
 
-SCENE = """\
-volume:
-  procedural: {name: constant, shape: [12, 12, 12]}
-transfer_function:
-  points: [{value: 0, color: white, opacity: 0.1}]
-camera:
-  path: {type: turntable, frames: 3000}
-output:
-  file: film.mp4
-  size: [32, 32]
-"""
-
+SCENE = small_scene(frames=3000)
 
 pytestmark = pytest.mark.usefixtures("heeds_interrupts")
 
@@ -54,9 +44,7 @@ def finished_frames(out: Path) -> list[int]:
 @pytest.mark.parametrize(
     ("number", "name"), [(signal.SIGINT, "film.mp4"), (signal.SIGHUP, "film.gif"), (signal.SIGTERM, "{frame}.png")]
 )
-def test_in_the_middle(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], number: signal.Signals, name: str
-) -> None:
+def test_in_the_middle(folder, monkeypatch, capsys, number: signal.Signals, name: str) -> None:
     on_each_frame(monkeypatch, lambda frame: os.kill(os.getpid(), number) if frame.number == 2 else None)
     code = main.run(["render", "scene.yaml", "--output", f"out/{name}", "--set", "camera.path.frames=6"])
     assert code == 128 + number

@@ -100,44 +100,6 @@ def test_costs_are_compared_with_the_peers() -> None:
     assert "times as long" not in prose_of("both")
 
 
-def test_pages_of_bricks_do_not_mention_splats() -> None:
-    text = prose_of("bricks")
-    assert "Error against time" in text and "25 ≤ 20.0 ≤ 100 - integrated, optical, tolerance 1" in text
-    assert "difference bricks time ms" in text
-    assert "the cut and its bricks, made for all" in text and "pyramid ms, once cut ms, once" in text
-    assert "The integrated footprint draws bricks of 16 x 16 x 16 cells. " in text
-    assert "splats" not in text and "bricks" not in prose_of("all") and "splats of a frame" in text_of("all")
-
-
-def test_pages_of_bricks_and_splats_tell_them_apart() -> None:
-    text = prose_of("both")
-    assert "bricks or cells splats time ms" in text and "the cut and its bricks or splats, made for all" in text
-    assert "bricks of 16 x 16 x 16 cells; the others draw a splat for each cell." in text
-    assert "Settings with bricks are not in this plot." in text
-    assert "Splats: the fewest of a footprint that draws them" in text and "Splats: the" not in prose_of("all")
-    alts = re.findall(r'"(PSNR in dB over[^"]*)"', text_of("both"))
-    assert "logarithmic, of integrated, optical, gaussian, optical" in alts[0]
-    assert alts[-1] == "PSNR in dB over the splats of a frame, logarithmic, of gaussian, optical"
-
-
-def test_stages_show_how_often_they_were_timed() -> None:
-    """The pyramid is timed once, the cut in every repetition, the order in every repetition on both frames."""
-    stages = prose_of("all").partition("Time by stage Median")[2]
-    assert "pyramid ms, once cut ms, once order ms, each frame" in stages
-    assert "tolerance 1 250 × 1 11.0 (10.5 to 11.5) × 3 2.50 (2.31 to 3.06) × 6" in stages
-    assert "vtk gpu sample distance 2 - - - - 100 " in stages
-
-
-def test_the_page_explains_the_truth_and_the_peer() -> None:
-    shaded = study_page(study_of([], scene={"shading": {"ambient": 0.3}}), date=DATE)
-    assert "until two halvings in a row changed none of its channels by 0.0001:" in shaded
-    assert "until one halving changed none of its channels by 0.0001." in text_of("all")
-    rounding = "limits a picture to about 59 dB"
-    assert rounding in text_of("only the peer, once exact") and rounding not in text_of("undefined")
-    assert "Not shown, because equal to the truth: 1." in text_of("only the peer, once exact")
-    assert "<svg" not in text_of("undefined") and "No measurement can be plotted." in text_of("undefined")
-
-
 def test_numbers_sort_as_numbers() -> None:
     values = Page(text_of("undefined")).values("data-value")
     assert "Infinity" in values and str(NAN) not in values
@@ -252,9 +214,7 @@ def test_a_full_disk_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.M
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
-def test_a_missing_package_is_reported_before_anything_is_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_package_is_reported_before_anything_is_written(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(InputError) as caught:
         write_study(CASES["all"], tmp_path, date=DATE)

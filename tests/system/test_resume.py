@@ -71,9 +71,7 @@ def test_it_resumes(output: str, draws: Draws, capsys: pytest.CaptureFixture[str
         ("{frame}.png", ["--set", "output.size=[36, 32]"], "scene.output.size was [32, 32]"),
     ],
 )
-def test_frames_of_a_changed_scene_are_drawn_again(
-    output: str, options: list[str], why: str, draws: Draws, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_frames_of_a_changed_scene_are_drawn_again(output, options, why, draws, capsys) -> None:
     expected = uninterrupted_files(output, *options)
     interrupt_render(draws, output)
     draws.take_numbers()
@@ -286,9 +284,7 @@ GOALS = ["{splats: {0: 1, 4: 100}}", "{psnr: 25}", "{seconds: 60}"]
 @pytest.mark.parametrize(
     ("goal", "output"), [(GOALS[0], "{frame}.png"), (GOALS[1], "film.mp4"), (GOALS[2], "{frame}.png")]
 )
-def test_a_film_and_its_sidecar_meet_the_same_goal(
-    goal: str, output: str, draws: Draws, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_film_and_its_sidecar_meet_the_same_goal(goal: str, output: str, draws: Draws, capsys) -> None:
     """A film is up to date for the scene and for the sidecar; missing frames are drawn as before."""
     given, name = ("--set", f"error={goal}"), sidecar_of(output)
     render(output, *given)
@@ -334,9 +330,7 @@ def test_a_part_of_a_film_whose_goal_was_one_of_the_whole(draws: Draws, capsys: 
 @pytest.mark.parametrize(
     ("what", "goal"), [("version", GOALS[0]), ("tolerance", GOALS[1]), ("sources", GOALS[1]), ("driver", GOALS[2])]
 )
-def test_a_goal_counts_as_unmeasured_when_something_changed(
-    what: str, goal: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_goal_counts_as_unmeasured_when_something_changed(what: str, goal: str, monkeypatch, capsys) -> None:
     """A film of another version, or at another tolerance, counts as requested at its tolerances."""
     given = ("--set", f"error={goal}")
     render("film.mp4", *given)
@@ -424,27 +418,6 @@ def test_frames_that_were_kept_but_drawn_at_other_tolerances(draws: Draws, capsy
 
 def of_another(what: str) -> list[str]:
     return [f"out/film.mp4 is another film and is drawn again: {what}"]
-
-
-def test_why_a_film_of_the_same_frames_is_drawn_again(capsys: pytest.CaptureFixture[str]) -> None:
-    def reasons() -> list[str]:
-        return [line for line in printed_lines(capsys) if not line.startswith("the file keeps about ")]
-
-    render("film.mp4")
-    printed_lines(capsys)
-    render("film.mp4", "--set", "output.quality=3")
-    assert reasons() == of_another("output.quality was 8")
-    render("film.mp4", "--frames", "1:3")
-    printed_lines(capsys)
-    render("film.mp4", "--frames", "0:2")
-    assert reasons() == of_another("it has other frames")
-    with Path("out/film.mp4").open("ab") as film:
-        film.write(b"more")
-    render("film.mp4", "--frames", "0:2")
-    assert reasons() == ["out/film.mp4 is not the file that its sidecar describes and is drawn again"]
-    Path("out/film.mp4").unlink()
-    render("film.mp4", "--frames", "0:2")
-    assert reasons() == []
 
 
 def test_why_where_a_sidecar_was_changed(capsys: pytest.CaptureFixture[str]) -> None:

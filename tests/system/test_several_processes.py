@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import signal
 import subprocess
@@ -15,6 +14,7 @@ import psutil
 import pytest
 from commands import HSPLAT, environment
 from processes import MARK, marked, new_mark, wait_until
+from small_scene import small_scene
 
 from hsplat_cli import main
 from hsplat_cli.executors.cluster import local_cluster
@@ -24,18 +24,7 @@ from renderer.system import ChildProcesses
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
 
-SCENE = """\
-volume:
-  procedural: {name: engine_block, shape: [32, 32, 16]}
-transfer_function:
-  points:
-    - {value: 50, color: "#6680e6", opacity: 0.0}
-    - {value: 255, color: white, opacity: 0.7}
-camera:
-  path: {type: turntable, frames: FRAMES}
-error: {splats: {0: 50, 4: 500}}
-output: {file: film.mp4, size: [32, 32]}
-""".replace("FRAMES", "400")
+SCENE = small_scene(shape="32, 32, 16", frames=150, error="splats: {0: 50, 4: 500}")
 # The longest time until the last process has ended.
 SOON_S = 10.0
 
@@ -59,15 +48,6 @@ def rendering(mark: str) -> Iterator[subprocess.Popen[str]]:
             assert job.poll() is None
             time.sleep(0.02)
         yield job
-
-
-def test_the_same_film(film_of_one_process: bytes, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["render", "scene.yaml", "--workers", "2", "--quiet"]) == 0
-    assert Path("film.mp4").read_bytes() == film_of_one_process
-    assert all(logging.getLogger(name).isEnabledFor(logging.CRITICAL) for name in ("distributed", "another"))
-    capsys.readouterr()
-    assert main.run(["render", "scene.yaml"]) == 0
-    assert "film.mp4 is up to date" in capsys.readouterr().err
 
 
 def test_frames_of_a_killed_process_are_drawn_again(film_of_one_process: bytes) -> None:

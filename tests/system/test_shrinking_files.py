@@ -8,21 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import CODE, python
+from small_scene import small_scene
 
 SHAPE = (256, 512, 520)  # 65 MiB, more than what is read into memory
 LEFT = 1_000_000
-
-SCENE = """
-version: 1
-volume: {file: large.npy}
-transfer_function:
-  unit: 4
-  points: [{value: 40, color: "#4c66cc", opacity: 0}, {value: 250, color: "#ffe6b2", opacity: 0.6}]
-camera: {path: {type: turntable, frames: 4}}
-splat: {footprint: FOOTPRINT}
-error: {tolerance: 0.01}
-output: {file: "out/frame{frame}.png", size: [64, 48]}
-"""
 
 # What every Python of the job runs first. After a look at the file that found nothing, called from a function of this
 # name, the file loses its end: just then whoever looked begins to read. Only in hsplat itself.
@@ -68,8 +57,9 @@ def folder(tmp_path: Path) -> Path:
 )
 def test_between_a_look_and_the_reading(footprint: str, caller: str, folder: Path) -> None:
     whole = (folder / "large.npy").stat().st_size
-    (folder / "scene.yaml").write_text(SCENE.replace("FOOTPRINT", footprint))
-    command = ("-m", "hsplat_cli", "render", "scene.yaml", "--quiet")
+    scene = small_scene(frames=4, error="tolerance: 0.01", footprint=footprint, volume="file: large.npy")
+    (folder / "scene.yaml").write_text(scene)
+    command = ("-m", "hsplat_cli", "render", "scene.yaml", "--quiet", "--output", "out/{frame}.png")
     done = python(*command, folder=folder, PYTHONPATH=f"{folder}:{CODE}", HSPLAT_TEST_SHRINK=caller)
     assert (folder / "was_here").exists()
     assert done.returncode == 2, (done.returncode, done.stderr)

@@ -22,7 +22,6 @@ from kinds_of_data import KINDS
 from hsplat_cli import main
 from hsplat_cli.turntable import batch, one_film
 from renderer.job import film_making
-from renderer.scene import load_scene
 from renderer.system import ChildProcesses
 
 pytestmark = pytest.mark.usefixtures("heeds_interrupts")
@@ -49,16 +48,6 @@ def report(folder: str = "out") -> list[dict[str, Any]]:
     return films
 
 
-def test_init_writes_a_scene_that_renders(capfdbinary: pytest.CaptureFixture[bytes]) -> None:
-    assert main.run(["init", "in/uint8.npy", "--frames", "2", "--size", "32x24"]) == 0
-    said = capfdbinary.readouterr()
-    assert said.err.startswith(b"in/uint8.npy: scan without an absolute scale; the background is near ")
-    Path("scene.yaml").write_bytes(said.out)
-    assert main.run(["check", "scene.yaml"]) == 0
-    assert main.run(["render", "scene.yaml", "--quiet"]) == 0
-    assert imageio.imread("uint8.mp4", plugin="FFMPEG").shape == (2, 24, 32, 3)
-
-
 def test_init_and_info_suggest_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("uint8", "signed", "labels"):
         assert main.run(["init", f"in/{name}.npy", "--output", f"{name}.yaml"]) == 0
@@ -66,146 +55,6 @@ def test_init_and_info_suggest_the_same(capsys: pytest.CaptureFixture[str]) -> N
         assert main.run(["info", f"in/{name}.npy", "--json"]) == 0
         told = json.loads(capsys.readouterr().out)["transfer_function"]
         assert yaml.safe_load(Path(f"{name}.yaml").read_text(encoding="utf-8"))["transfer_function"] == told
-
-
-def test_init_does_not_write_over_a_file(capsys: pytest.CaptureFixture[str]) -> None:
-    Path("mine.yaml").write_text("mine", encoding="utf-8")
-    assert main.run(["init", "in/uint8.npy", "--output", "mine.yaml"]) == 2
-    assert Path("mine.yaml").read_text(encoding="utf-8") == "mine"
-    assert main.run(["init", "in/uint8.npy", "--output", "mine.yaml", "--force"]) == 0
-    assert load_scene(Path("mine.yaml")).output.file == Path("uint8.mp4")
-
-
-def test_one_volume() -> None:
-    assert turntable("in/uint8.npy", "-o", "out/deep", *SMALL) == 0
-    assert files("out/deep") == ["turntable.json", "uint8.mp4", "uint8.mp4.json", "uint8.yaml"]
-    (record,) = report("out/deep")
-    assert record["volume"] == "in/uint8.npy"
-    assert (record["status"], record["frames"]) == ("done", 3)
-    assert record["primitives"] > 1
-    film = Path("out/deep/uint8.mp4").read_bytes()
-    Path("out/deep/uint8.mp4").unlink()
-    assert main.run(["render", "out/deep/uint8.yaml", "--quiet"]) == 0
-    assert Path("out/deep/uint8.mp4").read_bytes() == film
-
-
-def test_options_reach_the_scenes() -> None:
-    names = ["uint8", "labels"]
-    options = ["--elevation", "-5", "--axis", "y", "--fps", "10", "--background", "white", "--tolerance", "0.5"]
-    options += ["--colormap", "viridis", "--format", "gif", "--spacing", "0.1,0.1,0.5"]
-    assert turntable(*(f"in/{name}.npy" for name in names), "-o", "out", *SMALL, *options) == 0
-    for name in names:
-        scene = load_scene(Path(f"out/{name}.yaml"))
-        assert scene.camera.path.elevation == -5  # type: ignore[union-attr]
-        assert scene.camera.path.axis == (0.0, 1.0, 0.0)
-        assert (scene.output.frames_per_second, scene.output.background) == (10.0, (1.0, 1.0, 1.0))
-        assert scene.error.tolerance == ((0, 0.5),)
-        assert scene.transfer_function.mapping.name == "viridis"  # type: ignore[union-attr]
-        assert scene.volume.source.spacing == (0.1, 0.1, 0.5)  # type: ignore[union-attr]
-        assert imageio.imread(f"out/{name}.gif", index=None).shape[0] == 3
-
-
-def test_a_note_on_the_volume_is_printed_once(capfd: pytest.CaptureFixture[str]) -> None:
-    """Also where NaN make it be read twice, and the scene's path to it is another one."""
-    header = b"NRRD0004\ntype: float\ndimension: 3\nsizes: 32 32 32\nendian: little\nencoding: raw\n\n"
-    values = KINDS["signed"][0][8:40, 8:40, 8:40].astype("<f4")
-    values[0, 0, 0] = np.nan
-    Path("in/a.nrrd").write_bytes(header + values.tobytes())
-    assert turntable("in/a.nrrd", "-o", "out", *SMALL[:-1]) == 0
-    assert capfd.readouterr().err.count("1 x 1 x 1 is assumed") == 1
-
-
-@pytest.mark.parametrize("command", ["turntable", "init"])
-def test_a_constant_volume_is_a_warning(command: str, capfd: pytest.CaptureFixture[str]) -> None:
-    np.save("in/same.npy", np.full((8, 9, 10), 7, np.uint8))
-    arguments = ["-o", "out", *SMALL] if command == "turntable" else ["--output", "same.yaml"]
-    assert main.run([command, "in/same.npy", *arguments]) == 0
-    warning = "in/same.npy: warning: constant volume; every voxel is 7, so that there is nothing to tell apart\n"
-    assert warning in capfd.readouterr().err
-
-
-def test_frames_as_pictures() -> None:
-    assert turntable("in/labels.npy", "-o", "out", *SMALL, "--format", "png", "--background", "transparent") == 0
-    frames = ["labels/0000.png", "labels/0001.png", "labels/0002.png", "labels/frames.json"]
-    assert files("out") == ["labels.yaml", *frames, "turntable.json"]
-    assert imageio.imread("out/labels/0000.png").shape == (32, 32, 4)
-
-
-def test_labels_have_no_words_on_exact_rays(capfd: pytest.CaptureFixture[str]) -> None:
-    """Between 3 and 90 lies 17, which no voxel there is: rays through the interpolated field see a skin of it."""
-    z, y, x = np.meshgrid(*[np.linspace(-1, 1, 24)] * 3, indexing="ij")
-    labels = np.select([x < -0.15, x > 0.15], [3, 90], 17) * (x**2 + y**2 + z**2 < 0.7)
-    np.save("in/three.npy", labels)
-    assert turntable("in/three.npy", "-o", "out", *SMALL[:4]) == 0
-    said = capfd.readouterr().out
-    assert "splats a frame" in said and "hardly seen" not in said and "dB" not in said
-    made = json.loads(Path("out/three.mp4.json").read_text(encoding="utf-8"))
-    assert "accuracy" not in made and "visibility" not in made
-    assert main.run(["verify", "out/three.mp4"]) == 0
-    note = "note: there is no exact picture to compare with: footprint: gaussian shows labels"
-    assert note in capfd.readouterr().out
-
-
-def test_a_volume_that_fails_does_not_stop_the_others(capfd: pytest.CaptureFixture[str]) -> None:
-    Path("in/broken.npy").write_bytes(b"\x93NUMPY nothing")
-    Path("numpy.py").write_text("raise SystemExit", encoding="utf-8")  # not to be imported
-    assert turntable("no*.nrrd", "in/missing.npy", "in/[bl]*.npy", "in/labels.npy", "-o", "out", *SMALL) == 2
-    out, err = capfd.readouterr()
-    table = [line.split() for line in out.splitlines()]
-    decibels = ["dB", "of", "frames", "dB", "in", "file"]
-    assert table[0] == ["volume", "status", "kind", "frames", "primitives", "seconds", *decibels, "film"]
-    assert [row[:2] for row in table[1:]] == [
-        ["no*.nrrd", "failed"],
-        ["in/missing.npy", "failed"],
-        ["in/broken.npy", "failed"],
-        ["in/labels.npy", "done"],
-    ]
-    assert f"no*.nrrd: no file matches this pattern\n  hint: it is relative to {Path.cwd()}\n" in err
-    assert err.endswith("out: 3 of 4 films could not be made\n  hint: the same command makes only what is missing\n")
-    records = {record["volume"]: record for record in report()}
-    assert {name: record["status"] for name, record in records.items()} == dict(row[:2] for row in table[1:])
-    broken = records["in/broken.npy"]
-    assert broken["exit_code"] == 2
-    assert broken["error"].startswith("in/broken.npy: ") and broken["error"] in err
-    assert files("out") == ["labels.mp4", "labels.mp4.json", "labels.yaml", "turntable.json"]
-
-
-def test_other_options_replace_the_scene_and_the_film(capfd: pytest.CaptureFixture[str]) -> None:
-    """A scene that was edited is kept unless forced."""
-    assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
-    capfd.readouterr()
-    assert turntable("in/uint8.npy", "-o", "out", "--frames", "4", "--size", "32") == 0
-    said = capfd.readouterr().err
-    assert "out/uint8.mp4 is another film and is drawn again" in said
-    assert "another scene" not in said
-    (record,) = report()
-    assert (record["status"], record["frames"]) == ("done", 4)
-    scene, film = Path("out/uint8.yaml"), Path("out/uint8.mp4").read_bytes()
-    written = scene.read_text(encoding="utf-8")
-    scene.write_text(written.replace("elevation: 20", "elevation: 30"), encoding="utf-8")
-    assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 2
-    assert "out/uint8.yaml: another scene of this name exists" in capfd.readouterr().err
-    assert ("elevation: 30" in scene.read_text(encoding="utf-8"), Path("out/uint8.mp4").read_bytes()) == (True, film)
-    assert turntable("in/uint8.npy", "-o", "out", "--frames", "4", "--size", "32", "--quiet", "--force") == 0
-    assert scene.read_text(encoding="utf-8") == written
-
-
-def test_a_film_of_another_volume_is_kept(capfd: pytest.CaptureFixture[str]) -> None:
-    """The same volume may have another name, such as a path through a link."""
-    Path("a").mkdir()
-    Path("a/uint8.npy").write_bytes(Path("in/signed.npy").read_bytes())
-    Path("other/films").mkdir(parents=True)
-    Path("out").symlink_to("other/films")
-    assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
-    scene = Path("out/uint8.yaml").read_bytes()
-    assert turntable("a/uint8.npy", "-o", "out", *SMALL) == 2
-    assert Path("out/uint8.yaml").read_bytes() == scene
-    assert capfd.readouterr().err == (
-        "out/uint8.yaml: a film of another volume has this name\n  got: that of in/uint8.npy\n"
-        "  hint: give this one another --output, or both to one command, which gives them different names; "
-        "--force overwrites it\n"
-    )
-    assert turntable(str(Path("in/uint8.npy").resolve()), "-o", "other/films", *SMALL) == 0
 
 
 def test_a_film_that_another_command_makes_is_left_alone(capfd: pytest.CaptureFixture[str]) -> None:
@@ -278,13 +127,6 @@ def test_a_wait_for_turntable_json_is_reported_and_can_be_interrupted() -> None:
     assert files("out") == []
 
 
-def test_a_folder_of_volumes(capfd: pytest.CaptureFixture[str]) -> None:
-    Path("in/notes.txt").touch()
-    assert turntable("in", "-o", "out", *SMALL[:-1]) == 0
-    assert "note: in: its volumes are drawn; left out: notes.txt\n" in capfd.readouterr().err
-    assert [record["volume"] for record in report()] == ["in/labels.npy", "in/signed.npy", "in/uint8.npy"]
-
-
 def test_odd_names() -> None:
     names = ["-dash and two\nlines.npy", os.fsdecode(b"a b'c\"d: {frame}\xff.npy")]
     for name in names:
@@ -294,9 +136,7 @@ def test_odd_names() -> None:
     assert len([name for name in files("out") if name.endswith(".mp4")]) == 2
 
 
-def test_a_process_that_is_killed_fails_alone(
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_process_that_is_killed_fails_alone(monkeypatch, capfd) -> None:
     start = ChildProcesses.start
 
     def started(

@@ -188,9 +188,7 @@ def test_tables_resolve_a_narrow_window_and_a_step() -> None:
         ("float64", [0, 50, 100], [1, 0, 1], 50),  # a single point
     ],
 )
-def test_the_border_is_transparent(
-    dtype: str, values: list[float], extinctions: list[float], expected: float | None
-) -> None:
+def test_the_border_is_transparent(dtype, values, extinctions, expected) -> None:
     volume = make_volume(np.resize(np.array([3, 90], dtype), (3, 3, 3)), np.eye(4), "scan")
     of = TransferFunction(np.array(values, float), np.zeros((len(values), 3)), np.array(extinctions, float), 1.0)
     if expected is not None:
@@ -344,9 +342,7 @@ def require_ended(folder: Path) -> None:
     ],
     ids=["dies", "hangs"],
 )
-def test_a_worker_that_fails_is_reported(
-    action: str, got: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_worker_that_fails_is_reported(action: str, got: str, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(vtk_peer, "_FRAME_TIMEOUT_S", 1.5)
     with pytest.raises(RenderError) as caught:
         next(with_stand_in(action, tmp_path, monkeypatch))

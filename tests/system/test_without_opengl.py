@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
-from commands import hsplat
+from commands import hsplat, python
 from small_scene import sidecar, small_scene
 
 from hsplat_cli.commands.paper import SCENES
@@ -17,10 +18,8 @@ NO_OPENGL = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nowhere"}
 FRAMES = [f"{number}.png" for number in range(5)]
 
 
-@pytest.fixture(autouse=True)
-def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("scene.yaml").write_text(small_scene(footprint=None), encoding="utf-8")
+SCENE = small_scene()
+pytestmark = pytest.mark.usefixtures("scene_folder")
 
 
 def films(folder: str) -> dict[str, bytes]:
@@ -36,31 +35,32 @@ def test_films_without_opengl() -> None:
     assert sidecar("2/frames.json")["device"] == CPU_RENDERER_NAME
 
 
+def codes_without_opengl(*commands: str) -> tuple[list[int], str]:
+    """Run commands in one process; return their exit codes and what they print on the error stream."""
+    program = "import sys; from hsplat_cli.main import run; print([run(each.split()) for each in sys.argv[1:]])"
+    done = python("-c", program, *commands, **NO_OPENGL)
+    return json.loads(done.stdout.splitlines()[-1]), done.stderr
+
+
 def test_other_commands_without_opengl() -> None:
-    for arguments in (
-        ["golden", "scene.yaml", "goldens"],
-        ["compare", "scene.yaml", "goldens"],
-        ["measure", "scene.yaml", "--want", "psnr=20", "--frames", "0"],
-        ["render", "scene.yaml", "--progressive"],
-        ["render", "scene.yaml", "--set", "overlay=octree"],
-    ):
-        result = hsplat(*arguments, **NO_OPENGL)
-        assert result.returncode == 0, result.stderr
+    codes, said = codes_without_opengl(
+        "golden scene.yaml goldens",
+        "compare scene.yaml goldens",
+        "measure scene.yaml --want psnr=20 --frames 0",
+        "render scene.yaml --progressive",
+        "render scene.yaml --set overlay=octree",
+    )
+    assert codes == [0] * 5, said
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["render", "scene.yaml", "--set", "splat={footprint: gaussian}"],
-        ["measure", "scene.yaml", "--footprints", "integrated,gaussian", "--output", "study"],
-        ["paper", str(SCENES), "--figure", "6", "--output", "paper"],
-    ],
-)
-def test_what_needs_opengl_is_an_error(arguments: list[str]) -> None:
-    result = hsplat(*arguments, **NO_OPENGL)
-    assert result.returncode == 1
-    assert "no OpenGL 3.3 context could be made" in result.stderr
-    assert "needs none" in result.stderr
+def test_what_needs_opengl_is_an_error() -> None:
+    codes, said = codes_without_opengl(
+        "render scene.yaml --set splat.footprint=gaussian",
+        "measure scene.yaml --footprints integrated,gaussian --output study",
+        f"paper {SCENES} --figure 6 --output paper",
+    )
+    assert codes == [1] * 3
+    assert said.count("no OpenGL 3.3 context could be made") == said.count("needs none") == 3, said
 
 
 def test_the_same_bytes_as_beside_software_opengl(rasterizer: GLRasterizer) -> None:

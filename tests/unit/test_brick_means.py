@@ -20,7 +20,7 @@ from renderer.bricks.means import recompute_means, stored_means
 from renderer.pyramid import Pyramid, build_pyramid, descendants, root_cells
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
-from renderer.volume import Volume, make_volume
+from renderer.volume import Int32, Volume, make_volume
 
 SOFT = TransferFunction(np.array([0.0, 100, 250]), np.eye(3), np.array([0.0, 0.0, 1.5]), 1.0)
 
@@ -123,7 +123,7 @@ def record_recomputed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Return a list to which each computation of means appends its number of bricks."""
     found: list[int] = []
 
-    def record(pyramid: Pyramid, level: int, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.floating]:
+    def record(pyramid: Pyramid, level: int, cells: Int32) -> npt.NDArray[np.floating]:
         found.append(len(cells))
         return recompute_means(pyramid, level, cells)
 

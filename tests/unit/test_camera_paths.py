@@ -103,14 +103,10 @@ def test_keys_are_met(easing: str, loop: bool) -> None:
 @pytest.mark.parametrize("easing", ["smooth", "linear"])
 def test_keys_around_the_axis_are_a_turntable(easing: str) -> None:
     turntable = TurntablePath(frames=120, elevation=20.0)
-    turns = [
-        keyed((0, 0.0, 20.0), (40, 120.0, 20.0), (80, 240.0, 20.0), easing=easing),
-        keyed((0, 0.0, 20.0), (60, 180.0, 20.0), easing=easing),
-    ]
-    for path in turns:
+    for keys in ([(0, 0.0, 20.0), (40, 120.0, 20.0), (80, 240.0, 20.0)], [(0, 0.0, 20.0), (60, 180.0, 20.0)]):
         for frame in (0, 10, 77, 119):
-            expected = camera_pose(turntable, frame).direction
-            np.testing.assert_allclose(camera_pose(path, frame).direction, expected, atol=EXACT)
+            expected, found = (camera_pose(path, frame) for path in (turntable, keyed(*keys, easing=easing)))
+            np.testing.assert_allclose(found.direction, expected.direction, atol=EXACT)
 
 
 def test_smooth_easing_has_no_jump_in_velocity() -> None:
@@ -149,12 +145,10 @@ def test_a_path_that_does_not_loop_starts_and_ends_at_rest_and_holds() -> None:
 
 
 def test_a_loop_goes_the_short_way_home() -> None:
-    forth_and_back = keyed((0, 350.0, 0.0), (60, 390.0, 0.0), easing="linear")
-    assert angles_of(camera_pose(forth_and_back, 90))[0] == pytest.approx(10.0)
-    across_zero = keyed((0, 20.0, 0.0), (60, 300.0, 0.0), easing="linear")
-    assert angles_of(camera_pose(across_zero, 90))[0] == pytest.approx(-20.0)
-    half_turn_backwards = keyed((0, 0.0, 0.0), (60, -180.0, 0.0), easing="linear")
-    assert angles_of(camera_pose(half_turn_backwards, 90))[0] == pytest.approx(90.0)
+    """Forth and back, across zero, and half a turn backwards."""
+    for first, second, at_90 in ((350.0, 390.0, 10.0), (20.0, 300.0, -20.0), (0.0, -180.0, 90.0)):
+        path = keyed((0, first, 0.0), (60, second, 0.0), easing="linear")
+        assert angles_of(camera_pose(path, 90))[0] == pytest.approx(at_90)
 
 
 def test_zoom_is_interpolated_in_its_logarithm() -> None:

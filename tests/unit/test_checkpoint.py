@@ -248,13 +248,8 @@ def test_adopted_records(folder: Path, output: OutputSpec) -> None:
     assert set(checkpoint.records) == {0, 2}
 
 
-Interrupt = Callable[[str], None]
-
-
 @pytest.mark.parametrize("step", range(40))
-def test_a_kill_between_any_two_steps(
-    folder: Path, output: OutputSpec, monkeypatch: pytest.MonkeyPatch, step: int
-) -> None:
+def test_a_kill_between_any_two_steps(folder, output: OutputSpec, monkeypatch, step: int) -> None:
     """Whatever calls of the operating system a job came to, the frames that count are whole ones."""
     before = keep(folder, output, 0)
     num_steps = 0

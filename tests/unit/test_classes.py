@@ -6,19 +6,13 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from kinds_of_data import KINDS, blurred, noise, volume_of
+from kinds_of_data import KINDS, blurred, noise, sample_of, suggested
 
-from renderer.suggest import compute_statistics
 from renderer.suggest.classes import foreground_threshold, material_edges, otsu_cuts
-from renderer.suggest.features import VoxelSample, find_background, sample_volume
+from renderer.suggest.features import find_background
 from renderer.suggest.palette import distinct_colors, to_lab
 
 N = 96
-
-
-def sample_of(values: np.ndarray) -> VoxelSample:
-    volume = volume_of(values)
-    return sample_volume(volume, compute_statistics(volume.values))
 
 
 def shells(*values: float) -> np.ndarray:
@@ -72,8 +66,6 @@ def test_lab_of_known_colours() -> None:
 
 
 def test_labels_are_seen_on_black() -> None:
-    from kinds_of_data import suggested
-
     mapping = suggested(KINDS["many labels"][0]).transfer.mapping
     colors = np.array([point.color for point in mapping if point.opacity > 0])
     assert len(np.unique(colors, axis=0)) == 64 and to_lab(colors)[:, 0].min() > 40

@@ -46,12 +46,17 @@ def test_a_system_without_what_linux_and_macos_have_is_named(hidden: str) -> Non
     assert result.stderr == "hsplat: this system is not supported; hsplat runs on Linux and macOS\n"
 
 
-def test_a_limit_of_address_space_is_named_before_libraries_fail(tmp_path: Path) -> None:
-    """Without an exception, in words of their own."""
-    command = f"ulimit -v 700000; exec {sys.executable} -m hsplat_cli render {DEMO} --output {tmp_path}/demo.mp4"
+@pytest.mark.parametrize("limit_kib", [400_000, 500_000, 700_000])
+def test_a_limit_of_address_space_is_named(limit_kib: int, tmp_path: Path) -> None:
+    """Where a run meets it first depends on threads: as it reads the volume, or anywhere."""
+    command = f"ulimit -v {limit_kib}; exec {sys.executable} -m hsplat_cli render {DEMO} --output {tmp_path}/demo.mp4"
     done = subprocess.run(["bash", "-c", command], cwd=ROOT, capture_output=True, text=True, check=False)
-    hint = "address space is limited to 0.67 GiB here (ulimit -v); a run takes about 2 GiB"
-    assert (done.returncode, done.stderr) == (1, f"hsplat: out of memory\n  hint: {hint}\n")
+    hint = f"address space is limited to {limit_kib / 2**20:.2g} GiB here (ulimit -v); a run takes about 1 GiB"
+    anywhere = f"hsplat: out of memory\n  hint: {hint}\n"
+    volume = "procedural engine_block: there is not enough memory for this volume\n"
+    assert (done.returncode, done.stderr) == (1, anywhere) or (
+        done.returncode == 2 and done.stderr.startswith(volume)
+    ), done.stderr
 
 
 def test_module_and_help() -> None:
@@ -142,11 +147,6 @@ def fail(monkeypatch: pytest.MonkeyPatch) -> Fail:
     return run
 
 
-def caused(error: Exception, cause: BaseException) -> Exception:
-    error.__cause__ = cause
-    return error
-
-
 @pytest.mark.parametrize(
     ("error", "code", "message"),
     [
@@ -154,8 +154,6 @@ def caused(error: Exception, cause: BaseException) -> Exception:
         (RenderError("the disk is full", hint="make room"), 1, "the disk is full\n  hint: make room\n"),
         (KeyboardInterrupt(), 130, "hsplat: interrupted\n"),
         (KeyboardInterrupt(15), 143, "hsplat: interrupted\n"),
-        (caused(SystemError("a result with an exception set"), KeyboardInterrupt()), 130, "hsplat: interrupted\n"),
-        (caused(SystemError("again"), caused(TypeError("a"), KeyboardInterrupt(1))), 129, "hsplat: interrupted\n"),
         (MemoryError(), 1, "hsplat: out of memory\n"),
         (RuntimeError("can't start new thread"), 1, "hsplat: out of memory\n"),
         (ImportError("libX.so: failed to map segment from shared object"), 1, "hsplat: out of memory\n"),
@@ -195,7 +193,7 @@ def test_a_lack_of_memory_is_found_behind_the_error_of_a_library(
     monkeypatch.setattr(main.resource, "getrlimit", lambda _: (1_500_000 * 1024, -1))
     assert fail(error) == 1
     assert capsys.readouterr().err == (
-        "hsplat: out of memory\n  hint: address space is limited to 1.4 GiB here (ulimit -v); a run takes about 2 GiB\n"
+        "hsplat: out of memory\n  hint: address space is limited to 1.4 GiB here (ulimit -v); a run takes about 1 GiB\n"
     )
 
 

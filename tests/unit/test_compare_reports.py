@@ -54,38 +54,11 @@ def test_frames_that_pass_are_summed_up() -> None:
     )
 
 
-def test_failing_frames_are_listed_worst_first() -> None:
-    assert comparison_table(MIXED) == (
-        "frame  status     reason\n"
-        "3.png  missing    ACTUAL has no such frame\n"
-        "1.png  different  largest error of a channel 7 steps, at most 1; 1 more figure over its limit\n"
-        "4.png  different  largest error of a channel 9 steps, at most 1\n"
-        "\n"
-        "3 of 5 frames fail: 2 different, 1 missing, 1 the same, 1 close"
-    )
-
-
 def test_a_long_table_names_the_number_of_further_frames() -> None:
     outcomes = [different(f"{number}.png", 2 + number) for number in range(MAX_ROWS + 3)]
     lines = comparison_table(comparison(outcomes)).splitlines()
     assert len(lines) == 1 + MAX_ROWS + 3
     assert lines[1 + MAX_ROWS] == "... and 3 more frames that fail; --json FILE has all of them"
-
-
-def test_notes_are_always_printed_and_facts_where_frames_fail() -> None:
-    remarks: dict[str, Any] = {
-        "facts": {"device": ("llvmpipe 1", "llvmpipe 2"), "numpy": ("2.0", "2.0")},
-        "notes": ["films are lossy", "in two\nlines"],
-    }
-    notes = ["note: films are lossy", "note: in two\\nlines"]
-    assert comparison_table(comparison([same("a.png")], **remarks)).splitlines()[1:] == notes
-    assert comparison_table(comparison([missing("a.png")], **remarks)).splitlines()[4:] == [
-        *notes,
-        "device: llvmpipe 2; of the goldens: llvmpipe 1",
-        "hint: another driver causes small differences; --level cross-driver allows for them",
-    ]
-    loosest = Comparison("golden", "actual", "cross-driver", [missing("a.png")], facts=remarks["facts"])
-    assert "hint" not in comparison_table(loosest)
 
 
 # Files

@@ -47,7 +47,5 @@ def test_exceeded_limits_are_in_the_order_of_the_metrics(values: dict[str, float
         ({"largest": 2.0, "bias": 0.3}, {"largest": 4.0, "bias": 0.1}, 3.0),
     ],
 )
-def test_severity_is_the_largest_ratio_of_an_error_to_its_limit(
-    figures: dict[str, float], limits: dict[str, float], times: float
-) -> None:
+def test_severity_is_the_largest_ratio_of_an_error_to_its_limit(figures, limits, times) -> None:
     assert severity(figures, limits) == pytest.approx(times)

@@ -12,7 +12,6 @@ from texel_wall import drawn
 
 from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.draw import GLRasterizer, brick_cache, is_software
-from renderer.draw.cpu.light import Light
 from renderer.draw.cpu.raster import CPUAtlas
 from renderer.scene import ShadingSpec
 from renderer.transfer import NO_LIGHT_FIELD
@@ -34,8 +33,10 @@ def test_powers_keep_their_digits(exponent: float) -> None:
     cosines = np.concatenate([np.logspace(-30, 0, 20_000), np.linspace(0.5, 1, 4094), [1]]).astype(np.float32)
     gradients = np.column_stack([np.sqrt(1 - cosines.astype(np.float64) ** 2), 0 * cosines, cosines]).astype(np.float32)
     shading = ShadingSpec(0.0, 0.0, "camera", specular=1.0, shininess=exponent)
-    no_factors = np.empty((0, 3), np.float32)
-    light = Light(shading, NO_LIGHT_FIELD, True, np.zeros(3), np.eye(3), no_factors, np.zeros(3))
+    light = {
+        "shading": shading, "field": NO_LIGHT_FIELD, "is_camera": True, "toward": np.zeros(3),
+        "first_cell": np.zeros(3), "world_from_index": np.eye(3), "factors": np.empty((0, 3), np.float32),
+    }  # fmt: skip
     got = drawn(np.full(len(cosines), 50.0), light=light, gradients=gradients)[:, 0]
     wide = gradients.astype(np.float64)
     expected = (wide[:, 2] / np.linalg.norm(wide, axis=1)) ** np.float32(exponent)

@@ -44,18 +44,6 @@ def test_every_truncation_is_an_error(tmp_path, name):
         refused(path)
 
 
-@pytest.mark.parametrize("name", ["gzip.nrrd", "gzip.nhdr", "zlib.mha", "zlib.mhd", "gzip.nii.gz"])
-def test_damage_within_compressed_voxels_is_an_error(tmp_path, name):
-    """A checksum guards every bit, also where the stream still decompresses."""
-    path, data_file = write(tmp_path, name)
-    data = bytearray(data_file.read_bytes())
-    for place in range(len(data) - 100, len(data), 9):
-        damaged = data.copy()
-        damaged[place] ^= 0x10
-        data_file.write_bytes(damaged)
-        refused(path)
-
-
 def test_gzip_of_several_members_is_whole(tmp_path):
     data = VALUES.tobytes()
     header = b"NRRD0004\ntype: uint16\ndimension: 3\nsizes: 8 7 6\nendian: little\nencoding: gzip\n\n"
@@ -95,20 +83,6 @@ def test_headers_of_text_that_claim_too_much_take_no_memory(tmp_path):
     ):
         assert read(written(tmp_path / name, header.encode() + voxels)).shape_xyz == (5, 4, 3)
         refused(written(tmp_path / name, header.encode() + voxels[:118]), match="shorter than its header says")
-
-
-def test_extensions_that_inflate_take_no_memory(tmp_path):
-    for header, place in ((nib.Nifti1Header(), 352), (nib.Nifti2Header(), 544)):
-        header.set_data_dtype(np.uint8)
-        header.set_data_shape((4, 4, 4))
-        for num_bytes, is_fine in ((2**10, True), (2**26, False)):
-            header["magic"], header["vox_offset"] = header.single_magic, place + num_bytes
-            extension = b"\1\0\0\0" + np.array([num_bytes, 6], "<i4").tobytes() + bytes(num_bytes - 8)
-            (tmp_path / "a.nii.gz").write_bytes(gzip.compress(header.binaryblock + extension + bytes(64), 1))
-            if is_fine:
-                assert read(tmp_path / "a.nii.gz").shape_xyz == (4, 4, 4)
-                continue
-            refused(tmp_path / "a.nii.gz", match="too much before the voxels")
 
 
 def test_warnings_of_the_libraries_stay_off_the_terminal(tmp_path, capfd):

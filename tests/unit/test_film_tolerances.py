@@ -62,9 +62,7 @@ def search(
     return find_film_tolerances(stage, FRAMES, want, None, **options)  # type: ignore[arg-type]
 
 
-def test_each_frame_gets_the_coarsest_tolerance_that_is_good_enough(
-    stage: Stage, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_each_frame_gets_the_coarsest_tolerance_that_is_good_enough(stage: Stage, monkeypatch) -> None:
     """Frames differ by 10 dB along the film, and get what they need, and little more."""
     trials: list[Trial] = []
 

@@ -78,6 +78,10 @@ def test_other_bytes_of_equal_pixels_are_kept_and_listed(desk: Desk) -> None:
     desk.before = replace(desk.before, goldens=(replace(desk.before.goldens[0], digest=DIGEST),))
     plan = desk.plan(GREY)
     assert plan.changes_anything and plan.changes == []
+    assert list(describe_update(plan)) == [
+        "no pixel of 1 frame changes",
+        "golden.json changes: the files differ from those it lists",
+    ]
     assert plan.after.goldens == (Golden(0, "frame-0000.png", file_digest(desk.folder / "frame-0000.png")),)
 
 

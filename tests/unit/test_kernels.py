@@ -45,11 +45,18 @@ def test_a_kernel_fills_arrays() -> None:
     assert bin_one() == ([0, 1, 2, 2, 2, 2], [0, 0])
 
 
+def test_arrays_may_lie_at_any_address() -> None:
+    windows = np.frombuffer(b" " + WINDOWS.tobytes(), WINDOWS.dtype, offset=1).reshape(WINDOWS.shape)
+    assert not windows.flags.aligned
+    assert bin_one(tile_windows=windows) == bin_one()
+
+
 @pytest.mark.parametrize(
     ("changes", "error", "words"),
     [
         ({"tile_windows": WINDOWS.astype(float)}, TypeError, r"tile_windows: float64 \[2\], expected int64 \[2\]"),
         ({"tile_windows": WINDOWS[0]}, TypeError, r"tile_windows: int64 \[1\], expected int64 \[2\]"),
+        ({"tile_windows": np.zeros((1, 3), np.int64)}, ValueError, r"tile_windows: shape \(1, 3\), expected"),
         ({"tile_windows": WINDOWS.tolist()}, TypeError, "tile_windows: list, expected an array"),
         ({"tile_windows": np.tile(WINDOWS, 2)[:, ::2]}, ValueError, "tile_windows: not contiguous"),
         ({"starts": np.broadcast_to(np.int64(0), 6)}, ValueError, "starts: not contiguous"),

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 import pytest
 from kinds_of_data import axes, blurred, noise, suggested
 
 from renderer.suggest import compute_statistics, suggest
-from renderer.volume import make_volume
-
-Array = npt.NDArray[Any]
+from renderer.volume import Array, make_volume
 
 
 def radius(z0: float = 0.0, y0: float = 0.0, x0: float = 0.0) -> Array:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -182,9 +181,7 @@ def film(path: Path, scene: Scene, shape: tuple[int, int, int] = (20, 28, 32)) -
 @pytest.mark.parametrize(
     ("scene", "change"), [(PLAIN, grow), (PLAIN, write), (PLAIN, remove), (PLAIN, swap), (SPLATS, shrink)]
 )
-def test_a_file_that_changes_between_build_and_frame(
-    scene: Scene, change: Callable[[Path], str], tmp_path: Path, rasterizer: GLRasterizer
-) -> None:
+def test_a_file_that_changes_between_build_and_frame(scene, change, tmp_path, rasterizer) -> None:
     stage = film(tmp_path / "v.raw", scene)
     list(render_frames(stage, [0], rasterizer, clock=lambda: 0.0))
     message = change(tmp_path / "v.raw")
@@ -233,10 +230,14 @@ def test_a_file_that_shrinks_while_the_stage_is_serialized(tmp_path: Path, monke
         serialize_stage(stage)
 
 
-def test_a_serialized_stage_needs_no_file(tmp_path: Path) -> None:
-    """It goes to machines that do not have the file."""
-    there = deserialize_stage(serialize_stage(film(tmp_path / "v.raw", PLAIN, (100, 90, 80))).data)
+def test_a_serialized_stage_needs_no_file(tmp_path: Path, rasterizer: GLRasterizer) -> None:
+    """It goes to machines that do not have the file, and draws the same there."""
+    here = film(tmp_path / "v.raw", PLAIN, (100, 90, 80))
+    there = deserialize_stage(serialize_stage(here).data)
+    (ours,) = render_frames(here, [1], rasterizer, clock=lambda: 0.0)
     shrink(tmp_path / "v.raw")
+    (theirs,) = render_frames(there, [1], rasterizer, clock=lambda: 0.0)
+    np.testing.assert_array_equal(theirs.image, ours.image)
     assert there.bricks is not None
     for volume in (there.volume, there.bricks.volume):
         assert volume.source is None

@@ -111,13 +111,10 @@ def test_sizes_and_tolerances_invert_each_other(primitive: BrickPrimitive, size:
     assert primitive.lod_size(primitive.tolerance_for_size(size), 7) == pytest.approx(size, rel=0.05)
 
 
-def test_sizes_end_at_tolerance_0(primitive: BrickPrimitive) -> None:
+def test_sizes_end_at_tolerance_0_and_more_is_drawn_at_smaller_ones(primitive: BrickPrimitive) -> None:
     assert primitive.tolerance_for_size(2e6) == primitive.tolerance_for_size(1e30) == 0.0
     assert primitive.lod_size(0.0, 7) == primitive.lod_size(1e-300, 7) == 2e6
     assert primitive.lod_size(math.inf, 1) == primitive.lod_size(1e300, 1) == 1.0
-
-
-def test_more_is_drawn_at_smaller_tolerances(primitive: BrickPrimitive) -> None:
     works = [primitive.work(primitive.tolerance_for_size(4.0**k)) for k in range(11)]
     assert all(more > 1.2 * less for less, more in itertools.pairwise(works[:6]))
     assert works[-1] > 10 * works[0]
@@ -194,36 +191,33 @@ def test_samples_around_the_eye_are_bounded(lod: LOD) -> None:
 # What drawing splats takes
 
 
-def draw_list_of(batch: SplatBatch, *shares: float, size: tuple[int, int] = (64, 48)) -> DrawList:
-    view = look("orthographic", size=size, azimuth=0.0, elevation=0.0)
-    order = visible_order(batch, view)
-    return DrawList(0, LOD(0.1, batch, None, pytest.fail), view, [(share, order) for share in shares], 0.0)
+SIZE_PX = 64, 48
+FRONT = look("orthographic", size=SIZE_PX, azimuth=0.0, elevation=0.0)
+
+
+def draw_list_of(batch: SplatBatch, *shares: float) -> DrawList:
+    order = visible_order(batch, FRONT)
+    return DrawList(0, LOD(0.1, batch, None, pytest.fail), FRONT, [(share, order) for share in shares], 0.0)
 
 
 def num_pixels_of(draw_list: DrawList) -> float:
     return draw_list.lod.num_pixels(draw_list.orders, draw_list.view)
 
 
-def covered_pixels(batch: SplatBatch, radius_px: float, size: tuple[int, int]) -> int:
+def covered_pixels(batch: SplatBatch, radius_px: float) -> int:
     """Pixels whose centres lie in the squares around the footprints, each footprint by itself."""
-    view = look("orthographic", size=size, azimuth=0.0, elevation=0.0)
-    columns, rows = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
+    width, height = SIZE_PX
+    columns, rows = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     total = 0
     for center in batch.vertices[:, :3] * batch.model_unit + batch.origin:
-        x, y, _ = view.view_from_world(center) * view.scale_px
-        reach_px = np.maximum(abs(columns - size[0] / 2 - x), abs(rows - size[1] / 2 + y))
-        total += int((reach_px < radius_px).sum())
+        x, y, _ = FRONT.view_from_world(center) * FRONT.scale_px
+        total += int((np.maximum(abs(columns - width / 2 - x), abs(rows - height / 2 + y)) < radius_px).sum())
     return total
 
 
 def test_what_a_frame_draws_against_a_count() -> None:
-    size, scale_px = (64, 48), look("orthographic", size=(64, 48)).scale_px
-    rng = np.random.default_rng(4)
-    centers = rng.uniform(-0.35, 0.35, (50, 3))
-    sigma = 1.6 / scale_px
-    batch = place_splats(centers, sigma)
-    num_pixels = num_pixels_of(draw_list_of(batch, 1.0))
-    count = covered_pixels(batch, batch.footprint.cutoff * 1.6, size)
+    batch = place_splats(np.random.default_rng(4).uniform(-0.35, 0.35, (50, 3)), 1.6 / FRONT.scale_px)
+    num_pixels, count = num_pixels_of(draw_list_of(batch, 1.0)), covered_pixels(batch, batch.footprint.cutoff * 1.6)
     # A square of 10 x 10 pixels has as many centres in it, give or take half a row and half a column.
     assert num_pixels == pytest.approx(count, rel=0.1 / math.sqrt(50) * 3)
 

@@ -1,17 +1,20 @@
 """Quantisation is exact where arithmetic is exact, rounds half up, and refuses NaN."""
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, strategies as st
 
 from renderer.errors import RenderError
 from renderer.film import quantize
+from renderer.volume import Float32
 
+Color = tuple[float, float, float]
+PART = st.floats(0, 1, width=32)
+COLOR = st.tuples(PART, PART, PART)
 BLACK, WHITE, ORANGE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (1.0, 0.5, 0.25)
 
 
-def pixel(*rgba: float) -> npt.NDArray[np.float32]:
+def pixel(*rgba: float) -> Float32:
     return np.array([[rgba]], np.float32)
 
 
@@ -22,31 +25,24 @@ def test_every_level_survives() -> None:
         np.testing.assert_array_equal(quantize(image, background)[0, :, 0], np.arange(256))
 
 
-def test_halves_go_up() -> None:
-    # 0.5 * 255 = 127.5 exactly, and it is exact in float32.
-    assert quantize(pixel(0.5, 0, 0, 1), BLACK).tolist() == [[[128, 0, 0]]]
-    assert quantize(pixel(0, 0, 0, 0.5), None).tolist() == [[[0, 0, 0, 128]]]
-
-
-def test_clips_instead_of_wrapping() -> None:
-    assert quantize(pixel(1.5, -0.5, 300, 1), BLACK).tolist() == [[[255, 0, 255]]]
-    assert quantize(pixel(1.5, -0.5, 300, 1.01), None).tolist() == [[[255, 0, 255, 255]]]
-    assert quantize(pixel(0, 0, 0, -0.1), None).tolist() == [[[0, 0, 0, 0]]]
-
-
-def test_an_empty_image_is_the_background() -> None:
-    assert quantize(np.zeros((2, 3, 4), np.float32), ORANGE).tolist() == [[[255, 128, 64]] * 3] * 2
-    assert not quantize(np.zeros((2, 3, 4), np.float32), None).any()
-
-
-@given(
-    color=st.tuples(*[st.floats(0, 1, width=32)] * 3),
-    alpha=st.floats(0, 1, width=32),
-    background=st.tuples(*[st.floats(0, 1, width=32)] * 3),
+@pytest.mark.parametrize(
+    ("rgba", "background", "expected"),
+    [
+        ((0.5, 0, 0, 1), BLACK, [128, 0, 0]),  # halves go up: 0.5 * 255 = 127.5 exactly, in float32, too
+        ((0, 0, 0, 0.5), None, [0, 0, 0, 128]),
+        ((1.5, -0.5, 300, 1), BLACK, [255, 0, 255]),  # clipped, not wrapped
+        ((1.5, -0.5, 300, 1.01), None, [255, 0, 255, 255]),
+        ((0, 0, 0, -0.1), None, [0, 0, 0, 0]),
+        ((0, 0, 0, 0), ORANGE, [255, 128, 64]),
+        ((0.001, 0.0005, 0, 0.001), None, [0, 0, 0, 0]),  # else some viewers would show a fringe
+    ],
 )
-def test_over_is_within_rounding_of_the_formula(
-    color: tuple[float, float, float], alpha: float, background: tuple[float, float, float]
-) -> None:
+def test_one_pixel(rgba: tuple[float, ...], background: Color | None, expected: list[int]) -> None:
+    assert quantize(pixel(*rgba), background).tolist() == [[expected]]
+
+
+@given(color=COLOR, alpha=PART, background=COLOR)
+def test_over_is_within_rounding_of_the_formula(color: Color, alpha: float, background: Color) -> None:
     premultiplied = [c * alpha for c in color]
     exact = [255 * (c + (1 - alpha) * b) for c, b in zip(premultiplied, background, strict=True)]
     result = quantize(pixel(*premultiplied, alpha), background)[0, 0]
@@ -54,8 +50,8 @@ def test_over_is_within_rounding_of_the_formula(
     np.testing.assert_allclose(result, exact, rtol=0, atol=0.5 + 1e-4)
 
 
-@given(color=st.tuples(*[st.floats(0, 1, width=32)] * 3), alpha=st.floats(0, 1, width=32))
-def test_straight_alpha_gives_the_colour_back(color: tuple[float, float, float], alpha: float) -> None:
+@given(color=COLOR, alpha=PART)
+def test_straight_alpha_gives_the_colour_back(color: Color, alpha: float) -> None:
     *straight, opacity = quantize(pixel(*(c * alpha for c in color), alpha), None)[0, 0].tolist()
     assert opacity == pytest.approx(255 * alpha, abs=0.5 + 1e-4)
     # Rounding as above; relative to alpha the premultiplied float32 loses nothing more than its own ulp.
@@ -63,17 +59,10 @@ def test_straight_alpha_gives_the_colour_back(color: tuple[float, float, float],
     np.testing.assert_allclose(straight, expected, rtol=0, atol=0.5 + 1e-4)
 
 
-def test_what_is_fully_transparent_has_no_colour() -> None:
-    # Alpha below half a level is written as 0; a colour left there would show as a fringe in some viewers.
-    assert quantize(pixel(0.001, 0.0005, 0, 0.001), None).tolist() == [[[0, 0, 0, 0]]]
-
-
 @pytest.mark.parametrize("background", [BLACK, None])
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("channel", range(4))
-def test_a_value_that_is_no_number_fails(
-    background: tuple[float, float, float] | None, value: float, channel: int
-) -> None:
+def test_a_value_that_is_no_number_fails(background: Color | None, value: float, channel: int) -> None:
     image = np.zeros((4, 5, 4), np.float32)
     image[2, 3, channel] = value
     with pytest.raises(RenderError, match="1 of 20 pixels, the first at row 2, column 3"):

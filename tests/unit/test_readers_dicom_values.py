@@ -70,9 +70,7 @@ def test_uneven_doses_are_uneven(tmp_path: Path) -> None:
         ("u1", {"PixelPaddingValue": 3, "PhotometricInterpretation": "PALETTE COLOR"}, None),
     ],
 )
-def test_padding_is_no_data(
-    tmp_path: Path, dtype: str, fields: dict[str, Any], nodata: tuple[float, float] | None, syntax: str
-) -> None:
+def test_padding_is_no_data(tmp_path, dtype, fields, nodata, syntax) -> None:
     dataset = image_fields(np.zeros((4, 5), dtype))
     for keyword, value in fields.items():
         if keyword.startswith("PixelPadding"):  # of the type that the value has
@@ -135,9 +133,7 @@ SCREEN = {"ImageType": ["DERIVED", "SECONDARY"], "PixelSpacing": None}
         ((4, 5), ["0", "0", "1"], {"SeriesInstanceUID": "1.2.9"}, "image of another series"),
     ],
 )
-def test_strays_are_left_out(
-    tmp_path: Path, shape: tuple[int, int], place: list[str] | None, fields: dict[str, Any], kind: str
-) -> None:
+def test_strays_are_left_out(tmp_path, shape, place, fields, kind) -> None:
     values = stack(tmp_path)
     image(tmp_path / "stray.dcm", np.zeros(shape), place, **fields)
     volume = read(tmp_path)

@@ -217,13 +217,6 @@ def test_analyze_by_spm_has_a_scale_and_an_origin(tmp_path, order):
     np.testing.assert_array_equal(volume.world_from_index @ [2, 1, 4, 1], [0, 0, 0, 1])
 
 
-def test_analyze_has_times(tmp_path):
-    values = ramp("int16", (5, 4, 3, 2))
-    nib.AnalyzeImage(values, None, dtype="int16").to_filename(tmp_path / "a.img")
-    for time in range(2):
-        np.testing.assert_array_equal(read(tmp_path / "a.img", time=time).values, values[..., time].T)
-
-
 def test_a_folder_with_a_pair_is_a_volume(tmp_path):
     nib.AnalyzeImage(ramp("uint8"), None, dtype="uint8").to_filename(tmp_path / "a.img")
     (tmp_path / "b.hdr").write_bytes(b"ENVI\ndescription = another format\n")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import gzip
 import os
 import shutil
-import zipfile
 
 import gdcm
 import nrrd
@@ -39,29 +38,6 @@ def test_archives_of_several_arrays_need_a_component(tmp_path):
     )
 
 
-def test_damaged_archives_are_refused(tmp_path):
-    np.savez_compressed(tmp_path / "a.npz", VALUES)
-    data = (tmp_path / "a.npz").read_bytes()
-    for place in range(60, len(data) - 100, 7):
-        damaged = bytearray(data)
-        damaged[place] ^= 4
-        refused(written(tmp_path / "a.npz", damaged))
-    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
-        archive.writestr("readme.txt", "no array")
-    refused(tmp_path / "a.npz", match="this is a zip archive without arrays of NumPy")
-
-
-def test_archives_that_claim_too_much_take_no_memory(tmp_path):
-    np.savez_compressed(tmp_path / "small.npz", np.zeros((8, 8, 8), np.uint8))
-    with zipfile.ZipFile(tmp_path / "small.npz") as archive:
-        array = archive.read("arr_0.npy")
-    huge = array.replace(b"(8, 8, 8)", b"(9999, 9999, 9999)"[:17])
-    for text in (array.replace(b"(8, 8, 8), }       ", b"(8192, 8192, 8192)}"), huge[: len(array)]):
-        with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
-            archive.writestr("arr_0.npy", text)
-        refused(tmp_path / "a.npz", match=r"shorter than its header says|cannot read the header")
-
-
 def test_masks_are_0_and_1(tmp_path):
     np.save(tmp_path / "a.npy", VALUES % 2 == 0)
     np.testing.assert_array_equal(read(tmp_path / "a.npy").values, (VALUES % 2 == 0).astype(np.uint8))
@@ -77,18 +53,14 @@ def cube(values: np.ndarray, orbitals: str = "", num_atoms: int = 1) -> str:
     return text + orbitals + "".join(" ".join(f"{value:.5E}" for value in row) + "\n" for row in rows)
 
 
-def test_cube_files(tmp_path):
+@pytest.mark.parametrize("exponent", ["E", "D", "d"])
+def test_cube_files(tmp_path, exponent):
+    """Fortran may write D for exponents."""
     values = np.arange(60).reshape(3, 4, 5) / 8
-    (tmp_path / "a.cube").write_text(cube(values))
+    (tmp_path / "a.cube").write_text(cube(values).replace("E", exponent))
     volume = read(tmp_path / "a.cube")
     np.testing.assert_array_equal(volume.values, values.T.astype(np.float32))
     np.testing.assert_array_equal(volume.world_from_index[:3], [[0.5, 0.1, 0, -1], [0, 0.25, 0, 2], [0, 0, 2, 0.5]])
-
-
-def test_cube_files_of_fortran(tmp_path):
-    values = np.arange(60).reshape(3, 4, 5) / 8
-    (tmp_path / "a.cub").write_text(cube(values).replace("E+", "D+").replace("E-", "d-"))
-    np.testing.assert_array_equal(read(tmp_path / "a.cub").values, values.T)
 
 
 def test_orbitals_are_components(tmp_path):

@@ -42,25 +42,9 @@ def test_folder_of_colours(tmp_path):
     assert first.note == "3 components (R, G, B); the first is drawn; `component: k` chooses another"
 
 
-@pytest.mark.parametrize(
-    ("unit", "description", "expected"),
-    [
-        (2, "", (2.54, 5.08, 2.54)),  # 10 and 5 pixels per inch, in mm
-        (3, "", (1.0, 2.0, 1.0)),  # the same per cm
-        (1, "", (1.0, 1.0, 1.0)),  # no unit: a shape of pixels, not a size
-        (1, "ImageJ=1.53\nimages=3\nslices=3\nunit=micron\nspacing=0.7\n", (0.1, 0.2, 0.7)),
-        (3, "ImageJ=1.53\nimages=3\nslices=3\nunit=cm\nspacing=0.7\n", (1.0, 2.0, 7.0)),
-        (
-            2,
-            '<OME><Pixels DimensionOrder="XYZCT" SizeX="5" SizeY="4" SizeZ="3" SizeC="1" SizeT="1" '
-            'PhysicalSizeX="0.3" PhysicalSizeY="0.4" PhysicalSizeZ="1.5"/></OME>',
-            (0.3, 0.4, 1.5),
-        ),
-    ],
-)
-def test_spacing(tmp_path, unit, description, expected):
-    data = tiff_bytes(ramp("uint16"), description=description, resolution=(unit, (10, 1), (5, 1)))
-    np.testing.assert_allclose(read(written(tmp_path / "a.tif", data)).spacing, expected, rtol=1e-15)
+def test_resolutions_differ_along_x_and_y(tmp_path):
+    data = tiff_bytes(ramp("uint16"), resolution=(2, (10, 1), (5, 1)))  # pixels per inch; lengths in mm
+    np.testing.assert_allclose(read(written(tmp_path / "a.tif", data)).spacing, (2.54, 5.08, 2.54), rtol=1e-15)
 
 
 IMAGEJ = "ImageJ=1.53\nimages=3\nslices=3\nspacing=2.0\n"
@@ -160,12 +144,6 @@ def test_an_ome_size_beyond_all_numbers(tmp_path):
     refused(tmp_path / "a.tif", match="the spacing, origin and direction give the voxels no volume")
 
 
-def test_a_spacing_of_slices_in_a_folder(tmp_path):
-    for k in range(3):
-        (tmp_path / f"{k}.tif").write_bytes(tiff_bytes(np.full((1, 4, 5), k, np.uint16)))
-    np.testing.assert_array_equal(read(tmp_path, (0.5, 0.5, 2.0)).spacing, [0.5, 0.5, 2])
-
-
 @pytest.mark.parametrize(
     ("order", "description"),
     [
@@ -208,13 +186,6 @@ def test_tiles(tmp_path, dtype, order):
     volume = read(written(tmp_path / "a.tif", tiff_bytes(values, order, tile=TILE)))
     assert volume.values.dtype == np.dtype(dtype)
     np.testing.assert_array_equal(volume.values, values)
-
-
-def test_slices_of_tiles_in_a_folder(tmp_path):
-    values = TILED.astype(np.uint16)
-    for k in range(3):
-        (tmp_path / f"{k}.tif").write_bytes(tiff_bytes(values[k : k + 1], tile=TILE))
-    np.testing.assert_array_equal(read(tmp_path).values, values)
 
 
 COUNTS = struct.pack("<6H", *[1024] * 6)

@@ -192,7 +192,6 @@ LIGHT = {"specular": 0.3, "light": "camera", "two_sided": True, "gradient_opacit
         ({"light": "eye"}, "shading.light", "unknown value"),
         ({"light": [0, 0, 0]}, "shading.light", "no direction"),
         ({"specular": 1.5}, "shading.specular", "out of range"),
-        ({"shininess": 0}, "shading.shininess", "out of range"),
         ({"shininess": 1001}, "shading.shininess", "out of range"),
         ({"two_sided": "yes"}, "shading.two_sided", "not true or false"),
         ({"gradient_opacity": []}, "shading.gradient_opacity", "wrong number of items"),

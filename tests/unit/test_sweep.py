@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from renderer.frame import Stage, make_primitive, prepare_stage
@@ -29,7 +28,7 @@ from renderer.study import (
 from renderer.study.truths import extreme_coverage_frames
 from renderer.truth import Convergence
 from renderer.view import View
-from renderer.volume import Volume
+from renderer.volume import Float64, Volume
 from tests.support.film_stages import SPLATS
 from tests.support.machines import Painter
 
@@ -202,16 +201,10 @@ def test_chosen_tolerances_include_that_of_the_scene(stage: Stage) -> None:
 
 @pytest.mark.parametrize(
     ("frames", "num", "is_loop", "found"),
-    [
-        (range(120), 3, True, [0, 40, 80]),
-        (range(121), 3, False, [0, 60, 120]),
-        (range(2), 3, False, [0, 1]),
-        (range(1), 3, False, [0]),
-        ([7, 9, 11, 30], 2, True, [7, 11]),
-        ([7, 9, 11, 30], 2, False, [7, 30]),
-        ([7, 9, 11, 30], 1, False, [7]),
-    ],
-)
+    [(range(120), 3, True, [0, 40, 80]), (range(121), 3, False, [0, 60, 120]), (range(2), 3, False, [0, 1]),
+        (range(1), 3, False, [0]), ([7, 9, 11, 30], 2, True, [7, 11]), ([7, 9, 11, 30], 2, False, [7, 30]),
+        ([7, 9, 11, 30], 1, False, [7])],
+)  # fmt: skip
 def test_frames_are_spread_evenly_over_a_path(
     frames: range | list[int], num: int, is_loop: bool, found: list[int]
 ) -> None:
@@ -221,7 +214,7 @@ def test_frames_are_spread_evenly_over_a_path(
 def test_the_frames_of_extreme_coverage_are_found(stage: Stage) -> None:
     """The eye of this turntable goes from -y over +x to +y, so that it looks along -x on frame 2 and along x on 6."""
 
-    def growing(_: object, view: View) -> npt.NDArray[np.float64]:
+    def growing(_: object, view: View) -> Float64:
         image = np.zeros((16, 20, 4))
         image[: 1 + int(7 * (1 + view.forward[0])), :, 3] = 1.0
         return image

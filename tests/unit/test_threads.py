@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from renderer.kernels import ThreadPool
+from renderer.kernels.threads import MIN_PIXELS_PER_THREAD
 
 
 @pytest.fixture(params=[1, 3])
@@ -34,9 +35,10 @@ def test_an_error_in_a_thread_is_raised(threads: ThreadPool) -> None:
 
 
 @pytest.mark.parametrize(("num", "least", "num_parts"), [(0, 5, 1), (9, 5, 1), (10, 5, 2), (15, 5, 3), (100, 1, 3)])
-def test_ranges_are_large_enough_and_cover_all(threads: ThreadPool, num: int, least: int, num_parts: int) -> None:
+def test_rows_are_many_enough_and_cover_all(threads: ThreadPool, num: int, least: int, num_parts: int) -> None:
     parts: list[tuple[int, int]] = []
-    threads.for_ranges(lambda first, end: parts.append((first, end)), num, least)
+    pixels = np.empty((num, -(-MIN_PIXELS_PER_THREAD // least)))
+    threads.for_rows(lambda first, end: parts.append((first, end)), pixels)
     parts.sort()
     assert len(parts) == (num_parts if threads.num == 3 else 1)
     assert [first for first, _ in parts] == [0, *(end for _, end in parts[:-1])]

@@ -6,24 +6,13 @@ import math
 
 import numpy as np
 import pytest
-from kinds_of_data import Array, ball, volume_of
+from kinds_of_data import Array, ball, sample_of, volume_of
 
 from renderer.suggest import compute_statistics
-from renderer.suggest.features import VoxelSample, sample_volume, without
+from renderer.suggest.features import sample_volume, without
 from renderer.suggest.separation import Plane, are_beyond
-from renderer.suggest.visibility import (
-    Layer,
-    TurntableRays,
-    cast_rays,
-    measure_visibility,
-    solve_depths,
-)
+from renderer.suggest.visibility import Layer, TurntableRays, cast_rays, measure_visibility, solve_depths
 from renderer.volume import Volume
-
-
-def sample_of(values: Array, spacing: float = 1.0) -> VoxelSample:
-    volume = volume_of(values, spacing)
-    return sample_volume(volume, compute_statistics(volume.values))
 
 
 def band(low: float, high: float, **options: float) -> Layer:

@@ -6,42 +6,18 @@ import json
 from pathlib import Path
 from typing import Any
 
-import imageio.v3 as imageio
 import numpy as np
 import numpy.typing as npt
 import pytest
 from click.testing import CliRunner
 from number_types import RANGES, TYPES, random_ranges
 
-from hsplat_cli import main
 from hsplat_cli.commands.info import info
 from renderer.scene import parse_scene
 from renderer.transfer import make_transfer_function
 from tests.support.volume_files import read, refused
 
 Array = npt.NDArray[Any]
-
-SCENE = """\
-volume: {file: hidden.npy}
-transfer_function:
-  points:
-    - {value: 10, color: "#000000", opacity: 0.0}
-    - {value: 20, color: "#ffffff", opacity: 1.0}
-camera: {path: {type: turntable, frames: 2}}
-output: {file: "frame{frame}.png", size: [32, 16], background: "#336699"}
-"""
-
-
-def test_a_hidden_volume_gives_the_background_and_a_note(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    np.save("hidden.npy", np.random.default_rng(0).integers(0, 11, (9, 17, 5), np.uint8))
-    Path("scene.yaml").write_text(SCENE, encoding="utf-8")
-    assert main.run(["render", "scene.yaml"]) == 0
-    assert "note: nothing is visible: the transfer function hides every voxel" in capsys.readouterr().out
-    for frame in (0, 1):
-        assert np.all(imageio.imread(f"frame{frame}.png") == [0x33, 0x66, 0x99])
-    record = json.loads(next(Path().glob("*.json")).read_text(encoding="utf-8"))
-    assert record["pyramid"]["bytes"] == 0
-    assert [frame["primitives"] for frame in record["frames"]] == [0, 0]
 
 
 def of_info(path: Path, values: Array) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -16,42 +16,22 @@ from renderer.volume import Bools, Float32, Float64, Int64
 TILE_SIDE, SUBSAMPLED_TILE_SIDE = 32, 16
 
 
-class TileBins(NamedTuple):
-    """A list of the bricks over each tile: those of tile k are `numbers[starts[k] : starts[k + 1]]`, front to back.
+def make_grid(
+    rectangles_px: Float64, stride: int, rays: RaySetup, boxes: Float64, offsets: Int64, is_drawn: Bools, image: Float32
+) -> dict[str, Any]:
+    """Return a grid of pixels into which bricks are drawn, in tiles: Grid in kernels.h.
 
-    side: of a tile, in pixels of the grid. rectangles: int64 [n, 4], left, top, right and bottom of each brick,
-    half-open, in pixels of the grid and inside it. starts: int64 [tiles + 1]. numbers: int64.
+    stride: the pixels of the grid are every `stride`-th pixel along both axes. Grid pixel 0 is the centre of pixel 0.
+    side: of a tile, in pixels of the grid.
+    rectangles: int64 [n, 4], left, top, right and bottom of each brick, half-open, in pixels of the grid and inside it.
+        Pixels that rounding may have moved out of a rectangle count as inside.
+    starts: int64 [tiles + 1], numbers: int64. The bricks over tile k are `numbers[starts[k] : starts[k + 1]]`, front to
+        back.
+    boxes: as in BrickView. texel_offsets: int64 [n], where the texels of each brick begin in its atlas.
+    is_drawn: [rows, columns], the pixels of the grid that are drawn. image: float32 [rows, columns, 4], premultiplied
+        RGBA.
     """
-
-    side: int
-    rectangles: Int64
-    starts: Int64
-    numbers: Int64
-
-
-class Grid(NamedTuple):
-    """A grid of pixels into which bricks are drawn.
-
-    stride: the pixels of the grid are every `stride`-th pixel along both axes. boxes: as in BrickView.
-    texel_offsets: int64 [n], where the texels of each brick begin in its atlas.
-    is_drawn: [rows, columns], the pixels of the grid that are drawn.
-    image: float32 [rows, columns, 4], premultiplied RGBA.
-    """
-
-    bins: TileBins
-    stride: int
-    rays: RaySetup
-    boxes: Float64
-    texel_offsets: Int64
-    is_drawn: Bools
-    image: Float32
-
-
-def bin_bricks(rectangles_px: Float64, stride: int, shape: tuple[int, int]) -> TileBins:
-    """Find the pixels and tiles of a grid, with this many columns and rows, that rectangles [n, 4] cover.
-
-    Pixels that rounding may have moved out of a rectangle count as inside. Grid pixel 0 is the centre of pixel 0.
-    """
+    shape = is_drawn.shape[1], is_drawn.shape[0]
     side = TILE_SIDE if stride == 1 else SUBSAMPLED_TILE_SIDE
     low = np.ceil((rectangles_px[:, :2] - 0.5 - RECTANGLE_ROUNDING_PX) / stride)
     high = np.floor((rectangles_px[:, 2:] - 0.5 + RECTANGLE_ROUNDING_PX) / stride) + 1
@@ -64,4 +44,7 @@ def bin_bricks(rectangles_px: Float64, stride: int, shape: tuple[int, int]) -> T
     kernels().bin_bricks(
         tile_windows=tile_windows, num_columns=num_columns, num_rows=num_rows, starts=starts, numbers=numbers
     )
-    return TileBins(side, rectangles, starts[:-1], numbers)
+    return {
+        "side": side, "stride": stride, "rectangles": rectangles, "starts": starts[:-1], "numbers": numbers,
+        "rays": rays, "boxes": boxes, "texel_offsets": offsets, "is_drawn": is_drawn, "image": image,
+    }  # fmt: skip

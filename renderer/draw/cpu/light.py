@@ -1,22 +1,21 @@
 """Describe light and extinction that depend on the view or on the length of the gradient, for `light.h`.
 
-Light by Lambert's law from a fixed direction is `Field.light`, which costs less.
+Light by Lambert's law from a fixed direction is `lambert`, which costs less.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
 from renderer.bricks import BrickBatch, texel_gradients
-from renderer.scene import ShadingSpec
-from renderer.transfer import LightField, toward_light
-from renderer.volume import Float32, Float64
+from renderer.transfer import toward_light
+from renderer.volume import Float32
 
 
-class Light(NamedTuple):
-    """A light of which all samples of a picture share these parameters.
+def make_light(batch: BrickBatch) -> dict[str, Any] | None:
+    """Return the light of a batch, Light in kernels.h; None where it has none, or one by Lambert's law alone.
 
     is_camera: it comes from the viewer, and not from `toward`, a unit vector.
     world_from_index: the rows of a matrix of directions; a common factor does not matter.
@@ -24,37 +23,25 @@ class Light(NamedTuple):
         next.
     first_cell: the grid's place, in cells, of the volume's centre.
     """
-
-    shading: ShadingSpec
-    field: LightField
-    is_camera: bool
-    toward: Float64
-    world_from_index: Float64
-    factors: Float32
-    first_cell: Float64
-
-
-def make_light(batch: BrickBatch) -> Light | None:
-    """Return the light of a batch; None where it has none, or one by Lambert's law alone."""
     shading = batch.shading
     if shading is None or shading.is_plain:
         return None
     field, volume = batch.bricks.light_field, batch.bricks.volume
     is_camera = shading.light == "camera"
     world_from_index = volume.world_from_index[:3, :3]
-    return Light(
-        shading,
-        field,
-        is_camera,
-        np.zeros(3) if is_camera else toward_light(shading),
-        world_from_index / np.abs(world_from_index).max(),
-        _factors(batch),
-        (volume.centre_index + 0.5) / field.cell_size + 0.5,
-    )
+    return {
+        "shading": shading,
+        "field": field,
+        "is_camera": is_camera,
+        "toward": np.zeros(3) if is_camera else toward_light(shading),
+        "world_from_index": world_from_index / np.abs(world_from_index).max(),
+        "factors": _factors(batch),
+        "first_cell": (volume.centre_index + 0.5) / field.cell_size + 0.5,
+    }
 
 
 def _factors(batch: BrickBatch) -> Float32:
-    """Return Light.factors."""
+    """Return the factors on extinction, as `make_light` says."""
     points = np.array((batch.shading and batch.shading.gradient_opacity) or (), np.float64).reshape(-1, 2)
     gradients, factors = texel_gradients(batch.bricks, points[:, 0]), points[:, 1]
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):

@@ -9,7 +9,7 @@ import numpy as np
 
 from renderer.draw.overlay import Lines
 from renderer.kernels import kernels
-from renderer.view import ModelView, View, model_view
+from renderer.view import View, model_view
 from renderer.volume import Float32
 
 # An end of a line that is nearer to the eye plane is not divided by its depth.
@@ -32,9 +32,8 @@ def draw_lines(lines: Lines, view: View, image: Float32) -> None:
     camera = model_view(lines, view)
     if camera.perspective:
         camera = camera._replace(near=max(camera.near, MIN_LINE_DEPTH))
-    vertices = lines.vertices[: _num_large_enough(lines, camera)]
     kernels().draw_lines(
-        vertices=vertices,
+        vertices=lines.vertices,
         voxel_side=lines.voxel_side,
         colors=np.insert(LEVEL_COLORS, 3, 1.0, axis=1),
         camera=camera,
@@ -43,11 +42,3 @@ def draw_lines(lines: Lines, view: View, image: Float32) -> None:
         min_side_px=MIN_SIDE_PX,
         image=image,
     )
-
-
-def _num_large_enough(lines: Lines, camera: ModelView) -> int:
-    """Return how many of the first lines may belong to cells of MIN_SIDE_PX or more; the model's radius is 1."""
-    eye_distance = float(np.linalg.norm(camera.view_from_model[:, 3]))
-    nearest = max(eye_distance - 1, camera.near) if camera.perspective else 1.0
-    sides_px = lines.voxel_side * np.exp2(lines.vertices[:, 6]) * (camera.scale_px / nearest)
-    return int(np.count_nonzero(sides_px >= MIN_SIDE_PX))

@@ -18,9 +18,9 @@ import numpy as np
 from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch
 from renderer.draw import brick_cache
 from renderer.draw.brick_cache import Atlas, BrickCache, BrickView
-from renderer.draw.cpu.extremum import make_search
-from renderer.draw.cpu.field import make_field
-from renderer.draw.cpu.grid import Grid, bin_bricks
+from renderer.draw.cpu.extremum import search_of
+from renderer.draw.cpu.field import field_of
+from renderer.draw.cpu.grid import make_grid
 from renderer.draw.cpu.light import make_light
 from renderer.draw.rasterizer import Rasterizer
 from renderer.draw.subsampling import grid_size, refine_grid, upsample
@@ -119,19 +119,18 @@ class CPURasterizer(Rasterizer):
         for group, uploaded in self.cache.upload_groups(brick_view, num):
             for atlas, numbers, slots in uploaded:
                 texel_offsets[numbers] = atlas.texel_offsets(slots)
-            bins = bin_bricks(brick_view.rectangles_px[group], stride, (is_drawn.shape[1], is_drawn.shape[0]))
-            boxes, offsets = brick_view.boxes[group], texel_offsets[group]
-            grid = Grid(bins, stride, brick_view.rays, boxes, offsets, is_drawn, image)
+            rectangles_px, boxes = brick_view.rectangles_px[group], brick_view.boxes[group]
+            offsets = texel_offsets[group]
+            grid = make_grid(rectangles_px, stride, brick_view.rays, boxes, offsets, is_drawn, image)
             batch, (scalars, means) = brick_view.batch, self.cache.atlases
             if batch.extremes is None:
-                field, light = make_field(batch, scalars.texels, means.texels), make_light(batch)
+                field, light = field_of(batch, scalars.texels, means.texels), make_light(batch)
                 is_mean = brick_view.is_mean[group]
-                draw = kernels().draw_tiles.partial(grid=grid, is_mean=is_mean, field=field, light=light)
+                draw = kernels().draw_tiles.partial(grid=grid, is_mean=is_mean, light=light, **field)
             else:
-                tops = batch.extremes.tops[brick_view.order[group]]
-                search = make_search(batch, brick_view.view)
-                draw = kernels().draw_extremes.partial(grid=grid, tops=tops, scalars=scalars.texels, search=search)
-            tiles = np.flatnonzero(bins.starts[1:] > bins.starts[:-1])
+                tops, search = batch.extremes.tops[brick_view.order[group]], search_of(batch, brick_view.view)
+                draw = kernels().draw_extremes.partial(grid=grid, tops=tops, scalars=scalars.texels, **search)
+            tiles = np.flatnonzero(np.diff(grid["starts"]))
             num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.threads.num) if self.threads.num > 1 else 1
             tasks = [partial(draw, tiles=part) for part in np.array_split(tiles, max(1, num_tasks))]
             self.threads.map(lambda task: task(), tasks)

@@ -1,4 +1,5 @@
-// Arrays of numpy, as kernels take them: contiguous, in C order; and memory of a kernel's own.
+// Arrays of numpy, as kernels take them: contiguous, in C order, at any address, which x86-64 and aarch64 can read; and
+// memory of a kernel's own.
 #pragma once
 #include <stdint.h>
 
@@ -61,6 +62,10 @@ INLINE Array<T, 1> rest_of(const Array<T, 1>& array, int64_t place) {
     return {array.data + Array<T, 1>::checked(place, array.shape[0] + 1), {array.shape[0] - place}};
 }
 
+// An Array whose last sizes are these; Python checks them.
+template <class T, int DIMENSIONS, int64_t...>
+using Sized = Array<T, DIMENSIONS>;
+
 template <class T, int DIMENSIONS, class... Sizes>
 INLINE bool has_shape(const Array<T, DIMENSIONS>& array, Sizes... sizes) {
     static_assert(sizeof...(Sizes) == DIMENSIONS);
@@ -110,18 +115,13 @@ extern "C" void free(void* memory) noexcept;
 
 // Zeros, freed at the end of the block. False where there is no memory for them: then return NO_MEMORY.
 template <class T>
-struct Buffer {
-    T* data;
-    int64_t num;
-
-    explicit Buffer(int64_t length) : data((T*)calloc(length ? length : 1, sizeof(T))), num(length) {}
-    ~Buffer() { free(data); }
+struct Buffer : Array<T, 1> {
+    explicit Buffer(int64_t num) : Array<T, 1>{(T*)calloc(num ? num : 1, sizeof(T)), {num}} {}
+    ~Buffer() { free(this->data); }
     Buffer(const Buffer&) = delete;
     Buffer& operator=(const Buffer&) = delete;
 
-    explicit operator bool() const { return data != nullptr; }
-    operator Array<T, 1>() const { return {data, {num}}; }
-    INLINE T& operator[](int64_t index) const { return data[Array<T, 1>::checked(index, num)]; }
+    explicit operator bool() const { return this->data != nullptr; }
 };
 
 template <class T>
@@ -132,6 +132,14 @@ INLINE T least(T a, T b) {
 template <class T>
 INLINE T most(T a, T b) {
     return b > a ? b : a;
+}
+
+// Whether the first sizes of other arrays are all sizes of the first one.
+template <class T, int DIMENSIONS, class... Others>
+INLINE bool match(const Array<T, DIMENSIONS>& first, const Others&... others) {
+    bool are_equal = true;
+    for (int axis = 0; axis < DIMENSIONS; axis++) are_equal &= ((others.shape[axis] == first.shape[axis]) && ...);
+    return are_equal;
 }
 
 INLINE bool is_nan(double x) {

@@ -1,10 +1,10 @@
 // Sort bricks into tiles of a pixel grid.
 #include "kernels.h"
 
-// starts, numbers: as in TileBins. `starts` has zeros and one number more than there; `numbers` has room for all.
+// starts, numbers: as in Grid. `starts` has zeros and one number more than there; `numbers` has room for all.
 Status bin_bricks(const BinBricks* arguments) {
     const auto [windows, num_columns, num_rows, starts, numbers] = *arguments;
-    if (windows.shape[1] != 4 || starts.shape[0] != num_columns * num_rows + 2) return OUT_OF_BOUNDS;
+    if (starts.shape[0] != num_columns * num_rows + 2) return OUT_OF_BOUNDS;
     auto for_tiles = [&](auto function) {
         for (int64_t i = 0; i < windows.shape[0]; i++)
             for (int64_t row = windows(i, 1); row < windows(i, 3); row++)

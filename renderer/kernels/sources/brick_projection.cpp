@@ -1,17 +1,14 @@
 // Project the bounds of bricks into a view.
 #include "kernels.h"
 
-namespace {
 // The least depth of a corner, in model units, by which its position is divided; a box with a lesser one is cut.
 constexpr double MIN_DEPTH = 1e-6;
-}  // namespace
 
 // rectangles: [n, 4], around bounds [n, 2, 3] in model coordinates, clipped `beyond` pixels outside of the image.
 Status project_bounds(const ProjectBounds* arguments) {
     const auto [bounds, camera, beyond, rectangles] = *arguments;
     const int64_t num = bounds.shape[0];
-    if (bounds.shape[1] != 2 || bounds.shape[2] != 3) return OUT_OF_BOUNDS;
-    if (rectangles.shape[0] != num || rectangles.shape[1] != 4) return OUT_OF_BOUNDS;
+    if (rectangles.shape[0] != num) return OUT_OF_BOUNDS;
     const auto& r = camera.view_from_model;
     const double middle_x = camera.size[0] / 2.0, middle_y = camera.size[1] / 2.0;
     const double width = camera.size[0] + beyond, height = camera.size[1] + beyond, scale = camera.scale_px;

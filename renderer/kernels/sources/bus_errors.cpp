@@ -1,8 +1,8 @@
 // A handler of SIGBUS, which a read beyond the end of a mapped file raises, also in the middle of a kernel.
 //
-// Where the file of a guarded region has become shorter, it maps zeros in place of what is gone, and the kernel goes on.
-// Other causes of SIGBUS, such as a broken disk, go to the former handler: they still kill. A handler in Python would
-// run between two bytecodes, and a kernel has none.
+// Where the file of a guarded region has become shorter, it maps zeros in place of what is gone, and the kernel goes
+// on. Other causes of SIGBUS, such as a broken disk, go to the former handler: they still kill. A handler in Python
+// would run between two bytecodes, and a kernel has none.
 #include "kernels.h"
 
 #ifdef __linux__
@@ -43,7 +43,6 @@ void handle(int number, siginfo_t* information, void*) {
 
 // Install the handler. regions: as in `guarded_regions`; they stay where they are while the process lives.
 Status guard_regions(const GuardRegions* arguments) {
-    if (arguments->regions.shape[1] != 4) return OUT_OF_BOUNDS;
 #ifdef __linux__
     guarded = *arguments;
     struct sigaction action = {};

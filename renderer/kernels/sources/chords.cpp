@@ -71,13 +71,13 @@ double length_without(const Buffer<Range>& removed, const Maybe<Array<const bool
     double length = 0.0;
     while (start < end) {
         double until = end;
-        for (int64_t k = 0; k < removed.num; k++)
+        for (int64_t k = 0; k < removed.shape[0]; k++)
             if (removed[k].start < removed[k].end && start < removed[k].end)
                 until = least(until, most(removed[k].start, start));
         length += absent.exists ? length_of_data(absent.value, ray, {start, until}) : until - start;
         start = until;
-        for (int64_t i = 0; i < removed.num; i++)
-            for (int64_t k = 0; k < removed.num; k++)
+        for (int64_t i = 0; i < removed.shape[0]; i++)
+            for (int64_t k = 0; k < removed.shape[0]; k++)
                 if (removed[k].start <= start && start < removed[k].end) start = removed[k].end;
     }
     return length;
@@ -85,12 +85,11 @@ double length_without(const Buffer<Range>& removed, const Maybe<Array<const bool
 
 }  // namespace
 
-// lengths: [h, w], world lengths of the rays of rows from `first_row` on, within the cuts. unit: world length of a model
-// unit. absent: [z, y, x], which voxels do not count; None if all do.
+// lengths: [h, w], world lengths of the rays of rows from `first_row` on, within the cuts. unit: world length of a
+// model unit. absent: [z, y, x], which voxels do not count; None if all do.
 Status measure_chords(const MeasureChords* arguments) {
     const auto [rays, shape, absent, unit, first_row, lengths] = *arguments;
     const auto& [slabs, boxes] = rays.cuts.value;  // empty ones for None
-    if (rays.cuts.exists && (slabs.shape[1] != 5 || boxes.shape[1] != 3 || boxes.shape[2] != 5)) return OUT_OF_BOUNDS;
     for (int axis = 0; axis < 3; axis++)
         if (absent.exists && absent.value.shape[2 - axis] != shape[axis]) return OUT_OF_BOUNDS;
     const double half[3] = {shape[0] / 2.0, shape[1] / 2.0, shape[2] / 2.0};
@@ -109,7 +108,7 @@ Status measure_chords(const MeasureChords* arguments) {
             }
             Range range = clip_to_slabs({of_box, {3, 5}}, ray, {rays.start, __builtin_inf()});
             range = clip_to_slabs(slabs, ray, range);
-            for (int64_t k = 0; k < removed.num; k++) removed[k] = clip_to_slabs(boxes[k], ray, range);
+            for (int64_t k = 0; k < removed.shape[0]; k++) removed[k] = clip_to_slabs(boxes[k], ray, range);
             double per_depth = __builtin_sqrt(1.0 + rays.slope_per_px * rays.slope_per_px * (x * x + y * y));
             lengths(row, column) = (float)(length_without(removed, absent, ray, range) * per_depth * unit);
         }

@@ -56,8 +56,8 @@ Status depth_order(const DepthOrder* arguments) {
     });
 }
 
-// order: of nodes of the octree, back to front as boxes (Laur and Hanrahan 1991). levels: [n]. cells: [n, 3], x, y, z in
-// units of the node's own width. eye: in voxel indices.
+// order: of nodes of the octree, back to front as boxes (Laur and Hanrahan 1991). levels: [n]. cells: [n, 3], x, y, z
+// in units of the node's own width. eye: in voxel indices.
 //
 // A child of a node may hide another child only if fewer of the node's three splitting planes lie between it and the
 // eye. That number, 0 to 3, is one base-4 digit of the cell's key, the root's first. It is a sum over the axes, so that

@@ -5,7 +5,7 @@
 Status place_edges(const PlaceEdges* arguments) {
     const auto [starts, num_corners, axis, level, shape, model_from_index, vertices] = *arguments;
     const double* m = model_from_index;
-    if (vertices.shape[0] != starts.shape[0] || vertices.shape[1] != 7) return OUT_OF_BOUNDS;
+    if (!match(starts, vertices)) return OUT_OF_BOUNDS;
     for (int64_t i = 0; i < starts.shape[0]; i++) {
         int64_t rest = starts[i], first[3];
         for (int k = 0; k < 3; k++) first[k] = rest % num_corners[k], rest /= num_corners[k];

@@ -55,7 +55,7 @@ class VisibilityTest {
     VisibilityTest(const AnyArray<3>& voxels, const Classifier& by)
         : raw(voxels), classifier(by), is_visible(by.table.value.shape[0]) {
         if (is_visible)
-            for (int64_t pattern = 0; pattern < is_visible.num; pattern++)
+            for (int64_t pattern = 0; pattern < is_visible.shape[0]; pattern++)
                 is_visible[pattern] = by.table.value(pattern, 3) > 0;
     }
 

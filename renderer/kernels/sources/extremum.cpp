@@ -19,55 +19,26 @@ constexpr int32_t LAST_CELL_OF_ROW = PADDED_BRICK_SIZE - 2;
 constexpr float MIN_EXTENT = 1e-12;
 // Bricks of a tile between two looks at what its pixels have found.
 constexpr int BRICKS_BETWEEN_LOOKS = 4;
-constexpr float INFINITE_FLOAT = __builtin_inff();
-
-// Load the numbers that the pixels in a window have found into the alphas of the tile.
-void load_found(const Grid& grid, Window window, const Tile& tile) {
-    for (int64_t row = window.top; row < window.bottom; row++)
-        for (int64_t column = window.left; column < window.right; column++)
-            tile.alphas[(row - window.top) * tile.side + column - window.left] =
-                grid.is_drawn(row, column) ? grid.image(row, column, 0) : INFINITE_FLOAT;
-}
 
 // The least number that the pixels in a window have found.
 float least_found(Window window, const Tile& tile) {
-    float found = INFINITE_FLOAT;
+    float found = NEVER;
     for (int64_t row = 0; row < window.bottom - window.top; row++)
         for (int64_t column = 0; column < window.right - window.left; column++)
-            found = least(found, tile.alphas[row * tile.side + column]);
+            found = least(found, tile.found[row * tile.side + column]);
     return found;
 }
 
-// Write the spans of rays inside a brick that have found less than a limit, and return their number. is_whole: as in
-// march.cpp.
-//
-// A span is: where it begins [3] and its extents [3], in texels of the brick; 0; about how many cells it crosses.
-template <bool CUTS>
-int64_t clip_rays(const Box& box, double start, const Kept& kept, Window window, float limit, const Tile& tile,
-                  const Spans& spans, bool& is_whole) {
-    int64_t num = 0;
-    is_whole = true;
-    for (int64_t row = window.top; row < window.bottom; row++) {
-        for (int64_t column = window.left; column < window.right; column += CLIPPED) {
-            int64_t pixel = row * tile.side + column;
-            ClippedMask hit = mask_of(lane_numbers<ClippedInts>() < (int32_t)(window.right - column));
-            hit &= mask_of(load<ClippedFloats>(tile.alphas, pixel) < limit);
-            if (!any_of(hit)) continue;
-            const Along along[3] = {ray_along(tile, pixel, 0), ray_along(tile, pixel, 1), ray_along(tile, pixel, 2)};
-            Range range;
-            if (!clip_to_brick<CUTS>(box, start, kept, tile, pixel, along, hit, range, is_whole)) continue;
-            ClippedFloats begin[3], extent[3];
-            for (int axis = 0; axis < 3; axis++)
-                first_and_step(along[axis], range.enter, range.leave, in_all<Doubles>(1.0), box.corner[axis], box.scale,
-                               begin[axis], extent[axis]);
-            ClippedFloats faces = magnitude(extent[0]) + magnitude(extent[1]) + magnitude(extent[2]);
-            ClippedInts num_cells = __builtin_convertvector(faces, ClippedInts);
-            ClippedFloats zero = 0.0f, last = where(hit, __builtin_convertvector(num_cells, ClippedFloats), zero);
-            num = append(spans, num, hit, pixel, {begin[0], begin[1], begin[2], extent[0]},
-                         {extent[1], extent[2], zero, last}, UpTo<CLIPPED>());
-        }
-    }
-    return num;
+// Spans of rays inside a brick: where they begin [3] and their extents [3], in texels of the brick; 0; about how many
+// cells they cross.
+INLINE Span span_of(const Box& box, const Along (&along)[3], Range range, ClippedMask hit) {
+    ClippedFloats begin[3], extent[3], zero = 0.0f;
+    for (int axis = 0; axis < 3; axis++)
+        first_and_step(along[axis], range.enter, range.leave, in_all<Doubles>(1.0), box.corner[axis], box.scale,
+                       begin[axis], extent[axis]);
+    ClippedFloats faces = magnitude(extent[0]) + magnitude(extent[1]) + magnitude(extent[2]);
+    ClippedFloats num_cells = __builtin_convertvector(__builtin_convertvector(faces, ClippedInts), ClippedFloats);
+    return {{begin[0], begin[1], begin[2], extent[0]}, {extent[1], extent[2], zero, where(hit, num_cells, zero)}};
 }
 
 // The largest number on ways through cells, and where it is, as a share of the way.
@@ -132,7 +103,7 @@ INLINE Largest largest_of_data(const Texels& texels, Ints at, const Corners& cor
     Floats x = middle(entry.x, extent.x), y = middle(entry.y, extent.y), z = middle(entry.z, extent.z);
     Floats low = min_of(x, y), high = max_of(x, y);
     const Floats ends[5] = {zero, min_of(low, z), max_of(low, min_of(high, z)), max_of(high, z), one};
-    Floats best = where(is_whole, found.number, in_all<Floats>(-INFINITE_FLOAT));
+    Floats best = where(is_whole, found.number, in_all<Floats>(-NEVER));
     Floats place = where(is_whole, found.share, zero);
     auto along = [&](Floats share) -> Three {
         return {fma(share, extent.x, entry.x), fma(share, extent.y, entry.y), fma(share, extent.z, entry.z)};
@@ -174,18 +145,19 @@ struct Axis {
 
 // Search the cells of spans for larger numbers than those of their pixels.
 // texels: of the brick, and what follows. nearness: at its texel 0. pixels: of the image.
-void search_spans(const Texels& texels, const Search& search, double nearness, const Spans& spans, int64_t num,
-                  const Tile& tile, const Array<float, 1>& pixels) {
-    const auto [offset, slope, slack, min_rise, ceiling, is_sorted, has_absent, forward_double] = search;
-    const float forward[3] = {(float)forward_double[0], (float)forward_double[1], (float)forward_double[2]};
+void search_spans(const Texels& texels, const DrawExtremes& search, double nearness, int64_t num, const Tile& tile,
+                  const Array<float, 1>& pixels) {
+    const float offset = search.offset, slope = search.slope, slack = search.slack, min_rise = search.min_rise;
+    const float ceiling = search.ceiling;
+    const double* forward = search.forward;
     Floats zero = in_all<Floats>(0.0f);
     for (int64_t first = 0; first < num; first += LANES) {
-        Ints order = load<Ints>(spans.order, first);
-        auto [begin_x, begin_y, begin_z, extent_x] = load_four(spans.rows, order * SPAN_FLOATS);
-        auto [extent_y, extent_z, unused, num_cells] = load_four(rest_of(spans.rows, 4), order * SPAN_FLOATS);
+        Ints order = load<Ints>(tile.order, first);
+        auto [begin_x, begin_y, begin_z, extent_x] = load_four(tile.spans, order * SPAN_FLOATS);
+        auto [extent_y, extent_z, unused, num_cells] = load_four(rest_of(tile.spans, 4), order * SPAN_FLOATS);
         Axis x = {begin_x, extent_x, to_int32(begin_x)}, y = {begin_y, extent_y, to_int32(begin_y)};
         Axis z = {begin_z, extent_z, to_int32(begin_z)};
-        Floats best = gather(tile.alphas, gather(spans.pixels, order)), near = zero, t = zero;
+        Floats best = gather(tile.found, gather(tile.pixels, order)), near = zero, t = zero;
         Mask active = mask_of(lane_numbers<Ints>() < (int32_t)least(num - first, (int64_t)LANES));
         for (int cells = 0; cells < MAX_CELLS; cells++) {
             x.clamp(), y.clamp(), z.clamp();
@@ -203,13 +175,13 @@ void search_spans(const Texels& texels, const Search& search, double nearness, c
                 Three entry = {x.in_cell(t), y.in_cell(t), z.in_cell(t)};
                 Three extent = {length * x.extent, length * y.extent, length * z.extent};
                 Largest largest = largest_in_cell(corners, entry, extent);
-                if (has_absent) largest = largest_of_data(texels, at, corners, entry, extent, largest);
+                if (search.has_absent) largest = largest_of_data(texels, at, corners, entry, extent, largest);
                 Mask is_larger = may_rise & mask_of(largest.number > best + min_rise);
                 best = where(is_larger, largest.number, best);
                 Floats place = fma(largest.share, length, t);
-                Floats here = fma(z.at(place), in_all<Floats>(forward[2]), in_all<Floats>((float)nearness));
-                here = fma(y.at(place), in_all<Floats>(forward[1]), here);
-                near = where(is_larger, fma(x.at(place), in_all<Floats>(forward[0]), here), near);
+                Floats here = fma(z.at(place), in_all<Floats>((float)forward[2]), in_all<Floats>((float)nearness));
+                here = fma(y.at(place), in_all<Floats>((float)forward[1]), here);
+                near = where(is_larger, fma(x.at(place), in_all<Floats>((float)forward[0]), here), near);
                 active &= mask_of(best < ceiling);
             }
             active &= mask_of(out < 1.0f);
@@ -218,43 +190,40 @@ void search_spans(const Texels& texels, const Search& search, double nearness, c
             t = out;
         }
         for (int lane = 0; lane < least(num - first, (int64_t)LANES); lane++) {
-            int32_t pixel = spans.pixels[spans.order[first + lane]];
-            if (best[lane] > tile.alphas[pixel]) {
+            int32_t pixel = tile.pixels[tile.order[first + lane]];
+            if (best[lane] > tile.found[pixel]) {
                 float number = least(best[lane], ceiling);
-                tile.alphas[pixel] = number;
+                tile.found[pixel] = number;
                 pixels[tile.places[pixel]] = number, pixels[tile.places[pixel] + 1] = near[lane];
             }
         }
     }
 }
 
-template <bool CUTS>
-void draw_tile(const DrawExtremes& arguments, const Tile& tile, const Spans& spans, const Kept& kept, int64_t number) {
-    const auto& [grid, tops, scalars, search, tiles] = arguments;
-    const TileBins& bins = grid.bins;
+void draw_tile(const DrawExtremes& search, const Tile& tile, int64_t number) {
+    const Grid& grid = search.grid;
     const Array<float, 1> pixels = {grid.image.data, {grid.image.size()}};
     const double* forward = search.forward;
     bool by_depth = forward[0] != 0.0 || forward[1] != 0.0 || forward[2] != 0.0;
     Window window = window_of(grid, number);
-    set_up_rays(grid, window, tile);
-    if constexpr (CUTS) cut_rays(grid.rays.cuts.value, grid.rays.start, window, tile, kept);
-    load_found(grid, window, tile);
-    for (int64_t k = bins.starts[number]; k < bins.starts[number + 1]; k++) {
-        int64_t brick = bins.numbers[k];
-        float limit = least((float)tops[brick] - search.slack, search.ceiling);
-        bool is_look = search.is_sorted && (k - bins.starts[number]) % BRICKS_BETWEEN_LOOKS == 0;
+    set_up_rays(grid, window, tile, 0);
+    for (int64_t k = grid.starts[number]; k < grid.starts[number + 1]; k++) {
+        int64_t brick = grid.numbers[k];
+        float limit = least((float)search.tops[brick] - search.slack, search.ceiling);
+        bool is_look = search.is_sorted && (k - grid.starts[number]) % BRICKS_BETWEEN_LOOKS == 0;
         if (is_look && least_found(window, tile) >= limit) break;
         Box box = box_of(grid, brick);
         double nearer = 0.0;
         for (int axis = 0; axis < 3; axis++) nearer += forward[axis] * (box.corner[axis] - TEXEL_OFFSET);
         double nearness = by_depth ? 0.5 + nearer : 0.0;
-        Window covered = covered_by(grid, brick, window);
-        for (bool is_whole = false; !is_whole;) {  // one part of every ray after the other
-            int64_t num = clip_rays<CUTS>(box, grid.rays.start, kept, covered, limit, tile, spans, is_whole);
-            if (num == 0) continue;
-            sort_spans(spans, num);
-            search_spans(rest_of(scalars, grid.texel_offsets[brick]), search, nearness, spans, num, tile, pixels);
-        }
+        Texels texels = rest_of(search.scalars, grid.texel_offsets[brick]);
+        for_spans(
+            box, grid.rays, covered_by(grid, brick, window), tile,
+            [&](ClippedFloats found) { return mask_of(found < limit); },
+            [&](const auto& along, Range range, ClippedMask hit, int64_t) __attribute__((always_inline)) {
+                return span_of(box, along, range, hit);
+            },
+            [&](int64_t num) { search_spans(texels, search, nearness, num, tile, pixels); });
     }
 }
 
@@ -263,16 +232,15 @@ void draw_tile(const DrawExtremes& arguments, const Tile& tile, const Spans& spa
 // Draw bricks into some tiles of the image. It has in its first channel the number, in its second how near it is, from
 // 0 at the farthest point of the ball around the volume to 1, and 0 in the others.
 Status draw_extremes(const DrawExtremes* arguments) {
-    const auto& [grid, tops, scalars, search, tiles] = *arguments;
-    if (!is_consistent(grid, tiles) || tops.shape[0] != grid.boxes.shape[0]) return OUT_OF_BOUNDS;
-    for (int64_t brick = 0; brick < tops.shape[0]; brick++) {
+    const Grid& grid = arguments->grid;
+    const auto& tiles = arguments->tiles;
+    if (!is_consistent(grid, tiles) || !match(arguments->tops, grid.boxes)) return OUT_OF_BOUNDS;
+    for (int64_t brick = 0; brick < grid.boxes.shape[0]; brick++) {
         int64_t begin = grid.texel_offsets[brick];
-        if (begin < 0 || begin > scalars.shape[0] - TEXELS_PER_BRICK) return OUT_OF_BOUNDS;
+        if (begin < 0 || begin > arguments->scalars.shape[0] - TEXELS_PER_BRICK) return OUT_OF_BOUNDS;
     }
-    TileMemory memory(grid, MAX_CELLS);
-    if (!memory) return NO_MEMORY;
-    auto draw = grid.rays.cuts.exists ? draw_tile<true> : draw_tile<false>;
-    for (int64_t k = 0; k < tiles.shape[0]; k++)
-        draw(*arguments, memory.tile(), memory.spans(), memory.kept(), tiles[k]);
+    const Tile tile(grid, MAX_CELLS);
+    if (!tile) return NO_MEMORY;
+    for (int64_t k = 0; k < tiles.shape[0]; k++) draw_tile(*arguments, tile, tiles[k]);
     return DONE;
 }

@@ -1,12 +1,13 @@
 // What kernels take: the one place where both languages read it.
 //
-// Python reads this file, too (binding.py), and fills each struct by the names of its members, from a NamedTuple or from
-// keyword arguments. It knows these types of members, and refuses a file with others:
+// Python reads this file, too (binding.py), and fills each struct by the names of its members, from a NamedTuple, a
+// dictionary or keyword arguments. It knows these types of members, and refuses a file with others:
 //
 //     int64_t, float, double, bool, ...   a number
 //     double x[3]                         a sequence of three numbers, or an array of that size
 //     Array<const float, 2>               an array of that dtype and number of dimensions, contiguous; without `const`
 //                                         it must be writeable, too
+//     Sized<const float, 3, 5, 4>         the same of 3 dimensions, of which the last have sizes 5 and 4
 //     AnyArray<3>                         an array of any dtype, contiguous, read only
 //     Struct                              one that is defined above
 //     Maybe<any of these but numbers>     the same, or None
@@ -24,7 +25,7 @@
 // ---- kernels
 
 struct GuardRegions {
-    Array<int64_t, 2> regions;
+    Sized<int64_t, 2, 4> regions;
     int64_t page_size;
 };
 KERNEL(guard_regions, GuardRegions)
@@ -66,6 +67,7 @@ struct Classifier {
 struct PiecewiseTransfer {
     Array<const float, 2> rows;
     Array<const int32_t, 1> guide;
+    float lowest_visible;
 };
 
 // ---- pyramid
@@ -166,13 +168,13 @@ KERNEL(transmit, Transmit)
 
 struct PlaceSplats {
     Array<const uint8_t, 1> levels;
-    Array<const int32_t, 2> cells;
-    Array<const float, 2> depths;
+    Sized<const int32_t, 2, 3> cells;
+    Sized<const float, 2, 4> depths;
     Array<const uint8_t, 1> shapes;
-    Array<const double, 2> shift_of_shape;
+    Sized<const double, 2, 3> shift_of_shape;
     Array<const double, 1> area_of_shape;
     double model_from_index[9];
-    Array<float, 2> vertices;
+    Sized<float, 2, 8> vertices;
 };
 KERNEL(place_splats, PlaceSplats)
 
@@ -232,8 +234,8 @@ KERNEL(extrapolate_border, ExtrapolateBorder)
 
 // As in renderer/view/cutting.py.
 struct Cuts {
-    Array<const double, 2> slabs;
-    Array<const double, 3> boxes;
+    Sized<const double, 2, 5> slabs;
+    Sized<const double, 3, 3, 5> boxes;
 };
 
 // As in renderer/view/brick_projection.py.
@@ -252,15 +254,15 @@ struct ModelView {
 };
 
 struct ProjectBounds {
-    Array<const double, 3> bounds;
+    Sized<const double, 3, 2, 3> bounds;
     ModelView camera;
     int64_t beyond;
-    Array<double, 2> rectangles;
+    Sized<double, 2, 4> rectangles;
 };
 KERNEL(project_bounds, ProjectBounds)
 
 struct CullSplats {
-    Array<const float, 2> vertices;
+    Sized<const float, 2, 8> vertices;
     Array<const double, 1> sigmas;
     double cutoff, min_sigma_px, clipped_sigmas, culled_sigmas;
     ModelView camera;
@@ -278,7 +280,7 @@ KERNEL(depth_order, DepthOrder)
 
 struct BoxOrder {
     Array<const uint8_t, 1> levels;
-    Array<const int32_t, 2> cells;
+    Sized<const int32_t, 2, 3> cells;
     double eye[3];
     int64_t shape[3];
     Array<uint32_t, 1> order;
@@ -300,15 +302,15 @@ KERNEL(measure_chords, MeasureChords)
 struct ColorShares {
     TransferTable curve;
     Array<const float, 2> shares, chords;
-    Array<const float, 3> brightness;
-    Array<float, 3> image;
+    Sized<const float, 3, 1> brightness;
+    Sized<float, 3, 4> image;
 };
 KERNEL(color_shares, ColorShares)
 
 // ---- draw
 
 struct BinBricks {
-    Array<const int64_t, 2> tile_windows;
+    Sized<const int64_t, 2, 4> tile_windows;
     int64_t num_columns, num_rows;
     Array<int64_t, 1> starts, numbers;
 };
@@ -316,26 +318,19 @@ KERNEL(bin_bricks, BinBricks)
 
 // As in renderer/draw/subsampling.py. factor: every which pixel of the image the grid has.
 struct UpsampleRows {
-    Array<const float, 3> grid;
+    Sized<const float, 3, 4> grid;
     int64_t factor;
-    Array<float, 3> image;
+    Sized<float, 3, 4> image;
     int64_t first_row, end_row;
 };
 KERNEL(upsample_rows, UpsampleRows)
 
-struct MarkDiffering {
-    Array<const float, 3> grid;
-    float threshold;
-    Array<bool, 2> differ;
-};
-KERNEL(mark_differing, MarkDiffering)
-
 struct RefineRows {
-    Array<const float, 3> grid;
+    Sized<const float, 3, 4> grid;
     int64_t factor;
-    Array<float, 3> image;
+    Sized<float, 3, 4> image;
     int64_t first_row, end_row;
-    Array<const bool, 2> differ;
+    float threshold;
     Array<bool, 2> is_drawn;
 };
 KERNEL(refine_rows, RefineRows)
@@ -345,44 +340,31 @@ struct PlaceEdges {
     Array<const int64_t, 1> starts;
     int64_t num_corners[3], axis, level, shape[3];
     double model_from_index[9];
-    Array<float, 2> vertices;
+    Sized<float, 2, 7> vertices;
 };
 KERNEL(place_edges, PlaceEdges)
 
 // vertices, voxel_side: as in Lines. colors: [n, 4], by level. Others: constants of renderer/draw/cpu/lines.py.
 struct DrawLines {
-    Array<const float, 2> vertices;
+    Sized<const float, 2, 7> vertices;
     double voxel_side;
-    Array<const double, 2> colors;
+    Sized<const double, 2, 4> colors;
     ModelView camera;
     double cover, opacity, min_side_px;
-    Array<float, 3> image;
+    Sized<float, 3, 4> image;
 };
 KERNEL(draw_lines, DrawLines)
 
 // As in the files of renderer/draw/cpu/, and so are those that follow it.
-struct TileBins {
-    int64_t side;
-    Array<const int64_t, 2> rectangles;
-    Array<const int64_t, 1> starts, numbers;
-};
-
 struct Grid {
-    TileBins bins;
-    int64_t stride;
+    int64_t side, stride;
+    Sized<const int64_t, 2, 4> rectangles;
+    Array<const int64_t, 1> starts, numbers;
     RaySetup rays;
-    Array<const double, 2> boxes;
+    Sized<const double, 2, 11> boxes;
     Array<const int64_t, 1> texel_offsets;
     Array<const bool, 2> is_drawn;
-    Array<float, 3> image;
-};
-
-struct Field {
-    Array<const float, 1> scalars, means;
-    PiecewiseTransfer pieces;
-    float lowest_visible, termination_alpha, spacings_per_model_unit;
-    bool has_absent, is_lit;
-    float light[5];
+    Sized<float, 3, 4> image;
 };
 
 // As ShadingSpec in renderer/scene/shading_section.py.
@@ -396,31 +378,32 @@ struct Light {
     LightField field;
     bool is_camera;
     float toward[3], world_from_index[9];
-    Array<const float, 2> factors;
+    Sized<const float, 2, 3> factors;
     double first_cell[3];
 };
 
+// is_mean: of bricks, whether their texels are means. light: None where there is none, or by Lambert's law alone.
 struct DrawTiles {
     Grid grid;
     Array<const bool, 1> is_mean;
-    Field field;
+    Array<const float, 1> scalars, means;
+    PiecewiseTransfer pieces;
+    float termination_alpha, spacings_per_model_unit;
+    bool has_absent, is_lit;
+    float lambert[5];
     Maybe<Light> light;
     Array<const int64_t, 1> tiles;
 };
 KERNEL(draw_tiles, DrawTiles)
-
-struct Search {
-    float offset, slope, slack, min_rise, ceiling;
-    bool is_sorted, has_absent;
-    double forward[3];
-};
 
 // tops: upper bounds of what is in each brick.
 struct DrawExtremes {
     Grid grid;
     Array<const double, 1> tops;
     Array<const float, 1> scalars;
-    Search search;
+    float offset, slope, slack, min_rise, ceiling;
+    bool is_sorted, has_absent;
+    double forward[3];
     Array<const int64_t, 1> tiles;
 };
 KERNEL(draw_extremes, DrawExtremes)
@@ -428,7 +411,7 @@ KERNEL(draw_extremes, DrawExtremes)
 // ---- film
 
 struct Quantize {
-    Array<const float, 3> image;
+    Sized<const float, 3, 4> image;
     float background[3];
     Array<uint8_t, 3> result;
 };

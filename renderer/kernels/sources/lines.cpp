@@ -59,7 +59,6 @@ void draw_line(const DrawLines& arguments, End from, End to, double side, const 
 // Project lines, less what is nearer than the near plane, and draw them.
 Status draw_lines(const DrawLines* arguments) {
     const auto [vertices, voxel_side, colors, camera, cover, opacity, min_side_px, image] = *arguments;
-    if (vertices.shape[1] != 7 || colors.shape[1] != 4 || image.shape[2] != 4) return OUT_OF_BOUNDS;
     for (int64_t i = 0; i < vertices.shape[0]; i++) {
         double ends[2][3], beyond[2];
         for (int k = 0; k < 2; k++) {
@@ -83,6 +82,7 @@ Status draw_lines(const DrawLines* arguments) {
         }
         int64_t level = (int64_t)vertices(i, 6);
         double side = voxel_side * (double)((int64_t)1 << level);
+        if (!(side * most(ends_px[0].scale, ends_px[1].scale) >= min_side_px)) continue;
         draw_line(*arguments, ends_px[0], ends_px[1], side, &colors(least(level, colors.shape[0] - 1), 0));
     }
     return DONE;

@@ -15,9 +15,7 @@ INLINE uint8_t to_8_bits(float scaled) {
 Status quantize(const Quantize* arguments) {
     const auto [image, background, result] = *arguments;
     int64_t num = image.shape[0] * image.shape[1], channels = result.shape[2];
-    if (image.shape[2] != 4 || channels < 3 || channels > 4 || result.shape[0] != image.shape[0] ||
-        result.shape[1] != image.shape[1])
-        return OUT_OF_BOUNDS;
+    if (channels < 3 || channels > 4 || result.size() != num * channels) return OUT_OF_BOUNDS;
     const float red = background[0], green = background[1], blue = background[2], *pixel = image.data;
     uint8_t* to = result.data;
     if (channels == 3) {

@@ -10,6 +10,7 @@ using ClippedInts = Vector<int32_t, CLIPPED>;
 using ClippedFloats = Vector<float, CLIPPED>;
 using ClippedMask = Vector<bool, CLIPPED>;
 
+constexpr int SPAN_FLOATS = 8;
 constexpr double DITHER = 0.15;  // this and the next as in renderer/bricks/sampling.py
 constexpr uint32_t JITTER_PER_PX[2] = {3242174889, 2447445414};
 
@@ -18,28 +19,38 @@ constexpr uint32_t JITTER_PER_PX[2] = {3242174889, 2447445414};
 enum {
     ORIGIN = 0, DIRECTION = 3, INVERSE = 6, LENGTH = 9, ROUNDING_OFFSET = 10, LENGTH_PER_DEPTH = 11, RAY_FLOATS = 12
 };
-constexpr float NOT_DRAWN = 2.0f;  // an alpha at which every ray has ended
+constexpr float NEVER = __builtin_inff();  // in `found`, where no ray is: nothing is found there
 
 struct Window {
     int64_t left, top, right, bottom;  // half-open
 };
 
-// The rays of the pixels of a tile, row by row; rows are `side` pixels apart. room: pixels of a tile, and those that are
-// loaded behind the last one. rays: one number of all rays after the other. alphas: what is before the next brick;
-// NOT_DRAWN where no ray is. places: of pixels in the image.
+// The rays of one tile after the other, row by row, and their spans, which are the parts inside a brick. Rows are
+// `side` pixels apart. room: pixels of a tile, and those that are loaded behind the last one.
+//
+// rays: one number of all rays after the other. found: what is in the image before the next brick. places: of pixels in
+// the image.
+// What cuts leave of rays goes from a start to an end, less a range for each removed box. bounds: all starts, then all
+// ends; a start moves on as what is behind it is drawn. removed: for each box where all rays enter and leave it;
+// infinity and -infinity where they do not.
+// spans: of each SPAN_FLOATS numbers. pixels: of each the pixel in the tile. order: the numbers of spans, those with
+// few samples first. counts: for sorting by a number that is at most `largest`.
 struct Tile {
-    int64_t side, room;
-    Array<double, 1> rays;
-    Array<float, 1> alphas;
-    Array<int64_t, 1> places;
-};
+    int64_t side, room, num_boxes;
+    Buffer<double> rays, bounds, removed;
+    Buffer<float> found, spans;
+    Buffer<int64_t> places, counts;
+    Buffer<int32_t> pixels, order;
 
-// What cuts leave of the rays of a tile: from a start to an end, less a range for each removed box.
-// bounds: all starts, then all ends; a start moves on as what is behind it is drawn. removed: for each box where all
-// rays enter and leave it; infinity and -infinity where they do not.
-struct Kept {
-    int64_t num_boxes;
-    Array<double, 1> bounds, removed;
+    Tile(const Grid& grid, int64_t largest)
+        : side(grid.side), room(side * side + most(LANES, CLIPPED)),
+          num_boxes(grid.rays.cuts.exists ? grid.rays.cuts.value.boxes.shape[0] : 0), rays(RAY_FLOATS * room),
+          bounds(2 * room), removed(2 * num_boxes * room), found(room), spans(SPAN_FLOATS * room), places(room),
+          counts(largest + 2), pixels(room), order(room) {}
+
+    explicit operator bool() const {
+        return rays && bounds && removed && found && spans && places && counts && pixels && order;
+    }
 };
 
 struct Along {
@@ -62,40 +73,6 @@ INLINE Along ray_along(const Tile& tile, int64_t pixel, int axis) {
 INLINE Doubles jitter_of(ClippedInts column, int32_t row) {
     ClippedInts whole = column * (int32_t)JITTER_PER_PX[0] + (int32_t)((uint32_t)row * JITTER_PER_PX[1]);
     return __builtin_convertvector(whole >> 8 & 0xFFFFFF, Doubles) / 16777216.0;
-}
-
-// Set up the rays of the pixels in a window, and what is in the image there.
-INLINE void set_up_rays(const Grid& grid, Window window, const Tile& tile) {
-    const RaySetup& rays = grid.rays;
-    int32_t stride = (int32_t)grid.stride;
-    for (int64_t row = window.top; row < window.bottom; row++) {
-        double y = (double)(row * stride) + 0.5 - rays.center_px[1];
-        for (int64_t first = window.left; first < window.right; first += CLIPPED) {
-            int64_t begin = (row - window.top) * tile.side + first - window.left;
-            ClippedInts column = lane_numbers<ClippedInts>() + (int32_t)first;
-            Doubles x = __builtin_convertvector(column * stride, Doubles) + 0.5 - rays.center_px[0];
-            Doubles square = 0.0;
-            for (int axis = 0; axis < 3; axis++) {
-                const double *origin = rays.origins + 3 * axis, *direction = rays.directions + 3 * axis;
-                Doubles speed = direction[0] + direction[1] * x + direction[2] * y;
-                store(tile.rays, begin + (ORIGIN + axis) * tile.room, origin[0] + origin[1] * x + origin[2] * y);
-                store(tile.rays, begin + (DIRECTION + axis) * tile.room, speed);
-                store(tile.rays, begin + (INVERSE + axis) * tile.room,
-                      where(mask_of(speed == 0.0), in_all<Doubles>(0.0), 1.0 / speed));
-                square += speed * speed;
-            }
-            Doubles jitter = jitter_of(column * stride, (int32_t)(row * stride));
-            store(tile.rays, begin + LENGTH * tile.room, root(square) * (1.0 + DITHER * (jitter - 0.5)));
-            store(tile.rays, begin + ROUNDING_OFFSET * tile.room, 0.5 + jitter);
-            square = rays.slope_per_px * rays.slope_per_px * (x * x + y * y);
-            store(tile.rays, begin + LENGTH_PER_DEPTH * tile.room, root(1.0 + square));
-            for (int64_t place = first; place < least(first + CLIPPED, window.right); place++) {
-                int64_t pixel = begin + place - first;
-                tile.places[pixel] = 4 * (row * grid.image.shape[1] + place);
-                tile.alphas[pixel] = grid.is_drawn(row, place) ? grid.image(row, place, 3) : NOT_DRAWN;
-            }
-        }
-    }
 }
 
 // Clip rays to what lies between two planes across an axis; a ray in a plane belongs to what is above it.
@@ -127,20 +104,50 @@ INLINE Range clip_slabs(const Array<const double, 2>& slabs, double start, const
     return range;
 }
 
-// Find where the rays of a tile are not cut away.
-INLINE void cut_rays(const Cuts& cuts, double start, Window window, const Tile& tile, const Kept& kept) {
-    for (int64_t row = 0; row < window.bottom - window.top; row++) {
-        for (int64_t column = 0; column < window.right - window.left; column += CLIPPED) {
-            int64_t pixel = row * tile.side + column;
-            Range range = clip_slabs(cuts.slabs, start, tile, pixel);
-            store(kept.bounds, pixel, range.enter);
-            store(kept.bounds, pixel + tile.room, range.leave);
-            for (int64_t box = 0; box < kept.num_boxes; box++) {
-                range = clip_slabs(cuts.boxes[box], -INFINITE, tile, pixel);
-                int64_t place = pixel + 2 * box * tile.room;
-                ClippedMask is_hit = mask_of(range.enter < range.leave);
-                store(kept.removed, place, where(is_hit, range.enter, in_all<Doubles>(INFINITE)));
-                store(kept.removed, place + tile.room, where(is_hit, range.leave, in_all<Doubles>(-INFINITE)));
+// Find where CLIPPED rays are not cut away.
+INLINE void cut_rays(const Cuts& cuts, double start, const Tile& tile, int64_t pixel) {
+    Range range = clip_slabs(cuts.slabs, start, tile, pixel);
+    store(tile.bounds, pixel, range.enter);
+    store(tile.bounds, pixel + tile.room, range.leave);
+    for (int64_t box = 0; box < tile.num_boxes; box++) {
+        range = clip_slabs(cuts.boxes[box], -INFINITE, tile, pixel);
+        int64_t place = pixel + 2 * box * tile.room;
+        ClippedMask is_hit = mask_of(range.enter < range.leave);
+        store(tile.removed, place, where(is_hit, range.enter, in_all<Doubles>(INFINITE)));
+        store(tile.removed, place + tile.room, where(is_hit, range.leave, in_all<Doubles>(-INFINITE)));
+    }
+}
+
+// Set up the rays of the pixels in a window, and what is in a channel of the image there.
+INLINE void set_up_rays(const Grid& grid, Window window, const Tile& tile, int channel) {
+    const RaySetup& rays = grid.rays;
+    int32_t stride = (int32_t)grid.stride;
+    for (int64_t row = window.top; row < window.bottom; row++) {
+        double y = (double)(row * stride) + 0.5 - rays.center_px[1];
+        for (int64_t first = window.left; first < window.right; first += CLIPPED) {
+            int64_t begin = (row - window.top) * tile.side + first - window.left;
+            ClippedInts column = lane_numbers<ClippedInts>() + (int32_t)first;
+            Doubles x = __builtin_convertvector(column * stride, Doubles) + 0.5 - rays.center_px[0];
+            Doubles square = 0.0;
+            for (int axis = 0; axis < 3; axis++) {
+                const double *origin = rays.origins + 3 * axis, *direction = rays.directions + 3 * axis;
+                Doubles speed = direction[0] + direction[1] * x + direction[2] * y;
+                store(tile.rays, begin + (ORIGIN + axis) * tile.room, origin[0] + origin[1] * x + origin[2] * y);
+                store(tile.rays, begin + (DIRECTION + axis) * tile.room, speed);
+                store(tile.rays, begin + (INVERSE + axis) * tile.room,
+                      where(mask_of(speed == 0.0), in_all<Doubles>(0.0), 1.0 / speed));
+                square += speed * speed;
+            }
+            Doubles jitter = jitter_of(column * stride, (int32_t)(row * stride));
+            store(tile.rays, begin + LENGTH * tile.room, root(square) * (1.0 + DITHER * (jitter - 0.5)));
+            store(tile.rays, begin + ROUNDING_OFFSET * tile.room, 0.5 + jitter);
+            square = rays.slope_per_px * rays.slope_per_px * (x * x + y * y);
+            store(tile.rays, begin + LENGTH_PER_DEPTH * tile.room, root(1.0 + square));
+            if (rays.cuts.exists) cut_rays(rays.cuts.value, rays.start, tile, begin);
+            for (int64_t place = first; place < least(first + CLIPPED, window.right); place++) {
+                int64_t pixel = begin + place - first;
+                tile.places[pixel] = 4 * (row * grid.image.shape[1] + place);
+                tile.found[pixel] = grid.is_drawn(row, place) ? grid.image(row, place, channel) : NEVER;
             }
         }
     }
@@ -148,24 +155,23 @@ INLINE void cut_rays(const Cuts& cuts, double start, Window window, const Tile& 
 
 // Take the next part of rays that is not cut away, between where they enter and leave a brick, empty where nothing is
 // left. has_more: which of the rays that `hit` have more behind it.
-INLINE Range take_part(const Kept& kept, Range range, ClippedMask hit, int64_t room, int64_t pixel,
-                       ClippedMask& has_more) {
-    Doubles start = load<Doubles>(kept.bounds, pixel);
-    Doubles enter = max_of(range.enter, start), leave = min_of(range.leave, load<Doubles>(kept.bounds, pixel + room));
-    for (int64_t again = 0; again < kept.num_boxes; again++) {  // behind a box may be another one
-        for (int64_t box = 0; box < kept.num_boxes; box++) {
-            Doubles begin = load<Doubles>(kept.removed, pixel + 2 * box * room);
-            Doubles end = load<Doubles>(kept.removed, pixel + (2 * box + 1) * room);
+INLINE Range take_part(const Tile& tile, Range range, ClippedMask hit, int64_t pixel, ClippedMask& has_more) {
+    Doubles start = load<Doubles>(tile.bounds, pixel), enter = max_of(range.enter, start);
+    Doubles leave = min_of(range.leave, load<Doubles>(tile.bounds, pixel + tile.room));
+    for (int64_t again = 0; again < tile.num_boxes; again++) {  // behind a box may be another one
+        for (int64_t box = 0; box < tile.num_boxes; box++) {
+            Doubles begin = load<Doubles>(tile.removed, pixel + 2 * box * tile.room);
+            Doubles end = load<Doubles>(tile.removed, pixel + (2 * box + 1) * tile.room);
             enter = where(mask_of(begin <= enter) & mask_of(enter < end), end, enter);
         }
     }
     Doubles part_end = leave;
-    for (int64_t box = 0; box < kept.num_boxes; box++) {
-        Doubles begin = load<Doubles>(kept.removed, pixel + 2 * box * room);
+    for (int64_t box = 0; box < tile.num_boxes; box++) {
+        Doubles begin = load<Doubles>(tile.removed, pixel + 2 * box * tile.room);
         part_end = where(mask_of(begin > enter) & mask_of(begin < part_end), begin, part_end);
     }
     hit &= mask_of(part_end > enter);
-    store(kept.bounds, pixel, where(hit, part_end, start));
+    store(tile.bounds, pixel, where(hit, part_end, start));
     has_more = hit & mask_of(part_end < leave);
     return {enter, part_end};
 }

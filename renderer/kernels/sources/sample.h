@@ -167,8 +167,8 @@ INLINE Four<Floats> mix_pair(Floats share, const Texels& texels, Ints place) {
     return mix(share, one, other);
 }
 
-// Interpolate channels between eight texels, of which the lowest begins at `place`. Two floats behind the last texel may
-// be read.
+// Interpolate channels between eight texels, of which the lowest begins at `place`. Two floats behind the last texel
+// may be read.
 template <int NUM>
 INLINE Four<Floats> mix_corners(const Texels& texels, Ints place, const Three& shares) {
     auto face = [&](const Texels& rows) {

@@ -1,14 +1,14 @@
 // Find the splats that a view sees, and their depths.
 #include "kernels.h"
 
-// depths: of every centre along a direction, from the model's origin; those from a distant eye would lose their order to
-// float32. is_visible: whether its footprint can meet the image (conservative). A splat that the near plane cuts is not
-// drawn where its centre is: it counts as in the image.
+// depths: of every centre along a direction, from the model's origin; those from a distant eye would lose their order
+// to float32. is_visible: whether its footprint can meet the image (conservative). A splat that the near plane cuts is
+// not drawn where its centre is: it counts as in the image.
 Status cull_splats(const CullSplats* arguments) {
     const auto [vertices, sigmas, cutoff, min_sigma_px, clipped_sigmas, culled_sigmas, camera, along, depths,
                 is_visible] = *arguments;
     const int64_t num = vertices.shape[0];
-    if (vertices.shape[1] != 8 || depths.shape[0] != num || is_visible.shape[0] != num) return OUT_OF_BOUNDS;
+    if (!match(depths, is_visible, vertices)) return OUT_OF_BOUNDS;
     const auto& r = camera.view_from_model;
     const double scale = camera.scale_px, reach_px = cutoff * min_sigma_px + 1.0;
     const double half_width = 0.5 * camera.size[0] + reach_px, half_height = 0.5 * camera.size[1] + reach_px;

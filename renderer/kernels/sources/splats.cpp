@@ -1,16 +1,12 @@
 // Place a splat at each cell of a cut.
 #include "kernels.h"
 
-// vertices: as in SplatBatch. shapes: [n], of the cells. shift_of_shape: [m, 3], from the cell's first voxel to its centre
-// relative to the volume's, in voxels. area_of_shape: [m], optical area for a depth of 1.
+// vertices: as in SplatBatch. shapes: [n], of the cells. shift_of_shape: [m, 3], from the cell's first voxel to its
+// centre relative to the volume's, in voxels. area_of_shape: [m], optical area for a depth of 1.
 Status place_splats(const PlaceSplats* arguments) {
     const auto [levels, cells, depths, shapes, shift_of_shape, area_of_shape, m, vertices] = *arguments;
-    const int64_t num = vertices.shape[0];
-    if (vertices.shape[1] != 8 || levels.shape[0] != num || shapes.shape[0] != num) return OUT_OF_BOUNDS;
-    if (cells.shape[0] != num || cells.shape[1] != 3 || depths.shape[0] != num || depths.shape[1] != 4)
-        return OUT_OF_BOUNDS;
-    if (shift_of_shape.shape[0] != area_of_shape.shape[0] || shift_of_shape.shape[1] != 3) return OUT_OF_BOUNDS;
-    for (int64_t i = 0; i < num; i++) {
+    if (!match(levels, cells, depths, shapes, vertices) || !match(area_of_shape, shift_of_shape)) return OUT_OF_BOUNDS;
+    for (int64_t i = 0; i < vertices.shape[0]; i++) {
         const int shape = shapes[i], level = levels[i];
         auto centre = [&](int axis) {
             return (double)((int64_t)cells(i, axis) << level) + shift_of_shape(shape, axis);

@@ -23,11 +23,21 @@ INLINE bool is_more(Pixel difference, float threshold) {
     return any_of(mask_of(difference > threshold));
 }
 
+// Whether the grid bends by more than a threshold at a pixel, along its row or column.
+INLINE bool bends(const Array<const float, 3>& grid, float threshold, int64_t row, int64_t column) {
+    int64_t above = most<int64_t>(row - 1, 0), below = least(row + 1, grid.shape[0] - 1);
+    int64_t left = most<int64_t>(column - 1, 0), right = least(column + 1, grid.shape[1] - 1);
+    Pixel twice = 2.0f * pixel_at(grid, row, column);
+    Pixel across = pixel_at(grid, row, left) - twice + pixel_at(grid, row, right);
+    Pixel down = pixel_at(grid, above, column) - twice + pixel_at(grid, below, column);
+    return is_more(max_of(magnitude(across), magnitude(down)), threshold);
+}
+
 template <class Arguments>
 bool fits(const Arguments& arguments) {
     const auto &grid = arguments.grid.shape, &image = arguments.image.shape;
-    return grid[2] == 4 && image[2] == 4 && arguments.factor > 0 && grid[0] * arguments.factor >= image[0] &&
-        grid[1] * arguments.factor >= image[1] && 0 <= arguments.first_row && arguments.end_row <= image[0];
+    return arguments.factor > 0 && grid[0] * arguments.factor >= image[0] && grid[1] * arguments.factor >= image[1] &&
+        0 <= arguments.first_row && arguments.end_row <= image[0];
 }
 
 }  // namespace
@@ -54,47 +64,12 @@ Status upsample_rows(const UpsampleRows* arguments) {
     return DONE;
 }
 
-// differ: of blocks of four pixels, at their lowest one, whether they differ and bend by more than a threshold.
-Status mark_differing(const MarkDiffering* arguments) {
-    const auto [grid, threshold, differ] = *arguments;
-    int64_t num_rows = grid.shape[0], num_columns = grid.shape[1];
-    if (grid.shape[2] != 4 || differ.shape[0] != num_rows || differ.shape[1] != num_columns) return OUT_OF_BOUNDS;
-    Buffer<bool> bends(num_rows * num_columns);
-    if (!bends) return NO_MEMORY;
-    for (int64_t row = 0; row < num_rows; row++) {
-        int64_t above = most<int64_t>(row - 1, 0), below = least(row + 1, num_rows - 1);
-        for (int64_t column = 0; column < num_columns; column++) {
-            int64_t left = most<int64_t>(column - 1, 0), right = least(column + 1, num_columns - 1);
-            Pixel twice = 2.0f * pixel_at(grid, row, column);
-            Pixel across = pixel_at(grid, row, left) - twice + pixel_at(grid, row, right);
-            Pixel down = pixel_at(grid, above, column) - twice + pixel_at(grid, below, column);
-            bends[row * num_columns + column] = is_more(max_of(magnitude(across), magnitude(down)), threshold);
-        }
-    }
-    for (int64_t row = 0; row < num_rows; row++) {
-        int64_t below = least(row + 1, num_rows - 1);
-        for (int64_t column = 0; column < num_columns; column++) {
-            int64_t right = least(column + 1, num_columns - 1);
-            Pixel one = pixel_at(grid, row, column), two = pixel_at(grid, row, right);
-            Pixel three = pixel_at(grid, below, column), four = pixel_at(grid, below, right);
-            Pixel largest = max_of(max_of(one, two), max_of(three, four));
-            Pixel smallest = min_of(min_of(one, two), min_of(three, four));
-            bool bend = bends[row * num_columns + column] || bends[row * num_columns + right] ||
-                bends[below * num_columns + column] || bends[below * num_columns + right];
-            differ(row, column) = bend && is_more(largest - smallest, threshold);
-        }
-    }
-    return DONE;
-}
-
-// is_drawn: which pixels are to be drawn, and 0 in the image. The others are interpolated, first along rows.
+// is_drawn: which pixels are to be drawn, and 0 in the image: those between four of the grid that differ, and one of
+// which bends, by more than a threshold. The others are interpolated, first along rows.
 Status refine_rows(const RefineRows* arguments) {
-    if (!fits(*arguments)) return OUT_OF_BOUNDS;
-    const auto [grid, factor, image, first_row, end_row, differ, is_drawn] = *arguments;
+    const auto [grid, factor, image, first_row, end_row, threshold, is_drawn] = *arguments;
+    if (!fits(*arguments) || !match(is_drawn, image)) return OUT_OF_BOUNDS;
     int64_t num_columns = image.shape[1], last_row = grid.shape[0] - 1, last_column = grid.shape[1] - 1;
-    if (differ.shape[0] <= last_row || differ.shape[1] <= last_column || is_drawn.shape[0] != image.shape[0] ||
-        is_drawn.shape[1] != num_columns)
-        return OUT_OF_BOUNDS;
     for (int64_t row = first_row; row < end_row; row++) {
         int64_t above = row / factor, below = least(above + 1, last_row);
         float down = share_of(row % factor, factor);
@@ -102,9 +77,14 @@ Status refine_rows(const RefineRows* arguments) {
             int64_t right = least(left + 1, last_column);
             Pixel upper = pixel_at(grid, above, left), lower = pixel_at(grid, below, left);
             Pixel upper_right = pixel_at(grid, above, right), lower_right = pixel_at(grid, below, right);
+            Pixel largest = max_of(max_of(upper, upper_right), max_of(lower, lower_right));
+            Pixel smallest = min_of(min_of(upper, upper_right), min_of(lower, lower_right));
+            bool differ = is_more(largest - smallest, threshold) &&
+                (bends(grid, threshold, above, left) || bends(grid, threshold, above, right) ||
+                 bends(grid, threshold, below, left) || bends(grid, threshold, below, right));
             for (int64_t rest = 0; rest < factor && column < num_columns; rest++, column++) {
                 float share = share_of(rest, factor);
-                bool drawn = differ(above, left) && (rest > 0 || row % factor > 0);
+                bool drawn = differ && (rest > 0 || row % factor > 0);
                 Pixel pixel = between(down, between(share, upper, upper_right), between(share, lower, lower_right));
                 is_drawn(row, column) = drawn;
                 store(&image(row, column, 0), 0, drawn ? (Pixel)0.0f : pixel);
