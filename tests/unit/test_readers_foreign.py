@@ -29,12 +29,12 @@ def of(write, *arguments, **options):
 def zip_of(name):
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w") as archive:
-        archive.writestr(name, b"a")
+        archive.writestr(zipfile.ZipInfo(name), b"a")  # without the time, which would be in the names of tests
     return out.getvalue()
 
 
 def _packed(data: bytes) -> bytes:
-    return gzip.compress(data, mtime=0)  # without the time, which would be in the names of tests
+    return gzip.compress(data, mtime=0)  # as above
 
 
 def tar_of(name):
