@@ -29,6 +29,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "support"))
 
+from commands import CODE  # noqa: E402
 from kill_at import NUM_FRAMES, PHASES  # noqa: E402
 from processes import MARK, marked, new_mark, wait_until  # noqa: E402
 
@@ -91,7 +92,7 @@ class Job:
     def run(self, plan: dict[str, Any]) -> tuple[int, str]:
         """Return the exit status (negative: the signal), and the mark of the processes of the run."""
         mark = new_mark()
-        code_paths = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+        code_paths = os.pathsep.join([str(CODE), os.environ.get("PYTHONPATH", "")])
         environment = os.environ | {MARK: mark, "PYTHONPATH": code_paths}
         command = [sys.executable, str(KILL_AT), json.dumps(plan), str(self._folder / "report.json")]
         done = subprocess.run(

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import yaml
 from commands import HSPLAT, environment, files, other_process
-from kills import GRACE_S, MARK, names_of, seconds_until_gone
+from kills import GRACE_S, MARK, marked, seconds_until_gone
 from kinds_of_data import KINDS
 
 from hsplat_cli import main
@@ -193,7 +193,7 @@ def test_a_batch_that_is_killed_leaves_nothing_that_runs() -> None:
     while not list(Path("out").glob("labels.mp4.unfinished/000003.json")):
         assert process.poll() is None
         time.sleep(0.02)
-    assert len(names_of(mark)) >= 3  # the batch, the film and its encoder
+    assert len(marked(mark)) >= 3  # the batch, the film and its encoder
     process.kill()
     process.wait()
     assert seconds_until_gone(mark) < GRACE_S

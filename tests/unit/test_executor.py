@@ -10,6 +10,7 @@ from unittest import mock
 import pytest
 
 from hsplat_cli.executors import ExecutorSpec, executor
+from hsplat_cli.executors.cluster import cluster_drawing, connection
 from hsplat_cli.terminal import Reporter
 from renderer.system import num_cores
 
@@ -48,7 +49,11 @@ def test_no_more_processes_than_frames(workers: int, num_frames: int, is_timed: 
     drawing = SimpleNamespace(
         draw=lambda numbers: (f"there {number}" for number in numbers), notes=["a note"], close=int
     )
-    with ExitStack() as stack, mock.patch.multiple(executor, connect_locally=start, ClusterDrawing=lambda *_: drawing):
+    with (
+        ExitStack() as stack,
+        mock.patch.object(connection, "connect_locally", start),
+        mock.patch.object(cluster_drawing, "ClusterDrawing", return_value=drawing),
+    ):
         several = executor.ProcessesExecutor(local, workers, stack, Reporter())
         place = "here" if num_started is None else "there"
         assert list(several.draw(plan, range(num_frames))) == [f"{place} {number}" for number in range(num_frames)]
