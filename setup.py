@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import runpy
+import shutil
 import tempfile
 from pathlib import Path
 from typing import ClassVar
@@ -58,9 +59,14 @@ class BuildKernels(Command):
 
 
 class Build(build):
-    """The usual build, and the kernels."""
+    """The usual build, and the kernels, without what an earlier build left: files that are gone since."""
 
     sub_commands: ClassVar[list[tuple[str, None]]] = [*build.sub_commands, ("build_kernels", None)]
+
+    def run(self) -> None:
+        """Build into an empty folder."""
+        shutil.rmtree(self.build_lib, ignore_errors=True)
+        super().run()
 
 
 class PlatformWheel(bdist_wheel):
