@@ -9,7 +9,7 @@ constexpr int VALUE = -1;
 constexpr int64_t LARGEST_CUBE = MACROCELL_SIZE + 3;
 
 // Write the values of side^3 voxels from `first` on, x fastest; beyond the border the nearest voxel is repeated.
-INLINE void load_cube(const AnyArray<3>& values, Cell first, int64_t side, double* out) {
+void load_cube(const AnyArray<3>& values, Cell first, int64_t side, double* out) {
     int64_t places[3][LARGEST_CUBE];
     for (int axis = 0; axis < 3; axis++)
         for (int64_t k = 0; k < side; k++)
@@ -76,7 +76,14 @@ struct Surroundings {
 }  // namespace
 
 int load_corners(const AnyArray<3>& values, Cell cell, double scale, double* corners) {
-    load_cube(values, cell, 2, corners);
+    auto [x, y, z] = cell;
+    int64_t xs[2] = {most<int64_t>(x, 0), least(x + 1, values.shape[2] - 1)};
+    int64_t ys[2] = {most<int64_t>(y, 0), least(y + 1, values.shape[1] - 1)};
+    int64_t zs[2] = {most<int64_t>(z, 0), least(z + 1, values.shape[0] - 1)};
+    with_array(values, [&](const auto& voxels) {
+        for (int k = 0; k < 8; k++) corners[k] = (double)voxels(zs[k >> 2], ys[k >> 1 & 1], xs[k & 1]);
+        return DONE;
+    });
     int absent = 0;
     for (int k = 0; k < 8; k++) absent |= is_nan(corners[k]) << k;
     if (absent == 0) {
