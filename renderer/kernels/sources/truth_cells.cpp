@@ -33,13 +33,13 @@ struct Surroundings {
         load_cube(values, first, side, numbers);
     }
 
-    const double* address(Cell voxel) const {
+    INLINE const double* address(Cell voxel) const {
         auto [x, y, z] = voxel - first;
         return numbers + (z * side + y) * side + x;
     }
 
     // The scaled value of a voxel that has data, or the difference at it along an axis.
-    double term(Cell voxel, int axis, double scale) const {
+    INLINE double term(Cell voxel, int axis, double scale) const {
         const double* here = address(voxel);
         if (axis == VALUE) return *here * scale;
         int64_t step = axis == 0 ? 1 : axis == 1 ? side : side * side;
@@ -51,47 +51,54 @@ struct Surroundings {
 
     // The mean term of the nearest voxels with data, of 26 neighbours inside the volume; NaN for none.
     double nearest_term(Cell voxel, int axis, double scale) const {
+        auto [x, y, z] = voxel;
         int64_t nearest = 4;  // the squared distance
         double total = 0.0, num = 0.0;
-        for (int64_t k = -1; k < 2; k++)
-            for (int64_t j = -1; j < 2; j++)
-                for (int64_t i = -1; i < 2; i++) {
-                    Cell at = voxel + Cell{i, j, k};
-                    bool is_inside = at.x >= 0 && at.y >= 0 && at.z >= 0 && at.x < size.x && at.y < size.y &&
-                        at.z < size.z;
-                    int64_t distance = k * k + j * j + i * i;
-                    if (!is_inside || distance > nearest || is_nan(*address(at))) continue;
+        for (int64_t k = most<int64_t>(z - 1, 0); k < least(z + 2, size.z); k++)
+            for (int64_t j = most<int64_t>(y - 1, 0); j < least(y + 2, size.y); j++)
+                for (int64_t i = most<int64_t>(x - 1, 0); i < least(x + 2, size.x); i++) {
+                    int64_t distance = (k - z) * (k - z) + (j - y) * (j - y) + (i - x) * (i - x);
+                    if (distance > nearest || is_nan(*address({i, j, k}))) continue;
                     if (distance < nearest) nearest = distance, total = num = 0.0;
-                    total += term(at, axis, scale), num += 1.0;
+                    total += term({i, j, k}, axis, scale), num += 1.0;
                 }
         return total / num;
     }
 
-    // Write the terms of the voxels at the corners, or of the nearest ones of those without data.
-    void write_corners(int absent, int axis, double scale, double* corners) const {
-        for (int k = 0; k < 8; k++) {
-            Cell at = cell + Cell{k & 1, k >> 1 & 1, k >> 2};
-            for (int j = 0; j < 3; j++) at[j] = least(most<int64_t>(at[j], 0), size[j] - 1);
-            corners[k] = absent >> k & 1 ? nearest_term(at, axis, scale) : term(at, axis, scale);
-        }
+    // The term of the voxel at a corner, or of the nearest ones where it is one of those without data.
+    INLINE double corner_term(int k, int absent, int axis, double scale) const {
+        Cell at = cell + Cell{k & 1, k >> 1 & 1, k >> 2};
+        for (int j = 0; j < 3; j++) at[j] = least(most<int64_t>(at[j], 0), size[j] - 1);
+        return absent >> k & 1 ? nearest_term(at, axis, scale) : term(at, axis, scale);
     }
 };
 
 }  // namespace
 
 int load_corners(const AnyArray<3>& values, Cell cell, double scale, double* corners) {
-    load_cube(values, cell, 2, corners);
+    auto [x, y, z] = cell;
+    int64_t xs[2] = {most<int64_t>(x, 0), least(x + 1, values.shape[2] - 1)};
+    int64_t ys[2] = {most<int64_t>(y, 0), least(y + 1, values.shape[1] - 1)};
+    int64_t zs[2] = {most<int64_t>(z, 0), least(z + 1, values.shape[0] - 1)};
+    with_array(values, [&](const auto& voxels) {
+        for (int k = 0; k < 8; k++) corners[k] = (double)voxels(zs[k >> 2], ys[k >> 1 & 1], xs[k & 1]);
+        return DONE;
+    });
     int absent = 0;
     for (int k = 0; k < 8; k++) absent |= is_nan(corners[k]) << k;
-    if (absent == 0)
+    if (absent == 0) {
         for (int k = 0; k < 8; k++) corners[k] *= scale;
-    else if (absent != ALL_ABSENT) Surroundings(values, cell, 1).write_corners(absent, VALUE, scale, corners);
+    } else if (absent != ALL_ABSENT) {
+        const Surroundings around(values, cell, 1);
+        for (int k = 0; k < 8; k++) corners[k] = around.corner_term(k, absent, VALUE, scale);
+    }
     return absent;
 }
 
 void load_differences(const AnyArray<3>& values, Cell cell, int absent, double scale, double (*corners)[8]) {
     const Surroundings around(values, cell, absent == 0 ? 1 : 2);
-    for (int axis = 0; axis < 3; axis++) around.write_corners(absent, axis, scale, corners[axis]);
+    for (int k = 0; k < 8; k++)
+        for (int axis = 0; axis < 3; axis++) corners[axis][k] = around.corner_term(k, absent, axis, scale);
 }
 
 Range macrocell_range(const AnyArray<3>& values, Cell macrocell) {

@@ -91,21 +91,24 @@ template <class Visit>
 INLINE void walk_cells(Cell size, Point origin, Point direction, double start, double end, Visit visit) {
     auto [s, last] = clip_to_volume(size, origin, direction, start, end);
     if (!(s < last)) return;
-    Point first = origin + s * direction, exits;
-    Cell cell;
-    auto enter = [&](int axis, int64_t number) __attribute__((always_inline)) {
-        cell[axis] = number, exits[axis] = distance_to_plane(number, origin[axis], direction[axis]);
+    auto first_cell = [&, begin = s](int axis) __attribute__((always_inline)) {
+        double at = origin[axis] + begin * direction[axis];
+        return least(most<int64_t>((int64_t)__builtin_floor(at), -1), size[axis] - 1);
     };
-    for (int axis = 0; axis < 3; axis++)
-        enter(axis, least(most<int64_t>((int64_t)__builtin_floor(first[axis]), -1), size[axis] - 1));
+    auto exit = [&](int axis, int64_t cell) __attribute__((always_inline)) {
+        return distance_to_plane(cell, origin[axis], direction[axis]);
+    };
+    int64_t x = first_cell(0), y = first_cell(1), z = first_cell(2);
+    double to_x = exit(0, x), to_y = exit(1, y), to_z = exit(2, z);
     while (s < last) {
-        double s_exit = least(most(least(least(exits.x, exits.y), exits.z), s), last);
-        Point entry = origin + s * direction - __builtin_convertvector(cell, Point);
-        if (!visit(Segment{cell, (cell + 1) / MACROCELL_SIZE, s, s_exit, entry, (s_exit - s) * direction})) return;
+        double s_exit = least(most(least(least(to_x, to_y), to_z), s), last);
+        Point entry = origin + s * direction - Point{(double)x, (double)y, (double)z};
+        Cell macrocell = {(x + 1) / MACROCELL_SIZE, (y + 1) / MACROCELL_SIZE, (z + 1) / MACROCELL_SIZE};
+        if (!visit(Segment{{x, y, z}, macrocell, s, s_exit, entry, (s_exit - s) * direction})) return;
         s = s_exit;
-        if (exits.x <= exits.y && exits.x <= exits.z) enter(0, cell.x + (direction.x > 0.0 ? 1 : -1));
-        else if (exits.y <= exits.z) enter(1, cell.y + (direction.y > 0.0 ? 1 : -1));
-        else enter(2, cell.z + (direction.z > 0.0 ? 1 : -1));
+        if (to_x <= to_y && to_x <= to_z) x += direction.x > 0.0 ? 1 : -1, to_x = exit(0, x);
+        else if (to_y <= to_z) y += direction.y > 0.0 ? 1 : -1, to_y = exit(1, y);
+        else z += direction.z > 0.0 ? 1 : -1, to_z = exit(2, z);
     }
 }
 

@@ -88,17 +88,24 @@ INLINE Step quadrature(Color middle, double depth, ColorAt color, DensityAt dens
 // One of the equal steps through a piece, each `width` wide in x.
 INLINE Step pass_step(const Piece& piece, double step, double width) {
     // From the integrand in powers of x to its integral from 0 to x, divided by x.
-    Cubic depth = restrict_cubic(piece.tau, step * width, width) * width / Cubic{1.0, 2.0, 3.0, 4.0};
+    auto [a, b, c, d] = restrict_cubic(piece.tau, step * width, width);
+    const double d0 = a * width, d1 = b * width / 2.0, d2 = c * width / 3.0, d3 = d * width / 4.0;
     auto color_at = [&](double at) __attribute__((always_inline)) {
         double x = (step + at) * width;
         double lit = piece.light ? piece.light->lambert_factor(piece.gradient, piece.start + x * piece.extent) : 1.0;
         return piece.interval.color(value_at(piece.value, x), lit);
     };
     return quadrature(
-        color_at(0.5), most(0.0, depth[0] + depth[1] + depth[2] + depth[3]),
+        color_at(0.5), most(0.0, d0 + d1 + d2 + d3),
         [&](int node) { return color_at(NODES[node]); },
-        [&](int node) { return value_at(depth * Cubic{1.0, 2.0, 3.0, 4.0}, NODES[node]); },
-        [&](int node) { return NODES[node] * value_at(depth, NODES[node]); });
+        [&](int node) {
+            double at = NODES[node];
+            return d0 + at * (2.0 * d1 + at * (3.0 * d2 + at * 4.0 * d3));
+        },
+        [&](int node) {
+            double at = NODES[node];
+            return at * (d0 + at * (d1 + at * (d2 + at * d3)));
+        });
 }
 
 // The same with factors on extinction: depths come from their values at the nodes.
