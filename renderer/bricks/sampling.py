@@ -93,7 +93,7 @@ class BrickBatch:
 
     @property
     def needs_loops(self) -> bool:
-        """Return whether only the compiled loops draw it, also beside a GPU."""
+        """Return whether only the kernels draw it, also beside a GPU."""
         is_lit_by_loops = self.shading is not None and not self.shading.is_plain
         return self.extremes is not None or is_lit_by_loops or self.cut.volume.num_absent > 0
 

@@ -1,7 +1,7 @@
 """Sorted splats or bricks to a float image.
 
 In: `SplatBatch` or `BrickBatch`, the order of its elements, and a `View`. Out: float32 [height, width, 4],
-premultiplied RGBA without a background. There are two backends, OpenGL and compiled loops on the CPU:
+premultiplied RGBA without a background. There are two backends, OpenGL and kernels on the CPU:
 
 - `gl/raster.py` makes the OpenGL context, and draws splats. `gl/shaders/project.glsl`
   projects a splat to an ellipse, and cuts it at the near plane (Zwicker et al. 2001). `gl/programs.py` loads shaders.

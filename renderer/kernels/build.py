@@ -5,8 +5,9 @@
     python -m renderer.kernels.build --all --target linux-aarch64 --out FOLDER    those of another machine
     python -m renderer.kernels.build --checked    this processor's, which ends the process at undefined behaviour
 
-CXX in the environment names another clang. Objects are linked without a C library: they need `malloc`, `memset`, `fma`
-and the like, which every Python process has. The same sources give the same bytes, in any folder.
+CXX in the environment names another clang, of version 22 or newer. Objects are linked without a C library: they need
+`calloc`, `memset`, `fma` and the like, which every Python process has. The same sources give the same bytes, in any
+folder.
 
 An installation runs this file alone, so it imports the standard library only; and so does whatever loads a library,
 so that it imports what compiles where it is used.

@@ -1,4 +1,4 @@
-"""Rasterise bricks without OpenGL, by compiled loops.
+"""Rasterise bricks without OpenGL, by kernels.
 
     pixel grid -> its tiles, with the bricks over each -> bricks front to back, on several threads
     -> the next, finer grid, where neighbouring pixels differ

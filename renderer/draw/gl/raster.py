@@ -114,7 +114,7 @@ class GLRasterizer(Rasterizer):
             return self._backend_of(batch, view).rasterize(batch, order, view)
 
     def _backend_of(self, batch: SplatBatch | BrickBatch, view: View) -> GLBrickRenderer | CPURasterizer:
-        """Return what draws bricks: the compiled loops where the device cannot."""
+        """Return what draws bricks: the kernels where the device cannot."""
         return self._loops if isinstance(batch, BrickBatch) and (batch.needs_loops or view.cuts) else self._bricks
 
     @contextmanager
