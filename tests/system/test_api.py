@@ -292,7 +292,12 @@ if child == 0:
 os.waitpid(child, 0)
 """
     run = subprocess.run(
-        [sys.executable, "-c", code], env=environment(), capture_output=True, text=True, timeout=120, check=False
+        [sys.executable, "-W", "ignore::DeprecationWarning", "-c", code],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
     )
     assert (run.returncode, run.stderr) == (0, "")
     assert run.stdout.startswith("OpenGL cannot be used in this process: it was forked from one that had used it")
