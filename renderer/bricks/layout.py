@@ -27,7 +27,7 @@ def grid_cells(shape: tuple[int, ...]) -> Int32:
 
 
 class Voxels(NamedTuple):
-    """The voxels of a volume, as kernels read them into bricks.
+    """A volume's voxels, as kernels read them into bricks.
 
     raw: as `raw_voxels` returns them. scalars: the scalar of each bit pattern; None where voxels are scalars
         themselves. has_absent: whether any voxel has no data.
