@@ -83,6 +83,21 @@ class _Array(Type):
             numbers.append(DTYPES.index(value.dtype))
 
 
+class _Structs(Type):
+    """An array of structs, made from a sequence of what each is filled from."""
+
+    def __init__(self, one: Type) -> None:
+        super().__init__("qq")
+        self._one = one
+
+    def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
+        content: list[Any] = []
+        for each in value:
+            self._one.add(each, content, kept)
+        kept.append(np.frombuffer(struct.pack("=" + self._one.format * len(value), *content), np.uint8))
+        numbers += (kept[-1].ctypes.data, len(value))
+
+
 class _Maybe(Type):
     def __init__(self, one: Type) -> None:
         super().__init__("?" + "x" * (one.alignment - 1) + one.format)
@@ -137,6 +152,8 @@ class Header:
             return Type(_NUMBERS[name][0])
         if found := _ARRAY.fullmatch(name):
             const, kind, dimensions, last = found.groups()
+            if kind not in _NUMBERS:
+                return _Structs(self._struct(kind))
             sizes = tuple(int(size) for size in re.findall(r"\d+", last))
             return _Array(np.dtype(_NUMBERS[kind][1]), int(dimensions), sizes, is_written=not const)
         if found := _ANY_ARRAY.fullmatch(name):

@@ -10,6 +10,7 @@
 //     Sized<const float, 3, 5, 4>         the same of 3 dimensions, of which the last have sizes 5 and 4
 //     AnyArray<3>                         an array of any dtype, contiguous, read only
 //     Struct                              one that is defined above
+//     Array<const Struct, 1>              a sequence of what such structs are filled from
 //     Maybe<any of these but numbers>     the same, or None
 //
 // Members of one type may share a line. KERNEL(name, Struct) declares a kernel that takes a Struct. Rooms are in the
