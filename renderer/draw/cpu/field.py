@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from renderer.bricks import BrickBatch
+from renderer.draw.cpu.light import make_light
 from renderer.scene import ShadingSpec
 from renderer.transfer import toward_light
-from renderer.volume import Float32
+from renderer.volume import Float32, Int64
 
 
-def field_of(batch: BrickBatch, scalars: Float32, means: Float32) -> dict[str, Any]:
+def field_of(batch: BrickBatch, scalars: Float32, means: Float32, offsets: Int64) -> dict[str, Any]:
     """Return the field of a batch: the texels of all bricks, in two atlases, and the table that classifies them.
 
-    They are members of DrawTiles in kernels.h.
+    They are the members of Field in kernels.h.
     scalars: of each brick [PADDED_BRICK_SIZE^3]; with shading, the gradients [PADDED_BRICK_SIZE^3, 3] follow.
-    means: of each brick [PADDED_BRICK_SIZE^3, 4].
-    termination_alpha, spacings_per_model_unit: as in ScreenSampling and BrickBatch.
+    means: of each brick [PADDED_BRICK_SIZE^3, 4]. offsets: int64 [n], where the texels of each brick begin in its atlas.
     has_absent: whether any voxel has no data.
     lambert: unit vector to the light (x, y, z), ambient and diffuse; used if `is_lit`.
     """
@@ -26,10 +24,11 @@ def field_of(batch: BrickBatch, scalars: Float32, means: Float32) -> dict[str, A
     return {
         "scalars": scalars,
         "means": means,
+        "texel_offsets": offsets,
         "pieces": batch.bricks.pieces,
-        "termination_alpha": batch.screen_sampling.termination_alpha,
-        "spacings_per_model_unit": np.float32(batch.spacings_per_model_unit),
+        "weight": 1.0,
         "has_absent": batch.cut.volume.num_absent > 0,
         "is_lit": batch.shading is not None and batch.shading.is_plain,
         "lambert": (*toward_light(shading).tolist(), shading.ambient, shading.diffuse),
+        "light": make_light(batch),
     }

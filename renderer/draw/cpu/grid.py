@@ -8,17 +8,14 @@ import numpy as np
 
 from renderer.draw.constants import RECTANGLE_ROUNDING_PX
 from renderer.kernels import kernels
-from renderer.view import RaySetup
-from renderer.volume import Bools, Float32, Float64, Int64
+from renderer.volume import Bools, Float32, Float64
 
 # Pixels along the sides of a tile, without and with subsampling. Tiles of 16 draw each brick more often, and the rays
 # of tiles of 64 do not fit into the cache.
 TILE_SIDE, SUBSAMPLED_TILE_SIDE = 32, 16
 
 
-def make_grid(
-    rectangles_px: Float64, stride: int, rays: RaySetup, boxes: Float64, offsets: Int64, is_drawn: Bools, image: Float32
-) -> dict[str, Any]:
+def make_grid(rectangles_px: Float64, stride: int, is_drawn: Bools, image: Float32) -> dict[str, Any]:
     """Return a grid of pixels into which bricks are drawn, in tiles: Grid in kernels.h.
 
     stride: the pixels of the grid are every `stride`-th pixel along both axes. Grid pixel 0 is the centre of pixel 0.
@@ -27,7 +24,6 @@ def make_grid(
         Pixels that rounding may have moved out of a rectangle count as inside.
     starts: int64 [tiles + 1], numbers: int64. The bricks over tile k are `numbers[starts[k] : starts[k + 1]]`, front to
         back.
-    boxes: as in BrickView. texel_offsets: int64 [n], where the texels of each brick begin in its atlas.
     is_drawn: [rows, columns], the pixels of the grid that are drawn. image: float32 [rows, columns, 4], premultiplied
         RGBA.
     """
@@ -46,5 +42,5 @@ def make_grid(
     )
     return {
         "side": side, "stride": stride, "rectangles": rectangles, "starts": starts[:-1], "numbers": numbers,
-        "rays": rays, "boxes": boxes, "texel_offsets": offsets, "is_drawn": is_drawn, "image": image,
+        "is_drawn": is_drawn, "image": image,
     }  # fmt: skip

@@ -21,7 +21,6 @@ from renderer.draw.brick_cache import Atlas, BrickCache, BrickView
 from renderer.draw.cpu.extremum import search_of
 from renderer.draw.cpu.field import field_of
 from renderer.draw.cpu.grid import make_grid
-from renderer.draw.cpu.light import make_light
 from renderer.draw.rasterizer import Rasterizer
 from renderer.draw.subsampling import grid_size, refine_grid, upsample
 from renderer.kernels import ThreadPool, kernels
@@ -121,15 +120,18 @@ class CPURasterizer(Rasterizer):
                 texel_offsets[numbers] = atlas.texel_offsets(slots)
             rectangles_px, boxes = brick_view.rectangles_px[group], brick_view.boxes[group]
             offsets = texel_offsets[group]
-            grid = make_grid(rectangles_px, stride, brick_view.rays, boxes, offsets, is_drawn, image)
+            grid = make_grid(rectangles_px, stride, is_drawn, image)
             batch, (scalars, means) = brick_view.batch, self.cache.atlases
             if batch.extremes is None:
-                field, light = field_of(batch, scalars.texels, means.texels), make_light(batch)
-                is_mean = brick_view.is_mean[group]
-                draw = kernels().draw_tiles.partial(grid=grid, is_mean=is_mean, light=light, **field)
+                fields = [field_of(batch, scalars.texels, means.texels, offsets)]
+                bricks = {"rays": brick_view.rays, "spacings_per_model_unit": np.float32(batch.spacings_per_model_unit), "boxes": boxes, "is_mean": brick_view.is_mean[group], "fields": fields}
+                draw = kernels().draw_tiles.partial(
+                    grid=grid, bricks=bricks, termination_alpha=batch.screen_sampling.termination_alpha, is_additive=False
+                )
             else:
                 tops, search = batch.extremes.tops[brick_view.order[group]], search_of(batch, brick_view.view)
-                draw = kernels().draw_extremes.partial(grid=grid, tops=tops, scalars=scalars.texels, **search)
+                draw = kernels().draw_extremes.partial(
+                    grid=grid, rays=brick_view.rays, boxes=boxes, texel_offsets=offsets, tops=tops, scalars=scalars.texels, **search)
             tiles = np.flatnonzero(np.diff(grid["starts"]))
             num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.threads.num) if self.threads.num > 1 else 1
             tasks = [partial(draw, tiles=part) for part in np.array_split(tiles, max(1, num_tasks))]

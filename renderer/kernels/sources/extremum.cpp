@@ -206,19 +206,19 @@ void draw_tile(const DrawExtremes& search, const Tile& tile, int64_t number) {
     const double* forward = search.forward;
     bool by_depth = forward[0] != 0.0 || forward[1] != 0.0 || forward[2] != 0.0;
     Window window = window_of(grid, number);
-    set_up_rays(grid, window, tile, 0);
+    set_up_rays(grid, search.rays, window, tile, 0);
     for (int64_t k = grid.starts[number]; k < grid.starts[number + 1]; k++) {
         int64_t brick = grid.numbers[k];
         float limit = least((float)search.tops[brick] - search.slack, search.ceiling);
         bool is_look = search.is_sorted && (k - grid.starts[number]) % BRICKS_BETWEEN_LOOKS == 0;
         if (is_look && least_found(window, tile) >= limit) break;
-        Box box = box_of(grid, brick);
+        Box box = box_of(search.boxes, brick);
         double nearer = 0.0;
         for (int axis = 0; axis < 3; axis++) nearer += forward[axis] * (box.corner[axis] - TEXEL_OFFSET);
         double nearness = by_depth ? 0.5 + nearer : 0.0;
-        Texels texels = rest_of(search.scalars, grid.texel_offsets[brick]);
+        Texels texels = rest_of(search.scalars, search.texel_offsets[brick]);
         for_spans(
-            box, grid.rays, covered_by(grid, brick, window), tile,
+            box, search.rays, covered_by(grid, brick, window), tile,
             [&](ClippedFloats found) { return mask_of(found < limit); },
             [&](const auto& along, Range range, ClippedMask hit, int64_t) __attribute__((always_inline)) {
                 return span_of(box, along, range, hit);
@@ -234,12 +234,13 @@ void draw_tile(const DrawExtremes& search, const Tile& tile, int64_t number) {
 Status draw_extremes(const DrawExtremes* arguments) {
     const Grid& grid = arguments->grid;
     const auto& tiles = arguments->tiles;
-    if (!is_consistent(grid, tiles) || !match(arguments->tops, grid.boxes)) return OUT_OF_BOUNDS;
-    for (int64_t brick = 0; brick < grid.boxes.shape[0]; brick++) {
-        int64_t begin = grid.texel_offsets[brick];
+    if (!is_consistent(grid, tiles) || !match(arguments->tops, grid.rectangles, arguments->boxes, arguments->texel_offsets))
+        return OUT_OF_BOUNDS;
+    for (int64_t brick = 0; brick < arguments->boxes.shape[0]; brick++) {
+        int64_t begin = arguments->texel_offsets[brick];
         if (begin < 0 || begin > arguments->scalars.shape[0] - TEXELS_PER_BRICK) return OUT_OF_BOUNDS;
     }
-    const Tile tile(grid, MAX_CELLS);
+    const Tile tile(grid, arguments->rays, MAX_CELLS);
     if (!tile) return NO_MEMORY;
     for (int64_t k = 0; k < tiles.shape[0]; k++) draw_tile(*arguments, tile, tiles[k]);
     return DONE;

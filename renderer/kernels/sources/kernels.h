@@ -361,9 +361,6 @@ struct Grid {
     int64_t side, stride;
     Sized<const int64_t, 2, 4> rectangles;
     Array<const int64_t, 1> starts, numbers;
-    RaySetup rays;
-    Sized<const double, 2, 11> boxes;
-    Array<const int64_t, 1> texel_offsets;
     Array<const bool, 2> is_drawn;
     Sized<float, 3, 4> image;
 };
@@ -383,23 +380,52 @@ struct Light {
     double first_cell[3];
 };
 
-// is_mean: of bricks, whether their texels are means. light: None where there is none, or by Lambert's law alone.
-struct DrawTiles {
-    Grid grid;
-    Array<const bool, 1> is_mean;
+struct Field {
     Array<const float, 1> scalars, means;
+    Array<const int64_t, 1> texel_offsets;
     PiecewiseTransfer pieces;
-    float termination_alpha, spacings_per_model_unit;
+    float weight;
     bool has_absent, is_lit;
     float lambert[5];
     Maybe<Light> light;
+};
+
+// The bricks of layers on one grid of voxels. is_mean: whether the texels of a brick are means: those of all layers are
+// in the first field, with their weights.
+struct LayerBricks {
+    RaySetup rays;
+    float spacings_per_model_unit;
+    Sized<const double, 2, 11> boxes;
+    Array<const bool, 1> is_mean;
+    Array<const Field, 1> fields;
+};
+
+struct DrawTiles {
+    Grid grid;
+    LayerBricks bricks;
+    float termination_alpha;
+    bool is_additive;
     Array<const int64_t, 1> tiles;
 };
 KERNEL(draw_tiles, DrawTiles)
 
+// As in renderer/draw/cpu/mixture.py.
+struct DrawMixture {
+    Grid grid;
+    Array<const LayerBricks, 1> groups;
+    Sized<const int64_t, 2, 2> members;
+    Sized<const double, 2, 3> depths;
+    float termination_alpha;
+    Array<const int64_t, 1> tiles;
+};
+KERNEL(draw_mixture, DrawMixture)
+
 // tops: upper bounds of what is in each brick.
 struct DrawExtremes {
     Grid grid;
+    RaySetup rays;
+    Sized<const double, 2, 11> boxes;
+    Array<const int64_t, 1> texel_offsets;
     Array<const double, 1> tops;
     Array<const float, 1> scalars;
     float offset, slope, slack, min_rise, ceiling;

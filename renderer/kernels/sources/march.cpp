@@ -7,16 +7,12 @@
 // write to one pixel, so that images do not depend on the number of threads. Rays, and where they meet bricks, are
 // float64; samples are float32. There are only sums, products, quotients and roots of IEEE 754, and `fma`, which rounds
 // once: the result is the same bytes on every machine.
-#include "light.h"
-#include "sample.h"
-#include "spans.h"
+#include "fields.h"
 
 namespace {
 
 constexpr int MAX_SAMPLES = 4095;  // as in renderer/draw/constants.py
 constexpr int CACHE_LINE_BYTES = 64;
-// Floats behind the last texel that loads of whole rows touch.
-constexpr int READ_BEHIND = 2;
 
 // Load the visible texels of a brick into the cache while another brick is drawn. Where few pixels are drawn, each
 // texel is read a few times only, and half of the time would be waiting.
@@ -62,7 +58,7 @@ INLINE Span span_of(const Box& box, const Tile& tile, const Along (&along)[3], R
 // Composite colours, premultiplied RGBA, under the pixels of `num` spans from `first` on.
 template <int... LANE>
 INLINE void composite_under(const Four<Floats>& colors, int64_t first, int64_t num, const Tile& tile,
-                            const Array<float, 1>& pixels, Lanes<LANE...>) {
+                            const Array<float, 1>& pixels, bool is_additive, Lanes<LANE...>) {
     auto rows = transpose(colors.a, colors.b, colors.c, colors.d);
     auto composite = [&]<int NUMBER>() {
         using Color = Vector<float, 4>;
@@ -70,7 +66,7 @@ INLINE void composite_under(const Four<Floats>& colors, int64_t first, int64_t n
         if (NUMBER < num && color[3] > 0.0f) {
             int32_t pixel = tile.pixels[tile.order[first + NUMBER]];
             int64_t place = tile.places[pixel];
-            Color transmittance = 1.0f - tile.found[pixel];
+            Color transmittance = is_additive ? 1.0f : 1.0f - tile.found[pixel];
             store(pixels, place, fused(transmittance, color, load<Color>(pixels, place)));
             tile.found[pixel] = pixels[place + 3];
         }
@@ -78,138 +74,111 @@ INLINE void composite_under(const Four<Floats>& colors, int64_t first, int64_t n
     (composite.template operator()<LANE>(), ...);
 }
 
-// What the texels of a brick are, and how it is lit: means need no classification.
-enum Kind { MEANS, UNLIT, LAMBERT, LIT };
-
 // Composite the samples of spans under the pixels of a tile; rays end behind `termination_alpha`.
 // texels: of the brick, and what follows. pixels: of the image. scene: but for them.
 //
 // Indices are valid: samples are clamped to the brick (`first_and_step`), and float32 rounds the last one by less than
 // a quarter of a texel; scalars are finite, so that the search ends at the last piece; lanes without a ray have a span
 // of zeros or of another brick, whose texels are at the same places.
-template <Kind KIND>
-void march(Texels texels, const DrawTiles& scene, const LaneTable& table, const Box& box, int64_t num,
+template <Kind KIND, int NUM = 1>
+void march(const DrawTiles& scene, const LaneTable* tables, int64_t brick, const Box& box, int64_t num,
            const Tile& tile, Array<float, 1> pixels) {
-    const Light& light = scene.light.value;
-    float origin[3] = {};
-    for (int axis = 0; KIND == LIT && axis < 3; axis++) origin[axis] = place_brick(light, box, axis);
+    const Field& field = scene.bricks.fields[0];
+    Texels texels = texels_of(field, brick, KIND == MEANS);
+    float scale = extinction_scale(scene.bricks, 0, KIND == MEANS);
     for (int64_t first = 0; first < num; first += LANES) {
         Ints order = load<Ints>(tile.order, first);
         auto [x, y, z, step_x] = load_four(tile.spans, order * SPAN_FLOATS);
         auto [step_y, step_z, length, last] = load_four(rest_of(tile.spans, 4), order * SPAN_FLOATS);
-        Three begin = {x, y, z}, step = {step_x, step_y, step_z}, shares;
-        Ways ways;
-        if constexpr (KIND == LIT) {
+        Three direction;
+        Lighting lighting;
+        if constexpr (KIND == LIT || KIND == SEVERAL) {
             Ints at = gather(tile.pixels, order);
             auto along = [&](int axis) {
                 auto directions = rest_of(tile.rays, (DIRECTION + axis) * tile.room);
                 return __builtin_convertvector(gather(directions, at), Floats);
             };
-            ways = aim(light, {along(0), along(1), along(2)});
+            direction = {along(0), along(1), along(2)};
         }
+        if constexpr (KIND == LIT) lighting = lighting_of(field.light.value, box, direction);
         Floats zero = in_all<Floats>(0.0f), red = zero, green = zero, blue = zero, alpha = zero;
         Mask alive = mask_of(lane_numbers<Ints>() < (int32_t)least(num - first, (int64_t)LANES));
+        Places places = {{}, {}, {}, {x, y, z}, {step_x, step_y, step_z}, in_all<Floats>(1.0f), alive};
         for (float number = 0.0f;; number += 1.0f) {
-            Mask active = alive & mask_of(last >= number);
-            if (!any_of(active)) break;
-            Floats here = min_of(last, in_all<Floats>(number));
-            Ints at = cell_at(here, begin, step, shares);
+            places.active = alive & mask_of(last >= number);
+            if (!any_of(places.active)) break;
+            places.number = min_of(last, in_all<Floats>(number));
+            places.at = cell_at(places.number, places.begin, places.step, places.shares);
             Sample sample;
+            Floats depth, light;
             Mask visible;
-            if constexpr (KIND == MEANS) {
-                sample = sample_rgba(texels, at, shares);
-                visible = active & mask_of(sample.tau > 0.0f);
+            if constexpr (KIND == SEVERAL) {
+                sample = sum_of_fields<NUM>(scene.bricks, tables, brick, box, places, direction);
+                visible = mask_of(sample.tau > 0.0f), depth = sample.tau * length;
             } else {
-                Corners corners = load_corners(texels, at);
-                Floats scalar = interpolate(corners, shares);
-                if (!any_of(active & mask_of(scalar >= scene.pieces.lowest_visible))) continue;
-                sample = classify(table, scalar);
-                visible = active & mask_of(sample.tau > 0.0f);
-                Mask are_divided = visible & ~are_all_present(corners);
-                if (scene.has_absent && any_of(are_divided)) {
-                    sample.tau *= share_of_data(texels, are_divided, here, begin, step);
-                    visible &= mask_of(sample.tau > 0.0f);
-                }
+                auto [found, factor, shown] = sample_field<KIND>(field, tables[0], texels, places, lighting);
+                sample = found, light = factor, visible = shown;
+                depth = where(visible, sample.tau, zero) * scale * length;
             }
             if (!any_of(visible)) continue;
-            if constexpr (KIND == LIT) {
-                Three texel = {fma(here, step.x, x), fma(here, step.y, y), fma(here, step.z, z)};
-                Arriving arriving = arriving_shares(light, texel, origin);
-                sample = illuminate(sample, sample_gradient(texels, at, shares), ways, arriving, light);
-            }
-            Floats depth = where(visible, sample.tau, zero) * scene.spacings_per_model_unit * length;
-            Floats weight = (1.0f - alpha) * opacity_of_depth(depth);
+            Floats weight = scene.is_additive ? depth : (1.0f - alpha) * opacity_of_depth(depth);
             alpha += weight;
-            if constexpr (KIND == MEANS) weight = where(visible, weight / sample.tau, zero);
-            if constexpr (KIND == LAMBERT) weight *= light_factor(sample_gradient(texels, at, shares), scene.lambert);
+            if constexpr (KIND == MEANS || KIND == SEVERAL) weight = where(visible, weight / sample.tau, zero);
+            if constexpr (KIND == LAMBERT) weight *= light;
             red = fma(weight, sample.r, red), green = fma(weight, sample.g, green), blue = fma(weight, sample.b, blue);
             alive &= mask_of(alpha <= scene.termination_alpha);
         }
-        composite_under({red, green, blue, alpha}, first, num - first, tile, pixels, UpTo<LANES>());
+        composite_under({red, green, blue, alpha}, first, num - first, tile, pixels, scene.is_additive, UpTo<LANES>());
     }
+}
+
+// The march of several layers.
+auto march_several(const LayerBricks& bricks) {
+    int64_t num = bricks.fields.shape[0];
+    for (int64_t number = 0; number < bricks.fields.shape[0]; number++)
+        if (kind_of(bricks.fields[number], false) != UNLIT) num = 0;
+    return num == 2 ? march<SEVERAL, 2> : num == 3 ? march<SEVERAL, 3> : num == 4 ? march<SEVERAL, 4> : march<SEVERAL, 0>;
 }
 
 // Composite the bricks over a tile, front to back.
-void draw_tile(const DrawTiles& scene, const LaneTable& table, const Tile& tile, int64_t number) {
+void draw_tile(const DrawTiles& scene, const LaneTable* tables, const Tile& tile, int64_t number) {
     const Grid& grid = scene.grid;
+    const auto& [rays, spacings, boxes, is_mean, fields] = scene.bricks;
     const Array<float, 1> pixels = {grid.image.data, {grid.image.size()}};
-    auto texels_of = [&](int64_t brick) {
-        return rest_of(scene.is_mean[brick] ? scene.means : scene.scalars, grid.texel_offsets[brick]);
-    };
     Window window = window_of(grid, number);
-    set_up_rays(grid, window, tile, 3);
+    set_up_rays(grid, rays, window, tile, 3);
     for (int64_t k = grid.starts[number]; k < grid.starts[number + 1]; k++) {
         if (grid.stride > 1 && k + 1 < grid.starts[number + 1]) {
             int64_t following = grid.numbers[k + 1];
-            prefetch_brick(box_of(grid, following), texels_of(following), scene.is_mean[following] ? 4 : 1);
+            Texels texels = texels_of(fields[0], following, is_mean[following]);
+            prefetch_brick(box_of(boxes, following), texels, is_mean[following] ? 4 : 1);
         }
         int64_t brick = grid.numbers[k];
-        Box box = box_of(grid, brick);
-        auto march_kind = scene.is_mean[brick] ? march<MEANS>
-            : scene.light.exists               ? march<LIT>
-            : scene.is_lit                     ? march<LAMBERT>
-                                               : march<UNLIT>;
+        Box box = box_of(boxes, brick);
+        Kind kind = is_mean[brick] ? MEANS : fields.shape[0] > 1 ? SEVERAL : kind_of(fields[0], false);
+        auto march_kind = kind == MEANS ? march<MEANS>
+            : kind == UNLIT             ? march<UNLIT>
+            : kind == LAMBERT           ? march<LAMBERT>
+            : kind == LIT               ? march<LIT>
+                                        : march_several(scene.bricks);
         for_spans(
-            box, grid.rays, covered_by(grid, brick, window), tile,
+            box, rays, covered_by(grid, brick, window), tile,
             [&](ClippedFloats alphas) { return mask_of(alphas <= scene.termination_alpha); },
             [&](const auto&... clipped) __attribute__((always_inline)) { return span_of(box, tile, clipped...); },
-            [&](int64_t num) { march_kind(texels_of(brick), scene, table, box, num, tile, pixels); });
+            [&](int64_t num) { march_kind(scene, tables, brick, box, num, tile, pixels); });
     }
-}
-
-// Whether all bricks have texels, each scalar a piece of the table, and the light field all its cells.
-bool is_complete(const DrawTiles& scene) {
-    for (int64_t brick = 0; brick < scene.is_mean.shape[0]; brick++) {
-        bool is_mean = scene.is_mean[brick], has_channels = is_mean || scene.light.exists || scene.is_lit;
-        int64_t num = has_channels ? 4 * TEXELS_PER_BRICK + READ_BEHIND : TEXELS_PER_BRICK;
-        int64_t size = (is_mean ? scene.means : scene.scalars).shape[0], offset = scene.grid.texel_offsets[brick];
-        if (offset < 0 || offset > size - num) return false;
-    }
-    const auto& [rows, guide, lowest_visible] = scene.pieces;
-    int64_t num = rows.shape[0];
-    if (num < 1 || rows.shape[1] != PIECE_FLOATS || guide.shape[0] != GUIDE_SIZE) return false;
-    if (rows(num - 1, 0) < INFINITE) return false;
-    for (int64_t bucket = 0; bucket < GUIDE_SIZE; bucket++)
-        if (guide[bucket] < 0 || guide[bucket] >= num) return false;
-    if (!scene.light.exists) return true;
-    const auto& [occlusion, shadow, corners, cell_size, occlusion_strength, shadow_strength] = scene.light.value.field;
-    int64_t num_corners = 2;  // of the cells, each of which has two for a grid, and behind the last one
-    if ((float)occlusion_strength > 0.0f) num_corners += 2 * occlusion.size();
-    if ((float)shadow_strength > 0.0f) num_corners += 2 * shadow.size();
-    return corners.shape[0] == 0 || corners.shape[0] >= num_corners;
 }
 
 }  // namespace
 
-// Composite bricks under some tiles of the image.
+// Composite bricks under some tiles of the image, or add them where they do not absorb.
 Status draw_tiles(const DrawTiles* arguments) {
-    const Grid& grid = arguments->grid;
-    const auto& tiles = arguments->tiles;
-    if (!is_consistent(grid, tiles) || !match(arguments->is_mean, grid.boxes) || !is_complete(*arguments))
+    const auto& [grid, bricks, termination_alpha, is_additive, tiles] = *arguments;
+    if (!is_consistent(grid, tiles) || !match(bricks.is_mean, grid.rectangles) || !is_complete(bricks))
         return OUT_OF_BOUNDS;
-    const Tile tile(grid, MAX_SAMPLES - 1);
-    if (!tile) return NO_MEMORY;
-    const LaneTable table(arguments->pieces);
-    for (int64_t k = 0; k < tiles.shape[0]; k++) draw_tile(*arguments, table, tile, tiles[k]);
+    const Tile tile(grid, bricks.rays, MAX_SAMPLES - 1);
+    const LaneTables tables(bricks.fields);
+    if (!tile || !tables) return NO_MEMORY;
+    for (int64_t k = 0; k < tiles.shape[0]; k++) draw_tile(*arguments, tables.data, tile, tiles[k]);
     return DONE;
 }

@@ -42,9 +42,9 @@ struct Tile {
     Buffer<int64_t> places, counts;
     Buffer<int32_t> pixels, order;
 
-    Tile(const Grid& grid, int64_t largest)
+    Tile(const Grid& grid, const RaySetup& setup, int64_t largest)
         : side(grid.side), room(side * side + most(LANES, CLIPPED)),
-          num_boxes(grid.rays.cuts.exists ? grid.rays.cuts.value.boxes.shape[0] : 0), rays(RAY_FLOATS * room),
+          num_boxes(setup.cuts.exists ? setup.cuts.value.boxes.shape[0] : 0), rays(RAY_FLOATS * room),
           bounds(2 * room), removed(2 * num_boxes * room), found(room), spans(SPAN_FLOATS * room), places(room),
           counts(largest + 2), pixels(room), order(room) {}
 
@@ -119,8 +119,7 @@ INLINE void cut_rays(const Cuts& cuts, double start, const Tile& tile, int64_t p
 }
 
 // Set up the rays of the pixels in a window, and what is in a channel of the image there.
-INLINE void set_up_rays(const Grid& grid, Window window, const Tile& tile, int channel) {
-    const RaySetup& rays = grid.rays;
+INLINE void set_up_rays(const Grid& grid, const RaySetup& rays, Window window, const Tile& tile, int channel) {
     int32_t stride = (int32_t)grid.stride;
     for (int64_t row = window.top; row < window.bottom; row++) {
         double y = (double)(row * stride) + 0.5 - rays.center_px[1];

@@ -140,14 +140,14 @@ INLINE Mask are_all_present(const Corners& corners) {
 }
 
 // The share of the segments around samples that has data, by NUM_PARTS points; 1 where they are not divided.
-// numbers, first, step: as for `cell_at`.
+// numbers, first, step: as for `cell_at`. width: of segments, in steps.
 INLINE Floats share_of_data(const Texels& texels, Mask are_divided, Floats numbers, const Three& first,
-                            const Three& step) {
+                            const Three& step, Floats width) {
     Floats zero = in_all<Floats>(0.0f), share = where(are_divided, zero, in_all<Floats>(1.0f));
 #pragma clang loop unroll(full)
     for (int k = 0; k < NUM_PARTS; k++) {
         Three shares;
-        Ints at = cell_at(numbers + (float)((k + 0.5) / NUM_PARTS - 0.5), first, step, shares);
+        Ints at = cell_at(numbers + (float)((k + 0.5) / NUM_PARTS - 0.5) * width, first, step, shares);
         at = min_of(max_of(at, in_all<Ints>(0)), in_all<Ints>(LAST_CELL));  // of lanes without a ray
         share += where(are_divided & are_present(texels, at, shares), in_all<Floats>(1.0f / NUM_PARTS), zero);
     }

@@ -14,9 +14,9 @@ struct Box {
     double low[3], high[3], corner[3], scale, step;
 };
 
-INLINE Box box_of(const Grid& grid, int64_t brick) {
+INLINE Box box_of(const Array<const double, 2>& boxes, int64_t brick) {
     Box box;
-    __builtin_memcpy(&box, grid.boxes[brick].data, sizeof box);
+    __builtin_memcpy(&box, boxes[brick].data, sizeof box);
     return box;
 }
 
@@ -25,9 +25,9 @@ INLINE int64_t tiles_along(const Grid& grid, int axis) {
 }
 
 // Whether shapes fit together, and all numbers are of tiles and of bricks.
-static bool is_consistent(const Grid& grid, const Array<const int64_t, 1>& tiles) {
-    const auto& [side, stride, rectangles, starts, numbers, rays, boxes, texel_offsets, is_drawn, image] = grid;
-    if (side < 1 || stride < 1 || !match(texel_offsets, boxes, rectangles) || !match(is_drawn, image)) return false;
+inline bool is_consistent(const Grid& grid, const Array<const int64_t, 1>& tiles) {
+    const auto& [side, stride, rectangles, starts, numbers, is_drawn, image] = grid;
+    if (side < 1 || stride < 1 || !match(is_drawn, image)) return false;
     int64_t num_tiles = tiles_along(grid, 0) * tiles_along(grid, 1);
     if (starts.shape[0] != num_tiles + 1) return false;
     for (int64_t k = 0; k < tiles.shape[0]; k++) {
@@ -35,7 +35,7 @@ static bool is_consistent(const Grid& grid, const Array<const int64_t, 1>& tiles
         int64_t begin = starts[tiles[k]], end = starts[tiles[k] + 1];
         if (begin < 0 || end > numbers.shape[0]) return false;
         for (int64_t at = begin; at < end; at++)
-            if (numbers[at] < 0 || numbers[at] >= boxes.shape[0]) return false;
+            if (numbers[at] < 0 || numbers[at] >= rectangles.shape[0]) return false;
     }
     return true;
 }
@@ -87,7 +87,7 @@ INLINE int64_t append(const Tile& tile, int64_t num, ClippedMask hit, int64_t pi
 }
 
 // Sort spans by their last numbers, so that those that are marched in step end together.
-static void sort_spans(const Tile& tile, int64_t num) {
+inline void sort_spans(const Tile& tile, int64_t num) {
     const Array<int64_t, 1> starts = tile.counts;
     const Array<int32_t, 1> order = tile.order;
     if (num <= LANES) {
