@@ -13,7 +13,7 @@ from dataclasses import dataclass
 STRIDES = ((2.0, 8, (8, 4)), (1.0, 4, (4, 2)), (0.6, 4, (4, 1)), (0.15, 4, (2, 1)))
 # Nodes of a grid of that stride are at most MAX_STRIDE_CELLS of the finest cells apart for each STRIDE_TOLERANCE_UNIT
 # of the tolerance, four of them at 0.3, and at most this share of the volume's thinnest side. Thinner structures may
-# fall between them: a sheet seen edge-on, or what a steep transfer function cuts out of a cell.
+# fall between them: a sheet seen edge-on, or what a steep transfer function leaves of a cell.
 MAX_STRIDE_CELLS, STRIDE_TOLERANCE_UNIT, MAX_STRIDE_THICKNESS = 1.35, 0.1, 0.5
 # In tolerances: by how much nodes may differ if pixels between them are interpolated, and the transmittance at which a
 # ray ends. With a difference of a third, pictures lose at most 2 dB at tolerances of 0.15 to 0.5, where two of three CT

@@ -25,7 +25,7 @@ from renderer.errors import RenderError
 from renderer.kernels import kernels
 from renderer.scene import ShadingSpec
 from renderer.transfer import NO_LIGHT_FIELD, LightField, TransferFunction
-from renderer.truth.cutting import kept_parts
+from renderer.truth.clipping import kept_parts
 from renderer.truth.optics import for_macrocells, intervals_of, largest_magnitude_scale, readable_values, shading_of
 from renderer.view import View
 from renderer.volume import Float64, Int64, Volume
@@ -42,7 +42,7 @@ _FIRST_STEP, _MAX_HALVINGS = 1.0, 12
 
 
 class IndexRays(NamedTuple):
-    """A set of rays in index space, and their parts that are not cut away.
+    """A set of rays in index space, and their parts that are not clipped away.
 
     origins, directions: float64 [n, 3]; the directions are of unit length in the world. parts: float64 [n, k, 2], world
     lengths from the origin at which parts start and end, one behind the other; some are empty.

@@ -47,7 +47,7 @@ Commit {commit}; {processor}, {cores} cores.
 """
 
 KEYS_HEAD = """
-## Ways of seeing, light and cuts
+## Ways of seeing, light and clipping
 
 Engine at `tolerance: 0.1`. Each cell has what it costs without the key, then with it. *In memory*: the pyramid, the
 light field, and the texels of bricks after {frames} frames. *Kernels*: how many a process calls for one frame; below
@@ -64,7 +64,7 @@ LIT, NOT_LIT = "shading={}", "shading=null"
 KEYS = {
     "`mode: maximum`": (NOT_LIT, "mode=maximum"),
     "`mode: mean`": (NOT_LIT, "mode=mean"),
-    "`cuts`, a corner box": (NOT_LIT, "cuts=[{box: [[0, 0, 0], [128, 128, 128]]}]"),
+    "`clip`, a corner box": (NOT_LIT, "clip=[{box: [[0, 0, 0], [128, 128, 128]]}]"),
     "`overlay: bounds`": (NOT_LIT, "overlay=bounds"),
     "`shading.light: camera`": (LIT, "shading={light: camera}"),
     "`shading.specular`": (LIT, "shading={specular: 0.4}"),

@@ -93,7 +93,7 @@ def test_rays_turn_around_the_axis_of_the_world() -> None:
     assert met[0] == pytest.approx(met[1], rel=0.1)
 
 
-def test_what_planes_cut_away_is_not_seen() -> None:
+def test_what_planes_clip_away_is_not_seen() -> None:
     sample = sample_of(nested_balls())
     planes = [Plane(np.zeros(3), np.array([1.0, 0.0, 0.0]))]
     whole, half = cast_rays(sample), cast_rays(without(sample, are_beyond(sample, planes)))

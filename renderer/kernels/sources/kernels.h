@@ -233,8 +233,8 @@ KERNEL(extrapolate_border, ExtrapolateBorder)
 
 // ---- view
 
-// As in renderer/view/cutting.py.
-struct Cuts {
+// As in renderer/view/clipping.py.
+struct ClipRegion {
     Sized<const double, 2, 5> slabs;
     Sized<const double, 3, 3, 5> boxes;
 };
@@ -242,7 +242,7 @@ struct Cuts {
 // As in renderer/view/brick_projection.py.
 struct RaySetup {
     double origins[9], directions[9], slope_per_px, start, center_px[2];
-    Maybe<Cuts> cuts;
+    Maybe<ClipRegion> clip;
 };
 
 // As in renderer/view/splat_projection.py.
