@@ -19,7 +19,7 @@ from renderer.errors import InputError, Problem
 from renderer.frame.budget import ScheduleController, ToleranceController
 from renderer.frame.frame import Frame, draw_frame
 from renderer.frame.stage import Clock, Stage, Stopwatch
-from renderer.lighting import light_field
+from renderer.lighting import compute_light_grid
 from renderer.modes import make_projection
 from renderer.pyramid import FinestCut, Pyramid, build_pyramid
 from renderer.readers import read_volume
@@ -87,9 +87,9 @@ def prepare_stage(
         transfer = projection.optics
     clip = _object_clip(scene, volume)
     build: dict[str, Any] = {"num_threads": num_threads}
-    if scene.shading is not None and scene.shading.has_light_field:
+    if scene.shading is not None and scene.shading.has_light_grid:
         are_removed = None if clip is None else partial(are_clipped_away, clip)
-        build["light_field"] = light_field(volume, transfer, scene.shading, are_removed=are_removed, **build)
+        build["light_grid"] = compute_light_grid(volume, transfer, scene.shading, are_removed=are_removed, **build)
         watch.lap("light")
     if scene.splat.footprint != "integrated" and not any_tolerance:
         build["finest_cut"] = FinestCut(min_tolerance(scene.error), scene.error.finest_level)

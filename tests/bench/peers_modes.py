@@ -49,8 +49,8 @@ Both draw the same: of a maximum, a border of the lowest value over the colour o
 lies between the centres of the outer voxels, where hsplat clips the volume, which costs it time; in light, a
 transparent border. VTK's mean is drawn by its GPU mapper alone. *Best* is what its finest settings reach, the GPU
 mapper's and the fixed-point mapper's. What is left are frames of 8 bits (about 59 dB), steps of half a voxel and
-tables; the GPU mapper has Phong's highlights in place of Blinn's; the fixed-point mapper blends the edges of the box, and interpolates the
-light between voxels.
+tables; the GPU mapper has Phong's highlights in place of Blinn's; the fixed-point mapper blends the edges of the box,
+and interpolates the light between voxels.
 
 {machine} VTK {vtk}.
 

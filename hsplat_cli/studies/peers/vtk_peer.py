@@ -106,7 +106,7 @@ def _what_vtk_lacks(scene: Scene) -> Iterator[tuple[str, str]]:
         yield "shading.light", "it has a light at the camera alone"
     if shading is not None and shading.gradient_opacity:
         yield "shading.gradient_opacity", "it multiplies opacities by factors, hsplat extinctions"
-    if shading is not None and shading.has_light_field:
+    if shading is not None and shading.has_light_grid:
         yield "shading", "it has neither this occlusion nor these shadows"
     if scene.clip:
         yield "clip", "it would draw all of the volume"

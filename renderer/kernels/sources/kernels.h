@@ -42,8 +42,8 @@ struct TransferTable {
     double buckets_per_unit;
 };
 
-// As in renderer/transfer/light_field.py.
-struct LightField {
+// As in renderer/transfer/light_grid.py.
+struct LightGrid {
     Array<const float, 3> occlusion, shadow;
     Array<const int32_t, 1> corners;
     double cell_size, occlusion_strength, shadow_strength;
@@ -52,7 +52,7 @@ struct LightField {
 // As in renderer/transfer/classify.py, and the next one.
 struct VoxelLighting {
     double light[5], world_from_gradient[9];
-    LightField field;
+    LightGrid grid;
 };
 
 struct Classifier {
@@ -376,7 +376,7 @@ struct Shading {
 
 struct Light {
     Shading shading;
-    LightField field;
+    LightGrid grid;
     bool is_camera;
     float toward[3], world_from_index[9];
     Sized<const float, 2, 3> factors;
@@ -431,7 +431,7 @@ struct RayShading {
     bool is_plain, is_camera, is_two_sided;
     double ambient, diffuse, specular, shininess, light[3], world_from_index[9], world_from_gradient[9];
     Array<const double, 2> factors;
-    LightField field;
+    LightGrid grid;
 };
 
 // n rays in index space, as in renderer/truth/integrator.py.

@@ -177,7 +177,7 @@ void draw_tile(const DrawTiles& scene, const LaneTable& table, const Tile& tile,
     }
 }
 
-// Whether all bricks have texels, each scalar a piece of the table, and the light field all its cells.
+// Whether all bricks have texels, each scalar a piece of the table, and the light grid all its cells.
 bool is_complete(const DrawTiles& scene) {
     for (int64_t brick = 0; brick < scene.is_mean.shape[0]; brick++) {
         bool is_mean = scene.is_mean[brick], has_channels = is_mean || scene.light.exists || scene.is_lit;
@@ -192,7 +192,7 @@ bool is_complete(const DrawTiles& scene) {
     for (int64_t bucket = 0; bucket < GUIDE_SIZE; bucket++)
         if (guide[bucket] < 0 || guide[bucket] >= num) return false;
     if (!scene.light.exists) return true;
-    const auto& [occlusion, shadow, corners, cell_size, occlusion_strength, shadow_strength] = scene.light.value.field;
+    const auto& [occlusion, shadow, corners, cell_size, occlusion_strength, shadow_strength] = scene.light.value.grid;
     int64_t num_corners = 2;  // of the cells, each of which has two for a grid, and behind the last one
     if ((float)occlusion_strength > 0.0f) num_corners += 2 * occlusion.size();
     if ((float)shadow_strength > 0.0f) num_corners += 2 * shadow.size();
