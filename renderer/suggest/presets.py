@@ -1,6 +1,6 @@
 """Presets: the layers of values and the colours that suit a kind of data, one function for each kind.
 
-Values are normalised to the volume's range, as in `renderer.suggest.features`. `renderer.suggest.visibility` finds how
+Values are normalised to the volume's range, as in `renderer.suggest.features`. `renderer.suggest.opacity_calibration` finds how
 dense the layers are.
 """
 
@@ -17,9 +17,9 @@ import numpy as np
 from renderer.scene import Color, ShadingSpec, colormap_points
 from renderer.suggest.classes import material_edges, otsu_threshold, top_value
 from renderer.suggest.features import VoxelSample
+from renderer.suggest.opacity_calibration import CRISP_SURFACE_DEPTH, Layer
 from renderer.suggest.palette import FIELD_COLORMAP, FIELD_DARKEST
 from renderer.suggest.separation import are_deep
-from renderer.suggest.visibility import CRISP_SURFACE_DEPTH, Layer
 from renderer.volume import Bools, Float64
 
 T = TypeVar("T")

@@ -22,6 +22,7 @@ from renderer.suggest.features import VoxelSample
 from renderer.suggest.histogram import Statistics, compute_statistics
 from renderer.suggest.labels import distinct_values, label_suggestion, label_values
 from renderer.suggest.opacity import format_number, format_percent, opacity_from_depth, opacity_unit_length
+from renderer.suggest.opacity_calibration import cast_rays, measure_visibility, solve_depths
 from renderer.suggest.presets import Choice, Preset
 from renderer.suggest.recognition import hounsfield_zero, logarithmic_choice, recognise
 from renderer.suggest.separation import Plane, are_beyond, clip_specs, corner_box, separating_planes
@@ -33,7 +34,6 @@ from renderer.suggest.suggestion import (
     with_colormap,
     with_logarithmic_scale,
 )
-from renderer.suggest.visibility import cast_rays, measure_visibility, solve_depths
 from renderer.suggest.wishes import LABELS_WISH, WISHES, Wish, choose_by_word, imported_suggestion
 from renderer.volume import Float64, Volume
 

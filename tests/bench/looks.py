@@ -110,7 +110,7 @@ def scores(scene: renderer.Scene, before: Path) -> tuple[float, float] | None:
     from renderer.scene import TRANSFER_FUNCTION_SECTION, schema
     from renderer.suggest import compute_statistics, suggest
     from renderer.suggest.features import sample_volume
-    from renderer.suggest.visibility import Layer, cast_rays, measure_visibility
+    from renderer.suggest.opacity_calibration import Layer, cast_rays, measure_visibility
     from renderer.transfer import make_transfer_function
 
     volume = read_volume(scene.volume)
