@@ -60,13 +60,13 @@ class BrickLevel:
     visible_bounds: float32 [z, y, x, 2, 3], lowest and highest corner (x, y, z) of what may be visible in the brick:
         where the field, halo included, is not transparent. In cells from the brick's lowest corner, 0 to BRICK_SIZE; at
         centres of cells (k + 1/2), or at faces of the brick or the volume. Equal corners where nothing is visible.
-    errors: float64 [z, y, x], what the brick may put wrong into a pixel, in the measure's unit: RAY_ERROR_FACTOR times
-        the largest error of the nodes in it and in its halo, or of the sub-voxel variation in it along a segment as
-        long as such a node (kernel `subvoxel.cpp`). 0 on level 0, which shows all of it.
-    step_errors: float64 [z, y, x], the root mean square, over the brick's volume, of the errors of nodes one level
-        *above*: what cells twice as large would put wrong. Where it is 0, the largest of the neighbours, which may be
-        visible in the halo. On level 0 the squares of the sub-voxel variation along such a segment are added. At least
-        the estimate from differences between voxels, along such a segment.
+    errors: float64 [z, y, x], how wrong the brick may make a pixel, in the measure's unit. It is RAY_ERROR_FACTOR times
+        the larger of two errors: that of the worst node in the brick or its halo, and that of the sub-voxel variation
+        along a segment as long as such a node (kernel `subvoxel.cpp`). On level 0, which shows every voxel, it is 0.
+    step_errors: float64 [z, y, x], how wrong cells twice as large would be: the root mean square, over the brick's
+        volume, of the errors of nodes one level *above*. Where that is 0, it is the largest of the neighbouring bricks,
+        because they may be visible in the halo. On level 0 the squares of the sub-voxel variation along a segment of
+        that length are added. It is never less than the estimate from differences between voxels along that segment.
     """
 
     visible_bounds: Float32

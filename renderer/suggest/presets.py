@@ -1,7 +1,7 @@
 """Presets: the layers of values and the colours that suit a kind of data, one function for each kind.
 
-Values are normalised to the volume's range, as in `renderer.suggest.features`. `renderer.suggest.opacity_calibration` finds how
-dense the layers are.
+Values are normalised to the volume's range, as in `renderer.suggest.features`. `renderer.suggest.opacity_calibration`
+finds how dense the layers are.
 """
 
 from __future__ import annotations

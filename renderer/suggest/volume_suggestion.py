@@ -1,7 +1,7 @@
 """Suggest how to show a volume, and give the reason in words.
 
 Labels, or the kind of data (`recognition.py`) or a wish (`wishes.py`), give a preset. Planes clip away what is not the
-object (`separation.py`), and densities are solved for what the picture shows (`visibility.py`).
+object (`separation.py`), and densities are solved for what the picture shows (`opacity_calibration.py`).
 """
 
 from __future__ import annotations
