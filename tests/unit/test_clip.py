@@ -1,4 +1,4 @@
-"""Clipping: what a scene may say of them, and where they are in index space and along rays."""
+"""Clip planes and boxes: what a scene may say of them, and where they are in index space and along rays."""
 
 from __future__ import annotations
 
