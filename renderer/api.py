@@ -458,8 +458,8 @@ def _with_suggestion(scene: Scene, wish: Wish | None) -> Scene:
         scene,
         transfer_function=found.suggestion.transfer,
         shading=found.suggestion.shading,
-        splat=(None if scene.cuts else found.suggestion.splat) or scene.splat,  # splats cannot be cut
-        cuts=scene.cuts or found.suggestion.cuts,
+        splat=(None if scene.clip else found.suggestion.splat) or scene.splat,  # splats cannot be clipped
+        clip=scene.clip or found.suggestion.clip,
     )
 
 

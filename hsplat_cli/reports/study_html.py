@@ -89,7 +89,7 @@ def study_page(study: Study, *, date: str) -> str:
             is_estimate=has_intervals(measurements),
             everywhere_columns=metric_columns(measurements, _METRICS, "everywhere"),
             on_volume_columns=metric_columns(measurements, _METRICS, "on_volume"),
-            stage_columns=_stage_columns(measurements),
+            step_columns=_step_columns(measurements),
             scene=yaml.safe_dump(to_plain(study.scene), sort_keys=False, default_flow_style=None, width=100),
         )
 
@@ -177,30 +177,30 @@ def _primitive_nouns(measurements: Sequence[Measurement]) -> str:
     return " or ".join([*["bricks"] * bricks, *["splats"] * (has_splats(measurements) or not bricks)])
 
 
-def _stage_columns(measurements: Sequence[Measurement]) -> list[Column]:
-    """Return the columns of the times of stages, over frames and repetitions together."""
-    names = dict.fromkeys(name for m in measurements for name in _stage_times(m))
+def _step_columns(measurements: Sequence[Measurement]) -> list[Column]:
+    """Return the columns of the times of steps, over frames and repetitions together."""
+    names = dict.fromkeys(name for m in measurements for name in _step_times(m))
     titles = {"primitives": _primitive_nouns(measurements)}
-    return [_stage_column(titles.get(stage, stage), stage, is_once) for stage, is_once in names]
+    return [_step_column(titles.get(step, step), step, is_once) for step, is_once in names]
 
 
-def _stage_column(title: str, stage: str, is_once: bool) -> Column:
+def _step_column(title: str, step: str, is_once: bool) -> Column:
     def seconds(measurement: Measurement) -> Sequence[float]:
-        return _stage_times(measurement).get((stage, is_once), ())
+        return _step_times(measurement).get((step, is_once), ())
 
     unit = f"ms, {'once' if is_once else 'each frame'}"
     return Column(title, unit, lambda m: float(np.median(seconds(m) or math.nan)), lambda m: _times_text(seconds(m)))
 
 
-def _stage_times(measurement: Measurement) -> dict[tuple[str, bool], tuple[float, ...]]:
-    """Return seconds by stage and whether the stage runs once for all frames."""
+def _step_times(measurement: Measurement) -> dict[tuple[str, bool], tuple[float, ...]]:
+    """Return seconds by step and whether the step runs once for all frames."""
     times: dict[tuple[str, bool], tuple[float, ...]] = {}
     if measurement.pyramid_seconds is not None:
         times["pyramid", True] = (measurement.pyramid_seconds,)
-    times |= {(stage, True): seconds for stage, seconds in measurement.seconds.items()}
+    times |= {(step, True): seconds for step, seconds in measurement.seconds.items()}
     for sample in measurement.frames:
-        for stage, seconds in sample.seconds.items():
-            times[stage, False] = times.get((stage, False), ()) + tuple(seconds)
+        for step, seconds in sample.seconds.items():
+            times[step, False] = times.get((step, False), ()) + tuple(seconds)
     return times
 
 

@@ -88,7 +88,7 @@ def _number(title: str, unit: str, value: Callable[[Measurement], float | None],
 
 
 def _seconds_once(measurement: Measurement) -> float:
-    """Return the seconds of the stages that serve all frames; NaN without any."""
+    """Return the seconds of the steps that serve all frames; NaN without any."""
     return sum(float(np.median(seconds)) for seconds in measurement.seconds.values()) or math.nan
 
 
@@ -128,8 +128,8 @@ def _terminal_columns(measurements: Sequence[Measurement]) -> list[Column]:
 def csv_text(study: Study) -> str:
     """Return CSV (RFC 4180): a header and a row for each measurement and frame.
 
-    Settings have the names of their options. Times are milliseconds: `frame_ms_*` of a whole frame, `frame_STAGE_ms_*`
-    of each stage, `once_STAGE_ms_*` of stages that run once for all frames, `pyramid_ms` of the pyramid, timed once.
+    Settings have the names of their options. Times are milliseconds: `frame_ms_*` of a whole frame, `frame_STEP_ms_*`
+    of each step, `once_STEP_ms_*` of steps that run once for all frames, `pyramid_ms` of the pyramid, timed once.
     Metrics cover all pixels, `volume_*` those in which the volume is visible; `*_low` and `*_high` are the ends of the
     interval of an estimate. Numbers are exact, with `nan` and `inf`;
     absent values are empty. The fronts are those of the measurement, over all its frames.
@@ -157,10 +157,10 @@ def _frame_row(measurement: Measurement, sample: FrameMeasurement) -> dict[str, 
         "peak_bytes": measurement.peak_bytes,
     }
     row |= _accuracy_row(sample.accuracy) | _times_row("frame", sample.frame_seconds)
-    for stage, seconds in sample.seconds.items():
-        row |= _times_row(f"frame_{stage}", seconds)
-    for stage, seconds in measurement.seconds.items():
-        row |= _times_row(f"once_{stage}", seconds)
+    for step, seconds in sample.seconds.items():
+        row |= _times_row(f"frame_{step}", seconds)
+    for step, seconds in measurement.seconds.items():
+        row |= _times_row(f"once_{step}", seconds)
     seconds_once = measurement.pyramid_seconds
     return row | {"pyramid_ms": None if seconds_once is None else 1000 * seconds_once}
 
@@ -213,13 +213,13 @@ def _truth_record(truth: Truth) -> dict[str, Any]:
 
 def _measurement_record(measurement: Measurement) -> dict[str, Any]:
     fields = asdict(measurement)
-    setting, stages, samples, *_ = map(fields.pop, ("setting", "seconds", "frames", "picture", "difference"))
+    setting, steps, samples, *_ = map(fields.pop, ("setting", "seconds", "frames", "picture", "difference"))
     return {
         **setting,
         **fields,
         "num_primitives": measurement.num_primitives,
         "frame_seconds": {"median": measurement.frame_seconds, "quartiles": measurement.frame_seconds_spread},
-        "once_seconds": stages,
+        "once_seconds": steps,
         "samples": samples,
     }
 

@@ -39,7 +39,7 @@ _COMMENT_COLUMN = 30
 _SHADING_COMMENT = (
     "# Darker where a surface faces away from the light, which turns with the object. Delete it for even light."
 )
-_CUTS_COMMENT = "# Planes that cut away what is not the object, such as a table; delete them to see everything."
+_CLIP_COMMENT = "# Planes that clip away what is not the object, such as a table; delete them to see everything."
 _VOXEL_COLORS_COMMENT = """\
 # Each voxel has its colour before anything is interpolated; without this line, the skin of a label has
 # those of all numbers between its own and its neighbour's. Where labels to look through have blurred
@@ -207,14 +207,14 @@ def _drawing_lines(suggestion: Suggestion) -> Iterator[str]:
     """Yield the sections `shading` and `splat`, or why there is none."""
     if (shading := suggestion.shading) is not None:
         yield from ("", _SHADING_COMMENT, f"shading: {{{_shading_text(shading)}}}")
-    if suggestion.cuts:
-        has_planes = any(cut.plane is not None for cut in suggestion.cuts)
-        yield from ("", *([_CUTS_COMMENT] if has_planes else []), "cuts:")
-        for cut in suggestion.cuts:
-            if cut.plane is not None:
-                yield f"  - plane: {{point: {_list(cut.plane.point)}, normal: {_list(cut.plane.normal)}}}"
-            elif cut.box is not None:
-                yield f"  - box: [{_list(cut.box[0])}, {_list(cut.box[1])}]  # a corner, to look inside"
+    if suggestion.clip:
+        has_planes = any(clip.plane is not None for clip in suggestion.clip)
+        yield from ("", *([_CLIP_COMMENT] if has_planes else []), "clip:")
+        for clip in suggestion.clip:
+            if clip.plane is not None:
+                yield f"  - plane: {{point: {_list(clip.plane.point)}, normal: {_list(clip.plane.normal)}}}"
+            elif clip.box is not None:
+                yield f"  - box: [{_list(clip.box[0])}, {_list(clip.box[1])}]  # a corner, to look inside"
     if suggestion.splat is not None:
         yield from ("", _VOXEL_COLORS_COMMENT, f"splat: {{footprint: {suggestion.splat.footprint}}}")
     elif suggestion.is_categorical:

@@ -32,8 +32,8 @@ from renderer.pyramid import (
 )
 from renderer.transfer import (
     MAX_NORMALIZED_SCALAR,
-    NO_LIGHT_FIELD,
-    LightField,
+    NO_LIGHT_GRID,
+    LightGrid,
     PiecewiseTransfer,
     TransferFunction,
     make_piecewise_transfer,
@@ -60,13 +60,13 @@ class BrickLevel:
     visible_bounds: float32 [z, y, x, 2, 3], lowest and highest corner (x, y, z) of what may be visible in the brick:
         where the field, halo included, is not transparent. In cells from the brick's lowest corner, 0 to BRICK_SIZE; at
         centres of cells (k + 1/2), or at faces of the brick or the volume. Equal corners where nothing is visible.
-    errors: float64 [z, y, x], what the brick may put wrong into a pixel, in the measure's unit: RAY_ERROR_FACTOR times
-        the largest error of the nodes in it and in its halo, or of the sub-voxel variation in it along a segment as
-        long as such a node (kernel `subvoxel.cpp`). 0 on level 0, which shows all of it.
-    step_errors: float64 [z, y, x], the root mean square, over the brick's volume, of the errors of nodes one level
-        *above*: what cells twice as large would put wrong. Where it is 0, the largest of the neighbours, which may be
-        visible in the halo. On level 0 the squares of the sub-voxel variation along such a segment are added. At least
-        the estimate from differences between voxels, along such a segment.
+    errors: float64 [z, y, x], how wrong the brick may make a pixel, in the measure's unit. It is RAY_ERROR_FACTOR times
+        the larger of two errors: that of the worst node in the brick or its halo, and that of the sub-voxel variation
+        along a segment as long as such a node (kernel `subvoxel.cpp`). On level 0, which shows every voxel, it is 0.
+    step_errors: float64 [z, y, x], how wrong cells twice as large would be: the root mean square, over the brick's
+        volume, of the errors of nodes one level *above*. Where that is 0, it is the largest of the neighbouring bricks,
+        because they may be visible in the halo. On level 0 the squares of the sub-voxel variation along a segment of
+        that length are added. It is never less than the estimate from differences between voxels along that segment.
     """
 
     visible_bounds: Float32
@@ -91,7 +91,7 @@ class Bricks:
     scalar_range: texels of level 0 are normalized to it. The part of the volume's range in which the transfer function
         changes, or all of it where it does not.
     volume_range: the volume's smallest and largest scalar.
-    pieces: the transfer function by normalized scalars. light_field: how much of the light reaches each place.
+    pieces: the transfer function by normalized scalars. light_grid: how much of the light reaches each place.
     """
 
     levels: tuple[BrickLevel, ...]
@@ -100,7 +100,7 @@ class Bricks:
     scalar_range: tuple[float, float]
     volume_range: tuple[float, float]
     pieces: PiecewiseTransfer
-    light_field: LightField = NO_LIGHT_FIELD
+    light_grid: LightGrid = NO_LIGHT_GRID
 
     @property
     def volume(self) -> Volume:
@@ -112,13 +112,13 @@ def make_bricks(
     volume: Volume,
     transfer: TransferFunction,
     *,
-    light_field: LightField = NO_LIGHT_FIELD,
+    light_grid: LightGrid = NO_LIGHT_GRID,
     num_threads: int = 2,
     **options: Any,
 ) -> Bricks:
     """Build the bricks of all levels, and their pyramid; the result does not depend on `num_threads`.
 
-    light_field, and options: spec, error and shading, as in `build_pyramid`.
+    light_grid, and options: spec, error and shading, as in `build_pyramid`.
     The pyramid has no nodes of the levels up to STREAMED_LEVELS: their statistics are gathered as they are built, and
     their means are recomputed from voxels for drawing.
 
@@ -129,7 +129,7 @@ def make_bricks(
     def add_nodes(level: int, *nodes: Any) -> None:
         statistics[level - 1].add(*nodes)
 
-    options |= {"light_field": light_field, "num_threads": num_threads, "on_nodes": add_nodes}
+    options |= {"light_grid": light_grid, "num_threads": num_threads, "on_nodes": add_nodes}
     pyramid = build_pyramid(volume, transfer, **options)
     volume_range = volume.value_range()
     num_levels = max(1, pyramid.num_levels - BRICK_LEVELS + 1)
@@ -147,7 +147,7 @@ def make_bricks(
         levels.append(BrickLevel(of_nodes.visible_bounds(), errors, step_errors))
     scalar_range = _scalar_range(transfer, *volume_range)
     pieces = make_piecewise_transfer(transfer.curve(volume.finest_spacing), *scalar_range)
-    return Bricks(tuple(levels), pyramid, transfer, scalar_range, volume_range, pieces, light_field)
+    return Bricks(tuple(levels), pyramid, transfer, scalar_range, volume_range, pieces, light_grid)
 
 
 def _scalar_range(transfer: TransferFunction, low: float, high: float) -> tuple[float, float]:

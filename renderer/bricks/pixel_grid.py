@@ -6,20 +6,15 @@ import math
 from dataclasses import dataclass
 
 # The tolerance from which on a subsampled pixel grid is used, the stride that the cells must allow, and the strides.
-# Every pixel is drawn at smaller tolerances: nearly all blocks of a finer grid differ there, and thin structures must
-# not fall between its nodes. Below 0.6, a first grid of every other pixel is 0.3 to 4 dB more exact than one of every
-# fourth, for the same accuracy in the same time or less (four CT scans). Where the cells do not allow a stride of 4,
-# it takes longer than to draw every pixel.
+# Every pixel is drawn at smaller tolerances. Decision 025 has what was measured.
 STRIDES = ((2.0, 8, (8, 4)), (1.0, 4, (4, 2)), (0.6, 4, (4, 1)), (0.15, 4, (2, 1)))
 # Nodes of a grid of that stride are at most MAX_STRIDE_CELLS of the finest cells apart for each STRIDE_TOLERANCE_UNIT
 # of the tolerance, four of them at 0.3, and at most this share of the volume's thinnest side. Thinner structures may
-# fall between them: a sheet seen edge-on, or what a steep transfer function cuts out of a cell.
+# fall between them: a sheet seen edge-on, or what a steep transfer function leaves of a cell.
 MAX_STRIDE_CELLS, STRIDE_TOLERANCE_UNIT, MAX_STRIDE_THICKNESS = 1.35, 0.1, 0.5
 # In tolerances: by how much nodes may differ if pixels between them are interpolated, and the transmittance at which a
-# ray ends. With a difference of a third, pictures lose at most 2 dB at tolerances of 0.15 to 0.5, where two of three CT
-# scans take half to three quarters of the time; with 1 a shaded scan lost 10 dB and gained nothing. With a
-# transmittance of 0.08 instead of 0.04, two CT scans lose 1 to 1.5 dB, with 0.15 3 to 5 dB more, and gain 2 to 4 % of
-# the time.
+# ray ends. With a transmittance of 0.08 instead of 0.04, two CT scans lose 1 to 1.5 dB, with 0.15 3 to 5 dB more, and
+# gain 2 to 4 % of the time.
 DIFFERENCE_THRESHOLD, MAX_DIFFERENCE_THRESHOLD = 0.35, 0.35
 TERMINATION_TRANSMITTANCE, MAX_TERMINATION_TRANSMITTANCE = 0.04, 0.025
 

@@ -18,7 +18,7 @@ from collections.abc import Callable
 import numpy as np
 
 from renderer.draw import Rasterizer
-from renderer.frame.frame import UPLOAD_STAGE, DrawList, draw_frame, make_draw_list
+from renderer.frame.frame import UPLOAD_STEP, DrawList, draw_frame, make_draw_list
 from renderer.frame.primitives import LOD, TYPICAL_CELL_SECONDS, make_primitive
 from renderer.frame.stage import Clock, Stage, Stopwatch
 from renderer.scene import tolerance_at
@@ -42,8 +42,8 @@ _SIZE_EXPONENT = 3.0
 _MIN_POWER, _MAX_POWER = 0.1, 1.0
 _ANY_SIZE = 0.0, math.inf
 
-# Stages of a frame that are not drawing.
-_OTHER_STAGES = ("cut", "primitives", "edges", "order", "written")
+# Steps of a frame that are not drawing.
+_OTHER_STEPS = ("cut", "primitives", "edges", "order", "written")
 # No drawing counts as quicker: one for which the clock stood still.
 _MIN_SECONDS = 1e-9
 
@@ -102,7 +102,7 @@ class LODCostEstimator:
         is_first: whether it is the first of several of its LOD. Its uploads serve the others and do not count.
         """
         self._writing.append(watch.lap("written"))
-        others = (*_OTHER_STAGES, UPLOAD_STAGE) if is_first else _OTHER_STAGES
+        others = (*_OTHER_STEPS, UPLOAD_STEP) if is_first else _OTHER_STEPS
         seconds = sum(seconds for name, seconds in watch.seconds.items() if name not in others)
         self._frames.append((draw_list.typical_seconds, max(seconds, _MIN_SECONDS)))
 
@@ -154,7 +154,7 @@ def calibrate_costs(
             draw_frame(estimator.stage, draw_list, rasterizer, Stopwatch(clock))
         watch = Stopwatch(clock)
         draw_frame(estimator.stage, draw_list, rasterizer, watch)
-        seconds = sum(watch.seconds.values()) - watch.seconds.get(UPLOAD_STAGE, 0.0)
+        seconds = sum(watch.seconds.values()) - watch.seconds.get(UPLOAD_STEP, 0.0)
         estimator.record_trial(draw_list, seconds)
         estimator.predict(draw_list)
         num_trials += 1

@@ -13,7 +13,7 @@ from renderer.view import View
 from renderer.volume import Float32
 
 # The lap of work that also serves later frames: bricks that were not on the device.
-UPLOAD_STAGE = "bricks"
+UPLOAD_STEP = "bricks"
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def draw_frame(stage: Stage, draw_list: DrawList, rasterizer: Rasterizer, watch:
     lod = draw_list.lod
     stage.volume.require_unchanged()
     if draw_list.upload(rasterizer):
-        watch.lap(UPLOAD_STAGE)
+        watch.lap(UPLOAD_STEP)
     image = _blend_orders(draw_list, rasterizer)
     if stage.projection is not None:
         chords = chord_lengths(stage.volume, draw_list.view, rasterizer.threads)

@@ -19,7 +19,7 @@ from renderer.errors import InputError, Problem
 from renderer.frame.budget import ScheduleController, ToleranceController
 from renderer.frame.frame import Frame, draw_frame
 from renderer.frame.stage import Clock, Stage, Stopwatch
-from renderer.lighting import light_field
+from renderer.lighting import compute_light_grid
 from renderer.modes import make_projection
 from renderer.pyramid import FinestCut, Pyramid, build_pyramid
 from renderer.readers import read_volume
@@ -37,13 +37,13 @@ from renderer.scene import (
 from renderer.splats import GAUSSIAN_CUTOFF
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.view import (
-    Cuts,
-    are_cut_away,
+    ClipRegion,
+    are_clipped_away,
     corners_around,
     finest_useful_level,
     fit_distance,
     make_order_blending,
-    place_cuts,
+    place_clips,
     smallest_voxel_px,
     visible_centre,
     visible_points,
@@ -85,11 +85,11 @@ def prepare_stage(
     projection = make_projection(scene.mode, transfer, volume)
     if projection is not None:
         transfer = projection.optics
-    cuts = _object_cuts(scene, volume)
+    clip = _object_clip(scene, volume)
     build: dict[str, Any] = {"num_threads": num_threads}
-    if scene.shading is not None and scene.shading.has_light_field:
-        are_removed = None if cuts is None else partial(are_cut_away, cuts)
-        build["light_field"] = light_field(volume, transfer, scene.shading, are_removed=are_removed, **build)
+    if scene.shading is not None and scene.shading.has_light_grid:
+        are_removed = None if clip is None else partial(are_clipped_away, clip)
+        build["light_grid"] = compute_light_grid(volume, transfer, scene.shading, are_removed=are_removed, **build)
         watch.lap("light")
     if scene.splat.footprint != "integrated" and not any_tolerance:
         build["finest_cut"] = FinestCut(min_tolerance(scene.error), scene.error.finest_level)
@@ -98,10 +98,10 @@ def prepare_stage(
     if bricks is not None and scene.mode.is_extremum:
         extremes = extreme_bricks(bricks, scene.mode, num_threads=num_threads)
     watch.lap("pyramid")
-    points = visible_points(pyramid, cuts if camera.target == "visible" else None)
+    points = visible_points(pyramid, clip if camera.target == "visible" else None)
     target, distance = _framing(scene, volume, volume_corners(volume) if scene.overlay == "bounds" else points)
     raise_problems(camera_problems(replace(camera, target=target, distance=distance), size, extent))
-    raise_problems(_cut_problems(scene, volume))
+    raise_problems(_clip_problems(scene, volume))
     finest_level = finest_useful_level(volume, points, camera, target, distance, size)
     voxel_px = smallest_voxel_px(volume, camera, target, distance, size)
     order_blending = make_order_blending(volume.world_from_index, camera.path)
@@ -172,21 +172,21 @@ def render_frames(
         controller.finish_frame(draw_list, watch)
 
 
-def _object_cuts(scene: Scene, volume: Volume) -> Cuts | None:
-    """Return the cuts that turn with the object."""
-    return place_cuts(volume, [cut for cut in scene.cuts if cut.fixed == "object"])
+def _object_clip(scene: Scene, volume: Volume) -> ClipRegion | None:
+    """Return what the planes and boxes that turn with the object leave."""
+    return place_clips(volume, [each for each in scene.clip if each.fixed == "object"])
 
 
-def _cut_problems(scene: Scene, volume: Volume) -> Iterator[Problem]:
-    """Yield the cuts, fixed to the object, that leave nothing of it."""
+def _clip_problems(scene: Scene, volume: Volume) -> Iterator[Problem]:
+    """Yield the clip planes and boxes, fixed to the object, that leave nothing of it."""
     half = np.array(volume.shape_xyz) / 2
     reach = np.abs(volume.world_from_index[:3, :3]) @ half
     low, high = (format_value(corner.tolist()) for corner in (volume.centre - reach, volume.centre + reach))
-    for number, cut in enumerate(scene.cuts):
-        cuts = place_cuts(volume, [cut]) if cut.fixed == "object" else None
-        if cuts is not None and are_cut_away(cuts, np.array([[-half, half]]))[0]:
-            expected = f"a cut that leaves some of it; it reaches from {low} to {high}"
-            yield Problem(f"cuts.{number}", "leaves nothing of the volume", expected=expected)
+    for number, each in enumerate(scene.clip):
+        clip = place_clips(volume, [each]) if each.fixed == "object" else None
+        if clip is not None and are_clipped_away(clip, np.array([[-half, half]]))[0]:
+            expected = f"one that leaves some of it; it reaches from {low} to {high}"
+            yield Problem(f"clip.{number}", "leaves nothing of the volume", expected=expected)
 
 
 def _framing(scene: Scene, volume: Volume, points: Float64) -> tuple[Vector, float]:

@@ -271,7 +271,7 @@ class ExtremumPrimitive(BrickPrimitive):
         def orders(view: View) -> Orders:
             """Return the bricks with the largest bounds first; front to back where places or parts of rays count."""
             order = visible_bricks(batch, view)
-            is_sorted = not (self._by_depth or view.cuts)
+            is_sorted = not (self._by_depth or view.clip)
             return [(1.0, order[np.argsort(-tops[order], kind="stable")] if is_sorted else order)]
 
         return batch.cut, batch, orders

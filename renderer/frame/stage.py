@@ -67,7 +67,7 @@ class Stopwatch:
 def view_of(stage: Stage, frame: int) -> View:
     """Return the view of a frame of the film."""
     view = make_view(stage.scene.camera, frame, stage.target, stage.distance, stage.scene.output.size)
-    return replace(view, cuts=stage.scene.cuts)
+    return replace(view, clip=stage.scene.clip)
 
 
 def draws_voxels_only(stage: Stage) -> bool:

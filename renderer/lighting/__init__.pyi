@@ -1,1 +1,1 @@
-from .field import light_field as light_field
+from .light_grid import compute_light_grid as compute_light_grid

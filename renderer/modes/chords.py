@@ -10,9 +10,9 @@ from renderer.volume import Float32, Volume
 
 
 def chord_lengths(volume: Volume, view: View, threads: ThreadPool) -> Float32:
-    """Return the world length of each pixel's ray inside the box, beyond the near plane, less cuts: float32 [h, w].
+    """Return the world length of each pixel's ray inside the box, beyond the near plane: float32 [h, w].
 
-    Voxels without data do not count.
+    What is clipped away, and voxels without data, do not count.
     """
     width, height = view.size
     lengths = np.empty((height, width), np.float32)

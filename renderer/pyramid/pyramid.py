@@ -40,10 +40,10 @@ from renderer.pyramid.nodes import (
 )
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import (
-    NO_LIGHT_FIELD,
+    NO_LIGHT_GRID,
     VISIBILITY_THRESHOLD,
     Classifier,
-    LightField,
+    LightGrid,
     TransferFunction,
     make_classifier,
     raw_voxels,
@@ -168,14 +168,14 @@ def build_pyramid(
     spec: PyramidSpec,
     error: ErrorSpec,
     shading: ShadingSpec | None = None,
-    light_field: LightField = NO_LIGHT_FIELD,
+    light_grid: LightGrid = NO_LIGHT_GRID,
     num_threads: int = 2,
     finest_cut: FinestCut = EVERY_CUT,
     on_nodes: NodeCallback | None = None,
 ) -> Pyramid:
     """Build all levels in one pass over the voxels; the result does not depend on `num_threads`.
 
-    light_field: of the shading.
+    light_grid: of the shading.
     on_nodes: called with all visible nodes of the levels up to STREAMED_LEVELS, which are then not stored, from several
         threads at a time. The nodes in a cube of 2^CUBE_LEVELS voxels a side come together.
 
@@ -183,7 +183,7 @@ def build_pyramid(
     """
     num_levels = max(1 if on_nodes is None else BLOCK_LEVELS, (max(volume.shape_xyz) - 1).bit_length())
     finest_cut = finest_cut if on_nodes is None else FinestCut(level=STREAMED_LEVELS + 1)
-    plan = replace(_plan_build(volume, transfer, spec, error, (shading, light_field), finest_cut), on_nodes=on_nodes)
+    plan = replace(_plan_build(volume, transfer, spec, error, (shading, light_grid), finest_cut), on_nodes=on_nodes)
     if on_nodes is None:
         plan = replace(plan, leaf_variance_limits=_leaf_variance_limits(plan, num_levels))
     tier, stored = _build_all_blocks(plan, num_threads)
@@ -243,11 +243,11 @@ def _plan_build(
     transfer: TransferFunction,
     spec: PyramidSpec,
     error: ErrorSpec,
-    light: tuple[ShadingSpec | None, LightField],
+    light: tuple[ShadingSpec | None, LightGrid],
     finest_cut: FinestCut,
 ) -> _Plan:
     averages_opacity, measures_opacity = spec.average == "opacity", error.measure == "rms"
-    shading, light_field = light
+    shading, light_grid = light
     depth = volume.finest_spacing * transfer.max_extinction
     brightest = max(1.0, shading.ambient + shading.diffuse) if shading else 1.0
 
@@ -255,7 +255,7 @@ def _plan_build(
         return _stored_unit(brightest * max(-math.expm1(-depth) if of_opacity else depth, VISIBILITY_THRESHOLD))
 
     def classifier(of_opacity: bool) -> Classifier:
-        return make_classifier(volume, transfer, shading, opacity=of_opacity, field=light_field)
+        return make_classifier(volume, transfer, shading, opacity=of_opacity, grid=light_grid)
 
     mean_classifier = classifier(averages_opacity)
     error_classifier, normalization = None, None

@@ -11,10 +11,10 @@ from .camera_section import (
     check_frame_in_path as check_frame_in_path,
     check_frames_ascend as check_frames_ascend,
 )
+from .clip_section import MAX_CLIPS as MAX_CLIPS, ClipSpec as ClipSpec, PlaneSpec as PlaneSpec
 from .colormaps import (
     colormap_points as colormap_points,
 )
-from .cuts_section import MAX_CUTS as MAX_CUTS, CutSpec as CutSpec, PlaneSpec as PlaneSpec
 from .error_section import (
     ERROR_SECTION as ERROR_SECTION,
     MAX_LEVEL as MAX_LEVEL,

@@ -73,14 +73,14 @@ class ShadingSpec:
         return bool(_pointwise_keys(self))
 
     @property
-    def has_light_field(self) -> bool:
+    def has_light_grid(self) -> bool:
         """Return whether it needs to know how much light reaches each place."""
         return self.occlusion > 0 or self.shadow > 0
 
     @property
     def is_plain(self) -> bool:
         """Return whether it is Lambert shading by a fixed light, all of which arrives."""
-        return not (self.is_pointwise or self.has_light_field)
+        return not (self.is_pointwise or self.has_light_grid)
 
     @property
     def keys_for_bricks(self) -> list[str]:

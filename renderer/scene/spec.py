@@ -3,7 +3,7 @@
 The plain data come from a YAML or JSON reader: nested mappings, lists and scalars.
 
 Each large section of a scene has its own module (`volume_section`, `transfer_section`, `camera_section`,
-`error_section`, `splat_section`, `shading_section`, `mode_section`, `cuts_section`, `output_section`) with its
+`error_section`, `splat_section`, `shading_section`, `mode_section`, `clip_section`, `output_section`) with its
 dataclass: for each key the type that checks it, and its default. Nothing here imports numpy or OpenGL, so that
 `hsplat check` answers at once. Lengths are in world units (those of the volume's spacing), angles in degrees, colours
 in [0, 1] as given (display-referred), shapes, points and sizes in (x, y, z) and (width, height) order.
@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal
 from renderer.errors import Problem
 from renderer.scene import schema
 from renderer.scene.camera_section import CameraPath, CameraSpec
-from renderer.scene.cuts_section import CUTS_SECTION, CutSpec, check_what_is_cut
+from renderer.scene.clip_section import CLIP_SECTION, ClipSpec, check_what_is_clipped
 from renderer.scene.error_section import (
     ERROR_SECTION,
     ErrorSpec,
@@ -67,7 +67,7 @@ class Scene:
     pyramid: PyramidSpec = PyramidSpec()
     shading: ShadingSpec | None = None
     mode: Annotated[ModeSpec, MODE_SECTION] = field(default=ModeSpec())
-    cuts: Annotated[tuple[CutSpec, ...], CUTS_SECTION] = ()
+    clip: Annotated[tuple[ClipSpec, ...], CLIP_SECTION] = ()
     overlay: Literal["none", "octree", "bounds"] = "none"
     version: Annotated[int, _VERSION] = VERSION
 
@@ -102,7 +102,7 @@ class Scene:
         """Return a key that only bricks can show, if it has one."""
         asks = {
             "mode": self.mode.is_projection,
-            "cuts": bool(self.cuts),
+            "clip": bool(self.clip),
             "shading": self.shading is not None and bool(self.shading.keys_for_bricks),
         }
         return next((key for key, is_asked in asks.items() if is_asked), None)
@@ -123,7 +123,7 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     check_exact_picture(node.child("error"), given)
     check_mode(node, given)
     check_shading(node.child("shading"), given)
-    check_what_is_cut(node, given)
+    check_what_is_clipped(node, given)
     if not is_single_frame:
         check_frame_field(node.child("output"), given)
     scene = Scene(**given)
@@ -135,7 +135,7 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
 
 _SECTIONS = schema.field_table(Scene)
 
-# Keys that users put at the top level, and where they belong.
+# Keys that users put at the top level, and where they belong, or what they are called now.
 _MISPLACED_KEY_HINTS = {
     key: f"did you mean {place}.{key}?"
     for place, keys in {
@@ -145,7 +145,7 @@ _MISPLACED_KEY_HINTS = {
         "splat": ("footprint",),
     }.items()
     for key in keys
-}
+} | {"cuts": "cuts is called clip now"}
 
 
 # Back to plain data

@@ -31,7 +31,7 @@ from .strictness import (
     severity as severity,
 )
 from .sweep import (
-    FRAME_STAGES as FRAME_STAGES,
+    FRAME_STEPS as FRAME_STEPS,
     FirstPass as FirstPass,
     FrameMeasurement as FrameMeasurement,
     Measurement as Measurement,

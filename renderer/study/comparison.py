@@ -1,4 +1,4 @@
-"""Compare a picture of 8 bits with its golden frame: the metrics, their limits, and what exceeds them.
+"""Compare a picture of 8 bits with its golden frame, by several metrics.
 
 Most metrics are in grey steps, of which a channel has 255. If a picture has alpha, a colour is weighted by its opacity,
 in the more opaque of both pictures, and alpha is a channel beside the colours. Premultiplied colours would count a

@@ -22,7 +22,7 @@ class Strictness:
 # eleven kinds with splats and of ten with bricks. At `same-machine` must pass: other numbers of threads and vectors of
 # 128 to 512 bits, which change nothing, and one value in a thousand rounded differently: densest 0.047, FLIP 0.0003,
 # bias 0.0008. At `cross-driver`, with splats: softpipe, Mesa of 2021 and of 2025, zink, a processor without AVX, which
-# stay at 1 step and densest 0.02, except that softpipe draws a splat that the near plane cuts 4 steps off, with 0.66;
+# stay at 1 step and densest 0.02, except that softpipe draws a splat that the near plane clips 4 steps off, with 0.66;
 # with bricks: llvmpipe, softpipe and a processor without AVX, which change nothing, and rays moved by 0.0001 pixels: 2
 # steps, densest 0.05; with both: one value in five rounded differently: densest 0.45, FLIP 0.009, bias 0.10. Others
 # have seen up to 3 steps between processors. Limits that are not whole numbers leave a factor of at least 1.29. In

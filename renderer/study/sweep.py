@@ -31,13 +31,13 @@ from renderer.volume import UInt8
 _MAX_TOLERANCES = 10
 # Seconds on a software renderer with two cores. Only ratios matter, for the time remaining.
 _PER_CELL, _PER_TRIANGLE, _PER_SAMPLE, _PER_PICTURE = 1e-6, 1.2e-7, 1e-7, 0.4
-# Stages that are timed once a frame, and once a cut.
-FRAME_STAGES = ("order", "draw", "quantize")
-_CUT_STAGES = ("cut", "primitives")
+# Steps that are timed once a frame, and once a cut.
+FRAME_STEPS = ("order", "draw", "quantize")
+_CUT_STEPS = ("cut", "primitives")
 # After this time a setting is not drawn again.
 _REPEAT_LIMIT_S = 4.0
 
-Seconds = Mapping[str, float]  # by stage
+Seconds = Mapping[str, float]  # by step
 Truths = Sequence[Truth] | Sequence[SampledTruth]
 
 
@@ -60,7 +60,7 @@ class FrameMeasurement:
     """A record of what was measured of one frame at one setting.
 
     num_primitives: splats or bricks that the frame can show; None for a peer.
-    seconds: by stage, one for each warm repetition.
+    seconds: by step, one for each warm repetition.
     """
 
     frame: int
@@ -70,7 +70,7 @@ class FrameMeasurement:
 
     @property
     def frame_seconds(self) -> tuple[float, ...]:
-        """Return the sum of all stages, for each repetition."""
+        """Return the sum of all steps, for each repetition."""
         return tuple(map(sum, zip(*self.seconds.values(), strict=True)))
 
 
@@ -80,7 +80,7 @@ class Measurement:
 
     num_cells: cells or bricks in the cut; None for a peer.
     pyramid_seconds: the time to build the pyramid and bricks, once; None for a peer.
-    seconds: of the stages that serve many frames (cut, splats), one for each repetition; empty for a peer.
+    seconds: of the steps that serve many frames (cut, splats), one for each repetition; empty for a peer.
     overall: the accuracy over all frames together.
     peak_bytes: the peak memory of the process; None if the system does not know it.
     picture, difference: uint8 [h, w, 3], thumbnails of the first frame and of its difference from the truth, times
@@ -181,11 +181,11 @@ def measure_setting(stage: Stage, truths: Truths, rasterizer: Rasterizer, *, clo
     passes = _timed_passes(stage, numbers, rasterizer, clock, repeats, first_pass)
     return judged.measurement(
         nums_primitives,
-        [_repetitions(repetitions, FRAME_STAGES) for repetitions in zip(*passes, strict=True)],
+        [_repetitions(repetitions, FRAME_STEPS) for repetitions in zip(*passes, strict=True)],
         setting=splat_setting(stage.scene.error, stage.scene.splat),
         num_cells=frame.num_cells,
         pyramid_seconds=stage.seconds["pyramid"],
-        seconds=_repetitions([seconds[0] for seconds in passes], _CUT_STAGES),
+        seconds=_repetitions([seconds[0] for seconds in passes], _CUT_STEPS),
         peak_bytes=max(peaks, default=None),
     )
 
@@ -212,9 +212,9 @@ def _timed_passes(
     return passes
 
 
-def _repetitions(repetitions: Sequence[Seconds], stages: Sequence[str]) -> dict[str, tuple[float, ...]]:
-    """Return the seconds by stage of repetitions of a frame; stages that the film lacks are left out."""
-    there = [name for name in stages if all(name in seconds for seconds in repetitions)]
+def _repetitions(repetitions: Sequence[Seconds], steps: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    """Return the seconds by step of repetitions of a frame; steps that the film lacks are left out."""
+    there = [name for name in steps if all(name in seconds for seconds in repetitions)]
     return {name: tuple(seconds[name] for seconds in repetitions) for name in there}
 
 

@@ -8,12 +8,12 @@ Thresholds by Otsu 1979; densities by visibility, Correa and Ma 2011.
 - `histogram.py`: range, histogram; `isolated.py`: hot and dead pixels, which are set aside; `percentiles.py`: exact
   ranks.
 - `features.py`: a sample of the voxels, its background and noise; `classes.py`: thresholds and materials;
-  `medium.py`: what surrounds the object evenly; `separation.py`: the object, and planes that cut away what lies around
+  `medium.py`: what surrounds the object evenly; `separation.py`: the object, and planes that clip away what lies around
   it.
 - `recognition.py` chooses by the kind of data; `level_sets.py`: distances and the like; `labels.py`: masks and
   segmentations, in the colours of `palette.py`; `wishes.py`: a suggestion steered by a word, a preset or a file.
-- `presets.py`: layers and colours for each kind of data; `visibility.py`: how dense they are, so that each has its part
-  of the picture; `opacity.py`: depths as opacities.
+- `presets.py`: layers and colours for each kind of data; `opacity_calibration.py`: how dense they are, so that each has
+  its part of the picture; `opacity.py`: depths as opacities.
 - `turntable.py`: the defaults of the film around it.
 """
 

@@ -49,7 +49,7 @@ def material_edges(sample: VoxelSample, first: float) -> tuple[float, ...]:
     top = max(top_value(sample), first + 1e-6)
     counts, edges = np.histogram(sample.normalized, _NUM_BINS, (first, top))
     # Roots let small materials count.
-    ends = [first, *(float(edges[cut]) for cut in otsu_cuts(np.sqrt(counts), _MAX_CLASSES)), top]
+    ends = [first, *(float(edges[cut]) for cut in otsu_thresholds(np.sqrt(counts), _MAX_CLASSES)), top]
     kept = [high for low, high in pairwise(ends[:-1]) if low < high and not _is_made_of_edges(sample, low, high)]
     return (first, *kept, top)
 
@@ -71,7 +71,7 @@ def otsu_threshold(values: Float64, low: float, high: float, min_separation: flo
     counts, edges = np.histogram(values, _NUM_BINS, (low, high))
     if np.count_nonzero(counts) < 2:
         return None
-    (cut,) = otsu_cuts(counts, 2)
+    (cut,) = otsu_thresholds(counts, 2)
     # Sums of squared distances from the mean, in bins: of all values, and on either side.
     total, below, above = (
         float(np.cov(np.arange(_NUM_BINS)[part], fweights=counts[part], ddof=0)) * counts[part].sum()
@@ -87,7 +87,7 @@ def otsu_threshold(values: Float64, low: float, high: float, min_separation: flo
     return float(edges[first + 1 + lowest[len(lowest) // 2]])
 
 
-def otsu_cuts(counts: Float64, num_classes: int) -> tuple[int, ...]:
+def otsu_thresholds(counts: Float64, num_classes: int) -> tuple[int, ...]:
     """Return the first bins of all classes but the lowest, with the largest variance between the classes.
 
     N. Otsu, "A Threshold Selection Method from Gray-Level Histograms", IEEE Trans. SMC 9(1), 1979; P.-S. Liao et al.,
@@ -104,7 +104,7 @@ def otsu_cuts(counts: Float64, num_classes: int) -> tuple[int, ...]:
         joined = best[:, None] + part
         origins.append(joined.argmax(axis=0))
         best = joined.max(axis=0)
-    cuts = [len(counts)]
+    starts = [len(counts)]
     for origin in reversed(origins):
-        cuts.append(int(origin[cuts[-1]]))
-    return tuple(reversed(cuts[1:]))
+        starts.append(int(origin[starts[-1]]))
+    return tuple(reversed(starts[1:]))

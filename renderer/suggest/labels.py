@@ -12,10 +12,10 @@ from renderer.scene import Color, ControlPoint, SplatSpec, TransferSpec
 from renderer.suggest.features import VoxelSample, faces
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.opacity import format_number, opacity_from_depth, opacity_unit_length
+from renderer.suggest.opacity_calibration import CRISP_SURFACE_DEPTH, Layer, cast_rays, solve_depths
 from renderer.suggest.palette import distinct_colors
 from renderer.suggest.presets import OPAQUE_COVERAGE, SHADING, STONE, flip_light
 from renderer.suggest.suggestion import Suggestion, with_colormap
-from renderer.suggest.visibility import CRISP_SURFACE_DEPTH, Layer, cast_rays, solve_depths
 from renderer.volume import Bools, Volume, iter_slabs
 
 _MAX_LABELS = 4096

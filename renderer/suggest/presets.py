@@ -1,7 +1,7 @@
 """Presets: the layers of values and the colours that suit a kind of data, one function for each kind.
 
-Values are normalised to the volume's range, as in `renderer.suggest.features`. `renderer.suggest.visibility` finds how
-dense the layers are.
+Values are normalised to the volume's range, as in `renderer.suggest.features`. `renderer.suggest.opacity_calibration`
+finds how dense the layers are.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ import numpy as np
 from renderer.scene import Color, ShadingSpec, colormap_points
 from renderer.suggest.classes import material_edges, otsu_threshold, top_value
 from renderer.suggest.features import VoxelSample
+from renderer.suggest.opacity_calibration import CRISP_SURFACE_DEPTH, Layer
 from renderer.suggest.palette import FIELD_COLORMAP, FIELD_DARKEST
 from renderer.suggest.separation import are_deep
-from renderer.suggest.visibility import CRISP_SURFACE_DEPTH, Layer
 from renderer.volume import Bools, Float64
 
 T = TypeVar("T")
@@ -38,7 +38,7 @@ class Preset:
 
     layers: their sum is the extinction. colors: (normalised value, colour), ascending; linear between. coverage: the
         mean opacity of the rays that meet anything. is_scan: of an object, perhaps with a table or the like around it.
-        is_closed: the object's outside hides its inside, so that a corner is cut out.
+        is_closed: the object's outside hides its inside, so that a corner is clipped.
     """
 
     layers: tuple[Layer, ...]
@@ -149,9 +149,9 @@ def materials_preset(sample: VoxelSample, first: float) -> Preset:
 # At least these parts of what is visible, and of the innermost material, lie deep inside; of the densest material, at
 # most one half of the latter. Brains have 0.29 to 0.41, but no denser material outside; a pot with a tree has 0.24.
 _MIN_SOLID, _MIN_INNER, _MIN_INNER_RATIO = 0.27, 0.35, 2.0
-_CUT_COLORS = ((0.28, 0.15, 0.13), (0.74, 0.50, 0.41), (0.98, 0.86, 0.74), (1.0, 1.0, 0.97))
-# Cut faces have no surfaces: most of their light is ambient.
-_CUT_SHADING = replace(SHADING, ambient=0.9, diffuse=0.3, occlusion=0.6)
+_CLIP_COLORS = ((0.28, 0.15, 0.13), (0.74, 0.50, 0.41), (0.98, 0.86, 0.74), (1.0, 1.0, 0.97))
+# The faces of a clip box have no surfaces: most of their light is ambient.
+_CLIP_SHADING = replace(SHADING, ambient=0.9, diffuse=0.3, occlusion=0.6)
 
 
 def _is_closed(sample: VoxelSample, ends: Sequence[float]) -> bool:
@@ -171,8 +171,8 @@ def _closed_preset(sample: VoxelSample, ends: Sequence[float]) -> Preset:
     first, *between, last, top = ends
     second = between[0] if between else otsu_threshold(sample.normalized, first, last) or (first + last) / 2
     layer = Layer("the object", ((first, 0.0), (second, 1.0)), min_depth=3.0)
-    colors = tuple(zip((first, second, last, top), _CUT_COLORS, strict=True))
-    return Preset((layer,), colors, OPAQUE_COVERAGE, _CUT_SHADING, is_scan=True, is_closed=True)
+    colors = tuple(zip((first, second, last, top), _CLIP_COLORS, strict=True))
+    return Preset((layer,), colors, OPAQUE_COVERAGE, _CLIP_SHADING, is_scan=True, is_closed=True)
 
 
 # Fields: no materials, but values that rise from the background to a peak. Thin shells show them at some levels.

@@ -1,7 +1,7 @@
-"""Tell the object from what lies around it, and cut the rest away: tables, holders, frames and specks.
+"""Tell the object from what lies around it, and clip the rest away: tables, holders, frames and specks.
 
 What is visible falls into connected parts. The object is the largest part that is not a sheet, with the parts beside it
-that are not much smaller. Planes that touch the object cut away what is beyond them.
+that are not much smaller. Planes that touch the object clip away what is beyond them.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.scene import MAX_CUTS, CutSpec, PlaneSpec, Vector
+from renderer.scene import MAX_CLIPS, ClipSpec, PlaneSpec, Vector
 from renderer.suggest.features import VoxelSample
 from renderer.volume import Bools, Float64, Int64
 
@@ -25,8 +25,8 @@ _MIN_VOLUME, _GAP, _MIN_VOLUME_AT_SHEET = 0.002, 2, 0.1
 # The thickness of a sheet is less than this part of its diagonal: plates have 0.03 to 0.06, a ball 0.2. A sheet that
 # reaches the border is a table, a holder or a frame.
 _MAX_SHEET_THICKNESS = 0.09
-# Planes must cut away this part of what is visible, or make it this much smaller.
-_MIN_CUT, _MIN_SHRINKAGE = 0.01, 0.1
+# Planes must clip away this part of what is visible, or make it this much smaller.
+_MIN_CLIPPED, _MIN_SHRINKAGE = 0.01, 0.1
 # So much of what is not the object lies beyond planes that touch it: parts of which less does are within it.
 _MIN_BEYOND = 0.3
 # What is left has at least this part: a larger sheet is a part of the object, such as the plate on an engine.
@@ -48,7 +48,7 @@ class Plane(NamedTuple):
 
 
 def separating_planes(sample: VoxelSample, is_visible: Bools) -> list[Plane]:
-    """Return up to six planes that cut away what is not the object.
+    """Return up to six planes that clip away what is not the object.
 
     is_visible: bool [z, y, x], of the sample's voxels.
     """
@@ -93,18 +93,18 @@ def corner_box(sample: VoxelSample, is_visible: Bools) -> tuple[Float64, Float64
     return np.array([x, -far[1], z]), np.array([far[0], y, far[2]])
 
 
-def cut_specs(
+def clip_specs(
     planes: Sequence[Plane], corner: tuple[Float64, Float64] | None, centre: Float64, diagonal: float
-) -> tuple[CutSpec, ...]:
-    """Return planes, and a box if a corner is cut out, as a scene has them: rounded to a thousandth of the diagonal.
+) -> tuple[ClipSpec, ...]:
+    """Return planes, and a box if a corner is clipped, as a scene has them: rounded to a thousandth of the diagonal.
 
     centre: of the volume, in the world.
     """
-    cuts = [CutSpec(plane=PlaneSpec(_rounded(at + centre, diagonal), _rounded(normal, 1.0))) for at, normal in planes]
+    clip = [ClipSpec(plane=PlaneSpec(_rounded(at + centre, diagonal), _rounded(normal, 1.0))) for at, normal in planes]
     if corner is not None:
         low, high = (_rounded(end + centre, diagonal) for end in corner)
-        cuts[MAX_CUTS - 1 :] = [CutSpec(box=(low, high))]
-    return tuple(cuts)
+        clip[MAX_CLIPS - 1 :] = [ClipSpec(box=(low, high))]
+    return tuple(clip)
 
 
 def _rounded(vector: Float64, extent: float) -> Vector:
@@ -114,7 +114,7 @@ def _rounded(vector: Float64, extent: float) -> Vector:
 
 
 def are_beyond(sample: VoxelSample, planes: Sequence[Plane]) -> Bools:
-    """Return which of the sample's voxels planes cut away, bool [z, y, x]."""
+    """Return which of the sample's voxels planes clip away, bool [z, y, x]."""
     found = np.zeros(sample.normalized.shape, bool)
     sides = zip(sample.normalized.shape, sample.spacing, strict=True)
     places = [(np.arange(num) + 0.5 - num / 2) * side for num, side in sides]
@@ -221,19 +221,19 @@ def _grow(cells: Bools, distance: int) -> Bools:
 
 
 def _touching_planes(points: Float64, heights: Float64, limits: Float64) -> list[Plane]:
-    """Return planes that touch the object, those first that cut most away; none if they are not worth it.
+    """Return planes that touch the object, those first that clip most away; none if they are not worth it.
 
     points: of the centres of all cells, float64 [n, 3]. heights: along each normal. limits: of the object.
     """
     is_beyond, is_left, chosen = heights > limits, np.ones(len(points), bool), list[int]()
-    while len(chosen) < MAX_CUTS:
+    while len(chosen) < MAX_CLIPS:
         counts = is_beyond[is_left].sum(axis=0)
         if not counts.max():
             break
         chosen.append(int(counts.argmax()))
         is_left &= ~is_beyond[:, chosen[-1]]
     before, after = (float(np.linalg.norm(np.ptp(part, axis=0))) for part in (points, points[is_left]))
-    is_worth_it = np.mean(~is_left) >= _MIN_CUT or after <= (1 - _MIN_SHRINKAGE) * before
+    is_worth_it = np.mean(~is_left) >= _MIN_CLIPPED or after <= (1 - _MIN_SHRINKAGE) * before
     if not is_worth_it or np.mean(is_left) < _MIN_LEFT:
         return []
     return [Plane(limits[k] * _NORMALS[k], _DIRECTIONS[k]) for k in chosen]

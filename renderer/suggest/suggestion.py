@@ -9,7 +9,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from renderer.scene import ColormapSpec, ControlPoint, CutSpec, ShadingSpec, SplatSpec, TransferSpec
+from renderer.scene import ClipSpec, ColormapSpec, ControlPoint, ShadingSpec, SplatSpec, TransferSpec
 from renderer.suggest.features import VoxelSample
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.isolated import OutlierValue
@@ -46,7 +46,7 @@ class Suggestion:
     is_categorical: the values are labels, and no value between two labels means anything. splat: how to draw; None
         for the default.
     outlier_notes: a clause for each outlier or nodata value that is not shown.
-    cuts: planes that cut away what is not the object, and a box to look into it.
+    clip: planes that clip away what is not the object, and a box to look into it.
     visible: what the picture shows, over a turntable.
     """
 
@@ -58,7 +58,7 @@ class Suggestion:
     is_categorical: bool = False
     splat: SplatSpec | None = None
     outlier_notes: tuple[str, ...] = ()
-    cuts: tuple[CutSpec, ...] = ()
+    clip: tuple[ClipSpec, ...] = ()
     visible: tuple[ShownLayer, ...] = ()
 
 

@@ -1,7 +1,7 @@
 """Suggest how to show a volume, and give the reason in words.
 
-Labels, or the kind of data (`recognition.py`) or a wish (`wishes.py`), give a preset. Planes cut away what is not the
-object (`separation.py`), and densities are solved for what the picture shows (`visibility.py`).
+Labels, or the kind of data (`recognition.py`) or a wish (`wishes.py`), give a preset. Planes clip away what is not the
+object (`separation.py`), and densities are solved for what the picture shows (`opacity_calibration.py`).
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ from renderer.suggest.features import VoxelSample
 from renderer.suggest.histogram import Statistics, compute_statistics
 from renderer.suggest.labels import distinct_values, label_suggestion, label_values
 from renderer.suggest.opacity import format_number, format_percent, opacity_from_depth, opacity_unit_length
+from renderer.suggest.opacity_calibration import cast_rays, measure_visibility, solve_depths
 from renderer.suggest.presets import Choice, Preset
 from renderer.suggest.recognition import hounsfield_zero, logarithmic_choice, recognise
-from renderer.suggest.separation import Plane, are_beyond, corner_box, cut_specs, separating_planes
+from renderer.suggest.separation import Plane, are_beyond, clip_specs, corner_box, separating_planes
 from renderer.suggest.suggestion import (
     ShownLayer,
     Suggestion,
@@ -33,7 +34,6 @@ from renderer.suggest.suggestion import (
     with_colormap,
     with_logarithmic_scale,
 )
-from renderer.suggest.visibility import cast_rays, measure_visibility, solve_depths
 from renderer.suggest.wishes import LABELS_WISH, WISHES, Wish, choose_by_word, imported_suggestion
 from renderer.volume import Float64, Volume
 
@@ -132,7 +132,7 @@ def _suggest_from(volume: Volume, statistics: Statistics, sample: VoxelSample, w
     choice, planes = choose(sample, zero), list[Plane]()
     if choice.preset.is_scan:
         planes = separating_planes(sample, choice.preset.covers(sample.normalized))
-    if planes:  # what is cut away is none of the materials
+    if planes:  # what is clipped away is none of the materials
         sample = features.without(sample, are_beyond(sample, planes))
         again = choose(sample, zero)
         choice = again if again.kind == choice.kind else choice
@@ -142,7 +142,7 @@ def _suggest_from(volume: Volume, statistics: Statistics, sample: VoxelSample, w
 def _chosen_suggestion(choice: Choice, sample: VoxelSample, planes: Sequence[Plane], centre: Float64) -> Suggestion:
     """Return the suggestion of a preset.
 
-    sample: without what the planes cut away. centre: of the volume, in the world.
+    sample: without what the planes clip away. centre: of the volume, in the world.
     """
     kind, reason, preset = choice
     rays = cast_rays(sample)
@@ -151,11 +151,11 @@ def _chosen_suggestion(choice: Choice, sample: VoxelSample, planes: Sequence[Pla
     mapping, notes = _control_points(sample, preset, solved, visible)
     corner = None
     if preset.is_closed:
-        reason += "; its outside hides what is inside, so that a corner is cut out"
+        reason += "; its outside hides what is inside, so that a corner is clipped"
         corner = corner_box(sample, preset.covers(sample.normalized))
-    cuts = cut_specs(planes, corner, centre, sample.diagonal)
+    clip = clip_specs(planes, corner, centre, sample.diagonal)
     transfer = TransferSpec(mapping, opacity_unit_length(sample.diagonal))
-    return Suggestion(kind, reason, transfer, notes, preset.shading, cuts=cuts, visible=visible)
+    return Suggestion(kind, reason, transfer, notes, preset.shading, clip=clip, visible=visible)
 
 
 def _control_points(

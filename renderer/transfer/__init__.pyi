@@ -5,10 +5,10 @@ from .classify import (
     raw_voxels as raw_voxels,
     toward_light as toward_light,
 )
-from .light_field import (
-    NO_LIGHT_FIELD as NO_LIGHT_FIELD,
-    LightField as LightField,
-    make_light_field as make_light_field,
+from .light_grid import (
+    NO_LIGHT_GRID as NO_LIGHT_GRID,
+    LightGrid as LightGrid,
+    make_light_grid as make_light_grid,
 )
 from .piecewise import (
     GUIDE_SIZE as GUIDE_SIZE,

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene import ShadingSpec
-from renderer.transfer.light_field import NO_LIGHT_FIELD, LightField
+from renderer.transfer.light_grid import NO_LIGHT_GRID, LightGrid
 from renderer.transfer.piecewise import TransferTable
 from renderer.transfer.transfer_function import VISIBILITY_THRESHOLD, TransferFunction, visibility_breakpoints
 from renderer.volume import Float32, Float64, Volume
@@ -29,12 +29,12 @@ class VoxelLighting(NamedTuple):
 
     light: the unit vector towards the light in world axes, ambient, diffuse.
     world_from_gradient: float64 [3, 3], takes a gradient along the index axes to the world.
-    field: how much of the light reaches each voxel; NO_LIGHT_FIELD where all of it does.
+    grid: how much of the light reaches each voxel; NO_LIGHT_GRID where all of it does.
     """
 
     light: tuple[float, float, float, float, float]
     world_from_gradient: Float64
-    field: LightField
+    grid: LightGrid
 
 
 class Classifier(NamedTuple):
@@ -68,15 +68,15 @@ def make_classifier(
     shading: ShadingSpec | None,
     *,
     opacity: bool,
-    field: LightField = NO_LIGHT_FIELD,
+    grid: LightGrid = NO_LIGHT_GRID,
 ) -> Classifier:
-    """Prepare classification of this volume's voxels, in opacities or in optical depths. field: of the shading."""
+    """Prepare classification of this volume's voxels, in opacities or in optical depths. grid: of the shading."""
     finest_spacing, dtype = volume.finest_spacing, volume.values.dtype
     breakpoints, lighting = visibility_breakpoints(transfer, finest_spacing), None
     if shading:
         x, y, z = toward_light(shading).tolist()
         to_world = np.ascontiguousarray(np.linalg.inv(volume.world_from_index[:3, :3]).T)
-        lighting = VoxelLighting((x, y, z, float(shading.ambient), float(shading.diffuse)), to_world, field)
+        lighting = VoxelLighting((x, y, z, float(shading.ambient), float(shading.diffuse)), to_world, grid)
     if dtype.itemsize > 2:
         return Classifier(None, None, transfer.curve(finest_spacing), opacity, lighting, breakpoints)
     patterns = np.arange(1 << 8 * dtype.itemsize, dtype=f"u{dtype.itemsize}").view(dtype)

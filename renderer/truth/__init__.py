@@ -6,7 +6,7 @@ order of convergence (Etiene et al. 2014).
 
 - `scene_rays.py`: the rays of a scene, in the colours of its mode, and the search for the largest scalar of a ray.
 - `integrator.py`: the image, and the steps halved until it converges; `optics.py`: the transfer function and the light,
-  as kernels take them; `cutting.py`: the parts of rays that cuts leave.
+  as kernels take them; `clipping.py`: the parts of rays that clipping leaves.
 - In the kernels: `truth_integral.cpp`, one ray; `truth_extremum.cpp`, its largest scalar; `truth_cells.h`, the cells
   along a ray; `truth_cells.cpp`, the voxels at their corners; `truth_cubic.h`, the field along a ray through a cell is
   a cubic polynomial; `truth_light.h`, the light on a point of a ray.

@@ -24,8 +24,8 @@ import numpy as np
 from renderer.errors import RenderError
 from renderer.kernels import kernels
 from renderer.scene import ShadingSpec
-from renderer.transfer import NO_LIGHT_FIELD, LightField, TransferFunction
-from renderer.truth.cutting import kept_parts
+from renderer.transfer import NO_LIGHT_GRID, LightGrid, TransferFunction
+from renderer.truth.clipping import kept_parts
 from renderer.truth.optics import for_macrocells, intervals_of, largest_magnitude_scale, readable_values, shading_of
 from renderer.view import View
 from renderer.volume import Float64, Int64, Volume
@@ -42,7 +42,7 @@ _FIRST_STEP, _MAX_HALVINGS = 1.0, 12
 
 
 class IndexRays(NamedTuple):
-    """A set of rays in index space, and their parts that are not cut away.
+    """A set of rays in index space, and their parts that are not clipped away.
 
     origins, directions: float64 [n, 3]; the directions are of unit length in the world. parts: float64 [n, k, 2], world
     lengths from the origin at which parts start and end, one behind the other; some are empty.
@@ -129,7 +129,7 @@ class RayIntegrator:
         transfer: TransferFunction,
         shading: ShadingSpec | None = None,
         *,
-        light_field: LightField = NO_LIGHT_FIELD,
+        light_grid: LightGrid = NO_LIGHT_GRID,
         num_threads: int = 2,
     ) -> None:
         values = readable_values(volume)
@@ -139,7 +139,7 @@ class RayIntegrator:
             values=values,
             macrocells=for_macrocells(values.shape, np.uint8(0)),
             intervals=self._intervals,
-            shading=None if shading is None else shading_of(shading, light_field, volume, scale),
+            shading=None if shading is None else shading_of(shading, light_grid, volume, scale),
         )
         self._volume, self._num_threads, self._is_shaded = volume, num_threads, shading is not None
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene import ShadingSpec
-from renderer.transfer import LightField, TransferFunction
+from renderer.transfer import LightGrid, TransferFunction
 from renderer.volume import Float64, Volume
 
 # Scalars are scaled so that the largest scalar or control value lies between these powers of two, as it usually does:
@@ -43,7 +43,7 @@ class RayShading(NamedTuple):
     light: float64 [3], the unit vector to the light; not used where it is the camera's.
     world_from_index, world_from_gradient: float64 [3, 3], of positions, and of gradients along the index axes.
     factors: float64 [n, 3], on extinction: a gradient's magnitude, times `Intervals.scale`, the factor there and its
-        slope up to the next one. field: how much of the light arrives.
+        slope up to the next one. grid: how much of the light arrives.
     """
 
     is_plain: bool
@@ -57,7 +57,7 @@ class RayShading(NamedTuple):
     world_from_index: Float64
     world_from_gradient: Float64
     factors: Float64
-    field: LightField
+    grid: LightGrid
 
 
 def for_macrocells(shape: tuple[int, ...], unknown: Any) -> npt.NDArray[Any]:
@@ -104,7 +104,7 @@ def intervals_of(transfer: TransferFunction, scale: float) -> Intervals:
     return Intervals(knots, np.column_stack([base, slope, origin, num_opaque_below]), scale)
 
 
-def shading_of(spec: ShadingSpec, field: LightField, volume: Volume, scale: float) -> RayShading:
+def shading_of(spec: ShadingSpec, grid: LightGrid, volume: Volume, scale: float) -> RayShading:
     """Return the light for scalars that are multiplied by `scale`."""
     index_from_world = np.linalg.inv(volume.world_from_index[:3, :3])
     is_camera = spec.light == "camera"
@@ -115,7 +115,7 @@ def shading_of(spec: ShadingSpec, field: LightField, volume: Volume, scale: floa
         np.linalg.inv(index_from_world),
         index_from_world.T,  # a gradient transforms with the transposed inverse of the map of points
         _gradient_factors(spec.gradient_opacity or (), scale),
-        field,
+        grid,
     )
 
 

@@ -32,7 +32,7 @@ class SceneRays:
         else:
             options: dict[str, Any] = {"num_threads": num_threads}
             if stage.bricks is not None:
-                options["light_field"] = stage.bricks.light_field
+                options["light_grid"] = stage.bricks.light_grid
             optics = make_transfer_function(scene.transfer_function, volume.finest_spacing)
             if self._projection is not None:
                 optics = self._projection.optics

@@ -5,7 +5,7 @@ from .brick_projection import (
     visible_bricks as visible_bricks,
 )
 from .camera import View as View
-from .cutting import Cuts as Cuts, are_cut_away as are_cut_away, place_cuts as place_cuts
+from .clipping import ClipRegion as ClipRegion, are_clipped_away as are_clipped_away, place_clips as place_clips
 from .framing import (
     corners_around as corners_around,
     finest_useful_level as finest_useful_level,

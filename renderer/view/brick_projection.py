@@ -15,7 +15,7 @@ import numpy as np
 from renderer.bricks import BRICK_LEVELS, BrickBatch
 from renderer.kernels import kernels
 from renderer.view.camera import View
-from renderer.view.cutting import Cuts, are_cut_away, place_cuts
+from renderer.view.clipping import ClipRegion, are_clipped_away, place_clips
 from renderer.view.depth_order import box_order
 from renderer.view.splat_projection import model_view
 from renderer.volume import Float64, UInt32, Volume
@@ -34,7 +34,7 @@ class RaySetup(NamedTuple):
     slope_per_px: a ray's length per unit of depth is `sqrt(1 + slope_per_px^2 (x^2 + y^2))`.
     start: where the near plane is, in model units along the direction.
     center_px: (x, y) of the image's centre.
-    cuts: of the view, if it has any.
+    clip: what is left of the volume, if the view clips it.
     """
 
     origins: Float64
@@ -42,7 +42,7 @@ class RaySetup(NamedTuple):
     slope_per_px: float
     start: float
     center_px: tuple[float, float]
-    cuts: Cuts | None
+    clip: ClipRegion | None
 
 
 def ray_setup(volume: Volume, length: float, view: View) -> RaySetup:
@@ -62,21 +62,21 @@ def ray_setup(volume: Volume, length: float, view: View) -> RaySetup:
         float(slope),
         float(view.near / length - depth),
         (view.size[0] / 2, view.size[1] / 2),
-        place_cuts(volume, view.cuts, view),
+        place_clips(volume, view.clip, view),
     )
 
 
 def visible_bricks(batch: BrickBatch, view: View) -> UInt32:
     """Return the bricks that may touch the image, in their exact order front to back: uint32 [k].
 
-    Those that are cut away as a whole are left out.
+    Those that are clipped away as a whole are left out.
     """
     cut = batch.cut
     rectangles = screen_rectangles(batch, np.arange(len(cut), dtype=np.uint32), view)
     order = box_order(cut.levels + np.uint8(BRICK_LEVELS), cut.cells, cut.volume, view)[::-1]
     is_visible = (rectangles[:, 0] < rectangles[:, 2]) & (rectangles[:, 1] < rectangles[:, 3])
-    if (cuts := place_cuts(cut.volume, view.cuts, view)) is not None:
-        is_visible &= ~are_cut_away(cuts, cut.visible_bounds - cut.volume.centre_index)
+    if (clip := place_clips(cut.volume, view.clip, view)) is not None:
+        is_visible &= ~are_clipped_away(clip, cut.visible_bounds - cut.volume.centre_index)
     return order[is_visible[order]]
 
 
@@ -84,7 +84,7 @@ def screen_rectangles(batch: BrickBatch, order: UInt32, view: View) -> Float64:
     """Return rectangles around the visible bounds of bricks: float64 [n, 4], left, top, right and bottom, in pixels.
 
     They are clipped to the image, enlarged by what the coarsest pixel grid has beyond its edges. They are empty (right
-    <= left or bottom <= top) where the bounds are not in the image, and the whole of it where the eye plane cuts them.
+    <= left or bottom <= top) where the bounds are not in the image, and the whole of it where the eye plane clips them.
     """
     volume, camera = batch.cut.volume, model_view(batch, view)
     view_from_index = view.axes @ volume.world_from_index[:3, :3] / batch.model_unit

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from renderer.scene import CutSpec
+from renderer.scene import ClipSpec
 from renderer.volume import Float64
 
 
@@ -21,7 +21,7 @@ class View:
     scale_px: perspective: focal length in pixels; orthographic: pixels per world unit.
     size: (width, height) in pixels.
     near: world distance from the eye plane within which nothing is drawn, >= 0.
-    cuts: what is cut away is not drawn, either.
+    clip: what is clipped away is not drawn, either.
 
     A view-space point (x, y, z) projects to column `width / 2 + scale_px * x / w` and row `height / 2 - scale_px * y /
     w`, in pixels from the top left corner of the image, with w = -z in perspective and 1 otherwise.
@@ -37,7 +37,7 @@ class View:
     scale_px: float
     size: tuple[int, int]
     near: float = 0.0
-    cuts: tuple[CutSpec, ...] = ()
+    clip: tuple[ClipSpec, ...] = ()
 
     def view_from_world(self, points_world: Float64) -> Float64:
         """Transform world positions [..., 3] to view space: float64 [..., 3]. Differences are taken first."""

@@ -16,7 +16,7 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.pyramid import Pyramid
 from renderer.scene import CameraSpec, Vector
-from renderer.view.cutting import Cuts, are_cut_away
+from renderer.view.clipping import ClipRegion, are_clipped_away
 from renderer.view.paths import focal_length_px, iter_camera_poses
 from renderer.volume import Bools, Float64, Int64, Volume
 
@@ -103,15 +103,15 @@ def _largest_product(points: Float64, normals: Float64, least: float) -> float:
     return least
 
 
-def visible_points(pyramid: Pyramid, cuts: Cuts | None = None) -> Float64:
+def visible_points(pyramid: Pyramid, clip: ClipRegion | None = None) -> Float64:
     """Return world positions of corners of visible cells that have the extremes of all in every direction.
 
     float64 [n, 3]; the corners of the whole volume where nothing is visible. The cells are 1/128 of the volume or
-    smaller, down to two voxels (`Pyramid.occupied`). cuts: cells that they remove do not count.
+    smaller, down to two voxels (`Pyramid.occupied`). clip: cells outside do not count.
     """
     volume, level = pyramid.volume, pyramid.occupied_level
     shape = np.array(volume.shape_xyz)
-    occupied = pyramid.occupied if cuts is None else _without_cut_cells(pyramid, cuts)
+    occupied = pyramid.occupied if clip is None else _without_clipped_cells(pyramid, clip)
     rows = occupied.any(axis=2)
     if not rows.any():
         return volume_corners(volume)
@@ -125,7 +125,7 @@ def visible_points(pyramid: Pyramid, cuts: Cuts | None = None) -> Float64:
     return _to_world(volume, np.minimum(corners.astype(np.int64) << level, shape) - 0.5)
 
 
-def _without_cut_cells(pyramid: Pyramid, cuts: Cuts) -> Bools:
+def _without_clipped_cells(pyramid: Pyramid, clip: ClipRegion) -> Bools:
     """Return which occupied cells are left, at least in part."""
     volume, left = pyramid.volume, np.zeros_like(pyramid.occupied)
     for z in range(len(left)):  # a plane at a time, to bound memory
@@ -133,7 +133,7 @@ def _without_cut_cells(pyramid: Pyramid, cuts: Cuts) -> Bools:
         first = np.column_stack([x, y, np.full_like(x, z)]) << pyramid.occupied_level
         last = np.minimum(first + (1 << pyramid.occupied_level), volume.shape_xyz)
         bounds = np.stack([first, last], axis=1) - 0.5 - volume.centre_index
-        left[z, y, x] = ~are_cut_away(cuts, bounds)
+        left[z, y, x] = ~are_clipped_away(clip, bounds)
     return left
 
 

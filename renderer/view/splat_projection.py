@@ -19,7 +19,7 @@ from renderer.volume import Float64, UInt32
 # approximation of perspective (Zwicker et al. 2001, "EWA Splatting") diverges for splats beside the eye.
 SLOPE_LIMIT = 1.3
 
-# The near plane cuts splats whose centre is less than CLIPPED_SIGMAS standard deviations behind it, and leaves nothing
+# The near plane clips splats whose centre is less than CLIPPED_SIGMAS standard deviations behind it, and leaves nothing
 # of those whose centre is CULLED_SIGMAS or more in front of it.
 CLIPPED_SIGMAS, CULLED_SIGMAS = 5.0, 4.0
 
@@ -97,7 +97,7 @@ def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
     nearest, slopes, limit = 1.0, np.zeros(2), np.zeros(2)
     if camera.perspective:
         nearest = origin[2] - radius
-        if nearest - camera.near <= CLIPPED_SIGMAS * sigma:  # a splat that the near plane cuts may be anywhere
+        if nearest - camera.near <= CLIPPED_SIGMAS * sigma:  # a splat that the near plane clips may be anywhere
             return Region(0, 0, *camera.size)
         slopes, limit = origin[:2] / origin[2], camera.slope_limit
     magnification = camera.scale_px / nearest

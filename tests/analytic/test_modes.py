@@ -142,7 +142,7 @@ def test_depth_is_where_the_only_maximum_is() -> None:
 @pytest.mark.parametrize("affine", ["straight", "oblique"])
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_pictures_are_the_exact_rays(mode: str, affine: str, camera: str) -> None:
-    """At tolerance 0; over several bricks, which the border cuts."""
+    """At tolerance 0; over several bricks, which the border clip."""
     scene = scene_of(mode, camera=camera)
     stage = stage_of(placed(noise((35, 18, 40)), AFFINES[affine]), scene)
     image, truth = drawn(stage), exact(stage)
@@ -153,7 +153,7 @@ def test_pictures_are_the_exact_rays(mode: str, affine: str, camera: str) -> Non
         assert np.abs(image - truth).max() < 2e-6
 
 
-CUTS = (
+CLIPS = (
     [{"plane": {"point": [10, 8, 6], "normal": [1, -1, 0.4]}}],
     [{"box": [[-100, -100, -100], [18, 9, 14]]}, {"box": [[20, 10, 15], [26, 14, 22]]}],
     [{"plane": {"point": [0, 0, 1], "normal": [0.2, 0, 1]}, "fixed": "camera"}],
@@ -161,18 +161,18 @@ CUTS = (
 
 
 @EACH_MODE
-@pytest.mark.parametrize("cuts", CUTS, ids=["plane", "boxes", "camera"])
-def test_what_is_cut_away_does_not_count(mode: str, cuts: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("clip", CLIPS, ids=["plane", "boxes", "camera"])
+def test_what_is_clipped_away_does_not_count(mode: str, clip: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
     """With any number of threads, at any tolerance."""
     monkeypatch.setattr(threads, "MIN_PIXELS_PER_THREAD", 1)
     values = noise((35, 18, 40))
-    scene, whole = scene_of(mode, cuts=cuts), scene_of(mode)
+    scene, whole = scene_of(mode, clip=clip), scene_of(mode)
     stage = stage_of(placed(values), scene)
     image, truth = drawn(stage), exact(stage)
     assert np.abs(truth - exact(stage_of(placed(values), whole))).max() > 0.05
     rmse = float(np.sqrt(((image - truth) ** 2).mean()))
     assert rmse < (2e-3 if mode == "depth" else 2e-4), rmse
-    for each in (stage, stage_of(placed(values), scene_of(mode, cuts=cuts, tolerance=0.3))):
+    for each in (stage, stage_of(placed(values), scene_of(mode, clip=clip, tolerance=0.3))):
         assert np.array_equal(drawn(each, num_threads=3), drawn(each, num_threads=1))
 
 

@@ -1,4 +1,4 @@
-"""Occlusion and shadows in pictures: against exact rays that interpolate the same field, and against plainer lights."""
+"""Occlusion and shadows in pictures: against exact rays that interpolate the same grid, and against plainer lights."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stage_pictures import decibels, drawn, exact
 
 from renderer.frame import open_stage
 from renderer.scene import Scene, ShadingSpec, parse_scene, with_tolerance
-from renderer.transfer import make_light_field
+from renderer.transfer import make_light_grid
 
 SLANTED = (1.0, -2.0, 1.5)
 KINDS = {
@@ -85,8 +85,8 @@ def test_a_field_that_is_constant_scales_the_light(shading: ShadingSpec) -> None
         assert stage.bricks is not None
         grid = np.full((4, 5, 6), 0.2, np.float32)
         has = shading.occlusion > 0, shading.shadow > 0
-        field = make_light_field(grid if has[0] else None, grid if has[1] else None, 9.0, (0.5 / 0.8, 0.75 / 0.8))
-        changed = replace(stage, bricks=replace(stage.bricks, light_field=field))
+        made = make_light_grid(grid if has[0] else None, grid if has[1] else None, 9.0, (0.5 / 0.8, 0.75 / 0.8))
+        changed = replace(stage, bricks=replace(stage.bricks, light_grid=made))
         pictures = drawn(changed), exact(changed, 1 / 8)
     ambient, diffuse = 0.5 if has[0] else 1.0, 0.25 if has[1] else 1.0
     scaled = replace(

@@ -23,7 +23,7 @@ from renderer.frame import Stage, prepare_stage, render_frames
 from renderer.readers import read_volume
 from renderer.readers.procedural import procedural_values
 from renderer.scene import ProceduralSource, Scene, load_scene, with_tolerance
-from renderer.study import FRAME_STAGES
+from renderer.study import FRAME_STEPS
 from renderer.volume import UInt8, make_volume
 
 PAGE = PAGES / "growth.md"
@@ -123,7 +123,7 @@ def frame_s(stage: Stage, tolerance: float, rasterizer: GLRasterizer) -> float:
     """Processor seconds of a frame, without what is done once."""
     at = replace(stage, scene=with_tolerance(stage.scene, tolerance))
     (frame,) = render_frames(at, [FRAME], rasterizer, clock=time.process_time)
-    return sum(frame.seconds[name] for name in FRAME_STAGES)
+    return sum(frame.seconds[name] for name in FRAME_STEPS)
 
 
 if __name__ == "__main__":

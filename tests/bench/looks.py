@@ -110,7 +110,7 @@ def scores(scene: renderer.Scene, before: Path) -> tuple[float, float] | None:
     from renderer.scene import TRANSFER_FUNCTION_SECTION, schema
     from renderer.suggest import compute_statistics, suggest
     from renderer.suggest.features import sample_volume
-    from renderer.suggest.visibility import Layer, cast_rays, measure_visibility
+    from renderer.suggest.opacity_calibration import Layer, cast_rays, measure_visibility
     from renderer.transfer import make_transfer_function
 
     volume = read_volume(scene.volume)
@@ -145,7 +145,7 @@ def rows(volumes: dict[str, Path], before: Path) -> Iterator[tuple[str, Pixels]]
         earlier = iio.imread(old) if old.exists() else np.zeros((SIZE[1], len(BEFORE_FRAMES) * SIZE[0], 3), np.uint8)
         found = scores(scene, before / f"{name}.json")
         one, other = ("", "") if found is None else (f"{found[0]:.2f}", f"{found[1]:.2f}")
-        kept = f"| {name} | {one} | {other} | {seconds:.1f} | {len(scene.cuts) or ''} | {SEEN.get(name, '')} |"
+        kept = f"| {name} | {one} | {other} | {seconds:.1f} | {len(scene.clip) or ''} | {SEEN.get(name, '')} |"
         yield kept, np.concatenate([earlier, np.full((SIZE[1], 6, 3), 90, np.uint8), after], axis=1)
 
 
@@ -158,7 +158,7 @@ def page(volumes: dict[str, Path], before: Path) -> None:
         "Two frames of a turntable with the suggestion of an earlier version, before opacities were solved for what",
         "the picture shows, and three with that of this one, in the order of the table. *As asked for* is the part of",
         "the picture that each material, or level, was meant to have and has, over the whole turn: before, with the",
-        "same targets, and now. *s* is the time of the suggestion, reading included; *cuts* are planes that cut away",
+        "same targets, and now. *s* is the time of the suggestion, reading included; *clip* are planes that clip away",
         "what is not the object. The last column says what is still wrong, seen by eye.",
         "",
         *NOTES,
@@ -169,7 +169,7 @@ def page(volumes: dict[str, Path], before: Path) -> None:
         name = f"looks_{k // ROWS_PER_PICTURE + 1}.jpg"
         iio.imwrite(PAGES / name, np.concatenate([picture for _, picture in part]), quality=85)
         lines += [
-            "| volume | as asked for, before | now | s | cuts | still wrong |",
+            "| volume | as asked for, before | now | s | clip | still wrong |",
             "|---|---|---|---|---|---|",
             *(line for line, _ in part),
             "",

@@ -1,4 +1,4 @@
-"""How exact and how fast is each mode, light and cut? `python tests/bench/modes.py DATA` writes the page of it.
+"""How exact and how fast is each mode, light and clipping? `python tests/bench/modes.py DATA` writes the page of it.
 
 Each is drawn at several tolerances and compared with the exact rays of all pixels. The page is
 docs/benchmarks/modes.md, the picture docs/benchmarks/modes.jpg.
@@ -69,22 +69,22 @@ def gradient_opacity(volume: Volume) -> dict[str, Any]:
     return lit(light="camera", specular=0.3, gradient_opacity=points)(volume)
 
 
-def cut(fixed: str) -> Change:
-    """Cut the lit object open in the middle."""
+def clip(fixed: str) -> Change:
+    """Clip the lit object in the middle."""
 
     def change(volume: Volume) -> dict[str, Any]:
         point = volume.centre.tolist() if fixed == "object" else [0, 0, 0]
         normal = [1, -1, 0] if fixed == "object" else [0, 0, 1]
-        return lit()(volume) | {"cuts": [{"plane": {"point": point, "normal": normal}, "fixed": fixed}]}
+        return lit()(volume) | {"clip": [{"plane": {"point": point, "normal": normal}, "fixed": fixed}]}
 
     return change
 
 
 def corner(volume: Volume) -> dict[str, Any]:
-    """Cut a corner of the lit object away."""
+    """Clip a corner of the lit object."""
     (x, y, z), reach = volume.centre.tolist(), 2 * volume.half_diagonal
     box = [[x, y - reach, z], [x + reach, y, z + reach]]
-    return lit()(volume) | {"cuts": [{"box": box}]}
+    return lit()(volume) | {"clip": [{"box": box}]}
 
 
 LOOKS: dict[str, Change] = {
@@ -100,20 +100,20 @@ LOOKS: dict[str, Change] = {
     "camera, highlights, gradient opacity": gradient_opacity,
     "occlusion": lit(occlusion=0.7),
     "occlusion, shadow": lit(occlusion=0.7, shadow=0.7),
-    "plane": cut("object"),
-    "plane before the camera": cut("camera"),
+    "plane": clip("object"),
+    "plane before the camera": clip("camera"),
     "corner box": corner,
 }
 PICTURED_TOLERANCE = 0.1
 
-HEAD = """# How exact and how fast is each mode, light and cut?
+HEAD = """# How exact and how fast is each mode, light and clipping?
 
 Footprint: integrated. Measure again when one of them, the drawing of bricks or the choice of pixels changes.
 
 `python tests/bench/modes.py DATA` writes this page and its picture. Frames {frames} of turntables, {width} x {height};
 colours from the smallest scalar to the largest. PSNR is of the colours before they are rounded, against the exact rays
 of all pixels; milliseconds by the clock of frames whose bricks are in memory, medians of {rounds} rounds, {threads}
-threads. Emission and absorption is the suggested scene without light and cuts, which others change. *First* is the
+threads. Emission and absorption is the suggested scene without light and clipping, which others change. *First* is the
 time to build what all frames share.
 
 {machine}
@@ -160,10 +160,10 @@ def main() -> None:
 
 
 def tree_of(data: Path, source: str | dict[str, Any]) -> dict[str, Any]:
-    """Return the turntable of a volume without a light and cuts, as plain data."""
+    """Return the turntable of a volume without a light and clipping, as plain data."""
     if isinstance(source, str):
         tree = scene_to_dict(renderer.suggest_scene(data / source, size=SIZE))
-        return {key: value for key, value in tree.items() if key not in ("shading", "cuts")}
+        return {key: value for key, value in tree.items() if key not in ("shading", "clip")}
     points = [{"value": 110, "color": "black", "opacity": 0}, {"value": 200, "color": "white", "opacity": 0.4}]
     return {
         "volume": source, "transfer_function": {"points": points}, "output": {"file": "a.mp4", "size": list(SIZE)},

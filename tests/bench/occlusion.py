@@ -1,4 +1,4 @@
-"""How exact is the light field, and what does it cost? It writes a page.
+"""How exact is the light grid, and what does it cost? It writes a page.
 
 The reference sends many rays in fine steps from random visible places. The page is docs/benchmarks/occlusion.md.
 """
@@ -16,7 +16,7 @@ from measuring import PAGES, THREADS, machine_line, medians_in_turns, parser_of,
 from scipy import ndimage
 
 import renderer
-from renderer.lighting import light_field
+from renderer.lighting import compute_light_grid
 from renderer.readers import read_volume
 from renderer.scene import ShadingSpec
 from renderer.transfer import TransferFunction, make_transfer_function
@@ -27,7 +27,7 @@ VOLUMES = {"engine": "engine.nhdr", "bonsai": "bonsai.nhdr", "head": "medical/he
 MAX_CELLS = (128, 64)
 NUM_POINTS, LEAST_DEPTH, REPEATS = 1000, 1e-3, 3
 
-HEAD = """# How exact is the light field?
+HEAD = """# How exact is the light grid?
 
 Footprint: integrated. Measure again when `renderer/lighting/` changes.
 
@@ -59,13 +59,13 @@ def rows(name: str, file: Path) -> Iterator[str]:
     transfer = make_transfer_function(scene.transfer_function, volume.finest_spacing)
     points = visible_points(volume, transfer)
     for max_cells in MAX_CELLS:
-        make = partial(light_field, volume, transfer, max_cells=max_cells, num_threads=THREADS)
-        field = make(replace(shading, occlusion=1.0, shadow=1.0))
+        make = partial(compute_light_grid, volume, transfer, max_cells=max_cells, num_threads=THREADS)
+        grid = make(replace(shading, occlusion=1.0, shadow=1.0))
         exact = (
-            exact_occlusion(volume, transfer, points, field.cell_size),
-            exact_shadow(volume, transfer, points, field.cell_size, shading.light),
+            exact_occlusion(volume, transfer, points, grid.cell_size),
+            exact_shadow(volume, transfer, points, grid.cell_size, shading.light),
         )
-        stored = [sampled(each, field.cell_size, points) for each in (field.occlusion, field.shadow)]
+        stored = [sampled(each, grid.cell_size, points) for each in (grid.occlusion, grid.shadow)]
         errors = [float(np.sqrt(np.mean((a - b) ** 2))) for a, b in zip(stored, exact, strict=True)]
         works = [
             partial(make, replace(shading, occlusion=1.0)),
@@ -73,10 +73,10 @@ def rows(name: str, file: Path) -> Iterator[str]:
             partial(make, replace(shading, occlusion=1.0, shadow=1.0)),
         ]
         seconds = medians_in_turns([partial(taken, work) for work in works], REPEATS)
-        cells = " x ".join(str(num - 2) for num in field.occlusion.shape[::-1])
+        cells = " x ".join(str(num - 2) for num in grid.occlusion.shape[::-1])
         voxels = " x ".join(map(str, volume.shape_xyz))
         figures = [f"{error:.4f}" for error in errors] + [f"{each:.2f}" for each in seconds]
-        yield f"| {name} | {voxels} | {cells} | {field.cell_size} | {' | '.join(figures)} |"
+        yield f"| {name} | {voxels} | {cells} | {grid.cell_size} | {' | '.join(figures)} |"
 
 
 def visible_points(volume: Volume, transfer: TransferFunction) -> Float64:

@@ -46,11 +46,11 @@ that of negatives, over white. Light is that of the camera ({light}) on the sugg
 hsplat and VTK.
 
 Both draw the same: of a maximum, a border of the lowest value over the colour of that; of a minimum and a mean, what
-lies between the centres of the outer voxels, where hsplat cuts the volume, which costs it time; in light, a transparent
-border. VTK's mean is drawn by its GPU mapper alone. *Best* is what its finest settings reach, the GPU mapper's and the
-fixed-point mapper's. What is left are frames of 8 bits (about 59 dB), steps of half a voxel and tables; the GPU mapper
-has Phong's highlights in place of Blinn's; the fixed-point mapper blends the edges of the box, and interpolates the
-light between voxels.
+lies between the centres of the outer voxels, where hsplat clips the volume, which costs it time; in light, a
+transparent border. VTK's mean is drawn by its GPU mapper alone. *Best* is what its finest settings reach, the GPU
+mapper's and the fixed-point mapper's. What is left are frames of 8 bits (about 59 dB), steps of half a voxel and
+tables; the GPU mapper has Phong's highlights in place of Blinn's; the fixed-point mapper blends the edges of the box,
+and interpolates the light between voxels.
 
 {machine} VTK {vtk}.
 
@@ -101,7 +101,7 @@ def projected_scene(data: Path, file: str, mode: str) -> Scene:
 
 
 def lit_scene(volume: Path) -> Scene:
-    """Return the suggested turntable in the light of the camera, without cuts, which VTK does not draw."""
+    """Return the suggested turntable in the light of the camera, without clipping, which VTK does not draw."""
     return parse_scene(tree_of(Path("/"), str(volume.resolve())) | {"shading": LIGHT}, base=Path("/"))
 
 

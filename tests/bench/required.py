@@ -47,10 +47,10 @@ Commit {commit}; {processor}, {cores} cores.
 """
 
 KEYS_HEAD = """
-## Ways of seeing, light and cuts
+## Ways of seeing, light and clipping
 
 Engine at `tolerance: 0.1`. Each cell has what it costs without the key, then with it. *In memory*: the pyramid, the
-light field, and the texels of bricks after {frames} frames. *Kernels*: how many a process calls for one frame; below
+light grid, and the texels of bricks after {frames} frames. *Kernels*: how many a process calls for one frame; below
 the table are those that only the scene with the key calls.
 
 | the scene | and with | building, ms | a frame, ms | in memory, MB | kernels |
@@ -64,7 +64,7 @@ LIT, NOT_LIT = "shading={}", "shading=null"
 KEYS = {
     "`mode: maximum`": (NOT_LIT, "mode=maximum"),
     "`mode: mean`": (NOT_LIT, "mode=mean"),
-    "`cuts`, a corner box": (NOT_LIT, "cuts=[{box: [[0, 0, 0], [128, 128, 128]]}]"),
+    "`clip`, a corner box": (NOT_LIT, "clip=[{box: [[0, 0, 0], [128, 128, 128]]}]"),
     "`overlay: bounds`": (NOT_LIT, "overlay=bounds"),
     "`shading.light: camera`": (LIT, "shading={light: camera}"),
     "`shading.specular`": (LIT, "shading={specular: 0.4}"),
@@ -169,10 +169,10 @@ def kernels_of(volume: Path, changes: Sequence[str]) -> set[str]:
 
 
 def megabytes_held(stage: Stage, rasterizer: CPURasterizer) -> float:
-    """Return what is in memory for later frames: the pyramid, the light field, and the texels of bricks."""
+    """Return what is in memory for later frames: the pyramid, the light grid, and the texels of bricks."""
     assert stage.bricks is not None
-    field = stage.bricks.light_field
-    num_bytes = stage.pyramid.num_bytes + field.occlusion.nbytes + field.shadow.nbytes + field.corners.nbytes
+    grid = stage.bricks.light_grid
+    num_bytes = stage.pyramid.num_bytes + grid.occlusion.nbytes + grid.shadow.nbytes + grid.corners.nbytes
     for atlas in rasterizer.cache.atlases:
         num_bytes += 4 * atlas.num_channels * PADDED_BRICK_SIZE**3 * int((atlas._slot_from_key >= 0).sum())
     return num_bytes / 1e6

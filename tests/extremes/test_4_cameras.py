@@ -299,7 +299,7 @@ def complains(key: str, value: object) -> bool:
 
 
 RELATIVE = "differences with the volume's centre, in float64, come first; target and distance stay apart"
-TRUNCATED = "what the near plane cuts becomes a Gaussian with the same moments"
+TRUNCATED = "what the near plane clips becomes a Gaussian with the same moments"
 CHANNEL = "channel against the float64 reference"
 MOVED = "channel against that at the origin"
 CLOSED, ALPHA = "rays begin beside the volume's centre", "alpha against 1 - exp(-tau length)"

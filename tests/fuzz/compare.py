@@ -23,7 +23,7 @@ from renderer.volume import Array, Float64, Int64
 Order = tuple[float, Int64]  # a share of the picture, and the splats back to front
 
 # The device's exponential and a few operations; and what may be left of splats that are not drawn, where the near
-# plane cuts them: their moments are differences of larger numbers (tests/parity/test_raster_parity.py).
+# plane clips them: their moments are differences of larger numbers (tests/parity/test_raster_parity.py).
 PRECISION, LEFT_OUT = 2e-5, 3e-4
 # By how much sizes and places are off: a part, and units of the last place of the largest part of a coordinate, to some
 # sides. SPREADS times the spread of such pictures may be off.

@@ -97,8 +97,8 @@ _GLASS = "transfer_function={unit: 1.0, points: [{value: 0, color: '#ff8040', op
 _GLOSS = "shading={ambient: 0.3, diffuse: 0.6, light: camera, specular: 0.4, shininess: 20}"
 _BOUNDARIES = "shading={ambient: 0.6, diffuse: 0.4, two_sided: true, gradient_opacity: [[5, 0], [50, 1]]}"
 _DIMMED = "shading={ambient: 0.6, diffuse: 0.5, occlusion: 0.9, shadow: 0.7, occlusion_radius: 12}"
-_CUT = (
-    "cuts=[{plane: {point: [0, 0, 15], normal: [0, 0, 1]}}, "
+_CLIP = (
+    "clip=[{plane: {point: [0, 0, 15], normal: [0, 0, 1]}}, "
     "{box: [[-9, -9, -9], [24, 24, 99]], fixed: object}, "
     "{plane: {point: [0, 0, 20], normal: [0, 0, 1]}, fixed: camera}]"
 )
@@ -131,7 +131,7 @@ CASES = (
     Case("about_x", "an axis other than z", ("camera.path.axis=x",), frames="3"),
     Case("from_above", "the pole of the turntable", ("camera.path.elevation=90",)),
     Case("eye_inside", "splats around and behind the eye", _INSIDE),
-    Case("near_plane", "what is cut open by the near plane", ("camera.distance=70", "camera.near=66")),
+    Case("near_plane", "what the near plane clips", ("camera.distance=70", "camera.near=66")),
     Case("off_centre", "a target, and what leaves the image", ("camera.target=[10, 24, 12]", "camera.distance=60")),
     Case("framed_visible", "framing what can be seen: here only the lower part of the volume",
         (_LOBB, "camera.target=visible",
@@ -171,7 +171,7 @@ CASES = (
     Case("default_shading", "gradients in bricks", (_DEFAULT, "shading={light: [1, -1, 1]}")),
     Case("default_inside", "bricks around and behind the eye", (_DEFAULT, *_INSIDE)),
     Case("default_orthographic", "parallel rays", (_DEFAULT, "camera.projection=orthographic")),
-    Case("default_near_plane", "bricks cut open", (_DEFAULT, "camera.distance=70", "camera.near=66")),
+    Case("default_near_plane", "bricks that the near plane clips", (_DEFAULT, "camera.distance=70", "camera.near=66")),
     Case("default_overlay", "the edges of bricks over them", (_DEFAULT, "overlay=octree", _CLEAR)),
     Case("bounds", "the outline of the volume, with ticks", (_DEFAULT, "overlay=bounds", _CLEAR)),
     Case("default_oblique", "bricks of voxels that are no cubes", (_DEFAULT,), volume=oblique_scan),
@@ -180,7 +180,7 @@ CASES = (
     Case("light_of_the_camera", "light and highlights that follow the viewer", (_DEFAULT, _GLOSS), frames="::6"),
     Case("gradient_opacity", "boundaries alone", (_DEFAULT, _BOUNDARIES)),
     Case("occlusion", "ambient light that is dimmed, and shadows", (_DEFAULT, _DIMMED)),
-    Case("cut_open", "what a plane and a box cut away", (_DEFAULT, _CUT)),
+    Case("cut_open", "what a plane and a box clip away", (_DEFAULT, _CLIP)),
     Case("maximum", "the largest scalar of a ray", (_DEFAULT, "mode=maximum")),
     Case("maximum_by_depth", "where the largest scalar is", (_DEFAULT, "mode={type: maximum, color_by: depth}")),
     Case("minimum", "the smallest scalar of a ray, from inside", (_DEFAULT, *_INSIDE, "mode=minimum")),

@@ -2,7 +2,7 @@
 
 `python tests/golden/separation.py bricks` measures every figure on both, for several scenes drawn with bricks, and
 writes that part of docs/benchmarks/goldens.md; `splats` does the same for splats. The limits of
-renderer/study/comparison.py come from it.
+renderer/study/strictness.py come from it.
 
 Drivers that a machine has beside its own are named with what makes a program load them:
 

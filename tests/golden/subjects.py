@@ -63,7 +63,7 @@ SPLATS = (
     Subject("turntable", "glass and steel, fine, 96 x 96", SCENE, frame=4),
     Subject("coarse", "the same as few large cells, 96 x 96", SCENE, (_COARSE,)),
     Subject("transparent", "the same without a background, 96 x 96", SCENE, (_TRANSPARENT,)),
-    Subject("near_plane", "cut open by the near plane, 96 x 96", SCENE, ("camera.distance=70", "camera.near=66")),
+    Subject("near_plane", "clipped by the near plane, 96 x 96", SCENE, ("camera.distance=70", "camera.near=66")),
     Subject("inside", "the eye inside, 160 x 120", SCENE, (
         "camera.distance=6", "camera.field_of_view=70", "output.size=[160, 120]")),
     Subject("gouraud", "the paper's footprints, few large cells, 128 x 128", SCENE, (

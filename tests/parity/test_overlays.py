@@ -19,7 +19,7 @@ from renderer.draw.cpu.lines import LEVEL_COLORS, LINE_COVER, LINE_OPACITY, MIN_
 from renderer.draw.overlay import tick_step
 from renderer.frame import render_frames, view_of
 from renderer.pyramid import Cut
-from renderer.scene import CutSpec, ModeSpec, PlaneSpec, SplatSpec
+from renderer.scene import ClipSpec, ModeSpec, PlaneSpec, SplatSpec
 from renderer.view import View
 from renderer.volume import make_volume
 
@@ -196,7 +196,7 @@ def test_the_outline_has_one_opacity(projection: str) -> None:
 @pytest.mark.parametrize(
     "changes",
     [{"mode": ModeSpec("maximum")}, {"mode": ModeSpec("minimum")}, {"mode": ModeSpec("maximum", color_by="depth")},
-        {"mode": ModeSpec("mean")}, {"cuts": (CutSpec(PlaneSpec((15.0, 13.0, 9.0), (0.0, 0.0, 1.0))),)},
+        {"mode": ModeSpec("mean")}, {"clip": (ClipSpec(PlaneSpec((15.0, 13.0, 9.0), (0.0, 0.0, 1.0))),)},
         {"splat": SplatSpec("gaussian")}],
 )  # fmt: skip
 def test_the_outline_is_drawn_over_any_picture(rasterizer: GLRasterizer, changes: dict[str, Any]) -> None:

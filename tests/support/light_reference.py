@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from renderer.lighting.field import LIGHT_RADIUS, OCCLUSION_RADIUS, START_CELLS
+from renderer.lighting.light_grid import LIGHT_RADIUS, OCCLUSION_RADIUS, START_CELLS
 from renderer.transfer import TransferFunction
 from renderer.volume import Float32, Float64, Volume
 
@@ -67,7 +67,7 @@ def _transmission(
     return np.exp(-depths).mean(axis=1)
 
 
-def sampled(field: Float32, cell_size: int, points: Float64) -> Float64:
-    """Return a field of a LightField, interpolated at points [n, 3] (x, y, z) in voxels."""
+def sampled(factors: Float32, cell_size: int, points: Float64) -> Float64:
+    """Return factors of a LightGrid, interpolated at points [n, 3] (x, y, z) in voxels."""
     places = (points + 0.5) / cell_size + 0.5
-    return np.asarray(ndimage.map_coordinates(field.astype(np.float64), places.T[::-1], order=1, mode="nearest"))
+    return np.asarray(ndimage.map_coordinates(factors.astype(np.float64), places.T[::-1], order=1, mode="nearest"))

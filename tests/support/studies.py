@@ -45,7 +45,7 @@ def measure(
     is_own = tool == "hsplat"
     result = quality if isinstance(quality, Accuracy) else accuracy(quality)
     times = tuple(frame_ms / 1000 * part for part in (0.9, 1.0, 1.3))
-    stages = (
+    steps = (
         {"order": tuple(t / 4 for t in times), "draw": tuple(t * 3 / 4 for t in times)} if is_own else {"render": times}
     )
     level = np.uint8(40) if num_splats is None else np.uint8(num_splats % 251)
@@ -55,7 +55,7 @@ def measure(
         num_splats and 2 * num_splats,
         0.25 if is_own else None,
         {"cut": (0.01, 0.011, 0.012)} if is_own else {},
-        tuple(FrameMeasurement(frame, num_splats, stages, result) for frame in frames),
+        tuple(FrameMeasurement(frame, num_splats, steps, result) for frame in frames),
         result,
         800_000_000 if is_own else None,
         picture,

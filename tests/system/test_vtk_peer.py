@@ -240,7 +240,7 @@ def scene_of(**sections: object) -> Scene:
 def best_psnr(scene: Scene, volume: Volume) -> dict[str, float]:
     """Return the PSNR of the finest setting of each mapper that has the scene's mode."""
     scene, volume, _ = comparable(scene, volume)
-    view = replace(look(volume), cuts=scene.cuts)
+    view = replace(look(volume), clip=scene.clip)
     width, height = view.size
     with open_stage(scene, clock=lambda: 0.0, num_threads=2, volume=volume) as stage:
         rays = SceneRays(stage).integrate(view, np.arange(width * height), 0.25).reshape(height, width, 4)
@@ -282,7 +282,7 @@ def test_what_vtk_lacks_is_refused() -> None:
     cases: dict[str, dict[str, object]] = {
         "shading.light": {"shading": {"light": [1, 0, 0]}},
         "shading.gradient_opacity": {"shading": {"light": "camera", "gradient_opacity": [[0, 0], [9, 1]]}},
-        "cuts": {"cuts": [plane]},
+        "clip": {"clip": [plane]},
         "mode": {"mode": {"type": "attenuation", "scale": 0.01, "zero": 0}},
         "mode.color_by": {"mode": {"type": "maximum", "color_by": "depth"}},
         "transfer_function": {"mode": "mean", "transfer_function": {"points": COLORED}},

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from kinds_of_data import KINDS, blurred, noise, sample_of, suggested
 
-from renderer.suggest.classes import foreground_threshold, material_edges, otsu_cuts
+from renderer.suggest.classes import foreground_threshold, material_edges, otsu_thresholds
 from renderer.suggest.features import find_background
 from renderer.suggest.palette import distinct_colors, to_lab
 
@@ -24,17 +24,17 @@ def shells(*values: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("count", [2, 3, 4])
-def test_cuts_have_the_largest_variance_between_classes(count: int) -> None:
+def test_thresholds_have_the_largest_variance_between_classes(count: int) -> None:
     """Against all ways to cut a small histogram."""
     counts = np.random.Generator(np.random.PCG64(count)).integers(0, 30, 14).astype(float)
     bins = np.arange(14.0)
 
-    def spread(cuts: tuple[int, ...]) -> float:
-        parts = np.split(np.arange(14), cuts)
+    def spread(starts: tuple[int, ...]) -> float:
+        parts = np.split(np.arange(14), starts)
         return sum((counts[part] @ bins[part]) ** 2 / counts[part].sum() for part in parts if counts[part].sum())
 
     best = max(combinations(range(1, 14), count - 1), key=spread)
-    assert spread(otsu_cuts(counts, count)) == pytest.approx(spread(best))
+    assert spread(otsu_thresholds(counts, count)) == pytest.approx(spread(best))
 
 
 @pytest.mark.parametrize(("values", "count"), [((200.0,), 1), ((90.0, 200.0), 2), ((60.0, 130.0, 200.0), 3)])

@@ -14,7 +14,7 @@ from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.draw import GLRasterizer, brick_cache, is_software
 from renderer.draw.cpu.raster import CPUAtlas
 from renderer.scene import ShadingSpec
-from renderer.transfer import NO_LIGHT_FIELD
+from renderer.transfer import NO_LIGHT_GRID
 
 GLASS = transfer_of((0, (0.9, 0.2, 0.1), 0.0), (1, (0.1, 0.5, 1.0), 0.3))
 
@@ -34,7 +34,7 @@ def test_powers_keep_their_digits(exponent: float) -> None:
     gradients = np.column_stack([np.sqrt(1 - cosines.astype(np.float64) ** 2), 0 * cosines, cosines]).astype(np.float32)
     shading = ShadingSpec(0.0, 0.0, "camera", specular=1.0, shininess=exponent)
     light = {
-        "shading": shading, "field": NO_LIGHT_FIELD, "is_camera": True, "toward": np.zeros(3),
+        "shading": shading, "grid": NO_LIGHT_GRID, "is_camera": True, "toward": np.zeros(3),
         "first_cell": np.zeros(3), "world_from_index": np.eye(3), "factors": np.empty((0, 3), np.float32),
     }  # fmt: skip
     got = drawn(np.full(len(cosines), 50.0), light=light, gradients=gradients)[:, 0]

@@ -161,10 +161,10 @@ def test_csv_keeps_every_value(study: Study) -> None:
                 assert np.array_equal(written, accuracy[metric.name], equal_nan=True)
         assert row["num_primitives"] == ("" if sample.num_primitives is None else str(sample.num_primitives))
         assert float(row["frame_ms_median"]) == pytest.approx(1000 * np.median(sample.frame_seconds), rel=1e-15)
-        for stage, seconds in sample.seconds.items():
+        for step, seconds in sample.seconds.items():
             low, median, high = 1000 * np.quantile(seconds, [0.25, 0.5, 0.75])
-            assert [float(row[f"frame_{stage}_ms_{part}"]) for part in ("q1", "median", "q3")] == [low, median, high]
-            assert row[f"frame_{stage}_repetitions"] == str(len(seconds))
+            assert [float(row[f"frame_{step}_ms_{part}"]) for part in ("q1", "median", "q3")] == [low, median, high]
+            assert row[f"frame_{step}_repetitions"] == str(len(seconds))
         assert row["once_cut_repetitions"] == ("3" if m.seconds else "")
         assert row["pyramid_ms"] == ("" if m.pyramid_seconds is None else "250.0")
         assert float(row["precision"]) == m.setting.options["precision"]
@@ -186,9 +186,9 @@ def test_json_has_everything_but_the_pictures() -> None:
         assert written["frame_seconds"] == {"median": m.frame_seconds, "quartiles": list(m.frame_seconds_spread)}
         assert written["overall"]["on_volume"]["flip_p99"] == m.overall.on_volume["flip_p99"]
         assert (written["pyramid_seconds"], written["peak_bytes"]) == (m.pyramid_seconds, m.peak_bytes)
-        assert written["once_seconds"] == {stage: list(s) for stage, s in m.seconds.items()}
+        assert written["once_seconds"] == {step: list(s) for step, s in m.seconds.items()}
         assert [s["seconds"] for s in written["samples"]] == [
-            {stage: list(seconds) for stage, seconds in sample.seconds.items()} for sample in m.frames
+            {step: list(seconds) for step, seconds in sample.seconds.items()} for sample in m.frames
         ]
         assert "picture" not in written
     assert [m["on_front"]["time"] for m in record["measurements"]] == [True, False, True, True, True, True, True]

@@ -18,9 +18,9 @@ from renderer.errors import SceneError
 from renderer.scene import (
     ArraySource,
     CameraSpec,
+    ClipSpec,
     ColormapSpec,
     ControlPoint,
-    CutSpec,
     ErrorSpec,
     FileSource,
     ImportedLook,
@@ -86,7 +86,7 @@ SCENES = {
         camera=CameraSpec(TurntablePath(9, 0.1, 12.5, AXIS)),
         error=ErrorSpec(goal=MetricTarget("psnr", 30.1), probes=64),
         shading=ShadingSpec(0.1, 0.2, "camera", 0.3, 1000.0, True, ((0.0, 1 / 3), (1e9, 1.0))),
-        cuts=(CutSpec(PlaneSpec(SPACING, AXIS), None, "camera", True), CutSpec(None, (AXIS, (2.0, 1e-6, 1 / 3)))),
+        clip=(ClipSpec(PlaneSpec(SPACING, AXIS), None, "camera", True), ClipSpec(None, (AXIS, (2.0, 1e-6, 1 / 3)))),
         output=OutputSpec(Path("b/c.gif"), record_paths=False),
     ),
     "attenuation": Scene(

@@ -1,4 +1,4 @@
-"""Planes cut away what lies around the object, and nothing of the object."""
+"""Planes clip away what lies around the object, and nothing of the object."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from renderer.volume import Bools
 N = 64
 
 
-def cut_away(shown: Bools) -> Array:
-    """Return what the planes cut away."""
+def clipped_away(shown: Bools) -> Array:
+    """Return what the planes clip away."""
     sample = sample_of(shown.astype(np.uint8))
     return are_beyond(sample, separating_planes(sample, shown))
 
@@ -46,17 +46,17 @@ def touching_table() -> Bools:
 @pytest.mark.parametrize(
     "beside", [table, curved_holder, touching_table], ids=["table", "holder", "table that touches the object"]
 )
-def test_a_sheet_that_reaches_the_border_is_cut_away(beside) -> None:
-    gone = cut_away(head() | beside())
+def test_a_sheet_that_reaches_the_border_is_clipped_away(beside) -> None:
+    gone = clipped_away(head() | beside())
     assert gone[beside()].mean() > 0.8
     assert gone[head()].mean() < 0.01  # about a layer of voxels where they touch
 
 
-def test_specks_far_away_are_cut_away() -> None:
+def test_specks_far_away_are_clipped_away() -> None:
     shown = head()
     specks = np.zeros_like(shown)
     specks[[2, 60, 3, 61], [3, 58, 60, 2], [60, 61, 2, 5]] = True
-    gone = cut_away(shown | specks)
+    gone = clipped_away(shown | specks)
     assert gone[specks].all() and not gone[shown].any()
 
 
@@ -73,8 +73,8 @@ def test_specks_far_away_are_cut_away() -> None:
     ],
     ids=["alone", "two", "leg", "broken leg", "plate", "sheet", "filled"],
 )
-def test_nothing_of_objects_is_cut_away(shown: Bools) -> None:
-    assert not cut_away(shown).any()
+def test_nothing_of_objects_is_clipped_away(shown: Bools) -> None:
+    assert not clipped_away(shown).any()
 
 
 def test_nothing_visible_has_no_planes() -> None:

@@ -293,14 +293,14 @@ def closed_head(fat: int = 210, skull: int = 60, brain: int = 130) -> Array:
 
 
 @pytest.mark.parametrize("skull", [60, 130], ids=["three materials", "two materials"])
-def test_a_corner_is_cut_out_of_an_object_that_hides_its_inside(skull: int) -> None:
+def test_a_corner_is_clipped_of_an_object_that_hides_its_inside(skull: int) -> None:
     found = suggested(closed_head(skull=skull))
-    assert found.cuts[-1].box is not None and "a corner is cut out" in found.reason
+    assert found.clip[-1].box is not None and "a corner is clipped" in found.reason
     brain, skull = extinction(found.transfer, 130, skull)
-    assert brain > 0 and skull > 0  # cut faces are closed
+    assert brain > 0 and skull > 0  # clipped faces are closed
     assert len({point.color for point in found.transfer.mapping}) == 4  # and show what is inside
     inverted = suggested(np.where(closed_head() > 170, 60, closed_head()).astype(np.uint8))
-    assert not inverted.cuts
+    assert not inverted.clip
 
 
 def test_small_labels_are_labels_and_enlarged_scans_are_not() -> None:
@@ -343,7 +343,7 @@ def test_a_scan_without_background_shows_its_brighter_material() -> None:
         cells[ball(tuple(centre), 0.25)] = 1.0
     found = suggested((100 + 100 * cells + 35 * noise(7)).clip(0).astype(np.uint16))
     inside, ground = extinction(found.transfer, 200, 100)
-    assert found.kind == "filled scan" and not found.cuts
+    assert found.kind == "filled scan" and not found.clip
     assert inside > 10 * max(ground, 1e-6)
 
 

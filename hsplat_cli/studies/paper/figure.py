@@ -13,7 +13,7 @@ from renderer.draw import Rasterizer
 from renderer.film import Pixels, over_background
 from renderer.frame import Clock, Frame, Stage, open_stage, render_frames
 from renderer.scene import Scene, VolumeSpec, with_tolerance
-from renderer.study import FRAME_STAGES, TRUTH_TOLERANCE, FloatImage, compute_truth
+from renderer.study import FRAME_STEPS, TRUTH_TOLERANCE, FloatImage, compute_truth
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.volume import Volume
 
@@ -107,7 +107,7 @@ class FigureStage:
     def median_seconds(self, num_frames: int, **keys: Any) -> float:
         """Return the median time of a frame whose cut exists; a first frame warms up and is not counted."""
         _, *frames = self._frames(1 + num_frames, keys)
-        return statistics.median(sum(frame.seconds[name] for name in FRAME_STAGES) for frame in frames)
+        return statistics.median(sum(frame.seconds[name] for name in FRAME_STEPS) for frame in frames)
 
     def truth(self) -> FloatImage:
         """Integrate the frame to TRUTH_TOLERANCE: float64 [h, w, 3], over the scene's background."""

@@ -25,7 +25,7 @@ from typing import IO, Any
 import numpy as np
 
 from renderer.errors import InputError, RenderError, require_package
-from renderer.scene import Color, CutSpec, ModeSpec, PlaneSpec, Scene, ShadingSpec
+from renderer.scene import ClipSpec, Color, ModeSpec, PlaneSpec, Scene, ShadingSpec
 from renderer.study import FirstPass, FloatImage, Measurement, Setting, Truths
 from renderer.system import ChildProcesses, join_lines
 from renderer.transfer import TransferFunction, make_transfer_function
@@ -106,10 +106,10 @@ def _what_vtk_lacks(scene: Scene) -> Iterator[tuple[str, str]]:
         yield "shading.light", "it has a light at the camera alone"
     if shading is not None and shading.gradient_opacity:
         yield "shading.gradient_opacity", "it multiplies opacities by factors, hsplat extinctions"
-    if shading is not None and shading.has_light_field:
+    if shading is not None and shading.has_light_grid:
         yield "shading", "it has neither this occlusion nor these shadows"
-    if scene.cuts:
-        yield "cuts", "it would draw all of the volume"
+    if scene.clip:
+        yield "clip", "it would draw all of the volume"
     if mode.type not in _BLENDS:
         yield "mode", f"it has no mode {mode.type}"
     if mode.color_by == "depth":
@@ -138,7 +138,7 @@ def comparable(scene: Scene, volume: Volume) -> tuple[Scene, Volume, list[str]]:
     """Return a scene and a volume that both programs draw alike at the border, and notes on what differs.
 
     A border would change the length that a mean is taken over, and surround a minimum with an edge that is not there,
-    so of these hsplat's volume is cut where VTK's ends.
+    so of these hsplat's volume is clipped where VTK's ends.
     Raises InputError if the volume is too thin, or has voxels without data, or by `with_transparent_border`.
     """
     if volume.num_absent:
@@ -163,8 +163,8 @@ def comparable(scene: Scene, volume: Volume) -> tuple[Scene, Volume, list[str]]:
         volume = _with_border(volume, value)
         note = f"the outermost layer of voxels was set to {value:g}, and the background to its colour, because"
     elif scene.mode.is_projection:
-        scene = replace(scene, cuts=_cuts_at_voxel_centres(volume))
-        note = "the volume was cut at the centres of the outer voxels, because"
+        scene = replace(scene, clip=_clip_at_voxel_centres(volume))
+        note = "the volume was clipped at the centres of the outer voxels, because"
     else:
         volume = with_transparent_border(volume, transfer)
         note = "the outermost layer of voxels was made transparent, because"
@@ -172,13 +172,13 @@ def comparable(scene: Scene, volume: Volume) -> tuple[Scene, Volume, list[str]]:
     return scene, volume, notes + ([_LIGHT_NOTE] if scene.shading else [])
 
 
-def _cuts_at_voxel_centres(volume: Volume) -> tuple[CutSpec, ...]:
-    """Return cuts by the six planes through the centres of the outer voxels."""
+def _clip_at_voxel_centres(volume: Volume) -> tuple[ClipSpec, ...]:
+    """Return the six planes through the centres of the outer voxels."""
     first = volume.world_from_index[:3, 3]
     last = volume.world_from_index[:3] @ [*(np.array(volume.shape_xyz) - 1.0), 1.0]
     outward = np.linalg.inv(volume.world_from_index[:3, :3] / volume.finest_spacing)
     planes = [(point, sign * row) for point, sign in ((first, -1.0), (last, 1.0)) for row in outward]
-    return tuple(CutSpec(plane=PlaneSpec(tuple(point.tolist()), tuple(row.tolist()))) for point, row in planes)
+    return tuple(ClipSpec(plane=PlaneSpec(tuple(point.tolist()), tuple(row.tolist()))) for point, row in planes)
 
 
 def with_transparent_border(volume: Volume, transfer: TransferFunction) -> Volume:

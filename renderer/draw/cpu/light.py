@@ -26,17 +26,17 @@ def make_light(batch: BrickBatch) -> dict[str, Any] | None:
     shading = batch.shading
     if shading is None or shading.is_plain:
         return None
-    field, volume = batch.bricks.light_field, batch.bricks.volume
+    grid, volume = batch.bricks.light_grid, batch.bricks.volume
     is_camera = shading.light == "camera"
     world_from_index = volume.world_from_index[:3, :3]
     return {
         "shading": shading,
-        "field": field,
+        "grid": grid,
         "is_camera": is_camera,
         "toward": np.zeros(3) if is_camera else toward_light(shading),
         "world_from_index": world_from_index / np.abs(world_from_index).max(),
         "factors": _factors(batch),
-        "first_cell": (volume.centre_index + 0.5) / field.cell_size + 0.5,
+        "first_cell": (volume.centre_index + 0.5) / grid.cell_size + 0.5,
     }
 
 

@@ -67,7 +67,7 @@ class GLBrickRenderer:
 
     def rasterize(self, batch: BrickBatch, order: UInt32, view: View) -> Float32:
         """Composite `batch[order]`, front to back: float32 [height, width, 4], premultiplied RGBA over nothing."""
-        assert not view.cuts, "only the loops of the processor cut anything away"
+        assert not view.clip, "only the loops of the processor clip anything away"
         self._update_resources(batch, view.size)
         brick_view = self.cache.begin_frame(batch, order, view)
         programs = self._prepare_programs(brick_view)

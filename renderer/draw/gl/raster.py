@@ -115,7 +115,7 @@ class GLRasterizer(Rasterizer):
 
     def _backend_of(self, batch: SplatBatch | BrickBatch, view: View) -> GLBrickRenderer | CPURasterizer:
         """Return what draws bricks: the kernels where the device cannot."""
-        return self._loops if isinstance(batch, BrickBatch) and (batch.needs_loops or view.cuts) else self._bricks
+        return self._loops if isinstance(batch, BrickBatch) and (batch.needs_loops or view.clip) else self._bricks
 
     @contextmanager
     def _drawing(self) -> Iterator[None]:

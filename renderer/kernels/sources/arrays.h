@@ -113,11 +113,15 @@ INLINE Status with_array(const AnyArray<DIMENSIONS>& any, Function function) {
 extern "C" void* calloc(__SIZE_TYPE__ num, __SIZE_TYPE__ size) noexcept;
 extern "C" void free(void* memory) noexcept;
 
-// Zeros, freed at the end of the block. False where there is no memory for them: then return NO_MEMORY.
+// Zeros, aligned, and freed at the end of the block. False where there is no memory for them: then return NO_MEMORY.
 template <class T>
 struct Buffer : Array<T, 1> {
-    explicit Buffer(int64_t num) : Array<T, 1>{(T*)calloc(num ? num : 1, sizeof(T)), {num}} {}
-    ~Buffer() { free(this->data); }
+    void* memory;
+
+    explicit Buffer(int64_t num) : Array<T, 1>{nullptr, {num}}, memory(calloc(num * (int64_t)sizeof(T) + (int64_t)alignof(T), 1)) {
+        if (memory) this->data = (T*)(((uintptr_t)memory + alignof(T) - 1) / alignof(T) * alignof(T));
+    }
+    ~Buffer() { free(memory); }
     Buffer(const Buffer&) = delete;
     Buffer& operator=(const Buffer&) = delete;
 

@@ -12,7 +12,7 @@ struct Range {
     double start, end;
 };
 
-// Clip a ray to what slabs, as in Cuts, have in common.
+// Clip a ray to what slabs, as in ClipRegion, have in common.
 Range clip_to_slabs(const Array<const double, 2>& slabs, const Ray& ray, Range range) {
     const auto& [origin, direction] = ray;
     for (int64_t k = 0; k < slabs.shape[0]; k++) {
@@ -85,11 +85,11 @@ double length_without(const Buffer<Range>& removed, const Maybe<Array<const bool
 
 }  // namespace
 
-// lengths: [h, w], world lengths of the rays of rows from `first_row` on, within the cuts. unit: world length of a
+// lengths: [h, w], world lengths of the rays of rows from `first_row` on, within `rays.clip`. unit: world length of a
 // model unit. absent: [z, y, x], which voxels do not count; None if all do.
 Status measure_chords(const MeasureChords* arguments) {
     const auto [rays, shape, absent, unit, first_row, lengths] = *arguments;
-    const auto& [slabs, boxes] = rays.cuts.value;  // empty ones for None
+    const auto& [slabs, boxes] = rays.clip.value;  // empty ones for None
     for (int axis = 0; axis < 3; axis++)
         if (absent.exists && absent.value.shape[2 - axis] != shape[axis]) return OUT_OF_BOUNDS;
     const double half[3] = {shape[0] / 2.0, shape[1] / 2.0, shape[2] / 2.0};

@@ -1,7 +1,7 @@
 // Classification of voxels: the transfer function, and Lambert's law on the gradient, applied to voxels of a box.
 #pragma once
 #include "lanes.h"
-#include "light_field.h"
+#include "light_grid.h"
 #include "voxels.h"
 
 namespace {
@@ -42,7 +42,7 @@ inline double lighting_factor(const VoxelLighting& lighting, const AnyArray<3>& 
         }
     for (int axis = 0; axis < 3; axis++) g[axis] /= distance[axis];
     __builtin_memcpy(light, lighting.light, sizeof light);
-    const auto& [occlusion, shadow, corners, cell_size, occlusion_strength, shadow_strength] = lighting.field;
+    const auto& [occlusion, shadow, corners, cell_size, occlusion_strength, shadow_strength] = lighting.grid;
     light[3] *= share_at(occlusion, occlusion_strength, cell_size, voxel);
     light[4] *= share_at(shadow, shadow_strength, cell_size, voxel);
     double steepest = largest();

@@ -134,7 +134,7 @@ INLINE Sample sum_of_fields(const LayerBricks& bricks, const LaneTable* tables, 
     return sum;
 }
 
-// Whether all bricks have texels, each scalar a piece of the table, and the light field all its cells.
+// Whether all bricks have texels, each scalar a piece of the table, and the light grid all its cells.
 inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean, bool is_first) {
     if (!match(field.texel_offsets, is_mean)) return false;
     for (int64_t brick = 0; brick < is_mean.shape[0]; brick++) {
@@ -151,7 +151,7 @@ inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean,
     for (int64_t bucket = 0; bucket < GUIDE_SIZE; bucket++)
         if (guide[bucket] < 0 || guide[bucket] >= num) return false;
     if (!field.light.exists) return true;
-    const auto& [occlusion, shadow, corners, cell_size, occlusion_strength, shadow_strength] = field.light.value.field;
+    const auto& [occlusion, shadow, corners, cell_size, occlusion_strength, shadow_strength] = field.light.value.grid;
     int64_t num_corners = 2;  // of the cells, each of which has two for a grid, and behind the last one
     if ((float)occlusion_strength > 0.0f) num_corners += 2 * occlusion.size();
     if ((float)shadow_strength > 0.0f) num_corners += 2 * shadow.size();

@@ -42,8 +42,8 @@ struct TransferTable {
     double buckets_per_unit;
 };
 
-// As in renderer/transfer/light_field.py.
-struct LightField {
+// As in renderer/transfer/light_grid.py.
+struct LightGrid {
     Array<const float, 3> occlusion, shadow;
     Array<const int32_t, 1> corners;
     double cell_size, occlusion_strength, shadow_strength;
@@ -52,7 +52,7 @@ struct LightField {
 // As in renderer/transfer/classify.py, and the next one.
 struct VoxelLighting {
     double light[5], world_from_gradient[9];
-    LightField field;
+    LightGrid grid;
 };
 
 struct Classifier {
@@ -233,8 +233,8 @@ KERNEL(extrapolate_border, ExtrapolateBorder)
 
 // ---- view
 
-// As in renderer/view/cutting.py.
-struct Cuts {
+// As in renderer/view/clipping.py.
+struct ClipRegion {
     Sized<const double, 2, 5> slabs;
     Sized<const double, 3, 3, 5> boxes;
 };
@@ -242,7 +242,7 @@ struct Cuts {
 // As in renderer/view/brick_projection.py.
 struct RaySetup {
     double origins[9], directions[9], slope_per_px, start, center_px[2];
-    Maybe<Cuts> cuts;
+    Maybe<ClipRegion> clip;
 };
 
 // As in renderer/view/splat_projection.py.
@@ -373,7 +373,7 @@ struct Shading {
 
 struct Light {
     Shading shading;
-    LightField field;
+    LightGrid grid;
     bool is_camera;
     float toward[3], world_from_index[9];
     Sized<const float, 2, 3> factors;
@@ -457,7 +457,7 @@ struct RayShading {
     bool is_plain, is_camera, is_two_sided;
     double ambient, diffuse, specular, shininess, light[3], world_from_index[9], world_from_gradient[9];
     Array<const double, 2> factors;
-    LightField field;
+    LightGrid grid;
 };
 
 // n rays in index space, as in renderer/truth/integrator.py.

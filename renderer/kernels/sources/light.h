@@ -33,9 +33,9 @@ INLINE Ways aim(const Light& light, const Three& direction) {
     return {{zero + toward[0], zero + toward[1], zero + toward[2]}, {half.x * scale, half.y * scale, half.z * scale}};
 }
 
-// Where in the grid of the light field the texel 0 of a brick of voxels is along an axis, in cells.
+// Where in the light grid the texel 0 of a brick of voxels is along an axis, in cells.
 INLINE float place_brick(const Light& light, const Box& box, int axis) {
-    return (float)(light.first_cell[axis] + 1.0 / light.field.cell_size * (box.corner[axis] - TEXEL_OFFSET));
+    return (float)(light.first_cell[axis] + 1.0 / light.grid.cell_size * (box.corner[axis] - TEXEL_OFFSET));
 }
 
 INLINE Floats byte_of(Ints four, int shift) {
@@ -59,12 +59,12 @@ struct Arriving {
 // texel: where samples are in a brick. origin: as `place_brick` returns it, along each axis.
 INLINE Arriving arriving_shares(const Light& light, const Three& texel, const float (&origin)[3]) {
     Arriving shares = {texel.x * 0.0f + 1.0f, texel.x * 0.0f + 1.0f};
-    const LightField& field = light.field;
-    if (field.corners.shape[0] > 0) {
-        float occlusion_strength = (float)field.occlusion_strength, shadow_strength = (float)field.shadow_strength;
-        const auto& nums = (occlusion_strength > 0.0f ? field.occlusion : field.shadow).shape;  // z, y, x
+    const LightGrid& grid = light.grid;
+    if (grid.corners.shape[0] > 0) {
+        float occlusion_strength = (float)grid.occlusion_strength, shadow_strength = (float)grid.shadow_strength;
+        const auto& nums = (occlusion_strength > 0.0f ? grid.occlusion : grid.shadow).shape;  // z, y, x
         auto place_along = [&](Floats along, int axis) {
-            Floats place = max_of(in_all<Floats>(0.5f), fma(along, (float)(1.0 / field.cell_size), origin[axis]));
+            Floats place = max_of(in_all<Floats>(0.5f), fma(along, (float)(1.0 / grid.cell_size), origin[axis]));
             return min_of(place, in_all<Floats>((float)nums[2 - axis] - 1.5f));
         };
         Floats u = place_along(texel.x, 0), v = place_along(texel.y, 1), w = place_along(texel.z, 2);
@@ -72,7 +72,7 @@ INLINE Arriving arriving_shares(const Light& light, const Three& texel, const fl
         Ints at = (k * (int32_t)nums[1] + j) * (int32_t)nums[2] + i;
         Three inside = {u - to_float32(i), v - to_float32(j), w - to_float32(k)};
         int32_t num_numbers = 2 * ((occlusion_strength > 0.0f) + (shadow_strength > 0.0f));
-        auto [near, far, next_near, next_far] = load_four(field.corners, at * num_numbers);
+        auto [near, far, next_near, next_far] = load_four(grid.corners, at * num_numbers);
         if (occlusion_strength > 0.0f) {
             shares.ambient = fma(occlusion_strength, interpolate_bytes(near, far, inside) - 1.0f, 1.0f);
             near = next_near, far = next_far;

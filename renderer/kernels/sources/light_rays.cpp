@@ -2,7 +2,7 @@
 //
 // Grids have the outermost cells once more beyond each border, so that the nearest ones hold there. Places are in
 // cells: the centre of cell i is at i + 1 along each axis, and the volume begins at 1/2.
-#include "light_field.h"
+#include "light_grid.h"
 #include "transfer.h"
 
 namespace {

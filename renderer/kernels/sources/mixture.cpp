@@ -58,7 +58,7 @@ INLINE Span clip_between(Span span, Floats origin, Floats inverse, double low, d
             where(is_parallel, where(is_inside, span.leave, in_all<Floats>(-NEVER)), far)};
 }
 
-// Clip rays to what slabs [k, 5], as in Cuts, have in common.
+// Clip rays to what slabs [k, 5], as in ClipRegion, have in common.
 INLINE Span clip_to(const Array<const double, 2>& slabs, Span span, const PacketRays& rays) {
     for (int64_t k = 0; k < slabs.shape[0]; k++) {
         auto slab = slabs[k];
@@ -181,7 +181,7 @@ struct Mixture {
                                             1.0f / *directions[axis]);
                 }
                 Span span = {in_all<Floats>((float)setup.start), in_all<Floats>(NEVER)};
-                if (setup.cuts.exists) span = clip_to(setup.cuts.value.slabs, span, of);
+                if (setup.clip.exists) span = clip_to(setup.clip.value.slabs, span, of);
                 of.enter = span.enter, of.leave = span.leave;
             }
         }
@@ -263,8 +263,8 @@ struct Mixture {
                 Mask alive = mask_of(packet.alpha <= scene.termination_alpha);
                 for (bool has_more = true; has_more;) {
                     Span part = span;
-                    if (layers.rays.cuts.exists) part = take_part(span, layers.rays.cuts.value.boxes, of);
-                    has_more = layers.rays.cuts.exists && any_of(mask_of(part.leave < span.leave) & alive);
+                    if (layers.rays.clip.exists) part = take_part(span, layers.rays.clip.value.boxes, of);
+                    has_more = layers.rays.clip.exists && any_of(mask_of(part.leave < span.leave) & alive);
                     Span in_bins = {of_slab(part.enter, packet), of_slab(part.leave, packet)};
                     Mask active = mask_of(in_bins.enter < in_bins.leave) & alive;
                     if (!any_of(active)) continue;
@@ -347,7 +347,7 @@ struct Mixture {
 bool is_complete(const DrawMixture& scene) {
     for (int64_t group = 0; group < scene.groups.shape[0]; group++)
         if (!is_complete(scene.groups[group])) return false;
-    if (!match(scene.members, scene.grid.rectangles) && scene.members.shape[0] != scene.grid.rectangles.shape[0]) return false;
+    if (scene.members.shape[0] != scene.grid.rectangles.shape[0]) return false;
     for (int64_t number = 0; number < scene.members.shape[0]; number++) {
         int64_t group = scene.members(number, 0), brick = scene.members(number, 1);
         if (group < 0 || group >= scene.groups.shape[0]) return false;

@@ -1,4 +1,4 @@
-// Set up the rays of a tile of pixels, find where they are not cut away, and clip them to bricks.
+// Set up the rays of a tile of pixels, find where they are not clipped away, and clip them to bricks.
 #pragma once
 #include "kernels.h"
 #include "lanes.h"
@@ -30,7 +30,7 @@ struct Window {
 //
 // rays: one number of all rays after the other. found: what is in the image before the next brick. places: of pixels in
 // the image.
-// What cuts leave of rays goes from a start to an end, less a range for each removed box. bounds: all starts, then all
+// What clipping leaves of rays goes from a start to an end, less a range for each removed box. bounds: all starts, then all
 // ends; a start moves on as what is behind it is drawn. removed: for each box where all rays enter and leave it;
 // infinity and -infinity where they do not.
 // spans: of each SPAN_FLOATS numbers. pixels: of each the pixel in the tile. order: the numbers of spans, those with
@@ -44,7 +44,7 @@ struct Tile {
 
     Tile(const Grid& grid, const RaySetup& setup, int64_t largest)
         : side(grid.side), room(side * side + most(LANES, CLIPPED)),
-          num_boxes(setup.cuts.exists ? setup.cuts.value.boxes.shape[0] : 0), rays(RAY_FLOATS * room),
+          num_boxes(setup.clip.exists ? setup.clip.value.boxes.shape[0] : 0), rays(RAY_FLOATS * room),
           bounds(2 * room), removed(2 * num_boxes * room), found(room), spans(SPAN_FLOATS * room), places(room),
           counts(largest + 2), pixels(room), order(room) {}
 
@@ -90,7 +90,7 @@ INLINE Range clip_slab(Range range, Doubles origin, Doubles inverse, double low,
     };
 }
 
-// Where rays enter and leave what slabs [k, 5], as in Cuts, have in common, from a start on.
+// Where rays enter and leave what slabs [k, 5], as in ClipRegion, have in common, from a start on.
 INLINE Range clip_slabs(const Array<const double, 2>& slabs, double start, const Tile& tile, int64_t pixel) {
     Along x = ray_along(tile, pixel, 0), y = ray_along(tile, pixel, 1), z = ray_along(tile, pixel, 2);
     Range range = {in_all<Doubles>(start), in_all<Doubles>(INFINITE)};
@@ -104,13 +104,13 @@ INLINE Range clip_slabs(const Array<const double, 2>& slabs, double start, const
     return range;
 }
 
-// Find where CLIPPED rays are not cut away.
-INLINE void cut_rays(const Cuts& cuts, double start, const Tile& tile, int64_t pixel) {
-    Range range = clip_slabs(cuts.slabs, start, tile, pixel);
+// Find where CLIPPED rays are not clipped away.
+INLINE void clip_rays(const ClipRegion& clip, double start, const Tile& tile, int64_t pixel) {
+    Range range = clip_slabs(clip.slabs, start, tile, pixel);
     store(tile.bounds, pixel, range.enter);
     store(tile.bounds, pixel + tile.room, range.leave);
     for (int64_t box = 0; box < tile.num_boxes; box++) {
-        range = clip_slabs(cuts.boxes[box], -INFINITE, tile, pixel);
+        range = clip_slabs(clip.boxes[box], -INFINITE, tile, pixel);
         int64_t place = pixel + 2 * box * tile.room;
         ClippedMask is_hit = mask_of(range.enter < range.leave);
         store(tile.removed, place, where(is_hit, range.enter, in_all<Doubles>(INFINITE)));
@@ -142,7 +142,7 @@ INLINE void set_up_rays(const Grid& grid, const RaySetup& rays, Window window, c
             store(tile.rays, begin + ROUNDING_OFFSET * tile.room, 0.5 + jitter);
             square = rays.slope_per_px * rays.slope_per_px * (x * x + y * y);
             store(tile.rays, begin + LENGTH_PER_DEPTH * tile.room, root(1.0 + square));
-            if (rays.cuts.exists) cut_rays(rays.cuts.value, rays.start, tile, begin);
+            if (rays.clip.exists) clip_rays(rays.clip.value, rays.start, tile, begin);
             for (int64_t place = first; place < least(first + CLIPPED, window.right); place++) {
                 int64_t pixel = begin + place - first;
                 tile.places[pixel] = 4 * (row * grid.image.shape[1] + place);
@@ -152,7 +152,7 @@ INLINE void set_up_rays(const Grid& grid, const RaySetup& rays, Window window, c
     }
 }
 
-// Take the next part of rays that is not cut away, between where they enter and leave a brick, empty where nothing is
+// Take the next part of rays that is not clipped away, between where they enter and leave a brick, empty where nothing is
 // left. has_more: which of the rays that `hit` have more behind it.
 INLINE Range take_part(const Tile& tile, Range range, ClippedMask hit, int64_t pixel, ClippedMask& has_more) {
     Doubles start = load<Doubles>(tile.bounds, pixel), enter = max_of(range.enter, start);

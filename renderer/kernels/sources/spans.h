@@ -104,7 +104,7 @@ inline void sort_spans(const Tile& tile, int64_t num) {
 }
 
 // Find the spans inside a brick of the rays that go on, in a window of a tile, and call `draw` with the number of them,
-// sorted. With cuts, a span ends where a removed box begins; then it is called again with what is behind that box.
+// sorted. Where rays are clipped, a span ends where a removed box begins; then it is called again with what is behind that box.
 // goes_on: of what was found so far. span_of: makes a span of where rays that hit enter and leave the brick.
 template <class GoesOn, class SpanOf, class Draw>
 INLINE void for_spans(const Box& box, const RaySetup& rays, Window window, const Tile& tile, GoesOn goes_on,
@@ -122,7 +122,7 @@ INLINE void for_spans(const Box& box, const RaySetup& rays, Window window, const
                 Range range = {in_all<Doubles>(rays.start), in_all<Doubles>(INFINITE)};
                 for (int axis = 0; axis < 3; axis++)
                     range = clip_slab(range, along[axis].origin, along[axis].inverse, box.low[axis], box.high[axis]);
-                if (rays.cuts.exists) {
+                if (rays.clip.exists) {
                     ClippedMask have_more;
                     range = take_part(tile, range, hit, pixel, have_more);
                     has_more |= any_of(have_more);

@@ -2,7 +2,7 @@
 #include "kernels.h"
 
 // depths: of every centre along a direction, from the model's origin; those from a distant eye would lose their order
-// to float32. is_visible: whether its footprint can meet the image (conservative). A splat that the near plane cuts is
+// to float32. is_visible: whether its footprint can meet the image (conservative). A splat that the near plane clips is
 // not drawn where its centre is: it counts as in the image.
 Status cull_splats(const CullSplats* arguments) {
     const auto [vertices, sigmas, cutoff, min_sigma_px, clipped_sigmas, culled_sigmas, camera, along, depths,

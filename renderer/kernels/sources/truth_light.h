@@ -33,12 +33,12 @@ struct Light {
         halfway *= length > 0.0 ? 1.0 / length : 0.0;
     }
 
-    // The share of the light that arrives at t along the segment, by one grid of the light field.
+    // The share of the light that arrives at t along the segment, by one of the grids.
     double arriving(const Array<const float, 3>& grid, double strength, double t) const {
         if (grid.size() == 0) return 1.0;
         double place[3], mean = 0.0;
         for (int axis = 0; axis < 3; axis++) {
-            double cells = (begin[axis] + t * extent[axis] + 0.5) / shading.field.cell_size + 0.5;
+            double cells = (begin[axis] + t * extent[axis] + 0.5) / shading.grid.cell_size + 0.5;
             place[axis] = least(most(cells, 0.5), (double)grid.shape[2 - axis] - 1.5);
         }
         auto [u, v, w] = place;
@@ -91,9 +91,9 @@ struct Light {
     };
     INLINE Factors factors_at(const Gradient& gradient, double t) const {
         auto [normal, length, divisor] = normal_at(gradient, t);
-        double ambient = shading.ambient * arriving(shading.field.occlusion, shading.field.occlusion_strength, t);
+        double ambient = shading.ambient * arriving(shading.grid.occlusion, shading.grid.occlusion_strength, t);
         if (divisor == 0.0) return {ambient, 0.0, extinction_factor(0.0)};
-        double diffuse = arriving(shading.field.shadow, shading.field.shadow_strength, t), highlight = 0.0;
+        double diffuse = arriving(shading.grid.shadow, shading.grid.shadow_strength, t), highlight = 0.0;
         double to_light = dot(normal, light) / length, to_halfway = dot(normal, halfway) / length;
         if (shading.is_two_sided) to_light = absolute(to_light), to_halfway = absolute(to_halfway);
         if (to_light > 0.0 && to_halfway > 0.0)

@@ -55,7 +55,7 @@ Footprint project() {
     vec3 position = from_origin + view_translation;
     float mass = 1.0;
 
-    // The near plane cuts the Gaussian: the rest has the moments of a truncated normal. Depths are from the model's
+    // The near plane clips the Gaussian: the rest has the moments of a truncated normal. Depths are from the model's
     // origin, which keeps their digits where the eye is far away.
     float sigma = max(length(away), MIN_LENGTH);
     float a = (near_beyond_origin - from_origin.z) / sigma;

@@ -1,14 +1,14 @@
-"""Find the parts of rays that the cuts of a view leave, in world units."""
+"""Find the parts of rays that the clip planes and boxes of a view leave, in world units."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from renderer.scene import CutSpec
+from renderer.scene import ClipSpec
 from renderer.view import View
 from renderer.volume import Float64
 
-# Where rays enter and leave what is cut away, float64 [n] each; both infinity where they do not meet it.
+# Where rays enter and leave what is clipped away, float64 [n] each; both infinity where they do not meet it.
 Ranges = list[tuple[Float64, Float64]]
 
 
@@ -18,12 +18,12 @@ def kept_parts(view: View, point_world: Float64, origins: Float64, directions: F
     origins: float64 [n, 3], relative to the point and in world axes, as directions. starts: float64 [n].
     """
     ranges: Ranges = []
-    for cut in view.cuts:
-        if cut.fixed == "camera":
+    for each in view.clip:
+        if each.fixed == "camera":
             own_origins = origins @ view.axes.T + view.axes @ (point_world - view.target)
-            ranges += _cut_ranges(cut, own_origins, directions @ view.axes.T)
+            ranges += _clipped_ranges(each, own_origins, directions @ view.axes.T)
         else:
-            ranges += _cut_ranges(cut, origins + point_world, directions)
+            ranges += _clipped_ranges(each, origins + point_world, directions)
     never = np.full(len(starts), np.inf)
     begins = np.column_stack([*(begin for begin, _ in ranges), never])
     ends = np.column_stack([*(end for _, end in ranges), never])
@@ -33,20 +33,20 @@ def kept_parts(view: View, point_world: Float64, origins: Float64, directions: F
     return np.stack([behind, begins], axis=2)
 
 
-def _cut_ranges(cut: CutSpec, origins: Float64, directions: Float64) -> Ranges:
-    """Return the ranges of rays that a cut takes away. origins, directions: in the cut's own axes and origin."""
-    if cut.plane is not None:
-        normal = np.array(cut.plane.normal) * (-1.0 if cut.invert else 1.0)
-        first, last = _ranges_above((origins - cut.plane.point) @ normal, directions @ normal)
+def _clipped_ranges(clip: ClipSpec, origins: Float64, directions: Float64) -> Ranges:
+    """Return the ranges of rays that a plane or a box clips away. origins, directions: in its own axes and origin."""
+    if clip.plane is not None:
+        normal = np.array(clip.plane.normal) * (-1.0 if clip.invert else 1.0)
+        first, last = _ranges_above((origins - clip.plane.point) @ normal, directions @ normal)
         return [(first, last)]
-    low, high = np.array(cut.box)
+    low, high = np.array(clip.box)
     inside = [_ranges_above(*line) for line in ((origins - low, directions), (high - origins, -directions))]
     first = np.maximum(*(begin for begin, _ in inside)).max(axis=1)
     last = np.minimum(*(end for _, end in inside)).min(axis=1)
     is_met = first < last
     first, last = np.where(is_met, first, np.inf), np.where(is_met, last, np.inf)
     never = np.full_like(first, np.inf)
-    return [(-never, first), (last, never)] if cut.invert else [(first, last)]
+    return [(-never, first), (last, never)] if clip.invert else [(first, last)]
 
 
 def _ranges_above(heights: Float64, slopes: Float64) -> tuple[Float64, Float64]:

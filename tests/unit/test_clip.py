@@ -1,4 +1,4 @@
-"""Cuts: what a scene may say of them, and where they are in index space and along rays."""
+"""Clip planes and boxes: what a scene may say of them, and where they are in index space and along rays."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from small_scene import small_tree
 
 from renderer.errors import SceneError
 from renderer.readers import read_volume
-from renderer.scene import CutSpec, PlaneSpec, Scene, parse_scene
-from renderer.truth.cutting import kept_parts
+from renderer.scene import ClipSpec, PlaneSpec, Scene, parse_scene
+from renderer.truth.clipping import kept_parts
 from renderer.truth.integrator import rays_through_pixels
-from renderer.view import View, are_cut_away, place_cuts, visible_bricks
+from renderer.view import View, are_clipped_away, place_clips, visible_bricks
 from renderer.volume import Bools, Float64, Volume
 
 PLANE = {"plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
@@ -34,39 +34,39 @@ def complaints(**sections: Any) -> list[tuple[str, str]]:
     return [(problem.path, problem.what) for problem in caught.value.problems]
 
 
-def test_defaults_of_a_cut() -> None:
+def test_defaults_of_a_clip_plane() -> None:
     plane = PlaneSpec((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
-    assert parse(cuts=[PLANE]).cuts == (CutSpec(plane, None, "object", invert=False),)
-    assert parse().cuts == parse(cuts=[]).cuts == ()
+    assert parse(clip=[PLANE]).clip == (ClipSpec(plane, None, "object", invert=False),)
+    assert parse().clip == parse(clip=[]).clip == ()
 
 
 def test_all_mistakes_are_told_at_once() -> None:
     flat = {"point": [0, 0, 0], "normal": [0, 0, 0]}
-    cuts: list[Any] = [{}, PLANE | BOX, {"plane": flat}, {"box": [[0, 5, "a"], [1, 2, 0]]}, 3, BOX | {"fixed": "x"}]
-    assert complaints(cuts=cuts) == [
-        ("cuts.0", "nothing to cut with"),
-        ("cuts.1.box", "contradicts cuts.1.plane"),
-        ("cuts.2.plane.normal", "no direction"),
-        ("cuts.3.box.0.2", "not a number"),
-        ("cuts.3.box.1.1", "an empty box"),
-        ("cuts.4", "not a mapping"),
-        ("cuts.5.fixed", "unknown value"),
+    clip: list[Any] = [{}, PLANE | BOX, {"plane": flat}, {"box": [[0, 5, "a"], [1, 2, 0]]}, 3, BOX | {"fixed": "x"}]
+    assert complaints(clip=clip) == [
+        ("clip.0", "nothing to clip with"),
+        ("clip.1.box", "contradicts clip.1.plane"),
+        ("clip.2.plane.normal", "no direction"),
+        ("clip.3.box.0.2", "not a number"),
+        ("clip.3.box.1.1", "an empty box"),
+        ("clip.4", "not a mapping"),
+        ("clip.5.fixed", "unknown value"),
     ]
-    assert complaints(cuts=[BOX] * 7) == [("cuts", "too many cuts")]
+    assert complaints(clip=[BOX] * 7) == [("clip", "too many planes and boxes")]
 
 
 @pytest.mark.parametrize(
     ("section", "what"),
     [
-        ({"splat": {"sigma": 0.5}}, "splats cannot be cut"),
-        ({"splat": {"footprint": "gouraud"}}, "splats cannot be cut"),
-        ({"overlay": "octree"}, "lines cannot be cut"),
+        ({"splat": {"sigma": 0.5}}, "splats cannot be clipped"),
+        ({"splat": {"footprint": "gouraud"}}, "splats cannot be clipped"),
+        ({"overlay": "octree"}, "lines cannot be clipped"),
     ],
 )
-def test_what_cannot_be_cut(section: dict[str, Any], what: str) -> None:
-    assert complaints(cuts=[BOX], **section) == [("cuts", what)]
-    parse(cuts=[], **section)
-    assert parse(cuts=[BOX], overlay="bounds").cuts
+def test_what_cannot_be_clipped(section: dict[str, Any], what: str) -> None:
+    assert complaints(clip=[BOX], **section) == [("clip", what)]
+    parse(clip=[], **section)
+    assert parse(clip=[BOX], overlay="bounds").clip
 
 
 def test_a_crop_may_leave_axes_out() -> None:
@@ -87,23 +87,23 @@ def test_a_crop_may_leave_axes_out() -> None:
 # Geometry, against points that are tried one by one
 
 
-def is_cut(cut: CutSpec, view: View, points: Float64) -> Bools:
-    """Whether points in the world, [..., 3], are cut away."""
-    points = points if cut.fixed == "object" else (points - view.target) @ view.axes.T
-    if cut.plane is not None:
-        return np.asarray(((points - cut.plane.point) @ cut.plane.normal > 0) != cut.invert)
-    assert cut.box is not None
-    low, high = cut.box
-    return np.asarray(np.all((points > low) & (points < high), axis=-1) != cut.invert)
+def is_clipped(clip: ClipSpec, view: View, points: Float64) -> Bools:
+    """Whether points in the world, [..., 3], are clipped away."""
+    points = points if clip.fixed == "object" else (points - view.target) @ view.axes.T
+    if clip.plane is not None:
+        return np.asarray(((points - clip.plane.point) @ clip.plane.normal > 0) != clip.invert)
+    assert clip.box is not None
+    low, high = clip.box
+    return np.asarray(np.all((points > low) & (points < high), axis=-1) != clip.invert)
 
 
 def are_kept(view: View, points: Float64) -> Bools:
-    return ~np.any([is_cut(cut, view, points) for cut in view.cuts], axis=0)
+    return ~np.any([is_clipped(clip, view, points) for clip in view.clip], axis=0)
 
 
-def random_cuts(rng: np.random.Generator, volume: Volume, view: View, num: int) -> tuple[CutSpec, ...]:
-    """Cuts of all kinds through the volume."""
-    reach, cuts = np.abs(volume.world_from_index[:3, :3]) @ volume.shape_xyz / 2, []
+def random_clips(rng: np.random.Generator, volume: Volume, view: View, num: int) -> tuple[ClipSpec, ...]:
+    """Planes and boxes of all kinds through the volume."""
+    reach, clip = np.abs(volume.world_from_index[:3, :3]) @ volume.shape_xyz / 2, []
     for _ in range(num):
         is_fixed = rng.random() < 0.5
         middle = volume.centre if is_fixed else view.axes @ (volume.centre - view.target)
@@ -111,8 +111,8 @@ def random_cuts(rng: np.random.Generator, volume: Volume, view: View, num: int) 
         corners = middle + reach * np.sort(rng.uniform(-1, 1, (2, 3)), axis=0)
         box = triple(corners[0]), triple(corners[1])
         chosen: Any = (plane, None) if rng.random() < 0.4 else (None, box)
-        cuts.append(CutSpec(*chosen, "object" if is_fixed else "camera", bool(rng.random() < 0.2)))
-    return tuple(cuts)
+        clip.append(ClipSpec(*chosen, "object" if is_fixed else "camera", bool(rng.random() < 0.2)))
+    return tuple(clip)
 
 
 def triple(values: npt.ArrayLike) -> tuple[float, float, float]:
@@ -128,21 +128,21 @@ def test_points_are_kept_in_slabs_and_not_in_boxes(affine: str) -> None:
     points = rng.uniform(-0.5, 0.5, (4000, 3)) * volume.shape_xyz
     in_world = points @ volume.world_from_index[:3, :3].T + volume.centre
     for num in (1, 1, 2, 3, 6):
-        view = replace(view, cuts=random_cuts(rng, volume, view, num))
-        cuts = place_cuts(volume, view.cuts, view)
-        assert cuts is not None
+        view = replace(view, clip=random_clips(rng, volume, view, num))
+        clip = place_clips(volume, view.clip, view)
+        assert clip is not None
         kept = np.ones(len(points), np.bool_)
-        for slab in cuts.slabs:
+        for slab in clip.slabs:
             kept &= in_slab(slab, points)
-        for box in cuts.boxes:
+        for box in clip.boxes:
             kept &= ~np.all([in_slab(slab, points) for slab in box], axis=0)
         np.testing.assert_array_equal(kept, are_kept(view, in_world))
-        # No box of which anything is kept counts as cut away.
+        # No box of which anything is kept counts as clipped away.
         corners = points[:600].reshape(200, 3, 3)
         bounds = np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1)
         inside = bounds[:, :1] + rng.random((200, 200, 3)) * (bounds[:, 1:] - bounds[:, :1])
         has_kept = are_kept(view, inside @ volume.world_from_index[:3, :3].T + volume.centre).any(axis=1)
-        assert not np.any(are_cut_away(cuts, bounds) & has_kept)
+        assert not np.any(are_clipped_away(clip, bounds) & has_kept)
 
 
 def in_slab(slab: Float64, points: Float64) -> Bools:
@@ -150,15 +150,15 @@ def in_slab(slab: Float64, points: Float64) -> Bools:
     return np.asarray((height > slab[3]) & (height < slab[4]))
 
 
-@pytest.mark.parametrize("cut", [PLANE, PLANE | {"invert": True}, {"box": [[-9, -9, 15], [99, 99, 99]]}])
-def test_bricks_that_are_cut_away_are_not_drawn(cut: dict[str, Any]) -> None:
+@pytest.mark.parametrize("clip", [PLANE, PLANE | {"invert": True}, {"box": [[-9, -9, 15], [99, 99, 99]]}])
+def test_bricks_that_are_clipped_away_are_not_drawn(clip: dict[str, Any]) -> None:
     bricks = bricks_of(placed(hills((32, 32, 32), 9.0)), transfer_of((0, (1, 1, 1), 0.1), (1, (1, 1, 1), 0.3)))
     view, batch = view_of(bricks.volume, "perspective"), batch_of(level_cut(bricks, 0), bricks)
     all_bricks = visible_bricks(batch, view)
-    cut = cut | {"plane": {"point": [0, 0, 15.5], "normal": [0, 0, 1]}} if "plane" in cut else cut
-    order = visible_bricks(batch, replace(view, cuts=parse(cuts=[cut]).cuts))
+    clip = clip | {"plane": {"point": [0, 0, 15.5], "normal": [0, 0, 1]}} if "plane" in clip else clip
+    order = visible_bricks(batch, replace(view, clip=parse(clip=[clip]).clip))
     is_above = batch.cut.visible_bounds[all_bricks, 0, 2] > 15
-    assert order.tolist() == all_bricks[is_above == bool(cut.get("invert", False))].tolist()
+    assert order.tolist() == all_bricks[is_above == bool(clip.get("invert", False))].tolist()
     assert len(all_bricks) == 2 * len(order) == 8
 
 
@@ -172,7 +172,7 @@ def test_parts_of_rays_are_those_that_the_truth_keeps(camera: str) -> None:
     points = origins[:, None] + along[..., None] * directions[:, None] + volume.centre
     num_kept = 0
     for num in (0, 1, 1, 2, 3, 6):
-        view = replace(view, cuts=random_cuts(rng, volume, view, num))
+        view = replace(view, clip=random_clips(rng, volume, view, num))
         parts = kept_parts(view, volume.centre, origins, directions, starts)
         is_in_part = (along[..., None] > parts[:, None, :, 0]) & (along[..., None] < parts[:, None, :, 1])
         assert is_in_part.sum(axis=2).max() <= 1
@@ -188,9 +188,9 @@ def test_a_ray_along_a_face_meets_the_box_or_not() -> None:
     volume = placed(np.zeros((8, 8, 8), np.uint8))
     view = view_of(volume, "orthographic", size=(2, 1))
     origins, directions = np.array([[0.0, 0, 0], [0, 9, 0]]), np.array([[-0.0, 0, 1]] * 2)
-    box = CutSpec(None, ((-1.0, -1.0, -1.0), (20.0, 8.0, 8.0)))
+    box = ClipSpec(None, ((-1.0, -1.0, -1.0), (20.0, 8.0, 8.0)))
     for invert in (False, True):
-        cut = replace(view, cuts=(replace(box, invert=invert),))
-        parts = kept_parts(cut, volume.centre, origins, directions, np.full(2, -50.0))
+        clip = replace(view, clip=(replace(box, invert=invert),))
+        parts = kept_parts(clip, volume.centre, origins, directions, np.full(2, -50.0))
         lengths = np.clip(np.diff(np.clip(parts, -50, 50), axis=2), 0, None).sum(axis=(1, 2))
         np.testing.assert_allclose(lengths, [9, 0] if invert else [91, 100])

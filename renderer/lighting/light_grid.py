@@ -1,4 +1,4 @@
-"""The light field: which share of the ambient and of the diffuse light reaches each place of the object.
+"""The light grid: which share of the ambient and of the diffuse light reaches each place of the object.
 
 Occlusion is twice the mean over all directions of exp(-D), at most 1. D is the optical depth from START_CELLS cells
 away to the radius. An opaque plane hides one half of all directions, so that its surface has the factor 1, as an open
@@ -19,7 +19,7 @@ import numpy as np
 
 from renderer.kernels import ThreadPool, kernels
 from renderer.scene import ShadingSpec, Vector
-from renderer.transfer import LightField, TransferFunction, make_classifier, make_light_field, raw_voxels
+from renderer.transfer import LightGrid, TransferFunction, make_classifier, make_light_grid, raw_voxels
 from renderer.volume import Bools, Float32, Float64, Volume
 
 # Along the longest axis, at most.
@@ -37,7 +37,7 @@ _NUM_LIGHT_RAYS, _LIGHT_GROWTH = 14, 0.07
 _GOLDEN_ANGLE = np.pi * (1 + 5**0.5)
 
 
-def light_field(
+def compute_light_grid(
     volume: Volume,
     transfer: TransferFunction,
     shading: ShadingSpec,
@@ -45,8 +45,8 @@ def light_field(
     are_removed: Callable[[Float64], Bools] | None = None,
     max_cells: int = MAX_CELLS,
     num_threads: int = 1,
-) -> LightField:
-    """Return the light field that a shading asks for, which does not depend on the number of threads.
+) -> LightGrid:
+    """Return the light grid that a shading asks for, which does not depend on the number of threads.
 
     are_removed: which boxes, float64 [n, 2, 3] of lowest and highest corners in index space relative to the volume's
         centre, let all light through, though the volume does not. max_cells: along the longest axis. Raises InputError
@@ -70,7 +70,7 @@ def light_field(
         if shading.shadow > 0 and shading.light != "camera":
             ends = _sample_ends(start, start + across, width, _LIGHT_GROWTH)
             shadows = _transmission(volume, depths, level, _cone(shading.light, _NUM_LIGHT_RAYS), ends, threads)
-    return make_light_field(occlusions, shadows, float(1 << level), (float(shading.occlusion), float(shading.shadow)))
+    return make_light_grid(occlusions, shadows, float(1 << level), (float(shading.occlusion), float(shading.shadow)))
 
 
 def _mean_depths(volume: Volume, transfer: TransferFunction, level: int, threads: ThreadPool) -> Float32:
@@ -96,7 +96,7 @@ def _remove(depths: Float32, volume: Volume, level: int, are_removed: Callable[[
 def _transmission(
     volume: Volume, depths: Float32, level: int, directions: Float64, ends: Float64, threads: ThreadPool
 ) -> Float32:
-    """Return the mean transmission of rays from the centre of each cell, as in a LightField.
+    """Return the mean transmission of rays from the centre of each cell, as in a LightGrid.
 
     directions: [n, 3], unit vectors in world axes. ends: [m + 1], where samples of a ray end, world lengths.
     """

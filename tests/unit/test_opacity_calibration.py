@@ -10,8 +10,8 @@ from kinds_of_data import Array, ball, sample_of, volume_of
 
 from renderer.suggest import compute_statistics
 from renderer.suggest.features import sample_volume, without
+from renderer.suggest.opacity_calibration import Layer, TurntableRays, cast_rays, measure_visibility, solve_depths
 from renderer.suggest.separation import Plane, are_beyond
-from renderer.suggest.visibility import Layer, TurntableRays, cast_rays, measure_visibility, solve_depths
 from renderer.volume import Volume
 
 
@@ -93,7 +93,7 @@ def test_rays_turn_around_the_axis_of_the_world() -> None:
     assert met[0] == pytest.approx(met[1], rel=0.1)
 
 
-def test_what_planes_cut_away_is_not_seen() -> None:
+def test_what_planes_clip_away_is_not_seen() -> None:
     sample = sample_of(nested_balls())
     planes = [Plane(np.zeros(3), np.array([1.0, 0.0, 0.0]))]
     whole, half = cast_rays(sample), cast_rays(without(sample, are_beyond(sample, planes)))

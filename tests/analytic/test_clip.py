@@ -1,4 +1,4 @@
-"""Pictures of what cuts leave, against the ray integral along what they leave."""
+"""Pictures of what clipping leaves, against the ray integral along the same."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PLANE = {"plane": {"point": [20, 17, 14], "normal": [1, -2, 0.5]}}
 BEFORE_CAMERA = {"plane": {"point": [1, 2, 3], "normal": [0.2, 0.1, 1]}, "fixed": "camera"}
 CORNER = {"box": [[10, -1, 5], [25, 20, 40]]}
 IN_A_ROW = [{"box": [[5, 5, 5], [12, 30, 25]]}, {"box": [[18, 3, 5], [30, 30, 25]]}]
-CUTS: dict[str, list[dict[str, Any]]] = {
+CLIPS: dict[str, list[dict[str, Any]]] = {
     "plane": [PLANE],
     "inverted plane": [PLANE | {"invert": True}],
     "plane before the camera": [BEFORE_CAMERA],
@@ -33,21 +33,21 @@ CUTS: dict[str, list[dict[str, Any]]] = {
 }
 
 
-def stage_of(cuts: list[dict[str, Any]]) -> Stage:
+def stage_of(clip: list[dict[str, Any]]) -> Stage:
     tree = small_tree(
         volume=engine_block(40, 36, 30, spacing=[1, 1.2, 0.9]),
         shading={"light": [1, 2, 3]},
         error={"tolerance": 0.002},
         output={"file": "a.mp4", "size": [70, 62]},
         frames=10,
-        cuts=cuts,
+        clip=clip,
     )
     return prepare_stage(parse_scene(tree, base=Path()), clock=perf_counter, num_threads=2)
 
 
-@pytest.mark.parametrize("name", CUTS)
+@pytest.mark.parametrize("name", CLIPS)
 def test_pictures_of_what_is_left(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    stage = stage_of(CUTS[name])
+    stage = stage_of(CLIPS[name])
     frame, truth = drawn(stage), compute_truth(stage, 3, 1e-4)
     assert truth.share_on_volume > 0.02
     assert decibels(np.clip(frame[..., :3], 0, 1), truth.picture) > 55
@@ -59,37 +59,37 @@ def test_pictures_of_what_is_left(name: str, monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize(
-    "cut",
+    "clip",
     [
         {"plane": {"point": [-9, 0, 0], "normal": [-1, 0, 0]}},
         {"box": [[-1, -1, 60], [90, 90, 90]]},
         {"box": [[-90, -90, -90], [90, 90, 90]], "invert": True},
     ],
 )
-def test_a_cut_beside_the_volume_changes_no_byte(cut: dict[str, Any]) -> None:
-    assert drawn(stage_of([cut])).tobytes() == drawn(stage_of([])).tobytes()
+def test_a_clip_beside_the_volume_changes_no_byte(clip: dict[str, Any]) -> None:
+    assert drawn(stage_of([clip])).tobytes() == drawn(stage_of([])).tobytes()
 
 
 def test_the_camera_stays_where_it_is() -> None:
-    whole, cut = stage_of([]), stage_of(CUTS["box"])
-    assert (whole.target, whole.distance) == (cut.target, cut.distance)
+    whole, clip = stage_of([]), stage_of(CLIPS["box"])
+    assert (whole.target, whole.distance) == (clip.target, clip.distance)
 
 
-def test_a_cut_that_is_fixed_to_the_camera_stays_before_it() -> None:
+def test_a_clip_that_is_fixed_to_the_camera_stays_before_it() -> None:
     """From the front and from the back, half of the pixels: what is left of the optical axis."""
     stage = stage_of([{"plane": {"point": [0, 0, 0], "normal": [-1, 0, 0]}, "fixed": "camera"}])
     for number in (0, 5):
         alpha = drawn(stage, number)[..., 3]
         assert not alpha[:, :34].any()
         assert alpha[:, 36:].any()
-        assert view_of(stage, number).cuts == stage.scene.cuts
+        assert view_of(stage, number).clip == stage.scene.clip
 
 
-def test_a_cut_that_leaves_nothing_is_an_error() -> None:
+def test_a_clip_that_leaves_nothing_is_an_error() -> None:
     nothing = {"plane": {"point": [0, 0, -1], "normal": [0, 0, 1]}}
     with pytest.raises(SceneError) as caught:
         stage_of([PLANE, nothing, CORNER | {"box": [[-9, -9, -9], [90, 90, 90]]}])
     assert [(problem.path, problem.what) for problem in caught.value.problems] == [
-        ("cuts.1", "leaves nothing of the volume"),
-        ("cuts.2", "leaves nothing of the volume"),
+        ("clip.1", "leaves nothing of the volume"),
+        ("clip.2", "leaves nothing of the volume"),
     ]

@@ -1,4 +1,4 @@
-"""The scene's `cuts`: planes and boxes that cut parts of the volume away."""
+"""The scene's `clip`: planes and boxes that clip parts of the volume away."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from renderer.scene.message_text import format_value
 from renderer.scene.schema import TreeNode, Vector
 from renderer.scene.splat_section import SplatSpec
 
-MAX_CUTS = 6
+MAX_CLIPS = 6
 
 _POINT = schema.sequence_field(schema.COORDINATE_FIELD, "[x, y, z] in world units", count=3)
 
@@ -32,18 +32,18 @@ _BOX = schema.sequence_field(
 
 @dataclass(frozen=True)
 class PlaneSpec:
-    """A plane; `normal` points to the side that is cut away."""
+    """A plane; `normal` points to the side that is clipped away."""
 
     point: Annotated[Vector, _POINT]
-    normal: Annotated[Vector, direction_field("[x, y, z], not all 0: to the side that is cut away")]
+    normal: Annotated[Vector, direction_field("[x, y, z], not all 0: to the side that is clipped away")]
 
 
 @dataclass(frozen=True)
-class CutSpec:
-    """A cut by a plane, or by a box of a lowest and a highest corner; exactly one of them is given.
+class ClipSpec:
+    """A clip plane, or a clip box of a lowest and a highest corner; exactly one of them is given.
 
     fixed: whether it turns with the object, in world axes, or stays before the camera, in view axes (x to the right, y
-        up, z toward the viewer) whose origin is the camera's target. invert: cut away what it would keep.
+        up, z toward the viewer) whose origin is the camera's target. invert: clip away what it would keep.
     """
 
     plane: PlaneSpec | None = None
@@ -52,32 +52,32 @@ class CutSpec:
     invert: bool = False
 
 
-def _check_cut(node: TreeNode, given: dict[str, Any]) -> None:
+def _check_clip(node: TreeNode, given: dict[str, Any]) -> None:
     if not isinstance(node.value, Mapping):
         return
     if "plane" in given and "box" in given:
         node.key("box").reject(f"contradicts {node.path}.plane", expected="one of plane and box")
     elif "plane" not in given and "box" not in given:
-        node.reject("nothing to cut with", got="", expected="one of plane and box")
+        node.reject("nothing to clip with", got="", expected="one of plane and box")
 
 
-def _check_number(node: TreeNode, cuts: tuple[Any, ...]) -> Any:
-    return cuts if len(cuts) <= MAX_CUTS else node.reject("too many cuts", got=str(len(cuts)))
+def _check_number(node: TreeNode, clip: tuple[Any, ...]) -> Any:
+    return clip if len(clip) <= MAX_CLIPS else node.reject("too many planes and boxes", got=str(len(clip)))
 
 
-CUTS_SECTION = schema.sequence_field(
-    schema.dataclass_field(CutSpec, _check_cut),
-    f"a list of at most {MAX_CUTS} mappings with plane or box",
+CLIP_SECTION = schema.sequence_field(
+    schema.dataclass_field(ClipSpec, _check_clip),
+    f"a list of at most {MAX_CLIPS} mappings with plane or box",
     may_be_empty=True,
     check=_check_number,
 )
 
 
-def check_what_is_cut(node: TreeNode, given: Mapping[str, Any]) -> None:
-    """Check that a scene with cuts, whose tree is at `node`, has nothing that cannot be cut."""
+def check_what_is_clipped(node: TreeNode, given: Mapping[str, Any]) -> None:
+    """Check that a scene with `clip`, whose tree is at `node`, has nothing that cannot be clipped."""
     splat = given.get("splat")
-    if given.get("cuts") and isinstance(splat, SplatSpec) and splat.footprint in ("gaussian", "gouraud"):
+    if given.get("clip") and isinstance(splat, SplatSpec) and splat.footprint in ("gaussian", "gouraud"):
         got, expected = f"splat.footprint: {splat.footprint}", "splat.footprint: integrated"
-        node.key("cuts").reject("splats cannot be cut", got=got, expected=expected)
-    if given.get("cuts") and given.get("overlay") == "octree":
-        node.key("cuts").reject("lines cannot be cut", got="overlay: octree", expected="overlay: none")
+        node.key("clip").reject("splats cannot be clipped", got=got, expected=expected)
+    if given.get("clip") and given.get("overlay") == "octree":
+        node.key("clip").reject("lines cannot be clipped", got="overlay: octree", expected="overlay: none")

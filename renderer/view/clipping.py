@@ -1,7 +1,7 @@
-"""Place the cuts of a view in the index space of its rays, as slabs between parallel planes.
+"""Place the clip planes and boxes of a view in the index space of its rays, as slabs between parallel planes.
 
-A cut by a plane, or by an inverted box, leaves a convex set, and what all of them leave is convex, too: what several
-slabs have in common. A cut by a box removes what the slabs across its three axes have in common.
+A plane, or an inverted box, leaves a convex set, and what all of them leave is convex, too: what several slabs have in
+common. A box removes what the slabs across its three axes have in common.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.scene import CutSpec
+from renderer.scene import ClipSpec
 from renderer.view.camera import View
 from renderer.volume import Bools, Float64, Volume
 
 _NORMAL, _LOW, _HIGH = slice(0, 3), 3, 4
 
 
-class Cuts(NamedTuple):
-    """A set of cuts. They leave the points p of a volume that are in all slabs and in no removed box.
+class ClipRegion(NamedTuple):
+    """A region that clip planes and boxes leave: the points p of a volume in all slabs and in no removed box.
 
     A slab is [5]: a normal n [3], and bounds of n . p, with p in index space relative to the volume's centre.
     slabs: float64 [k, 5], unbounded on one side where it is that of a plane. boxes: float64 [m, 3, 5], of each removed
@@ -30,41 +30,41 @@ class Cuts(NamedTuple):
     boxes: Float64
 
 
-def place_cuts(volume: Volume, cuts: Sequence[CutSpec], view: View | None = None) -> Cuts | None:
-    """Return the cuts; None where there are none. view: for those that are fixed to the camera."""
+def place_clips(volume: Volume, clip: Sequence[ClipSpec], view: View | None = None) -> ClipRegion | None:
+    """Return the region that planes and boxes leave; None without any. view: for those fixed to the camera."""
     slabs: list[Float64] = [np.empty((0, 5))]
     boxes: list[Float64] = [np.empty((0, 3, 5))]
-    for cut in cuts:
+    for each in clip:
         axes, origin = np.eye(3), np.zeros(3)
-        if cut.fixed == "camera":
+        if each.fixed == "camera":
             assert view is not None
             axes, origin = view.axes, np.asarray(view.target)
         centre = axes @ (volume.centre - origin)
         index_from_own = axes @ volume.world_from_index[:3, :3]
-        if cut.plane is not None:
-            normal = np.array(cut.plane.normal) / np.linalg.norm(cut.plane.normal)
-            normal = -normal if cut.invert else normal
-            height = normal @ (np.array(cut.plane.point) - centre)
+        if each.plane is not None:
+            normal = np.array(each.plane.normal) / np.linalg.norm(each.plane.normal)
+            normal = -normal if each.invert else normal
+            height = normal @ (np.array(each.plane.point) - centre)
             slabs.append(np.array([[*(normal @ index_from_own), -np.inf, height]]))
         else:
-            corners = np.array(cut.box) - centre
+            corners = np.array(each.box) - centre
             box = np.column_stack([index_from_own, *corners])
-            if cut.invert:
+            if each.invert:
                 slabs.append(box)
             else:
                 boxes.append(box[None])
-    return Cuts(np.concatenate(slabs), np.concatenate(boxes)) if cuts else None
+    return ClipRegion(np.concatenate(slabs), np.concatenate(boxes)) if clip else None
 
 
-def are_cut_away(cuts: Cuts, bounds: Float64) -> Bools:
-    """Return which boxes are surely cut away as a whole: bool [n].
+def are_clipped_away(clip: ClipRegion, bounds: Float64) -> Bools:
+    """Return which boxes are surely clipped away as a whole: bool [n].
 
     bounds: float64 [n, 2, 3], lowest and highest corners in index space relative to the volume's centre.
     """
-    low, high = _span(cuts.slabs, bounds)
-    is_outside = np.any((high <= cuts.slabs[:, _LOW]) | (low >= cuts.slabs[:, _HIGH]), axis=1)
-    low, high = _span(cuts.boxes, bounds)
-    is_inside = np.all((low >= cuts.boxes[..., _LOW]) & (high <= cuts.boxes[..., _HIGH]), axis=2)
+    low, high = _span(clip.slabs, bounds)
+    is_outside = np.any((high <= clip.slabs[:, _LOW]) | (low >= clip.slabs[:, _HIGH]), axis=1)
+    low, high = _span(clip.boxes, bounds)
+    is_inside = np.all((low >= clip.boxes[..., _LOW]) & (high <= clip.boxes[..., _HIGH]), axis=2)
     return np.asarray(is_outside | np.any(is_inside, axis=1))
 
 

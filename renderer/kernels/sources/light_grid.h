@@ -1,4 +1,4 @@
-// How much of the light reaches each place (LightField in renderer/transfer/light_field.py).
+// How much of the light reaches each place (LightGrid in renderer/transfer/light_grid.py).
 #pragma once
 #include "kernels.h"
 
@@ -15,7 +15,7 @@ INLINE float interpolate_cells(const Array<const float, 3>& grid, float x, float
     return near + c * (far - near);
 }
 
-// The share of light that reaches a voxel, by one of a field's grids.
+// The share of light that reaches a voxel, by one of the grids.
 INLINE double share_at(const Array<const float, 3>& grid, double strength, double cell_size, const int64_t* voxel) {
     if (grid.size() == 0) return 1.0;
     double scale = 1.0 / cell_size, shift = 0.5 / cell_size + 0.5;

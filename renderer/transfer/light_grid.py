@@ -13,8 +13,8 @@ import numpy as np
 from renderer.volume import Float32, Int32
 
 
-class LightField(NamedTuple):
-    """A field of factors on light, from 0, dark, to 1, at the centres of cells, between which it is linear.
+class LightGrid(NamedTuple):
+    """A grid of factors on light, from 0, dark, to 1, at the centres of cells, between which they are linear.
 
     occlusion, shadow: float32 [z + 2, y + 2, x + 2], factors on the ambient and on the diffuse light, in steps of
         1 / 255; [0, 0, 0] where they were not asked for. They are 1 where neither a cell nor a neighbour of it shows
@@ -34,13 +34,13 @@ class LightField(NamedTuple):
 
 
 _NO_FACTORS = np.empty((0, 0, 0), np.float32)
-NO_LIGHT_FIELD = LightField(_NO_FACTORS, _NO_FACTORS, np.empty(0, np.int32), 1.0, 0.0, 0.0)
+NO_LIGHT_GRID = LightGrid(_NO_FACTORS, _NO_FACTORS, np.empty(0, np.int32), 1.0, 0.0, 0.0)
 
 
-def make_light_field(
+def make_light_grid(
     occlusion: Float32 | None, shadow: Float32 | None, cell_size: float, strengths: tuple[float, float]
-) -> LightField:
-    """Return the field of factors, float32 [z + 2, y + 2, x + 2], or None; they are rounded."""
+) -> LightGrid:
+    """Return the grid of factors, float32 [z + 2, y + 2, x + 2], or None; they are rounded."""
     grids, packed = [_NO_FACTORS, _NO_FACTORS], []
     for number, factors in enumerate((occlusion, shadow)):
         if factors is not None:
@@ -49,7 +49,7 @@ def make_light_field(
             beyond, (z, y, x) = np.pad(steps, (0, 1), mode="edge"), steps.shape
             packed += [beyond[k : k + z, j : j + y, i : i + x] for k, j, i in np.ndindex(2, 2, 2)]
     if not packed:
-        return NO_LIGHT_FIELD
+        return NO_LIGHT_GRID
     corners = np.append(np.stack(packed, axis=-1).reshape(-1), np.zeros(8, np.uint8)).view(np.int32)
     strengths = strengths[0] * (occlusion is not None), strengths[1] * (shadow is not None)
-    return LightField(grids[0], grids[1], corners, cell_size, *strengths)
+    return LightGrid(grids[0], grids[1], corners, cell_size, *strengths)
