@@ -1,6 +1,6 @@
 """Give each brick the length of its steps, and say where a ray takes samples in it.
 
-Both rasterisers draw this. The ray through a pixel's centre meets a brick's visible bounds from t0 to t1, world
+The ray through a pixel's centre meets a brick's visible bounds from t0 to t1, world
 lengths, beyond the near plane. In index space, in cells of the brick, that stretch has the length L. It is divided into
 
     n = max(1, floor(L / step * (1 + DITHER * (jitter - 1/2)) + 1/2 + jitter))
@@ -90,12 +90,6 @@ class BrickBatch:
 
     def __len__(self) -> int:
         return len(self.cut)
-
-    @property
-    def needs_loops(self) -> bool:
-        """Return whether only the kernels draw it, also beside a GPU."""
-        is_lit_by_loops = self.shading is not None and not self.shading.is_plain
-        return self.extremes is not None or is_lit_by_loops or self.cut.volume.num_absent > 0
 
     @property
     def spacings_per_model_unit(self) -> float:
