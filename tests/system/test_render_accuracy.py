@@ -15,7 +15,7 @@ from commands import python
 from small_scene import sidecar, small_scene
 
 from hsplat_cli import main
-from renderer.draw import GLRasterizer
+from renderer.draw import Rasterizer
 from renderer.film import over_background
 from renderer.frame import prepare_stage, render_frames
 from renderer.job import plan
@@ -36,7 +36,7 @@ def render(*arguments: str, code: int = 0) -> None:
     assert main.run(["render", "scene.yaml", *arguments]) == code
 
 
-def accuracies(metric: str, scene: Scene, frames: Sequence[int], rasterizer: GLRasterizer) -> dict[int, float]:
+def accuracies(metric: str, scene: Scene, frames: Sequence[int], rasterizer: Rasterizer) -> dict[int, float]:
     """Return the metric of the pictures of these frames, by frame."""
     stage = prepare_stage(scene, clock=lambda: 0.0, num_threads=1)
     pictures = {
