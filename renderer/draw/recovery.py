@@ -1,24 +1,16 @@
-"""Open the rasteriser of a scene; one of OpenGL continues with a new context when its context is lost."""
+"""Continue after a GL context is lost: draw the image again with a new context."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
 
-from renderer.draw.cpu.raster import BrickRasterizer
 from renderer.draw.gl.raster import SplatRasterizer
 from renderer.draw.rasterizer import Rasterizer
 from renderer.errors import ContextLostError, RenderError
-from renderer.scene import Scene
 from renderer.splats import SplatBatch
-from renderer.system import num_drawing_threads
 from renderer.view import View
 from renderer.volume import Float32, UInt32
-
-
-def open_rasterizer(scene: Scene) -> Rasterizer:
-    """Open the rasteriser of a scene's footprint. Raises RenderError where it needs OpenGL and there is none."""
-    return RecoveringRasterizer() if scene.needs_opengl else BrickRasterizer(num_threads=num_drawing_threads())
 
 
 class RecoveringRasterizer(Rasterizer):
