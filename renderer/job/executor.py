@@ -9,10 +9,9 @@ import contextlib
 import time
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
-from renderer.draw import Rasterizer, RecoveringRasterizer, open_rasterizer
+from renderer.draw import Rasterizer, open_rasterizer
 from renderer.film import Picture
 from renderer.frame import Stage, ToleranceController, render_frames
 from renderer.job.film_accuracy import frame_accuracy
@@ -70,11 +69,11 @@ class Executor(Protocol):
 class LocalExecutor:
     """An executor that draws in this process, one frame after the other, each with all threads."""
 
-    rasterizer: RecoveringRasterizer
+    rasterizer: Rasterizer
 
     @property
     def device(self) -> str:
-        """Return device and driver of OpenGL, or that the processor draws."""
+        """Return device and driver of OpenGL for splats, and the processor for bricks."""
         return self.rasterizer.device
 
     @property
@@ -90,7 +89,7 @@ class LocalExecutor:
 @contextlib.contextmanager
 def open_local_executor(scene: Scene) -> Iterator[LocalExecutor]:
     """Open what draws this scene in this process. Raises RenderError where it needs OpenGL and there is none."""
-    with RecoveringRasterizer(partial(open_rasterizer, needs_opengl=scene.needs_opengl)) as rasterizer:
+    with open_rasterizer(scene) as rasterizer:
         yield LocalExecutor(rasterizer)
 
 

@@ -121,7 +121,7 @@ def scene_of(**sections: Any) -> Scene:
 
 
 def drawn(stage: Stage, number: int) -> Frame:
-    with open_rasterizer(needs_opengl=stage.scene.needs_opengl) as rasterizer:
+    with open_rasterizer(stage.scene) as rasterizer:
         (frame,) = render_frames(stage, [number], rasterizer, clock=perf_counter)
     return frame
 

@@ -174,7 +174,7 @@ def measure(data: Path, name: str, subject: Subject, found: Measured) -> None:
     scene = suggested(data / subject.file, SIZE, num_frames=NUM_FRAMES, **lit)
     with (
         open_stage(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True) as stage,
-        open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer,
+        open_rasterizer(scene) as rasterizer,
     ):
         warm_up(stage, rasterizer)
         room = Room(stage, rasterizer, FrameProber(stage, RAYS, seed=SEED, num_threads=THREADS), {})

@@ -125,7 +125,7 @@ def measured(data: Path, subject: Subject, processes: Executor) -> Figures:
     scene = suggested(data / subject.file, SIZE, is_lit=subject.is_lit, is_splats=subject.is_splats)
     with (
         open_stage(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True) as stage,
-        open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer,
+        open_rasterizer(scene) as rasterizer,
     ):
         draw_ms, probe_ms = timed(stage, rasterizer)
         exact = exact_frames(stage)

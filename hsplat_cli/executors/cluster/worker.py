@@ -55,7 +55,7 @@ class SerializedStage:
             content = self._content if self._content.flags.writeable else self._content.copy()
             self._stage = deserialize_stage(content.data)
             self._controller, self._prober = ScheduleController(self._stage), open_prober(self._stage)
-            self._rasterizers.append(open_rasterizer(needs_opengl=self._stage.scene.needs_opengl))
+            self._rasterizers.append(open_rasterizer(self._stage.scene))
             self._versions = package_versions() | {"device": self._rasterizers[0].device}
         try:
             (drawn,) = draw_frames(self._stage, [number], self._rasterizers[0], self._controller, self._prober)

@@ -85,9 +85,7 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
     """Measure, write the report and print the table; an interrupt or error still writes what was measured before it."""
     scene = request.scene
     _require_all(request)
-    needs_opengl = any(replace(scene, splat=splat).needs_opengl for splat in request.sweep.splats)
-    with open_rasterizer(needs_opengl=needs_opengl) as rasterizer:  # fails before a voxel is read
-        machine = describe_machine(rasterizer.device)
+    machine = describe_machine(_devices(request))  # fails before a voxel is read
     if request.peer:
         machine["peer"] = {"name": request.peer, **vtk_peer.describe_vtk()}
     volume, notes = read_volume(scene.volume), list[str]()
@@ -160,14 +158,20 @@ def _require_all(request: StudyRequest) -> None:
         vtk_peer.check_vtk(request.scene)
 
 
+def _devices(request: StudyRequest) -> str:
+    """Return what draws the footprints of a sweep. Raises RenderError where one needs OpenGL and there is none."""
+    devices = []
+    for splat in request.sweep.splats:
+        with open_rasterizer(replace(request.scene, splat=splat)) as rasterizer:
+            devices.append(rasterizer.device)
+    return " and ".join(dict.fromkeys(devices))
+
+
 @contextmanager
 def _openers(request: StudyRequest, volume: Volume) -> Iterator[_Openers]:
     """Yield what opens stages and rasterizers; a quick study has one of each, as only the tolerance changes."""
     scene = request.scene
-    opened = _Openers(
-        partial(open_at_any_tolerance, volume=volume),
-        lambda of: open_rasterizer(needs_opengl=of.needs_opengl),
-    )
+    opened = _Openers(partial(open_at_any_tolerance, volume=volume), open_rasterizer)
     if request.is_quick:
         with opened.stage(scene) as stage, opened.rasterizer(scene) as rasterizer:
             yield _Openers(lambda of: nullcontext(replace(stage, scene=of)), lambda _: nullcontext(rasterizer))

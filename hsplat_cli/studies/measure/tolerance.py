@@ -29,7 +29,7 @@ def print_tolerance(
     """Search, and print a line for the scene file. Raises RenderError if full resolution is not accurate enough."""
     _require_measurable(scene, want)
     with (
-        open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer,
+        open_rasterizer(scene) as rasterizer,
         open_at_any_tolerance(scene, read_volume(scene.volume)) as stage,
         FilmEvents(reporter, scene.splat.primitive_name) as events,
     ):

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from renderer.draw.constants import RECTANGLE_ROUNDING_PX
 from renderer.kernels import kernels
 from renderer.view import RaySetup
 from renderer.volume import Bools, Float32, Float64, Int64
@@ -14,6 +13,9 @@ from renderer.volume import Bools, Float32, Float64, Int64
 # Pixels along the sides of a tile, without and with subsampling. Tiles of 16 draw each brick more often, and the rays
 # of tiles of 64 do not fit into the cache.
 TILE_SIDE, SUBSAMPLED_TILE_SIDE = 32, 16
+
+# Pixels that are so near to a rectangle's edge count as inside: rounding may have moved the edge.
+_EDGE_ROUNDING_PX = 2e-3
 
 
 def make_grid(
@@ -24,7 +26,6 @@ def make_grid(
     stride: the pixels of the grid are every `stride`-th pixel along both axes. Grid pixel 0 is the centre of pixel 0.
     side: of a tile, in pixels of the grid.
     rectangles: int64 [n, 4], left, top, right and bottom of each brick, half-open, in pixels of the grid and inside it.
-        Pixels that rounding may have moved out of a rectangle count as inside.
     starts: int64 [tiles + 1], numbers: int64. The bricks over tile k are `numbers[starts[k] : starts[k + 1]]`, front to
         back.
     boxes: as in BrickView. texel_offsets: int64 [n], where the texels of each brick begin in its atlas.
@@ -33,8 +34,8 @@ def make_grid(
     """
     shape = is_drawn.shape[1], is_drawn.shape[0]
     side = TILE_SIDE if stride == 1 else SUBSAMPLED_TILE_SIDE
-    low = np.ceil((rectangles_px[:, :2] - 0.5 - RECTANGLE_ROUNDING_PX) / stride)
-    high = np.floor((rectangles_px[:, 2:] - 0.5 + RECTANGLE_ROUNDING_PX) / stride) + 1
+    low = np.ceil((rectangles_px[:, :2] - 0.5 - _EDGE_ROUNDING_PX) / stride)
+    high = np.floor((rectangles_px[:, 2:] - 0.5 + _EDGE_ROUNDING_PX) / stride) + 1
     rectangles = np.clip(np.hstack([low, high]), 0, shape * 2).astype(np.int64)
     rectangles[(rectangles[:, :2] >= rectangles[:, 2:]).any(axis=1)] = 0
     tile_windows = np.hstack([rectangles[:, :2] // side, -(-rectangles[:, 2:] // side)])

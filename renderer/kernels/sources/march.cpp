@@ -13,7 +13,8 @@
 
 namespace {
 
-constexpr int MAX_SAMPLES = 4095;  // as in renderer/draw/constants.py
+// Of a ray in a brick; only rays that rounding moves beyond their brick would have more.
+constexpr int MAX_SAMPLES = 4095;
 constexpr int CACHE_LINE_BYTES = 64;
 // Floats behind the last texel that loads of whole rows touch.
 constexpr int READ_BEHIND = 2;
