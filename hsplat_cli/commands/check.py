@@ -9,16 +9,14 @@ import click
 from hsplat_cli.commands.options import takes_scene
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import Reporter
+from renderer.accuracy import finer_than_kept, typical_kept_psnr, typical_psnr
 from renderer.film import (
-    finer_than_kept,
     frame_path,
     has_frame_files,
     require_own_folder,
     require_writable_dry_run,
     sidecar_path,
     translate_os_errors,
-    typical_kept_psnr,
-    typical_psnr,
     unfinished_folder,
 )
 from renderer.readers import find_volume

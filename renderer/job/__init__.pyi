@@ -1,9 +1,3 @@
-from .accuracy import (
-    find_truth as find_truth,
-    nothing_visible_error as nothing_visible_error,
-    search_tolerance as search_tolerance,
-    unreachable_accuracy_error as unreachable_accuracy_error,
-)
 from .assemble.assembly import assemble_film as assemble_film
 from .assemble.parts import Part as Part, find_parts as find_parts
 from .checkpoint import FrameCheckpoint as FrameCheckpoint

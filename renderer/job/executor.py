@@ -23,7 +23,7 @@ from renderer.scene import Scene
 from renderer.system import num_cores
 
 if TYPE_CHECKING:
-    from renderer.probes import FrameProber
+    from renderer.accuracy import FrameProber
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def open_local_executor(scene: Scene) -> Iterator[LocalExecutor]:
 def open_prober(stage: Stage) -> FrameProber | None:
     """Return what measures the accuracy of frames; None where the scene wants no rays, or has no exact picture."""
     # Imported here: the ray integral takes a while to load.
-    from renderer.probes import FrameProber, num_probe_rays
+    from renderer.accuracy import FrameProber, num_probe_rays
 
     num_rays = num_probe_rays(stage.scene)
     return FrameProber(stage, num_rays, num_threads=num_cores()) if num_rays else None

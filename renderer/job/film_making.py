@@ -13,8 +13,9 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from renderer.accuracy import finer_than_kept
 from renderer.errors import RenderError
-from renderer.film import film_notes, finer_than_kept, has_frame_files
+from renderer.film import film_notes, has_frame_files
 from renderer.frame import LODCostEstimator, Stage, open_stage
 from renderer.job.checkpoint import FrameCheckpoint, FrameStore, remove_checkpoint_frames
 from renderer.job.events import JobEvents

@@ -5,11 +5,11 @@ from __future__ import annotations
 import statistics
 from collections.abc import Iterator, Sequence
 
+from renderer.accuracy import psnr, wanted_error
 from renderer.errors import RenderError
 from renderer.job.film_accuracy import accuracy_text, film_accuracy
 from renderer.job.plan import BEST_EFFORT_HINT, FilmPlan
 from renderer.job.record import FilmRecord, FrameRecord, min_max
-from renderer.probes import psnr
 from renderer.scene import (
     ErrorSpec,
     MetricTarget,
@@ -62,8 +62,7 @@ def _accuracy_shortfall(goal: MetricTarget, frames: Sequence[FrameRecord]) -> Re
     film = film_accuracy(frames)
     if film is None:
         return None
-    wanted = 10 ** (-goal.value / 10) if goal.metric == "psnr" else goal.value**2
-    least = psnr(wanted + _ROUNDING)
+    least = psnr(wanted_error(goal) + _ROUNDING)
     missing = [frame.frame for frame in frames if frame.accuracy is not None and frame.accuracy.interval[1] < least]
     if film.interval[1] >= least and len(missing) <= _MAX_MISSING_FRACTION * len(frames):
         return None

@@ -11,20 +11,18 @@ import statistics
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from renderer.accuracy import MOST_DB, FrameProber, psnr, squared_error
 from renderer.errors import Problem
 from renderer.film import Picture, Pixels, decode_known_film, frame_path, has_frame_files
 from renderer.frame import Stage
 from renderer.job.events import JobEvents
 from renderer.job.film_accuracy import film_accuracy, frame_accuracy
 from renderer.job.record import FilmAccuracy, FrameAccuracy, FrameRecord
-from renderer.probes import FrameProber, psnr
 from renderer.scene import OutputSpec
 from renderer.system import num_cores
 
 # The rays of a frame are at least doubled until the film is known well enough. Of a long film some frames are measured.
 _FEWEST_RAYS, MOST_RAYS, _MOST_FRAMES = 64, 4096, 240
-# With no error seen, the interval has no end.
-_NO_ERROR_DB = 200.0
 # A frame of an encoded film may lose this many times what is usual; usual is no less than rounding to 8 bits.
 _UNUSUAL, _LEAST_LOSS = 4.0, 1 / 255**2 / 12
 # This many times the error is hardly worse: than that of a numbered frame beside it, or than was recorded of a film.
@@ -71,7 +69,7 @@ def measure_film(
         accuracy = film_accuracy(measured)
         assert accuracy is not None, "each frame is measured"
         width = max(accuracy.psnr - accuracy.interval[0], accuracy.interval[1] - accuracy.psnr)
-        is_precise = width <= options.precision_db or accuracy.psnr >= _NO_ERROR_DB
+        is_precise = width <= options.precision_db or accuracy.psnr >= MOST_DB
         if is_precise or num_rays == MOST_RAYS:
             break
         num_rays = min(MOST_RAYS, 2 * num_rays * max(1, round((width / options.precision_db) ** 2 / 2)))
@@ -124,7 +122,7 @@ def _film_problems(frames: Sequence[FrameRecord], found: FilmAccuracy, output: O
     recorded = film_accuracy(frames)
     if recorded is not None:
         may_lose = 0.0 if has_frame_files(output) else _MOST_OF_ENCODING
-        least = psnr(_HARDLY_WORSE * _error(recorded.interval[0]) + may_lose)
+        least = psnr(_HARDLY_WORSE * squared_error(recorded.interval[0]) + may_lose)
         yield from _problems("far less exact than recorded", found, least, output)
 
 
@@ -145,7 +143,16 @@ def _least_as_recorded(frames: Sequence[FrameRecord], found: Sequence[float]) ->
     """
     lows = [_low(frame) for frame in frames]
     return [
-        min([low, *(psnr(_HARDLY_WORSE * _error(found[at])) for at in _beside(k, len(found)) if found[at] >= lows[at])])
+        min(
+            [
+                low,
+                *(
+                    psnr(_HARDLY_WORSE * squared_error(found[at]))
+                    for at in _beside(k, len(found))
+                    if found[at] >= lows[at]
+                ),
+            ]
+        )
         for k, low in enumerate(lows)
     ]
 
@@ -155,12 +162,13 @@ def _least_usual(frames: Sequence[FrameRecord], found: Sequence[float]) -> list[
 
     Its error is several times as large as usual, and it has lost several times as much as usual from what was recorded.
     """
-    errors = [max(_error(value), _LEAST_LOSS) for value in found]
+    errors = [max(squared_error(value), _LEAST_LOSS) for value in found]
     losses = [
-        max(_error(value) - _error(_psnr(frame)), _LEAST_LOSS) for frame, value in zip(frames, found, strict=True)
+        max(squared_error(value) - squared_error(_psnr(frame)), _LEAST_LOSS)
+        for frame, value in zip(frames, found, strict=True)
     ]
     usual = zip(frames, _usual(errors), _usual(losses), strict=True)
-    return [psnr(max(_UNUSUAL * error, _error(_low(frame)) + _UNUSUAL * loss)) for frame, error, loss in usual]
+    return [psnr(max(_UNUSUAL * error, squared_error(_low(frame)) + _UNUSUAL * loss)) for frame, error, loss in usual]
 
 
 def _usual(values: Sequence[float]) -> list[float]:
@@ -176,13 +184,8 @@ def _beside(k: int, num: int) -> list[int]:
 
 
 def _low(frame: FrameRecord) -> float:
-    return _NO_ERROR_DB if frame.accuracy is None else frame.accuracy.interval[0]
+    return MOST_DB if frame.accuracy is None else frame.accuracy.interval[0]
 
 
 def _psnr(frame: FrameRecord) -> float:
-    return _NO_ERROR_DB if frame.accuracy is None else frame.accuracy.psnr
-
-
-def _error(decibels: float) -> float:
-    """Return the mean squared error of a PSNR."""
-    return 10 ** (-decibels / 10) if decibels < _NO_ERROR_DB else 0.0
+    return MOST_DB if frame.accuracy is None else frame.accuracy.psnr

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 import numpy.typing as npt
 
-from renderer.study.metrics import REACH_PX, SSIM_WINDOW_PX, Metric, metric_map
+from renderer.accuracy import REACH_PX, SSIM_WINDOW_PX, Metric, metric_map
 from renderer.volume import Array, Float32, Int32
 
 Pixels = npt.NDArray[np.uint8]

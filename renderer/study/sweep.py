@@ -16,14 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from renderer.accuracy import Accuracy, FloatImage, SampledTruth, Truth, pool_accuracies, spread_tolerances
 from renderer.draw import Rasterizer
 from renderer.film import over_background
 from renderer.frame import Clock, Stage, make_primitive, render_frames
 from renderer.scene import ErrorSpec, Scene, SplatSpec, with_tolerance
-from renderer.study.metrics import Accuracy, FloatImage, pool_accuracies
-from renderer.study.thumbnails import thumbnail
-from renderer.study.tolerance_search import spread_tolerances
-from renderer.study.truths import SampledTruth, Truth
+from renderer.study.thumbnails import amplified_difference, thumbnail
 from renderer.system import PeakMemory
 from renderer.volume import UInt8
 
@@ -145,7 +143,7 @@ class FirstPass:
         truth = self._truths[len(self._accuracies)]
         self._accuracies.append(truth.accuracy_of(picture))
         if self._thumbnails is None:
-            self._thumbnails = thumbnail(picture), truth.thumbnail_of_difference(picture)
+            self._thumbnails = thumbnail(picture), _difference_from(truth, picture)
 
     def measurement(
         self,
@@ -160,6 +158,11 @@ class FirstPass:
         picture, difference = self._thumbnails
         overall = pool_accuracies(self._accuracies)
         return Measurement(frames=frames, overall=overall, picture=picture, difference=difference, **rest)
+
+
+def _difference_from(truth: Truth | SampledTruth, picture: FloatImage) -> UInt8 | None:
+    """Return a thumbnail of the amplified difference of a picture; None from a truth of some pixels."""
+    return thumbnail(amplified_difference(picture, truth.picture)) if isinstance(truth, Truth) else None
 
 
 def measure_setting(stage: Stage, truths: Truths, rasterizer: Rasterizer, *, clock: Clock, repeats: int) -> Measurement:

@@ -19,12 +19,12 @@ from unittest.mock import patch
 import numpy as np
 from measuring import PAGES, THREADS, machine_line, parser_of, section, span, suggested
 
+from renderer.accuracy import ExactPixels, FilmTolerances, FrameProber, Trial, find_film_tolerances, psnr
 from renderer.bricks.pixel_grid import STRIDES
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.frame import Frame, Stage, open_stage, render_frames
-from renderer.probes import ExactPixels, FrameProber, psnr
 from renderer.scene import MetricTarget, with_tolerance, with_tolerances
-from renderer.study import FilmTolerances, Trial, film_tolerances, find_film_tolerances
+from renderer.study import film_tolerances
 from renderer.volume import Float64
 
 PAGE = PAGES / "goals.md"

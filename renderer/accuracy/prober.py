@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from renderer.accuracy.estimate import ErrorSamples, error_samples
+from renderer.accuracy.pixels import ChosenPixels, choose_pixels
+from renderer.accuracy.visibility import scalar_ranges, sum_ranges
 from renderer.film import Pixels, over_background
 from renderer.frame import Stage, view_of
-from renderer.probes.estimate import ErrorSamples, error_samples
-from renderer.probes.pixels import ChosenPixels, choose_pixels
-from renderer.probes.visibility import scalar_ranges, sum_ranges
 from renderer.scene import Color, Scene
 from renderer.truth import SceneRays
 from renderer.volume import Float32, Float64

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from renderer.accuracy.estimate import ErrorSamples, pool_samples, psnr
 from renderer.errors import require_package
 from renderer.film import require_finite
-from renderer.probes import ErrorSamples, pool_samples, psnr
 from renderer.volume import Bools
 
 FloatImage = npt.NDArray[np.float64]

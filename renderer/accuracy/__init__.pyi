@@ -1,0 +1,58 @@
+from .encoding import (
+    encoding_loss as encoding_loss,
+    finer_than_kept as finer_than_kept,
+    typical_kept_psnr as typical_kept_psnr,
+    typical_psnr as typical_psnr,
+)
+from .estimate import (
+    MOST_DB as MOST_DB,
+    ErrorSamples as ErrorSamples,
+    error_samples as error_samples,
+    pool_samples as pool_samples,
+    psnr as psnr,
+    squared_error as squared_error,
+    wanted_error as wanted_error,
+)
+from .metrics import (
+    METRICS as METRICS,
+    REACH_PX as REACH_PX,
+    SSIM_WINDOW_PX as SSIM_WINDOW_PX,
+    Accuracy as Accuracy,
+    FloatImage as FloatImage,
+    Metric as Metric,
+    SampledAccuracy as SampledAccuracy,
+    compute_metric as compute_metric,
+    measure_accuracy as measure_accuracy,
+    metric_map as metric_map,
+    pool_accuracies as pool_accuracies,
+    require_measuring_packages as require_measuring_packages,
+    sampled_accuracy as sampled_accuracy,
+)
+from .pixels import choose_pixels as choose_pixels
+from .prober import (
+    ExactPixels as ExactPixels,
+    FrameProber as FrameProber,
+    Probe as Probe,
+    num_probe_rays as num_probe_rays,
+)
+from .references import (
+    ExactPictures as ExactPictures,
+    ExactRays as ExactRays,
+)
+from .search import (
+    FoundTolerances as FoundTolerances,
+    Trial as Trial,
+    find_tolerances as find_tolerances,
+)
+from .tolerances import spread_tolerances as spread_tolerances
+from .truths import (
+    NUM_SAMPLED_PIXELS as NUM_SAMPLED_PIXELS,
+    TRUTH_TOLERANCE as TRUTH_TOLERANCE,
+    SampledTruth as SampledTruth,
+    Truth as Truth,
+    compute_truth as compute_truth,
+    is_loop as is_loop,
+    sample_truths as sample_truths,
+    spread_evenly as spread_evenly,
+)
+from .visibility import scalar_ranges as scalar_ranges

@@ -1,0 +1,239 @@
+"""Search for the coarsest tolerances at which frames are as exact as wanted, by trial pictures.
+
+A tolerance is good enough for a frame by some standard deviations of what its comparison says. Frames get one tolerance
+together, or each its own: then key frames get the coarsest one, and those between two of them get one between theirs. A
+frame half-way is tried: where it falls short it becomes a key frame, too. All of it is decided before the film is
+drawn, so whoever draws a frame draws the same bytes.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import pairwise
+
+from renderer.accuracy.encoding import typical_tolerance
+from renderer.accuracy.estimate import psnr, wanted_error
+from renderer.accuracy.references import Comparison, Reference
+from renderer.accuracy.tolerances import tolerance_ladder
+from renderer.accuracy.truths import spread_evenly
+from renderer.draw import Rasterizer
+from renderer.errors import RenderError
+from renderer.frame import Clock, ScheduleController, Stage, make_primitive, render_frames
+from renderer.scene import MetricTarget, Scene, counted, with_tolerance
+
+# By how many deviations key frames, and those between them, are to be good enough: nine of ten are, and more.
+_MARGIN, _MARGIN_BETWEEN = 1.5, 0.5
+# Key frames at first, and the most.
+_NUM_KEYS, _MAX_KEYS = 8, 32
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A picture at a tolerance: the metric's value on a frame, and the number of cells in the cut."""
+
+    tolerance: float
+    frame: int
+    value: float
+    num_cells: int
+
+    def text(self, want: MetricTarget, noun: str) -> str:
+        """Return `tolerance 0.1: psnr 44.20 dB on frame 3, 190 bricks`."""
+        value, cells = want.format(self.value), counted(self.num_cells, noun)
+        return f"tolerance {self.tolerance:g}: {value} on frame {self.frame}, {cells}"
+
+
+@dataclass(frozen=True)
+class FoundTolerances:
+    """Tolerances for frames, found for an accuracy.
+
+    by_frame: of each frame; 0 for all where not even that is good enough (`is_reachable`).
+    tried: the frames that were tried, ascending. worst: the worst trial at the tolerances that were chosen.
+    """
+
+    want: MetricTarget
+    by_frame: Mapping[int, float]
+    is_reachable: bool
+    tried: tuple[int, ...]
+    worst: Trial
+
+    def shortfall(self, scene: Scene, *, where: str, hint: str) -> RenderError:
+        """Return the error where no tolerance is good enough. hint: what to do about it."""
+        level, worst = scene.error.finest_level, self.worst
+        drawn = counted(worst.num_cells, scene.splat.primitive_name)
+        limit = "docs/footprints.md says what limits it"
+        if level:
+            limit = f"error.finest_level: {level} lets no cell be smaller"
+        return RenderError(
+            "the requested accuracy is beyond full resolution",
+            where=where,
+            got=f"{self.want.format(worst.value)} on frame {worst.frame}, with {drawn} at tolerance 0",
+            expected=str(self.want),
+            hint=f"{hint}; {limit}",
+        )
+
+
+def find_tolerances(
+    stage: Stage,
+    frames: Sequence[int],
+    reference: Reference,
+    rasterizer: Rasterizer,
+    *,
+    is_constant: bool,
+    clock: Clock,
+    on_trial: Callable[[Trial], None],
+) -> FoundTolerances:
+    """Find the tolerances at which frames, before rounding, are as near to a reference as it wants.
+
+    stage: with a pyramid for every tolerance. The schedule of its scene is ignored, and so is its overlay, which is no
+        error. frames: ascending. is_constant: whether all get the same tolerance.
+    on_trial: called after every picture. None is drawn twice.
+    """
+    stage = replace(stage, scene=replace(stage.scene, overlay="none"))
+    ladder = tolerance_ladder(stage.pyramid, make_primitive(stage).work, reference.step)
+    trials = _Trials(stage, reference, rasterizer, ladder, clock, on_trial)
+    start = _first_guess(ladder, reference.want)
+    if is_constant:
+        chosen = _choose_one_step(trials, spread_evenly(frames, reference.num_frames, is_loop=False), start)
+    else:
+        chosen = _choose_steps(trials, frames, start)
+    failed = [frame for frame, step in chosen.items() if not trials.is_possible(step, frame)]
+    made = (trials.trial(chosen[frame], frame) for frame in failed or chosen)
+    worst = min(made, key=lambda each: reference.want.margin(each.value))
+    steps = dict.fromkeys(frames, trials.last) if failed else _steps_by_frame(frames, chosen)
+    by_frame = {frame: ladder[step] for frame, step in steps.items()}
+    return FoundTolerances(reference.want, by_frame, not failed, tuple(sorted(chosen)), worst)
+
+
+def _choose_one_step(trials: _Trials, frames: Sequence[int], start: int) -> dict[int, int]:
+    """Return one step, of all frames to try; of the one that is not good enough even at the last step.
+
+    An accuracy need not rise with every step: frames that were good enough at a coarser one are tried again.
+    """
+    step, num_sure, at = trials.coarsest_step(frames[0], start), 0, 0
+    while num_sure < len(frames):
+        frame = frames[at % len(frames)]
+        if trials.is_sure(step, frame):
+            num_sure += 1
+        elif step == trials.last:
+            return {frame: step}
+        else:
+            step, num_sure = trials.coarsest_step(frame, step), 0
+            continue
+        at += 1
+    return dict.fromkeys(frames, step)
+
+
+def _choose_steps(trials: _Trials, frames: Sequence[int], start: int) -> dict[int, int]:
+    """Return a step of each frame that was tried; of few where one is not good enough even at the last step."""
+    chosen: dict[int, int] = {}
+    keys = spread_evenly(frames, _NUM_KEYS, is_loop=False)
+    for frame in keys:
+        chosen[frame] = start = trials.coarsest_step(frame, start)
+        if not trials.is_possible(start, frame):
+            return chosen
+    gaps, num_keys = list(pairwise(keys)), len(keys)
+    while gaps:
+        first, last = gaps.pop()
+        middle = frames[(bisect_left(frames, first) + bisect_left(frames, last)) // 2]
+        if middle == first:
+            continue
+        chosen[middle] = step = _step_between(chosen, first, last, middle)
+        if trials.is_good(step, middle, _MARGIN_BETWEEN):
+            continue
+        chosen[middle] = trials.coarsest_step(middle, step)
+        num_keys += 1
+        gaps += [(first, middle), (middle, last)] * (num_keys <= _MAX_KEYS)
+    return chosen
+
+
+def _steps_by_frame(frames: Sequence[int], chosen: Mapping[int, int]) -> dict[int, int]:
+    """Return the step of each frame, between those of the frames that were tried."""
+    tried = sorted(chosen)
+    found = {tried[0]: chosen[tried[0]]}
+    for first, last in pairwise(tried):
+        found |= {frame: _step_between(chosen, first, last, frame) for frame in frames if first < frame <= last}
+    return found
+
+
+def _step_between(steps: Mapping[int, int], first: int, last: int, frame: int) -> int:
+    """Return the step of a frame between two others, rounded to the finer one."""
+    return math.ceil(steps[first] + (steps[last] - steps[first]) * (frame - first) / (last - first))
+
+
+def _first_guess(ladder: Sequence[float], want: MetricTarget) -> int:
+    """Return the step of a tolerance that has this accuracy with many scans; the coarsest for other metrics."""
+    if want.metric not in ("psnr", "rmse"):
+        return 0
+    guess = typical_tolerance(psnr(wanted_error(want)))
+    return min(bisect_left(ladder, -guess, key=lambda each: -each), len(ladder) - 1)
+
+
+class _Trials:
+    """Trial pictures of frames at the steps of a ladder of tolerances. last: the last step."""
+
+    def __init__(
+        self,
+        stage: Stage,
+        reference: Reference,
+        rasterizer: Rasterizer,
+        ladder: Sequence[float],
+        clock: Clock,
+        on_trial: Callable[[Trial], None],
+    ) -> None:
+        self._stage, self._reference, self._rasterizer = stage, reference, rasterizer
+        self._ladder, self._clock, self._on_trial = ladder, clock, on_trial
+        self._made: dict[tuple[int, int], tuple[Trial, Comparison]] = {}  # by step and frame
+        self._controller_at = lru_cache(maxsize=1)(self._make_controller)  # has a level of detail in memory
+        self.last = len(ladder) - 1
+
+    def trial(self, step: int, frame: int) -> Trial:
+        """Return the trial of a frame at a step."""
+        return self._draw(step, frame)[0]
+
+    def is_good(self, step: int, frame: int, deviations: float = 0.0) -> bool:
+        """Return whether a frame is as exact as wanted, even if the estimate is too good by some deviations."""
+        want, comparison = self._reference.want, self._draw(step, frame)[1]
+        return want.margin(comparison.value_if_worse(want.metric, deviations)) >= 0
+
+    def is_sure(self, step: int, frame: int) -> bool:
+        """Return whether a frame is surely good enough; at the last step, which no other beats, probably."""
+        return self.is_good(step, frame, _MARGIN if step < self.last else 0.0)
+
+    def is_possible(self, step: int, frame: int) -> bool:
+        """Return whether a frame is good enough at its step or may be at a finer one."""
+        return step < self.last or self.is_good(step, frame)
+
+    def coarsest_step(self, frame: int, start: int) -> int:
+        """Return the coarsest step near `start` that is surely good enough; the last one if none is."""
+
+        def is_sure(step: int) -> bool:
+            return step == self.last or self.is_sure(step, frame)
+
+        bad, good, stride = -1, start, 1
+        while not is_sure(good):
+            bad, good, stride = good, min(good + stride, self.last), 2 * stride
+        stride = 1
+        while bad < 0 and good > 0:
+            coarser = max(good - stride, 0)
+            bad, good = (-1, coarser) if is_sure(coarser) else (coarser, good)
+            stride *= 2
+        return bisect_left(range(good), True, bad + 1, good, key=is_sure)
+
+    def _draw(self, step: int, number: int) -> tuple[Trial, Comparison]:
+        if (step, number) not in self._made:
+            tolerance = self._ladder[step]
+            stage, controller = self._controller_at(tolerance)
+            (frame,) = render_frames(stage, [number], self._rasterizer, clock=self._clock, controller=controller)
+            comparison = self._reference.compare(frame)
+            trial = Trial(tolerance, number, comparison.value, frame.num_cells)
+            self._made[step, number] = trial, comparison
+            self._on_trial(trial)
+        return self._made[step, number]
+
+    def _make_controller(self, tolerance: float) -> tuple[Stage, ScheduleController]:
+        at_tolerance = replace(self._stage, scene=with_tolerance(self._stage.scene, tolerance))
+        return at_tolerance, ScheduleController(at_tolerance)
