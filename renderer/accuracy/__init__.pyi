@@ -33,7 +33,7 @@ from .prober import (
     ExactPixels as ExactPixels,
     FrameProber as FrameProber,
     Probe as Probe,
-    num_probe_rays as num_probe_rays,
+    open_prober as open_prober,
 )
 from .references import (
     ExactPictures as ExactPictures,

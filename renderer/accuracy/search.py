@@ -17,7 +17,7 @@ from itertools import pairwise
 
 from renderer.accuracy.encoding import typical_tolerance
 from renderer.accuracy.estimate import psnr, wanted_error
-from renderer.accuracy.references import Comparison, Reference
+from renderer.accuracy.references import Reference
 from renderer.accuracy.tolerances import tolerance_ladder
 from renderer.accuracy.truths import spread_evenly
 from renderer.draw import Rasterizer
@@ -33,12 +33,16 @@ _NUM_KEYS, _MAX_KEYS = 8, 32
 
 @dataclass(frozen=True)
 class Trial:
-    """A picture at a tolerance: the metric's value on a frame, and the number of cells in the cut."""
+    """A picture at a tolerance: the metric's value on a frame, and the number of cells in the cut.
+
+    deviation: of the logarithm of the mean squared error, where that is an estimate.
+    """
 
     tolerance: float
     frame: int
     value: float
     num_cells: int
+    deviation: float = 0.0
 
     def text(self, want: MetricTarget, noun: str) -> str:
         """Return `tolerance 0.1: psnr 44.20 dB on frame 3, 190 bricks`."""
@@ -113,17 +117,14 @@ def _choose_one_step(trials: _Trials, frames: Sequence[int], start: int) -> dict
 
     An accuracy need not rise with every step: frames that were good enough at a coarser one are tried again.
     """
-    step, num_sure, at = trials.coarsest_step(frames[0], start), 0, 0
-    while num_sure < len(frames):
-        frame = frames[at % len(frames)]
-        if trials.is_sure(step, frame):
-            num_sure += 1
-        elif step == trials.last:
-            return {frame: step}
-        else:
-            step, num_sure = trials.coarsest_step(frame, step), 0
-            continue
-        at += 1
+    step, before = trials.coarsest_step(frames[0], start), -1
+    while step != before:
+        before = step
+        for frame in frames:
+            if not trials.is_sure(step, frame):
+                step = trials.coarsest_step(frame, step)
+            if not trials.is_possible(step, frame):
+                return {frame: step}
     return dict.fromkeys(frames, step)
 
 
@@ -186,53 +187,47 @@ class _Trials:
     ) -> None:
         self._stage, self._reference, self._rasterizer = stage, reference, rasterizer
         self._ladder, self._clock, self._on_trial = ladder, clock, on_trial
-        self._made: dict[tuple[int, int], tuple[Trial, Comparison]] = {}  # by step and frame
+        self._made: dict[tuple[int, int], Trial] = {}  # by step and frame
         self._controller_at = lru_cache(maxsize=1)(self._make_controller)  # has a level of detail in memory
         self.last = len(ladder) - 1
 
-    def trial(self, step: int, frame: int) -> Trial:
+    def trial(self, step: int, number: int) -> Trial:
         """Return the trial of a frame at a step."""
-        return self._draw(step, frame)[0]
-
-    def is_good(self, step: int, frame: int, deviations: float = 0.0) -> bool:
-        """Return whether a frame is as exact as wanted, even if the estimate is too good by some deviations."""
-        want, comparison = self._reference.want, self._draw(step, frame)[1]
-        return want.margin(comparison.value_if_worse(want.metric, deviations)) >= 0
-
-    def is_sure(self, step: int, frame: int) -> bool:
-        """Return whether a frame is surely good enough; at the last step, which no other beats, probably."""
-        return self.is_good(step, frame, _MARGIN if step < self.last else 0.0)
-
-    def is_possible(self, step: int, frame: int) -> bool:
-        """Return whether a frame is good enough at its step or may be at a finer one."""
-        return step < self.last or self.is_good(step, frame)
-
-    def coarsest_step(self, frame: int, start: int) -> int:
-        """Return the coarsest step near `start` that is surely good enough; the last one if none is."""
-
-        def is_sure(step: int) -> bool:
-            return step == self.last or self.is_sure(step, frame)
-
-        bad, good, stride = -1, start, 1
-        while not is_sure(good):
-            bad, good, stride = good, min(good + stride, self.last), 2 * stride
-        stride = 1
-        while bad < 0 and good > 0:
-            coarser = max(good - stride, 0)
-            bad, good = (-1, coarser) if is_sure(coarser) else (coarser, good)
-            stride *= 2
-        return bisect_left(range(good), True, bad + 1, good, key=is_sure)
-
-    def _draw(self, step: int, number: int) -> tuple[Trial, Comparison]:
         if (step, number) not in self._made:
             tolerance = self._ladder[step]
             stage, controller = self._controller_at(tolerance)
             (frame,) = render_frames(stage, [number], self._rasterizer, clock=self._clock, controller=controller)
-            comparison = self._reference.compare(frame)
-            trial = Trial(tolerance, number, comparison.value, frame.num_cells)
-            self._made[step, number] = trial, comparison
-            self._on_trial(trial)
+            value, deviation = self._reference.compare(frame)
+            self._made[step, number] = Trial(tolerance, number, value, frame.num_cells, deviation)
+            self._on_trial(self._made[step, number])
         return self._made[step, number]
+
+    def is_good(self, step: int, frame: int, deviations: float = 0.0) -> bool:
+        """Return whether a frame is as exact as wanted, even if its estimate is too good by some deviations."""
+        want, trial = self._reference.want, self.trial(step, frame)
+        factor = math.exp(deviations * trial.deviation)  # of the mean squared error
+        worse = trial.value - 10 * math.log10(factor) if want.metric == "psnr" else trial.value * math.sqrt(factor)
+        return want.margin(worse) >= 0
+
+    def is_sure(self, step: int, frame: int) -> bool:
+        """Return whether a frame is surely good enough; at the last step there is nothing better."""
+        return step == self.last or self.is_good(step, frame, _MARGIN)
+
+    def is_possible(self, step: int, frame: int) -> bool:
+        """Return whether a frame is good enough or may be so at a finer step."""
+        return step < self.last or self.is_good(step, frame)
+
+    def coarsest_step(self, frame: int, start: int) -> int:
+        """Return the coarsest step near `start` that is surely good enough; the last one if none is."""
+        bad, good, stride = -1, start, 1
+        while not self.is_sure(good, frame):
+            bad, good, stride = good, min(good + stride, self.last), 2 * stride
+        stride = 1
+        while bad < 0 and good > 0:
+            coarser = max(good - stride, 0)
+            bad, good = (-1, coarser) if self.is_sure(coarser, frame) else (coarser, good)
+            stride *= 2
+        return bisect_left(range(good), True, bad + 1, good, key=lambda step: self.is_sure(step, frame))
 
     def _make_controller(self, tolerance: float) -> tuple[Stage, ScheduleController]:
         at_tolerance = replace(self._stage, scene=with_tolerance(self._stage.scene, tolerance))

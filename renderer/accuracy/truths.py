@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 # The convergence of a truth in every channel: a thousandth of the RMSE of a picture with 40 dB.
 TRUTH_TOLERANCE = 1e-5
-# Exact rays of a frame without a whole truth: the PSNR of three frames is then known to about 1 dB.
+# Exact rays of a frame without a whole truth: its PSNR is then known to about 1 dB.
 NUM_SAMPLED_PIXELS = 1024
 
 

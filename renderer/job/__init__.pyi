@@ -13,7 +13,6 @@ from .executor import (
     LocalExecutor as LocalExecutor,
     draw_frames as draw_frames,
     open_local_executor as open_local_executor,
-    open_prober as open_prober,
 )
 from .film_accuracy import accuracy_text as accuracy_text
 from .film_job import FilmJob as FilmJob, OriginalFilm as OriginalFilm

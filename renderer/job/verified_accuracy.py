@@ -142,19 +142,11 @@ def _least_as_recorded(frames: Sequence[FrameRecord], found: Sequence[float]) ->
     some frame beside it that is as recorded.
     """
     lows = [_low(frame) for frame in frames]
-    return [
-        min(
-            [
-                low,
-                *(
-                    psnr(_HARDLY_WORSE * squared_error(found[at]))
-                    for at in _beside(k, len(found))
-                    if found[at] >= lows[at]
-                ),
-            ]
-        )
-        for k, low in enumerate(lows)
+    hardly_worse = [
+        psnr(_HARDLY_WORSE * squared_error(value)) if value >= low else math.inf
+        for value, low in zip(found, lows, strict=True)
     ]
+    return [min([low, *(hardly_worse[at] for at in _beside(k, len(found)))]) for k, low in enumerate(lows)]
 
 
 def _least_usual(frames: Sequence[FrameRecord], found: Sequence[float]) -> list[float]:
@@ -162,17 +154,16 @@ def _least_usual(frames: Sequence[FrameRecord], found: Sequence[float]) -> list[
 
     Its error is several times as large as usual, and it has lost several times as much as usual from what was recorded.
     """
-    errors = [max(squared_error(value), _LEAST_LOSS) for value in found]
-    losses = [
-        max(squared_error(value) - squared_error(_psnr(frame)), _LEAST_LOSS)
-        for frame, value in zip(frames, found, strict=True)
-    ]
-    usual = zip(frames, _usual(errors), _usual(losses), strict=True)
-    return [psnr(max(_UNUSUAL * error, squared_error(_low(frame)) + _UNUSUAL * loss)) for frame, error, loss in usual]
+    errors = [squared_error(value) for value in found]
+    losses = [error - squared_error(_psnr(frame)) for frame, error in zip(frames, errors, strict=True)]
+    lows = [squared_error(_low(frame)) for frame in frames]
+    usual = zip(_usual(errors), lows, _usual(losses), strict=True)
+    return [psnr(max(_UNUSUAL * error, low + _UNUSUAL * loss)) for error, low, loss in usual]
 
 
 def _usual(values: Sequence[float]) -> list[float]:
     """Return for each frame the median of the film or, where that is more, of the frames beside it."""
+    values = [max(value, _LEAST_LOSS) for value in values]
     median, num = statistics.median(values), len(values)
     beside = ([values[at] for at in _beside(k, num)] for k in range(num))
     return [max(median, statistics.median_high(near or [median])) for near in beside]

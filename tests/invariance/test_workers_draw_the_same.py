@@ -16,8 +16,9 @@ from film_stages import plan_of, stage_of_kind
 from hsplat_cli.executors.cluster.cluster_drawing import ClusterDrawing
 from hsplat_cli.executors.cluster.connection import connect_locally
 from hsplat_cli.terminal import Reporter
+from renderer.accuracy import open_prober
 from renderer.draw import GLRasterizer
-from renderer.job import draw_frames, open_prober
+from renderer.job import draw_frames
 
 NUMBERS = [*range(8), 2]
 
@@ -31,7 +32,7 @@ def client() -> Iterator[Client]:
 @pytest.mark.parametrize("kind", ["plain", "transparent", "float32, splats, shading", "overlay"])
 def test_the_same_bytes(rasterizer: GLRasterizer, client: Client, kind: str) -> None:
     plan = plan_of(stage_of_kind(kind))
-    frames = draw_frames(plan.stage, NUMBERS, rasterizer, plan.controller, open_prober(plan.stage))
+    frames = draw_frames(plan.stage, NUMBERS, rasterizer, plan.controller, open_prober(plan.stage, 2))
     expected = [frame.measured() for frame in frames]
     assert all((frame.record.accuracy is None) == (kind == "overlay") for frame in expected)
     with closing(ClusterDrawing(client, "--workers 2", plan, Reporter())) as drawing:
