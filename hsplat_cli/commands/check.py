@@ -9,7 +9,7 @@ import click
 from hsplat_cli.commands.options import takes_scene
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import Reporter
-from renderer.accuracy import finer_than_kept, typical_kept_psnr, typical_psnr
+from renderer.accuracy import finer_than_kept, psnr, typical_kept_psnr, typical_psnr, wanted_error
 from renderer.film import (
     frame_path,
     has_frame_files,
@@ -82,10 +82,9 @@ def _advice(scene: Scene) -> str | None:
     goal = scene.error.goal
     if scene.splat.footprint != "integrated" or isinstance(goal, (SplatBudget, TimeBudget)):
         return None
-    if goal is None:
-        finest = min(tolerance for _, tolerance in scene.error.tolerance)
-        return finer_than_kept(typical_psnr(finest), typical_kept_psnr(scene.output))
-    return finer_than_kept(goal.value, typical_kept_psnr(scene.output)) if goal.metric == "psnr" else None
+    finest = min(tolerance for _, tolerance in scene.error.tolerance)
+    wanted = typical_psnr(finest) if goal is None else psnr(wanted_error(goal))
+    return finer_than_kept(wanted, typical_kept_psnr(scene.output))
 
 
 def _source(volume: VolumeSpec) -> str:

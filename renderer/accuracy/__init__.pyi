@@ -6,6 +6,7 @@ from .encoding import (
 )
 from .estimate import (
     MOST_DB as MOST_DB,
+    ROUNDING_ERROR as ROUNDING_ERROR,
     ErrorSamples as ErrorSamples,
     error_samples as error_samples,
     pool_samples as pool_samples,

@@ -18,6 +18,8 @@ from renderer.volume import Float64
 
 # The sample that may have been missed, by the largest one; at the least an error of half a level of 8 bits.
 _UNSEEN, _LEAST_UNSEEN = 4.0, (0.5 / 255) ** 2
+# The mean squared error of numbers that are rounded to 8 bits.
+ROUNDING_ERROR = 1 / 12 / 255**2
 # No error at all counts as this many decibels where a number is needed, and so does less error than that.
 MOST_DB = 200.0
 # Of the normal distribution, for 95 %.

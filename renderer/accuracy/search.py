@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
 
@@ -22,7 +22,7 @@ from renderer.accuracy.tolerances import tolerance_ladder
 from renderer.accuracy.truths import spread_evenly
 from renderer.draw import Rasterizer
 from renderer.errors import RenderError
-from renderer.frame import Clock, ScheduleController, Stage, make_primitive, render_frames
+from renderer.frame import Clock, Frame, ScheduleController, Stage, make_primitive, render_frames
 from renderer.scene import MetricTarget, Scene, counted, with_tolerance
 
 # By how many deviations key frames, and those between them, are to be good enough: nine of ten are, and more.
@@ -46,8 +46,8 @@ class Trial:
 
     def text(self, want: MetricTarget, noun: str) -> str:
         """Return `tolerance 0.1: psnr 44.20 dB on frame 3, 190 bricks`."""
-        value, cells = want.format(self.value), counted(self.num_cells, noun)
-        return f"tolerance {self.tolerance:g}: {value} on frame {self.frame}, {cells}"
+        cells = counted(self.num_cells, noun)
+        return f"tolerance {self.tolerance:g}: {want.format(self.value)} on frame {self.frame}, {cells}"
 
 
 @dataclass(frozen=True)
@@ -68,15 +68,13 @@ class FoundTolerances:
         """Return the error where no tolerance is good enough. hint: what to do about it."""
         level, worst = scene.error.finest_level, self.worst
         drawn = counted(worst.num_cells, scene.splat.primitive_name)
-        limit = "docs/footprints.md says what limits it"
-        if level:
-            limit = f"error.finest_level: {level} lets no cell be smaller"
+        is_limited = f"error.finest_level: {level} lets no cell be smaller"
         return RenderError(
             "the requested accuracy is beyond full resolution",
             where=where,
             got=f"{self.want.format(worst.value)} on frame {worst.frame}, with {drawn} at tolerance 0",
             expected=str(self.want),
-            hint=f"{hint}; {limit}",
+            hint=f"{hint}; {is_limited if level else 'docs/footprints.md says what limits it'}",
         )
 
 
@@ -97,8 +95,19 @@ def find_tolerances(
     on_trial: called after every picture. None is drawn twice.
     """
     stage = replace(stage, scene=replace(stage.scene, overlay="none"))
+
+    @lru_cache(maxsize=1)  # has a level of detail in memory
+    def controller_at(tolerance: float) -> tuple[Stage, ScheduleController]:
+        at_tolerance = replace(stage, scene=with_tolerance(stage.scene, tolerance))
+        return at_tolerance, ScheduleController(at_tolerance)
+
+    def draw(tolerance: float, number: int) -> Frame:
+        at_tolerance, controller = controller_at(tolerance)
+        (frame,) = render_frames(at_tolerance, [number], rasterizer, clock=clock, controller=controller)
+        return frame
+
     ladder = tolerance_ladder(stage.pyramid, make_primitive(stage).work, reference.step)
-    trials = _Trials(stage, reference, rasterizer, ladder, clock, on_trial)
+    trials = _Trials(ladder, reference, draw, on_trial)
     start = _first_guess(ladder, reference.want)
     if is_constant:
         chosen = _choose_one_step(trials, spread_evenly(frames, reference.num_frames, is_loop=False), start)
@@ -166,45 +175,38 @@ def _step_between(steps: Mapping[int, int], first: int, last: int, frame: int) -
 
 
 def _first_guess(ladder: Sequence[float], want: MetricTarget) -> int:
-    """Return the step of a tolerance that has this accuracy with many scans; the coarsest for other metrics."""
-    if want.metric not in ("psnr", "rmse"):
-        return 0
+    """Return the step of a tolerance that has this accuracy with many scans; a guess for other metrics."""
     guess = typical_tolerance(psnr(wanted_error(want)))
     return min(bisect_left(ladder, -guess, key=lambda each: -each), len(ladder) - 1)
 
 
+@dataclass
 class _Trials:
-    """Trial pictures of frames at the steps of a ladder of tolerances. last: the last step."""
+    """Trial pictures of frames at the steps of a ladder of tolerances. draw: draws a frame at a tolerance."""
 
-    def __init__(
-        self,
-        stage: Stage,
-        reference: Reference,
-        rasterizer: Rasterizer,
-        ladder: Sequence[float],
-        clock: Clock,
-        on_trial: Callable[[Trial], None],
-    ) -> None:
-        self._stage, self._reference, self._rasterizer = stage, reference, rasterizer
-        self._ladder, self._clock, self._on_trial = ladder, clock, on_trial
-        self._made: dict[tuple[int, int], Trial] = {}  # by step and frame
-        self._controller_at = lru_cache(maxsize=1)(self._make_controller)  # has a level of detail in memory
-        self.last = len(ladder) - 1
+    ladder: Sequence[float]
+    reference: Reference
+    draw: Callable[[float, int], Frame]
+    on_trial: Callable[[Trial], None]
+    made: dict[tuple[int, int], Trial] = field(default_factory=dict)  # by step and frame
+
+    @property
+    def last(self) -> int:
+        """Return the last step."""
+        return len(self.ladder) - 1
 
     def trial(self, step: int, number: int) -> Trial:
         """Return the trial of a frame at a step."""
-        if (step, number) not in self._made:
-            tolerance = self._ladder[step]
-            stage, controller = self._controller_at(tolerance)
-            (frame,) = render_frames(stage, [number], self._rasterizer, clock=self._clock, controller=controller)
-            value, deviation = self._reference.compare(frame)
-            self._made[step, number] = Trial(tolerance, number, value, frame.num_cells, deviation)
-            self._on_trial(self._made[step, number])
-        return self._made[step, number]
+        if (step, number) not in self.made:
+            frame = self.draw(self.ladder[step], number)
+            value, deviation = self.reference.compare(frame)
+            self.made[step, number] = Trial(self.ladder[step], number, value, frame.num_cells, deviation)
+            self.on_trial(self.made[step, number])
+        return self.made[step, number]
 
     def is_good(self, step: int, frame: int, deviations: float = 0.0) -> bool:
         """Return whether a frame is as exact as wanted, even if its estimate is too good by some deviations."""
-        want, trial = self._reference.want, self.trial(step, frame)
+        want, trial = self.reference.want, self.trial(step, frame)
         factor = math.exp(deviations * trial.deviation)  # of the mean squared error
         worse = trial.value - 10 * math.log10(factor) if want.metric == "psnr" else trial.value * math.sqrt(factor)
         return want.margin(worse) >= 0
@@ -228,7 +230,3 @@ class _Trials:
             bad, good = (-1, coarser) if self.is_sure(coarser, frame) else (coarser, good)
             stride *= 2
         return bisect_left(range(good), True, bad + 1, good, key=lambda step: self.is_sure(step, frame))
-
-    def _make_controller(self, tolerance: float) -> tuple[Stage, ScheduleController]:
-        at_tolerance = replace(self._stage, scene=with_tolerance(self._stage.scene, tolerance))
-        return at_tolerance, ScheduleController(at_tolerance)

@@ -18,8 +18,7 @@ _METHOD = "stratified by the differences between neighbouring pixels"
 def frame_accuracy(probe: Probe) -> FrameAccuracy:
     """Return the record of what rays have measured of a frame."""
     samples = probe.samples
-    value, interval = _decibels(samples)
-    return FrameAccuracy(value, interval, samples.num, samples.variance, samples.largest, probe.largest_error)
+    return FrameAccuracy(*_decibels(samples), samples.num, samples.variance, samples.largest, probe.largest_error)
 
 
 def film_accuracy(frames: Sequence[FrameRecord]) -> FilmAccuracy | None:

@@ -11,7 +11,7 @@ import statistics
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from renderer.accuracy import MOST_DB, FrameProber, psnr, squared_error
+from renderer.accuracy import MOST_DB, ROUNDING_ERROR, FrameProber, psnr, squared_error
 from renderer.errors import Problem
 from renderer.film import Picture, Pixels, decode_known_film, frame_path, has_frame_files
 from renderer.frame import Stage
@@ -24,7 +24,7 @@ from renderer.system import num_cores
 # The rays of a frame are at least doubled until the film is known well enough. Of a long film some frames are measured.
 _FEWEST_RAYS, MOST_RAYS, _MOST_FRAMES = 64, 4096, 240
 # A frame of an encoded film may lose this many times what is usual; usual is no less than rounding to 8 bits.
-_UNUSUAL, _LEAST_LOSS = 4.0, 1 / 255**2 / 12
+_UNUSUAL = 4.0
 # This many times the error is hardly worse: than that of a numbered frame beside it, or than was recorded of a film.
 _HARDLY_WORSE = 2.0
 # How many frames on each side of a frame show nearly the same.
@@ -107,14 +107,12 @@ class _Rays:
     def _pictures(self, numbers: set[int]) -> Iterator[tuple[FrameRecord, Pixels]]:
         """Yield the frames of these numbers with their pictures."""
         if has_frame_files(self.output):
-            for frame in self.frames:
-                if frame.frame in numbers:
-                    yield frame, Picture(file=frame_path(self.output.file, frame.frame)).pixels
+            for frame in (each for each in self.frames if each.frame in numbers):
+                yield frame, Picture(file=frame_path(self.output.file, frame.frame)).pixels
             return
         with decode_known_film(self.output.file, self.output.size, len(self.frames)) as images:
-            for frame, image in zip(self.frames, images, strict=True):
-                if frame.frame in numbers:
-                    yield frame, image
+            pairs = zip(self.frames, images, strict=True)
+            yield from ((frame, image) for frame, image in pairs if frame.frame in numbers)
 
 
 def _film_problems(frames: Sequence[FrameRecord], found: FilmAccuracy, output: OutputSpec) -> Iterator[Problem]:
@@ -163,7 +161,7 @@ def _least_usual(frames: Sequence[FrameRecord], found: Sequence[float]) -> list[
 
 def _usual(values: Sequence[float]) -> list[float]:
     """Return for each frame the median of the film or, where that is more, of the frames beside it."""
-    values = [max(value, _LEAST_LOSS) for value in values]
+    values = [max(value, ROUNDING_ERROR) for value in values]
     median, num = statistics.median(values), len(values)
     beside = ([values[at] for at in _beside(k, num)] for k in range(num))
     return [max(median, statistics.median_high(near or [median])) for near in beside]

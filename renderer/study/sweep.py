@@ -143,7 +143,8 @@ class FirstPass:
         truth = self._truths[len(self._accuracies)]
         self._accuracies.append(truth.accuracy_of(picture))
         if self._thumbnails is None:
-            self._thumbnails = thumbnail(picture), _difference_from(truth, picture)
+            difference = amplified_difference(picture, truth.picture) if isinstance(truth, Truth) else None
+            self._thumbnails = thumbnail(picture), None if difference is None else thumbnail(difference)
 
     def measurement(
         self,
@@ -158,11 +159,6 @@ class FirstPass:
         picture, difference = self._thumbnails
         overall = pool_accuracies(self._accuracies)
         return Measurement(frames=frames, overall=overall, picture=picture, difference=difference, **rest)
-
-
-def _difference_from(truth: Truth | SampledTruth, picture: FloatImage) -> UInt8 | None:
-    """Return a thumbnail of the amplified difference of a picture; None from a truth of some pixels."""
-    return thumbnail(amplified_difference(picture, truth.picture)) if isinstance(truth, Truth) else None
 
 
 def measure_setting(stage: Stage, truths: Truths, rasterizer: Rasterizer, *, clock: Clock, repeats: int) -> Measurement:

@@ -100,7 +100,7 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
             if request.is_quick:
                 truths = _sample_truths(request, opened, plan, frames)
             else:
-                truths = [find_truth(stage, frame, request.truth_tolerance, events) for frame in frames]
+                truths = [find_truth(stage, request.truth_tolerance, events, frame) for frame in frames]
         if not any(truth.shows_volume for truth in truths):
             raise nothing_visible_error(len(truths))
         drawn = _measure_hsplat(request, plan, opened, truths)
@@ -171,11 +171,11 @@ def _openers(request: StudyRequest, volume: Volume) -> Iterator[_Openers]:
 
 def _sample_truths(request: StudyRequest, opened: _Openers, plan: Plan, frames: Sequence[int]) -> Truths:
     """Compute the truths of some pixels, chosen by pictures at a middle tolerance."""
-    (settings,) = plan
-    scene = settings[len(settings) // 2].scene
-    options: dict[str, Any] = {"clock": time.perf_counter, "num_threads": num_cores()}
+    scene = plan[0][len(plan[0]) // 2].scene
     with opened.stage(scene) as stage, opened.rasterizer(scene) as rasterizer:
-        return sample_truths(stage, frames, request.truth_tolerance, rasterizer, **options)
+        return sample_truths(
+            stage, frames, request.truth_tolerance, rasterizer, clock=time.perf_counter, num_threads=num_cores()
+        )
 
 
 def _with_progress(drawn: Iterator[Measurement], work: Sequence[float], reporter: Reporter) -> Iterator[Measurement]:

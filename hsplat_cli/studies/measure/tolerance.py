@@ -13,6 +13,7 @@ from renderer.accuracy import (
     SSIM_WINDOW_PX,
     ExactPictures,
     FoundTolerances,
+    Trial,
     Truth,
     compute_truth,
     find_tolerances,
@@ -43,18 +44,13 @@ def print_tolerance(
         open_at_any_tolerance(scene, read_volume(scene.volume)) as stage,
         FilmEvents(reporter, noun) as events,
     ):
-        exact = ExactPictures(
-            want, scene.output.background, lambda frame: find_truth(stage, frame, truth_tolerance, events)
-        )
-        found = find_tolerances(
-            stage,
-            numbers,
-            exact,
-            rasterizer,
-            is_constant=True,
-            clock=time.perf_counter,
-            on_trial=lambda trial: events.note(trial.text(want, noun)),
-        )
+        exact = ExactPictures(want, scene.output.background, partial(find_truth, stage, truth_tolerance, events))
+
+        def tell(trial: Trial) -> None:
+            events.note(trial.text(want, noun))
+
+        clock = time.perf_counter
+        found = find_tolerances(stage, numbers, exact, rasterizer, is_constant=True, clock=clock, on_trial=tell)
     if not exact.shows_volume:
         raise nothing_visible_error(len(found.tried))
     if not found.is_reachable:
@@ -63,7 +59,7 @@ def print_tolerance(
     reporter.result(f"# {_comment(found, noun)}")
 
 
-def find_truth(stage: Stage, frame: int, tolerance: float, events: FilmEvents) -> Truth:
+def find_truth(stage: Stage, tolerance: float, events: FilmEvents, frame: int) -> Truth:
     """Compute the truth of a frame, and tell how far it is."""
     tell, start = partial(events.truth_progressed, frame), time.perf_counter()
     truth = compute_truth(stage, frame, tolerance, num_threads=num_cores(), on_progress=tell)
