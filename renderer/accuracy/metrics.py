@@ -232,7 +232,7 @@ def _noticeable_share(values: Array) -> float:
 _FUNCTIONS: dict[Metric, tuple[Callable[[FloatImage, FloatImage], Array], Callable[[Array], Any]]] = {
     Metric("rmse", "RMSE"): (_error_map, _root_mean_square),
     Metric("max_error", "largest error"): (_error_map, np.max),
-    Metric("psnr", "PSNR", "dB", higher_is_better=True): (_error_map, lambda values: psnr(_root_mean_square(values) ** 2)),
+    Metric("psnr", "PSNR", "dB", higher_is_better=True): (_error_map, lambda of: psnr(_root_mean_square(of) ** 2)),
     Metric("ssim", "SSIM", higher_is_better=True): (_ssim_map, np.mean),
     Metric("flip", "FLIP"): (_flip_map, np.mean),
     Metric("flip_p99", "FLIP, 99th percentile"): (_flip_map, partial(np.percentile, q=99)),
