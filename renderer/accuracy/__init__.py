@@ -4,7 +4,8 @@ In: a stage, and frames that are drawn. Out: metrics against whole exact picture
 Andersson et al. 2020), or an estimate from a few exact rays, with an interval; tolerances. What is drawn without a
 wanted accuracy does not depend on it.
 
-- `pixels.py`: which pixels get a ray; `prober.py`: their errors; `estimate.py`: the estimate and its interval.
+- `pixels.py`: which pixels get a ray; `prober.py`: their errors; `estimate.py`: the estimate and its interval;
+  `decibels.py`: from errors to decibels and back.
 - `visibility.py`: the ranges of scalars whose share of the picture is recorded.
 - `truths.py`: the exact picture of a frame, or of some of its pixels; `metrics.py`: RMSE, PSNR, SSIM, FLIP, Delta-E.
 - `search.py`: the coarsest tolerances for a wanted accuracy; `tolerances.py`: those that are worth trying;

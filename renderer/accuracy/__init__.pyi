@@ -1,3 +1,10 @@
+from .decibels import (
+    MOST_DB as MOST_DB,
+    ROUNDING_ERROR as ROUNDING_ERROR,
+    psnr as psnr,
+    squared_error as squared_error,
+    wanted_error as wanted_error,
+)
 from .encoding import (
     encoding_loss as encoding_loss,
     finer_than_kept as finer_than_kept,
@@ -5,14 +12,9 @@ from .encoding import (
     typical_psnr as typical_psnr,
 )
 from .estimate import (
-    MOST_DB as MOST_DB,
-    ROUNDING_ERROR as ROUNDING_ERROR,
     ErrorSamples as ErrorSamples,
     error_samples as error_samples,
     pool_samples as pool_samples,
-    psnr as psnr,
-    squared_error as squared_error,
-    wanted_error as wanted_error,
 )
 from .metrics import (
     METRICS as METRICS,

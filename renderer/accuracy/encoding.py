@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from renderer.film import Pixels, decode_known_film, has_frame_files
+from renderer.film import has_frame_files
 from renderer.scene import OutputSpec
+
+if TYPE_CHECKING:
+    from renderer.film import Pixels
 
 # Decibels. A step of an MP4's quality is 3 of its constant rate factor.
 _GIF_DB, _MP4_DB, _MP4_QUALITY, _DB_PER_QUALITY = 49.0, 44.5, 8.0, 1.4
@@ -25,6 +27,11 @@ _TOO_GOOD_DB, _GOOD_ENOUGH_DB = 16.0, 8.0
 
 def encoding_loss(output: OutputSpec, num_frames: int, first_frames: Sequence[Pixels]) -> float:
     """Return the mean squared error of the first frames of a film as they are decoded, in [0, 1]."""
+    # Imported here: `hsplat check` needs the rest of this file alone.
+    import numpy as np
+
+    from renderer.film import decode_known_film
+
     with decode_known_film(output.file, output.size, num_frames) as decoded:
         pairs = zip(first_frames, decoded, strict=False)
         differences = (drawn.astype(np.int16) - kept for drawn, kept in pairs)

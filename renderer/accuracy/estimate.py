@@ -13,15 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from renderer.scene import MetricTarget
 from renderer.volume import Float64
 
 # The sample that may have been missed, by the largest one; at the least an error of half a level of 8 bits.
 _UNSEEN, _LEAST_UNSEEN = 4.0, (0.5 / 255) ** 2
-# The mean squared error of numbers that are rounded to 8 bits.
-ROUNDING_ERROR = 1 / 12 / 255**2
-# No error at all counts as this many decibels where a number is needed, and so does less error than that.
-MOST_DB = 200.0
 # Of the normal distribution, for 95 %.
 _DEVIATIONS = 1.96
 
@@ -69,18 +64,3 @@ def pool_samples(pictures: Sequence[ErrorSamples]) -> ErrorSamples:
     variance_of_mean = sum(each.variance / each.num for each in pictures) / len(pictures) ** 2
     mean = float(np.mean([each.mean for each in pictures]))
     return ErrorSamples(num, mean, num * variance_of_mean, max(each.largest for each in pictures))
-
-
-def psnr(mean_squared_error: float) -> float:
-    """Return the peak signal-to-noise ratio in decibels; infinity for no error."""
-    return -10 * math.log10(mean_squared_error) if mean_squared_error > 0 else math.inf
-
-
-def squared_error(decibels: float) -> float:
-    """Return the mean squared error of a peak signal-to-noise ratio; 0 from MOST_DB on."""
-    return float(10 ** (-decibels / 10)) if decibels < MOST_DB else 0.0
-
-
-def wanted_error(want: MetricTarget) -> float:
-    """Return the mean squared error of a wanted PSNR or RMSE."""
-    return squared_error(want.value) if want.metric == "psnr" else want.value**2

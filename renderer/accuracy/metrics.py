@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.accuracy.estimate import ErrorSamples, pool_samples, psnr
+from renderer.accuracy.decibels import psnr
+from renderer.accuracy.estimate import ErrorSamples, pool_samples
 from renderer.errors import require_package
 from renderer.film import require_finite
 from renderer.volume import Array, Bools

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.accuracy.estimate import psnr
+from renderer.accuracy.decibels import psnr
 from renderer.accuracy.metrics import compute_metric
 from renderer.accuracy.prober import ExactPixels, FrameProber
 from renderer.accuracy.truths import NUM_SAMPLED_PIXELS, Truth

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
 
+from renderer.accuracy.decibels import psnr, wanted_error
 from renderer.accuracy.encoding import typical_tolerance
-from renderer.accuracy.estimate import psnr, wanted_error
 from renderer.accuracy.references import Reference
 from renderer.accuracy.tolerances import tolerance_ladder
 from renderer.accuracy.truths import spread_evenly
