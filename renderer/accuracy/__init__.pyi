@@ -13,7 +13,6 @@ from .encoding import (
 )
 from .estimate import (
     ErrorSamples as ErrorSamples,
-    error_samples as error_samples,
     pool_samples as pool_samples,
 )
 from .metrics import (
@@ -23,15 +22,11 @@ from .metrics import (
     Accuracy as Accuracy,
     FloatImage as FloatImage,
     Metric as Metric,
-    SampledAccuracy as SampledAccuracy,
     compute_metric as compute_metric,
-    measure_accuracy as measure_accuracy,
     metric_map as metric_map,
     pool_accuracies as pool_accuracies,
     require_measuring_packages as require_measuring_packages,
-    sampled_accuracy as sampled_accuracy,
 )
-from .pixels import choose_pixels as choose_pixels
 from .prober import (
     ExactPixels as ExactPixels,
     FrameProber as FrameProber,

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from renderer.accuracy import METRICS, Accuracy, ErrorSamples, Truth, sampled_accuracy
-from renderer.accuracy.metrics import ErrorMetrics
+from renderer.accuracy import METRICS, Accuracy, ErrorSamples, Truth
+from renderer.accuracy.metrics import ErrorMetrics, sampled_accuracy
 from renderer.study import FrameMeasurement, Measurement, Setting, Study
 from renderer.truth import Convergence
 

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from renderer.accuracy import Truth, measure_accuracy, pool_accuracies, spread_evenly
+from renderer.accuracy import Truth, pool_accuracies, spread_evenly
+from renderer.accuracy.metrics import measure_accuracy
 from renderer.frame import Stage, make_primitive, prepare_stage
 from renderer.readers import read_volume
 from renderer.scene import CameraSpec, ErrorSpec, MetricTarget, OutputSpec, Scene, SplatSpec, TurntablePath
