@@ -22,7 +22,7 @@ from renderer.scene import Scene
 from renderer.system import num_cores
 
 if TYPE_CHECKING:
-    from renderer.probes import FrameProber
+    from renderer.accuracy import FrameProber
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,10 @@ class LocalExecutor:
 
     def draw(self, plan: FilmPlan, numbers: Sequence[int]) -> Generator[DrawnFrame, None, None]:
         """Yield these frames, in this order; may be closed before its end."""
-        return draw_frames(plan.stage, numbers, self.rasterizer, plan.controller, open_prober(plan.stage))
+        # Imported here: the ray integral takes a while to load.
+        from renderer.accuracy import open_prober
+
+        return draw_frames(plan.stage, numbers, self.rasterizer, plan.controller, open_prober(plan.stage, num_cores()))
 
 
 @contextlib.contextmanager
@@ -91,15 +94,6 @@ def open_local_executor(scene: Scene) -> Iterator[LocalExecutor]:
     """Open what draws this scene in this process. Raises RenderError where it needs OpenGL and there is none."""
     with open_rasterizer(scene) as rasterizer:
         yield LocalExecutor(rasterizer)
-
-
-def open_prober(stage: Stage) -> FrameProber | None:
-    """Return what measures the accuracy of frames; None where the scene wants no rays, or has no exact picture."""
-    # Imported here: the ray integral takes a while to load.
-    from renderer.probes import FrameProber, num_probe_rays
-
-    num_rays = num_probe_rays(stage.scene)
-    return FrameProber(stage, num_rays, num_threads=num_cores()) if num_rays else None
 
 
 def draw_frames(

@@ -21,6 +21,7 @@ from measuring import PAGES, ROOT, SCENES, THREADS, Point, fastest, machine_line
 
 from hsplat_cli.scenes import suggest_scene
 from hsplat_cli.terminal import Reporter
+from renderer.accuracy import TRUTH_TOLERANCE, Truth, compute_truth
 from renderer.draw import open_rasterizer
 from renderer.frame import Stage, prepare_stage, render_frames
 from renderer.scene import (
@@ -34,7 +35,7 @@ from renderer.scene import (
     parse_scene_content,
     with_tolerance,
 )
-from renderer.study import TRUTH_TOLERANCE, Truth, compute_truth, measure_setting
+from renderer.study import measure_setting
 from renderer.suggest import FilmOptions
 
 PAGE, PICTURE = PAGES / "footprints.md", ROOT / "docs" / "trade.png"

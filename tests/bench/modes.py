@@ -17,9 +17,9 @@ import numpy as np
 from measuring import PAGES, THREADS, machine_line, parser_of
 
 import renderer
+from renderer.accuracy import psnr
 from renderer.draw import BrickRasterizer
 from renderer.frame import Frame, Stage, open_stage, render_frames, view_of
-from renderer.probes import psnr
 from renderer.readers import read_volume
 from renderer.scene import Scene, parse_scene, scene_to_dict, with_tolerance
 from renderer.truth import SceneRays

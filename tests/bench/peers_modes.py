@@ -19,11 +19,12 @@ from modes import LOOKS, tree_of
 from peers import shown
 
 from hsplat_cli.studies.peers.vtk_peer import comparable, describe_vtk, look_of, measure_vtk, vtk_settings
+from renderer.accuracy import Truth, compute_truth
 from renderer.draw import BrickRasterizer
 from renderer.frame import Stage, open_stage, view_of
 from renderer.readers import read_volume
 from renderer.scene import Scene, parse_scene, with_tolerance
-from renderer.study import Measurement, Setting, Truth, compute_truth, measure_setting
+from renderer.study import Measurement, Setting, measure_setting
 from renderer.volume import Volume, make_volume
 
 PAGE = PAGES / "peers_modes.md"

@@ -16,8 +16,9 @@ from film_stages import plan_of, stage_of_kind
 from hsplat_cli.executors.cluster.cluster_drawing import ClusterDrawing
 from hsplat_cli.executors.cluster.connection import connect_locally
 from hsplat_cli.terminal import Reporter
+from renderer.accuracy import open_prober
 from renderer.draw import Rasterizer
-from renderer.job import draw_frames, open_prober
+from renderer.job import draw_frames
 from renderer.scene import Scene
 
 NUMBERS = [*range(8), 2]
@@ -33,7 +34,7 @@ def client() -> Iterator[Client]:
 def test_the_same_bytes(rasterizer_for: Callable[[Scene], Rasterizer], client: Client, kind: str) -> None:
     plan = plan_of(stage_of_kind(kind))
     rasterizer = rasterizer_for(plan.stage.scene)
-    frames = draw_frames(plan.stage, NUMBERS, rasterizer, plan.controller, open_prober(plan.stage))
+    frames = draw_frames(plan.stage, NUMBERS, rasterizer, plan.controller, open_prober(plan.stage, 2))
     expected = [frame.measured() for frame in frames]
     assert all((frame.record.accuracy is None) == (kind == "overlay") for frame in expected)
     with closing(ClusterDrawing(client, "--workers 2", plan, Reporter())) as drawing:
