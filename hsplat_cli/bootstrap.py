@@ -28,10 +28,10 @@ SOURCES = ("pyproject.toml", "setup.py", "README.md", "LICENSE", "hsplat_cli", "
 MIN_PYTHON = (3, 10)
 GL_PACKAGES = ("libegl1", "libgl1", "libgl1-mesa-dri")
 GL_PROBE = """
-from renderer.draw import GLRasterizer
+from renderer.draw import SplatRasterizer
 from renderer.errors import RenderError
 try:
-    GLRasterizer().release()
+    SplatRasterizer().release()
 except RenderError as error:
     raise SystemExit(error.got)
 """

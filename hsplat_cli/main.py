@@ -11,7 +11,6 @@ import errno
 import importlib
 import io
 import os
-import resource
 import select
 import sys
 import traceback
@@ -22,7 +21,7 @@ import click
 
 from hsplat_cli.terminal import Reporter
 from renderer.errors import HsplatError, InputError, closest_match, format_message
-from renderer.system import exit_on_signals, interrupted_status, join_lines, signals_as_interrupts
+from renderer.system import address_space_hint, exit_on_signals, interrupted_status, join_lines, signals_as_interrupts
 
 # The summary of each command, a function of the same name in a file of the same name. It is imported only when it is
 # called, so help is quick.
@@ -126,7 +125,7 @@ def run(arguments: Sequence[str]) -> int:
         return _interrupted(error)
     except Exception as error:  # the last resort: no traceback reaches a user
         if _is_out_of_memory(error):
-            _print_error(format_message("hsplat: out of memory", hint=_address_space_hint()))
+            _print_error(format_message("hsplat: out of memory", hint=address_space_hint()))
         elif isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT) and error.filename is None:
             _print_error(f"hsplat: what is printed cannot be written: {error.strerror}")
         elif not (isinstance(error, BrokenPipeError) and _is_stdout_broken()):
@@ -203,14 +202,6 @@ def _is_out_of_memory(error: BaseException) -> bool:
         )
         for one in chain
     )
-
-
-def _address_space_hint() -> str | None:
-    """Return a hint where a limit may be the cause."""
-    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if limit == resource.RLIM_INFINITY:
-        return None
-    return f"address space is limited to {limit / 2**30:.2g} GiB here (ulimit -v); a run takes about 1 GiB"
 
 
 def _is_stdout_broken() -> bool:

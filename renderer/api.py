@@ -293,7 +293,7 @@ def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:
     >>> error = renderer.render_frame(scene) / 255 - renderer.integrate(scene)
     >>> psnr = -10 * np.log10(np.mean(error**2))
     """
-    from renderer.study import TRUTH_TOLERANCE, compute_truth
+    from renderer.accuracy import TRUTH_TOLERANCE, compute_truth
 
     made = _scene(scene, {"output": _ANY_PICTURE})
     number = _number(frame, made)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from this_process import read_here
 
-from renderer.draw import GLRasterizer
+from renderer.draw import BrickRasterizer, Rasterizer, SplatRasterizer
+from renderer.scene import Scene
 
 DATA_VARIABLE = "HSPLAT_TEST_DATA"
 # Processes that tests start in the checkout import the hsplat under test, whose kernels are compiled.
@@ -74,10 +75,23 @@ def heeds_interrupts() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def rasterizer() -> Iterator[GLRasterizer]:
+def rasterizer() -> Iterator[SplatRasterizer]:
     """The one GL context of the run. Where there is none this is an error, not a skip."""
-    with GLRasterizer() as gl:
+    with SplatRasterizer() as gl:
         yield gl
+
+
+@pytest.fixture(scope="session")
+def brick_rasterizer() -> Iterator[BrickRasterizer]:
+    """Draw bricks, of one test after the other."""
+    with BrickRasterizer() as kernels:
+        yield kernels
+
+
+@pytest.fixture(scope="session")
+def rasterizer_for(rasterizer: SplatRasterizer, brick_rasterizer: BrickRasterizer) -> Callable[[Scene], Rasterizer]:
+    """Return the rasteriser of a scene's footprint."""
+    return lambda scene: rasterizer if scene.needs_opengl else brick_rasterizer
 
 
 @pytest.fixture(autouse=True)

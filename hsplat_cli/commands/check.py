@@ -9,16 +9,14 @@ import click
 from hsplat_cli.commands.options import takes_scene
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import Reporter
+from renderer.accuracy import finer_than_kept, psnr, typical_kept_psnr, typical_psnr, wanted_error
 from renderer.film import (
-    finer_than_kept,
     frame_path,
     has_frame_files,
     require_own_folder,
     require_writable_dry_run,
     sidecar_path,
     translate_os_errors,
-    typical_kept_psnr,
-    typical_psnr,
     unfinished_folder,
 )
 from renderer.readers import find_volume
@@ -84,10 +82,9 @@ def _advice(scene: Scene) -> str | None:
     goal = scene.error.goal
     if scene.splat.footprint != "integrated" or isinstance(goal, (SplatBudget, TimeBudget)):
         return None
-    if goal is None:
-        finest = min(tolerance for _, tolerance in scene.error.tolerance)
-        return finer_than_kept(typical_psnr(finest), typical_kept_psnr(scene.output))
-    return finer_than_kept(goal.value, typical_kept_psnr(scene.output)) if goal.metric == "psnr" else None
+    finest = min(tolerance for _, tolerance in scene.error.tolerance)
+    wanted = typical_psnr(finest) if goal is None else psnr(wanted_error(goal))
+    return finer_than_kept(wanted, typical_kept_psnr(scene.output))
 
 
 def _source(volume: VolumeSpec) -> str:

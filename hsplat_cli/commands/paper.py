@@ -98,7 +98,15 @@ def _load_scenes(folder: Path, numbers: Sequence[int], volume: Path | None) -> d
     for number in sorted(set(numbers)) or there:
         spec = FIGURE_SPECS[number]
         path = folder / spec.scene
-        scenes[number] = path, load_scene(path, volume=volume if spec.takes_volume else None)
+        scene = load_scene(path, volume=volume if spec.takes_volume else None)
+        if not scene.needs_opengl:
+            raise InputError(
+                "the paper draws splats",
+                where=str(path),
+                got=f"splat.footprint: {scene.splat.footprint}",
+                expected="gaussian or gouraud",
+            )
+        scenes[number] = path, scene
     return scenes
 
 
@@ -119,14 +127,14 @@ def _page(scenes: Mapping[int, tuple[Path, Scene]], reporter: Reporter) -> tuple
     # Imported here to keep --help fast.
     from hsplat_cli.reports import format_facts, plot_style, render_page
     from hsplat_cli.studies import FigureRenderer
-    from renderer.draw import open_rasterizer
+    from renderer.draw import RecoveringRasterizer
     from renderer.readers import read_volume
 
     num_threads = num_cores()
     work = [FIGURE_SPECS[number].work for number in scenes]
     figures: dict[int, PaperFigure] = {}
     with (
-        open_rasterizer(needs_opengl=True) as rasterizer,
+        RecoveringRasterizer() as rasterizer,
         plot_style(),
         reporter.progress(work, label="paper", unit="figures") as bar,
     ):

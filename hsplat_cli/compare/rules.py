@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from hsplat_cli.compare.picture_file import file_content, is_picture
+from renderer.accuracy import Metric
 from renderer.errors import InputError, Problem, require_package
 from renderer.scene import (
     MAX_SCENE_BYTES,
@@ -33,7 +34,7 @@ from renderer.scene import (
     raise_problems,
     schema,
 )
-from renderer.study import COMPARISON_METRICS, STRICTNESSES, Limits, Metric
+from renderer.study import COMPARISON_METRICS, STRICTNESSES, Limits
 
 LIMITS_FILE = "compare.yaml"
 _MISSPELLED_FILE = "compare.yml"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from renderer.study import Metric
+from renderer.accuracy import Metric
 
 ABSENT = "-"
 

@@ -22,7 +22,8 @@ from hsplat_cli.reports.costs import (
     program_of,
 )
 from hsplat_cli.reports.html import LIGHT_PALETTE, SERIES_COLORS
-from renderer.study import METRICS, Measurement
+from renderer.accuracy import METRICS
+from renderer.study import Measurement
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

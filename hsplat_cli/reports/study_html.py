@@ -36,9 +36,10 @@ from hsplat_cli.reports.plots import (
     tradeoff_figure,
 )
 from hsplat_cli.reports.tables import Column, cost_columns, csv_text, json_text, metric_columns, to_plain
+from renderer.accuracy import Truth
 from renderer.bricks import BRICK_SIZE
 from renderer.film import write_staged
-from renderer.study import DIFFERENCE_GAIN, Cost, Measurement, Study, Truth, thumbnail
+from renderer.study import DIFFERENCE_GAIN, Cost, Measurement, Study, thumbnail
 
 # The page comes last: if it exists, the others do.
 REPORT_FILES = ("measure.csv", "measure.json", "index.html")

@@ -12,7 +12,6 @@ from .extremes import extreme_bricks as extreme_bricks, extremes_at as extremes_
 from .layout import (
     BRICK_LEVELS as BRICK_LEVELS,
     BRICK_SIZE as BRICK_SIZE,
-    HALO as HALO,
     PADDED_BRICK_SIZE as PADDED_BRICK_SIZE,
 )
 from .means import (
@@ -22,8 +21,6 @@ from .means import (
 )
 from .pixel_grid import ScreenSampling as ScreenSampling
 from .sampling import (
-    DITHER as DITHER,
-    JITTER_PER_PX as JITTER_PER_PX,
     BrickBatch as BrickBatch,
     Extremes as Extremes,
     make_brick_batch as make_brick_batch,

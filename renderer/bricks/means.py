@@ -32,7 +32,7 @@ MIN_BRICKS_PER_THREAD = 8
 
 
 class MeanCache:
-    """A cache of computed means, for pictures of more bricks than the device holds, which would compute them again.
+    """A cache of computed means, for pictures of more bricks than an atlas holds, which would compute them again.
 
     It evicts bricks that neither a picture nor the one before it needed, and no others. To evict the least recently
     used brick would not help: each picture needs the bricks in the same order, so that this one is needed next.
@@ -46,7 +46,7 @@ class MeanCache:
         self._picture, self._is_enabled = 0, False
 
     def begin(self, *, is_enabled: bool) -> None:
-        """Begin a picture. is_enabled: whether it has more bricks than the device holds."""
+        """Begin a picture. is_enabled: whether it has more bricks than an atlas holds."""
         oldest, self._picture, self._is_enabled = self._picture, self._picture + 1, is_enabled
         self._entries = {key: entry for key, entry in self._entries.items() if is_enabled and entry[1] >= oldest}
 

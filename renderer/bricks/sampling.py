@@ -1,15 +1,15 @@
 """Give each brick the length of its steps, and say where a ray takes samples in it.
 
-Both rasterisers draw this. The ray through a pixel's centre meets a brick's visible bounds from t0 to t1, world
+The ray through a pixel's centre meets a brick's visible bounds from t0 to t1, world
 lengths, beyond the near plane. In index space, in cells of the brick, that stretch has the length L. It is divided into
 
     n = max(1, floor(L / step * (1 + DITHER * (jitter - 1/2)) + 1/2 + jitter))
 
 segments of equal world length h, or one more where n is a multiple of four: a brick is 16 cells wide, and 8, 16 or 32
 samples along an axis would lie alike in their cells, in brick after brick. The jitter, from 0 to 1, differs from pixel
-to pixel: it is the fraction of (column, row) . JITTER_PER_PX. It turns errors into noise of a grey step or less.
-Without it, rings would show where n changes, and all of a brick would be off alike. In the middle of each segment is a
-sample of the field, interpolated linearly between the centres of cells:
+to pixel: it is the fraction of (column, row) . JITTER_PER_PX (both in `rays.h`). It turns errors into noise of a grey
+step or less. Without it, rings would show where n changes, and all of a brick would be off alike. In the middle of each
+segment is a sample of the field, interpolated linearly between the centres of cells:
 
     level 0     u, a scalar; then c and tau of u, each piecewise linear; with light, c times the factor of the
                 interpolated gradient, or what else ShadingSpec makes of it
@@ -43,13 +43,6 @@ UNIT_STEP_ERROR = 0.5
 # Errors grow with step_error * step^2, samples with 1 / step. Of all choices with the same sum of squared errors,
 # the one with the fewest samples has step^5 ~ 1 / step_error^2.
 STEP_EXPONENT = 0.4
-
-# The numbers of segments of two pixels differ by up to this share of n, and by one. In five scans, the largest error of
-# a mean of 8 x 8 pixels is 0.35 to 0.7 of that with one number for all. It takes 3 to 5 % more time, because lanes of a
-# processor wait for each other. With 0.1 it is 0.5 to 0.75, with 0.3 no less.
-DITHER = 0.15
-# In 2^-32: the plastic number's inverse, and its square.
-JITTER_PER_PX = 3242174889, 2447445414
 
 
 @dataclass(frozen=True)
@@ -90,12 +83,6 @@ class BrickBatch:
 
     def __len__(self) -> int:
         return len(self.cut)
-
-    @property
-    def needs_loops(self) -> bool:
-        """Return whether only the kernels draw it, also beside a GPU."""
-        is_lit_by_loops = self.shading is not None and not self.shading.is_plain
-        return self.extremes is not None or is_lit_by_loops or self.cut.volume.num_absent > 0
 
     @property
     def spacings_per_model_unit(self) -> float:

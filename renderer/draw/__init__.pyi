@@ -1,6 +1,6 @@
 from .cpu.lines import draw_lines as draw_lines
-from .cpu.raster import CPURasterizer as CPURasterizer
-from .gl.raster import GLRasterizer as GLRasterizer, is_software as is_software
+from .cpu.raster import BrickRasterizer as BrickRasterizer
+from .gl.raster import SplatRasterizer as SplatRasterizer
 from .overlay import Lines as Lines, make_edges as make_edges, make_outline as make_outline
-from .rasterizer import Rasterizer as Rasterizer
-from .recovery import RecoveringRasterizer as RecoveringRasterizer, open_rasterizer as open_rasterizer
+from .rasterizer import Rasterizer as Rasterizer, open_rasterizer as open_rasterizer
+from .recovery import RecoveringRasterizer as RecoveringRasterizer

@@ -1,15 +1,14 @@
-"""Keep bricks where they are drawn, in slots of atlases, and evict those that were drawn longest ago.
+"""Keep the texels of bricks in slots of atlases, and evict those that were drawn longest ago.
 
-An atlas grows to what a film needs, up to MAX_ATLAS_BYTES. The size of a volume is therefore no limit: with less memory
-bricks are uploaded more often. One atlas holds the scalars of level 0, another the means of the levels above.
+An atlas has up to MAX_ATLAS_BYTES. The size of a volume is therefore no limit: with less memory bricks are made more
+often. One atlas holds the scalars of level 0, another the means of the levels above.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Generic, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,44 +23,48 @@ from renderer.bricks import (
     scalar_texels,
 )
 from renderer.kernels import ThreadPool
-from renderer.splats import SplatBatch
 from renderer.view import RaySetup, View, ray_setup, screen_rectangles
 from renderer.volume import Bools, Float32, Float64, Int64, UInt32
 
 MAX_ATLAS_BYTES = 256 << 20
-# Bricks whose texels are in memory at a time before they are uploaded.
+# Bricks whose texels are made at a time before they are written.
 _UPLOAD_BATCH = 256
+# Floats behind the last texel that loads of whole rows touch.
+_READ_BEHIND = 2
 
 
-class Atlas(ABC):
+class Atlas:
     """A store of bricks of one kind, in slots. The caller gives each brick a key, a number from 0 to `num_keys` - 1.
 
     num_channels: 1 or 4, float32. max_slots: the number of bricks that it may hold.
+    has_gradients: a brick of 4 channels has all its scalars first, which are read more often than their gradients.
+    texels: float32 [slots * PADDED_BRICK_SIZE^3 * num_channels], brick after brick.
     """
 
-    def __init__(self, num_channels: int, num_keys: int, max_slots: int) -> None:
-        self.num_channels, self.max_slots = num_channels, max_slots
+    def __init__(self, num_channels: int, num_keys: int, *, has_gradients: bool = False) -> None:
+        self._has_gradients, self._brick_floats = has_gradients, PADDED_BRICK_SIZE**3 * num_channels
+        fitting = max(1, MAX_ATLAS_BYTES // (4 * self._brick_floats))
+        self.num_channels, self.max_slots = num_channels, min(num_keys, fitting)
+        self.texels = np.empty(0, np.float32)
         self._slot_from_key = np.full(num_keys, -1, np.int64)  # -1: not in the atlas
         self._key_from_slot = np.empty(0, np.int64)  # -1: free
         self._last_used = np.empty(0, np.int64)
         self._use_counter = 0
 
-    @abstractmethod
-    def _grow(self, num: int) -> None:
-        """Make `num` slots, or `max_slots` if that is less, and call `_resize` with their number."""
+    def texel_offsets(self, slots: Int64) -> Int64:
+        """Return where the bricks in these slots begin in `texels`, halo included: int64 [n]."""
+        return slots * self._brick_floats
 
-    @abstractmethod
-    def _write(self, slots: Int64, texels: Float32) -> None:
-        """Write the texels of bricks to their slots."""
+    def reserve(self) -> None:
+        """Make all slots: those that are unused take no memory, and growing later would need a copy of all texels."""
+        if not len(self.texels):
+            self.texels = np.empty(self.max_slots * self._brick_floats + _READ_BEHIND, np.float32)
+            self._resize(self.max_slots)
 
-    @abstractmethod
     def release(self) -> None:
         """Free the memory."""
-
-    def reserve(self, num: int) -> None:
-        """Make at least `num` slots, or `max_slots` if that is less; bricks stay where there are enough."""
-        if min(num, self.max_slots) > len(self._key_from_slot):
-            self._grow(num)
+        self.texels = np.empty(0, np.float32)
+        self._resize(0)
 
     def num_missing(self, keys: Int64) -> int:
         """Return how many of these bricks are not in the atlas."""
@@ -89,6 +92,16 @@ class Atlas(ABC):
                 self._slot_from_key[keys[part]], self._key_from_slot[into] = into, keys[part]
                 self._last_used[into] = self._use_counter
         return self._slot_from_key[keys]
+
+    def _write(self, slots: Int64, texels: Float32) -> None:
+        """Write the texels of bricks to their slots."""
+        bricks = self.texels[:-_READ_BEHIND].reshape(-1, self._brick_floats)
+        if self._has_gradients and self.num_channels > 1:
+            texels = texels.reshape(len(slots), -1, self.num_channels)
+            bricks[slots, : texels.shape[1]] = texels[..., 0]
+            bricks[slots, texels.shape[1] :] = texels[..., 1:].reshape(len(slots), -1)
+        else:
+            bricks[slots] = texels.reshape(len(slots), -1)
 
     def _resize(self, num: int) -> None:
         """Note that there are `num` slots now, all of them free."""
@@ -139,41 +152,31 @@ def make_brick_view(batch: BrickBatch, order: UInt32, view: View) -> BrickView:
     )
 
 
-A = TypeVar("A", bound=Atlas)
+class BrickCache:
+    """A cache of the bricks of one volume, in an atlas of scalars and one of means.
 
-
-class BrickCache(Generic[A]):
-    """A cache of the bricks of one volume, in an atlas of scalars and one of means; rasterisers of bricks have one.
-
-    make_scalar_atlas, make_mean_atlas: make an atlas for a number of channels and a number of keys.
-    threads: compute the texels of bricks, and draw on the CPU; `release` ends them. atlases: of scalars and of means.
+    threads: compute the texels of bricks, and draw; `release` ends them. atlases: of scalars and of means.
     """
 
-    def __init__(
-        self, make_scalar_atlas: Callable[[int, int], A], make_mean_atlas: Callable[[int, int], A], num_threads: int
-    ) -> None:
-        self._make_scalar_atlas, self._make_mean_atlas = make_scalar_atlas, make_mean_atlas
+    def __init__(self, num_threads: int) -> None:
         self.threads = ThreadPool(num_threads)
         self._bricks: Bricks | None = None
-        self.atlases: tuple[A, ...] = ()
+        self.atlases: tuple[Atlas, ...] = ()
         self._means = MeanCache(self.threads)
         self._brick_view: BrickView | None = None  # the last one: it may be uploaded and then drawn
 
-    def upload(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> bool:
+    def upload(self, batch: BrickBatch, order: UInt32, view: View) -> bool:
         """Upload the bricks `batch[order]`, and return whether any of them was missing.
 
-        Do nothing where there are not enough slots: then bricks are uploaded while they are drawn. Splats are uploaded
-        with every image: nothing is done for them, either.
+        Do nothing where there are not enough slots: then bricks are uploaded while they are drawn.
         """
-        if isinstance(batch, SplatBatch):
-            return False
         brick_view = self._prepare(batch, order, view)
         keys = [(atlas, brick_view.keys[is_chosen]) for atlas, is_chosen in self._parts(brick_view)]
         has_room = all(len(of_atlas) <= atlas.max_slots for atlas, of_atlas in keys)
         if not has_room or not any(atlas.num_missing(of_atlas) for atlas, of_atlas in keys):
             return False
         self._means.begin(is_enabled=False)
-        list(self.upload_groups(brick_view, len(order)))
+        list(self.upload_groups(brick_view))
         return True
 
     def begin_frame(self, batch: BrickBatch, order: UInt32, view: View) -> BrickView:
@@ -183,18 +186,15 @@ class BrickCache(Generic[A]):
         self._means.begin(is_enabled=not has_room)
         return brick_view
 
-    def upload_groups(
-        self, brick_view: BrickView, max_bricks: int
-    ) -> Iterator[tuple[slice, list[tuple[A, Int64, Int64]]]]:
-        """Upload all bricks in groups of at most `max_bricks`, all of which have slots at once.
+    def upload_groups(self, brick_view: BrickView) -> Iterator[tuple[slice, list[tuple[Atlas, Int64, Int64]]]]:
+        """Upload all bricks in groups, all of which have slots at once.
 
         Yield each group before the next one is uploaded, and for scalars and for means the atlas, the numbers of the
         bricks in it, int64 [n], and their slots.
         """
         start, parts = 0, self._parts(brick_view)
         while start < len(brick_view.order):
-            part = slice(start, start + max_bricks)
-            fits = [np.cumsum(is_chosen[part]) <= atlas.max_slots for atlas, is_chosen in parts]
+            fits = [np.cumsum(is_chosen[start:]) <= atlas.max_slots for atlas, is_chosen in parts]
             group = slice(start, start + int(np.count_nonzero(fits[0] & fits[1])))
             uploaded = []
             for atlas, is_chosen in parts:
@@ -221,16 +221,17 @@ class BrickCache(Generic[A]):
         if self._bricks is not batch.bricks or self.atlases[0].num_channels != num_channels:
             self._evict_bricks()
             num_scalars, *nums = (level.errors.size for level in batch.bricks.levels)
-            self.atlases = self._make_scalar_atlas(num_channels, num_scalars), self._make_mean_atlas(4, sum(nums))
+            self.atlases = Atlas(num_channels, num_scalars, has_gradients=True), Atlas(4, sum(nums))
             self._bricks = batch.bricks
         last = self._brick_view
         if last is None or not (last.batch is batch and last.order is order and last.view is view):
             last = self._brick_view = make_brick_view(batch, order, view)
         for atlas, is_chosen in self._parts(last):
-            atlas.reserve(int(np.count_nonzero(is_chosen)))
+            if is_chosen.any():
+                atlas.reserve()
         return last
 
-    def _parts(self, brick_view: BrickView) -> list[tuple[A, Bools]]:
+    def _parts(self, brick_view: BrickView) -> list[tuple[Atlas, Bools]]:
         """Return the atlases of scalars and of means, and which bricks each holds."""
         return list(zip(self.atlases, (~brick_view.is_mean, brick_view.is_mean), strict=True))
 

@@ -13,7 +13,7 @@ from itertools import product
 
 import numpy as np
 
-from renderer.bricks import BRICK_LEVELS, BrickCut
+from renderer.bricks import BrickCut
 from renderer.kernels import kernels
 from renderer.pyramid import Cut
 from renderer.volume import Float32, Float64, Int64, Volume
@@ -43,14 +43,15 @@ class Lines:
         return len(self.vertices)
 
 
-def make_edges(cut: Cut | BrickCut) -> Lines:
+def make_edges(cut: Cut | BrickCut, levels_above: int) -> Lines:
     """Return the edges of a cut: of its cells, or of its bricks, in the colours of their cells' levels.
 
-    Within a level they are sorted by axis and position.
+    levels_above: a brick is this many levels larger than its cells; 0 where cells are drawn.
+    Within a level the edges are sorted by axis and position.
 
     Model units are those of `renderer.splats.splats`.
     """
-    volume, levels_above = cut.volume, BRICK_LEVELS if isinstance(cut, BrickCut) else 0
+    volume = cut.volume
     edges = volume.world_from_index[:3, :3]
     length = volume.half_diagonal
     parts = [np.empty((0, 7), np.float32)]

@@ -1,12 +1,13 @@
-"""Say what all rasterisers have in common, whatever draws."""
+"""Say what the rasterisers of splats and of bricks have in common, and open the one of a scene."""
 
 from __future__ import annotations
 
-from typing import Protocol, TypeVar
+from collections.abc import Sequence
+from typing import Any, Protocol, TypeVar
 
-from renderer.bricks import BrickBatch
 from renderer.kernels import ThreadPool
-from renderer.splats import SplatBatch
+from renderer.scene import Scene
+from renderer.system import num_drawing_threads
 from renderer.view import View
 from renderer.volume import Float32, UInt32
 
@@ -14,12 +15,18 @@ R = TypeVar("R", bound="Rasterizer")
 
 
 class Rasterizer(Protocol):
-    """A rasteriser of sorted splats or bricks, as float32 [height, width, 4], premultiplied RGBA over nothing.
+    """A rasteriser of the sorted elements of one footprint: of a SplatBatch, or of a BrickBatch.
 
-    Use it as a context manager, or call `release`. device: what draws, on which the bytes depend.
+    Use it as a context manager, or call `release`. device: what draws, on which the bytes depend. threads: also work on
+    what it has drawn. notes: what the user should know about the drawing so far.
     """
 
     device: str
+    threads: ThreadPool = ThreadPool()
+
+    @property
+    def notes(self) -> Sequence[str]:
+        return ()
 
     def __enter__(self: R) -> R:
         return self
@@ -27,18 +34,30 @@ class Rasterizer(Protocol):
     def __exit__(self, *_: object) -> None:
         self.release()
 
-    @property
-    def threads(self) -> ThreadPool:
-        """Return its threads, which also work on what it has drawn."""
-
     def release(self) -> None:
         """Free all that it holds."""
 
-    def upload(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> bool:
-        """Place what later pictures of `batch[order]` share where it is drawn, and return whether any was missing.
+    def upload(self, batch: Any, order: UInt32, view: View) -> bool:
+        """Prepare what later pictures of `batch[order]` share, and return whether any of it was missing.
 
-        Pictures do not depend on it.
+        Pictures do not depend on it. Splats share nothing.
+        """
+        return False
+
+    def rasterize(self, batch: Any, order: UInt32, view: View) -> Float32:
+        """Composite `batch[order]`, splats back to front and bricks front to back, over nothing.
+
+        Returns float32 [height, width, 4], premultiplied RGBA.
         """
 
-    def rasterize(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> Float32:
-        """Composite `batch[order]`, splats back to front and bricks front to back."""
+
+def open_rasterizer(scene: Scene) -> Rasterizer:
+    """Open the rasteriser of a scene's footprint. Raises RenderError where it needs OpenGL and there is none."""
+    # Imported here: bricks need no OpenGL.
+    if scene.needs_opengl:
+        from renderer.draw.recovery import RecoveringRasterizer
+
+        return RecoveringRasterizer()
+    from renderer.draw.cpu.raster import BrickRasterizer
+
+    return BrickRasterizer(num_threads=num_drawing_threads())

@@ -4,7 +4,7 @@ In: float images. Out: PNG frames, MP4 or GIF films, and the pictures of finishe
 temporary names and renames it at the end, and `locked_output` keeps two jobs from writing the same film.
 
 - `writer.py`: frames to a film; `encode.py`: ffmpeg with its codec and bit rate; `stream_tail.py`: what ffmpeg prints.
-- `decode.py`: a film back to pictures; `kept_accuracy.py`: what a format keeps of frames.
+- `decode.py`: a film back to pictures.
 - `quantization.py`: float to 8 bits; `picture.py`: a finished frame; `png.py`: PNG files.
 - `atomic.py`: temporary names, renamed at the end; `names.py`: the names of frames and files; `lock.py`: one job at a
   time; `runs.py`: consecutive frames as ranges; `digests.py`: whether a file is still the same.

@@ -18,12 +18,6 @@ from .digests import (
     frame_matches_digest as frame_matches_digest,
 )
 from .encode import find_ffmpeg as find_ffmpeg
-from .kept_accuracy import (
-    finer_than_kept as finer_than_kept,
-    typical_kept_psnr as typical_kept_psnr,
-    typical_psnr as typical_psnr,
-    typical_tolerance as typical_tolerance,
-)
 from .lock import (
     lock_slots as lock_slots,
     locked_output as locked_output,

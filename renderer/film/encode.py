@@ -17,7 +17,7 @@ import numpy.typing as npt
 from renderer.errors import HsplatError, RenderError
 from renderer.film.atomic import output_error
 from renderer.film.stream_tail import StreamTail
-from renderer.system import join_lines
+from renderer.system import address_space_hint, join_lines
 
 # Without out_color_matrix, ffmpeg converts RGB with the BT.601 matrix, whatever the tags say. The chroma position is
 # H.264's default, left; `accurate_rnd` and `bitexact` give the same result on every processor.
@@ -110,7 +110,7 @@ def _failure(what: str, status: int, lines: Sequence[str], output: Path) -> Hspl
     if os.strerror(errno.ENOSPC) in words:
         return output_error(OSError(errno.ENOSPC, words), output)
     exit_text = f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
-    return RenderError(what, where=str(output), got=words or f"{exit_text} and no message")
+    return RenderError(what, where=str(output), got=words or f"{exit_text} and no message", hint=address_space_hint())
 
 
 def _arguments(size: tuple[int, int], rate: Fraction, options: Sequence[str], file: Path) -> list[str]:

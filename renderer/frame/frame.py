@@ -12,7 +12,7 @@ from renderer.modes import chord_lengths
 from renderer.view import View
 from renderer.volume import Float32
 
-# The lap of work that also serves later frames: bricks that were not on the device.
+# The step that also serves later frames: bricks that were not in the cache.
 UPLOAD_STEP = "bricks"
 
 

@@ -15,6 +15,7 @@ from typing import ClassVar
 import numpy as np
 
 from renderer.bricks import (
+    BRICK_LEVELS,
     RAY_ERROR_FACTOR,
     BrickBatch,
     BrickCut,
@@ -61,7 +62,7 @@ _MAX_SAMPLED_BRICKS = 4096
 
 
 @dataclass(frozen=True)
-class LOD:
+class LOD(ABC):
     """A level of detail: the cells drawn at a tolerance, from any view. lines: those of an overlay.
 
     orders: returns what is visible in a view, in the order in which it is drawn; each order has the same elements.
@@ -77,12 +78,9 @@ class LOD:
         """Return the number of cells in the cut, each a splat or a brick."""
         return len(self.batch)
 
+    @abstractmethod
     def num_pixels(self, orders: Orders, view: View) -> float:
-        """Return how many pixels of the squares around footprints, or samples of bricks, these orders draw."""
-        order = orders[0][1]
-        if isinstance(self.batch, BrickBatch):
-            return num_samples(self.batch, order, view)
-        return len(orders) * total_square_area_px(self.batch, order, model_view(self.batch, view))
+        """Return how many pixels, or samples, these orders draw."""
 
     def typical_seconds(self, orders: Orders, view: View) -> float:
         """Return the time to draw these orders on a software renderer with two cores."""
@@ -94,13 +92,38 @@ class LOD:
         )
 
 
+@dataclass(frozen=True)
+class SplatLOD(LOD):
+    """A level of detail of splats."""
+
+    batch: SplatBatch
+
+    def num_pixels(self, orders: Orders, view: View) -> float:
+        """Return the pixels of the squares around footprints, in all orders."""
+        return len(orders) * total_square_area_px(self.batch, orders[0][1], model_view(self.batch, view))
+
+
+@dataclass(frozen=True)
+class BrickLOD(LOD):
+    """A level of detail of bricks."""
+
+    batch: BrickBatch
+
+    def num_pixels(self, orders: Orders, view: View) -> float:
+        """Return the samples in bricks."""
+        return num_samples(self.batch, orders[0][1], view)
+
+
 class Primitive(ABC):
     """Turns a tolerance into a level of detail, for one footprint.
 
+    lod_type: what it makes. levels_above: from the level of the cells in a cut to that of what is drawn as one.
     initial_size: a size at which a frame shows its content. size_ratio: from one size worth trying to the next, and the
     largest change at once.
     """
 
+    lod_type: ClassVar[type[LOD]]
+    levels_above: ClassVar[int]
     initial_size: ClassVar[float]
     size_ratio: ClassVar[float]
 
@@ -120,9 +143,9 @@ class Primitive(ABC):
         lap("primitives")
         lines = None
         if self._overlay != "none":
-            lines = make_edges(cut) if self._overlay == "octree" else make_outline(cut.volume)
+            lines = make_edges(cut, self.levels_above) if self._overlay == "octree" else make_outline(cut.volume)
             lap("edges")
-        return LOD(tolerance, batch, lines, orders)
+        return self.lod_type(tolerance, batch, lines, orders)
 
     @abstractmethod
     def _prepare(self, tolerance: float, lap: Lap) -> tuple[Cut | BrickCut, SplatBatch | BrickBatch, OrderFinder]:
@@ -163,6 +186,7 @@ def make_primitive(stage: Stage) -> SplatPrimitive | BrickPrimitive:
 class SplatPrimitive(Primitive):
     """Draws cells of the octree as splats; a size is a number of cells."""
 
+    lod_type, levels_above = SplatLOD, 0
     initial_size = 1000
     size_ratio = 4
 
@@ -209,6 +233,7 @@ class BrickPrimitive(Primitive):
     A size is the error of the whole volume as one cell, divided by the tolerance.
     """
 
+    lod_type, levels_above = BrickLOD, BRICK_LEVELS
     initial_size = 60
     size_ratio = 16  # the number of samples grows with about the cube root
 

@@ -6,9 +6,8 @@ A film that is up to date is not drawn again, and one that was stopped resumes w
 - `film_job.py`: what is to be made, perhaps again.
 - `film_making.py`: the job, step by step, in one pass; `refinement.py`: in several.
 - `film_output.py`: the loop over frames, each of which is stored while the next one is drawn; and the sidecar.
-- `plan.py`: the tolerances for what a scene requests; `accuracy.py`: the search for an accuracy; `goals.py`: whether it
-  was reached; `film_accuracy.py`: how exact frames and film are, by exact rays;
-  `film_visibility.py`: which scalars they show, by the same rays.
+- `plan.py`: the tolerances for what a scene requests; `goals.py`: whether it was reached.
+- `film_accuracy.py`: how exact frames and film are, in records and words; `film_visibility.py`: what they show.
 - `executor.py`: what draws, and drawing in this process.
 - `events.py`: what a job tells while it runs, to a function, a bar in a notebook, or another listener.
 - `checkpoint.py`: finished frames; those of an unfinished film are kept in files.

@@ -1,9 +1,3 @@
-from .accuracy import (
-    find_truth as find_truth,
-    nothing_visible_error as nothing_visible_error,
-    search_tolerance as search_tolerance,
-    unreachable_accuracy_error as unreachable_accuracy_error,
-)
 from .assemble.assembly import assemble_film as assemble_film
 from .assemble.parts import Part as Part, find_parts as find_parts
 from .checkpoint import FrameCheckpoint as FrameCheckpoint
@@ -19,7 +13,6 @@ from .executor import (
     LocalExecutor as LocalExecutor,
     draw_frames as draw_frames,
     open_local_executor as open_local_executor,
-    open_prober as open_prober,
 )
 from .film_accuracy import accuracy_text as accuracy_text
 from .film_job import FilmJob as FilmJob, OriginalFilm as OriginalFilm

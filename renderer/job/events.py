@@ -37,9 +37,6 @@ class JobEvents:
     def pass_finished(self, summary: str) -> None:
         """Take note that a pass is a whole film. summary: what it has, and what it cost."""
 
-    def truth_progressed(self, frame: int, share: float) -> None:
-        """Take note that this share of a frame's exact picture is computed, which may also fall."""
-
     def volume_noted(self, text: str) -> None:
         """Take a remark on how the volume was read, as any other note."""
         self.note(text)

@@ -9,10 +9,9 @@ import contextlib
 import time
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
-from renderer.draw import Rasterizer, RecoveringRasterizer, open_rasterizer
+from renderer.draw import Rasterizer, open_rasterizer
 from renderer.film import Picture
 from renderer.frame import Stage, ToleranceController, render_frames
 from renderer.job.film_accuracy import frame_accuracy
@@ -23,7 +22,7 @@ from renderer.scene import Scene
 from renderer.system import num_cores
 
 if TYPE_CHECKING:
-    from renderer.probes import FrameProber
+    from renderer.accuracy import FrameProber
 
 
 @dataclass(frozen=True)
@@ -70,11 +69,11 @@ class Executor(Protocol):
 class LocalExecutor:
     """An executor that draws in this process, one frame after the other, each with all threads."""
 
-    rasterizer: RecoveringRasterizer
+    rasterizer: Rasterizer
 
     @property
     def device(self) -> str:
-        """Return device and driver of OpenGL, or that the processor draws."""
+        """Return device and driver of OpenGL for splats, and the processor for bricks."""
         return self.rasterizer.device
 
     @property
@@ -84,23 +83,17 @@ class LocalExecutor:
 
     def draw(self, plan: FilmPlan, numbers: Sequence[int]) -> Generator[DrawnFrame, None, None]:
         """Yield these frames, in this order; may be closed before its end."""
-        return draw_frames(plan.stage, numbers, self.rasterizer, plan.controller, open_prober(plan.stage))
+        # Imported here: the ray integral takes a while to load.
+        from renderer.accuracy import open_prober
+
+        return draw_frames(plan.stage, numbers, self.rasterizer, plan.controller, open_prober(plan.stage, num_cores()))
 
 
 @contextlib.contextmanager
 def open_local_executor(scene: Scene) -> Iterator[LocalExecutor]:
     """Open what draws this scene in this process. Raises RenderError where it needs OpenGL and there is none."""
-    with RecoveringRasterizer(partial(open_rasterizer, needs_opengl=scene.needs_opengl)) as rasterizer:
+    with open_rasterizer(scene) as rasterizer:
         yield LocalExecutor(rasterizer)
-
-
-def open_prober(stage: Stage) -> FrameProber | None:
-    """Return what measures the accuracy of frames; None where the scene wants no rays, or has no exact picture."""
-    # Imported here: the ray integral takes a while to load.
-    from renderer.probes import FrameProber, num_probe_rays
-
-    num_rays = num_probe_rays(stage.scene)
-    return FrameProber(stage, num_rays, num_threads=num_cores()) if num_rays else None
 
 
 def draw_frames(

@@ -6,22 +6,19 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from renderer.accuracy import MOST_DB, ErrorSamples, pool_samples, psnr, squared_error
 from renderer.job.record import FileAccuracy, FilmAccuracy, FrameAccuracy, FrameRecord, Range, WorstFrame
-from renderer.probes import ErrorSamples, pool_samples, psnr
 
 if TYPE_CHECKING:
-    from renderer.probes import Probe
+    from renderer.accuracy import Probe
 
 _METHOD = "stratified by the differences between neighbouring pixels"
-# No error at all counts as this many decibels, and so does less than that.
-_MOST_DB = 200.0
 
 
 def frame_accuracy(probe: Probe) -> FrameAccuracy:
     """Return the record of what rays have measured of a frame."""
     samples = probe.samples
-    value, interval = _decibels(samples)
-    return FrameAccuracy(value, interval, samples.num, samples.variance, samples.largest, probe.largest_error)
+    return FrameAccuracy(*_decibels(samples), samples.num, samples.variance, samples.largest, probe.largest_error)
 
 
 def film_accuracy(frames: Sequence[FrameRecord]) -> FilmAccuracy | None:
@@ -43,34 +40,30 @@ def film_accuracy(frames: Sequence[FrameRecord]) -> FilmAccuracy | None:
     )
 
 
-def with_encoding_loss(accuracy: FilmAccuracy, mean_squared_error: float, num_frames: int) -> FilmAccuracy:
+def with_encoding_loss(accuracy: FilmAccuracy, loss: float, num_frames: int) -> FilmAccuracy:
     """Return the accuracy of a film with that of its file.
 
-    mean_squared_error: between the frames as they were drawn and as they are decoded, in [0, 1]. It adds to that of the
-        drawing: neither error knows of the other.
+    loss: the mean squared error between the frames as they were drawn and as they are decoded, in [0, 1]. It adds to
+        that of the drawing: neither error knows of the other.
     """
-    both = min(psnr(mean_squared_error + _mean_squared_error(accuracy.psnr)), _MOST_DB)
-    return replace(accuracy, file=FileAccuracy(both, min(psnr(mean_squared_error), _MOST_DB), num_frames))
+    both = min(psnr(loss + squared_error(accuracy.psnr)), MOST_DB)
+    return replace(accuracy, file=FileAccuracy(both, min(psnr(loss), MOST_DB), num_frames))
 
 
 def accuracy_text(accuracy: FilmAccuracy) -> str:
     """Return `58.8 +- 0.2 dB of the exact picture, 40.7 dB in the file`."""
     value, (low, high) = accuracy.psnr, accuracy.interval
     text = f"{value:.1f} +- {max(value - low, high - value):.1f} dB of the exact picture"
-    if value >= _MOST_DB:
+    if value >= MOST_DB:
         text = f"no difference from the exact picture seen, at least {low:.0f} dB"
     return text if accuracy.file is None else f"{text}, {accuracy.file.psnr:.1f} dB in the file"
 
 
 def _samples(accuracy: FrameAccuracy) -> ErrorSamples:
-    return ErrorSamples(accuracy.rays, _mean_squared_error(accuracy.psnr), accuracy.variance, accuracy.largest)
-
-
-def _mean_squared_error(decibels: float) -> float:
-    return float(10 ** (-decibels / 10)) if decibels < _MOST_DB else 0.0
+    return ErrorSamples(accuracy.rays, squared_error(accuracy.psnr), accuracy.variance, accuracy.largest)
 
 
 def _decibels(samples: ErrorSamples) -> tuple[float, Range]:
     """Return the PSNR and its interval, from low to high."""
     low, high = samples.interval
-    return min(psnr(samples.mean), _MOST_DB), (psnr(high), min(psnr(low), _MOST_DB))
+    return min(psnr(samples.mean), MOST_DB), (psnr(high), min(psnr(low), MOST_DB))

@@ -13,8 +13,9 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from renderer.accuracy import finer_than_kept
 from renderer.errors import RenderError
-from renderer.film import film_notes, finer_than_kept, has_frame_files
+from renderer.film import film_notes, has_frame_files
 from renderer.frame import LODCostEstimator, Stage, open_stage
 from renderer.job.checkpoint import FrameCheckpoint, FrameStore, remove_checkpoint_frames
 from renderer.job.events import JobEvents
@@ -208,7 +209,9 @@ class FilmInProgress:
         is_lasting = record.schedule.reproducible or isinstance(requested.goal, TimeBudget)
         fingerprint = self.fingerprint if is_lasting and not plan.is_unfinished else None
         record = self.output.write_record(record, fingerprint)
-        if (advice := _finer_than_kept(record)) is not None:
+        made = record.accuracy
+        advice = finer_than_kept(made.interval[0], made.file.psnr_of_encoding) if made and made.file else None
+        if advice is not None:
             self.events.note(advice)
         summary = ", ".join(summary_parts(scene, plan, record, num_resumed))
         file, sidecar = self.output.spec.file, self.output.sidecar
@@ -218,14 +221,6 @@ class FilmInProgress:
         """Return what drew the frames: what their records say, and for all others the executor's device."""
         elsewhere = [frame.device for frame in frames if frame.device is not None]
         return list(dict.fromkeys(elsewhere + [self.executor.device] * (len(elsewhere) < len(frames))))
-
-
-def _finer_than_kept(record: FilmRecord) -> str | None:
-    """Return what to say where the frames are far more exact than what the file keeps of them."""
-    accuracy = record.accuracy
-    if accuracy is None or accuracy.file is None:
-        return None
-    return finer_than_kept(accuracy.interval[0], accuracy.file.psnr_of_encoding)
 
 
 def one_pass(film: FilmInProgress) -> FinishedFilm:

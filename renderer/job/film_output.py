@@ -11,14 +11,12 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
+from renderer.accuracy import encoding_loss
 from renderer.errors import RenderError
 from renderer.film import (
     Picture,
     Pixels,
     WriteFrame,
-    decode_known_film,
     file_digest,
     has_frame_files,
     locked_output,
@@ -112,13 +110,6 @@ class FilmOutput:
         if len(self._first_frames) < num and not has_frame_files(self.spec):
             self._first_frames.append(picture.pixels)
 
-    def _encoding_loss(self) -> float:
-        """Return the mean squared error of the first frames as they are decoded, in [0, 1]."""
-        with decode_known_film(self.spec.file, self.spec.size, len(self.frames)) as decoded:
-            pairs = zip(self._first_frames, decoded, strict=False)
-            differences = (drawn.astype(np.int16) - kept for drawn, kept in pairs)
-            return float(np.mean([np.mean(np.square(each, dtype=np.float32)) for each in differences])) / 255**2
-
     def write_record(self, record: FilmRecord, fingerprint: FilmFingerprint | None) -> FilmRecord:
         """Write the sidecar of a film, and return its record.
 
@@ -127,8 +118,8 @@ class FilmOutput:
         """
         record = replace(record, fingerprint=fingerprint)
         if record.accuracy is not None and self._first_frames:
-            accuracy = with_encoding_loss(record.accuracy, self._encoding_loss(), len(self._first_frames))
-            record = replace(record, accuracy=accuracy)
+            loss = encoding_loss(self.spec, len(self.frames), self._first_frames)
+            record = replace(record, accuracy=with_encoding_loss(record.accuracy, loss, len(self._first_frames)))
         if fingerprint is not None and not has_frame_files(self.spec):
             with translate_os_errors(self.spec.file):
                 record = replace(record, digest=file_digest(self.spec.file))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import statistics
 from collections.abc import Iterator, Sequence
 
+from renderer.accuracy import ROUNDING_ERROR, psnr, wanted_error
 from renderer.errors import RenderError
 from renderer.job.film_accuracy import accuracy_text, film_accuracy
 from renderer.job.plan import BEST_EFFORT_HINT, FilmPlan
 from renderer.job.record import FilmRecord, FrameRecord, min_max
-from renderer.probes import psnr
 from renderer.scene import (
     ErrorSpec,
     MetricTarget,
@@ -31,8 +31,6 @@ _MAX_LATE_FRACTION = 0.1
 _SHARED_STEPS = ("cut", "primitives", "edges")
 # Up to this fraction of the frames may be less exact without an error.
 _MAX_MISSING_FRACTION = 0.05
-# The mean squared error of numbers that are rounded to 8 bits.
-_ROUNDING = 1 / 12 / 255**2
 
 
 def find_shortfall(
@@ -62,8 +60,7 @@ def _accuracy_shortfall(goal: MetricTarget, frames: Sequence[FrameRecord]) -> Re
     film = film_accuracy(frames)
     if film is None:
         return None
-    wanted = 10 ** (-goal.value / 10) if goal.metric == "psnr" else goal.value**2
-    least = psnr(wanted + _ROUNDING)
+    least = psnr(wanted_error(goal) + ROUNDING_ERROR)
     missing = [frame.frame for frame in frames if frame.accuracy is not None and frame.accuracy.interval[1] < least]
     if film.interval[1] >= least and len(missing) <= _MAX_MISSING_FRACTION * len(frames):
         return None

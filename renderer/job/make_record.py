@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from renderer.accuracy import scalar_ranges
 from renderer.errors import RenderError
 from renderer.frame import Frame, finest_level_at
 from renderer.job.film_accuracy import film_accuracy
@@ -25,7 +26,6 @@ from renderer.job.record import (
     VolumeRecord,
     min_max,
 )
-from renderer.probes import scalar_ranges
 from renderer.scene import ErrorSpec, format_value, scene_to_dict, schedule_to_dict, short_text, with_tolerances
 from renderer.system import package_versions, sources_digest
 

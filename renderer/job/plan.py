@@ -18,12 +18,12 @@ from renderer.frame import (
     ToleranceController,
     calibrate_costs,
 )
-from renderer.job.accuracy import search_film_tolerances, unreachable_accuracy_error
 from renderer.job.events import JobEvents
 from renderer.scene import MetricTarget, SplatBudget, TimeBudget, scheduled_value, with_tolerances
+from renderer.system import num_cores
 
 if TYPE_CHECKING:  # the ray integral takes a while to load, and most films do not need it
-    from renderer.study import FilmTolerances
+    from renderer.accuracy import FoundTolerances, Trial
 
 # A trial drawing that takes this part of a frame's time tells enough about the whole.
 _MAX_TRIAL_FRACTION = 0.3
@@ -45,7 +45,7 @@ class FilmPlan:
     shortfall: RenderError | None = None
     is_unfinished: bool = False
     is_timing_dependent: bool = False
-    found: FilmTolerances | None = None
+    found: FoundTolerances | None = None
 
 
 def make_plan(
@@ -63,7 +63,7 @@ def make_plan(
     stage = estimator.stage
     goal = stage.scene.error.goal
     if isinstance(goal, MetricTarget):
-        found = search_film_tolerances(stage, frames, goal, rasterizer(), events, on_step)
+        found = search_tolerances(stage, frames, goal, rasterizer(), events, on_step)
         return _plan_accuracy(stage, goal, found)
     if isinstance(goal, TimeBudget):
         return _plan_time(estimator, goal, frames, rasterizer(), on_step)
@@ -90,11 +90,32 @@ def _plan_time(
     return FilmPlan(estimator.stage, controller, is_timing_dependent=True)
 
 
-def _plan_accuracy(stage: Stage, goal: MetricTarget, found: FilmTolerances) -> FilmPlan:
+def search_tolerances(
+    stage: Stage,
+    frames: Sequence[int],
+    want: MetricTarget,
+    rasterizer: Rasterizer,
+    events: JobEvents,
+    on_step: Callable[[], None],
+) -> FoundTolerances:
+    """Search for the coarsest tolerances with this accuracy by exact rays; parameters as in `make_plan`."""
+    from renderer.accuracy import ExactRays, find_tolerances
+
+    def tell(trial: Trial) -> None:
+        on_step()
+        events.note(trial.text(want, stage.scene.splat.primitive_name))
+
+    rays = ExactRays(stage, want, num_threads=num_cores())
+    # Films of splats have one tolerance: a new cut for each frame would take longer than to draw it.
+    is_constant, clock = stage.bricks is None, time.perf_counter
+    return find_tolerances(stage, frames, rays, rasterizer, is_constant=is_constant, clock=clock, on_trial=tell)
+
+
+def _plan_accuracy(stage: Stage, goal: MetricTarget, found: FoundTolerances) -> FilmPlan:
     """Plan the tolerances that were found; 0 if none is good enough."""
     shortfall = None
     if not found.is_reachable:
         where, hint = f"error.{goal.metric}", f"the film is drawn at tolerance 0, and {BEST_EFFORT_HINT}"
-        shortfall = unreachable_accuracy_error(goal, found.worst, stage.scene, where=where, hint=hint)
+        shortfall = found.shortfall(stage.scene, where=where, hint=hint)
     exact = replace(stage, scene=with_tolerances(stage.scene, found.by_frame))
     return FilmPlan(exact, ScheduleController(exact), shortfall=shortfall, found=found)

@@ -316,7 +316,7 @@ class FilmRecord:
     volume: Annotated[VolumeRecord, "The volume."]
     camera: Annotated[CameraRecord, "The camera."]
     pyramid: Annotated[PyramidRecord, "The pyramid."]
-    device: Annotated[str, "What drew the frames: device and driver of OpenGL, or the processor."]
+    device: Annotated[str, "What drew the frames: device and driver of OpenGL for splats, the processor for bricks."]
     versions: Annotated[Mapping[str, str], _TEXTS, "Versions of Python, hsplat and the packages that bytes depend on."]
     schedule: Annotated[ScheduleRecord, "The accuracy."]
     notes: Annotated[tuple[str, ...], "What the user should know."]

@@ -11,22 +11,20 @@ import statistics
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from renderer.accuracy import MOST_DB, ROUNDING_ERROR, FrameProber, psnr, squared_error
 from renderer.errors import Problem
 from renderer.film import Picture, Pixels, decode_known_film, frame_path, has_frame_files
 from renderer.frame import Stage
 from renderer.job.events import JobEvents
 from renderer.job.film_accuracy import film_accuracy, frame_accuracy
 from renderer.job.record import FilmAccuracy, FrameAccuracy, FrameRecord
-from renderer.probes import FrameProber, psnr
 from renderer.scene import OutputSpec
 from renderer.system import num_cores
 
 # The rays of a frame are at least doubled until the film is known well enough. Of a long film some frames are measured.
 _FEWEST_RAYS, MOST_RAYS, _MOST_FRAMES = 64, 4096, 240
-# With no error seen, the interval has no end.
-_NO_ERROR_DB = 200.0
 # A frame of an encoded film may lose this many times what is usual; usual is no less than rounding to 8 bits.
-_UNUSUAL, _LEAST_LOSS = 4.0, 1 / 255**2 / 12
+_UNUSUAL = 4.0
 # This many times the error is hardly worse: than that of a numbered frame beside it, or than was recorded of a film.
 _HARDLY_WORSE = 2.0
 # How many frames on each side of a frame show nearly the same.
@@ -71,7 +69,7 @@ def measure_film(
         accuracy = film_accuracy(measured)
         assert accuracy is not None, "each frame is measured"
         width = max(accuracy.psnr - accuracy.interval[0], accuracy.interval[1] - accuracy.psnr)
-        is_precise = width <= options.precision_db or accuracy.psnr >= _NO_ERROR_DB
+        is_precise = width <= options.precision_db or accuracy.psnr >= MOST_DB
         if is_precise or num_rays == MOST_RAYS:
             break
         num_rays = min(MOST_RAYS, 2 * num_rays * max(1, round((width / options.precision_db) ** 2 / 2)))
@@ -109,14 +107,12 @@ class _Rays:
     def _pictures(self, numbers: set[int]) -> Iterator[tuple[FrameRecord, Pixels]]:
         """Yield the frames of these numbers with their pictures."""
         if has_frame_files(self.output):
-            for frame in self.frames:
-                if frame.frame in numbers:
-                    yield frame, Picture(file=frame_path(self.output.file, frame.frame)).pixels
+            for frame in (each for each in self.frames if each.frame in numbers):
+                yield frame, Picture(file=frame_path(self.output.file, frame.frame)).pixels
             return
         with decode_known_film(self.output.file, self.output.size, len(self.frames)) as images:
-            for frame, image in zip(self.frames, images, strict=True):
-                if frame.frame in numbers:
-                    yield frame, image
+            pairs = zip(self.frames, images, strict=True)
+            yield from ((frame, image) for frame, image in pairs if frame.frame in numbers)
 
 
 def _film_problems(frames: Sequence[FrameRecord], found: FilmAccuracy, output: OutputSpec) -> Iterator[Problem]:
@@ -124,7 +120,7 @@ def _film_problems(frames: Sequence[FrameRecord], found: FilmAccuracy, output: O
     recorded = film_accuracy(frames)
     if recorded is not None:
         may_lose = 0.0 if has_frame_files(output) else _MOST_OF_ENCODING
-        least = psnr(_HARDLY_WORSE * _error(recorded.interval[0]) + may_lose)
+        least = psnr(_HARDLY_WORSE * squared_error(recorded.interval[0]) + may_lose)
         yield from _problems("far less exact than recorded", found, least, output)
 
 
@@ -144,10 +140,11 @@ def _least_as_recorded(frames: Sequence[FrameRecord], found: Sequence[float]) ->
     some frame beside it that is as recorded.
     """
     lows = [_low(frame) for frame in frames]
-    return [
-        min([low, *(psnr(_HARDLY_WORSE * _error(found[at])) for at in _beside(k, len(found)) if found[at] >= lows[at])])
-        for k, low in enumerate(lows)
+    hardly_worse = [
+        psnr(_HARDLY_WORSE * squared_error(value)) if value >= low else math.inf
+        for value, low in zip(found, lows, strict=True)
     ]
+    return [min([low, *(hardly_worse[at] for at in _beside(k, len(found)))]) for k, low in enumerate(lows)]
 
 
 def _least_usual(frames: Sequence[FrameRecord], found: Sequence[float]) -> list[float]:
@@ -155,16 +152,16 @@ def _least_usual(frames: Sequence[FrameRecord], found: Sequence[float]) -> list[
 
     Its error is several times as large as usual, and it has lost several times as much as usual from what was recorded.
     """
-    errors = [max(_error(value), _LEAST_LOSS) for value in found]
-    losses = [
-        max(_error(value) - _error(_psnr(frame)), _LEAST_LOSS) for frame, value in zip(frames, found, strict=True)
-    ]
-    usual = zip(frames, _usual(errors), _usual(losses), strict=True)
-    return [psnr(max(_UNUSUAL * error, _error(_low(frame)) + _UNUSUAL * loss)) for frame, error, loss in usual]
+    errors = [squared_error(value) for value in found]
+    losses = [error - squared_error(_psnr(frame)) for frame, error in zip(frames, errors, strict=True)]
+    lows = [squared_error(_low(frame)) for frame in frames]
+    usual = zip(_usual(errors), lows, _usual(losses), strict=True)
+    return [psnr(max(_UNUSUAL * error, low + _UNUSUAL * loss)) for error, low, loss in usual]
 
 
 def _usual(values: Sequence[float]) -> list[float]:
     """Return for each frame the median of the film or, where that is more, of the frames beside it."""
+    values = [max(value, ROUNDING_ERROR) for value in values]
     median, num = statistics.median(values), len(values)
     beside = ([values[at] for at in _beside(k, num)] for k in range(num))
     return [max(median, statistics.median_high(near or [median])) for near in beside]
@@ -176,13 +173,8 @@ def _beside(k: int, num: int) -> list[int]:
 
 
 def _low(frame: FrameRecord) -> float:
-    return _NO_ERROR_DB if frame.accuracy is None else frame.accuracy.interval[0]
+    return MOST_DB if frame.accuracy is None else frame.accuracy.interval[0]
 
 
 def _psnr(frame: FrameRecord) -> float:
-    return _NO_ERROR_DB if frame.accuracy is None else frame.accuracy.psnr
-
-
-def _error(decibels: float) -> float:
-    """Return the mean squared error of a PSNR."""
-    return 10 ** (-decibels / 10) if decibels < _NO_ERROR_DB else 0.0
+    return MOST_DB if frame.accuracy is None else frame.accuracy.psnr

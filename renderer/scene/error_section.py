@@ -54,7 +54,7 @@ class TimeBudget:
 
 @dataclass(frozen=True)
 class MetricTarget:
-    """A metric of `renderer.study.metrics.METRICS`, over all pixels of each frame, and the value to reach."""
+    """A metric of `renderer.accuracy.METRICS`, over all pixels of each frame, and the value to reach."""
 
     metric: Literal["psnr", "rmse", "ssim", "flip"]
     value: float

@@ -73,7 +73,7 @@ class Scene:
 
     @property
     def needs_opengl(self) -> bool:
-        """Return whether it has splats; bricks are drawn without OpenGL, too."""
+        """Return whether it has splats; bricks are drawn by kernels."""
         return self.splat.footprint != "integrated"
 
     @property

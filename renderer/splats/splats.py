@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -44,6 +45,9 @@ class GaussianFootprint:
     min_sigma_px: footprints are widened to this standard deviation. Sampled at pixels, the energy of a footprint of 0.5
     pixels varies with its position by at most 3.9 %.
     """
+
+    name: ClassVar[Literal["gaussian"]] = "gaussian"
+    uniforms: ClassVar = ("cutoff", "decay", "coefficients", "rim", "min_sigma_px")  # members that shaders use
 
     decay: float
     coefficients: tuple[float, float, float]
@@ -81,10 +85,27 @@ class GouraudFootprint:
     triangular root (Cholesky) of the footprint's covariance.
     """
 
+    name: ClassVar[Literal["gouraud"]] = "gouraud"
+    uniforms: ClassVar = ("min_sigma_px",)  # members that shaders use
+
     vertices: Float64
     weights: Float64
     triangles: Int32
     min_sigma_px: float = 0.85
+
+    @classmethod
+    def from_spec(cls, spec: SplatSpec) -> GouraudFootprint:
+        """Return the paper's footprint, scaled to the Gaussian's second moment and to integral 1."""
+        angle = 2 * math.pi * np.arange(spec.angular) / spec.angular
+        circle = np.column_stack([np.cos(angle), np.sin(angle)])
+        radii = np.arange(1, spec.radial + 1) / spec.radial
+        vertices = np.concatenate([np.zeros((1, 2)), *(radius * circle for radius in radii)])
+        places = np.concatenate([[0.0], np.repeat(radii, spec.angular)])
+        weights = np.interp(places, *np.array(spec.profile, np.float64).T)
+        triangles = _triangulate_disc(spec.angular, spec.radial)
+        mass, second_moment = _moments(vertices, weights, triangles)
+        scale = math.sqrt(mass / second_moment)
+        return cls(vertices * scale, weights / (mass * scale**2), triangles)
 
     @property
     def cutoff(self) -> float:
@@ -178,18 +199,10 @@ def _extents_of_codes(codes: Int64, shape: Int64) -> Int64:
 
 
 def make_footprint(spec: SplatSpec) -> GaussianFootprint | GouraudFootprint:
-    """Return the footprint of a scene; the paper's is scaled to the Gaussian's second moment and to integral 1."""
-    if spec.footprint == "gaussian":
-        return GaussianFootprint.from_sigma(spec.sigma)
-    angle = 2 * math.pi * np.arange(spec.angular) / spec.angular
-    circle = np.column_stack([np.cos(angle), np.sin(angle)])
-    radii = np.arange(1, spec.radial + 1) / spec.radial
-    vertices = np.concatenate([np.zeros((1, 2)), *(radius * circle for radius in radii)])
-    weights = np.interp(np.concatenate([[0.0], np.repeat(radii, spec.angular)]), *np.array(spec.profile, np.float64).T)
-    triangles = _triangulate_disc(spec.angular, spec.radial)
-    mass, second_moment = _moments(vertices, weights, triangles)
-    scale = math.sqrt(mass / second_moment)
-    return GouraudFootprint(vertices * scale, weights / (mass * scale**2), triangles)
+    """Return the footprint of a scene."""
+    return (
+        GaussianFootprint.from_sigma(spec.sigma) if spec.footprint == "gaussian" else GouraudFootprint.from_spec(spec)
+    )
 
 
 def _triangulate_disc(angular: int, radial: int) -> Int32:

@@ -11,12 +11,10 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
-import numpy.typing as npt
 
-from renderer.study.metrics import REACH_PX, SSIM_WINDOW_PX, Metric, metric_map
+from renderer.accuracy import REACH_PX, SSIM_WINDOW_PX, Metric, metric_map
+from renderer.film import Pixels
 from renderer.volume import Array, Float32, Int32
-
-Pixels = npt.NDArray[np.uint8]
 
 WINDOW_PX = 8
 

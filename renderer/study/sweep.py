@@ -16,14 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from renderer.accuracy import Accuracy, FloatImage, SampledTruth, Truth, pool_accuracies, spread_tolerances
 from renderer.draw import Rasterizer
 from renderer.film import over_background
 from renderer.frame import Clock, Stage, make_primitive, render_frames
 from renderer.scene import ErrorSpec, Scene, SplatSpec, with_tolerance
-from renderer.study.metrics import Accuracy, FloatImage, pool_accuracies
-from renderer.study.thumbnails import thumbnail
-from renderer.study.tolerance_search import spread_tolerances
-from renderer.study.truths import SampledTruth, Truth
+from renderer.study.thumbnails import amplified_difference, thumbnail
 from renderer.system import PeakMemory
 from renderer.volume import UInt8
 
@@ -145,7 +143,8 @@ class FirstPass:
         truth = self._truths[len(self._accuracies)]
         self._accuracies.append(truth.accuracy_of(picture))
         if self._thumbnails is None:
-            self._thumbnails = thumbnail(picture), truth.thumbnail_of_difference(picture)
+            difference = amplified_difference(picture, truth.picture) if isinstance(truth, Truth) else None
+            self._thumbnails = thumbnail(picture), None if difference is None else thumbnail(difference)
 
     def measurement(
         self,

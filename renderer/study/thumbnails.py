@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.study.metrics import FloatImage
+from renderer.accuracy import FloatImage
 from renderer.volume import UInt8
 
 # The longest side of a thumbnail.

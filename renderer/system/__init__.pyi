@@ -11,7 +11,12 @@ from .interrupts import (
     interrupted_status as interrupted_status,
     signals_as_interrupts as signals_as_interrupts,
 )
-from .memory import PeakMemory as PeakMemory, free_bytes as free_bytes, free_swap_bytes as free_swap_bytes
+from .memory import (
+    PeakMemory as PeakMemory,
+    address_space_hint as address_space_hint,
+    free_bytes as free_bytes,
+    free_swap_bytes as free_swap_bytes,
+)
 from .printable_text import PrintableText as PrintableText, join_lines as join_lines, printable as printable
 from .versions import (
     MEASURING_PACKAGES as MEASURING_PACKAGES,

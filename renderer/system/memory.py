@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import math
+import resource
 from pathlib import Path
 
 from renderer.system.cores import control_groups
@@ -29,6 +30,14 @@ def free_bytes() -> float:
 def free_swap_bytes() -> float:
     """Return the free swap space of the machine; 0 where nobody knows."""
     return _read_meminfo("SwapFree", 0)
+
+
+def address_space_hint() -> str | None:
+    """Return a hint for what failed, if a limit on address space may be the cause."""
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit == resource.RLIM_INFINITY:
+        return None
+    return f"address space is limited to {limit / 2**30:.2g} GiB here (ulimit -v); a run takes about 1 GiB"
 
 
 class PeakMemory:

@@ -1,46 +1,37 @@
-"""The transfer function in pictures of bricks, by both drawers, against closed forms."""
+"""The transfer function in pictures of bricks, against closed forms."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
-import pytest
 from brickwork import batch_of, bricks_of, level_cut, ordered
 
 from renderer.bricks import Bricks
-from renderer.draw import GLRasterizer
+from renderer.draw import BrickRasterizer
 from renderer.scene import ColormapSpec, TransferSpec
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.view import View
 from renderer.volume import Float64, make_volume
 
 
-@pytest.fixture(scope="module", params=["device", "processor"])
-def rasterizer(request: pytest.FixtureRequest) -> Iterator[GLRasterizer]:
-    with GLRasterizer(brick_backend=request.param) as gl:
-        yield gl
-
-
-def seen_along_z(rasterizer: GLRasterizer, bricks: Bricks, step: float) -> Float64:
+def seen_along_z(brick_rasterizer: BrickRasterizer, bricks: Bricks, step: float) -> Float64:
     """Draw one pixel for each voxel of a slice, [y, x, 4]."""
     num_x, num_y, _ = bricks.volume.shape_xyz
     view = View(np.diag([1.0, -1.0, -1.0]), bricks.volume.centre, 100.0, "orthographic", 1.0, (num_x, num_y))
     batch = batch_of(level_cut(bricks, 0), bricks, step=step)
-    return rasterizer.rasterize(batch, ordered(batch.cut, view), view).astype(np.float64)
+    return brick_rasterizer.rasterize(batch, ordered(batch.cut, view), view).astype(np.float64)
 
 
-def test_labels_on_the_step_of_a_colormap(rasterizer: GLRasterizer) -> None:
+def test_labels_on_the_step_of_a_colormap(brick_rasterizer: BrickRasterizer) -> None:
     """Label 0 is invisible, and labels from 1 on are visible: four slabs, 5 voxels deep."""
     labels = np.broadcast_to(np.repeat(np.arange(4, dtype=np.uint8), 8), (5, 6, 32))
     opacity = ((0.0, 0.0), (1.0, 0.0), (1.0, 0.5), (3.0, 0.5))
     transfer = make_transfer_function(TransferSpec(ColormapSpec("viridis", (0.0, 3.0), opacity), None), 1.0)
     bricks = bricks_of(make_volume(labels.copy(), np.eye(4), "labels"), transfer)
-    alphas = seen_along_z(rasterizer, bricks, 0.5)[3, 4::8, 3]
+    alphas = seen_along_z(brick_rasterizer, bricks, 0.5)[3, 4::8, 3]
     np.testing.assert_allclose(alphas, [0, *3 * [1 - 0.5**5]], atol=1e-6)
 
 
-def test_labels_keep_their_own_color(rasterizer: GLRasterizer) -> None:
+def test_labels_keep_their_own_color(brick_rasterizer: BrickRasterizer) -> None:
     """Labels are red and blue in turns, each from its number to the next."""
     num = 24
     labels = np.broadcast_to(np.repeat(np.arange(num, dtype=np.uint8), 4), (3, 5, 4 * num))
@@ -50,13 +41,13 @@ def test_labels_keep_their_own_color(rasterizer: GLRasterizer) -> None:
     bricks = bricks_of(
         make_volume(labels.copy(), np.eye(4), "labels"), TransferFunction(values, colors, np.full(2 * num, 0.7), 1.0)
     )
-    image = seen_along_z(rasterizer, bricks, 0.5)[2, 2::4]
+    image = seen_along_z(brick_rasterizer, bricks, 0.5)[2, 2::4]
     alpha = 1 - np.exp(-0.7 * 3)
     np.testing.assert_allclose(image[:, 0], alpha * (np.arange(num) % 2), atol=1e-6)
     np.testing.assert_allclose(image[:, 2], alpha * (np.arange(num) % 2 == 0), atol=1e-6)
 
 
-def test_a_narrow_shell_in_a_wide_range(rasterizer: GLRasterizer) -> None:
+def test_a_narrow_shell_in_a_wide_range(brick_rasterizer: BrickRasterizer) -> None:
     """A tent from 290 to 310 on a ramp up to a million, through which the field goes by 2 a voxel: 10 voxels of half
     its height. Columns beside the one voxel of a million are left out."""
     z = np.arange(21.0)
@@ -65,5 +56,5 @@ def test_a_narrow_shell_in_a_wide_range(rasterizer: GLRasterizer) -> None:
     knots, height = np.array([0, 290, 300, 310, 1e6]), 0.15
     transfer = TransferFunction(knots, np.ones((5, 3)), np.array([0, 0, height, 0, 0.1]), 1.0)
     bricks = bricks_of(make_volume(values.astype(np.float32), np.eye(4), "shell"), transfer)
-    alphas = seen_along_z(rasterizer, bricks, 1 / 16)[2:, 2:, 3]
+    alphas = seen_along_z(brick_rasterizer, bricks, 1 / 16)[2:, 2:, 3]
     np.testing.assert_allclose(alphas, 1 - np.exp(-height * 10 / 2), atol=2e-3)

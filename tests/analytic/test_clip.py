@@ -11,11 +11,11 @@ import pytest
 from small_scene import engine_block, small_tree
 from stage_pictures import decibels, drawn
 
+from renderer.accuracy import compute_truth
 from renderer.draw import brick_cache
 from renderer.errors import SceneError
 from renderer.frame import Stage, prepare_stage, view_of
 from renderer.scene import parse_scene
-from renderer.study import compute_truth
 
 PLANE = {"plane": {"point": [20, 17, 14], "normal": [1, -2, 0.5]}}
 BEFORE_CAMERA = {"plane": {"point": [1, 2, 3], "normal": [0.2, 0.1, 1]}, "fixed": "camera"}

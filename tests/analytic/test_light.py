@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from brickwork import AFFINES, GLOSSY, batch_of, bricks_of, hills, level_cut, ordered, placed, transfer_of, view_of
+from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, placed, transfer_of, view_of
 from film_stages import PLAIN
 from ray_integrals import COLORFUL, EXACT, look, oblique, riemann, volume
 
-from renderer.draw import CPURasterizer, GLRasterizer
+from renderer.draw import BrickRasterizer
 from renderer.frame import make_primitive, open_stage, render_frames, view_of as view_of_frame
 from renderer.scene import ShadingSpec, TurntablePath, with_tolerance
 from renderer.transfer import make_transfer_function
@@ -89,7 +89,7 @@ def test_pictures_converge_to_the_truth(shading: ShadingSpec, camera: str) -> No
     truth, _ = converged_image(field, transfer, view, tolerance=1e-6, shading=shading)
     assert truth[..., 3].max() > 0.2
     cut = level_cut(bricks, 0)
-    with CPURasterizer() as rasterizer:
+    with BrickRasterizer() as rasterizer:
         batch = batch_of(cut, bricks, step=1 / 16, shading=shading)
         image = rasterizer.rasterize(batch, ordered(cut, view), view)
     assert -10 * np.log10(np.mean((image - truth) ** 2)) > 80
@@ -99,7 +99,7 @@ def test_pictures_converge_to_the_truth(shading: ShadingSpec, camera: str) -> No
 def test_scenes_draw_voxels_at_every_tolerance(tolerance: float) -> None:
     shading = ShadingSpec(0.3, 0.7, "camera", 0.3, gradient_opacity=((0.0, 0.2), (60.0, 1.0)))
     scene = with_tolerance(replace(PLAIN, shading=shading), tolerance)
-    with open_stage(scene, clock=lambda: 0.0, num_threads=1) as stage, CPURasterizer() as rasterizer:
+    with open_stage(scene, clock=lambda: 0.0, num_threads=1) as stage, BrickRasterizer() as rasterizer:
         lod = make_primitive(stage).make_lod(tolerance, lambda _: None)
         assert lod.num_cells > 1
         assert not lod.batch.cut.levels.any()  # type: ignore[union-attr]
@@ -107,14 +107,3 @@ def test_scenes_draw_voxels_at_every_tolerance(tolerance: float) -> None:
         transfer = make_transfer_function(scene.transfer_function, stage.volume.finest_spacing)
         truth, _ = converged_image(stage.volume, transfer, view_of_frame(stage, 3), tolerance=1e-5, shading=shading)
     assert -10 * np.log10(np.mean((frame.radiance - truth) ** 2)) > (20 if tolerance > 1 else 55)
-
-
-def test_loops_draw_it_beside_a_gpu() -> None:
-    field = placed(hills((20, 33, 40), 24.0))
-    bricks = bricks_of(field, transfer_of((0, (0.9, 0.2, 0.1), 0.0), (1, (0.1, 0.5, 1.0), 0.15)), GLOSSY)
-    view, cut = view_of(field, "perspective"), level_cut(bricks, 0)
-    batch = batch_of(cut, bricks, shading=GLOSSY)
-    with CPURasterizer() as loops, GLRasterizer(brick_backend="device") as gl:
-        pictures = [each.rasterize(batch, ordered(cut, view), view) for each in (loops, gl)]
-    assert pictures[0][..., 3].max() > 0.2
-    assert pictures[0].tobytes() == pictures[1].tobytes()

@@ -8,16 +8,10 @@ import math
 import numpy as np
 import pytest
 
+from renderer.accuracy import METRICS, compute_metric, pool_accuracies, require_measuring_packages
+from renderer.accuracy.metrics import ErrorMetrics, measure_accuracy
 from renderer.errors import InputError, RenderError
 from renderer.film import over_background
-from renderer.study import (
-    METRICS,
-    compute_metric,
-    measure_accuracy,
-    pool_accuracies,
-    require_measuring_packages,
-)
-from renderer.study.metrics import ErrorMetrics
 from renderer.volume import Float64
 
 # Sums of some thousand float64.

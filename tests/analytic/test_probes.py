@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 from small_scene import engine_block, small_tree
 
+from renderer.accuracy import ErrorSamples, FrameProber, pool_accuracies, pool_samples, psnr
+from renderer.accuracy.estimate import error_samples
+from renderer.accuracy.metrics import sampled_accuracy
+from renderer.accuracy.pixels import choose_pixels
 from renderer.draw import open_rasterizer
 from renderer.film import over_background
 from renderer.frame import Frame, Stage, prepare_stage, render_frames, view_of
-from renderer.probes import ErrorSamples, FrameProber, choose_pixels, error_samples, pool_samples, psnr
 from renderer.scene import Scene, parse_scene, with_tolerance
-from renderer.study import pool_accuracies, sampled_accuracy
 from renderer.transfer import make_transfer_function
 from renderer.truth import converged_image
 from renderer.volume import UInt8
@@ -121,7 +123,7 @@ def scene_of(**sections: Any) -> Scene:
 
 
 def drawn(stage: Stage, number: int) -> Frame:
-    with open_rasterizer(needs_opengl=stage.scene.needs_opengl) as rasterizer:
+    with open_rasterizer(stage.scene) as rasterizer:
         (frame,) = render_frames(stage, [number], rasterizer, clock=perf_counter)
     return frame
 

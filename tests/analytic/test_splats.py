@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from splatting import cut_of, in_order, look, optical_depth, splats_of, volume_of
 
-from renderer.draw import GLRasterizer
+from renderer.draw import SplatRasterizer
 from renderer.scene import SplatSpec
 from renderer.splats import SplatBatch, make_splats
 from renderer.truth.integrator import rays_through_pixels
@@ -52,7 +52,7 @@ def deep_inside(faces: Int64, radius_px: float) -> Bools:
 
 
 def depth_by_path(
-    gl: GLRasterizer, batch: SplatBatch, volume: Volume, view: View, cell_px: float, tau: float
+    gl: SplatRasterizer, batch: SplatBatch, volume: Volume, view: View, cell_px: float, tau: float
 ) -> Float64:
     """Optical depth over `tau * length`, at the pixels deep inside a block."""
     lengths, faces = block_of(volume, view)
@@ -89,7 +89,7 @@ DIRECTIONS = {
 @pytest.mark.parametrize(("level", "name"), [(number % 5, name) for number, name in enumerate(DIRECTIONS)])
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 def test_optical_depth_inside_a_constant_block(
-    rasterizer: GLRasterizer, level: int, projection: str, name: str
+    rasterizer: SplatRasterizer, level: int, projection: str, name: str
 ) -> None:
     """8 cells of one level along each edge, the last ones cut short by the border where it is not level 0."""
     num, step = (8 << level) - level, 1 << level
@@ -104,7 +104,7 @@ def test_optical_depth_inside_a_constant_block(
 
 
 @pytest.mark.parametrize("cell_px", [0.3, 0.9, 1.2, 2.0])
-def test_optical_depth_where_cells_are_about_a_pixel(rasterizer: GLRasterizer, cell_px: float) -> None:
+def test_optical_depth_where_cells_are_about_a_pixel(rasterizer: SplatRasterizer, cell_px: float) -> None:
     """Footprints are widened there, and the pixels must not beat with the cells."""
     volume = constant((24, 40, 40))
     batch = splats_of(volume, 0.05)
@@ -117,7 +117,7 @@ def test_optical_depth_where_cells_are_about_a_pixel(rasterizer: GLRasterizer, c
 
 
 @pytest.mark.parametrize("level", [0, 2])
-def test_optical_depth_inside_an_oblique_block(rasterizer: GLRasterizer, level: int) -> None:
+def test_optical_depth_inside_an_oblique_block(rasterizer: SplatRasterizer, level: int) -> None:
     """Anisotropic, sheared and left-handed: the lattice and its footprints are deformed alike."""
     num = 16 << level
     affine = np.eye(4)
@@ -131,7 +131,7 @@ def test_optical_depth_inside_an_oblique_block(rasterizer: GLRasterizer, level: 
         np.testing.assert_allclose(ratios, 1, rtol=0, atol=0.015)
 
 
-def test_the_papers_footprint_ripples_around_the_right_depth(rasterizer: GLRasterizer) -> None:
+def test_the_papers_footprint_ripples_around_the_right_depth(rasterizer: SplatRasterizer) -> None:
     """Eight triangles and three rings are no partition of unity. Worst seen: -16 and +29 %, 4 % in the mean."""
     for level, direction in itertools.product((0, 2), DIRECTIONS.values()):
         num = 8 << level
@@ -143,7 +143,7 @@ def test_the_papers_footprint_ripples_around_the_right_depth(rasterizer: GLRaste
         assert np.mean(ratios) == pytest.approx(1, abs=0.04)
 
 
-def test_opacity_correction_makes_the_levels_agree(rasterizer: GLRasterizer) -> None:
+def test_opacity_correction_makes_the_levels_agree(rasterizer: SplatRasterizer) -> None:
     """Figures 3 and 4 of the paper: without it a cell has the opacity of one voxel, and a block half the optical depth
     with each level."""
     num, opacity = 64, 0.02
@@ -161,7 +161,7 @@ def test_opacity_correction_makes_the_levels_agree(rasterizer: GLRasterizer) -> 
     ("projection", "azimuth"),
     [("perspective", 0.0), ("orthographic", 0.01), ("perspective", 0.5), ("orthographic", 1.0)],
 )
-def test_views_near_an_axis_show_no_seams(rasterizer: GLRasterizer, projection: str, azimuth: float) -> None:
+def test_views_near_an_axis_show_no_seams(rasterizer: SplatRasterizer, projection: str, azimuth: float) -> None:
     """Colour and opacity change along the view only, so that a picture should be flat where it is inside the block.
 
     Ordered by depth, neighbouring pixels differ by less than a quarter of a level of 255 (worst seen: 0.0008). Ordered

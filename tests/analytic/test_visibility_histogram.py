@@ -14,13 +14,13 @@ from brickwork import transfer_of
 from ray_integrals import look, volume
 from small_scene import small_tree
 
-from renderer.draw import open_rasterizer
+from renderer.accuracy import FrameProber
+from renderer.accuracy.visibility import visible_ranges
+from renderer.draw import BrickRasterizer
 from renderer.frame import Stage, prepare_stage, render_frames, view_of
 from renderer.job import FilmVisibility, FrameRecord, visibility_text
 from renderer.job.film_visibility import film_visibility, range_record
 from renderer.job.record import VisibleRange
-from renderer.probes import FrameProber
-from renderer.probes.visibility import visible_ranges
 from renderer.scene import ShadingSpec, TurntablePath, parse_scene
 from renderer.transfer import TransferFunction
 from renderer.truth import RayIntegrator, SceneRays
@@ -139,7 +139,7 @@ def stage_of(**sections: Any) -> Stage:
 
 def test_a_frame_shows_what_all_its_rays_show() -> None:
     stage = stage_of()
-    with open_rasterizer(needs_opengl=False) as rasterizer:
+    with BrickRasterizer() as rasterizer:
         (frame,) = render_frames(stage, [3], rasterizer, clock=perf_counter)
     _, everywhere = SceneRays(stage).integrate_by_interval(view_of(stage, 3), np.arange(1200), 1.0)
     low, high = everywhere.mean(axis=0)[1:3].tolist()

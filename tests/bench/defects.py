@@ -17,13 +17,13 @@ import numpy as np
 from measuring import PAGES, THREADS, machine_line, parser_of
 
 import renderer
+from renderer.accuracy import ErrorSamples, FrameProber, pool_samples, psnr
 from renderer.bricks import BrickBatch, Bricks, mean_texels, scalar_texels
-from renderer.draw import CPURasterizer, brick_cache
+from renderer.draw import BrickRasterizer, brick_cache
 from renderer.film import Pixels
 from renderer.frame import Stage, Stopwatch, draw_frame, make_draw_list, make_primitive, open_stage, pipeline
 from renderer.frame.frame import DrawList
 from renderer.frame.primitives import LOD
-from renderer.probes import ErrorSamples, FrameProber, pool_samples, psnr
 from renderer.scene import Scene
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.volume import Float32, Int32, UInt32
@@ -126,7 +126,7 @@ def film(
     subject: Subject, change: Change = lambda draw_list: draw_list, frames: Sequence[int] = range(NUM_FRAMES)
 ) -> Film:
     """Draw frames, with a change of what is drawn."""
-    with CPURasterizer(num_threads=THREADS) as rasterizer:
+    with BrickRasterizer(num_threads=THREADS) as rasterizer:
         pictures = []
         for number in frames:
             draw_list = change(make_draw_list(subject.stage, subject.lod, number, _stopwatch()))

@@ -21,7 +21,8 @@ from measuring import PAGES, ROOT, SCENES, THREADS, Point, fastest, machine_line
 
 from hsplat_cli.scenes import suggest_scene
 from hsplat_cli.terminal import Reporter
-from renderer.draw import GLRasterizer
+from renderer.accuracy import TRUTH_TOLERANCE, Truth, compute_truth
+from renderer.draw import open_rasterizer
 from renderer.frame import Stage, prepare_stage, render_frames
 from renderer.scene import (
     FileSource,
@@ -34,7 +35,7 @@ from renderer.scene import (
     parse_scene_content,
     with_tolerance,
 )
-from renderer.study import TRUTH_TOLERANCE, Truth, compute_truth, measure_setting
+from renderer.study import measure_setting
 from renderer.suggest import FilmOptions
 
 PAGE, PICTURE = PAGES / "footprints.md", ROOT / "docs" / "trade.png"
@@ -125,7 +126,7 @@ def row_of_pictures() -> Iterator[str]:
     stage = prepare_stage(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True)
     truth = compute_truth(stage, SHOWN_FRAME, TRUTH_TOLERANCE)
     pictures = []
-    with GLRasterizer() as rasterizer:
+    with open_rasterizer(stage.scene) as rasterizer:
         for tolerance in SHOWN:
             at = replace(stage, scene=with_tolerance(stage.scene, tolerance))
             pictures += [frame.image for frame in render_frames(at, [SHOWN_FRAME], rasterizer, clock=time.process_time)]
@@ -233,7 +234,7 @@ def figures(subject: Subject, size: int = 256) -> dict[str, Any]:
 
 def measured(stage: Stage, truth: Truth, tolerances: Sequence[float]) -> Iterator[Point]:
     """Each tolerance, from coarse to fine, until frames take too long."""
-    with GLRasterizer() as rasterizer:
+    with open_rasterizer(stage.scene) as rasterizer:
         for tolerance in tolerances:
             at = replace(stage, scene=with_tolerance(stage.scene, tolerance))
             found = measure_setting(at, [truth], rasterizer, clock=time.process_time, repeats=REPEATS)

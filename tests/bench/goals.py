@@ -19,12 +19,12 @@ from unittest.mock import patch
 import numpy as np
 from measuring import PAGES, THREADS, machine_line, parser_of, section, span, suggested
 
+from renderer.accuracy import ExactPixels, ExactRays, FoundTolerances, FrameProber, Trial, find_tolerances, psnr, search
+from renderer.accuracy.tolerances import tolerance_ladder
 from renderer.bricks.pixel_grid import STRIDES
 from renderer.draw import Rasterizer, open_rasterizer
-from renderer.frame import Frame, Stage, open_stage, render_frames
-from renderer.probes import ExactPixels, FrameProber, psnr
+from renderer.frame import Frame, Stage, make_primitive, open_stage, render_frames
 from renderer.scene import MetricTarget, with_tolerance, with_tolerances
-from renderer.study import FilmTolerances, Trial, film_tolerances, find_film_tolerances
 from renderer.volume import Float64
 
 PAGE = PAGES / "goals.md"
@@ -41,7 +41,7 @@ Footprint: both. Measure again when the search for tolerances, the choice of pix
 changes.
 
 `python tests/bench/goals.py DATA` writes this page. Scenes are those of `renderer.suggest_scene`, {width} x {height},
-{frames} frames, some without light and one drawn as Gaussian splats. `find_film_tolerances` found tolerances for each
+{frames} frames, some without light and one drawn as Gaussian splats. `find_tolerances` found tolerances for each
 goal (`error: {{psnr: G}}`), and the film was drawn with them. Each of its frames, before rounding, was compared with
 {rays} exact rays that the search did not have, with another seed for each frame. All films of a scene have the same
 rays; their pixels were chosen in the film of the highest goal. The PSNR of a frame is then known to {error:.1f} dB (the
@@ -174,7 +174,7 @@ def measure(data: Path, name: str, subject: Subject, found: Measured) -> None:
     scene = suggested(data / subject.file, SIZE, num_frames=NUM_FRAMES, **lit)
     with (
         open_stage(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True) as stage,
-        open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer,
+        open_rasterizer(scene) as rasterizer,
     ):
         warm_up(stage, rasterizer)
         room = Room(stage, rasterizer, FrameProber(stage, RAYS, seed=SEED, num_threads=THREADS), {})
@@ -203,12 +203,12 @@ def film_of(room: Room, name: str, goal: float) -> Film:
     film = Film(name, goal, found.is_reachable, *figures, [], [])
     if film.excess <= TOO_GOOD:
         return film
-    ladder = film_tolerances._tolerance_ladder(room.stage)
+    ladder = tolerance_ladder(room.stage.pyramid, make_primitive(room.stage).work, ExactRays.step)
     coarser = [ladder[max(ladder.index(each) - 1, 0)] for each in tolerances]
     return film._replace(coarser=coarser, coarser_psnrs=room.draw(coarser).psnrs)
 
 
-def searched(room: Room, want: MetricTarget) -> tuple[FilmTolerances, int, Float64]:
+def searched(room: Room, want: MetricTarget) -> tuple[FoundTolerances, int, Float64]:
     """Return what the search finds, its number of trials, and its seconds by both clocks without drawing."""
     drawing, trials = np.zeros(2), list[Trial]()
 
@@ -219,13 +219,13 @@ def searched(room: Room, want: MetricTarget) -> tuple[FilmTolerances, int, Float
         yield from frames
 
     begin = clocks()
-    with patch.object(film_tolerances, "render_frames", timed_frames):
-        found = find_film_tolerances(
+    with patch.object(search, "render_frames", timed_frames):
+        found = find_tolerances(
             room.stage,
             range(NUM_FRAMES),
-            want,
+            ExactRays(room.stage, want, num_threads=THREADS),
             room.rasterizer,
-            num_threads=THREADS,
+            is_constant=room.stage.bricks is None,
             clock=time.perf_counter,
             on_trial=trials.append,
         )

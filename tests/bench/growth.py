@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from measuring import PAGES, ROOT, SCENES, THREADS, machine_line, medians_in_turns, parser_of
 
-from renderer.draw import GLRasterizer
+from renderer.draw import BrickRasterizer
 from renderer.frame import Stage, prepare_stage, render_frames
 from renderer.readers import read_volume
 from renderer.readers.procedural import procedural_values
@@ -92,7 +92,7 @@ def rows(name: str, scenes: list[tuple[Scene, Values]]) -> Iterator[str]:
     stages = [staged(scene, values) for scene, values in scenes]
     with ExitStack() as stack:
         # One for each, whose atlas holds its bricks from frame to frame, as in a film.
-        drawn = [(stage, stack.enter_context(GLRasterizer())) for stage in stages]
+        drawn = [(stage, stack.enter_context(BrickRasterizer())) for stage in stages]
         for tolerance in TOLERANCES:
             works = [partial(frame_s, stage, tolerance, gl) for stage, gl in drawn]
             ms = [1e3 * seconds for seconds in medians_in_turns(works, REPEATS)]  # the first compiles, and uploads
@@ -119,7 +119,7 @@ def staged(scene: Scene, values: Values) -> Stage:
     )
 
 
-def frame_s(stage: Stage, tolerance: float, rasterizer: GLRasterizer) -> float:
+def frame_s(stage: Stage, tolerance: float, rasterizer: BrickRasterizer) -> float:
     """Processor seconds of a frame, without what is done once."""
     at = replace(stage, scene=with_tolerance(stage.scene, tolerance))
     (frame,) = render_frames(at, [FRAME], rasterizer, clock=time.process_time)

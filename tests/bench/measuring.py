@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import renderer
 from hsplat_cli.terminal import describe_machine
-from renderer.draw import GLRasterizer
+from renderer.draw import SplatRasterizer
 from renderer.scene import Scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -46,8 +46,10 @@ def parser_of(description: str | None) -> argparse.ArgumentParser:
 
 def machine_line() -> str:
     """Say at which commit and on which machine figures are measured."""
-    with GLRasterizer() as rasterizer:
-        return "Commit {commit}; {processor}, {cores} cores; {device}.".format(**describe_machine(rasterizer.device))
+    with SplatRasterizer() as rasterizer:
+        return "Commit {commit}; {processor}, {cores} cores; {device}.".format(
+            **describe_machine(f"splats by {rasterizer.device}")
+        )
 
 
 def render_command(scene: Path, volume: Path | None, output: Path, changes: Sequence[str]) -> list[str]:

@@ -17,9 +17,9 @@ import numpy as np
 from measuring import PAGES, THREADS, machine_line, parser_of
 
 import renderer
-from renderer.draw import CPURasterizer
+from renderer.accuracy import psnr
+from renderer.draw import BrickRasterizer
 from renderer.frame import Frame, Stage, open_stage, render_frames, view_of
-from renderer.probes import psnr
 from renderer.readers import read_volume
 from renderer.scene import Scene, parse_scene, scene_to_dict, with_tolerance
 from renderer.truth import SceneRays
@@ -178,7 +178,7 @@ def measured(scene: Scene) -> Iterator[Figures]:
         at = with_tolerance(scene, tolerance)
         with (
             open_stage(at, clock=time.perf_counter, num_threads=THREADS) as stage,
-            CPURasterizer(num_threads=THREADS) as rasterizer,
+            BrickRasterizer(num_threads=THREADS) as rasterizer,
         ):
             truths = truths or [truth(stage, frame) for frame in FRAMES]
             rounds = [

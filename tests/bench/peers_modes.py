@@ -19,11 +19,12 @@ from modes import LOOKS, tree_of
 from peers import shown
 
 from hsplat_cli.studies.peers.vtk_peer import comparable, describe_vtk, look_of, measure_vtk, vtk_settings
-from renderer.draw import CPURasterizer
+from renderer.accuracy import Truth, compute_truth
+from renderer.draw import BrickRasterizer
 from renderer.frame import Stage, open_stage, view_of
 from renderer.readers import read_volume
 from renderer.scene import Scene, parse_scene, with_tolerance
-from renderer.study import Measurement, Setting, Truth, compute_truth, measure_setting
+from renderer.study import Measurement, Setting, measure_setting
 from renderer.volume import Volume, make_volume
 
 PAGE = PAGES / "peers_modes.md"
@@ -68,7 +69,7 @@ class Compared(NamedTuple):
     def own(self, tolerance: float, repeats: int) -> Measurement:
         """Measure hsplat at a tolerance."""
         stage = replace(self.stage, scene=with_tolerance(self.stage.scene, tolerance))
-        with CPURasterizer(num_threads=THREADS) as rasterizer:
+        with BrickRasterizer(num_threads=THREADS) as rasterizer:
             return measure_setting(stage, [self.truth], rasterizer, clock=time.perf_counter, repeats=repeats)
 
     def peer(self, settings: Sequence[Setting], repeats: int) -> Iterator[Measurement]:

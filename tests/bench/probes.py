@@ -19,10 +19,12 @@ from typing import NamedTuple
 import numpy as np
 from measuring import PAGES, THREADS, machine_line, parser_of, section, suggested
 
+from renderer.accuracy import ErrorSamples, FrameProber, pool_samples, psnr
+from renderer.accuracy.estimate import error_samples
+from renderer.accuracy.pixels import choose_pixels
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.film import Pixels, over_background
 from renderer.frame import Stage, open_stage, render_frames, view_of
-from renderer.probes import ErrorSamples, FrameProber, choose_pixels, error_samples, pool_samples, psnr
 from renderer.scene import with_tolerance
 from renderer.transfer import make_transfer_function
 from renderer.truth import RayIntegrator
@@ -125,7 +127,7 @@ def measured(data: Path, subject: Subject, processes: Executor) -> Figures:
     scene = suggested(data / subject.file, SIZE, is_lit=subject.is_lit, is_splats=subject.is_splats)
     with (
         open_stage(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True) as stage,
-        open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer,
+        open_rasterizer(scene) as rasterizer,
     ):
         draw_ms, probe_ms = timed(stage, rasterizer)
         exact = exact_frames(stage)

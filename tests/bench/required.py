@@ -19,7 +19,7 @@ from measuring import PAGES, ROOT, THREADS, medians_in_turns, parser_of, taken
 
 from hsplat_cli.terminal import describe_machine
 from renderer.bricks import PADDED_BRICK_SIZE
-from renderer.draw import CPURasterizer
+from renderer.draw import BrickRasterizer
 from renderer.frame import Stage, prepare_stage, render_frames
 from renderer.readers import read_volume
 from renderer.scene import ControlPoint, Scene, TransferSpec, load_scene
@@ -76,7 +76,7 @@ KEYS = {
 # Prints the names of the kernels that one frame of a scene calls.
 LIST_KERNELS = """
 import pathlib, sys, time
-from renderer.draw import CPURasterizer
+from renderer.draw import BrickRasterizer
 from renderer.frame import prepare_stage, render_frames
 from renderer.kernels import kernels
 from renderer.scene import load_scene
@@ -84,7 +84,7 @@ from renderer.scene import load_scene
 scan, engine, *changes = sys.argv[1:]
 scene = load_scene(pathlib.Path(engine), volume=pathlib.Path(scan), overrides=changes)
 stage = prepare_stage(scene, clock=time.perf_counter, num_threads=1)
-next(render_frames(stage, [0], CPURasterizer(), clock=time.perf_counter))
+next(render_frames(stage, [0], BrickRasterizer(), clock=time.perf_counter))
 print(*(name for name in vars(kernels()) if not name.startswith("_")))
 """
 
@@ -134,7 +134,7 @@ def sections(data: Path) -> Iterator[str]:
     volume = read_volume(plain.volume)
     for change, demand in (("shading={}", "lighting"), ("error.tolerance=0", "`tolerance: 0`")):
         other = load(change)
-        draw = timed(*(drawer(builder(scene, volume)(), CPURasterizer()) for scene in (plain, other)))
+        draw = timed(*(drawer(builder(scene, volume)(), BrickRasterizer()) for scene in (plain, other)))
         yield row("engine at `tolerance: 0.1`: a frame", draw, demand, "ms")
         if other.shading:
             build = timed(builder(plain, volume), builder(other, volume))
@@ -149,7 +149,7 @@ def keys(data: Path) -> Iterator[str]:
         scenes = [load_scene(ENGINE, overrides=some, volume=scan) for some in both]
         volume = read_volume(scenes[0].volume)
         build = timed(*(builder(scene, volume) for scene in scenes))
-        films = [(builder(scene, volume)(), CPURasterizer()) for scene in scenes]
+        films = [(builder(scene, volume)(), BrickRasterizer()) for scene in scenes]
         draw = timed(*(drawer(*film) for film in films))
         held = [megabytes_held(*film) for film in films]
         few, many = (kernels_of(scan, some) for some in both)
@@ -168,7 +168,7 @@ def kernels_of(volume: Path, changes: Sequence[str]) -> set[str]:
     return set(subprocess.run(command, check=True, cwd=ROOT, capture_output=True, text=True).stdout.split())
 
 
-def megabytes_held(stage: Stage, rasterizer: CPURasterizer) -> float:
+def megabytes_held(stage: Stage, rasterizer: BrickRasterizer) -> float:
     """Return what is in memory for later frames: the pyramid, the light grid, and the texels of bricks."""
     assert stage.bricks is not None
     grid = stage.bricks.light_grid
@@ -194,7 +194,7 @@ def builder(scene: Scene, volume: Volume) -> Callable[[], Stage]:
     return lambda: prepare_stage(scene, clock=time.perf_counter, num_threads=THREADS, volume=volume)
 
 
-def drawer(stage: Stage, rasterizer: CPURasterizer) -> Callable[[], object]:
+def drawer(stage: Stage, rasterizer: BrickRasterizer) -> Callable[[], object]:
     """Return what draws the next frame of a film; its first one is drawn."""
     frames = render_frames(stage, range(3 * REPEATS), rasterizer, clock=time.perf_counter)
     next(frames)

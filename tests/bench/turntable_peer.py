@@ -23,10 +23,10 @@ import numpy as np
 from measuring import PAGES, SCENES, THREADS, machine_line, parser_of, render_command, timed
 
 from hsplat_cli.studies.peers.vtk_peer import with_transparent_border
+from renderer.accuracy import FloatImage, compute_truth
 from renderer.frame import Stage, prepare_stage, view_of
 from renderer.readers import read_volume
 from renderer.scene import load_scene
-from renderer.study import FloatImage, compute_truth
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.volume import Volume
 

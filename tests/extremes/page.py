@@ -17,7 +17,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
 from extremes import CASES_ON_PAGE, Extreme, Section  # noqa: E402
 
-from renderer.draw import GLRasterizer  # noqa: E402
+from renderer.draw import SplatRasterizer  # noqa: E402
 from renderer.system import commit  # noqa: E402
 
 INTRODUCTION = """# Numerics: what happens at the extremes
@@ -36,7 +36,7 @@ def main() -> None:
     parser.add_argument("file", nargs="?", type=Path, default=ROOT / "docs" / "benchmarks" / "numerics.md")
     parser.add_argument("--cases", type=int, default=CASES_ON_PAGE, help="random cases of each extreme")
     arguments = parser.parse_args()
-    with GLRasterizer() as rasterizer:
+    with SplatRasterizer() as rasterizer:
         device = rasterizer.device
     lines = [INTRODUCTION]
     with np.errstate(over="raise", divide="raise", invalid="raise"):

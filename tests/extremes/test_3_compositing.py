@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from extremes import Extreme, Measure, Random, Section, worst_drawn, worst_of
 
-from renderer.draw import GLRasterizer
+from renderer.draw import SplatRasterizer
 from renderer.draw.compositing import MEAN_LAYERS, MIN_CHUNK_SPLATS
 from renderer.scene import SplatSpec
 from renderer.splats import GaussianFootprint, SplatBatch, make_footprint
@@ -39,7 +39,7 @@ def pile(depths: Float64, colors: Float64, size: int) -> tuple[SplatBatch, View,
 def drawn(depths: Float64, colors: Float64, size: int = 16) -> tuple[Float64, Float64]:
     """RGBA of the pile's pixel as drawn, and as float64 has it."""
     batch, view, exact_depths = pile(depths, colors, size)
-    with GLRasterizer() as rasterizer:
+    with SplatRasterizer() as rasterizer:
         image = rasterizer.rasterize(batch, np.arange(len(depths), dtype=np.uint32), view)
     in_front = np.append(np.cumsum(exact_depths[::-1])[::-1][1:], 0.0)
     seen = -np.expm1(-exact_depths) * np.exp(-in_front)
@@ -60,7 +60,7 @@ def one_pixel_of_many(num: int, size: int) -> float:
     corners = batch.vertices[:2].copy()
     corners[:, :2] = [[8 - size / 2] * 2, [size / 2 - 8] * 2]
     batch = replace(batch, vertices=np.concatenate([corners, batch.vertices]))
-    with GLRasterizer() as rasterizer:
+    with SplatRasterizer() as rasterizer:
         image = rasterizer.rasterize(batch, np.arange(num + 2, dtype=np.uint32), view)
     expected = -math.expm1(-float(depths.sum())) * np.array([0.9, 0.5, 0.2, 1.0])
     return float(np.abs(image[size // 2 - 1, size // 2] - expected).max())
@@ -76,7 +76,7 @@ def depth_as_drawn(footprint: str) -> Measure:
     made = make_footprint(SplatSpec(footprint, profile=((0.0, 1.0), (1.0, 1.0))))  # type: ignore[arg-type]
     weight = PEAK if isinstance(made, GaussianFootprint) else float(made.weights[0])
 
-    def error(gl: GLRasterizer, rng: Random, case: int) -> float:
+    def error(gl: SplatRasterizer, rng: Random, case: int) -> float:
         depth = (0.03, 0.5)[case] if case < 2 else 10 ** rng.uniform(-12, 6) if case % 2 else rng.uniform(0.02, 1.0)
         batch, view, _ = pile(np.array([depth]), np.ones(3), 4)
         batch = replace(batch, footprint=made)

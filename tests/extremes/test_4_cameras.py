@@ -16,7 +16,7 @@ from small_scene import small_tree
 from splat_reference import rasterize_reference
 from splatting import Float64, volume_of
 
-from renderer.draw import GLRasterizer
+from renderer.draw import SplatRasterizer
 from renderer.errors import SceneError
 from renderer.frame import Stage, prepare_stage, render_frames, view_of
 from renderer.pyramid import cut_pyramid
@@ -129,7 +129,7 @@ def spec_of(target: Vector, back: Float64, **lens: object) -> CameraSpec:
 def against_reference(cameras: Callable[[Random], CameraSpec]) -> Measure:
     """The worst channel of a pixel of GL's picture against the reference's of the same splats."""
 
-    def error(gl: GLRasterizer, rng: Random, _: int) -> float:
+    def error(gl: SplatRasterizer, rng: Random, _: int) -> float:
         stage = staged(cameras(rng), random_volume(rng))
         batch, view = make_splats(cut_pyramid(stage.pyramid, 0.0), stage.scene.splat), view_of(stage, 0)
         order = visible_order(batch, view)
@@ -241,23 +241,23 @@ def moved(camera: CameraSpec, volume: Volume, scale: float, shift: Float64) -> t
 Picture = npt.NDArray[np.floating]
 
 
-def drawn(gl: GLRasterizer, stage: Stage) -> Picture:
+def drawn(gl: SplatRasterizer, stage: Stage) -> Picture:
     (frame,) = render_frames(stage, [0], gl, clock=lambda: 0.0)
     return frame.radiance
 
 
-def integrated(_: GLRasterizer, stage: Stage) -> Picture:
+def integrated(_: SplatRasterizer, stage: Stage) -> Picture:
     transfer = make_transfer_function(stage.scene.transfer_function, stage.volume.finest_spacing)
     return integrate(stage.volume, transfer, view_of(stage, 0), step_voxels=1.0, num_threads=1)
 
 
-def difference(scales: Sequence[float], shift: float, picture: Callable[[GLRasterizer, Stage], Picture]) -> Measure:
+def difference(scales: Sequence[float], shift: float, picture: Callable[[SplatRasterizer, Stage], Picture]) -> Measure:
     """The worst channel of a pixel against the picture of the scene at the origin with voxels of 1.
 
     shift: the length of the shift, in voxels.
     """
 
-    def error(gl: GLRasterizer, rng: Random, _: int) -> float:
+    def error(gl: SplatRasterizer, rng: Random, _: int) -> float:
         camera, volume, scale = cameras_everywhere(rng), random_volume(rng), rng.choice(scales)
         stage = staged(*moved(camera, volume, scale, shift * scale * direction(rng)), unit=scale)
         return float(np.abs(picture(gl, stage) - picture(gl, staged(camera, volume))).max())

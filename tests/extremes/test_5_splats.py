@@ -15,7 +15,7 @@ from extremes import Extreme, Measure, Random, Section, worst_drawn
 from splat_reference import rasterize_reference
 from splatting import look, optical_depth, place_splats, point_at, volume_of
 
-from renderer.draw import GLRasterizer
+from renderer.draw import SplatRasterizer
 from renderer.pyramid import Cut, build_pyramid, cut_pyramid
 from renderer.scene import (
     CameraSpec,
@@ -63,7 +63,7 @@ def thin_splat(center: Float64, axes: Float64, spec: SplatSpec, view: View) -> S
     return replace(batch, vertices=vertices)
 
 
-def energy_error(gl: GLRasterizer, batch: SplatBatch, view: View) -> float:
+def energy_error(gl: SplatRasterizer, batch: SplatBatch, view: View) -> float:
     """Relative difference of the sum of a picture's optical depths from what the splat's optical area asks for."""
     in_view = view.view_from_world(batch.origin + batch.centers[0])
     per_px, slant = 1.0 / view.scale_px, 1.0
@@ -77,7 +77,7 @@ def energy_error(gl: GLRasterizer, batch: SplatBatch, view: View) -> float:
 def energy(spec: SplatSpec, ratio: float) -> Measure:
     """The relative error: 1/1000 to 12 pixels, anywhere within a pixel, turned in any way, both projections."""
 
-    def error(gl: GLRasterizer, rng: Random, case: int) -> float:
+    def error(gl: SplatRasterizer, rng: Random, case: int) -> float:
         view = look("perspective" if case % 2 else "orthographic", size=(96, 96))
         axes = axes_px(view, rng, 10 ** rng.uniform(-3, math.log10(12)), ratio)
         center = point_at(view, *(48 + rng.uniform(-1, 1, 2)), DISTANCE)
@@ -89,7 +89,7 @@ def energy(spec: SplatSpec, ratio: float) -> Measure:
 def large_energy(spec: SplatSpec) -> Measure:
     """The relative error of a picture's sum: standard deviations from 3 pixels to ten times the picture's side."""
 
-    def error(gl: GLRasterizer, rng: Random, case: int) -> float:
+    def error(gl: SplatRasterizer, rng: Random, case: int) -> float:
         view = look("perspective" if case % 2 else "orthographic", size=(48, 48), field_of_view=3.0)
         sigma_px = 10 ** rng.uniform(math.log10(3), math.log10(480))
         axes = axes_px(view, rng, sigma_px, 3.0)
@@ -102,7 +102,7 @@ def large_energy(spec: SplatSpec) -> Measure:
     return worst_drawn(error)
 
 
-def behind_the_near_plane(gl: GLRasterizer, rng: Random, _: int) -> float:
+def behind_the_near_plane(gl: SplatRasterizer, rng: Random, _: int) -> float:
     """The relative error: the near plane 3 standard deviations before the centre to 3 behind it."""
     view = look("orthographic", size=(96, 96), near=DISTANCE)
     axes = axes_px(view, rng, 8.0, 3.0)
@@ -117,7 +117,7 @@ def ranges(spec: SplatSpec, most_px: float = math.inf) -> Measure:
     """The error of alpha: focal lengths, or pixels by model unit, from 1e-12 to 1e16, eyes as far as 1e12, where a
     model unit is at most `most_px` pixels long."""
 
-    def error(gl: GLRasterizer, rng: Random, case: int) -> float:
+    def error(gl: SplatRasterizer, rng: Random, case: int) -> float:
         distance, scale_px = 10 ** rng.uniform(-2, 12), 10 ** rng.uniform(-12, 16)
         scale_px = min(scale_px, most_px * distance if case % 2 else most_px)
         projection: Any = "perspective" if case % 2 else "orthographic"
@@ -150,7 +150,7 @@ def opaque_noise(size: int, edges: Float64) -> Cut:
 class Turn:
     """A path of 0.01 degrees a frame around splats."""
 
-    gl: GLRasterizer
+    gl: SplatRasterizer
     cut: Cut
     camera: CameraSpec
 
@@ -214,7 +214,7 @@ def popping(cases: int) -> float:
     rng = np.random.default_rng(9)
     is_short = cases < 100
     ratios = []
-    with GLRasterizer() as gl:
+    with SplatRasterizer() as gl:
         for number, (path, edges, crossings) in enumerate(TURNS[:2] if is_short else TURNS):
             cut = opaque_noise(12, edges)
             projection: Any = ("perspective", "orthographic")[number % 2]

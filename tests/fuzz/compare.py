@@ -10,7 +10,7 @@ import numpy as np
 from oracle import FLOAT32, Cells, Field, Leaf, centers, classify, drawn, require_cut
 from splat_reference import rasterize_reference
 
-from renderer.draw import GLRasterizer, draw_lines, make_edges
+from renderer.draw import Rasterizer, draw_lines, make_edges
 from renderer.film import quantize
 from renderer.frame import Frame, Stage, finest_level_at, make_primitive, render_frames
 from renderer.pyramid import Cut, cut_pyramid
@@ -40,7 +40,7 @@ class WrongError(AssertionError):
     """The picture or the message is not right."""
 
 
-def compare_splats(stage: Stage, frame: Frame, view: View, rasterizer: GLRasterizer) -> None:
+def compare_splats(stage: Stage, frame: Frame, view: View, rasterizer: Rasterizer) -> None:
     """Raise WrongError where the frame is not as the definitions have it; its cut and its orders are verified."""
     scene, volume = stage.scene, stage.volume
     finest_level = finest_level_at(stage, frame.tolerance)
@@ -182,13 +182,13 @@ def _require_box_order(cut: Cut, order: Array, view: View) -> None:
         raise WrongError(f"box {wrong[0, 1]} of {len(order)} is drawn over box {wrong[0, 0]}, which may hide it")
 
 
-def without_overlay(stage: Stage, frame: Frame, view: View, rasterizer: GLRasterizer) -> Array:
+def without_overlay(stage: Stage, frame: Frame, view: View, rasterizer: Rasterizer) -> Array:
     """The same frame without its lines; raises WrongError unless they lie over it."""
     bare = replace(stage, scene=replace(stage.scene, overlay="none"))
     (below,) = render_frames(bare, [frame.number], rasterizer, clock=lambda: 0.0)
     cut = cut_pyramid(stage.pyramid, frame.tolerance, finest_level=finest_level_at(stage, frame.tolerance))
     lines = np.zeros_like(below.radiance)
-    draw_lines(make_edges(cut), view, lines)
+    draw_lines(make_edges(cut, 0), view, lines)
     if not (lines.min() >= 0 and lines.max() <= 1 and (lines[..., :3] <= lines[..., 3:] + 1e-6).all()):
         raise WrongError(f"lines from {lines.min()} to {lines.max()}")
     expected = lines + (1 - lines[..., 3:]) * below.radiance

@@ -10,14 +10,14 @@ from brick_reference import nudged, rasterize_bricks_reference
 from compare import SPREADS, WrongError, require_close
 
 from renderer.bricks import BrickBatch
-from renderer.draw import GLRasterizer
+from renderer.draw import Rasterizer
 from renderer.film import quantize
 from renderer.frame import Frame, Stage, make_primitive, render_frames
 from renderer.frame.primitives import BrickPrimitive
 from renderer.view import View
 from renderer.volume import Array
 
-# Of places and parts on the device, where nothing is steep (tests/parity/test_brick_parity.py).
+# Of places and parts, where nothing is steep (tests/parity/test_brick_parity.py).
 PRECISION = 6e-5
 # Where something is: by how much longer and shorter steps are, to which sides places are off, in units of what they are
 # rounded to. SPREADS times the spread of such pictures may be off.
@@ -25,7 +25,7 @@ NUDGES = ((-1e-3, (1, 1, 1)), (-1e-5, (1, -1, -1)), (1e-5, (-1, 1, -1)), (1e-3, 
 PLACE = 2.0**-12  # of a cell
 
 
-def compare_bricks(stage: Stage, frame: Frame, view: View, rasterizer: GLRasterizer) -> None:
+def compare_bricks(stage: Stage, frame: Frame, view: View, rasterizer: Rasterizer) -> None:
     """Raise WrongError where too many pixels differ from the reference by more than rounding explains."""
     primitive = make_primitive(stage)
     assert isinstance(primitive, BrickPrimitive)

@@ -10,7 +10,7 @@ import signal
 import time
 import traceback
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from scenes import DTYPES, Case, legal_case, random_of
 from spoil import spoil
 
 from hsplat_cli.main import run
-from renderer.draw import GLRasterizer
+from renderer.draw import Rasterizer
 from renderer.errors import InputError
 from renderer.film import encode_png
 from renderer.frame import Frame, LODCostEstimator, Stage, finest_level_at, prepare_stage, render_frames, view_of
@@ -79,7 +79,7 @@ def write_case(case: Case, folder: Path) -> Path:
     return path
 
 
-def judge(case: Case, folder: Path, rasterizer: GLRasterizer) -> Verdict:
+def judge(case: Case, folder: Path, rasterizer_for: Callable[[Scene], Rasterizer]) -> Verdict:
     """Draw the scene in `folder`, which becomes the current one for the time."""
     verdict = Verdict(case.index, case.spoilt or LEGAL, "wrong")
     start = time.perf_counter()
@@ -87,9 +87,9 @@ def judge(case: Case, folder: Path, rasterizer: GLRasterizer) -> Verdict:
         with _inside(folder), _hang_policy(), _loud():
             path = write_case(case, folder)
             if case.spoilt:
-                _judge_spoilt(case, path, rasterizer, verdict)
+                _judge_spoilt(case, path, rasterizer_for, verdict)
             else:
-                _judge_legal(case, path, rasterizer, verdict)
+                _judge_legal(case, path, rasterizer_for, verdict)
     except (WrongError, DisagreementError) as error:
         verdict.outcome, verdict.why = "wrong", str(error)
     except Exception:  # whatever it was, of the program or of the oracle, it is to be looked at
@@ -130,10 +130,10 @@ def _loud() -> Iterator[None]:
         yield
 
 
-def _judge_legal(case: Case, path: Path, rasterizer: GLRasterizer, verdict: Verdict) -> None:
+def _judge_legal(case: Case, path: Path, rasterizer_for: Callable[[Scene], Rasterizer], verdict: Verdict) -> None:
     scene = load_scene(path)
     try:
-        frame = _judge_picture(scene, case, rasterizer, verdict)
+        frame = _judge_picture(scene, case, rasterizer_for, verdict)
     except InputError as error:
         if not any(text in str(error) for text in LEGAL_REFUSALS):
             raise WrongError(f"a legal scene was refused: {error}") from error
@@ -148,7 +148,7 @@ def _judge_legal(case: Case, path: Path, rasterizer: GLRasterizer, verdict: Verd
             raise WrongError("the command wrote another picture")
 
 
-def _judge_spoilt(case: Case, path: Path, rasterizer: GLRasterizer, verdict: Verdict) -> None:
+def _judge_spoilt(case: Case, path: Path, rasterizer_for: Callable[[Scene], Rasterizer], verdict: Verdict) -> None:
     code, message = _command(case, path)
     found = [text for text in FAULTS if text in message]
     if found:
@@ -156,7 +156,7 @@ def _judge_spoilt(case: Case, path: Path, rasterizer: GLRasterizer, verdict: Ver
     if code == 0:
         overrides = [value for name, value in zip(case.arguments, case.arguments[1:], strict=False) if name == "--set"]
         scene = load_scene(path, overrides=overrides, is_single_frame=True)
-        _judge_picture(scene, replace(case, volume=None), rasterizer, verdict)
+        _judge_picture(scene, replace(case, volume=None), rasterizer_for, verdict)
         return
     if code not in (1, 2) or not PLACED.match(message):
         raise WrongError(f"exit code {code} and no place in: {message}")
@@ -171,11 +171,11 @@ def _command(case: Case, path: Path) -> tuple[int, str]:
     return code, said.getvalue()
 
 
-def _judge_picture(scene: Scene, case: Case, rasterizer: GLRasterizer, verdict: Verdict) -> Frame:
+def _judge_picture(scene: Scene, case: Case, rasterizer_for: Callable[[Scene], Rasterizer], verdict: Verdict) -> Frame:
     stage = prepare_stage(scene, clock=time.perf_counter, num_threads=1, volume=case.volume if case.in_memory else None)
     if case.volume is not None and not case.in_memory:
         _require_same_volume(stage, case)
-    number = min(case.frame, scene.camera.path.frames - 1)
+    rasterizer, number = rasterizer_for(scene), min(case.frame, scene.camera.path.frames - 1)
     stage = make_plan(LODCostEstimator(stage), [number], lambda: rasterizer, JobEvents()).stage
     (frame,) = render_frames(stage, [number], rasterizer, clock=time.perf_counter)
     if not np.isfinite(frame.radiance).all():

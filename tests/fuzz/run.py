@@ -22,7 +22,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support"), str(ROOT / "tests" /
 from fuzzing import fuzz  # noqa: E402
 from judge import LEGAL, Verdict, judge, make_case, write_case  # noqa: E402
 
-from renderer.draw import GLRasterizer  # noqa: E402
+from renderer.draw import BrickRasterizer, Rasterizer, SplatRasterizer  # noqa: E402
+from renderer.scene import Scene  # noqa: E402
 
 
 def main() -> int:
@@ -31,12 +32,16 @@ def main() -> int:
 
 
 @cache
-def rasterizer_of_process() -> GLRasterizer:
-    return GLRasterizer()
+def splat_rasterizer() -> SplatRasterizer:
+    return SplatRasterizer()
+
+
+def rasterizer_for(scene: Scene) -> Rasterizer:
+    return splat_rasterizer() if scene.needs_opengl else BrickRasterizer(num_threads=1)
 
 
 def judge_scene(seed: int, index: int, folder: Path) -> Verdict:
-    return judge(make_case(seed, index), folder, rasterizer_of_process())
+    return judge(make_case(seed, index), folder, rasterizer_for)
 
 
 def write_scene(seed: int, index: int, folder: Path) -> Path:

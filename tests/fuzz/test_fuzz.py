@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from judge import judge, make_case, write_case
 
-from renderer.draw import GLRasterizer
+from renderer.draw import Rasterizer
 from renderer.draw.gl import raster as raster_gl
 from renderer.frame import primitives
+from renderer.scene import Scene
 from renderer.splats import SplatBatch, make_splats
 
 SEED = 2
@@ -25,9 +26,11 @@ CHUNK = 7  # splats
 
 
 @pytest.mark.parametrize("first", range(0, SCENES, AT_ONCE))
-def test_right_pictures_or_clear_errors(rasterizer: GLRasterizer, tmp_path: Path, first: int) -> None:
+def test_right_pictures_or_clear_errors(
+    rasterizer_for: Callable[[Scene], Rasterizer], tmp_path: Path, first: int
+) -> None:
     verdicts = [
-        judge(make_case(SEED, index, DTYPES), tmp_path / str(index), rasterizer)
+        judge(make_case(SEED, index, DTYPES), tmp_path / str(index), rasterizer_for)
         for index in range(first, first + AT_ONCE)
     ]
     wrong = [f"{v.index} ({v.case}): {v.why}" for v in verdicts if v.outcome == "wrong"]
@@ -36,11 +39,15 @@ def test_right_pictures_or_clear_errors(rasterizer: GLRasterizer, tmp_path: Path
     assert any(verdict.outcome == "refused" for verdict in verdicts)
 
 
-def test_pictures_in_chunks(rasterizer: GLRasterizer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pictures_in_chunks(
+    rasterizer_for: Callable[[Scene], Rasterizer], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Scenes here have too few splats to be drawn in chunks, unless these are small."""
     monkeypatch.setattr(raster_gl, "MIN_CHUNK_SPLATS", CHUNK)
     monkeypatch.setattr(raster_gl, "splats_per_chunk", lambda *_: CHUNK)
-    verdicts = [judge(make_case(SEED, index, DTYPES), tmp_path / str(index), rasterizer) for index in range(0, 24, 2)]
+    verdicts = [
+        judge(make_case(SEED, index, DTYPES), tmp_path / str(index), rasterizer_for) for index in range(0, 24, 2)
+    ]
     assert [verdict.why for verdict in verdicts if verdict.outcome == "wrong"] == []
 
 
@@ -60,13 +67,16 @@ def _changed(batch: SplatBatch, part: slice, factor: float, offset: float) -> Sp
     ids=["centres", "red", "sizes"],
 )
 def test_small_faults_are_seen(
-    rasterizer: GLRasterizer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: Callable[[SplatBatch], SplatBatch]
+    rasterizer_for: Callable[[Scene], Rasterizer],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    fault: Callable[[SplatBatch], SplatBatch],
 ) -> None:
     """The bounds are no wider than rounding: a fault of 1 % is seen, unless it is out of the picture."""
     for module in (primitives, compare):
         monkeypatch.setattr(module, "make_splats", lambda cut, spec: fault(make_splats(cut, spec)))
     numbers = range(0, 24, 2)
-    verdicts = [judge(make_case(SEED, index, DTYPES), tmp_path / str(index), rasterizer) for index in numbers]
+    verdicts = [judge(make_case(SEED, index, DTYPES), tmp_path / str(index), rasterizer_for) for index in numbers]
     assert sum(verdict.outcome == "wrong" for verdict in verdicts) >= len(numbers) // 3
 
 

@@ -17,7 +17,7 @@ from splat_reference import rasterize_reference
 from subjects import BRICKS, SPLATS, Change, Pixels, Shot, shifted
 
 from renderer.bricks import BrickBatch
-from renderer.draw import CPURasterizer, GLRasterizer
+from renderer.draw import BrickRasterizer, SplatRasterizer
 from renderer.splats import SplatBatch
 from renderer.view import View
 from renderer.volume import Float32, UInt32
@@ -31,13 +31,12 @@ MAX_REFERENCE_SPLATS, MAX_REFERENCE_PIXELS = 12_000, 128 * 128
 class Machine:
     """Another way to draw the same, in a process of its own.
 
-    level: the strictest at which it has to pass. environment: of the process. opengl: draw bricks by OpenGL.
+    level: the strictest at which it has to pass. environment: of the process.
     """
 
     name: str
     level: str
     environment: Mapping[str, str] = field(default_factory=dict)
-    opengl: bool = False
 
 
 def _rounded_otherwise(shot: Shot, share: float) -> Pixels:
@@ -96,10 +95,6 @@ BRICK_MACHINES = (
     Machine("one thread", "exact", {"NUM_THREADS": "1"}),
     Machine("four threads", "exact", {"NUM_THREADS": "4"}),
     Machine("a processor without AVX", "same-machine", {"HSPLAT_PROCESSOR_LEVEL": "1"}),
-    Machine("llvmpipe", "cross-driver", opengl=True),
-    Machine("llvmpipe, vectors of 512 bits", "cross-driver", {"LP_NATIVE_VECTOR_WIDTH": "512"}, opengl=True),
-    Machine("llvmpipe without AVX", "cross-driver", {"GALLIUM_OVERRIDE_CPU_CAPS": "sse2"}, opengl=True),
-    Machine("softpipe", "cross-driver", {"GALLIUM_DRIVER": "softpipe"}, opengl=True),
 )
 
 
@@ -110,7 +105,7 @@ def drawn_by(machine: Machine, primitive: str) -> tuple[str, dict[str, Pixels]]:
     """
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "pictures.npz"
-        command = [sys.executable, __file__, str(file), primitive, *["--opengl"] * machine.opengl]
+        command = [sys.executable, __file__, str(file), primitive]
         modules = os.pathsep.join(filter(None, sys.path))  # the child looks for them where this process does
         subprocess.run(command, check=True, env={**os.environ, "PYTHONPATH": modules, **machine.environment})
         with np.load(file) as arrays:
@@ -118,13 +113,12 @@ def drawn_by(machine: Machine, primitive: str) -> tuple[str, dict[str, Pixels]]:
     return str(pictures.pop("by")), pictures
 
 
-def _main(file: Path, primitive: str, *opengl: str) -> None:
+def _main(file: Path, primitive: str) -> None:
     num_threads = int(os.environ.get("NUM_THREADS", "2"))
-    with GLRasterizer() as gl, CPURasterizer(num_threads=num_threads) as cpu:
-        of_bricks = gl if opengl else cpu
+    with SplatRasterizer() as of_splats, BrickRasterizer(num_threads=num_threads) as of_bricks:
         subjects = SPLATS if primitive == "splats" else BRICKS
-        pictures = {subject.name: Shot(subject, gl, of_bricks).golden for subject in subjects}
-        by = gl.device if primitive == "splats" else of_bricks.device
+        pictures = {subject.name: Shot(subject, of_splats, of_bricks).golden for subject in subjects}
+        by = of_splats.device if primitive == "splats" else of_bricks.device
     np.savez(file, by=by, **pictures)  # type: ignore[arg-type]
 
 

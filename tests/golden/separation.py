@@ -27,7 +27,7 @@ from harmless import BRICK_MACHINES, HARMLESS, SPLAT_MACHINES, Machine  # noqa: 
 from measured import Measured, measured, on_machine  # noqa: E402
 from subjects import BRICKS, SPLATS, Shot, Subject  # noqa: E402
 
-from renderer.draw import CPURasterizer, GLRasterizer  # noqa: E402
+from renderer.draw import BrickRasterizer, SplatRasterizer  # noqa: E402
 from renderer.study import COMPARISON_METRICS, STRICTNESSES  # noqa: E402
 from renderer.system import commit  # noqa: E402
 
@@ -56,9 +56,9 @@ def replace_part(page: str, primitive: str, text: str) -> str:
 def _measure(primitive: str, drivers: Sequence[Machine]) -> tuple[list[Measured], dict[str, str]]:
     """Measure all changes of all subjects; return them, and the names of devices and drivers by machine."""
     rows: list[Measured] = []
-    with GLRasterizer() as gl, CPURasterizer() as cpu:
-        names = {"this machine": gl.device if primitive == "splats" else cpu.device}
-        shots = [Shot(subject, gl, cpu) for subject in PARTS[primitive].subjects]
+    with SplatRasterizer() as of_splats, BrickRasterizer() as of_bricks:
+        names = {"this machine": of_splats.device if primitive == "splats" else of_bricks.device}
+        shots = [Shot(subject, of_splats, of_bricks) for subject in PARTS[primitive].subjects]
         for shot in shots:
             for change in (*HARMLESS, *DEFECTS):
                 row = measured(shot, change)
@@ -76,7 +76,7 @@ def _measure(primitive: str, drivers: Sequence[Machine]) -> tuple[list[Measured]
 def _driver(text: str) -> Machine:
     name, _, settings = text.partition(": ")
     pairs = [entry.partition("=") for entry in shlex.split(settings)]
-    return Machine(name, CROSS, {key: value for key, _, value in pairs}, opengl=True)
+    return Machine(name, CROSS, {key: value for key, _, value in pairs})
 
 
 def _print(row: Measured) -> None:
@@ -227,7 +227,7 @@ def _figure(row: Measured, name: str) -> str:
 PARTS = {
     "bricks": Part(
         "Bricks",
-        """The default footprint, drawn on the processor, as on machines without a GPU.
+        """The default footprint, drawn on the processor.
 
 From a tolerance of 0.15 on, a subsampled pixel grid is drawn first, and pixels between its nodes only where these
 differ. Where they differ by nearly the threshold, another rounding draws pixels that were interpolated, or the other
@@ -236,8 +236,8 @@ way round. In float64 that happens to one block of `bricks_coarse`: 4 x 4 pixels
 ten-thousandth of a pixel, so no limit allows for it; where it happens, `densest` can be given another limit.
 """,
         """Another number of threads, and a processor without AVX and fused multiplication and addition, are
-simulated by child processes. The rows of OpenGL draw the same bricks by shaders, as a GPU does. Other rounding is
-simulated: random values move up or down by a step. The reference draws only small frames.""",
+simulated by child processes. Other rounding is simulated: random values move up or down by a step. The reference
+draws only small frames.""",
         BRICKS,
         BRICK_MACHINES,
     ),

@@ -11,7 +11,7 @@ from pathlib import Path
 from golden_cases import SCENE
 
 from renderer.bricks import BrickBatch, BrickCut
-from renderer.draw import CPURasterizer, GLRasterizer, Rasterizer
+from renderer.draw import BrickRasterizer, Rasterizer, SplatRasterizer
 from renderer.frame import (
     Frame,
     Stage,
@@ -91,13 +91,13 @@ BRICKS = tuple(
 class Shot:
     """The frame of a subject on its stage, and its correct picture.
 
-    gl: draws splats. of_bricks: draws bricks.
+    of_splats: draws splats. of_bricks: draws bricks.
     """
 
-    def __init__(self, subject: Subject, gl: GLRasterizer, of_bricks: GLRasterizer | CPURasterizer) -> None:
+    def __init__(self, subject: Subject, of_splats: SplatRasterizer, of_bricks: BrickRasterizer) -> None:
         self.subject = subject
         self.stage = self.staged(subject.scene)
-        self.rasterizer: Rasterizer = gl if self.stage.bricks is None else of_bricks
+        self.rasterizer: Rasterizer = of_splats if self.stage.scene.needs_opengl else of_bricks
         self.tolerance = tolerance_at(self.stage.scene.error, subject.frame)
         self.draw_list = self.make_draw_list(self.stage)
 

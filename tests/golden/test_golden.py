@@ -17,7 +17,7 @@ from golden_cases import CASES, FOLDER, FRAMES, Case
 
 from hsplat_cli.compare.golden.provenance import read_provenance
 from hsplat_cli.compare.picture_file import read_picture
-from renderer.draw import GLRasterizer
+from renderer.draw import BrickRasterizer, SplatRasterizer
 from renderer.film import Pixels
 from renderer.study import STRICTNESSES, FrameDifference, exceeded_limits
 
@@ -27,9 +27,9 @@ MATCHING = [case for case in CASES if case.golden_changes is None]
 (MUST_FAIL,) = (case for case in CASES if case.golden_changes is not None)
 
 
-def compared(case: Case, rasterizer: GLRasterizer, folder: Path) -> dict[str, Any]:
+def compared(case: Case, rasterizer: SplatRasterizer, folder: Path) -> dict[str, Any]:
     """Compare a case; return the command's JSON, and write `page.html` in the folder."""
-    is_same = read_provenance(case.folder).origin["device"] == rasterizer.device
+    is_same = read_provenance(case.folder).origin["device"] in (rasterizer.device, BrickRasterizer.device)
     options = ["--level", "same-machine" if is_same else "cross-driver", "--quiet"]
     options += ["--json", str(folder / "result.json"), "--html", str(folder / "page.html")]
     code = case.compare(folder, *options)
@@ -40,7 +40,7 @@ def compared(case: Case, rasterizer: GLRasterizer, folder: Path) -> dict[str, An
 
 
 @pytest.mark.parametrize("case", MATCHING, ids=str)
-def test_golden(case: Case, rasterizer: GLRasterizer, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_golden(case: Case, rasterizer: SplatRasterizer, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     if not compared(case, rasterizer, tmp_path)["passes"]:
         FAILED.mkdir(exist_ok=True)
         page = shutil.copy(tmp_path / "page.html", FAILED / f"{case}.html")
@@ -49,7 +49,7 @@ def test_golden(case: Case, rasterizer: GLRasterizer, tmp_path: Path, capsys: py
 
 
 def test_the_case_that_must_fail_does(
-    rasterizer: GLRasterizer, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    rasterizer: SplatRasterizer, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Its golden was drawn half a degree further round, which moves edges by tens of steps."""
     result = compared(MUST_FAIL, rasterizer, tmp_path)

@@ -5,15 +5,13 @@ docs/benchmarks/goldens.md has more.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
 from defects import DEFECTS
 from harmless import HARMLESS
 from measured import Measured, measured
 from subjects import BRICKS, SPLATS, Change, Shot
 
-from renderer.draw import CPURasterizer, GLRasterizer
+from renderer.draw import BrickRasterizer, SplatRasterizer
 from renderer.study import STRICTNESSES
 
 SHOTS = {"splats": ("coarse",), "bricks": ("bricks_coarse", "bricks_transparent")}
@@ -41,13 +39,13 @@ each_primitive = pytest.mark.parametrize("primitive", SHOTS)
 
 
 @pytest.fixture(scope="module")
-def shots(rasterizer: GLRasterizer) -> Iterator[dict[str, list[Shot]]]:
-    """Yield the frames of each primitive."""
-    with CPURasterizer() as cpu:
-        subjects = {subject.name: subject for subject in (*SPLATS, *BRICKS)}
-        yield {
-            primitive: [Shot(subjects[name], rasterizer, cpu) for name in names] for primitive, names in SHOTS.items()
-        }
+def shots(rasterizer: SplatRasterizer, brick_rasterizer: BrickRasterizer) -> dict[str, list[Shot]]:
+    """Return the frames of each primitive."""
+    subjects = {subject.name: subject for subject in (*SPLATS, *BRICKS)}
+    return {
+        primitive: [Shot(subjects[name], rasterizer, brick_rasterizer) for name in names]
+        for primitive, names in SHOTS.items()
+    }
 
 
 def rows_of(change: Change, shots: list[Shot]) -> list[Measured]:

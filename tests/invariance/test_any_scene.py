@@ -7,16 +7,17 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from hypothesis import HealthCheck, given, settings, strategies as st
 
-from renderer.draw import GLRasterizer
+from renderer.draw import Rasterizer
 from renderer.errors import InputError
 from renderer.frame import prepare_stage, render_frames
-from renderer.scene import MAX_WORLD_LENGTH, MIN_TOLERANCE, MIN_WORLD_LENGTH, PROCEDURAL_NAMES, parse_scene
+from renderer.scene import MAX_WORLD_LENGTH, MIN_TOLERANCE, MIN_WORLD_LENGTH, PROCEDURAL_NAMES, Scene, parse_scene
 from renderer.scene.camera_section import MAX_ANGLE, MAX_FIELD_OF_VIEW, MAX_ZOOM, MIN_FIELD_OF_VIEW, MIN_ZOOM
 
 Numbers = st.SearchStrategy[float]
@@ -127,7 +128,9 @@ def scenes(draw: st.DrawFn) -> dict[str, Any]:
 
 @settings(max_examples=150, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(tree=scenes())
-def test_any_scene_gives_a_picture_or_an_error(rasterizer: GLRasterizer, tree: dict[str, Any]) -> None:
+def test_any_scene_gives_a_picture_or_an_error(
+    rasterizer_for: Callable[[Scene], Rasterizer], tree: dict[str, Any]
+) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
@@ -136,7 +139,7 @@ def test_any_scene_gives_a_picture_or_an_error(rasterizer: GLRasterizer, tree: d
         except InputError:
             return
         brightest = scene.shading.ambient + scene.shading.diffuse if scene.shading else 1
-        for frame in render_frames(stage, range(scene.camera.path.frames), rasterizer, clock=lambda: 0.0):
+        for frame in render_frames(stage, range(scene.camera.path.frames), rasterizer_for(scene), clock=lambda: 0.0):
             assert np.isfinite(frame.radiance).all()
             assert frame.radiance.min() >= -ROUNDING
             assert frame.radiance[..., 3].max() <= 1 + ROUNDING

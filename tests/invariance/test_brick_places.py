@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,8 +24,7 @@ from brickwork import (
 )
 
 from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch, ScreenSampling
-from renderer.draw import GLRasterizer, brick_cache
-from renderer.draw.gl.raster import BrickBackend
+from renderer.draw import BrickRasterizer, brick_cache
 from renderer.kernels import threads
 from renderer.scene import ShadingSpec
 from renderer.scene.camera_section import MAX_FIELD_OF_VIEW
@@ -47,65 +46,57 @@ def subject(shading: ShadingSpec | None) -> tuple[list[BrickBatch], View, View]:
 
 
 @pytest.mark.parametrize(
-    ("most_bytes", "shading", "brick_backend"),
-    [
-        (None, ShadingSpec(), "device"),
-        (4 << 20, None, "device"),
-        (None, None, "processor"),
-        (4 << 20, ShadingSpec(), "processor"),
-    ],
+    ("most_bytes", "shading"), [(None, None), (None, ShadingSpec()), (4 << 20, None), (4 << 20, ShadingSpec())]
 )
 def test_what_was_drawn_before_changes_nothing(
-    monkeypatch: pytest.MonkeyPatch, shading: ShadingSpec | None, most_bytes: int | None, brick_backend: BrickBackend
+    monkeypatch: pytest.MonkeyPatch, shading: ShadingSpec | None, most_bytes: int | None
 ) -> None:
     batches, view, other = subject(shading)
     if most_bytes is not None:
         monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", most_bytes)
 
-    def draw(gl: GLRasterizer, batch: BrickBatch) -> bytes:
-        return gl.rasterize(batch, ordered(batch.cut, view), view).tobytes()
+    def draw(rasterizer: BrickRasterizer, batch: BrickBatch) -> bytes:
+        return rasterizer.rasterize(batch, ordered(batch.cut, view), view).tobytes()
 
-    histories: list[Callable[[GLRasterizer, BrickBatch], Any]] = [
+    histories: list[Callable[[BrickRasterizer, BrickBatch], Any]] = [
         draw,
-        lambda gl, batch: gl.upload(batch, ordered(batch.cut, view), view),
-        lambda gl, batch: [gl.upload(batch, ordered(batch.cut, other), other) for batch in batches],
-        lambda gl, batch: gl.rasterize(batch, ordered(batch.cut, other)[::3], other),
-        lambda gl, batch: [draw(gl, batch) for batch in batches],
-        lambda gl, batch: gl.rasterize(batch, np.flatnonzero(np.arange(len(batch)) % 5 == 2).astype(np.uint32), other),
+        lambda rasterizer, batch: rasterizer.upload(batch, ordered(batch.cut, view), view),
+        lambda rasterizer, batch: [rasterizer.upload(batch, ordered(batch.cut, other), other) for batch in batches],
+        lambda rasterizer, batch: rasterizer.rasterize(batch, ordered(batch.cut, other)[::3], other),
+        lambda rasterizer, batch: [draw(rasterizer, batch) for batch in batches],
+        lambda rasterizer, batch: rasterizer.rasterize(
+            batch, np.flatnonzero(np.arange(len(batch)) % 5 == 2).astype(np.uint32), other
+        ),
     ]
     for batch in batches:
-        with GLRasterizer(brick_backend=brick_backend) as gl:
-            first = draw(gl, batch)
+        with BrickRasterizer() as rasterizer:
+            first = draw(rasterizer, batch)
         for history in histories:
-            with GLRasterizer(brick_backend=brick_backend) as gl:
-                history(gl, batch)
-                assert draw(gl, batch) == first
+            with BrickRasterizer() as rasterizer:
+                history(rasterizer, batch)
+                assert draw(rasterizer, batch) == first
 
 
-@pytest.mark.parametrize("brick_backend", ["device", "processor"])
-def test_bricks_are_uploaded_once(brick_backend: BrickBackend) -> None:
+def test_bricks_are_uploaded_once() -> None:
     batches, view, _ = subject(None)
-    with GLRasterizer(brick_backend=brick_backend) as gl:
+    with BrickRasterizer() as rasterizer:
         for batch in batches:
             order = ordered(batch.cut, view)
-            assert gl.upload(batch, order, view)
-            assert not gl.upload(batch, order, view)
+            assert rasterizer.upload(batch, order, view)
+            assert not rasterizer.upload(batch, order, view)
         for batch in batches:  # there is room for all
-            assert not gl.upload(batch, ordered(batch.cut, view), view)
-    with GLRasterizer(brick_backend=brick_backend) as gl:
-        gl.rasterize(batches[0], ordered(batches[0].cut, view), view)
-        assert not gl.upload(batches[0], ordered(batches[0].cut, view), view)
+            assert not rasterizer.upload(batch, ordered(batch.cut, view), view)
+    with BrickRasterizer() as rasterizer:
+        rasterizer.rasterize(batches[0], ordered(batches[0].cut, view), view)
+        assert not rasterizer.upload(batches[0], ordered(batches[0].cut, view), view)
 
 
-@pytest.mark.parametrize("brick_backend", ["device", "processor"])
-def test_more_bricks_than_slots_are_not_uploaded_ahead(
-    monkeypatch: pytest.MonkeyPatch, brick_backend: BrickBackend
-) -> None:
+def test_more_bricks_than_slots_are_not_uploaded_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
     """They are uploaded, and evicted, while they are drawn."""
     monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", 1 << 10)
     batches, view, _ = subject(ShadingSpec())
-    with GLRasterizer(brick_backend=brick_backend) as gl:
-        assert not gl.upload(batches[0], ordered(batches[0].cut, view), view)
+    with BrickRasterizer() as rasterizer:
+        assert not rasterizer.upload(batches[0], ordered(batches[0].cut, view), view)
 
 
 @pytest.mark.parametrize("shading", [None, ShadingSpec(), GLOSSY], ids=["plain", "lit", "glossy"])
@@ -118,14 +109,15 @@ def test_pictures_do_not_depend_on_the_number_of_threads(
     batches.append(replace(batches[0], screen_sampling=ScreenSampling((8, 4, 2), 0.02, 0.0)))
     pictures = []
     for num_threads in (1, 2, 3):
-        with GLRasterizer(brick_backend="processor", num_threads=num_threads) as gl:
-            pictures.append([gl.rasterize(batch, ordered(batch.cut, view), view).tobytes() for batch in batches])
+        with BrickRasterizer(num_threads=num_threads) as rasterizer:
+            pictures.append(
+                [rasterizer.rasterize(batch, ordered(batch.cut, view), view).tobytes() for batch in batches]
+            )
     assert pictures[0] == pictures[1] == pictures[2]
 
 
-@pytest.mark.parametrize("brick_backend", ["device", "processor"])
 @pytest.mark.parametrize("shading", [None, ShadingSpec()], ids=["plain", "lit"])
-def test_samples_stay_in_their_brick(shading: ShadingSpec | None, brick_backend: BrickBackend) -> None:
+def test_samples_stay_in_their_brick(shading: ShadingSpec | None) -> None:
     """No sample reads the rest of the atlas, which is filled with NaN.
 
     In the widest image that a scene may have, float32 moves the outer rays by whole voxels.
@@ -134,15 +126,14 @@ def test_samples_stay_in_their_brick(shading: ShadingSpec | None, brick_backend:
     bricks = bricks_of(volume, transfer_of((0, (0.9, 0.2, 0.1), 0.1), (1, (0.1, 0.5, 1.0), 0.3)), shading)
     batch, order = batch_of(level_cut(bricks, 0), bricks, shading=shading), np.zeros(1, np.uint32)
     eye, scale_px = np.array([3.0, 4.0, 5.0]), 0.5 / math.tan(math.radians(MAX_FIELD_OF_VIEW / 2))
-    with GLRasterizer(brick_backend=brick_backend) as gl:
+    with BrickRasterizer() as rasterizer:
         for azimuth in (20.0, 100.0, 200.0, 300.0):
             view = replace(view_of(volume, "inside", (MAX_SIDE, 1), azimuth), target=eye, scale_px=scale_px)
-            expected = gl.rasterize(batch, order, view)
-            atlas = cast(Any, gl)._bricks.cache.atlases[0]
+            expected = rasterizer.rasterize(batch, order, view)
+            atlas = rasterizer.cache.atlases[0]
             free = np.flatnonzero(atlas._key_from_slot < 0)
             assert len(free) > 0
-            with cast(Any, gl)._context:
-                shape = (len(free), *[PADDED_BRICK_SIZE] * 3, atlas.num_channels)
-                atlas._write(free, np.full(shape, np.nan, np.float32))
+            shape = (len(free), *[PADDED_BRICK_SIZE] * 3, atlas.num_channels)
+            atlas._write(free, np.full(shape, np.nan, np.float32))
             assert expected[..., 3].max() > 0.5
-            assert gl.rasterize(batch, order, view).tobytes() == expected.tobytes()
+            assert rasterizer.rasterize(batch, order, view).tobytes() == expected.tobytes()

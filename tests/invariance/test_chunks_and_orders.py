@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from splatting import camera_pose, cut_of, in_order, look, place_splats, volume_of
 
-from renderer.draw import GLRasterizer
+from renderer.draw import SplatRasterizer
 from renderer.draw.gl import raster as raster_gl
 from renderer.scene import SplatSpec, TurntablePath
 from renderer.splats import make_splats
@@ -29,7 +29,7 @@ def tilted(degrees: float) -> Float64:
 @pytest.mark.parametrize("footprint", ["gaussian", "gouraud"])
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 def test_chunks_draw_what_one_go_draws(
-    rasterizer: GLRasterizer, monkeypatch: pytest.MonkeyPatch, footprint: str, projection: str
+    rasterizer: SplatRasterizer, monkeypatch: pytest.MonkeyPatch, footprint: str, projection: str
 ) -> None:
     """Wherever the splats are: in the middle, beside and partly beside the picture, around the eye.
 
@@ -113,7 +113,7 @@ def test_unmixed_is_the_order_of_view_depths(projection: str, azimuth: float) ->
     assert rises.max() <= 4 * 2.0**-24  # of the volume's radius: another sum of the same products
 
 
-def test_pictures_on_both_sides_of_an_axis_are_mirror_images(rasterizer: GLRasterizer) -> None:
+def test_pictures_on_both_sides_of_an_axis_are_mirror_images(rasterizer: SplatRasterizer) -> None:
     """Of a volume that is its own mirror image, within the rounding of float32 and the sampling of shares."""
     half = np.random.default_rng(2).integers(0, 256, (6, 6, 3), np.uint8)
     cut = cut_of(volume_of(np.concatenate([half, half[..., ::-1]], axis=2)), 0.5)

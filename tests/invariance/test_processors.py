@@ -17,7 +17,7 @@ from brick_reference import rasterize_bricks_reference
 from brickwork import AFFINES, GLOSSY, batch_of, bricks_of, cut_of_bricks, hills, ordered, placed, transfer_of, view_of
 
 from renderer.bricks import ScreenSampling
-from renderer.draw import CPURasterizer
+from renderer.draw import BrickRasterizer
 from renderer.kernels.build import BUILT, LEVELS
 from renderer.kernels.library import LEVEL_VARIABLE, processor_level
 from renderer.scene import ShadingSpec
@@ -45,7 +45,7 @@ def digest() -> str:
     volume = placed(values, AFFINES["oblique"])
     gaps = np.where(np.random.default_rng(1).random(values.shape) < 0.1, np.float32(np.nan), values)
     patchy = make_volume(gaps, volume.world_from_index, "test", num_absent=int(np.isnan(gaps).sum()))
-    with CPURasterizer(num_threads=1) as rasterizer:
+    with BrickRasterizer(num_threads=1) as rasterizer:
         for points, shading, of in (
             (FOG, SHADING, volume),
             (LAYERS, SHADING, volume),

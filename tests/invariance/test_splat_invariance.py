@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from splatting import cut_of, in_order, look, place_splats, point_at, volume_of
 
-from renderer.draw import GLRasterizer
+from renderer.draw import SplatRasterizer
 from renderer.draw.gl import raster as raster_gl
 from renderer.errors import RenderError
 from renderer.pyramid import BLOCK_SIZE, Cut, build_pyramid
@@ -39,13 +39,15 @@ def view_of(cut: Cut, projection: str = "perspective", **camera: object) -> View
     return look(projection, **{"target": cut.volume.centre, "distance": 25.0, **camera})  # type: ignore[arg-type]
 
 
-def draw(gl: GLRasterizer, cut: Cut, view: View, spec: SplatSpec) -> Float32:
+def draw(gl: SplatRasterizer, cut: Cut, view: View, spec: SplatSpec) -> Float32:
     batch = make_splats(cut, spec)
     return gl.rasterize(batch, visible_order(batch, view), view)
 
 
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
-def test_a_frame_does_not_depend_on_what_was_drawn_before(rasterizer: GLRasterizer, cut: Cut, footprint: str) -> None:
+def test_a_frame_does_not_depend_on_what_was_drawn_before(
+    rasterizer: SplatRasterizer, cut: Cut, footprint: str
+) -> None:
     """Nor on whose context it is: other size, other footprint, other numbers of splats in between; a fresh context."""
     spec = SplatSpec(footprint)  # type: ignore[arg-type]
     first = draw(rasterizer, cut, view_of(cut), spec)
@@ -56,7 +58,7 @@ def test_a_frame_does_not_depend_on_what_was_drawn_before(rasterizer: GLRasteriz
         batch = place_splats(np.zeros((5, 3)), 30.0, spec=SplatSpec(other, angular=5))  # type: ignore[arg-type]
         rasterizer.rasterize(batch, in_order(batch), look(near=2.0))
     assert draw(rasterizer, cut, view_of(cut), spec).tobytes() == first.tobytes()
-    with GLRasterizer() as fresh:
+    with SplatRasterizer() as fresh:
         assert draw(fresh, cut, view_of(cut), spec).tobytes() == first.tobytes()
 
 
@@ -70,7 +72,9 @@ CULLING_VIEWS = {
 
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
 @pytest.mark.parametrize("name", CULLING_VIEWS)
-def test_what_is_culled_would_have_left_nothing(rasterizer: GLRasterizer, cut: Cut, footprint: str, name: str) -> None:
+def test_what_is_culled_would_have_left_nothing(
+    rasterizer: SplatRasterizer, cut: Cut, footprint: str, name: str
+) -> None:
     """Drawn or not, first or last: a splat that `visible_order` leaves out changes no byte."""
     view = view_of(cut, **{"size": (40, 30), **CULLING_VIEWS[name]})  # type: ignore[arg-type]
     images = with_and_without_culled(rasterizer, cut, view, footprint, at_least=20)
@@ -81,7 +85,7 @@ def test_what_is_culled_would_have_left_nothing(rasterizer: GLRasterizer, cut: C
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 def test_splats_beside_the_image_are_culled_by_what_would_be_drawn(
-    rasterizer: GLRasterizer, cut: Cut, projection: str
+    rasterizer: SplatRasterizer, cut: Cut, projection: str
 ) -> None:
     """Large opaque ones around a wide angle, whose linearised footprints are larger than their true images."""
     view = view_of(cut, projection, distance=10.0, field_of_view=90.0, size=(160, 120))
@@ -95,7 +99,7 @@ def test_splats_beside_the_image_are_culled_by_what_would_be_drawn(
 
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
 def test_what_the_near_plane_culls_would_have_left_next_to_nothing(
-    rasterizer: GLRasterizer, cut: Cut, footprint: str
+    rasterizer: SplatRasterizer, cut: Cut, footprint: str
 ) -> None:
     """What is cut off further out than a footprint reaches is that share of its optical depth: here at most 4 a cell,
     of up to 4 cells that overlap."""
@@ -108,7 +112,7 @@ def test_what_the_near_plane_culls_would_have_left_next_to_nothing(
         np.testing.assert_allclose(image, images[0], rtol=0, atol=bound)
 
 
-def with_and_without_culled(gl: GLRasterizer, cut: Cut, view: View, footprint: str, at_least: int) -> list[Float32]:
+def with_and_without_culled(gl: SplatRasterizer, cut: Cut, view: View, footprint: str, at_least: int) -> list[Float32]:
     """The picture of what `visible_order` keeps, and with the rest before it and after it."""
     batch = make_splats(cut, SplatSpec(footprint))  # type: ignore[arg-type]
     order = visible_order(batch, view)
@@ -121,7 +125,7 @@ def with_and_without_culled(gl: GLRasterizer, cut: Cut, view: View, footprint: s
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
 @pytest.mark.parametrize("batch_size", [1, 7])
 def test_batches_of_any_size_draw_the_same(
-    rasterizer: GLRasterizer, cut: Cut, monkeypatch: pytest.MonkeyPatch, footprint: str, batch_size: int
+    rasterizer: SplatRasterizer, cut: Cut, monkeypatch: pytest.MonkeyPatch, footprint: str, batch_size: int
 ) -> None:
     spec = SplatSpec(footprint)  # type: ignore[arg-type]
     whole = draw(rasterizer, cut, view_of(cut), spec)
@@ -130,7 +134,7 @@ def test_batches_of_any_size_draw_the_same(
 
 
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
-def test_nothing_to_draw_is_transparent_black(rasterizer: GLRasterizer, cut: Cut, footprint: str) -> None:
+def test_nothing_to_draw_is_transparent_black(rasterizer: SplatRasterizer, cut: Cut, footprint: str) -> None:
     spec = SplatSpec(footprint)  # type: ignore[arg-type]
     empty = cut_of(volume_of(np.zeros(SHAPE, np.uint8)), 0.7)
     assert len(empty) == 0

@@ -5,7 +5,7 @@ That the stage of every kind of scene survives its way to workers is shown in `t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import replace
 
@@ -16,8 +16,10 @@ from film_stages import plan_of, stage_of_kind
 from hsplat_cli.executors.cluster.cluster_drawing import ClusterDrawing
 from hsplat_cli.executors.cluster.connection import connect_locally
 from hsplat_cli.terminal import Reporter
-from renderer.draw import GLRasterizer
-from renderer.job import draw_frames, open_prober
+from renderer.accuracy import open_prober
+from renderer.draw import Rasterizer
+from renderer.job import draw_frames
+from renderer.scene import Scene
 
 NUMBERS = [*range(8), 2]
 
@@ -29,9 +31,10 @@ def client() -> Iterator[Client]:
 
 
 @pytest.mark.parametrize("kind", ["plain", "transparent", "float32, splats, shading", "overlay"])
-def test_the_same_bytes(rasterizer: GLRasterizer, client: Client, kind: str) -> None:
+def test_the_same_bytes(rasterizer_for: Callable[[Scene], Rasterizer], client: Client, kind: str) -> None:
     plan = plan_of(stage_of_kind(kind))
-    frames = draw_frames(plan.stage, NUMBERS, rasterizer, plan.controller, open_prober(plan.stage))
+    rasterizer = rasterizer_for(plan.stage.scene)
+    frames = draw_frames(plan.stage, NUMBERS, rasterizer, plan.controller, open_prober(plan.stage, 2))
     expected = [frame.measured() for frame in frames]
     assert all((frame.record.accuracy is None) == (kind == "overlay") for frame in expected)
     with closing(ClusterDrawing(client, "--workers 2", plan, Reporter())) as drawing:

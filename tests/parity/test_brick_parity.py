@@ -1,19 +1,16 @@
-"""Both rasterisers of bricks, the one on the device and the one on the processor, against the reference, by pixels.
+"""The rasteriser of bricks against the reference, by pixels.
 
-PRECISION: the device looks up places that are multiples of 2^-12 of a texel (`renderer.draw.gl.atlas` says why), and
-these tests have volumes in which a tenth of the range lies between two voxels. Worst seen on llvmpipe: 4e-5; before
-places were rounded, 2e-5, which float32 leaves of the way to them.
+PRECISION: samples are float32, and these tests have volumes in which a tenth of the range lies between two voxels.
 
-A ray's way through a brick is cut into a whole number of parts, of which there may be one more on the device where the
-quotient of way and step is within float32 of a whole number. What that changes is the difference between two references
-whose steps are longer and shorter by STEP.
+A ray's way through a brick is cut into a whole number of parts, of which there may be one more where the quotient of
+way and step is within float32 of a whole number. What that changes is the difference between two references whose steps
+are longer and shorter by STEP.
 In the same way a block of pixels may differ by as much as `spread`, or not, within float32: SPREAD.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -36,7 +33,7 @@ from brickwork import (
 )
 
 from renderer.bricks import BrickBatch, Bricks, ScreenSampling
-from renderer.draw import GLRasterizer
+from renderer.draw import BrickRasterizer
 from renderer.scene import CameraSpec, ShadingSpec, TurntablePath
 from renderer.view import View, make_view
 from renderer.volume import Float32, make_volume
@@ -46,18 +43,12 @@ STEP = 1e-5
 SPREAD = 1e-3
 
 
-@pytest.fixture(scope="module", params=["device", "processor"])
-def rasterizer(request: pytest.FixtureRequest) -> Iterator[GLRasterizer]:
-    with GLRasterizer(brick_backend=request.param) as gl:
-        yield gl
-
-
 def assert_parity(
-    gl: GLRasterizer, batch: BrickBatch, view: View, what: object = "", precision: float = PRECISION
+    brick_rasterizer: BrickRasterizer, batch: BrickBatch, view: View, what: object = "", precision: float = PRECISION
 ) -> Float32:
-    """Both rasterisers draw the same picture, which is returned."""
+    """The rasteriser draws the picture of the reference; it is returned."""
     order = ordered(batch.cut, view)
-    image, expected = gl.rasterize(batch, order, view), rasterize_bricks_reference(batch, order, view)
+    image, expected = brick_rasterizer.rasterize(batch, order, view), rasterize_bricks_reference(batch, order, view)
     assert image.dtype == np.float32
     assert np.isfinite(image).all(), what
     assert expected[..., 3].max() > 0.2, what
@@ -81,36 +72,38 @@ def hilly(affine: str, shading: ShadingSpec | None, dtype: str = "uint8") -> Bri
 
 
 @SHADED_AFFINES
-def test_cuts_of_one_level_and_of_many(rasterizer: GLRasterizer, affine: str, shading: ShadingSpec | None) -> None:
+def test_cuts_of_one_level_and_of_many(
+    brick_rasterizer: BrickRasterizer, affine: str, shading: ShadingSpec | None
+) -> None:
     """From outside and inside, through the near plane, and from where bricks meet."""
     bricks = hilly(affine, shading)
     cuts = [level_cut(bricks, 0), level_cut(bricks, 1), *(random_cut(bricks, seed) for seed in (5, 6, 7))]
     for cut, camera in zip(cuts[len(affine) % 5 :] + cuts[: len(affine) % 5], CAMERAS, strict=True):
         batch = batch_of(cut, bricks, step=(0.7, 0.5, 0.4, 1.0), shading=shading)
-        assert_parity(rasterizer, batch, view_of(bricks.volume, camera), (affine, camera, len(cut)))
+        assert_parity(brick_rasterizer, batch, view_of(bricks.volume, camera), (affine, camera, len(cut)))
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 270.0])
-def test_rays_along_an_axis(rasterizer: GLRasterizer, azimuth: float) -> None:
+def test_rays_along_an_axis(brick_rasterizer: BrickRasterizer, azimuth: float) -> None:
     """Parallel to the faces of all boxes; every way through a brick is a whole number of steps long."""
     bricks = hilly("straight", None)
     view = view_of(bricks.volume, "orthographic", azimuth=azimuth, elevation=0.0)
     for cut in (level_cut(bricks, 0), random_cut(bricks, 5)):
-        assert_parity(rasterizer, batch_of(cut, bricks, step=0.5), view, len(cut))
+        assert_parity(brick_rasterizer, batch_of(cut, bricks, step=0.5), view, len(cut))
 
 
 @pytest.mark.parametrize(("size", "degrees"), [((300, 3), 170.0), ((40, 30), 179.9), ((3000, 1), 179.9)])
-def test_very_wide_views(rasterizer: GLRasterizer, size: tuple[int, int], degrees: float) -> None:
+def test_very_wide_views(brick_rasterizer: BrickRasterizer, size: tuple[int, int], degrees: float) -> None:
     """Outer rays meet the plane through the volume's centre far away: 0.005 off where they began there."""
     bricks = hilly("oblique", None)
     scale_px = 0.5 * size[1] / math.tan(math.radians(degrees / 2))
     view = replace(view_of(bricks.volume, "inside", size), scale_px=scale_px)
-    assert_parity(rasterizer, batch_of(level_cut(bricks, 0), bricks), view)
+    assert_parity(brick_rasterizer, batch_of(level_cut(bricks, 0), bricks), view)
 
 
 @pytest.mark.parametrize("azimuth", [90.0, 270.0])
 @pytest.mark.parametrize("elevation", [-90.0, 90.0])
-def test_the_eye_in_a_plane_between_bricks(rasterizer: GLRasterizer, azimuth: float, elevation: float) -> None:
+def test_the_eye_in_a_plane_between_bricks(brick_rasterizer: BrickRasterizer, azimuth: float, elevation: float) -> None:
     """Rays in that plane pass bricks on one side of it, in the order that bricks have for the eye."""
     z = np.indices((64, 64, 64))[0]
     volume = make_volume((4 * z).astype(np.uint8), np.eye(4), "ramp")
@@ -120,14 +113,16 @@ def test_the_eye_in_a_plane_between_bricks(rasterizer: GLRasterizer, azimuth: fl
     camera = CameraSpec(TurntablePath(1, start=azimuth, elevation=elevation))
     for distance in (8.0, 16.0):
         view = make_view(camera, 0, (31.5, 31.5, 31.5), distance, (33, 33))
-        assert_parity(rasterizer, batch_of(level_cut(bricks, 0), bricks, step=0.5), view, distance)
+        assert_parity(brick_rasterizer, batch_of(level_cut(bricks, 0), bricks, step=0.5), view, distance)
 
 
 @pytest.mark.parametrize(
     ("strides", "size"),
     [((2,), (20, 15)), ((4, 1), (33, 25)), ((8, 2), (40, 12)), ((8, 4, 1), (33, 25)), ((4, 1), (1, 1))],
 )
-def test_subsampled_pixel_grids(rasterizer: GLRasterizer, strides: tuple[int, ...], size: tuple[int, int]) -> None:
+def test_subsampled_pixel_grids(
+    brick_rasterizer: BrickRasterizer, strides: tuple[int, ...], size: tuple[int, int]
+) -> None:
     """The same pixels are interpolated, except a few whose blocks are at the threshold."""
     bricks = hilly("oblique", None)
     cut = random_cut(bricks, 5)
@@ -135,27 +130,24 @@ def test_subsampled_pixel_grids(rasterizer: GLRasterizer, strides: tuple[int, ..
         view = view_of(bricks.volume, camera, size)
         for spread in (0.0, 0.05):
             batch = batch_of(cut, bricks, screen_sampling=ScreenSampling(strides, spread, 0.0))
-            assert_parity(rasterizer, batch, view, (camera, spread))
+            assert_parity(brick_rasterizer, batch, view, (camera, spread))
 
 
 @pytest.mark.parametrize("least", [0.3, 1e-3])
-def test_early_ray_termination(rasterizer: GLRasterizer, least: float) -> None:
-    """Images agree within the transmittance at which rays end.
-
-    The GPU masks saturated pixels between groups of bricks; the reference stops at every brick.
-    """
+def test_early_ray_termination(brick_rasterizer: BrickRasterizer, least: float) -> None:
+    """Images agree within the transmittance at which rays end; the reference stops at every brick."""
     bricks = hilly("sheared", None)
     dense = replace(bricks, transfer=replace(bricks.transfer, extinctions=20 * bricks.transfer.extinctions))
     cut = level_cut(bricks, 0)
     for camera in ("perspective", "inside"):
         view = view_of(bricks.volume, camera)
         batch = batch_of(cut, dense, step=0.25, screen_sampling=ScreenSampling((1,), 0.0, least))
-        image = assert_parity(rasterizer, batch, view, camera)
+        image = assert_parity(brick_rasterizer, batch, view, camera)
         whole = rasterize_bricks_reference(replace(batch, screen_sampling=EXACTLY), ordered(cut, view), view)
         assert np.abs(image - whole).max() <= least + PRECISION
 
 
-def test_subsampled_grids_of_a_smooth_image(rasterizer: GLRasterizer) -> None:
+def test_subsampled_grids_of_a_smooth_image(brick_rasterizer: BrickRasterizer) -> None:
     """A bank of fog: of its blocks some are flat, some on a slope, and some, where it ends, are drawn."""
     values = np.linspace(0, 200, 40 * 40 * 40).reshape(40, 40, 40)
     volume = placed(values.astype(np.uint8), AFFINES["anisotropic"])
@@ -166,11 +158,11 @@ def test_subsampled_grids_of_a_smooth_image(rasterizer: GLRasterizer) -> None:
         pictures = []
         for spread in (0.0, 0.05):
             batch = batch_of(cut, bricks, screen_sampling=ScreenSampling(strides, spread, 0.0))
-            pictures.append(assert_parity(rasterizer, batch, view, (strides, spread)))
+            pictures.append(assert_parity(brick_rasterizer, batch, view, (strides, spread)))
         assert np.abs(pictures[0] - pictures[1]).max() > 0.01
 
 
-def test_an_axis_longer_than_any_texture(rasterizer: GLRasterizer) -> None:
+def test_a_long_axis(brick_rasterizer: BrickRasterizer) -> None:
     """Places are of bricks, wherever in the volume these are."""
     values = np.tile(hills((20, 24, 100), 17), (1, 1, 31))
     volume = placed((values * 255).astype(np.uint8))
@@ -179,4 +171,4 @@ def test_an_axis_longer_than_any_texture(rasterizer: GLRasterizer) -> None:
     view = view_of(volume, "perspective", (90, 20))
     cut = random_cut(bricks, 1)
     assert set(cut.levels.tolist()) >= {0, 1}
-    assert_parity(rasterizer, batch_of(cut, bricks), view)
+    assert_parity(brick_rasterizer, batch_of(cut, bricks), view)

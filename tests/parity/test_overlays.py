@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -14,12 +15,12 @@ from film_stages import PLAIN, stage_of
 from splatting import cut_of, look, volume_of
 
 from renderer.bricks import BRICK_LEVELS, BrickCut
-from renderer.draw import GLRasterizer, Lines, draw_lines, make_edges, make_outline
+from renderer.draw import Lines, Rasterizer, draw_lines, make_edges, make_outline
 from renderer.draw.cpu.lines import LEVEL_COLORS, LINE_COVER, LINE_OPACITY, MIN_SIDE_PX
 from renderer.draw.overlay import tick_step
 from renderer.frame import render_frames, view_of
 from renderer.pyramid import Cut
-from renderer.scene import ClipSpec, ModeSpec, PlaneSpec, SplatSpec
+from renderer.scene import ClipSpec, ModeSpec, PlaneSpec, Scene, SplatSpec
 from renderer.view import View
 from renderer.volume import make_volume
 
@@ -67,7 +68,7 @@ def in_world(edges: Lines) -> list[tuple[int, tuple[float, ...], tuple[float, ..
 
 def test_every_edge_of_every_cell_is_there_once(cut: Cut) -> None:
     assert {0, 1} <= set(cut.levels.tolist())
-    there = in_world(make_edges(cut))
+    there = in_world(make_edges(cut, 0))
     assert Counter(there) == Counter(edges_of_boxes(cut))
     assert [level for level, _, _ in there] == sorted((level for level, _, _ in there), reverse=True)
 
@@ -78,7 +79,7 @@ def test_edges_of_bricks_are_those_of_their_nodes_in_the_colours_of_their_cells(
     cells = np.array([[1, 0, 0], [0, 0, 0], [1, 2, 1]], np.int32)
     cut = BrickCut(levels, cells, np.zeros((3, 2, 3)), np.zeros(3), volume)
     nodes = Cut(levels + np.uint8(BRICK_LEVELS), cells, np.zeros((3, 4), np.float32), volume)
-    found, expected = make_edges(cut), make_edges(nodes)
+    found, expected = make_edges(cut, BRICK_LEVELS), make_edges(nodes, 0)
     np.testing.assert_array_equal(found.vertices[:, :6], expected.vertices[:, :6])
     np.testing.assert_array_equal(found.vertices[:, 6], expected.vertices[:, 6] - BRICK_LEVELS)
     sides = (each.voxel_side * 2.0 ** each.vertices[:, 6] for each in (found, expected))
@@ -94,7 +95,7 @@ def drawn(lines: Lines, view: View) -> np.ndarray:
 
 def test_an_empty_cut_has_no_edges() -> None:
     nothing = cut_of(volume_of(np.zeros((2, 2, 2), np.uint8)), 0.5)
-    edges = make_edges(nothing)
+    edges = make_edges(nothing, 0)
     assert len(edges) == 0
     assert not drawn(edges, look()).any()
 
@@ -148,7 +149,7 @@ VIEWS = {
 
 @pytest.mark.parametrize("name", VIEWS)
 def test_lines_are_where_they_should_be(cut: Cut, name: str) -> None:
-    edges = make_edges(cut)
+    edges = make_edges(cut, 0)
     image = drawn(edges, VIEWS[name])
     assert np.abs(image - draw_reference(edges, VIEWS[name])).max() < PRECISION
     assert image[..., 3].max() > 0.1
@@ -199,10 +200,12 @@ def test_the_outline_has_one_opacity(projection: str) -> None:
         {"mode": ModeSpec("mean")}, {"clip": (ClipSpec(PlaneSpec((15.0, 13.0, 9.0), (0.0, 0.0, 1.0))),)},
         {"splat": SplatSpec("gaussian")}],
 )  # fmt: skip
-def test_the_outline_is_drawn_over_any_picture(rasterizer: GLRasterizer, changes: dict[str, Any]) -> None:
+def test_the_outline_is_drawn_over_any_picture(
+    rasterizer_for: Callable[[Scene], Rasterizer], changes: dict[str, Any]
+) -> None:
     scene = replace(PLAIN, camera=replace(PLAIN.camera, distance=90.0), **changes)
     (below,), (above,) = (
-        render_frames(stage_of(each), [1], rasterizer, clock=itertools.count().__next__)
+        render_frames(stage_of(each), [1], rasterizer_for(each), clock=itertools.count().__next__)
         for each in (scene, replace(scene, overlay="bounds"))
     )
     stage = stage_of(scene)

@@ -23,7 +23,7 @@ import pytest
 from splat_reference import rasterize_reference
 from splatting import in_order, look, place_splats, point_at
 
-from renderer.draw import GLRasterizer
+from renderer.draw import SplatRasterizer
 from renderer.scene import SplatSpec
 from renderer.splats import GaussianFootprint, SplatBatch
 from renderer.view import View
@@ -52,7 +52,7 @@ def with_edge(batch: SplatBatch, factor: float) -> SplatBatch:
 
 
 def assert_parity(
-    gl: GLRasterizer,
+    gl: SplatRasterizer,
     batch: SplatBatch,
     view: View,
     what: object = "",
@@ -83,7 +83,7 @@ def assert_parity(
 
 @pytest.mark.parametrize("projection", PROJECTIONS)
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
-def test_one_splat_of_any_size_at_any_place(rasterizer: GLRasterizer, footprint: str, projection: str) -> None:
+def test_one_splat_of_any_size_at_any_place(rasterizer: SplatRasterizer, footprint: str, projection: str) -> None:
     view = look(projection, size=(64, 48))
     for sigma_px in (1e-3, 0.45, 0.55, 3.7, 20.0, 192.0):
         sigma = sigma_px * np.linalg.norm(point_at(view, 1, 0, 4.0) - point_at(view, 0, 0, 4.0))
@@ -110,7 +110,7 @@ def random_axes(rng: np.random.Generator, num: int, sigma: float, stretch: float
         (1.0, 20.0, "perspective")],
 )  # fmt: skip
 def test_splats_of_any_shape_on_top_of_each_other(
-    rasterizer: GLRasterizer, footprint: str, projection: str, sigma: float, stretch: float
+    rasterizer: SplatRasterizer, footprint: str, projection: str, sigma: float, stretch: float
 ) -> None:
     rng = np.random.default_rng(7)
     num = 120
@@ -127,7 +127,7 @@ def test_splats_of_any_shape_on_top_of_each_other(
 
 @pytest.mark.parametrize("projection", PROJECTIONS)
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
-def test_the_near_plane_cuts_splats(rasterizer: GLRasterizer, footprint: str, projection: str) -> None:
+def test_the_near_plane_cuts_splats(rasterizer: SplatRasterizer, footprint: str, projection: str) -> None:
     """Centres from 6 standard deviations before the plane to 6 behind it, looked at along an oblique Gaussian's axes.
 
     Where nearly all is cut off, its moments are differences of larger numbers. Worst seen: 6.4e-5, at 3.9 deviations.
@@ -149,7 +149,9 @@ def test_the_near_plane_cuts_splats(rasterizer: GLRasterizer, footprint: str, pr
 
 
 @pytest.mark.parametrize("projection", PROJECTIONS)
-def test_splats_behind_the_eye_or_without_extinction_leave_nothing(rasterizer: GLRasterizer, projection: str) -> None:
+def test_splats_behind_the_eye_or_without_extinction_leave_nothing(
+    rasterizer: SplatRasterizer, projection: str
+) -> None:
     """The reference sees the tail of the normal distribution, where float64 can hold it."""
     view = look(projection)
     for depth in (-2.0, -300.0):
@@ -161,7 +163,7 @@ def test_splats_behind_the_eye_or_without_extinction_leave_nothing(rasterizer: G
         assert not rasterizer.rasterize(batch, in_order(batch), view).any()
 
 
-def test_a_profile_that_ends_in_a_step(rasterizer: GLRasterizer) -> None:
+def test_a_profile_that_ends_in_a_step(rasterizer: SplatRasterizer) -> None:
     """A disc of constant opacity: its rim is as sharp as the mesh, its inside has no seam between triangles."""
     view = look(size=(128, 96))
     for sigma in (0.02, 0.1, 0.4):
@@ -174,7 +176,7 @@ def test_a_profile_that_ends_in_a_step(rasterizer: GLRasterizer) -> None:
 
 @pytest.mark.parametrize("largest_point_px", [1.0, 6.5])
 def test_quads_draw_what_points_draw(
-    rasterizer: GLRasterizer, monkeypatch: pytest.MonkeyPatch, largest_point_px: float
+    rasterizer: SplatRasterizer, monkeypatch: pytest.MonkeyPatch, largest_point_px: float
 ) -> None:
     """To the byte, in the same place in the order, whatever the driver's largest point is."""
     rng = np.random.default_rng(11)

@@ -1,8 +1,7 @@
 """Rasterise bricks in float64, one after the other: slow, and simple enough to check by eye.
 
-The reference for both production rasterisers. It shares their inputs and the constants of `renderer.bricks.sampling`,
-which says what is drawn; it classifies, averages and interpolates the voxels with code of its own. Everything happens
-in index coordinates:
+The reference for the kernels. It shares their inputs; `renderer.bricks.sampling` says what is drawn. It classifies,
+averages and interpolates the voxels with code of its own. Everything happens in index coordinates:
 
     ray of a pixel -> its segment in a brick's box -> equal parts -> the field in the middle of each -> front to back
 
@@ -17,11 +16,14 @@ from itertools import pairwise, product
 import numpy as np
 from dense_bricks import means_over_cells
 
-from renderer.bricks import DITHER, JITTER_PER_PX, BrickBatch, Bricks, ScreenSampling, cut_bricks, make_brick_batch
+from renderer.bricks import BrickBatch, Bricks, ScreenSampling, cut_bricks, make_brick_batch
 from renderer.scene import ShadingSpec
 from renderer.transfer import MAX_NORMALIZED_SCALAR, VISIBILITY_THRESHOLD
 from renderer.view import View, visible_bricks
 from renderer.volume import Array, Bools, Float64, Int64, UInt32, Volume
+
+# As `rays.h` has them.
+DITHER, JITTER_PER_PX = 0.15, (3242174889, 2447445414)
 
 Fields = dict[int, Float64]  # by level, as of `_scalar_field` or `_mean_field`
 

@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 
-from renderer.draw import GLRasterizer
+from renderer.draw import SplatRasterizer
 
 Random = np.random.Generator
 Measure = Callable[[int], float]
@@ -55,11 +55,11 @@ def worst_of(error: Callable[[Random, int], float]) -> Measure:
     return lambda num_cases: max(error(np.random.default_rng(case), case) for case in range(num_cases))
 
 
-def worst_drawn(error: Callable[[GLRasterizer, Random, int], float]) -> Measure:
+def worst_drawn(error: Callable[[SplatRasterizer, Random, int], float]) -> Measure:
     """Return the measure of the largest of random cases, as `worst_of`, that a rasteriser draws."""
 
     def measure(num_cases: int) -> float:
-        with GLRasterizer() as gl:
+        with SplatRasterizer() as gl:
             return worst_of(partial(error, gl))(num_cases)
 
     return measure

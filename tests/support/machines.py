@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from renderer.bricks import BrickBatch
-from renderer.draw import GLRasterizer
+from renderer.draw import BrickRasterizer, SplatRasterizer
 from renderer.frame.primitives import num_samples
 from renderer.splats import SplatBatch
 from renderer.view import View, model_view, total_square_area_px
@@ -105,6 +105,7 @@ class UploadingMachine(SimulatedMachine):
 
 
 def set_device(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    """Give OpenGL another device and driver."""
+    """Give rasterisers another device."""
     other = property(lambda _: name, lambda _, own: None)
-    monkeypatch.setattr(GLRasterizer, "device", other, raising=False)
+    for kind in (SplatRasterizer, BrickRasterizer):
+        monkeypatch.setattr(kind, "device", other, raising=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from renderer.draw import CPURasterizer
+from renderer.draw import BrickRasterizer
 from renderer.frame import Stage, render_frames, view_of
 from renderer.truth import SceneRays
 from renderer.volume import Float32, Float64
@@ -15,7 +15,7 @@ NUMBER = 3  # of the frame; no axis of the volume is along the view
 
 def drawn(stage: Stage, number: int = NUMBER, *, num_threads: int = 2) -> Float32:
     """Return the radiance [h, w, 4]."""
-    with CPURasterizer(num_threads=num_threads) as rasterizer:
+    with BrickRasterizer(num_threads=num_threads) as rasterizer:
         (frame,) = render_frames(stage, [number], rasterizer, clock=lambda: 0.0)
     return frame.radiance
 

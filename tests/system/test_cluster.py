@@ -19,11 +19,11 @@ from hsplat_cli.executors.cluster import cluster_drawing, registry
 from hsplat_cli.executors.cluster.cluster_drawing import ClusterDrawing
 from hsplat_cli.executors.cluster.connection import connect_locally
 from hsplat_cli.terminal import Reporter
-from renderer.draw import GLRasterizer
+from renderer.draw import Rasterizer
 from renderer.errors import HsplatError, InputError
 from renderer.frame import Stage, prepare_stage
 from renderer.job import draw_frames
-from renderer.scene import parse_scene
+from renderer.scene import Scene, parse_scene
 from renderer.system import num_cores
 
 NUM_FRAMES = 24
@@ -47,9 +47,9 @@ def client() -> Iterator[Client]:
 
 
 @pytest.fixture(scope="module")
-def expected(stage: Stage, rasterizer: GLRasterizer) -> list[bytes]:
+def expected(stage: Stage, rasterizer_for: Callable[[Scene], Rasterizer]) -> list[bytes]:
     """Return the files of all frames."""
-    frames = draw_frames(stage, range(NUM_FRAMES), rasterizer, plan_of(stage).controller)
+    frames = draw_frames(stage, range(NUM_FRAMES), rasterizer_for(stage.scene), plan_of(stage).controller)
     return [result.picture.png for result in frames]
 
 

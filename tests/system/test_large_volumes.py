@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from renderer.scene import load_scene
 from renderer.frame import prepare_stage, render_frames
-from renderer.draw import GLRasterizer
+from renderer.draw import BrickRasterizer
 from renderer.volume import make_volume
 
 def anonymous_bytes():
@@ -40,12 +40,12 @@ class Peak(threading.Thread):
             time.sleep(0.002)
 
 scene = load_scene(Path(sys.argv[1]))
-with GLRasterizer() as rasterizer:
+with BrickRasterizer() as rasterizer:
     def draw(stage):
         (frame,) = render_frames(stage, [0], rasterizer, clock=time.perf_counter)
         return frame
     tiny = make_volume(np.arange(64000, dtype=np.uint8).reshape(40, 40, 40) % 200, np.eye(4), "tiny")
-    draw(prepare_stage(scene, clock=time.perf_counter, num_threads=2, volume=tiny))  # kernels and shaders are there now
+    draw(prepare_stage(scene, clock=time.perf_counter, num_threads=2, volume=tiny))  # kernels are there now
     before, peak = anonymous_bytes(), Peak()
     peak.start()
     stage = prepare_stage(scene, clock=time.perf_counter, num_threads=2)

@@ -10,11 +10,11 @@ import pytest
 
 from hsplat_cli.studies.peers import vtk_peer
 from hsplat_cli.studies.peers.vtk_peer import comparable, look_of, measure_vtk, vtk_settings
+from renderer.accuracy import Truth
 from renderer.film import over_background
 from renderer.frame import open_stage
 from renderer.readers import read_volume
 from renderer.scene import CameraSpec, ModeSpec, TurntablePath, parse_scene
-from renderer.study import Truth
 from renderer.truth import Convergence, SceneRays
 from renderer.view import make_view
 from renderer.volume import Float64, make_volume

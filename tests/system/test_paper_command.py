@@ -63,3 +63,11 @@ def test_a_volume_of_ones_own(folder: Path) -> None:
     arguments = ["paper", str(folder), "--output", str(folder), "--figure", "5", "--volume", str(scan), "--quiet"]
     assert main.run(arguments) == 0
     assert "The volume is my scan.npy." in (folder / "index.html").read_text("utf-8")
+
+
+def test_bricks_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = folder / FIGURE_SPECS[3].scene
+    text = re.sub(r"\nsplat:\n(  .*\n)+", "\nsplat: {footprint: integrated}\n", path.read_text("utf-8"))
+    path.write_text(text, "utf-8")
+    assert main.run(["paper", str(folder), "--figure", "3"]) == 2
+    assert f"{path}: the paper draws splats\n  got: splat.footprint: integrated\n" in capsys.readouterr().err

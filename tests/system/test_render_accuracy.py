@@ -15,12 +15,12 @@ from commands import python
 from small_scene import sidecar, small_scene
 
 from hsplat_cli import main
-from renderer.draw import GLRasterizer
+from renderer.accuracy import TRUTH_TOLERANCE, compute_metric, compute_truth
+from renderer.draw import Rasterizer
 from renderer.film import over_background
 from renderer.frame import prepare_stage, render_frames
 from renderer.job import plan
 from renderer.scene import Scene, load_scene, with_tolerance
-from renderer.study import TRUTH_TOLERANCE, compute_metric, compute_truth
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
 
@@ -36,7 +36,7 @@ def render(*arguments: str, code: int = 0) -> None:
     assert main.run(["render", "scene.yaml", *arguments]) == code
 
 
-def accuracies(metric: str, scene: Scene, frames: Sequence[int], rasterizer: GLRasterizer) -> dict[int, float]:
+def accuracies(metric: str, scene: Scene, frames: Sequence[int], rasterizer: Rasterizer) -> dict[int, float]:
     """Return the metric of the pictures of these frames, by frame."""
     stage = prepare_stage(scene, clock=lambda: 0.0, num_threads=1)
     pictures = {
@@ -50,12 +50,12 @@ def accuracies(metric: str, scene: Scene, frames: Sequence[int], rasterizer: GLR
 
 
 @pytest.mark.parametrize(("metric", "change", "wanted"), [("psnr", (), 27.0), ("rmse", RMSE, 0.045)])
-def test_the_whole_film_has_the_accuracy(metric: str, change: tuple[str, ...], wanted: float, rasterizer) -> None:
+def test_the_whole_film_has_the_accuracy(metric: str, change: tuple[str, ...], wanted: float, rasterizer_for) -> None:
     """All frames but one or two do, and none is much too good in the mean."""
     render("--quiet", *change)
     made = sidecar()
     scene = with_tolerance(load_scene(Path("scene.yaml")), made["frames"][0]["tolerance"])
-    values = accuracies(metric, scene, range(NUM_FRAMES), rasterizer)
+    values = accuracies(metric, scene, range(NUM_FRAMES), rasterizer_for(scene))
     decibels = np.array([value if metric == "psnr" else -20 * np.log10(value) for value in values.values()])
     margins = decibels - (wanted if metric == "psnr" else -20 * np.log10(wanted))
     assert np.count_nonzero(margins < 0) <= 2
@@ -103,13 +103,13 @@ def test_tolerances_of_bricks_vary_along_the_film_and_are_made_again(tmp_path: P
 
 def test_a_film_that_misses_the_accuracy_says_so(monkeypatch, capsys) -> None:
     """Its own rays notice what the trial pictures did not."""
-    find = plan.search_film_tolerances
+    find = plan.search_tolerances
 
     def too_coarse(*arguments: Any, **options: Any) -> Any:
         found = find(*arguments, **options)
         return replace(found, by_frame=dict.fromkeys(found.by_frame, 1e9))
 
-    monkeypatch.setattr(plan, "search_film_tolerances", too_coarse)
+    monkeypatch.setattr(plan, "search_tolerances", too_coarse)
     render("--quiet", code=1)
     shortfall = sidecar()["schedule"]["shortfall"]
     assert shortfall.startswith("error.psnr: the film is less exact than requested\n  got: ")
@@ -149,7 +149,7 @@ def test_an_interrupted_search_leaves_nothing(folder: Path, monkeypatch: pytest.
     def interrupt(*arguments: Any, **options: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(plan, "search_film_tolerances", interrupt)
+    monkeypatch.setattr(plan, "search_tolerances", interrupt)
     render("--quiet", code=130)
     assert [path.name for path in folder.iterdir()] == ["scene.yaml"]
 

@@ -22,12 +22,13 @@ from hsplat_cli.studies.peers.vtk_peer import (
     vtk_settings,
     with_transparent_border,
 )
+from renderer.accuracy import Truth
 from renderer.errors import InputError, RenderError
 from renderer.film import over_background
 from renderer.frame import open_stage
 from renderer.readers.procedural import procedural_values
 from renderer.scene import CameraSpec, ModeSpec, ProceduralSource, Scene, TurntablePath, parse_scene
-from renderer.study import Measurement, Setting, Truth
+from renderer.study import Measurement, Setting
 from renderer.transfer import TransferFunction
 from renderer.truth import Convergence, SceneRays, integrate
 from renderer.view import View, make_view

@@ -10,8 +10,7 @@ from commands import hsplat, python
 from small_scene import sidecar, small_scene
 
 from hsplat_cli.commands.paper import SCENES
-from renderer.draw import GLRasterizer, is_software
-from renderer.draw.gl.raster import CPU_RENDERER_NAME
+from renderer.draw import BrickRasterizer
 
 # libglvnd finds no drivers here.
 NO_OPENGL = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nowhere"}
@@ -32,7 +31,7 @@ def test_films_without_opengl() -> None:
         result = hsplat("render", "scene.yaml", "--workers", workers, *output, **NO_OPENGL)
         assert result.returncode == 0, result.stderr
     assert films("1") == films("2")
-    assert sidecar("2/frames.json")["device"] == CPU_RENDERER_NAME
+    assert sidecar("2/frames.json")["device"] == BrickRasterizer.device
 
 
 def codes_without_opengl(*commands: str) -> tuple[list[int], str]:
@@ -63,9 +62,13 @@ def test_what_needs_opengl_is_an_error() -> None:
     assert said.count("no OpenGL 3.3 context could be made") == said.count("needs none") == 3, said
 
 
-def test_the_same_bytes_as_beside_software_opengl(rasterizer: GLRasterizer) -> None:
-    if not is_software(rasterizer.device):
-        pytest.skip("a GPU draws other bytes")
+def test_the_same_bytes_as_beside_opengl() -> None:
     for folder, variables in (("with", {}), ("without", NO_OPENGL)):
         assert hsplat("render", "scene.yaml", "--output", f"{folder}/{{frame}}.png", **variables).returncode == 0
     assert films("with") == films("without")
+
+
+def test_bricks_open_no_opengl() -> None:
+    program = "import sys; from hsplat_cli.main import run; print([run(sys.argv[1:]), 'moderngl' in sys.modules])"
+    done = python("-c", program, "render", "scene.yaml", "--workers", "1")
+    assert json.loads(done.stdout.splitlines()[-1].lower()) == [0, False]

@@ -38,7 +38,7 @@ ORDER = {
         "film",
         "frame",
         "truth",
-        "probes",
+        "accuracy",
         "study",
         "job",
     ],

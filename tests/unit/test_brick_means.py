@@ -10,12 +10,12 @@ from dense_bricks import OBLIQUE, Shape, patches
 from renderer.bricks import (
     BRICK_LEVELS,
     BRICK_SIZE,
-    HALO,
     PADDED_BRICK_SIZE,
     MeanCache,
     make_bricks,
     means as brick_means,
 )
+from renderer.bricks.layout import HALO
 from renderer.bricks.means import recompute_means, stored_means
 from renderer.pyramid import Pyramid, build_pyramid, descendants, root_cells
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec

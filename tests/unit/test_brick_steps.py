@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 import pytest
+from brick_reference import DITHER
 
-from renderer.bricks import BRICK_SIZE, DITHER
+from renderer.bricks import BRICK_SIZE
 from renderer.bricks.sampling import MIN_STEP, step_sizes
 
 # From corner to corner of a brick, in the shortest steps; decision 014 in docs/decisions states it.

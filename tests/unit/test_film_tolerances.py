@@ -9,10 +9,18 @@ import numpy as np
 import pytest
 from film_stages import SPLATS, stage_of_kind
 
+from renderer.accuracy import (
+    ErrorSamples,
+    ExactRays,
+    FoundTolerances,
+    Probe,
+    Trial,
+    find_tolerances,
+    references,
+    search as tolerance_search,
+)
 from renderer.frame import Stage, prepare_stage
-from renderer.probes import ErrorSamples, Probe
 from renderer.scene import MetricTarget
-from renderer.study import FilmTolerances, Trial, film_tolerances, find_film_tolerances
 
 # The mean squared error of a frame at a tolerance.
 Error = Callable[[float, int], float]
@@ -39,8 +47,8 @@ class Prober:
 class Picture:
     image, num_cells = None, 7
 
-    def __init__(self, radiance: float) -> None:
-        self.radiance = radiance
+    def __init__(self, number: int, radiance: float) -> None:
+        self.number, self.radiance = number, radiance
 
 
 @pytest.fixture
@@ -50,16 +58,16 @@ def stage() -> Stage:
 
 def search(
     stage: Stage, error: Error, decibels: float, monkeypatch: pytest.MonkeyPatch, trials: list[Trial] | None = None
-) -> FilmTolerances:
+) -> FoundTolerances:
     def render(at: Stage, numbers: list[int], *_: object, **__: object) -> Any:
         ((_, tolerance),) = at.scene.error.tolerance
-        return [Picture(error(tolerance, number)) for number in numbers]
+        return [Picture(number, error(tolerance, number)) for number in numbers]
 
-    monkeypatch.setattr(film_tolerances, "FrameProber", Prober)
-    monkeypatch.setattr(film_tolerances, "render_frames", render)
-    want, tell = MetricTarget("psnr", decibels), ([] if trials is None else trials).append
-    options: dict[str, Any] = {"num_threads": 1, "clock": lambda: 0.0, "on_trial": tell}
-    return find_film_tolerances(stage, FRAMES, want, None, **options)  # type: ignore[arg-type]
+    monkeypatch.setattr(references, "FrameProber", Prober)
+    monkeypatch.setattr(tolerance_search, "render_frames", render)
+    rays, tell = ExactRays(stage, MetricTarget("psnr", decibels), num_threads=1), ([] if trials is None else trials)
+    options: dict[str, Any] = {"is_constant": stage.bricks is None, "clock": lambda: 0.0, "on_trial": tell.append}
+    return find_tolerances(stage, FRAMES, rays, None, **options)  # type: ignore[arg-type]
 
 
 def test_each_frame_gets_the_coarsest_tolerance_that_is_good_enough(stage: Stage, monkeypatch) -> None:
@@ -93,7 +101,7 @@ def test_what_not_even_every_voxel_reaches(stage: Stage, monkeypatch: pytest.Mon
     """One frame that falls short is enough: the whole film is then drawn as well as possible."""
     found = search(stage, lambda tolerance, frame: 1e-3 if frame == 99 else 1e-9, 40.0, monkeypatch)
     assert not found.is_reachable
-    assert {*found.by_frame.values()} == {0.0}
+    assert found.by_frame == dict.fromkeys(FRAMES, 0.0)
     assert (found.worst.frame, found.worst.tolerance, found.worst.value) == (99, 0.0, pytest.approx(30.0))
 
 
@@ -102,6 +110,19 @@ def test_a_film_of_splats_has_one_tolerance(monkeypatch: pytest.MonkeyPatch) -> 
     found = search(splats, lambda tolerance, frame: tolerance * (1 + frame) / 1e6, 45.0, monkeypatch)
     (tolerance,) = {*found.by_frame.values()}
     assert 45 <= -10 * np.log10(tolerance * 100 / 1e6) < 48
+
+
+def test_a_frame_that_a_finer_tolerance_makes_worse_is_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first frame is good enough from 1 down to 0.2, and again from 0.05 on; the last one from 0.1 on."""
+    splats = prepare_stage(SPLATS, clock=lambda: 0.0, num_threads=1, any_tolerance=True)
+
+    def error(tolerance: float, frame: int) -> float:
+        is_good = (0.2 < tolerance < 1 or tolerance < 0.05) if frame == 0 else tolerance < 0.1 or frame != 99
+        return 1e-6 if is_good else 1e-3
+
+    found = search(splats, error, 45.0, monkeypatch)
+    (tolerance,) = {*found.by_frame.values()}
+    assert found.is_reachable and 0.04 < tolerance < 0.05
 
 
 def test_a_margin_for_what_few_rays_say(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:

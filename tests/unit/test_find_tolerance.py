@@ -6,16 +6,17 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 
+from renderer.accuracy import ExactPictures, FoundTolerances, Trial, Truth, find_tolerances
+from renderer.accuracy.tolerances import two_digit_numbers
 from renderer.frame import Stage, make_primitive, prepare_stage
 from renderer.scene import CameraSpec, ErrorSpec, MetricTarget, OutputSpec, RockerPath, TurntablePath
 from renderer.splats import SplatBatch
-from renderer.study import ToleranceSearchResult, Trial, Truth, find_tolerance
-from renderer.study.tolerance_search import two_digit_numbers
 from renderer.truth import Convergence
 from renderer.view import View
 from tests.support.film_stages import SPLATS
@@ -69,10 +70,10 @@ def search(
     find_truth: Callable[[int], Truth] | None = None,
     trials: list[Trial] | None = None,
     paint: Callable[[SplatBatch, View], npt.ArrayLike] = grey,
-) -> ToleranceSearchResult:
+) -> FoundTolerances:
     on_trial = [].append if trials is None else trials.append  # type: ignore[var-annotated]
-    find, clock = find_truth or Truths(), lambda: 0.0
-    return find_tolerance(stage, frames, want, Painter(paint), find_truth=find, clock=clock, on_trial=on_trial)
+    exact, clock = ExactPictures(want, stage.scene.output.background, find_truth or Truths()), lambda: 0.0
+    return find_tolerances(stage, frames, exact, Painter(paint), is_constant=True, clock=clock, on_trial=on_trial)
 
 
 def test_the_coarsest_tolerance_that_passes_on_all_frames_is_found(stage: Stage) -> None:
@@ -82,18 +83,19 @@ def test_the_coarsest_tolerance_that_passes_on_all_frames_is_found(stage: Stage)
     found = search(stage, want, trials=trials)
     enough = (0.6 / want.value) ** 2
     rungs = (number for number in two_digit_numbers(10.0, 0.01) if make_primitive(stage).work(number) >= enough)
-    assert found.tolerance == next(rungs)
-    final = [trial for trial in trials if trial.tolerance == found.tolerance]
-    assert tuple(sorted(trial.frame for trial in final)) == found.frames
+    tolerance = next(rungs)
+    assert found.is_reachable and found.by_frame == dict.fromkeys(range(NUM_FRAMES), tolerance)
+    final = [trial for trial in trials if trial.tolerance == tolerance]
+    assert tuple(sorted(trial.frame for trial in final)) == found.tried
     assert found.worst in final
     assert found.worst.value == max(trial.value for trial in final) <= want.value
-    assert not found.shows_nothing
     assert len({(trial.tolerance, trial.frame) for trial in trials}) == len(trials), "a picture was drawn twice"
 
 
 def test_an_accuracy_beyond_full_resolution_is_not_found(stage: Stage) -> None:
     found = search(stage, MetricTarget("psnr", 150.0))
-    assert found.tolerance is None
+    assert not found.is_reachable
+    assert found.by_frame == dict.fromkeys(range(NUM_FRAMES), 0.0)
     assert found.worst.tolerance == 0
     assert found.worst.num_cells == make_primitive(stage).work(0.0)
 
@@ -102,16 +104,16 @@ def test_an_accuracy_beyond_full_resolution_is_not_found(stage: Stage) -> None:
 def test_only_frames_of_the_film_are_tried(stage: Stage, frames: Sequence[int]) -> None:
     truths = Truths()
     found = search(stage, MetricTarget("psnr", 20.0), frames, truths)
-    assert set(found.frames) == truths.asked <= set(frames)
-    assert list(found.frames) == sorted(set(found.frames))
-    assert len(found.frames) == min(len(frames), len(found.frames)) >= min(len(frames), 5)
+    assert set(found.tried) == truths.asked <= set(frames)
+    assert list(found.tried) == sorted(set(found.tried))
+    assert len(found.tried) == min(len(frames), len(found.tried)) >= min(len(frames), 5)
 
 
 def test_both_ends_of_an_open_path_are_tried(stage: Stage) -> None:
     rocker = replace(stage, scene=replace(stage.scene, camera=CameraSpec(RockerPath(NUM_FRAMES))))
     for of, frames in ((stage, range(NUM_FRAMES // 2)), (rocker, range(5, 20))):
         found = search(of, MetricTarget("psnr", 20.0), frames)
-        assert {frames[0], frames[-1]} <= set(found.frames)
+        assert {frames[0], frames[-1]} <= set(found.tried)
 
 
 def test_equal_pictures_stay_equal(stage: Stage) -> None:
@@ -127,7 +129,11 @@ def test_equal_pictures_stay_equal(stage: Stage) -> None:
 
 
 def test_a_film_of_nothing_is_reported(stage: Stage) -> None:
-    assert search(stage, MetricTarget("psnr", 20.0), find_truth=Truths(covered=False)).shows_nothing
+    for covered in (False, True):
+        exact = ExactPictures(MetricTarget("psnr", 20.0), stage.scene.output.background, Truths(covered=covered))
+        options: dict[str, Any] = {"is_constant": True, "clock": lambda: 0.0, "on_trial": [].append}
+        find_tolerances(stage, range(NUM_FRAMES), exact, Painter(grey), **options)
+        assert exact.shows_volume == covered
 
 
 def test_targets_know_their_direction_and_their_unit() -> None:

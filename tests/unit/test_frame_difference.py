@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from renderer.study import COMPARISON_METRICS, SSIM_WINDOW_PX, FrameDifference, comparison, compute_metric
+from renderer.accuracy import SSIM_WINDOW_PX, compute_metric
+from renderer.accuracy.metrics import REACH_PX, metric_map
+from renderer.study import COMPARISON_METRICS, FrameDifference, comparison
 from renderer.study.comparison import WINDOW_PX
-from renderer.study.metrics import REACH_PX, metric_map
 from renderer.volume import UInt8
 
 Pixels = UInt8

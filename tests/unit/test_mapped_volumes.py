@@ -14,7 +14,7 @@ from film_stages import PLAIN, SPLATS
 from volume_files import read, write_volume
 
 from renderer.bricks import make_bricks, mean_texels, scalar_texels
-from renderer.draw import GLRasterizer
+from renderer.draw import BrickRasterizer
 from renderer.errors import InputError
 from renderer.frame import Stage, deserialize_stage, prepare_stage, render_frames, serialize_stage
 from renderer.pyramid import build_pyramid
@@ -181,12 +181,12 @@ def film(path: Path, scene: Scene, shape: tuple[int, int, int] = (20, 28, 32)) -
 @pytest.mark.parametrize(
     ("scene", "change"), [(PLAIN, grow), (PLAIN, write), (PLAIN, remove), (PLAIN, swap), (SPLATS, shrink)]
 )
-def test_a_file_that_changes_between_build_and_frame(scene, change, tmp_path, rasterizer) -> None:
+def test_a_file_that_changes_between_build_and_frame(scene, change, tmp_path, rasterizer_for) -> None:
     stage = film(tmp_path / "v.raw", scene)
-    list(render_frames(stage, [0], rasterizer, clock=lambda: 0.0))
+    list(render_frames(stage, [0], rasterizer_for(scene), clock=lambda: 0.0))
     message = change(tmp_path / "v.raw")
     with pytest.raises(InputError) as raised:
-        list(render_frames(stage, [1], rasterizer, clock=lambda: 0.0))
+        list(render_frames(stage, [1], rasterizer_for(scene), clock=lambda: 0.0))
     assert str(raised.value) == message
 
 
@@ -230,13 +230,13 @@ def test_a_file_that_shrinks_while_the_stage_is_serialized(tmp_path: Path, monke
         serialize_stage(stage)
 
 
-def test_a_serialized_stage_needs_no_file(tmp_path: Path, rasterizer: GLRasterizer) -> None:
+def test_a_serialized_stage_needs_no_file(tmp_path: Path, brick_rasterizer: BrickRasterizer) -> None:
     """It goes to machines that do not have the file, and draws the same there."""
     here = film(tmp_path / "v.raw", PLAIN, (100, 90, 80))
     there = deserialize_stage(serialize_stage(here).data)
-    (ours,) = render_frames(here, [1], rasterizer, clock=lambda: 0.0)
+    (ours,) = render_frames(here, [1], brick_rasterizer, clock=lambda: 0.0)
     shrink(tmp_path / "v.raw")
-    (theirs,) = render_frames(there, [1], rasterizer, clock=lambda: 0.0)
+    (theirs,) = render_frames(there, [1], brick_rasterizer, clock=lambda: 0.0)
     np.testing.assert_array_equal(theirs.image, ours.image)
     assert there.bricks is not None
     for volume in (there.volume, there.bricks.volume):

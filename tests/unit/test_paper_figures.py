@@ -15,7 +15,7 @@ from hsplat_cli.commands.paper import SCENES
 from hsplat_cli.studies import FigureRenderer
 from hsplat_cli.studies.paper import footprints, levels, octrees, one_splat, opacity, refinement
 from hsplat_cli.studies.paper.figure import Claim
-from renderer.draw import GLRasterizer, Rasterizer
+from renderer.draw import Rasterizer, SplatRasterizer
 from renderer.pyramid import cut_pyramid
 from renderer.scene import ArraySource, Scene, load_scene
 from renderer.splats import SplatBatch
@@ -34,7 +34,7 @@ def renderer_of(rasterizer: Rasterizer, clock: Callable[[], float] = lambda: 0.0
 
 
 @pytest.fixture(scope="module")
-def figure_renderer(rasterizer: GLRasterizer) -> FigureRenderer:
+def figure_renderer(rasterizer: SplatRasterizer) -> FigureRenderer:
     return renderer_of(rasterizer)
 
 

@@ -15,7 +15,7 @@ from splatting import look, place_splats
 from renderer.bricks import BRICK_SIZE, Bricks, ScreenSampling, brick_cut_sizes, cut_bricks
 from renderer.frame import Stage, make_primitive, view_of
 from renderer.frame.frame import DrawList
-from renderer.frame.primitives import LOD, BrickPrimitive, num_samples
+from renderer.frame.primitives import BrickLOD, BrickPrimitive, SplatLOD, num_samples
 from renderer.scene import ControlPoint, ErrorSpec, SplatSpec, TransferSpec
 from renderer.splats import SplatBatch
 from renderer.view import View, ray_setup, visible_order
@@ -123,7 +123,7 @@ def test_sizes_end_at_tolerance_0_and_more_is_drawn_at_smaller_ones(primitive: B
 # What drawing takes
 
 
-def counted(lod: LOD, view: View) -> float:
+def counted(lod: BrickLOD, view: View) -> float:
     """Count the samples along the rays through the pixels' centres, and six more for each brick on the way."""
     batch = lod.batch
     frame, volume = ray_setup(batch.cut.volume, batch.model_unit, view), batch.cut.volume
@@ -157,11 +157,11 @@ def test_the_workload_equals_counted_samples(projection: str, tolerance: float) 
 
 
 @pytest.fixture(scope="module")
-def lod() -> LOD:
+def lod() -> BrickLOD:
     return make_primitive(stage_of(PLAIN, lumps())).make_lod(0.1, lambda name: None)
 
 
-def test_subsampled_pixel_grids_cost_less(lod: LOD) -> None:
+def test_subsampled_pixel_grids_cost_less(lod: BrickLOD) -> None:
     """The coarser the grid, the less it costs; but pixels that differ are looked at in addition."""
     view = look(target=tuple(lod.batch.origin), distance=150.0)
     orders = lod.orders(view)
@@ -175,12 +175,12 @@ def test_subsampled_pixel_grids_cost_less(lod: LOD) -> None:
     assert load(4, 1, spread=1.0) < load(4, 1, spread=0.1) < load(4, 1, spread=0.01)
 
 
-def test_bricks_out_of_view_take_no_samples(lod: LOD) -> None:
+def test_bricks_out_of_view_take_no_samples(lod: BrickLOD) -> None:
     view = look(target=(1e4, 0.0, 0.0), distance=10.0)
     assert lod.num_pixels(lod.orders(view), view) == 0
 
 
-def test_samples_around_the_eye_are_bounded(lod: LOD) -> None:
+def test_samples_around_the_eye_are_bounded(lod: BrickLOD) -> None:
     """The projection of a brick around the eye is undefined; no ray in it is longer than its diagonal."""
     view = look(target=tuple(lod.batch.origin), distance=1e-3, size=(40, 30))
     ((_, order),) = lod.orders(view)
@@ -197,7 +197,7 @@ FRONT = look("orthographic", size=SIZE_PX, azimuth=0.0, elevation=0.0)
 
 def draw_list_of(batch: SplatBatch, *shares: float) -> DrawList:
     order = visible_order(batch, FRONT)
-    return DrawList(0, LOD(0.1, batch, None, pytest.fail), FRONT, [(share, order) for share in shares], 0.0)
+    return DrawList(0, SplatLOD(0.1, batch, None, pytest.fail), FRONT, [(share, order) for share in shares], 0.0)
 
 
 def num_pixels_of(draw_list: DrawList) -> float:

@@ -7,19 +7,18 @@ import itertools
 import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import moderngl
 import numpy as np
 import pytest
-from film_stages import PLAIN, SCENES, stage_of
+from film_stages import SCENES, stage_of
 from small_scene import small_scene
 from splatting import in_order, look, place_splats
 
 from hsplat_cli import main
-from renderer.draw import GLRasterizer, RecoveringRasterizer
+from renderer.draw import RecoveringRasterizer, SplatRasterizer
 from renderer.errors import ContextLostError, RenderError
 from renderer.frame import ScheduleController, Stage
 from renderer.job import draw_frames, executor
@@ -28,7 +27,7 @@ NO_CAPABILITY = 0xFFFF
 LOST_ONCE = ["OpenGL's context was lost once, and what it had was drawn again"]
 
 
-class _Failing(GLRasterizer):
+class _Failing(SplatRasterizer):
     """A rasteriser with errors in GL. fails: whether there is one after the next picture."""
 
     def __init__(self, fails: Iterator[bool]) -> None:
@@ -44,17 +43,17 @@ class _Failing(GLRasterizer):
                 ctypes.CDLL("libGL.so.1").glEnable(NO_CAPABILITY)
 
 
-def failing_at(pictures: Iterable[int]) -> Callable[[], GLRasterizer]:
+def failing_at(pictures: Iterable[int]) -> Callable[[], SplatRasterizer]:
     """Return a function that makes rasterisers, which fail at these pictures, counted over all of them."""
     at = set(pictures)
     fails = (number in at for number in itertools.count())
     return lambda: _Failing(fails)
 
 
-def run_sequentially(*makes: Callable[[], GLRasterizer]) -> Callable[[], GLRasterizer]:
+def run_sequentially(*makes: Callable[[], SplatRasterizer]) -> Callable[[], SplatRasterizer]:
     left = iter(makes)
 
-    def make() -> GLRasterizer:
+    def make() -> SplatRasterizer:
         return next(left)()
 
     return make
@@ -62,47 +61,21 @@ def run_sequentially(*makes: Callable[[], GLRasterizer]) -> Callable[[], GLRaste
 
 @pytest.fixture(scope="module")
 def stage() -> Stage:
-    return stage_of(PLAIN)
+    return stage_of(SCENES["gaussian"])
 
 
-def pngs(stage: Stage, rasterizer: GLRasterizer | RecoveringRasterizer) -> list[bytes]:
+def pngs(stage: Stage, rasterizer: SplatRasterizer | RecoveringRasterizer) -> list[bytes]:
     return [drawn.picture.png for drawn in draw_frames(stage, range(8), rasterizer, ScheduleController(stage))]
 
 
-@pytest.mark.parametrize("kind", ["gaussian", "overlay"])
-def test_the_film_is_the_same(rasterizer: GLRasterizer, kind: str) -> None:
+def test_the_film_is_the_same(stage: Stage, rasterizer: SplatRasterizer) -> None:
     """Frames whose context was lost are drawn again, to the same bytes."""
-    stage = stage_of(SCENES[kind])
     with RecoveringRasterizer(failing_at({0, 4})) as recovering:
         assert pngs(stage, recovering) == pngs(stage, rasterizer)
         assert recovering.notes == ["OpenGL's context was lost 2 times, and what it had was drawn again"]
 
 
-@pytest.mark.parametrize(("step", "refused"), [("texture3d", 0), ("texture", 1), ("framebuffer", 1), ("buffer", 2)])
-def test_bricks_are_uploaded_again(monkeypatch: pytest.MonkeyPatch, step: str, refused: int) -> None:
-    """Atlas, table, target and vertices are lost with their context, wherever the loss is noticed."""
-    stage = stage_of(PLAIN)
-    on_device = partial(GLRasterizer, brick_backend="device")
-    with on_device() as gl:
-        expected = pngs(stage, gl)
-    whole_step = getattr(moderngl.Context, step)
-    calls, lost = itertools.count(), list[moderngl.Context]()
-
-    def refusing(self: moderngl.Context, *arguments: Any, **options: Any) -> Any:
-        if next(calls) == refused:
-            lost.append(self)
-        if self in lost:
-            raise moderngl.Error("cannot create it")
-        return whole_step(self, *arguments, **options)
-
-    with RecoveringRasterizer(on_device) as recovering:
-        monkeypatch.setattr(moderngl.Context, step, refusing)
-        assert pngs(stage, recovering) == expected
-        assert next(calls) > refused + 1
-        assert recovering.notes == LOST_ONCE
-
-
-def test_a_frame_that_loses_it_again_is_an_error(stage: Stage, rasterizer: GLRasterizer) -> None:
+def test_a_frame_that_loses_it_again_is_an_error(stage: Stage, rasterizer: SplatRasterizer) -> None:
     with (
         RecoveringRasterizer(failing_at({3, 4})) as recovering,
         pytest.raises(ContextLostError, match="its context was lost\n  got: GL_INVALID_ENUM"),
@@ -110,19 +83,19 @@ def test_a_frame_that_loses_it_again_is_an_error(stage: Stage, rasterizer: GLRas
         pngs(stage, recovering)
 
 
-def another_device() -> GLRasterizer:
-    other = GLRasterizer()
+def another_device() -> SplatRasterizer:
+    other = SplatRasterizer()
     other.device = "another one"
     return other
 
 
-def no_context() -> GLRasterizer:
+def no_context() -> SplatRasterizer:
     raise RenderError("no OpenGL 3.3 context could be made")
 
 
 @pytest.mark.parametrize("make_second", [another_device, no_context])
 def test_only_a_context_of_the_same_device_replaces_a_lost_one(
-    stage: Stage, make_second: Callable[[], GLRasterizer]
+    stage: Stage, make_second: Callable[[], SplatRasterizer]
 ) -> None:
     """Pictures of another device would be other bytes."""
     with RecoveringRasterizer(run_sequentially(failing_at({2}), make_second)) as recovering:
@@ -135,11 +108,11 @@ def test_only_a_context_of_the_same_device_replaces_a_lost_one(
 def test_the_command_continues_and_prints_a_note(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    Path("scene.yaml").write_text(small_scene(), encoding="utf-8")
+    Path("scene.yaml").write_text(small_scene(footprint="gaussian"), encoding="utf-8")
     assert main.run(["render", "scene.yaml", "--workers", "1", "--output", "whole.mp4"]) == 0
     assert "note: OpenGL" not in capsys.readouterr().out
     make = failing_at({2})
-    monkeypatch.setattr(executor, "open_rasterizer", lambda **_: make())
+    monkeypatch.setattr(executor, "open_rasterizer", lambda _: RecoveringRasterizer(make))
     assert main.run(["render", "scene.yaml", "--workers", "1", "--output", "lost.mp4"]) == 0
     assert f"note: {LOST_ONCE[0]}\n" in capsys.readouterr().out
     assert Path("lost.mp4").read_bytes() == Path("whole.mp4").read_bytes()
@@ -149,7 +122,7 @@ def test_the_command_continues_and_prints_a_note(
 
 
 def test_an_error_of_gl_is_raised() -> None:
-    with GLRasterizer() as gl:
+    with SplatRasterizer() as gl:
         draw_splats(gl)
         with gl._context:
             ctypes.CDLL("libGL.so.1").glEnable(NO_CAPABILITY)
@@ -164,56 +137,42 @@ def refuse(*arguments: Any, **options: Any) -> None:
     raise moderngl.Error("cannot create it")
 
 
-def draw_splats(gl: GLRasterizer) -> None:
+def draw_splats(gl: SplatRasterizer | RecoveringRasterizer) -> None:
     splats = place_splats(np.zeros((1, 3)), 0.1)
     gl.rasterize(splats, in_order(splats), look())
 
 
-def draw_bricks(gl: GLRasterizer) -> None:
-    pngs(stage_of(PLAIN), gl)
-
-
-@pytest.mark.parametrize(
-    ("picture", "step"),
-    [
-        (draw_splats, "buffer"),
-        (draw_splats, "program"),
-        (draw_splats, "vertex_array"),
-        (draw_bricks, "texture3d"),
-    ],
-)
-def test_what_gl_refuses_is_a_lost_context(
-    picture: Callable[[GLRasterizer], object], step: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize("step", ["buffer", "program", "vertex_array"])
+def test_what_gl_refuses_is_a_lost_context(step: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A lost context is reported by name, although it answers no query any more."""
-    with GLRasterizer(brick_backend="device") as gl:
+    with SplatRasterizer() as gl:
         name = gl.device
         monkeypatch.setattr(moderngl.Context, step, refuse)
         monkeypatch.setattr(moderngl.Context, "info", {})
         with pytest.raises(ContextLostError) as raised:
-            picture(gl)
+            draw_splats(gl)
     assert str(raised.value) == f"{name}: OpenGL failed to draw, or its context was lost\n  got: cannot create it"
 
 
 def test_a_context_is_lost_while_a_target_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
-    with GLRasterizer() as gl:
+    with SplatRasterizer() as gl:
         monkeypatch.setattr(moderngl.Context, "framebuffer", refuse)
         with pytest.raises(ContextLostError, match="its context was lost\n  got: cannot create it"):
             draw_splats(gl)
 
 
-def refusal_of(picture: Callable[[GLRasterizer], object]) -> str:
+def refusal() -> str:
     """Return the error of a device that is not tried a second time: another context would refuse it, too."""
-    with RecoveringRasterizer(run_sequentially(partial(GLRasterizer, brick_backend="device"))) as recovering:
+    with RecoveringRasterizer(run_sequentially(SplatRasterizer)) as recovering:
         with pytest.raises(RenderError) as raised:
-            picture(recovering)  # type: ignore[arg-type]
+            draw_splats(recovering)
         assert not isinstance(raised.value, ContextLostError)
         assert recovering.notes == []
         return str(raised.value).replace(recovering.device, "device")
 
 
 def refuse_pictures(step: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a device refuse pictures, as one without memory does; tables are larger."""
+    """Let a device refuse pictures, as one without memory does."""
     whole_step = getattr(moderngl.Context, step)
 
     def refuse_some(self: moderngl.Context, size: tuple[int, int], *arguments: Any, **options: Any) -> Any:
@@ -225,10 +184,9 @@ def refuse_pictures(step: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(moderngl.Context, step, refuse_some)
 
 
-@pytest.mark.parametrize("picture", [draw_splats, draw_bricks])
 @pytest.mark.parametrize("limit", ["GL_MAX_TEXTURE_SIZE", "GL_MAX_RENDERBUFFER_SIZE", "GL_MAX_VIEWPORT_DIMS"])
 def test_a_picture_beyond_the_limits_of_a_device(
-    picture: Callable[[GLRasterizer], object], limit: str, rasterizer: GLRasterizer, monkeypatch: pytest.MonkeyPatch
+    limit: str, rasterizer: SplatRasterizer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is not asked to draw one: a viewport that is too large would be cut off in silence."""
     value: Any = (2048, 24) if limit.endswith("DIMS") else 24
@@ -236,33 +194,23 @@ def test_a_picture_beyond_the_limits_of_a_device(
     assert re.fullmatch(
         r"device: this device cannot draw a picture of this size\n  got: \d+ x \d+ pixels\n"
         r"  expected: at most 24 pixels a side\n  hint: choose a smaller output\.size",
-        refusal_of(picture),
+        refusal(),
     )
 
 
-@pytest.mark.parametrize(
-    ("picture", "step"),
-    [
-        (draw_splats, "renderbuffer"),
-        (draw_bricks, "texture"),
-        (draw_bricks, "depth_renderbuffer"),
-    ],
-)
-def test_a_picture_that_a_device_has_no_room_for(
-    picture: Callable[[GLRasterizer], object], step: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    refuse_pictures(step, monkeypatch)
+def test_a_picture_that_a_device_has_no_room_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    refuse_pictures("renderbuffer", monkeypatch)
     assert re.fullmatch(
         r"device: the device has no room for a picture of this size\n  got: \d+ x \d+ pixels\n"
         r"  hint: choose a smaller output\.size",
-        refusal_of(picture),
+        refusal(),
     )
 
 
 def test_a_device_draws_after_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None:
     """What GL says of the refused picture is not held against the next one."""
     refuse_pictures("renderbuffer", monkeypatch)
-    with GLRasterizer() as gl:
+    with SplatRasterizer() as gl:
         with pytest.raises(RenderError):
             draw_splats(gl)
         splats = place_splats(np.zeros((1, 3)), 0.1)
@@ -272,4 +220,4 @@ def test_a_device_draws_after_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None
 def test_a_context_is_lost_while_it_is_opened(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(moderngl.Context, "buffer", refuse)
     with pytest.raises(ContextLostError, match="its context was lost\n  got: cannot create it"):
-        GLRasterizer()
+        SplatRasterizer()

@@ -16,7 +16,8 @@ from hsplat_cli.reports import bytes_text, short_count_text, terminal_table
 from hsplat_cli.reports.costs import costs_by_psnr, on_pareto_fronts
 from hsplat_cli.reports.number_format import count_text, metric_text, ms_text
 from hsplat_cli.reports.tables import csv_text, json_text
-from renderer.study import METRICS, Measurement, Study
+from renderer.accuracy import METRICS
+from renderer.study import Measurement, Study
 
 ALL = study_of([*own_series(), *peer_series()])
 ODD = study_of(

@@ -12,23 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from renderer.accuracy import Truth, pool_accuracies, spread_evenly
+from renderer.accuracy.metrics import measure_accuracy
 from renderer.frame import Stage, make_primitive, prepare_stage
 from renderer.readers import read_volume
 from renderer.scene import CameraSpec, ErrorSpec, MetricTarget, OutputSpec, Scene, SplatSpec, TurntablePath
-from renderer.study import (
-    PlannedSetting,
-    Truth,
-    measure_accuracy,
-    measure_setting,
-    plan_sweep,
-    pool_accuracies,
-    spread_evenly,
-    sweep,
-)
-from renderer.study.truths import extreme_coverage_frames
+from renderer.study import PlannedSetting, measure_setting, plan_sweep, sweep
 from renderer.truth import Convergence
 from renderer.view import View
-from renderer.volume import Float64, Volume
+from renderer.volume import Volume
 from tests.support.film_stages import SPLATS
 from tests.support.machines import Painter
 
@@ -209,14 +201,3 @@ def test_frames_are_spread_evenly_over_a_path(
     frames: range | list[int], num: int, is_loop: bool, found: list[int]
 ) -> None:
     assert spread_evenly(frames, num, is_loop=is_loop) == found
-
-
-def test_the_frames_of_extreme_coverage_are_found(stage: Stage) -> None:
-    """The eye of this turntable goes from -y over +x to +y, so that it looks along -x on frame 2 and along x on 6."""
-
-    def growing(_: object, view: View) -> Float64:
-        image = np.zeros((16, 20, 4))
-        image[: 1 + int(7 * (1 + view.forward[0])), :, 3] = 1.0
-        return image
-
-    assert extreme_coverage_frames(stage, range(8), 1.0, Painter(growing), clock=lambda: 0.0) == (2, 6)

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from renderer.accuracy import open_prober
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.errors import ContextLostError
 from renderer.frame import ScheduleController, deserialize_stage
-from renderer.job import FrameRecord, draw_frames, open_prober
+from renderer.job import FrameRecord, draw_frames
 from renderer.system import package_versions, sources_digest
 
 
@@ -54,8 +55,8 @@ class SerializedStage:
             os.environ.setdefault("LP_NUM_THREADS", str(num_threads))
             content = self._content if self._content.flags.writeable else self._content.copy()
             self._stage = deserialize_stage(content.data)
-            self._controller, self._prober = ScheduleController(self._stage), open_prober(self._stage)
-            self._rasterizers.append(open_rasterizer(needs_opengl=self._stage.scene.needs_opengl))
+            self._controller, self._prober = ScheduleController(self._stage), open_prober(self._stage, num_threads)
+            self._rasterizers.append(open_rasterizer(self._stage.scene))
             self._versions = package_versions() | {"device": self._rasterizers[0].device}
         try:
             (drawn,) = draw_frames(self._stage, [number], self._rasterizers[0], self._controller, self._prober)

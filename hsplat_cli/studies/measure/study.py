@@ -14,31 +14,25 @@ from typing import Any, NamedTuple
 
 from hsplat_cli.reports import REPORT_FILES, require_page_packages, terminal_table, write_study
 from hsplat_cli.studies.measure.options import Sweep
-from hsplat_cli.studies.measure.tolerance import open_at_any_tolerance
+from hsplat_cli.studies.measure.tolerance import find_truth, nothing_visible_error, open_at_any_tolerance
 from hsplat_cli.studies.peers import vtk_peer
 from hsplat_cli.terminal import FilmEvents, Reporter, describe_machine
+from renderer.accuracy import (
+    NUM_SAMPLED_PIXELS,
+    Truth,
+    is_loop,
+    require_measuring_packages,
+    sample_truths,
+    spread_evenly,
+)
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.errors import HsplatError
 from renderer.film import require_writable_dry_run
 from renderer.frame import Stage, view_of
-from renderer.job import find_truth, nothing_visible_error, without_paths
+from renderer.job import without_paths
 from renderer.readers import read_volume
 from renderer.scene import Scene, counted, scene_to_dict, schedule_to_dict
-from renderer.study import (
-    NUM_SAMPLED_PIXELS,
-    Measurement,
-    PlannedSetting,
-    Study,
-    Truth,
-    Truths,
-    is_loop,
-    measure_setting,
-    plan_sweep,
-    require_measuring_packages,
-    sample_truths,
-    splat_setting,
-    spread_evenly,
-)
+from renderer.study import Measurement, PlannedSetting, Study, Truths, measure_setting, plan_sweep, splat_setting
 from renderer.system import num_cores
 from renderer.volume import Volume
 
@@ -85,9 +79,7 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
     """Measure, write the report and print the table; an interrupt or error still writes what was measured before it."""
     scene = request.scene
     _require_all(request)
-    needs_opengl = any(replace(scene, splat=splat).needs_opengl for splat in request.sweep.splats)
-    with open_rasterizer(needs_opengl=needs_opengl) as rasterizer:  # fails before a voxel is read
-        machine = describe_machine(rasterizer.device)
+    machine = describe_machine(_devices(request))  # fails before a voxel is read
     if request.peer:
         machine["peer"] = {"name": request.peer, **vtk_peer.describe_vtk()}
     volume, notes = read_volume(scene.volume), list[str]()
@@ -106,7 +98,7 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
             if request.is_quick:
                 truths = _sample_truths(request, opened, plan, frames)
             else:
-                truths = [find_truth(stage, frame, request.truth_tolerance, events) for frame in frames]
+                truths = [find_truth(stage, request.truth_tolerance, events, frame) for frame in frames]
         if not any(truth.shows_volume for truth in truths):
             raise nothing_visible_error(len(truths))
         drawn = _measure_hsplat(request, plan, opened, truths)
@@ -160,14 +152,20 @@ def _require_all(request: StudyRequest) -> None:
         vtk_peer.check_vtk(request.scene)
 
 
+def _devices(request: StudyRequest) -> str:
+    """Return what draws the footprints of a sweep. Raises RenderError where one needs OpenGL and there is none."""
+    devices = []
+    for splat in request.sweep.splats:
+        with open_rasterizer(replace(request.scene, splat=splat)) as rasterizer:
+            devices.append(rasterizer.device)
+    return " and ".join(dict.fromkeys(devices))
+
+
 @contextmanager
 def _openers(request: StudyRequest, volume: Volume) -> Iterator[_Openers]:
     """Yield what opens stages and rasterizers; a quick study has one of each, as only the tolerance changes."""
     scene = request.scene
-    opened = _Openers(
-        partial(open_at_any_tolerance, volume=volume),
-        lambda of: open_rasterizer(needs_opengl=of.needs_opengl),
-    )
+    opened = _Openers(partial(open_at_any_tolerance, volume=volume), open_rasterizer)
     if request.is_quick:
         with opened.stage(scene) as stage, opened.rasterizer(scene) as rasterizer:
             yield _Openers(lambda of: nullcontext(replace(stage, scene=of)), lambda _: nullcontext(rasterizer))
@@ -177,11 +175,11 @@ def _openers(request: StudyRequest, volume: Volume) -> Iterator[_Openers]:
 
 def _sample_truths(request: StudyRequest, opened: _Openers, plan: Plan, frames: Sequence[int]) -> Truths:
     """Compute the truths of some pixels, chosen by pictures at a middle tolerance."""
-    (settings,) = plan
-    scene = settings[len(settings) // 2].scene
-    options: dict[str, Any] = {"clock": time.perf_counter, "num_threads": num_cores()}
+    scene = plan[0][len(plan[0]) // 2].scene
     with opened.stage(scene) as stage, opened.rasterizer(scene) as rasterizer:
-        return sample_truths(stage, frames, request.truth_tolerance, rasterizer, **options)
+        return sample_truths(
+            stage, frames, request.truth_tolerance, rasterizer, clock=time.perf_counter, num_threads=num_cores()
+        )
 
 
 def _with_progress(drawn: Iterator[Measurement], work: Sequence[float], reporter: Reporter) -> Iterator[Measurement]:

@@ -5,15 +5,25 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
+from functools import partial
 
 from hsplat_cli.terminal import FilmEvents, Reporter
+from renderer.accuracy import (
+    SSIM_WINDOW_PX,
+    ExactPictures,
+    FoundTolerances,
+    Trial,
+    Truth,
+    compute_truth,
+    find_tolerances,
+    require_measuring_packages,
+)
 from renderer.draw import open_rasterizer
 from renderer.errors import InputError
 from renderer.frame import Stage, open_stage
-from renderer.job import nothing_visible_error, search_tolerance, unreachable_accuracy_error
 from renderer.readers import read_volume
 from renderer.scene import MetricTarget, Scene, counted
-from renderer.study import SSIM_WINDOW_PX, ToleranceSearchResult, require_measuring_packages
 from renderer.system import num_cores
 from renderer.volume import Volume
 
@@ -28,26 +38,49 @@ def print_tolerance(
 ) -> None:
     """Search, and print a line for the scene file. Raises RenderError if full resolution is not accurate enough."""
     _require_measurable(scene, want)
+    noun = scene.splat.primitive_name
     with (
-        open_rasterizer(needs_opengl=scene.needs_opengl) as rasterizer,
+        open_rasterizer(scene) as rasterizer,
         open_at_any_tolerance(scene, read_volume(scene.volume)) as stage,
-        FilmEvents(reporter, scene.splat.primitive_name) as events,
+        FilmEvents(reporter, noun) as events,
     ):
-        found = search_tolerance(stage, numbers, want, truth_tolerance, rasterizer, events)
-    if found.shows_nothing:
-        raise nothing_visible_error(len(found.frames))
-    if found.tolerance is None:
-        where = f"--want {want.metric}={want.value:g}"
-        raise unreachable_accuracy_error(want, found.worst, scene, where=where, hint="want less")
-    reporter.result(_line(scene, found.tolerance))
-    reporter.result(f"# {_comment(found, scene.splat.primitive_name)}")
+        exact = ExactPictures(want, scene.output.background, partial(find_truth, stage, truth_tolerance, events))
+
+        def tell(trial: Trial) -> None:
+            events.note(trial.text(want, noun))
+
+        clock = time.perf_counter
+        found = find_tolerances(stage, numbers, exact, rasterizer, is_constant=True, clock=clock, on_trial=tell)
+    if not exact.shows_volume:
+        raise nothing_visible_error(len(found.tried))
+    if not found.is_reachable:
+        raise found.shortfall(scene, where=f"--want {want.metric}={want.value:g}", hint="want less")
+    reporter.result(_line(scene, found.worst.tolerance))
+    reporter.result(f"# {_comment(found, noun)}")
 
 
-def _comment(found: ToleranceSearchResult, noun: str) -> str:
+def find_truth(stage: Stage, tolerance: float, events: FilmEvents, frame: int) -> Truth:
+    """Compute the truth of a frame, and tell how far it is."""
+    tell, start = partial(events.truth_progressed, frame), time.perf_counter()
+    truth = compute_truth(stage, frame, tolerance, num_threads=num_cores(), on_progress=tell)
+    return replace(truth, seconds=time.perf_counter() - start)
+
+
+def nothing_visible_error(num_frames: int) -> InputError:
+    """Return the error for a volume of which no frame shows anything."""
+    return InputError(
+        "the scene draws nothing, so there is nothing to measure",
+        got=f"{num_frames} frame{'s' * (num_frames > 1)} without anything of the volume",
+        expected="a volume in view, and a transfer function that shows some of it",
+        hint="`hsplat info` shows which values there are",
+    )
+
+
+def _comment(found: FoundTolerances, noun: str) -> str:
     """Describe the accuracy at the tolerance, and the number of bricks or splats."""
-    worst, frames = found.worst, ", ".join(map(str, found.frames))
+    worst, frames = found.worst, ", ".join(map(str, found.tried))
     drawn, value = counted(worst.num_cells, noun), found.want.format(worst.value)
-    if len(found.frames) == 1:
+    if len(found.tried) == 1:
         return f"{value} on frame {frames}; {drawn}"
     return f"{value} or better on the frames {frames}; {drawn}; frame {worst.frame} is the worst"
 

@@ -9,11 +9,12 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.reports import Chart
+from renderer.accuracy import TRUTH_TOLERANCE, FloatImage, compute_truth
 from renderer.draw import Rasterizer
 from renderer.film import Pixels, over_background
 from renderer.frame import Clock, Frame, Stage, open_stage, render_frames
 from renderer.scene import Scene, VolumeSpec, with_tolerance
-from renderer.study import FRAME_STEPS, TRUTH_TOLERANCE, FloatImage, compute_truth
+from renderer.study import FRAME_STEPS
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.volume import Volume
 

@@ -16,7 +16,7 @@ from renderer.errors import InputError
 from renderer.film import Pixels
 from renderer.frame import view_of
 from renderer.scene import Scene, counted
-from renderer.splats import GouraudFootprint, make_footprint
+from renderer.splats import GouraudFootprint
 from renderer.volume import Float64
 
 # Angular and radial subdivisions.
@@ -171,8 +171,7 @@ def _profiles(drawn: Sequence[FootprintError], smooth: Float64) -> Chart:
 def _meshes(scene: Scene) -> Chart:
     plot, all_axes = new_plots(len(SUBDIVISIONS), height_in=1.6)
     for axes, (angular, radial) in zip(all_axes, SUBDIVISIONS, strict=True):
-        footprint = make_footprint(replace(scene.splat, footprint="gouraud", angular=angular, radial=radial))
-        assert isinstance(footprint, GouraudFootprint)
+        footprint = GouraudFootprint.from_spec(replace(scene.splat, angular=angular, radial=radial))
         axes.triplot(*footprint.vertices.T, footprint.triangles, color=SERIES_COLORS[0], linewidth=0.5)
         axes.set_title(f"{angular} x {radial}")
         axes.set_aspect("equal")

@@ -9,11 +9,11 @@ from itertools import pairwise
 import numpy as np
 
 from hsplat_cli.studies.paper.figure import Claim, FigureRenderer, FigureStage, PaperFigure, PictureRows
+from renderer.accuracy import compute_metric
 from renderer.errors import InputError
 from renderer.frame import finest_level_at
 from renderer.pyramid import Cut, cut_pyramid
 from renderer.scene import Scene, counted, format_value, schedule_to_dict
-from renderer.study import compute_metric
 from renderer.volume import Float64
 
 # Multiples of the scene's tolerance.

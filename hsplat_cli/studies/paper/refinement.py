@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hsplat_cli.studies.paper.figure import Claim, FigureRenderer, FigureStage, PaperFigure, PictureRows
+from renderer.accuracy import compute_metric
 from renderer.scene import Scene, counted
-from renderer.study import DIFFERENCE_GAIN, amplified_difference, compute_metric, rounded
+from renderer.study import DIFFERENCE_GAIN, amplified_difference, rounded
 
 INTERACTIVE_FRAME_S, REFINED_FRAME_S = 0.2, 5.0
 # Seconds of each picture.

@@ -24,9 +24,10 @@ from typing import IO, Any
 
 import numpy as np
 
+from renderer.accuracy import FloatImage
 from renderer.errors import InputError, RenderError, require_package
 from renderer.scene import ClipSpec, Color, ModeSpec, PlaneSpec, Scene, ShadingSpec
-from renderer.study import FirstPass, FloatImage, Measurement, Setting, Truths
+from renderer.study import FirstPass, Measurement, Setting, Truths
 from renderer.system import ChildProcesses, join_lines
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.view import View

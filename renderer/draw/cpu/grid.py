@@ -6,13 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from renderer.draw.constants import RECTANGLE_ROUNDING_PX
 from renderer.kernels import kernels
 from renderer.volume import Bools, Float32, Float64
 
 # Pixels along the sides of a tile, without and with subsampling. Tiles of 16 draw each brick more often, and the rays
 # of tiles of 64 do not fit into the cache.
 TILE_SIDE, SUBSAMPLED_TILE_SIDE = 32, 16
+
+# Pixels that are so near to a rectangle's edge count as inside: rounding may have moved the edge.
+_EDGE_ROUNDING_PX = 2e-3
 
 
 def make_grid(rectangles_px: Float64, stride: int, is_drawn: Bools, image: Float32) -> dict[str, Any]:
@@ -21,7 +23,6 @@ def make_grid(rectangles_px: Float64, stride: int, is_drawn: Bools, image: Float
     stride: the pixels of the grid are every `stride`-th pixel along both axes. Grid pixel 0 is the centre of pixel 0.
     side: of a tile, in pixels of the grid.
     rectangles: int64 [n, 4], left, top, right and bottom of each brick, half-open, in pixels of the grid and inside it.
-        Pixels that rounding may have moved out of a rectangle count as inside.
     starts: int64 [tiles + 1], numbers: int64. The bricks over tile k are `numbers[starts[k] : starts[k + 1]]`, front to
         back.
     is_drawn: [rows, columns], the pixels of the grid that are drawn. image: float32 [rows, columns, 4], premultiplied
@@ -29,8 +30,8 @@ def make_grid(rectangles_px: Float64, stride: int, is_drawn: Bools, image: Float
     """
     shape = is_drawn.shape[1], is_drawn.shape[0]
     side = TILE_SIDE if stride == 1 else SUBSAMPLED_TILE_SIDE
-    low = np.ceil((rectangles_px[:, :2] - 0.5 - RECTANGLE_ROUNDING_PX) / stride)
-    high = np.floor((rectangles_px[:, 2:] - 0.5 + RECTANGLE_ROUNDING_PX) / stride) + 1
+    low = np.ceil((rectangles_px[:, :2] - 0.5 - _EDGE_ROUNDING_PX) / stride)
+    high = np.floor((rectangles_px[:, 2:] - 0.5 + _EDGE_ROUNDING_PX) / stride) + 1
     rectangles = np.clip(np.hstack([low, high]), 0, shape * 2).astype(np.int64)
     rectangles[(rectangles[:, :2] >= rectangles[:, 2:]).any(axis=1)] = 0
     tile_windows = np.hstack([rectangles[:, :2] // side, -(-rectangles[:, 2:] // side)])

@@ -9,22 +9,25 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bricks import DITHER
-from renderer.draw import constants
 from renderer.view import CLIPPED_SIGMAS, CULLED_SIGMAS
 
-_CONSTANTS: dict[str, Any] = vars(constants) | {
+# The uniform block of shapes holds 48 bytes for each; GL guarantees 16 KiB.
+MAX_SHAPES = 256
+
+# Shaders use these by name.
+_CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "CLIPPED_SIGMAS": CLIPPED_SIGMAS,
     "CULLED_SIGMAS": CULLED_SIGMAS,
-    "DITHER": DITHER,
+    "MAX_SHAPES": MAX_SHAPES,
+    # Stands for infinity where float32 is needed.
+    "LARGE_FLOAT32": 1e30,
+    # 1 - exp(-x) below x = 1/2, where the difference would cancel, is x (1 - x (a - x (b - x (c - x d)))): the
+    # polynomial with 1 at 0 whose largest relative error is least (9e-8, by linear programming).
+    "OPACITY_SERIES": (0.49999463, 0.16656359, 0.04104245, 0.00680757),
 }
 
-# The vertices of splats (SplatBatch.vertices) and of bricks (BrickView, and slots).
+# The vertices of splats (SplatBatch.vertices), and of the mesh of a Gouraud footprint.
 SPLAT_VERTEX = np.dtype([("center", "f4", 3), ("areas", "f4", 4), ("shape", "f4")])
-BRICK_VERTEX = np.dtype(
-    [("rectangle_px", "f4", 4), ("box_low", "f4", 3), ("box_high", "f4", 3), ("first_corner", "f4", 3),
-     ("cells_per_voxel", "f4"), ("step_cells", "f4"), ("first_texel", "f4", 3)]
-)  # fmt: skip
 MESH_VERTEX = np.dtype([("mesh_vertex", "f4", 2), ("mesh_weight", "f4")])
 
 

@@ -1,4 +1,4 @@
-"""Rasterise splats with OpenGL; `renderer.draw.gl.bricks` draws bricks in the context that is made here.
+"""Rasterise splats with OpenGL, the only footprints that need it.
 
 The context is headless EGL (any GPU's driver, or Mesa's llvmpipe), the target float32 RGBA. Splats are sorted back to
 front and uploaded in batches of bounded size, so that neither their number nor the driver's limits on buffers matter:
@@ -17,21 +17,16 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from itertools import pairwise
-from typing import Any, Literal, TypeVar
+from typing import Any
 
 import moderngl
 import numpy as np
 
-from renderer.bricks import BrickBatch
 from renderer.draw.compositing import MIN_CHUNK_SPLATS, splats_per_chunk
-from renderer.draw.constants import MAX_SHAPES
-from renderer.draw.cpu.raster import CPU_RENDERER_NAME, CPURasterizer
-from renderer.draw.gl.bricks import GLBrickRenderer
-from renderer.draw.gl.programs import MESH_VERTEX, SPLAT_VERTEX, load_shader, vertex_content
+from renderer.draw.gl.programs import MAX_SHAPES, MESH_VERTEX, SPLAT_VERTEX, load_shader, vertex_content
 from renderer.draw.rasterizer import Rasterizer
 from renderer.errors import ContextLostError, RenderError
-from renderer.kernels import ThreadPool
-from renderer.splats import GaussianFootprint, GouraudFootprint, SplatBatch
+from renderer.splats import SplatBatch
 from renderer.view import (
     CLIPPED_SIGMAS,
     ModelView,
@@ -44,8 +39,6 @@ from renderer.view import (
 )
 from renderer.volume import Array, Float32, Float64, Int64, UInt32
 
-BrickBackend = Literal["device", "processor"]
-Target = TypeVar("Target")
 DrawSplats = Callable[[UInt32], None]  # draws these splats of a batch, back to front
 
 # Splats on the device at a time: 8 MiB of vertices.
@@ -54,23 +47,18 @@ BATCH_SIZE, VERTEX_BYTES = 1 << 18, SPLAT_VERTEX.itemsize
 # EGL devices that are tried; a machine has one for each GPU and one for the software renderer.
 MAX_EGL_DEVICES = 9
 
-# Parts of the names (GL_RENDERER) of drivers that draw on the CPU.
-_SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swrast", "SwiftShader", CPU_RENDERER_NAME)
-
 EGL_PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
 
 
-class GLRasterizer(Rasterizer):
-    """A GL context with its programs, for any number of frames of any size.
+class SplatRasterizer(Rasterizer):
+    """A rasteriser of splats: a GL context with its programs, for any number of frames of any size.
 
-    Where the driver draws on the CPU, CPURasterizer draws bricks instead, because it is faster; and everywhere those
-    whose shading it alone knows (`BrickBatch.needs_loops`). num_threads: threads of
-    its loops. brick_backend: draws bricks, for tests. Use as a context manager, or call `release`. Raises RenderError
-    where no context can be made, or for a picture that is too large for the device, and ContextLostError where the
-    context is lost while it draws; then the rasteriser cannot be used any more, and RecoveringRasterizer makes another.
+    Use as a context manager, or call `release`. Raises RenderError where no context can be made, or for a picture that
+    is too large for the device, and ContextLostError where the context is lost while it draws; then the rasteriser
+    cannot be used any more, and RecoveringRasterizer makes another.
     """
 
-    def __init__(self, *, num_threads: int = 2, brick_backend: BrickBackend | None = None) -> None:
+    def __init__(self) -> None:
         self._context = _create_context()
         info = self._context.info
         # The names of device and driver; a lost context has no info.
@@ -81,41 +69,19 @@ class GLRasterizer(Rasterizer):
         with self._drawing():
             self._splat_buffer = self._context.buffer(reserve=BATCH_SIZE * VERTEX_BYTES, dynamic=True)
             self._shape_buffer = self._context.buffer(reserve=MAX_SHAPES * 48, dynamic=True)
-        self._programs: dict[tuple[str, str], Any] = {}
+        self._programs: dict[str, Any] = {}  # by the name of the footprint
         self._target: Any = None
-        self._loops = CPURasterizer(num_threads=num_threads)
-        self._bricks: GLBrickRenderer | CPURasterizer = self._loops
-        if brick_backend == "device" or (brick_backend is None and not is_software(self.device)):
-            self._bricks = GLBrickRenderer(self._context, self._program, self._make_target, num_threads)
-
-    @property
-    def threads(self) -> ThreadPool:
-        return self._loops.threads
+        # By the name of a footprint: draws splats with its program, back to front.
+        self._draw_functions = {"gaussian": self._draw_gaussians, "gouraud": self._draw_fans}
 
     def release(self) -> None:
         """Free the context and all that it holds."""
-        self._bricks.cache.release()
-        self._loops.release()
         self._context.release()
 
-    def upload(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> bool:
-        """Upload the bricks `batch[order]` to the device, and return whether any was missing; splats need no upload."""
+    def rasterize(self, batch: SplatBatch, order: UInt32, view: View) -> Float32:
+        """Composite `batch[order]`, back to front: float32 [height, width, 4], premultiplied RGBA over nothing."""
         with self._drawing():
-            return self._backend_of(batch, view).cache.upload(batch, order, view)
-
-    def rasterize(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> Float32:
-        """Composite `batch[order]`, splats back to front and bricks front to back.
-
-        Returns float32 [height, width, 4], premultiplied RGBA over nothing.
-        """
-        with self._drawing():
-            if isinstance(batch, SplatBatch):
-                return self._rasterize_splats(batch, order, view)
-            return self._backend_of(batch, view).rasterize(batch, order, view)
-
-    def _backend_of(self, batch: SplatBatch | BrickBatch, view: View) -> GLBrickRenderer | CPURasterizer:
-        """Return what draws bricks: the kernels where the device cannot."""
-        return self._loops if isinstance(batch, BrickBatch) and (batch.needs_loops or view.clip) else self._bricks
+            return self._rasterize_splats(batch, order, view)
 
     @contextmanager
     def _drawing(self) -> Iterator[None]:
@@ -157,19 +123,16 @@ class GLRasterizer(Rasterizer):
 
     def _prepare_splats(self, batch: SplatBatch, camera: ModelView) -> DrawSplats:
         """Upload shapes and uniforms, and return the function that draws some of the splats with them."""
-        is_gaussian = isinstance(batch.footprint, GaussianFootprint)
-        name = "gaussian" if is_gaussian else "gouraud"
+        footprint = batch.footprint
         self._shape_buffer.write(_shape_block(batch, camera))
         self._shape_buffer.bind_to_uniform_block(0)
-        program = self._program(f"project.glsl opacity.glsl {name}_vertex.glsl", f"opacity.glsl {name}_fragment.glsl")
+        program = self._program(footprint.name)
         _set_camera(program, camera)
         program["near_beyond_origin"] = camera.near + float(camera.view_from_model[2, 3])
         program["slope_limit"] = tuple(camera.slope_limit)
-        for uniform in ("min_sigma_px", *(("cutoff", "decay", "coefficients", "rim") if is_gaussian else ())):
-            program[uniform] = getattr(batch.footprint, uniform)
-        if is_gaussian:
-            return partial(self._draw_gaussians, program, batch, camera)
-        return partial(self._draw_fans, program, batch)
+        for uniform in footprint.uniforms:
+            program[uniform] = getattr(footprint, uniform)
+        return partial(self._draw_functions[footprint.name], program, batch, camera)
 
     def _rasterize_chunk(self, draw: DrawSplats, order: UInt32, size: tuple[int, int], region: Region) -> Float32:
         """Draw a region of the image of some splats, over nothing, blended in float32."""
@@ -210,10 +173,9 @@ class GLRasterizer(Rasterizer):
             else:
                 points.render(moderngl.POINTS, vertices=end - start, first=start)
 
-    def _draw_fans(self, program: Any, batch: SplatBatch, order: UInt32) -> None:
+    def _draw_fans(self, program: Any, batch: SplatBatch, _: ModelView, order: UInt32) -> None:
         """Draw Gouraud footprints: one instance of the mesh for each splat."""
-        footprint = batch.footprint
-        assert isinstance(footprint, GouraudFootprint)
+        footprint: Any = batch.footprint
         self._splat_buffer.orphan()
         self._splat_buffer.write(batch.vertices.take(order, axis=0))
         mesh = np.column_stack([footprint.vertices, footprint.weights]).astype(np.float32)
@@ -229,45 +191,37 @@ class GLRasterizer(Rasterizer):
         """Return a buffer; GL has no empty buffers, so that one without data has four bytes."""
         return self._context.buffer(data if data.size else bytes(4))
 
-    def _program(self, vertex_files: str, fragment_files: str) -> Any:
-        """Return the program from these files; it is compiled at its first use."""
-        key = vertex_files, fragment_files
-        if key not in self._programs:
-            self._programs[key] = self._context.program(
-                vertex_shader=load_shader(*vertex_files.split()), fragment_shader=load_shader(*fragment_files.split())
+    def _program(self, footprint: str) -> Any:
+        """Return the program of a footprint; it is compiled at its first use."""
+        if footprint not in self._programs:
+            self._programs[footprint] = self._context.program(
+                vertex_shader=load_shader("project.glsl", "opacity.glsl", f"{footprint}_vertex.glsl"),
+                fragment_shader=load_shader("opacity.glsl", f"{footprint}_fragment.glsl"),
             )
-        return self._programs[key]
+        return self._programs[footprint]
 
     def _target_of_size(self, size: tuple[int, int]) -> Any:
-        """Return a float32 RGBA framebuffer of (width, height), which is reused for images of one size."""
-        if self._target is None or self._target.size != size:
-            self._target = None
-            context = self._context
-            self._target = self._make_target(
-                lambda size: context.framebuffer([context.renderbuffer(size, 4, dtype="f4")]), size
-            )
-        return self._target
-
-    def _make_target(self, make: Callable[[tuple[int, int]], Target], size: tuple[int, int]) -> Target:
-        """Return `make(size)`, which a picture of (width, height) is drawn to.
+        """Return a float32 RGBA framebuffer of (width, height), which is reused for images of one size.
 
         Raises RenderError where the device refuses this size; a lost context refuses a single pixel, too.
         """
+        if self._target is not None and self._target.size == size:
+            return self._target
+        self._target = None
         got, hint = f"{size[0]} x {size[1]} pixels", "choose a smaller output.size"
         fails = partial(RenderError, where=self.device, got=got, hint=hint)
         if max(size) > self._largest_side_px:  # larger viewports are cut off in silence
             most = f"at most {self._largest_side_px} pixels a side"
             raise fails("this device cannot draw a picture of this size", expected=most)
         try:
-            return make(size)
+            self._target = self._make_target(size)
         except moderngl.Error as error:
-            make((1, 1))
+            self._make_target((1, 1))
             raise fails("the device has no room for a picture of this size") from error
+        return self._target
 
-
-def is_software(device: str) -> bool:
-    """Return whether a renderer with this name draws on the CPU."""
-    return any(name in device for name in _SOFTWARE_RENDERERS)
+    def _make_target(self, size: tuple[int, int]) -> Any:
+        return self._context.framebuffer([self._context.renderbuffer(size, 4, dtype="f4")])
 
 
 def _create_context() -> Any:

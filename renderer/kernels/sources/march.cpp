@@ -11,7 +11,8 @@
 
 namespace {
 
-constexpr int MAX_SAMPLES = 4095;  // as in renderer/draw/constants.py
+// Of a ray in a brick; only rays that rounding moves beyond their brick would have more.
+constexpr int MAX_SAMPLES = 4095;
 constexpr int CACHE_LINE_BYTES = 64;
 
 // Load the visible texels of a brick into the cache while another brick is drawn. Where few pixels are drawn, each

@@ -5,7 +5,8 @@
 constexpr int BRICK_SIZE = 16, HALO = 1, PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO;
 // From cells of a brick to the index of the texel at or below.
 constexpr double TEXEL_OFFSET = HALO - 0.5;
-// Where samples are: as MIN_SAMPLE_CELL and MAX_SAMPLE_CELL in renderer/draw/constants.py.
+// Where samples are: between the centres of the first and the last texel of a brick, because those beyond are another
+// brick's. The rounding of rays in extremely wide views is larger.
 constexpr double MIN_TEXEL = -0.25 + TEXEL_OFFSET, MAX_TEXEL = BRICK_SIZE + 0.25 + TEXEL_OFFSET;
 constexpr int LAST = 7;  // the last number of a span, by which spans are sorted
 

@@ -1,24 +1,21 @@
-"""Tests of the tolerances that are tried, and of the search for the coarsest that is good enough on all frames."""
+"""Tests of the tolerances that are worth trying."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
 
-from renderer.pyramid import Pyramid, build_pyramid, cut_pyramid, root_error
-from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, TransferSpec
-from renderer.study.tolerance_search import (
-    coarsest_tolerance,
+from renderer.accuracy.tolerances import (
     distinct_tolerances,
-    find_coarsest_passing,
     round_tolerances,
     spread_tolerances,
+    tolerance_ladder,
     two_digit_numbers,
 )
+from renderer.pyramid import Pyramid, build_pyramid, cut_pyramid, root_error
+from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, TransferSpec
 from renderer.transfer import make_transfer_function
 from renderer.volume import make_volume
 
@@ -77,60 +74,11 @@ def test_two_digit_numbers_are_exact_in_text() -> None:
     assert all(1 < a / b < 1.11 for a, b in pairwise(numbers))
 
 
-CANDIDATES = [float(f"{digit}e{exponent}") for exponent in range(1, -7, -1) for digit in (5, 2, 1)]
-
-
-@given(st.floats(2e-6, 40))
-def test_the_coarsest_passing_tolerance_of_two_digits_is_found(limit: float) -> None:
-    tried: list[float] = []
-
-    def is_good(tolerance: float) -> bool:
-        tried.append(tolerance)
-        return tolerance <= limit
-
-    found = find_coarsest_passing(is_good, CANDIDATES)
-    assert found is not None and found <= limit
-    assert found == max(number for number in two_digit_numbers(50.0, 1e-6) if number <= limit)
-    assert len(tried) == len(set(tried)) <= len(CANDIDATES) + 6
-
-
-def test_a_coarse_tolerance_that_passes_is_found_before_finer_ones_that_fail() -> None:
-    assert find_coarsest_passing(lambda tolerance: tolerance == 1.0 or tolerance < 0.01, CANDIDATES) == 1.0
-    assert find_coarsest_passing(lambda _: True, CANDIDATES) == CANDIDATES[0]
-    assert find_coarsest_passing(lambda _: True, []) == 0.0
-
-
-class Film:
-    """Each frame passes up to its own limit."""
-
-    def __init__(self, limits: Sequence[float]) -> None:
-        self._limits = limits
-        self.drawn: list[tuple[float, int]] = []
-
-    def is_good_on(self, tolerance: float, frame: int) -> bool:
-        self.drawn.append((tolerance, frame))
-        return tolerance <= self._limits[frame]
-
-
-def search(film: Film, probes: Sequence[int], checks: Sequence[int]) -> float | None:
-    return coarsest_tolerance(film.is_good_on, CANDIDATES, probes, checks)
-
-
-@given(st.lists(st.floats(2e-4, 40), min_size=6, max_size=6))
-def test_probes_and_checks_limit_the_tolerance(limits: list[float]) -> None:
-    found = search(Film(limits), [0, 1, 2], [3, 4, 5])
-    assert found == max(number for number in two_digit_numbers(50.0, 1e-6) if number <= min(limits))
-
-
-def test_a_frame_that_failed_is_tried_first() -> None:
-    film = Film([9.0, 0.03, 9.0])
-    assert search(film, [0, 1, 2], []) == 0.03
-    first_of_each = [frame for i, (tolerance, frame) in enumerate(film.drawn) if tolerance != film.drawn[i - 1][0]]
-    assert set(first_of_each[4:]) == {1}  # 50, 20 and 10 fail on frame 0, 5 on frame 1
-
-
-@pytest.mark.parametrize(
-    ("limits", "found"), [([0.0, 5.0], 0.0), ([-1.0, 5.0], None), ([5.0, 0.0], 0.0), ([5.0, -1.0], None)]
-)
-def test_frames_may_need_full_resolution_or_more(limits: list[float], found: float | None) -> None:
-    assert search(Film(limits), [0], [1]) == found
+@pytest.mark.parametrize("step", [1.0, 1.12])
+def test_a_ladder_has_numbers_of_two_digits_that_differ_enough(pyramid: Pyramid, step: float) -> None:
+    *ladder, last = tolerance_ladder(pyramid, _counter(pyramid), step)
+    candidates = list(distinct_tolerances(pyramid, _counter(pyramid)))
+    assert last == 0.0 and ladder[0] == candidates[0]
+    assert all(step <= a / b < 1.11 * step + 0.01 for a, b in pairwise(ladder))
+    if step == 1.0:
+        assert ladder == two_digit_numbers(candidates[0], candidates[-1])

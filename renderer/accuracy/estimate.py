@@ -64,8 +64,3 @@ def pool_samples(pictures: Sequence[ErrorSamples]) -> ErrorSamples:
     variance_of_mean = sum(each.variance / each.num for each in pictures) / len(pictures) ** 2
     mean = float(np.mean([each.mean for each in pictures]))
     return ErrorSamples(num, mean, num * variance_of_mean, max(each.largest for each in pictures))
-
-
-def psnr(mean_squared_error: float) -> float:
-    """Return the peak signal-to-noise ratio in decibels; infinity for no error."""
-    return -10 * math.log10(mean_squared_error) if mean_squared_error > 0 else math.inf

@@ -3,30 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 
+from renderer.accuracy.metrics import Accuracy, FloatImage, measure_accuracy, sampled_accuracy
+from renderer.accuracy.prober import ExactPixels, FrameProber
 from renderer.draw import Rasterizer
 from renderer.film import over_background
 from renderer.frame import Clock, Stage, render_frames, view_of
-from renderer.probes import ExactPixels, FrameProber
-from renderer.scene import CameraPath, KeyframePath, with_tolerance
-from renderer.study.metrics import Accuracy, FloatImage, measure_accuracy, sampled_accuracy
-from renderer.study.thumbnails import amplified_difference, thumbnail
+from renderer.scene import CameraPath, KeyframePath
 from renderer.truth import Convergence, Progress, SceneRays, ignore
-from renderer.volume import Bools, UInt8
+from renderer.volume import Bools
 
 T = TypeVar("T")
 
 # The convergence of a truth in every channel: a thousandth of the RMSE of a picture with 40 dB.
 TRUTH_TOLERANCE = 1e-5
-# Exact rays of a frame without a whole truth: the PSNR of three frames is then known to about 1 dB.
+# Exact rays of a frame without a whole truth: its PSNR is then known to about 1 dB.
 NUM_SAMPLED_PIXELS = 1024
-
-# The opacity from which a pixel counts as covered: the smallest that 8 bits show.
-_MIN_COVERED_OPACITY = 1 / 255
 
 
 @dataclass(frozen=True)
@@ -58,10 +54,6 @@ class Truth:
         """Compare a picture over the background, float64 [h, w, 3], with the truth."""
         return measure_accuracy(picture, self.picture, self.on_volume)
 
-    def thumbnail_of_difference(self, picture: FloatImage) -> UInt8:
-        """Return a thumbnail of the amplified difference of a picture."""
-        return thumbnail(amplified_difference(picture, self.picture))
-
 
 @dataclass(frozen=True)
 class SampledTruth:
@@ -74,9 +66,6 @@ class SampledTruth:
     def accuracy_of(self, picture: FloatImage) -> Accuracy:
         """Estimate the accuracy of a picture over the background, float64 [h, w, 3]."""
         return sampled_accuracy(self.exact.compare_picture(picture).samples)
-
-    def thumbnail_of_difference(self, _: FloatImage) -> None:
-        """Return None: some pixels show no difference."""
 
 
 def compute_truth(
@@ -117,18 +106,3 @@ def spread_evenly(items: Sequence[T], num: int, *, is_loop: bool) -> list[T]:
     num = min(num, len(items))
     span = len(items) if is_loop or num == 1 else len(items) - 1
     return [items[i * span // (num if is_loop or num == 1 else num - 1)] for i in range(num)]
-
-
-def extreme_coverage_frames(
-    stage: Stage, frames: Sequence[int], tolerance: float, rasterizer: Rasterizer, *, clock: Clock
-) -> tuple[int, int]:
-    """Return the frames on which the volume covers the smallest and the largest part of the picture.
-
-    All frames are drawn, at a (coarse) tolerance. The first of equal frames is returned.
-    """
-    coarse = replace(stage, scene=with_tolerance(stage.scene, tolerance))
-    covered = [
-        int(np.count_nonzero(frame.radiance[..., 3] >= _MIN_COVERED_OPACITY))
-        for frame in render_frames(coarse, frames, rasterizer, clock=clock)
-    ]
-    return frames[int(np.argmin(covered))], frames[int(np.argmax(covered))]

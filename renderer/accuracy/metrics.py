@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from renderer.accuracy.decibels import psnr
+from renderer.accuracy.estimate import ErrorSamples, pool_samples
 from renderer.errors import require_package
 from renderer.film import require_finite
-from renderer.probes import ErrorSamples, pool_samples, psnr
-from renderer.volume import Bools
+from renderer.volume import Array, Bools
 
 FloatImage = npt.NDArray[np.float64]
-_Map = npt.NDArray[Any]
 # Of a picture against the truth over some pixels, by the names of METRICS; NaN where a metric is undefined. The ends of
 # the interval of an estimate stand beside it, with `_low` and `_high` after the name.
 ErrorMetrics = Mapping[str, float]
@@ -132,12 +132,12 @@ def pool_accuracies(accuracies: Sequence[Accuracy]) -> Accuracy:
 
 
 def _pool_metrics(differences: list[ErrorMetrics]) -> ErrorMetrics:
-    pools: dict[str, Callable[[_Map], Any]] = {"rmse": _root_mean_square, "max_error": np.max}
+    pools: dict[str, Callable[[Array], Any]] = {"rmse": _root_mean_square, "max_error": np.max}
     pooled = {}
     for name in METRICS:
         values = np.array([each[name] for each in differences], np.float64)
         pooled[name] = _reduce(pools.get(name, np.mean), values[~np.isnan(values)])
-    return pooled | {"psnr": _psnr_of(pooled["rmse"])}
+    return pooled | {"psnr": psnr(pooled["rmse"] ** 2)}
 
 
 def _require_images(*pictures: FloatImage) -> None:
@@ -156,12 +156,12 @@ def require_measuring_packages() -> None:
 # Maps: the value of a metric at each pixel, from a picture and the truth.
 
 
-def _error_map(picture: FloatImage, truth: FloatImage) -> _Map:
+def _error_map(picture: FloatImage, truth: FloatImage) -> Array:
     """Return the absolute difference of each channel, [h, w, 3]."""
     return np.abs(picture - truth)
 
 
-def _ssim_map(picture: FloatImage, truth: FloatImage) -> _Map:
+def _ssim_map(picture: FloatImage, truth: FloatImage) -> Array:
     """Return the structural similarity, mean of the channels, [h, w]."""
     from skimage.metrics import structural_similarity
 
@@ -183,7 +183,7 @@ def _ssim_map(picture: FloatImage, truth: FloatImage) -> _Map:
     return total / 3
 
 
-def _flip_map(picture: FloatImage, truth: FloatImage) -> _Map:
+def _flip_map(picture: FloatImage, truth: FloatImage) -> Array:
     """Return the perceived difference, [h, w]."""
     import flip_evaluator
 
@@ -199,7 +199,7 @@ def _flip_map(picture: FloatImage, truth: FloatImage) -> _Map:
     return np.asarray(difference[..., 0], np.float64)
 
 
-def _delta_e_map(picture: FloatImage, truth: FloatImage) -> _Map:
+def _delta_e_map(picture: FloatImage, truth: FloatImage) -> Array:
     """Return the CIE 1976 colour difference, [h, w]."""
     from skimage.color import deltaE_cie76, rgb2lab
 
@@ -210,38 +210,30 @@ def _delta_e_map(picture: FloatImage, truth: FloatImage) -> _Map:
 # Reductions: from a map, or the part of it under a mask, to a number.
 
 
-def _reduce(of: Callable[[_Map], Any], values: _Map) -> float:
+def _reduce(of: Callable[[Array], Any], values: Array) -> float:
     return float(of(values)) if values.size else math.nan
 
 
-def _root_mean_square(values: _Map) -> float:
+def _root_mean_square(values: Array) -> float:
     return math.sqrt(np.mean(np.square(values)))
 
 
-def _psnr(values: _Map) -> float:
-    return _psnr_of(_root_mean_square(values))
-
-
-def _psnr_of(rmse: float) -> float:
-    return -20 * math.log10(rmse) if rmse != 0 else math.inf
-
-
-def _noticeable_share(values: _Map) -> float:
+def _noticeable_share(values: Array) -> float:
     return float(np.mean(values > NOTICEABLE_DELTA_E))
 
 
 # rmse: root of the mean squared difference of the RGB channels. max_error: largest difference of a channel.
-# psnr: `-20 log10 rmse`; infinite for equal pictures.
+# psnr: of the square of the rmse; infinite for equal pictures.
 # ssim: mean structural similarity (Wang et al. 2004) of the channels. The pictures are mirrored at the border. NaN for
 #   a picture smaller than the window of 11 pixels.
 # flip, flip_p99: mean and 99th percentile of the perceived difference (Andersson et al. 2020), 0 to 1, at
 #   FLIP_PIXELS_PER_DEGREE.
 # delta_e_share: share of the pixels whose CIE 1976 colour difference is over 2.3, the just noticeable one.
 # Each has its map and its reduction.
-_FUNCTIONS: dict[Metric, tuple[Callable[[FloatImage, FloatImage], _Map], Callable[[_Map], Any]]] = {
+_FUNCTIONS: dict[Metric, tuple[Callable[[FloatImage, FloatImage], Array], Callable[[Array], Any]]] = {
     Metric("rmse", "RMSE"): (_error_map, _root_mean_square),
     Metric("max_error", "largest error"): (_error_map, np.max),
-    Metric("psnr", "PSNR", "dB", higher_is_better=True): (_error_map, _psnr),
+    Metric("psnr", "PSNR", "dB", higher_is_better=True): (_error_map, lambda of: psnr(_root_mean_square(of) ** 2)),
     Metric("ssim", "SSIM", higher_is_better=True): (_ssim_map, np.mean),
     Metric("flip", "FLIP"): (_flip_map, np.mean),
     Metric("flip_p99", "FLIP, 99th percentile"): (_flip_map, partial(np.percentile, q=99)),

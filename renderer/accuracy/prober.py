@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from renderer.accuracy.estimate import ErrorSamples, error_samples
+from renderer.accuracy.pixels import ChosenPixels, choose_pixels
+from renderer.accuracy.visibility import scalar_ranges, sum_ranges
 from renderer.film import Pixels, over_background
 from renderer.frame import Stage, view_of
-from renderer.probes.estimate import ErrorSamples, error_samples
-from renderer.probes.pixels import ChosenPixels, choose_pixels
-from renderer.probes.visibility import scalar_ranges, sum_ranges
-from renderer.scene import Color, Scene
+from renderer.scene import Color
 from renderer.truth import SceneRays
 from renderer.volume import Float32, Float64
 
@@ -66,16 +66,6 @@ class ExactPixels:
         return Probe(samples, float(np.sqrt(errors.max())), self.visible)
 
 
-def num_probe_rays(scene: Scene) -> int:
-    """Return the number of rays for each frame of a scene: 0 where there is no exact picture to compare with."""
-    if scene.error.probes is not None:
-        return scene.error.probes  # 0 beside an overlay
-    if scene.no_exact_picture is not None:
-        return 0
-    width, height = scene.output.size
-    return max(_MIN_RAYS, width * height // _PIXELS_PER_RAY, _MIN_RAYS_OF_PATH // scene.camera.path.frames)
-
-
 class FrameProber:
     """A prober of the frames of a stage.
 
@@ -108,3 +98,13 @@ class FrameProber:
     def probe(self, number: int, image: Pixels) -> Probe:
         """Measure the error of a frame's picture; parameters as in `exact_pixels`."""
         return self.exact_pixels(number, image).compare_image(image)
+
+
+def open_prober(stage: Stage, num_threads: int) -> FrameProber | None:
+    """Return a prober with the rays that a scene wants; None where it wants none, or has no exact picture."""
+    scene, num_rays = stage.scene, stage.scene.error.probes
+    if num_rays is None:  # 0 beside an overlay
+        width, height = scene.output.size
+        num_rays = max(_MIN_RAYS, width * height // _PIXELS_PER_RAY, _MIN_RAYS_OF_PATH // scene.camera.path.frames)
+        num_rays *= scene.no_exact_picture is None
+    return FrameProber(stage, num_rays, num_threads=num_threads) if num_rays else None

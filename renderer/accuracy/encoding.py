@@ -1,15 +1,20 @@
-"""Say how much of the accuracy of frames a film file keeps, and which tolerance would do as well.
+"""Measure what a film file loses of its frames, and say what is typical, and which tolerance would do as well.
 
-Typical values of many scans drawn as bricks (docs/benchmarks/encoding.md, goals.md). What a film has is measured when
-it is made.
+Typical values are those of many scans drawn as bricks (docs/benchmarks/encoding.md, goals.md). What a film has is
+measured when it is made.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from renderer.film.names import has_frame_files
+from renderer.film import has_frame_files
 from renderer.scene import OutputSpec
+
+if TYPE_CHECKING:
+    from renderer.film import Pixels
 
 # Decibels. A step of an MP4's quality is 3 of its constant rate factor.
 _GIF_DB, _MP4_DB, _MP4_QUALITY, _DB_PER_QUALITY = 49.0, 44.5, 8.0, 1.4
@@ -18,6 +23,19 @@ _TOLERANCE, _TOLERANCE_DB, _DB_PER_DECADE = 0.1, 53.0, 17.0
 # Frames that are better by the first than what the file keeps are worth a word. With the second, the error of the film
 # is a sixth more.
 _TOO_GOOD_DB, _GOOD_ENOUGH_DB = 16.0, 8.0
+
+
+def encoding_loss(output: OutputSpec, num_frames: int, first_frames: Sequence[Pixels]) -> float:
+    """Return the mean squared error of the first frames of a film as they are decoded, in [0, 1]."""
+    # Imported here: `hsplat check` needs the rest of this file alone.
+    import numpy as np
+
+    from renderer.film import decode_known_film
+
+    with decode_known_film(output.file, output.size, num_frames) as decoded:
+        pairs = zip(first_frames, decoded, strict=False)
+        differences = (drawn.astype(np.int16) - kept for drawn, kept in pairs)
+        return float(np.mean([np.mean(np.square(each, dtype=np.float32)) for each in differences])) / 255**2
 
 
 def typical_psnr(tolerance: float) -> float:

@@ -1,0 +1,18 @@
+"""Accuracy: how exact pictures are, and at which tolerance they are as exact as wanted.
+
+In: a stage, and frames that are drawn. Out: metrics against whole exact pictures (PSNR; SSIM, Wang et al. 2004; FLIP,
+Andersson et al. 2020), or an estimate from a few exact rays, with an interval; tolerances. What is drawn without a
+wanted accuracy does not depend on it.
+
+- `pixels.py`: which pixels get a ray; `prober.py`: their errors; `estimate.py`: the estimate and its interval;
+  `decibels.py`: from errors to decibels and back.
+- `visibility.py`: the ranges of scalars whose share of the picture is recorded.
+- `truths.py`: the exact picture of a frame, or of some of its pixels; `metrics.py`: RMSE, PSNR, SSIM, FLIP, Delta-E.
+- `search.py`: the coarsest tolerances for a wanted accuracy; `tolerances.py`: those that are worth trying;
+  `references.py`: what their pictures are compared with.
+- `encoding.py`: what the encoder of a film loses.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,56 @@
+from .decibels import (
+    MOST_DB as MOST_DB,
+    ROUNDING_ERROR as ROUNDING_ERROR,
+    psnr as psnr,
+    squared_error as squared_error,
+    wanted_error as wanted_error,
+)
+from .encoding import (
+    encoding_loss as encoding_loss,
+    finer_than_kept as finer_than_kept,
+    typical_kept_psnr as typical_kept_psnr,
+    typical_psnr as typical_psnr,
+)
+from .estimate import (
+    ErrorSamples as ErrorSamples,
+    pool_samples as pool_samples,
+)
+from .metrics import (
+    METRICS as METRICS,
+    REACH_PX as REACH_PX,
+    SSIM_WINDOW_PX as SSIM_WINDOW_PX,
+    Accuracy as Accuracy,
+    FloatImage as FloatImage,
+    Metric as Metric,
+    compute_metric as compute_metric,
+    metric_map as metric_map,
+    pool_accuracies as pool_accuracies,
+    require_measuring_packages as require_measuring_packages,
+)
+from .prober import (
+    ExactPixels as ExactPixels,
+    FrameProber as FrameProber,
+    Probe as Probe,
+    open_prober as open_prober,
+)
+from .references import (
+    ExactPictures as ExactPictures,
+    ExactRays as ExactRays,
+)
+from .search import (
+    FoundTolerances as FoundTolerances,
+    Trial as Trial,
+    find_tolerances as find_tolerances,
+)
+from .tolerances import spread_tolerances as spread_tolerances
+from .truths import (
+    NUM_SAMPLED_PIXELS as NUM_SAMPLED_PIXELS,
+    TRUTH_TOLERANCE as TRUTH_TOLERANCE,
+    SampledTruth as SampledTruth,
+    Truth as Truth,
+    compute_truth as compute_truth,
+    is_loop as is_loop,
+    sample_truths as sample_truths,
+    spread_evenly as spread_evenly,
+)
+from .visibility import scalar_ranges as scalar_ranges

@@ -1,0 +1,74 @@
+"""Compare trial pictures with what is exact: a few rays of each frame, or its whole picture.
+
+Both compare a picture before it is rounded, and return the value of the metric that is wanted, and the standard
+deviation of the logarithm of its mean squared error: 0 where it is no estimate. num_frames: the most that a search for
+one tolerance tries. step: the least factor between tolerances that they can tell.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from renderer.accuracy.decibels import psnr
+from renderer.accuracy.metrics import compute_metric
+from renderer.accuracy.prober import ExactPixels, FrameProber
+from renderer.accuracy.truths import NUM_SAMPLED_PIXELS, Truth
+from renderer.film import over_background
+from renderer.frame import Frame, Stage
+from renderer.scene import Color, MetricTarget
+
+
+class ExactRays:
+    """A few exact rays of each frame, chosen by its first picture; they tell PSNR and RMSE.
+
+    A step is about 1 dB.
+    """
+
+    num_frames, step = 16, 1.12
+
+    def __init__(self, stage: Stage, want: MetricTarget, *, num_threads: int) -> None:
+        self.want, self._prober = want, FrameProber(stage, NUM_SAMPLED_PIXELS, num_threads=num_threads)
+        self._exact: dict[int, ExactPixels] = {}  # by frame
+
+    def compare(self, frame: Frame) -> tuple[float, float]:
+        """Estimate the metric from the rays."""
+        if frame.number not in self._exact:
+            self._exact[frame.number] = self._prober.exact_pixels(frame.number, frame.image)
+        samples = self._exact[frame.number].compare_radiance(frame.radiance).samples
+        value = psnr(samples.mean) if self.want.metric == "psnr" else math.sqrt(samples.mean)
+        return value, samples.deviation
+
+
+class ExactPictures:
+    """The whole exact pictures of frames, which take long; they tell any metric. A step is any, of two digits.
+
+    Pictures are kept in float32, 12 bytes a pixel. Those compared with them are rounded alike, so that equal pictures
+    stay equal: values change by at most 3e-8, a three hundredth of TRUTH_TOLERANCE, and an RMSE by 6e-8, which is 0.005
+    dB at 80 dB.
+    """
+
+    num_frames, step = 10, 1.0
+
+    def __init__(self, want: MetricTarget, background: Color | None, find_truth: Callable[[int], Truth]) -> None:
+        self.want, self._background, self._find_truth = want, background, find_truth
+        self._truths: dict[int, Truth] = {}  # by frame
+
+    @property
+    def shows_volume(self) -> bool:
+        """Return whether any of the pictures shows the volume; else any tolerance would do."""
+        return any(truth.shows_volume for truth in self._truths.values())
+
+    def compare(self, frame: Frame) -> tuple[float, float]:
+        """Compute the metric over all pixels."""
+        if frame.number not in self._truths:
+            truth = self._find_truth(frame.number)
+            self._truths[frame.number] = replace(truth, picture=truth.picture.astype(np.float32))
+        picture = over_background(frame.radiance, self._background).astype(np.float32).astype(np.float64)
+        return compute_metric(self.want.metric, picture, self._truths[frame.number].picture), 0.0
+
+
+Reference = ExactRays | ExactPictures

@@ -1,0 +1,232 @@
+"""Search for the coarsest tolerances at which frames are as exact as wanted, by trial pictures.
+
+A tolerance is good enough for a frame by some standard deviations of what its comparison says. Frames get one tolerance
+together, or each its own: then key frames get the coarsest one, and those between two of them get one between theirs. A
+frame half-way is tried: where it falls short it becomes a key frame, too. All of it is decided before the film is
+drawn, so whoever draws a frame draws the same bytes.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from itertools import pairwise
+
+from renderer.accuracy.decibels import psnr, wanted_error
+from renderer.accuracy.encoding import typical_tolerance
+from renderer.accuracy.references import Reference
+from renderer.accuracy.tolerances import tolerance_ladder
+from renderer.accuracy.truths import spread_evenly
+from renderer.draw import Rasterizer
+from renderer.errors import RenderError
+from renderer.frame import Clock, Frame, ScheduleController, Stage, make_primitive, render_frames
+from renderer.scene import MetricTarget, Scene, counted, with_tolerance
+
+# By how many deviations key frames, and those between them, are to be good enough: nine of ten are, and more.
+_MARGIN, _MARGIN_BETWEEN = 1.5, 0.5
+# Key frames at first, and the most.
+_NUM_KEYS, _MAX_KEYS = 8, 32
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A picture at a tolerance: the metric's value on a frame, and the number of cells in the cut.
+
+    deviation: of the logarithm of the mean squared error, where that is an estimate.
+    """
+
+    tolerance: float
+    frame: int
+    value: float
+    num_cells: int
+    deviation: float = 0.0
+
+    def text(self, want: MetricTarget, noun: str) -> str:
+        """Return `tolerance 0.1: psnr 44.20 dB on frame 3, 190 bricks`."""
+        cells = counted(self.num_cells, noun)
+        return f"tolerance {self.tolerance:g}: {want.format(self.value)} on frame {self.frame}, {cells}"
+
+
+@dataclass(frozen=True)
+class FoundTolerances:
+    """Tolerances for frames, found for an accuracy.
+
+    by_frame: of each frame; 0 for all where not even that is good enough (`is_reachable`).
+    tried: the frames that were tried, ascending. worst: the worst trial at the tolerances that were chosen.
+    """
+
+    want: MetricTarget
+    by_frame: Mapping[int, float]
+    is_reachable: bool
+    tried: tuple[int, ...]
+    worst: Trial
+
+    def shortfall(self, scene: Scene, *, where: str, hint: str) -> RenderError:
+        """Return the error where no tolerance is good enough. hint: what to do about it."""
+        level, worst = scene.error.finest_level, self.worst
+        drawn = counted(worst.num_cells, scene.splat.primitive_name)
+        is_limited = f"error.finest_level: {level} lets no cell be smaller"
+        return RenderError(
+            "the requested accuracy is beyond full resolution",
+            where=where,
+            got=f"{self.want.format(worst.value)} on frame {worst.frame}, with {drawn} at tolerance 0",
+            expected=str(self.want),
+            hint=f"{hint}; {is_limited if level else 'docs/footprints.md says what limits it'}",
+        )
+
+
+def find_tolerances(
+    stage: Stage,
+    frames: Sequence[int],
+    reference: Reference,
+    rasterizer: Rasterizer,
+    *,
+    is_constant: bool,
+    clock: Clock,
+    on_trial: Callable[[Trial], None],
+) -> FoundTolerances:
+    """Find the tolerances at which frames, before rounding, are as near to a reference as it wants.
+
+    stage: with a pyramid for every tolerance. The schedule of its scene is ignored, and so is its overlay, which is no
+        error. frames: ascending. is_constant: whether all get the same tolerance.
+    on_trial: called after every picture. None is drawn twice.
+    """
+    stage = replace(stage, scene=replace(stage.scene, overlay="none"))
+
+    @lru_cache(maxsize=1)  # has a level of detail in memory
+    def controller_at(tolerance: float) -> tuple[Stage, ScheduleController]:
+        at_tolerance = replace(stage, scene=with_tolerance(stage.scene, tolerance))
+        return at_tolerance, ScheduleController(at_tolerance)
+
+    def draw(tolerance: float, number: int) -> Frame:
+        at_tolerance, controller = controller_at(tolerance)
+        (frame,) = render_frames(at_tolerance, [number], rasterizer, clock=clock, controller=controller)
+        return frame
+
+    ladder = tolerance_ladder(stage.pyramid, make_primitive(stage).work, reference.step)
+    trials = _Trials(ladder, reference, draw, on_trial)
+    start = _first_guess(ladder, reference.want)
+    if is_constant:
+        chosen = _choose_one_step(trials, spread_evenly(frames, reference.num_frames, is_loop=False), start)
+    else:
+        chosen = _choose_steps(trials, frames, start)
+    failed = [frame for frame, step in chosen.items() if not trials.is_possible(step, frame)]
+    made = (trials.trial(chosen[frame], frame) for frame in failed or chosen)
+    worst = min(made, key=lambda each: reference.want.margin(each.value))
+    steps = dict.fromkeys(frames, trials.last) if failed else _steps_by_frame(frames, chosen)
+    by_frame = {frame: ladder[step] for frame, step in steps.items()}
+    return FoundTolerances(reference.want, by_frame, not failed, tuple(sorted(chosen)), worst)
+
+
+def _choose_one_step(trials: _Trials, frames: Sequence[int], start: int) -> dict[int, int]:
+    """Return one step, of all frames to try; of the one that is not good enough even at the last step.
+
+    An accuracy need not rise with every step: frames that were good enough at a coarser one are tried again.
+    """
+    step, before = trials.coarsest_step(frames[0], start), -1
+    while step != before:
+        before = step
+        for frame in frames:
+            if not trials.is_sure(step, frame):
+                step = trials.coarsest_step(frame, step)
+            if not trials.is_possible(step, frame):
+                return {frame: step}
+    return dict.fromkeys(frames, step)
+
+
+def _choose_steps(trials: _Trials, frames: Sequence[int], start: int) -> dict[int, int]:
+    """Return a step of each frame that was tried; of few where one is not good enough even at the last step."""
+    chosen: dict[int, int] = {}
+    keys = spread_evenly(frames, _NUM_KEYS, is_loop=False)
+    for frame in keys:
+        chosen[frame] = start = trials.coarsest_step(frame, start)
+        if not trials.is_possible(start, frame):
+            return chosen
+    gaps, num_keys = list(pairwise(keys)), len(keys)
+    while gaps:
+        first, last = gaps.pop()
+        middle = frames[(bisect_left(frames, first) + bisect_left(frames, last)) // 2]
+        if middle == first:
+            continue
+        chosen[middle] = step = _step_between(chosen, first, last, middle)
+        if trials.is_good(step, middle, _MARGIN_BETWEEN):
+            continue
+        chosen[middle] = trials.coarsest_step(middle, step)
+        num_keys += 1
+        gaps += [(first, middle), (middle, last)] * (num_keys <= _MAX_KEYS)
+    return chosen
+
+
+def _steps_by_frame(frames: Sequence[int], chosen: Mapping[int, int]) -> dict[int, int]:
+    """Return the step of each frame, between those of the frames that were tried."""
+    tried = sorted(chosen)
+    found = {tried[0]: chosen[tried[0]]}
+    for first, last in pairwise(tried):
+        found |= {frame: _step_between(chosen, first, last, frame) for frame in frames if first < frame <= last}
+    return found
+
+
+def _step_between(steps: Mapping[int, int], first: int, last: int, frame: int) -> int:
+    """Return the step of a frame between two others, rounded to the finer one."""
+    return math.ceil(steps[first] + (steps[last] - steps[first]) * (frame - first) / (last - first))
+
+
+def _first_guess(ladder: Sequence[float], want: MetricTarget) -> int:
+    """Return the step of a tolerance that has this accuracy with many scans; a guess for other metrics."""
+    guess = typical_tolerance(psnr(wanted_error(want)))
+    return min(bisect_left(ladder, -guess, key=lambda each: -each), len(ladder) - 1)
+
+
+@dataclass
+class _Trials:
+    """Trial pictures of frames at the steps of a ladder of tolerances. draw: draws a frame at a tolerance."""
+
+    ladder: Sequence[float]
+    reference: Reference
+    draw: Callable[[float, int], Frame]
+    on_trial: Callable[[Trial], None]
+    made: dict[tuple[int, int], Trial] = field(default_factory=dict)  # by step and frame
+
+    @property
+    def last(self) -> int:
+        """Return the last step."""
+        return len(self.ladder) - 1
+
+    def trial(self, step: int, number: int) -> Trial:
+        """Return the trial of a frame at a step."""
+        if (step, number) not in self.made:
+            frame = self.draw(self.ladder[step], number)
+            value, deviation = self.reference.compare(frame)
+            self.made[step, number] = Trial(self.ladder[step], number, value, frame.num_cells, deviation)
+            self.on_trial(self.made[step, number])
+        return self.made[step, number]
+
+    def is_good(self, step: int, frame: int, deviations: float = 0.0) -> bool:
+        """Return whether a frame is as exact as wanted, even if its estimate is too good by some deviations."""
+        want, trial = self.reference.want, self.trial(step, frame)
+        factor = math.exp(deviations * trial.deviation)  # of the mean squared error
+        worse = trial.value - 10 * math.log10(factor) if want.metric == "psnr" else trial.value * math.sqrt(factor)
+        return want.margin(worse) >= 0
+
+    def is_sure(self, step: int, frame: int) -> bool:
+        """Return whether a frame is surely good enough; at the last step there is nothing better."""
+        return step == self.last or self.is_good(step, frame, _MARGIN)
+
+    def is_possible(self, step: int, frame: int) -> bool:
+        """Return whether a frame is good enough or may be so at a finer step."""
+        return step < self.last or self.is_good(step, frame)
+
+    def coarsest_step(self, frame: int, start: int) -> int:
+        """Return the coarsest step near `start` that is surely good enough; the last one if none is."""
+        bad, good, stride = -1, start, 1
+        while not self.is_sure(good, frame):
+            bad, good, stride = good, min(good + stride, self.last), 2 * stride
+        stride = 1
+        while bad < 0 and good > 0:
+            coarser = max(good - stride, 0)
+            bad, good = (-1, coarser) if self.is_sure(coarser, frame) else (coarser, good)
+            stride *= 2
+        return bisect_left(range(good), True, bad + 1, good, key=lambda step: self.is_sure(step, frame))
