@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene import ShadingSpec
-from renderer.transfer import LightField, TransferFunction
+from renderer.scene import CutSpec, ShadingSpec
+from renderer.transfer import NO_LIGHT_FIELD, LightField, TransferFunction
 from renderer.volume import Float64, Volume
 
 # Scalars are scaled so that the largest scalar or control value lies between these powers of two, as it usually does:
@@ -18,6 +18,23 @@ from renderer.volume import Float64, Volume
 _LEAST_EXPONENT, _LARGEST_EXPONENT = -50, 1000
 # Cells along each axis of a macrocell, as in `truth_cells.h` of the kernels.
 _MACROCELL_SIZE = 4
+
+
+class TrueLayer(NamedTuple):
+    """A volume in a picture, and how it is shown.
+
+    shading: colour times ambient + diffuse * max(0, n . light), n the negative normalised world gradient (central
+        differences at voxel centres, one-sided at the border, interpolated trilinearly), and times ambient where the
+        gradient is zero; and what else `ShadingSpec` says.
+    weight: a factor on extinction. cuts: of this layer alone, besides those of the view.
+    """
+
+    volume: Volume
+    transfer: TransferFunction
+    shading: ShadingSpec | None = None
+    light_field: LightField = NO_LIGHT_FIELD
+    weight: float = 1.0
+    cuts: tuple[CutSpec, ...] = ()
 
 
 class Intervals(NamedTuple):
@@ -58,6 +75,25 @@ class RayShading(NamedTuple):
     world_from_gradient: Float64
     factors: Float64
     field: LightField
+
+
+class LayerOptics(NamedTuple):
+    """A layer as the kernel takes it. macrocells: what is known of each; updated."""
+
+    values: npt.NDArray[Any]
+    macrocells: npt.NDArray[Any]
+    intervals: Intervals
+    shading: RayShading | None
+    weight: float
+
+
+def optics_of(layer: TrueLayer) -> LayerOptics:
+    """Return a layer as the kernel takes it."""
+    values = readable_values(layer.volume)
+    scale = largest_magnitude_scale(layer.volume, layer.transfer)
+    shading = None if layer.shading is None else shading_of(layer.shading, layer.light_field, layer.volume, scale)
+    macrocells = for_macrocells(values.shape, np.uint8(0))
+    return LayerOptics(values, macrocells, intervals_of(layer.transfer, scale), shading, layer.weight)
 
 
 def for_macrocells(shape: tuple[int, ...], unknown: Any) -> npt.NDArray[Any]:
