@@ -131,10 +131,10 @@ struct Integrator {
                 Color radiance = step.radiance(opacity, adds) * (adds ? 1.0 : transmittance);
                 for (int channel = 0; channel < DEPTH; channel++) sums[channel] += radiance[channel];
                 sums[DEPTH] += step.depth;
-                if (!(step.depth > 0.0)) continue;
-                for (LayerRay* layer = first; layer; layer = layer->next)
-                    sums[layer->first_interval + layer->part.number] +=
-                        transmittance * opacity * (layer->depth / step.depth);
+                for (LayerRay* layer = first; layer; layer = layer->next) {
+                    double share = layer->depth < step.depth ? layer->depth / step.depth : 1.0;
+                    sums[layer->first_interval + layer->part.number] += transmittance * opacity * share;
+                }
             }
         }
     }

@@ -118,8 +118,8 @@ struct LayerRay : LayerOptics {
         return low <= high && is_visible(low * intervals.scale, high * intervals.scale) ? VISIBLE : EMPTY;
     }
 
-    // The gradient per world unit along the ray inside a cell, of which `absent` corners have no data.
-    Gradient world_gradient(const Segment& segment, int absent) const {
+    // The gradient per world unit along the ray inside the cell.
+    Gradient world_gradient() const {
         double corners[3][8];
         load_differences(values, segment.cell, absent, intervals.scale, corners);
         auto along = [&](int axis) { return cubic_in_cell(corners[axis], segment.entry, segment.extent); };
@@ -128,25 +128,25 @@ struct LayerRay : LayerOptics {
         return {combination(row(0), in_index), combination(row(1), in_index), combination(row(2), in_index)};
     }
 
-    // Make a cell the one whose pieces are taken; return whether it shows anything.
-    bool enter(const Segment& met) {
+    // Prepare to take the pieces of the cell; return whether it shows anything.
+    bool enter() {
+        const auto& [cell, macrocell, s, s_exit, entry, extent] = segment;
         double corners[8];
-        absent = load_corners(values, met.cell, intervals.scale, corners);
+        absent = load_corners(values, cell, intervals.scale, corners);
         if (absent == ALL_ABSENT) return false;
         double low = corners[0], high = corners[0];
         for (double corner : corners) low = least(low, corner), high = most(high, corner);
         if (!is_visible(low, high)) return false;
-        segment = met;
-        cubic = cubic_in_cell(corners, met.entry, met.extent);
+        cubic = cubic_in_cell(corners, entry, extent);
         num_splits = add_crossings(cubic, intervals.knots, splits, 0);
-        if (absent != 0) num_splits = add_middles(met.entry, met.extent, splits, num_splits);
+        if (absent != 0) num_splits = add_middles(entry, extent, splits, num_splits);
         if (shading.exists) {
-            light.begin = __builtin_convertvector(met.cell, Point) + met.entry, light.extent = met.extent;
-            gradient = world_gradient(met, absent);
+            light.begin = __builtin_convertvector(cell, Point) + entry, light.extent = extent;
+            gradient = world_gradient();
             const double zero = 0.0;
             num_splits = add_crossings(combination(light.light, gradient), {&zero, {1}}, splits, num_splits);
         }
-        num_taken = 0, taken = 0.0, length_voxels = __builtin_sqrt(dot(met.extent, met.extent));
+        num_taken = 0, taken = 0.0, length_voxels = __builtin_sqrt(dot(extent, extent));
         return true;
     }
 
@@ -159,7 +159,9 @@ struct LayerRay : LayerOptics {
                 auto [x, y, z] = met.macrocell;
                 uint8_t& state = macrocells(z, y, x);
                 if (state == UNKNOWN) state = classify(met.macrocell);  // the same value on all threads
-                if (state == EMPTY || !enter(met)) continue;
+                if (state == EMPTY) continue;
+                segment = met;
+                if (!enter()) continue;
                 walk = ahead;
                 return true;
             }
