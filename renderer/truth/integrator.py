@@ -7,10 +7,11 @@ Models for Direct Volume Rendering", IEEE TVCG 1995):
     C = int c(s) tau(s) exp(-int_0^s tau) ds,    alpha = 1 - exp(-int tau)
 
 with s in world units. Of several layers, weighted extinctions add up, tau = sum w_i tau_i, and c = sum w_i tau_i c_i /
-tau; each layer has a grid, a transfer function and light of its own. The kernel `truth_integral.cpp` splits a ray exactly wherever the integrand is not smooth (cell
-faces, control values of the transfer functions, grazing light); in between, the error falls with the eighth power of
-the step. Verified as in T. Etiene et al., "Verifying Volume Rendering Using Discretization Error Analysis", IEEE TVCG 2014:
-against closed forms, against an independent Riemann sum and by the order of convergence.
+tau; each layer has a grid, a transfer function and light of its own. The kernel `truth_integral.cpp` splits a ray
+exactly wherever the integrand is not smooth (cell faces, control values of the transfer functions, grazing light); in
+between, the error falls with the eighth power of the step. Verified as in T. Etiene et al., "Verifying Volume Rendering
+Using Discretization Error Analysis", IEEE TVCG 2014: against closed forms, against an independent Riemann sum and by
+the order of convergence.
 """
 
 from __future__ import annotations
@@ -124,11 +125,9 @@ class RayIntegrator:
     """
 
     def __init__(self, layers: Sequence[TrueLayer], *, adds: bool = False, num_threads: int = 2) -> None:
-        optics = [optics_of(layer) for layer in layers]
-        self._integrate = kernels().integrate_rays.partial(layers=optics, adds=adds)
-        self._num_intervals = sum(len(one.intervals.rows) for one in optics)
+        self._integrate = kernels().integrate_rays.partial(layers=[optics_of(one) for one in layers], adds=adds)
         self._layers, self._num_threads = tuple(layers), num_threads
-        self._begin = np.mean([layer.volume.centre for layer in layers], axis=0)
+        self._centre = np.mean([layer.volume.centre for layer in layers], axis=0)
 
     def integrate(
         self,
@@ -148,7 +147,7 @@ class RayIntegrator:
         pixels: numbered row by row from the top left corner. done: the finished share of the whole work, of which these
         pixels are the rest. Other parameters as in the function `integrate`.
         """
-        num_channels = 4 + by_interval * self._num_intervals
+        num_channels = 4 + by_interval * sum(len(layer.transfer.values) + 1 for layer in self._layers)
         radiance, max_steps = np.empty((pixels.size, len(steps), num_channels)), np.array(steps)
 
         def integrate_part(part: slice) -> None:
@@ -165,7 +164,7 @@ class RayIntegrator:
             layer.volume.require_unchanged()
 
     def _rays(self, layer: TrueLayer, view: View, pixels: Int64) -> IndexRays:
-        return index_rays(layer.volume, replace(view, cuts=view.cuts + layer.cuts), pixels, self._begin)
+        return index_rays(layer.volume, replace(view, cuts=view.cuts + layer.cuts), pixels, self._centre)
 
     def converge(
         self, view: View, pixels: Int64, tolerance: float, on_progress: Progress = ignore
@@ -231,15 +230,14 @@ def in_parts(work: Callable[[slice], None], num_rays: int, num_threads: int, on_
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def index_rays(volume: Volume, view: View, pixels: Int64, begin: Float64 | None = None) -> IndexRays:
-    """Return the rays through the centres of pixels; begin: as `point_world` below, the volume's centre if not given."""
-    centre = volume.centre
-    begin = centre if begin is None else begin
+def index_rays(volume: Volume, view: View, pixels: Int64, point_world: Float64 | None = None) -> IndexRays:
+    """Return the rays through the centres of pixels. point_world: as below, the volume's centre if it is None."""
+    point = volume.centre if point_world is None else point_world
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
-    origins, directions, starts = rays_through_pixels(begin, view, pixels)
-    parts = kept_parts(view, begin, origins, directions, starts)
-    from_centre = origins + (begin - centre)
-    return IndexRays(from_centre @ index_from_world.T + volume.centre_index, directions @ index_from_world.T, parts)
+    origins, directions, starts = rays_through_pixels(point, view, pixels)
+    parts = kept_parts(view, point, origins, directions, starts)
+    origins = (origins + (point - volume.centre)) @ index_from_world.T + volume.centre_index
+    return IndexRays(origins, directions @ index_from_world.T, parts)
 
 
 def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tuple[Float64, Float64, Float64]:

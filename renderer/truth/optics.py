@@ -1,4 +1,4 @@
-"""Prepare the optics of exact rays for the compiled kernels: the transfer function's intervals, and the light."""
+"""Prepare the layers of exact rays for the compiled kernels: the transfer function's intervals, and the light."""
 
 from __future__ import annotations
 
@@ -77,23 +77,17 @@ class RayShading(NamedTuple):
     field: LightField
 
 
-class LayerOptics(NamedTuple):
-    """A layer as the kernel takes it. macrocells: what is known of each; updated."""
-
-    values: npt.NDArray[Any]
-    macrocells: npt.NDArray[Any]
-    intervals: Intervals
-    shading: RayShading | None
-    weight: float
-
-
-def optics_of(layer: TrueLayer) -> LayerOptics:
+def optics_of(layer: TrueLayer) -> dict[str, Any]:
     """Return a layer as the kernel takes it."""
     values = readable_values(layer.volume)
     scale = largest_magnitude_scale(layer.volume, layer.transfer)
-    shading = None if layer.shading is None else shading_of(layer.shading, layer.light_field, layer.volume, scale)
-    macrocells = for_macrocells(values.shape, np.uint8(0))
-    return LayerOptics(values, macrocells, intervals_of(layer.transfer, scale), shading, layer.weight)
+    return {
+        "values": values,
+        "macrocells": for_macrocells(values.shape, np.uint8(0)),
+        "intervals": intervals_of(layer.transfer, scale),
+        "shading": layer.shading and shading_of(layer.shading, layer.light_field, layer.volume, scale),
+        "weight": layer.weight,
+    }
 
 
 def for_macrocells(shape: tuple[int, ...], unknown: Any) -> npt.NDArray[Any]:

@@ -45,7 +45,9 @@ def rays(
 ) -> tuple[Float64, Float64]:
     """RGBA [n, 4] and what each interval shows [n, intervals]."""
     pixels = np.arange(view.size[0] * view.size[1])
-    found = RayIntegrator([TrueLayer(of, transfer, shading)], **options).integrate(view, pixels, [0.5], by_interval=True)[0]
+    found = RayIntegrator([TrueLayer(of, transfer, shading)], **options).integrate(
+        view, pixels, [0.5], by_interval=True
+    )[0]
     return found[:, :4], found[:, 4:]
 
 

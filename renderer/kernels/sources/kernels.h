@@ -440,7 +440,7 @@ struct IndexRays {
     Array<const double, 3> parts;
 };
 
-// macrocells: what is known of each; zeros at first.
+// As `optics_of` there. macrocells: what is known of each; zeros at first, and updated.
 struct LayerOptics {
     AnyArray<3> values;
     Array<uint8_t, 3> macrocells;
