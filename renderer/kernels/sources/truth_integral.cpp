@@ -149,8 +149,9 @@ struct Integrator {
         return ends_at(depth);
     }
 
-    // Add the ray, from one end of a piece to the next, for each of the steps, to what has been gathered.
-    void integrate_ray() const {
+    // Add a ray, from one end of a piece to the next, for each of the steps, to what has been gathered.
+    void integrate_ray(int64_t ray) const {
+        for (int64_t k = 0; k < layers.shape[0]; k++) layers[k].start(ray);
         for (int64_t k = 0; k < gathered.size(); k++) gathered.data[k] = 0.0;
         while (!is_opaque()) {
             double start = INFINITE, end = INFINITE;
@@ -204,13 +205,15 @@ Status integrate_rays(const IntegrateRays* arguments) {
     auto* aligned = (LayerRay*)(((uintptr_t)memory.data + alignof(LayerRay) - 1) / alignof(LayerRay) * alignof(LayerRay));
     const Integrator integrator = {adds, max_steps, {aligned, {num_layers}}, {gathered.data, {num_steps, num_gathered}}};
     const auto& sums = integrator.gathered;
+    int64_t first_split = 0, first_interval = FIRST_INTERVAL;
+    for (int64_t k = 0; k < num_layers; k++) {
+        LayerRay& layer = integrator.layers[k];
+        (LayerOptics&)layer = layers[k], layer.rays = &rays[k];
+        layer.splits = rest_of(splits, first_split), first_split += num_splits_of(layer);
+        layer.first_interval = first_interval, first_interval += layer.intervals.rows.shape[0];
+    }
     for (int64_t i = 0; i < num; i++) {
-        int64_t first_split = 0, first_interval = FIRST_INTERVAL;
-        for (int64_t k = 0; k < num_layers; k++) {
-            integrator.layers[k] = LayerRay(layers[k], rays[k], i, rest_of(splits, first_split), first_interval);
-            first_split += num_splits_of(layers[k]), first_interval += layers[k].intervals.rows.shape[0];
-        }
-        integrator.integrate_ray();
+        integrator.integrate_ray(i);
         for (int64_t step = 0; step < num_steps; step++) {
             for (int64_t channel = 0; channel < num_channels; channel++)
                 radiance(i, step, channel) = sums(step, channel);

@@ -80,27 +80,32 @@ inline Cubic combination(Point weights, const Gradient& gradient) {
 // reached: the length up to which it has been integrated, infinite behind the last piece; done: the x there. part: the
 // one that is integrated next, and depth: that of a step through it. next: of the layers that have a piece there.
 struct LayerRay : LayerOptics {
-    Array<const double, 2> parts;
+    // Of all rays. splits: space for num_splits_of(layer). first_interval: the place of its first one in what is gathered.
+    const IndexRays* rays;
     Array<double, 1> splits;
-    int64_t first_interval, num_begun = 0;
+    int64_t first_interval;
+    // Of a ray.
+    Array<const double, 2> parts;
+    int64_t num_begun;
     CellWalk walk;
     Light light;
     // Of a cell. num_taken: of its pieces, which end at the splits and at 1.
     Segment segment;
     Cubic cubic;
-    Gradient gradient = {};
+    Gradient gradient;
     int absent;
-    int64_t num_splits = -1, num_taken = 0;
+    int64_t num_splits, num_taken;
     double taken, length_voxels;
     Piece piece, part;
     double begin, end, reached, done, depth;
     LayerRay* next;
 
-    // scratch: space for num_splits_of(layer). first: the place of the first interval in what is gathered.
-    LayerRay(const LayerOptics& layer, const IndexRays& rays, int64_t ray, const Array<double, 1>& scratch, int64_t first)
-        : LayerOptics(layer), parts(rays.parts[ray]), splits(scratch), first_interval(first),
-          walk(size_of(values), point_of(&rays.origins(ray, 0)), point_of(&rays.directions(ray, 0)), 0.0, -INFINITE),
-          light(layer.shading.value, walk.direction) {
+    void start(int64_t ray) {
+        Point direction = point_of(&rays->directions(ray, 0));
+        parts = rays->parts[ray], num_begun = 0;
+        walk = {size_of(values), point_of(&rays->origins(ray, 0)), direction, 0.0, -INFINITE};
+        light = {shading.value, direction};
+        num_splits = -1, num_taken = 0;
         take_next();
     }
 
