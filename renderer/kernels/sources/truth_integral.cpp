@@ -1,10 +1,10 @@
 // Integrate one ray at a time through the continuous fields of some layers, at several steps at once.
 //
-// Each layer divides the ray into pieces on which its colour and extinction are polynomials (truth_layer.h). Where pieces
-// of several layers overlap, the ray is divided at their ends, too. Extinctions add up there, and so do their products
-// with colours. The optical depth of a part is exact, and its radiance is a Gauss-Legendre quadrature of a smooth
-// function. Nearly all of the time is spent on cells and crossings, which do not depend on the step: another step costs
-// little.
+// Each layer divides the ray into pieces on which its colour and extinction are polynomials (truth_layer.h). Where
+// pieces of several layers overlap, the ray is divided at their ends, too. Extinctions add up there, and so do their
+// products with colours. The optical depth of a part is exact, and its radiance is a Gauss-Legendre quadrature of a
+// smooth function. Nearly all of the time is spent on cells and crossings, which do not depend on the step: another
+// step costs little.
 //
 // Factors on extinction by the gradient are no polynomials. Depths are then the integrals of cubics through the nodes
 // of the quadrature, and exact where all factors are 1.
@@ -13,7 +13,7 @@
 namespace truth {
 namespace {
 
-// A ray ends where its transmittance falls below 1e-12.
+// A ray ends where its transmittance falls below 1e-12, unless light adds up.
 constexpr double MAX_OPTICAL_DEPTH = 27.631021115928547;
 // With four nodes, steps of a voxel and of an optical depth of 1 left errors of 6e-8 and less on two CT scans.
 constexpr double MAX_DEPTH_OF_STEP = 1.0;
@@ -69,7 +69,8 @@ INLINE Step plain_step(const LayerRay& layer, double number, double width) {
     Step step;
     for (int node = 0; node <= MIDDLE; node++) {
         double at = PLACES[node], x = (number + at) * width;
-        double lit = layer.shading.exists ? layer.light.lambert_factor(layer.gradient, part.start + x * part.extent) : 1.0;
+        double t = part.start + x * part.extent;
+        double lit = layer.shading.exists ? layer.light.lambert_factor(layer.gradient, t) : 1.0;
         step.colors[node] = part.interval.color(value_at(part.value, x), lit);
         step.densities[node] = d0 + at * (2.0 * d1 + at * (3.0 * d2 + at * 4.0 * d3));
         if (node < NUM_NODES) step.before[node] = at * (d0 + at * (d1 + at * (d2 + at * d3)));
@@ -108,6 +109,7 @@ INLINE Step step_through(LayerRay& layer, double number, double width) {
 // All that a call has in common. layers: on one ray; gathered: [steps, 4 + intervals of all layers], along it.
 struct Integrator {
     bool adds;
+    double max_depth;
     Array<const double, 1> max_steps;
     Array<LayerRay, 1> layers;
     Array<double, 2> gathered;
@@ -123,7 +125,7 @@ struct Integrator {
             const auto sums = gathered[number];
             int64_t num_steps = (int64_t)__builtin_ceil(num_parts / max_steps[number]);
             double width = 1.0 / (double)num_steps;
-            for (int64_t k = 0; k < num_steps && !ends_at(sums[DEPTH]); k++) {
+            for (int64_t k = 0; k < num_steps && !(sums[DEPTH] > max_depth); k++) {
                 Step step = step_through(*first, (double)k, width);
                 for (LayerRay* layer = first->next; layer; layer = layer->next)
                     step.add(step_through(*layer, (double)k, width));
@@ -139,14 +141,11 @@ struct Integrator {
         }
     }
 
-    // Whether nothing behind a depth counts.
-    bool ends_at(double depth) const { return !adds && depth > MAX_OPTICAL_DEPTH; }
-
     // Whether a ray may end, at all steps.
     bool is_opaque() const {
         double depth = gathered(0, DEPTH);
         for (int64_t k = 1; k < gathered.shape[0]; k++) depth = least(depth, gathered(k, DEPTH));
-        return ends_at(depth);
+        return depth > max_depth;
     }
 
     // Add a ray, from one end of a piece to the next, for each of the steps, to what has been gathered.
@@ -190,27 +189,28 @@ Status integrate_rays(const IntegrateRays* arguments) {
     using namespace truth;
     const auto& [layers, rays, adds, max_steps, radiance] = *arguments;
     int64_t num = radiance.shape[0], num_steps = max_steps.shape[0], num_channels = radiance.shape[2];
-    int64_t num_layers = layers.shape[0], num_splits = 0, num_gathered = FIRST_INTERVAL;
+    int64_t num_layers = layers.shape[0], num_gathered = FIRST_INTERVAL;
     if (rays.shape[0] != num_layers) return OUT_OF_BOUNDS;
     for (int64_t k = 0; k < num_layers; k++) {
         if (!is_right(layers[k], rays[k], num)) return OUT_OF_BOUNDS;
-        num_splits += num_splits_of(layers[k]), num_gathered += layers[k].intervals.rows.shape[0];
+        num_gathered += layers[k].intervals.rows.shape[0];
     }
     if (num_steps == 0 || radiance.shape[1] != num_steps || num_channels <= DEPTH || num_channels > num_gathered)
         return OUT_OF_BOUNDS;
-    Buffer<double> splits(num_splits), gathered(num_steps * num_gathered);
+    // A cubic passes a knot at most three times, and so does the cosine of the light. Another voxel becomes the nearest
+    // at most three times.
+    Buffer<double> splits(3 * (num_gathered + num_layers)), gathered(num_steps * num_gathered);
     Buffer<char> memory((num_layers + 1) * (int64_t)sizeof(LayerRay));
     if (!splits || !gathered || !memory) return NO_MEMORY;
     // Vectors need a larger alignment than that of the buffer.
-    auto* aligned = (LayerRay*)(((uintptr_t)memory.data + alignof(LayerRay) - 1) / alignof(LayerRay) * alignof(LayerRay));
-    const Integrator integrator = {adds, max_steps, {aligned, {num_layers}}, {gathered.data, {num_steps, num_gathered}}};
-    const auto& sums = integrator.gathered;
-    int64_t first_split = 0, first_interval = FIRST_INTERVAL;
-    for (int64_t k = 0; k < num_layers; k++) {
+    auto* aligned = (LayerRay*)(((uintptr_t)memory.data + alignof(LayerRay)) & -alignof(LayerRay));
+    const Array<double, 2> sums = {gathered.data, {num_steps, num_gathered}};
+    const double max_depth = adds ? INFINITE : MAX_OPTICAL_DEPTH;
+    const Integrator integrator = {adds, max_depth, max_steps, {aligned, {num_layers}}, sums};
+    for (int64_t k = 0, first = FIRST_INTERVAL; k < num_layers; first += layers[k++].intervals.rows.shape[0]) {
         LayerRay& layer = integrator.layers[k];
-        (LayerOptics&)layer = layers[k], layer.rays = &rays[k];
-        layer.splits = rest_of(splits, first_split), first_split += num_splits_of(layer);
-        layer.first_interval = first_interval, first_interval += layer.intervals.rows.shape[0];
+        (LayerOptics&)layer = layers[k];
+        layer.rays = &rays[k], layer.splits = rest_of(splits, 3 * (first + k)), layer.first_interval = first;
     }
     for (int64_t i = 0; i < num; i++) {
         integrator.integrate_ray(i);

@@ -1,8 +1,8 @@
 // Divide a ray through one layer into *pieces*, on which colour and extinction are polynomials.
 //
-// Along a ray inside one cell, the trilinear field is a cubic polynomial in the fraction t in [0, 1] of the segment. The
-// cubic is split where it crosses a control value of the transfer function (and where the light grazes the surface). No
-// thin shell can be missed, because crossings are computed and not sampled.
+// Along a ray inside one cell, the trilinear field is a cubic polynomial in the fraction t in [0, 1] of the segment.
+// The cubic is split where it crosses a control value of the transfer function (and where the light grazes the
+// surface). No thin shell can be missed, because crossings are computed and not sampled.
 //
 // Most cells show nothing, which is found out once for each macrocell, when the first ray meets it.
 #pragma once
@@ -80,7 +80,7 @@ inline Cubic combination(Point weights, const Gradient& gradient) {
 // reached: the length up to which it has been integrated, infinite behind the last piece; done: the x there. part: the
 // one that is integrated next, and depth: that of a step through it. next: of the layers that have a piece there.
 struct LayerRay : LayerOptics {
-    // Of all rays. splits: space for num_splits_of(layer). first_interval: the place of its first one in what is gathered.
+    // Of all rays. splits: scratch space. first_interval: the place of the layer's first one in what is gathered.
     const IndexRays* rays;
     Array<double, 1> splits;
     int64_t first_interval;
@@ -100,6 +100,7 @@ struct LayerRay : LayerOptics {
     double begin, end, reached, done, depth;
     LayerRay* next;
 
+    // Take the first piece of a ray.
     void start(int64_t ray) {
         Point direction = point_of(&rays->directions(ray, 0));
         parts = rays->parts[ray], num_begun = 0;
@@ -124,7 +125,7 @@ struct LayerRay : LayerOptics {
     }
 
     // The gradient per world unit along the ray inside the cell.
-    Gradient world_gradient() const {
+    INLINE Gradient world_gradient() const {
         double corners[3][8];
         load_differences(values, segment.cell, absent, intervals.scale, corners);
         auto along = [&](int axis) { return cubic_in_cell(corners[axis], segment.entry, segment.extent); };
@@ -134,7 +135,7 @@ struct LayerRay : LayerOptics {
     }
 
     // Prepare to take the pieces of the cell; return whether it shows anything.
-    bool enter() {
+    INLINE bool enter() {
         const auto& [cell, macrocell, s, s_exit, entry, extent] = segment;
         double corners[8];
         absent = load_corners(values, cell, intervals.scale, corners);
@@ -177,7 +178,7 @@ struct LayerRay : LayerOptics {
 
     // Make the part of a cell from t = `from` to `to`, which lies in one interval, the piece; return whether it shows
     // anything.
-    bool take(double from, double to) {
+    INLINE bool take(double from, double to) {
         const auto& knots = intervals.knots;
         int64_t k = num_below(knots, value_at(cubic, 0.5 * (from + to)));
         Interval in = interval(k);
@@ -216,11 +217,5 @@ struct LayerRay : LayerOptics {
         done = to, reached = length;
     }
 };
-
-// A cubic passes a knot at most three times, and so does the cosine of the light. Another voxel becomes the nearest at
-// most three times.
-INLINE int64_t num_splits_of(const LayerOptics& layer) {
-    return 3 * (layer.intervals.knots.shape[0] + 1) + 3;
-}
 
 }  // namespace truth
