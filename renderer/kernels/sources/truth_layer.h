@@ -102,10 +102,9 @@ struct LayerRay : LayerOptics {
 
     // Take the first piece of a ray.
     void start(int64_t ray) {
-        Point direction = point_of(&rays->directions(ray, 0));
-        parts = rays->parts[ray], num_begun = 0;
-        walk = {size_of(values), point_of(&rays->origins(ray, 0)), direction, 0.0, -INFINITE};
-        light = {shading.value, direction};
+        walk.origin = point_of(&rays->origins(ray, 0)), walk.direction = point_of(&rays->directions(ray, 0));
+        parts = rays->parts[ray], num_begun = 0, walk.s = INFINITE;
+        if (shading.exists) light = {shading.value, walk.direction};
         num_splits = -1, num_taken = 0;
         take_next();
     }
@@ -159,11 +158,12 @@ struct LayerRay : LayerOptics {
     // Enter the next cell that shows anything, and return whether there is one.
     bool enter_next() {
         for (;; num_begun++) {
-            CellWalk ahead = walk;  // in registers
+            CellWalk ahead = walk;  // in registers, as the next one
+            const Array<uint8_t, 3> states = macrocells;
             for (Segment met; ahead.next(met);) {
                 if (!(met.end > met.start)) continue;
                 auto [x, y, z] = met.macrocell;
-                uint8_t& state = macrocells(z, y, x);
+                uint8_t& state = states(z, y, x);
                 if (state == UNKNOWN) state = classify(met.macrocell);  // the same value on all threads
                 if (state == EMPTY) continue;
                 segment = met;
