@@ -1,15 +1,16 @@
 """The converged ray integral that pictures are measured against.
 
-In: `Volume`, transfer function and `View`. Out: float64 images of the continuous field: trilinear interpolation, then
-classification (Max 1995). `converged_image` halves the steps of `integrate` until nothing changes; verified by its
-order of convergence (Etiene et al. 2014).
+In: layers, each a `Volume` and its transfer function, and a `View`. Out: float64 images of the continuous fields:
+trilinear interpolation, then classification (Max 1995). `converged_image` halves the steps of `integrate` until nothing
+changes; verified by its order of convergence (Etiene et al. 2014).
 
 - `scene_rays.py`: the rays of a scene, in the colours of its mode, and the search for the largest scalar of a ray.
-- `integrator.py`: the image, and the steps halved until it converges; `optics.py`: the transfer function and the light,
-  as kernels take them; `clipping.py`: the parts of rays that clipping leaves.
-- In the kernels: `truth_integral.cpp`, one ray; `truth_extremum.cpp`, its largest scalar; `truth_cells.h`, the cells
-  along a ray; `truth_cells.cpp`, the voxels at their corners; `truth_cubic.h`, the field along a ray through a cell is
-  a cubic polynomial; `truth_light.h`, the light on a point of a ray.
+- `integrator.py`: the image, and the steps halved until it converges; `optics.py`: layers, their
+  transfer functions and their light, as kernels take them; `clipping.py`: the parts of rays that clipping leaves.
+- In the kernels: `truth_integral.cpp`, one ray through all layers; `truth_layer.h`, its pieces in one layer;
+  `truth_extremum.cpp`, its largest scalar; `truth_cells.h`, the cells along a ray; `truth_cells.cpp`, the voxels at
+  their corners; `truth_cubic.h`, the field along a ray through a cell is a cubic polynomial; `truth_light.h`, the light
+  on a point of a ray.
 """
 
 import lazy_loader

@@ -6,4 +6,5 @@ from .integrator import (
     ignore as ignore,
     integrate as integrate,
 )
+from .optics import TrueLayer as TrueLayer
 from .scene_rays import SceneRays as SceneRays

@@ -6,17 +6,19 @@ Models for Direct Volume Rendering", IEEE TVCG 1995):
 
     C = int c(s) tau(s) exp(-int_0^s tau) ds,    alpha = 1 - exp(-int tau)
 
-with s in world units. The kernel `truth_integral.cpp` splits a ray exactly wherever the integrand is not smooth (cell
-faces, control values of the transfer function, grazing light); in between, the error falls with the eighth power of the
-step. Verified as in T. Etiene et al., "Verifying Volume Rendering Using Discretization Error Analysis", IEEE TVCG 2014:
-against closed forms, against an independent Riemann sum and by the order of convergence.
+with s in world units. Of several layers, weighted extinctions add up, tau = sum w_i tau_i, and c = sum w_i tau_i c_i /
+tau; each layer has a grid, a transfer function and light of its own. The kernel `truth_integral.cpp` splits a ray
+exactly wherever the integrand is not smooth (cell faces, control values of the transfer functions, grazing light); in
+between, the error falls with the eighth power of the step. Verified as in T. Etiene et al., "Verifying Volume Rendering
+Using Discretization Error Analysis", IEEE TVCG 2014: against closed forms, against an independent Riemann sum and by
+the order of convergence.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -24,9 +26,9 @@ import numpy as np
 from renderer.errors import RenderError
 from renderer.kernels import kernels
 from renderer.scene import ShadingSpec
-from renderer.transfer import NO_LIGHT_GRID, LightGrid, TransferFunction
+from renderer.transfer import TransferFunction
 from renderer.truth.clipping import kept_parts
-from renderer.truth.optics import for_macrocells, intervals_of, largest_magnitude_scale, readable_values, shading_of
+from renderer.truth.optics import TrueLayer, optics_of
 from renderer.view import View
 from renderer.volume import Float64, Int64, Volume
 
@@ -85,12 +87,12 @@ def integrate(
     step_voxels: the longest quadrature step, in voxels of the index axes and in optical depth. Pieces shorter than a
         voxel and thinner than a depth of 1 are also cut into 1 / step_voxels, so that halving it refines every piece.
         Without shading, 1 is already accurate to about 1e-7 (CT scans of an engine and a tree).
-    shading: as in `RayIntegrator`. num_threads: the image does not depend on it.
+    shading: as in `TrueLayer`. num_threads: the image does not depend on it.
     on_progress: called in the caller's thread with the finished share of the rays, in (0, 1]. What it raises ends the
         work, as an interrupt does: rays that have not started are dropped.
     """
     width, height = view.size
-    integrator = RayIntegrator(volume, transfer, shading, num_threads=num_threads)
+    integrator = RayIntegrator([TrueLayer(volume, transfer, shading)], num_threads=num_threads)
     return integrator.integrate(view, np.arange(width * height), [step_voxels], on_progress).reshape(height, width, 4)
 
 
@@ -110,38 +112,22 @@ def converged_image(
     when pixels need one more halving.
     """
     width, height = view.size
-    integrator = RayIntegrator(volume, transfer, shading, num_threads=num_threads)
+    integrator = RayIntegrator([TrueLayer(volume, transfer, shading)], num_threads=num_threads)
     image, convergence = integrator.converge(view, np.arange(width * height), tolerance, on_progress)
     return image.reshape(height, width, 4), convergence
 
 
 class RayIntegrator:
-    """An integrator of rays through a volume, in any view. It remembers which parts of the volume show nothing.
+    """An integrator of rays through layers, in any view. It remembers which parts of the volumes show nothing.
 
-    shading: colour times ambient + diffuse * max(0, n . light), n the negative normalised world gradient (central
-        differences at voxel centres, one-sided at the border, interpolated trilinearly), and times ambient where the
-        gradient is zero; and what else `ShadingSpec` says.
+    adds: whether the light of all points adds up, as of fluorescence, C = int c(s) tau(s) ds, and nothing hides what is
+        behind it. Colours may then exceed 1. Alpha remains 1 - exp(-int tau): how much of a background is hidden.
     """
 
-    def __init__(
-        self,
-        volume: Volume,
-        transfer: TransferFunction,
-        shading: ShadingSpec | None = None,
-        *,
-        light_grid: LightGrid = NO_LIGHT_GRID,
-        num_threads: int = 2,
-    ) -> None:
-        values = readable_values(volume)
-        scale = largest_magnitude_scale(volume, transfer)
-        self._intervals = intervals_of(transfer, scale)
-        self._integrate = kernels().integrate_rays.partial(
-            values=values,
-            macrocells=for_macrocells(values.shape, np.uint8(0)),
-            intervals=self._intervals,
-            shading=None if shading is None else shading_of(shading, light_grid, volume, scale),
-        )
-        self._volume, self._num_threads, self._is_shaded = volume, num_threads, shading is not None
+    def __init__(self, layers: Sequence[TrueLayer], *, adds: bool = False, num_threads: int = 2) -> None:
+        self._integrate = kernels().integrate_rays.partial(layers=[optics_of(one) for one in layers], adds=adds)
+        self._layers, self._num_threads = tuple(layers), num_threads
+        self._centre = np.mean([layer.volume.centre for layer in layers], axis=0)
 
     def integrate(
         self,
@@ -156,21 +142,29 @@ class RayIntegrator:
         """Return premultiplied RGBA of pixels with each of some steps in voxels, float64 [steps, n, 4].
 
         by_interval: [steps, n, 4 + m]; the others are what each interval of the transfer function adds to the opacity,
-            its transmittance times opacity: below the first of the m - 1 control points, between two, above the last.
+            its transmittance times opacity: below the first of the m - 1 control points, between two, above the last;
+            of several layers, one layer behind the other, and shares of an opacity are those of its optical depth.
         pixels: numbered row by row from the top left corner. done: the finished share of the whole work, of which these
         pixels are the rest. Other parameters as in the function `integrate`.
         """
-        num_channels = 4 + by_interval * len(self._intervals.rows)
+        num_channels = 4 + by_interval * sum(len(layer.transfer.values) + 1 for layer in self._layers)
         radiance, max_steps = np.empty((pixels.size, len(steps), num_channels)), np.array(steps)
 
         def integrate_part(part: slice) -> None:
-            self._volume.require_unchanged()
-            rays = index_rays(self._volume, view, pixels[part])
+            self._require_unchanged()
+            rays = [self._rays(layer, view, pixels[part]) for layer in self._layers]
             self._integrate(rays=rays, max_steps=max_steps, radiance=radiance[part])
 
         in_parts(integrate_part, pixels.size, self._num_threads, lambda share: on_progress(done + share * (1.0 - done)))
-        self._volume.require_unchanged()
+        self._require_unchanged()
         return np.moveaxis(radiance, 1, 0)
+
+    def _require_unchanged(self) -> None:
+        for layer in self._layers:
+            layer.volume.require_unchanged()
+
+    def _rays(self, layer: TrueLayer, view: View, pixels: Int64) -> IndexRays:
+        return index_rays(layer.volume, replace(view, clip=view.clip + layer.clip), pixels, self._centre)
 
     def converge(
         self, view: View, pixels: Int64, tolerance: float, on_progress: Progress = ignore
@@ -186,7 +180,7 @@ class RayIntegrator:
         Returns premultiplied RGBA, float64 [n, 4], and the convergence. Raises RenderError where a pixel does not
         converge.
         """
-        num_agreements = 2 if self._is_shaded else 1
+        num_agreements = 2 if any(layer.shading is not None for layer in self._layers) else 1
         remaining = np.arange(pixels.size)  # those that have not converged
         agreements = np.zeros(pixels.size, np.int64)  # in a row
         radiance = np.full((pixels.size, 4), np.inf)  # agrees with nothing
@@ -207,11 +201,11 @@ class RayIntegrator:
             remaining, agreements = remaining[is_open], agreements[is_open]
             if remaining.size == 0:
                 return radiance, Convergence(tuple(steps[1 : len(counts)]), tuple(changes[1:]), tuple(counts[1:]))
-        in_a_row = " at two halvings in a row" * self._is_shaded
+        in_a_row = " at two halvings in a row" * (num_agreements - 1)
         of_how_many = f"{remaining.size} of {len(radiance)} pixels"
         raise RenderError(
             f"the ray integral does not converge in {_MAX_HALVINGS} halvings of its step",
-            where=self._volume.name,
+            where=", ".join(layer.volume.name for layer in self._layers),
             got=f"a change of {changes[-1]:.3g} at a step of {steps[-1]:.3g} voxels; {of_how_many} have not converged",
             expected=f"a change below {tolerance:g}{in_a_row}",
             hint="ask for a larger tolerance",
@@ -236,12 +230,14 @@ def in_parts(work: Callable[[slice], None], num_rays: int, num_threads: int, on_
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def index_rays(volume: Volume, view: View, pixels: Int64) -> IndexRays:
-    """Return the rays through the centres of pixels."""
+def index_rays(volume: Volume, view: View, pixels: Int64, point_world: Float64 | None = None) -> IndexRays:
+    """Return the rays through the centres of pixels. point_world: as below, the volume's centre if it is None."""
+    point = volume.centre if point_world is None else point_world
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
-    origins, directions, starts = rays_through_pixels(volume.centre, view, pixels)
-    parts = kept_parts(view, volume.centre, origins, directions, starts)
-    return IndexRays(origins @ index_from_world.T + volume.centre_index, directions @ index_from_world.T, parts)
+    origins, directions, starts = rays_through_pixels(point, view, pixels)
+    parts = kept_parts(view, point, origins, directions, starts)
+    origins = (origins + (point - volume.centre)) @ index_from_world.T + volume.centre_index
+    return IndexRays(origins, directions @ index_from_world.T, parts)
 
 
 def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tuple[Float64, Float64, Float64]:

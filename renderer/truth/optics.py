@@ -1,4 +1,4 @@
-"""Prepare the optics of exact rays for the compiled kernels: the transfer function's intervals, and the light."""
+"""Prepare the layers of exact rays for the compiled kernels: the transfer function's intervals, and the light."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene import ShadingSpec
-from renderer.transfer import LightGrid, TransferFunction
+from renderer.scene import ClipSpec, ShadingSpec
+from renderer.transfer import NO_LIGHT_GRID, LightGrid, TransferFunction
 from renderer.volume import Float64, Volume
 
 # Scalars are scaled so that the largest scalar or control value lies between these powers of two, as it usually does:
@@ -18,6 +18,23 @@ from renderer.volume import Float64, Volume
 _LEAST_EXPONENT, _LARGEST_EXPONENT = -50, 1000
 # Cells along each axis of a macrocell, as in `truth_cells.h` of the kernels.
 _MACROCELL_SIZE = 4
+
+
+class TrueLayer(NamedTuple):
+    """A volume in a picture, and how it is shown.
+
+    shading: colour times ambient + diffuse * max(0, n . light), n the negative normalised world gradient (central
+        differences at voxel centres, one-sided at the border, interpolated trilinearly), and times ambient where the
+        gradient is zero; and what else `ShadingSpec` says.
+    weight: a factor on extinction. clip: of this layer alone, besides those of the view.
+    """
+
+    volume: Volume
+    transfer: TransferFunction
+    shading: ShadingSpec | None = None
+    light_grid: LightGrid = NO_LIGHT_GRID
+    weight: float = 1.0
+    clip: tuple[ClipSpec, ...] = ()
 
 
 class Intervals(NamedTuple):
@@ -58,6 +75,19 @@ class RayShading(NamedTuple):
     world_from_gradient: Float64
     factors: Float64
     grid: LightGrid
+
+
+def optics_of(layer: TrueLayer) -> dict[str, Any]:
+    """Return a layer as the kernel takes it."""
+    values = readable_values(layer.volume)
+    scale = largest_magnitude_scale(layer.volume, layer.transfer)
+    return {
+        "values": values,
+        "macrocells": for_macrocells(values.shape, np.uint8(0)),
+        "intervals": intervals_of(layer.transfer, scale),
+        "shading": layer.shading and shading_of(layer.shading, layer.light_grid, layer.volume, scale),
+        "weight": layer.weight,
+    }
 
 
 def for_macrocells(shape: tuple[int, ...], unknown: Any) -> npt.NDArray[Any]:

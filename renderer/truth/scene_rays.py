@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from renderer.frame import Stage
 from renderer.kernels import kernels
 from renderer.modes import Projection
-from renderer.transfer import TransferFunction, make_transfer_function
+from renderer.transfer import NO_LIGHT_GRID, TransferFunction, make_transfer_function
 from renderer.truth.integrator import Convergence, Progress, RayIntegrator, ignore, in_parts, index_rays
-from renderer.truth.optics import for_macrocells, largest_magnitude_scale, readable_values
+from renderer.truth.optics import TrueLayer, for_macrocells, largest_magnitude_scale, readable_values
 from renderer.view import View
 from renderer.volume import Float64, Int64, Volume
 
@@ -30,13 +29,12 @@ class SceneRays:
         if self._projection is not None and scene.mode.is_extremum:
             self._search = ExtremeSearch(volume, self._projection, num_threads=num_threads)
         else:
-            options: dict[str, Any] = {"num_threads": num_threads}
-            if stage.bricks is not None:
-                options["light_grid"] = stage.bricks.light_grid
+            light_grid = NO_LIGHT_GRID if stage.bricks is None else stage.bricks.light_grid
             optics = make_transfer_function(scene.transfer_function, volume.finest_spacing)
             if self._projection is not None:
                 optics = self._projection.optics
-            self._integrator = RayIntegrator(volume, optics, scene.shading, **options)
+            layer = TrueLayer(volume, optics, scene.shading, light_grid)
+            self._integrator = RayIntegrator([layer], num_threads=num_threads)
 
     def integrate(self, view: View, pixels: Int64, step_voxels: float) -> Float64:
         """Return the colours of pixels, float64 [n, 4], at one step; parameters as in `RayIntegrator.integrate`."""
@@ -121,7 +119,7 @@ def chord_lengths(volume: Volume, view: View, pixels: Int64) -> Float64:
     if volume.num_absent:
         per_length = 1.0 / (2.0 * volume.half_diagonal)
         even = TransferFunction(np.zeros(1), np.ones((1, 3)), np.array([per_length]), 1.0)
-        opacities = RayIntegrator(volume, even).integrate(view, pixels, [1.0])[0, :, 3]
+        opacities = RayIntegrator([TrueLayer(volume, even)]).integrate(view, pixels, [1.0])[0, :, 3]
         return np.asarray(-np.log1p(-opacities) / per_length)
     origins, directions, parts = index_rays(volume, view, pixels)
     low, high = np.full(3, -0.5), np.array(volume.shape_xyz) - 0.5

@@ -23,7 +23,7 @@ from renderer.job.film_visibility import film_visibility, range_record
 from renderer.job.record import VisibleRange
 from renderer.scene import ShadingSpec, TurntablePath, parse_scene
 from renderer.transfer import TransferFunction
-from renderer.truth import RayIntegrator, SceneRays
+from renderer.truth import RayIntegrator, SceneRays, TrueLayer
 from renderer.view import View
 from renderer.volume import Float64, Volume
 
@@ -45,7 +45,9 @@ def rays(
 ) -> tuple[Float64, Float64]:
     """RGBA [n, 4] and what each interval shows [n, intervals]."""
     pixels = np.arange(view.size[0] * view.size[1])
-    found = RayIntegrator(of, transfer, shading, **options).integrate(view, pixels, [0.5], by_interval=True)[0]
+    found = RayIntegrator([TrueLayer(of, transfer, shading)], **options).integrate(
+        view, pixels, [0.5], by_interval=True
+    )[0]
     return found[:, :4], found[:, 4:]
 
 
@@ -73,7 +75,7 @@ def test_two_slabs(is_reversed: bool) -> None:
 @pytest.mark.parametrize("shading", [None, SHADING, GLOSSY], ids=["plain", "lit", "glossy"])
 def test_ranges_add_up_to_the_opacity(shading: ShadingSpec | None) -> None:
     """Of any colours, and with no change to what rays gather."""
-    view, integrator = noise_view(), RayIntegrator(noise(), STEPS, shading)
+    view, integrator = noise_view(), RayIntegrator([TrueLayer(noise(), STEPS, shading)])
     radiance, visible = rays(noise(), STEPS, view, shading)
     np.testing.assert_allclose(visible.sum(axis=1), radiance[:, 3], atol=1e-13)
     assert np.array_equal(radiance, integrator.integrate(view, np.arange(len(radiance)), [0.5])[0])

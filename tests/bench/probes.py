@@ -27,7 +27,7 @@ from renderer.film import Pixels, over_background
 from renderer.frame import Stage, open_stage, render_frames, view_of
 from renderer.scene import with_tolerance
 from renderer.transfer import make_transfer_function
-from renderer.truth import RayIntegrator
+from renderer.truth import RayIntegrator, TrueLayer
 from renderer.volume import Float64
 
 PAGE = PAGES / "probes.md"
@@ -154,7 +154,8 @@ def timed(stage: Stage, rasterizer: Rasterizer) -> tuple[float, float]:
 def exact_frames(stage: Stage) -> list[Float64]:
     """Return the exact pictures of all frames, float64 [pixels, 3]."""
     transfer = make_transfer_function(stage.scene.transfer_function, stage.volume.finest_spacing)
-    integrator = RayIntegrator(stage.volume, transfer, stage.scene.shading, num_threads=THREADS)
+    layer = TrueLayer(stage.volume, transfer, stage.scene.shading)
+    integrator = RayIntegrator([layer], num_threads=THREADS)
     pixels = np.arange(SIZE[0] * SIZE[1])
     radiances = (integrator.integrate(view_of(stage, number), pixels, [STEP])[0] for number in FRAMES)
     return [over_background(each[:, None], stage.scene.output.background)[:, 0] for each in radiances]

@@ -466,13 +466,21 @@ struct IndexRays {
     Array<const double, 3> parts;
 };
 
-struct IntegrateRays {
+// As `optics_of` there. macrocells: what is known of each; zeros at first, and updated.
+struct LayerOptics {
     AnyArray<3> values;
     Array<uint8_t, 3> macrocells;
     Intervals intervals;
     Maybe<RayShading> shading;
+    double weight;
+};
+
+// rays: of each layer. adds: whether what is behind is seen as if nothing were before it.
+struct IntegrateRays {
+    Array<const LayerOptics, 1> layers;
+    Array<const IndexRays, 1> rays;
+    bool adds;
     Array<const double, 1> max_steps;
-    IndexRays rays;
     Array<double, 3> radiance;
 };
 KERNEL(integrate_rays, IntegrateRays)

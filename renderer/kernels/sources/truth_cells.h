@@ -86,31 +86,40 @@ INLINE Range clip_to_volume(Cell size, Point origin, Point direction, double sta
     return {start, end};
 }
 
-// Visit the cells of a part of a ray one behind the other, until `visit` returns false.
-template <class Visit>
-INLINE void walk_cells(Cell size, Point origin, Point direction, double start, double end, Visit visit) {
-    auto [s, last] = clip_to_volume(size, origin, direction, start, end);
-    if (!(s < last)) return;
-    auto first_cell = [&, begin = s](int axis) __attribute__((always_inline)) {
-        double at = origin[axis] + begin * direction[axis];
-        return least(most<int64_t>((int64_t)__builtin_floor(at), -1), size[axis] - 1);
-    };
-    auto exit = [&](int axis, int64_t cell) __attribute__((always_inline)) {
-        return distance_to_plane(cell, origin[axis], direction[axis]);
-    };
-    int64_t x = first_cell(0), y = first_cell(1), z = first_cell(2);
-    double to_x = exit(0, x), to_y = exit(1, y), to_z = exit(2, z);
-    while (s < last) {
+// A walk along a part of a ray, from cell to cell. s: where the next one begins.
+struct CellWalk {
+    Point origin, direction;
+    double s, last, to_x, to_y, to_z;
+    int64_t x, y, z;
+
+    INLINE CellWalk(Cell size, Point from, Point along, double start, double end) : origin(from), direction(along) {
+        auto part = clip_to_volume(size, origin, direction, start, end);
+        s = part.low, last = part.high;
+        if (!(s < last)) return;
+        auto first_cell = [&](int axis) __attribute__((always_inline)) {
+            double at = origin[axis] + s * direction[axis];
+            return least(most<int64_t>((int64_t)__builtin_floor(at), -1), size[axis] - 1);
+        };
+        x = first_cell(0), y = first_cell(1), z = first_cell(2);
+        to_x = exit(0, x), to_y = exit(1, y), to_z = exit(2, z);
+    }
+
+    INLINE double exit(int axis, int64_t cell) const { return distance_to_plane(cell, origin[axis], direction[axis]); }
+
+    // Whether there is another cell: then it becomes the segment.
+    INLINE bool next(Segment& segment) {
+        if (!(s < last)) return false;
         double s_exit = least(most(least(least(to_x, to_y), to_z), s), last);
         Point entry = origin + s * direction - Point{(double)x, (double)y, (double)z};
         Cell macrocell = {(x + 1) / MACROCELL_SIZE, (y + 1) / MACROCELL_SIZE, (z + 1) / MACROCELL_SIZE};
-        if (!visit(Segment{{x, y, z}, macrocell, s, s_exit, entry, (s_exit - s) * direction})) return;
+        segment = {{x, y, z}, macrocell, s, s_exit, entry, (s_exit - s) * direction};
         s = s_exit;
         if (to_x <= to_y && to_x <= to_z) x += direction.x > 0.0 ? 1 : -1, to_x = exit(0, x);
         else if (to_y <= to_z) y += direction.y > 0.0 ? 1 : -1, to_y = exit(1, y);
         else z += direction.z > 0.0 ? 1 : -1, to_z = exit(2, z);
+        return true;
     }
-}
+};
 
 // Whether an array has a number for each macrocell.
 template <class T>

@@ -55,26 +55,27 @@ Status search_rays(const SearchRays* arguments) {
     if (!fit(rays) || !fits_macrocells(tops, values) || !has_shape(found, num_rays, 2)) return OUT_OF_BOUNDS;
     for (int64_t i = 0; i < num_rays; i++) {
         Found best = {-INFINITE, 0.0};
-        auto visit = [&](const Segment& segment) {
+        auto search = [&](const Segment& segment) {
             auto [x, y, z] = segment.macrocell;
             double& top = tops(z, y, x);
             if (is_nan(top)) {  // several threads may write here, but the same value
                 auto [low, high] = macrocell_range(values, segment.macrocell);
                 top = low <= high ? most(sign * low, sign * high) : -INFINITE;
             }
-            if (!(top > best.number + least_rise)) return true;
+            if (!(top > best.number + least_rise)) return;
             double corners[8];
             int absent = load_corners(values, segment.cell, sign, corners);
-            if (absent == ALL_ABSENT) return true;
+            if (absent == ALL_ABSENT) return;
             Cubic cubic = cubic_in_cell(corners, segment.entry, segment.extent);
             auto [number, t] =
                 absent == 0 ? largest(cubic) : largest_of_data(cubic, absent, segment.entry, segment.extent);
             if (number > best.number + least_rise) best = {number, lerp(segment.start, segment.end, t)};
-            return true;
         };
         Point origin = point_of(&rays.origins(i, 0)), direction = point_of(&rays.directions(i, 0));
-        for (int64_t k = 0; k < rays.parts.shape[1]; k++)
-            walk_cells(size_of(values), origin, direction, rays.parts(i, k, 0), rays.parts(i, k, 1), visit);
+        for (int64_t k = 0; k < rays.parts.shape[1]; k++) {
+            CellWalk walk(size_of(values), origin, direction, rays.parts(i, k, 0), rays.parts(i, k, 1));
+            for (Segment segment; walk.next(segment);) search(segment);
+        }
         found(i, 0) = best.number, found(i, 1) = best.place;
     }
     return DONE;

@@ -19,15 +19,15 @@ struct Gradient {
 // halfway: the unit vector halfway between the directions to the light and to the viewer; zeros where they are
 // opposite. begin, extent: of the segment, in index space.
 struct Light {
-    const RayShading& shading;
+    const RayShading* shading;
     Point light, halfway = {}, begin = {}, extent = {};
 
     // direction: of the ray in index space, of length 1 in the world.
-    INLINE Light(const RayShading& spec, Point direction) : shading(spec), light(point_of(spec.light)) {
-        if (shading.is_plain) return;
-        auto towards = [&](int row) { return -dot(point_of(&shading.world_from_index[3 * row]), direction); };
+    INLINE Light(const RayShading& spec, Point direction) : shading(&spec), light(point_of(spec.light)) {
+        if (shading->is_plain) return;
+        auto towards = [&](int row) { return -dot(point_of(&shading->world_from_index[3 * row]), direction); };
         Point viewer = {towards(0), towards(1), towards(2)};
-        if (shading.is_camera) light = viewer;
+        if (shading->is_camera) light = viewer;
         halfway = light + viewer;
         double length = __builtin_sqrt(dot(halfway, halfway));
         halfway *= length > 0.0 ? 1.0 / length : 0.0;
@@ -38,7 +38,7 @@ struct Light {
         if (grid.size() == 0) return 1.0;
         double place[3], mean = 0.0;
         for (int axis = 0; axis < 3; axis++) {
-            double cells = (begin[axis] + t * extent[axis] + 0.5) / shading.grid.cell_size + 0.5;
+            double cells = (begin[axis] + t * extent[axis] + 0.5) / shading->grid.cell_size + 0.5;
             place[axis] = least(most(cells, 0.5), (double)grid.shape[2 - axis] - 1.5);
         }
         auto [u, v, w] = place;
@@ -71,13 +71,13 @@ struct Light {
     // The factor on colour, by Lambert's law.
     INLINE double lambert_factor(const Gradient& gradient, double t) const {
         auto [normal, length, divisor] = normal_at(gradient, t);
-        if (divisor == 0.0) return shading.ambient;
-        return shading.ambient + shading.diffuse * most(0.0, dot(normal, light) / length);
+        if (divisor == 0.0) return shading->ambient;
+        return shading->ambient + shading->diffuse * most(0.0, dot(normal, light) / length);
     }
 
     // The factor on extinction at a gradient's magnitude.
     double extinction_factor(double magnitude) const {
-        const auto& factors = shading.factors;
+        const auto& factors = shading->factors;
         double factor = factors.shape[0] > 0 ? factors(0, 1) : 1.0;
         for (int64_t k = 0; k < factors.shape[0]; k++)
             if (magnitude >= factors(k, 0)) factor = factors(k, 1) + factors(k, 2) * (magnitude - factors(k, 0));
@@ -91,14 +91,14 @@ struct Light {
     };
     INLINE Factors factors_at(const Gradient& gradient, double t) const {
         auto [normal, length, divisor] = normal_at(gradient, t);
-        double ambient = shading.ambient * arriving(shading.grid.occlusion, shading.grid.occlusion_strength, t);
+        double ambient = shading->ambient * arriving(shading->grid.occlusion, shading->grid.occlusion_strength, t);
         if (divisor == 0.0) return {ambient, 0.0, extinction_factor(0.0)};
-        double diffuse = arriving(shading.grid.shadow, shading.grid.shadow_strength, t), highlight = 0.0;
+        double diffuse = arriving(shading->grid.shadow, shading->grid.shadow_strength, t), highlight = 0.0;
         double to_light = dot(normal, light) / length, to_halfway = dot(normal, halfway) / length;
-        if (shading.is_two_sided) to_light = absolute(to_light), to_halfway = absolute(to_halfway);
+        if (shading->is_two_sided) to_light = absolute(to_light), to_halfway = absolute(to_halfway);
         if (to_light > 0.0 && to_halfway > 0.0)
-            highlight = shading.specular * power_of(to_halfway, shading.shininess) * diffuse;
-        double lit = ambient + shading.diffuse * diffuse * most(0.0, to_light);
+            highlight = shading->specular * power_of(to_halfway, shading->shininess) * diffuse;
+        double lit = ambient + shading->diffuse * diffuse * most(0.0, to_light);
         return {lit, highlight, extinction_factor(length * divisor)};
     }
 };

@@ -1,0 +1,221 @@
+// Divide a ray through one layer into *pieces*, on which colour and extinction are polynomials.
+//
+// Along a ray inside one cell, the trilinear field is a cubic polynomial in the fraction t in [0, 1] of the segment.
+// The cubic is split where it crosses a control value of the transfer function (and where the light grazes the
+// surface). No thin shell can be missed, because crossings are computed and not sampled.
+//
+// Most cells show nothing, which is found out once for each macrocell, when the first ray meets it.
+#pragma once
+#include "truth_cells.h"
+#include "truth_light.h"
+
+namespace truth {
+
+// The states of a macrocell.
+enum : uint8_t { UNKNOWN, EMPTY, VISIBLE };
+
+// Red, green, blue.
+using Color = Point;
+
+// An interval of the transfer function: a row of Intervals.
+struct Interval {
+    Array<const double, 1> row;
+
+    INLINE double origin() const { return row[8]; }
+    INLINE double base() const { return row[3]; }
+    INLINE double slope() const { return row[7]; }
+    INLINE double num_opaque_below() const { return row[9]; }
+
+    INLINE Color color(double value, double lit) const {
+        return (point_of(&row[0]) + point_of(&row[4]) * (value - origin())) * lit;
+    }
+
+    INLINE bool has_extinction(double value) const { return base() + slope() * (value - origin()) > 0.0; }
+};
+
+// A piece of a cell, from `start` over `extent` in t, as functions of x in [0, 1].
+//
+// number: of the interval that has its values. value: the scalar. tau: optical depth per unit of x.
+struct Piece {
+    Interval interval;
+    int64_t number;
+    double start, extent, length_voxels;
+    Cubic value, tau;
+
+    INLINE Piece part(double from, double to) const {
+        if (from == 0.0 && to == 1.0) return *this;
+        double width = to - from;
+        return {
+            interval, number, start + from * extent, width * extent, width * length_voxels,
+            restrict_cubic(value, from, width), restrict_cubic(tau, from, width) * width,
+        };
+    }
+
+    // The largest Bernstein coefficient of the optical depth, which bounds it from above.
+    INLINE double depth_bound() const {
+        auto [t0, t1, t2, t3] = tau;
+        return most(most(most(t0, t0 + t1 / 3.0), t0 + (2.0 * t1 + t2) / 3.0), t0 + t1 + t2 + t3);
+    }
+};
+
+// A cubic on x in [0, 1] that should lie in [low, high], or a constant if it strays too far.
+//
+// It strays if the interval, and so the piece, is narrower than the rounding of the cubic: between such knots,
+// extinction would be extrapolated without bounds.
+inline Cubic clamp_cubic(Cubic f, double low, double high) {
+    auto [a, b, c, d] = f;
+    // The other Bernstein coefficients.
+    double one = a + b / 3.0, two = a + (2.0 * b + c) / 3.0, three = a + b + c + d, room = high - low;
+    if (least(least(least(a, one), two), three) >= low - room && most(most(most(a, one), two), three) <= high + room)
+        return f;
+    return {least(most(0.5 * (a + three), low), high), 0.0, 0.0, 0.0};
+}
+
+inline Cubic combination(Point weights, const Gradient& gradient) {
+    return weights.x * gradient.x + weights.y * gradient.y + weights.z * gradient.z;
+}
+
+// A ray through a layer: one piece at a time, from `begin` to `end`, lengths along the ray.
+//
+// reached: the length up to which it has been integrated, infinite behind the last piece; done: the x there. part: the
+// one that is integrated next, and depth: that of a step through it. next: of the layers that have a piece there.
+struct LayerRay : LayerOptics {
+    // Of all rays. splits: scratch space. first_interval: the place of the layer's first one in what is gathered.
+    const IndexRays* rays;
+    Array<double, 1> splits;
+    int64_t first_interval;
+    // Of a ray.
+    Array<const double, 2> parts;
+    int64_t num_begun;
+    CellWalk walk;
+    Light light;
+    // Of a cell. num_taken: of its pieces, which end at the splits and at 1.
+    Segment segment;
+    Cubic cubic;
+    Gradient gradient;
+    int absent;
+    int64_t num_splits, num_taken;
+    double taken, length_voxels;
+    Piece piece, part;
+    double begin, end, reached, done, depth;
+    LayerRay* next;
+
+    // Take the first piece of a ray.
+    void start(int64_t ray) {
+        walk.origin = point_of(&rays->origins(ray, 0)), walk.direction = point_of(&rays->directions(ray, 0));
+        parts = rays->parts[ray], num_begun = 0, walk.s = INFINITE;
+        if (shading.exists) light = {shading.value, walk.direction};
+        num_splits = -1, num_taken = 0;
+        take_next();
+    }
+
+    INLINE Interval interval(int64_t k) const { return {intervals.rows[k]}; }
+
+    // Whether any value in [low, high] has extinction.
+    bool is_visible(double low, double high) const {
+        Interval first = interval(num_below(intervals.knots, low)), last = interval(num_below(intervals.knots, high));
+        return last.num_opaque_below() > first.num_opaque_below() || first.has_extinction(low) ||
+            last.has_extinction(high);
+    }
+
+    uint8_t classify(Cell macrocell) const {
+        auto [low, high] = macrocell_range(values, macrocell);
+        return low <= high && is_visible(low * intervals.scale, high * intervals.scale) ? VISIBLE : EMPTY;
+    }
+
+    // The gradient per world unit along the ray inside the cell.
+    INLINE Gradient world_gradient() const {
+        double corners[3][8];
+        load_differences(values, segment.cell, absent, intervals.scale, corners);
+        auto along = [&](int axis) { return cubic_in_cell(corners[axis], segment.entry, segment.extent); };
+        Gradient in_index = {along(0), along(1), along(2)};
+        auto row = [&](int number) { return point_of(&shading.value.world_from_gradient[3 * number]); };
+        return {combination(row(0), in_index), combination(row(1), in_index), combination(row(2), in_index)};
+    }
+
+    // Prepare to take the pieces of the cell; return whether it shows anything.
+    INLINE bool enter() {
+        const auto& [cell, macrocell, s, s_exit, entry, extent] = segment;
+        double corners[8];
+        absent = load_corners(values, cell, intervals.scale, corners);
+        if (absent == ALL_ABSENT) return false;
+        double low = corners[0], high = corners[0];
+        for (double corner : corners) low = least(low, corner), high = most(high, corner);
+        if (!is_visible(low, high)) return false;
+        cubic = cubic_in_cell(corners, entry, extent);
+        num_splits = add_crossings(cubic, intervals.knots, splits, 0);
+        if (absent != 0) num_splits = add_middles(entry, extent, splits, num_splits);
+        if (shading.exists) {
+            light.begin = __builtin_convertvector(cell, Point) + entry, light.extent = extent;
+            gradient = world_gradient();
+            const double zero = 0.0;
+            num_splits = add_crossings(combination(light.light, gradient), {&zero, {1}}, splits, num_splits);
+        }
+        num_taken = 0, taken = 0.0, length_voxels = __builtin_sqrt(dot(extent, extent));
+        return true;
+    }
+
+    // Enter the next cell that shows anything, and return whether there is one.
+    bool enter_next() {
+        for (;; num_begun++) {
+            CellWalk ahead = walk;  // in registers, as the next one
+            const Array<uint8_t, 3> states = macrocells;
+            for (Segment met; ahead.next(met);) {
+                if (!(met.end > met.start)) continue;
+                auto [x, y, z] = met.macrocell;
+                uint8_t& state = states(z, y, x);
+                if (state == UNKNOWN) state = classify(met.macrocell);  // the same value on all threads
+                if (state == EMPTY) continue;
+                segment = met;
+                if (!enter()) continue;
+                walk = ahead;
+                return true;
+            }
+            if (num_begun == parts.shape[0]) return false;
+            walk = {size_of(values), walk.origin, walk.direction, parts(num_begun, 0), parts(num_begun, 1)};
+        }
+    }
+
+    // Make the part of a cell from t = `from` to `to`, which lies in one interval, the piece; return whether it shows
+    // anything.
+    INLINE bool take(double from, double to) {
+        const auto& knots = intervals.knots;
+        int64_t k = num_below(knots, value_at(cubic, 0.5 * (from + to)));
+        Interval in = interval(k);
+        double base = in.base(), slope = in.slope();
+        if (base == 0.0 && slope == 0.0) return false;
+        Cubic value = restrict_cubic(cubic, from, to - from);
+        if (0 < k && k < knots.shape[0]) value = clamp_cubic(value, knots[k - 1], knots[k]);
+        // The optical depth is a cubic, too.
+        double scale = (to - from) * (segment.end - segment.start) * weight;
+        Cubic tau = slope * value * scale;
+        tau[0] = (base + slope * (value[0] - in.origin())) * scale;
+        piece = {in, k, from, to - from, (to - from) * length_voxels, value, tau};
+        begin = reached = lerp(segment.start, segment.end, from), end = lerp(segment.start, segment.end, to);
+        done = 0.0;
+        return true;
+    }
+
+    // Make the next part of the ray that shows anything the piece.
+    void take_next() {
+        do {
+            while (num_taken <= num_splits) {
+                double from = taken, to = num_taken < num_splits ? splits[num_taken] : 1.0;
+                num_taken++, taken = to;
+                if (to > from && !is_octant_absent(absent, segment.entry, segment.extent, 0.5 * (from + to)) &&
+                    take(from, to))
+                    return;
+            }
+        } while (enter_next());
+        reached = INFINITE;
+    }
+
+    // Make the piece up to a length the part.
+    INLINE void reach(double length) {
+        double to = length < end ? most(done, (length - begin) / (end - begin)) : 1.0;
+        part = piece.part(done, to);
+        done = to, reached = length;
+    }
+};
+
+}  // namespace truth
